@@ -1,0 +1,1 @@
+//! Event calendars: a fast ladder queue and a plain reference.

@@ -1,0 +1,2 @@
+//! The `haff` command.
+fn main() {}

@@ -1,0 +1,175 @@
+//! What a simulation tells of itself: events, frames, samples, counters and checkpoints, as plain data.
+
+use glam::DVec3;
+
+/// What an event of the log was.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
+#[repr(u8)]
+pub enum EventKind {
+    /// Two particles.
+    Collision = 0,
+    /// A particle and a wall.
+    Wall = 1,
+    /// End of a completed (Zeno) series of bounces: the particle rests on the wall.
+    Rest = 2,
+}
+
+/// One row of the event log.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct EventRecord {
+    /// Time of the event [time].
+    pub time: f64,
+    /// What it was.
+    pub kind: EventKind,
+    /// Particle row.
+    pub i: u32,
+    /// Partner's row (> `i`), or the wall's index.
+    pub j: u32,
+    /// v_n = (w_i − w_j)·n > 0 [length/time].
+    pub approach_speed: f64,
+    /// J = (1 + e) μ v_n [mass·length/time]; summed over the series for `Rest`.
+    pub impulse: f64,
+    /// ΔT = ½ μ v_n² (1 − e²), eq. (2.16) [energy].
+    pub energy_loss: f64,
+    /// E'_c = J²/(2μ), eq. (2.31) [energy].
+    pub carnot_energy: f64,
+    /// Contact normal: unit vector from i to j, or into the wall.
+    pub normal: DVec3,
+    /// Contact point [length], wrapped into the box along periodic axes.
+    pub position: DVec3,
+}
+
+/// Receives events as they are resolved. Observers cannot change the simulation.
+pub trait Observer {
+    /// Whether event rows are wanted at all; asked once per call of `Simulation::advance`.
+    fn wants_events(&self) -> bool {
+        false
+    }
+    /// One event, in order of time.
+    fn event(&mut self, _event: &EventRecord) {}
+}
+
+/// An observer that wants nothing.
+#[derive(Debug, Clone, Copy, Default)]
+pub struct Silent;
+
+impl Observer for Silent {}
+
+/// All particles at one time, in scene order.
+#[derive(Debug, Clone, PartialEq, Default)]
+pub struct Frame {
+    /// Simulated time [time].
+    pub time: f64,
+    /// Collisions + wall collisions so far.
+    pub step: u64,
+    /// Centres [length], wrapped into [0, L) along periodic axes.
+    pub position: Vec<DVec3>,
+    /// Velocities [length/time].
+    pub velocity: Vec<DVec3>,
+    /// Box images: unwrapped position = position + image · L.
+    pub image: Vec<[i32; 3]>,
+}
+
+/// Energies and their balance (Neumaier sums).
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+pub struct Ledger {
+    /// T [energy], bodies of finite mass.
+    pub kinetic: f64,
+    /// V of gravity [energy], zero at the origin.
+    pub potential: f64,
+    /// Σ ΔT so far [energy].
+    pub dissipated: f64,
+    /// Σ E'_c so far [energy].
+    pub carnot: f64,
+    /// Work done on the particles by moving walls and driven bodies so far [energy].
+    pub wall_work: f64,
+    /// T + V − (T₀ + V₀ − Σ ΔT + W), relative to the largest |term|.
+    pub residual: f64,
+}
+
+/// One row of the observables.
+#[derive(Debug, Clone, PartialEq, Default)]
+pub struct Sample {
+    /// Simulated time [time].
+    pub time: f64,
+    /// Collisions + wall collisions so far.
+    pub step: u64,
+    /// Energies.
+    pub ledger: Ledger,
+    /// T = Σ m|v − V|²/(dN) over bodies of finite mass, V their centre-of-mass velocity.
+    pub temperature: f64,
+    /// The same per species, about the common V; NaN for a species without bodies of finite mass.
+    pub species_temperature: Vec<f64>,
+    /// a₂ = d⟨v⁴⟩/((d + 2)⟨v²⟩²) − 1 of v − V (NaN without motion).
+    pub sonine_a2: f64,
+    /// Mean pressure since the previous sample, kinetic and collisional [energy/length^d]; NaN in the first,
+    /// `None` with open axes.
+    pub pressure: Option<f64>,
+    /// Σ m v of the bodies of finite mass [mass·length/time].
+    pub momentum: DVec3,
+    /// Impulse on the particles by walls, bodies of infinite mass and gravity so far [mass·length/time].
+    pub external_impulse: DVec3,
+    /// Σ m r × v about the origin; `None` with periodic axes.
+    pub angular_momentum: Option<DVec3>,
+    /// Sphere–sphere collisions so far.
+    pub collisions: u64,
+    /// Sphere–wall collisions so far.
+    pub wall_collisions: u64,
+    /// Sphere–sphere collisions per time since the previous sample [1/time]; NaN in the first.
+    pub collision_rate: f64,
+    /// N Δt / (2 · collisions) since the previous sample [time]; NaN in the first, ∞ without a collision.
+    pub mean_free_time: f64,
+}
+
+/// What the machinery did. Physical totals first, bookkeeping after.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub struct Counters {
+    /// Sphere–sphere collisions.
+    pub collisions: u64,
+    /// Sphere–wall collisions.
+    pub wall_collisions: u64,
+    /// Completed series of bounces.
+    pub rests: u64,
+    /// Pair predictions.
+    pub predictions: u64,
+    /// Events dropped because their own particle had collided since.
+    pub dropped: u64,
+    /// Events re-predicted because the partner had collided since.
+    pub stale: u64,
+    /// Cell crossings or renewals of the partner search.
+    pub transfers: u64,
+    /// Re-basings of the clock.
+    pub epochs: u64,
+}
+
+/// Why `Simulation::advance` returned.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Stop {
+    /// Every event up to the asked time is done; the clock stands there.
+    Time,
+    /// The asked number of collisions is reached.
+    Collisions,
+    /// The asked number of events is done: a slice ended.
+    Slice,
+    /// Nothing moves and nothing will.
+    Rest,
+}
+
+/// The exact state, enough for a bitwise identical continuation on the same [`crate::System`].
+#[derive(Debug, Clone, PartialEq, Default)]
+pub struct Checkpoint {
+    /// Anchor positions [length].
+    pub position: Vec<DVec3>,
+    /// Velocities [length/time].
+    pub velocity: Vec<DVec3>,
+    /// Anchor times [ticks since the epoch's start].
+    pub anchor: Vec<i64>,
+    /// Box images of the anchors.
+    pub image: Vec<[i32; 3]>,
+    /// Own-collision counters.
+    pub count: Vec<u32>,
+    /// Wall a particle rests on, plus one; 0 if it flies.
+    pub resting: Vec<u32>,
+    /// Scalars as (name, bits): clock, sums, counters. Names are stable; unknown ones are an error.
+    pub scalars: Vec<(String, u64)>,
+}

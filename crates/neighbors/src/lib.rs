@@ -1,0 +1,1 @@
+//! Partner search for event-driven particles: cells and all pairs.

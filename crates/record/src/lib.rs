@@ -1,0 +1,1 @@
+//! H5MD files of haff: writer, reader, checkpoint.

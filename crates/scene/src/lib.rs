@@ -1,0 +1,1 @@
+//! Scene files of haff: TOML to a validated system.
