@@ -1,1 +1,46 @@
-//! Event calendars: a fast ladder queue and a plain reference.
+/*!
+Event calendars: priority queues of events in integer time.
+
+A [`Calendar`] hands out events in their total order, [`Ord`], the first key of which is [`Event::time`] in integer
+ticks. It knows no physics: events that have become void stay in it until they surface, and the caller
+drops them then.
+
+[`Ladder`] is the calendar for production, [`Heap`] its plain twin; every test drives both.
+*/
+
+mod heap;
+mod ladder;
+
+pub use heap::Heap;
+pub use ladder::Ladder;
+
+/// Something that happens at an integer time. `Ord` must have the time as its first key.
+pub trait Event: Copy + Ord {
+    /// When it happens [ticks].
+    fn time(&self) -> i64;
+    /// The same event `ticks` earlier: the clock was re-based.
+    #[must_use]
+    fn earlier_by(&self, ticks: i64) -> Self;
+}
+
+/// A priority queue of events, earliest first.
+pub trait Calendar<E: Event> {
+    /// A calendar for about `events` live events.
+    fn with_capacity(events: usize) -> Self;
+    /// Adds an event; it may lie before the last one taken.
+    fn push(&mut self, event: E);
+    /// Takes the least event if its time is at most `limit`.
+    fn pop_until(&mut self, limit: i64) -> Option<E>;
+    /// Time of the least event.
+    fn next_time(&mut self) -> Option<i64>;
+    /// Removes every event.
+    fn clear(&mut self);
+    /// Number of events held, void ones among them.
+    fn len(&self) -> usize;
+    /// Whether no event is held.
+    fn is_empty(&self) -> bool {
+        self.len() == 0
+    }
+    /// Moves every event `ticks` towards the past.
+    fn rebase(&mut self, ticks: i64);
+}

@@ -1,0 +1,42 @@
+//! The reference calendar: a binary heap.
+
+use std::{cmp::Reverse, collections::BinaryHeap};
+
+use crate::{Calendar, Event};
+
+/// Binary heap; the plain twin of [`crate::Ladder`].
+#[derive(Debug, Clone)]
+pub struct Heap<E: Event>(BinaryHeap<Reverse<E>>);
+
+impl<E: Event> Calendar<E> for Heap<E> {
+    fn with_capacity(events: usize) -> Self {
+        Self(BinaryHeap::with_capacity(events))
+    }
+
+    fn push(&mut self, event: E) {
+        self.0.push(Reverse(event));
+    }
+
+    fn pop_until(&mut self, limit: i64) -> Option<E> {
+        if self.0.peek()?.0.time() > limit {
+            return None;
+        }
+        self.0.pop().map(|Reverse(event)| event)
+    }
+
+    fn next_time(&mut self) -> Option<i64> {
+        self.0.peek().map(|Reverse(event)| event.time())
+    }
+
+    fn clear(&mut self) {
+        self.0.clear();
+    }
+
+    fn len(&self) -> usize {
+        self.0.len()
+    }
+
+    fn rebase(&mut self, ticks: i64) {
+        self.0 = self.0.drain().map(|Reverse(event)| Reverse(event.earlier_by(ticks))).collect();
+    }
+}

@@ -1,0 +1,279 @@
+/*!
+A two-level ladder queue with lazy deletion.
+
+Time is cut into *fine* buckets of 2^s ticks and *coarse* buckets of 2^m fine ones; a *year* is 2^k coarse buckets.
+
+```text
+ heap + run  |  fine buckets of the    |  coarse buckets of   |  everything
+ (sorted)    |  current coarse bucket  |  the current year    |  later
+```
+
+An event is appended, unsorted, to the bucket its time falls into, moves down one level when its coarse bucket
+becomes current, and is sorted only with the few others of its fine bucket. Events that arrive for the fine
+bucket in progress, or for the past, go to a small binary heap beside the sorted run. So each event is
+touched three times, twice by an append. The fine width follows the event rate: about
+[`TARGET`] events a bucket.
+*/
+
+use std::{cmp::Reverse, collections::BinaryHeap, mem};
+
+use crate::{Calendar, Event};
+
+/// Events per fine bucket that the width is tuned for: the sort stays within two cache lines of 24-byte events
+/// and the scan over empty buckets stays short.
+const TARGET: usize = 8;
+/// The width is re-tuned when a coarse bucket holds this factor more or less than it should.
+const SLACK: usize = 4;
+/// Largest exponent of a year's length, so that bucket arithmetic on 64-bit ticks cannot overflow.
+const MAX_YEAR_BITS: u32 = 61;
+
+/// Two-level ladder queue; see the [crate's twin](crate::Heap) for the plain form.
+#[derive(Debug, Clone)]
+pub struct Ladder<E: Event> {
+    /// Sorted events of the current fine bucket, latest first.
+    run: Vec<E>,
+    /// Events pushed into the current fine bucket or before it since it was sorted.
+    late: BinaryHeap<Reverse<E>>,
+    fine: Vec<Vec<E>>,
+    coarse: Vec<Vec<E>>,
+    /// Events beyond the current year.
+    later: Vec<E>,
+    /// log₂ of the fine bucket's width in ticks.
+    shift: u32,
+    /// log₂ of the number of fine buckets, and of coarse ones.
+    fine_bits: u32,
+    coarse_bits: u32,
+    /// Absolute index of the current fine, coarse bucket and year.
+    fine_now: i64,
+    coarse_now: i64,
+    year_now: i64,
+    len: usize,
+    /// Events that passed through the fine buckets of the current coarse one.
+    passed: usize,
+    /// Events taken since the width was last changed; a change costs O(len) and must be paid for.
+    taken: usize,
+}
+
+impl<E: Event> Ladder<E> {
+    fn set_shift(&mut self, shift: u32) {
+        self.shift = shift.min(MAX_YEAR_BITS - self.fine_bits - self.coarse_bits);
+    }
+
+    /// Points the calendar at the fine bucket of `time`; all buckets must be empty.
+    fn point_at(&mut self, time: i64) {
+        self.fine_now = time >> self.shift;
+        self.coarse_now = self.fine_now >> self.fine_bits;
+        self.year_now = self.coarse_now >> self.coarse_bits;
+        self.passed = 0;
+    }
+
+    fn place(&mut self, event: E) {
+        let fine = event.time() >> self.shift;
+        if fine <= self.fine_now {
+            self.late.push(Reverse(event));
+            return;
+        }
+        let coarse = fine >> self.fine_bits;
+        if coarse == self.coarse_now {
+            self.passed += 1;
+            let slot = (fine & ((1 << self.fine_bits) - 1)) as usize;
+            self.fine[slot].push(event);
+        } else if coarse >> self.coarse_bits == self.year_now {
+            let slot = (coarse & ((1 << self.coarse_bits) - 1)) as usize;
+            self.coarse[slot].push(event);
+        } else {
+            self.later.push(event);
+        }
+    }
+
+    /// Takes all events out, in no particular order.
+    fn drain_all(&mut self) -> Vec<E> {
+        let mut all = Vec::with_capacity(self.len);
+        all.append(&mut self.run);
+        all.extend(self.late.drain().map(|Reverse(event)| event));
+        for bucket in self.fine.iter_mut().chain(&mut self.coarse) {
+            all.append(bucket);
+        }
+        all.append(&mut self.later);
+        all
+    }
+
+    /// Distributes `all` again, starting at its least event.
+    fn refill(&mut self, all: Vec<E>) {
+        if let Some(first) = all.iter().map(Event::time).min() {
+            // One fine bucket before the first event, so that nothing starts in the heap.
+            self.point_at(first.saturating_sub(1 << self.shift));
+        }
+        for event in all {
+            self.place(event);
+        }
+    }
+
+    /// Chooses the fine width from the live events: their median distance from the first, in `TARGET`s.
+    fn tune_from(&mut self, all: &[E]) {
+        let Some(first) = all.iter().map(Event::time).min() else { return };
+        let mut ahead: Vec<u64> = all.iter().map(|event| event.time().wrapping_sub(first) as u64).collect();
+        let middle = ahead.len() / 2;
+        let (_, &mut median, _) = ahead.select_nth_unstable(middle);
+        let width = (u128::from(median) * TARGET as u128 / (middle.max(1) as u128)).max(1) as u64;
+        self.set_shift(width.ilog2());
+    }
+
+    /// Makes `run` the next non-empty fine bucket. False when the calendar is empty.
+    fn advance(&mut self) -> bool {
+        debug_assert!(self.run.is_empty() && self.late.is_empty());
+        if self.len == 0 {
+            return false;
+        }
+        let mut tuned = false;
+        loop {
+            let end = (self.coarse_now + 1) << self.fine_bits;
+            while self.fine_now + 1 < end {
+                self.fine_now += 1;
+                let slot = (self.fine_now & ((1 << self.fine_bits) - 1)) as usize;
+                if !self.fine[slot].is_empty() {
+                    mem::swap(&mut self.run, &mut self.fine[slot]);
+                    self.run.sort_unstable_by(|a, b| b.cmp(a));
+                    return true;
+                }
+            }
+            if !tuned && self.taken > self.len {
+                tuned = true;
+                let due = TARGET << self.fine_bits;
+                let crowded = self.passed > due * SLACK && self.shift > 0;
+                if crowded || self.passed < due / SLACK {
+                    self.retune();
+                    if !self.run.is_empty() || !self.late.is_empty() {
+                        return true;
+                    }
+                    continue;
+                }
+            }
+            self.next_coarse();
+        }
+    }
+
+    /// Rebuilds with a width that fits the present events.
+    fn retune(&mut self) {
+        let before = self.shift;
+        let all = self.drain_all();
+        self.tune_from(&all);
+        if self.shift.abs_diff(before) <= 1 {
+            self.shift = before;
+        }
+        self.taken = 0;
+        self.refill(all);
+    }
+
+    /// Moves the next non-empty coarse bucket down into the fine ones.
+    fn next_coarse(&mut self) {
+        loop {
+            let end = (self.year_now + 1) << self.coarse_bits;
+            while self.coarse_now + 1 < end {
+                self.coarse_now += 1;
+                let slot = (self.coarse_now & ((1 << self.coarse_bits) - 1)) as usize;
+                if !self.coarse[slot].is_empty() {
+                    self.open_coarse(slot);
+                    return;
+                }
+            }
+            // The year is over: jump to that of the first event left.
+            let Some(first) = self.later.iter().map(Event::time).min() else {
+                unreachable!("the caller has checked that events are left")
+            };
+            let first_coarse = first >> (self.shift + self.fine_bits);
+            self.coarse_now = first_coarse - 1;
+            self.year_now = first_coarse >> self.coarse_bits;
+            self.fine_now = (first_coarse << self.fine_bits) - 1;
+            for event in mem::take(&mut self.later) {
+                self.place(event);
+            }
+            // `first` is now in the coarse ring: `coarse_now` stands just before its bucket.
+        }
+    }
+
+    fn open_coarse(&mut self, slot: usize) {
+        self.fine_now = (self.coarse_now << self.fine_bits) - 1;
+        let mut bucket = mem::take(&mut self.coarse[slot]);
+        self.passed = bucket.len();
+        for event in bucket.drain(..) {
+            let fine = event.time() >> self.shift;
+            self.fine[(fine & ((1 << self.fine_bits) - 1)) as usize].push(event);
+        }
+        self.coarse[slot] = bucket; // Keeps its allocation.
+    }
+}
+
+impl<E: Event> Calendar<E> for Ladder<E> {
+    fn with_capacity(events: usize) -> Self {
+        // Fine × coarse buckets × TARGET = 16 times the live events: nearly all of them fall into one year.
+        let bits = (2 * events.max(1)).ilog2().div_ceil(2).clamp(4, 12);
+        Self {
+            run: Vec::new(),
+            late: BinaryHeap::new(),
+            fine: vec![Vec::new(); 1 << bits],
+            coarse: vec![Vec::new(); 1 << bits],
+            later: Vec::new(),
+            shift: MAX_YEAR_BITS - 2 * bits,
+            fine_bits: bits,
+            coarse_bits: bits,
+            fine_now: 0,
+            coarse_now: 0,
+            year_now: 0,
+            len: 0,
+            passed: 0,
+            taken: 0,
+        }
+    }
+
+    fn push(&mut self, event: E) {
+        self.len += 1;
+        self.place(event);
+    }
+
+    fn pop_until(&mut self, limit: i64) -> Option<E> {
+        if self.run.is_empty() && self.late.is_empty() && !self.advance() {
+            return None;
+        }
+        let from_run = match (self.run.last(), self.late.peek()) {
+            (Some(run), Some(Reverse(late))) => run <= late,
+            (run, _) => run.is_some(),
+        };
+        let next = if from_run { self.run.last().copied() } else { self.late.peek().map(|late| late.0) };
+        if next?.time() > limit {
+            return None;
+        }
+        self.len -= 1;
+        self.taken += 1;
+        if from_run { self.run.pop() } else { self.late.pop().map(|late| late.0) }
+    }
+
+    fn next_time(&mut self) -> Option<i64> {
+        if self.run.is_empty() && self.late.is_empty() && !self.advance() {
+            return None;
+        }
+        let run = self.run.last().map(Event::time);
+        let late = self.late.peek().map(|late| late.0.time());
+        match (run, late) {
+            (Some(a), Some(b)) => Some(a.min(b)),
+            (a, b) => a.or(b),
+        }
+    }
+
+    fn clear(&mut self) {
+        self.drain_all();
+        self.len = 0;
+    }
+
+    fn len(&self) -> usize {
+        self.len
+    }
+
+    fn rebase(&mut self, ticks: i64) {
+        let mut all = self.drain_all();
+        for event in &mut all {
+            *event = event.earlier_by(ticks);
+        }
+        self.refill(all);
+    }
+}

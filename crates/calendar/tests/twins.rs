@@ -1,0 +1,135 @@
+//! Both calendars give the same events in the same order, whatever is thrown at them.
+
+use haff_calendar::{Calendar, Event, Heap, Ladder};
+use proptest::prelude::*;
+
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
+struct Item {
+    time: i64,
+    id: u32,
+}
+
+impl Event for Item {
+    fn time(&self) -> i64 {
+        self.time
+    }
+    fn earlier_by(&self, ticks: i64) -> Self {
+        Self { time: self.time - ticks, ..*self }
+    }
+}
+
+#[derive(Debug, Clone)]
+enum Act {
+    Push(i64),
+    Pop,
+    PopUntil(i64),
+    Rebase,
+    Clear,
+}
+
+fn act(spread: i64) -> impl Strategy<Value = Act> {
+    prop_oneof![
+        12 => (0..spread).prop_map(Act::Push),
+        1 => (-5_i64..3).prop_map(Act::Push),
+        10 => Just(Act::Pop),
+        3 => (0..spread / 4 + 1).prop_map(Act::PopUntil),
+        1 => Just(Act::Rebase),
+        1 => Just(Act::Clear),
+    ]
+}
+
+/// Runs the same acts on both calendars; times are relative to the last event taken.
+fn drive(acts: &[Act]) {
+    let (mut heap, mut ladder) = (Heap::with_capacity(16), Ladder::with_capacity(16));
+    let (mut now, mut id) = (0_i64, 0);
+    for act in acts {
+        match *act {
+            Act::Push(ahead) => {
+                let item = Item { time: now.saturating_add(ahead), id };
+                id += 1;
+                heap.push(item);
+                ladder.push(item);
+            }
+            Act::Pop | Act::PopUntil(_) => {
+                let limit = if let Act::PopUntil(ahead) = act { now.saturating_add(*ahead) } else { i64::MAX };
+                assert_eq!(heap.next_time(), ladder.next_time());
+                let (a, b) = (heap.pop_until(limit), ladder.pop_until(limit));
+                assert_eq!(a, b, "limit {limit}");
+                now = a.map_or(now, |item| item.time);
+            }
+            Act::Rebase => {
+                heap.rebase(now);
+                ladder.rebase(now);
+                now = 0;
+            }
+            Act::Clear => {
+                heap.clear();
+                ladder.clear();
+            }
+        }
+        assert_eq!(heap.len(), ladder.len());
+    }
+    while let Some(item) = heap.pop_until(i64::MAX) {
+        assert_eq!(Some(item), ladder.pop_until(i64::MAX));
+    }
+    assert!(ladder.is_empty() && ladder.pop_until(i64::MAX).is_none());
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig { cases: 200, rng_seed: proptest::test_runner::RngSeed::Fixed(1), ..ProptestConfig::default() })]
+
+    #[test]
+    fn twins_agree_on_close_times(acts in prop::collection::vec(act(40), 1..600)) {
+        drive(&acts);
+    }
+
+    #[test]
+    fn twins_agree_on_far_times(acts in prop::collection::vec(act(1 << 58), 1..600)) {
+        drive(&acts);
+    }
+
+    #[test]
+    fn twins_agree_across_sixty_binary_orders(
+        acts in prop::collection::vec((0_u32..60).prop_flat_map(|bits| act(1 << bits)), 1..600)
+    ) {
+        drive(&acts);
+    }
+}
+
+/// A hold model: each event taken schedules another, with a rate that drifts over twelve binary orders, so
+/// that the ladder re-tunes its width up and down.
+#[test]
+fn twins_agree_while_the_event_rate_drifts() {
+    let (mut heap, mut ladder) = (Heap::with_capacity(1000), Ladder::with_capacity(1000));
+    let mut state = 12345_u64;
+    let mut random = move || {
+        state ^= state << 13;
+        state ^= state >> 7;
+        state ^= state << 17;
+        state
+    };
+    for id in 0..1000 {
+        let item = Item { time: (random() >> 34) as i64, id };
+        heap.push(item);
+        ladder.push(item);
+    }
+    for step in 0..200_000_u32 {
+        let (a, b) = (heap.pop_until(i64::MAX).unwrap(), ladder.pop_until(i64::MAX).unwrap());
+        assert_eq!(a, b, "step {step}");
+        let bits = 34 + (step / 5000) % 24 * u32::from(step % 240_000 < 120_000) / 2;
+        let item = Item { time: a.time + (random() >> bits) as i64, ..a };
+        heap.push(item);
+        ladder.push(item);
+    }
+}
+
+#[test]
+fn ten_thousand_simultaneous_events_come_out_by_id() {
+    let mut ladder = Ladder::with_capacity(10_000);
+    for id in (0..10_000).rev() {
+        ladder.push(Item { time: 1 << 40, id });
+    }
+    for id in 0..10_000 {
+        assert_eq!(ladder.pop_until(1 << 40), Some(Item { time: 1 << 40, id }));
+    }
+}
