@@ -1,5 +1,7 @@
 //! The coefficient of restitution `e` as a function of the approach speed.
 
+use thiserror::Error;
+
 /// A law for the coefficient of restitution, the ratio of the restitution to the compression impulse (2.11).
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Restitution {
@@ -20,4 +22,225 @@ pub enum Restitution {
         /// Power law below the cut-off, > 0; 3/4 by default.
         exponent: f64,
     },
+}
+
+/// A parameter of a [`Restitution`] outside its range.
+#[derive(Debug, Clone, Copy, PartialEq, Error)]
+#[error("{parameter} = {value} {allowed}")]
+pub struct RestitutionError {
+    /// Name of the parameter: `restitution`, `coefficient`, `speed` or `exponent`.
+    pub parameter: &'static str,
+    /// The value it has.
+    pub value: f64,
+    /// What is allowed, as the end of a sentence: `must be in [0, 1]`.
+    pub allowed: &'static str,
+}
+
+/// Coefficients of the [1/4] Padé approximant of `e` in `x = √δ` (Müller and Pöschel, Phys. Rev. E 84,
+/// 021302, 2011), numerator `1 + B1 x`, denominator `1 + B1 x + B2 x² + B3 x³ + B4 x⁴`.
+const B1: f64 = 0.501_086;
+const B2: f64 = 1.153_44;
+const B3: f64 = 0.577_977;
+const B4: f64 = 0.532_178;
+
+impl Restitution {
+    /// The coefficient of restitution `e` ∈ [0, 1] at the approach speed `v_n` [length/time], (2.11), (2.12).
+    ///
+    /// A negative approach speed counts as zero.
+    ///
+    /// ```
+    /// use haff_mechanics::Restitution;
+    /// assert_eq!(Restitution::Constant(0.5).coefficient(40.0), 0.5);
+    /// // Below the cut-off contacts become more elastic: 1 − 0.5 · (1/16)^{3/4} = 1 − 1/16.
+    /// let e = Restitution::Cutoff { restitution: 0.5, speed: 16.0, exponent: 0.75 };
+    /// assert_eq!(e.coefficient(1.0), 0.9375);
+    /// assert_eq!(e.coefficient(16.0), 0.5);
+    /// ```
+    #[inline]
+    #[must_use]
+    pub fn coefficient(&self, approach_speed: f64) -> f64 {
+        match *self {
+            Self::Constant(e) => e,
+            Self::Viscoelastic { coefficient } => viscoelastic(coefficient, approach_speed.max(0.0)),
+            Self::Cutoff { restitution, speed, exponent } => {
+                if approach_speed >= speed {
+                    restitution
+                } else {
+                    1.0 - (1.0 - restitution) * libm::pow(approach_speed.max(0.0) / speed, exponent)
+                }
+            }
+        }
+    }
+
+    /// Whether contacts conserve kinetic energy at every approach speed: `e = 1`.
+    #[must_use]
+    pub fn is_elastic(&self) -> bool {
+        match *self {
+            Self::Constant(e) => e == 1.0,
+            Self::Viscoelastic { coefficient } => coefficient == 0.0,
+            Self::Cutoff { restitution, .. } => restitution == 1.0,
+        }
+    }
+
+    /// Checks every parameter against its range.
+    ///
+    /// # Errors
+    /// The first parameter out of range (NaN and infinities are), its value and what is allowed.
+    ///
+    /// ```
+    /// use haff_mechanics::Restitution;
+    /// let error = Restitution::Constant(1.2).check().unwrap_err();
+    /// assert_eq!(error.to_string(), "restitution = 1.2 must be in [0, 1]");
+    /// ```
+    pub fn check(&self) -> Result<(), RestitutionError> {
+        let unit = |value: f64| {
+            let allowed = "must be in [0, 1]";
+            if (0.0..=1.0).contains(&value) {
+                Ok(())
+            } else {
+                Err(RestitutionError { parameter: "restitution", value, allowed })
+            }
+        };
+        let positive = |parameter: &'static str, value: f64| {
+            let allowed = "must be positive and finite";
+            if value > 0.0 && value.is_finite() {
+                Ok(())
+            } else {
+                Err(RestitutionError { parameter, value, allowed })
+            }
+        };
+        match *self {
+            Self::Constant(e) => unit(e),
+            Self::Viscoelastic { coefficient: value } => {
+                if value >= 0.0 && value.is_finite() {
+                    Ok(())
+                } else {
+                    let allowed = "must be zero or positive, and finite";
+                    Err(RestitutionError { parameter: "coefficient", value, allowed })
+                }
+            }
+            Self::Cutoff { restitution, speed, exponent } => {
+                unit(restitution)?;
+                positive("speed", speed)?;
+                positive("exponent", exponent)
+            }
+        }
+    }
+}
+
+/// `e` of viscoelastic spheres with `δ = coefficient · v^{1/5}`.
+fn viscoelastic(coefficient: f64, speed: f64) -> f64 {
+    // √δ = √coefficient · v^{1/10}; `libm`, because the system's power function differs between machines.
+    let x = coefficient.sqrt() * libm::pow(speed, 0.1);
+    let linear = 1.0 + B1 * x;
+    // e = 1 / (1 + rest/linear) cannot exceed 1 by rounding, and is exactly 1 at rest.
+    1.0 / (1.0 + x * x * (B2 + x * (B3 + x * B4)) / linear)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+
+    /// The quotient as printed by Müller and Pöschel.
+    fn pade(x: f64) -> f64 {
+        (1.0 + B1 * x) / (1.0 + B1 * x + B2 * x * x + B3 * x.powi(3) + B4 * x.powi(4))
+    }
+
+    #[test]
+    fn viscoelastic_law_is_the_pade_approximant() {
+        for k in -60..=60 {
+            let v = 10f64.powf(f64::from(k) / 10.0);
+            let e = Restitution::Viscoelastic { coefficient: 0.3 }.coefficient(v);
+            let reference = pade((0.3 * v.powf(0.2)).sqrt());
+            assert!((e - reference).abs() <= 8.0 * f64::EPSILON, "v = {v}: {e} against {reference}");
+        }
+    }
+
+    #[test]
+    fn viscoelastic_law_starts_as_its_series() {
+        // e = 1 − 1.15344 δ + 0.79826 δ² + O(δ^{5/2}), evaluated at v = 1, where δ = coefficient. The x³ term of the
+        // approximant, B1 B2 − B3 = −4e-6, and the printed digits of the x⁴ term, 1.2e-5, bound the difference
+        // beside the next term of the series itself, which is below 0.6 δ^{5/2}.
+        for delta in [1e-6, 1e-5, 1e-4, 1e-3, 1e-2] {
+            let e = Restitution::Viscoelastic { coefficient: delta }.coefficient(1.0);
+            let series = 1.0 - 1.15344 * delta + 0.79826 * delta * delta;
+            let x = f64::sqrt(delta);
+            let bound = 5e-6 * x.powi(3) + 2e-5 * x.powi(4) + 0.6 * x.powi(5) + 4.0 * f64::EPSILON;
+            assert!((e - series).abs() <= bound, "δ = {delta}: {e} against {series}, bound {bound:e}");
+        }
+    }
+
+    #[test]
+    fn slow_contacts_are_elastic_and_fast_ones_are_not() {
+        let law = Restitution::Viscoelastic { coefficient: 0.5 };
+        assert_eq!(law.coefficient(0.0), 1.0);
+        assert_eq!(law.coefficient(-1.0), 1.0);
+        assert!(law.coefficient(1e12) < 0.02, "{}", law.coefficient(1e12));
+        let law = Restitution::Cutoff { restitution: 0.7, speed: 2.0, exponent: 0.75 };
+        assert_eq!(law.coefficient(0.0), 1.0);
+        assert_eq!(law.coefficient(-1.0), 1.0);
+        assert_eq!(law.coefficient(2.0), 0.7);
+    }
+
+    #[test]
+    fn elastic_laws_are_known_as_such() {
+        let cutoff = |restitution| Restitution::Cutoff { restitution, speed: 1.0, exponent: 0.75 };
+        let elastic =
+            [Restitution::Constant(1.0), Restitution::Viscoelastic { coefficient: 0.0 }, cutoff(1.0)];
+        for law in elastic {
+            assert!(law.is_elastic(), "{law:?}");
+            for v in [0.0, 1e-9, 0.5, 1.0, 1e6] {
+                assert_eq!(law.coefficient(v), 1.0, "{law:?} at {v}");
+            }
+        }
+        for law in
+            [Restitution::Constant(0.999), Restitution::Viscoelastic { coefficient: 1e-9 }, cutoff(0.9)]
+        {
+            assert!(!law.is_elastic(), "{law:?}");
+        }
+    }
+
+    #[test]
+    fn parameters_out_of_range_are_named() {
+        let cutoff = |restitution, speed, exponent| Restitution::Cutoff { restitution, speed, exponent };
+        let bad = [
+            (Restitution::Constant(-0.1), "restitution"),
+            (Restitution::Constant(1.0 + f64::EPSILON), "restitution"),
+            (Restitution::Constant(f64::NAN), "restitution"),
+            (Restitution::Viscoelastic { coefficient: -1.0 }, "coefficient"),
+            (Restitution::Viscoelastic { coefficient: f64::INFINITY }, "coefficient"),
+            (Restitution::Viscoelastic { coefficient: f64::NAN }, "coefficient"),
+            (cutoff(1.5, 1.0, 0.75), "restitution"),
+            (cutoff(0.5, 0.0, 0.75), "speed"),
+            (cutoff(0.5, f64::INFINITY, 0.75), "speed"),
+            (cutoff(0.5, 1.0, 0.0), "exponent"),
+            (cutoff(0.5, 1.0, f64::NAN), "exponent"),
+        ];
+        for (law, parameter) in bad {
+            let error = law.check().expect_err("must be refused");
+            assert_eq!(error.parameter, parameter, "{law:?}: {error}");
+        }
+        for law in [Restitution::Constant(0.0), Restitution::Constant(1.0), cutoff(0.0, 1e-9, 2.0)] {
+            assert_eq!(law.check(), Ok(()), "{law:?}");
+        }
+    }
+
+    proptest! {
+        #[test]
+        fn restitution_stays_between_zero_and_one_and_falls_with_speed(
+            log_v in -12.0..12.0f64, step in 0.0..3.0f64, coefficient in 0.0..10.0f64,
+            restitution in 0.0..=1.0f64, exponent in 0.1..3.0f64,
+        ) {
+            let (slow, fast) = (10f64.powf(log_v), 10f64.powf(log_v + step));
+            for law in [
+                Restitution::Viscoelastic { coefficient },
+                Restitution::Cutoff { restitution, speed: 1.0, exponent },
+            ] {
+                let (a, b) = (law.coefficient(slow), law.coefficient(fast));
+                prop_assert!((0.0..=1.0).contains(&a) && (0.0..=1.0).contains(&b), "{law:?}: {a}, {b}");
+                prop_assert!(b <= a + 4.0 * f64::EPSILON, "{law:?}: e({fast}) = {b} > e({slow}) = {a}");
+            }
+        }
+    }
 }

@@ -1,0 +1,71 @@
+//! Free flight: straight, or under a constant acceleration.
+
+use glam::DVec3;
+
+/// Position [length] after straight flight over `dt` [time] at `velocity` [length/time].
+///
+/// Exactly `position + velocity · dt`, each operation rounded once.
+///
+/// ```
+/// # use glam::DVec3;
+/// let x = haff_mechanics::drift(DVec3::ONE, DVec3::new(2.0, 0.0, -4.0), 0.25);
+/// assert_eq!(x, DVec3::new(1.5, 1.0, 0.0));
+/// ```
+#[inline]
+#[must_use]
+pub fn drift(position: DVec3, velocity: DVec3, dt: f64) -> DVec3 {
+    position + velocity * dt
+}
+
+/// Position [length] after flight over `dt` [time] under a constant `acceleration` [length/time²].
+///
+/// `x + (v + ½ a dt) dt`. Where the acceleration is zero this has the bits of [`drift`].
+///
+/// ```
+/// # use glam::DVec3;
+/// // A stone dropped from rest falls g t²/2.
+/// let x = haff_mechanics::free_flight(DVec3::ZERO, DVec3::ZERO, DVec3::new(0.0, 0.0, -10.0), 2.0);
+/// assert_eq!(x, DVec3::new(0.0, 0.0, -20.0));
+/// ```
+#[inline]
+#[must_use]
+pub fn free_flight(position: DVec3, velocity: DVec3, acceleration: DVec3, dt: f64) -> DVec3 {
+    // Horner's form rounds once at the size of x; x + v dt + ½ a dt² would round there twice.
+    position + (velocity + acceleration * (0.5 * dt)) * dt
+}
+
+/// Velocity [length/time] after flight over `dt` [time] under a constant `acceleration` [length/time²].
+///
+/// ```
+/// # use glam::DVec3;
+/// let w = haff_mechanics::free_flight_velocity(DVec3::X, DVec3::new(0.0, 0.0, -10.0), 2.0);
+/// assert_eq!(w, DVec3::new(1.0, 0.0, -20.0));
+/// ```
+#[inline]
+#[must_use]
+pub fn free_flight_velocity(velocity: DVec3, acceleration: DVec3, dt: f64) -> DVec3 {
+    velocity + acceleration * dt
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn flight_without_acceleration_has_the_bits_of_a_drift() {
+        let (x, v) = (DVec3::new(0.1, -7.3e5, 3.3e-9), DVec3::new(1.0 / 3.0, 0.7, -1e-3));
+        for dt in [0.0, 1e-12, 0.3, 1.7, 9.1e4] {
+            assert_eq!(free_flight(x, v, DVec3::ZERO, dt), drift(x, v, dt), "dt = {dt}");
+        }
+    }
+
+    #[test]
+    fn flight_there_and_back_returns_within_rounding() {
+        let (x, v, a) = (DVec3::new(1.0, 2.0, 3.0), DVec3::new(0.3, -0.2, 1.1), DVec3::new(0.0, 0.0, -9.81));
+        let dt = 0.37;
+        let (y, w) = (free_flight(x, v, a, dt), free_flight_velocity(v, a, dt));
+        let (back, u) = (free_flight(y, -w, a, dt), free_flight_velocity(-w, a, dt));
+        assert!((back - x).length() <= 8.0 * f64::EPSILON * x.length(), "{back} against {x}");
+        assert!((u + v).length() <= 8.0 * f64::EPSILON * (a * dt).length(), "{u} against {}", -v);
+    }
+}
