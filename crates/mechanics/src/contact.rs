@@ -3,7 +3,8 @@ Contact of two spheres in straight relative flight.
 
 The time is the smaller root of `|r + v t| = σ`. Written as usual, `b² − v² (r² − σ²)` with `b = r·v` cancels where
 the spheres start many diameters apart; `v²σ² − |r × v|²` is the same number and does not. The root `gap/(−b + √disc)`,
-`gap = r² − σ²`, is `(−b − √disc)/v²` without its cancellation.
+`gap = r² − σ²`, is `(−b − √disc)/v²` without its cancellation. It is held to `t ≤ −b/v²`, the closest approach: where
+spheres touch and slide along each other, rounding in the three numbers of the quotient is all that is left of them.
 */
 
 use crate::scale::{exponent, magnitude, scaled, scaled_vector};
@@ -60,7 +61,16 @@ fn root(r: DVec3, v: DVec3, b: f64, rr: f64, vv: f64, ss: f64) -> Option<f64> {
         return Some(0.0);
     }
     let disc = vv * ss - r.cross(v).length_squared();
-    (disc >= 0.0).then(|| gap / (disc.sqrt() - b))
+    if disc.is_nan() || disc < 0.0 {
+        return None;
+    }
+    let denominator = disc.sqrt() - b;
+    // No contact lies beyond the closest approach, at −b/v². A pair that touches and slides along has b, gap and disc
+    // all near zero, each with a rounding error of its own: their quotient could be any time at all.
+    if gap * vv > -b * denominator {
+        return Some(-b / vv);
+    }
+    Some(gap / denominator)
 }
 
 /// [`time_to_contact`] in units of length and time that are powers of two near |r|, σ and |v|.

@@ -20,17 +20,17 @@ use glam::DVec3;
 /// What one impact does: its impulse with the two parts, and its two energies.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct Impact {
-    /// Approach speed v_n = (w1 − w2)·n ≥ 0 [length/time].
+    /// Approach speed `v_n` = (w1 − w2)·n ≥ 0 [length/time].
     pub approach_speed: f64,
-    /// J = (1 + e) v_n / Λ = `compression_impulse` + `restitution_impulse` [mass·length/time], (2.14).
+    /// J = (1 + e) `v_n` / Λ = `compression_impulse` + `restitution_impulse` [mass·length/time], (2.14).
     pub impulse: f64,
-    /// J_c = v_n / Λ, up to the moment of equal normal velocities [mass·length/time], (2.7).
+    /// `J_c` = `v_n` / Λ, up to the moment of equal normal velocities [mass·length/time], (2.7).
     pub compression_impulse: f64,
-    /// J_r = e J_c, from then on [mass·length/time], (2.11).
+    /// `J_r` = e `J_c`, from then on [mass·length/time], (2.11).
     pub restitution_impulse: f64,
-    /// ΔT = ½ (1 − e²) v_n² / Λ ≥ 0, kinetic energy lost [energy], (2.16).
+    /// `ΔT = ½ (1 − e²) v_n² / Λ` ≥ 0, kinetic energy lost [energy], (2.16).
     pub energy_loss: f64,
-    /// E'_c = ½ (1 + e)² v_n² / Λ = ½ Λ J², energy of the lost velocities [energy], (2.31).
+    /// `E'_c = ½ (1 + e)² v_n² / Λ = ½ Λ J²`, energy of the lost velocities [energy], (2.31).
     pub carnot_energy: f64,
 }
 
@@ -69,7 +69,7 @@ pub fn impact(approach_speed: f64, restitution: f64, inverse_effective_mass: f64
     }
 }
 
-/// Approach speed v_n = (w1 − w2)·n [length/time] of two bodies; `n` is the unit vector from 1 to 2.
+/// Approach speed `v_n` = (w1 − w2)·n [length/time] of two bodies; `n` is the unit vector from 1 to 2.
 #[inline]
 #[must_use]
 pub fn approach_speed(w1: DVec3, w2: DVec3, n: DVec3) -> f64 {

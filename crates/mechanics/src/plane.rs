@@ -124,7 +124,7 @@ fn rescaled(d: f64, s: f64, a: f64, grazing: bool) -> Option<f64> {
         return Some(scaled(s / scaled(-0.5 * a, -ka), -ka)).filter(|t| t.is_finite());
     }
     let kd = exponent(d.abs());
-    let fall = (ka + kd) / 2;
+    let fall = i32::midpoint(ka, kd);
     let ks = if s == 0.0 { fall } else { fall.max(exponent(s.abs())) };
     let (d1, s1, a1) = (scaled(d, -kd), scaled(s, -ks), scaled(a, kd - 2 * ks));
     let disc = s1 * s1 - 2.0 * a1 * d1;

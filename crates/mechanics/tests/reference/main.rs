@@ -1,0 +1,10 @@
+//! Contact times against 400-bit arithmetic, on more than 10⁵ random and adversarial flights.
+//!
+//! `cargo test -p haff-mechanics --test reference -- --nocapture` prints the largest errors found; the crate's README
+//! records them.
+
+mod big;
+mod cases;
+mod judge;
+mod planes;
+mod spheres;
