@@ -47,8 +47,8 @@ use glam::DVec3;
 /// ```
 #[must_use]
 pub fn time_to_contact_accelerated(r: DVec3, v: DVec3, a: DVec3, sigma: f64) -> Option<f64> {
-    // In the units below, an acceleration under this acts after 2^150 times the flight's own time.
-    const NEGLIGIBLE: f64 = 1.0 / (1u128 << 100) as f64 / (1u128 << 100) as f64 / (1u128 << 100) as f64;
+    // In the units below: 10⁹⁰ times slower to act than the flight takes over one length.
+    const NEGLIGIBLE: f64 = 1e-90;
     if a == DVec3::ZERO {
         return time_to_contact(r, v, sigma);
     }

@@ -117,9 +117,9 @@ fn refine(p: &[Big], slope: &[Big], mut low: Big, mut high: Big, rises: bool) ->
             return t;
         }
         if (value < Big::ZERO) == rises {
-            low = t.clone();
+            low.clone_from(&t);
         } else {
-            high = t.clone();
+            high.clone_from(&t);
         }
         let s = evaluate(slope, &t);
         let mut next = None;

@@ -19,7 +19,7 @@ impl Exact for Line {
         let (s, a) = (&self.s, &self.a);
         let mut d = &self.d + shrink;
         if d < zero && !self.face {
-            d = zero.clone();
+            d.clone_from(&zero);
         }
         if d <= zero && (*s < zero || (*s == zero && *a < zero)) {
             return Some(zero);
