@@ -1,0 +1,24 @@
+"""Errors of the package: each message is one line, tells what is wrong and what helps."""
+
+from __future__ import annotations
+
+__all__ = ["FileError", "HaffError", "MissingDataError", "NotApplicableError"]
+
+
+class HaffError(Exception):
+    """Base of all errors raised on purpose by this package."""
+
+
+class FileError(HaffError, OSError):
+    """A file cannot be opened, is not HDF5, or is not an output file of ``haff``."""
+
+    def __str__(self) -> str:
+        return str(self.args[0]) if self.args else ""
+
+
+class MissingDataError(HaffError, LookupError):
+    """The file is sound but the scene did not ask for this part of the output."""
+
+
+class NotApplicableError(HaffError):
+    """A figure or an analysis makes no sense for this file; the message is the reason."""

@@ -1,0 +1,327 @@
+"""Small H5MD files in the layout that `haff run` writes, made from closed forms without the simulator.
+
+What is in them is known exactly, so the reader, the analysis and the figures can be checked against it.
+"""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+
+import h5py
+import numpy as np
+
+from haff import theory
+
+KINDS = {"collision": 0, "wall": 1, "rest": 2}
+
+
+def write(
+    path: Path,
+    *,
+    scene: str,
+    size,
+    boundary,
+    mass,
+    radius,
+    species,
+    frames: dict[str, np.ndarray] | None = None,
+    observables: dict[str, np.ndarray] | None = None,
+    events: dict[str, np.ndarray] | None = None,
+) -> Path:
+    """Writes one file. `frames`: time, step, position, velocity, image; the other tables by their names."""
+    with h5py.File(path, "w", libver=("earliest", "v108")) as f:
+        meta = f.create_group("h5md")
+        meta.attrs["version"] = np.array([1, 1], np.int32)
+        meta.create_group("author").attrs["name"] = "synthetic"
+        creator = meta.create_group("creator")
+        creator.attrs["name"] = "haff"
+        creator.attrs["version"] = "0"
+        everything = f.create_group("particles/all")
+        box = everything.create_group("box")
+        box.attrs["dimension"] = np.int32(3)
+        box.attrs["boundary"] = np.array([b.encode() for b in boundary], "S8")
+        everything["mass"] = np.asarray(mass, float)
+        everything["radius"] = np.asarray(radius, float)
+        everything["species"] = np.asarray(species, np.int32)
+        everything["id"] = np.arange(len(mass))
+        if frames is not None:
+            count = len(frames["time"])
+            for name in ("position", "velocity", "image"):
+                element = everything.create_group(name)
+                element.create_dataset("value", data=frames[name], maxshape=(None, *frames[name].shape[1:]))
+                if name == "position":
+                    element.create_dataset("step", data=np.asarray(frames["step"], np.int64), maxshape=(None,))
+                    element.create_dataset("time", data=np.asarray(frames["time"], float), maxshape=(None,))
+                else:
+                    element["step"], element["time"] = everything["position/step"], everything["position/time"]
+            edges = box.create_group("edges")
+            edges["value"] = np.tile(np.asarray(size, float), (count, 1))
+            edges["step"], edges["time"] = everything["position/step"], everything["position/time"]
+        if observables is not None:
+            group = f.create_group("observables")
+            step = group.create_dataset("kinetic_energy/step", data=np.asarray(observables["step"], np.int64))
+            time = group.create_dataset("kinetic_energy/time", data=np.asarray(observables["time"], float))
+            for name, values in observables.items():
+                if name in ("step", "time"):
+                    continue
+                element = group.require_group(name)
+                element["value"] = values
+                if name != "kinetic_energy":
+                    element["step"], element["time"] = step, time
+        if events is not None:
+            group = f.create_group("events")
+            for name, values in events.items():
+                dtype = h5py.enum_dtype(KINDS, basetype="u1") if name == "kind" else values.dtype
+                group.create_dataset(name, data=values, dtype=dtype, maxshape=(None, *values.shape[1:]), chunks=True)
+        parameters = f.create_group("parameters")
+        parameters["scene"] = scene
+        parameters.attrs["seed"] = np.uint64(0)
+    return path
+
+
+def draw_velocities(rng: np.random.Generator, n: int, d: int, a2: float) -> np.ndarray:
+    """[n, 3] velocities of unit temperature and mass at zero momentum with Sonine coefficient a2."""
+    kept = np.empty((0, d))
+    while len(kept) < n:
+        v = rng.normal(size=(2 * n, d))
+        weight = 1 + a2 * theory.sonine_polynomial(np.sum(v**2, axis=1) / 2, d)
+        kept = np.concatenate([kept, v[rng.random(2 * n) * 3 < np.clip(weight, 0, 3)]])
+    v = kept[:n] - kept[:n].mean(axis=0)
+    v /= math.sqrt(np.mean(np.sum(v**2, axis=1)) / d)
+    return np.pad(v, ((0, 0), (0, 3 - d)))
+
+
+def jittered_lattice(rng: np.random.Generator, n: int, length: float, d: int, sigma: float) -> np.ndarray:
+    """[n, 3] positions on a simple lattice, moved at random without overlap."""
+    cells = math.ceil(n ** (1 / d) - 1e-9)
+    spacing = length / cells
+    sites = np.stack(np.meshgrid(*[np.arange(cells)] * d, indexing="ij"), axis=-1).reshape(-1, d)[:n]
+    room = max(0.0, (spacing - sigma) / 2 * 0.999)
+    points = (sites + 0.5) * spacing + rng.uniform(-room, room, (n, d))
+    return np.pad(points, ((0, 0), (0, 3 - d)))
+
+
+def cooling_gas(
+    path: Path,
+    *,
+    n: int = 2000,
+    e: float = 0.9,
+    eta: float = 0.05,
+    d: int = 3,
+    frames: int = 8,
+    samples: int = 60,
+    collisions: int = 20_000,
+    until_taus: float = 20.0,
+    seed: int = 1,
+    events: bool = True,
+) -> Path:
+    """A gas that follows Haff's law exactly, with van Noije–Ernst velocities and exponential losses."""
+    rng = np.random.default_rng(seed)
+    density = float(theory.number_density(eta, 1.0, d))
+    length = (n / density) ** (1 / d)
+    a2 = float(theory.sonine_a2(e, d)) if e < 1 else 0.0
+    omega = float(theory.collision_frequency(density, 1.0, 1.0, 1.0, theory.contact_value(eta, d), d))
+    tau = float(theory.haff_time(e, omega, d, a2)) if e < 1 else 100 / omega
+    end = until_taus * tau
+    temperature = (lambda t: theory.haff_temperature(t, 1.0, tau)) if e < 1 else (lambda t: np.ones_like(t))
+    elapsed = (lambda t: tau * np.log1p(t / tau)) if e < 1 else (lambda t: np.asarray(t, float))
+    total = n * omega / 2 * elapsed(end)
+    counted = lambda t: np.floor(n * omega / 2 * elapsed(np.asarray(t, float)) + 1e-9).astype(np.int64)  # noqa: E731
+
+    frame_time = np.concatenate([[0.0], np.geomspace(0.3 * tau, end, frames - 1)])
+    position = np.stack([jittered_lattice(rng, n, length, d, 1.0) for _ in frame_time])
+    velocity = np.stack(
+        [draw_velocities(rng, n, d, a2 if t > 0 else 0.0) * math.sqrt(float(temperature(t))) for t in frame_time]
+    )
+    image = rng.integers(-2, 3, position.shape).astype(np.int32)
+    image[..., d:] = 0
+
+    time = np.unique(np.concatenate([[0.0], np.geomspace(0.01 * tau, end, samples), frame_time]))
+    T = temperature(time)
+    kinetic = d * n / 2 * T
+    pressure = density * T * theory.compressibility(eta, e, d)
+    pressure[0] = np.nan
+    rate = np.concatenate([[np.nan], np.diff(counted(time)) / np.diff(time)])
+    observables = {
+        "time": time,
+        "step": counted(time),
+        "kinetic_energy": kinetic,
+        "potential_energy": np.zeros_like(T),
+        "dissipated_energy": kinetic[0] - kinetic,
+        "carnot_energy": (kinetic[0] - kinetic) * (1 + e) / max(1 - e, 1e-12),
+        "wall_work": np.zeros_like(T),
+        "ledger_residual": np.concatenate([[0.0], rng.normal(0, 3e-16, len(T) - 1)]),
+        "temperature": T,
+        "species_temperature": T[:, None],
+        "sonine_a2": np.where(time > tau / 5, a2, 0.0) + rng.normal(0, 2 / math.sqrt(n), len(T)),
+        "pressure": pressure,
+        "momentum": rng.normal(0, 1e-13, (len(T), 3)),
+        "external_impulse": np.zeros((len(T), 3)),
+        "collisions": counted(time),
+        "wall_collisions": np.zeros(len(T), np.int64),
+        "collision_rate": rate,
+        "mean_free_time": n / (2 * np.maximum(rate, 1e-300)),
+    }
+    log = None
+    if events:
+        s = np.sort(rng.random(collisions)) * elapsed(end)
+        when = tau * np.expm1(s / tau) if e < 1 else s
+        T_event = temperature(when)
+        mu = 0.5
+        energy = rng.exponential(size=collisions) * T_event
+        speed = np.sqrt(2 * energy / mu)
+        normal = rng.normal(size=(collisions, d))
+        normal = np.pad(normal / np.linalg.norm(normal, axis=1)[:, None], ((0, 0), (0, 3 - d)))
+        i = rng.integers(0, n - 1, collisions)
+        log = {
+            "time": when,
+            "kind": np.zeros(collisions, np.uint8),
+            "i": i.astype(np.uint32),
+            "j": (i + 1).astype(np.uint32),
+            "approach_speed": speed,
+            "impulse": (1 + e) * mu * speed,
+            "energy_loss": energy * (1 - e * e),
+            "carnot_energy": energy * (1 + e) ** 2,
+            "normal": normal,
+            "position": np.pad(rng.random((collisions, d)) * length, ((0, 0), (0, 3 - d))),
+        }
+    assert total > 0
+    size = [length, length, length if d == 3 else 1.0]
+    axes = '["periodic", "periodic", "periodic"]'
+    scene = f"""schema = 1
+title = "Synthetic {"cooling" if e < 1 else "elastic"} gas"
+seed = {seed}
+dimension = {d}
+
+[domain]
+size = [{size[0]!r}, {size[1]!r}, {size[2]!r}]
+boundary = {axes}
+
+[[species]]
+name = "grain"
+count = {n}
+radius = 0.5
+mass = 1.0
+
+[contact]
+restitution = {e}
+"""
+    return write(
+        path,
+        scene=scene,
+        size=size,
+        boundary=["periodic", "periodic", "periodic" if d == 3 else "none"],
+        mass=np.ones(n),
+        radius=np.full(n, 0.5),
+        species=np.zeros(n),
+        frames={
+            "time": frame_time,
+            "step": counted(frame_time),
+            "position": position,
+            "velocity": velocity,
+            "image": image,
+        },
+        observables=observables,
+        events=log,
+    )
+
+
+def bouncing_ball(path: Path, *, e: float = 0.7, height: float = 2.0, g: float = 9.81, bounces: int = 40) -> Path:
+    """A ball of radius 0.5 dropped on a floor from clear height `height`: exact series, then rest."""
+    impact = math.sqrt(2 * g * height)
+    fall = math.sqrt(2 * height / g)
+    hit = fall + np.concatenate([[0.0], np.cumsum(2 * fall * e ** np.arange(1, bounces))])
+    speed = impact * e ** np.arange(bounces)
+    end = fall * (1 + e) / (1 - e)
+
+    def state(t: float) -> tuple[float, float]:
+        if t >= end:
+            return 0.5, 0.0
+        k = int(np.searchsorted(hit, t, side="right")) - 1
+        if k < 0:
+            return 0.5 + height - g * t * t / 2, -g * t
+        up, dt = e * speed[k], t - hit[k]
+        return 0.5 + max(0.0, up * dt - g * dt * dt / 2), up - g * dt
+
+    time = np.linspace(0, 1.2 * end, 25)
+    states = np.array([state(t) for t in time])
+    position = np.zeros((len(time), 1, 3))
+    position[:, 0, :2], position[:, 0, 2] = 5.0, states[:, 0]
+    velocity = np.zeros_like(position)
+    velocity[:, 0, 2] = states[:, 1]
+    kinetic, potential = states[:, 1] ** 2 / 2, g * states[:, 0]
+    total = kinetic[0] + potential[0]
+    loss = speed**2 / 2 * (1 - e * e)
+    done = np.searchsorted(hit, time, side="right")
+    rest_loss = total - g * 0.5 - loss.sum()
+    lost = np.array([loss[:k].sum() for k in done]) + np.where(time >= end, rest_loss, 0.0)
+    count = bounces + 1
+    column = lambda wall, rest: np.append(wall, rest)  # noqa: E731
+    events = {
+        "time": column(hit, end),
+        "kind": np.append(np.full(bounces, 1, np.uint8), np.uint8(2)),
+        "i": np.zeros(count, np.uint32),
+        "j": np.zeros(count, np.uint32),
+        "approach_speed": column(speed, speed[-1] * e),
+        "impulse": column((1 + e) * speed, (1 + e) * speed[-1] * e / (1 - e)),
+        "energy_loss": column(loss, rest_loss),
+        "carnot_energy": column(speed**2 / 2 * (1 + e) ** 2, 0.0),
+        "normal": np.tile([0.0, 0.0, -1.0], (count, 1)),
+        "position": np.tile([5.0, 5.0, 0.0], (count, 1)),
+    }
+    observables = {
+        "time": time,
+        "step": done,
+        "kinetic_energy": kinetic,
+        "potential_energy": potential,
+        "dissipated_energy": lost,
+        "carnot_energy": np.zeros_like(time),
+        "wall_work": np.zeros_like(time),
+        "ledger_residual": np.zeros_like(time),
+        "temperature": np.zeros_like(time),
+        "momentum": velocity[:, 0],
+        "collisions": np.zeros(len(time), np.int64),
+        "wall_collisions": done,
+    }
+    scene = f"""schema = 1
+title = "Synthetic bouncing ball"
+
+[domain]
+size = [10.0, 10.0, 10.0]
+boundary = ["open", "open", "wall"]
+gravity = [0.0, 0.0, {-g}]
+
+[[particle]]
+name = "ball"
+position = [5.0, 5.0, {0.5 + height}]
+radius = 0.5
+mass = 1.0
+
+[contact]
+restitution = {e}
+"""
+    return write(
+        path,
+        scene=scene,
+        size=[10.0, 10.0, 10.0],
+        boundary=["none", "none", "none"],
+        mass=[1.0],
+        radius=[0.5],
+        species=[0],
+        frames={
+            "time": time,
+            "step": done,
+            "position": position,
+            "velocity": velocity,
+            "image": np.zeros_like(position, np.int32),
+        },
+        observables=observables,
+        events=events,
+    )
+
+
+def truncate(path: Path, dataset: str, rows: int) -> None:
+    """Shortens one dataset, as a run killed between two writes leaves it."""
+    with h5py.File(path, "r+") as f:
+        f[dataset].resize(rows, axis=0)
