@@ -6,5 +6,30 @@
 pub mod model;
 pub mod report;
 
-pub use model::{Body, Boundary, Class, Contacts, Dimension, Domain, Group, NeighborChoice, Options, SimdChoice, System, Wall};
-pub use report::{Checkpoint, Counters, EventKind, EventRecord, Frame, Ledger, Observer, Sample, Stop};
+mod batch;
+mod book;
+mod checkpoint;
+mod clock;
+mod entry;
+mod error;
+mod machine;
+mod measure;
+mod particles;
+mod predict;
+mod resolve;
+mod simulation;
+mod sum;
+
+pub use error::EngineError;
+pub use measure::Overlap;
+pub use model::{
+    Body, Boundary, Class, Contacts, Dimension, Domain, Group, NeighborChoice, Options, SimdChoice, System,
+    Wall,
+};
+pub use report::{
+    Checkpoint, Counters, EventKind, EventRecord, Frame, Ledger, Observer, Sample, Silent, Stop,
+};
+pub use simulation::{Simulation, Until};
+
+/// Version of the trajectories: raised by a release that changes what any scene computes.
+pub const TRAJECTORY_VERSION: u32 = 1;

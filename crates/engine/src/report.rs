@@ -151,7 +151,7 @@ pub enum Stop {
     Collisions,
     /// The asked number of events is done: a slice ended.
     Slice,
-    /// Nothing moves and nothing will.
+    /// Nothing moves and nothing will; or no bound was given and no event will ever come.
     Rest,
 }
 

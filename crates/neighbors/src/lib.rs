@@ -1,1 +1,77 @@
-//! Partner search for event-driven particles: cells and all pairs.
+/*!
+Who may meet whom next: the search for partners.
+
+A [`Search`] keeps, for every particle, a coarse *place* that is exact about what it promises: two particles whose
+surfaces could touch before either of them changes its place or collides are [candidates](Search::candidates) of
+each other. A change of place is a *transfer*: it is predicted and carried out by the search, and never touches
+the particle's anchor (position, velocity and time of its last own event). So the kind of search cannot change
+a trajectory.
+
+Coordinates are *anchor coordinates*: where the anchor's free flight leads without wrapping. The periodic image of a
+pair is given as an integer shift s per axis: the partner's image meant is at r_j + s·L.
+
+[`Cells`] is the search for production, [`AllPairs`] its plain twin and the choice for a handful of particles.
+*/
+
+mod all_pairs;
+mod cells;
+mod geometry;
+
+pub use all_pairs::AllPairs;
+pub use cells::Cells;
+pub use geometry::{Axis, Geometry, Plane};
+
+use glam::DVec3;
+
+/// Periodic image of a pair: the partner's image stands at r_j + shift · L.
+pub type Shift = [i32; 3];
+
+/// Free flight of a particle from where it is now, in anchor coordinates.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Flight {
+    /// Where it is now [length].
+    pub position: DVec3,
+    /// Its velocity now [length/time].
+    pub velocity: DVec3,
+    /// Its acceleration [length/time²].
+    pub acceleration: DVec3,
+}
+
+/// A predicted change of place.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Transfer {
+    /// Time from now [time], ≥ 0.
+    pub delay: f64,
+    /// What changes; meaningful to the search that made it.
+    pub code: u8,
+}
+
+/// The search for partners; see the [module's page](self).
+pub trait Search: Sync + Send + Sized {
+    /// Places all particles. `positions` are in anchor coordinates, now.
+    fn new(geometry: &Geometry, positions: &[DVec3]) -> Self;
+
+    /// Calls `visit(j, shift)` for every candidate j of particle i. `position(k)` tells where k is now.
+    fn candidates<P: Fn(u32) -> DVec3, V: FnMut(u32, Shift)>(&self, i: u32, position: P, visit: V);
+
+    /// The same for those alone that the transfer `code`, just carried out, has brought near.
+    fn new_candidates<P: Fn(u32) -> DVec3, V: FnMut(u32, Shift)>(
+        &self,
+        i: u32,
+        code: u8,
+        position: P,
+        visit: V,
+    );
+
+    /// Indices of the walls that particle i may touch before its next transfer.
+    fn walls(&self, i: u32) -> &[u16];
+
+    /// The next transfer of particle i, `None` if it will never need one.
+    fn next_transfer(&self, i: u32, flight: &Flight) -> Option<Transfer>;
+
+    /// Carries out the transfer.
+    fn transfer(&mut self, i: u32, code: u8);
+
+    /// The anchor of particle i has been moved by −wraps · L: its anchor coordinates change, its place does not.
+    fn rewrap(&mut self, i: u32, wraps: [i32; 3]);
+}

@@ -1,0 +1,42 @@
+//! Collisions per second of the elastic fluid: `throughput N_PER_EDGE PHI COLLISIONS [cells|all]`.
+
+#[path = "../tests/common/mod.rs"]
+mod common;
+
+use haff_engine::{NeighborChoice, Options, Silent, Simulation, Until};
+use std::time::Instant;
+
+fn main() {
+    let args: Vec<String> = std::env::args().collect();
+    let number = |k: usize, default: f64| args.get(k).and_then(|a| a.parse().ok()).unwrap_or(default);
+    let (edge, phi, collisions) = (number(1, 16.0) as usize, number(2, 0.1), number(3, 1e6) as u64);
+    let neighbors = if args.get(4).is_some_and(|a| a == "all") {
+        NeighborChoice::AllPairs
+    } else {
+        NeighborChoice::Cells
+    };
+    let start = Instant::now();
+    let mut simulation =
+        Simulation::new(common::gas(edge, phi, 1.0, 1), Options { neighbors, ..Options::default() }).unwrap();
+    let built = start.elapsed();
+    let n = edge.pow(3) as u64;
+    simulation.advance(Until { collisions: 10 * n, ..Until::default() }, &mut Silent).unwrap();
+    let before = simulation.counters();
+    let start = Instant::now();
+    simulation
+        .advance(Until { collisions: before.collisions + collisions, ..Until::default() }, &mut Silent)
+        .unwrap();
+    let seconds = start.elapsed().as_secs_f64();
+    let after = simulation.counters();
+    let per = |a: u64, b: u64| (a - b) as f64 / collisions as f64;
+    println!(
+        "N {n} phi {phi}: {:.3} M collisions/s, built in {built:.2?}; per collision: {:.1} predictions, {:.2} stale, {:.2} dropped, {:.2} transfers; residual {:.1e}; {}",
+        collisions as f64 / seconds / 1e6,
+        per(after.predictions, before.predictions),
+        per(after.stale, before.stale),
+        per(after.dropped, before.dropped),
+        per(after.transfers, before.transfers),
+        simulation.ledger().residual,
+        simulation.state_hash()
+    );
+}

@@ -1,0 +1,155 @@
+/*!
+Pair predictions, many at a time.
+
+The candidates of one particle are gathered into a structure of arrays and predicted without a branch, so that the
+compiler turns the kernel into vector code; the earliest is picked afterwards. The same source is compiled once for
+the target's baseline and once for AVX2. Rust never fuses or reorders floating-point operations, so both give the
+same bits, and those of [`haff_mechanics::time_to_contact`].
+*/
+
+use crate::model::SimdChoice;
+
+/// Candidates per batch; more are predicted batch by batch.
+pub(crate) const LANES: usize = 64;
+
+/// Candidates of one particle, as seen at the later anchor of each pair.
+#[derive(Debug, Clone)]
+pub(crate) struct Batch {
+    /// r = r_j − r_i + s L and v = v_j − v_i.
+    pub r: [[f64; LANES]; 3],
+    pub v: [[f64; LANES]; 3],
+    /// Square of the contact distance.
+    pub sigma2: [f64; LANES],
+    /// Later anchor time of the pair, minus the owner's [ticks].
+    pub offset: [i64; LANES],
+    pub id: [u32; LANES],
+    /// Result: time from the later anchor [time], infinite without a contact.
+    pub delay: [f64; LANES],
+    pub len: usize,
+}
+
+impl Batch {
+    pub fn new() -> Self {
+        Self {
+            r: [[0.0; LANES]; 3],
+            v: [[0.0; LANES]; 3],
+            sigma2: [0.0; LANES],
+            offset: [0; LANES],
+            id: [0; LANES],
+            delay: [0.0; LANES],
+            len: 0,
+        }
+    }
+
+    /// Predicts all candidates.
+    #[inline]
+    pub fn predict(&mut self, kernel: Kernel) {
+        match kernel {
+            Kernel::Portable => predict(self),
+            #[cfg(target_arch = "x86_64")]
+            // SAFETY: `Kernel::Avx2` is made by `Kernel::choose` alone, after it has found the feature.
+            Kernel::Avx2 => unsafe { predict_avx2(self) },
+        }
+    }
+}
+
+/// Build of the kernel that runs.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) enum Kernel {
+    Portable,
+    #[cfg(target_arch = "x86_64")]
+    Avx2,
+}
+
+impl Kernel {
+    /// The kernel for a choice, `None` if the processor does not have it.
+    pub fn choose(choice: SimdChoice) -> Option<Self> {
+        #[cfg(target_arch = "x86_64")]
+        let avx2 = std::is_x86_feature_detected!("avx2").then_some(Self::Avx2);
+        #[cfg(not(target_arch = "x86_64"))]
+        let avx2 = None;
+        match choice {
+            SimdChoice::Auto => avx2.or(Some(Self::Portable)),
+            SimdChoice::Avx2 => avx2,
+            SimdChoice::Portable => Some(Self::Portable),
+        }
+    }
+}
+
+/// [`predict`], compiled with 256-bit vectors: 1.3–1.5 times the collisions per second where dense.
+#[cfg(target_arch = "x86_64")]
+#[target_feature(enable = "avx2")]
+unsafe fn predict_avx2(batch: &mut Batch) {
+    predict(batch);
+}
+
+/// Smaller root of |r + v t| = σ for every candidate; see [`haff_mechanics::time_to_contact`] for the numerics.
+#[inline(always)]
+fn predict(batch: &mut Batch) {
+    let Batch { r: [rx, ry, rz], v: [vx, vy, vz], sigma2, delay, len, .. } = batch;
+    // Whole vectors: the lanes beyond the last candidate hold old ones, and nobody looks at their results.
+    let lanes = (*len).next_multiple_of(4).min(LANES);
+    for k in 0..lanes {
+        let (rx, ry, rz) = (rx[k], ry[k], rz[k]);
+        let (vx, vy, vz) = (vx[k], vy[k], vz[k]);
+        let b = rx * vx + ry * vy + rz * vz;
+        let rr = rx * rx + ry * ry + rz * rz;
+        let vv = vx * vx + vy * vy + vz * vz;
+        let (cx, cy, cz) = (ry * vz - vy * rz, rz * vx - vz * rx, rx * vy - vx * ry);
+        let cc = cx * cx + cy * cy + cz * cz;
+        let gap = rr - sigma2[k];
+        let disc = vv * sigma2[k] - cc;
+        let root = gap / (disc.max(0.0).sqrt() - b);
+        let time = if disc >= 0.0 { root } else { f64::INFINITY };
+        let time = if gap > 0.0 { time } else { 0.0 };
+        delay[k] = if b < 0.0 { time } else { f64::INFINITY };
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use glam::DVec3;
+    use haff_mechanics::time_to_contact;
+
+    /// Random pairs, many of them grazing or touching.
+    fn fill(batch: &mut Batch, state: &mut u64) {
+        let mut uniform = || {
+            *state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
+            (*state >> 11) as f64 / (1_u64 << 53) as f64 * 2.0 - 1.0
+        };
+        batch.len = LANES - 3;
+        for k in 0..batch.len {
+            for axis in 0..3 {
+                batch.r[axis][k] = uniform() * 3.0;
+                batch.v[axis][k] = uniform();
+            }
+            let rr: f64 = (0..3).map(|axis| batch.r[axis][k] * batch.r[axis][k]).sum();
+            batch.sigma2[k] = if k % 4 == 0 { rr * (1.0 + uniform() * 4e-16) } else { 1.0 + uniform() * 0.5 };
+        }
+    }
+
+    #[test]
+    fn every_kernel_has_the_bits_of_the_reference() {
+        let mut state = 3;
+        let (mut hits, mut batch) = (0, Batch::new());
+        for _ in 0..2000 {
+            fill(&mut batch, &mut state);
+            for choice in [SimdChoice::Portable, SimdChoice::Avx2] {
+                let Some(kernel) = Kernel::choose(choice) else { continue };
+                batch.predict(kernel);
+                for k in 0..batch.len {
+                    let vector = |a: &[[f64; LANES]; 3]| DVec3::new(a[0][k], a[1][k], a[2][k]);
+                    let sigma = batch.sigma2[k].sqrt();
+                    if sigma * sigma != batch.sigma2[k] {
+                        continue; // the reference takes σ, not its square
+                    }
+                    let expected = time_to_contact(vector(&batch.r), vector(&batch.v), sigma);
+                    assert_eq!(batch.delay[k].to_bits(), expected.unwrap_or(f64::INFINITY).to_bits());
+                    hits += u32::from(expected.is_some());
+                }
+            }
+        }
+        assert!(hits > 1000, "{hits} contacts");
+    }
+}

@@ -1,0 +1,54 @@
+//! The running account of a simulation: what its events have added up to.
+
+use glam::DVec3;
+
+use crate::{report::Counters, sum::Sum};
+
+/// Sums over events. The pressure's sums cover the time since the previous sample.
+#[derive(Debug, Clone, Default, PartialEq)]
+pub(crate) struct Book {
+    /// Σ ΔT, Σ E'_c, Σ W of moving walls and driven bodies.
+    pub dissipated: Sum,
+    pub carnot: Sum,
+    pub wall_work: Sum,
+    /// Impulse of walls and bodies of infinite mass on the particles, and of the support of resting ones.
+    pub impulse: [Sum; 3],
+    pub counters: Counters,
+    /// Σ J |r₁₂| since the previous sample.
+    pub virial: Sum,
+    /// Σ (ΔT − W)(t − t_previous): with it the mean kinetic energy of the interval is exact without gravity.
+    pub loss_moment: Sum,
+    /// Time of the previous sample [time], and collisions until then.
+    pub sampled_at: f64,
+    pub sampled_collisions: u64,
+    pub sampled_kinetic: f64,
+    /// Kinetic and potential energy at the start, gravity's impulse per time.
+    pub initial_energy: [f64; 2],
+    /// Largest overlap found so far [contact distances].
+    pub max_overlap: f64,
+}
+
+impl Book {
+    /// Adds an impulse of the outer world.
+    #[inline]
+    pub fn add_impulse(&mut self, impulse: DVec3) {
+        for (sum, term) in self.impulse.iter_mut().zip(impulse.to_array()) {
+            sum.add(term);
+        }
+    }
+
+    /// Books losses of one event at `time`.
+    #[inline]
+    pub fn add_losses(&mut self, time: f64, energy_loss: f64, carnot_energy: f64) {
+        self.dissipated.add(energy_loss);
+        self.carnot.add(carnot_energy);
+        self.loss_moment.add(energy_loss * (time - self.sampled_at));
+    }
+
+    /// Books work of a moving wall or driven body at `time`.
+    #[inline]
+    pub fn add_work(&mut self, time: f64, work: f64) {
+        self.wall_work.add(work);
+        self.loss_moment.add(-work * (time - self.sampled_at));
+    }
+}

@@ -1,0 +1,227 @@
+//! Checkpoints: the exact state as plain data, and back.
+
+use std::collections::BTreeMap;
+
+use glam::DVec3;
+
+use crate::{
+    book::Book,
+    error::EngineError,
+    machine::{Pending, State},
+    model::{Options, System},
+    particles::{Support, World},
+    report::Checkpoint,
+    simulation::Simulation,
+    sum::Sum,
+};
+
+/// Reads and writes the named scalars of a checkpoint in one and the same order, so that the two cannot disagree.
+struct Scalars<'a> {
+    values: BTreeMap<&'a str, u64>,
+    missing: Option<String>,
+}
+
+impl Scalars<'_> {
+    fn take(&mut self, name: &str) -> u64 {
+        self.values.remove(name).unwrap_or_else(|| {
+            self.missing.get_or_insert_with(|| name.to_owned());
+            0
+        })
+    }
+
+    fn real(&mut self, name: &str) -> f64 {
+        f64::from_bits(self.take(name))
+    }
+
+    fn sum(&mut self, name: &str) -> Sum {
+        Sum { high: self.real(&format!("{name}.high")), low: self.real(&format!("{name}.low")) }
+    }
+
+    fn vector(&mut self, name: &str) -> DVec3 {
+        DVec3::from_array(["x", "y", "z"].map(|axis| self.real(&format!("{name}.{axis}"))))
+    }
+}
+
+impl Simulation {
+    /// The exact state now.
+    pub fn checkpoint(&self) -> Checkpoint {
+        let State { world, book, pending } = &self.state;
+        let mut scalars: Vec<(String, u64)> = Vec::new();
+        let mut put = |name: &str, bits: u64| scalars.push((name.to_owned(), bits));
+        put("clock.exponent", i64::from(world.clock.exponent) as u64);
+        put("clock.base", world.clock.base.to_bits());
+        put("clock.base_low", world.clock.base_low.to_bits());
+        put("clock.now", world.now as u64);
+        put("clock.time", self.time().to_bits());
+        for (name, sum) in [
+            ("dissipated", book.dissipated),
+            ("carnot", book.carnot),
+            ("wall_work", book.wall_work),
+            ("impulse.x", book.impulse[0]),
+            ("impulse.y", book.impulse[1]),
+            ("impulse.z", book.impulse[2]),
+            ("virial", book.virial),
+            ("loss_moment", book.loss_moment),
+        ] {
+            put(&format!("{name}.high"), sum.high.to_bits());
+            put(&format!("{name}.low"), sum.low.to_bits());
+        }
+        for (name, vector) in [("force", world.force), ("force_impulse", world.force_impulse)] {
+            for (axis, value) in ["x", "y", "z"].into_iter().zip(vector.to_array()) {
+                put(&format!("{name}.{axis}"), value.to_bits());
+            }
+        }
+        put("force_until", world.force_until.to_bits());
+        put("sampled_at", book.sampled_at.to_bits());
+        put("sampled_collisions", book.sampled_collisions);
+        put("sampled_kinetic", book.sampled_kinetic.to_bits());
+        put("initial_kinetic", book.initial_energy[0].to_bits());
+        put("initial_potential", book.initial_energy[1].to_bits());
+        put("max_overlap", book.max_overlap.to_bits());
+        let counters = book.counters;
+        for (name, count) in [
+            ("collisions", counters.collisions),
+            ("wall_collisions", counters.wall_collisions),
+            ("rests", counters.rests),
+            ("predictions", counters.predictions),
+            ("dropped", counters.dropped),
+            ("stale", counters.stale),
+            ("transfers", counters.transfers),
+            ("epochs", counters.epochs),
+        ] {
+            put(name, count);
+        }
+        for (i, rest) in pending {
+            put(&format!("rest.{i}.end"), rest.end as u64);
+            put(&format!("rest.{i}.wall"), u64::from(rest.wall));
+            put(&format!("rest.{i}.speed"), rest.speed.to_bits());
+            put(&format!("rest.{i}.impulse"), rest.impulse.to_bits());
+            put(&format!("rest.{i}.energy_loss"), rest.energy_loss.to_bits());
+            put(&format!("rest.{i}.carnot_energy"), rest.carnot_energy.to_bits());
+        }
+        // Up to three walls a particle rests on, as digits.
+        let base = world.walls.len() as u32 + 1;
+        let resting = |i: u32| {
+            world
+                .support(i)
+                .into_iter()
+                .flatten()
+                .fold(0, |code: u32, wall| code * base + u32::from(wall) + 1)
+        };
+        Checkpoint {
+            position: world.particles.iter().map(|particle| particle.position).collect(),
+            velocity: world.particles.iter().map(|particle| particle.velocity).collect(),
+            anchor: world.particles.iter().map(|particle| particle.time).collect(),
+            image: world.images.clone(),
+            count: world.particles.iter().map(|particle| particle.count).collect(),
+            resting: (0..world.particles.len() as u32).map(resting).collect(),
+            scalars,
+        }
+    }
+
+    /// Goes on from a checkpoint of the same system, bit by bit as if it had never stopped.
+    pub fn restore(system: System, options: Options, checkpoint: &Checkpoint) -> Result<Self, EngineError> {
+        let count = system.bodies.len();
+        let lengths = [
+            checkpoint.position.len(),
+            checkpoint.velocity.len(),
+            checkpoint.anchor.len(),
+            checkpoint.image.len(),
+            checkpoint.count.len(),
+            checkpoint.resting.len(),
+        ];
+        if lengths.iter().any(|&length| length != count) {
+            return Err(EngineError::Checkpoint(format!(
+                "the scene has {count} particles, it has {lengths:?}"
+            )));
+        }
+        let mut scalars = Scalars {
+            values: checkpoint.scalars.iter().map(|(name, bits)| (name.as_str(), *bits)).collect(),
+            missing: None,
+        };
+        let exponent = scalars.take("clock.exponent") as i64 as i32;
+        let mut world = World::new(&system, exponent);
+        world.clock.base = scalars.real("clock.base");
+        world.clock.base_low = scalars.real("clock.base_low");
+        world.now = scalars.take("clock.now") as i64;
+        let time = scalars.real("clock.time");
+        for i in 0..count {
+            let particle = &mut world.particles[i];
+            particle.position = checkpoint.position[i];
+            particle.velocity = checkpoint.velocity[i];
+            particle.time = checkpoint.anchor[i];
+            particle.count = checkpoint.count[i];
+        }
+        world.images.clone_from(&checkpoint.image);
+        let base = world.walls.len() as u32 + 1;
+        for (i, &code) in checkpoint.resting.iter().enumerate().filter(|(_, code)| **code != 0) {
+            let mut support: Support = [None; 3];
+            let mut digits = code;
+            for place in support.iter_mut().filter(|_| true) {
+                if digits != 0 {
+                    *place = (digits % base).checked_sub(1).map(|wall| wall as u16);
+                    digits /= base;
+                }
+            }
+            support.reverse();
+            support.sort_by_key(Option::is_none);
+            world.replace_support(i as u32, support);
+        }
+        let mut book = Book {
+            dissipated: scalars.sum("dissipated"),
+            carnot: scalars.sum("carnot"),
+            wall_work: scalars.sum("wall_work"),
+            impulse: ["impulse.x", "impulse.y", "impulse.z"].map(|name| scalars.sum(name)),
+            virial: scalars.sum("virial"),
+            loss_moment: scalars.sum("loss_moment"),
+            ..Book::default()
+        };
+        world.force = scalars.vector("force");
+        world.force_impulse = scalars.vector("force_impulse");
+        world.force_until = scalars.real("force_until");
+        book.sampled_at = scalars.real("sampled_at");
+        book.sampled_collisions = scalars.take("sampled_collisions");
+        book.sampled_kinetic = scalars.real("sampled_kinetic");
+        book.initial_energy = [scalars.real("initial_kinetic"), scalars.real("initial_potential")];
+        book.max_overlap = scalars.real("max_overlap");
+        let counters = &mut book.counters;
+        counters.collisions = scalars.take("collisions");
+        counters.wall_collisions = scalars.take("wall_collisions");
+        counters.rests = scalars.take("rests");
+        counters.dropped = scalars.take("dropped");
+        counters.stale = scalars.take("stale");
+        counters.transfers = scalars.take("transfers");
+        counters.epochs = scalars.take("epochs");
+        let predictions = scalars.take("predictions");
+        let resting: Vec<u32> = scalars
+            .values
+            .keys()
+            .filter_map(|name| name.strip_prefix("rest.")?.strip_suffix(".end")?.parse().ok())
+            .collect();
+        let mut pending = BTreeMap::new();
+        for i in resting {
+            let rest = Pending {
+                end: scalars.take(&format!("rest.{i}.end")) as i64,
+                wall: scalars.take(&format!("rest.{i}.wall")) as u32,
+                speed: scalars.real(&format!("rest.{i}.speed")),
+                impulse: scalars.real(&format!("rest.{i}.impulse")),
+                energy_loss: scalars.real(&format!("rest.{i}.energy_loss")),
+                carnot_energy: scalars.real(&format!("rest.{i}.carnot_energy")),
+            };
+            pending.insert(i, rest);
+        }
+        if let Some(name) = scalars.missing {
+            return Err(EngineError::Checkpoint(format!("it lacks {name}")));
+        }
+        if let Some(name) = scalars.values.keys().next() {
+            return Err(EngineError::Checkpoint(format!(
+                "{name} is unknown; it was written by another version"
+            )));
+        }
+        let mut simulation = Self::start(system, options, State { world, book, pending })?;
+        // Predicting everything afresh is no part of the run.
+        simulation.state.book.counters.predictions = predictions;
+        simulation.stand_at(time);
+        Ok(simulation)
+    }
+}

@@ -1,0 +1,121 @@
+/*!
+Time as integer ticks, so that its accuracy does not depend on how long a run has been.
+
+A tick is a power of two, fine enough that what the fastest particle covers in one is below the rounding of a
+coordinate. Ticks count from the start of the current *epoch*, [`EPOCH`] ticks long; at its end whole epochs are
+subtracted everywhere, which is exact. Durations between two times of one pair are differences of integers and are
+rounded once, when they become an `f64`.
+*/
+
+/// Length of an epoch [ticks]: about 64 times the time the fastest particle takes through the system.
+pub(crate) const EPOCH: i64 = 1 << 60;
+/// Anchors older than this at the end of an epoch are brought forward to [`ANCHOR_AGE`] [ticks].
+pub(crate) const OLDEST_ANCHOR: i64 = 1 << 62;
+/// Age of an anchor that has been brought forward [ticks].
+pub(crate) const ANCHOR_AGE: i64 = 1 << 61;
+/// Predictions further ahead than this are left to a later renewal [ticks].
+pub(crate) const HORIZON: f64 = (1_u64 << 60) as f64;
+/// Ticks per time that light takes, so to speak: 2^54 per crossing of the system at the largest speed.
+const TICKS_PER_CROSSING: i32 = 54;
+
+/// Converts between ticks and time.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(crate) struct Clock {
+    /// log₂ of the tick [time].
+    pub exponent: i32,
+    /// Length of a tick [time], a power of two.
+    pub tick: f64,
+    /// Ticks per time.
+    pub per_time: f64,
+    /// Start of the epoch [time]; `base_low` is what its rounding has lost.
+    pub base: f64,
+    pub base_low: f64,
+}
+
+impl Clock {
+    /// A clock of 2^`exponent` ticks at time 0.
+    pub fn new(exponent: i32) -> Self {
+        let exponent = exponent.clamp(-1000, 900);
+        Self {
+            exponent,
+            tick: power_of_two(exponent),
+            per_time: power_of_two(-exponent),
+            base: 0.0,
+            base_low: 0.0,
+        }
+    }
+
+    /// The exponent that suits a system of this extent and largest speed.
+    pub fn exponent_for(extent: f64, speed: f64) -> i32 {
+        let crossing = if speed > 0.0 { extent / speed } else { 1.0 };
+        exponent_of(crossing) - TICKS_PER_CROSSING
+    }
+
+    /// Time at `ticks`.
+    pub fn time(&self, ticks: i64) -> f64 {
+        self.base + (ticks as f64 * self.tick + self.base_low)
+    }
+
+    /// The tick nearest to a time, within ±2^62.
+    pub fn ticks(&self, time: f64) -> i64 {
+        const FAR: f64 = (1_u64 << 62) as f64;
+        (((time - self.base) - self.base_low) * self.per_time).round_ties_even().clamp(-FAR, FAR) as i64
+    }
+
+    /// Starts the next epoch.
+    pub fn next_epoch(&mut self) {
+        let step = EPOCH as f64 * self.tick;
+        let sum = self.base + step;
+        // Two-sum: exact as long as the base is below 2^53 epochs, and compensated after.
+        let part = sum - self.base;
+        self.base_low += (self.base - (sum - part)) + (step - part);
+        self.base = sum;
+    }
+
+    /// The same instant with another tick.
+    pub fn with_exponent(&self, exponent: i32) -> Self {
+        Self { base: self.base, base_low: self.base_low, ..Self::new(exponent) }
+    }
+}
+
+/// Whole ticks nearest to a non-negative duration in ticks below [`HORIZON`].
+#[inline(always)]
+pub(crate) fn whole(ticks: f64) -> i64 {
+    debug_assert!((0.0..=HORIZON).contains(&ticks));
+    (ticks + 0.5) as i64
+}
+
+/// 2^e for −1022 ≤ e ≤ 1023.
+fn power_of_two(exponent: i32) -> f64 {
+    f64::from_bits(((exponent + 1023) as u64) << 52)
+}
+
+/// ⌊log₂ x⌋ of a positive finite number.
+fn exponent_of(x: f64) -> i32 {
+    ((x.clamp(1e-290, 1e290).to_bits() >> 52) & 0x7ff) as i32 - 1023
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn epochs_are_exact() {
+        let mut clock = Clock::new(-50);
+        for _ in 0..1000 {
+            clock.next_epoch();
+        }
+        assert_eq!(clock.time(0), 1000.0 * 1024.0);
+        assert_eq!(clock.ticks(clock.time(12_345 << 30)), 12_345 << 30);
+        assert_eq!(clock.base_low, 0.0);
+    }
+
+    #[test]
+    fn a_tick_moves_nothing_by_more_than_rounding() {
+        for (extent, speed) in [(1.0, 1.0), (300.0, 5.0), (1e-6, 3e8), (7e5, 1e-9)] {
+            let clock = Clock::new(Clock::exponent_for(extent, speed));
+            assert!(clock.tick * speed <= extent * 2.0_f64.powi(-54));
+            assert!(clock.tick * speed > extent * 2.0_f64.powi(-56));
+        }
+    }
+}

@@ -1,0 +1,57 @@
+//! What can stop a simulation.
+
+/// Why a simulation cannot start or go on. What was recorded before stays valid.
+#[derive(Debug, Clone, PartialEq, thiserror::Error)]
+pub enum EngineError {
+    /// Infinitely many collisions in a finite time.
+    #[error(
+        "inelastic collapse at t = {time}: {events} events within {span:e} time units, the last of particle {i} with {partner}; \
+         set contact.tc, or a restitution that tends to 1 at low speed (model = \"cutoff\" or \"viscoelastic\")"
+    )]
+    Collapse {
+        /// When [time].
+        time: f64,
+        /// Events during which time hardly went on.
+        events: u64,
+        /// How far it went on [time].
+        span: f64,
+        /// A particle taking part.
+        i: u32,
+        /// Its partner, in words.
+        partner: String,
+    },
+    /// A velocity or position has left the range of numbers.
+    #[error("particle {i} has a velocity beyond the range of numbers at t = {time}: {velocity:?}")]
+    Overflow {
+        /// When [time].
+        time: f64,
+        /// The particle.
+        i: u32,
+        /// Its velocity [length/time].
+        velocity: [f64; 3],
+    },
+    /// The processor does not have the asked instructions.
+    #[error("engine.simd = \"avx2\": this processor does not have AVX2; use \"auto\" or \"portable\"")]
+    NoAvx2,
+    /// A checkpoint does not belong to this system, or was written by another version.
+    #[error("the checkpoint does not fit: {0}")]
+    Checkpoint(String),
+    /// More particles or walls than indices can name.
+    #[error("{what} = {count}: at most {limit} are possible")]
+    TooMany {
+        /// What there is too much of.
+        what: &'static str,
+        /// How many.
+        count: usize,
+        /// How many may be.
+        limit: usize,
+    },
+    /// An internal invariant does not hold; a bug, reported instead of wrong figures.
+    #[error("internal inconsistency at t = {time}: {what}; please report this scene")]
+    Inconsistent {
+        /// When [time].
+        time: f64,
+        /// What does not hold.
+        what: String,
+    },
+}

@@ -1,0 +1,377 @@
+/*!
+The loop: take the earliest event, resolve it, predict what comes next for those it changed.
+
+Every particle has exactly one live entry in the calendar, its earliest event. An entry whose own particle has had
+another event is void and dropped; one whose partner has is stale, and its particle is predicted afresh. So each live
+entry leaves exactly one successor.
+*/
+
+use std::{collections::BTreeMap, marker::PhantomData};
+
+use haff_calendar::{Calendar, Ladder};
+use haff_neighbors::{Geometry, Search};
+use rayon::prelude::*;
+
+use crate::{
+    batch::Kernel,
+    book::Book,
+    entry::{Entry, Kind, Target},
+    error::EngineError,
+    particles::World,
+    predict::{Memory, Scope, Scratch, foresee},
+    report::{Observer, Stop},
+    resolve,
+};
+
+/// What a scene asks of the engine; each combination is compiled on its own, so that nobody pays for the rest.
+pub(crate) trait Features: Send + Sync + 'static {
+    /// Bodies may be accelerated.
+    const GRAVITY: bool;
+    /// All particles share one radius and one finite mass.
+    const UNIFORM: bool;
+}
+
+/// A combination of features.
+pub(crate) struct With<const GRAVITY: bool, const UNIFORM: bool>;
+
+impl<const GRAVITY: bool, const UNIFORM: bool> Features for With<GRAVITY, UNIFORM> {
+    const GRAVITY: bool = GRAVITY;
+    const UNIFORM: bool = UNIFORM;
+}
+
+/// A completed series of bounces, up to its end.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(crate) struct Pending {
+    /// When the series ends [ticks].
+    pub end: i64,
+    pub wall: u32,
+    /// Approach speed of the first bounce left out [length/time].
+    pub speed: f64,
+    /// Sums over the bounces left out.
+    pub impulse: f64,
+    pub energy_loss: f64,
+    pub carnot_energy: f64,
+}
+
+/// How far to run.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Limit {
+    /// Up to and with this time [ticks].
+    pub ticks: i64,
+    /// Up to this total of collisions.
+    pub collisions: u64,
+    /// At most this many calendar entries.
+    pub entries: u64,
+}
+
+/// A run of events within this many ticks…
+const STALL_SPAN: i64 = 1 << 10;
+/// …of more than this number, and this number per particle, is a collapse.
+const STALL_EVENTS: u64 = 100_000;
+const STALL_EVENTS_PER_PARTICLE: u64 = 10;
+
+/// A compiled engine, behind one virtual call per slice of events.
+pub(crate) trait Engine: Send {
+    /// Searches and predicts everything afresh.
+    fn rebuild(&mut self, state: &mut State, geometry: &Geometry);
+    /// Whether no event is due at any time.
+    fn is_idle(&self) -> bool;
+    /// Runs events.
+    fn advance(
+        &mut self,
+        state: &mut State,
+        limit: Limit,
+        observer: &mut dyn Observer,
+    ) -> Result<Stop, EngineError>;
+}
+
+/// What an engine works on: all but its machinery.
+#[derive(Debug, Clone)]
+pub(crate) struct State {
+    pub world: World,
+    pub book: Book,
+    pub pending: BTreeMap<u32, Pending>,
+}
+
+/// The engine for one set of features and one search.
+pub(crate) struct Machine<F, S> {
+    pub(crate) search: S,
+    calendar: Ladder<Entry>,
+    /// Best physical event of the particles whose entry is a transfer.
+    memory: Vec<Memory>,
+    /// Entries of one and the same tick, latest rank first, while several of them are due.
+    ties: Vec<Entry>,
+    scratch: Scratch,
+    stall_since: i64,
+    stall_events: u64,
+    features: PhantomData<F>,
+}
+
+const NO_MEMORY: Memory = Memory { time: i64::MAX, target: Target::NONE, partner_count: 0 };
+
+impl<F: Features, S: Search + 'static> Machine<F, S> {
+    /// A machine for a state; it has to be [built](Engine::rebuild) before it runs.
+    pub fn new(geometry: &Geometry, kernel: Kernel, particles: usize) -> Self {
+        Self {
+            search: S::new(geometry, &[]),
+            calendar: Ladder::with_capacity(particles),
+            memory: vec![NO_MEMORY; particles],
+            ties: Vec::new(),
+            scratch: Scratch::new(kernel),
+            stall_since: i64::MIN,
+            stall_events: 0,
+            features: PhantomData,
+        }
+    }
+
+    /// Predicts particle i and enters its next event.
+    #[inline]
+    fn schedule(&mut self, state: &State, i: u32, scope: Scope) {
+        let memory = if scope == Scope::All { NO_MEMORY } else { self.memory[i as usize] };
+        let (entry, memory) =
+            foresee::<F, S>(&state.world, &self.search, &state.pending, i, scope, memory, &mut self.scratch);
+        if let Some(memory) = memory {
+            self.memory[i as usize] = memory;
+        }
+        if entry.time < i64::MAX {
+            self.calendar.push(entry);
+        }
+    }
+
+    /// The next entry that is neither void nor stale, up to `limit`.
+    #[inline]
+    fn next(&mut self, state: &mut State, limit: i64) -> Option<Entry> {
+        loop {
+            if !self.ties.is_empty() {
+                if let Some(entry) = self.next_tie(state, limit) {
+                    return Some(entry);
+                }
+                if !self.ties.is_empty() {
+                    return None;
+                }
+            }
+            let entry = self.calendar.pop_until(limit)?;
+            if state.world.particles[entry.owner as usize].count != entry.own_count {
+                state.book.counters.dropped += 1;
+                continue;
+            }
+            if self.calendar.next_time() == Some(entry.time) {
+                self.ties.push(entry);
+                continue;
+            }
+            if is_stale(&state.world, &entry) {
+                self.renew(state, entry);
+                continue;
+            }
+            return Some(entry);
+        }
+    }
+
+    /// Of several entries at one tick, the first in rank. All that are stale are predicted afresh before, so that
+    /// what is first does not depend on which of them had been predicted when.
+    #[cold]
+    fn next_tie(&mut self, state: &mut State, limit: i64) -> Option<Entry> {
+        let time = self.ties[0].time;
+        if time > limit {
+            return None;
+        }
+        loop {
+            let mut changed = false;
+            while let Some(entry) = self.calendar.pop_until(time) {
+                self.ties.push(entry);
+                changed = true;
+            }
+            let mut stale = Vec::new();
+            self.ties.retain(|entry| {
+                if state.world.particles[entry.owner as usize].count != entry.own_count {
+                    state.book.counters.dropped += 1;
+                    return false;
+                }
+                if is_stale(&state.world, entry) {
+                    stale.push(*entry);
+                    return false;
+                }
+                true
+            });
+            if changed {
+                self.ties.sort_unstable_by(|a, b| b.cmp(a));
+            }
+            if stale.is_empty() {
+                break;
+            }
+            for entry in stale {
+                self.renew(state, entry);
+            }
+        }
+        self.ties.pop()
+    }
+
+    /// Predicts afresh the particle whose partner has collided since.
+    #[inline]
+    fn renew(&mut self, state: &mut State, entry: Entry) {
+        state.world.now = state.world.now.max(entry.time);
+        state.book.counters.stale += 1;
+        self.schedule(state, entry.owner, Scope::All);
+    }
+
+    /// Runs the events; `EVENTS` tells whether the observer wants rows.
+    fn run<const EVENTS: bool>(
+        &mut self,
+        state: &mut State,
+        limit: Limit,
+        observer: &mut dyn Observer,
+    ) -> Result<Stop, EngineError> {
+        let mut entries = 0;
+        let predictions = self.scratch.predictions;
+        let stop = loop {
+            if state.book.counters.collisions >= limit.collisions {
+                break Stop::Collisions;
+            }
+            if entries >= limit.entries {
+                break Stop::Slice;
+            }
+            let Some(entry) = self.next(state, limit.ticks) else {
+                state.world.now = state.world.now.max(limit.ticks);
+                break Stop::Time;
+            };
+            entries += 1;
+            state.world.now = state.world.now.max(entry.time);
+            self.watch(state, &entry)?;
+            let i = entry.owner;
+            match entry.target.kind() {
+                Kind::Collision(j) => {
+                    resolve::collision::<F, EVENTS>(state, i, j, entry.time, observer)?;
+                    // Both anchors are in place before either is looked at.
+                    let bodies = [i.min(j), i.max(j)];
+                    bodies.into_iter().for_each(|body| self.follow(state, body));
+                    for body in bodies {
+                        // A body of infinite mass has not changed: its own entry stands unless it is this one.
+                        if body == i || state.world.class(body).inverse_mass != 0.0 {
+                            self.schedule(state, body, Scope::All);
+                        }
+                    }
+                }
+                Kind::Wall(wall) => {
+                    resolve::wall::<F, EVENTS>(state, i, wall, entry.time, observer)?;
+                    self.follow(state, i);
+                    self.schedule(state, i, Scope::All);
+                }
+                Kind::Rest => {
+                    resolve::end_of_rest::<EVENTS>(state, i, entry.time, observer);
+                    self.schedule(state, i, Scope::All);
+                    if state.pending.is_empty() && state.world.is_at_rest() {
+                        break Stop::Rest;
+                    }
+                }
+                Kind::Transfer(code) => {
+                    state.book.counters.transfers += 1;
+                    self.search.transfer(i, code);
+                    self.schedule(state, i, Scope::New(code));
+                }
+                Kind::Renewal => {
+                    state.book.counters.transfers += 1;
+                    self.schedule(state, i, Scope::All);
+                }
+            }
+        };
+        state.book.counters.predictions += self.scratch.predictions - predictions;
+        Ok(stop)
+    }
+
+    /// Wraps the anchor of a particle that has just collided, and tells the search.
+    #[inline]
+    fn follow(&mut self, state: &mut State, i: u32) {
+        let wraps = state.world.wrap_anchor(i);
+        if wraps != [0; 3] {
+            self.search.rewrap(i, wraps);
+        }
+    }
+
+    /// Notices when time stands still.
+    #[inline]
+    fn watch(&mut self, state: &State, entry: &Entry) -> Result<(), EngineError> {
+        self.stall_events += 1;
+        if entry.time.saturating_sub(self.stall_since) >= STALL_SPAN {
+            self.stall_since = entry.time;
+            self.stall_events = 0;
+        }
+        let patience = STALL_EVENTS + STALL_EVENTS_PER_PARTICLE * state.world.particles.len() as u64;
+        if self.stall_events > patience {
+            return Err(EngineError::Collapse {
+                time: state.world.clock.time(entry.time),
+                events: self.stall_events,
+                span: (entry.time - self.stall_since).max(0) as f64 * state.world.clock.tick,
+                i: entry.owner,
+                partner: match entry.target.kind() {
+                    Kind::Collision(j) => format!("particle {j}"),
+                    Kind::Wall(wall) => format!("wall {}", state.world.walls[wall as usize].name),
+                    Kind::Rest | Kind::Transfer(_) | Kind::Renewal => "nobody".to_owned(),
+                },
+            });
+        }
+        Ok(())
+    }
+}
+
+/// Whether the partner of an entry has had another event since.
+#[inline]
+fn is_stale(world: &World, entry: &Entry) -> bool {
+    match entry.target.kind() {
+        Kind::Collision(j) => world.particles[j as usize].count != entry.partner_count,
+        Kind::Wall(_) | Kind::Rest | Kind::Transfer(_) | Kind::Renewal => false,
+    }
+}
+
+impl<F: Features, S: Search + 'static> Engine for Machine<F, S> {
+    fn rebuild(&mut self, state: &mut State, geometry: &Geometry) {
+        let State { world, book, pending } = state;
+        let (world, pending) = (&*world, &*pending);
+        let count = world.particles.len();
+        let positions: Vec<_> =
+            (0..count as u32).into_par_iter().map(|i| world.flight::<F>(i, world.now).0).collect();
+        self.search = S::new(geometry, &positions);
+        self.calendar.clear();
+        self.ties.clear();
+        self.stall_since = i64::MIN;
+        let search = &self.search;
+        let kernel = self.scratch.kernel();
+        let foreseen: Vec<(Entry, Option<Memory>, u64)> = (0..count as u32)
+            .into_par_iter()
+            .map_init(
+                || Scratch::new(kernel),
+                |scratch, i| {
+                    let before = scratch.predictions;
+                    let (entry, memory) =
+                        foresee::<F, S>(world, search, pending, i, Scope::All, NO_MEMORY, scratch);
+                    (entry, memory, scratch.predictions - before)
+                },
+            )
+            .collect();
+        for (entry, memory, predictions) in foreseen {
+            book.counters.predictions += predictions;
+            if let Some(memory) = memory {
+                self.memory[entry.owner as usize] = memory;
+            }
+            if entry.time < i64::MAX {
+                self.calendar.push(entry);
+            }
+        }
+    }
+
+    fn is_idle(&self) -> bool {
+        self.calendar.is_empty() && self.ties.is_empty()
+    }
+
+    fn advance(
+        &mut self,
+        state: &mut State,
+        limit: Limit,
+        observer: &mut dyn Observer,
+    ) -> Result<Stop, EngineError> {
+        if observer.wants_events() {
+            self.run::<true>(state, limit, observer)
+        } else {
+            self.run::<false>(state, limit, observer)
+        }
+    }
+}

@@ -1,0 +1,376 @@
+//! Particles as the engine keeps them: one cache line each, and tables of what they have in common.
+
+use glam::DVec3;
+
+use crate::{
+    clock::Clock,
+    machine::{Features, With},
+    model::{Boundary, Restitution, System, Wall},
+};
+
+/// The hot record, one cache line: the *anchor* of a particle, which is its state at its last own event.
+#[derive(Debug, Clone, Copy, PartialEq)]
+#[repr(C, align(64))]
+pub(crate) struct Particle {
+    pub position: DVec3,
+    pub velocity: DVec3,
+    /// Time of the anchor [ticks].
+    pub time: i64,
+    /// Own events so far; marks calendar entries as void or stale.
+    pub count: u32,
+    /// Class; [`RESTING`] is set when walls hold the particle.
+    class: u32,
+}
+
+const RESTING: u32 = 1 << 31;
+
+impl Particle {
+    #[inline(always)]
+    pub fn class(&self) -> usize {
+        (self.class & !RESTING) as usize
+    }
+
+    #[inline(always)]
+    pub fn rests(&self) -> bool {
+        self.class & RESTING != 0
+    }
+}
+
+/// Radius, mass and contact group of a class.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct ClassData {
+    pub radius: f64,
+    pub mass: f64,
+    pub inverse_mass: f64,
+    pub group: usize,
+}
+
+/// Walls a particle rests on; at most three.
+pub(crate) type Support = [Option<u16>; 3];
+
+/// All that predictions look at, and nothing of the machinery.
+#[derive(Debug, Clone)]
+pub(crate) struct World {
+    pub clock: Clock,
+    pub particles: Vec<Particle>,
+    pub images: Vec<[i32; 3]>,
+    pub classes: Vec<ClassData>,
+    pub walls: Vec<Wall>,
+    /// Walls that particles rest on; empty as long as none ever has.
+    pub support: Vec<Support>,
+    pub size: DVec3,
+    pub periodic: [bool; 3],
+    pub gravity: DVec3,
+    pub pair_restitution: Vec<Restitution>,
+    pub wall_restitution: Vec<Restitution>,
+    pub groups: usize,
+    pub tc: f64,
+    /// Time of the latest event or stop [ticks].
+    pub now: i64,
+    /// Particles that rest on walls.
+    pub resting: usize,
+    /// Σ m a of gravity and of the walls that hold particles [force], and its impulse until a time [time].
+    pub force: DVec3,
+    pub force_impulse: DVec3,
+    pub force_until: f64,
+}
+
+impl World {
+    pub fn new(system: &System, exponent: i32) -> Self {
+        let mut world = Self {
+            clock: Clock::new(exponent),
+            particles: system
+                .bodies
+                .iter()
+                .map(|body| Particle {
+                    position: body.position,
+                    velocity: body.velocity,
+                    time: 0,
+                    count: 0,
+                    class: body.class,
+                })
+                .collect(),
+            images: system.bodies.iter().map(|body| body.image).collect(),
+            classes: system
+                .classes
+                .iter()
+                .map(|class| ClassData {
+                    radius: class.radius,
+                    mass: class.mass,
+                    inverse_mass: 1.0 / class.mass,
+                    group: class.group as usize,
+                })
+                .collect(),
+            walls: system.walls.clone(),
+            support: Vec::new(),
+            size: system.domain.size,
+            periodic: system.domain.boundary.map(|boundary| boundary == Boundary::Periodic),
+            gravity: system.domain.gravity,
+            pair_restitution: system.contacts.pair.clone(),
+            wall_restitution: system.contacts.wall.clone(),
+            groups: system.groups.len(),
+            tc: system.contacts.tc,
+            now: 0,
+            resting: 0,
+            force: DVec3::ZERO,
+            force_impulse: DVec3::ZERO,
+            force_until: 0.0,
+        };
+        for i in 0..world.particles.len() as u32 {
+            let class = world.class(i);
+            if class.inverse_mass != 0.0 {
+                world.force += class.mass * world.gravity;
+            }
+        }
+        world
+    }
+
+    /// Impulse of gravity and supports until `time` [mass·length/time].
+    pub fn impulse_of_force(&self, time: f64) -> DVec3 {
+        self.force_impulse + self.force * (time - self.force_until)
+    }
+
+    #[inline(always)]
+    pub fn class(&self, i: u32) -> &ClassData {
+        &self.classes[self.particles[i as usize].class()]
+    }
+
+    /// Acceleration of a particle in its flight [length/time²].
+    #[inline]
+    pub fn acceleration(&self, i: u32) -> DVec3 {
+        let particle = &self.particles[i as usize];
+        if self.classes[particle.class()].inverse_mass == 0.0 {
+            DVec3::ZERO
+        } else if particle.rests() {
+            supported(
+                self.gravity,
+                self.support[i as usize].iter().flatten().map(|&w| self.walls[w as usize].normal),
+            )
+        } else {
+            self.gravity
+        }
+    }
+
+    /// Time since the anchor of particle i [time].
+    #[inline(always)]
+    pub fn age(&self, i: u32, ticks: i64) -> f64 {
+        (ticks - self.particles[i as usize].time) as f64 * self.clock.tick
+    }
+
+    /// Position (in anchor coordinates) and velocity of particle i at `ticks`.
+    #[inline]
+    pub fn flight<F: Features>(&self, i: u32, ticks: i64) -> (DVec3, DVec3) {
+        let particle = &self.particles[i as usize];
+        let dt = self.age(i, ticks);
+        if F::GRAVITY {
+            let a = self.acceleration(i);
+            (
+                haff_mechanics::free_flight(particle.position, particle.velocity, a, dt),
+                haff_mechanics::free_flight_velocity(particle.velocity, a, dt),
+            )
+        } else {
+            (haff_mechanics::drift(particle.position, particle.velocity, dt), particle.velocity)
+        }
+    }
+
+    /// [`Self::flight`] for code that is not compiled per feature; the same bits.
+    pub fn state(&self, i: u32, ticks: i64) -> (DVec3, DVec3) {
+        if self.gravity == DVec3::ZERO {
+            self.flight::<With<false, false>>(i, ticks)
+        } else {
+            self.flight::<With<true, false>>(i, ticks)
+        }
+    }
+
+    /// Wraps a position into the box along periodic axes: (position, wraps).
+    #[inline]
+    pub fn wrap(&self, position: DVec3) -> (DVec3, [i32; 3]) {
+        let mut p = position.to_array();
+        let mut wraps = [0; 3];
+        for axis in 0..3 {
+            let length = self.size[axis];
+            if self.periodic[axis] && !(0.0..length).contains(&p[axis]) {
+                let turns = (p[axis] / length).floor();
+                p[axis] -= turns * length;
+                wraps[axis] = turns as i32;
+                // Rounding can leave −ulp or exactly L.
+                if p[axis] < 0.0 {
+                    p[axis] += length;
+                    wraps[axis] -= 1;
+                }
+                if p[axis] >= length {
+                    p[axis] -= length;
+                    wraps[axis] += 1;
+                }
+            }
+        }
+        (DVec3::from_array(p), wraps)
+    }
+
+    /// Wraps the anchor of particle i into the box; the wraps per axis.
+    #[inline]
+    pub fn wrap_anchor(&mut self, i: u32) -> [i32; 3] {
+        let (position, wraps) = self.wrap(self.particles[i as usize].position);
+        if wraps != [0; 3] {
+            self.particles[i as usize].position = position;
+            for (image, turns) in self.images[i as usize].iter_mut().zip(wraps) {
+                *image += turns;
+            }
+        }
+        wraps
+    }
+
+    /// The nearest periodic image of a difference of positions.
+    #[inline]
+    pub fn nearest_image(&self, r: DVec3) -> DVec3 {
+        let mut r = r.to_array();
+        for axis in 0..3 {
+            let length = self.size[axis];
+            if self.periodic[axis] && 2.0 * r[axis].abs() > length {
+                // A shift is applied as one product, as the prediction does it.
+                r[axis] -= (r[axis] / length).round_ties_even() * length;
+            }
+        }
+        DVec3::from_array(r)
+    }
+
+    /// Signed distance of a particle's surface from a wall, its rate and its acceleration, all along the wall's normal,
+    /// for a flight at `position`, `velocity` at `ticks`.
+    #[inline]
+    pub fn wall_approach(
+        &self,
+        wall: u32,
+        radius: f64,
+        position: DVec3,
+        velocity: DVec3,
+        ticks: i64,
+    ) -> (f64, f64) {
+        let wall = &self.walls[wall as usize];
+        let mut point = wall.point;
+        if wall.velocity != DVec3::ZERO {
+            point += wall.velocity * self.clock.time(ticks);
+        }
+        ((position - point).dot(wall.normal) - radius, (velocity - wall.velocity).dot(wall.normal))
+    }
+
+    /// Sets the walls that particle i rests on from `ticks` on.
+    pub fn set_support(&mut self, i: u32, support: Support, ticks: i64) {
+        let (before, time) = (self.acceleration(i), self.clock.time(ticks));
+        self.replace_support(i, support);
+        let change = self.acceleration(i) - before;
+        if change != DVec3::ZERO {
+            self.force_impulse = self.impulse_of_force(time);
+            self.force_until = time;
+            self.force += self.class(i).mass * change;
+        }
+    }
+
+    /// [`Self::set_support`] without its account.
+    pub fn replace_support(&mut self, i: u32, support: Support) {
+        if self.support.is_empty() {
+            self.support = vec![[None; 3]; self.particles.len()];
+        }
+        self.support[i as usize] = support;
+        let (before, after) = (self.particles[i as usize].rests(), support != [None; 3]);
+        self.resting = self.resting + usize::from(after) - usize::from(before);
+        let class = &mut self.particles[i as usize].class;
+        *class = if after { *class | RESTING } else { *class & !RESTING };
+    }
+
+    /// Walls that particle i rests on.
+    pub fn support(&self, i: u32) -> Support {
+        if self.particles[i as usize].rests() { self.support[i as usize] } else { [None; 3] }
+    }
+
+    /// Restitution law of a pair of classes.
+    #[inline]
+    pub fn pair_law(&self, a: &ClassData, b: &ClassData) -> Restitution {
+        self.pair_restitution[a.group * self.groups + b.group]
+    }
+
+    /// Restitution law of a class with a wall.
+    #[inline]
+    pub fn wall_law(&self, class: &ClassData, wall: u32) -> Restitution {
+        self.wall_restitution[class.group * self.walls.len() + wall as usize]
+    }
+
+    /// Whether nothing moves and nothing will.
+    pub fn is_at_rest(&self) -> bool {
+        let free = self.classes.iter().any(|class| class.inverse_mass != 0.0);
+        (self.gravity == DVec3::ZERO || self.resting > 0 || !free)
+            && self.walls.iter().all(|wall| wall.velocity == DVec3::ZERO)
+            && (0..self.particles.len() as u32).all(|i| {
+                self.particles[i as usize].velocity == DVec3::ZERO && self.acceleration(i) == DVec3::ZERO
+            })
+    }
+
+    /// Largest speed a particle may reach soon: the largest now, of bodies and walls, and what gravity can add.
+    pub fn largest_speed(&self, extent: f64) -> f64 {
+        let fastest = (0..self.particles.len() as u32)
+            .map(|i| self.state(i, self.now).1.length_squared())
+            .chain(self.walls.iter().map(|wall| wall.velocity.length_squared()))
+            .fold(0.0, f64::max);
+        (fastest + 2.0 * self.gravity.length() * extent).sqrt()
+    }
+
+    /// Largest extent of the system along an axis [length].
+    pub fn extent(&self, open: [bool; 3]) -> f64 {
+        let mut extent: f64 = 0.0;
+        let radius = self.classes.iter().map(|class| class.radius).fold(0.0, f64::max);
+        for axis in 0..3 {
+            if open[axis] {
+                for i in 0..self.particles.len() as u32 {
+                    extent = extent.max(self.state(i, self.now).0[axis].abs());
+                }
+            } else {
+                extent = extent.max(self.size[axis]);
+            }
+        }
+        extent.max(2.0 * radius)
+    }
+}
+
+/// The part of `gravity` that the walls with these inward normals do not take up: the vector nearest to it that points
+/// into none of them.
+fn supported(gravity: DVec3, normals: impl Iterator<Item = DVec3> + Clone) -> DVec3 {
+    let bound = -1e-12 * gravity.length();
+    let mut best = DVec3::ZERO; // allowed by any walls
+    let mut offer = |a: DVec3| {
+        let allowed = normals.clone().all(|n| a.dot(n) >= bound);
+        if allowed && (a - gravity).length_squared() < (best - gravity).length_squared() {
+            best = a;
+        }
+    };
+    offer(gravity);
+    for (k, n) in normals.clone().enumerate() {
+        offer(gravity - n * gravity.dot(n));
+        for m in normals.clone().skip(k + 1) {
+            let edge = n.cross(m);
+            if edge != DVec3::ZERO {
+                offer(edge * (gravity.dot(edge) / edge.length_squared()));
+            }
+        }
+    }
+    best
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_hot_record_is_one_cache_line() {
+        assert_eq!((size_of::<Particle>(), align_of::<Particle>()), (64, 64));
+    }
+
+    #[test]
+    fn walls_take_up_their_part_of_gravity() {
+        let g = DVec3::new(1.0, 0.0, -10.0);
+        assert_eq!(supported(g, [DVec3::Z].into_iter()), DVec3::X);
+        assert_eq!(supported(g, [DVec3::Z, DVec3::NEG_X].into_iter()), DVec3::ZERO);
+        assert_eq!(supported(g, [DVec3::X].into_iter()), g, "a wall does not pull");
+        // A wedge of walls that are not perpendicular leaves only its edge.
+        let wedge = [DVec3::Z, DVec3::new(0.6, 0.0, 0.8)];
+        assert_eq!(supported(DVec3::new(-1.0, 2.0, -10.0), wedge.into_iter()), DVec3::new(0.0, 2.0, 0.0));
+    }
+}

@@ -1,0 +1,270 @@
+//! Predictions: what will happen to one particle next. Nothing here changes anything.
+
+use haff_mechanics::{is_rounding_noise, time_to_contact_accelerated, time_to_plane};
+use haff_neighbors::{Flight, Search, Shift};
+
+use crate::{
+    batch::{Batch, Kernel, LANES},
+    clock::{HORIZON, whole},
+    entry::{Entry, Kind, Target},
+    machine::{Features, Pending},
+    particles::World,
+};
+use glam::DVec3;
+use std::collections::BTreeMap;
+
+/// The best event of a particle that waits behind a transfer.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Memory {
+    pub time: i64,
+    pub target: Target,
+    pub partner_count: u32,
+}
+
+/// Which candidates a prediction looks at.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) enum Scope {
+    /// All of them.
+    All,
+    /// Those that the transfer of this code has brought near; the others' best is remembered.
+    New(u8),
+}
+
+/// Working space of a prediction.
+pub(crate) struct Scratch {
+    batch: Batch,
+    kernel: Kernel,
+    /// Pair predictions made.
+    pub predictions: u64,
+}
+
+impl Scratch {
+    pub fn new(kernel: Kernel) -> Self {
+        Self { batch: Batch::new(), kernel, predictions: 0 }
+    }
+
+    pub fn kernel(&self) -> Kernel {
+        self.kernel
+    }
+}
+
+/// Keeps the earliest of the events of one particle.
+struct Earliest {
+    entry: Entry,
+    /// Whether something was found beyond the horizon.
+    far: bool,
+}
+
+impl Earliest {
+    #[inline]
+    fn offer(&mut self, time: i64, target: Target, partner_count: u32) {
+        let entry = Entry { time, target, partner_count, ..self.entry };
+        if entry < self.entry {
+            self.entry = entry;
+        }
+    }
+
+    /// Offers an event `delay` [ticks] after `from`.
+    #[inline]
+    fn offer_after(&mut self, from: i64, delay: f64, kind: Kind, partner_count: u32) {
+        if delay <= HORIZON {
+            self.offer(from + whole(delay), Target::new(kind), partner_count);
+        } else {
+            self.far = true;
+        }
+    }
+}
+
+/// Next event of particle i, as seen at `now`; with the best physical one, if a transfer comes first.
+#[inline]
+pub(crate) fn foresee<F: Features, S: Search>(
+    world: &World,
+    search: &S,
+    pending: &BTreeMap<u32, Pending>,
+    i: u32,
+    scope: Scope,
+    memory: Memory,
+    scratch: &mut Scratch,
+) -> (Entry, Option<Memory>) {
+    let particle = &world.particles[i as usize];
+    let own_count = particle.count;
+    let nothing =
+        Entry { time: i64::MAX, owner: i, target: Target::new(Kind::Renewal), own_count, partner_count: 0 };
+    let mut earliest = Earliest { entry: nothing, far: false };
+
+    let position = |k: u32| world.flight::<F>(k, world.now).0;
+    let visit = |j: u32, shift: Shift| gather::<F>(world, i, j, shift, scratch, &mut earliest);
+    match scope {
+        Scope::All => search.candidates(i, position, visit),
+        Scope::New(code) => {
+            search.new_candidates(i, code, position, visit);
+            if memory.time < i64::MAX {
+                earliest.offer(memory.time, memory.target, memory.partner_count);
+            }
+        }
+    }
+    flush::<F>(world, i, scratch, &mut earliest);
+
+    let walls = search.walls(i);
+    if !walls.is_empty() {
+        predict_walls::<F>(world, i, walls, &mut earliest);
+    }
+    if F::GRAVITY
+        && particle.rests()
+        && let Some(rest) = pending.get(&i)
+    {
+        earliest.offer(rest.end, Target::new(Kind::Rest), 0);
+    }
+
+    let (position, velocity) = world.flight::<F>(i, world.now);
+    let acceleration = if F::GRAVITY { world.acceleration(i) } else { DVec3::ZERO };
+    if let Some(transfer) = search.next_transfer(i, &Flight { position, velocity, acceleration }) {
+        let delay = transfer.delay * world.clock.per_time;
+        if delay > HORIZON {
+            earliest.far = true;
+        } else {
+            let time = world.now + whole(delay);
+            if time < earliest.entry.time {
+                let Entry { time: best, target, partner_count, .. } = earliest.entry;
+                let entry = Entry { time, target: Target::new(Kind::Transfer(transfer.code)), ..nothing };
+                return (entry, Some(Memory { time: best, target, partner_count }));
+            }
+        }
+    }
+    if earliest.far && earliest.entry.time > world.now + HORIZON as i64 {
+        return (Entry { time: world.now + HORIZON as i64, ..nothing }, None);
+    }
+    (earliest.entry, None)
+}
+
+/// Adds a candidate to the batch: the pair as it is at the later of the two anchors.
+#[inline]
+fn gather<F: Features>(
+    world: &World,
+    i: u32,
+    j: u32,
+    shift: Shift,
+    scratch: &mut Scratch,
+    earliest: &mut Earliest,
+) {
+    let (a, b) = (&world.particles[i as usize], &world.particles[j as usize]);
+    let behind = a.time - b.time;
+    let (dt_a, dt_b) = ((-behind).max(0) as f64 * world.clock.tick, behind.max(0) as f64 * world.clock.tick);
+    let sigma = if F::UNIFORM {
+        2.0 * world.classes[0].radius
+    } else {
+        let (ca, cb) = (&world.classes[a.class()], &world.classes[b.class()]);
+        if ca.inverse_mass + cb.inverse_mass == 0.0 {
+            return; // Two bodies of infinite mass pass through each other.
+        }
+        ca.radius + cb.radius
+    };
+    let (mut ra, mut rb) = (a.position + a.velocity * dt_a, b.position + b.velocity * dt_b);
+    let (mut va, mut vb) = (a.velocity, b.velocity);
+    let mut relative = DVec3::ZERO;
+    if F::GRAVITY {
+        let (ga, gb) = (world.acceleration(i), world.acceleration(j));
+        ra = haff_mechanics::free_flight(a.position, a.velocity, ga, dt_a);
+        rb = haff_mechanics::free_flight(b.position, b.velocity, gb, dt_b);
+        va = haff_mechanics::free_flight_velocity(va, ga, dt_a);
+        vb = haff_mechanics::free_flight_velocity(vb, gb, dt_b);
+        relative = gb - ga;
+    }
+    let mut r = rb - ra;
+    if shift != [0; 3] {
+        r += DVec3::new(f64::from(shift[0]), f64::from(shift[1]), f64::from(shift[2])) * world.size;
+    }
+    let v = vb - va;
+    scratch.predictions += 1;
+    if F::GRAVITY && relative != DVec3::ZERO {
+        if let Some(delay) = time_to_contact_accelerated(r, v, relative, sigma) {
+            let from = a.time.max(b.time);
+            earliest.offer_after(from, delay * world.clock.per_time, Kind::Collision(j), b.count);
+        }
+        return;
+    }
+    if scratch.batch.len == LANES {
+        flush::<F>(world, i, scratch, earliest);
+    }
+    let batch = &mut scratch.batch;
+    let k = batch.len;
+    batch.r[0][k] = r.x;
+    batch.r[1][k] = r.y;
+    batch.r[2][k] = r.z;
+    batch.v[0][k] = v.x;
+    batch.v[1][k] = v.y;
+    batch.v[2][k] = v.z;
+    batch.sigma2[k] = sigma * sigma;
+    batch.offset[k] = (-behind).max(0);
+    batch.id[k] = j;
+    batch.len += 1;
+}
+
+/// Predicts the batch and offers the earliest of it.
+#[inline]
+fn flush<F: Features>(world: &World, i: u32, scratch: &mut Scratch, earliest: &mut Earliest) {
+    let batch = &mut scratch.batch;
+    if batch.len == 0 {
+        return;
+    }
+    batch.predict(scratch.kernel);
+    let per_time = world.clock.per_time;
+    let mut least = f64::INFINITY;
+    for k in 0..batch.len {
+        if batch.delay[k] == 0.0 && is_noise::<F>(world, i, batch, k) {
+            batch.delay[k] = f64::INFINITY;
+        }
+        least = least.min(batch.offset[k] as f64 + batch.delay[k] * per_time);
+    }
+    if least < f64::INFINITY {
+        // These sums are rounded; the exact times of all that may be the least decide.
+        let bound = least * (1.0 + 4.0 * f64::EPSILON) + 2.0;
+        let from = world.particles[i as usize].time;
+        for k in 0..batch.len {
+            let delay = batch.delay[k] * per_time;
+            if batch.offset[k] as f64 + delay <= bound {
+                let j = batch.id[k];
+                let count = world.particles[j as usize].count;
+                earliest.offer_after(from + batch.offset[k], delay, Kind::Collision(j), count);
+            }
+        }
+    }
+    batch.len = 0;
+}
+
+/// Whether a contact at no time at all is only the rounding left by an impact with e = 0.
+#[cold]
+fn is_noise<F: Features>(world: &World, i: u32, batch: &Batch, k: usize) -> bool {
+    let vector = |a: &[[f64; LANES]; 3]| DVec3::new(a[0][k], a[1][k], a[2][k]);
+    let ticks = world.particles[i as usize].time + batch.offset[k];
+    let speed = |body: u32| world.flight::<F>(body, ticks).1.length();
+    is_rounding_noise(vector(&batch.r), vector(&batch.v), speed(i).max(speed(batch.id[k])))
+}
+
+/// Offers the contacts with walls, from the particle's anchor.
+#[inline]
+fn predict_walls<F: Features>(world: &World, i: u32, walls: &[u16], earliest: &mut Earliest) {
+    let particle = &world.particles[i as usize];
+    let class = world.class(i);
+    if class.inverse_mass == 0.0 {
+        return;
+    }
+    let acceleration = if F::GRAVITY { world.acceleration(i) } else { DVec3::ZERO };
+    let support = if F::GRAVITY { world.support(i) } else { [None; 3] };
+    for &wall in walls {
+        if F::GRAVITY && support.contains(&Some(wall)) {
+            continue;
+        }
+        let (distance, speed) = world.wall_approach(
+            u32::from(wall),
+            class.radius,
+            particle.position,
+            particle.velocity,
+            particle.time,
+        );
+        let pull = acceleration.dot(world.walls[wall as usize].normal);
+        if let Some(delay) = time_to_plane(distance, speed, pull) {
+            earliest.offer_after(particle.time, delay * world.clock.per_time, Kind::Wall(u32::from(wall)), 0);
+        }
+    }
+}

@@ -1,0 +1,278 @@
+//! Events happen: velocities change, anchors are set, losses are booked.
+
+use glam::DVec3;
+use haff_mechanics::{Impact, Restitution, resolve_pair, resolve_wall, work_of_moving_body};
+
+use crate::{
+    clock::HORIZON,
+    error::EngineError,
+    machine::{Features, Pending, State},
+    particles::{ClassData, Support, World},
+    report::{EventKind, EventRecord, Observer},
+};
+
+/// A series of bounces is completed in closed form once the next one would rise by less than this part of the radius:
+/// far below what a coordinate resolves at the size of a system, and far above what rounding does to a bounce.
+const REST_HEIGHT: f64 = 1e-13;
+/// A velocity along the normal of a supporting wall below this part of the speed is rounding, not motion.
+const SUPPORT_NOISE: f64 = 8.0 * f64::EPSILON;
+
+/// Restitution of a contact now, or 1 within the contact duration of the TC model.
+#[inline]
+fn coefficient(
+    world: &World,
+    law: Restitution,
+    speed: f64,
+    time: i64,
+    bodies: [(u32, &ClassData); 2],
+) -> f64 {
+    if world.tc > 0.0 {
+        let recent = bodies.iter().any(|&(i, class)| {
+            class.inverse_mass != 0.0
+                && world.particles[i as usize].count > 0
+                && world.age(i, time) < world.tc
+        });
+        if recent {
+            return 1.0;
+        }
+    }
+    law.coefficient(speed)
+}
+
+/// Sets the anchor of particle i.
+#[inline]
+fn anchor(world: &mut World, i: u32, position: DVec3, velocity: DVec3, time: i64) -> Result<(), EngineError> {
+    let particle = &mut world.particles[i as usize];
+    particle.position = position;
+    particle.velocity = velocity;
+    particle.time = time;
+    particle.count = particle.count.wrapping_add(1);
+    if velocity.is_finite() {
+        return Ok(());
+    }
+    Err(EngineError::Overflow { time: world.clock.time(time), i, velocity: velocity.to_array() })
+}
+
+/// Two particles collide at `time`.
+#[inline]
+pub(crate) fn collision<F: Features, const EVENTS: bool>(
+    state: &mut State,
+    i: u32,
+    j: u32,
+    time: i64,
+    observer: &mut dyn Observer,
+) -> Result<(), EngineError> {
+    // The lesser first, so that the bits do not depend on who predicted whom.
+    let (i, j) = (i.min(j), i.max(j));
+    if F::GRAVITY {
+        end_early::<EVENTS>(state, i, time, observer);
+        end_early::<EVENTS>(state, j, time, observer);
+    }
+    let world = &mut state.world;
+    let (ri, wi) = world.flight::<F>(i, time);
+    let (rj, wj) = world.flight::<F>(j, time);
+    let r = world.nearest_image(rj - ri);
+    let distance = r.length();
+    let n = r / distance;
+    let (a, b) = (*world.class(i), *world.class(j));
+    let speed = haff_mechanics::approach_speed(wi, wj, n);
+    let e = coefficient(world, world.pair_law(&a, &b), speed, time, [(i, &a), (j, &b)]);
+    let (ui, uj, impact) = resolve_pair(wi, wj, a.inverse_mass, b.inverse_mass, n, e);
+    // A body of infinite mass keeps its anchor: its flight has not changed, and neither have predictions with it.
+    if a.inverse_mass != 0.0 {
+        anchor(world, i, ri, ui, time)?;
+    }
+    if b.inverse_mass != 0.0 {
+        anchor(world, j, rj, uj, time)?;
+    }
+    if F::GRAVITY {
+        keep_support(world, i, time);
+        keep_support(world, j, time);
+    }
+
+    let now = world.clock.time(time);
+    let book = &mut state.book;
+    book.counters.collisions += 1;
+    book.virial.add(impact.impulse * distance);
+    book.add_losses(now, impact.energy_loss, impact.carnot_energy);
+    if !F::UNIFORM {
+        // The impulse on i is −J n, on j +J n.
+        if a.inverse_mass == 0.0 {
+            book.add_impulse(n * impact.impulse);
+            book.add_work(now, work_of_moving_body(impact.impulse, -n, wi));
+        } else if b.inverse_mass == 0.0 {
+            book.add_impulse(n * -impact.impulse);
+            book.add_work(now, work_of_moving_body(impact.impulse, n, wj));
+        }
+    }
+    if EVENTS {
+        let position = world.wrap(ri + n * a.radius).0;
+        observer.event(&row(now, EventKind::Collision, [i, j], &impact, n, position));
+    }
+    Ok(())
+}
+
+/// Particle i meets a wall at `time`.
+#[inline]
+pub(crate) fn wall<F: Features, const EVENTS: bool>(
+    state: &mut State,
+    i: u32,
+    wall: u32,
+    time: i64,
+    observer: &mut dyn Observer,
+) -> Result<(), EngineError> {
+    if F::GRAVITY {
+        end_early::<EVENTS>(state, i, time, observer);
+    }
+    let world = &mut state.world;
+    let (position, velocity) = world.flight::<F>(i, time);
+    let class = *world.class(i);
+    let (inward, wall_velocity) = (world.walls[wall as usize].normal, world.walls[wall as usize].velocity);
+    let n = -inward;
+    let law = world.wall_law(&class, wall);
+    let speed = haff_mechanics::approach_speed(velocity, wall_velocity, n);
+    let e = coefficient(world, law, speed, time, [(i, &class), (i, &class)]);
+    let (after, impact) = resolve_wall(velocity, wall_velocity, class.inverse_mass, n, e);
+    anchor(world, i, position, after, time)?;
+
+    let now = world.clock.time(time);
+    let book = &mut state.book;
+    book.counters.wall_collisions += 1;
+    book.add_losses(now, impact.energy_loss, impact.carnot_energy);
+    book.add_impulse(n * -impact.impulse);
+    if wall_velocity != DVec3::ZERO {
+        book.add_work(now, work_of_moving_body(impact.impulse, n, wall_velocity));
+    }
+    if EVENTS {
+        let contact = world.wrap(position + n * class.radius).0;
+        observer.event(&row(now, EventKind::Wall, [i, wall], &impact, n, contact));
+    }
+    if F::GRAVITY {
+        keep_support(world, i, time);
+        if let Restitution::Constant(e) = law
+            && wall_velocity == DVec3::ZERO
+            && world.tc == 0.0
+        {
+            come_to_rest(state, i, wall, e, time);
+        }
+    }
+    Ok(())
+}
+
+/// Completes the series of bounces of particle i on a wall if it is over but for its tail.
+///
+/// From the outgoing speed u under the pull a towards the wall, bounces follow at u, eu, e²u, … and take 2u/a,
+/// 2eu/a, …: together 2u/(a(1 − e)). Their impulses add up to (1 + e) m u/(1 − e), their losses to all that is left,
+/// ½ m u², and their Carnot energies to ½ m u² (1 + e)/(1 − e).
+fn come_to_rest(state: &mut State, i: u32, wall: u32, e: f64, time: i64) {
+    let world = &mut state.world;
+    let normal = world.walls[wall as usize].normal;
+    let pull = -world.acceleration(i).dot(normal);
+    if e >= 1.0 || pull <= 0.0 {
+        return;
+    }
+    let class = *world.class(i);
+    let velocity = world.particles[i as usize].velocity;
+    let u = velocity.dot(normal).max(0.0);
+    if u * u > 2.0 * pull * REST_HEIGHT * class.radius {
+        return;
+    }
+    let mut support = world.support(i);
+    let Some(free) = support.iter_mut().find(|place| place.is_none()) else { return };
+    let ticks = 2.0 * u / (pull * (1.0 - e)) * world.clock.per_time;
+    if ticks > HORIZON {
+        return;
+    }
+    *free = Some(wall as u16);
+    world.set_support(i, support, time);
+    world.particles[i as usize].velocity = velocity - normal * velocity.dot(normal);
+    let energy = 0.5 * class.mass * u * u;
+    let rest = Pending {
+        end: time + crate::clock::whole(ticks),
+        wall,
+        speed: u,
+        impulse: (1.0 + e) * class.mass * u / (1.0 - e),
+        energy_loss: energy,
+        carnot_energy: energy * (1.0 + e) / (1.0 - e),
+    };
+    state.pending.insert(i, rest);
+}
+
+/// Lets go of the supporting walls that particle i now moves away from, or into: it flies again.
+fn keep_support(world: &mut World, i: u32, time: i64) {
+    if !world.particles[i as usize].rests() {
+        return;
+    }
+    let mut velocity = world.particles[i as usize].velocity;
+    let noise = SUPPORT_NOISE * velocity.length();
+    let mut support: Support = [None; 3];
+    let mut kept = 0;
+    for wall in world.support(i).into_iter().flatten() {
+        let normal = world.walls[usize::from(wall)].normal;
+        let speed = velocity.dot(normal);
+        if speed.abs() <= noise {
+            velocity -= normal * speed;
+            support[kept] = Some(wall);
+            kept += 1;
+        }
+    }
+    world.particles[i as usize].velocity = velocity;
+    world.set_support(i, support, time);
+}
+
+/// The completed series of particle i has come to its end.
+pub(crate) fn end_of_rest<const EVENTS: bool>(
+    state: &mut State,
+    i: u32,
+    time: i64,
+    observer: &mut dyn Observer,
+) {
+    let Some(rest) = state.pending.remove(&i) else { return };
+    let world = &state.world;
+    let n = -world.walls[rest.wall as usize].normal;
+    let now = world.clock.time(time);
+    state.book.counters.rests += 1;
+    state.book.add_losses(now, rest.energy_loss, rest.carnot_energy);
+    if EVENTS {
+        let (position, _) = world.state(i, time);
+        let impact = Impact {
+            approach_speed: rest.speed,
+            impulse: rest.impulse,
+            energy_loss: rest.energy_loss,
+            carnot_energy: rest.carnot_energy,
+            ..Impact::default()
+        };
+        let contact = world.wrap(position + n * world.class(i).radius).0;
+        observer.event(&row(now, EventKind::Rest, [i, rest.wall], &impact, n, contact));
+    }
+}
+
+/// Another event ends the tail of a series of bounces before its time: the tail is booked now.
+#[inline]
+fn end_early<const EVENTS: bool>(state: &mut State, i: u32, time: i64, observer: &mut dyn Observer) {
+    if state.world.particles[i as usize].rests() && state.pending.contains_key(&i) {
+        end_of_rest::<EVENTS>(state, i, time, observer);
+    }
+}
+
+fn row(
+    time: f64,
+    kind: EventKind,
+    [i, j]: [u32; 2],
+    impact: &Impact,
+    normal: DVec3,
+    position: DVec3,
+) -> EventRecord {
+    EventRecord {
+        time,
+        kind,
+        i,
+        j,
+        approach_speed: impact.approach_speed,
+        impulse: impact.impulse,
+        energy_loss: impact.energy_loss,
+        carnot_energy: impact.carnot_energy,
+        normal,
+        position,
+    }
+}

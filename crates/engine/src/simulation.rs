@@ -1,0 +1,305 @@
+//! The simulation: a state, the engine compiled for what it needs, and the clock's epochs.
+
+use std::collections::BTreeMap;
+
+use glam::DVec3;
+use haff_neighbors::{AllPairs, Cells, Geometry};
+
+use crate::{
+    batch::Kernel,
+    book::Book,
+    clock::{ANCHOR_AGE, Clock, EPOCH, OLDEST_ANCHOR},
+    error::EngineError,
+    machine::{Engine, Limit, Machine, State, With},
+    measure::{self, Overlap, Totals},
+    model::{Boundary, Dimension, NeighborChoice, Options, System},
+    particles::World,
+    report::{Counters, Frame, Ledger, Observer, Sample, Stop},
+};
+
+/// Largest number of particles: calendar entries keep two bits of an index for themselves.
+const MAX_PARTICLES: usize = (1 << 30) - 2;
+/// Largest number of walls.
+const MAX_WALLS: usize = u16::MAX as usize;
+/// Up to this many particles all pairs are tested.
+const FEW: usize = 12;
+/// The tick is changed at the end of an epoch when the system's time scale has changed by 2 to this power.
+const RETUNE_BITS: u32 = 2;
+
+/// How far one call of [`Simulation::advance`] may run.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Until {
+    /// Up to and with this time [time]; `f64::INFINITY` for no bound.
+    pub time: f64,
+    /// Up to this total of sphere–sphere collisions; `u64::MAX` for no bound.
+    pub collisions: u64,
+    /// At most this many calendar entries, so that the caller can look after signals and progress.
+    pub entries: u64,
+}
+
+impl Default for Until {
+    fn default() -> Self {
+        Self { time: f64::INFINITY, collisions: u64::MAX, entries: u64::MAX }
+    }
+}
+
+/// A running simulation.
+pub struct Simulation {
+    system: System,
+    geometry: Geometry,
+    pub(crate) state: State,
+    engine: Box<dyn Engine>,
+    neighbors: NeighborChoice,
+    /// Time of the last stop as it was asked for [time]; the tick is only the nearest.
+    stopped_at: Option<f64>,
+}
+
+impl Simulation {
+    /// Starts a simulation at time 0.
+    ///
+    /// The system must be valid: masses and radii positive, no overlaps, particles inside their walls, the velocities
+    /// finite, gravity zero along periodic axes.
+    pub fn new(system: System, options: Options) -> Result<Self, EngineError> {
+        let extent_world = World::new(&system, 0);
+        let open = open_axes(&system);
+        let extent = extent_world.extent(open);
+        let exponent = Clock::exponent_for(extent, extent_world.largest_speed(extent));
+        let world = World::new(&system, exponent);
+        let totals = Totals::of(&world);
+        let book = Book {
+            initial_energy: [totals.kinetic, totals.potential],
+            sampled_kinetic: totals.kinetic,
+            sampled_collisions: u64::MAX,
+            ..Book::default()
+        };
+        Self::start(system, options, State { world, book, pending: BTreeMap::new() })
+    }
+
+    /// Builds the engine for a state.
+    pub(crate) fn start(system: System, options: Options, mut state: State) -> Result<Self, EngineError> {
+        for (what, count, limit) in
+            [("particles", system.bodies.len(), MAX_PARTICLES), ("walls", system.walls.len(), MAX_WALLS)]
+        {
+            if count > limit {
+                return Err(EngineError::TooMany { what, count, limit });
+            }
+        }
+        let geometry = measure::geometry(&system);
+        let kernel = Kernel::choose(options.simd).ok_or(EngineError::NoAvx2)?;
+        let neighbors = match options.neighbors {
+            NeighborChoice::Auto if system.bodies.len() <= FEW => NeighborChoice::AllPairs,
+            NeighborChoice::Auto => NeighborChoice::Cells,
+            chosen => chosen,
+        };
+        let mut engine = compile(&system, &geometry, neighbors, kernel);
+        engine.rebuild(&mut state, &geometry);
+        Ok(Self { system, geometry, state, engine, neighbors, stopped_at: None })
+    }
+
+    /// Runs events until the first of the bounds, or until nothing will move any more.
+    pub fn advance(&mut self, until: Until, observer: &mut dyn Observer) -> Result<Stop, EngineError> {
+        self.stopped_at = None;
+        if self.state.pending.is_empty() && self.state.world.is_at_rest() {
+            return Ok(Stop::Rest);
+        }
+        loop {
+            let target = self.state.world.clock.ticks(until.time);
+            let limit = Limit {
+                // Events at the very end of an epoch belong to the next.
+                ticks: target.min(EPOCH - 1),
+                collisions: until.collisions,
+                entries: until.entries,
+            };
+            let stop = self.engine.advance(&mut self.state, limit, observer)?;
+            if stop == Stop::Time && until.time == f64::INFINITY && self.engine.is_idle() {
+                return Ok(Stop::Rest);
+            }
+            if stop == Stop::Time && target >= EPOCH {
+                self.next_epoch();
+                continue;
+            }
+            if stop == Stop::Time {
+                self.stopped_at = Some(until.time);
+            }
+            return Ok(stop);
+        }
+    }
+
+    /// Re-bases the clock by one epoch; chooses a new tick if the system has become much slower or faster.
+    fn next_epoch(&mut self) {
+        let world = &mut self.state.world;
+        world.now = EPOCH;
+        let extent = world.extent(open_axes(&self.system));
+        let exponent = Clock::exponent_for(extent, world.largest_speed(extent));
+        let old = world.clock;
+        let retune = exponent.abs_diff(old.exponent) >= RETUNE_BITS;
+        for i in 0..world.particles.len() as u32 {
+            let age = EPOCH - world.particles[i as usize].time;
+            if !retune && age <= OLDEST_ANCHOR {
+                world.particles[i as usize].time -= EPOCH;
+                continue;
+            }
+            // The anchor moves along its own flight, to the last new tick before where it was, but no further back
+            // than `ANCHOR_AGE`: what has happened to it lately (the TC model asks) stays as long ago as it was.
+            let clock = if retune { old.with_exponent(exponent) } else { old };
+            let ticks = (age as f64 * (old.tick / clock.tick)).min(ANCHOR_AGE as f64).floor();
+            let ahead = age as f64 * old.tick - ticks * clock.tick;
+            let a = world.acceleration(i);
+            let particle = &mut world.particles[i as usize];
+            particle.position = haff_mechanics::free_flight(particle.position, particle.velocity, a, ahead);
+            particle.velocity = haff_mechanics::free_flight_velocity(particle.velocity, a, ahead);
+            particle.time = -(ticks as i64);
+            world.wrap_anchor(i);
+        }
+        for rest in self.state.pending.values_mut() {
+            rest.end -= EPOCH;
+            if retune {
+                let scale = (i64::from(old.exponent) - i64::from(exponent)) as i32;
+                rest.end = (rest.end as f64 * libm::ldexp(1.0, scale)).round_ties_even() as i64;
+            }
+        }
+        world.clock.next_epoch();
+        if retune {
+            world.clock = world.clock.with_exponent(exponent);
+        }
+        world.now = 0;
+        self.state.book.counters.epochs += 1;
+        self.engine.rebuild(&mut self.state, &self.geometry);
+    }
+
+    /// Present simulated time [time].
+    pub fn time(&self) -> f64 {
+        self.stopped_at.unwrap_or_else(|| self.state.world.clock.time(self.state.world.now))
+    }
+
+    /// Sets the time of the present as it was asked for.
+    pub(crate) fn stand_at(&mut self, time: f64) {
+        self.stopped_at = Some(time);
+    }
+
+    /// All particles now, in the order of the system.
+    pub fn frame(&self) -> Frame {
+        measure::frame(&self.state, self.time())
+    }
+
+    /// One row of observables; the pressure and the rates are those since the previous call.
+    pub fn sample(&mut self) -> Sample {
+        let time = self.time();
+        measure::sample(&self.system, &mut self.state, time)
+    }
+
+    /// Energies and their balance now.
+    pub fn ledger(&self) -> Ledger {
+        measure::ledger(&Totals::of(&self.state.world), &self.state.book)
+    }
+
+    /// What has been done so far.
+    pub fn counters(&self) -> Counters {
+        self.state.book.counters
+    }
+
+    /// Finds the deepest overlap now over all close pairs and walls, and keeps the largest for
+    /// [`Self::max_overlap`]. `frame` is the present frame.
+    pub fn measure_overlap(&mut self, frame: &Frame) -> Overlap {
+        let overlap = measure::overlap(&self.state.world, &self.geometry, frame);
+        self.state.book.max_overlap = self.state.book.max_overlap.max(overlap.depth);
+        overlap
+    }
+
+    /// Largest overlap that [`Self::measure_overlap`] has found so far [contact distances].
+    pub fn max_overlap(&self) -> f64 {
+        self.state.book.max_overlap
+    }
+
+    /// Hash of every particle's position, velocity and image now, as 32 hexadecimal digits.
+    pub fn state_hash(&self) -> String {
+        format!("{:032x}", measure::hash(&self.frame()))
+    }
+
+    /// The system that is simulated.
+    pub fn system(&self) -> &System {
+        &self.system
+    }
+
+    /// The partner search in use.
+    pub fn neighbors(&self) -> NeighborChoice {
+        self.neighbors
+    }
+
+    /// Reverses every velocity: an elastic system without driven bodies retraces its path. Anchors are set to now.
+    pub fn reverse(&mut self) {
+        let world = &mut self.state.world;
+        for i in 0..world.particles.len() as u32 {
+            let (position, velocity) = world.state(i, world.now);
+            let particle = &mut world.particles[i as usize];
+            particle.position = position;
+            particle.velocity = -velocity;
+            particle.time = world.now;
+            particle.count = particle.count.wrapping_add(1);
+            world.wrap_anchor(i);
+        }
+        self.engine.rebuild(&mut self.state, &self.geometry);
+    }
+
+    /// Checks what must always hold and what the engine itself does not look at: finite velocities, no overlap beyond
+    /// `tolerance` [contact distances], a closed ledger.
+    pub fn validate(&mut self, tolerance: f64) -> Result<(), EngineError> {
+        let time = self.time();
+        let frame = self.frame();
+        if let Some(i) = frame.velocity.iter().position(|velocity| !velocity.is_finite()) {
+            return Err(EngineError::Overflow { time, i: i as u32, velocity: frame.velocity[i].to_array() });
+        }
+        let overlap = self.measure_overlap(&frame);
+        if overlap.depth > tolerance {
+            let (i, partner) = overlap.pair.unwrap_or_default();
+            let partner = partner.map_or("a wall".to_owned(), |j| format!("particle {j}"));
+            let what =
+                format!("particle {i} overlaps with {partner} by {:e} contact distances", overlap.depth);
+            return Err(EngineError::Inconsistent { time, what });
+        }
+        let residual = self.ledger().residual;
+        if residual.abs() > 1e-9 {
+            return Err(EngineError::Inconsistent { time, what: format!("ledger residual {residual:e}") });
+        }
+        Ok(())
+    }
+}
+
+/// Axes along which the system has no size of its own.
+fn open_axes(system: &System) -> [bool; 3] {
+    let mut open = system.domain.boundary.map(|boundary| boundary == Boundary::Open);
+    open[2] |= system.dimension == Dimension::Two;
+    open
+}
+
+/// The machine for what the system needs.
+fn compile(
+    system: &System,
+    geometry: &Geometry,
+    neighbors: NeighborChoice,
+    kernel: Kernel,
+) -> Box<dyn Engine> {
+    let count = system.bodies.len();
+    let gravity = system.domain.gravity != DVec3::ZERO;
+    let first = system.bodies.first().map(|body| system.classes[body.class as usize]);
+    let uniform = first.is_some_and(|first| {
+        first.mass.is_finite()
+            && system.classes.iter().all(|class| class.radius == first.radius && class.mass == first.mass)
+    });
+    macro_rules! machine {
+        ($gravity:literal, $uniform:literal) => {
+            if neighbors == NeighborChoice::AllPairs {
+                Box::new(Machine::<With<$gravity, $uniform>, AllPairs>::new(geometry, kernel, count))
+                    as Box<dyn Engine>
+            } else {
+                Box::new(Machine::<With<$gravity, $uniform>, Cells>::new(geometry, kernel, count))
+            }
+        };
+    }
+    match (gravity, uniform) {
+        (false, false) => machine!(false, false),
+        (false, true) => machine!(false, true),
+        (true, false) => machine!(true, false),
+        (true, true) => machine!(true, true),
+    }
+}

@@ -1,0 +1,150 @@
+//! Systems to test with, and a generator that needs no crate.
+#![allow(dead_code)]
+
+use glam::DVec3;
+use haff_engine::{
+    Body, Boundary, Class, Contacts, Dimension, Domain, EventRecord, Group, Observer, System, Wall,
+};
+use haff_mechanics::Restitution;
+
+/// SplitMix64.
+pub struct Random(pub u64);
+
+impl Random {
+    pub fn next(&mut self) -> u64 {
+        self.0 = self.0.wrapping_add(0x9E37_79B9_7F4A_7C15);
+        let mut z = self.0;
+        z = (z ^ (z >> 30)).wrapping_mul(0xBF58_476D_1CE4_E5B9);
+        z = (z ^ (z >> 27)).wrapping_mul(0x94D0_49BB_1331_11EB);
+        z ^ (z >> 31)
+    }
+
+    pub fn uniform(&mut self, low: f64, high: f64) -> f64 {
+        low + (high - low) * (self.next() >> 11) as f64 / (1_u64 << 53) as f64
+    }
+
+    pub fn index(&mut self, n: usize) -> usize {
+        (self.next() % n as u64) as usize
+    }
+
+    /// Twelve uniform numbers make a normal one, near enough.
+    pub fn normal(&mut self) -> f64 {
+        (0..12).map(|_| self.uniform(-0.5, 0.5)).sum()
+    }
+}
+
+/// An empty system in a box.
+pub fn system(dimension: Dimension, size: DVec3, boundary: [Boundary; 3]) -> System {
+    let mut boundary = boundary;
+    if dimension == Dimension::Two {
+        boundary[2] = Boundary::Open;
+    }
+    let mut walls = Vec::new();
+    for (axis, name) in ["x", "y", "z"].into_iter().enumerate() {
+        if boundary[axis] == Boundary::Wall {
+            let unit = DVec3::AXES[axis];
+            let wall = |name: String, point, normal| Wall { name, point, normal, velocity: DVec3::ZERO };
+            walls.push(wall(format!("{name}-"), DVec3::ZERO, unit));
+            walls.push(wall(format!("{name}+"), unit * size, -unit));
+        }
+    }
+    let wall_rules = vec![Restitution::Constant(1.0); walls.len()];
+    System {
+        dimension,
+        domain: Domain { size, boundary, gravity: DVec3::ZERO },
+        bodies: Vec::new(),
+        classes: Vec::new(),
+        groups: vec![Group { name: "grain".into() }],
+        species: vec!["grain".into()],
+        walls,
+        contacts: Contacts { pair: vec![Restitution::Constant(1.0)], wall: wall_rules, tc: 0.0 },
+    }
+}
+
+/// Sets one constant restitution for everything.
+pub fn set_restitution(system: &mut System, e: f64) {
+    system.contacts.pair.fill(Restitution::Constant(e));
+    system.contacts.wall.fill(Restitution::Constant(e));
+}
+
+/// Adds a class and returns its index.
+pub fn class(system: &mut System, radius: f64, mass: f64) -> u32 {
+    system.classes.push(Class { radius, mass, group: 0 });
+    system.classes.len() as u32 - 1
+}
+
+/// Adds a particle.
+pub fn add(system: &mut System, class: u32, position: DVec3, velocity: DVec3) {
+    system.bodies.push(Body { position, velocity, image: [0; 3], class, species: 0 });
+}
+
+/// Adds `count` particles at random places where they touch nothing, with normal velocities.
+pub fn scatter(system: &mut System, class: u32, count: usize, speed: f64, random: &mut Random) {
+    let radius = system.classes[class as usize].radius;
+    let flat = system.dimension == Dimension::Two;
+    let mut tries = 0;
+    let mut placed = 0;
+    while placed < count {
+        tries += 1;
+        assert!(tries < 2_000_000, "no room");
+        let mut position = DVec3::from_array([0, 1, 2].map(|axis| {
+            let (low, high) = match system.domain.boundary[axis] {
+                Boundary::Periodic => (0.0, system.domain.size[axis]),
+                Boundary::Wall | Boundary::Open => (radius, system.domain.size[axis] - radius),
+            };
+            random.uniform(low, high)
+        }));
+        let mut velocity = DVec3::new(random.normal(), random.normal(), random.normal()) * speed;
+        if flat {
+            position.z = 0.0;
+            velocity.z = 0.0;
+        }
+        let clear = system.bodies.iter().all(|body| {
+            let mut r = position - body.position;
+            for axis in 0..3 {
+                if system.domain.boundary[axis] == Boundary::Periodic {
+                    r[axis] -= (r[axis] / system.domain.size[axis]).round() * system.domain.size[axis];
+                }
+            }
+            r.length() > radius + system.classes[body.class as usize].radius
+        }) && system.walls.iter().all(|wall| (position - wall.point).dot(wall.normal) > radius);
+        if clear {
+            add(system, class, position, velocity);
+            placed += 1;
+        }
+    }
+}
+
+/// A periodic gas of equal spheres on a simple cubic lattice with random velocities.
+pub fn gas(per_edge: usize, packing_fraction: f64, e: f64, seed: u64) -> System {
+    let count = per_edge.pow(3);
+    let edge = (count as f64 * std::f64::consts::PI / 6.0 / packing_fraction).cbrt();
+    let mut system = system(Dimension::Three, DVec3::splat(edge), [Boundary::Periodic; 3]);
+    set_restitution(&mut system, e);
+    let grain = class(&mut system, 0.5, 1.0);
+    let mut random = Random(seed);
+    let step = edge / per_edge as f64;
+    for i in 0..count {
+        let place = DVec3::new(
+            (i % per_edge) as f64,
+            (i / per_edge % per_edge) as f64,
+            (i / per_edge / per_edge) as f64,
+        );
+        let velocity = DVec3::new(random.normal(), random.normal(), random.normal());
+        add(&mut system, grain, (place + 0.5) * step, velocity);
+    }
+    system
+}
+
+/// Keeps every event row.
+#[derive(Default)]
+pub struct Log(pub Vec<EventRecord>);
+
+impl Observer for Log {
+    fn wants_events(&self) -> bool {
+        true
+    }
+    fn event(&mut self, event: &EventRecord) {
+        self.0.push(*event);
+    }
+}

@@ -1,0 +1,187 @@
+//! No choice of machinery changes a trajectory: cells, all pairs, kernels and resumes give the same events, bit by bit.
+
+mod common;
+
+use common::{Log, Random, add, class, gas, scatter, set_restitution, system};
+use glam::DVec3;
+use haff_engine::{
+    Boundary, Dimension, EngineError, NeighborChoice, Options, SimdChoice, Simulation, System, Until, Wall,
+};
+
+/// Runs `collisions` collisions and returns the log and the hash.
+fn run(system: &System, options: Options, until: Until) -> (Log, String, Simulation) {
+    let mut log = Log::default();
+    let mut simulation = Simulation::new(system.clone(), options).unwrap();
+    match simulation.advance(until, &mut log) {
+        Ok(_) | Err(EngineError::Collapse { .. }) => {}
+        Err(error) => panic!("{error}"),
+    }
+    let hash = simulation.state_hash();
+    (log, hash, simulation)
+}
+
+fn options(neighbors: NeighborChoice, simd: SimdChoice) -> Options {
+    Options { neighbors, simd }
+}
+
+fn assert_twins(name: &str, system: &System, until: Until) -> usize {
+    let (reference, hash, _) = run(system, options(NeighborChoice::AllPairs, SimdChoice::Portable), until);
+    for choice in [
+        options(NeighborChoice::Cells, SimdChoice::Portable),
+        options(NeighborChoice::Cells, SimdChoice::Auto),
+        options(NeighborChoice::AllPairs, SimdChoice::Auto),
+    ] {
+        let (log, other, mut simulation) = run(system, choice, until);
+        for (row, (a, b)) in reference.0.iter().zip(&log.0).enumerate() {
+            assert_eq!(a, b, "{name}, {choice:?}, event {row}");
+        }
+        assert_eq!(reference.0.len(), log.0.len(), "{name}, {choice:?}: number of events");
+        assert_eq!(hash, other, "{name}, {choice:?}: state hash");
+        simulation.validate(1e-12).unwrap_or_else(|error| panic!("{name}, {choice:?}: {error}"));
+    }
+    reference.0.len()
+}
+
+#[test]
+fn periodic_gases_do_not_know_their_search() {
+    for (seed, (packing, e)) in [(0.02, 1.0), (0.1, 0.9), (0.3, 1.0), (0.45, 0.7)].into_iter().enumerate() {
+        let system = gas(4, packing, e, seed as u64);
+        let events =
+            assert_twins(&format!("φ = {packing}"), &system, Until { collisions: 3000, ..Until::default() });
+        assert_eq!(events, 3000);
+    }
+}
+
+/// Every feature at once, over hundreds of random systems.
+#[test]
+fn random_scenes_do_not_know_their_search() {
+    let mut events = 0;
+    for seed in 0..200 {
+        let mut random = Random(seed);
+        let dimension = if random.index(2) == 0 { Dimension::Two } else { Dimension::Three };
+        let kinds = [Boundary::Periodic, Boundary::Wall, Boundary::Open];
+        let boundary = [0; 3].map(|_| kinds[random.index(3)]);
+        let least = if dimension == Dimension::Two { 10.0 } else { 5.0 };
+        let size = DVec3::from_array([0; 3].map(|_| random.uniform(least, 14.0)));
+        let mut scene = system(dimension, size, boundary);
+        if random.index(3) == 0 {
+            for axis in 0..dimension.count() {
+                if boundary[axis] != Boundary::Periodic {
+                    scene.domain.gravity[axis] = random.uniform(-1.0, 1.0);
+                }
+            }
+        }
+        if random.index(3) == 0
+            && let Some(axis) = (0..dimension.count()).find(|&axis| boundary[axis] != Boundary::Periodic)
+        {
+            // An oblique plane through a corner region, tilted between the axes that are not periodic.
+            let mut normal = DVec3::AXES[axis];
+            for other in 0..dimension.count() {
+                if other != axis && boundary[other] != Boundary::Periodic {
+                    normal[other] = random.uniform(-0.5, 0.5);
+                }
+            }
+            let velocity = if random.index(4) == 0 { normal * 0.1 } else { DVec3::ZERO };
+            scene.walls.push(Wall {
+                name: "ramp".into(),
+                point: size * 0.2,
+                normal: normal.normalize(),
+                velocity,
+            });
+            scene.contacts.wall.push(scene.contacts.pair[0]);
+        }
+        set_restitution(&mut scene, [1.0, 0.9, 0.5][random.index(3)]);
+        let uniform = random.index(2) == 0;
+        let classes = if uniform { 1 } else { 3 };
+        for _ in 0..classes {
+            let radius = if uniform { 0.5 } else { random.uniform(0.1, 0.7) };
+            let mass = if uniform { 1.0 } else { random.uniform(0.1, 10.0) };
+            let kind = class(&mut scene, radius, mass);
+            let count = 2 + random.index(6);
+            scatter(&mut scene, kind, count, 1.0, &mut random);
+        }
+        if !uniform && random.index(2) == 0 {
+            let fixed = class(&mut scene, 0.6, f64::INFINITY);
+            let speed = if random.index(2) == 0 { 0.0 } else { 0.3 };
+            scatter(&mut scene, fixed, 1, speed, &mut random);
+        }
+        let name = format!("seed {seed}: {dimension:?} {boundary:?}");
+        events += assert_twins(&name, &scene, Until { collisions: 150, time: 40.0, ..Until::default() });
+    }
+    assert!(events > 15_000, "{events} events in all");
+}
+
+/// Contacts of exactly equal times: what comes first must not depend on who was predicted when.
+#[test]
+fn symmetric_scenes_do_not_know_their_search() {
+    // A crystal whose particles all have one speed along the axes.
+    let mut crystal = gas(4, 0.2, 1.0, 5);
+    for (i, body) in crystal.bodies.iter_mut().enumerate() {
+        let sign = if (i / 3) % 2 == 0 { 1.0 } else { -1.0 };
+        body.velocity = DVec3::AXES[i % 3] * sign;
+    }
+    assert_twins("crystal", &crystal, Until { collisions: 2000, ..Until::default() });
+
+    // Fifteen touching disks, hit in the middle.
+    let mut table = system(Dimension::Two, DVec3::new(40.0, 20.0, 1.0), [Boundary::Wall; 3]);
+    let ball = class(&mut table, 0.5, 1.0);
+    add(&mut table, ball, DVec3::new(10.0, 10.0, 0.0), DVec3::new(8.0, 0.0, 0.0));
+    for row in 0..5 {
+        for k in 0..=row {
+            let x = 25.0 + f64::from(row) * 0.75_f64.sqrt() * (1.0 + 1e-15);
+            let y = 10.0 + f64::from(k) - 0.5 * f64::from(row);
+            add(&mut table, ball, DVec3::new(x, y, 0.0), DVec3::ZERO);
+        }
+    }
+    let events = assert_twins("breakshot", &table, Until { time: 50.0, collisions: 400, ..Until::default() });
+    assert!(events > 20, "{events}");
+}
+
+#[test]
+fn a_resumed_run_is_the_run_that_never_stopped() {
+    for (seed, gravity) in [(1, false), (2, true)] {
+        let mut random = Random(seed);
+        let mut scene = system(Dimension::Three, DVec3::splat(8.0), [Boundary::Wall; 3]);
+        set_restitution(&mut scene, 0.9);
+        if gravity {
+            scene.domain.gravity = DVec3::new(0.0, 0.1, -1.0);
+        }
+        let (small, large) = (class(&mut scene, 0.4, 1.0), class(&mut scene, 0.7, 3.0));
+        scatter(&mut scene, small, 40, 1.0, &mut random);
+        scatter(&mut scene, large, 10, 1.0, &mut random);
+        let whole = Until { time: 20.0, ..Until::default() };
+        let (_, hash, mut reference) = run(&scene, Options::default(), whole);
+        let expected = reference.sample();
+
+        let mut parts = Simulation::new(scene.clone(), Options::default()).unwrap();
+        for entries in [1, 10, 100, 1000] {
+            parts.advance(Until { entries, ..whole }, &mut Log::default()).unwrap();
+            let checkpoint = parts.checkpoint();
+            parts = Simulation::restore(scene.clone(), Options::default(), &checkpoint).unwrap();
+            assert_eq!(parts.checkpoint(), checkpoint);
+        }
+        parts.advance(whole, &mut Log::default()).unwrap();
+        assert_eq!(parts.state_hash(), hash);
+        let sample = parts.sample();
+        assert_eq!(sample.ledger, expected.ledger);
+        assert_eq!(
+            (sample.momentum, sample.external_impulse),
+            (expected.momentum, expected.external_impulse)
+        );
+        assert!(sample.wall_collisions > 100);
+    }
+}
+
+#[test]
+fn the_thread_count_changes_nothing() {
+    let system = gas(12, 0.2, 0.95, 9);
+    let until = Until { collisions: 5000, ..Until::default() };
+    let hashes: Vec<String> = [1, 2, 3]
+        .into_iter()
+        .map(|threads| {
+            let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
+            pool.install(|| run(&system, Options::default(), until).1)
+        })
+        .collect();
+    assert!(hashes.iter().all(|hash| *hash == hashes[0]), "{hashes:?}");
+}

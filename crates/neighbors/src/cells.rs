@@ -1,0 +1,377 @@
+//! A grid of cells at least one contact distance wide.
+
+use glam::DVec3;
+use haff_mechanics::time_to_face;
+use rayon::prelude::*;
+
+use crate::{Axis, Flight, Geometry, Plane, Search, Shift, Transfer};
+
+/// Cells are this factor wider than the largest contact distance, so that the rounding of a crossing time can never
+/// bring two particles into contact before they are neighbors.
+const MARGIN: f64 = 1.0 + 1e-9;
+/// Particles per cell aimed at where the contact distance leaves the choice.
+const OCCUPANCY: f64 = 1.0;
+/// Particle ids are tagged with this bit when the particle has left the box since its anchor was set.
+const AWAY: u32 = 1 << 31;
+/// An id with this bit is not a particle but a list in `Cells::spilled` that goes on where the cell is full.
+const SPILL: u32 = 1 << 30;
+/// No particle.
+const EMPTY: u32 = u32::MAX;
+/// Ids that fit into a cell: 16 bytes, a quarter of a cache line.
+const SLOTS: usize = 4;
+
+/**
+Cell grid. A particle sits in the cell that it was last tracked to, never in one recomputed from its position.
+
+A particle's cell is known by its coordinates in the anchor frame: along a periodic axis, coordinate c means cell
+c mod n in image ⌊c/n⌋. Along an open axis the grid is folded onto itself: cells n apart share their slot, which can only
+add candidates, never lose one.
+*/
+#[derive(Debug, Clone)]
+pub struct Cells {
+    axes: [Axis; 3],
+    /// Cells per axis.
+    n: [i32; 3],
+    /// Cell width per axis [length].
+    width: [f64; 3],
+    coordinate: Vec<[i32; 3]>,
+    slots: Vec<[u32; SLOTS]>,
+    spilled: Vec<Vec<u32>>,
+    spare: Vec<u32>,
+    /// Walls of cell c: `wall_ids[wall_start[c]..wall_start[c + 1]]`; no table without walls.
+    wall_start: Vec<u32>,
+    wall_ids: Vec<u16>,
+}
+
+/// Cells per axis and their widths for `count` particles.
+fn grid(geometry: &Geometry, count: usize) -> ([i32; 3], [f64; 3]) {
+    let lengths = geometry.lengths();
+    let least = geometry.reach * MARGIN;
+    let wanted = (count as f64 / OCCUPANCY).max(1.0);
+    // The width that gives the wanted number of cells, over the axes that can be cut at all.
+    let mut cut = geometry.axes.map(|axis| axis != Axis::Flat);
+    let mut width = least;
+    for _ in 0..3 {
+        let axes = (0..3).filter(|&axis| cut[axis]).count();
+        if axes == 0 {
+            break;
+        }
+        let volume: f64 = (0..3).filter(|&axis| cut[axis]).map(|axis| lengths[axis]).product();
+        width = least.max((volume / wanted).powf(1.0 / axes as f64));
+        let narrow: Vec<usize> = (0..3).filter(|&axis| cut[axis] && lengths[axis] < width).collect();
+        if narrow.is_empty() {
+            break;
+        }
+        narrow.into_iter().for_each(|axis| cut[axis] = false);
+    }
+    let mut n = [1; 3];
+    let mut widths = lengths;
+    for axis in 0..3 {
+        match geometry.axes[axis] {
+            Axis::Flat => {}
+            Axis::Open => {
+                // At least three, or a cell would be its own neighbor on both sides.
+                n[axis] = (lengths[axis] / width).floor().clamp(3.0, 1e6) as i32;
+                widths[axis] = width;
+            }
+            Axis::Periodic | Axis::Bounded => {
+                n[axis] = (lengths[axis] / width).floor().clamp(1.0, 1e9) as i32;
+                widths[axis] = lengths[axis] / f64::from(n[axis]);
+            }
+        }
+    }
+    (n, widths)
+}
+
+impl Cells {
+    /// Folds a coordinate along `axis` into the grid: (cell, image).
+    #[inline]
+    fn fold(&self, axis: usize, c: i32) -> (i32, i32) {
+        let n = self.n[axis];
+        if (0..n).contains(&c) {
+            return (c, 0);
+        }
+        match self.axes[axis] {
+            Axis::Periodic => (c.rem_euclid(n), c.div_euclid(n)),
+            Axis::Open => (c.rem_euclid(n), 0),
+            Axis::Bounded | Axis::Flat => (c.clamp(0, n - 1), 0),
+        }
+    }
+
+    #[inline]
+    fn index(&self, cell: [i32; 3]) -> usize {
+        ((cell[2] as usize * self.n[1] as usize) + cell[1] as usize) * self.n[0] as usize + cell[0] as usize
+    }
+
+    /// Cell index and image of particle i.
+    #[inline]
+    fn place(&self, i: u32) -> (usize, [i32; 3]) {
+        let c = self.coordinate[i as usize];
+        let folded = [self.fold(0, c[0]), self.fold(1, c[1]), self.fold(2, c[2])];
+        (self.index(folded.map(|f| f.0)), folded.map(|f| f.1))
+    }
+
+    fn insert(&mut self, i: u32) {
+        let (cell, image) = self.place(i);
+        let id = if image == [0; 3] { i } else { i | AWAY };
+        let slots = &mut self.slots[cell];
+        let last = slots[SLOTS - 1];
+        if last != EMPTY && last & SPILL != 0 {
+            self.spilled[(last & !SPILL) as usize].push(id);
+        } else if let Some(free) = slots.iter_mut().find(|slot| **slot == EMPTY) {
+            *free = id;
+        } else {
+            let list = self.spare.pop().unwrap_or_else(|| {
+                self.spilled.push(Vec::with_capacity(4));
+                self.spilled.len() as u32 - 1
+            });
+            self.spilled[list as usize].extend([last, id]);
+            slots[SLOTS - 1] = list | SPILL;
+        }
+    }
+
+    fn remove(&mut self, i: u32) {
+        let (cell, _) = self.place(i);
+        let slots = &mut self.slots[cell];
+        let last = slots[SLOTS - 1];
+        let list = (last != EMPTY && last & SPILL != 0).then_some((last & !SPILL) as usize);
+        if let Some(list) = list {
+            let spilled = &mut self.spilled[list];
+            if let Some(at) = spilled.iter().position(|id| id & !AWAY == i) {
+                spilled.swap_remove(at);
+            } else if let Some(slot) = slots[..SLOTS - 1].iter_mut().find(|slot| **slot & !AWAY == i) {
+                *slot = spilled.pop().unwrap_or(EMPTY);
+            }
+            if spilled.len() == 1 {
+                slots[SLOTS - 1] = spilled[0];
+                spilled.clear();
+                self.spare.push(list as u32);
+            }
+        } else if let Some(at) = slots.iter().position(|slot| *slot != EMPTY && *slot & !AWAY == i) {
+            // Keeps the taken slots in front.
+            let end = slots.iter().position(|slot| *slot == EMPTY).unwrap_or(SLOTS);
+            slots[at] = slots[end - 1];
+            slots[end - 1] = EMPTY;
+        }
+    }
+
+    /// Visits the particles of one cell, whose image as seen from i's own is `shift` without j's own.
+    #[inline]
+    fn visit_cell<V: FnMut(u32, Shift)>(&self, i: u32, cell: usize, shift: Shift, visit: &mut V) {
+        for &id in &self.slots[cell] {
+            if id == EMPTY {
+                return;
+            }
+            if id & SPILL != 0 {
+                for &id in &self.spilled[(id & !SPILL) as usize] {
+                    self.visit_id(i, id, shift, visit);
+                }
+                return;
+            }
+            self.visit_id(i, id, shift, visit);
+        }
+    }
+
+    #[inline]
+    fn visit_id<V: FnMut(u32, Shift)>(&self, i: u32, id: u32, shift: Shift, visit: &mut V) {
+        let j = id & !AWAY;
+        if j == i {
+            return;
+        }
+        if id & AWAY == 0 {
+            visit(j, shift);
+        } else {
+            let (_, image) = self.place(j);
+            visit(j, [shift[0] - image[0], shift[1] - image[1], shift[2] - image[2]]);
+        }
+    }
+
+    /// Visits the block of cells around i; `range(axis)` gives the steps along each axis.
+    #[inline]
+    fn visit_block<V: FnMut(u32, Shift)>(&self, i: u32, steps: [(i32, i32); 3], visit: &mut V) {
+        let c = self.coordinate[i as usize];
+        let home = [self.fold(0, c[0]), self.fold(1, c[1]), self.fold(2, c[2])];
+        // The neighbor `step` away along an axis: (cell, shift), or nothing beyond a bounded edge.
+        let neighbor = |axis: usize, step: i32| -> Option<(i32, i32)> {
+            let (cell, image) = home[axis];
+            let next = cell + step;
+            if (0..self.n[axis]).contains(&next) {
+                return Some((next, image));
+            }
+            match self.axes[axis] {
+                Axis::Periodic => {
+                    let wrap = next.div_euclid(self.n[axis]);
+                    Some((next - wrap * self.n[axis], image + wrap))
+                }
+                Axis::Open => Some((next.rem_euclid(self.n[axis]), 0)),
+                Axis::Bounded | Axis::Flat => None,
+            }
+        };
+        for z in steps[2].0..=steps[2].1 {
+            let Some((cz, sz)) = neighbor(2, z) else { continue };
+            for y in steps[1].0..=steps[1].1 {
+                let Some((cy, sy)) = neighbor(1, y) else { continue };
+                for x in steps[0].0..=steps[0].1 {
+                    let Some((cx, sx)) = neighbor(0, x) else { continue };
+                    self.visit_cell(i, self.index([cx, cy, cz]), [sx, sy, sz], visit);
+                }
+            }
+        }
+    }
+
+    /// For every cell the walls that a particle with its centre in it may touch.
+    fn find_walls(&mut self, geometry: &Geometry) {
+        if geometry.planes.is_empty() {
+            return;
+        }
+        let cells = self.slots.len();
+        let lists: Vec<Vec<u16>> = (0..cells)
+            .into_par_iter()
+            .map(|index| {
+                let nx = self.n[0] as usize;
+                let ny = self.n[1] as usize;
+                let cell = [index % nx, index / nx % ny, index / (nx * ny)];
+                let near = |plane: &Plane| self.is_near(cell, plane, geometry.radius);
+                (0..geometry.planes.len() as u16)
+                    .filter(|&wall| near(&geometry.planes[wall as usize]))
+                    .collect()
+            })
+            .collect();
+        self.wall_start = Vec::with_capacity(cells + 1);
+        self.wall_start.push(0);
+        for list in lists {
+            self.wall_ids.extend(list);
+            self.wall_start.push(self.wall_ids.len() as u32);
+        }
+    }
+
+    fn is_near(&self, cell: [usize; 3], plane: &Plane, radius: f64) -> bool {
+        if plane.moving {
+            return true;
+        }
+        let normal = plane.normal.to_array();
+        let point = plane.point.to_array();
+        let mut distance = 0.0;
+        let mut slack = radius;
+        for axis in 0..3 {
+            if normal[axis] == 0.0 {
+                continue;
+            }
+            if matches!(self.axes[axis], Axis::Open | Axis::Periodic) {
+                // The cell stands for all its images.
+                return true;
+            }
+            let width = self.width[axis];
+            let low = cell[axis] as f64 * width;
+            distance += ((low - point[axis]) * normal[axis]).min((low + width - point[axis]) * normal[axis]);
+            slack += radius.max(width) * 1e-9;
+        }
+        distance <= slack
+    }
+}
+
+impl Search for Cells {
+    fn new(geometry: &Geometry, positions: &[DVec3]) -> Self {
+        let (n, width) = grid(geometry, positions.len());
+        let axes = geometry.axes;
+        let coordinate: Vec<[i32; 3]> = positions
+            .par_iter()
+            .map(|position| {
+                let p = position.to_array();
+                [0, 1, 2].map(|axis| match axes[axis] {
+                    Axis::Flat => 0,
+                    Axis::Bounded => ((p[axis] / width[axis]).floor() as i32).clamp(0, n[axis] - 1),
+                    Axis::Periodic | Axis::Open => (p[axis] / width[axis]).floor() as i32,
+                })
+            })
+            .collect();
+        let cells = n.iter().map(|&n| n as usize).product();
+        let mut grid = Self {
+            axes,
+            n,
+            width,
+            coordinate,
+            slots: vec![[EMPTY; SLOTS]; cells],
+            spilled: Vec::new(),
+            spare: Vec::new(),
+            wall_start: Vec::new(),
+            wall_ids: Vec::new(),
+        };
+        for i in 0..positions.len() as u32 {
+            grid.insert(i);
+        }
+        grid.find_walls(geometry);
+        grid
+    }
+
+    #[inline]
+    fn candidates<P: Fn(u32) -> DVec3, V: FnMut(u32, Shift)>(&self, i: u32, _position: P, mut visit: V) {
+        let steps = self.axes.map(|axis| if axis == Axis::Flat { (0, 0) } else { (-1, 1) });
+        self.visit_block(i, steps, &mut visit);
+    }
+
+    #[inline]
+    fn new_candidates<P: Fn(u32) -> DVec3, V: FnMut(u32, Shift)>(
+        &self,
+        i: u32,
+        code: u8,
+        _position: P,
+        mut visit: V,
+    ) {
+        let mut steps = self.axes.map(|axis| if axis == Axis::Flat { (0, 0) } else { (-1, 1) });
+        let step = if code & 1 == 0 { -1 } else { 1 };
+        steps[usize::from(code >> 1)] = (step, step);
+        self.visit_block(i, steps, &mut visit);
+    }
+
+    #[inline]
+    fn walls(&self, i: u32) -> &[u16] {
+        if self.wall_start.is_empty() {
+            return &[];
+        }
+        let (cell, _) = self.place(i);
+        &self.wall_ids[self.wall_start[cell] as usize..self.wall_start[cell + 1] as usize]
+    }
+
+    #[inline]
+    fn next_transfer(&self, i: u32, flight: &Flight) -> Option<Transfer> {
+        let coordinate = self.coordinate[i as usize];
+        let (position, velocity, acceleration) =
+            (flight.position.to_array(), flight.velocity.to_array(), flight.acceleration.to_array());
+        let mut best: Option<Transfer> = None;
+        for axis in 0..3 {
+            let (c, width) = (coordinate[axis], self.width[axis]);
+            for side in 0..2_u8 {
+                let outward = if side == 0 { -1.0 } else { 1.0 };
+                let bounded = self.axes[axis] == Axis::Bounded;
+                if self.axes[axis] == Axis::Flat
+                    || (bounded && (c == 0 && side == 0 || c == self.n[axis] - 1 && side == 1))
+                {
+                    continue;
+                }
+                let face = f64::from(c + i32::from(side)) * width;
+                let gap = (face - position[axis]) * outward;
+                let delay = time_to_face(gap, -outward * velocity[axis], -outward * acceleration[axis]);
+                if let Some(delay) = delay.filter(|&delay| best.is_none_or(|best| delay < best.delay)) {
+                    best = Some(Transfer { delay, code: axis as u8 * 2 + side });
+                }
+            }
+        }
+        best
+    }
+
+    fn transfer(&mut self, i: u32, code: u8) {
+        self.remove(i);
+        let c = &mut self.coordinate[i as usize][usize::from(code >> 1)];
+        *c += if code & 1 == 0 { -1 } else { 1 };
+        self.insert(i);
+    }
+
+    fn rewrap(&mut self, i: u32, wraps: [i32; 3]) {
+        self.remove(i);
+        for axis in 0..3 {
+            self.coordinate[i as usize][axis] -= wraps[axis] * self.n[axis];
+        }
+        self.insert(i);
+    }
+}
