@@ -48,3 +48,8 @@ pub use impact::{
 };
 pub use plane::{time_to_face, time_to_plane};
 pub use restitution::{Restitution, RestitutionError};
+
+/// The examples of the README are tests.
+#[cfg(doctest)]
+#[doc = include_str!("../README.md")]
+struct Readme;

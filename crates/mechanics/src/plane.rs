@@ -72,6 +72,8 @@ pub fn time_to_plane(distance: f64, speed: f64, acceleration: f64) -> Option<f64
 /// assert_eq!(time_to_face(-1e-17, 1.5, 0.0), None); // on the face by rounding, moving in
 /// // Thrown up from 1 below the face at speed 3 in a = −4: enters at t = ½, leaves at t = 1.
 /// assert_eq!(time_to_face(-1.0, 3.0, -4.0), Some(1.0));
+/// // Turns back exactly on the face: contact for a wall, no exit from a cell.
+/// assert_eq!(time_to_face(2.0, -2.0, 1.0), None);
 /// ```
 #[inline]
 #[must_use]

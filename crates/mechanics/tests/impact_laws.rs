@@ -187,3 +187,15 @@ fn nearly_elastic_losses_keep_their_digits() {
     let loss = impact(1.0, e, 2.0).energy_loss;
     assert!((loss - exact).abs() <= EPS * exact, "{loss:e} against {exact:e}");
 }
+
+#[test]
+fn a_heavy_body_at_rest_keeps_the_digits_of_its_small_common_velocity() {
+    let (heavy, w) = (3e12, DVec3::new(0.7, -0.3, 0.1));
+    for (common, _) in [
+        resolve_sticking(DVec3::ZERO, w, 1.0 / heavy, 1.0),
+        resolve_sticking(w, DVec3::ZERO, 1.0, 1.0 / heavy),
+    ] {
+        let expected = w / (1.0 + heavy);
+        assert!((common - expected).length() <= 8.0 * EPS * expected.length(), "{common} against {expected}");
+    }
+}

@@ -188,7 +188,7 @@ pub fn curved_from_contact(count: u32) -> impl Iterator<Item = Case> {
         let sigma = draw.sigma();
         let (n, tangent) = draw.frame();
         let r = n * (sigma * (1.0 + if k % 3 == 0 { 0.0 } else { draw.sign() * draw.decades(-16.5, -15.0) }));
-        let normal = draw.decades(-9.0, 1.0) * if draw.index(5) == 0 { -1.0 } else { 1.0 };
+        let normal = draw.decades(-18.0, 1.0) * if draw.index(5) == 0 { -1.0 } else { 1.0 };
         let sliding = if draw.index(2) == 0 { 0.0 } else { draw.decades(-6.0, 0.5) };
         let v = (n * normal + tangent * sliding) * sigma;
         let a = (draw.direction() * draw.uniform(0.0, 0.9) - n) * (sigma * draw.decades(-1.0, 2.0));
