@@ -14,9 +14,9 @@ use glam::DVec3;
 const SMALL: f64 = 1e-140;
 const LARGE: f64 = 1e140;
 
-/// Time until two spheres in straight relative flight touch [time], or `None`.
+/// Time until two spheres in straight relative flight touch \[time\], or `None`.
 ///
-/// `r = r_j − r_i` [length] and `v = v_j − v_i` [length/time] at the start; `sigma = R_i + R_j` > 0 [length]. Equal
+/// `r = r_j − r_i` \[length\] and `v = v_j − v_i` [length/time] at the start; `sigma = R_i + R_j` > 0 \[length\]. Equal
 /// accelerations cancel. Smaller root of `|r + v t| = σ`.
 ///
 /// * Only approaching spheres, `r·v < 0`, touch.
@@ -95,7 +95,7 @@ fn time_to_contact_rescaled(x: f64, y: f64, z: f64, vx: f64, vy: f64, vz: f64, s
 
 /// Whether the approach of a touching pair is nothing but rounding.
 ///
-/// `r = r_j − r_i` [length], `v = v_j − v_i`, `speed_scale` = the larger of `|v_i|` and `|v_j|` [length/time]. True if
+/// `r = r_j − r_i` \[length\], `v = v_j − v_i`, `speed_scale` = the larger of `|v_i|` and `|v_j|` [length/time]. True if
 /// the pair approaches no faster than `4 ε speed_scale`, ε = 2⁻⁵², or does not approach at all.
 ///
 /// An impact with e = 0 should leave no normal velocity, but velocities are stored with an error of half an

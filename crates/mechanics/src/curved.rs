@@ -20,10 +20,10 @@ use crate::roots::bracketed_root;
 use crate::scale::{exponent, magnitude, scaled, scaled_vector};
 use glam::DVec3;
 
-/// Time until two spheres touch whose relative acceleration is constant [time], or `None`.
+/// Time until two spheres touch whose relative acceleration is constant \[time\], or `None`.
 ///
-/// `r = r_j − r_i` [length], `v = v_j − v_i` [length/time], `a = a_j − a_i` [length/time²]; `sigma = R_i + R_j` > 0
-/// [length]. The smallest t ≥ 0 with `|r + v t + ½ a t²| = σ` at which the distance falls.
+/// `r = r_j − r_i` \[length\], `v = v_j − v_i` [length/time], `a = a_j − a_i` [length/time²]; `sigma = R_i + R_j` > 0
+/// \[length\]. The smallest t ≥ 0 with `|r + v t + ½ a t²| = σ` at which the distance falls.
 ///
 /// * Touching or overlapping at the start, and approaching in the next instant: `Some(0.0)`.
 /// * Touching or overlapping, and separating: the time at which the acceleration has brought them back, to σ or,

@@ -2,7 +2,7 @@
 
 use glam::DVec3;
 
-/// Position [length] after straight flight over `dt` [time] at `velocity` [length/time].
+/// Position \[length\] after straight flight over `dt` \[time\] at `velocity` [length/time].
 ///
 /// Exactly `position + velocity · dt`, each operation rounded once.
 ///
@@ -17,7 +17,7 @@ pub fn drift(position: DVec3, velocity: DVec3, dt: f64) -> DVec3 {
     position + velocity * dt
 }
 
-/// Position [length] after flight over `dt` [time] under a constant `acceleration` [length/time²].
+/// Position \[length\] after flight over `dt` \[time\] under a constant `acceleration` [length/time²].
 ///
 /// `x + (v + ½ a dt) dt`. Where the acceleration is zero this has the bits of [`drift`].
 ///
@@ -34,7 +34,7 @@ pub fn free_flight(position: DVec3, velocity: DVec3, acceleration: DVec3, dt: f6
     position + (velocity + acceleration * (0.5 * dt)) * dt
 }
 
-/// Velocity [length/time] after flight over `dt` [time] under a constant `acceleration` [length/time²].
+/// Velocity [length/time] after flight over `dt` \[time\] under a constant `acceleration` [length/time²].
 ///
 /// ```
 /// # use glam::DVec3;

@@ -28,9 +28,9 @@ pub struct Impact {
     pub compression_impulse: f64,
     /// `J_r` = e `J_c`, from then on [mass·length/time], (2.11).
     pub restitution_impulse: f64,
-    /// `ΔT = ½ (1 − e²) v_n² / Λ` ≥ 0, kinetic energy lost [energy], (2.16).
+    /// `ΔT = ½ (1 − e²) v_n² / Λ` ≥ 0, kinetic energy lost \[energy\], (2.16).
     pub energy_loss: f64,
-    /// `E'_c = ½ (1 + e)² v_n² / Λ = ½ Λ J²`, energy of the lost velocities [energy], (2.31).
+    /// `E'_c = ½ (1 + e)² v_n² / Λ = ½ Λ J²`, energy of the lost velocities \[energy\], (2.31).
     pub carnot_energy: f64,
 }
 
@@ -76,7 +76,7 @@ pub fn approach_speed(w1: DVec3, w2: DVec3, n: DVec3) -> f64 {
     (w1 - w2).dot(n)
 }
 
-/// Reduced mass μ = m1 m2/(m1 + m2) [mass]; an infinite mass leaves the other one.
+/// Reduced mass μ = m1 m2/(m1 + m2) \[mass\]; an infinite mass leaves the other one.
 ///
 /// ```
 /// use haff_mechanics::reduced_mass;
@@ -150,7 +150,7 @@ pub fn resolve_wall(w: DVec3, w_wall: DVec3, inv_m: f64, n: DVec3, e: f64) -> (D
     (after, impact)
 }
 
-/// Work [energy] that a body of infinite mass, moving at `w_body` [length/time], does on a particle in an impact of
+/// Work \[energy\] that a body of infinite mass, moving at `w_body` [length/time], does on a particle in an impact of
 /// magnitude `impulse` along `n` (unit vector from the particle into the body).
 ///
 /// The particle receives the impulse `P = −J n`, so the work is `P·w_body`, and the particle's energy balance is
@@ -182,7 +182,7 @@ pub fn work_of_moving_body(impulse: f64, n: DVec3, w_body: DVec3) -> f64 {
 pub struct StickingImpact {
     /// P = (w1 − w2)/Λ, impulse on body 2; body 1 receives −P [mass·length/time].
     pub impulse: DVec3,
-    /// ΔT = ½ |w1 − w2|² / Λ, kinetic energy lost [energy]; equal to the energy of the lost velocities (2.31),
+    /// ΔT = ½ |w1 − w2|² / Λ, kinetic energy lost \[energy\]; equal to the energy of the lost velocities (2.31),
     /// which is Carnot's theorem (2.32) for bodies that do not separate.
     pub energy_loss: f64,
 }
@@ -234,8 +234,8 @@ pub fn energy_fraction_lost_at_rest(m1: f64, m2: f64, e: f64) -> f64 {
 
 /// Speed and angle after an oblique impact at `speed` [length/time] on a wall at rest, (2.21), (2.22).
 ///
-/// `alpha` [rad] is the angle between the velocity and the wall's normal before the impact. Returns
-/// `|w'| = |w| √(sin²α + e² cos²α)` and the angle β [rad] after it, `tan β = tan α / e`: a right angle, gliding
+/// `alpha` \[rad\] is the angle between the velocity and the wall's normal before the impact. Returns
+/// `|w'| = |w| √(sin²α + e² cos²α)` and the angle β \[rad\] after it, `tan β = tan α / e`: a right angle, gliding
 /// along the wall, for e = 0.
 ///
 /// ```

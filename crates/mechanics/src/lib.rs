@@ -8,7 +8,7 @@ chapter *Particle Impact* on which the simulator rests.
 | module | question |
 |---|---|
 | [`restitution`] | how elastic is a contact at this approach speed? |
-| [`impact`] | which impulse acts, and which energy is lost? |
+| [`mod@impact`] | which impulse acts, and which energy is lost? |
 | [`contact`] | when do two spheres in straight relative flight touch? |
 | [`curved`] | when do they touch under a relative acceleration (a fixed sphere in gravity)? |
 | [`plane`] | when does a sphere reach a wall, or a centre leave its cell? |

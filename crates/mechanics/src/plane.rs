@@ -15,9 +15,9 @@ Of the two forms for a < 0 the one without cancellation is taken: the first if s
 
 use crate::scale::{exponent, scaled};
 
-/// Time until a sphere touches a plane wall [time], or `None`.
+/// Time until a sphere touches a plane wall \[time\], or `None`.
 ///
-/// `distance` d of the sphere's surface from the plane [length], its rate `speed` s [length/time] and its constant
+/// `distance` d of the sphere's surface from the plane \[length\], its rate `speed` s [length/time] and its constant
 /// `acceleration` a [length/time²], all positive towards the inside. The smallest t ≥ 0 with
 /// `d + s t + ½ a t² = 0` at which the sphere moves towards the wall; an apex that just grazes the wall counts.
 ///
@@ -47,9 +47,9 @@ pub fn time_to_plane(distance: f64, speed: f64, acceleration: f64) -> Option<f64
     descending_root(d, s, a, true)
 }
 
-/// Time until a coordinate leaves its cell through a face [time], or `None`.
+/// Time until a coordinate leaves its cell through a face \[time\], or `None`.
 ///
-/// `distance` d of the coordinate from the face [length], its rate `speed` s [length/time] and its constant
+/// `distance` d of the coordinate from the face \[length\], its rate `speed` s [length/time] and its constant
 /// `acceleration` a [length/time²], all positive towards the cell's inside. The time t ≥ 0 at which
 /// `d + s t + ½ a t²` falls through zero.
 ///
