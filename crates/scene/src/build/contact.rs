@@ -1,0 +1,305 @@
+//! Names, walls and contact rules.
+
+use std::collections::BTreeMap;
+
+use haff_engine::{Contacts, Wall};
+use haff_mechanics::Restitution;
+
+use super::Builder;
+use super::values::{at, item, not_negative, positive};
+use crate::config::{ContactConfig, RestitutionConfig, RestitutionLaw};
+use crate::document::Path;
+
+/// The table of pair rules has the square of this many entries.
+const MAX_GROUPS: usize = 1000;
+/// Walls are 16-bit numbers in the engine; a plane is tested by every particle near it.
+const MAX_WALLS: usize = 1000;
+
+/// Name of the group of explicit particles that have none.
+const UNNAMED: &str = "particle";
+
+/// Names of contact groups: species, then the distinct names of particles.
+pub(super) struct Names {
+    pub(super) all: Vec<String>,
+    pub(super) species: usize,
+    /// Group of each explicit particle.
+    pub(super) of_particle: Vec<u32>,
+}
+
+impl Builder<'_> {
+    pub(super) fn names(&mut self) -> Names {
+        let mut all: Vec<String> = Vec::new();
+        for (k, species) in self.config.species.iter().flatten().enumerate() {
+            all.push(species.name.clone().unwrap_or_else(|| format!("species.{k}")));
+        }
+        let species = all.len();
+        let mut index: BTreeMap<String, u32> = BTreeMap::new();
+        let mut of_particle = Vec::new();
+        for particle in self.config.particle.iter_mut().flatten() {
+            let name = particle.name.get_or_insert_with(|| UNNAMED.to_owned());
+            let next = all.len() as u32;
+            let group = *index.entry(name.clone()).or_insert(next);
+            if group == next {
+                all.push(name.clone());
+            }
+            of_particle.push(group);
+        }
+        Names { all, species, of_particle }
+    }
+
+    /// Names of species and walls are unique, and no particle is called like one.
+    pub(super) fn check_names(&mut self, names: &Names, walls: &[String]) {
+        let mut taken: BTreeMap<String, String> = BTreeMap::new();
+        let mut uses: Vec<(String, Path, String)> = Vec::new();
+        for (k, species) in self.config.species.iter().flatten().enumerate() {
+            match &species.name {
+                Some(name) => uses.push((name.clone(), item("species", k, "name"), format!("species.{k}"))),
+                None => self
+                    .document
+                    .report_missing(&item("species", k, "name"), "missing: a species needs a name"),
+            }
+        }
+        for (group, name) in names.all.iter().enumerate().skip(names.species) {
+            let first = names.of_particle.iter().position(|&g| g as usize == group).unwrap_or(0);
+            uses.push((name.clone(), item("particle", first, "name"), format!("particle.{first}")));
+        }
+        let listed = self.config.wall.as_ref().map_or(0, Vec::len);
+        for (k, name) in walls.iter().enumerate() {
+            let own = (k + listed).checked_sub(walls.len());
+            match own {
+                None => {
+                    taken.insert(name.clone(), "a wall of the domain".into());
+                }
+                Some(own) => uses.push((name.clone(), item("wall", own, "name"), format!("wall.{own}"))),
+            }
+        }
+        for (name, path, label) in uses {
+            if name.trim().is_empty() {
+                // Walls without a name have been reported.
+                if path[0] != "wall" || !self.document.was_reported(&path) {
+                    self.document.report(&path, "must not be empty");
+                }
+                continue;
+            }
+            if let Some(other) = taken.get(&name) {
+                let message = format!("the name \"{name}\" is taken by {other}; names must differ");
+                self.document.report(&path, message);
+            }
+            taken.entry(name).or_insert(label);
+        }
+        if names.all.len() > MAX_GROUPS {
+            let list = if names.species > MAX_GROUPS { "species" } else { "particle" };
+            let message = format!(
+                "{} different names of species and particles, at most {MAX_GROUPS} are possible; particles may share one",
+                names.all.len()
+            );
+            self.document.report(&at([list]), message);
+        }
+    }
+
+    /// The walls of `[[wall]]`.
+    pub(super) fn extra_walls(&mut self) -> Vec<Wall> {
+        let configs = self.config.wall.clone().unwrap_or_default();
+        if configs.len() > MAX_WALLS {
+            self.document.report(&at(["wall"]), format!("at most {MAX_WALLS} walls are possible"));
+            return Vec::new();
+        }
+        let mut walls = Vec::with_capacity(configs.len());
+        for (k, config) in configs.iter().enumerate() {
+            if config.name.is_none() {
+                self.document.report_missing(&item("wall", k, "name"), "missing: a wall needs a name");
+            }
+            let plane = config.plane.clone().unwrap_or_default();
+            let mut vector = |key: &str, value: &Option<Vec<f64>>, required: bool| {
+                let path = item("wall", k, key);
+                match value {
+                    Some(value) => self.vector(&path, value),
+                    None => {
+                        if required {
+                            let why = "missing: a wall needs plane = { point = […], normal = […] }";
+                            self.document.report_missing(&path, why);
+                        }
+                        glam::DVec3::ZERO
+                    }
+                }
+            };
+            let point = vector("plane.point", &plane.point, true);
+            let given = vector("plane.normal", &plane.normal, true);
+            let velocity = vector("velocity", &config.velocity, false);
+            // Scaling by the largest component first keeps tiny and huge normals from under- and overflow.
+            let normal = given / given.abs().max_element();
+            let normal = normal / normal.length();
+            if plane.normal.is_some() && given == glam::DVec3::ZERO && !self.reported_under("wall", k) {
+                self.document.report(&item("wall", k, "plane.normal"), "must not be zero");
+            }
+            walls.push(Wall { name: config.name.clone().unwrap_or_default(), point, normal, velocity });
+        }
+        walls
+    }
+
+    fn reported_under(&self, list: &str, k: usize) -> bool {
+        let prefix = format!("{list}.{k}.plane.normal");
+        self.document.errors.iter().any(|error| error.path.starts_with(&prefix))
+    }
+
+    /// Rules for all pairs of groups and all groups with all walls.
+    pub(super) fn contacts(&mut self, names: &Names, walls: &[String]) -> Contacts {
+        let contact = self.config.contact.get_or_insert_with(ContactConfig::default);
+        contact.restitution.get_or_insert(RestitutionConfig::Constant(1.0));
+        contact.tc.get_or_insert(0.0);
+        let contact = contact.clone();
+        let tc = contact.tc.unwrap_or(0.0);
+        not_negative(&mut self.document, &at(["contact", "tc"]), tc);
+
+        let general = self.restitution(&at(["contact", "restitution"]), contact.restitution.as_ref());
+        let general = general.unwrap_or(Restitution::Constant(1.0));
+        let wall_rule =
+            self.restitution(&at(["contact", "wall_restitution"]), contact.wall_restitution.as_ref());
+        let wall_rule = wall_rule.unwrap_or(general);
+        let groups = names.all.len().min(MAX_GROUPS);
+        let mut pair = vec![general; groups * groups];
+        let mut wall = vec![wall_rule; groups * walls.len()];
+        let configs = self.config.wall.clone().unwrap_or_default();
+        let first_own = walls.len().saturating_sub(configs.len());
+        for (k, config) in configs.iter().enumerate() {
+            let path = item("wall", k, "restitution");
+            if let Some(rule) = self.restitution(&path, config.restitution.as_ref())
+                && first_own + k < walls.len()
+            {
+                for group in 0..groups {
+                    wall[group * walls.len() + first_own + k] = rule;
+                }
+            }
+        }
+        let mut seen: BTreeMap<(usize, usize), usize> = BTreeMap::new();
+        for (k, config) in contact.pair.iter().flatten().enumerate() {
+            let path = |key: &str| {
+                let mut path = at(["contact", "pair"]);
+                path.push(k.to_string());
+                path.push(key.to_owned());
+                path
+            };
+            let rule = self.restitution(&path("restitution"), config.restitution.as_ref());
+            if config.restitution.is_none() {
+                self.document.report_missing(&path("restitution"), "missing: the pair needs a restitution");
+            }
+            let Some(between) = &config.between else {
+                self.document.report_missing(&path("between"), "missing: give two names");
+                continue;
+            };
+            let [a, b] = between.as_slice() else {
+                self.document.report(&path("between"), "must have two names");
+                continue;
+            };
+            let mut find = |name: &String| -> Option<usize> {
+                let position = names.all.iter().chain(walls).position(|known| known == name);
+                if position.is_none() {
+                    let mut known: Vec<&str> = names.all.iter().chain(walls).map(String::as_str).collect();
+                    let more = if known.len() > 12 { ", …" } else { "" };
+                    known.truncate(12);
+                    let near = known
+                        .iter()
+                        .max_by(|x, y| {
+                            strsim::jaro_winkler(x, name).total_cmp(&strsim::jaro_winkler(y, name))
+                        })
+                        .filter(|best| strsim::jaro_winkler(best, name) > 0.75)
+                        .map_or_else(String::new, |best| format!("; did you mean \"{best}\"?"));
+                    let message =
+                        format!("nothing is named \"{name}\"{near} (known: {}{more})", known.join(", "));
+                    self.document.report(&path("between"), message);
+                }
+                position
+            };
+            let (Some(i), Some(j)) = (find(a), find(b)) else { continue };
+            let (i, j) = (i.min(j), i.max(j));
+            if i >= names.all.len() {
+                self.document
+                    .report(&path("between"), "two walls never touch: one name must be of particles");
+                continue;
+            }
+            if let Some(first) = seen.insert((i, j), k) {
+                let message = format!("contact.pair.{first} already rules these two");
+                self.document.report(&path("between"), message);
+            }
+            let Some(rule) = rule else { continue };
+            if i >= groups || (j < names.all.len() && j >= groups) {
+                continue;
+            }
+            if j < names.all.len() {
+                pair[i * groups + j] = rule;
+                pair[j * groups + i] = rule;
+            } else {
+                wall[i * walls.len() + j - names.all.len()] = rule;
+            }
+        }
+        Contacts { pair, wall, tc }
+    }
+
+    /// A law of restitution, if there is one and it is sound.
+    fn restitution(&mut self, path: &[String], config: Option<&RestitutionConfig>) -> Option<Restitution> {
+        let sub = |key: &str| {
+            let mut path = path.to_vec();
+            path.push(key.to_owned());
+            path
+        };
+        let model = match config? {
+            RestitutionConfig::Constant(e) => {
+                if (0.0..=1.0).contains(e) {
+                    return Some(Restitution::Constant(*e));
+                }
+                self.document.report(path, "must be in [0, 1]");
+                return None;
+            }
+            RestitutionConfig::Model(model) => model,
+        };
+        let Some(law) = model.model else {
+            self.document.report_missing(&sub("model"), "missing: \"viscoelastic\" or \"cutoff\"");
+            return None;
+        };
+        let (needed, extra): (&[(&str, Option<f64>)], &[(&str, Option<f64>)]) = match law {
+            RestitutionLaw::Viscoelastic => (
+                &[("coefficient", model.coefficient)],
+                &[("restitution", model.restitution), ("speed", model.speed), ("exponent", model.exponent)],
+            ),
+            RestitutionLaw::Cutoff => (
+                &[("restitution", model.restitution), ("speed", model.speed)],
+                &[("coefficient", model.coefficient)],
+            ),
+        };
+        let mut sound = true;
+        for (key, value) in needed {
+            if value.is_none() {
+                self.document.report_missing(&sub(key), "missing: this model needs it");
+                sound = false;
+            }
+        }
+        for (key, value) in extra {
+            if value.is_some() {
+                self.document.report(&sub(key), "does not belong to this model");
+                sound = false;
+            }
+        }
+        if !sound {
+            return None;
+        }
+        match law {
+            RestitutionLaw::Viscoelastic => {
+                let coefficient = model.coefficient.unwrap_or(0.0);
+                not_negative(&mut self.document, &sub("coefficient"), coefficient)
+                    .then_some(Restitution::Viscoelastic { coefficient })
+            }
+            RestitutionLaw::Cutoff => {
+                let restitution = model.restitution.unwrap_or(1.0);
+                let speed = model.speed.unwrap_or(1.0);
+                let exponent = model.exponent.unwrap_or(0.75);
+                if !(0.0..=1.0).contains(&restitution) {
+                    self.document.report(&sub("restitution"), "must be in [0, 1]");
+                    sound = false;
+                }
+                sound &= positive(&mut self.document, &sub("speed"), speed);
+                sound &= positive(&mut self.document, &sub("exponent"), exponent);
+                sound.then_some(Restitution::Cutoff { restitution, speed, exponent })
+            }
+        }
+    }
+}

@@ -1,0 +1,247 @@
+//! From the scene as written to the scene as run: every check, every default.
+//!
+//! Checks go in rounds, and a round only starts when the one before found nothing: syntax and shapes; values one by
+//! one and against each other; geometry; placement. Within a round all errors are found.
+
+mod contact;
+mod domain;
+mod particles;
+mod plan;
+mod values;
+
+use glam::DVec3;
+use haff_engine::{Dimension, NeighborChoice, Options, SimdChoice, System};
+
+use crate::config::{EngineConfig, NeighborsConfig, SceneConfig, SimdConfig};
+use crate::document::Document;
+use crate::error::{ErrorKind, Place, SceneError, SceneErrors};
+use crate::scene::Scene;
+use crate::state::StateSource;
+use values::at;
+
+/// Bytes that a run needs per particle, for refusing what cannot fit: bodies here, hot records, cells, calendar and
+/// frames on their way to the file there.
+const BYTES_PER_PARTICLE: f64 = 600.0;
+
+/// Rows are 32-bit numbers in the engine and in files.
+const MAX_PARTICLES: u64 = 1 << 31;
+
+/// What a scene may ask of the machine.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Limits {
+    pub(crate) particles: u64,
+}
+
+impl Limits {
+    /// As many particles as the free memory holds, where the system tells.
+    pub(crate) fn of_this_machine() -> Self {
+        let fits = available_memory().map_or(u64::MAX, |bytes| (bytes / BYTES_PER_PARTICLE) as u64);
+        Self { particles: fits.clamp(10_000, MAX_PARTICLES) }
+    }
+}
+
+/// Free memory [bytes], where `/proc` tells.
+fn available_memory() -> Option<f64> {
+    let text = std::fs::read_to_string("/proc/meminfo").ok()?;
+    let line = text.lines().find_map(|line| line.strip_prefix("MemAvailable:"))?;
+    line.trim().trim_end_matches("kB").trim().parse::<f64>().ok().map(|kilobytes| 1024.0 * kilobytes)
+}
+
+/// A scene under construction.
+struct Builder<'a> {
+    document: Document,
+    /// As written, with overrides; defaults are filled in on the way and make the resolved scene.
+    config: SceneConfig,
+    states: &'a dyn StateSource,
+    limits: Limits,
+    dimension: Dimension,
+    seed: u64,
+    unreadable: bool,
+}
+
+/// An error has been recorded in the document.
+struct Refused;
+
+pub(crate) fn build(
+    name: &str,
+    text: &str,
+    overrides: &[String],
+    states: &dyn StateSource,
+    limits: Limits,
+) -> Result<Scene, SceneErrors> {
+    let mut document = Document::new(name, text, overrides);
+    let config = if document.errors.is_empty() { document.config() } else { SceneConfig::default() };
+    let mut builder =
+        Builder { document, config, states, limits, dimension: Dimension::Three, seed: 0, unreadable: false };
+    let overrides_failed = builder.document.errors.iter().any(|error| error.path.is_empty());
+    let result = if overrides_failed { Err(Refused) } else { builder.scene(name) };
+    if let (Ok(scene), true) = (result, builder.document.errors.is_empty()) {
+        return Ok(scene);
+    }
+    let kind = if builder.unreadable { ErrorKind::Unreadable } else { ErrorKind::Invalid };
+    let (errors, source) = builder.document.into_errors();
+    Err(SceneErrors { errors, source, kind })
+}
+
+/// The error of a scene file that cannot be read.
+pub(crate) fn unreadable(name: &str, why: &std::io::Error) -> SceneErrors {
+    let error = SceneError {
+        file: name.to_owned(),
+        place: Place::Whole,
+        path: String::new(),
+        value: None,
+        message: format!("cannot read the scene: {why}"),
+    };
+    SceneErrors { errors: vec![error], source: String::new(), kind: ErrorKind::Unreadable }
+}
+
+impl Builder<'_> {
+    fn scene(&mut self, name: &str) -> Result<Scene, Refused> {
+        self.header(name);
+        let options = self.options();
+        let species = self.species_plans();
+        let explicit = self.particle_plans();
+        let names = self.names();
+        let mut domain = self.domain_plan(!species.is_empty(), !explicit.is_empty());
+        let extra_walls = self.extra_walls();
+        let wall_names: Vec<String> =
+            domain.wall_names().into_iter().chain(extra_walls.iter().map(|wall| wall.name.clone())).collect();
+        self.check_names(&names, &wall_names);
+        let contacts = self.contacts(&names, &wall_names);
+        let initial = self.initial(species.len());
+        self.run_shape();
+        self.output_shape();
+        self.count_particles(&species, explicit.len());
+        self.gate()?;
+
+        // Every value is sound by itself. Sizes and masses, then the box, then places.
+        let mut rows = self.draw_rows(&species, &explicit, &names);
+        self.gate()?;
+        let state = self.read_state(&initial, &species, &mut rows)?;
+        self.fix_size(&mut domain, &species, &rows, state.as_ref());
+        self.gate()?;
+        let system_domain = domain.finish(self.dimension, &rows);
+        let walls = domain.walls(&system_domain, extra_walls);
+        self.check_box(&system_domain, &rows, initial.positions.as_ref());
+        self.gate()?;
+        self.check_places(&system_domain, &walls, &mut rows, state.as_ref());
+        self.gate()?;
+        self.place_species(&system_domain, &walls, &mut rows, &initial);
+        self.gate()?;
+        self.draw_velocities(&species, &mut rows, &initial, state.as_ref());
+
+        let system = System {
+            dimension: self.dimension,
+            domain: system_domain,
+            bodies: rows.bodies,
+            classes: rows.classes,
+            groups: names.all.iter().map(|name| haff_engine::Group { name: name.clone() }).collect(),
+            species: names.all.clone(),
+            walls,
+            contacts,
+        };
+        let rate = plan::collision_rate(&system);
+        let run = self.run_plan(&system);
+        self.gate()?;
+        let output = self.output_plan(&system, &run, rate);
+        self.gate()?;
+        Ok(Scene {
+            title: self.config.title.clone().unwrap_or_default(),
+            seed: self.seed,
+            packing_fraction: plan::packing_fraction(&system),
+            collision_rate: rate,
+            system,
+            options,
+            run,
+            output,
+            resolved: self.resolved()?,
+        })
+    }
+
+    /// Stops where an error has been found.
+    fn gate(&self) -> Result<(), Refused> {
+        if self.document.errors.is_empty() { Ok(()) } else { Err(Refused) }
+    }
+
+    fn header(&mut self, name: &str) {
+        if let Some(schema) = self.config.schema
+            && schema != 1
+        {
+            self.document.report(&at(["schema"]), "must be 1, the only version of the format so far");
+        }
+        self.config.schema = Some(1);
+        match self.config.dimension.unwrap_or(3) {
+            2 => self.dimension = Dimension::Two,
+            3 => {}
+            _ => self.document.report(&at(["dimension"]), "must be 2 or 3"),
+        }
+        self.config.dimension = Some(self.dimension.count() as i64);
+        match u64::try_from(self.config.seed.unwrap_or(0)) {
+            Ok(seed) => self.seed = seed,
+            Err(_) => self.document.report(&at(["seed"]), "must be 0 or more"),
+        }
+        self.config.seed = Some(self.seed as i64);
+        self.config.title.get_or_insert_with(|| {
+            std::path::Path::new(name)
+                .file_stem()
+                .map_or_else(String::new, |stem| stem.to_string_lossy().into())
+        });
+    }
+
+    fn options(&mut self) -> Options {
+        let engine = self.config.engine.get_or_insert_with(EngineConfig::default);
+        let neighbors = *engine.neighbors.get_or_insert(NeighborsConfig::Auto);
+        let simd = *engine.simd.get_or_insert(SimdConfig::Auto);
+        let neighbors = match neighbors {
+            NeighborsConfig::Auto => NeighborChoice::Auto,
+            NeighborsConfig::Cells => NeighborChoice::Cells,
+            NeighborsConfig::AllPairs => NeighborChoice::AllPairs,
+            NeighborsConfig::Windows | NeighborsConfig::Lists => {
+                self.document.report(
+                    &at(["engine", "neighbors"]),
+                    "is not available in this version; choose \"auto\", \"cells\" or \"all_pairs\"",
+                );
+                NeighborChoice::Auto
+            }
+        };
+        let simd = match simd {
+            SimdConfig::Auto => SimdChoice::Auto,
+            SimdConfig::Avx2 => SimdChoice::Avx2,
+            SimdConfig::Portable => SimdChoice::Portable,
+        };
+        Options { neighbors, simd }
+    }
+
+    fn resolved(&mut self) -> Result<String, Refused> {
+        toml::to_string(&self.config).map_err(|error| {
+            self.document.report(&[], format!("cannot be written out again: {error}"));
+            Refused
+        })
+    }
+
+    /// The components of a vector of the scene: as many as there are dimensions, or three with z = 0.
+    fn vector(&mut self, path: &[String], values: &[f64]) -> DVec3 {
+        let d = self.dimension.count();
+        if values.len() != d && values.len() != 3 {
+            let form = if d == 2 { "two numbers (or three, the last one 0)" } else { "three numbers" };
+            self.document.report(path, format!("must have {form}"));
+            return DVec3::ZERO;
+        }
+        if let Some(k) = values.iter().position(|x| !x.is_finite() || x.abs() > values::LARGEST) {
+            let mut element = path.to_vec();
+            element.push(k.to_string());
+            self.document.report(&element, "must be a finite number, at most 1e50 in size");
+            return DVec3::ZERO;
+        }
+        if d == 2 && values.len() == 3 && values[2] != 0.0 {
+            self.document.report(path, "must have z = 0 in two dimensions");
+            return DVec3::ZERO;
+        }
+        DVec3::new(values[0], values[1], if d == 3 { values[2] } else { 0.0 })
+    }
+
+    /// The components that the dimension has.
+    fn components(&self, v: DVec3) -> Vec<f64> {
+        v.to_array()[..self.dimension.count()].to_vec()
+    }
+}

@@ -1,0 +1,516 @@
+//! The scene file as written: every key optional, nothing checked beyond its type.
+//!
+//! The doc comments of this file are the descriptions of the JSON Schema that `haff schema` prints, so they are
+//! written for people who write scenes. What is missing, out of range or contradictory is found in
+//! [`crate::build`], where every error is collected and located; serde only knows shapes.
+
+use std::fmt;
+
+use schemars::JsonSchema;
+use serde::de::{self, Deserializer, MapAccess, Visitor, value::MapAccessDeserializer};
+use serde::{Deserialize, Serialize};
+
+/// A scene of haff: what is simulated, for how long, and what is recorded. Units are the user's own and
+/// consistent, with k_B = 1.
+#[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields, default)]
+pub struct SceneConfig {
+    /// Version of the scene format: 1.
+    #[schemars(range(min = 1, max = 1))]
+    pub schema: Option<i64>,
+    /// One line that says what the scene is.
+    pub title: Option<String>,
+    /// Seed of all random numbers; default 0.
+    #[serde(deserialize_with = "whole")]
+    #[schemars(range(min = 0))]
+    pub seed: Option<i64>,
+    /// 3: spheres in space (default). 2: disks in the plane z = 0.
+    #[schemars(range(min = 2, max = 3))]
+    pub dimension: Option<i64>,
+    /// The box, its faces and gravity.
+    pub domain: Option<DomainConfig>,
+    /// Where and how fast the particles of the species start.
+    pub initial: Option<InitialConfig>,
+    /// What a contact does.
+    pub contact: Option<ContactConfig>,
+    /// Choices of machinery; none of them changes the trajectory.
+    pub engine: Option<EngineConfig>,
+    /// How long to run: `until` and/or a number of collisions.
+    pub run: Option<RunConfig>,
+    /// What to record.
+    pub output: Option<OutputConfig>,
+    /// Kinds of particles, placed by `[initial]`.
+    pub species: Option<Vec<SpeciesConfig>>,
+    /// Particles placed one by one, beside or instead of the species.
+    pub particle: Option<Vec<ParticleConfig>>,
+    /// Plane walls beside those of `domain.boundary`.
+    pub wall: Option<Vec<WallConfig>>,
+}
+
+/// The box [0, L) per axis.
+#[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields, default)]
+pub struct DomainConfig {
+    /// Edge lengths [length], one per dimension. Along `open` axes a placeholder: where packings are put.
+    #[schemars(length(min = 2, max = 3), inner(range(min = 0.0)))]
+    pub size: Option<Vec<f64>>,
+    /// Instead of `size`: a cube (2D: square) that the species fill to this fraction. Explicit particles do not
+    /// count, so that adding one does not move the walls.
+    #[schemars(range(max = 1.0), extend("exclusiveMinimum" = 0))]
+    pub packing_fraction: Option<f64>,
+    /// Per axis: `periodic`, `wall` or `open`. Default: periodic where the box has a size, open otherwise.
+    #[schemars(length(min = 2, max = 3))]
+    pub boundary: Option<Vec<BoundaryConfig>>,
+    /// Common acceleration [length/time²]; zero along periodic axes. Default 0.
+    #[schemars(length(min = 2, max = 3))]
+    pub gravity: Option<Vec<f64>>,
+}
+
+/// What limits the domain along one axis.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum BoundaryConfig {
+    /// The domain repeats.
+    Periodic,
+    /// Walls at 0 and at L.
+    Wall,
+    /// Unbounded.
+    Open,
+}
+
+/// A kind of particle.
+#[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields, default)]
+pub struct SpeciesConfig {
+    /// Name, used by `contact.pair` and in output files.
+    #[schemars(required)]
+    pub name: Option<String>,
+    /// Number of particles.
+    #[serde(deserialize_with = "whole")]
+    #[schemars(required, range(min = 1))]
+    pub count: Option<i64>,
+    /// Radius [length]: a number or a distribution.
+    #[schemars(required)]
+    pub radius: Option<RadiusConfig>,
+    /// Mass [mass]; `inf` for fixed bodies. Either this or `density`.
+    #[schemars(extend("exclusiveMinimum" = 0))]
+    pub mass: Option<f64>,
+    /// Mass per volume [mass/length³], in 2D per area [mass/length²]. Either this or `mass`.
+    #[schemars(extend("exclusiveMinimum" = 0))]
+    pub density: Option<f64>,
+    /// Granular temperature of this species at the start [energy]; default `initial.temperature`.
+    #[schemars(range(min = 0.0))]
+    pub temperature: Option<f64>,
+}
+
+/// One radius for all, or a distribution.
+#[derive(Debug, Clone, PartialEq, Serialize, JsonSchema)]
+#[serde(untagged)]
+pub enum RadiusConfig {
+    /// The same radius for every particle [length].
+    Fixed(#[schemars(extend("exclusiveMinimum" = 0))] f64),
+    /// Drawn per particle.
+    Distribution(RadiusDistribution),
+}
+
+/// A distribution of radii: `{ uniform = [a, b] }` or `{ normal = [mean, sd], min = …, max = … }`.
+#[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields, default)]
+pub struct RadiusDistribution {
+    /// Uniform between the two values [length].
+    #[schemars(length(equal = 2))]
+    pub uniform: Option<Vec<f64>>,
+    /// Normal with this mean and standard deviation [length].
+    #[schemars(length(equal = 2))]
+    pub normal: Option<Vec<f64>>,
+    /// Smallest radius of `normal` [length]; default a tenth of the mean.
+    #[schemars(extend("exclusiveMinimum" = 0))]
+    pub min: Option<f64>,
+    /// Largest radius of `normal` [length]; default none.
+    #[schemars(extend("exclusiveMinimum" = 0))]
+    pub max: Option<f64>,
+}
+
+/// How the particles of the species start.
+#[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields, default)]
+pub struct InitialConfig {
+    /// `lattice` (default; the densest of the dimension), `fcc` (3D), `hexagonal` (2D), `random`, or
+    /// `{ file = "state.h5" }`: positions and velocities of the last frame of an output file.
+    pub positions: Option<PositionsConfig>,
+    /// Granular temperature T = Σ m|v − V|²/(dN) [energy], V the centre-of-mass velocity; Maxwell velocities,
+    /// shifted to zero momentum and rescaled to T exactly. Default 1; with positions from a file, the file's
+    /// velocities are kept unless a temperature is given.
+    #[schemars(range(min = 0.0))]
+    pub temperature: Option<f64>,
+}
+
+/// Where the particles of the species start.
+#[derive(Debug, Clone, PartialEq, Serialize, JsonSchema)]
+#[serde(untagged)]
+pub enum PositionsConfig {
+    /// A packing made here.
+    Packing(PackingConfig),
+    /// The last frame of a file.
+    File(FileConfig),
+}
+
+/// A packing.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum PackingConfig {
+    /// fcc in 3D, hexagonal in 2D.
+    Lattice,
+    /// Face-centred cubic, up to a packing fraction of 0.74.
+    Fcc,
+    /// Triangular, up to 0.907.
+    Hexagonal,
+    /// Sequential insertion, then growth: up to 0.5 in 3D, 0.7 in 2D.
+    Random,
+}
+
+/// An output file of haff.
+#[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields, default)]
+pub struct FileConfig {
+    /// Path, relative to the current directory.
+    #[schemars(required)]
+    pub file: Option<String>,
+}
+
+/// A particle placed by hand.
+#[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields, default)]
+pub struct ParticleConfig {
+    /// Name, default `particle`; particles of one name share their contact rules.
+    pub name: Option<String>,
+    /// Centre [length].
+    #[schemars(required, length(min = 2, max = 3))]
+    pub position: Option<Vec<f64>>,
+    /// Velocity [length/time]; default 0.
+    #[schemars(length(min = 2, max = 3))]
+    pub velocity: Option<Vec<f64>>,
+    /// Radius [length].
+    #[schemars(required, extend("exclusiveMinimum" = 0))]
+    pub radius: Option<f64>,
+    /// Mass [mass]; `inf` for a body that is fixed or, with a velocity, driven. Either this or `density`.
+    #[schemars(extend("exclusiveMinimum" = 0))]
+    pub mass: Option<f64>,
+    /// Mass per volume [mass/length³], in 2D per area [mass/length²]. Either this or `mass`.
+    #[schemars(extend("exclusiveMinimum" = 0))]
+    pub density: Option<f64>,
+}
+
+/// What a contact does. Precedence: `contact.pair`, then the wall's own, then `wall_restitution`, then
+/// `restitution`.
+#[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields, default)]
+pub struct ContactConfig {
+    /// Coefficient of restitution; default 1, elastic.
+    pub restitution: Option<RestitutionConfig>,
+    /// The same for walls; default `restitution`.
+    pub wall_restitution: Option<RestitutionConfig>,
+    /// Contact duration of the TC model [time]: contacts sooner than this after the last one are elastic.
+    /// 0, the default, turns it off.
+    #[schemars(range(min = 0.0))]
+    pub tc: Option<f64>,
+    /// Rules for two names.
+    pub pair: Option<Vec<PairConfig>>,
+}
+
+/// The contact rule of two names.
+#[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields, default)]
+pub struct PairConfig {
+    /// Two names of species, particles or walls (not two walls).
+    #[schemars(required, length(equal = 2))]
+    pub between: Option<Vec<String>>,
+    /// Coefficient of restitution.
+    #[schemars(required)]
+    pub restitution: Option<RestitutionConfig>,
+}
+
+/// A number in [0, 1] or a law of the approach speed.
+#[derive(Debug, Clone, PartialEq, Serialize, JsonSchema)]
+#[serde(untagged)]
+pub enum RestitutionConfig {
+    /// The same at every approach speed.
+    Constant(#[schemars(range(min = 0.0, max = 1.0))] f64),
+    /// Depends on the approach speed.
+    Model(RestitutionModelConfig),
+}
+
+/// `{ model = "viscoelastic", coefficient = … }` or
+/// `{ model = "cutoff", restitution = …, speed = …, exponent = … }`.
+#[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields, default)]
+pub struct RestitutionModelConfig {
+    /// Which law.
+    #[schemars(required)]
+    pub model: Option<RestitutionLaw>,
+    /// viscoelastic: δ at unit approach speed [(time/length)^(1/5)].
+    #[schemars(range(min = 0.0))]
+    pub coefficient: Option<f64>,
+    /// cutoff: restitution at and above the cut-off speed.
+    #[schemars(range(min = 0.0, max = 1.0))]
+    pub restitution: Option<f64>,
+    /// cutoff: approach speed [length/time] below which e rises to 1.
+    #[schemars(extend("exclusiveMinimum" = 0))]
+    pub speed: Option<f64>,
+    /// cutoff: e = 1 − (1 − restitution)(v/speed)^exponent below; default 0.75.
+    #[schemars(extend("exclusiveMinimum" = 0))]
+    pub exponent: Option<f64>,
+}
+
+/// A law for the coefficient of restitution.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum RestitutionLaw {
+    /// Viscoelastic spheres: e = 1 − 1.15344 δ + …, δ = coefficient · v^(1/5).
+    Viscoelastic,
+    /// Constant above a speed, tending to 1 below.
+    Cutoff,
+}
+
+/// A plane wall; it fills the half-space behind it.
+#[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields, default)]
+pub struct WallConfig {
+    /// Name, used by `contact.pair`.
+    #[schemars(required)]
+    pub name: Option<String>,
+    /// Where it stands.
+    #[schemars(required)]
+    pub plane: Option<PlaneConfig>,
+    /// Restitution of contacts with this wall; default `contact.wall_restitution`.
+    pub restitution: Option<RestitutionConfig>,
+    /// Velocity of the wall [length/time]; default 0.
+    #[schemars(length(min = 2, max = 3))]
+    pub velocity: Option<Vec<f64>>,
+}
+
+/// A plane.
+#[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields, default)]
+pub struct PlaneConfig {
+    /// A point of the plane at time 0 [length].
+    #[schemars(required, length(min = 2, max = 3))]
+    pub point: Option<Vec<f64>>,
+    /// Normal to the inside, where the particles are; need not have unit length.
+    #[schemars(required, length(min = 2, max = 3))]
+    pub normal: Option<Vec<f64>>,
+}
+
+/// Choices of machinery; none of them changes the trajectory.
+#[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields, default)]
+pub struct EngineConfig {
+    /// How partners are searched for; default `auto`.
+    pub neighbors: Option<NeighborsConfig>,
+    /// Vector instructions of the prediction kernel; default `auto`.
+    pub simd: Option<SimdConfig>,
+}
+
+/// How partners are searched for.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum NeighborsConfig {
+    /// The engine chooses.
+    Auto,
+    /// Time windows; reserved, not available in this version.
+    Windows,
+    /// A grid of cells.
+    Cells,
+    /// Neighbor lists; reserved, not available in this version.
+    Lists,
+    /// Every pair.
+    AllPairs,
+}
+
+/// Vector instructions of the prediction kernel.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum SimdConfig {
+    /// The best the processor has.
+    Auto,
+    /// 256-bit vectors.
+    Avx2,
+    /// Baseline instructions.
+    Portable,
+}
+
+/// How long to run. Whatever comes first ends the run.
+#[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields, default)]
+pub struct RunConfig {
+    /// Simulated time [time].
+    #[schemars(extend("exclusiveMinimum" = 0))]
+    pub until: Option<f64>,
+    /// Number of sphere–sphere collisions.
+    #[serde(deserialize_with = "whole")]
+    #[schemars(range(min = 1))]
+    pub collisions: Option<i64>,
+    /// Collisions per particle: C of them are N·C/2 collisions, since each involves two particles.
+    #[schemars(extend("exclusiveMinimum" = 0))]
+    pub collisions_per_particle: Option<f64>,
+    /// Stop cleanly after this time on the clock: `"2h"`, `"90s"`, or a number of seconds. Resumable.
+    pub wall_time: Option<WallTimeConfig>,
+}
+
+/// A duration on the clock.
+#[derive(Debug, Clone, PartialEq, Serialize, JsonSchema)]
+#[serde(untagged)]
+pub enum WallTimeConfig {
+    /// Seconds.
+    Seconds(#[schemars(extend("exclusiveMinimum" = 0))] f64),
+    /// Such as `2h 30m`.
+    Text(String),
+}
+
+/// What to record.
+#[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields, default)]
+pub struct OutputConfig {
+    /// Path of the HDF5 file, relative to the current directory; `false` or left out: none.
+    pub file: Option<OutputFileConfig>,
+    /// Simulated time between trajectory frames, or `{ log = [first, factor] }`, or `false`. Default: `until`/100.
+    pub frames: Option<ScheduleConfig>,
+    /// The same for observables. Default: `until`/1000.
+    pub observables: Option<ScheduleConfig>,
+    /// Record every event; default false.
+    pub events: Option<bool>,
+    /// Simulated time between checkpoints. Default: `until`/10.
+    #[schemars(extend("exclusiveMinimum" = 0))]
+    pub checkpoint: Option<f64>,
+}
+
+/// A path, or `false` for no file.
+#[derive(Debug, Clone, PartialEq, Serialize, JsonSchema)]
+#[serde(untagged)]
+pub enum OutputFileConfig {
+    /// Path of the file.
+    Path(String),
+    /// `false`: no file.
+    Off(#[schemars(extend("const" = false))] bool),
+}
+
+/// When something is recorded.
+#[derive(Debug, Clone, PartialEq, Serialize, JsonSchema)]
+#[serde(untagged)]
+pub enum ScheduleConfig {
+    /// Simulated time between two records [time].
+    Every(#[schemars(extend("exclusiveMinimum" = 0))] f64),
+    /// Ever more rarely.
+    Log(LogConfig),
+    /// `false`: never.
+    Off(#[schemars(extend("const" = false))] bool),
+}
+
+/// Records at first · factor^k, k = 0, 1, ….
+#[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields, default)]
+pub struct LogConfig {
+    /// `[first, factor]`: first time [time] > 0 and factor > 1.
+    #[schemars(required, length(equal = 2))]
+    pub log: Option<Vec<f64>>,
+}
+
+/// An integer, also written as a float with an integer value such as `1e6`.
+fn whole<'de, D: Deserializer<'de>>(deserializer: D) -> Result<Option<i64>, D::Error> {
+    struct Whole;
+    impl Visitor<'_> for Whole {
+        type Value = i64;
+        fn expecting(&self, f: &mut fmt::Formatter) -> fmt::Result {
+            f.write_str("an integer")
+        }
+        fn visit_i64<E: de::Error>(self, value: i64) -> Result<i64, E> {
+            Ok(value)
+        }
+        fn visit_f64<E: de::Error>(self, value: f64) -> Result<i64, E> {
+            // Beyond 2^53 not every integer is a float: such a value is a slip, or meant as infinity.
+            if value == value.trunc() && value.abs() <= 9_007_199_254_740_992.0 {
+                Ok(value as i64)
+            } else {
+                Err(E::invalid_type(de::Unexpected::Float(value), &self))
+            }
+        }
+    }
+    deserializer.deserialize_any(Whole).map(Some)
+}
+
+/// Deserialises one of several shapes by looking at the shape, so that an error inside a table is found where it
+/// stands. serde's `untagged` tries all variants and can only say that none fits.
+macro_rules! by_shape {
+    ($type:ident, $expecting:literal $(, number $number:expr)? $(, text $text:expr)? $(, boolean $boolean:expr)?
+     $(, table $table:expr)?) => {
+        impl<'de> Deserialize<'de> for $type {
+            fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
+                struct Shapes;
+                impl<'de> Visitor<'de> for Shapes {
+                    type Value = $type;
+                    fn expecting(&self, f: &mut fmt::Formatter) -> fmt::Result {
+                        f.write_str($expecting)
+                    }
+                    $(fn visit_f64<E: de::Error>(self, value: f64) -> Result<$type, E> {
+                        Ok($number(value))
+                    }
+                    fn visit_i64<E: de::Error>(self, value: i64) -> Result<$type, E> {
+                        Ok($number(value as f64))
+                    })?
+                    $(fn visit_str<E: de::Error>(self, value: &str) -> Result<$type, E> {
+                        $text(value)
+                    })?
+                    $(fn visit_bool<E: de::Error>(self, value: bool) -> Result<$type, E> {
+                        $boolean(value)
+                    })?
+                    $(fn visit_map<A: MapAccess<'de>>(self, map: A) -> Result<$type, A::Error> {
+                        Ok($table(Deserialize::deserialize(MapAccessDeserializer::new(map))?))
+                    })?
+                }
+                deserializer.deserialize_any(Shapes)
+            }
+        }
+    };
+}
+
+by_shape!(
+    RadiusConfig, "a number, { uniform = [a, b] } or { normal = [mean, sd] }",
+    number RadiusConfig::Fixed,
+    table RadiusConfig::Distribution
+);
+by_shape!(
+    PositionsConfig, "\"lattice\", \"fcc\", \"hexagonal\", \"random\" or { file = \"…\" }",
+    text |text: &str| {
+        PackingConfig::deserialize(de::value::StrDeserializer::<E>::new(text)).map(PositionsConfig::Packing)
+    },
+    table PositionsConfig::File
+);
+by_shape!(
+    RestitutionConfig, "a number in [0, 1] or a table { model = … }",
+    number RestitutionConfig::Constant,
+    table RestitutionConfig::Model
+);
+by_shape!(
+    WallTimeConfig, "a duration such as \"2h\" or a number of seconds",
+    number WallTimeConfig::Seconds,
+    text |text: &str| Ok(WallTimeConfig::Text(text.to_owned()))
+);
+by_shape!(
+    OutputFileConfig, "a path or false",
+    text |text: &str| Ok(OutputFileConfig::Path(text.to_owned())),
+    boolean |value: bool| if value {
+        Err(E::invalid_value(de::Unexpected::Bool(true), &"a path or false"))
+    } else {
+        Ok(OutputFileConfig::Off(false))
+    }
+);
+by_shape!(
+    ScheduleConfig, "a number, { log = [first, factor] } or false",
+    number ScheduleConfig::Every,
+    boolean |value: bool| if value {
+        Err(E::invalid_value(de::Unexpected::Bool(true), &"a number, { log = [first, factor] } or false"))
+    } else {
+        Ok(ScheduleConfig::Off(false))
+    },
+    table ScheduleConfig::Log
+);

@@ -1,0 +1,282 @@
+//! A hierarchy of hashed cell grids, one per octave of radius: close pairs among particles of any size ratio, in a
+//! box of any extent, periodic or not.
+
+use std::collections::BTreeMap;
+
+use glam::DVec3;
+use haff_engine::{Boundary, Domain};
+use rayon::prelude::*;
+
+const NONE: u32 = u32::MAX;
+
+/// Cell coordinates stay within ±2^30 so that a neighbor's coordinate cannot overflow.
+const FAR: f64 = (1 << 30) as f64;
+
+/// Periods of the box, `None` where it does not repeat.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Periods([Option<f64>; 3]);
+
+impl Periods {
+    pub(crate) fn new(domain: &Domain) -> Self {
+        Self(std::array::from_fn(|axis| {
+            (domain.boundary[axis] == Boundary::Periodic).then_some(domain.size[axis])
+        }))
+    }
+
+    /// The shortest image of the difference `d` of two positions in the box.
+    pub(crate) fn nearest(&self, mut d: DVec3) -> DVec3 {
+        for axis in 0..3 {
+            if let Some(length) = self.0[axis] {
+                let x = &mut d[axis];
+                // Both positions lie in [0, L): one step suffices, and ± L/2 keep their sign, so that the
+                // difference of (j, i) is exactly the negative of that of (i, j).
+                if *x > 0.5 * length {
+                    *x -= length;
+                } else if *x < -0.5 * length {
+                    *x += length;
+                }
+            }
+        }
+        d
+    }
+
+    /// Puts a position into the box along periodic axes.
+    pub(crate) fn wrap(&self, mut position: DVec3) -> DVec3 {
+        for axis in 0..3 {
+            if let Some(length) = self.0[axis] {
+                let x = position[axis].rem_euclid(length);
+                // rem_euclid of a tiny negative number rounds to the length itself.
+                position[axis] = if x < length { x } else { 0.0 };
+            }
+        }
+        position
+    }
+}
+
+struct Level {
+    radius: f64,
+    /// Cells along periodic axes, 0 along others.
+    count: [i32; 3],
+    /// Cells per length.
+    density: [f64; 3],
+}
+
+/// Particles in cells. Each particle has a level radius, at least its own radius: [`Grid::visit`] finds all
+/// particles whose level is at least that of the query and whose level radius, with the query's, spans the distance.
+pub(crate) struct Grid {
+    periods: Periods,
+    levels: Vec<Level>,
+    /// Level of each particle.
+    level: Vec<u16>,
+    cell: Vec<[i32; 3]>,
+    next: Vec<u32>,
+    heads: Vec<u32>,
+}
+
+impl Grid {
+    /// An empty grid for particles with these level radii; pairs closer than the sum of their level radii plus
+    /// `skin` will be found.
+    pub(crate) fn new(level_radius: &[f64], skin: f64, periods: Periods) -> Self {
+        let mut octaves: BTreeMap<u64, f64> = BTreeMap::new();
+        for &radius in level_radius {
+            let largest = octaves.entry(octave(radius)).or_insert(radius);
+            *largest = largest.max(radius);
+        }
+        let levels: Vec<Level> = octaves
+            .values()
+            .map(|&radius| {
+                // One part in 10^9 more, so that rounding of a coordinate cannot lose a pair.
+                let width = (2.0 * radius + skin) * (1.0 + 1e-9);
+                let mut level = Level { radius, count: [0; 3], density: [1.0 / width; 3] };
+                for axis in 0..3 {
+                    if let Some(length) = periods.0[axis] {
+                        let count = (length / width).floor().clamp(1.0, FAR);
+                        level.count[axis] = count as i32;
+                        level.density[axis] = count / length;
+                    }
+                }
+                level
+            })
+            .collect();
+        let keys: Vec<u64> = octaves.into_keys().collect();
+        let level = level_radius
+            .iter()
+            .map(|&radius| keys.partition_point(|&key| key < octave(radius)) as u16)
+            .collect();
+        let buckets = (2 * level_radius.len()).next_power_of_two().max(64);
+        Self {
+            periods,
+            levels,
+            level,
+            cell: vec![[0; 3]; level_radius.len()],
+            next: vec![NONE; level_radius.len()],
+            heads: vec![NONE; buckets],
+        }
+    }
+
+    /// Takes all particles out.
+    pub(crate) fn clear(&mut self) {
+        self.heads.fill(NONE);
+    }
+
+    /// Puts particle `index` in at `position`.
+    pub(crate) fn insert(&mut self, index: usize, position: DVec3) {
+        let level = self.level[index];
+        let cell = self.cell_of(&self.levels[level as usize], position);
+        let bucket = self.bucket(level, cell);
+        self.cell[index] = cell;
+        self.next[index] = self.heads[bucket];
+        self.heads[bucket] = index as u32;
+    }
+
+    /// Calls `found` for every particle near `position` in the level of `level_radius` and above, until it
+    /// answers `false`. The order depends on the order of insertion only.
+    pub(crate) fn visit(&self, position: DVec3, level_radius: f64, mut found: impl FnMut(usize) -> bool) {
+        let key = octave(level_radius);
+        for (k, level) in self.levels.iter().enumerate() {
+            if octave(level.radius) < key {
+                continue;
+            }
+            let centre = self.cell_of(level, position);
+            let steps = |axis: usize| match level.count[axis] {
+                1 => 0..1,
+                2 => 0..2,
+                _ => -1..2,
+            };
+            for dx in steps(0) {
+                for dy in steps(1) {
+                    for dz in steps(2) {
+                        let step = [dx, dy, dz];
+                        let cell: [i32; 3] = std::array::from_fn(|axis| {
+                            let c = centre[axis] + step[axis];
+                            if level.count[axis] > 0 { c.rem_euclid(level.count[axis]) } else { c }
+                        });
+                        let mut j = self.heads[self.bucket(k as u16, cell)];
+                        while j != NONE {
+                            let index = j as usize;
+                            if self.cell[index] == cell && self.level[index] == k as u16 && !found(index) {
+                                return;
+                            }
+                            j = self.next[index];
+                        }
+                    }
+                }
+            }
+        }
+    }
+
+    fn cell_of(&self, level: &Level, position: DVec3) -> [i32; 3] {
+        std::array::from_fn(|axis| {
+            let c = (position[axis] * level.density[axis]).floor();
+            if self.periods.0[axis].is_some() {
+                c.clamp(0.0, f64::from(level.count[axis] - 1)) as i32
+            } else {
+                c.clamp(-FAR, FAR) as i32
+            }
+        })
+    }
+
+    fn bucket(&self, level: u16, cell: [i32; 3]) -> usize {
+        let mut h = u64::from(level) ^ 0x9E37_79B9_7F4A_7C15;
+        for c in cell {
+            h = (h ^ u64::from(c as u32)).wrapping_mul(0xD6E8_FEB8_6659_FD93);
+            h ^= h >> 32;
+        }
+        h as usize & (self.heads.len() - 1)
+    }
+}
+
+/// The binary exponent of a positive number.
+fn octave(radius: f64) -> u64 {
+    radius.to_bits() >> 52
+}
+
+/// Two particles that overlap.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(crate) struct Overlap {
+    pub(crate) i: usize,
+    pub(crate) j: usize,
+    /// Contact distance less distance [length].
+    pub(crate) depth: f64,
+}
+
+/// Pairs that overlap by more than `tolerance` of their contact distance, ordered by (i, j): at most a few for each
+/// particle. Pairs of which `skip` holds are left out.
+pub(crate) fn overlaps(
+    position: &[DVec3],
+    radius: &[f64],
+    periods: Periods,
+    tolerance: f64,
+    skip: impl Fn(usize, usize) -> bool + Sync,
+) -> Vec<Overlap> {
+    let mut grid = Grid::new(radius, 0.0, periods);
+    for (k, &p) in position.iter().enumerate() {
+        grid.insert(k, p);
+    }
+    let mut pairs: Vec<Overlap> = (0..position.len())
+        .into_par_iter()
+        .flat_map_iter(|i| {
+            let mut mine = Vec::new();
+            let own = octave(radius[i]);
+            grid.visit(position[i], radius[i], |j| {
+                // A pair of one level is found from both sides, any other from the smaller particle only.
+                if (octave(radius[j]) == own && j <= i) || skip(i, j) {
+                    return true;
+                }
+                let contact = radius[i] + radius[j];
+                let distance = periods.nearest(position[j] - position[i]).length();
+                if distance < contact * (1.0 - tolerance) {
+                    mine.push(Overlap { i: i.min(j), j: i.max(j), depth: contact - distance });
+                }
+                mine.len() < 4
+            });
+            mine
+        })
+        .collect();
+    pairs.sort_by_key(|pair| (pair.i, pair.j));
+    pairs
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::random::{Purpose, Stream};
+    use haff_engine::Boundary::{Open, Periodic, Wall};
+
+    #[test]
+    fn grid_and_all_pairs_find_the_same_overlaps_at_any_size_ratio() {
+        for case in 0..200 {
+            let mut random = Stream::new(case, Purpose::Insertion, "overlaps", 0);
+            let kinds = [Periodic, Wall, Open];
+            let domain = Domain {
+                size: DVec3::from_array(std::array::from_fn(|_| random.between(2.1, 40.0))),
+                boundary: std::array::from_fn(|_| kinds[random.below(3)]),
+                gravity: DVec3::ZERO,
+            };
+            let n = 60;
+            let radius: Vec<f64> = (0..n).map(|_| libm::pow(10.0, random.between(-6.0, 0.0))).collect();
+            let position: Vec<DVec3> = (0..n)
+                .map(|_| domain.size * DVec3::from_array(std::array::from_fn(|_| random.unit())))
+                .collect();
+            let periods = Periods::new(&domain);
+            // At most three overlaps a particle keep the cap of four out of the comparison.
+            let mut expected = Vec::new();
+            let mut most = vec![0; n];
+            for i in 0..n {
+                for j in i + 1..n {
+                    if periods.nearest(position[j] - position[i]).length() < radius[i] + radius[j] {
+                        expected.push((i, j));
+                        most[i] += 1;
+                        most[j] += 1;
+                    }
+                }
+            }
+            if most.iter().any(|&m| m > 3) {
+                continue;
+            }
+            let found: Vec<_> = overlaps(&position, &radius, periods, 0.0, |_, _| false);
+            let found: Vec<_> = found.iter().map(|pair| (pair.i, pair.j)).collect();
+            assert_eq!(found, expected, "case {case}");
+        }
+    }
+}

@@ -1,0 +1,240 @@
+//! Random packings: sequential insertion of the largest first, then growth where insertion fails. The particles
+//! that found no place start where they overlap, which is the same as having a smaller radius there, and grow to
+//! their full size while all are pushed apart. Below random close packing this ends with no overlap at all.
+
+use glam::DVec3;
+use rayon::prelude::*;
+
+use super::{Obstacles, Room};
+use crate::grid::{Grid, Periods, overlaps};
+use crate::random::Stream;
+
+/// Places tried for each particle before it is left to growth. Insertion alone saturates at a packing fraction of
+/// 0.38 (2D: 0.55); beyond about 0.3 more attempts cost more than pushing does.
+const ATTEMPTS: usize = 60;
+
+/// Rounds of pushing before giving up, and the window in which the worst overlap must shrink.
+const ROUNDS: usize = 20_000;
+const WINDOW: usize = 300;
+
+/// Pushed apart to this much more than contact, so that the approach to contact, which is exponential, ends.
+const MARGIN: f64 = 1e-4;
+
+/// Random centres for spheres of these radii.
+///
+/// `stream` gives the random numbers of each particle. The result depends on nothing else, the number of threads
+/// included.
+///
+/// # Errors
+/// The worst overlap left [length].
+pub(crate) fn random(
+    room: &Room,
+    radius: &[f64],
+    stream: impl Fn(usize) -> Stream,
+) -> Result<Vec<DVec3>, f64> {
+    let n = radius.len();
+    let largest = radius.iter().copied().fold(0.0, f64::max);
+    let periods = Periods::new(room.domain);
+    let obstacles = Obstacles::new(room, largest);
+    let mut order: Vec<usize> = (0..n).collect();
+    order.sort_by(|&a, &b| radius[b].total_cmp(&radius[a]));
+    let mut grid = Grid::new(radius, 0.0, periods);
+    let mut position = vec![DVec3::ZERO; n];
+    let mut complete = true;
+    for &i in &order {
+        let mut spans = [[0.0; 2]; 3];
+        for (axis, span) in spans.iter_mut().enumerate() {
+            *span = room.span(axis, radius[i]).ok_or(2.0 * radius[i])?;
+        }
+        let mut random = stream(i);
+        let mut placed = false;
+        for _ in 0..ATTEMPTS {
+            let p = periods.wrap(DVec3::from_array(spans.map(|[low, high]| random.between(low, high))));
+            position[i] = p;
+            if room.behind_a_plane(p, radius[i]) || obstacles.blocks(p, radius[i]) {
+                continue;
+            }
+            let mut free = true;
+            grid.visit(p, radius[i], |j| {
+                free = periods.nearest(position[j] - p).length() >= radius[i] + radius[j];
+                free
+            });
+            if free {
+                placed = true;
+                break;
+            }
+        }
+        complete &= placed;
+        grid.insert(i, position[i]);
+    }
+    if complete { Ok(position) } else { push_apart(room, radius, position) }
+}
+
+/// Moves overlapping spheres apart until none overlap.
+fn push_apart(room: &Room, radius: &[f64], mut position: Vec<DVec3>) -> Result<Vec<DVec3>, f64> {
+    let movable = position.len();
+    let periods = Periods::new(room.domain);
+    let all_radii: Vec<f64> = radius.iter().copied().chain(room.obstacles.iter().map(|o| o.1)).collect();
+    position.extend(room.obstacles.iter().map(|o| o.0));
+    let mean = radius.iter().sum::<f64>() / movable as f64;
+    let skin = 0.6 * mean;
+    let largest = all_radii.iter().copied().fold(0.0, f64::max);
+    let mut grid = Grid::new(&all_radii, skin + 2.0 * MARGIN * largest, periods);
+    let mut list = Neighbors::default();
+    let mut drift = f64::INFINITY;
+    let mut velocity = vec![DVec3::ZERO; movable];
+    let (mut worst_of_window, mut worst_before) = (f64::INFINITY, f64::INFINITY);
+    for round in 0..ROUNDS {
+        if drift > 0.5 * skin {
+            list.build(&mut grid, &position, &all_radii, skin, movable, periods);
+            drift = 0.0;
+        }
+        // Jacobi steps: every particle reads the old positions only, so the order of work does not matter.
+        let pushes: Vec<(DVec3, f64)> = (0..movable)
+            .into_par_iter()
+            .map(|i| push(room, &position, &all_radii, list.of(i), i, movable, periods))
+            .collect();
+        let worst = pushes.iter().map(|push| push.1).fold(0.0, f64::max);
+        if worst <= 0.0 {
+            position.truncate(movable);
+            let strict = overlaps(&position, radius, periods, 0.0, |_, _| false);
+            debug_assert!(strict.is_empty(), "{strict:?}");
+            return if strict.is_empty() { Ok(position) } else { Err(strict[0].depth) };
+        }
+        worst_of_window = worst_of_window.min(worst);
+        if round % WINDOW == WINDOW - 1 {
+            if worst_of_window > 0.8 * worst_before {
+                return Err(worst_of_window);
+            }
+            worst_before = worst_of_window;
+            worst_of_window = f64::INFINITY;
+        }
+        let step = velocity
+            .par_iter_mut()
+            .zip(position[..movable].par_iter_mut())
+            .zip(pushes.par_iter())
+            .enumerate()
+            .map(|(i, ((v, p), (push, _)))| {
+                // Some memory of the last step crosses long chains of contacts faster.
+                *v = (0.5 * *v + *push).clamp_length_max(0.3 * radius[i]);
+                *p = periods.wrap(*p + *v);
+                v.length()
+            })
+            .reduce(|| 0.0, f64::max);
+        drift += step;
+    }
+    Err(worst_of_window.min(worst_before))
+}
+
+/// The step that moves particle `i` out of its overlaps, and its worst true overlap [length].
+fn push(
+    room: &Room,
+    position: &[DVec3],
+    radius: &[f64],
+    neighbors: &[u32],
+    i: usize,
+    movable: usize,
+    periods: Periods,
+) -> (DVec3, f64) {
+    let (p, r) = (position[i], radius[i]);
+    let mut step = DVec3::ZERO;
+    let mut worst = 0.0_f64;
+    for &j in neighbors {
+        let j = j as usize;
+        let contact = r + radius[j];
+        let d = periods.nearest(p - position[j]);
+        let distance = d.length();
+        worst = worst.max(contact - distance);
+        let gap = contact * (1.0 + MARGIN) - distance;
+        if gap > 0.0 {
+            // Two centres at one point have no direction: x serves, with opposite signs for the two.
+            let n = if distance > 0.0 { d / distance } else { DVec3::X * if i < j { 1.0 } else { -1.0 } };
+            step += n * gap * if j < movable { 0.4 } else { 0.8 };
+        }
+    }
+    let mut wall = |distance: f64, normal: DVec3| {
+        worst = worst.max(r - distance);
+        let gap = r * (1.0 + MARGIN) - distance;
+        if gap > 0.0 {
+            step += normal * gap * 0.8;
+        }
+    };
+    for axis in 0..room.dimension.count() {
+        if room.domain.boundary[axis] != haff_engine::Boundary::Periodic {
+            wall(p[axis], DVec3::AXES[axis]);
+            wall(room.domain.size[axis] - p[axis], -DVec3::AXES[axis]);
+        }
+    }
+    for plane in room.planes {
+        wall((p - plane.point).dot(plane.normal), plane.normal);
+    }
+    (step, worst)
+}
+
+/// Neighbors of every movable particle, in one array.
+#[derive(Default)]
+struct Neighbors {
+    start: Vec<usize>,
+    partner: Vec<u32>,
+}
+
+impl Neighbors {
+    fn of(&self, i: usize) -> &[u32] {
+        &self.partner[self.start[i]..self.start[i + 1]]
+    }
+
+    fn build(
+        &mut self,
+        grid: &mut Grid,
+        position: &[DVec3],
+        radius: &[f64],
+        skin: f64,
+        movable: usize,
+        periods: Periods,
+    ) {
+        grid.clear();
+        for (k, &p) in position.iter().enumerate() {
+            grid.insert(k, p);
+        }
+        // Each pair once, from its smaller particle: `visit` sees the own level and those above.
+        let halves: Vec<Vec<u32>> = (0..position.len())
+            .into_par_iter()
+            .map(|i| {
+                let mut mine = Vec::new();
+                let octave = |k: usize| radius[k].to_bits() >> 52;
+                grid.visit(position[i], radius[i], |j| {
+                    let twice = octave(j) == octave(i) && j <= i;
+                    let reach = (radius[i] + radius[j]) * (1.0 + MARGIN) + skin;
+                    if !twice
+                        && (i < movable || j < movable)
+                        && periods.nearest(position[j] - position[i]).length_squared() < reach * reach
+                    {
+                        mine.push(j as u32);
+                    }
+                    true
+                });
+                mine
+            })
+            .collect();
+        self.start = vec![0; position.len() + 1];
+        for (i, half) in halves.iter().enumerate() {
+            self.start[i + 1] += half.len();
+            for &j in half {
+                self.start[j as usize + 1] += 1;
+            }
+        }
+        for i in 0..position.len() {
+            self.start[i + 1] += self.start[i];
+        }
+        let mut fill = self.start.clone();
+        self.partner = vec![0; self.start[position.len()]];
+        for (i, half) in halves.iter().enumerate() {
+            for &j in half {
+                self.partner[fill[i]] = j;
+                self.partner[fill[j as usize]] = i as u32;
+                fill[i] += 1;
+                fill[j as usize] += 1;
+            }
+        }
+    }
+}

@@ -1,0 +1,79 @@
+//! A validated scene: what a command runs.
+
+use std::path::PathBuf;
+use std::time::Duration;
+
+use haff_engine::{Options, System};
+
+/// When something is recorded, beside the start and the end.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum Schedule {
+    /// Never.
+    Off,
+    /// At k·Δ, k = 0, 1, … [time].
+    Every(f64),
+    /// At first · factor^k, k = 0, 1, ….
+    Log {
+        /// First time > 0 [time].
+        first: f64,
+        /// Factor > 1.
+        factor: f64,
+    },
+}
+
+/// How long to run; whatever comes first ends the run. At least one of `until` and `collisions` is given.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct RunPlan {
+    /// Simulated time [time].
+    pub until: Option<f64>,
+    /// Sphere–sphere collisions. `collisions_per_particle = C` is N·C/2 of them, rounded up, since each
+    /// involves two particles.
+    pub collisions: Option<u64>,
+    /// Time on the clock.
+    pub wall_time: Option<Duration>,
+}
+
+/// What is recorded, and where.
+///
+/// Defaults with `run.until`: frames every until/100, observables every until/1000, checkpoints every until/10. Without
+/// it, the length of the run in time is only known for an elastic gas, where kinetic theory predicts it and takes the
+/// place of `until`; otherwise frames and observables are logarithmic in time, beginning at a tenth of the mean free
+/// time (or of the time to cross the box), and there is no periodic checkpoint.
+#[derive(Debug, Clone, PartialEq)]
+pub struct OutputPlan {
+    /// HDF5 file, relative to the current directory.
+    pub file: Option<PathBuf>,
+    /// Trajectory frames.
+    pub frames: Schedule,
+    /// Observable samples.
+    pub observables: Schedule,
+    /// Whether every event is recorded.
+    pub events: bool,
+    /// Time between checkpoints [time].
+    pub checkpoint: Option<f64>,
+}
+
+/// A scene that has passed every check.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Scene {
+    /// One line that says what it is; the file's name if the scene has no title.
+    pub title: String,
+    /// Seed of all random numbers.
+    pub seed: u64,
+    /// Particles, walls, contact rules and domain.
+    pub system: System,
+    /// Choices of machinery.
+    pub options: Options,
+    /// How long to run.
+    pub run: RunPlan,
+    /// What to record.
+    pub output: OutputPlan,
+    /// The scene with every default and override written out, as TOML text that parses to this scene again. What
+    /// comes from a state file is still named by its path.
+    pub resolved: String,
+    /// Volume of all particles over that of the box; NaN with open axes.
+    pub packing_fraction: f64,
+    /// Collisions per particle and time that kinetic theory expects at the start [1/time] (Enskog, elastic contacts,
+    /// mixtures of spheres by their mean pair); NaN where it says nothing: open axes, no motion, one particle.
+    pub collision_rate: f64,
+}

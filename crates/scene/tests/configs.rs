@@ -1,0 +1,118 @@
+//! The scenes of `configs/`: the sound ones are accepted, the broken ones refused with the error that they name.
+
+use std::path::{Path, PathBuf};
+
+use haff_scene::{ErrorKind, NoStates, load, parse};
+
+fn configs() -> PathBuf {
+    Path::new(env!("CARGO_MANIFEST_DIR")).join("../../configs")
+}
+
+fn scenes(folder: &str) -> Vec<PathBuf> {
+    let mut files: Vec<PathBuf> = std::fs::read_dir(configs().join(folder))
+        .expect("the folder exists")
+        .map(|entry| entry.expect("readable").path())
+        .filter(|path| path.extension().is_some_and(|ext| ext == "toml"))
+        .collect();
+    files.sort();
+    files
+}
+
+#[test]
+fn every_scene_is_accepted_and_its_resolved_text_is_the_same_scene() {
+    let files = [scenes("."), scenes("textbook")].concat();
+    assert!(files.len() >= 12, "only {} scenes", files.len());
+    for path in files {
+        let scene = load(&path, &[], &NoStates).unwrap_or_else(|errors| panic!("{errors}"));
+        let again = parse("resolved.toml", &scene.resolved, &[], &NoStates).unwrap_or_else(|errors| {
+            panic!("{}: resolved scene refused:\n{errors}\n{}", path.display(), scene.resolved)
+        });
+        // NaN marks what kinetic theory does not know; it is not equal to itself.
+        let bits =
+            |scene: &haff_scene::Scene| (scene.packing_fraction.to_bits(), scene.collision_rate.to_bits());
+        assert_eq!(bits(&scene), bits(&again), "{}", path.display());
+        let comparable = |mut scene: haff_scene::Scene| {
+            (scene.packing_fraction, scene.collision_rate) = (0.0, 0.0);
+            scene
+        };
+        assert!(comparable(scene) == comparable(again), "{} changes when resolved", path.display());
+    }
+}
+
+#[test]
+fn every_broken_scene_is_refused_with_the_error_it_names() {
+    let files = scenes("invalid");
+    assert!(files.len() >= 30, "only {} scenes", files.len());
+    let mut wrong = Vec::new();
+    for path in files {
+        let text = std::fs::read_to_string(&path).expect("readable");
+        let expected = text
+            .lines()
+            .next()
+            .and_then(|line| line.strip_prefix("# expect: "))
+            .unwrap_or_else(|| panic!("{} does not say what to expect", path.display()));
+        match load(&path, &[], &NoStates) {
+            Ok(_) => wrong.push(format!("{} was accepted", path.display())),
+            Err(errors) => {
+                if !errors.to_string().contains(expected) {
+                    wrong.push(format!("{}\n  expected: {expected}\n  found: {errors}", path.display()));
+                }
+                let unreadable = path.file_stem().is_some_and(|stem| stem == "state_file_missing");
+                let kind = if unreadable { ErrorKind::Unreadable } else { ErrorKind::Invalid };
+                assert_eq!(errors.kind(), kind, "{}", path.display());
+            }
+        }
+    }
+    assert!(wrong.is_empty(), "{}", wrong.join("\n"));
+}
+
+#[test]
+fn every_template_is_accepted() {
+    for (name, description, text) in haff_scene::templates() {
+        assert!(!description.is_empty());
+        parse(name, text, &[], &NoStates).unwrap_or_else(|errors| panic!("{name}: {errors}"));
+    }
+}
+
+#[test]
+fn the_schema_accepts_every_scene_and_refuses_unknown_keys_and_ranges() {
+    let schema = haff_scene::schema();
+    let validator = jsonschema::validator_for(&schema).expect("a valid schema");
+    for path in [scenes("."), scenes("textbook")].concat() {
+        let text = std::fs::read_to_string(&path).expect("readable");
+        let json = to_json(toml::Value::Table(text.parse().expect("TOML")));
+        let errors: Vec<String> = validator.iter_errors(&json).map(|error| error.to_string()).collect();
+        assert!(errors.is_empty(), "{}: {}", path.display(), errors.join("; "));
+    }
+    for name in [
+        "unknown_key",
+        "restitution_above_one",
+        "radius_negative",
+        "count_zero",
+        "count_fraction",
+        "wrong_type",
+        "boundary_unknown",
+        "dimension",
+        "frames_true",
+        "seed_negative",
+        "schema_version",
+        "time_negative",
+    ] {
+        let path = configs().join(format!("invalid/{name}.toml"));
+        let text = std::fs::read_to_string(&path).expect("readable");
+        let json = to_json(toml::Value::Table(text.parse().expect("TOML")));
+        assert!(!validator.is_valid(&json), "{name} passes the schema");
+    }
+}
+
+/// TOML as JSON; infinite numbers, which JSON lacks, as the largest finite one.
+fn to_json(value: toml::Value) -> serde_json::Value {
+    match value {
+        toml::Value::Float(x) => x.clamp(f64::MIN, f64::MAX).into(),
+        toml::Value::Array(array) => array.into_iter().map(to_json).collect(),
+        toml::Value::Table(table) => {
+            serde_json::Value::Object(table.into_iter().map(|(key, value)| (key, to_json(value))).collect())
+        }
+        other => serde_json::to_value(other).expect("a scalar"),
+    }
+}
