@@ -1,0 +1,91 @@
+"""The standard figures, ready for print: ``haff plot FILE``, or :func:`draw` from Python."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from typing import NamedTuple
+
+from matplotlib.figure import Figure
+
+from ..errors import MissingDataError, NotApplicableError
+from ..reader import File
+from . import ledger, losses, snapshot, structure, temperature, trajectories, velocity
+from .style import style
+
+__all__ = ["KINDS", "Kind", "Result", "draw", "save_all"]
+
+
+class Kind(NamedTuple):
+    """One standard figure."""
+
+    draw: Callable[..., Figure]
+    about: str
+
+
+KINDS: dict[str, Kind] = {
+    "temperature": Kind(temperature.draw, "granular temperature against Haff's law"),
+    "energy": Kind(ledger.draw, "energy ledger: where the energy went, and its residual"),
+    "velocity": Kind(velocity.draw, "velocity distribution with its Sonine correction"),
+    "structure": Kind(structure.draw, "pair distribution g(r) with the contact value of theory"),
+    "snapshot": Kind(snapshot.draw, "picture of a frame"),
+    "losses": Kind(losses.draw, "histogram of the energy lost per event"),
+    "trajectories": Kind(trajectories.draw, "few bodies: coordinates against time with the events"),
+    "paths": Kind(trajectories.draw_paths, "few bodies: paths in the plane of motion"),
+}
+
+
+class Result(NamedTuple):
+    """What became of one figure of :func:`save_all`."""
+
+    kind: str
+    path: Path | None
+    """The file written, ``None`` if skipped."""
+    reason: str
+    """Why it was skipped."""
+
+
+def draw(file: File, kind: str, **options: object) -> Figure:
+    """Draws one standard figure.
+
+    Parameters
+    ----------
+    kind
+        A key of :data:`KINDS`.
+    options
+        ``index``: the frame of a snapshot, −1 by default.
+
+    Raises
+    ------
+    NotApplicableError, MissingDataError
+        The figure makes no sense for this file, or the file has not recorded what it needs.
+    """
+    if kind not in KINDS:
+        raise ValueError(f"no figure {kind!r}; there are {', '.join(KINDS)}")
+    with style():
+        figure = KINDS[kind].draw(file, **options)
+        # Lay out now: figures are saved outside of this style's context, too.
+        figure.draw_without_rendering()
+        return figure
+
+
+def save_all(
+    file: File, kinds: Sequence[str], directory: Path, extension: str = "png", frame: int = -1
+) -> list[Result]:
+    """Draws figures into files ``STEM-KIND.EXTENSION``; those that do not apply are skipped, with the reason."""
+    directory.mkdir(parents=True, exist_ok=True)
+    results = []
+    for kind in kinds:
+        try:
+            options = {"index": frame} if kind == "snapshot" else {}
+            figure = draw(file, kind, **options)
+        except (NotApplicableError, MissingDataError) as error:
+            results.append(Result(kind, None, str(error).removeprefix(f"{file.path}: ")))
+            continue
+        path = directory / f"{file.path.stem}-{kind}.{extension}"
+        with style():
+            # No date inside: the same data give the same file.
+            metadata = {"svg": {"Date": None}, "pdf": {"CreationDate": None}}.get(extension)
+            figure.savefig(path, metadata=metadata)
+        results.append(Result(kind, path, ""))
+    return results

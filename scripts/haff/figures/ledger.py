@@ -1,0 +1,110 @@
+"""The energy ledger: where the energy went, and how well the books balance."""
+
+from __future__ import annotations
+
+import numpy as np
+from matplotlib.figure import Figure
+from matplotlib.ticker import FuncFormatter, LogLocator, NullLocator
+
+from ..errors import NotApplicableError
+from ..reader import File
+from .style import BLACK, BLUE, GREEN, GREY, ORANGE, RED, SKY, headline, number
+from .temperature import facts
+
+# Below this, a residual is zero to the last bit of the sums: drawn on the lowest line.
+FLOOR = 1e-17
+
+
+def draw(file: File) -> Figure:
+    """Stacked energies against time with the line of E₀ + W on top; below, the residual of the ledger."""
+    table = file.observables
+    needed = ("kinetic_energy", "potential_energy", "dissipated_energy")
+    if missing := [n for n in needed if n not in table]:
+        raise NotApplicableError(f"the file has no {', '.join(missing)}")
+    if len(table) < 2:
+        raise NotApplicableError("fewer than two samples")
+    t = table["time"].to_numpy()
+    kinetic, potential, lost = (table[n].to_numpy() for n in needed)
+    work = table["wall_work"].to_numpy() if "wall_work" in table else np.zeros_like(t)
+    scale = max(np.max(np.abs(kinetic)), np.max(np.abs(potential)), np.max(np.abs(lost)))
+    if not scale > 0:
+        raise NotApplicableError("there is no energy in this scene")
+
+    layers: list[tuple[str, str, np.ndarray]] = [("kinetic", BLUE, kinetic)]
+    shift = min(0.0, float(potential.min()))
+    if np.ptp(potential) > 1e-12 * scale or np.abs(potential).max() > 1e-12 * scale:
+        layers.append(("potential" + (" (from its lowest)" if shift < 0 else ""), SKY, potential - shift))
+    for name, color, values in _dissipated(file, t, lost):
+        if values.max() > 1e-12 * scale:
+            layers.append((name, color, values))
+
+    figure = Figure(figsize=(6.4, 6.0), layout="constrained")
+    top, below = figure.subplots(2, 1, sharex=True, height_ratios=(2.6, 1))
+    logarithmic = _log_time(t, kinetic, file)
+    shown = t > 0 if logarithmic else np.full(len(t), True)
+    top.stackplot(t[shown], *[v[shown] for _, _, v in layers], colors=[c for _, c, _ in layers], lw=0, alpha=0.85,
+                  labels=[n for n, _, _ in layers])  # fmt: skip
+    supply = kinetic[0] + potential[0] - shift + work
+    label = r"$E_0$ + work of walls" if np.any(work != 0) else r"initial energy $E_0$"
+    top.plot(t[shown], supply[shown], color=BLACK, lw=1.4, ls=(0, (5, 2)), label=label)
+    top.set_ylabel("energy  [mass · length² / time²]")
+    top.set_ylim(0, 1.02 * max(float(supply.max()), float(sum(v for _, _, v in layers).max())))
+    handles, labels = top.get_legend_handles_labels()
+    figure.legend(handles, labels, loc="outside lower center", ncols=len(labels) if len(labels) <= 4 else 3)
+
+    residual = np.abs(table["ledger_residual"].to_numpy()) if "ledger_residual" in table else np.full(len(t), np.nan)
+    below.axhline(1e-12, color=RED, lw=1, ls="--")
+    below.text(0.99, 1e-12, "accepted: 10$^{-12}$", color=RED, ha="right", va="bottom", fontsize=8.5,
+               transform=below.get_yaxis_transform())  # fmt: skip
+    below.axhline(np.finfo(float).eps, color=GREY, lw=0.8, ls=":")
+    below.text(1.005, np.finfo(float).eps, "ε", color="#555555", ha="left", va="center", fontsize=9,
+               transform=below.get_yaxis_transform())  # fmt: skip
+    below.semilogy(t[shown], np.maximum(residual[shown], FLOOR), color=BLUE, lw=0.9, marker=".", ms=3)
+    largest = float(np.nanmax(residual, initial=0.0))
+    below.set_ylim(FLOOR / 2, max(1e-11, 10 * largest))
+    below.yaxis.set_major_locator(LogLocator(numticks=5))
+    below.yaxis.set_minor_locator(NullLocator())
+    below.yaxis.set_major_formatter(
+        FuncFormatter(lambda v, _: "0" if v <= 1.5 * FLOOR else f"10$^{{{round(np.log10(v))}}}$")
+    )
+    below.set_ylabel("|residual|\nof the ledger")
+    below.set_xlabel("simulated time $t$  [scene’s unit of time]")
+    if logarithmic:
+        below.set_xscale("log")
+    below.set_xlim(t[shown][0], t[-1])
+    headline(figure, "Where the energy went", f"{facts(file)}  ·  largest residual {number(largest, 2)}")
+    return figure
+
+
+def _log_time(t: np.ndarray, kinetic: np.ndarray, file: File) -> bool:
+    """Logarithmic time for a gas whose cooling spans decades."""
+    decades = len(t) > 3 and t[-1] > 50 * t[1]
+    return decades and len(file) >= 10 and 0 < kinetic[-1] < 0.1 * kinetic[0]
+
+
+def _dissipated(file: File, t: np.ndarray, lost: np.ndarray) -> list[tuple[str, str, np.ndarray]]:
+    """Σ ΔT at the sample times, split by what the particles hit if there is an event log that knows."""
+    whole = [("dissipated in collisions", RED, lost)]
+    if "events" not in file or len(file.events) == 0:
+        return whole
+    events = file.events
+    if not {"time", "kind", "energy_loss"} <= set(events.columns):
+        return whole
+    parts: dict[str, np.ndarray] = {name: np.zeros(len(t)) for name in events.kinds.values()}
+    for chunk in events.chunks(columns=("time", "kind", "energy_loss")):
+        # Samples are taken after all events at their time.
+        row = np.searchsorted(t, chunk["time"].to_numpy(), side="left")
+        for name, some in chunk.groupby("kind", observed=True)["energy_loss"]:
+            index = row[some.index - chunk.index[0]]
+            inside = index < len(t)
+            parts[str(name)] += np.bincount(index[inside], some.to_numpy()[inside], len(t))
+    parts = {name: np.cumsum(v) for name, v in parts.items() if v.any()}
+    total = sum(parts.values(), np.zeros(len(t)))
+    if not np.allclose(total, lost, rtol=1e-6, atol=1e-9 * max(lost.max(), 1e-300)):
+        return whole  # the log covers a part of the run only
+    names = {
+        "collision": ("dissipated, sphere–sphere", RED),
+        "wall": ("dissipated at walls", ORANGE),
+        "rest": ("dissipated coming to rest", GREEN),
+    }
+    return [(*names.get(n, (f"dissipated, {n}", GREY)), v) for n, v in parts.items()]

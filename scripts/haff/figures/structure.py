@@ -1,0 +1,78 @@
+"""Pair distribution g(r), by freud."""
+
+from __future__ import annotations
+
+import numpy as np
+from matplotlib.figure import Figure
+
+from .. import analysis, theory
+from ..errors import NotApplicableError
+from ..reader import File
+from .style import BLUE, GREEN, GREY, RED, headline
+from .temperature import facts
+
+MOST_FRAMES = 20
+MOST_PAIRS = 3e8
+
+
+def draw(file: File) -> Figure:
+    """g(r) from contact on, with the contact value of theory."""
+    box, d = file.box, file.dimension
+    if not box.fully_periodic:
+        raise NotApplicableError("g(r) needs a periodic box")
+    if len(file) < 100:
+        raise NotApplicableError(f"{len(file)} particles are too few for g(r)")
+    sizes = np.unique(2 * file.radius)
+    sigma, alike = float(sizes.mean()), len(sizes) == 1
+    reach = min(4.5 * sigma, 0.499 * box.size[:d].min())
+    neighbors = len(file) / box.volume * (4.2 * reach**3 if d == 3 else 3.2 * reach**2)
+    most = int(np.clip(MOST_PAIRS / (len(file) * neighbors), 1, MOST_FRAMES))
+    frames = analysis.drawn_frames(file, most)
+    # Contact lies on a bin edge, so that no bin mixes the forbidden and the allowed side.
+    per_sigma = 50 if len(file) * neighbors * len(frames) > 2e6 else 25
+    bins = int(reach / sigma * per_sigma)
+    r, g = analysis.radial_distribution(frames, bins * sigma / per_sigma, bins)
+
+    figure = Figure(figsize=(6.4, 4.6), layout="constrained")
+    axes = figure.subplots()
+    x = r / sigma
+    axes.axhline(1, color=GREY, lw=0.8, ls=":")
+    axes.plot(x, g, color=BLUE, lw=1.4, label=f"simulation (freud), {len(frames)} frames")
+    if alike:
+        _contact(file, axes, d)
+        axes.axvspan(0, 1, color=GREY, alpha=0.12, lw=0)
+        axes.text(0.5, 0.25, "excluded", transform=axes.get_xaxis_transform(), ha="center", color="#666666")
+        axes.set_xlabel(r"distance of the centres  $r/\sigma$")
+    else:
+        axes.set_xlabel(rf"distance of the centres  $r/\bar\sigma$,  mean diameter $\bar\sigma$ = {sigma:.4g}")
+        if len(sizes) <= 3:
+            _mixture_contacts(axes, sizes, sigma)
+    axes.set_ylabel("pair distribution  $g(r)$")
+    axes.set_xlim(0, x[-1])
+    axes.set_ylim(0, max(1.35, 1.12 * float(g.max())))
+    figure.legend(loc="outside lower center", ncols=2)
+    times = f"t = {frames[0].time:.4g} … {frames[-1].time:.4g}" if len(frames) > 1 else f"t = {frames[0].time:.4g}"
+    headline(figure, "Pair distribution", f"{facts(file)}  ·  {times}")
+    return figure
+
+
+def _contact(file: File, axes, d: int) -> None:
+    eta = float(file.summary["packing_fraction"])
+    if not eta < (0.5 if d == 3 else 0.7):
+        return
+    name = "Carnahan–Starling" if d == 3 else "Henderson"
+    g0 = float(theory.contact_value(eta, d))
+    axes.plot([1], [g0], "D", color=RED, ms=6, zorder=5, clip_on=False,
+              label=rf"$g(\sigma^+)$ = {g0:.3f}, {name}")  # fmt: skip
+    e = file.scene.get("contact", {}).get("restitution", 1.0)
+    if isinstance(e, (int, float)) and 0 < e < 1:
+        seen = float(theory.contact_value_after_collision(g0, e))
+        axes.plot([1], [seen], "s", color=GREEN, ms=6, zorder=5, clip_on=False,
+                  label=rf"× $(1 + e)/2e$ = {seen:.3f}, inelastic")  # fmt: skip
+
+
+def _mixture_contacts(axes, sizes: np.ndarray, sigma: float) -> None:
+    contacts = sorted({float((a + b) / 2) for a in sizes for b in sizes})
+    for k, contact in enumerate(contacts):
+        axes.axvline(contact / sigma, color=RED, lw=0.8, ls="--", zorder=0,
+                     label="contact distances" if k == 0 else None)  # fmt: skip

@@ -1,0 +1,81 @@
+"""Velocity distribution with its Sonine correction."""
+
+from __future__ import annotations
+
+import numpy as np
+from matplotlib.figure import Figure
+
+from .. import analysis, theory
+from ..errors import NotApplicableError
+from ..reader import File
+from .style import BLUE, GREEN, GREY, RED, headline, note, signed
+from .temperature import facts
+
+MOST_FRAMES = 40
+
+
+def draw(file: File) -> Figure:
+    """Density of one scaled velocity component, log scale, and its ratio to Maxwell's below."""
+    if np.isfinite(file.mass).sum() < 200:
+        raise NotApplicableError(f"{len(file)} particles are too few for a distribution")
+    frames = [f for f in analysis.drawn_frames(file, MOST_FRAMES) if analysis.temperature(f) > 0]
+    if not frames:
+        raise NotApplicableError("nothing moves in the recorded frames")
+    d = file.dimension
+    scaled = [analysis.scaled_velocities(frame) for frame in frames]
+    c = np.abs(np.concatenate([s.ravel() for s in scaled]))
+    square = np.concatenate([np.sum(s**2, axis=1) for s in scaled])
+    measured = float(d * np.mean(square**2) / ((d + 2) * np.mean(square) ** 2) - 1)
+
+    edges = np.concatenate([np.arange(0, 2.001, 0.1), np.arange(2.2, 5.001, 0.2)])
+    counts, _ = np.histogram(c, edges)
+    filled = counts >= 10
+    counts, low, high = counts[filled], edges[:-1][filled], edges[1:][filled]
+    centre = (low + high) / 2
+    # Both sides of the symmetric density are folded on |c|.
+    density = counts / (2 * len(c) * (high - low))
+    error = density / np.sqrt(counts)
+    # Bins against the mean of Maxwell's density over the bin, so that curvature does not show as a deviation.
+    from scipy.special import erf
+
+    maxwell = (erf(high) - erf(low)) / 2 / (high - low)
+    line = np.linspace(0, centre[-1] * 1.03, 400)
+
+    figure = Figure(figsize=(6.4, 6.2), layout="constrained")
+    top, below = figure.subplots(2, 1, sharex=True, height_ratios=(1.9, 1.3))
+    top.semilogy(line, theory.maxwell_component(line), color=GREY, lw=3.5, alpha=0.6, label="Maxwell")
+    shape = _theory_a2(file)
+    if shape is not None:
+        top.semilogy(line, theory.sonine_component(line, shape), color=RED, lw=1.2, ls="--",
+                     label=rf"Sonine, theory  $a_2$ = {signed(shape)}")  # fmt: skip
+    spread = np.std([analysis.sonine_a2(f) for f in frames], ddof=1) / np.sqrt(len(frames)) if len(frames) > 2 else None
+    top.errorbar(centre, density, error, fmt="o", ms=3.4, color=BLUE, elinewidth=0.9,
+                 label=f"simulation, {len(frames)} frames × {len(scaled[0]):,} particles")  # fmt: skip
+    top.set_ylabel("probability density")
+    top.legend(loc="lower left")
+
+    below.axhline(1, color=GREY, lw=3.5, alpha=0.6)
+    if shape is not None:
+        below.plot(line, 1 + shape * theory.sonine_polynomial(line**2, 1), color=RED, lw=1.4, ls="--")
+    below.plot(line, 1 + measured * theory.sonine_polynomial(line**2, 1), color=GREEN, lw=1.4)
+    below.errorbar(centre, density / maxwell, error / maxwell, fmt="o", ms=3.4, color=BLUE, elinewidth=0.9)
+    sound = error / maxwell < 0.1
+    seen = np.abs(density / maxwell - 1)[sound]
+    reach = max(0.02, 1.25 * float(np.max(seen + (error / maxwell)[sound], initial=0.0)))
+    below.set_ylim(1 - reach, 1 + reach)
+    below.set_ylabel("ratio to Maxwell")
+    below.set_xlabel(r"one velocity component  $|c_x| = |v_x - V_x|\,/\,\sqrt{2T/m}$")
+    below.set_xlim(0, line[-1])
+    margin = f" ± {spread:.4f}" if spread is not None else ""
+    note(below, rf"green: $1 + a_2\,S_2(c_x^2)$ with the measured $a_2$ = {signed(measured)}{margin}")
+    span = f"t = {frames[0].time:.4g} … {frames[-1].time:.4g}" if len(frames) > 1 else f"t = {frames[0].time:.4g}"
+    headline(figure, "Velocity distribution", f"{facts(file)}  ·  {span}")
+    return figure
+
+
+def _theory_a2(file: File) -> float | None:
+    try:
+        law = analysis.cooling_law(file)
+    except NotApplicableError:
+        return None
+    return law.a2 if law.monodisperse and law.restitution < 1 else None

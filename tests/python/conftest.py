@@ -1,0 +1,102 @@
+"""Fixtures: synthetic files, and the `haff` command with a cache of finished runs."""
+
+from __future__ import annotations
+
+import json
+import os
+import shutil
+import subprocess
+import sys
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import matplotlib
+import pytest
+
+import haff
+
+matplotlib.use("Agg")
+
+ROOT = Path(__file__).resolve().parents[2]
+CONFIGS = ROOT / "configs"
+
+
+def executable() -> str:
+    """The command under test: $HAFF, the one installed beside this Python, or the one on PATH."""
+    beside = Path(sys.executable).parent / "haff"
+    found = os.environ.get("HAFF") or (str(beside) if beside.exists() else None) or shutil.which("haff")
+    if not found:
+        raise RuntimeError("no haff command: run `pip install .` first, or set HAFF to the binary")
+    return found
+
+
+@dataclass
+class Run:
+    """A finished run: its `--json` object and, if it wrote one, its file."""
+
+    report: dict[str, Any]
+    path: Path | None
+
+    def open(self) -> haff.File:
+        assert self.path is not None
+        return haff.open(self.path)
+
+
+class Command:
+    """Runs the `haff` command; equal runs are made once a session."""
+
+    def __init__(self, directory: Path) -> None:
+        self.directory = directory
+        self.done: dict[tuple, Run] = {}
+
+    def __call__(self, *arguments: str | Path, check: bool = True, timeout: float = 200) -> subprocess.CompletedProcess:
+        command = [executable(), *map(str, arguments)]
+        result = subprocess.run(command, capture_output=True, text=True, timeout=timeout, stdin=subprocess.DEVNULL)
+        if check:
+            assert result.returncode == 0, f"{' '.join(command)}\nexit {result.returncode}\n{result.stderr}"
+        return result
+
+    def run(self, scene: str | Path, *, threads: int = 1, output: bool = True, **settings: Any) -> Run:
+        """`haff run`; settings as `contact__restitution=0.8`. Scenes by their name in configs/ or by path."""
+        path = scene if isinstance(scene, Path) else CONFIGS / f"{scene}.toml"
+        sets = [f"{key.replace('__', '.')}={_toml(value)}" for key, value in settings.items()]
+        key = (str(path), threads, output, *sorted(sets))
+        if key not in self.done:
+            target = self.directory / f"run-{len(self.done)}.h5"
+            arguments: list[str | Path] = ["run", path, "--json", "--quiet", "--threads", str(threads)]
+            for item in sets:
+                arguments += ["--set", item]
+            if output:
+                arguments += ["-o", target]
+            result = self(*arguments)
+            self.done[key] = Run(json.loads(result.stdout), target if output else None)
+        return self.done[key]
+
+
+def _toml(value: Any) -> str:
+    if isinstance(value, bool):
+        return str(value).lower()
+    if isinstance(value, (list, tuple)):
+        return "[" + ", ".join(_toml(v) for v in value) + "]"
+    return json.dumps(value) if isinstance(value, str) else repr(value)
+
+
+@pytest.fixture(scope="session")
+def command(tmp_path_factory: pytest.TempPathFactory) -> Command:
+    return Command(tmp_path_factory.mktemp("runs"))
+
+
+@pytest.fixture(scope="session")
+def files(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Path]:
+    """Synthetic files by name."""
+    import synthetic
+
+    directory = tmp_path_factory.mktemp("synthetic")
+    return {
+        "cooling": synthetic.cooling_gas(directory / "cooling.h5"),
+        "disks": synthetic.cooling_gas(directory / "disks.h5", n=900, eta=0.2, d=2),
+        "elastic": synthetic.cooling_gas(directory / "elastic.h5", e=1.0, eta=0.2, frames=4),
+        "quiet": synthetic.cooling_gas(directory / "quiet.h5", n=500, events=False, frames=4),
+        "ball": synthetic.bouncing_ball(directory / "ball.h5"),
+    }

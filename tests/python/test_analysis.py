@@ -1,0 +1,149 @@
+"""Overlaps, energies and statistics against values found in another way."""
+
+import numpy as np
+import pytest
+import synthetic
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+import haff
+from haff import analysis
+from haff.reader import Box
+
+
+class Particles:
+    """Stands in for a frame."""
+
+    def __init__(self, position, radius, size, boundary=("periodic",) * 3, mass=None, dimension=3):
+        self.position = np.asarray(position, float)
+        self.radius = np.asarray(radius, float)
+        self.mass = np.ones(len(self.radius)) if mass is None else np.asarray(mass, float)
+        self.box = Box(size, boundary, dimension)
+
+
+@settings(max_examples=150, deadline=None)
+@given(st.integers(0, 2**32 - 1), st.integers(2, 40), st.sampled_from(["ppp", "ppn", "nnn"]), st.booleans())
+def test_deepest_overlap_is_that_of_all_pairs(seed, n, axes, wide):
+    rng = np.random.default_rng(seed)
+    size = np.array([10.0, 9.0, 11.0]) if wide else np.array([2.0, 2.2, 1.9])
+    radius = rng.uniform(0.1, 0.9, n)
+    boundary = [{"p": "periodic", "n": "none"}[a] for a in axes]
+    frame = Particles(rng.random((n, 3)) * size, radius, size, boundary)
+    gap = frame.position[:, None] - frame.position[None, :]
+    periodic = frame.box.periodic
+    gap[..., periodic] -= np.round(gap[..., periodic] / size[periodic]) * size[periodic]
+    contact = radius[:, None] + radius[None, :]
+    depth = (contact - np.linalg.norm(gap, axis=-1)) / contact
+    np.fill_diagonal(depth, -np.inf)
+    found = analysis.max_overlap(frame)
+    if depth.max() > 0:
+        assert found.depth == pytest.approx(depth.max(), abs=1e-12)
+        assert depth[found.pair] == pytest.approx(depth.max(), abs=1e-12)
+    else:
+        assert found.depth <= 0
+
+
+def test_overlap_is_seen_across_a_periodic_face_and_not_across_a_wall():
+    position = [[0.1, 5, 5], [9.5, 5, 5]]
+    periodic = analysis.max_overlap(Particles(position, [0.5, 0.5], [10, 10, 10]))
+    assert periodic.depth == pytest.approx(0.4, abs=1e-12) and periodic.pair == (0, 1)
+    walls = analysis.max_overlap(Particles(position, [0.5, 0.5], [10, 10, 10], ("none",) * 3))
+    assert walls.depth < 0
+
+
+def test_fixed_bodies_may_be_built_into_each_other():
+    position = [[1, 1, 1], [1.2, 1, 1], [5, 5, 5]]
+    frame = Particles(position, [0.5] * 3, [10, 10, 10], mass=[np.inf, np.inf, 1])
+    assert analysis.max_overlap(frame).depth < 0
+
+
+def test_kinetic_energy_and_temperature_of_frames_are_those_of_the_samples(files):
+    with haff.open(files["cooling"]) as run:
+        table = run.observables.set_index("time")
+        for frame in run.frames:
+            T = table.loc[frame.time, "temperature"]
+            assert analysis.temperature(frame) == pytest.approx(T, rel=1e-12)
+            assert analysis.temperature(frame, species=0) == pytest.approx(T, rel=1e-12)
+            assert analysis.kinetic_energy(frame) == pytest.approx(table.loc[frame.time, "kinetic_energy"], rel=1e-12)
+
+
+@pytest.mark.parametrize(("name", "d"), [("cooling", 3), ("disks", 2)])
+def test_sonine_coefficient_of_the_frames_is_that_of_the_velocities_drawn(files, name, d):
+    with haff.open(files[name]) as run:
+        found = [analysis.sonine_a2(f) for f in run.frames[1:]]
+    mean, error = np.mean(found), np.std(found, ddof=1) / np.sqrt(len(found))
+    expected = float(haff.theory.sonine_a2(0.9, d))
+    assert abs(mean - expected) < 4 * error, f"a₂ = {mean:.4f} ± {error:.4f}, theory {expected:.4f}"
+
+
+def test_block_averages_see_through_correlations():
+    rng = np.random.default_rng(5)
+    white, series = rng.normal(size=200_000), np.zeros(200_000)
+    for k in range(1, len(series)):
+        series[k] = 0.98 * series[k - 1] + white[k]
+    naive = series.std() / np.sqrt(len(series))
+    found = analysis.block_average(series, 20)
+    # Exact error of the mean of this process: σ_white/((1 − 0.98)√n) = 9.95 times the naive one.
+    exact = 1 / 0.02 / np.sqrt(len(series))
+    assert 0.5 < found.error / exact < 1.7 and found.error > 5 * naive
+    assert abs(found.z(0.0)) < 4
+    with pytest.raises(ValueError, match="too few"):
+        analysis.block_average([1.0, 2.0], 20)
+
+
+def test_ideal_gas_has_no_structure(tmp_path):
+    rng = np.random.default_rng(2)
+    n, side = 4000, 20.0
+    path = synthetic.write(
+        tmp_path / "ideal.h5",
+        scene="[domain]\nsize = [20.0, 20.0, 20.0]\n",
+        size=[side] * 3,
+        boundary=["periodic"] * 3,
+        mass=np.ones(n),
+        radius=np.full(n, 0.5),
+        species=np.zeros(n),
+        frames={
+            "time": np.arange(3.0),
+            "step": np.arange(3),
+            "position": rng.random((3, n, 3)) * side,
+            "velocity": rng.normal(size=(3, n, 3)),
+            "image": np.zeros((3, n, 3), np.int32),
+        },
+    )
+    with haff.open(path) as run:
+        r, g = analysis.radial_distribution(run.frames, 5.0, 25)
+        shell = 4 * np.pi * r**2 * 0.2 * n / side**3 * n * 3 / 2
+        z = (g - 1) * np.sqrt(shell)
+        assert np.all(np.abs(z[shell > 20]) < 5) and abs(np.mean(z)) < 1, f"z = {z}"
+        with pytest.raises(haff.NotApplicableError, match="too small"):
+            analysis.radial_distribution(run.frames, 10.0, 25)
+
+
+def test_cooling_law_names_the_reason_where_it_does_not_apply(files):
+    with haff.open(files["ball"]) as run, pytest.raises(haff.NotApplicableError, match="periodic"):
+        analysis.cooling_law(run)
+
+
+def test_cooling_law_of_a_mixture_tends_to_that_of_one_species(files, tmp_path):
+    with haff.open(files["cooling"]) as run:
+        pure = analysis.cooling_law(run)
+        nearly = haff.open(files["cooling"])
+        nearly.radius = run.radius * np.where(np.arange(len(run)) % 2, 1 + 1e-9, 1.0)
+        mixed = analysis.cooling_law(nearly)
+        nearly.close()
+    assert pure.monodisperse and not mixed.monodisperse
+    assert mixed.omega0 == pytest.approx(pure.omega0, rel=1e-7)
+    assert mixed.tau == pytest.approx(pure.tau * (1 + 3 * pure.a2 / 16), rel=1e-7)
+
+
+def test_universe_carries_trajectory_masses_and_radii(files):
+    pytest.importorskip("MDAnalysis")
+    with haff.open(files["cooling"]) as run:
+        universe = run.to_mdanalysis()
+        assert len(universe.trajectory) == len(run.frames)
+        for step, frame in zip(universe.trajectory[2:5], run.frames[2:5]):
+            assert np.allclose(universe.atoms.positions, frame.position, atol=1e-4)
+            assert np.allclose(step.velocities, frame.velocity, atol=1e-5)
+            assert np.allclose(step.dimensions[:3], run.box.size, rtol=1e-6)
+            assert step.time == pytest.approx(frame.time)
+        assert set(universe.atoms.types) == {"grain"} and np.all(universe.atoms.radii == 0.5)

@@ -1,0 +1,154 @@
+"""`haff plot` and the figures: what is drawn, what is skipped and why, and how it fails."""
+
+import os
+import subprocess
+import sys
+
+import numpy as np
+import pytest
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.text import Text
+from PIL import Image
+
+import haff
+from haff import figures
+from haff.__main__ import _KINDS, main
+from haff.figures import render, trajectories
+
+GAS = {"temperature", "energy", "velocity", "structure", "snapshot", "losses"}
+DRAWN = {
+    "cooling": GAS,
+    "disks": GAS,
+    "elastic": GAS - {"losses"},
+    "quiet": GAS - {"losses"},
+    "ball": {"energy", "losses", "snapshot", "trajectories"},
+}
+
+
+@pytest.mark.parametrize("name", DRAWN)
+def test_all_that_apply_are_drawn_and_the_others_are_named(files, name, tmp_path, capsys):
+    assert main(["plot", str(files[name]), "-o", str(tmp_path)]) == 0
+    out, err = capsys.readouterr()
+    assert {p.stem.removeprefix(f"{name}-") for p in tmp_path.iterdir()} == DRAWN[name], err
+    assert out.count("\n") == len(DRAWN[name])
+    for kind in set(figures.KINDS) - DRAWN[name]:
+        assert f"skipped {kind}: " in err
+    for path in tmp_path.iterdir():
+        pixels = np.asarray(Image.open(path).convert("L"))
+        assert pixels.std() > 5, f"{path.name} is empty"
+
+
+@pytest.mark.parametrize("extension", ["pdf", "svg"])
+def test_vector_formats(files, tmp_path, extension):
+    assert main(["plot", str(files["cooling"]), "--kind", "temperature", "--kind", "losses", "-o", str(tmp_path),
+                 "--format", extension]) == 0  # fmt: skip
+    start = {"pdf": b"%PDF", "svg": b"<?xml"}[extension]
+    assert [p.read_bytes()[: len(start)] for p in sorted(tmp_path.iterdir())] == [start, start]
+
+
+@pytest.mark.parametrize("kind", sorted(GAS))
+def test_no_text_is_cut_off_or_covers_other_text(files, kind, monkeypatch):
+    drawn = []  # what the canvas really draws: tick labels beyond the limits exist, but are not among them
+    plain = Text.draw
+    with haff.open(files["cooling"]) as run:
+        figure = figures.draw(run, kind)
+        monkeypatch.setattr(Text, "draw", lambda text, renderer: (drawn.append(text), plain(text, renderer))[1])
+        FigureCanvasAgg(figure).draw()
+    page = figure.bbox
+    texts = [(t.get_text(), t.get_window_extent()) for t in drawn if t.get_visible() and t.get_text().strip()]
+    assert len(texts) > 3
+    for text, box in texts:
+        assert page.x0 - 1 <= box.x0 and box.x1 <= page.x1 + 1, f"{text!r} leaves the page"
+        assert page.y0 - 1 <= box.y0 and box.y1 <= page.y1 + 1, f"{text!r} leaves the page"
+    for k, (text, box) in enumerate(texts):
+        for other, place in texts[k + 1 :]:
+            # Shrunk: extents carry the line spacing, which may touch.
+            wide = min(box.x1, place.x1) - max(box.x0, place.x0)
+            high = min(box.y1, place.y1) - max(box.y0, place.y0)
+            assert wide < 2 or high < 3, f"{text!r} overlaps {other!r}"
+
+
+def test_temperature_figure_shows_data_law_and_ratio(files):
+    with haff.open(files["cooling"]) as run:
+        figure = figures.draw(run, "temperature")
+        top, below = figure.axes[:2]
+        assert top.get_xscale() == top.get_yscale() == "log"
+        ratio = below.lines[-1].get_ydata()
+        assert np.allclose(ratio, 1, atol=1e-9)
+
+
+def test_ledger_stack_adds_up_to_the_energy_at_the_start(files):
+    with haff.open(files["ball"]) as run:
+        figure = figures.draw(run, "energy")
+        table = run.observables
+        top = figure.axes[0]
+        total = table["kinetic_energy"].iloc[0] + table["potential_energy"].iloc[0]
+        upper = max(path.vertices[:, 1].max() for c in top.collections for path in c.get_paths())
+        assert upper == pytest.approx(total, rel=1e-9)
+
+
+def test_paths_between_frames_are_the_exact_parabolas(files):
+    with haff.open(files["ball"]) as run:
+        (path,) = trajectories.flights(run)
+        # Reconstructed impacts touch the floor: height of the centre = radius.
+        assert np.allclose(path.at[:, 2], 0.5, atol=1e-9)
+        first = path.time < run.events["time"][0]
+        assert np.allclose(path.position[first, 2], 2.5 - 9.81 * path.time[first] ** 2 / 2, atol=1e-12)
+
+
+def test_renderer_draws_the_near_sphere_over_the_far_one():
+    camera = render.Camera(np.eye(3))
+    color = np.array([[1.0, 0, 0], [0, 0, 1.0]])
+    for order in (1, -1):
+        picture = render.spheres(
+            np.array([[0, 0, 0.0], [0.3, 0, 1.5]])[::order], np.array([0.5, 0.3])[::order], color[::order],
+            camera, (-1, 1, -1, 1), 100,
+        )  # fmt: skip
+        red, blue = picture.rgba[50, 35, :3], picture.rgba[50, 65, :3]
+        assert red[0] > red[2] and blue[2] > blue[0]
+        assert picture.rgba[2, 2, 3] == 0
+
+
+def test_one_diameter_of_a_rendered_sphere_is_its_size():
+    picture = render.spheres(np.zeros((1, 3)), np.array([0.5]), np.ones((1, 3)), render.Camera.looking(), (-1, 1, -1, 1), 200)
+    assert picture.rgba[..., 3].sum() == pytest.approx(np.pi * 50**2, rel=5e-3)
+
+
+def test_help_lists_the_figures_that_exist():
+    assert {k: v.about for k, v in figures.KINDS.items()} == _KINDS
+
+
+def test_wrong_arguments_exit_with_2(files, tmp_path, capsys):
+    for arguments in (["plot"], ["plot", str(files["ball"]), "--kind", "pie"], ["plot", "x.h5", "--format", "gif"]):
+        with pytest.raises(SystemExit) as stop:
+            main(arguments)
+        assert stop.value.code == 2
+    assert "must be one of temperature" in capsys.readouterr().err
+    assert main(["plot", str(files["ball"]), "--kind", "structure", "-o", str(tmp_path)]) == 2
+    assert "skipped structure: g(r) needs a periodic box" in capsys.readouterr().err
+    assert main(["plot", str(files["ball"]), "--kind", "snapshot", "--frame", "99", "-o", str(tmp_path)]) == 2
+    assert "frame 99 of 25" in capsys.readouterr().err
+
+
+def test_unreadable_and_unwritable_files_exit_with_4_and_one_line(files, tmp_path, capsys):
+    broken = tmp_path / "broken.h5"
+    broken.write_bytes(files["ball"].read_bytes()[:3000])
+    blocked = tmp_path / "blocked"
+    blocked.write_text("a file where a directory should be")
+    for arguments in (
+        ["plot", str(tmp_path / "none.h5")],
+        ["plot", str(broken)],
+        ["plot", str(files["ball"]), "-o", str(blocked / "in")],
+    ):
+        assert main(arguments) == 4, arguments
+        err = capsys.readouterr().err
+        assert err.startswith("haff: error: ") and err.count("\n") == 1 and "Traceback" not in err
+
+
+def test_module_runs_as_a_program(files, tmp_path):
+    result = subprocess.run(
+        [sys.executable, "-m", "haff", "plot", str(files["ball"]), "--kind", "trajectories", "-o", str(tmp_path)],
+        capture_output=True, text=True, env={**os.environ, "MPLBACKEND": "Agg"}, check=False,
+    )  # fmt: skip
+    assert result.returncode == 0, result.stderr
+    assert result.stdout.strip() == str(tmp_path / "ball-trajectories.png")

@@ -1,0 +1,142 @@
+"""The lazy reader, on files whose content is known."""
+
+import h5py
+import numpy as np
+import pandas as pd
+import pytest
+import synthetic
+
+import haff
+
+
+def test_open_gives_what_was_written(files):
+    with haff.open(files["cooling"]) as run:
+        assert len(run) == 2000
+        assert run.dimension == 3 and run.box.fully_periodic
+        assert run.box.volume == pytest.approx(2000 / (0.3 / np.pi), rel=1e-12)
+        assert run.species_names == ["grain"]
+        assert run.scene["contact"]["restitution"] == 0.9
+        assert run.summary["packing_fraction"] == pytest.approx(0.05, rel=1e-12)
+        assert run.summary["ledger_residual"] < 1e-14
+        assert np.array_equal(run.mass, np.ones(2000)) and np.array_equal(run.radius, np.full(2000, 0.5))
+
+
+def test_frames_are_a_sequence(files):
+    with haff.open(files["cooling"]) as run:
+        frames = run.frames
+        assert len(frames) == 8 and frames[0].time == 0 and frames[-1].time == frames.time[-1]
+        assert [f.index for f in frames[1:7:2]] == [1, 3, 5]
+        assert [f.index for f in frames[::-1]] == list(range(7, -1, -1))
+        assert list(frames[::-3].time) == list(frames.time[::-3])
+        assert frames[2:].array("velocity").shape == (6, 2000, 3)
+        assert len(frames[5:5]) == 0 and frames[5:5].array("position").shape == (0, 2000, 3)
+        assert np.array_equal(frames[::-1].array("velocity")[0], frames[-1].velocity)
+        with pytest.raises(IndexError, match="frame 8 of 8"):
+            frames[8]
+        frame = frames[3]
+        assert np.allclose(frame.unwrapped - frame.position, frame.image * run.box.size)
+        assert np.array_equal(frames.array("unwrapped")[3], frame.unwrapped)
+
+
+def test_frames_read_nothing_before_it_is_asked_for(files):
+    with haff.open(files["cooling"]) as run:
+        frame = run.frames[2]
+        assert "position" not in vars(frame)
+        assert frame.position is frame.position
+        kept = frame.position
+    assert kept.shape == (2000, 3)
+
+
+def test_observables_are_a_data_frame_with_named_components(files):
+    with haff.open(files["cooling"]) as run:
+        table = run.observables
+        assert list(table.columns[:2]) == ["time", "step"]
+        for column in ("temperature", "momentum_x", "momentum_z", "species_temperature_grain", "sonine_a2"):
+            assert column in table
+        assert np.isnan(table["pressure"].iloc[0])
+        law = haff.analysis.cooling_law(run)
+        expected = haff.theory.haff_temperature(table["time"], 1.0, law.tau)
+        assert np.allclose(table["temperature"], expected, rtol=1e-12)
+
+
+def test_observables_go_to_xarray_with_whole_vectors(files):
+    pytest.importorskip("xarray")
+    with haff.open(files["cooling"]) as run:
+        data = run.to_xarray()
+        assert data["momentum"].dims == ("time", "axis")
+        assert data["species_temperature"].sel(species="grain").values[0] == 1.0
+        assert list(data["axis"].values) == ["x", "y", "z"]
+
+
+def test_events_come_in_pieces_with_their_kind_as_a_category(files):
+    with haff.open(files["cooling"]) as run:
+        events = run.events
+        assert len(events) == 20_000
+        piece = events[10:15]
+        assert isinstance(piece["kind"].dtype, pd.CategoricalDtype)
+        assert set(piece["kind"]) == {"collision"} and "rest" in piece["kind"].cat.categories
+        assert list(piece.index) == [10, 11, 12, 13, 14]
+        whole = events.to_pandas(["time", "energy_loss"])
+        assert list(whole.columns) == ["time", "energy_loss"]
+        joined = pd.concat(list(events.chunks(size=7000)))
+        assert len(joined) == 20_000 and joined["time"].equals(whole["time"])
+        assert np.array_equal(events["energy_loss"], whole["energy_loss"])
+        with pytest.raises(KeyError, match="no event column 'speed'"):
+            events["speed"]
+
+
+def test_kinds_of_a_bouncing_ball(files):
+    with haff.open(files["ball"]) as run:
+        counts = run.events.to_pandas()["kind"].value_counts()
+        assert counts["wall"] == 40 and counts["rest"] == 1 and counts["collision"] == 0
+
+
+def test_parts_that_were_not_recorded_are_named_with_the_way_out(files):
+    with haff.open(files["quiet"]) as run:
+        assert "frames" in run and "events" not in run
+        with pytest.raises(haff.MissingDataError, match=r"output\.events = true"):
+            _ = run.events
+
+
+def test_repr_tells_what_is_in_the_file(files):
+    run = haff.open(files["quiet"])
+    text = repr(run)
+    assert "500" in text and "not recorded" in text and "grain" in text
+    run.close()
+    assert "closed" in repr(run)
+
+
+@pytest.mark.parametrize("name", ["particles/all/velocity/value", "particles/all/image/value"])
+def test_a_killed_run_is_read_up_to_its_last_whole_frame(tmp_path, name):
+    path = synthetic.cooling_gas(tmp_path / "killed.h5", n=50, frames=6, collisions=100)
+    synthetic.truncate(path, name, 4)
+    synthetic.truncate(path, "events/impulse", 60)
+    with haff.open(path) as run:
+        assert len(run.frames) == 4
+        assert run.frames[-1].velocity.shape == (50, 3)
+        assert len(run.events) == 60 and len(run.events.to_pandas()) == 60
+
+
+def test_a_file_without_a_single_frame_opens(tmp_path):
+    path = synthetic.cooling_gas(tmp_path / "start.h5", n=50, frames=6, collisions=10)
+    for name in ("position", "velocity", "image"):
+        synthetic.truncate(path, f"particles/all/{name}/value", 0)
+    with haff.open(path) as run:
+        assert len(run.frames) == 0 and repr(run.frames) == "<Frames: none>" and repr(run)
+
+
+def test_errors_are_one_line_and_name_the_file(tmp_path):
+    text = tmp_path / "text.h5"
+    text.write_text("no HDF5 at all")
+    other = tmp_path / "other.h5"
+    with h5py.File(other, "w") as f:
+        f["x"] = 1
+    for path, reason in [
+        (tmp_path / "missing.h5", "no such file"),
+        (text, "not an HDF5 file"),
+        (other, "not an output file of haff"),
+        (tmp_path, "is a directory"),
+    ]:
+        with pytest.raises(haff.FileError, match=reason) as error:
+            haff.open(path)
+        assert path.name in str(error.value) and "\n" not in str(error.value)

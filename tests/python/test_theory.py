@@ -1,0 +1,133 @@
+"""The closed forms against values worked out by hand, limits and each other."""
+
+import math
+
+import numpy as np
+import pytest
+from scipy import integrate
+
+from haff import theory
+
+
+def test_contact_values_at_a_packing_fraction_worked_by_hand():
+    # η = 0.2: (1 − 0.1)/0.8³ = 0.9/0.512; (1 − 0.0875)/0.8² = 0.9125/0.64
+    assert theory.carnahan_starling(0.2) == pytest.approx(0.9 / 0.512, rel=1e-15)
+    assert theory.henderson(0.2) == pytest.approx(0.9125 / 0.64, rel=1e-15)
+
+
+@pytest.mark.parametrize(("d", "second", "third"), [(3, 4.0, 10.0), (2, 2.0, 3.1280177)])
+def test_compressibility_has_the_known_virial_coefficients(d, second, third):
+    # Z = 1 + B₂η + B₃η²: in 3D both exact; Henderson's B₃ is 3.125 against the exact 3.1280.
+    eta = 1e-4
+    z = float(theory.compressibility(eta, d=d))
+    found = (z - 1 - second * eta) / eta**2
+    assert found == pytest.approx(third, rel=2e-3), f"B₃ = {found}, literature {third}"
+
+
+def test_klm_reproduces_the_first_virial_coefficients():
+    # Virial coefficients of hard spheres in powers of η: 4, 10, 18.364768, 28.2245.
+    eta = np.linspace(0.002, 0.02, 10)
+    coefficients = np.polynomial.Polynomial.fit(eta, theory.kolafa_labik_malijevsky(eta), 6, domain=[]).convert().coef
+    assert coefficients[:4] == pytest.approx([1, 4, 10, 18.364768], rel=1e-4)
+
+
+def test_klm_and_carnahan_starling_agree_to_three_in_a_thousand():
+    eta = np.linspace(0.01, 0.49, 50)
+    ratio = theory.compressibility(eta) / theory.kolafa_labik_malijevsky(eta)
+    assert np.all(np.abs(ratio - 1) < 3.5e-3)
+    assert ratio[30] < 1, "Carnahan–Starling is low at mid density"
+
+
+def test_klm_at_half_reduced_density_matches_the_published_pressure():
+    # ρσ³ = 0.5, η = π/12: Z = 3.2696 by simulation (Kolafa, Labík, Malijevský 2004).
+    assert theory.kolafa_labik_malijevsky(math.pi / 12) == pytest.approx(3.2696, abs=3e-3)
+
+
+def test_collision_frequency_worked_by_hand():
+    assert theory.collision_frequency(0.1, 1.0, 1.0, 1.0, 1.0) == pytest.approx(0.4 * math.sqrt(math.pi), rel=1e-15)
+    assert theory.collision_frequency(0.1, 2.0, 4.0, 1.0, 1.5, d=2) == pytest.approx(
+        2 * 0.1 * 2 * 1.5 * math.sqrt(4 * math.pi), rel=1e-15
+    )
+    assert theory.collision_frequency(1, 1, a2=0.16) == pytest.approx(0.99 * theory.collision_frequency(1, 1))
+
+
+@pytest.mark.parametrize(("e", "a2"), [(0.6, 0.0239), (0.8, -0.0126), (0.9, -0.0146), (1.0, 0.0)])
+def test_sonine_coefficient_of_van_noije_and_ernst(e, a2):
+    assert theory.sonine_a2(e, 3) == pytest.approx(a2, abs=6e-5)
+
+
+def test_sonine_coefficient_vanishes_at_one_over_root_two():
+    assert abs(theory.sonine_a2(math.sqrt(0.5), 2)) < 1e-16
+
+
+def test_haff_rate_follows_from_the_mean_loss_per_collision():
+    # (d/2) dT/dt = −(ω/2)(1 − e²)T at a₂ = 0, and dT/dt = −2T/τ at the start.
+    for d in (2, 3):
+        omega, e = 1.7, 0.8
+        tau = float(theory.haff_time(e, omega, d, a2=0.0))
+        assert -2 / tau == pytest.approx(-(omega / 2) * (1 - e**2) / (d / 2), rel=1e-14)
+
+
+def test_haff_temperature_is_a_quarter_after_one_time_constant():
+    assert theory.haff_temperature(3.0, 2.0, 3.0) == pytest.approx(0.5, rel=1e-15)
+    assert theory.haff_temperature([0.0, 3.0], 2.0, 3.0).shape == (2,)
+
+
+def test_elastic_gas_never_cools():
+    assert theory.haff_time(1.0, 1.0) == math.inf
+    assert theory.haff_temperature(1e9, 1.0, math.inf) == 1.0
+    assert theory.critical_length(0.1, 1.0, 1.0) == math.inf
+
+
+def test_critical_length_worked_by_hand():
+    assert theory.critical_length(0.1, 1.0, 0.8) == pytest.approx(2.43 / 0.06, rel=1e-14)
+    assert theory.critical_length(0.1, 1.0, 0.6, d=2) == pytest.approx(2 * math.sqrt(math.pi) / 0.08, rel=1e-14)
+
+
+def test_sonine_density_is_normalised_keeps_its_temperature_and_shows_its_a2():
+    a2 = 0.08
+    moment = lambda k: integrate.quad(lambda c: c**k * theory.sonine_component(c, a2), -12, 12)[0]  # noqa: E731
+    assert moment(0) == pytest.approx(1, abs=1e-10)
+    assert moment(2) == pytest.approx(0.5, abs=1e-10)
+    assert moment(4) == pytest.approx(0.75 * (1 + a2), abs=1e-10)  # a₂ = ⟨c⁴⟩/(3⟨c²⟩²) − 1 in one dimension
+
+
+@pytest.mark.parametrize("d", [2, 3])
+def test_mixture_of_one_kind_split_in_two_is_the_pure_fluid(d):
+    n, sigma, m, T = 0.3, 1.1, 2.0, 0.7
+    eta = theory.packing_fraction(n, sigma, d)
+    pure = theory.collision_frequency(n, sigma, T, m, theory.contact_value(eta, d), d)
+    split = theory.mixture_rates([0.1, 0.2], [sigma, sigma], [m, m], T, d)
+    assert np.sum(split.per_particle, axis=1) == pytest.approx([pure, pure], rel=1e-13)
+    assert split.total == pytest.approx(n * pure / 2, rel=1e-13)
+
+
+def test_mixture_counts_every_pair_of_species_from_both_sides():
+    rates = theory.mixture_rates([0.2, 0.05], [1.0, 1.6], [1.0, 4.0])
+    n = np.array([0.2, 0.05])
+    exchange = n[:, None] * rates.per_particle
+    assert exchange == pytest.approx(exchange.T, rel=1e-14)
+    assert rates.total == pytest.approx(np.triu(rates.per_volume).sum(), rel=1e-14)
+
+
+def test_losses_of_a_maxwell_gas_are_exponential():
+    # Mean of x = ΔT/[(1 − e²)T] is 1: the mean loss that Haff's rate needs.
+    mean, _ = integrate.quad(lambda x: x * theory.loss_distribution(x), 0, np.inf)
+    assert mean == pytest.approx(1, abs=1e-10)
+
+
+def test_density_conversions_are_inverse():
+    for d in (2, 3):
+        assert theory.packing_fraction(theory.number_density(0.37, 1.3, d), 1.3, d) == pytest.approx(0.37, rel=1e-15)
+
+
+def test_wrong_dimension_and_equation_are_refused():
+    with pytest.raises(ValueError, match="d = 4 must be 2 or 3"):
+        theory.collision_frequency(1, 1, d=4)
+    with pytest.raises(ValueError, match="klm"):
+        theory.contact_value(0.1, 2, "klm")
+
+
+def test_contact_value_in_a_frame_of_an_inelastic_gas():
+    assert theory.contact_value_after_collision(2.0, 1.0) == 2.0
+    assert theory.contact_value_after_collision(2.0, 0.5) == pytest.approx(3.0)
