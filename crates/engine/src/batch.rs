@@ -99,8 +99,11 @@ fn predict(batch: &mut Batch) {
         let cc = cx * cx + cy * cy + cz * cz;
         let gap = rr - sigma2[k];
         let disc = vv * sigma2[k] - cc;
-        let root = gap / (disc.max(0.0).sqrt() - b);
-        let time = if disc >= 0.0 { root } else { f64::INFINITY };
+        let den = disc.max(0.0).sqrt() - b;
+        // Never beyond the closest approach, where a touching pair that slides along has nothing but rounding.
+        let beyond = gap * vv > -b * den;
+        let time = (if beyond { -b } else { gap }) / (if beyond { vv } else { den });
+        let time = if disc >= 0.0 { time } else { f64::INFINITY };
         let time = if gap > 0.0 { time } else { 0.0 };
         delay[k] = if b < 0.0 { time } else { f64::INFINITY };
     }

@@ -155,3 +155,14 @@ pub struct Options {
     /// Prediction kernel.
     pub simd: SimdChoice,
 }
+
+impl NeighborChoice {
+    /// The name scenes use.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Auto => "auto",
+            Self::Cells => "cells",
+            Self::AllPairs => "all_pairs",
+        }
+    }
+}

@@ -211,7 +211,7 @@ fn flush<F: Features>(world: &World, i: u32, scratch: &mut Scratch, earliest: &m
     let per_time = world.clock.per_time;
     let mut least = f64::INFINITY;
     for k in 0..batch.len {
-        if batch.delay[k] == 0.0 && is_noise::<F>(world, i, batch, k) {
+        if batch.delay[k] * per_time < 0.5 && is_noise::<F>(world, i, batch, k) {
             batch.delay[k] = f64::INFINITY;
         }
         least = least.min(batch.offset[k] as f64 + batch.delay[k] * per_time);
@@ -232,7 +232,7 @@ fn flush<F: Features>(world: &World, i: u32, scratch: &mut Scratch, earliest: &m
     batch.len = 0;
 }
 
-/// Whether a contact at no time at all is only the rounding left by an impact with e = 0.
+/// Whether a contact within half a tick is only the rounding left by an impact with e = 0.
 #[cold]
 fn is_noise<F: Features>(world: &World, i: u32, batch: &Batch, k: usize) -> bool {
     let vector = |a: &[[f64; LANES]; 3]| DVec3::new(a[0][k], a[1][k], a[2][k]);

@@ -1,7 +1,7 @@
 //! Events happen: velocities change, anchors are set, losses are booked.
 
 use glam::DVec3;
-use haff_mechanics::{Impact, Restitution, resolve_pair, resolve_wall, work_of_moving_body};
+use haff_mechanics::{Impact, Restitution, resolve_contact, resolve_wall, work_of_moving_body};
 
 use crate::{
     clock::HORIZON,
@@ -75,9 +75,10 @@ pub(crate) fn collision<F: Features, const EVENTS: bool>(
     let distance = r.length();
     let n = r / distance;
     let (a, b) = (*world.class(i), *world.class(j));
-    let speed = haff_mechanics::approach_speed(wi, wj, n);
-    let e = coefficient(world, world.pair_law(&a, &b), speed, time, [(i, &a), (j, &b)]);
-    let (ui, uj, impact) = resolve_pair(wi, wj, a.inverse_mass, b.inverse_mass, n, e);
+    let law = world.pair_law(&a, &b);
+    let speed = (wi - wj).dot(r) / distance;
+    let e = coefficient(world, law, speed, time, [(i, &a), (j, &b)]);
+    let (ui, uj, impact) = resolve_contact(wi, wj, a.inverse_mass, b.inverse_mass, r, e);
     // A body of infinite mass keeps its anchor: its flight has not changed, and neither have predictions with it.
     if a.inverse_mass != 0.0 {
         anchor(world, i, ri, ui, time)?;

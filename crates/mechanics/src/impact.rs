@@ -129,6 +129,39 @@ pub fn resolve_pair(
     (w1 - change * (inv_m1 / lambda), w2 + change * (inv_m2 / lambda), impact)
 }
 
+/// [`resolve_pair`] for the vector `r` from centre 1 to centre 2 \[length\], of any length, in place of the unit normal.
+///
+/// The change of velocity is formed as `r (Δw·r)/(r·r)`. With a normal `n = r/|r|` the kinetic energy changes by
+/// `v_n² (|n|² − 1)` on top of the loss, and near |r| = 1 the root rounds down more often than up: an elastic gas of
+/// unit spheres then heats up steadily, by some 3·10⁻¹⁶ T a collision, instead of walking at random.
+///
+/// ```
+/// use glam::DVec3;
+/// use haff_mechanics::resolve_contact;
+/// let (w1, w2) = (DVec3::new(30.0, 10.0, 0.0), DVec3::new(-10.0, -30.0, 0.0));
+/// let (u1, u2, _) = resolve_contact(w1, w2, 1.0, 1.0, DVec3::X * 0.125, 0.5);
+/// assert_eq!((u1, u2), (DVec3::new(0.0, 10.0, 0.0), DVec3::new(20.0, -30.0, 0.0)));
+/// ```
+#[inline]
+#[must_use]
+pub fn resolve_contact(
+    w1: DVec3,
+    w2: DVec3,
+    inv_m1: f64,
+    inv_m2: f64,
+    r: DVec3,
+    e: f64,
+) -> (DVec3, DVec3, Impact) {
+    let lambda = inv_m1 + inv_m2;
+    let (approach, rr) = ((w1 - w2).dot(r), r.length_squared());
+    let impact = impact(approach / rr.sqrt(), e, lambda);
+    if impact.impulse == 0.0 {
+        return (w1, w2, impact);
+    }
+    let change = r * ((1.0 + e) * approach / rr);
+    (w1 - change * (inv_m1 / lambda), w2 + change * (inv_m2 / lambda), impact)
+}
+
 /// Velocity after the impact of a smooth sphere on a wall, (2.21), and the impact itself.
 ///
 /// `w`, `w_wall`: velocities of sphere and wall [length/time]; `inv_m`: the sphere's inverse mass [1/mass];

@@ -43,8 +43,8 @@ pub use contact::{is_rounding_noise, time_to_contact};
 pub use curved::time_to_contact_accelerated;
 pub use flight::{drift, free_flight, free_flight_velocity};
 pub use impact::{
-    Impact, StickingImpact, approach_speed, impact, reduced_mass, resolve_pair, resolve_sticking,
-    resolve_wall, work_of_moving_body,
+    Impact, StickingImpact, approach_speed, impact, reduced_mass, resolve_contact, resolve_pair,
+    resolve_sticking, resolve_wall, work_of_moving_body,
 };
 pub use plane::{time_to_face, time_to_plane};
 pub use restitution::{Restitution, RestitutionError};
