@@ -128,6 +128,7 @@ pub(crate) fn wall<F: Features, const EVENTS: bool>(
     let world = &mut state.world;
     let (position, velocity) = world.flight::<F>(i, time);
     let class = *world.class(i);
+    let before = if F::GRAVITY { (world.support(i), world.acceleration(i)) } else { Default::default() };
     let (inward, wall_velocity) = (world.walls[wall as usize].normal, world.walls[wall as usize].velocity);
     let n = -inward;
     let law = world.wall_law(&class, wall);
@@ -154,7 +155,7 @@ pub(crate) fn wall<F: Features, const EVENTS: bool>(
             && wall_velocity == DVec3::ZERO
             && world.tc == 0.0
         {
-            come_to_rest(state, i, wall, e, time);
+            come_to_rest(state, i, wall, e, before, time);
         }
     }
     Ok(())
@@ -165,10 +166,17 @@ pub(crate) fn wall<F: Features, const EVENTS: bool>(
 /// From the outgoing speed u under the pull a towards the wall, bounces follow at u, eu, e²u, … and take 2u/a,
 /// 2eu/a, …: together 2u/(a(1 − e)). Their impulses add up to (1 + e) m u/(1 − e), their losses to all that is left,
 /// ½ m u², and their Carnot energies to ½ m u² (1 + e)/(1 − e).
-fn come_to_rest(state: &mut State, i: u32, wall: u32, e: f64, time: i64) {
+///
+/// A particle that slides along other walls into this one is thrown off those by the bounce, falls back on them, and so
+/// on: that series is complete when it is over as seen along the slide. `before` is the support and acceleration of
+/// the slide.
+fn come_to_rest(state: &mut State, i: u32, wall: u32, e: f64, before: (Support, DVec3), time: i64) {
     let world = &mut state.world;
     let normal = world.walls[wall as usize].normal;
-    let pull = -world.acceleration(i).dot(normal);
+    let (slid_on, slide) = before;
+    let (pull, pull_of_slide) = (-world.acceleration(i).dot(normal), -slide.dot(normal));
+    let sliding = slid_on != [None; 3] && pull_of_slide > 0.0;
+    let pull = if sliding { pull_of_slide } else { pull };
     if e >= 1.0 || pull <= 0.0 {
         return;
     }
@@ -178,16 +186,19 @@ fn come_to_rest(state: &mut State, i: u32, wall: u32, e: f64, time: i64) {
     if u * u > 2.0 * pull * REST_HEIGHT * class.radius {
         return;
     }
-    let mut support = world.support(i);
+    let mut support = if sliding { slid_on } else { world.support(i) };
     let Some(free) = support.iter_mut().find(|place| place.is_none()) else { return };
     let ticks = 2.0 * u / (pull * (1.0 - e)) * world.clock.per_time;
     if ticks > HORIZON {
         return;
     }
     *free = Some(wall as u16);
+    let normals = support.into_iter().flatten().map(|wall| world.walls[usize::from(wall)].normal);
+    let settled = along(velocity, normals);
     world.set_support(i, support, time);
-    world.particles[i as usize].velocity = velocity - normal * velocity.dot(normal);
-    let energy = 0.5 * class.mass * u * u;
+    world.particles[i as usize].velocity = settled;
+    let lost = velocity - settled;
+    let energy = 0.5 * class.mass * lost.dot(velocity + settled);
     let rest = Pending {
         end: time + crate::clock::whole(ticks),
         wall,
@@ -197,6 +208,23 @@ fn come_to_rest(state: &mut State, i: u32, wall: u32, e: f64, time: i64) {
         carnot_energy: energy * (1.0 + e) / (1.0 - e),
     };
     state.pending.insert(i, rest);
+}
+
+/// The part of a velocity along walls with these normals.
+fn along(velocity: DVec3, mut normals: impl Iterator<Item = DVec3>) -> DVec3 {
+    match (normals.next(), normals.next(), normals.next()) {
+        (Some(n), None, _) => velocity - n * velocity.dot(n),
+        (Some(n), Some(m), None) => {
+            let edge = n.cross(m);
+            if edge == DVec3::ZERO {
+                velocity - n * velocity.dot(n)
+            } else {
+                edge * (velocity.dot(edge) / edge.length_squared())
+            }
+        }
+        (None, ..) => velocity,
+        (Some(_), Some(_), Some(_)) => DVec3::ZERO,
+    }
 }
 
 /// Lets go of the supporting walls that particle i now moves away from, or into: it flies again.
