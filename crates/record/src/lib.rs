@@ -1,1 +1,68 @@
-//! H5MD files of haff: writer, reader, checkpoint.
+/*! Output files of haff: [H5MD 1.1](https://h5md.nongnu.org/) in HDF5, with an event log and checkpoints.
+
+This is the only crate that links HDF5. [`Recorder`] writes, off the hot path and with back-pressure; [`info`] and
+[`last_state`] read.
+
+# Layout
+
+| path | content |
+|---|---|
+| `h5md` | `version` = \[1, 1\], `author`, `creator` |
+| `particles/all/{position,velocity,image}` | `value` \[F\]\[N\]\[3\], `step` \[F\], `time` \[F\]; one `step` and one `time` dataset, hard-linked |
+| `particles/all/box` | attributes `dimension` = 3 and `boundary`; `edges` \[F\]\[3\] at the frames' steps and times |
+| `particles/all/{id,species,mass,radius}` | \[N\] |
+| `observables/…` | `value` \[S\] or \[S\]\[k\], `step` \[S\], `time` \[S\], the last two hard-linked |
+| `events/…` | one column per dataset, \[E\] or \[E\]\[3\]; `kind` is an HDF5 enum |
+| `parameters/…` | `scene` (TOML), `title`, `seed`, `version`, `git_revision`, `schema`, `trajectory_version`, `dimension`, `box_origin`, `species_names`, `wall_names`; after the run `summary` (JSON) |
+| `checkpoint/{0,1}` | two slots, written in turn |
+
+Nothing carries a `unit`: all units are the user's own. Disks are written with D = 3 and z = 0.
+
+# Surviving a kill
+
+HDF5 keeps a file's bookkeeping (extents, chunk indices) in memory and rewrites it in place. A process that is killed
+leaves whatever had been written by then. Four rules make that a file which opens and is right up to its last flush:
+
+1. Library version bounds `earliest`: newer superblocks carry a flag that forbids opening a file that was not closed.
+2. Evictions from the metadata cache are off, so that bookkeeping reaches the file during a flush and at no other
+   time. Data go to places that the bookkeeping on disk does not know yet.
+3. A compressed chunk is written once, whole: rewriting one moves it, and the index on disk points to where it was.
+   What grows row by row (observables, trajectories of few particles) is not compressed and is extended in place.
+4. A flush has two phases: first all `value`s, then, when they are in the file, `step` and `time`. **A row exists when
+   its `time` does**; a file killed between the phases has a `value` longer than its `time`. Readers take the shorter
+   length (`MDAnalysis` does: it stops at the last `step`), and [`Recorder::append`] cuts all to it.
+
+Before each flush the file's space is reserved on disk, so that a full disk is noticed while the file is still whole,
+not in the middle of rewriting its index; after an error nothing more is written, not even on exit.
+
+The kernel keeps what a killed process has written. Against power loss the file is as safe as the page cache: nothing
+here calls `fsync` but [`Recorder::finish`].
+
+# Events that do not fill a chunk
+
+Event rows are collected until a chunk of [`EVENT_CHUNK`] rows is complete. Rows in waiting when a checkpoint is
+taken are kept, uncompressed, in the checkpoint's slot, so that a resumed run loses none; [`Recorder::finish`], and
+dropping the recorder, write them as the last, partial chunk.
+*/
+
+mod checkpoint;
+mod error;
+mod events;
+mod file;
+mod header;
+mod info;
+mod queue;
+mod recorder;
+mod resume;
+mod series;
+mod size;
+mod skeleton;
+mod writer;
+
+pub use error::RecordError;
+pub use events::EVENT_CHUNK;
+pub use header::{Header, SCHEMA};
+pub use info::{Info, State, info, last_state};
+pub use recorder::Recorder;
+pub use resume::Resumed;
+pub use size::{FileSize, estimate_file_size};

@@ -1,0 +1,289 @@
+//! Checkpoints: two slots, written in turn, so that one of them is whole at any instant.
+//!
+//! A slot is valid when the checksum in its `header`, which is written last, fits its content. The header is
+//! `[sequence, frames, samples, events, tail, scalars, resting, checksum]`: a running number that tells which slot is
+//! newer, the rows that trajectory, observables and event log have at that moment (the event log's with its `tail`
+//! rows that do not fill a chunk and are kept here), the number of scalars, the number of entries of `resting`.
+
+use glam::DVec3;
+use haff_engine::{Checkpoint, EventRecord};
+use hdf5::{Dataset, Group, H5Type};
+use ndarray::{ArrayView1, ArrayView2, Ix2};
+use xxhash_rust::xxh3::Xxh3;
+
+use crate::{
+    events::Row,
+    series::{Name, Series, Storage},
+};
+
+/// Names of the entries of a slot's header, in order.
+const HEADER: [&str; 8] =
+    ["sequence", "frames", "samples", "events", "tail", "scalars", "resting", "checksum"];
+/// Rows per chunk of what varies in length.
+const CHUNK: usize = 1024;
+
+/// How many rows a file has when a checkpoint is taken.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub(crate) struct Progress {
+    /// Frames.
+    pub frames: usize,
+    /// Rows of the observables.
+    pub samples: usize,
+    /// Event rows, those in `tail` among them.
+    pub events: usize,
+}
+
+/// A checkpoint as read from a slot.
+#[derive(Debug, Clone)]
+pub(crate) struct Saved {
+    pub sequence: u64,
+    pub progress: Progress,
+    pub state: Checkpoint,
+    pub tail: Vec<EventRecord>,
+}
+
+/// One of the two slots.
+#[derive(Debug)]
+pub(crate) struct Slot {
+    header: Dataset,
+    position: Dataset,
+    velocity: Dataset,
+    image: Dataset,
+    anchor: Dataset,
+    count: Dataset,
+    resting: Dataset,
+    names: Series,
+    values: Series,
+    tail: Option<Series>,
+    particles: usize,
+}
+
+impl Slot {
+    /// An empty slot.
+    pub fn create(parent: &Group, name: &str, particles: usize, events: bool) -> hdf5::Result<Self> {
+        let group = parent.create_group(name)?;
+        let header = fixed::<u64>(&group, "header", &[HEADER.len()])?;
+        header.write(&ndarray::Array1::<u64>::zeros(HEADER.len()))?;
+        let names = HEADER.map(|name| Name::from_ascii(name).unwrap_or_default());
+        header.new_attr::<Name>().shape(names.len()).create("names")?.write(&names)?;
+        let plain = Storage::plain(CHUNK, &[]);
+        Ok(Self {
+            header,
+            position: fixed::<f64>(&group, "position", &[particles, 3])?,
+            velocity: fixed::<f64>(&group, "velocity", &[particles, 3])?,
+            image: fixed::<i32>(&group, "image", &[particles, 3])?,
+            anchor: fixed::<i64>(&group, "anchor", &[particles])?,
+            count: fixed::<u32>(&group, "count", &[particles])?,
+            resting: fixed::<u32>(&group, "resting", &[particles])?,
+            names: Series::create::<Name>(&group, "scalar_names", &[], &plain)?,
+            values: Series::create::<u64>(&group, "scalars", &[], &plain)?,
+            tail: if events { Some(Series::create::<Row>(&group, "tail", &[], &plain)?) } else { None },
+            particles,
+        })
+    }
+
+    /// A slot of a file.
+    pub fn open(parent: &Group, name: &str) -> hdf5::Result<Self> {
+        let group = parent.group(name)?;
+        let position = group.dataset("position")?;
+        Ok(Self {
+            header: group.dataset("header")?,
+            particles: position.get_shape()?.first().copied().unwrap_or(0),
+            position,
+            velocity: group.dataset("velocity")?,
+            image: group.dataset("image")?,
+            anchor: group.dataset("anchor")?,
+            count: group.dataset("count")?,
+            resting: group.dataset("resting")?,
+            names: Series::open(&group, "scalar_names")?,
+            values: Series::open(&group, "scalars")?,
+            tail: if group.link_exists("tail") { Some(Series::open(&group, "tail")?) } else { None },
+        })
+    }
+
+    /// Writes the content of the slot; [`Slot::seal`] makes it valid when this has been flushed.
+    /// Returns the header.
+    pub fn fill(&mut self, saved: &Saved) -> hdf5::Result<[u64; HEADER.len()]> {
+        let state = &saved.state;
+        let flat = |vectors: &[DVec3]| -> Vec<f64> { vectors.iter().flat_map(DVec3::to_array).collect() };
+        self.position.write(matrix(&flat(&state.position))?)?;
+        self.velocity.write(matrix(&flat(&state.velocity))?)?;
+        self.image.write(matrix(state.image.as_flattened())?)?;
+        self.anchor.write(ArrayView1::from(&state.anchor))?;
+        self.count.write(ArrayView1::from(&state.count))?;
+        if state.resting.len() == self.particles {
+            self.resting.write(ArrayView1::from(&state.resting))?;
+        }
+        let (names, values): (Vec<Name>, Vec<u64>) = state
+            .scalars
+            .iter()
+            .map(|(name, bits)| (Name::from_ascii(name.as_str()).unwrap_or_default(), *bits))
+            .unzip();
+        overwrite(&mut self.names, &names)?;
+        overwrite(&mut self.values, &values)?;
+        if let Some(tail) = &mut self.tail {
+            overwrite(tail, &saved.tail.iter().map(Row::from).collect::<Vec<_>>())?;
+        }
+        Ok(header(saved))
+    }
+
+    /// Writes the header.
+    pub fn seal(&self, header: [u64; HEADER.len()]) -> hdf5::Result<()> {
+        self.header.write(ArrayView1::from(&header[..]))
+    }
+
+    /// The sequence number in the header, whether or not the slot is valid; 0 if it was never used.
+    pub fn sequence(&self) -> hdf5::Result<u64> {
+        Ok(self.header.read_raw::<u64>()?.first().copied().unwrap_or(0))
+    }
+
+    /// The checkpoint in the slot; `None` if it was never used, or is not whole.
+    pub fn read(&self) -> hdf5::Result<Option<Saved>> {
+        let found = self.header.read_raw::<u64>()?;
+        let Ok(found) = <[u64; HEADER.len()]>::try_from(found) else { return Ok(None) };
+        let [sequence, frames, samples, events, tail, scalars, resting, _] =
+            found.map(|value| value as usize);
+        let fits = scalars <= self.names.rows().min(self.values.rows())
+            && tail <= self.tail.as_ref().map_or(0, Series::rows)
+            && tail <= events
+            && resting <= self.particles;
+        if sequence == 0 || !fits {
+            return Ok(None);
+        }
+        let vectors = |dataset: &Dataset| -> hdf5::Result<Vec<DVec3>> {
+            let flat = dataset.read_raw::<f64>()?;
+            Ok(flat.chunks_exact(3).map(DVec3::from_slice).collect())
+        };
+        let mut names = Vec::new();
+        for name in self.names.read::<Name>(0, scalars)? {
+            names.push(name.as_str().to_owned());
+        }
+        let rows = match &self.tail {
+            Some(series) => series.read::<Row>(0, tail)?,
+            None => Vec::new(),
+        };
+        let Some(tail) = rows.iter().map(Row::event).collect::<Option<Vec<_>>>() else { return Ok(None) };
+        let mut stopped = self.resting.read_raw::<u32>()?;
+        stopped.truncate(resting);
+        let state = Checkpoint {
+            position: vectors(&self.position)?,
+            velocity: vectors(&self.velocity)?,
+            anchor: self.anchor.read_raw()?,
+            image: self.image.read_raw::<i32>()?.as_chunks().0.to_vec(),
+            count: self.count.read_raw()?,
+            resting: stopped,
+            scalars: names.into_iter().zip(self.values.read::<u64>(0, scalars)?).collect(),
+        };
+        let saved = Saved { sequence: found[0], progress: Progress { frames, samples, events }, state, tail };
+        Ok((header(&saved) == found).then_some(saved))
+    }
+}
+
+/// Says what of a checkpoint does not fit N particles, if anything.
+pub(crate) fn misfit(state: &Checkpoint, particles: usize) -> Option<String> {
+    let lengths = [
+        ("positions", state.position.len()),
+        ("velocities", state.velocity.len()),
+        ("images", state.image.len()),
+        ("anchors", state.anchor.len()),
+        ("counts", state.count.len()),
+    ];
+    if let Some((what, length)) = lengths.into_iter().find(|(_, length)| *length != particles) {
+        return Some(format!("a checkpoint with {length} {what}; the file has {particles} particles"));
+    }
+    if !matches!(state.resting.len(), 0) && state.resting.len() != particles {
+        return Some(format!(
+            "a checkpoint with {} resting particles' walls; the file has {particles} particles",
+            state.resting.len()
+        ));
+    }
+    let name =
+        state.scalars.iter().map(|(name, _)| name).find(|name| Name::from_ascii(name.as_str()).is_err())?;
+    Some(format!("a checkpoint with a scalar named {name:?}: names are ASCII of up to 63 characters"))
+}
+
+/// The valid checkpoint with the greatest sequence number that `accept` takes.
+pub(crate) fn newest(slots: &[Slot; 2], accept: impl Fn(&Saved) -> bool) -> hdf5::Result<Option<Saved>> {
+    let mut best: Option<Saved> = None;
+    for slot in slots {
+        if let Some(saved) = slot.read()?
+            && best.as_ref().is_none_or(|best| best.sequence < saved.sequence)
+            && accept(&saved)
+        {
+            best = Some(saved);
+        }
+    }
+    Ok(best)
+}
+
+/// A dataset of fixed size whose place in the file is fixed at once.
+fn fixed<T: H5Type>(group: &Group, name: &str, shape: &[usize]) -> hdf5::Result<Dataset> {
+    group
+        .new_dataset::<T>()
+        .layout(hdf5::dataset::Layout::Contiguous)
+        .alloc_time(Some(hdf5::dataset::AllocTime::Early))
+        .fill_time(hdf5::dataset::FillTime::Never)
+        .obj_track_times(false)
+        .shape(shape.to_vec())
+        .create(name)
+}
+
+/// Replaces the first rows of a series, which never shrinks.
+fn overwrite<T: H5Type>(series: &mut Series, data: &[T]) -> hdf5::Result<()> {
+    if data.len() > series.rows() {
+        series.resize(data.len())?;
+    }
+    if data.is_empty() { Ok(()) } else { series.write(0, data) }
+}
+
+fn matrix<T>(flat: &[T]) -> hdf5::Result<ndarray::ArrayView<'_, T, Ix2>> {
+    Ok(ArrayView2::from_shape((flat.len() / 3, 3), flat)?)
+}
+
+/// The header of a checkpoint, with the checksum of all its content.
+fn header(saved: &Saved) -> [u64; HEADER.len()] {
+    let Saved { sequence, progress, state, tail } = saved;
+    let mut header = [
+        *sequence,
+        progress.frames as u64,
+        progress.samples as u64,
+        progress.events as u64,
+        tail.len() as u64,
+        state.scalars.len() as u64,
+        state.resting.len() as u64,
+        0,
+    ];
+    let mut sum = Xxh3::new();
+    // In blocks: the hash takes a few bytes at a time slowly.
+    let mut block: Vec<u8> = Vec::with_capacity(1 << 16);
+    let mut put = |bytes: &mut dyn Iterator<Item = u8>| {
+        block.clear();
+        block.extend(bytes);
+        sum.update(&block);
+    };
+    put(&mut header.iter().flat_map(|value| value.to_le_bytes()));
+    for vectors in [&state.position, &state.velocity] {
+        for part in vectors.chunks(1024) {
+            put(&mut part.iter().flat_map(DVec3::to_array).flat_map(f64::to_le_bytes));
+        }
+    }
+    for part in state.image.chunks(1024) {
+        put(&mut part.iter().flatten().flat_map(|image| image.to_le_bytes()));
+    }
+    for part in state.anchor.chunks(1024) {
+        put(&mut part.iter().flat_map(|anchor| anchor.to_le_bytes()));
+    }
+    for values in [&state.count, &state.resting] {
+        for part in values.chunks(1024) {
+            put(&mut part.iter().flat_map(|value| value.to_le_bytes()));
+        }
+    }
+    for (name, bits) in &state.scalars {
+        put(&mut name.bytes().chain([0]).chain(bits.to_le_bytes()));
+    }
+    for event in tail {
+        put(&mut Row::from(event).bytes());
+    }
+    header[HEADER.len() - 1] = sum.digest();
+    header
+}

@@ -1,0 +1,179 @@
+//! What can go wrong with a file.
+
+use std::{
+    io,
+    path::{Path, PathBuf},
+};
+
+/// Why a file could not be written or read. Every variant names the file.
+#[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
+#[non_exhaustive]
+pub enum RecordError {
+    /// The output file is there already and may not be replaced.
+    #[error("{path} exists: name another output file, or allow it to be overwritten (--overwrite)")]
+    Exists {
+        /// The file.
+        path: PathBuf,
+    },
+    /// The output path is a directory, a device, ….
+    #[error("{path} is not a regular file")]
+    NotAFile {
+        /// The path.
+        path: PathBuf,
+    },
+    /// Another process is writing the file.
+    #[error("{path} is being written by another process")]
+    InUse {
+        /// The file.
+        path: PathBuf,
+    },
+    /// No such file.
+    #[error("{path}: no such file")]
+    NotFound {
+        /// The file.
+        path: PathBuf,
+    },
+    /// A file, but not HDF5.
+    #[error("{path} is not an HDF5 file")]
+    NotHdf5 {
+        /// The file.
+        path: PathBuf,
+    },
+    /// HDF5, but not written by haff.
+    #[error("{path} is an HDF5 file, but not one written by haff: {missing} is missing")]
+    NotHaff {
+        /// The file.
+        path: PathBuf,
+        /// What every file of haff has and this one lacks.
+        missing: String,
+    },
+    /// The file ends before its own records say.
+    #[error("{path} is truncated: {reason}")]
+    Truncated {
+        /// The file.
+        path: PathBuf,
+        /// What HDF5 says.
+        reason: String,
+    },
+    /// Written with another version of the file layout or scene schema.
+    #[error("{path} has schema {found}; this version of haff reads schema {expected}")]
+    Schema {
+        /// The file.
+        path: PathBuf,
+        /// Version in the file.
+        found: i64,
+        /// Version of this program.
+        expected: i64,
+    },
+    /// The file contradicts itself.
+    #[error("{path} is damaged: {reason}")]
+    Damaged {
+        /// The file.
+        path: PathBuf,
+        /// What does not fit.
+        reason: String,
+    },
+    /// The file holds nothing of what is asked for.
+    #[error("{path} holds no {what}")]
+    Missing {
+        /// The file.
+        path: PathBuf,
+        /// What is asked for.
+        what: &'static str,
+    },
+    /// The run in the file has come to its end; nothing can be added.
+    #[error("{path} holds a complete run: nothing can be added")]
+    Complete {
+        /// The file.
+        path: PathBuf,
+    },
+    /// The data handed over do not fit the file.
+    #[error("{path}: cannot record {reason}")]
+    Unfit {
+        /// The file.
+        path: PathBuf,
+        /// What does not fit: counts, wanted and found.
+        reason: String,
+    },
+    /// The disk is full, or a quota or size limit is reached.
+    #[error("{path}: cannot write: {reason}; everything up to the last flush is readable")]
+    Full {
+        /// The file.
+        path: PathBuf,
+        /// What the system says.
+        reason: String,
+    },
+    /// Any other failure of reading or writing.
+    #[error("{path}: cannot {action}: {reason}")]
+    Io {
+        /// The file.
+        path: PathBuf,
+        /// What was being done.
+        action: &'static str,
+        /// What the system or HDF5 says.
+        reason: String,
+    },
+}
+
+impl RecordError {
+    /// An error of the system while doing `action`.
+    pub(crate) fn io(path: &Path, action: &'static str, error: &io::Error) -> Self {
+        let path = path.to_owned();
+        match error.kind() {
+            io::ErrorKind::NotFound if action == OPEN => Self::NotFound { path },
+            io::ErrorKind::StorageFull | io::ErrorKind::QuotaExceeded | io::ErrorKind::FileTooLarge => {
+                Self::Full { path, reason: plain(&error.to_string()) }
+            }
+            _ => Self::Io { path, action, reason: plain(&error.to_string()) },
+        }
+    }
+
+    /// An error of HDF5 while doing `action`.
+    pub(crate) fn hdf5(path: &Path, action: &'static str, error: &hdf5::Error) -> Self {
+        let path = path.to_owned();
+        let text = error.to_string();
+        // HDF5 tells of failed system calls as `… errno = 28, error message = 'No space left on device', …`.
+        let system = text.split_once("errno = ").and_then(|(_, rest)| {
+            let code: i32 = rest.split(',').next()?.trim().parse().ok()?;
+            Some(io::Error::from_raw_os_error(code))
+        });
+        if let Some(error) = system {
+            return match error.kind() {
+                io::ErrorKind::WouldBlock => Self::InUse { path },
+                _ => Self::io(&path, action, &error),
+            };
+        }
+        if text.contains("truncated file") {
+            let reason =
+                text.rsplit_once("truncated file: ").map_or(text.as_str(), |(_, rest)| rest).to_owned();
+            return Self::Truncated { path, reason };
+        }
+        Self::Io { path, action, reason: text }
+    }
+}
+
+/// The action of opening a file to read it: a missing file is an error of its own then.
+pub(crate) const OPEN: &str = "open the file";
+
+/// The system's message without `(os error 28)`.
+fn plain(message: &str) -> String {
+    message.split(" (os error").next().unwrap_or(message).to_owned()
+}
+
+/// Adds the path and what was being done to errors of HDF5.
+pub(crate) trait Context<T> {
+    /// The error with its context.
+    fn doing(self, path: &Path, action: &'static str) -> Result<T, RecordError>;
+}
+
+impl<T> Context<T> for hdf5::Result<T> {
+    fn doing(self, path: &Path, action: &'static str) -> Result<T, RecordError> {
+        self.map_err(|error| RecordError::hdf5(path, action, &error))
+    }
+}
+
+impl<T> Context<T> for io::Result<T> {
+    fn doing(self, path: &Path, action: &'static str) -> Result<T, RecordError> {
+        self.map_err(|error| RecordError::io(path, action, &error))
+    }
+}

@@ -1,0 +1,99 @@
+//! What a file says about its run before anything has happened.
+
+use glam::DVec3;
+use haff_engine::{Boundary, System};
+
+/// Version of the scene schema and of the file layout that this crate writes and reads.
+pub const SCHEMA: i64 = 1;
+
+/// Everything that is known of a run before it starts.
+#[derive(Debug, Clone, PartialEq)]
+#[expect(clippy::struct_excessive_bools, reason = "independent facts, each read on its own")]
+pub struct Header {
+    /// Title of the scene.
+    pub title: String,
+    /// The resolved scene as TOML text: all that is needed to build the same system again.
+    pub scene_toml: String,
+    /// Seed of all random numbers.
+    pub seed: u64,
+    /// Version of haff.
+    pub version: String,
+    /// Git revision haff was built from; empty if unknown.
+    pub git_revision: String,
+    /// Version of the scene schema.
+    pub schema: i64,
+    /// Version of the trajectory: equal versions give equal bits.
+    pub trajectory_version: u32,
+    /// 2 or 3.
+    pub dimension: usize,
+    /// Edge lengths of the box [length].
+    pub box_size: DVec3,
+    /// Corner of the box [length].
+    pub box_origin: DVec3,
+    /// Boundaries per axis.
+    pub boundary: [Boundary; 3],
+    /// [N] species index per particle.
+    pub species: Vec<u32>,
+    /// Names by species index.
+    pub species_names: Vec<String>,
+    /// [N] masses; infinite for fixed and driven bodies.
+    pub mass: Vec<f64>,
+    /// [N] radii [length].
+    pub radius: Vec<f64>,
+    /// Names of the walls by the index that event rows use.
+    pub wall_names: Vec<String>,
+    /// Whether frames are recorded.
+    pub frames: bool,
+    /// Whether observables are recorded.
+    pub observables: bool,
+    /// Whether events are recorded.
+    pub events: bool,
+    /// Whether samples carry a pressure: no axis is open.
+    pub has_pressure: bool,
+    /// Whether samples carry the angular momentum: no axis is periodic.
+    pub has_angular_momentum: bool,
+}
+
+impl Header {
+    /// The part of the header that follows from the system: everything but the texts, the seed and the versions,
+    /// which are empty or zero, with frames and observables on and events off.
+    ///
+    /// ```
+    /// # use haff_engine::*;
+    /// # fn example(system: &System) -> haff_record::Header {
+    /// haff_record::Header { title: "gas".into(), seed: 7, events: true, ..haff_record::Header::from_system(system) }
+    /// # }
+    /// ```
+    pub fn from_system(system: &System) -> Self {
+        let axes = system.dimension.count();
+        let boundary = system.domain.boundary;
+        let class = |class: u32| system.classes.get(class as usize);
+        Self {
+            title: String::new(),
+            scene_toml: String::new(),
+            seed: 0,
+            version: env!("CARGO_PKG_VERSION").to_owned(),
+            git_revision: String::new(),
+            schema: SCHEMA,
+            trajectory_version: haff_engine::TRAJECTORY_VERSION,
+            dimension: axes,
+            box_size: system.domain.size,
+            box_origin: DVec3::ZERO,
+            boundary,
+            species: system.bodies.iter().map(|body| body.species).collect(),
+            species_names: system.species.clone(),
+            mass: system.bodies.iter().map(|body| class(body.class).map_or(f64::NAN, |c| c.mass)).collect(),
+            radius: system
+                .bodies
+                .iter()
+                .map(|body| class(body.class).map_or(f64::NAN, |c| c.radius))
+                .collect(),
+            wall_names: system.walls.iter().map(|wall| wall.name.clone()).collect(),
+            frames: true,
+            observables: true,
+            events: false,
+            has_pressure: !boundary[..axes].contains(&Boundary::Open),
+            has_angular_momentum: !boundary[..axes].contains(&Boundary::Periodic),
+        }
+    }
+}

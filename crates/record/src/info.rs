@@ -1,0 +1,370 @@
+//! Reading what a file holds.
+
+use std::path::Path;
+
+use glam::DVec3;
+use haff_engine::{Checkpoint, Counters, Ledger, Sample};
+use hdf5::{Group, H5Type, types::VarLenUnicode};
+
+use crate::{
+    checkpoint::newest,
+    error::{Context, RecordError},
+    file,
+    header::SCHEMA,
+    skeleton::{Observables, Skeleton},
+};
+
+pub(crate) const READ: &str = "read";
+
+/// A file in a few numbers.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Info {
+    /// Title of the scene.
+    pub title: String,
+    /// The resolved scene as TOML text.
+    pub scene_toml: String,
+    /// Seed of all random numbers.
+    pub seed: u64,
+    /// Version of haff that began the file.
+    pub version: String,
+    /// Git revision it was built from; empty if unknown.
+    pub git_revision: String,
+    /// Version of the scene schema.
+    pub schema: i64,
+    /// Version of the trajectory.
+    pub trajectory_version: u32,
+    /// 2 or 3.
+    pub dimension: usize,
+    /// N.
+    pub particles: u64,
+    /// Names of the species, and how many particles each has.
+    pub species: Vec<(String, u64)>,
+    /// Names of the walls.
+    pub walls: Vec<String>,
+    /// Edge lengths of the box [length].
+    pub box_size: DVec3,
+    /// Whether each axis is periodic.
+    pub periodic: [bool; 3],
+    /// Frames recorded; `None` if the scene asks for none.
+    pub frames: Option<u64>,
+    /// Rows of observables recorded; `None` if the scene asks for none.
+    pub samples: Option<u64>,
+    /// Events recorded, with those that wait in the checkpoint; `None` if the scene asks for none.
+    pub events: Option<u64>,
+    /// Times of the first and the last frame or sample [time].
+    pub time_range: Option<(f64, f64)>,
+    /// The last row of the observables, with the ledger. NaN where the file has no such observable.
+    pub last_sample: Option<Sample>,
+    /// Counters at the last checkpoint.
+    pub counters: Option<Counters>,
+    /// Time of the last checkpoint [time].
+    pub checkpoint_time: Option<f64>,
+    /// Whether the run is complete.
+    pub finished: bool,
+    /// Whether the run can be resumed: it is not complete, and there is a valid checkpoint.
+    pub resumable: bool,
+    /// The summary (JSON text), if one was written.
+    pub summary: Option<String>,
+    /// Size of the file [bytes].
+    pub file_size: u64,
+}
+
+/// All particles at the last frame of a file.
+#[derive(Debug, Clone, PartialEq)]
+pub struct State {
+    /// Simulated time [time].
+    pub time: f64,
+    /// Collisions + wall collisions so far.
+    pub step: u64,
+    /// 2 or 3.
+    pub dimension: usize,
+    /// Edge lengths of the box [length].
+    pub box_size: DVec3,
+    /// [N] centres [length], wrapped into the box along periodic axes.
+    pub position: Vec<DVec3>,
+    /// [N] velocities [length/time].
+    pub velocity: Vec<DVec3>,
+    /// [N] box images.
+    pub image: Vec<[i32; 3]>,
+    /// [N] radii [length].
+    pub radius: Vec<f64>,
+    /// [N] masses.
+    pub mass: Vec<f64>,
+    /// [N] species indices.
+    pub species: Vec<u32>,
+    /// Names by species index.
+    pub species_names: Vec<String>,
+}
+
+/// The fixed part of a file.
+#[derive(Debug, Clone)]
+pub(crate) struct Parameters {
+    pub scene_toml: String,
+    pub title: String,
+    pub seed: u64,
+    pub version: String,
+    pub git_revision: String,
+    pub schema: i64,
+    pub trajectory_version: u32,
+    pub dimension: usize,
+    pub box_size: DVec3,
+    pub particles: usize,
+    pub species_names: Vec<String>,
+    /// Number of species whose temperatures are recorded.
+    pub species_sampled: Option<usize>,
+    pub wall_names: Vec<String>,
+    pub summary: Option<String>,
+    pub complete: bool,
+}
+
+impl Parameters {
+    /// Reads them, and tells files that haff has not written, or not this version of it.
+    pub fn read(file: &Group, path: &Path) -> Result<Self, RecordError> {
+        for part in ["h5md", "parameters", "parameters/schema"] {
+            if !file.link_exists(part) {
+                return Err(RecordError::NotHaff { path: path.to_owned(), missing: part.to_owned() });
+            }
+        }
+        let group = file.group("parameters").doing(path, READ)?;
+        let schema: i64 = scalar(&group, "schema").doing(path, READ)?;
+        if schema != SCHEMA {
+            return Err(RecordError::Schema { path: path.to_owned(), found: schema, expected: SCHEMA });
+        }
+        for part in ["parameters/scene", "particles", "particles/all", "particles/all/mass", "checkpoint"] {
+            if !file.link_exists(part) {
+                return Err(RecordError::NotHaff { path: path.to_owned(), missing: part.to_owned() });
+            }
+        }
+        Self::read_all(file, &group).doing(path, READ)
+    }
+
+    fn read_all(file: &Group, group: &Group) -> hdf5::Result<Self> {
+        let summary = if group.link_exists("summary") { Some(group.dataset("summary")?) } else { None };
+        let sampled = "observables/species_temperature";
+        let species_names = texts(group, "species_names")?;
+        Ok(Self {
+            scene_toml: string(group, "scene")?,
+            title: string(group, "title")?,
+            seed: scalar(group, "seed")?,
+            version: string(group, "version")?,
+            git_revision: string(group, "git_revision")?,
+            schema: scalar(group, "schema")?,
+            trajectory_version: scalar(group, "trajectory_version")?,
+            dimension: scalar::<u32>(group, "dimension")? as usize,
+            box_size: vectors(&group.dataset("box_size")?.read_raw()?).first().copied().unwrap_or(DVec3::NAN),
+            particles: file.dataset("particles/all/mass")?.size(),
+            species_sampled: (file.link_exists("observables") && file.link_exists(sampled))
+                .then_some(species_names.len()),
+            species_names,
+            wall_names: texts(group, "wall_names")?,
+            complete: match &summary {
+                Some(summary) => summary.attr("complete")?.read_scalar::<u8>()? != 0,
+                None => false,
+            },
+            summary: match &summary {
+                Some(summary) => Some(summary.read_scalar::<VarLenUnicode>()?.as_str().to_owned()),
+                None => None,
+            },
+        })
+    }
+}
+
+fn scalar<T: H5Type>(group: &Group, name: &str) -> hdf5::Result<T> {
+    group.dataset(name)?.read_scalar()
+}
+
+fn string(group: &Group, name: &str) -> hdf5::Result<String> {
+    Ok(scalar::<VarLenUnicode>(group, name)?.as_str().to_owned())
+}
+
+fn texts(group: &Group, name: &str) -> hdf5::Result<Vec<String>> {
+    let texts = group.dataset(name)?.read_raw::<VarLenUnicode>()?;
+    Ok(texts.iter().map(|text| text.as_str().to_owned()).collect())
+}
+
+fn vectors(flat: &[f64]) -> Vec<DVec3> {
+    flat.chunks_exact(3).map(DVec3::from_slice).collect()
+}
+
+/// Tells what a file holds. Works on files of runs in progress, too: they show what was flushed.
+///
+/// # Errors
+///
+/// [`RecordError::NotFound`], [`RecordError::NotAFile`], [`RecordError::NotHdf5`], [`RecordError::NotHaff`],
+/// [`RecordError::Truncated`], [`RecordError::Schema`], or [`RecordError::Io`] with what HDF5 says.
+pub fn info(path: impl AsRef<Path>) -> Result<Info, RecordError> {
+    let path = path.as_ref();
+    file::read(path, |file| {
+        let parameters = Parameters::read(file, path)?;
+        read_info(file, parameters, path)
+    })
+}
+
+fn read_info(file: &hdf5::File, parameters: Parameters, path: &Path) -> Result<Info, RecordError> {
+    let skeleton = Skeleton::open(file).doing(path, READ)?;
+    let checkpoint = newest(&skeleton.slots, |_| true).doing(path, READ)?;
+    let mut range: Option<(f64, f64)> = None;
+    let frames = skeleton.trajectory.as_ref().map(|trajectory| (&trajectory.clock, trajectory.rows()));
+    let samples = skeleton.observables.as_ref().map(|observables| (&observables.clock, observables.rows()));
+    for (clock, rows) in [frames, samples].into_iter().flatten() {
+        if rows > 0 {
+            let first = clock.time.read::<f64>(0, 1).doing(path, READ)?[0];
+            let last = clock.time.read::<f64>(rows - 1, rows).doing(path, READ)?[0];
+            range = Some(range.map_or((first, last), |(low, high)| (low.min(first), high.max(last))));
+        }
+    }
+    let events = match &skeleton.events {
+        Some(columns) => {
+            let rows = columns.rows();
+            // The checkpoint's are more only while its tail is not in the columns yet.
+            let counted = checkpoint.as_ref().map_or(0, |saved| saved.progress.events).max(rows);
+            if rows > 0 {
+                let last = columns.time(rows - 1).doing(path, READ)?;
+                range = range.map(|(low, high)| (low, high.max(last)));
+            }
+            Some(counted as u64)
+        }
+        None => None,
+    };
+    let last_sample = match &skeleton.observables {
+        Some(observables) if observables.rows() > 0 => {
+            Some(read_sample(file, observables, observables.rows() - 1).doing(path, READ)?)
+        }
+        _ => None,
+    };
+    let species: Vec<u32> =
+        file.dataset("particles/all/species").and_then(|dataset| dataset.read_raw()).doing(path, READ)?;
+    let mut counts = vec![0_u64; parameters.species_names.len()];
+    for index in species {
+        if let Some(count) = counts.get_mut(index as usize) {
+            *count += 1;
+        }
+    }
+    let boundary = file
+        .group("particles/all/box")
+        .and_then(|group| group.attr("boundary")?.read_raw::<hdf5::types::FixedAscii<8>>())
+        .doing(path, READ)?;
+    let mut periodic = [false; 3];
+    for (periodic, name) in periodic.iter_mut().zip(&boundary) {
+        *periodic = name.as_str() == "periodic";
+    }
+    let state = checkpoint.as_ref().map(|saved| &saved.state);
+    Ok(Info {
+        title: parameters.title,
+        scene_toml: parameters.scene_toml,
+        seed: parameters.seed,
+        version: parameters.version,
+        git_revision: parameters.git_revision,
+        schema: parameters.schema,
+        trajectory_version: parameters.trajectory_version,
+        dimension: parameters.dimension,
+        particles: parameters.particles as u64,
+        species: parameters.species_names.into_iter().zip(counts).collect(),
+        walls: parameters.wall_names,
+        box_size: parameters.box_size,
+        periodic,
+        frames: frames.map(|(_, rows)| rows as u64),
+        samples: samples.map(|(_, rows)| rows as u64),
+        events,
+        time_range: range,
+        last_sample,
+        counters: state.map(counters),
+        checkpoint_time: state.and_then(|state| bits(state, "clock.time")).map(f64::from_bits),
+        finished: parameters.complete,
+        resumable: !parameters.complete && checkpoint.is_some(),
+        summary: parameters.summary,
+        file_size: path.metadata().doing(path, READ)?.len(),
+    })
+}
+
+fn bits(state: &Checkpoint, name: &str) -> Option<u64> {
+    state.scalars.iter().find(|(found, _)| found == name).map(|(_, bits)| *bits)
+}
+
+fn counters(state: &Checkpoint) -> Counters {
+    let count = |name| bits(state, name).unwrap_or(0);
+    Counters {
+        collisions: count("collisions"),
+        wall_collisions: count("wall_collisions"),
+        rests: count("rests"),
+        predictions: count("predictions"),
+        dropped: count("dropped"),
+        stale: count("stale"),
+        transfers: count("transfers"),
+        epochs: count("epochs"),
+    }
+}
+
+fn read_sample(file: &Group, observables: &Observables, row: usize) -> hdf5::Result<Sample> {
+    let group = file.group("observables")?;
+    let read = |name: &str| -> hdf5::Result<Vec<f64>> {
+        if !group.link_exists(name) {
+            return Ok(Vec::new());
+        }
+        let series = crate::series::Series::open(&group, &format!("{name}/value"))?;
+        series.read::<f64>(row, row + 1)
+    };
+    let real = |name: &str| -> hdf5::Result<f64> { Ok(read(name)?.first().copied().unwrap_or(f64::NAN)) };
+    let count = |name: &str| -> hdf5::Result<u64> {
+        let series = crate::series::Series::open(&group, &format!("{name}/value"))?;
+        Ok(series.read::<i64>(row, row + 1)?.first().map_or(0, |&count| count as u64))
+    };
+    let vector = |name: &str| -> hdf5::Result<Option<DVec3>> { Ok(vectors(&read(name)?).first().copied()) };
+    Ok(Sample {
+        time: observables.clock.time.read::<f64>(row, row + 1)?[0],
+        step: observables.clock.step.read::<i64>(row, row + 1)?[0] as u64,
+        ledger: Ledger {
+            kinetic: real("kinetic_energy")?,
+            potential: real("potential_energy")?,
+            dissipated: real("dissipated_energy")?,
+            carnot: real("carnot_energy")?,
+            wall_work: real("wall_work")?,
+            residual: real("ledger_residual")?,
+        },
+        temperature: real("temperature")?,
+        species_temperature: read("species_temperature")?,
+        sonine_a2: real("sonine_a2")?,
+        pressure: read("pressure")?.first().copied(),
+        momentum: vector("momentum")?.unwrap_or(DVec3::NAN),
+        external_impulse: vector("external_impulse")?.unwrap_or(DVec3::NAN),
+        angular_momentum: vector("angular_momentum")?,
+        collisions: count("collisions")?,
+        wall_collisions: count("wall_collisions")?,
+        collision_rate: real("collision_rate")?,
+        mean_free_time: real("mean_free_time")?,
+    })
+}
+
+/// Reads the last frame of a file.
+///
+/// # Errors
+///
+/// Those of [`info`], and [`RecordError::Missing`] if there are no frames.
+pub fn last_state(path: impl AsRef<Path>) -> Result<State, RecordError> {
+    let path = path.as_ref();
+    file::read(path, |file| {
+        let parameters = Parameters::read(file, path)?;
+        let skeleton = Skeleton::open(file).doing(path, READ)?;
+        let missing = || RecordError::Missing { path: path.to_owned(), what: "frames" };
+        let trajectory = skeleton.trajectory.ok_or_else(missing)?;
+        let row = trajectory.rows().checked_sub(1).ok_or_else(missing)?;
+        let read = || -> hdf5::Result<State> {
+            let all = file.group("particles/all")?;
+            let edges = trajectory.edges.read::<f64>(row, row + 1)?;
+            Ok(State {
+                time: trajectory.clock.time.read::<f64>(row, row + 1)?[0],
+                step: trajectory.clock.step.read::<i64>(row, row + 1)?[0] as u64,
+                dimension: parameters.dimension,
+                box_size: vectors(&edges).first().copied().unwrap_or(DVec3::NAN),
+                position: vectors(&trajectory.position.read(row, row + 1)?),
+                velocity: vectors(&trajectory.velocity.read(row, row + 1)?),
+                image: trajectory.image.read::<i32>(row, row + 1)?.as_chunks().0.to_vec(),
+                radius: all.dataset("radius")?.read_raw()?,
+                mass: all.dataset("mass")?.read_raw()?,
+                species: all.dataset("species")?.read_raw()?,
+                species_names: parameters.species_names.clone(),
+            })
+        };
+        read().doing(path, READ)
+    })
+}

@@ -1,0 +1,312 @@
+//! The writer thread: it alone owns the file.
+
+use std::{
+    sync::mpsc::RecvTimeoutError,
+    time::{Duration, Instant},
+};
+
+use glam::DVec3;
+use haff_engine::{Checkpoint, EventRecord, Frame, Sample};
+
+use crate::{
+    checkpoint::{Progress, Saved},
+    error::{Context, RecordError},
+    events::EVENT_CHUNK,
+    file::WritableFile,
+    queue::{Consumer, Message},
+    skeleton::{Observables, Quantity, Skeleton, text},
+};
+
+/// Time between flushes when no checkpoint asks for one.
+const FLUSH_EVERY: Duration = Duration::from_secs(1);
+/// Frames wait for each other up to this many bytes: many small ones are written at once.
+const FRAME_BATCH: usize = 1 << 20;
+/// Samples wait for each other, or for a flush, up to this many.
+const SAMPLE_BATCH: usize = 4096;
+const WRITE: &str = "write";
+
+/// What the writer thread works on.
+#[derive(Debug)]
+pub(crate) struct Writer {
+    skeleton: Skeleton,
+    file: WritableFile,
+    box_size: DVec3,
+    progress: Progress,
+    frames: Vec<Frame>,
+    samples: Vec<Sample>,
+    events: Vec<EventRecord>,
+    /// Steps and times whose values are written, but not yet known to have reached the file.
+    frame_clock: Vec<(i64, f64)>,
+    sample_clock: Vec<(i64, f64)>,
+    /// Number of the last checkpoint, and the slot of the next.
+    sequence: u64,
+    next_slot: usize,
+    /// Something was recorded since the last flush.
+    dirty: bool,
+    flushed: Instant,
+}
+
+impl Writer {
+    /// A writer at the beginning of a file.
+    pub fn new(file: WritableFile, skeleton: Skeleton, box_size: DVec3) -> Self {
+        Self {
+            skeleton,
+            file,
+            box_size,
+            progress: Progress::default(),
+            frames: Vec::new(),
+            samples: Vec::new(),
+            events: Vec::new(),
+            frame_clock: Vec::new(),
+            sample_clock: Vec::new(),
+            sequence: 0,
+            next_slot: 0,
+            dirty: false,
+            flushed: Instant::now(),
+        }
+    }
+
+    /// Goes on after a checkpoint: cuts everything to what was there when it was taken.
+    pub fn resume(&mut self, saved: &Saved, next_slot: usize, sequence: u64) -> Result<(), RecordError> {
+        let rows = saved.progress;
+        let path = self.file.path().to_owned();
+        let skeleton = &mut self.skeleton;
+        if let Some(trajectory) = &mut skeleton.trajectory {
+            trajectory.truncate(rows.frames).doing(&path, WRITE)?;
+        }
+        if let Some(observables) = &mut skeleton.observables {
+            observables.truncate(rows.samples).doing(&path, WRITE)?;
+        }
+        if let Some(events) = &mut skeleton.events {
+            // Back to whole chunks; the rest of the rows is in the checkpoint.
+            events.truncate(rows.events - saved.tail.len()).doing(&path, WRITE)?;
+        }
+        let parameters = self.file.root().group("parameters").doing(&path, WRITE)?;
+        if parameters.link_exists("summary") {
+            parameters.unlink("summary").doing(&path, WRITE)?;
+        }
+        // Freed space must not be used again while the index on disk still points to it.
+        self.file.flush()?;
+        self.progress = rows;
+        self.events.clone_from(&saved.tail);
+        self.next_slot = next_slot;
+        self.sequence = sequence;
+        Ok(())
+    }
+
+    /// Works until the other end is dropped, the run is finished, or an error.
+    pub fn work(mut self, queue: &Consumer) {
+        let end = self.serve(queue);
+        match end {
+            Ok(Some((summary, complete))) => {
+                if let Err(error) = self.finish(Some(&summary), complete) {
+                    queue.shared.fail(error);
+                }
+            }
+            Ok(None) => {
+                if let Err(error) = self.finish(None, false) {
+                    queue.shared.fail(error);
+                }
+            }
+            Err(error) => {
+                queue.shared.fail(error);
+                drop(self);
+                // Whoever hands over learns of the error next time; until then nothing may block.
+                while let Ok((_, bytes)) = queue.receiver.recv() {
+                    queue.done(bytes);
+                }
+            }
+        }
+    }
+
+    fn serve(&mut self, queue: &Consumer) -> Result<Option<(String, bool)>, RecordError> {
+        loop {
+            let wait =
+                if self.dirty { FLUSH_EVERY.saturating_sub(self.flushed.elapsed()) } else { FLUSH_EVERY };
+            match queue.receiver.recv_timeout(wait) {
+                Ok((message, bytes)) => {
+                    let message = match message {
+                        Message::Finish { summary, complete } => {
+                            queue.done(bytes);
+                            return Ok(Some((summary, complete)));
+                        }
+                        other => other,
+                    };
+                    let result = self.take(message);
+                    queue.done(bytes);
+                    result?;
+                }
+                Err(RecvTimeoutError::Timeout) => {}
+                Err(RecvTimeoutError::Disconnected) => return Ok(None),
+            }
+            if self.dirty && self.flushed.elapsed() >= FLUSH_EVERY {
+                self.flush()?;
+                self.file.publish()?;
+            }
+        }
+    }
+
+    fn take(&mut self, message: Message) -> Result<(), RecordError> {
+        match message {
+            Message::Frame(frame) => {
+                self.dirty = true;
+                self.progress.frames += 1;
+                let bytes = 60 * frame.position.len() * (self.frames.len() + 1);
+                self.frames.push(frame);
+                if bytes >= FRAME_BATCH { self.write_frames() } else { Ok(()) }
+            }
+            Message::Sample(sample) => {
+                self.dirty = true;
+                self.progress.samples += 1;
+                self.samples.push(sample);
+                if self.samples.len() >= SAMPLE_BATCH { self.write_samples() } else { Ok(()) }
+            }
+            Message::Events(events) => {
+                self.dirty = true;
+                self.progress.events += events.len();
+                self.events.extend_from_slice(&events);
+                self.write_events()
+            }
+            Message::Checkpoint(state) => {
+                self.checkpoint(*state)?;
+                self.file.publish()
+            }
+            Message::Flush(answer) => {
+                self.flush()?;
+                self.file.publish()?;
+                // Whoever asked may have stopped waiting.
+                let _ = answer.send(());
+                Ok(())
+            }
+            Message::Finish { .. } => Ok(()),
+        }
+    }
+
+    fn write_frames(&mut self) -> Result<(), RecordError> {
+        let frames = std::mem::take(&mut self.frames);
+        let Some(trajectory) = &mut self.skeleton.trajectory else { return Ok(()) };
+        if frames.is_empty() {
+            return Ok(());
+        }
+        let path = self.file.path();
+        let flat = |vectors: fn(&Frame) -> &Vec<DVec3>| -> Vec<f64> {
+            frames.iter().flat_map(vectors).flat_map(DVec3::to_array).collect()
+        };
+        trajectory.position.append(&flat(|frame| &frame.position)).doing(path, WRITE)?;
+        trajectory.velocity.append(&flat(|frame| &frame.velocity)).doing(path, WRITE)?;
+        let images: Vec<i32> = frames.iter().flat_map(|frame| &frame.image).flatten().copied().collect();
+        trajectory.image.append(&images).doing(path, WRITE)?;
+        let edges: Vec<f64> = frames.iter().flat_map(|_| self.box_size.to_array()).collect();
+        trajectory.edges.append(&edges).doing(path, WRITE)?;
+        self.frame_clock.extend(frames.iter().map(|frame| (frame.step as i64, frame.time)));
+        Ok(())
+    }
+
+    fn write_samples(&mut self) -> Result<(), RecordError> {
+        let samples = std::mem::take(&mut self.samples);
+        let Some(Observables { series, .. }) = &mut self.skeleton.observables else { return Ok(()) };
+        for (series, quantity) in series {
+            let reals = |value: fn(&Sample) -> f64| -> Vec<f64> { samples.iter().map(value).collect() };
+            match *quantity {
+                Quantity::Real(value) => series.append(&reals(value)),
+                Quantity::Count(value) => {
+                    series.append(&samples.iter().map(|sample| value(sample) as i64).collect::<Vec<_>>())
+                }
+                Quantity::Vector(value) => series
+                    .append(&samples.iter().flat_map(|sample| value(sample).to_array()).collect::<Vec<_>>()),
+                Quantity::PerSpecies => {
+                    let values = samples.iter().flat_map(|sample| &sample.species_temperature);
+                    series.append(&values.copied().collect::<Vec<f64>>())
+                }
+            }
+            .doing(self.file.path(), WRITE)?;
+        }
+        self.sample_clock.extend(samples.iter().map(|sample| (sample.step as i64, sample.time)));
+        Ok(())
+    }
+
+    /// Writes whole chunks of events.
+    fn write_events(&mut self) -> Result<(), RecordError> {
+        let whole = self.events.len() / EVENT_CHUNK * EVENT_CHUNK;
+        if let Some(columns) = &mut self.skeleton.events
+            && whole > 0
+        {
+            for chunk in self.events[..whole].chunks(EVENT_CHUNK) {
+                columns.append(chunk).doing(self.file.path(), WRITE)?;
+            }
+            self.events.drain(..whole);
+        }
+        Ok(())
+    }
+
+    /// Brings everything but events that do not fill a chunk to the file: values first, then the times that make
+    /// them rows.
+    fn flush(&mut self) -> Result<(), RecordError> {
+        self.write_frames()?;
+        self.write_samples()?;
+        self.file.flush()?;
+        let mut ticked = false;
+        let frames = self.skeleton.trajectory.as_mut().map(|trajectory| &mut trajectory.clock);
+        let samples = self.skeleton.observables.as_mut().map(|observables| &mut observables.clock);
+        // Samples first: MDAnalysis wants at least as many as frames.
+        for (clock, rows) in [(samples, &mut self.sample_clock), (frames, &mut self.frame_clock)] {
+            let Some(clock) = clock.filter(|_| !rows.is_empty()) else { continue };
+            let (steps, times): (Vec<i64>, Vec<f64>) = rows.drain(..).unzip();
+            clock.step.append(&steps).doing(self.file.path(), WRITE)?;
+            clock.time.append(&times).doing(self.file.path(), WRITE)?;
+            ticked = true;
+        }
+        if ticked {
+            self.file.flush()?;
+        }
+        self.dirty = false;
+        self.flushed = Instant::now();
+        Ok(())
+    }
+
+    fn checkpoint(&mut self, state: Checkpoint) -> Result<(), RecordError> {
+        // A checkpoint must not count rows that the file does not have.
+        self.flush()?;
+        self.sequence += 1;
+        let saved =
+            Saved { sequence: self.sequence, progress: self.progress, state, tail: self.events.clone() };
+        let slot = &mut self.skeleton.slots[self.next_slot];
+        let header = slot.fill(&saved).doing(self.file.path(), WRITE)?;
+        self.file.flush()?;
+        slot.seal(header).doing(self.file.path(), WRITE)?;
+        self.file.flush()?;
+        self.next_slot = 1 - self.next_slot;
+        Ok(())
+    }
+
+    /// Writes all that is left, and closes the file.
+    fn finish(mut self, summary: Option<&str>, complete: bool) -> Result<(), RecordError> {
+        if summary.is_none() && !self.file.is_published() && !self.dirty {
+            // Nothing was recorded: the file never comes to its place.
+            return Ok(());
+        }
+        let events = std::mem::take(&mut self.events);
+        if let Some(columns) = &mut self.skeleton.events {
+            columns.append(&events).doing(self.file.path(), WRITE)?;
+        }
+        self.flush()?;
+        if let Some(summary) = summary {
+            write_summary(self.file.root(), summary, complete).doing(self.file.path(), WRITE)?;
+            self.file.flush()?;
+        }
+        self.file.publish()?;
+        let Self { skeleton, file, .. } = self;
+        drop(skeleton);
+        file.close(summary.is_some())
+    }
+}
+
+fn write_summary(root: &hdf5::Group, summary: &str, complete: bool) -> hdf5::Result<()> {
+    let dataset = root
+        .group("parameters")?
+        .new_dataset::<hdf5::types::VarLenUnicode>()
+        .obj_track_times(false)
+        .create("summary")?;
+    dataset.write_scalar(&text(summary)?)?;
+    dataset.new_attr::<u8>().create("complete")?.write_scalar(&u8::from(complete))
+}
