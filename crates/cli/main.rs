@@ -1,2 +1,39 @@
-//! The `haff` command.
-fn main() {}
+//! The `haff` command: event-driven hard spheres from a scene file to an H5MD file.
+
+mod arguments;
+mod check;
+mod estimate;
+mod failure;
+mod info;
+mod init;
+mod plot;
+mod progress;
+mod run;
+mod schedule;
+mod session;
+mod signals;
+
+use std::process::ExitCode;
+
+use arguments::{Arguments, Command};
+use clap::Parser;
+
+fn main() -> ExitCode {
+    let result = match Arguments::parse().command {
+        Command::Run(options) => run::run(&options),
+        Command::Check(options) => check::check(&options),
+        Command::Init(options) => init::init(&options),
+        Command::Schema => init::schema(),
+        Command::Info(options) => info::info(&options),
+        Command::Plot(options) => plot::plot(&options),
+    };
+    match result {
+        Ok(code) => ExitCode::from(code),
+        Err(failure) => {
+            for line in failure.message.lines() {
+                eprintln!("error: {line}");
+            }
+            ExitCode::from(failure.status as u8)
+        }
+    }
+}

@@ -1,0 +1,118 @@
+//! `haff check`.
+
+use haff_engine::{Boundary, Dimension};
+use haff_record::FileSize;
+use haff_scene::{Scene, Schedule};
+use serde_json::json;
+
+use crate::{
+    arguments::Check, estimate, failure::Failure, info::States, run::scene_failure, schedule::Times,
+};
+
+/// Records that a schedule gives up to a time, the first and the last included.
+fn records(schedule: Schedule, until: f64) -> u64 {
+    if schedule == Schedule::Off || !until.is_finite() {
+        return 2;
+    }
+    match schedule {
+        Schedule::Off => 2,
+        Schedule::Every(interval) => (until / interval).ceil() as u64 + 1,
+        Schedule::Log { .. } => {
+            let mut times = Times::after(schedule, 0.0);
+            let mut count = 2;
+            while times.next() < until && count < 1_000_000 {
+                times.take(times.next());
+                count += 1;
+            }
+            count
+        }
+    }
+}
+
+/// Validates a scene and tells what to expect of it.
+pub fn check(options: &Check) -> Result<u8, Failure> {
+    let scene: Scene =
+        haff_scene::load(&options.scene, &options.set, &States).map_err(|errors| scene_failure(&errors))?;
+    let system = &scene.system;
+    let temperature = estimate::temperature(system);
+    let particles = system.bodies.len();
+    let axes = system.dimension.count();
+    let open = system.domain.boundary[..axes].contains(&Boundary::Open);
+    // Each collision involves two particles.
+    let rate = scene.collision_rate.is_finite().then(|| scene.collision_rate * particles as f64 / 2.0);
+    // The time the run is expected to take: the rate is that of the start.
+    let by_collisions = scene.run.collisions.map(|count| count as f64 / rate.unwrap_or(f64::NAN));
+    let until = scene.run.until.into_iter().chain(by_collisions).fold(f64::INFINITY, f64::min);
+    let size = scene.output.file.as_ref().map(|_| {
+        haff_record::estimate_file_size(&FileSize {
+            particles: particles as u64,
+            frames: if scene.output.frames == Schedule::Off {
+                0
+            } else {
+                records(scene.output.frames, until)
+            },
+            samples: records(scene.output.observables, until) + records(scene.output.frames, until),
+            events: if scene.output.events { (rate.unwrap_or(0.0) * until) as u64 } else { 0 },
+        })
+    });
+    let memory = estimate::memory(particles);
+    if options.json {
+        let report = json!({
+            "title": scene.title, "particles": particles, "dimension": axes,
+            "packing_fraction": scene.packing_fraction, "temperature": temperature,
+            "collision_rate": rate, "mean_free_time": rate.map(|rate| particles as f64 / (2.0 * rate)),
+            "memory_bytes": memory, "file_bytes": size, "file": scene.output.file,
+        });
+        println!("{report}");
+        return Ok(0);
+    }
+    let named = if scene.title.is_empty() { String::new() } else { format!(": {}", scene.title) };
+    println!("{} is valid{named}", options.scene.display());
+    let kind = if system.dimension == Dimension::Two { "disks" } else { "spheres" };
+    println!("particles           {particles} {kind}, {} walls", system.walls.len());
+    if open {
+        println!("packing fraction    none: an axis is open");
+    } else {
+        println!("packing fraction    {:.6}", scene.packing_fraction);
+    }
+    println!("temperature         {temperature:.6}");
+    match rate {
+        Some(rate) if rate > 0.0 => println!(
+            "collision rate      {rate:.4e} per time at the start; mean free time {:.4e}",
+            particles as f64 / (2.0 * rate)
+        ),
+        Some(_) => println!("collision rate      0: nothing moves at the start"),
+        None => println!("collision rate      not to be told: an axis is open"),
+    }
+    println!("memory              about {}", bytes(memory));
+    match (&scene.output.file, size) {
+        (Some(file), Some(size)) => println!("output              {}, about {}", file.display(), bytes(size)),
+        _ => println!("output              none"),
+    }
+    Ok(0)
+}
+
+/// A size for people.
+pub fn bytes(size: u64) -> String {
+    let units = ["B", "KiB", "MiB", "GiB", "TiB", "PiB"];
+    let power = (size.max(1).ilog2() / 10).min(units.len() as u32 - 1);
+    let value = size as f64 / 1024_f64.powi(power as i32);
+    if power == 0 { format!("{size} B") } else { format!("{value:.1} {}", units[power as usize]) }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn sizes_read_well() {
+        assert_eq!((bytes(0), bytes(1023), bytes(1536)), ("0 B".into(), "1023 B".into(), "1.5 KiB".into()));
+        assert_eq!(bytes(5 << 30), "5.0 GiB");
+    }
+
+    #[test]
+    fn records_count_both_ends() {
+        assert_eq!(records(Schedule::Every(1.0), 10.0), 11);
+        assert_eq!(records(Schedule::Log { first: 1.0, factor: 2.0 }, 8.0), 5);
+    }
+}

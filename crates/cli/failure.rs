@@ -1,0 +1,30 @@
+//! How the command fails: a message and an exit status.
+
+use std::fmt;
+
+/// The exit statuses of the command.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Status {
+    /// The scene or the arguments are invalid.
+    Invalid = 2,
+    /// The simulation cannot go on.
+    Stopped = 3,
+    /// A file cannot be read or written.
+    File = 4,
+}
+
+/// What went wrong, in words for the user.
+#[derive(Debug)]
+pub struct Failure {
+    /// Exit status.
+    pub status: Status,
+    /// One line or more, without "error:".
+    pub message: String,
+}
+
+impl Failure {
+    /// A failure with a message.
+    pub fn new(status: Status, message: impl fmt::Display) -> Self {
+        Self { status, message: message.to_string() }
+    }
+}

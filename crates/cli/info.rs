@@ -1,0 +1,108 @@
+//! `haff info`, and states read from output files.
+
+use std::path::Path;
+
+use haff_scene::{State, StateSource};
+use serde_json::{Value, json};
+
+use crate::{arguments::Info, check::bytes, failure::Failure, run::file_failure};
+
+/// Reads the states that scenes start from.
+pub struct States;
+
+impl StateSource for States {
+    fn last_state(&self, path: &Path) -> Result<State, String> {
+        let state = haff_record::last_state(path).map_err(|error| error.to_string())?;
+        Ok(State {
+            size: state.box_size,
+            position: state.position,
+            velocity: state.velocity,
+            image: state.image,
+            radius: state.radius,
+            mass: state.mass,
+        })
+    }
+}
+
+/// Prints a summary of an output file.
+pub fn info(options: &Info) -> Result<u8, Failure> {
+    let info = haff_record::info(&options.file).map_err(|error| file_failure(&error))?;
+    let progress = match (info.finished, info.resumable) {
+        (true, _) => "complete",
+        (false, true) => "not complete: haff run --resume goes on",
+        (false, false) => "not complete, and without a valid checkpoint",
+    };
+    let summary: Value =
+        info.summary.as_deref().and_then(|text| serde_json::from_str(text).ok()).unwrap_or_default();
+    let last = info.last_sample.as_ref();
+    if options.json {
+        let ledger = last.map(|last| {
+            json!({
+                "time": last.time, "step": last.step, "temperature": last.temperature,
+                "kinetic_energy": last.ledger.kinetic, "potential_energy": last.ledger.potential,
+                "dissipated_energy": last.ledger.dissipated, "carnot_energy": last.ledger.carnot,
+                "wall_work": last.ledger.wall_work, "ledger_residual": last.ledger.residual,
+                "collisions": last.collisions, "wall_collisions": last.wall_collisions,
+            })
+        });
+        let report = json!({
+            "file": options.file, "title": info.title, "version": info.version, "git_revision": info.git_revision,
+            "schema": info.schema, "trajectory_version": info.trajectory_version, "seed": info.seed,
+            "dimension": info.dimension, "particles": info.particles, "species": info.species, "walls": info.walls,
+            "box": info.box_size.to_array(), "periodic": info.periodic, "frames": info.frames,
+            "samples": info.samples, "events": info.events, "time_range": info.time_range, "last": ledger,
+            "checkpoint_time": info.checkpoint_time, "finished": info.finished, "resumable": info.resumable,
+            "file_bytes": info.file_size, "summary": summary, "scene": info.scene_toml,
+        });
+        println!("{report}");
+        return Ok(0);
+    }
+    let line = |name: &str, text: String| println!("{name:<18}{text}");
+    println!("{}: {}", options.file.display(), info.title);
+    line("written by", format!("haff {} {}, schema {}", info.version, info.git_revision, info.schema));
+    line("progress", progress.to_owned());
+    let names: Vec<String> = info.species.iter().map(|(name, count)| format!("{count} {name}")).collect();
+    let kind = if info.dimension == 2 { "disks" } else { "spheres" };
+    line("particles", format!("{} {kind}: {}", info.particles, names.join(", ")));
+    let axes: Vec<String> = (0..info.dimension)
+        .map(|axis| {
+            format!("{}{}", info.box_size[axis], if info.periodic[axis] { " (periodic)" } else { "" })
+        })
+        .collect();
+    line("box", axes.join(" × "));
+    if !info.walls.is_empty() {
+        line("walls", info.walls.join(", "));
+    }
+    line("seed", info.seed.to_string());
+    if let Some((first, last)) = info.time_range {
+        line("time", format!("{first} … {last}"));
+    }
+    let count = |number: Option<u64>| number.map_or("none asked for".to_owned(), |number| number.to_string());
+    line("frames", count(info.frames));
+    line("samples", count(info.samples));
+    line("event rows", count(info.events));
+    if let Some(last) = last {
+        line("collisions", format!("{} and {} with walls", last.collisions, last.wall_collisions));
+        line("temperature", format!("{:.9e}", last.temperature));
+        line("kinetic energy", format!("{:.9e}", last.ledger.kinetic));
+        line("potential energy", format!("{:.9e}", last.ledger.potential));
+        line("dissipated", format!("{:.9e}, Carnot {:.9e}", last.ledger.dissipated, last.ledger.carnot));
+        line("work of walls", format!("{:.9e}", last.ledger.wall_work));
+        line("ledger residual", format!("{:.1e}", last.ledger.residual));
+    }
+    if let Some(time) = info.checkpoint_time {
+        line("last checkpoint", format!("t = {time}"));
+    }
+    for (name, key) in [
+        ("stopped by", "stopped"),
+        ("wall seconds", "wall_seconds"),
+        ("largest overlap", "max_overlap"),
+        ("state hash", "state_hash"),
+    ] {
+        if let Some(value) = summary.get(key) {
+            line(name, value.as_str().map_or_else(|| value.to_string(), str::to_owned));
+        }
+    }
+    line("file size", bytes(info.file_size));
+    Ok(0)
+}

@@ -1,0 +1,32 @@
+//! `haff init` and `haff schema`.
+
+use crate::{
+    arguments::Init,
+    failure::{Failure, Status},
+};
+
+/// Prints a starter scene, or the list of them.
+pub fn init(options: &Init) -> Result<u8, Failure> {
+    let templates = haff_scene::templates();
+    let list = || {
+        let width = templates.iter().map(|template| template.0.len()).max().unwrap_or(0);
+        let lines = templates.iter().map(|(name, description, _)| format!("{name:width$}  {description}"));
+        lines.collect::<Vec<_>>().join("\n")
+    };
+    if options.list {
+        println!("{}", list());
+        return Ok(0);
+    }
+    let wanted = options.template.as_deref().unwrap_or_else(|| templates[0].0);
+    let Some((_, _, text)) = templates.iter().find(|template| template.0 == wanted) else {
+        return Err(Failure::new(Status::Invalid, format!("no template {wanted:?}; there are\n{}", list())));
+    };
+    print!("{text}");
+    Ok(0)
+}
+
+/// Prints the JSON Schema of scene files.
+pub fn schema() -> Result<u8, Failure> {
+    println!("{:#}", haff_scene::schema());
+    Ok(0)
+}

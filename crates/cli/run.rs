@@ -1,0 +1,275 @@
+//! `haff run`.
+
+use std::path::PathBuf;
+
+use haff_engine::{Simulation, TRAJECTORY_VERSION};
+use haff_record::{Header, RecordError, Recorder};
+use haff_scene::{ErrorKind, Scene, SceneErrors, Schedule};
+use serde_json::{Value, json};
+
+use crate::{
+    arguments::{Run, VERSION},
+    failure::{Failure, Status},
+    info::States,
+    session::{Ending, Outcome, Session},
+    signals::Signals,
+};
+
+/// A scene's errors as a failure of the command.
+pub fn scene_failure(errors: &SceneErrors) -> Failure {
+    let status = match errors.kind() {
+        ErrorKind::Invalid => Status::Invalid,
+        ErrorKind::Unreadable => Status::File,
+    };
+    Failure::new(status, errors)
+}
+
+/// A file's error as a failure of the command.
+pub fn file_failure(error: &RecordError) -> Failure {
+    Failure::new(Status::File, error)
+}
+
+/// Runs a scene, or goes on with one.
+pub fn run(options: &Run) -> Result<u8, Failure> {
+    set_threads(options.threads)?;
+    let signals = Signals::watch()
+        .map_err(|error| Failure::new(Status::File, format!("cannot watch for signals: {error}")))?;
+    match (&options.resume, &options.scene) {
+        (Some(file), _) => resume(options, file.clone(), &signals),
+        (None, Some(scene)) => {
+            let mut scene =
+                haff_scene::load(scene, &options.set, &States).map_err(|errors| scene_failure(&errors))?;
+            if let Some(output) = &options.output {
+                scene.output.file = Some(output.clone());
+            }
+            start(options, scene, &signals)
+        }
+        (None, None) => Err(Failure::new(Status::Invalid, "a scene file is needed")),
+    }
+}
+
+/// The number of threads of everything that rayon does.
+fn set_threads(threads: Option<u16>) -> Result<(), Failure> {
+    let mut pool = rayon::ThreadPoolBuilder::new();
+    if let Some(threads) = threads {
+        pool = pool.num_threads(threads.into());
+    }
+    pool.build_global().map_err(|error| Failure::new(Status::Invalid, format!("--threads: {error}")))
+}
+
+fn start(options: &Run, scene: Scene, signals: &Signals) -> Result<u8, Failure> {
+    let Scene { system, title, seed, run, output, resolved, .. } = scene;
+    let recorder = match &output.file {
+        Some(path) => {
+            let header = Header {
+                title: title.clone(),
+                scene_toml: resolved,
+                seed,
+                version: env!("CARGO_PKG_VERSION").to_owned(),
+                git_revision: env!("HAFF_GIT_REVISION").to_owned(),
+                trajectory_version: TRAJECTORY_VERSION,
+                frames: output.frames != Schedule::Off,
+                observables: output.observables != Schedule::Off,
+                events: output.events,
+                ..Header::from_system(&system)
+            };
+            Some(Recorder::create(path, header, options.overwrite).map_err(|error| file_failure(&error))?)
+        }
+        None => None,
+    };
+    let simulation = Simulation::new(system, scene.options).map_err(|error| engine_failure(&error))?;
+    let session = Session {
+        simulation,
+        run,
+        output: &output,
+        recorder: recorder.as_ref(),
+        signals,
+        quiet: options.quiet,
+        recorded: None,
+    };
+    let outcome = session.run(false).map_err(|error| file_failure(&error))?;
+    conclude(
+        options,
+        &outcome,
+        &Context { title, seed, file: output.file.clone(), resumed_from: None },
+        recorder,
+    )
+}
+
+fn resume(options: &Run, path: PathBuf, signals: &Signals) -> Result<u8, Failure> {
+    let (recorder, resumed) = Recorder::append(&path).map_err(|error| file_failure(&error))?;
+    if let Some(summary) = &resumed.summary
+        && resumed.finished
+    {
+        let mut report: Value = serde_json::from_str(summary)
+            .map_err(|error| Failure::new(Status::File, format!("{}: summary: {error}", path.display())))?;
+        report["resumed_from"] = report["simulated_time"].clone();
+        if options.json {
+            println!("{report}");
+        }
+        if !options.quiet {
+            eprintln!("{} is complete: nothing to resume", path.display());
+        }
+        return Ok(0);
+    }
+    let name = format!("scene in {}", path.display());
+    let scene = haff_scene::parse(&name, &resumed.scene_toml, &[], &States)
+        .map_err(|errors| scene_failure(&errors))?;
+    let Scene { system, title, seed, run, output, options: machinery, .. } = scene;
+    let simulation = Simulation::restore(system, machinery, &resumed.checkpoint)
+        .map_err(|error| Failure::new(Status::File, format!("{}: {error}", path.display())))?;
+    let context = Context { title, seed, file: Some(path), resumed_from: Some(simulation.time()) };
+    let session = Session {
+        simulation,
+        run,
+        output: &output,
+        recorder: Some(&recorder),
+        signals,
+        quiet: options.quiet,
+        recorded: None,
+    };
+    let outcome = session.run(true).map_err(|error| file_failure(&error))?;
+    conclude(options, &outcome, &context, Some(recorder))
+}
+
+fn engine_failure(error: &haff_engine::EngineError) -> Failure {
+    use haff_engine::EngineError as Error;
+    let status = match error {
+        Error::NoAvx2 | Error::TooMany { .. } => Status::Invalid,
+        Error::Checkpoint(_) => Status::File,
+        Error::Collapse { .. } | Error::Overflow { .. } | Error::Inconsistent { .. } => Status::Stopped,
+    };
+    Failure::new(status, error)
+}
+
+/// What the report says beside the simulation itself.
+struct Context {
+    title: String,
+    seed: u64,
+    file: Option<PathBuf>,
+    resumed_from: Option<f64>,
+}
+
+/// Writes the summary, prints the report, and finds the exit status.
+fn conclude(
+    options: &Run,
+    outcome: &Outcome,
+    context: &Context,
+    recorder: Option<Recorder>,
+) -> Result<u8, Failure> {
+    let report = report(outcome, context);
+    if let Some(recorder) = recorder {
+        recorder
+            .finish(&report.to_string(), outcome.ending.is_final())
+            .map_err(|error| file_failure(&error))?;
+    }
+    if options.json {
+        println!("{report}");
+    }
+    if !options.quiet {
+        tell(outcome, context);
+    }
+    match &outcome.ending {
+        Ending::Until | Ending::Collisions | Ending::Rest | Ending::WallTime => Ok(0),
+        Ending::Signal(signal) => Ok(128 + *signal as u8),
+        Ending::Failed(error) => {
+            let failure = engine_failure(error);
+            let kept = context.file.as_ref().map(|file| format!("\nrecorded so far: {}", file.display()));
+            Err(Failure { message: failure.message + &kept.unwrap_or_default(), ..failure })
+        }
+    }
+}
+
+/// The run as one JSON object.
+fn report(outcome: &Outcome, context: &Context) -> Value {
+    let simulation = &outcome.simulation;
+    let counters = simulation.counters();
+    let ledger = simulation.ledger();
+    let seconds = outcome.wall.as_secs_f64();
+    let mut report = json!({
+        "title": context.title,
+        "stopped": outcome.ending.word(),
+        "particles": simulation.system().bodies.len(),
+        "collisions": counters.collisions,
+        "wall_collisions": counters.wall_collisions,
+        "events": counters.collisions + counters.wall_collisions,
+        "rests": counters.rests,
+        "simulated_time": simulation.time(),
+        "wall_seconds": seconds,
+        "collisions_per_second": counters.collisions as f64 / seconds,
+        "kinetic_energy": ledger.kinetic,
+        "potential_energy": ledger.potential,
+        "dissipated_energy": ledger.dissipated,
+        "carnot_energy": ledger.carnot,
+        "wall_work": ledger.wall_work,
+        "ledger_residual": ledger.residual,
+        "max_overlap": simulation.max_overlap(),
+        "peak_memory_bytes": peak_memory(),
+        "threads": rayon::current_num_threads(),
+        "neighbors": simulation.neighbors().name(),
+        "seed": context.seed,
+        "version": VERSION,
+        "trajectory_version": TRAJECTORY_VERSION,
+        "state_hash": simulation.state_hash(),
+        "counters": {
+            "predictions": counters.predictions,
+            "stale": counters.stale,
+            "dropped": counters.dropped,
+            "transfers": counters.transfers,
+            "epochs": counters.epochs,
+        },
+        "file": context.file.as_ref().map(|file| file.display().to_string()),
+    });
+    if let Some(from) = context.resumed_from {
+        report["resumed_from"] = json!(from);
+    }
+    if let Ending::Failed(error) = &outcome.ending {
+        report["error"] = json!(error.to_string());
+    }
+    report
+}
+
+/// The run in a few lines for people.
+fn tell(outcome: &Outcome, context: &Context) {
+    let simulation = &outcome.simulation;
+    let (counters, ledger) = (simulation.counters(), simulation.ledger());
+    let why = match &outcome.ending {
+        Ending::Until => "reached run.until".to_owned(),
+        Ending::Collisions => "reached the number of collisions".to_owned(),
+        Ending::WallTime => "run.wall_time is used up".to_owned(),
+        Ending::Signal(_) => "ended by a signal".to_owned(),
+        Ending::Rest => "at rest: nothing will happen any more".to_owned(),
+        Ending::Failed(_) => "the simulation cannot go on".to_owned(),
+    };
+    if !context.title.is_empty() {
+        eprintln!("{}", context.title);
+    }
+    eprintln!(
+        "{} particles to t = {} in {:.2?}: {why}",
+        simulation.system().bodies.len(),
+        simulation.time(),
+        outcome.wall
+    );
+    let millions = counters.collisions as f64 / outcome.wall.as_secs_f64() / 1e6;
+    eprintln!(
+        "{} collisions ({millions:.3} M/s), {} wall collisions; ledger residual {:.1e}, largest overlap {:.1e}",
+        counters.collisions,
+        counters.wall_collisions,
+        ledger.residual,
+        simulation.max_overlap()
+    );
+    if let Some(file) = &context.file {
+        eprintln!("wrote {}", file.display());
+        if !outcome.ending.is_final() {
+            eprintln!("go on with: haff run --resume {}", file.display());
+        }
+    }
+}
+
+/// Largest resident memory so far [bytes].
+fn peak_memory() -> Option<u64> {
+    let usage = nix::sys::resource::getrusage(nix::sys::resource::UsageWho::RUSAGE_SELF).ok()?;
+    // Linux counts in KiB, macOS in bytes.
+    let unit = if cfg!(target_os = "macos") { 1 } else { 1024 };
+    u64::try_from(usage.max_rss()).ok().map(|size| size * unit)
+}

@@ -1,0 +1,77 @@
+//! When to record: times k·Δ, or a geometric series.
+
+use haff_scene::Schedule;
+
+/// Walks through the times of a schedule after 0.
+#[derive(Debug, Clone)]
+pub struct Times {
+    schedule: Schedule,
+    step: u64,
+}
+
+impl Times {
+    /// The times of a schedule later than `after`.
+    pub fn after(schedule: Schedule, after: f64) -> Self {
+        let step = match schedule {
+            Schedule::Off => 0,
+            // Close, and then walked to the exact place, since k·Δ rounds.
+            Schedule::Every(interval) => ((after / interval).floor() - 1.0).max(1.0) as u64,
+            Schedule::Log { first, factor } => {
+                if after > first {
+                    (((after / first).ln() / factor.ln()).floor() - 1.0).max(0.0) as u64
+                } else {
+                    0
+                }
+            }
+        };
+        let mut times = Self { schedule, step };
+        while times.next() <= after {
+            times.step += 1;
+        }
+        times
+    }
+
+    /// The next time, ∞ if there is none.
+    pub fn next(&self) -> f64 {
+        match self.schedule {
+            Schedule::Off => f64::INFINITY,
+            Schedule::Every(interval) => self.step as f64 * interval,
+            Schedule::Log { first, factor } => first * factor.powi(self.step.min(i32::MAX as u64) as i32),
+        }
+    }
+
+    /// Whether `time` is the next one; goes on if so.
+    pub fn take(&mut self, time: f64) -> bool {
+        let due = self.next() <= time;
+        while self.next() <= time {
+            self.step += 1;
+        }
+        due
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn times_are_multiples_and_start_after_zero() {
+        let mut times = Times::after(Schedule::Every(0.1), 0.0);
+        for k in 1..1000 {
+            assert_eq!(times.next(), f64::from(k) * 0.1);
+            assert!(times.take(times.next()));
+        }
+    }
+
+    #[test]
+    fn a_resumed_schedule_goes_on_where_it_was() {
+        for k in [1_u32, 3, 7, 1000, 123_457] {
+            let times = Times::after(Schedule::Every(0.1), f64::from(k) * 0.1);
+            assert_eq!(times.next(), f64::from(k + 1) * 0.1);
+        }
+        let log = Schedule::Log { first: 0.5, factor: 2.0 };
+        assert_eq!(Times::after(log, 0.0).next(), 0.5);
+        assert_eq!(Times::after(log, 4.0).next(), 8.0);
+        assert_eq!(Times::after(Schedule::Off, 3.0).next(), f64::INFINITY);
+    }
+}

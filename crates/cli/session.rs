@@ -1,0 +1,201 @@
+//! One run from its present state to its end: events in slices, records when they are due, and the reasons to stop.
+
+use std::time::{Duration, Instant};
+
+use haff_engine::{EngineError, EventRecord, Observer, Simulation, Stop, Until};
+use haff_record::{RecordError, Recorder};
+use haff_scene::{OutputPlan, RunPlan};
+
+use crate::{progress::Progress, schedule::Times, signals::Signals};
+
+/// Calendar entries between two looks at signals, the wall clock and the progress bar: some tens of milliseconds.
+const SLICE: u64 = 1 << 15;
+/// Event rows handed to the writer at once.
+const EVENT_BATCH: usize = 1 << 13;
+
+/// Why a run ended.
+#[derive(Debug, Clone, PartialEq)]
+pub enum Ending {
+    /// `run.until` is reached.
+    Until,
+    /// `run.collisions` is reached.
+    Collisions,
+    /// `run.wall_time` is used up.
+    WallTime,
+    /// A signal.
+    Signal(i32),
+    /// Nothing moves any more.
+    Rest,
+    /// The simulation cannot go on.
+    Failed(EngineError),
+}
+
+impl Ending {
+    /// The word for `stopped`.
+    pub fn word(&self) -> &'static str {
+        match self {
+            Self::Until => "until",
+            Self::Collisions => "collisions",
+            Self::WallTime => "wall_time",
+            Self::Signal(_) => "signal",
+            Self::Rest => "rest",
+            Self::Failed(EngineError::Collapse { .. }) => "collapse",
+            Self::Failed(_) => "error",
+        }
+    }
+
+    /// Whether the run has come to the end its scene asks for, so that nothing is left to resume.
+    pub fn is_final(&self) -> bool {
+        matches!(self, Self::Until | Self::Collisions | Self::Rest)
+    }
+}
+
+/// Collects event rows into batches for the writer.
+struct EventLog<'a> {
+    recorder: Option<&'a Recorder>,
+    wanted: bool,
+    rows: Vec<EventRecord>,
+    error: Option<RecordError>,
+}
+
+impl EventLog<'_> {
+    fn hand_over(&mut self) -> Result<(), RecordError> {
+        if let (Some(recorder), false) = (self.recorder, self.rows.is_empty()) {
+            recorder.events(std::mem::take(&mut self.rows))?;
+        }
+        self.error.take().map_or(Ok(()), Err)
+    }
+}
+
+impl Observer for EventLog<'_> {
+    fn wants_events(&self) -> bool {
+        self.wanted
+    }
+
+    fn event(&mut self, event: &EventRecord) {
+        self.rows.push(*event);
+        if self.rows.len() >= EVENT_BATCH
+            && self.error.is_none()
+            && let Err(error) = self.hand_over()
+        {
+            self.error = Some(error);
+        }
+    }
+}
+
+/// Everything a run needs.
+pub struct Session<'a> {
+    pub simulation: Simulation,
+    pub run: RunPlan,
+    pub output: &'a OutputPlan,
+    pub recorder: Option<&'a Recorder>,
+    pub signals: &'a Signals,
+    pub quiet: bool,
+    /// Time and step of the last frame and row recorded, so that none is written twice.
+    pub recorded: Option<(f64, u64)>,
+}
+
+/// What [`Session::run`] returns.
+pub struct Outcome {
+    pub simulation: Simulation,
+    pub ending: Ending,
+    /// Wall time of the run itself [s].
+    pub wall: Duration,
+}
+
+impl Session<'_> {
+    /// Runs to an end. `resumed` tells that the state has been recorded before.
+    pub fn run(mut self, resumed: bool) -> Result<Outcome, RecordError> {
+        let started = Instant::now();
+        let from = if resumed { self.simulation.time() } else { 0.0 };
+        let recording = self.recorder.is_some();
+        let plan =
+            |schedule| Times::after(if recording { schedule } else { haff_scene::Schedule::Off }, from);
+        let mut frames = plan(self.output.frames);
+        let mut samples = plan(self.output.observables);
+        let mut checkpoints =
+            plan(self.output.checkpoint.map_or(haff_scene::Schedule::Off, haff_scene::Schedule::Every));
+        if !resumed {
+            self.record(true, true)?;
+            self.checkpoint()?;
+        }
+        let until = self.run.until.unwrap_or(f64::INFINITY);
+        let collisions = self.run.collisions.unwrap_or(u64::MAX);
+        let progress = Progress::new(self.quiet, self.simulation.counters().collisions);
+        let mut log = EventLog {
+            recorder: self.recorder,
+            wanted: recording && self.output.events,
+            rows: Vec::new(),
+            error: None,
+        };
+
+        let ending = loop {
+            let due = frames.next().min(samples.next()).min(checkpoints.next());
+            let target = Until { time: due.min(until), collisions, entries: SLICE };
+            let stop = self.simulation.advance(target, &mut log);
+            log.hand_over()?;
+            match stop {
+                Err(error) => break Ending::Failed(error),
+                Ok(Stop::Rest) => break Ending::Rest,
+                Ok(Stop::Collisions) => break Ending::Collisions,
+                Ok(Stop::Time) => {
+                    let frame = frames.take(target.time);
+                    let sample = samples.take(target.time);
+                    let checkpoint = checkpoints.take(target.time);
+                    if target.time >= until {
+                        break Ending::Until;
+                    }
+                    self.record(frame, frame || sample)?;
+                    if checkpoint {
+                        self.checkpoint()?;
+                    }
+                }
+                Ok(Stop::Slice) => {}
+            }
+            if let Some(signal) = self.signals.received() {
+                break Ending::Signal(signal);
+            }
+            if self.run.wall_time.is_some_and(|limit| started.elapsed() >= limit) {
+                break Ending::WallTime;
+            }
+            let (time, done) = (self.simulation.time(), self.simulation.counters().collisions);
+            progress.show((time / until).max(done as f64 / collisions as f64), time, done);
+        };
+        progress.finish();
+        // A run that is to be resumed goes on from before its last rows, which it would not have written had it not
+        // been stopped.
+        if !ending.is_final() {
+            self.checkpoint()?;
+        }
+        let counters = self.simulation.counters();
+        if self.recorded != Some((self.simulation.time(), counters.collisions + counters.wall_collisions)) {
+            self.record(true, true)?;
+        }
+        if ending.is_final() {
+            self.checkpoint()?;
+        }
+        Ok(Outcome { simulation: self.simulation, ending, wall: started.elapsed() })
+    }
+
+    /// Records a frame and a row of observables, and measures the overlap of all close pairs.
+    fn record(&mut self, frame: bool, sample: bool) -> Result<(), RecordError> {
+        if sample && let Some(recorder) = self.recorder {
+            recorder.sample(self.simulation.sample())?;
+        }
+        if frame {
+            let frame = self.simulation.frame();
+            self.recorded = Some((frame.time, frame.step));
+            self.simulation.measure_overlap(&frame);
+            if let Some(recorder) = self.recorder
+                && self.output.frames != haff_scene::Schedule::Off
+            {
+                recorder.frame(frame)?;
+            }
+        }
+        Ok(())
+    }
+
+    fn checkpoint(&self) -> Result<(), RecordError> {
+        self.recorder.map_or(Ok(()), |recorder| recorder.checkpoint(self.simulation.checkpoint()))
+    }
+}
