@@ -96,9 +96,9 @@ def _show(drawn, file, frame: int) -> None:
         return
     for result in drawn:
         figure = figures.draw(file, result.kind, **({"index": frame} if result.kind == "snapshot" else {}))
-        manager = plt.figure().canvas.manager
-        manager.canvas.figure = figure
-        figure.set_canvas(manager.canvas)
+        canvas = plt.figure().canvas
+        canvas.figure = figure
+        figure.set_canvas(canvas)
     plt.show()
 
 

@@ -68,7 +68,7 @@ class Box:
     Attributes
     ----------
     size : ``[3]`` edge lengths L [length]; a placeholder along open axes
-    boundary : per axis ``"periodic"`` or ``"none"`` (walls or open)
+    boundary : per axis ``"periodic"``, ``"wall"`` or ``"open"``
     dimension : 2 or 3
     """
 
@@ -433,8 +433,6 @@ class File:
     def species_names(self) -> list[str]:
         """Names by species index: species in scene order, then named particles."""
         stored = self._parameter("species_names")
-        if stored is None:
-            stored = self._parameter("species")
         count = int(np.max(self.species, initial=-1)) + 1
         if stored is not None:
             names = [n.decode() if isinstance(n, bytes) else str(n) for n in np.atleast_1d(stored)]
@@ -453,13 +451,19 @@ class File:
         edges = group["edges"]
         if isinstance(edges, h5py.Group):
             value = edges["value"]
-            size = value[0] if value.shape[0] else self.scene.get("domain", {}).get("size", [np.nan] * 3)
+            stored = self._parameter("box_size") if value.shape[0] == 0 else value[0]
+            size = np.full(3, np.nan) if stored is None else np.asarray(stored, float)
         else:
-            size = edges[()]
-        size = np.asarray(size, float)
+            size = np.asarray(edges[()], float)
         size = np.diag(size) if size.ndim == 2 else size
-        boundary = [b.decode() if isinstance(b, bytes) else str(b) for b in group.attrs.get("boundary", ())]
-        boundary += ["none"] * (3 - len(boundary))
+        # H5MD knows "periodic" and "none"; the scene tells walls from open sides.
+        declared = list(self.scene.get("domain", {}).get("boundary", ()))
+        boundary = []
+        for axis, stored in enumerate(group.attrs.get("boundary", ())):
+            name = stored.decode() if isinstance(stored, bytes) else str(stored)
+            told = declared[axis] if axis < len(declared) else "open"
+            boundary.append("periodic" if name == "periodic" else "wall" if told == "wall" else "open")
+        boundary += ["open"] * (3 - len(boundary))
         return Box(size, boundary, self.dimension)
 
     @cached_property
@@ -484,7 +488,7 @@ class File:
     @property
     def title(self) -> str:
         """Title of the scene."""
-        return str(self.scene.get("title", ""))
+        return str(self.scene.get("title") or self._parameter("title") or "")
 
     def _parameter(self, name: str) -> Any:
         """``parameters/name``, dataset or attribute; ``None`` if it is neither."""
@@ -600,7 +604,7 @@ class File:
             "particles": len(self),
             "dimension": self.dimension,
             "packing_fraction": packing_fraction(self),
-            "seed": self.scene.get("seed", 0),
+            "seed": int(self._parameter("seed") or 0),
         }
         for part in ("frames", "events"):
             found[part] = len(getattr(self, part)) if part in self else 0
@@ -624,8 +628,7 @@ class File:
 
 def packing_fraction(file: File) -> float:
     """Volume (area) of the particles over that of the box; NaN with open axes, whose size is a placeholder."""
-    boundary = file.scene.get("domain", {}).get("boundary", [])
-    if "open" in boundary[: file.dimension]:
+    if "open" in file.box.boundary[: file.dimension]:
         return float("nan")
     d, r = file.dimension, file.radius
     volume = np.sum(4 / 3 * np.pi * r**3) if d == 3 else np.sum(np.pi * r**2)

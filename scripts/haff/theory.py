@@ -199,9 +199,17 @@ def collision_frequency(
     return factor * g0 * np.sqrt(np.pi * T / m) * (1 - a2 / 16)
 
 
-def mean_free_time(*args: ArrayLike, **kwargs: ArrayLike) -> Array:
-    r"""Mean time between collisions of one particle, :math:`1/\omega` of :func:`collision_frequency`."""
-    return 1 / collision_frequency(*args, **kwargs)
+def mean_free_time(
+    n: ArrayLike,
+    sigma: ArrayLike,
+    T: ArrayLike = 1.0,
+    m: ArrayLike = 1.0,
+    g0: ArrayLike = 1.0,
+    d: int = 3,
+    a2: ArrayLike = 0.0,
+) -> Array:
+    r"""Mean time between collisions of one particle [time], :math:`1/\omega` of :func:`collision_frequency`."""
+    return 1 / collision_frequency(n, sigma, T, m, g0, d, a2)
 
 
 def loss_distribution(x: ArrayLike) -> Array:
@@ -278,7 +286,7 @@ def viscoelastic_restitution(speed: ArrayLike, coefficient: ArrayLike) -> Array:
 
 def maxwell_component(c: ArrayLike) -> Array:
     r"""Maxwell density of one component of :math:`c = v/\sqrt{2T/m}`, :math:`e^{-c^2}/\sqrt\pi`."""
-    return np.exp(-np.asarray(c, float) ** 2) / np.sqrt(np.pi)
+    return np.exp(-(np.asarray(c, float) ** 2)) / np.sqrt(np.pi)
 
 
 def sonine_polynomial(x: ArrayLike, d: int = 3) -> Array:

@@ -76,7 +76,9 @@ def write(
                 group.create_dataset(name, data=values, dtype=dtype, maxshape=(None, *values.shape[1:]), chunks=True)
         parameters = f.create_group("parameters")
         parameters["scene"] = scene
-        parameters.attrs["seed"] = np.uint64(0)
+        parameters["seed"] = np.uint64(0)
+        parameters["dimension"] = np.uint32(3 if "dimension = 2" not in scene else 2)
+        parameters["box_size"] = np.asarray(size, float)
     return path
 
 

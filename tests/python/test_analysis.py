@@ -2,11 +2,11 @@
 
 import numpy as np
 import pytest
-import synthetic
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import haff
+import synthetic
 from haff import analysis
 from haff.reader import Box
 

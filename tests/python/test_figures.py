@@ -110,7 +110,9 @@ def test_renderer_draws_the_near_sphere_over_the_far_one():
 
 
 def test_one_diameter_of_a_rendered_sphere_is_its_size():
-    picture = render.spheres(np.zeros((1, 3)), np.array([0.5]), np.ones((1, 3)), render.Camera.looking(), (-1, 1, -1, 1), 200)
+    picture = render.spheres(
+        np.zeros((1, 3)), np.array([0.5]), np.ones((1, 3)), render.Camera.looking(), (-1, 1, -1, 1), 200
+    )
     assert picture.rgba[..., 3].sum() == pytest.approx(np.pi * 50**2, rel=5e-3)
 
 

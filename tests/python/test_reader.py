@@ -4,9 +4,9 @@ import h5py
 import numpy as np
 import pandas as pd
 import pytest
-import synthetic
 
 import haff
+import synthetic
 
 
 def test_open_gives_what_was_written(files):

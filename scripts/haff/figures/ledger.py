@@ -48,7 +48,7 @@ def draw(file: File) -> Figure:
     label = r"$E_0$ + work of walls" if np.any(work != 0) else r"initial energy $E_0$"
     top.plot(t[shown], supply[shown], color=BLACK, lw=1.4, ls=(0, (5, 2)), label=label)
     top.set_ylabel("energy  [mass · length² / time²]")
-    top.set_ylim(0, 1.02 * max(float(supply.max()), float(sum(v for _, _, v in layers).max())))
+    top.set_ylim(0, 1.02 * max(float(supply.max()), float(np.sum([v for _, _, v in layers], axis=0).max())))
     handles, labels = top.get_legend_handles_labels()
     figure.legend(handles, labels, loc="outside lower center", ncols=len(labels) if len(labels) <= 4 else 3)
 

@@ -97,9 +97,7 @@ def spheres(
     return Picture(small[::-1], (left, left + width / scale, bottom, bottom + height / scale))
 
 
-def _nearest(
-    x: Array, y: Array, z: Array, r: Array, width: int, height: int
-) -> tuple[Array, NDArray[np.int64]]:
+def _nearest(x: Array, y: Array, z: Array, r: Array, width: int, height: int) -> tuple[Array, NDArray[np.int64]]:
     """Depth [fine pixels] of the nearest surface and its sphere (−1: none) at every pixel."""
     depth = np.full((height, width), -np.inf)
     owner = np.full((height, width), -1, np.int64)

@@ -70,10 +70,8 @@ def _species_legend(file: File, axes) -> None:
 
 def _bounds(frame: Frame) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Corners of what is drawn, and along which axes the box is real: open axes follow the particles."""
-    declared = list(frame.file.scene.get("domain", {}).get("boundary", ()))
-    bound = np.array([(declared[k] if k < len(declared) else "periodic") != "open" for k in range(3)])
-    if frame.box.dimension == 2:
-        bound[2] = False
+    bound = np.array([kind != "open" for kind in frame.box.boundary])
+    bound[frame.box.dimension :] = False
     margin = frame.radius[:, None]
     low = np.where(bound, 0.0, (frame.position - margin).min(axis=0))
     high = np.where(bound, frame.box.size, (frame.position + margin).max(axis=0))
@@ -104,11 +102,11 @@ def _disks(frame: Frame, axes, color) -> None:
         offset_transform=axes.transData, facecolors=np.concatenate(colors), edgecolors="#222222", linewidths=edge,
     )  # fmt: skip
     axes.add_collection(disks)
-    frame_of_box = mpl.patches.Rectangle(low[:2], *size[:2], fill=False, ec="#333333", lw=1.0,
+    frame_of_box = mpl.patches.Rectangle((low[0], low[1]), *size[:2], fill=False, ec="#333333", lw=1.0,
                                          ls="-" if bound[:2].all() else ":")  # fmt: skip
     axes.add_patch(frame_of_box)
     if frame.box.periodic[:2].any():
-        disks.set_clip_path(mpl.patches.Rectangle(low[:2], *size[:2], transform=axes.transData))
+        disks.set_clip_path(mpl.patches.Rectangle((low[0], low[1]), *size[:2], transform=axes.transData))
     margin = 0.02 * size[:2].max()
     axes.set_xlim(low[0] - margin, high[0] + margin)
     axes.set_ylim(low[1] - margin, high[1] + margin)
@@ -125,7 +123,8 @@ def _spheres(frame: Frame, axes, color) -> None:
         projected[:, 1].min() - reach, projected[:, 1].max() + reach,
     )  # fmt: skip
     picture = spheres(frame.position, frame.radius, color, camera, window, PIXELS)
-    hidden, visible = [], []
+    hidden: list = []
+    visible: list = []
     towards = camera.axes[2]
     far = np.where(towards > 0, low, high)
     for a, b in itertools.combinations(corners, 2):

@@ -148,9 +148,9 @@ def _plain(file: File, why: str) -> Figure:
     if cooled:
         axes.set_yscale("log")
     else:
-        zoom(axes, float(np.nanmin(table[names + ["temperature"]])), float(np.nanmax(table[names + ["temperature"]])),
-             least=1e-3 * float(np.nanmax(T)))  # fmt: skip
-    axes.ticklabel_format(axis="y", useOffset=False) if not cooled else None
+        shown = table[[*names, "temperature"]].to_numpy()
+        zoom(axes, float(np.nanmin(shown)), float(np.nanmax(shown)), least=1e-3 * float(np.nanmax(T)))
+        axes.ticklabel_format(axis="y", useOffset=False)
     axes.set_xlabel("simulated time $t$  [scene’s unit of time]")
     axes.set_ylabel(r"granular temperature $T$  [$k_\mathrm{B}=1$]")
     axes.margins(x=0)

@@ -43,7 +43,9 @@ def flights(file: File) -> list[Path]:
     if len(file) > MOST_BODIES:
         raise NotApplicableError(f"{len(file)} bodies: made for up to {MOST_BODIES}")
     t, x, v = frames.time, frames.array("unwrapped"), frames.array("velocity")
-    gravity = np.array(file.scene.get("domain", {}).get("gravity", [0.0, 0.0, 0.0]), float)
+    gravity = np.zeros(3)
+    pull = file.scene.get("domain", {}).get("gravity", ())
+    gravity[: len(pull)] = pull
     log = None
     if "events" in file and len(file.events) <= 50 * MOST_MARKS:
         events = file.events
@@ -59,9 +61,12 @@ def _flight(body, t, x, v, mass, gravity, log) -> Path:
         own = np.flatnonzero((log["i"] == body) | ((log["names"] == "collision") & (log["j"] == body)))
     pull = gravity if np.isfinite(mass) else np.zeros(3)
     times, points, at = [], [], np.full((len(own), 3), np.nan)
+    resting = False  # on a wall, which carries the weight; it may slide
     for k in range(len(t) - 1):
         now, r, w = t[k], x[k].astype(float), v[k].astype(float)
-        inside = np.flatnonzero((log["time"][own] > t[k]) & (log["time"][own] <= t[k + 1])) if log is not None else []
+        inside = np.zeros(0, int)
+        if log is not None:
+            inside = np.flatnonzero((log["time"][own] > t[k]) & (log["time"][own] <= t[k + 1]))
         if log is None:
             s = np.linspace(0, 1, 24)[:, None]
             step = t[k + 1] - t[k]
@@ -70,29 +75,36 @@ def _flight(body, t, x, v, mass, gravity, log) -> Path:
             times.append(now + s[:, 0] * step)
             points.append(arc)
             continue
-        resting = len(inside) == 0 and not w.any() and not v[k + 1].any() and np.allclose(x[k], x[k + 1])
         for row in inside:
             until = log["time"][own[row]]
             name = log["names"][own[row]]
             dt = np.linspace(0, until - now, 20)[:, None]
-            flying = name != "rest"
-            arc = r + w * dt + (0.5 * pull * dt**2 if flying else 0.0)
-            if name == "rest":
+            if resting or name == "rest":
                 # A whole series of ever smaller bounces ends here; they are too small and too many to draw.
-                arc = r + (x[k + 1] - r) * np.linspace(0, 1, 20)[:, None]
+                part = (until - now) / (t[k + 1] - now) if resting else 1.0
+                arc = r + part * (x[k + 1] - r) * np.linspace(0, 1, 20)[:, None]
                 w = v[k + 1].astype(float)
-                resting = True
+            else:
+                arc = r + w * dt + 0.5 * pull * dt**2
             times.append(now + dt[:, 0])
             points.append(arc)
             r, now = arc[-1], until
             at[row] = r
-            if name != "rest":
-                w = w + pull * (dt[-1] if len(dt) else 0.0)
+            if name == "rest":
+                resting = True
+            elif not resting:
+                w = w + pull * dt[-1]
                 n = log["normal"][own[row]]
                 sign = -1.0 if log["i"][own[row]] == body else 1.0
                 w = w + sign * log["impulse"][own[row]] / mass * n
         dt = np.linspace(0, t[k + 1] - now, 20)[:, None]
-        points.append(r + w * dt + (0.0 if resting else 0.5) * pull * dt**2)
+        if resting:
+            lifted = np.linalg.norm(r + w * dt[-1] + 0.5 * pull * dt[-1] ** 2 - x[k + 1]) < 1e-9 * np.abs(x).max()
+            resting = not (lifted and pull.any() and dt[-1, 0] > 0)
+        if resting:
+            points.append(r + (x[k + 1] - r) * np.linspace(0, 1, 20)[:, None])
+        else:
+            points.append(r + w * dt + 0.5 * pull * dt**2)
         times.append(now + dt[:, 0])
     return Path(np.concatenate(times), np.concatenate(points), own, at)
 
@@ -112,8 +124,7 @@ def _name(file: File, body: int) -> str:
 
 def _subtitle(file: File) -> str:
     counts = file.summary
-    hits = [f"{counts.get(n, 0):,} {w}" for n, w in (("collisions", "collisions"), ("wall_collisions", "wall collisions"))
-            if counts.get(n)]  # fmt: skip
+    hits = [f"{counts[n]:,} {n.replace('_', ' ')}" for n in ("collisions", "wall_collisions") if counts.get(n)]
     return "  ·  ".join([s for s in (file.title, ", ".join(hits)) if s])
 
 
@@ -137,8 +148,9 @@ def draw(file: File) -> Figure:
                 chosen = names[path.hits] == kind
                 if chosen.any():
                     used.add(kind)
-                    axes.plot(file.events["time"][path.hits[chosen]], path.at[chosen, coordinate], mark, ms=4 if few else 2.6,
-                              mfc="white", mec=color, mew=0.9, zorder=3)  # fmt: skip
+                    when, where = file.events["time"][path.hits[chosen]], path.at[chosen, coordinate]
+                    size = 4 if few else 2.6
+                    axes.plot(when, where, mark, ms=size, mfc="white", mec=color, mew=0.9, zorder=3)
         axes.set_ylabel(f"{'xyz'[coordinate]} of the centre  [length]")
         axes.margins(x=0.01, y=0.08)
     floor = _clearance(file, active)
@@ -163,10 +175,9 @@ def draw(file: File) -> Figure:
 
 def _clearance(file: File, active: list[int]) -> tuple[float, str] | None:
     """Height of the centre of a single ball in touch with a horizontal floor at z = 0."""
-    boundary = file.scene.get("domain", {}).get("boundary", ())
     floors = [w for w in file.scene.get("wall", []) if w.get("plane", {}).get("normal") == [0, 0, 1]]
     at = floors[0]["plane"].get("point", [0, 0, 0])[2] if floors else 0.0
-    if len(file) == 1 and active[-1] == 2 and (floors or (len(boundary) == 3 and boundary[2] == "wall")):
+    if len(file) == 1 and active[-1] == 2 and (floors or file.box.boundary[2] == "wall"):
         return float(at + file.radius[0]), "touching the floor"
     return None
 
@@ -190,9 +201,10 @@ def draw_paths(file: File) -> Figure:
         for centre, filled in ((track[0], False), (track[-1], True)):
             axes.add_patch(mpl.patches.Circle(centre, radius, fc=color if filled else "none", ec=color, lw=1.0,
                                               ls="-" if filled else (0, (3, 2)), zorder=4, alpha=0.95))  # fmt: skip
-    boundary = file.scene.get("domain", {}).get("boundary", ("open",) * 3)
-    if all(boundary[k] == "wall" for k in (a, b)):
-        axes.add_patch(mpl.patches.Rectangle((0, 0), file.box.size[a], file.box.size[b], fill=False, ec="#333333", lw=1.6))
+    if all(file.box.boundary[k] == "wall" for k in (a, b)):
+        axes.add_patch(
+            mpl.patches.Rectangle((0, 0), file.box.size[a], file.box.size[b], fill=False, ec="#333333", lw=1.6)
+        )
     axes.autoscale_view()
     axes.margins(0.04)
     axes.set_xlabel(f"{'xyz'[a]}  [length]")
