@@ -11,7 +11,7 @@ use serde::de::{self, Deserializer, MapAccess, Visitor, value::MapAccessDeserial
 use serde::{Deserialize, Serialize};
 
 /// A scene of haff: what is simulated, for how long, and what is recorded. Units are the user's own and
-/// consistent, with k_B = 1.
+/// consistent, with `k_B` = 1.
 #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct SceneConfig {

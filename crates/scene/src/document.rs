@@ -63,9 +63,9 @@ impl Document {
                 return document;
             }
         }
-        for k in 0..overrides.len() {
+        for (k, given) in overrides.iter().enumerate() {
             if let Err(message) = document.apply(k) {
-                document.push(Place::Override(overrides[k].clone()), &[], None, message);
+                document.push(Place::Override(given.clone()), &[], None, message);
             }
         }
         document

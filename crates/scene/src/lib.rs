@@ -29,6 +29,8 @@ mod build;
 pub mod config;
 mod document;
 mod error;
+#[cfg(test)]
+mod fuzz;
 mod grid;
 mod packing;
 mod random;

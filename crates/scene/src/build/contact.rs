@@ -18,6 +18,9 @@ const MAX_WALLS: usize = 1000;
 /// Name of the group of explicit particles that have none.
 const UNNAMED: &str = "particle";
 
+/// A key of a table and its value.
+type Key = (&'static str, Option<f64>);
+
 /// Names of contact groups: species, then the distinct names of particles.
 pub(super) struct Names {
     pub(super) all: Vec<String>,
@@ -112,16 +115,14 @@ impl Builder<'_> {
             let plane = config.plane.clone().unwrap_or_default();
             let mut vector = |key: &str, value: &Option<Vec<f64>>, required: bool| {
                 let path = item("wall", k, key);
-                match value {
-                    Some(value) => self.vector(&path, value),
-                    None => {
-                        if required {
-                            let why = "missing: a wall needs plane = { point = […], normal = […] }";
-                            self.document.report_missing(&path, why);
-                        }
-                        glam::DVec3::ZERO
-                    }
+                if let Some(value) = value {
+                    return self.vector(&path, value);
                 }
+                if required {
+                    let why = "missing: a wall needs plane = { point = […], normal = […] }";
+                    self.document.report_missing(&path, why);
+                }
+                glam::DVec3::ZERO
             };
             let point = vector("plane.point", &plane.point, true);
             let given = vector("plane.normal", &plane.normal, true);
@@ -256,7 +257,7 @@ impl Builder<'_> {
             self.document.report_missing(&sub("model"), "missing: \"viscoelastic\" or \"cutoff\"");
             return None;
         };
-        let (needed, extra): (&[(&str, Option<f64>)], &[(&str, Option<f64>)]) = match law {
+        let (needed, extra): (&[Key], &[Key]) = match law {
             RestitutionLaw::Viscoelastic => (
                 &[("coefficient", model.coefficient)],
                 &[("restitution", model.restitution), ("speed", model.speed), ("exponent", model.exponent)],

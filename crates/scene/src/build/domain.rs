@@ -5,7 +5,7 @@ use haff_engine::{Boundary, Dimension, Domain, Wall};
 
 use super::Builder;
 use super::particles::{Rows, SpeciesPlan};
-use super::values::{at, positive};
+use super::values::{LARGEST, SMALLEST, at, positive};
 use crate::config::{BoundaryConfig, DomainConfig, PackingConfig, PositionsConfig};
 use crate::state::State;
 
@@ -176,11 +176,16 @@ impl Builder<'_> {
             }
             let volume: f64 = (0..count).map(|k| rows.volume(k, self.dimension)).sum();
             let edge = libm::pow(volume / fraction, 1.0 / d as f64);
+            if !(SMALLEST..LARGEST).contains(&edge) {
+                let message = format!("makes a box of edge {edge:e}, which must be between 1e-50 and 1e50");
+                self.document.report(&fraction_path, message);
+                return;
+            }
             // A perfect lattice of touching spheres must not fail for the last bits of a cube root.
             plan.size = Some(DVec3::splat(edge * (1.0 + 4.0 * f64::EPSILON)));
         } else if let (None, Some(state)) = (plan.size, state) {
             let path = at(["initial", "positions"]);
-            if (0..d).all(|axis| state.size[axis] > 0.0 && state.size[axis].is_finite()) {
+            if (0..d).all(|axis| (SMALLEST..=LARGEST).contains(&state.size[axis])) {
                 plan.size = Some(state.size);
             } else {
                 self.document.report(&path, "the file has no box: give domain.size");
@@ -192,7 +197,7 @@ impl Builder<'_> {
             for (k, body) in rows.bodies.iter().enumerate() {
                 size = size.max(body.position + DVec3::splat(rows.radius(k)));
             }
-            plan.size = Some(size);
+            plan.size = Some(size.clamp(DVec3::splat(SMALLEST), DVec3::splat(LARGEST)));
         }
         let components = plan.size.map(|size| self.components(size));
         if let Some(resolved) = &mut self.config.domain {

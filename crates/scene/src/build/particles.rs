@@ -260,26 +260,22 @@ impl Builder<'_> {
         let mut plans = Vec::with_capacity(configs.len());
         for (k, config) in configs.iter().enumerate() {
             let path = |key: &str| item("particle", k, key);
-            let position = match &config.position {
-                Some(position) => self.vector(&path("position"), position),
-                None => {
-                    self.document.report_missing(&path("position"), "missing: where the particle is");
-                    DVec3::ZERO
-                }
+            let position = if let Some(position) = &config.position {
+                self.vector(&path("position"), position)
+            } else {
+                self.document.report_missing(&path("position"), "missing: where the particle is");
+                DVec3::ZERO
             };
             let velocity = match &config.velocity {
                 Some(velocity) => self.vector(&path("velocity"), velocity),
                 None => DVec3::ZERO,
             };
-            let radius = match config.radius {
-                Some(radius) => {
-                    positive(&mut self.document, &path("radius"), radius);
-                    radius
-                }
-                None => {
-                    self.document.report_missing(&path("radius"), "missing: a particle needs a radius");
-                    1.0
-                }
+            let radius = if let Some(radius) = config.radius {
+                positive(&mut self.document, &path("radius"), radius);
+                radius
+            } else {
+                self.document.report_missing(&path("radius"), "missing: a particle needs a radius");
+                1.0
             };
             let mass = self.mass_law("particle", k, config.mass, config.density);
             plans.push(ParticlePlan { position, velocity, radius, mass });
@@ -408,6 +404,13 @@ impl Builder<'_> {
         if n != rows.species && n != rows.bodies.len() {
             return fail(format!("the file holds {n} particles, the species ask for {}", rows.species));
         }
+        // What was drawn gives way to what was recorded.
+        let drawn = std::mem::take(&mut rows.classes);
+        rows.index.clear();
+        for row in rows.species..rows.bodies.len() {
+            let Class { radius, mass, group } = drawn[rows.bodies[row].class as usize];
+            rows.bodies[row].class = rows.class(radius, mass, group);
+        }
         let mut row = 0;
         for (k, plan) in species.iter().enumerate() {
             for _ in 0..plan.count {
@@ -513,10 +516,11 @@ impl Builder<'_> {
         let pairs = overlaps(&position, &radius, periods, TOLERANCE, |_, _| false);
         for (k, pair) in pairs.iter().enumerate().take(NAMED_OVERLAPS) {
             let (i, j) = (pair.i + first, pair.j + first);
-            let mut text = format!("particles {i} and {j} overlap by {:.1e}", pair.depth);
-            if k + 1 == NAMED_OVERLAPS && pairs.len() > NAMED_OVERLAPS {
-                text += &format!("; {} more pairs overlap", pairs.len() - NAMED_OVERLAPS);
-            }
+            let more = match pairs.len().saturating_sub(NAMED_OVERLAPS) {
+                more @ 1.. if k + 1 == NAMED_OVERLAPS => format!("; {more} more pairs overlap"),
+                _ => String::new(),
+            };
+            let text = format!("particles {i} and {j} overlap by {:.1e}{more}", pair.depth);
             let path = if j < rows.species {
                 from_file.clone()
             } else {

@@ -9,7 +9,7 @@ use haff_mechanics::Restitution;
 
 use super::Builder;
 use super::particles::volume;
-use super::values::{at, positive};
+use super::values::{SMALLEST, at, positive};
 use crate::config::{LogConfig, OutputConfig, OutputFileConfig, ScheduleConfig, WallTimeConfig};
 use crate::scene::{OutputPlan, RunPlan, Schedule};
 
@@ -58,7 +58,7 @@ impl Builder<'_> {
                 WallTimeConfig::Text(text) => match humantime::parse_duration(text) {
                     Ok(time) if !time.is_zero() && time.as_secs_f64() <= MAX_WALL_TIME => {}
                     Ok(_) => {
-                        self.document.report(&path, "must be more than nothing and at most three centuries")
+                        self.document.report(&path, "must be more than nothing and at most three centuries");
                     }
                     Err(error) => {
                         let text =
@@ -142,7 +142,7 @@ impl Builder<'_> {
         let config = self.config.output.get_or_insert_with(OutputConfig::default);
         let schedule = |given: &mut Option<ScheduleConfig>, parts: f64, factor: f64| {
             let config = given.get_or_insert_with(|| match length {
-                Some(length) => ScheduleConfig::Every(length / parts),
+                Some(length) => ScheduleConfig::Every((length / parts).max(SMALLEST)),
                 None => ScheduleConfig::Log(LogConfig { log: Some(vec![first, factor]) }),
             });
             match config {
@@ -159,12 +159,13 @@ impl Builder<'_> {
         config.events.get_or_insert(false);
         let events = config.events == Some(true);
         if config.checkpoint.is_none() {
-            config.checkpoint = length.map(|length| length / 10.0);
+            config.checkpoint = length.map(|length| (length / 10.0).max(SMALLEST));
         }
         let checkpoint = config.checkpoint;
-        let file = match config.file.get_or_insert(OutputFileConfig::Off(false)) {
-            OutputFileConfig::Path(path) => Some(PathBuf::from(path.as_str())),
-            OutputFileConfig::Off(_) => None,
+        let file = match &config.file {
+            Some(OutputFileConfig::Path(path)) => Some(PathBuf::from(path.as_str())),
+            // Left out is not the same as `false`: a command may still name a file.
+            Some(OutputFileConfig::Off(_)) | None => None,
         };
         if let Some(until) = run.until {
             let every = |step: Option<f64>| step.map_or(0.0, |step| until / step);
@@ -218,9 +219,15 @@ pub(super) fn packing_fraction(system: &System) -> f64 {
 }
 
 /// Collisions per particle and time of a homogeneous elastic mixture, each group with its mean radius and its own
-/// temperature: ω_ij = 2 n_j σ_ij² g_ij √(2π(T_i/m_i + T_j/m_j)) in three dimensions (half of it, with σ_ij for σ_ij²,
-/// in two). For one species this is ω of the kinetic theory: 4 n σ² g₀ √(πT/m), 2 n σ g₀ √(πT/m). g_ij is that of
-/// Boublík and of Mansoori et al., in two dimensions of Jenkins and Mancini; for equal spheres Carnahan–Starling's and Henderson's.
+/// temperature, by Enskog's theory. In three dimensions the rate of one particle of group i with those of group j is
+///
+/// ```text
+/// ω_ij = 2 n_j σ_ij² g_ij √(2π(T_i/m_i + T_j/m_j))
+/// ```
+///
+/// and in two dimensions half of it, with `σ_ij` for `σ_ij²`. For one species this is 4 n σ² g₀ √(πT/m), or
+/// 2 n σ g₀ √(πT/m). The contact value is that of Boublík and of Mansoori et al., in two dimensions of Jenkins and
+/// Mancini; for equal spheres these are Carnahan–Starling's and Henderson's.
 pub(super) fn collision_rate(system: &System) -> f64 {
     let d = system.dimension.count();
     let eta = packing_fraction(system);

@@ -59,8 +59,9 @@ fn nearest(axes: &[Axis; 3], planes: [usize; 3]) -> f64 {
 
 /// Numbers of planes that give at least `count` sites as far apart as can be.
 fn best_planes(axes: &[Axis; 3], count: usize, dimensions: usize) -> Option<[usize; 3]> {
-    // A periodic axis needs an even number of planes for the checkerboard to close.
-    let allowed = |axis: usize, planes: usize| !axes[axis].periodic || planes.is_multiple_of(2);
+    // A periodic axis needs an even number of planes for the checkerboard to close, or a single one.
+    let allowed =
+        |axis: usize, planes: usize| !axes[axis].periodic || planes == 1 || planes.is_multiple_of(2);
     let mut best: Option<([usize; 3], f64)> = None;
     // The first guess has equal steps, which bounds the search: no axis can have steps under half the best distance.
     let free: Vec<f64> = axes[..dimensions].iter().map(|axis| axis.length.max(f64::MIN_POSITIVE)).collect();

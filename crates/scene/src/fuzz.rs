@@ -1,0 +1,331 @@
+//! No input makes the scene crate panic: mutations of sound scenes, scenes put together from wild values, and noise.
+//!
+//! Each test run drives some 20,000 inputs; `HAFF_FUZZ_INPUTS=1000000 cargo test --release -p haff-scene fuzz` as many
+//! as wanted.
+
+use std::panic::{AssertUnwindSafe, catch_unwind};
+
+use crate::build::{Limits, build};
+use crate::random::{Purpose, Stream};
+use crate::state::{State, StateSource};
+use glam::DVec3;
+
+/// Few particles, so that one input takes little time.
+const LIMITS: Limits = Limits { particles: 300 };
+
+/// A state file with whatever numbers the fuzzer likes.
+struct AnyState(State);
+
+impl StateSource for AnyState {
+    fn last_state(&self, path: &std::path::Path) -> Result<State, String> {
+        if path.as_os_str().len().is_multiple_of(3) { Err("unreadable".into()) } else { Ok(self.0.clone()) }
+    }
+}
+
+const VALUES: &[&str] = &[
+    "0",
+    "1",
+    "2",
+    "3",
+    "-1",
+    "0.5",
+    "-0.5",
+    "1.2",
+    "1e-300",
+    "1e300",
+    "1e-12",
+    "1e50",
+    "1e-50",
+    "nan",
+    "inf",
+    "-inf",
+    "20",
+    "1e18",
+    "9223372036854775807",
+    "-9223372036854775808",
+    "99999999999999999999",
+    "true",
+    "false",
+    "\"\"",
+    "\"grain\"",
+    "\"ball\"",
+    "\"x-\"",
+    "\"periodic\"",
+    "\"random\"",
+    "\"fcc\"",
+    "\"hexagonal\"",
+    "\"lattice\"",
+    "\"2h\"",
+    "\"cells\"",
+    "\"é∞\"",
+    "[]",
+    "[0]",
+    "[0, 0, 0]",
+    "[1, 2]",
+    "[1.5, 2.5, 3.5]",
+    "[-1, 0, 0]",
+    "[0, 0, 1]",
+    "[5, 5, 5]",
+    "[10, 10, 10]",
+    "[1e300, 0, 0]",
+    "[nan, 0, 0]",
+    "[3, 3]",
+    "[1e9, 1e-9, 1]",
+    "[\"periodic\", \"wall\", \"open\"]",
+    "[\"wall\", \"wall\"]",
+    "[\"grain\", \"ball\"]",
+    "{}",
+    "{ file = \"s.h5\" }",
+    "{ file = \"ab.h5\" }",
+    "{ uniform = [0.4, 0.6] }",
+    "{ uniform = [1e-40, 1] }",
+    "{ normal = [0.5, 0.1] }",
+    "{ normal = [0.5, 100], max = 0.51 }",
+    "{ normal = [1, 1e-9], min = 2 }",
+    "{ log = [0.1, 1.5] }",
+    "{ log = [1, 1.0000000001] }",
+    "{ model = \"viscoelastic\", coefficient = 0.1 }",
+    "{ model = \"cutoff\", restitution = 0.5, speed = 1 }",
+    "{ point = [0, 0, 1], normal = [0, 0, 1] }",
+    "1979-05-27",
+    "''",
+];
+
+const KEYS: &[&str] = &[
+    "schema",
+    "title",
+    "seed",
+    "dimension",
+    "domain",
+    "domain.size",
+    "domain.packing_fraction",
+    "domain.boundary",
+    "domain.gravity",
+    "initial",
+    "initial.positions",
+    "initial.temperature",
+    "contact",
+    "contact.restitution",
+    "contact.wall_restitution",
+    "contact.tc",
+    "contact.pair",
+    "contact.pair.0.between",
+    "contact.pair.0.restitution",
+    "engine.neighbors",
+    "engine.simd",
+    "run",
+    "run.until",
+    "run.collisions",
+    "run.collisions_per_particle",
+    "run.wall_time",
+    "output",
+    "output.file",
+    "output.frames",
+    "output.observables",
+    "output.events",
+    "output.checkpoint",
+    "species",
+    "species.0",
+    "species.0.name",
+    "species.0.count",
+    "species.0.radius",
+    "species.0.mass",
+    "species.0.density",
+    "species.0.temperature",
+    "species.grain.radius",
+    "particle",
+    "particle.0.position",
+    "particle.0.velocity",
+    "particle.0.radius",
+    "particle.0.mass",
+    "particle.ball.radius",
+    "particle.ball.density",
+    "wall",
+    "wall.0.name",
+    "wall.0.plane",
+    "wall.0.plane.normal",
+    "wall.0.plane.point",
+    "wall.0.velocity",
+    "wall.0.restitution",
+    "x",
+    "a.b.c",
+    "species.9.count",
+    "output.frames.log",
+    "",
+    ".",
+    "domain.size.0",
+    "domain.size.1",
+];
+
+const SCENES: &[&str] = &[
+    "schema = 1\n[domain]\nsize = [10, 10, 10]\n[[species]]\nname = \"grain\"\ncount = 20\nradius = 0.5\nmass = 1\n[[particle]]\n\
+     name = \"ball\"\nposition = [5, 5, 5]\nradius = 1.5\nmass = inf\n[contact]\nrestitution = 0.9\n[[contact.pair]]\n\
+     between = [\"grain\", \"ball\"]\nrestitution = 0.5\n[initial]\npositions = \"lattice\"\n[run]\nuntil = 1\n",
+    "dimension = 2\n[domain]\npacking_fraction = 0.4\nboundary = [\"wall\", \"periodic\"]\n[[species]]\nname = \"grain\"\ncount = 60\n\
+     radius = { uniform = [0.3, 0.6] }\ndensity = 1\n[initial]\npositions = \"random\"\n[run]\ncollisions_per_particle = 10\n[output]\nframes = false\n",
+    "[domain]\ngravity = [0, 0, -9.81]\n[[wall]]\nname = \"floor\"\nplane = { point = [0, 0, 0], normal = [0, 0, 2] }\n[[particle]]\n\
+     name = \"ball\"\nposition = [0, 0, 1]\nradius = 0.1\nmass = 1\n[run]\nuntil = 5\nwall_time = \"1h\"\n[output]\nfile = \"a.h5\"\nevents = true\n",
+    "[domain]\nsize = [6, 6, 6]\nboundary = [\"periodic\", \"wall\", \"open\"]\n[[species]]\nname = \"grain\"\ncount = 3\nradius = 0.5\n\
+     mass = 1\n[[species]]\nname = \"dust\"\ncount = 30\nradius = { normal = [0.1, 0.02] }\ndensity = 2\ntemperature = 3\n[initial]\n\
+     positions = { file = \"s.h5\" }\n[run]\ncollisions = 50\n[output]\nframes = { log = [0.1, 1.5] }\n",
+];
+
+fn pick<'t>(random: &mut Stream, from: &[&'t str]) -> &'t str {
+    from[random.below(from.len())]
+}
+
+/// One line `key = value` replaced, doubled, dropped or given another value; or bytes changed.
+fn mutate(text: &mut String, random: &mut Stream) {
+    let mut lines: Vec<String> = text.lines().map(str::to_owned).collect();
+    if lines.is_empty() {
+        return;
+    }
+    let k = random.below(lines.len());
+    match random.below(7) {
+        0 => {
+            lines.remove(k);
+        }
+        1 => lines.insert(k, lines[k].clone()),
+        2 | 3 => {
+            if let Some((key, _)) = lines[k].split_once('=') {
+                lines[k] = format!("{key}= {}", pick(random, VALUES));
+            }
+        }
+        4 => {
+            let other = random.below(lines.len());
+            lines.swap(k, other);
+        }
+        5 => lines.insert(k, format!("{} = {}", pick(random, KEYS), pick(random, VALUES))),
+        _ => {
+            let mut chars: Vec<char> = lines[k].chars().collect();
+            let at = random.below(chars.len() + 1);
+            let wild = ['[', ']', '{', '}', '"', '=', '.', ',', '-', '0', '9', 'e', '#', '\u{0}', '∞', ' '];
+            chars.insert(at, wild[random.below(wild.len())]);
+            lines[k] = chars.into_iter().collect();
+        }
+    }
+    *text = lines.join("\n");
+}
+
+fn wild_number(random: &mut Stream) -> f64 {
+    match random.below(8) {
+        0 => f64::from_bits((random.unit() * 1.8e19) as u64),
+        1 => f64::NAN,
+        2 => -1.0,
+        _ => random.between(0.0, 6.0),
+    }
+}
+
+fn input(case: u64) -> (String, Vec<String>, AnyState) {
+    let mut random = Stream::new(case, Purpose::Mixing, "fuzz", 0);
+    let mut text = match random.below(10) {
+        0 => {
+            // Noise made of TOML's own characters.
+            let alphabet = "[]{}\"'=.,-_+0123456789einfatrus#\n\t \\é";
+            let chars: Vec<char> = alphabet.chars().collect();
+            (0..random.below(80)).map(|_| chars[random.below(chars.len())]).collect()
+        }
+        1 => {
+            let line = |random: &mut Stream| format!("{} = {}", pick(random, KEYS), pick(random, VALUES));
+            let lines: Vec<String> = (0..random.below(12)).map(|_| line(&mut random)).collect();
+            lines.join("\n")
+        }
+        _ => pick(&mut random, SCENES).to_owned(),
+    };
+    for _ in 0..random.below(4) {
+        mutate(&mut text, &mut random);
+    }
+    let overrides = (0..random.below(3))
+        .map(|_| format!("{}={}", pick(&mut random, KEYS), pick(&mut random, VALUES)))
+        .collect();
+    let n = [33, 33, 33, 20, 60, 0, 5][random.below(7)];
+    let sane = random.below(2) == 0;
+    let mut number = |scale: f64| if sane { random.between(0.0, scale) } else { wild_number(&mut random) };
+    let mut state = State { size: DVec3::splat(6.0), ..State::default() };
+    for k in 0..n {
+        state.position.push(DVec3::new(number(6.0), number(6.0), number(6.0)));
+        state.velocity.push(DVec3::new(number(1.0), number(1.0), number(1.0)));
+        state.image.push([0; 3]);
+        state.radius.push(if k < 3 { 0.5 } else { number(0.2) });
+        state.mass.push(1.0);
+    }
+    (text, overrides, AnyState(state))
+}
+
+/// What must hold of whatever comes out.
+fn check(case: u64) -> Result<bool, String> {
+    let (text, overrides, state) = input(case);
+    let result = catch_unwind(AssertUnwindSafe(|| build("fuzz.toml", &text, &overrides, &state, LIMITS)));
+    let show = || format!("case {case}, overrides {overrides:?}, scene:\n{text}");
+    match result {
+        Err(_) => Err(format!("panic: {}", show())),
+        Ok(Err(errors)) if errors.errors.is_empty() || errors.to_string().is_empty() => {
+            Err(format!("refused without a reason: {}", show()))
+        }
+        Ok(Err(_)) => Ok(false),
+        Ok(Ok(scene)) => {
+            let system = &scene.system;
+            let numbers =
+                system.bodies.iter().all(|body| body.position.is_finite() && body.velocity.is_finite());
+            if system.bodies.is_empty()
+                || !numbers
+                || scene.run.until.is_none() && scene.run.collisions.is_none()
+            {
+                return Err(format!("accepted nonsense: {}", show()));
+            }
+            let position: Vec<DVec3> = system.bodies.iter().map(|body| body.position).collect();
+            let radius: Vec<f64> =
+                system.bodies.iter().map(|body| system.classes[body.class as usize].radius).collect();
+            let periods = crate::grid::Periods::new(&system.domain);
+            if let Some(pair) =
+                crate::grid::overlaps(&position, &radius, periods, 1e-12, |_, _| false).first()
+            {
+                return Err(format!("accepted an overlap {pair:?}: {}", show()));
+            }
+            match build("fuzz.toml", &scene.resolved, &[], &state, LIMITS) {
+                Ok(again)
+                    if again.system == scene.system
+                        && again.run == scene.run
+                        && again.output == scene.output =>
+                {
+                    Ok(true)
+                }
+                Ok(_) => Err(format!("the resolved scene differs: {}\n{}", show(), scene.resolved)),
+                Err(errors) => {
+                    Err(format!("the resolved scene is refused: {errors}\n{}\n{}", show(), scene.resolved))
+                }
+            }
+        }
+    }
+}
+
+#[test]
+fn fuzz_no_input_panics_and_what_is_accepted_is_sound() {
+    let inputs: u64 = std::env::var("HAFF_FUZZ_INPUTS").ok().and_then(|n| n.parse().ok()).unwrap_or(20_000);
+    let (mut accepted, mut slowest) = (0, (0.0, 0));
+    for case in 0..inputs {
+        let start = std::time::Instant::now();
+        accepted += u64::from(check(case).unwrap_or_else(|problem| panic!("{problem}")));
+        let seconds = start.elapsed().as_secs_f64();
+        if seconds > slowest.0 {
+            slowest = (seconds, case);
+        }
+    }
+    println!("{inputs} inputs, {accepted} accepted, slowest {:.2} s (case {})", slowest.0, slowest.1);
+    assert!(
+        accepted > inputs / 50,
+        "only {accepted} of {inputs} accepted: the fuzzer misses the later checks"
+    );
+    assert!(slowest.0 < 20.0, "case {} took {:.1} s", slowest.1, slowest.0);
+}
+
+proptest::proptest! {
+    #![proptest_config(proptest::test_runner::Config { failure_persistence: None, cases: 2000, ..Default::default() })]
+
+    #[test]
+    fn fuzz_any_text_is_refused_or_accepted(text in "\\PC{0,200}", key in "\\PC{0,30}", value in "\\PC{0,30}") {
+        let state = AnyState(State::default());
+        let _ = build("fuzz.toml", &text, &[], &state, LIMITS);
+        let _ = build("fuzz.toml", SCENES[0], &[format!("{key}={value}")], &state, LIMITS);
+    }
+}
