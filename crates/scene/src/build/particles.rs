@@ -464,7 +464,9 @@ impl Builder<'_> {
         if let Some(state) = state {
             for axis in 0..d {
                 let (here, there) = (domain.size[axis], state.size[axis]);
-                if domain.boundary[axis] == Boundary::Periodic && (here - there).abs() > TOLERANCE * here {
+                if domain.boundary[axis] == Boundary::Periodic
+                    && (there.is_nan() || (here - there).abs() > TOLERANCE * here)
+                {
                     let name = ["x", "y", "z"][axis];
                     let text =
                         format!("the box of the file is {there} long along {name}, that of the scene {here}");

@@ -194,7 +194,7 @@ impl Builder<'_> {
 /// Mean free time, or else the time in which a body at the root of the mean square speed crosses the system.
 fn time_scale(system: &System, rate: f64) -> f64 {
     if rate > 0.0 && rate.is_finite() {
-        return 1.0 / rate;
+        return (1.0 / rate).clamp(1e-40, 1e40);
     }
     let d = system.dimension.count();
     let length = (0..d).map(|axis| system.domain.size[axis]).fold(0.0, f64::max);

@@ -2,6 +2,8 @@
 //! that found no place start where they overlap, which is the same as having a smaller radius there, and grow to
 //! their full size while all are pushed apart. Below random close packing this ends with no overlap at all.
 
+use std::f64::consts::PI;
+
 use glam::DVec3;
 use rayon::prelude::*;
 
@@ -9,9 +11,12 @@ use super::{Obstacles, Room};
 use crate::grid::{Grid, Periods, overlaps};
 use crate::random::Stream;
 
-/// Places tried for each particle before it is left to growth. Insertion alone saturates at a packing fraction of
-/// 0.38 (2D: 0.55); beyond about 0.3 more attempts cost more than pushing does.
-const ATTEMPTS: usize = 60;
+/// Places tried for each particle before it is left to growth, in dilute and in dense boxes. Insertion saturates at a
+/// packing fraction of 0.38 (2D: 0.55), and long before that one push costs less than the attempts that it saves.
+const ATTEMPTS: [usize; 2] = [200, 8];
+
+/// Packing fractions above which a box is dense here, by dimension.
+const DENSE: [f64; 2] = [0.35, 0.2];
 
 /// Rounds of pushing before giving up, and the window in which the worst overlap must shrink.
 const ROUNDS: usize = 20_000;
@@ -41,6 +46,11 @@ pub(crate) fn random(
     let mut grid = Grid::new(radius, 0.0, periods);
     let mut position = vec![DVec3::ZERO; n];
     let mut complete = true;
+    let d = room.dimension.count();
+    let volume: f64 =
+        radius.iter().map(|&r| if d == 2 { PI * r * r } else { 4.0 / 3.0 * PI * r * r * r }).sum();
+    let fraction = volume / (0..d).map(|axis| room.domain.size[axis]).product::<f64>();
+    let attempts = ATTEMPTS[usize::from(fraction > DENSE[d - 2])];
     for &i in &order {
         let mut spans = [[0.0; 2]; 3];
         for (axis, span) in spans.iter_mut().enumerate() {
@@ -48,7 +58,7 @@ pub(crate) fn random(
         }
         let mut random = stream(i);
         let mut placed = false;
-        for _ in 0..ATTEMPTS {
+        for _ in 0..attempts {
             let p = periods.wrap(DVec3::from_array(spans.map(|[low, high]| random.between(low, high))));
             position[i] = p;
             if room.behind_a_plane(p, radius[i]) || obstacles.blocks(p, radius[i]) {
