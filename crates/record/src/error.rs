@@ -65,14 +65,6 @@ pub enum RecordError {
         /// Version of this program.
         expected: i64,
     },
-    /// The file contradicts itself.
-    #[error("{path} is damaged: {reason}")]
-    Damaged {
-        /// The file.
-        path: PathBuf,
-        /// What does not fit.
-        reason: String,
-    },
     /// The file holds nothing of what is asked for.
     #[error("{path} holds no {what}")]
     Missing {

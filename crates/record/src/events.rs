@@ -188,7 +188,7 @@ impl Columns {
         self.vectors.iter_mut().try_for_each(|(series, _)| series.resize(rows))
     }
 
-    /// Adds rows: whole chunks, or the last ones of the file. `time` comes last.
+    /// Adds rows, but for their times: whole chunks, or the last ones of the file.
     pub fn append(&mut self, events: &[EventRecord]) -> hdf5::Result<()> {
         let column = |value: fn(&EventRecord) -> u32| -> Vec<u32> { events.iter().map(value).collect() };
         self.kind.append(&events.iter().map(|event| Kind::from(event.kind)).collect::<Vec<_>>())?;
@@ -200,7 +200,12 @@ impl Columns {
         for (series, value) in &mut self.vectors {
             series.append(&events.iter().flat_map(*value).collect::<Vec<_>>())?;
         }
-        self.time.append(&events.iter().map(|event| event.time).collect::<Vec<_>>())
+        Ok(())
+    }
+
+    /// Adds the times of rows that are there, chunk by chunk: this makes them count.
+    pub fn append_times(&mut self, times: &[f64]) -> hdf5::Result<()> {
+        times.chunks(EVENT_CHUNK).try_for_each(|chunk| self.time.append(chunk))
     }
 
     /// Time of a row [time].

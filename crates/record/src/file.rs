@@ -3,7 +3,7 @@
 use std::{
     ffi::OsString,
     fs,
-    io::{ErrorKind, Read},
+    io::{ErrorKind, Read, Seek, SeekFrom, Write},
     mem::ManuallyDrop,
     path::{Path, PathBuf},
     thread,
@@ -16,6 +16,10 @@ use crate::error::{Context, OPEN, RecordError};
 
 /// First bytes of every HDF5 file without a user block.
 const SIGNATURE: [u8; 8] = *b"\x89HDF\r\n\x1a\n";
+/// Start of a superblock of version 0 with addresses of 8 bytes, as library version bounds `earliest` give it.
+const SUPERBLOCK: [u8; 14] = *b"\x89HDF\r\n\x1a\n\0\0\0\0\0\x08";
+/// Where such a superblock has the end-of-file address (little-endian).
+const END_ADDRESS: u64 = 40;
 const WRITE: &str = "write";
 const CREATE: &str = "create the file";
 
@@ -51,9 +55,7 @@ impl WritableFile {
                 if !overwrite {
                     return Err(RecordError::Exists { path });
                 }
-                // HDF5 holds a lock on files it writes; it ends with its process.
-                let old = fs::File::open(&path).doing(&path, "replace the file")?;
-                if matches!(old.try_lock_shared(), Err(fs::TryLockError::WouldBlock)) {
+                if is_being_written(&path) {
                     return Err(RecordError::InUse { path });
                 }
             }
@@ -67,8 +69,9 @@ impl WritableFile {
         // The system's own error is plainer than HDF5's.
         let handle = fs::File::options().read(true).write(true).create(true).truncate(true).open(&begun);
         let handle = handle.doing(&path, CREATE)?;
-        let file =
-            hdf5::File::with_options().set_fapl(&access(true).doing(&path, CREATE)?).and_then(|builder| {
+        let file = hdf5::File::with_options()
+            .set_fapl(&access(Purpose::Write).doing(&path, CREATE)?)
+            .and_then(|builder| {
                 // An image of a file must not depend on when it was made.
                 builder.with_fcpl(|plist| plist.obj_track_times(false)).create(&begun)
             });
@@ -91,7 +94,7 @@ impl WritableFile {
     pub fn append(path: &Path) -> Result<Self, RecordError> {
         check_signature(path)?;
         let handle = fs::File::options().read(true).write(true).open(path).doing(path, OPEN)?;
-        let file = access(true)
+        let file = access(Purpose::Write)
             .and_then(|plist| hdf5::File::with_options().set_fapl(&plist)?.open_as(path, OpenMode::ReadWrite))
             .doing(path, OPEN)?;
         let reserved = file.size();
@@ -111,8 +114,13 @@ impl WritableFile {
     /// Writes all that HDF5 holds in memory.
     pub fn flush(&mut self) -> Result<(), RecordError> {
         self.reserve()?;
+        self.announce_end()?;
         self.file.flush().doing(&self.path, WRITE)?;
         self.reserved = self.file.size();
+        // HDF5 may have given back space at the end, and does not know that the file had been extended for it.
+        if self.handle.metadata().doing(&self.path, WRITE)?.len() > self.reserved {
+            self.handle.set_len(self.reserved).doing(&self.path, WRITE)?;
+        }
         Ok(())
     }
 
@@ -136,6 +144,20 @@ impl WritableFile {
         #[cfg(not(target_os = "linux"))]
         if end > self.handle.metadata().doing(&self.path, WRITE)?.len() {
             self.handle.set_len(end).doing(&self.path, WRITE)?;
+        }
+        Ok(())
+    }
+
+    /// Writes the end of the file's space into the superblock before anything that lies there is pointed to. HDF5
+    /// itself does so at the end of a flush, and until then refuses to read what is beyond the end it knows.
+    fn announce_end(&mut self) -> Result<(), RecordError> {
+        let end = self.file.size();
+        let mut start = [0; SUPERBLOCK.len()];
+        self.handle.seek(SeekFrom::Start(0)).doing(&self.path, WRITE)?;
+        // A file that has never been flushed has no superblock yet.
+        if self.handle.read_exact(&mut start).is_ok() && start == SUPERBLOCK {
+            self.handle.seek(SeekFrom::Start(END_ADDRESS)).doing(&self.path, WRITE)?;
+            self.handle.write_all(&end.to_le_bytes()).doing(&self.path, WRITE)?;
         }
         Ok(())
     }
@@ -184,15 +206,25 @@ impl Drop for WritableFile {
     }
 }
 
-fn access(writing: bool) -> hdf5::Result<hdf5::plist::FileAccess> {
+/// What a file is opened for.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum Purpose {
+    Write,
+    /// A run in progress may be looked at.
+    Read,
+    /// The same within the process that writes it, where HDF5 wants equal locking.
+    ReadOwn,
+}
+
+fn access(purpose: Purpose) -> hdf5::Result<hdf5::plist::FileAccess> {
     let mut builder = FileAccessBuilder::new();
-    if writing {
+    builder.file_locking(purpose != Purpose::Read);
+    if purpose == Purpose::Write {
         builder
             .libver_bounds(LibraryVersion::Earliest, LibraryVersion::latest())
             // No chunk cache: each write is a whole chunk, or goes in place into an uncompressed one, and nothing
             // but bookkeeping is left to a flush.
             .chunk_cache(1, 0, 1.0)
-            .file_locking(true)
             .mdc_config(&MetadataCacheConfig {
                 evictions_enabled: false,
                 // The library asks for these when evictions are off.
@@ -201,9 +233,6 @@ fn access(writing: bool) -> hdf5::Result<hdf5::plist::FileAccess> {
                 decr_mode: hdf5::file::CacheDecreaseMode::Off,
                 ..MetadataCacheConfig::default()
             });
-    } else {
-        // A run in progress may be looked at.
-        builder.file_locking(false);
     }
     builder.finish()
 }
@@ -225,6 +254,12 @@ fn check_signature(path: &Path) -> Result<(), RecordError> {
     }
 }
 
+/// Whether a process has the file open for writing.
+fn is_being_written(path: &Path) -> bool {
+    // HDF5 holds a lock on files it writes; it ends with its process.
+    fs::File::open(path).is_ok_and(|file| matches!(file.try_lock_shared(), Err(fs::TryLockError::WouldBlock)))
+}
+
 /// Opens a file and reads it by `read`. A file in the middle of being flushed by a running simulation can fail to be
 /// read; it is tried again a few times.
 pub(crate) fn read<T>(
@@ -233,15 +268,21 @@ pub(crate) fn read<T>(
 ) -> Result<T, RecordError> {
     check_signature(path)?;
     let mut tries = 0;
+    let mut purpose = Purpose::Read;
     loop {
-        let result = access(false)
+        let result = access(purpose)
             .and_then(|plist| hdf5::File::with_options().set_fapl(&plist)?.open_as(path, OpenMode::Read))
             .doing(path, OPEN)
             .and_then(|file| read(&file));
         tries += 1;
         match result {
-            Err(RecordError::Io { .. } | RecordError::Truncated { .. } | RecordError::Damaged { .. })
-                if tries < 5 =>
+            Err(RecordError::Io { reason, .. })
+                if purpose == Purpose::Read && reason.contains("file locking flag") =>
+            {
+                purpose = Purpose::ReadOwn;
+            }
+            Err(RecordError::Io { .. } | RecordError::Truncated { .. })
+                if tries < 5 && is_being_written(path) =>
             {
                 thread::sleep(Duration::from_millis(20));
             }

@@ -23,7 +23,7 @@ Nothing carries a `unit`: all units are the user's own. Disks are written with D
 HDF5 keeps a file's bookkeeping (extents, chunk indices) in memory and rewrites it in place. A process that is killed
 leaves whatever had been written by then. Four rules make that a file which opens and is right up to its last flush:
 
-1. Library version bounds `earliest`: newer superblocks carry a flag that forbids opening a file that was not closed.
+1. Library version bounds are `earliest`: newer superblocks carry a flag that forbids opening a file that was not closed.
 2. Evictions from the metadata cache are off, so that bookkeeping reaches the file during a flush and at no other
    time. Data go to places that the bookkeeping on disk does not know yet.
 3. A compressed chunk is written once, whole: rewriting one moves it, and the index on disk points to where it was.
@@ -33,7 +33,9 @@ leaves whatever had been written by then. Four rules make that a file which open
    length (`MDAnalysis` does: it stops at the last `step`), and [`Recorder::append`] cuts all to it.
 
 Before each flush the file's space is reserved on disk, so that a full disk is noticed while the file is still whole,
-not in the middle of rewriting its index; after an error nothing more is written, not even on exit.
+not in the middle of rewriting its index; after an error nothing more is written, not even on exit. And the end of
+that space is put into the superblock before the flush: HDF5 does it last, and would refuse, in a file killed before,
+to follow an index that points beyond the end it knows.
 
 The kernel keeps what a killed process has written. Against power loss the file is as safe as the page cache: nothing
 here calls `fsync` but [`Recorder::finish`].
@@ -42,7 +44,7 @@ here calls `fsync` but [`Recorder::finish`].
 
 Event rows are collected until a chunk of [`EVENT_CHUNK`] rows is complete. Rows in waiting when a checkpoint is
 taken are kept, uncompressed, in the checkpoint's slot, so that a resumed run loses none; [`Recorder::finish`], and
-dropping the recorder, write them as the last, partial chunk.
+dropping the recorder, write them as the last, partial chunk. An event row, too, exists when its `time` does.
 */
 
 mod checkpoint;

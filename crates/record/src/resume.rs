@@ -5,7 +5,7 @@ use std::path::Path;
 use haff_engine::Checkpoint;
 
 use crate::{
-    checkpoint::{Saved, newest},
+    checkpoint::{Saved, Slot, newest},
     error::{Context, RecordError},
     file::{self, WritableFile},
     info::{Parameters, READ},
@@ -68,9 +68,21 @@ impl Recorder {
         // The file is not opened for writing while it is open for reading.
         drop(skeleton);
         let file = WritableFile::append(path)?;
-        let skeleton = Skeleton::open(file.root()).doing(path, READ)?;
-        let saved = choose(&skeleton, path)?;
-        let resumed = tell(parameters.clone(), &skeleton, &saved, path)?;
+        let prepare = || {
+            let skeleton = Skeleton::open(file.root()).doing(path, READ)?;
+            let saved = choose(&skeleton, path)?;
+            let resumed = tell(parameters.clone(), &skeleton, &saved, path)?;
+            let [first, second] = [&skeleton.slots[0], &skeleton.slots[1]].map(Slot::sequence);
+            Ok((skeleton, saved, resumed, [first.doing(path, READ)?, second.doing(path, READ)?]))
+        };
+        let (skeleton, saved, resumed, [first, second]) = match prepare() {
+            Ok(prepared) => prepared,
+            Err(error) => {
+                // Nothing has been changed, so closing is safe, and frees the lock.
+                file.close(false)?;
+                return Err(error);
+            }
+        };
         let wants = Wants {
             particles: parameters.particles,
             species: parameters.species_sampled,
@@ -78,9 +90,6 @@ impl Recorder {
             observables: skeleton.observables.is_some(),
             events: skeleton.events.is_some(),
         };
-        let numbers = [skeleton.slots[0].sequence(), skeleton.slots[1].sequence()];
-        let [first, second] = numbers.map(|number| number.doing(path, READ));
-        let (first, second) = (first?, second?);
         // The slot of the checkpoint that was taken stays; the other one is next.
         let next_slot = usize::from(first == saved.sequence);
         let mut writer = Writer::new(file, skeleton, parameters.box_size);

@@ -38,6 +38,7 @@ pub(crate) struct Writer {
     /// Steps and times whose values are written, but not yet known to have reached the file.
     frame_clock: Vec<(i64, f64)>,
     sample_clock: Vec<(i64, f64)>,
+    event_times: Vec<f64>,
     /// Number of the last checkpoint, and the slot of the next.
     sequence: u64,
     next_slot: usize,
@@ -59,6 +60,7 @@ impl Writer {
             events: Vec::new(),
             frame_clock: Vec::new(),
             sample_clock: Vec::new(),
+            event_times: Vec::new(),
             sequence: 0,
             next_slot: 0,
             dirty: false,
@@ -125,14 +127,20 @@ impl Writer {
                 if self.dirty { FLUSH_EVERY.saturating_sub(self.flushed.elapsed()) } else { FLUSH_EVERY };
             match queue.receiver.recv_timeout(wait) {
                 Ok((message, bytes)) => {
-                    let message = match message {
-                        Message::Finish { summary, complete } => {
-                            queue.done(bytes);
-                            return Ok(Some((summary, complete)));
+                    let result = match message {
+                        Message::Finish { summary, complete } => return Ok(Some((summary, complete))),
+                        Message::Flush(answer) => {
+                            let result = self.flush().and_then(|()| self.file.publish());
+                            match &result {
+                                // Whoever asked may have stopped waiting.
+                                Ok(()) => drop(answer.send(())),
+                                // The error must be there to be found when the answer fails to come.
+                                Err(error) => queue.shared.fail(error.clone()),
+                            }
+                            result
                         }
-                        other => other,
+                        message => self.take(message),
                     };
-                    let result = self.take(message);
                     queue.done(bytes);
                     result?;
                 }
@@ -171,14 +179,8 @@ impl Writer {
                 self.checkpoint(*state)?;
                 self.file.publish()
             }
-            Message::Flush(answer) => {
-                self.flush()?;
-                self.file.publish()?;
-                // Whoever asked may have stopped waiting.
-                let _ = answer.send(());
-                Ok(())
-            }
-            Message::Finish { .. } => Ok(()),
+            // Dealt with by `serve`.
+            Message::Flush(_) | Message::Finish { .. } => Ok(()),
         }
     }
 
@@ -234,7 +236,7 @@ impl Writer {
             for chunk in self.events[..whole].chunks(EVENT_CHUNK) {
                 columns.append(chunk).doing(self.file.path(), WRITE)?;
             }
-            self.events.drain(..whole);
+            self.event_times.extend(self.events.drain(..whole).map(|event| event.time));
         }
         Ok(())
     }
@@ -254,6 +256,13 @@ impl Writer {
             let (steps, times): (Vec<i64>, Vec<f64>) = rows.drain(..).unzip();
             clock.step.append(&steps).doing(self.file.path(), WRITE)?;
             clock.time.append(&times).doing(self.file.path(), WRITE)?;
+            ticked = true;
+        }
+        if let Some(columns) = &mut self.skeleton.events
+            && !self.event_times.is_empty()
+        {
+            columns.append_times(&self.event_times).doing(self.file.path(), WRITE)?;
+            self.event_times.clear();
             ticked = true;
         }
         if ticked {
@@ -288,6 +297,7 @@ impl Writer {
         let events = std::mem::take(&mut self.events);
         if let Some(columns) = &mut self.skeleton.events {
             columns.append(&events).doing(self.file.path(), WRITE)?;
+            self.event_times.extend(events.iter().map(|event| event.time));
         }
         self.flush()?;
         if let Some(summary) = summary {

@@ -1,0 +1,120 @@
+//! A made-up run whose every number follows from its row, so that whatever is read back can be checked.
+#![allow(dead_code, missing_docs, reason = "each test file uses a part of it")]
+
+use glam::DVec3;
+use haff_engine::{Boundary, Checkpoint, EventKind, EventRecord, Frame, Ledger, Sample};
+use haff_record::Header;
+
+/// A number in [0, 1) with a full mantissa.
+pub fn number(a: u64, b: u64) -> f64 {
+    // SplitMix64.
+    let mut z = (a << 32 ^ b).wrapping_add(0x9E37_79B9_7F4A_7C15);
+    z = (z ^ (z >> 30)).wrapping_mul(0xBF58_476D_1CE4_E5B9);
+    z = (z ^ (z >> 27)).wrapping_mul(0x94D0_49BB_1331_11EB);
+    ((z ^ (z >> 31)) >> 11) as f64 / (1_u64 << 53) as f64
+}
+
+pub fn vector(a: u64, b: u64) -> DVec3 {
+    DVec3::new(number(a, 3 * b), number(a, 3 * b + 1), number(a, 3 * b + 2))
+}
+
+pub fn header(particles: usize) -> Header {
+    Header {
+        title: "made up".to_owned(),
+        scene_toml: "schema = 1\n# ζ\n".to_owned(),
+        seed: u64::MAX - 6,
+        version: "0.1.0".to_owned(),
+        git_revision: "abc".to_owned(),
+        schema: haff_record::SCHEMA,
+        trajectory_version: 3,
+        dimension: 3,
+        box_size: DVec3::new(1.0, 2.0, 3.0),
+        box_origin: DVec3::ZERO,
+        boundary: [Boundary::Periodic, Boundary::Wall, Boundary::Open],
+        species: (0..particles as u32).map(|i| i % 2).collect(),
+        species_names: vec!["grain".to_owned(), "Kügelchen".to_owned()],
+        mass: (0..particles).map(|i| if i == 0 { f64::INFINITY } else { i as f64 }).collect(),
+        radius: (0..particles).map(|i| 0.5 + i as f64).collect(),
+        wall_names: vec!["y-".to_owned(), "y+".to_owned()],
+        frames: true,
+        observables: true,
+        events: true,
+        has_pressure: false,
+        has_angular_momentum: false,
+    }
+}
+
+pub fn frame(k: u64, particles: usize) -> Frame {
+    let all = |salt: u64| (0..particles as u64).map(|i| vector(k * 8 + salt, i)).collect::<Vec<_>>();
+    Frame {
+        time: k as f64 * 0.25,
+        step: k * 10,
+        position: all(1),
+        velocity: all(2),
+        image: (0..particles as i32).map(|i| [i % 3 - 1, k as i32, -i]).collect(),
+    }
+}
+
+pub fn sample(k: u64) -> Sample {
+    let x = |salt| number(k * 32 + salt, 7);
+    Sample {
+        time: k as f64 * 0.125,
+        step: k * 5,
+        ledger: Ledger {
+            kinetic: x(1),
+            potential: x(2),
+            dissipated: x(3),
+            carnot: x(4),
+            wall_work: x(5),
+            residual: x(6),
+        },
+        temperature: x(7),
+        species_temperature: vec![x(8), x(9)],
+        sonine_a2: x(10),
+        pressure: None,
+        momentum: vector(k, 11),
+        external_impulse: vector(k, 12),
+        angular_momentum: None,
+        collisions: k * 4,
+        wall_collisions: k,
+        collision_rate: x(13),
+        mean_free_time: x(14),
+    }
+}
+
+pub fn event(k: u64) -> EventRecord {
+    let x = |salt| number(k * 32 + salt, 9);
+    EventRecord {
+        time: k as f64 * 1e-3,
+        kind: [EventKind::Collision, EventKind::Wall, EventKind::Rest][(k % 3) as usize],
+        i: (k % 1000) as u32,
+        j: (k % 1000 + 1) as u32,
+        approach_speed: x(1),
+        impulse: x(2),
+        energy_loss: x(3),
+        carnot_energy: x(4),
+        normal: vector(k, 21),
+        position: vector(k, 22),
+    }
+}
+
+pub fn events(from: u64, to: u64) -> Vec<EventRecord> {
+    (from..to).map(event).collect()
+}
+
+pub fn checkpoint(k: u64, particles: usize) -> Checkpoint {
+    let all = |salt: u64| (0..particles as u64).map(|i| vector(k * 8 + salt, i)).collect::<Vec<_>>();
+    Checkpoint {
+        position: all(3),
+        velocity: all(4),
+        anchor: (0..particles as i64).map(|i| i - k as i64).collect(),
+        image: (0..particles as i32).map(|i| [i, -1, k as i32]).collect(),
+        count: (0..particles as u32).map(|i| i + k as u32).collect(),
+        // Lengths that vary from one checkpoint to the next.
+        resting: if k.is_multiple_of(2) { Vec::new() } else { (0..particles as u32).collect() },
+        scalars: (0..5 + (k * 7) % 40)
+            .map(|s| (format!("scalar.{s}"), s ^ k))
+            .chain([("clock.time".to_owned(), (k as f64).to_bits()), ("collisions".to_owned(), 4 * k)])
+            .collect(),
+    }
+}

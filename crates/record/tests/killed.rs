@@ -1,0 +1,212 @@
+//! Writers that are killed, or whose disk is full, leave files that open, are right, and can be gone on with.
+#![cfg(unix)]
+
+mod common;
+
+use std::{
+    env, fs,
+    io::{BufRead, BufReader, Write},
+    path::Path,
+    process::{Command, Stdio},
+    sync::{Mutex, PoisonError},
+    thread,
+    time::Duration,
+};
+
+use common::{checkpoint, event, events, frame, header, number, sample};
+use haff_record::{RecordError, Recorder, info};
+use hdf5::File;
+
+/// Set in the process that writes: the path of its file.
+const CHILD: &str = "HAFF_RECORD_TEST_FILE";
+/// Its number of particles.
+const PARTICLES: &str = "HAFF_RECORD_TEST_PARTICLES";
+const EVENTS_PER_ROW: u64 = 5000;
+/// HDF5 leaves its files open to child processes, which then hold their locks: one test at a time.
+static ALONE: Mutex<()> = Mutex::new(());
+
+/// Records row `k` of the made-up run.
+fn record(recorder: &Recorder, particles: usize, k: u64) -> Result<(), RecordError> {
+    recorder.frame(frame(k, particles))?;
+    recorder.sample(sample(k))?;
+    recorder.events(events(k * EVENTS_PER_ROW, (k + 1) * EVENTS_PER_ROW))?;
+    if k % 5 == 4 { recorder.checkpoint(checkpoint(k + 1, particles)) } else { Ok(()) }
+}
+
+/// Writes rows as fast as it can until it is killed or fails, and tells what has been flushed.
+fn write(path: &Path, particles: usize) -> Result<(), RecordError> {
+    let recorder = Recorder::create(path, header(particles), false)?;
+    recorder.checkpoint(checkpoint(0, particles))?;
+    for k in 0.. {
+        record(&recorder, particles, k)?;
+        recorder.flush()?;
+        println!("flushed {}", k + 1);
+    }
+    Ok(())
+}
+
+fn child() -> Option<(std::path::PathBuf, usize)> {
+    let path = env::var_os(CHILD)?;
+    let particles = env::var(PARTICLES).ok()?.parse().ok()?;
+    Some((path.into(), particles))
+}
+
+/// This test program once more, to run one test as a child.
+fn spawn(test: &str, path: &Path, particles: usize, shell: Option<&str>) -> std::process::Child {
+    let program = env::current_exe().expect("the test program");
+    let mut command = match shell {
+        None => Command::new(program),
+        Some(limits) => {
+            let mut command = Command::new("sh");
+            command.arg("-c").arg(format!("{limits}; exec \"$0\" \"$@\"")).arg(program);
+            command
+        }
+    };
+    command.args([test, "--exact", "--nocapture"]).env(CHILD, path).env(PARTICLES, particles.to_string());
+    command.stdout(Stdio::piped()).stderr(Stdio::piped()).spawn().expect("the child starts")
+}
+
+/// The greatest number of rows that the child has told to be flushed.
+fn flushed(output: impl std::io::Read) -> u64 {
+    let lines = BufReader::new(output).lines().map_while(Result::ok);
+    lines.filter_map(|line| line.strip_prefix("flushed ")?.parse().ok()).max().unwrap_or(0)
+}
+
+/// Checks every frame and sample in a file, and that there are at least so many. Returns how many frames there are.
+fn check(path: &Path, particles: usize, at_least: u64) -> u64 {
+    let file = File::open(path).expect("the file opens");
+    let rows = |name: &str| file.dataset(name).expect(name).shape()[0] as u64;
+    let all = "particles/all";
+    let frames = rows(&format!("{all}/position/time"));
+    assert!(frames >= at_least, "{frames} frames; {at_least} had been flushed");
+    for k in 0..frames {
+        let expected = frame(k, particles);
+        let select = ndarray::s![k as usize, .., ..];
+        let read = |name: &str| -> Vec<f64> {
+            let dataset = file.dataset(&format!("{all}/{name}/value")).expect(name);
+            dataset.read_slice_2d::<f64, _>(select).expect("a frame").into_raw_vec_and_offset().0
+        };
+        let flat =
+            |vectors: &[glam::DVec3]| vectors.iter().flat_map(glam::DVec3::to_array).collect::<Vec<_>>();
+        assert!(read("position") == flat(&expected.position), "positions of frame {k} of {frames}");
+        assert!(read("velocity") == flat(&expected.velocity), "velocities of frame {k} of {frames}");
+        let images = file.dataset(&format!("{all}/image/value")).expect("images");
+        let images = images.read_slice_2d::<i32, _>(select).expect("a frame").into_raw_vec_and_offset().0;
+        assert!(images == expected.image.as_flattened(), "images of frame {k} of {frames}");
+    }
+    let times: Vec<f64> =
+        file.dataset(&format!("{all}/position/time")).expect("times").read_raw().expect("times");
+    assert_eq!(times, (0..frames).map(|k| frame(k, 0).time).collect::<Vec<_>>());
+    let samples = rows("observables/momentum/time") as usize;
+    assert!(samples as u64 >= at_least, "{samples} samples; {at_least} had been flushed");
+    let kinetic: Vec<f64> =
+        file.dataset("observables/kinetic_energy/value").expect("energies").read_raw().expect("energies");
+    assert!(kinetic.len() >= samples, "{} energies for {samples} samples", kinetic.len());
+    for (k, kinetic) in kinetic[..samples].iter().enumerate() {
+        assert_eq!(*kinetic, sample(k as u64).ledger.kinetic, "sample {k}");
+    }
+    let column = |name: &str| -> Vec<f64> {
+        file.dataset(&format!("events/{name}")).expect(name).read_raw().expect("a column")
+    };
+    let (times, impulses) = (column("time"), column("impulse"));
+    for (k, (time, impulse)) in times.iter().zip(&impulses).enumerate() {
+        assert_eq!((*time, *impulse), (event(k as u64).time, event(k as u64).impulse), "event {k}");
+    }
+    frames
+}
+
+/// Resumes a file, checks where it goes on, and brings it to an end.
+fn resume(path: &Path, particles: usize, flushed: u64) {
+    let (recorder, resumed) = Recorder::append(path).expect("the file is resumed");
+    let rows = resumed.frames;
+    assert!(
+        rows >= flushed / 5 * 5 && rows.is_multiple_of(5),
+        "resumed at {rows}; {flushed} had been flushed"
+    );
+    assert_eq!(resumed.checkpoint, checkpoint(rows, particles));
+    assert_eq!((resumed.samples, resumed.events), (rows, rows * EVENTS_PER_ROW));
+    for k in rows..rows + 3 {
+        record(&recorder, particles, k).expect("a row");
+    }
+    recorder.finish("{}", true).expect("a finished file");
+    assert_eq!(check(path, particles, rows + 3), rows + 3);
+    let found = info(path).expect("the file is read");
+    assert_eq!(found.events, Some((rows + 3) * EVENTS_PER_ROW));
+    let file = File::open(path).expect("the file opens");
+    let times: Vec<f64> = file.dataset("events/time").expect("times").read_raw().expect("times");
+    let expected = (0..(rows + 3) * EVENTS_PER_ROW).map(|k| event(k).time);
+    assert!(times.iter().copied().eq(expected), "event times after the resume");
+}
+
+#[test]
+fn a_writer_killed_at_any_instant_leaves_a_readable_file() {
+    if let Some((path, particles)) = child() {
+        write(&path, particles).expect("the child is killed before it fails");
+        return;
+    }
+    let _alone = ALONE.lock().unwrap_or_else(PoisonError::into_inner);
+    let directory = tempfile::tempdir().expect("a directory for the test");
+    let kills = env::var("HAFF_RECORD_KILLS").ok().and_then(|count| count.parse().ok()).unwrap_or(60);
+    let (mut most, mut unborn) = (0, 0);
+    for kill in 0..kills {
+        // Small frames in shared chunks, and large ones of their own.
+        let particles = if kill % 2 == 0 { 60 } else { 3000 };
+        let path = directory.path().join(format!("{kill}.h5"));
+        let mut child =
+            spawn("a_writer_killed_at_any_instant_leaves_a_readable_file", &path, particles, None);
+        thread::sleep(Duration::from_secs_f64(0.02 + 0.3 * number(kill, 1)));
+        child.kill().expect("the child is killed");
+        let flushed = flushed(child.stdout.take().expect("its output"));
+        child.wait().expect("the child ends");
+        if !path.exists() {
+            // Killed before the file was begun: then nothing is at its place.
+            assert_eq!(flushed, 0);
+            unborn += 1;
+            continue;
+        }
+        most = most.max(check(&path, particles, flushed));
+        assert!(info(&path).expect("the file is read").resumable);
+        resume(&path, particles, flushed);
+        fs::remove_file(&path).expect("the file is removed");
+    }
+    assert!(unborn < kills / 2, "{unborn} of {kills} were killed too early to show anything");
+    assert!(most > 10, "at most {most} frames were written: too few to show anything");
+    let _ =
+        writeln!(std::io::stderr(), "{kills} kills, {unborn} before the file was there, up to {most} frames");
+}
+
+#[test]
+#[cfg(target_os = "linux")]
+fn a_full_disk_is_told_and_what_was_flushed_stays() {
+    if let Some((path, particles)) = child() {
+        let error = write(&path, particles).expect_err("the limit is reached");
+        println!("error {error}");
+        assert!(matches!(error, RecordError::Full { .. }), "{error:?}");
+        return;
+    }
+    let _alone = ALONE.lock().unwrap_or_else(PoisonError::into_inner);
+    let directory = tempfile::tempdir().expect("a directory for the test");
+    // Limits in blocks of 512 bytes; the signal is ignored, so that the write fails like one to a full disk.
+    for (k, blocks) in [100, 2000, 3001, 5003, 10_007, 20_011].into_iter().enumerate() {
+        for particles in [60, 3000] {
+            let path = directory.path().join(format!("{k}-{particles}.h5"));
+            let limits = format!("trap '' XFSZ; ulimit -f {blocks}");
+            let child =
+                spawn("a_full_disk_is_told_and_what_was_flushed_stays", &path, particles, Some(&limits));
+            let output = child.wait_with_output().expect("the child ends");
+            let text = String::from_utf8_lossy(&output.stdout);
+            let errors = String::from_utf8_lossy(&output.stderr);
+            assert!(output.status.success(), "{blocks} blocks, {particles} particles: {text}\n{errors}");
+            assert!(text.contains("error ") && text.contains("File too large"), "{text}");
+            assert!(!errors.contains("HDF5"), "the library's own messages: {errors}");
+            let flushed = flushed(&*output.stdout);
+            if blocks > 5000 {
+                assert!(flushed > 0, "{blocks} blocks, {particles} particles: nothing was flushed");
+            }
+            if flushed > 0 {
+                check(&path, particles, flushed);
+                resume(&path, particles, flushed);
+            }
+        }
+    }
+}

@@ -1,0 +1,336 @@
+//! What is recorded is what is read.
+
+mod common;
+
+use std::fs;
+
+use common::{checkpoint, event, events, frame, header, sample};
+use haff_engine::EventKind;
+use haff_record::{EVENT_CHUNK, Header, RecordError, Recorder, info, last_state};
+use hdf5::{File, H5Type};
+use tempfile::TempDir;
+
+fn directory() -> TempDir {
+    tempfile::tempdir().expect("a directory for the test")
+}
+
+#[derive(Debug, Clone, Copy, PartialEq, Eq, H5Type)]
+#[repr(u8)]
+enum Kind {
+    #[hdf5(rename = "collision")]
+    Collision = 0,
+    #[hdf5(rename = "wall")]
+    Wall = 1,
+    #[hdf5(rename = "rest")]
+    Rest = 2,
+}
+
+fn column<T: H5Type>(file: &File, path: &str) -> Vec<T> {
+    file.dataset(path)
+        .and_then(|dataset| dataset.read_raw())
+        .unwrap_or_else(|error| panic!("{path}: {error}"))
+}
+
+fn shape(file: &File, path: &str) -> Vec<usize> {
+    file.dataset(path).unwrap_or_else(|error| panic!("{path}: {error}")).shape()
+}
+
+/// Checks frames, samples and events of a made-up run against their rows.
+fn check(path: &std::path::Path, particles: usize, frames: u64, samples: u64, events: u64) {
+    let file = File::open(path).expect("the file opens");
+    let expected: Vec<_> = (0..frames).map(|k| frame(k, particles)).collect();
+    assert_eq!(shape(&file, "particles/all/position/value"), [frames as usize, particles, 3]);
+    let flat = |vectors: fn(&haff_engine::Frame) -> &Vec<glam::DVec3>| -> Vec<f64> {
+        expected.iter().flat_map(vectors).flat_map(glam::DVec3::to_array).collect()
+    };
+    assert!(
+        column::<f64>(&file, "particles/all/position/value") == flat(|f| &f.position),
+        "positions differ"
+    );
+    assert!(
+        column::<f64>(&file, "particles/all/velocity/value") == flat(|f| &f.velocity),
+        "velocities differ"
+    );
+    let images: Vec<i32> = expected.iter().flat_map(|f| &f.image).flatten().copied().collect();
+    assert!(column::<i32>(&file, "particles/all/image/value") == images, "images differ");
+    for element in ["position", "velocity", "image", "box/edges"] {
+        let steps = column::<i64>(&file, &format!("particles/all/{element}/step"));
+        assert_eq!(steps, (0..frames as i64).map(|k| 10 * k).collect::<Vec<_>>(), "{element}");
+        let times = column::<f64>(&file, &format!("particles/all/{element}/time"));
+        assert_eq!(times, (0..frames).map(|k| k as f64 * 0.25).collect::<Vec<_>>(), "{element}");
+    }
+    let edges = [1.0, 2.0, 3.0].repeat(frames as usize);
+    assert_eq!(column::<f64>(&file, "particles/all/box/edges/value"), edges);
+
+    let expected: Vec<_> = (0..samples).map(sample).collect();
+    let reals = |value: fn(&haff_engine::Sample) -> f64| expected.iter().map(value).collect::<Vec<_>>();
+    for (name, values) in [
+        ("kinetic_energy", reals(|s| s.ledger.kinetic)),
+        ("potential_energy", reals(|s| s.ledger.potential)),
+        ("dissipated_energy", reals(|s| s.ledger.dissipated)),
+        ("carnot_energy", reals(|s| s.ledger.carnot)),
+        ("wall_work", reals(|s| s.ledger.wall_work)),
+        ("ledger_residual", reals(|s| s.ledger.residual)),
+        ("temperature", reals(|s| s.temperature)),
+        ("sonine_a2", reals(|s| s.sonine_a2)),
+        ("collision_rate", reals(|s| s.collision_rate)),
+        ("mean_free_time", reals(|s| s.mean_free_time)),
+    ] {
+        assert!(column::<f64>(&file, &format!("observables/{name}/value")) == values, "{name} differs");
+        assert_eq!(
+            column::<f64>(&file, &format!("observables/{name}/time")).len(),
+            samples as usize,
+            "{name}"
+        );
+        assert_eq!(
+            column::<i64>(&file, &format!("observables/{name}/step")).len(),
+            samples as usize,
+            "{name}"
+        );
+    }
+    let momenta: Vec<f64> = expected.iter().flat_map(|s| s.momentum.to_array()).collect();
+    assert!(column::<f64>(&file, "observables/momentum/value") == momenta, "momenta differ");
+    let species: Vec<f64> = expected.iter().flat_map(|s| s.species_temperature.clone()).collect();
+    assert!(column::<f64>(&file, "observables/species_temperature/value") == species, "temperatures differ");
+    let collisions: Vec<i64> = (0..samples as i64).map(|k| 4 * k).collect();
+    assert_eq!(column::<i64>(&file, "observables/collisions/value"), collisions);
+
+    let expected: Vec<_> = (0..events).map(event).collect();
+    let kinds = expected.iter().map(|e| match e.kind {
+        EventKind::Collision => Kind::Collision,
+        EventKind::Wall => Kind::Wall,
+        EventKind::Rest => Kind::Rest,
+    });
+    assert!(column::<Kind>(&file, "events/kind") == kinds.collect::<Vec<_>>(), "kinds differ");
+    let ids: Vec<u32> = expected.iter().map(|e| e.j).collect();
+    assert!(column::<u32>(&file, "events/j") == ids, "partners differ");
+    for (name, value) in [
+        ("time", (|e| e.time) as fn(&haff_engine::EventRecord) -> f64),
+        ("approach_speed", |e| e.approach_speed),
+        ("impulse", |e| e.impulse),
+        ("energy_loss", |e| e.energy_loss),
+        ("carnot_energy", |e| e.carnot_energy),
+    ] {
+        let values: Vec<f64> = expected.iter().map(value).collect();
+        assert!(column::<f64>(&file, &format!("events/{name}")) == values, "{name} differs");
+    }
+    let points: Vec<f64> = expected.iter().flat_map(|e| e.position.to_array()).collect();
+    assert_eq!(shape(&file, "events/position"), [events as usize, 3]);
+    assert!(column::<f64>(&file, "events/position") == points, "contact points differ");
+}
+
+fn record(recorder: &Recorder, particles: usize, rows: std::ops::Range<u64>, events_per_row: u64) {
+    for k in rows {
+        recorder.frame(frame(k, particles)).expect("a frame");
+        recorder.sample(sample(k)).expect("a sample");
+        recorder.events(events(k * events_per_row, (k + 1) * events_per_row)).expect("events");
+    }
+}
+
+#[test]
+fn everything_recorded_is_read_back_bit_by_bit() {
+    let directory = directory();
+    // Small frames share chunks; larger ones have their own; the largest are cut into blocks.
+    for (particles, frames, per_frame) in [(1, 3000, 7), (700, 40, 1000), (1400, 9, 1), (70_000, 3, 20_000)] {
+        let path = directory.path().join(format!("{particles}.h5"));
+        let recorder = Recorder::create(&path, header(particles), false).expect("a new file");
+        record(&recorder, particles, 0..frames, per_frame);
+        recorder.finish("{}", true).expect("a finished file");
+        check(&path, particles, frames, frames, frames * per_frame);
+
+        let state = last_state(&path).expect("a last state");
+        let last = frame(frames - 1, particles);
+        assert_eq!((state.time, state.step), (last.time, last.step));
+        assert!(
+            state.position == last.position && state.velocity == last.velocity && state.image == last.image
+        );
+        assert_eq!(state.box_size, header(particles).box_size);
+        assert!(state.radius == header(particles).radius && state.mass == header(particles).mass);
+    }
+}
+
+#[test]
+fn disks_and_partial_headers_are_read_back() {
+    let directory = directory();
+    let path = directory.path().join("disks.h5");
+    let particles = 2000;
+    let wanted = Header { dimension: 2, ..header(particles) };
+    let recorder = Recorder::create(&path, wanted, false).expect("a new file");
+    record(&recorder, particles, 0..4, 30_000);
+    recorder.finish("{}", true).expect("a finished file");
+    check(&path, particles, 4, 4, 120_000);
+    let file = File::open(&path).expect("the file opens");
+    let attribute = file.group("particles/all/box").and_then(|group| group.attr("dimension"));
+    assert_eq!(attribute.and_then(|a| a.read_scalar::<i32>()).expect("the box has a dimension"), 3);
+    drop(file);
+    assert_eq!(info(&path).expect("the file is read").dimension, 2);
+
+    // Only what the header asks for has a place; the rest is dropped.
+    let path = directory.path().join("bare.h5");
+    let bare = Header { frames: false, observables: false, events: false, ..header(5) };
+    let recorder = Recorder::create(&path, bare, false).expect("a new file");
+    record(&recorder, 5, 0..4, 10);
+    recorder.checkpoint(checkpoint(1, 5)).expect("a checkpoint");
+    drop(recorder);
+    let found = info(&path).expect("the file is read");
+    assert_eq!((found.frames, found.samples, found.events), (None, None, None));
+    assert!(found.resumable);
+    assert!(matches!(last_state(&path), Err(RecordError::Missing { what: "frames", .. })));
+    let file = File::open(&path).expect("the file opens");
+    assert_eq!(file.group("particles/all").and_then(|g| g.member_names()).expect("a group").len(), 5);
+}
+
+#[test]
+fn info_tells_what_the_header_and_the_last_rows_say() {
+    let directory = directory();
+    let path = directory.path().join("run.h5");
+    let recorder = Recorder::create(&path, header(10), false).expect("a new file");
+    record(&recorder, 10, 0..3, 100);
+    recorder.checkpoint(checkpoint(5, 10)).expect("a checkpoint");
+    recorder.flush().expect("a flush");
+
+    // While it is being written.
+    let running = info(&path).expect("a running file is read");
+    assert_eq!((running.frames, running.samples, running.events), (Some(3), Some(3), Some(300)));
+    assert!(running.resumable && !running.finished && running.summary.is_none());
+
+    recorder.finish(r#"{"stopped":"until"}"#, true).expect("a finished file");
+    let found = info(&path).expect("the file is read");
+    let wanted = header(10);
+    assert_eq!((found.title, found.scene_toml, found.seed), (wanted.title, wanted.scene_toml, wanted.seed));
+    assert_eq!((found.version, found.git_revision), (wanted.version, wanted.git_revision));
+    assert_eq!((found.schema, found.trajectory_version, found.dimension), (1, 3, 3));
+    assert_eq!(found.species, [("grain".to_owned(), 5), ("Kügelchen".to_owned(), 5)]);
+    assert_eq!(found.walls, ["y-", "y+"]);
+    assert_eq!((found.box_size, found.periodic), (wanted.box_size, [true, false, false]));
+    assert_eq!(
+        (found.particles, found.frames, found.samples, found.events),
+        (10, Some(3), Some(3), Some(300))
+    );
+    assert_eq!(found.time_range, Some((0.0, 0.5)));
+    assert_eq!(found.last_sample, Some(sample(2)));
+    assert_eq!(found.checkpoint_time, Some(5.0));
+    assert_eq!(found.counters.map(|counters| counters.collisions), Some(20));
+    assert_eq!((found.finished, found.resumable), (true, false));
+    assert_eq!(found.summary.as_deref(), Some(r#"{"stopped":"until"}"#));
+    assert_eq!(found.file_size, fs::metadata(&path).expect("the file is there").len());
+}
+
+#[test]
+fn a_resumed_file_goes_on_from_its_newest_checkpoint() {
+    let directory = directory();
+    let path = directory.path().join("run.h5");
+    let particles = 900;
+    let per_row = EVENT_CHUNK as u64 / 3 + 1;
+    let recorder = Recorder::create(&path, header(particles), false).expect("a new file");
+    recorder.checkpoint(checkpoint(0, particles)).expect("a checkpoint");
+    record(&recorder, particles, 0..5, per_row);
+    recorder.checkpoint(checkpoint(1, particles)).expect("a checkpoint");
+    // These must go: they come after the checkpoint.
+    record(&recorder, particles, 7..12, per_row);
+    recorder.finish("{\"stopped\":\"signal\"}", false).expect("a stopped file");
+    assert_eq!(info(&path).expect("the file is read").frames, Some(10));
+
+    for round in 1..4_u64 {
+        let (recorder, resumed) = Recorder::append(&path).expect("the file is resumed");
+        let rows = 5 * round;
+        assert_eq!(resumed.checkpoint, checkpoint(round, particles), "round {round}");
+        assert_eq!((resumed.frames, resumed.samples, resumed.events), (rows, rows, rows * per_row));
+        assert_eq!(resumed.last_frame, Some((rows - 1) as f64 * 0.25));
+        assert_eq!(resumed.last_sample, Some((rows - 1) as f64 * 0.125));
+        assert!(!resumed.finished);
+        // The summary of the part before is kept only for whoever asks now.
+        assert_eq!(resumed.summary.is_some(), round == 1);
+        record(&recorder, particles, rows..rows + 5, per_row);
+        recorder.checkpoint(checkpoint(round + 1, particles)).expect("a checkpoint");
+        record(&recorder, particles, 100..102, per_row);
+        // Dropped, not finished: as if the run had failed.
+    }
+    let (recorder, _) = Recorder::append(&path).expect("the file is resumed");
+    record(&recorder, particles, 20..23, per_row);
+    recorder.finish("{}", true).expect("a finished file");
+    check(&path, particles, 23, 23, 23 * per_row);
+}
+
+#[test]
+fn a_complete_run_is_told_and_not_touched() {
+    let directory = directory();
+    let path = directory.path().join("run.h5");
+    let recorder = Recorder::create(&path, header(4), false).expect("a new file");
+    record(&recorder, 4, 0..4, 10);
+    recorder.checkpoint(checkpoint(3, 4)).expect("a checkpoint");
+    record(&recorder, 4, 4..5, 10);
+    recorder.finish("{\"stopped\":\"until\"}", true).expect("a finished file");
+    let before = fs::read(&path).expect("the file is there");
+
+    let (recorder, resumed) = Recorder::append(&path).expect("the file is read");
+    assert!(resumed.finished);
+    assert_eq!(resumed.summary.as_deref(), Some("{\"stopped\":\"until\"}"));
+    assert_eq!(resumed.checkpoint, checkpoint(3, 4));
+    assert!(matches!(recorder.frame(frame(5, 4)), Err(RecordError::Complete { .. })));
+    assert!(matches!(recorder.flush(), Err(RecordError::Complete { .. })));
+    drop(recorder);
+    assert!(fs::read(&path).expect("the file is there") == before, "a complete file was changed");
+}
+
+#[test]
+fn a_damaged_checkpoint_gives_way_to_the_one_before() {
+    let directory = directory();
+    let path = directory.path().join("run.h5");
+    let recorder = Recorder::create(&path, header(50), false).expect("a new file");
+    for k in 0..3 {
+        record(&recorder, 50, k..k + 1, 10);
+        recorder.checkpoint(checkpoint(k, 50)).expect("a checkpoint");
+    }
+    drop(recorder);
+    // The third checkpoint is in slot 0.
+    {
+        let file = File::open_rw(&path).expect("the file opens");
+        let velocity = file.dataset("checkpoint/0/velocity").expect("the slot");
+        let mut values: Vec<f64> = velocity.read_raw().expect("velocities");
+        values[77] += 1e-9;
+        let view = hdf5_view(&values);
+        velocity.write(view).expect("velocities are written");
+    }
+    let (recorder, resumed) = Recorder::append(&path).expect("the file is resumed");
+    assert_eq!(resumed.checkpoint, checkpoint(1, 50));
+    assert_eq!((resumed.frames, resumed.events), (2, 20));
+    // The next one must replace the damaged one, not the one that was taken.
+    record(&recorder, 50, 2..3, 10);
+    recorder.checkpoint(checkpoint(9, 50)).expect("a checkpoint");
+    drop(recorder);
+    let file = File::open(&path).expect("the file opens");
+    let sequences = ["0", "1"].map(|slot| column::<u64>(&file, &format!("checkpoint/{slot}/header"))[0]);
+    assert_eq!(sequences, [4, 2]);
+    drop(file);
+    let (_, resumed) = Recorder::append(&path).expect("the file is resumed");
+    assert_eq!(resumed.checkpoint, checkpoint(9, 50));
+}
+
+fn hdf5_view(values: &[f64]) -> ndarray::ArrayView2<'_, f64> {
+    ndarray::ArrayView2::from_shape((values.len() / 3, 3), values).expect("whole rows")
+}
+
+#[test]
+fn the_estimated_size_is_near_the_size() {
+    let directory = directory();
+    for (particles, frames, samples, count) in
+        [(5000, 20, 500, 100_000), (2, 10, 20_000, 0), (30_000, 4, 4, 0)]
+    {
+        let path = directory.path().join(format!("{particles}.h5"));
+        let recorder = Recorder::create(&path, header(particles), false).expect("a new file");
+        (0..frames).for_each(|k| recorder.frame(frame(k, particles)).expect("a frame"));
+        (0..samples).for_each(|k| recorder.sample(sample(k)).expect("a sample"));
+        recorder.events(events(0, count)).expect("events");
+        recorder.finish("{}", true).expect("a finished file");
+        let size = fs::metadata(&path).expect("the file is there").len();
+        let estimate = haff_record::estimate_file_size(&haff_record::FileSize {
+            particles: particles as u64,
+            frames,
+            samples,
+            events: count,
+        });
+        let ratio = estimate as f64 / size as f64;
+        assert!((0.85..1.15).contains(&ratio), "N = {particles}: {estimate} bytes expected, {size} found");
+    }
+}
