@@ -93,7 +93,8 @@ pub(crate) fn foresee<F: Features, S: Search>(
     let mut earliest = Earliest { entry: nothing, far: false };
 
     let position = |k: u32| world.flight::<F>(k, world.now).0;
-    let visit = |j: u32, shift: Shift| gather::<F>(world, i, j, shift, scratch, &mut earliest);
+    let owner = Owner::of::<F>(world, i);
+    let visit = |j: u32, shift: Shift| gather::<F>(world, &owner, j, shift, scratch, &mut earliest);
     match scope {
         Scope::All => search.candidates(i, position, visit),
         Scope::New(code) => {
@@ -137,57 +138,86 @@ pub(crate) fn foresee<F: Features, S: Search>(
     (earliest.entry, None)
 }
 
+/// The particle whose partners are looked for, kept at hand.
+struct Owner {
+    i: u32,
+    position: DVec3,
+    velocity: DVec3,
+    time: i64,
+    radius: f64,
+    movable: bool,
+    acceleration: DVec3,
+}
+
+impl Owner {
+    #[inline]
+    fn of<F: Features>(world: &World, i: u32) -> Self {
+        let particle = &world.particles[i as usize];
+        let class = &world.classes[if F::UNIFORM { 0 } else { particle.class() }];
+        Self {
+            i,
+            position: particle.position,
+            velocity: particle.velocity,
+            time: particle.time,
+            radius: class.radius,
+            movable: class.inverse_mass != 0.0,
+            acceleration: if F::GRAVITY { world.acceleration(i) } else { DVec3::ZERO },
+        }
+    }
+}
+
 /// Adds a candidate to the batch: the pair as it is at the later of the two anchors.
-#[inline]
+#[inline(always)]
 fn gather<F: Features>(
     world: &World,
-    i: u32,
+    a: &Owner,
     j: u32,
     shift: Shift,
     scratch: &mut Scratch,
     earliest: &mut Earliest,
 ) {
-    let (a, b) = (&world.particles[i as usize], &world.particles[j as usize]);
+    let b = &world.particles[j as usize];
     let behind = a.time - b.time;
-    let (dt_a, dt_b) = ((-behind).max(0) as f64 * world.clock.tick, behind.max(0) as f64 * world.clock.tick);
+    let tick = world.clock.tick;
+    let (dt_a, dt_b) = ((-behind).max(0) as f64 * tick, behind.max(0) as f64 * tick);
     let sigma = if F::UNIFORM {
-        2.0 * world.classes[0].radius
+        a.radius + a.radius
     } else {
-        let (ca, cb) = (&world.classes[a.class()], &world.classes[b.class()]);
-        if ca.inverse_mass + cb.inverse_mass == 0.0 {
+        let class = &world.classes[b.class()];
+        if !a.movable && class.inverse_mass == 0.0 {
             return; // Two bodies of infinite mass pass through each other.
         }
-        ca.radius + cb.radius
+        a.radius + class.radius
     };
-    let (mut ra, mut rb) = (a.position + a.velocity * dt_a, b.position + b.velocity * dt_b);
-    let (mut va, mut vb) = (a.velocity, b.velocity);
-    let mut relative = DVec3::ZERO;
+    let (ra, rb, va, vb);
     if F::GRAVITY {
-        let (ga, gb) = (world.acceleration(i), world.acceleration(j));
-        ra = haff_mechanics::free_flight(a.position, a.velocity, ga, dt_a);
-        rb = haff_mechanics::free_flight(b.position, b.velocity, gb, dt_b);
-        va = haff_mechanics::free_flight_velocity(va, ga, dt_a);
-        vb = haff_mechanics::free_flight_velocity(vb, gb, dt_b);
-        relative = gb - ga;
-    }
-    let mut r = rb - ra;
-    if shift != [0; 3] {
-        r += DVec3::new(f64::from(shift[0]), f64::from(shift[1]), f64::from(shift[2])) * world.size;
-    }
-    let v = vb - va;
-    scratch.predictions += 1;
-    if F::GRAVITY && relative != DVec3::ZERO {
-        if let Some(delay) = time_to_contact_accelerated(r, v, relative, sigma) {
-            let from = a.time.max(b.time);
-            earliest.offer_after(from, delay * world.clock.per_time, Kind::Collision(j), b.count);
+        let acceleration = world.acceleration(j);
+        ra = haff_mechanics::free_flight(a.position, a.velocity, a.acceleration, dt_a);
+        rb = haff_mechanics::free_flight(b.position, b.velocity, acceleration, dt_b);
+        va = haff_mechanics::free_flight_velocity(a.velocity, a.acceleration, dt_a);
+        vb = haff_mechanics::free_flight_velocity(b.velocity, acceleration, dt_b);
+        if acceleration != a.acceleration {
+            let r = imaged(world, rb - ra, shift);
+            scratch.predictions += 1;
+            if let Some(delay) = time_to_contact_accelerated(r, vb - va, acceleration - a.acceleration, sigma)
+            {
+                let from = a.time.max(b.time);
+                earliest.offer_after(from, delay * world.clock.per_time, Kind::Collision(j), b.count);
+            }
+            return;
         }
-        return;
+    } else {
+        ra = haff_mechanics::drift(a.position, a.velocity, dt_a);
+        rb = haff_mechanics::drift(b.position, b.velocity, dt_b);
+        (va, vb) = (a.velocity, b.velocity);
     }
-    if scratch.batch.len == LANES {
-        flush::<F>(world, i, scratch, earliest);
+    let (r, v) = (imaged(world, rb - ra, shift), vb - va);
+    if scratch.batch.len >= LANES {
+        flush::<F>(world, a.i, scratch, earliest);
     }
     let batch = &mut scratch.batch;
-    let k = batch.len;
+    // Below `LANES` by the test above; the mask spares the checks.
+    let k = batch.len % LANES;
     batch.r[0][k] = r.x;
     batch.r[1][k] = r.y;
     batch.r[2][k] = r.z;
@@ -197,7 +227,16 @@ fn gather<F: Features>(
     batch.sigma2[k] = sigma * sigma;
     batch.offset[k] = (-behind).max(0);
     batch.id[k] = j;
-    batch.len += 1;
+    batch.len = k + 1;
+}
+
+/// The separation of the image of the partner that is meant.
+#[inline(always)]
+fn imaged(world: &World, r: DVec3, shift: Shift) -> DVec3 {
+    if shift == [0; 3] {
+        return r;
+    }
+    r + DVec3::new(f64::from(shift[0]), f64::from(shift[1]), f64::from(shift[2])) * world.size
 }
 
 /// Predicts the batch and offers the earliest of it.
@@ -207,6 +246,7 @@ fn flush<F: Features>(world: &World, i: u32, scratch: &mut Scratch, earliest: &m
     if batch.len == 0 {
         return;
     }
+    scratch.predictions += batch.len as u64;
     batch.predict(scratch.kernel);
     let per_time = world.clock.per_time;
     let mut least = f64::INFINITY;

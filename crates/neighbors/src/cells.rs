@@ -41,7 +41,13 @@ pub struct Cells {
     /// Walls of cell c: `wall_ids[wall_start[c]..wall_start[c + 1]]`; no table without walls.
     wall_start: Vec<u32>,
     wall_ids: Vec<u16>,
+    /// Index steps to the cells around one that lies inside on every axis: those that a transfer of each code brings
+    /// near, and last all of them.
+    stencils: [Vec<isize>; 7],
 }
+
+/// Place of the whole block in `Cells::stencils`.
+const ALL: usize = 6;
 
 /// Cells per axis and their widths for `count` particles.
 fn grid(geometry: &Geometry, count: usize) -> ([i32; 3], [f64; 3]) {
@@ -186,8 +192,48 @@ impl Cells {
         }
     }
 
-    /// Visits the block of cells around i; `range(axis)` gives the steps along each axis.
+    /// Steps along each axis of the block of cells around one, or of its face that the transfer `code` brings near.
+    fn steps(&self, code: usize) -> [(i32, i32); 3] {
+        let mut steps = self.axes.map(|axis| if axis == Axis::Flat { (0, 0) } else { (-1, 1) });
+        if code != ALL {
+            let step = if code.is_multiple_of(2) { -1 } else { 1 };
+            steps[code / 2] = (step, step);
+        }
+        steps
+    }
+
+    /// The same as steps of the cell index.
+    fn stencil(&self, code: usize) -> Vec<isize> {
+        let [x, y, z] = self.steps(code);
+        let (nx, ny) = (self.n[0] as isize, self.n[1] as isize);
+        let mut offsets = Vec::new();
+        for dz in z.0..=z.1 {
+            for dy in y.0..=y.1 {
+                for dx in x.0..=x.1 {
+                    offsets.push((dz as isize * ny + dy as isize) * nx + dx as isize);
+                }
+            }
+        }
+        offsets
+    }
+
+    /// Visits the cells around i, or those that the transfer `code` has brought near.
     #[inline]
+    fn visit<V: FnMut(u32, Shift)>(&self, i: u32, code: usize, visit: &mut V) {
+        let c = self.coordinate[i as usize];
+        let inside =
+            (0..3).all(|axis| self.axes[axis] == Axis::Flat || (c[axis] > 0 && c[axis] < self.n[axis] - 1));
+        if inside {
+            let home = self.index(c) as isize;
+            for &offset in &self.stencils[code] {
+                self.visit_cell(i, (home + offset) as usize, [0; 3], visit);
+            }
+        } else {
+            self.visit_block(i, self.steps(code), visit);
+        }
+    }
+
+    /// Visits the block of cells around i, of which some may lie beyond a face of the box.
     fn visit_block<V: FnMut(u32, Shift)>(&self, i: u32, steps: [(i32, i32); 3], visit: &mut V) {
         let c = self.coordinate[i as usize];
         let home = [self.fold(0, c[0]), self.fold(1, c[1]), self.fold(2, c[2])];
@@ -296,7 +342,9 @@ impl Search for Cells {
             spare: Vec::new(),
             wall_start: Vec::new(),
             wall_ids: Vec::new(),
+            stencils: std::array::from_fn(|_| Vec::new()),
         };
+        grid.stencils = std::array::from_fn(|code| grid.stencil(code));
         for i in 0..positions.len() as u32 {
             grid.insert(i);
         }
@@ -306,8 +354,7 @@ impl Search for Cells {
 
     #[inline]
     fn candidates<P: Fn(u32) -> DVec3, V: FnMut(u32, Shift)>(&self, i: u32, _position: P, mut visit: V) {
-        let steps = self.axes.map(|axis| if axis == Axis::Flat { (0, 0) } else { (-1, 1) });
-        self.visit_block(i, steps, &mut visit);
+        self.visit(i, ALL, &mut visit);
     }
 
     #[inline]
@@ -318,10 +365,7 @@ impl Search for Cells {
         _position: P,
         mut visit: V,
     ) {
-        let mut steps = self.axes.map(|axis| if axis == Axis::Flat { (0, 0) } else { (-1, 1) });
-        let step = if code & 1 == 0 { -1 } else { 1 };
-        steps[usize::from(code >> 1)] = (step, step);
-        self.visit_block(i, steps, &mut visit);
+        self.visit(i, usize::from(code), &mut visit);
     }
 
     #[inline]
