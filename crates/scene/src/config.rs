@@ -2,7 +2,7 @@
 //!
 //! The doc comments of this file are the descriptions of the JSON Schema that `haff schema` prints, so they are
 //! written for people who write scenes. What is missing, out of range or contradictory is found in
-//! [`crate::build`], where every error is collected and located; serde only knows shapes.
+//! the module `build`, where every error is collected and located; serde only knows shapes.
 
 use std::fmt;
 

@@ -6,6 +6,7 @@
 mod contact;
 mod domain;
 mod particles;
+mod placement;
 mod plan;
 mod values;
 
