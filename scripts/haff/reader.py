@@ -427,7 +427,7 @@ class File:
     @cached_property
     def species(self) -> NDArray[np.int64]:
         """``[N]`` species indices into :attr:`species_names`."""
-        return self._particles("species")
+        return self._particles("species").astype(np.int64)
 
     @cached_property
     def species_names(self) -> list[str]:

@@ -43,8 +43,8 @@ def write(
         box.attrs["boundary"] = np.array([b.encode() for b in boundary], "S8")
         everything["mass"] = np.asarray(mass, float)
         everything["radius"] = np.asarray(radius, float)
-        everything["species"] = np.asarray(species, np.int32)
-        everything["id"] = np.arange(len(mass))
+        everything["species"] = np.asarray(species, np.uint32)
+        everything["id"] = np.arange(len(mass), dtype=np.uint32)
         if frames is not None:
             count = len(frames["time"])
             for name in ("position", "velocity", "image"):

@@ -19,7 +19,7 @@ GAS = {"temperature", "energy", "velocity", "structure", "snapshot", "losses"}
 DRAWN = {
     "cooling": GAS,
     "disks": GAS,
-    "elastic": GAS - {"losses"},
+    "elastic": GAS - {"losses", "temperature"},
     "quiet": GAS - {"losses"},
     "ball": {"energy", "losses", "snapshot", "trajectories"},
 }

@@ -110,7 +110,9 @@ def test_oblique_impact_with_a_wall(command):
 )
 def test_plastic_impact_loses_the_share_of_equation_2_18(command, name, m1, m2, v):
     with textbook(command, name).open() as run:
-        (event,) = run.events.to_pandas().itertuples()
+        event, *echoes = run.events.to_pandas().itertuples()
+        # The velocities after a plastic impact agree to rounding only: what is left may touch once more.
+        assert all(echo.approach_speed < 1e-15 * v for echo in echoes)
         share = event.energy_loss / (0.5 * m1 * v**2)
         assert share == pytest.approx(1 / (1 + m1 / m2), rel=1e-13)
         speed = np.linalg.norm(run.frames[-1].velocity, axis=1)

@@ -50,7 +50,7 @@ def draw(file: File) -> Figure:
     top.set_ylabel("energy  [mass · length² / time²]")
     top.set_ylim(0, 1.02 * max(float(supply.max()), float(np.sum([v for _, _, v in layers], axis=0).max())))
     handles, labels = top.get_legend_handles_labels()
-    figure.legend(handles, labels, loc="outside lower center", ncols=len(labels) if len(labels) <= 4 else 3)
+    figure.legend(handles, labels, loc="outside lower center", ncols=len(labels) if sum(map(len, labels)) < 58 else 2)
 
     residual = np.abs(table["ledger_residual"].to_numpy()) if "ledger_residual" in table else np.full(len(t), np.nan)
     below.axhline(1e-12, color=RED, lw=1, ls="--")
@@ -79,7 +79,7 @@ def draw(file: File) -> Figure:
 def _log_time(t: np.ndarray, kinetic: np.ndarray, file: File) -> bool:
     """Logarithmic time for a gas whose cooling spans decades."""
     decades = len(t) > 3 and t[-1] > 50 * t[1]
-    return decades and len(file) >= 10 and 0 < kinetic[-1] < 0.1 * kinetic[0]
+    return decades and len(file) >= 100 and 0 < kinetic[-1] < 0.1 * kinetic[0]
 
 
 def _dissipated(file: File, t: np.ndarray, lost: np.ndarray) -> list[tuple[str, str, np.ndarray]]:

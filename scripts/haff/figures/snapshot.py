@@ -14,7 +14,7 @@ from .. import analysis
 from ..errors import NotApplicableError
 from ..reader import File, Frame
 from .render import Camera, spheres
-from .style import CYCLE, SPEED_MAP, headline
+from .style import CYCLE, SPEED_MAP, headline, page
 from .temperature import facts
 
 PIXELS = 1300
@@ -28,11 +28,14 @@ def draw(file: File, index: int = -1) -> Figure:
     if not -len(frames) <= index < len(frames):
         raise NotApplicableError(f"frame {index} of {len(frames)}")
     frame = frames[index]
-    figure = Figure(figsize=(6.4, 6.0), layout="constrained")
+    color, scale, label = _colors(frame)
+    low, high, _ = _bounds(frame)
+    sides = np.ptp(_corners(low, high) @ Camera.looking().axes[:2].T, axis=0) if file.dimension == 3 else high - low
+    legend = scale is not None or len(file.species_names) > 1
+    figure = Figure(figsize=page(*sides[:2], beside=1.2 if legend else 0.3, below=0.8), layout="constrained")
     axes = figure.subplots()
     axes.set_aspect("equal")
     axes.axis("off")
-    color, scale, label = _colors(frame)
     (_disks if file.dimension == 2 else _spheres)(frame, axes, color)
     if scale is not None:
         bar = figure.colorbar(scale, ax=axes, shrink=0.72, aspect=28, pad=0.02)
@@ -81,6 +84,11 @@ def _bounds(frame: Frame) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     return low, high, bound
 
 
+def _corners(low: np.ndarray, high: np.ndarray) -> np.ndarray:
+    """``[8, 3]`` corners of a box."""
+    return np.array(list(itertools.product(*zip(low, high))))
+
+
 def _disks(frame: Frame, axes, color) -> None:
     low, high, bound = _bounds(frame)
     size = high - low
@@ -115,7 +123,7 @@ def _disks(frame: Frame, axes, color) -> None:
 def _spheres(frame: Frame, axes, color) -> None:
     low, high, bound = _bounds(frame)
     camera = Camera.looking()
-    corners = np.array(list(itertools.product(*zip(low, high))))
+    corners = _corners(low, high)
     projected = camera.project(corners)
     reach = frame.radius.max()
     window = (

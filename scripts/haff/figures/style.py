@@ -101,6 +101,12 @@ def number(value: float, digits: int = 4) -> str:
     return f"{mantissa}·10$^{{{int(exponent)}}}$"
 
 
+def page(width: float, height: float, *, beside: float, below: float) -> tuple[float, float]:
+    """Size of a figure [inch] whose picture has the sides ``width : height``, with room for what stands around."""
+    side = 5.4 / max(width, height, 1e-300)
+    return max(4.6, width * side + beside), max(1.8, height * side) + below
+
+
 def signed(value: float) -> str:
     """Four decimals with a typographic sign."""
     return f"{value:+.4f}".replace("-", "−")

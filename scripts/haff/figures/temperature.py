@@ -22,19 +22,39 @@ def draw(file: File) -> Figure:
         law = analysis.cooling_law(file)
     except NotApplicableError as reason:
         return _plain(file, str(reason))
-    return _plain(file, "elastic: no cooling") if law.restitution == 1 else _haff(file, law)
+    if law.restitution < 1:
+        return _haff(file, law)
+    if len(file.species_names) < 2:
+        raise NotApplicableError("an elastic gas of one species keeps its temperature")
+    return _plain(file, "elastic: no cooling")
 
 
 def facts(file: File) -> str:
     """One line: what gas this is."""
-    contact = file.scene.get("contact", {})
-    e = contact.get("restitution", 1.0)
     parts = [f"N = {len(file):,}"]
     phi = file.summary["packing_fraction"]
     if np.isfinite(phi):
         parts.append(f"packing fraction {phi:.3g}")
-    parts.append(f"e = {e:g}" if not isinstance(e, dict) else f"{e.get('model', 'variable')} restitution")
+    parts += _restitutions(file)
     return f"{file.title + '  ·  ' if file.title else ''}{',  '.join(parts)}"
+
+
+def _restitutions(file: File) -> list[str]:
+    """Restitution of the contacts that can happen: between particles, and with walls where it differs."""
+
+    def name(e: object) -> str:
+        return f"{e:g}" if isinstance(e, (int, float)) else str(e.get("model", "?")) if isinstance(e, dict) else "?"
+
+    contact, walls = file.scene.get("contact", {}), file.scene.get("wall", [])
+    between = contact.get("restitution", 1.0)
+    general = contact.get("wall_restitution", between)
+    at_walls = {name(wall.get("restitution", general)) for wall in walls}
+    if "wall" in file.box.boundary:
+        at_walls.add(name(general))
+    found = [f"e = {name(between)}"] if len(file) > 1 else []
+    if at_walls and at_walls != {name(between)} or not found:
+        found.append(f"{'walls ' if found else 'e = '}{', '.join(sorted(at_walls)) or name(between)}")
+    return found
 
 
 def _haff(file: File, law: analysis.CoolingLaw) -> Figure:
@@ -135,7 +155,7 @@ def _plain(file: File, why: str) -> Figure:
     figure = Figure(figsize=(6.4, 4.4), layout="constrained")
     axes = figure.subplots()
     names = [n for n in table if n.startswith("species_temperature_")]
-    cooled = T[-1] < 0.1 * T[0]
+    cooled = T[-1] < 0.1 * T[0] and len(file) >= 100
     if len(names) > 1:
         for color, name in zip(CYCLE, names):
             values = table[name].to_numpy()

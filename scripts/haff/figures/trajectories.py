@@ -11,7 +11,7 @@ from matplotlib.lines import Line2D
 
 from ..errors import NotApplicableError
 from ..reader import File
-from .style import BLACK, CYCLE, GREY, headline
+from .style import BLACK, CYCLE, GREY, headline, page
 
 MOST_BODIES = 24
 MOST_MARKS = 4000
@@ -124,7 +124,11 @@ def _name(file: File, body: int) -> str:
 
 def _subtitle(file: File) -> str:
     counts = file.summary
-    hits = [f"{counts[n]:,} {n.replace('_', ' ')}" for n in ("collisions", "wall_collisions") if counts.get(n)]
+    hits = []
+    for name in ("collisions", "wall_collisions"):
+        if count := counts.get(name):
+            words = name.replace("_", " ")
+            hits.append(f"{count:,} {words if count > 1 else words.removesuffix('s')}")
     return "  ·  ".join([s for s in (file.title, ", ".join(hits)) if s])
 
 
@@ -157,8 +161,8 @@ def draw(file: File) -> Figure:
     if floor is not None:
         height, label = floor
         panels[-1].axhline(height, color=GREY, lw=1, ls=":", zorder=1)
-        panels[-1].text(0.995, height, label, transform=panels[-1].get_yaxis_transform(), ha="right", va="bottom",
-                        fontsize=8.5, color="#555555")  # fmt: skip
+        place = panels[-1].get_yaxis_transform()
+        panels[-1].text(0.01, height, label, transform=place, va="bottom", fontsize=8.5, color="#555555")
     panels[-1].set_xlabel("simulated time $t$  [scene’s unit of time]")
     bodies = panels[0].get_legend_handles_labels()
     handles = list(bodies[0]) if few and len(paths) > 1 else []
@@ -189,7 +193,8 @@ def draw_paths(file: File) -> Figure:
     if len(active) < 2:
         raise NotApplicableError("the motion is along one line")
     a, b = active[:2] if file.dimension == 2 or len(active) == 2 else (0, 2)
-    figure = Figure(figsize=(6.8, 6.0), layout="constrained")
+    corners = np.concatenate([p.position[:, [a, b]] for p in paths])
+    figure = Figure(figsize=page(*np.ptp(corners, axis=0), beside=0.8, below=1.6), layout="constrained")
     axes = figure.subplots()
     axes.set_aspect("equal")
     few = len(paths) <= 7
@@ -200,7 +205,7 @@ def draw_paths(file: File) -> Figure:
         radius = file.radius[body]
         for centre, filled in ((track[0], False), (track[-1], True)):
             axes.add_patch(mpl.patches.Circle(centre, radius, fc=color if filled else "none", ec=color, lw=1.0,
-                                              ls="-" if filled else (0, (3, 2)), zorder=4, alpha=0.95))  # fmt: skip
+                                              ls="-" if filled else (0, (3, 2)), zorder=4))  # fmt: skip
     if all(file.box.boundary[k] == "wall" for k in (a, b)):
         axes.add_patch(
             mpl.patches.Rectangle((0, 0), file.box.size[a], file.box.size[b], fill=False, ec="#333333", lw=1.6)
