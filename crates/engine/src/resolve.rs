@@ -207,6 +207,8 @@ fn come_to_rest(state: &mut State, i: u32, wall: u32, e: f64, before: (Support, 
         energy_loss: energy,
         carnot_energy: energy * (1.0 + e) / (1.0 - e),
     };
+    // From here on the support balances gravity; what the tail does beyond that is to take the last of the velocity.
+    state.book.add_impulse(lost * -class.mass);
     state.pending.insert(i, rest);
 }
 

@@ -1,0 +1,292 @@
+//! The laws of mechanics, as the engine keeps them.
+
+mod common;
+
+use common::{Log, Random, add, class, gas, scatter, set_restitution, system};
+use glam::DVec3;
+use haff_engine::{Boundary, Dimension, EventKind, Options, Silent, Simulation, Stop, System, Until, Wall};
+use haff_mechanics::Restitution;
+
+fn start(system: System) -> Simulation {
+    Simulation::new(system, Options::default()).unwrap()
+}
+
+/// A ball dropped from clear height `height` on a floor.
+fn bouncing_ball(height: f64, radius: f64, gravity: f64, e: f64) -> System {
+    let mut scene = system(Dimension::Three, DVec3::splat(1.0), [Boundary::Open; 3]);
+    scene.domain.gravity = DVec3::new(0.0, 0.0, -gravity);
+    scene.walls.push(Wall { name: "floor".into(), point: DVec3::ZERO, normal: DVec3::Z, velocity: DVec3::ZERO });
+    scene.contacts.wall.push(Restitution::Constant(e));
+    let ball = class(&mut scene, radius, 2.0);
+    add(&mut scene, ball, DVec3::new(0.3, -0.2, radius + height), DVec3::ZERO);
+    scene
+}
+
+#[test]
+fn rebound_height_is_e_squared_and_rest_comes_in_finite_time() {
+    for (height, radius, gravity, e) in
+        [(1.0, 0.1, 9.81, 0.8), (10.0, 0.5, 1.0, 0.5), (2.0, 0.3, 9.81, 0.95), (3.0, 1.0, 0.02, 0.1), (1.0, 1.0, 1.0, 0.0)]
+    {
+        let mut simulation = start(bouncing_ball(height, radius, gravity, e));
+        let mut log = Log::default();
+        let stop = simulation.advance(Until::default(), &mut log).unwrap();
+        assert_eq!(stop, Stop::Rest, "e = {e}");
+        let (rest, bounces) = log.0.split_last().unwrap();
+        assert_eq!(rest.kind, EventKind::Rest);
+        let mut path = height;
+        for (k, bounce) in bounces.iter().enumerate() {
+            // The k-th approach is from height H_k = e^{2k} H.
+            let found = bounce.approach_speed.powi(2) / (2.0 * gravity);
+            let expected = e.powi(2 * k as i32) * height;
+            assert!((found - expected).abs() <= 1e-12 * height, "e = {e}, bounce {k}: height {found}, not {expected}");
+            path += if k > 0 { 2.0 * found } else { 0.0 };
+        }
+        // What the completed series leaves out: 2 H_k, 2 H_{k+1}, ….
+        let left = rest.approach_speed.powi(2) / (2.0 * gravity);
+        path += 2.0 * left / (1.0 - e * e);
+        let expected = height * (1.0 + e * e) / (1.0 - e * e);
+        assert!((path / expected - 1.0).abs() < 1e-9, "e = {e}: path {path}, not {expected}");
+        let duration = (2.0 * height / gravity).sqrt() * (1.0 + e) / (1.0 - e);
+        assert!((simulation.time() / duration - 1.0).abs() < 1e-9, "e = {e}: {} s, not {duration}", simulation.time());
+        // All energy of the fall is lost, and the log says where.
+        let lost: f64 = log.0.iter().map(|event| event.energy_loss).sum();
+        let energy = 2.0 * gravity * height;
+        assert!((lost / energy - 1.0).abs() < 1e-12, "e = {e}: {lost} of {energy} lost");
+        assert!(simulation.ledger().residual.abs() < 1e-13);
+        let frame = simulation.frame();
+        assert!((frame.position[0].z - radius).abs() < 1e-13 * (height + radius));
+        assert_eq!(frame.velocity[0], DVec3::ZERO);
+        // ΔH of the momentum: gravity's, the impacts' and the floor's support add up to nothing.
+        assert!(simulation.sample().external_impulse.length() < 1e-12 * energy.sqrt());
+    }
+}
+
+#[test]
+fn a_ball_at_rest_on_the_floor_stays_and_wakes_when_hit() {
+    let mut scene = bouncing_ball(0.0, 0.5, 1.0, 0.5);
+    let ball = 0;
+    // A second one flies in horizontally, one diameter above the floor's reach, and drops on it.
+    add(&mut scene, ball, DVec3::new(0.3, -0.2, 4.0), DVec3::ZERO);
+    let mut simulation = start(scene);
+    let mut log = Log::default();
+    simulation.advance(Until { time: 2.0, ..Until::default() }, &mut log).unwrap();
+    assert_eq!(log.0.iter().map(|event| (event.kind, event.i)).collect::<Vec<_>>()[..2], [
+        (EventKind::Wall, 0),
+        (EventKind::Rest, 0)
+    ]);
+    let before = log.0.len();
+    // The upper one falls 2.5 in √5.
+    simulation.advance(Until { time: 5.0_f64.sqrt() + 0.01, ..Until::default() }, &mut log).unwrap();
+    assert!(log.0[before..].iter().any(|event| event.kind == EventKind::Collision), "{:?}", log.0);
+    assert!(simulation.ledger().residual.abs() < 1e-13);
+}
+
+#[test]
+fn a_ball_slides_down_a_tilted_plane_without_friction() {
+    let (g, angle) = (10.0_f64, 0.5_f64);
+    let normal = DVec3::new(-angle.sin(), 0.0, angle.cos());
+    let mut scene = system(Dimension::Three, DVec3::ONE, [Boundary::Open; 3]);
+    scene.domain.gravity = DVec3::new(0.0, 0.0, -g);
+    scene.walls.push(Wall { name: "ramp".into(), point: DVec3::ZERO, normal, velocity: DVec3::ZERO });
+    scene.contacts.wall.push(Restitution::Constant(0.5));
+    let ball = class(&mut scene, 0.5, 1.0);
+    add(&mut scene, ball, normal * 0.5, DVec3::ZERO);
+    let mut simulation = start(scene);
+    let stop = simulation.advance(Until { time: 2.0, ..Until::default() }, &mut Silent).unwrap();
+    assert_eq!(stop, Stop::Time);
+    let frame = simulation.frame();
+    // Down the plane with g sin α, and always in contact.
+    let downhill = DVec3::new(-angle.cos(), 0.0, -angle.sin());
+    let expected = downhill * (g * angle.sin() * 2.0);
+    assert!((frame.velocity[0] - expected).length() < 1e-12, "{} not {expected}", frame.velocity[0]);
+    assert!((frame.position[0].dot(normal) - 0.5).abs() < 1e-12);
+    assert!(simulation.ledger().residual.abs() < 1e-13);
+}
+
+#[test]
+fn momentum_changes_only_by_outer_impulses() {
+    let mut random = Random(3);
+    let mut scene = system(Dimension::Three, DVec3::splat(9.0), [Boundary::Wall; 3]);
+    scene.domain.gravity = DVec3::new(0.1, 0.0, -0.5);
+    set_restitution(&mut scene, 0.8);
+    let (light, heavy) = (class(&mut scene, 0.4, 1.0), class(&mut scene, 0.8, 5.0));
+    scatter(&mut scene, light, 60, 1.0, &mut random);
+    scatter(&mut scene, heavy, 10, 1.0, &mut random);
+    let mut simulation = start(scene);
+    let before = simulation.sample();
+    simulation.advance(Until { time: 15.0, ..Until::default() }, &mut Silent).unwrap();
+    let after = simulation.sample();
+    assert!(after.collisions > 250 && after.wall_collisions > 500, "{after:?}");
+    let change = after.momentum - before.momentum;
+    let scale = after.external_impulse.length().max(100.0);
+    assert!((change - after.external_impulse).length() < 1e-13 * scale, "{change} against {}", after.external_impulse);
+    assert!(after.ledger.residual.abs() < 1e-13, "{:e}", after.ledger.residual);
+    // Carnot: each loss is (1 − e)/(1 + e) of the lost velocities' energy, so their sums are as well.
+    let ratio = after.ledger.dissipated / after.ledger.carnot;
+    assert!((ratio - 0.2 / 1.8).abs() < 1e-12, "{ratio}");
+}
+
+#[test]
+fn smooth_contacts_leave_angular_momentum_alone() {
+    let mut random = Random(4);
+    let mut scene = system(Dimension::Three, DVec3::splat(6.0), [Boundary::Open; 3]);
+    set_restitution(&mut scene, 0.7);
+    let (small, large) = (class(&mut scene, 0.3, 1.0), class(&mut scene, 0.6, 4.0));
+    scatter(&mut scene, small, 60, 0.0, &mut random);
+    scatter(&mut scene, large, 20, 0.0, &mut random);
+    // A cluster that falls into itself and turns.
+    let middle = DVec3::splat(3.0);
+    for body in &mut scene.bodies {
+        let r = body.position - middle;
+        body.velocity = -r + DVec3::Z.cross(r) * 0.3;
+    }
+    let mut simulation = start(scene);
+    let before = simulation.sample();
+    simulation.advance(Until { time: 20.0, ..Until::default() }, &mut Silent).unwrap();
+    let after = simulation.sample();
+    assert!(after.collisions > 50, "{}", after.collisions);
+    let (h0, h1) = (before.angular_momentum.unwrap(), after.angular_momentum.unwrap());
+    // Particles fly to r ≈ 60 with p ≈ 3 each: rounding is relative to Σ |r × p| there.
+    assert!((h1 - h0).length() < 1e-12 * h0.length().max(1.0), "{h0} → {h1}");
+    assert!((after.momentum - before.momentum).length() < 1e-13 * 80.0);
+}
+
+#[test]
+fn moving_walls_and_driven_bodies_do_the_work_that_the_energy_shows() {
+    let mut random = Random(6);
+    let mut scene = system(Dimension::Three, DVec3::new(12.0, 6.0, 6.0), [Boundary::Wall; 3]);
+    scene.walls.push(Wall {
+        name: "piston".into(),
+        point: DVec3::new(1.0, 0.0, 0.0),
+        normal: DVec3::X,
+        velocity: DVec3::new(0.2, 0.0, 0.0),
+    });
+    scene.contacts.wall.push(Restitution::Constant(1.0));
+    set_restitution(&mut scene, 0.95);
+    let grain = class(&mut scene, 0.4, 1.0);
+    let driven = class(&mut scene, 0.5, f64::INFINITY);
+    scatter(&mut scene, driven, 1, 0.0, &mut random);
+    scene.bodies[0].position = DVec3::new(6.0, 3.0, 3.0);
+    scene.bodies[0].velocity = DVec3::new(0.5, 0.0, 0.0);
+    scatter(&mut scene, grain, 40, 1.0, &mut random);
+    let mut simulation = start(scene);
+    simulation.advance(Until { time: 10.0, ..Until::default() }, &mut Silent).unwrap();
+    let sample = simulation.sample();
+    assert!(sample.ledger.wall_work > 1.0, "{:?}", sample.ledger);
+    assert!(sample.ledger.residual.abs() < 1e-13, "{:?}", sample.ledger);
+    let frame = simulation.frame();
+    assert_eq!(frame.velocity[0], DVec3::new(0.5, 0.0, 0.0));
+    assert_eq!(frame.position[0], DVec3::new(11.0, 3.0, 3.0));
+    assert!(simulation.measure_overlap(&frame).depth < 1e-12);
+}
+
+/// Reversing all velocities of an elastic fluid retraces it, up to the growth of rounding errors.
+#[test]
+fn a_reversed_elastic_fluid_retraces_its_path() {
+    let scene = gas(5, 0.25, 1.0, 11);
+    let start_positions: Vec<DVec3> = scene.bodies.iter().map(|body| body.position).collect();
+    let unwrapped = |simulation: &Simulation| {
+        let frame = simulation.frame();
+        let size = simulation.system().domain.size;
+        (0..frame.position.len())
+            .map(|i| frame.position[i] + size * DVec3::from_array(frame.image[i].map(f64::from)))
+            .collect::<Vec<_>>()
+    };
+    let mut errors = Vec::new();
+    for per_particle in [2_u64, 4, 6, 8] {
+        let mut simulation = start(scene.clone());
+        let collisions = per_particle * 125 / 2;
+        simulation.advance(Until { collisions, ..Until::default() }, &mut Silent).unwrap();
+        let time = simulation.time();
+        simulation.reverse();
+        simulation.advance(Until { time: 2.0 * time, ..Until::default() }, &mut Silent).unwrap();
+        // The collision at the moment of the reversal is undone first.
+        assert_eq!(simulation.counters().collisions.abs_diff(2 * collisions), 0, "as many back as forth");
+        let error = unwrapped(&simulation)
+            .iter()
+            .zip(&start_positions)
+            .map(|(a, b)| (*a - *b).length())
+            .fold(0.0, f64::max);
+        println!("{per_particle} collisions a particle: returns to within {error:.1e} σ");
+        errors.push(error);
+    }
+    // Errors grow by a factor of about 3 to 10 a collision (λ ≈ 1–2 a collision), from 1e-16 and twice the way.
+    assert!(errors[0] < 1e-11 && errors[3] < 1e-3, "{errors:?}");
+    assert!(errors[0] > 0.0 && errors[3] > errors[0], "{errors:?}");
+}
+
+/// A contact within tc of the last one is elastic.
+#[test]
+fn the_tc_model_makes_repeated_contacts_elastic() {
+    let mut scene = system(Dimension::Three, DVec3::splat(1.0), [Boundary::Open; 3]);
+    set_restitution(&mut scene, 0.5);
+    let ball = class(&mut scene, 0.5, 1.0);
+    // The first hits the second, which then hits the third after a gap of 0.01.
+    for (x, speed) in [(0.0, 1.0), (2.0, 0.0), (3.01, 0.0)] {
+        add(&mut scene, ball, DVec3::new(x, 0.0, 0.0), DVec3::new(speed, 0.0, 0.0));
+    }
+    for (tc, second) in [(0.0, 0.5), (0.005, 0.5), (0.1, 1.0)] {
+        scene.contacts.tc = tc;
+        let mut simulation = start(scene.clone());
+        let mut log = Log::default();
+        simulation.advance(Until { collisions: 2, ..Until::default() }, &mut log).unwrap();
+        // J = (1 + e) v/2 between equal masses.
+        let e = |k: usize| 2.0 * log.0[k].impulse / log.0[k].approach_speed - 1.0;
+        assert!((e(0) - 0.5).abs() < 1e-14, "no contact before the first: {}", e(0));
+        assert!((e(1) - second).abs() < 1e-14, "tc = {tc}: e = {}, not {second}", e(1));
+    }
+}
+
+#[test]
+fn an_inelastic_collapse_is_reported_not_endured() {
+    let mut scene = system(Dimension::Three, DVec3::splat(1.0), [Boundary::Open; 3]);
+    // Three on a line collapse for e < 7 − 4√3 ≈ 0.0718.
+    set_restitution(&mut scene, 0.05);
+    let ball = class(&mut scene, 0.5, 1.0);
+    for (x, speed) in [(0.0, 1.0), (2.0, 0.0), (4.0, -1.0)] {
+        add(&mut scene, ball, DVec3::new(x, 0.0, 0.0), DVec3::new(speed, 0.0, 0.0));
+    }
+    let mut simulation = start(scene);
+    let result = simulation.advance(Until { time: 100.0, ..Until::default() }, &mut Silent);
+    let time = simulation.time();
+    match result {
+        Err(error) => assert!(error.to_string().contains("collapse"), "{error}"),
+        // In floating point the series may end in velocities that no longer differ.
+        Ok(stop) => assert!(stop == Stop::Time && time == 100.0, "{stop:?}"),
+    }
+    assert!(simulation.frame().velocity.iter().all(|velocity| velocity.is_finite()));
+}
+
+/// A run is as exact after 10⁵ epochs as at its start: two walls and a ball between them.
+#[test]
+fn clock_errors_do_not_grow_with_time() {
+    let mut scene = system(Dimension::Three, DVec3::new(4.0, 4.0, 4.0), [Boundary::Wall; 3]);
+    let ball = class(&mut scene, 0.5, 1.0);
+    add(&mut scene, ball, DVec3::new(1.0, 2.0, 2.0), DVec3::new(1.0, 0.0, 0.0));
+    let mut simulation = start(scene);
+    // The free way is 3: after 6k the ball is where it was.
+    for periods in [1.0, 1e3, 1e5] {
+        simulation.advance(Until { time: 6.0 * periods, ..Until::default() }, &mut Silent).unwrap();
+        let frame = simulation.frame();
+        assert_eq!(frame.position[0].x, 1.0, "after {periods} periods");
+        assert_eq!(frame.velocity[0], DVec3::X);
+    }
+    assert!(simulation.counters().epochs > 1000, "{:?}", simulation.counters());
+}
+
+/// A cooling gas slows down by orders of magnitude: the tick follows, and nothing is lost on the way.
+#[test]
+fn the_tick_follows_a_gas_that_cools_by_orders_of_magnitude() {
+    let mut scene = gas(6, 0.05, 0.9, 3);
+    let drift = scene.bodies.iter().map(|body| body.velocity).sum::<DVec3>() / 216.0;
+    scene.bodies.iter_mut().for_each(|body| body.velocity -= drift);
+    let mut simulation = start(scene);
+    let before = simulation.ledger().kinetic;
+    let stop = simulation.advance(Until { time: 1e5, collisions: 40_000, ..Until::default() }, &mut Silent);
+    assert!(stop.is_ok(), "{stop:?}");
+    let ledger = simulation.ledger();
+    assert!(ledger.kinetic < 1e-6 * before, "{} → {}", before, ledger.kinetic);
+    assert!(ledger.residual.abs() < 1e-13, "{:e}", ledger.residual);
+    assert!(simulation.counters().epochs > 2, "{:?}", simulation.counters());
+    simulation.validate(1e-12).unwrap();
+}
