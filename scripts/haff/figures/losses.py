@@ -28,7 +28,8 @@ def draw(file: File) -> Figure:
         raise NotApplicableError("no event loses energy (elastic)")
     # Ten bins a decade resolve the shape; rare tiny losses would only stretch the axis.
     low = max(low, high * 1e-14)
-    edges = np.geomspace(low * 0.999, high * 1.001, int(np.clip(10 * np.log10(high / low), 8, 140)) + 1)
+    most = min(140.0, max(8.0, 2 * np.sqrt(len(events))))
+    edges = np.geomspace(low * 0.999, high * 1.001, int(np.clip(10 * np.log10(high / low), 8, most)) + 1)
     scaled_edges = np.linspace(0, 14, 71)
     counts = {name: np.zeros(len(edges) - 1) for name in events.kinds.values()}
     scaled = np.zeros(len(scaled_edges) - 1)

@@ -43,7 +43,11 @@ def draw(file: File, index: int = -1) -> Figure:
         bar.outline.set_visible(False)
     elif len(file.species_names) > 1 and len(file) > 1:
         _species_legend(file, axes)
-    headline(figure, f"Particles at t = {frame.time:.5g}", f"{facts(file)}  ·  {frame.step:,} events so far")
+    headline(
+        figure,
+        f"Particles at t = {frame.time:.5g}",
+        f"{facts(file)}  ·  {frame.step:,} event{'s'[: frame.step != 1]} so far",
+    )
     return figure
 
 

@@ -62,7 +62,10 @@ def headline(figure: Figure, title: str, subtitle: str) -> None:
     # Room for both lines: the layout engine keeps only the suptitle's own height free.
     height = figure.get_figheight()
     top = 1 - 0.56 / height
-    figure.text(0.02, 1 - 0.31 / height, subtitle, ha="left", va="top", fontsize=9, color="#555555")
+    line = figure.text(0.02, 1 - 0.31 / height, subtitle, ha="left", va="top", fontsize=9, color="#555555")
+    wide = line.get_window_extent().width / (0.96 * figure.bbox.width)
+    if wide > 1:
+        line.set_fontsize(9 / wide)
     engine = figure.get_layout_engine()
     if engine is not None:
         engine.set(rect=(0, 0, 1, top))  # type: ignore[call-arg]

@@ -8,14 +8,17 @@ from matplotlib.figure import Figure
 from .. import analysis, theory
 from ..errors import NotApplicableError
 from ..reader import File
-from .style import BLACK, BLUE, CYCLE, GREY, RED, headline, number, zoom
+from .style import BLACK, BLUE, CYCLE, GREY, RED, headline, note, number, zoom
+
+# Fewer bodies have velocities, not a distribution of them.
+FEWEST = 30
 
 
 def draw(file: File) -> Figure:
     """T(t), log–log against Haff's law with the ratio below; for other gases, T(t) as it is."""
     table = file.observables
-    if "temperature" not in table or not np.any(table["temperature"] > 0) or len(file) < 10:
-        raise NotApplicableError(f"{len(file)} particles have no temperature to speak of")
+    if "temperature" not in table or not np.any(table["temperature"] > 0) or len(file) < FEWEST:
+        raise NotApplicableError(f"{len(file):,} particle{'s'[: len(file) != 1]}: no temperature to speak of")
     if len(table) < 3:
         raise NotApplicableError("fewer than three samples")
     try:
@@ -52,7 +55,7 @@ def _restitutions(file: File) -> list[str]:
     if "wall" in file.box.boundary:
         at_walls.add(name(general))
     found = [f"e = {name(between)}"] if len(file) > 1 else []
-    if at_walls and at_walls != {name(between)} or not found:
+    if (at_walls and at_walls != {name(between)}) or not found:
         found.append(f"{'walls ' if found else 'e = '}{', '.join(sorted(at_walls)) or name(between)}")
     return found
 
@@ -174,5 +177,7 @@ def _plain(file: File, why: str) -> Figure:
     axes.set_xlabel("simulated time $t$  [scene’s unit of time]")
     axes.set_ylabel(r"granular temperature $T$  [$k_\mathrm{B}=1$]")
     axes.margins(x=0)
-    headline(figure, "Granular temperature", f"{facts(file)}  ({why})")
+    if not why.startswith("elastic"):
+        note(axes, f"no closed form drawn: {why}", x=0.98, ha="right")
+    headline(figure, "Granular temperature", facts(file))
     return figure

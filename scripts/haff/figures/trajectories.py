@@ -159,10 +159,7 @@ def draw(file: File) -> Figure:
         axes.margins(x=0.01, y=0.08)
     floor = _clearance(file, active)
     if floor is not None:
-        height, label = floor
-        panels[-1].axhline(height, color=GREY, lw=1, ls=":", zorder=1)
-        place = panels[-1].get_yaxis_transform()
-        panels[-1].text(0.01, height, label, transform=place, va="bottom", fontsize=8.5, color="#555555")
+        panels[-1].axhline(floor, color=GREY, lw=1, ls=":", zorder=1)
     panels[-1].set_xlabel("simulated time $t$  [scene’s unit of time]")
     bodies = panels[0].get_legend_handles_labels()
     handles = list(bodies[0]) if few and len(paths) > 1 else []
@@ -171,18 +168,21 @@ def draw(file: File) -> Figure:
         if kind in used:
             handles.append(Line2D([], [], ls="", marker=mark, mfc="white", mec=BLACK, ms=5))
             labels.append(label)
+    if floor is not None:
+        handles.append(Line2D([], [], color=GREY, lw=1, ls=":"))
+        labels.append("touching the floor")
     if handles:
         figure.legend(handles, labels, loc="outside lower center", ncols=min(len(handles), 5))
     headline(figure, "Motion and events", _subtitle(file))
     return figure
 
 
-def _clearance(file: File, active: list[int]) -> tuple[float, str] | None:
+def _clearance(file: File, active: list[int]) -> float | None:
     """Height of the centre of a single ball in touch with a horizontal floor at z = 0."""
     floors = [w for w in file.scene.get("wall", []) if w.get("plane", {}).get("normal") == [0, 0, 1]]
     at = floors[0]["plane"].get("point", [0, 0, 0])[2] if floors else 0.0
     if len(file) == 1 and active[-1] == 2 and (floors or file.box.boundary[2] == "wall"):
-        return float(at + file.radius[0]), "touching the floor"
+        return float(at + file.radius[0])
     return None
 
 
