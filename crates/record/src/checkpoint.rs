@@ -83,18 +83,26 @@ impl Slot {
     }
 
     /// A slot of a file.
-    pub fn open(parent: &Group, name: &str) -> hdf5::Result<Self> {
+    pub fn open(parent: &Group, name: &str, particles: usize) -> hdf5::Result<Self> {
         let group = parent.group(name)?;
-        let position = group.dataset("position")?;
+        let dataset = |name: &str, shape: &[usize]| -> hdf5::Result<Dataset> {
+            let dataset = group.dataset(name)?;
+            let found = dataset.get_shape()?;
+            if found == shape {
+                Ok(dataset)
+            } else {
+                Err(format!("{} has shape {found:?} instead of {shape:?}", dataset.name()).into())
+            }
+        };
         Ok(Self {
-            header: group.dataset("header")?,
-            particles: position.get_shape()?.first().copied().unwrap_or(0),
-            position,
-            velocity: group.dataset("velocity")?,
-            image: group.dataset("image")?,
-            anchor: group.dataset("anchor")?,
-            count: group.dataset("count")?,
-            resting: group.dataset("resting")?,
+            header: dataset("header", &[HEADER.len()])?,
+            particles,
+            position: dataset("position", &[particles, 3])?,
+            velocity: dataset("velocity", &[particles, 3])?,
+            image: dataset("image", &[particles, 3])?,
+            anchor: dataset("anchor", &[particles])?,
+            count: dataset("count", &[particles])?,
+            resting: dataset("resting", &[particles])?,
             names: Series::open(&group, "scalar_names")?,
             values: Series::open(&group, "scalars")?,
             tail: if group.link_exists("tail") { Some(Series::open(&group, "tail")?) } else { None },

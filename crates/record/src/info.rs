@@ -142,6 +142,17 @@ impl Parameters {
         let summary = if group.link_exists("summary") { Some(group.dataset("summary")?) } else { None };
         let sampled = "observables/species_temperature";
         let species_names = texts(group, "species_names")?;
+        let particles = file.dataset("particles/all/mass")?.size();
+        // Four fixed columns, uncompressed: a number of particles beyond that is damage, not worth its memory.
+        for name in ["species", "radius", "id"] {
+            let found = file.dataset(&format!("particles/all/{name}"))?.size();
+            if found != particles {
+                return Err(format!("{particles} masses, but {found} entries of {name}").into());
+            }
+        }
+        if particles as u64 > file.file()?.size() / 24 {
+            return Err(format!("{particles} particles in a file of {} bytes", file.file()?.size()).into());
+        }
         Ok(Self {
             scene_toml: string(group, "scene")?,
             title: string(group, "title")?,
@@ -152,7 +163,7 @@ impl Parameters {
             trajectory_version: scalar(group, "trajectory_version")?,
             dimension: scalar::<u32>(group, "dimension")? as usize,
             box_size: vectors(&group.dataset("box_size")?.read_raw()?).first().copied().unwrap_or(DVec3::NAN),
-            particles: file.dataset("particles/all/mass")?.size(),
+            particles,
             species_sampled: (file.link_exists("observables") && file.link_exists(sampled))
                 .then_some(species_names.len()),
             species_names,
@@ -201,7 +212,7 @@ pub fn info(path: impl AsRef<Path>) -> Result<Info, RecordError> {
 }
 
 fn read_info(file: &hdf5::File, parameters: Parameters, path: &Path) -> Result<Info, RecordError> {
-    let skeleton = Skeleton::open(file).doing(path, READ)?;
+    let skeleton = Skeleton::open(file, parameters.particles).doing(path, READ)?;
     let checkpoint = newest(&skeleton.slots, |_| true).doing(path, READ)?;
     let mut range: Option<(f64, f64)> = None;
     let frames = skeleton.trajectory.as_ref().map(|trajectory| (&trajectory.clock, trajectory.rows()));
@@ -344,7 +355,7 @@ pub fn last_state(path: impl AsRef<Path>) -> Result<State, RecordError> {
     let path = path.as_ref();
     file::read(path, |file| {
         let parameters = Parameters::read(file, path)?;
-        let skeleton = Skeleton::open(file).doing(path, READ)?;
+        let skeleton = Skeleton::open(file, parameters.particles).doing(path, READ)?;
         let missing = || RecordError::Missing { path: path.to_owned(), what: "frames" };
         let trajectory = skeleton.trajectory.ok_or_else(missing)?;
         let row = trajectory.rows().checked_sub(1).ok_or_else(missing)?;

@@ -58,7 +58,8 @@ impl Recorder {
         let path = path.as_ref();
         let (parameters, skeleton) = file::read(path, |file| {
             let parameters = Parameters::read(file, path)?;
-            Ok((parameters, Skeleton::open(file).doing(path, READ)?))
+            let skeleton = Skeleton::open(file, parameters.particles).doing(path, READ)?;
+            Ok((parameters, skeleton))
         })?;
         if parameters.complete {
             let saved = choose(&skeleton, path)?;
@@ -69,7 +70,7 @@ impl Recorder {
         drop(skeleton);
         let file = WritableFile::append(path)?;
         let prepare = || {
-            let skeleton = Skeleton::open(file.root()).doing(path, READ)?;
+            let skeleton = Skeleton::open(file.root(), parameters.particles).doing(path, READ)?;
             let saved = choose(&skeleton, path)?;
             let resumed = tell(parameters.clone(), &skeleton, &saved, path)?;
             let [first, second] = [&skeleton.slots[0], &skeleton.slots[1]].map(Slot::sequence);

@@ -65,6 +65,15 @@ impl Series {
         Ok(Self { rows, width: width.to_vec(), dataset })
     }
 
+    /// Fails if rows have another shape.
+    pub fn expect(&self, width: &[usize]) -> hdf5::Result<()> {
+        if self.width == width {
+            Ok(())
+        } else {
+            Err(format!("{} has rows of {:?} instead of {width:?}", self.dataset.name(), self.width).into())
+        }
+    }
+
     /// Number of rows.
     pub fn rows(&self) -> usize {
         self.rows

@@ -276,25 +276,27 @@ impl Skeleton {
             None
         };
         let observables = if header.observables { Some(Observables::create(root, header)?) } else { None };
-        let events = if header.events {
-            Some(Columns::create(&root.create_group("events")?, header.dimension)?)
-        } else {
-            None
-        };
+        let events = if header.events { Some(Columns::create(&root.create_group("events")?)?) } else { None };
         let checkpoint = root.create_group("checkpoint")?;
         let slot = |name| Slot::create(&checkpoint, name, particles, header.events);
         Ok(Self { trajectory, observables, events, slots: [slot("0")?, slot("1")?] })
     }
 
-    /// Finds all datasets that grow.
-    pub fn open(root: &Group) -> hdf5::Result<Self> {
+    /// Finds all datasets that grow, and checks that those per particle have N rows.
+    pub fn open(root: &Group, particles: usize) -> hdf5::Result<Self> {
         let all = root.group("particles/all")?;
         let trajectory = if all.link_exists("position") { Some(Trajectory::open(&all)?) } else { None };
         let observables = if root.link_exists("observables") { Some(Observables::open(root)?) } else { None };
         let events =
             if root.link_exists("events") { Some(Columns::open(&root.group("events")?)?) } else { None };
         let checkpoint = root.group("checkpoint")?;
-        let slots = [Slot::open(&checkpoint, "0")?, Slot::open(&checkpoint, "1")?];
+        let slots = [Slot::open(&checkpoint, "0", particles)?, Slot::open(&checkpoint, "1", particles)?];
+        if let Some(trajectory) = &trajectory {
+            for series in [&trajectory.position, &trajectory.velocity, &trajectory.image] {
+                series.expect(&[particles, 3])?;
+            }
+            trajectory.edges.expect(&[3])?;
+        }
         Ok(Self { trajectory, observables, events, slots })
     }
 }
