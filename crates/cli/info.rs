@@ -1,6 +1,6 @@
 //! `haff info`, and states read from output files.
 
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 use haff_scene::{State, StateSource};
 use serde_json::{Value, json};
@@ -21,6 +21,16 @@ impl StateSource for States {
             radius: state.radius,
             mass: state.mass,
         })
+    }
+}
+
+/// The states of a run that is resumed: particles come from the checkpoint, so that any frame of the file itself does
+/// for the scene, and a state file it once started from may be gone.
+pub struct OwnStates(pub PathBuf);
+
+impl StateSource for OwnStates {
+    fn last_state(&self, path: &Path) -> Result<State, String> {
+        States.last_state(&self.0).or_else(|_| States.last_state(path))
     }
 }
 

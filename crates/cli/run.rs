@@ -10,7 +10,7 @@ use serde_json::{Value, json};
 use crate::{
     arguments::{Run, VERSION},
     failure::{Failure, Status},
-    info::States,
+    info::{OwnStates, States},
     session::{Ending, Outcome, Session},
     signals::Signals,
 };
@@ -97,10 +97,8 @@ fn start(options: &Run, scene: Scene, signals: &Signals) -> Result<u8, Failure> 
 }
 
 fn resume(options: &Run, path: PathBuf, signals: &Signals) -> Result<u8, Failure> {
-    let (recorder, resumed) = Recorder::append(&path).map_err(|error| file_failure(&error))?;
-    if let Some(summary) = &resumed.summary
-        && resumed.finished
-    {
+    let info = haff_record::info(&path).map_err(|error| file_failure(&error))?;
+    if let (true, Some(summary)) = (info.finished, &info.summary) {
         let mut report: Value = serde_json::from_str(summary)
             .map_err(|error| Failure::new(Status::File, format!("{}: summary: {error}", path.display())))?;
         report["resumed_from"] = report["simulated_time"].clone();
@@ -112,13 +110,29 @@ fn resume(options: &Run, path: PathBuf, signals: &Signals) -> Result<u8, Failure
         }
         return Ok(0);
     }
-    let name = format!("scene in {}", path.display());
-    let scene = haff_scene::parse(&name, &resumed.scene_toml, &[], &States)
-        .map_err(|errors| scene_failure(&errors))?;
+    if info.trajectory_version != TRAJECTORY_VERSION {
+        let message = format!(
+            "{} was written by haff {} with trajectory version {}, this is version {TRAJECTORY_VERSION}: \
+             use that release to go on",
+            path.display(),
+            info.version,
+            info.trajectory_version
+        );
+        return Err(Failure::new(Status::File, message));
+    }
+    let name = format!("{} (its scene)", path.display());
+    let own = OwnStates(path.clone());
+    let scene =
+        haff_scene::parse(&name, &info.scene_toml, &[], &own).map_err(|errors| scene_failure(&errors))?;
     let Scene { system, title, seed, run, output, options: machinery, .. } = scene;
+    let (recorder, resumed) = Recorder::append(&path).map_err(|error| file_failure(&error))?;
     let simulation = Simulation::restore(system, machinery, &resumed.checkpoint)
         .map_err(|error| Failure::new(Status::File, format!("{}: {error}", path.display())))?;
     let context = Context { title, seed, file: Some(path), resumed_from: Some(simulation.time()) };
+    let recorded = resumed.last_frame.map(|time| {
+        let counters = simulation.counters();
+        (time, counters.collisions + counters.wall_collisions)
+    });
     let session = Session {
         simulation,
         run,
@@ -126,7 +140,7 @@ fn resume(options: &Run, path: PathBuf, signals: &Signals) -> Result<u8, Failure
         recorder: Some(&recorder),
         signals,
         quiet: options.quiet,
-        recorded: None,
+        recorded,
     };
     let outcome = session.run(true).map_err(|error| file_failure(&error))?;
     conclude(options, &outcome, &context, Some(recorder))

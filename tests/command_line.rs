@@ -1,0 +1,247 @@
+//! The command line as `interface.md` users know it: what each command prints, and how it fails.
+
+mod common;
+
+use common::{GAS, Haff, config, root};
+use serde_json::Value;
+
+#[test]
+fn every_command_has_help_with_an_example() {
+    let haff = Haff::new();
+    let (status, out, _) = haff.run(&["--help"]);
+    assert_eq!(status, 0);
+    for command in ["run", "check", "init", "schema", "info"] {
+        assert!(out.contains(command), "{command} in {out}");
+        let (status, out, _) = haff.run(&[command, "--help"]);
+        assert!(status == 0 && out.contains("Example") && out.contains(&format!("haff {command}")), "{out}");
+    }
+    let (status, out, _) = haff.run(&["--version"]);
+    assert!(status == 0 && out.starts_with("haff 0.") && out.contains('('), "{out}");
+}
+
+#[test]
+fn wrong_arguments_exit_with_2() {
+    let haff = Haff::new();
+    for arguments in [
+        &["frobnicate"][..],
+        &["run"],
+        &["run", "a.toml", "--threads", "0"],
+        &["run", "a.toml", "--threads", "many"],
+        &["run", "a.toml", "--resume", "b.h5"],
+        &["init", "no_such_template"],
+    ] {
+        let (status, _, err) = haff.run(arguments);
+        assert_eq!(status, 2, "{arguments:?}: {err}");
+        assert!(err.starts_with("error: "), "{arguments:?}: {err}");
+    }
+}
+
+#[test]
+fn every_broken_scene_gives_its_error_and_exit_2() {
+    let haff = Haff::new();
+    let mut count = 0;
+    for entry in std::fs::read_dir(root().join("configs/invalid")).unwrap() {
+        let path = entry.unwrap().path();
+        let text = std::fs::read_to_string(&path).unwrap();
+        let expected = text.lines().next().and_then(|line| line.strip_prefix("# expect: ")).unwrap();
+        let path = path.display().to_string();
+        for command in ["check", "run"] {
+            let (status, out, err) = haff.run(&[command, &path]);
+            assert!(err.contains(expected), "{path}: {err}\nshould contain {expected}");
+            assert!(status == 2 || (status == 4 && path.contains("state_file")), "{path}: exit {status}");
+            assert!(out.is_empty() && !err.contains("panicked"), "{path}: {out}{err}");
+        }
+        count += 1;
+    }
+    assert!(count >= 30, "{count} broken scenes");
+    assert_eq!(std::fs::read_dir(haff.path(".")).unwrap().count(), 0, "a broken scene leaves no file");
+}
+
+#[test]
+fn every_scene_of_the_repository_passes_its_check() {
+    let haff = Haff::new();
+    for folder in ["configs", "configs/textbook"] {
+        for entry in std::fs::read_dir(root().join(folder)).unwrap() {
+            let path = entry.unwrap().path();
+            if path.extension().is_some_and(|end| end == "toml") {
+                let (status, out, err) = haff.run(&["check", &path.display().to_string()]);
+                assert!(status == 0 && out.contains("is valid") && out.contains("particles"), "{out}{err}");
+                let report: Value =
+                    serde_json::from_str(&haff.run(&["check", &path.display().to_string(), "--json"]).1)
+                        .unwrap();
+                assert!(report["particles"].as_u64() > Some(0), "{report}");
+            }
+        }
+    }
+}
+
+#[test]
+fn templates_are_scenes() {
+    let haff = Haff::new();
+    let (_, list, _) = haff.run(&["init", "--list"]);
+    assert!(list.lines().count() >= 3, "{list}");
+    for line in list.lines() {
+        let name = line.split_whitespace().next().unwrap();
+        let (status, text, _) = haff.run(&["init", name]);
+        assert_eq!(status, 0);
+        let file = haff.write("template.toml", &text);
+        assert_eq!(haff.run(&["check", &file]).0, 0, "{name}");
+    }
+    assert_eq!(haff.run(&["init"]).0, 0);
+}
+
+#[test]
+fn the_schema_is_json() {
+    let (status, out, _) = Haff::new().run(&["schema"]);
+    let schema: Value = serde_json::from_str(&out).unwrap();
+    assert_eq!(status, 0);
+    assert!(schema["properties"]["contact"].is_object() && schema["$schema"].is_string(), "{out}");
+}
+
+#[test]
+fn a_run_reports_what_the_interface_promises() {
+    let haff = Haff::new();
+    let scene = haff.write("gas.toml", GAS);
+    let report = haff.report(&["run", &scene]);
+    for key in [
+        "particles",
+        "collisions",
+        "wall_collisions",
+        "events",
+        "simulated_time",
+        "wall_seconds",
+        "collisions_per_second",
+        "ledger_residual",
+        "max_overlap",
+        "peak_memory_bytes",
+        "threads",
+        "seed",
+        "version",
+        "trajectory_version",
+        "state_hash",
+        "stopped",
+    ] {
+        assert!(!report[key].is_null(), "{key} in {report}");
+    }
+    assert_eq!(report["stopped"], "until");
+    assert_eq!(report["simulated_time"], 20.0);
+    assert_eq!(report["events"], report["collisions"]);
+    assert!(report["ledger_residual"].as_f64().unwrap().abs() <= 1e-12, "{report}");
+    assert!(report["max_overlap"].as_f64().unwrap() <= 1e-12, "{report}");
+    let info: Value = serde_json::from_str(&haff.run(&["info", "gas.h5", "--json"]).1).unwrap();
+    assert_eq!(info["particles"], 500);
+    assert_eq!(info["frames"], 21);
+    assert_eq!(info["samples"], 41);
+    assert_eq!(info["events"], report["events"]);
+    assert_eq!(info["finished"], true);
+    let (status, text, _) = haff.run(&["info", "gas.h5"]);
+    assert!(status == 0 && text.contains("ledger residual") && text.contains("Small gas"), "{text}");
+}
+
+#[test]
+fn human_text_goes_to_standard_error_alone() {
+    let haff = Haff::new();
+    let scene = haff.write("gas.toml", GAS);
+    let (status, out, err) = haff.run(&["run", &scene, "--set", "run.until=1"]);
+    assert!(
+        status == 0 && out.is_empty() && err.contains("collisions") && err.contains("gas.h5"),
+        "{out}{err}"
+    );
+    assert!(!err.contains('\r') && !err.contains('\x1b'), "no progress bar where nobody looks: {err:?}");
+    let (_, out, err) = haff.run(&["run", &scene, "--set", "run.until=1", "--overwrite", "-q"]);
+    assert!(out.is_empty() && err.is_empty(), "{out}{err}");
+}
+
+#[test]
+fn an_output_is_never_replaced_unasked() {
+    let haff = Haff::new();
+    let scene = haff.write("gas.toml", GAS);
+    haff.write("gas.h5", "precious");
+    let (status, _, err) = haff.run(&["run", &scene]);
+    assert_eq!(status, 4, "{err}");
+    assert!(err.contains("gas.h5") && err.contains("--overwrite"), "{err}");
+    assert_eq!(std::fs::read_to_string(haff.path("gas.h5")).unwrap(), "precious");
+    assert_eq!(haff.run(&["run", &scene, "--overwrite", "-q"]).0, 0);
+    assert_eq!(haff.run(&["info", "gas.h5"]).0, 0);
+}
+
+#[test]
+fn unreadable_and_unwritable_files_exit_with_4_and_name_the_file() {
+    let haff = Haff::new();
+    let scene = haff.write("gas.toml", GAS);
+    haff.write("text.h5", "not HDF5");
+    for (arguments, name) in [
+        (&["run", "missing.toml"][..], "missing.toml"),
+        (&["check", "missing.toml"], "missing.toml"),
+        (&["info", "missing.h5"], "missing.h5"),
+        (&["info", "text.h5"], "text.h5"),
+        (&["run", "--resume", "missing.h5"], "missing.h5"),
+        (&["run", "--resume", "text.h5"], "text.h5"),
+        (&["run", &scene, "-o", "no/such/folder/x.h5"], "no/such/folder"),
+    ] {
+        let (status, out, err) = haff.run(arguments);
+        assert_eq!(status, 4, "{arguments:?}: {err}");
+        assert!(err.contains(name) && out.is_empty() && !err.contains("panicked"), "{arguments:?}: {err}");
+    }
+}
+
+#[test]
+fn a_scene_without_output_writes_nothing() {
+    let haff = Haff::new();
+    let scene = haff.write("gas.toml", &GAS[..GAS.find("[output]").unwrap()]);
+    let report = haff.report(&["run", &scene]);
+    assert_eq!(report["file"], Value::Null);
+    assert_eq!(std::fs::read_dir(haff.path(".")).unwrap().count(), 1);
+}
+
+#[test]
+fn a_collapse_exits_with_3_says_why_and_keeps_the_data() {
+    let haff = Haff::new();
+    let scene = haff.write(
+        "collapse.toml",
+        r#"
+schema = 1
+[domain]
+boundary = ["open", "open", "open"]
+gravity = [0.0, 0.0, -1.0]
+[[wall]]
+name = "floor"
+plane = { point = [0, 0, 0], normal = [0, 0, 1] }
+[[particle]]
+name = "lower"
+position = [0.0, 0.0, 1.0]
+radius = 0.5
+mass = 1.0
+[[particle]]
+name = "upper"
+position = [0.0, 0.0, 2.5]
+radius = 0.5
+mass = 1.0
+[contact]
+restitution = 0.3
+[run]
+until = 100.0
+[output]
+file = "collapse.h5"
+events = true
+"#,
+    );
+    let (status, out, err) = haff.run(&["run", &scene, "--json"]);
+    assert_eq!(status, 3, "{err}");
+    assert!(err.contains("collapse") && err.contains("particle") && err.contains("contact.tc"), "{err}");
+    let report: Value = serde_json::from_str(&out).unwrap();
+    assert_eq!(report["stopped"], "collapse");
+    let info: Value = serde_json::from_str(&haff.run(&["info", "collapse.h5", "--json"]).1).unwrap();
+    assert!(info["events"].as_u64() > Some(10) && info["frames"].as_u64() > Some(1), "{info}");
+}
+
+#[test]
+fn the_bouncing_ball_ends_at_rest() {
+    let haff = Haff::new();
+    let report =
+        haff.report(&["run", &config("textbook/bouncing_ball.toml"), "--set", "contact.restitution=0.5"]);
+    assert_eq!(report["stopped"], "rest");
+    let expected = (2.0_f64 / 9.81).sqrt() * 1.8 / 0.2;
+    let time = report["simulated_time"].as_f64().unwrap();
+    assert!((time / expected - 1.0).abs() < 1e-9, "at rest after {time}, not {expected}");
+}

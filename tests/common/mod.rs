@@ -1,0 +1,68 @@
+//! Runs the command as a user does.
+#![allow(dead_code)]
+
+use std::{
+    path::{Path, PathBuf},
+    process::{Command, Output, Stdio},
+};
+
+use serde_json::Value;
+
+/// The repository.
+pub fn root() -> &'static Path {
+    Path::new(env!("CARGO_MANIFEST_DIR"))
+}
+
+/// A scene of the repository.
+pub fn config(name: &str) -> String {
+    root().join("configs").join(name).display().to_string()
+}
+
+/// The command in a folder of its own.
+pub struct Haff {
+    folder: tempfile::TempDir,
+}
+
+impl Haff {
+    pub fn new() -> Self {
+        Self { folder: tempfile::tempdir().expect("a temporary folder") }
+    }
+
+    pub fn path(&self, name: &str) -> PathBuf {
+        self.folder.path().join(name)
+    }
+
+    /// Writes a file and returns its name.
+    pub fn write(&self, name: &str, text: &str) -> String {
+        std::fs::write(self.path(name), text).expect("a file in a temporary folder");
+        name.to_owned()
+    }
+
+    pub fn command(&self, arguments: &[&str]) -> Command {
+        let mut command = Command::new(env!("CARGO_BIN_EXE_haff"));
+        command.args(arguments).current_dir(self.folder.path()).stdin(Stdio::null());
+        command
+    }
+
+    pub fn output(&self, arguments: &[&str]) -> Output {
+        self.command(arguments).output().expect("the command starts")
+    }
+
+    /// Exit status, standard output and standard error.
+    pub fn run(&self, arguments: &[&str]) -> (i32, String, String) {
+        let output = self.output(arguments);
+        let text = |bytes: &[u8]| String::from_utf8_lossy(bytes).into_owned();
+        (output.status.code().unwrap_or(-1), text(&output.stdout), text(&output.stderr))
+    }
+
+    /// Runs with `--json` and returns the report; the exit status must be 0.
+    pub fn report(&self, arguments: &[&str]) -> Value {
+        let all = [arguments, &["--json", "-q"]].concat();
+        let (status, out, err) = self.run(&all);
+        assert_eq!(status, 0, "{arguments:?}: {err}");
+        serde_json::from_str(&out).unwrap_or_else(|error| panic!("{arguments:?}: {error} in {out:?}"))
+    }
+}
+
+/// A gas small enough for a test.
+pub const GAS: &str = include_str!("../gas.toml");

@@ -1,0 +1,124 @@
+//! The same scene gives the same trajectory: on any number of threads, with any machinery, stopped and resumed or
+//! not, in a debug or a release build.
+
+mod common;
+
+use std::{
+    process::Stdio,
+    time::{Duration, Instant},
+};
+
+use common::{GAS, Haff};
+use nix::{
+    sys::signal::{Signal, kill},
+    unistd::Pid,
+};
+use serde_json::Value;
+
+fn hash(report: &Value) -> String {
+    report["state_hash"].as_str().unwrap().to_owned()
+}
+
+#[test]
+fn state_hashes_are_pinned_for_every_build() {
+    let haff = Haff::new();
+    let scene = haff.write("gas.toml", GAS);
+    let pins: Value = serde_json::from_str(include_str!("pinned_hashes.json")).unwrap();
+    for pin in pins["scenes"].as_array().unwrap() {
+        let mut arguments = vec!["run", &scene, "--overwrite"];
+        for set in pin["set"].as_array().unwrap() {
+            arguments.extend(["--set", set.as_str().unwrap()]);
+        }
+        let found = hash(&haff.report(&arguments));
+        assert_eq!(found, pin["state_hash"], "{}: if this is meant, raise TRAJECTORY_VERSION", pin["name"]);
+    }
+}
+
+#[test]
+fn no_choice_of_machinery_changes_a_trajectory() {
+    let haff = Haff::new();
+    let scene = haff.write("gas.toml", GAS);
+    let short = ["run", &scene, "--overwrite", "--set", "run.until=5"];
+    let expected = hash(&haff.report(&short));
+    for choice in [
+        &["--threads", "1"][..],
+        &["--threads", "2"],
+        &["--set", "engine.neighbors=\"cells\""],
+        &["--set", "engine.neighbors=\"all_pairs\""],
+        &["--set", "engine.simd=\"portable\""],
+        &["--set", "output.events=false", "--set", "output.frames=0.37", "--set", "output.observables=false"],
+    ] {
+        assert_eq!(hash(&haff.report(&[&short, choice].concat())), expected, "{choice:?}");
+    }
+}
+
+/// Starts a long run, sends it a signal, and returns its exit status.
+fn interrupt(haff: &Haff, arguments: &[&str], signal: Signal, after: Duration) -> i32 {
+    let mut child = haff.command(arguments).stdout(Stdio::null()).stderr(Stdio::null()).spawn().unwrap();
+    let started = Instant::now();
+    while !haff.path("gas.h5").exists() && started.elapsed() < Duration::from_secs(20) {
+        std::thread::sleep(Duration::from_millis(5));
+    }
+    std::thread::sleep(after);
+    kill(Pid::from_raw(child.id() as i32), signal).unwrap();
+    child.wait().unwrap().code().unwrap_or(-1)
+}
+
+#[test]
+fn an_interrupted_run_resumes_to_the_state_of_one_that_was_not() {
+    let haff = Haff::new();
+    let scene = haff.write("gas.toml", GAS);
+    let long = [
+        "run",
+        &scene,
+        "--set",
+        "run.until=3000",
+        "--set",
+        "output.frames=100",
+        "--set",
+        "output.checkpoint=50",
+    ];
+    let whole = haff.report(&[&long[..], &["-o", "whole.h5"]].concat());
+
+    for (signal, status) in [(Signal::SIGINT, 130), (Signal::SIGTERM, 143)] {
+        let arguments = [&long[..], &["-o", "gas.h5", "--overwrite"]].concat();
+        let found = interrupt(&haff, &arguments, signal, Duration::from_millis(60));
+        assert_eq!(found, status, "the run must be longer than the wait");
+        let info: Value = serde_json::from_str(&haff.run(&["info", "gas.h5", "--json"]).1).unwrap();
+        assert_eq!((&info["finished"], &info["resumable"]), (&Value::from(false), &Value::from(true)));
+        let resumed = haff.report(&["run", "--resume", "gas.h5"]);
+        assert!(resumed["resumed_from"].as_f64() > Some(0.0), "{resumed}");
+        for key in ["state_hash", "collisions", "events", "simulated_time", "dissipated_energy", "stopped"] {
+            assert_eq!(resumed[key], whole[key], "{key} after {signal}");
+        }
+        let info = |file| serde_json::from_str::<Value>(&haff.run(&["info", file, "--json"]).1).unwrap();
+        let (a, b) = (info("gas.h5"), info("whole.h5"));
+        for key in ["frames", "samples", "events", "last"] {
+            assert_eq!(a[key], b[key], "{key} after {signal}");
+        }
+        // A finished file resumes to the same totals.
+        let again = haff.report(&["run", "--resume", "gas.h5"]);
+        assert_eq!(again["state_hash"], whole["state_hash"]);
+        std::fs::remove_file(haff.path("gas.h5")).unwrap();
+    }
+}
+
+#[test]
+fn wall_time_ends_a_run_cleanly_and_it_resumes() {
+    let haff = Haff::new();
+    let scene = haff.write("gas.toml", GAS);
+    let whole = haff.report(&["run", &scene, "-o", "whole.h5", "--set", "run.until=500"]);
+    let report = haff.report(&["run", &scene, "--set", "run.until=500", "--set", "run.wall_time=0.02"]);
+    assert_eq!(report["stopped"], "wall_time");
+    assert!(report["simulated_time"].as_f64() < Some(500.0));
+    // The scene's own wall_time ends each leg; legs add up to the whole.
+    let mut last = report;
+    for _ in 0..1000 {
+        if last["stopped"] != "wall_time" {
+            break;
+        }
+        last = haff.report(&["run", "--resume", "gas.h5"]);
+    }
+    assert_eq!(last["stopped"], "until");
+    assert_eq!(last["state_hash"], whole["state_hash"]);
+}
