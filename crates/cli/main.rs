@@ -23,7 +23,7 @@ fn main() -> ExitCode {
         Command::Run(options) => run::run(&options),
         Command::Check(options) => check::check(&options),
         Command::Init(options) => init::init(&options),
-        Command::Schema => init::schema(),
+        Command::Schema => Ok(init::schema()),
         Command::Info(options) => info::info(&options),
         Command::Plot(options) => plot::plot(&options),
     };

@@ -51,7 +51,8 @@ fn drive(acts: &[Act]) {
                 ladder.push(item);
             }
             Act::Pop | Act::PopUntil(_) => {
-                let limit = if let Act::PopUntil(ahead) = act { now.saturating_add(*ahead) } else { i64::MAX };
+                let limit =
+                    if let Act::PopUntil(ahead) = act { now.saturating_add(*ahead) } else { i64::MAX };
                 assert_eq!(heap.next_time(), ladder.next_time());
                 let (a, b) = (heap.pop_until(limit), ladder.pop_until(limit));
                 assert_eq!(a, b, "limit {limit}");

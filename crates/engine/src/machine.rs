@@ -243,7 +243,9 @@ impl<F: Features, S: Search + 'static> Machine<F, S> {
                     resolve::collision::<F, EVENTS>(state, i, j, entry.time, observer)?;
                     // Both anchors are in place before either is looked at.
                     let bodies = [i.min(j), i.max(j)];
-                    bodies.into_iter().for_each(|body| self.follow(state, body));
+                    for body in bodies {
+                        self.follow(state, body);
+                    }
                     for body in bodies {
                         // A body of infinite mass has not changed: its own entry stands unless it is this one.
                         if body == i || state.world.class(body).inverse_mass != 0.0 {

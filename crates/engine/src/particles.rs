@@ -144,7 +144,7 @@ impl World {
         } else if particle.rests() {
             supported(
                 self.gravity,
-                self.support[i as usize].iter().flatten().map(|&w| self.walls[w as usize].normal),
+                &self.support[i as usize].iter().flatten().map(|&w| self.walls[w as usize].normal),
             )
         } else {
             self.gravity
@@ -332,7 +332,7 @@ impl World {
 
 /// The part of `gravity` that the walls with these inward normals do not take up: the vector nearest to it that points
 /// into none of them.
-fn supported(gravity: DVec3, normals: impl Iterator<Item = DVec3> + Clone) -> DVec3 {
+fn supported(gravity: DVec3, normals: &(impl Iterator<Item = DVec3> + Clone)) -> DVec3 {
     let bound = -1e-12 * gravity.length();
     let mut best = DVec3::ZERO; // allowed by any walls
     let mut offer = |a: DVec3| {
@@ -366,11 +366,11 @@ mod tests {
     #[test]
     fn walls_take_up_their_part_of_gravity() {
         let g = DVec3::new(1.0, 0.0, -10.0);
-        assert_eq!(supported(g, [DVec3::Z].into_iter()), DVec3::X);
-        assert_eq!(supported(g, [DVec3::Z, DVec3::NEG_X].into_iter()), DVec3::ZERO);
-        assert_eq!(supported(g, [DVec3::X].into_iter()), g, "a wall does not pull");
+        assert_eq!(supported(g, &[DVec3::Z].into_iter()), DVec3::X);
+        assert_eq!(supported(g, &[DVec3::Z, DVec3::NEG_X].into_iter()), DVec3::ZERO);
+        assert_eq!(supported(g, &[DVec3::X].into_iter()), g, "a wall does not pull");
         // A wedge of walls that are not perpendicular leaves only its edge.
         let wedge = [DVec3::Z, DVec3::new(0.6, 0.0, 0.8)];
-        assert_eq!(supported(DVec3::new(-1.0, 2.0, -10.0), wedge.into_iter()), DVec3::new(0.0, 2.0, 0.0));
+        assert_eq!(supported(DVec3::new(-1.0, 2.0, -10.0), &wedge.into_iter()), DVec3::new(0.0, 2.0, 0.0));
     }
 }

@@ -15,7 +15,12 @@ fn start(system: System) -> Simulation {
 fn bouncing_ball(height: f64, radius: f64, gravity: f64, e: f64) -> System {
     let mut scene = system(Dimension::Three, DVec3::splat(1.0), [Boundary::Open; 3]);
     scene.domain.gravity = DVec3::new(0.0, 0.0, -gravity);
-    scene.walls.push(Wall { name: "floor".into(), point: DVec3::ZERO, normal: DVec3::Z, velocity: DVec3::ZERO });
+    scene.walls.push(Wall {
+        name: "floor".into(),
+        point: DVec3::ZERO,
+        normal: DVec3::Z,
+        velocity: DVec3::ZERO,
+    });
     scene.contacts.wall.push(Restitution::Constant(e));
     let ball = class(&mut scene, radius, 2.0);
     add(&mut scene, ball, DVec3::new(0.3, -0.2, radius + height), DVec3::ZERO);
@@ -24,9 +29,13 @@ fn bouncing_ball(height: f64, radius: f64, gravity: f64, e: f64) -> System {
 
 #[test]
 fn rebound_height_is_e_squared_and_rest_comes_in_finite_time() {
-    for (height, radius, gravity, e) in
-        [(1.0, 0.1, 9.81, 0.8), (10.0, 0.5, 1.0, 0.5), (2.0, 0.3, 9.81, 0.95), (3.0, 1.0, 0.02, 0.1), (1.0, 1.0, 1.0, 0.0)]
-    {
+    for (height, radius, gravity, e) in [
+        (1.0, 0.1, 9.81, 0.8),
+        (10.0, 0.5, 1.0, 0.5),
+        (2.0, 0.3, 9.81, 0.95),
+        (3.0, 1.0, 0.02, 0.1),
+        (1.0, 1.0, 1.0, 0.0),
+    ] {
         let mut simulation = start(bouncing_ball(height, radius, gravity, e));
         let mut log = Log::default();
         let stop = simulation.advance(Until::default(), &mut log).unwrap();
@@ -38,7 +47,10 @@ fn rebound_height_is_e_squared_and_rest_comes_in_finite_time() {
             // The k-th approach is from height H_k = e^{2k} H.
             let found = bounce.approach_speed.powi(2) / (2.0 * gravity);
             let expected = e.powi(2 * k as i32) * height;
-            assert!((found - expected).abs() <= 1e-12 * height, "e = {e}, bounce {k}: height {found}, not {expected}");
+            assert!(
+                (found - expected).abs() <= 1e-12 * height,
+                "e = {e}, bounce {k}: height {found}, not {expected}"
+            );
             path += if k > 0 { 2.0 * found } else { 0.0 };
         }
         // What the completed series leaves out: 2 H_k, 2 H_{k+1}, ….
@@ -47,7 +59,11 @@ fn rebound_height_is_e_squared_and_rest_comes_in_finite_time() {
         let expected = height * (1.0 + e * e) / (1.0 - e * e);
         assert!((path / expected - 1.0).abs() < 1e-9, "e = {e}: path {path}, not {expected}");
         let duration = (2.0 * height / gravity).sqrt() * (1.0 + e) / (1.0 - e);
-        assert!((simulation.time() / duration - 1.0).abs() < 1e-9, "e = {e}: {} s, not {duration}", simulation.time());
+        assert!(
+            (simulation.time() / duration - 1.0).abs() < 1e-9,
+            "e = {e}: {} s, not {duration}",
+            simulation.time()
+        );
         // All energy of the fall is lost, and the log says where.
         let lost: f64 = log.0.iter().map(|event| event.energy_loss).sum();
         let energy = 2.0 * gravity * height;
@@ -70,10 +86,10 @@ fn a_ball_at_rest_on_the_floor_stays_and_wakes_when_hit() {
     let mut simulation = start(scene);
     let mut log = Log::default();
     simulation.advance(Until { time: 2.0, ..Until::default() }, &mut log).unwrap();
-    assert_eq!(log.0.iter().map(|event| (event.kind, event.i)).collect::<Vec<_>>()[..2], [
-        (EventKind::Wall, 0),
-        (EventKind::Rest, 0)
-    ]);
+    assert_eq!(
+        log.0.iter().map(|event| (event.kind, event.i)).collect::<Vec<_>>()[..2],
+        [(EventKind::Wall, 0), (EventKind::Rest, 0)]
+    );
     let before = log.0.len();
     // The upper one falls 2.5 in √5.
     simulation.advance(Until { time: 5.0_f64.sqrt() + 0.01, ..Until::default() }, &mut log).unwrap();
@@ -119,7 +135,11 @@ fn momentum_changes_only_by_outer_impulses() {
     assert!(after.collisions > 250 && after.wall_collisions > 500, "{after:?}");
     let change = after.momentum - before.momentum;
     let scale = after.external_impulse.length().max(100.0);
-    assert!((change - after.external_impulse).length() < 1e-13 * scale, "{change} against {}", after.external_impulse);
+    assert!(
+        (change - after.external_impulse).length() < 1e-13 * scale,
+        "{change} against {}",
+        after.external_impulse
+    );
     assert!(after.ledger.residual.abs() < 1e-13, "{:e}", after.ledger.residual);
     // Carnot: each loss is (1 − e)/(1 + e) of the lost velocities' energy, so their sums are as well.
     let ratio = after.ledger.dissipated / after.ledger.carnot;

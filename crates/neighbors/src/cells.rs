@@ -68,7 +68,9 @@ fn grid(geometry: &Geometry, count: usize) -> ([i32; 3], [f64; 3]) {
         if narrow.is_empty() {
             break;
         }
-        narrow.into_iter().for_each(|axis| cut[axis] = false);
+        for axis in narrow {
+            cut[axis] = false;
+        }
     }
     let mut n = [1; 3];
     let mut widths = lengths;

@@ -189,7 +189,12 @@ fn string(group: &Group, name: &str) -> hdf5::Result<String> {
 }
 
 fn texts(group: &Group, name: &str) -> hdf5::Result<Vec<String>> {
-    let texts = group.dataset(name)?.read_raw::<VarLenUnicode>()?;
+    let dataset = group.dataset(name)?;
+    // Each takes 16 bytes in the dataset: more of them than that is damage, not worth its memory.
+    if dataset.size() as u64 > group.file()?.size() / 16 {
+        return Err(format!("{} {name} in a file of {} bytes", dataset.size(), group.file()?.size()).into());
+    }
+    let texts = dataset.read_raw::<VarLenUnicode>()?;
     Ok(texts.iter().map(|text| text.as_str().to_owned()).collect())
 }
 

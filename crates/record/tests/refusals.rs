@@ -164,7 +164,7 @@ fn garbled_files_give_errors_not_panics() {
     write(&path, false).expect("a file");
     let whole = fs::read(&path).expect("the file is there");
     let mut refused = 0;
-    for seed in 0..300 {
+    for seed in 0..70 {
         let path = directory.path().join(format!("{seed}.h5"));
         let mut bytes = whole.clone();
         // The start holds the bookkeeping; further on there is more data and less to break.
@@ -177,7 +177,7 @@ fn garbled_files_give_errors_not_panics() {
         let _ = last_state(&path);
         let _ = Recorder::append(&path);
     }
-    assert!(refused > 100, "{refused} of 300 were refused: too little was broken to show anything");
+    assert!(refused > 20, "{refused} of 70 were refused: too little was broken to show anything");
 }
 
 #[test]
