@@ -23,6 +23,7 @@ Sources
 * P. K. Haff, *J. Fluid Mech.* **134**, 401 (1983)
 * T. P. C. van Noije, M. H. Ernst, *Granular Matter* **1**, 57 (1998)
 * T. Boublík, *J. Chem. Phys.* **53**, 471 (1970); G. A. Mansoori et al., *ibid.* **54**, 1523 (1971) (BMCSL)
+* A. Santos, S. B. Yuste, M. López de Haro, *J. Chem. Phys.* **123**, 234512 (2005)
 * J. T. Jenkins, F. Mancini, *J. Appl. Mech.* **54**, 27 (1987)
 * J. F. Lutsko, *Phys. Rev. E* **63**, 061211 (2001)
 * N. V. Brilliantov, T. Pöschel, *Kinetic Theory of Granular Gases*, Oxford (2004)
@@ -322,7 +323,7 @@ class MixtureRates(NamedTuple):
     """All collisions per volume (area) and time."""
 
 
-def mixture_contact_values(n: ArrayLike, sigma: ArrayLike, d: int = 3) -> Array:
+def mixture_contact_values(n: ArrayLike, sigma: ArrayLike, d: int = 3, equation: str | None = None) -> Array:
     r"""Contact values :math:`g_{ij}` of a mixture of hard spheres or disks, ``[S, S]``.
 
     3D (Boublík; Mansoori, Carnahan, Starling, Leland), with :math:`\xi_k = \frac\pi6\sum_i n_i\sigma_i^k`
@@ -331,6 +332,11 @@ def mixture_contact_values(n: ArrayLike, sigma: ArrayLike, d: int = 3) -> Array:
     .. math:: g_{ij} = \frac1{1 - \xi_3} + \frac{3\xi_2\sigma_*}{(1 - \xi_3)^2}
               + \frac{2\xi_2^2\sigma_*^2}{(1 - \xi_3)^3}
 
+    BMCSL is low for pairs of large spheres. ``equation="santos"`` (3D; Santos, Yuste, López de Haro) is the
+    parabola in :math:`z_{ij} = 2\sigma_*\langle\sigma^2\rangle/\langle\sigma^3\rangle` through the exact values of
+    a point, :math:`g(z = 0) = 1/(1 - \xi_3)`, of the pure fluid, :math:`g(1) = g_0`, and of a hard wall,
+    :math:`g(2) = Z`, both from :func:`kolafa_labik_malijevsky`; it is better for large pairs and low for small ones.
+
     2D (Jenkins–Mancini), with :math:`\xi_k = \frac\pi4\sum_i n_i\sigma_i^k`:
     :math:`g_{ij} = 1/(1 - \xi_2) + \frac98\xi_1\sigma_*/(1 - \xi_2)^2`.
 
@@ -338,10 +344,21 @@ def mixture_contact_values(n: ArrayLike, sigma: ArrayLike, d: int = 3) -> Array:
     ----------
     n, sigma
         Number density and diameter of each species, ``[S]``.
+    equation
+        ``"bmcsl"`` (default) or ``"santos"`` in 3D, ``"jenkins-mancini"`` in 2D.
     """
     n, sigma = np.atleast_1d(np.asarray(n, float)), np.atleast_1d(np.asarray(sigma, float))
     star = sigma[:, None] * sigma[None, :] / (sigma[:, None] + sigma[None, :])
-    if _dimension(d) == 3:
+    equation = equation or ("bmcsl" if _dimension(d) == 3 else "jenkins-mancini")
+    if (d, equation) == (3, "santos"):
+        eta = float(np.pi / 6 * np.sum(n * sigma**3))
+        z = 2 * star * np.sum(n * sigma**2) / np.sum(n * sigma**3)
+        point, g0, wall = 1 / (1 - eta), contact_value(eta, 3, "klm"), kolafa_labik_malijevsky(eta)
+        curve = (wall + point - 2 * g0) / 2
+        return point + (g0 - point - curve) * z + curve * z**2
+    if (d, equation) not in ((3, "bmcsl"), (2, "jenkins-mancini")):
+        raise ValueError(f"no contact values {equation!r} in d = {d}: bmcsl, santos (3D), jenkins-mancini (2D)")
+    if d == 3:
         xi2, xi3 = (np.pi / 6 * np.sum(n * sigma**k) for k in (2, 3))
         free = 1 - xi3
         return 1 / free + 3 * xi2 * star / free**2 + 2 * (xi2 * star) ** 2 / free**3

@@ -102,6 +102,20 @@ def test_mixture_of_one_kind_split_in_two_is_the_pure_fluid(d):
     assert split.total == pytest.approx(n * pure / 2, rel=1e-13)
 
 
+def test_both_closures_of_a_mixture_agree_with_the_pure_fluid_and_with_points():
+    eta = 0.3
+    n = theory.number_density(eta, 1.0)
+    santos = theory.mixture_contact_values([n / 2, n / 2], [1.0, 1.0], 3, "santos")
+    assert santos == pytest.approx(float(theory.contact_value(eta, 3, "klm")), rel=1e-13)
+    # A vanishing trace of points touches with 1/(1 − η); of huge spheres, with the fluid's pressure at a wall.
+    trace = theory.mixture_contact_values([n, 1e-12, 1e-30], [1.0, 1e-6, 1e6], 3, "santos")
+    assert trace[0, 1] == pytest.approx(1 / (1 - eta), rel=1e-5)
+    assert trace[0, 2] == pytest.approx(float(theory.kolafa_labik_malijevsky(eta)), rel=1e-5)
+    assert theory.mixture_contact_values([n, 1e-12], [1.0, 1e-6])[0, 1] == pytest.approx(1 / (1 - eta), rel=1e-5)
+    with pytest.raises(ValueError, match="santos"):
+        theory.mixture_contact_values([n], [1.0], 2, "bmcsl")
+
+
 def test_mixture_counts_every_pair_of_species_from_both_sides():
     rates = theory.mixture_rates([0.2, 0.05], [1.0, 1.6], [1.0, 4.0])
     n = np.array([0.2, 0.05])

@@ -41,6 +41,8 @@ _RC = {
     "xtick.direction": "in",
     "ytick.direction": "in",
     "xtick.labelsize": 9,
+    "xtick.major.pad": 5.5,
+    "ytick.major.pad": 4.5,
     "ytick.labelsize": 9,
     "mathtext.fontset": "dejavusans",
     "pdf.fonttype": 42,
