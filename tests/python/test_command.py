@@ -2,8 +2,10 @@
 
 import json
 import re
+import shlex
 import shutil
 import subprocess
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -120,14 +122,22 @@ def test_h5dump_reads_the_file(command):
 
 
 def test_snippets_of_the_readme_run(command, tmp_path, monkeypatch):
+    """The first scene, the commands on it, and how to read its output, as a newcomer types them."""
     text = (ROOT / "README.md").read_text()
-    snippets = re.findall(r"^```python\n(.*?)^```", text, flags=re.MULTILINE | re.DOTALL)
-    assert snippets, "the README shows how to read a file"
-    done = command.run("cooling", **SMALL)
-    (tmp_path / "cooling.h5").symlink_to(done.path)
+
+    def snippets(language: str) -> list[str]:
+        return re.findall(rf"^```{language}\n(.*?)^```", text, flags=re.MULTILINE | re.DOTALL)
+
     monkeypatch.chdir(tmp_path)
+    (scene,) = snippets("toml")
+    Path("first.toml").write_text(scene)
+    commands = [line for snippet in snippets("sh") for line in snippet.splitlines() if line.startswith("haff ")]
+    assert len(commands) >= 4, commands
+    for line in commands:
+        command(*shlex.split(line, comments=True)[1:])
+    assert Path("first.h5").exists() and Path("second.h5").exists()
     names: dict[str, object] = {}
-    for snippet in snippets:
+    for snippet in snippets("python"):
         exec(compile(snippet, "README.md", "exec"), names)
 
 
