@@ -384,7 +384,7 @@ class File:
             return False
 
     def __repr__(self) -> str:
-        if not self.hdf:
+        if not getattr(self, "hdf", None):
             return f"<haff.File {str(self.path)!r}, closed>"
         lines = [f"<haff.File {str(self.path)!r}: {self.title or 'untitled'}"]
         lines.append(f"  particles    {len(self):,} ({', '.join(self.species_names)})")

@@ -121,23 +121,22 @@ def test_h5dump_reads_the_file(command):
     assert "collision" in result.stdout
 
 
-def test_snippets_of_the_readme_run(command, tmp_path, monkeypatch):
-    """The first scene, the commands on it, and how to read its output, as a newcomer types them."""
+def test_the_first_scene_of_the_readme_runs_and_its_snippets_read_the_output(command, tmp_path, monkeypatch):
     text = (ROOT / "README.md").read_text()
-
-    def snippets(language: str) -> list[str]:
-        return re.findall(rf"^```{language}\n(.*?)^```", text, flags=re.MULTILINE | re.DOTALL)
-
+    blocks = re.findall(r"^```(\w+)\n(.*?)^```", text, flags=re.MULTILINE | re.DOTALL)
+    (scene,) = [block for language, block in blocks if language == "toml"]
     monkeypatch.chdir(tmp_path)
-    (scene,) = snippets("toml")
-    Path("first.toml").write_text(scene)
-    commands = [line for snippet in snippets("sh") for line in snippet.splitlines() if line.startswith("haff ")]
-    assert len(commands) >= 4, commands
-    for line in commands:
-        command(*shlex.split(line, comments=True)[1:])
-    assert Path("first.h5").exists() and Path("second.h5").exists()
+    (tmp_path / "first.toml").write_text(scene)
+    lines = [line for language, block in blocks if language == "sh" for line in block.splitlines()]
+    commands = [shlex.split(line, comments=True)[1:] for line in lines if line.startswith("haff ")]
+    assert {"check", "run", "info", "plot"} <= {arguments[0] for arguments in commands}
+    for arguments in commands:
+        command(*arguments)
+    assert (tmp_path / "second.h5").exists() and list((tmp_path / "figures").glob("first-*.png"))
+    snippets = [block for language, block in blocks if language == "python"]
+    assert snippets, "the README shows how to read a file"
     names: dict[str, object] = {}
-    for snippet in snippets("python"):
+    for snippet in snippets:
         exec(compile(snippet, "README.md", "exec"), names)
 
 
