@@ -135,14 +135,14 @@ impl Columns {
         let vector = Storage::plain(EVENT_CHUNK, &[3]);
         let mut reals = Vec::new();
         for (name, value) in REALS {
-            reals.push((Series::create::<f64>(group, name, &[], &plain)?, value));
+            reals.push((Series::create_real(group, name, &[], &plain)?, value));
         }
         let mut vectors = Vec::new();
         for (name, value) in VECTORS {
-            vectors.push((Series::create::<f64>(group, name, &[3], &vector)?, value));
+            vectors.push((Series::create_real(group, name, &[3], &vector)?, value));
         }
         Ok(Self {
-            time: Series::create::<f64>(group, "time", &[], &compressed)?,
+            time: Series::create_real(group, "time", &[], &compressed)?,
             kind: Series::create::<Kind>(group, "kind", &[], &compressed)?,
             i: Series::create::<u32>(group, "i", &[], &compressed)?,
             j: Series::create::<u32>(group, "j", &[], &compressed)?,
@@ -172,11 +172,12 @@ impl Columns {
     }
 
     /// Number of rows that all columns have.
-    pub fn rows(&self) -> usize {
+    pub fn rows(&self) -> hdf5::Result<usize> {
         let others = [&self.kind, &self.i, &self.j].into_iter();
         let reals = self.reals.iter().map(|(series, _)| series);
         let vectors = self.vectors.iter().map(|(series, _)| series);
-        others.chain(reals).chain(vectors).map(Series::rows).fold(self.time.rows(), usize::min)
+        let rows = others.chain(reals).chain(vectors).map(Series::rows).fold(self.time.rows(), usize::min);
+        self.time.known(rows)
     }
 
     /// Sets the number of rows of all columns.

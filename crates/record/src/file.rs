@@ -20,6 +20,8 @@ const SIGNATURE: [u8; 8] = *b"\x89HDF\r\n\x1a\n";
 const SUPERBLOCK: [u8; 14] = *b"\x89HDF\r\n\x1a\n\0\0\0\0\0\x08";
 /// Where such a superblock has the end-of-file address (little-endian).
 const END_ADDRESS: u64 = 40;
+/// A page of memory [bytes], which the kernel writes whole. An index node has 2 to 3 KiB.
+const PAGE: u64 = 4096;
 const WRITE: &str = "write";
 const CREATE: &str = "create the file";
 
@@ -222,6 +224,9 @@ fn access(purpose: Purpose) -> hdf5::Result<hdf5::plist::FileAccess> {
     if purpose == Purpose::Write {
         builder
             .libver_bounds(LibraryVersion::Earliest, LibraryVersion::latest())
+            // Bookkeeping in pages of the system: a process can be killed within a write, but not within a page.
+            .alignment(PAGE / 2, PAGE)
+            .meta_block_size(PAGE)
             // No chunk cache: each write is a whole chunk, or goes in place into an uncompressed one, and nothing
             // but bookkeeping is left to a flush.
             .chunk_cache(1, 0, 1.0)

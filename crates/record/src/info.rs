@@ -220,8 +220,14 @@ fn read_info(file: &hdf5::File, parameters: Parameters, path: &Path) -> Result<I
     let skeleton = Skeleton::open(file, parameters.particles).doing(path, READ)?;
     let checkpoint = newest(&skeleton.slots, |_| true).doing(path, READ)?;
     let mut range: Option<(f64, f64)> = None;
-    let frames = skeleton.trajectory.as_ref().map(|trajectory| (&trajectory.clock, trajectory.rows()));
-    let samples = skeleton.observables.as_ref().map(|observables| (&observables.clock, observables.rows()));
+    let frames = match &skeleton.trajectory {
+        Some(trajectory) => Some((&trajectory.clock, trajectory.rows().doing(path, READ)?)),
+        None => None,
+    };
+    let samples = match &skeleton.observables {
+        Some(observables) => Some((&observables.clock, observables.rows().doing(path, READ)?)),
+        None => None,
+    };
     for (clock, rows) in [frames, samples].into_iter().flatten() {
         if rows > 0 {
             let first = clock.time.read::<f64>(0, 1).doing(path, READ)?[0];
@@ -231,7 +237,7 @@ fn read_info(file: &hdf5::File, parameters: Parameters, path: &Path) -> Result<I
     }
     let events = match &skeleton.events {
         Some(columns) => {
-            let rows = columns.rows();
+            let rows = columns.rows().doing(path, READ)?;
             // The checkpoint's are more only while its tail is not in the columns yet.
             let counted = checkpoint.as_ref().map_or(0, |saved| saved.progress.events).max(rows);
             if rows > 0 {
@@ -242,9 +248,9 @@ fn read_info(file: &hdf5::File, parameters: Parameters, path: &Path) -> Result<I
         }
         None => None,
     };
-    let last_sample = match &skeleton.observables {
-        Some(observables) if observables.rows() > 0 => {
-            Some(read_sample(file, observables, observables.rows() - 1).doing(path, READ)?)
+    let last_sample = match (&skeleton.observables, samples) {
+        (Some(observables), Some((_, rows))) if rows > 0 => {
+            Some(read_sample(file, observables, rows - 1).doing(path, READ)?)
         }
         _ => None,
     };
@@ -363,7 +369,7 @@ pub fn last_state(path: impl AsRef<Path>) -> Result<State, RecordError> {
         let skeleton = Skeleton::open(file, parameters.particles).doing(path, READ)?;
         let missing = || RecordError::Missing { path: path.to_owned(), what: "frames" };
         let trajectory = skeleton.trajectory.ok_or_else(missing)?;
-        let row = trajectory.rows().checked_sub(1).ok_or_else(missing)?;
+        let row = trajectory.rows().doing(path, READ)?.checked_sub(1).ok_or_else(missing)?;
         let read = || -> hdf5::Result<State> {
             let all = file.group("particles/all")?;
             let edges = trajectory.edges.read::<f64>(row, row + 1)?;

@@ -30,7 +30,9 @@ leaves whatever had been written by then. Four rules make that a file which open
    What grows row by row (observables, trajectories of few particles) is not compressed and is extended in place.
 4. A flush has two phases: first all `value`s, then, when they are in the file, `step` and `time`. **A row exists when
    its `time` does**; a file killed between the phases has a `value` longer than its `time`. Readers take the shorter
-   length (`MDAnalysis` does: it stops at the last `step`), and [`Recorder::append`] cuts all to it.
+   length (`MDAnalysis` does: it stops at the last `step`), and [`Recorder::append`] cuts all to it. A kill within
+   the second phase can leave an extent that is ahead of its index, once per chunk: such rows have the time NaN, and
+   do not count.
 
 Before each flush the file's space is reserved on disk, so that a full disk is noticed while the file is still whole,
 not in the middle of rewriting its index; after an error nothing more is written, not even on exit. And the end of

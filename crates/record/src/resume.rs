@@ -7,10 +7,11 @@ use haff_engine::Checkpoint;
 use crate::{
     checkpoint::{Saved, Slot, newest},
     error::{Context, RecordError},
+    events::Columns,
     file::{self, WritableFile},
     info::{Parameters, READ},
     recorder::{Recorder, Wants},
-    skeleton::Skeleton,
+    skeleton::{Observables, Skeleton, Trajectory},
     writer::Writer,
 };
 
@@ -101,9 +102,14 @@ impl Recorder {
 
 /// The newest checkpoint all of whose rows are in the file.
 fn choose(skeleton: &Skeleton, path: &Path) -> Result<Saved, RecordError> {
-    let frames = skeleton.trajectory.as_ref().map_or(usize::MAX, crate::skeleton::Trajectory::rows);
-    let samples = skeleton.observables.as_ref().map_or(usize::MAX, crate::skeleton::Observables::rows);
-    let events = skeleton.events.as_ref().map_or(usize::MAX, crate::events::Columns::rows);
+    let rows = || -> hdf5::Result<[usize; 3]> {
+        Ok([
+            skeleton.trajectory.as_ref().map_or(Ok(usize::MAX), Trajectory::rows)?,
+            skeleton.observables.as_ref().map_or(Ok(usize::MAX), Observables::rows)?,
+            skeleton.events.as_ref().map_or(Ok(usize::MAX), Columns::rows)?,
+        ])
+    };
+    let [frames, samples, events] = rows().doing(path, READ)?;
     let accept = |saved: &Saved| {
         saved.progress.frames <= frames
             && saved.progress.samples <= samples

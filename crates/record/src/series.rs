@@ -1,6 +1,9 @@
 //! Datasets that grow by rows.
 
-use hdf5::{Dataset, Group, H5Type, Hyperslab, SliceOrIndex, types::FixedAscii};
+use hdf5::{
+    Dataset, Group, H5Type, Hyperslab, SliceOrIndex,
+    types::{FixedAscii, OwnedDynValue},
+};
 use ndarray::{ArrayViewD, IxDyn};
 
 /// Rows per chunk of the small time series.
@@ -42,7 +45,22 @@ impl Series {
         width: &[usize],
         storage: &Storage,
     ) -> hdf5::Result<Self> {
-        // Rows of no particles would make chunks of no bytes, which HDF5 refuses; a scene has at least one.
+        Self::build::<T>(group, name, width, storage, None)
+    }
+
+    /// A new, empty dataset of reals. Rows that a kill in the middle of a flush has made part of it, but whose chunk
+    /// the index on disk does not know yet, read as NaN.
+    pub fn create_real(group: &Group, name: &str, width: &[usize], storage: &Storage) -> hdf5::Result<Self> {
+        Self::build::<f64>(group, name, width, storage, Some(OwnedDynValue::new(f64::NAN)))
+    }
+
+    fn build<T: H5Type>(
+        group: &Group,
+        name: &str,
+        width: &[usize],
+        storage: &Storage,
+        fill: Option<OwnedDynValue>,
+    ) -> hdf5::Result<Self> {
         let extents: Vec<hdf5::Extent> = std::iter::once(hdf5::Extent::resizable(0))
             .chain(width.iter().map(|&size| hdf5::Extent::fixed(size)))
             .collect();
@@ -50,6 +68,9 @@ impl Series {
         if storage.compressed {
             // Level 1: 2 to 6 win 1 % more for up to ten times the time on coordinates and ids.
             builder = builder.shuffle().deflate(1);
+        }
+        if let Some(fill) = fill {
+            builder = builder.fill_value(fill);
         }
         let dataset = builder.shape(extents).create(name)?;
         Ok(Self { dataset, rows: 0, width: width.to_vec() })
@@ -108,6 +129,20 @@ impl Series {
     pub fn read<T: H5Type>(&self, start: usize, end: usize) -> hdf5::Result<Vec<T>> {
         let array = self.dataset.read_slice::<T, _, IxDyn>(self.select(start, end))?;
         Ok(array.into_raw_vec_and_offset().0)
+    }
+
+    /// Number of rows up to `rows`, without NaN at the end: for times.
+    pub fn known(&self, rows: usize) -> hdf5::Result<usize> {
+        let mut end = rows.min(self.rows);
+        while end > 0 {
+            let start = end.saturating_sub(1 << 12);
+            let block = self.read::<f64>(start, end)?;
+            if let Some(last) = block.iter().rposition(|time| !time.is_nan()) {
+                return Ok(start + last + 1);
+            }
+            end = start;
+        }
+        Ok(0)
     }
 
     /// Sets the number of rows. Shrinking frees whole chunks.

@@ -88,7 +88,7 @@ impl Clock {
         let storage = Storage::plain(SERIES_CHUNK, &[]);
         Ok(Self {
             step: Series::create::<i64>(group, "step", &[], &storage)?,
-            time: Series::create::<f64>(group, "time", &[], &storage)?,
+            time: Series::create_real(group, "time", &[], &storage)?,
         })
     }
 
@@ -130,10 +130,10 @@ impl Trajectory {
             Ok(group)
         };
         Ok(Self {
-            position: Series::create::<f64>(&position, "value", &width, &storage.real)?,
-            velocity: Series::create::<f64>(&element("velocity")?, "value", &width, &storage.real)?,
+            position: Series::create_real(&position, "value", &width, &storage.real)?,
+            velocity: Series::create_real(&element("velocity")?, "value", &width, &storage.real)?,
             image: Series::create::<i32>(&element("image")?, "value", &width, &storage.image)?,
-            edges: Series::create::<f64>(
+            edges: Series::create_real(
                 &element("box/edges")?,
                 "value",
                 &[3],
@@ -154,11 +154,12 @@ impl Trajectory {
     }
 
     /// Number of frames that are whole.
-    pub fn rows(&self) -> usize {
-        [&self.position, &self.velocity, &self.image, &self.edges]
+    pub fn rows(&self) -> hdf5::Result<usize> {
+        let rows = [&self.position, &self.velocity, &self.image, &self.edges]
             .into_iter()
             .map(Series::rows)
-            .fold(self.clock.rows(), usize::min)
+            .fold(self.clock.rows(), usize::min);
+        self.clock.time.known(rows)
     }
 
     pub fn truncate(&mut self, rows: usize) -> hdf5::Result<()> {
@@ -202,7 +203,7 @@ impl Observables {
             series.push((
                 match quantity {
                     Quantity::Count(_) => Series::create::<i64>(&element, "value", width, &storage)?,
-                    _ => Series::create::<f64>(&element, "value", width, &storage)?,
+                    _ => Series::create_real(&element, "value", width, &storage)?,
                 },
                 quantity,
             ));
@@ -230,8 +231,9 @@ impl Observables {
     }
 
     /// Number of samples that are whole.
-    pub fn rows(&self) -> usize {
-        self.series.iter().map(|(series, _)| series.rows()).fold(self.clock.rows(), usize::min)
+    pub fn rows(&self) -> hdf5::Result<usize> {
+        let rows = self.series.iter().map(|(series, _)| series.rows()).fold(self.clock.rows(), usize::min);
+        self.clock.time.known(rows)
     }
 
     pub fn truncate(&mut self, rows: usize) -> hdf5::Result<()> {
