@@ -249,36 +249,60 @@ fn flush<F: Features>(world: &World, i: u32, scratch: &mut Scratch, earliest: &m
     scratch.predictions += batch.len as u64;
     batch.predict(scratch.kernel);
     let per_time = world.clock.per_time;
-    let mut least = f64::INFINITY;
-    for k in 0..batch.len {
-        if batch.delay[k] * per_time < 0.5 && is_noise::<F>(world, i, batch, k) {
-            batch.delay[k] = f64::INFINITY;
+    loop {
+        let mut least = f64::INFINITY;
+        for k in 0..batch.len {
+            least = least.min(batch.offset[k] as f64 + batch.delay[k] * per_time);
         }
-        least = least.min(batch.offset[k] as f64 + batch.delay[k] * per_time);
-    }
-    if least < f64::INFINITY {
+        if least == f64::INFINITY {
+            break;
+        }
         // These sums are rounded; the exact times of all that may be the least decide.
         let bound = least * (1.0 + 4.0 * f64::EPSILON) + 2.0;
-        let from = world.particles[i as usize].time;
+        let due = |batch: &Batch, k: usize| batch.offset[k] as f64 + batch.delay[k] * per_time <= bound;
+        let mut echoes = false;
         for k in 0..batch.len {
-            let delay = batch.delay[k] * per_time;
-            if batch.offset[k] as f64 + delay <= bound {
-                let j = batch.id[k];
-                let count = world.particles[j as usize].count;
-                earliest.offer_after(from + batch.offset[k], delay, Kind::Collision(j), count);
+            if due(batch, k) && is_echo::<F>(world, i, batch, k) {
+                batch.delay[k] = f64::INFINITY;
+                echoes = true;
             }
         }
+        if echoes {
+            continue;
+        }
+        let from = world.particles[i as usize].time;
+        for k in 0..batch.len {
+            if due(batch, k) {
+                let j = batch.id[k];
+                let count = world.particles[j as usize].count;
+                earliest.offer_after(
+                    from + batch.offset[k],
+                    batch.delay[k] * per_time,
+                    Kind::Collision(j),
+                    count,
+                );
+            }
+        }
+        break;
     }
     batch.len = 0;
 }
 
-/// Whether a contact within half a tick is only the rounding left by an impact with e = 0.
-#[cold]
-fn is_noise<F: Features>(world: &World, i: u32, batch: &Batch, k: usize) -> bool {
+/// A pair closer than this, relative to σ², touches as far as positions can tell.
+const TOUCHING: f64 = 64.0 * f64::EPSILON;
+
+/// Whether a contact is only the echo of an impact with e = 0: the pair touches, and approaches no faster than the
+/// rounding of its velocities.
+#[inline]
+fn is_echo<F: Features>(world: &World, i: u32, batch: &Batch, k: usize) -> bool {
     let vector = |a: &[[f64; LANES]; 3]| DVec3::new(a[0][k], a[1][k], a[2][k]);
+    let r = vector(&batch.r);
+    if r.length_squared() > batch.sigma2[k] * (1.0 + TOUCHING) {
+        return false;
+    }
     let ticks = world.particles[i as usize].time + batch.offset[k];
     let speed = |body: u32| world.flight::<F>(body, ticks).1.length();
-    is_rounding_noise(vector(&batch.r), vector(&batch.v), speed(i).max(speed(batch.id[k])))
+    is_rounding_noise(r, vector(&batch.v), speed(i).max(speed(batch.id[k])))
 }
 
 /// Offers the contacts with walls, from the particle's anchor.

@@ -235,6 +235,34 @@ fn a_reversed_elastic_fluid_retraces_its_path() {
     assert!(errors[0] > 0.0 && errors[3] > errors[0], "{errors:?}");
 }
 
+/// An impact with e = 0 leaves a few ulp of approach; that is no second contact.
+#[test]
+fn a_plastic_impact_happens_once() {
+    let mut random = Random(8);
+    for _ in 0..500 {
+        let mut scene = system(Dimension::Three, DVec3::splat(1.0), [Boundary::Open; 3]);
+        set_restitution(&mut scene, 0.0);
+        let (a, b) = (
+            class(&mut scene, 0.5, random.uniform(0.1, 9.0)),
+            class(&mut scene, 0.3, random.uniform(0.1, 9.0)),
+        );
+        let direction = DVec3::new(random.normal(), random.normal(), random.normal()).normalize();
+        let side = DVec3::new(random.normal(), random.normal(), random.normal()) * 0.05;
+        let drift = DVec3::new(random.normal(), random.normal(), random.normal());
+        add(&mut scene, a, DVec3::ZERO, drift);
+        add(&mut scene, b, direction * 3.0 + side, drift - direction);
+        let mut simulation = start(scene);
+        simulation.advance(Until { time: 1e6, ..Until::default() }, &mut Silent).unwrap();
+        assert_eq!(simulation.counters().collisions, 1);
+        let frame = simulation.frame();
+        let depth = simulation.measure_overlap(&frame).depth;
+        let reach = frame.position.iter().map(|p| p.abs().max_element()).fold(0.0, f64::max);
+        // Four ulp of the largest coordinate, in contact distances.
+        let bound = 4.0 * f64::EPSILON * reach / 0.8;
+        assert!(depth <= bound, "overlap {depth:e}, bound {bound:e}");
+    }
+}
+
 /// A contact within tc of the last one is elastic.
 #[test]
 fn the_tc_model_makes_repeated_contacts_elastic() {

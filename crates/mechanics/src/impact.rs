@@ -135,6 +135,8 @@ pub fn resolve_pair(
 /// `v_n² (|n|² − 1)` on top of the loss, and near |r| = 1 the root rounds down more often than up: an elastic gas of
 /// unit spheres then heats up steadily, by some 3·10⁻¹⁶ T a collision, instead of walking at random.
 ///
+/// The bodies do not approach each other afterwards, not even by rounding.
+///
 /// ```
 /// use glam::DVec3;
 /// use haff_mechanics::resolve_contact;
@@ -158,8 +160,17 @@ pub fn resolve_contact(
     if impact.impulse == 0.0 {
         return (w1, w2, impact);
     }
+    let (share1, share2) = (inv_m1 / lambda, inv_m2 / lambda);
     let change = r * ((1.0 + e) * approach / rr);
-    (w1 - change * (inv_m1 / lambda), w2 + change * (inv_m2 / lambda), impact)
+    let (mut u1, mut u2) = (w1 - change * share1, w2 + change * share2);
+    // With e = 0 rounding may leave a few ulp of approach, and the pair would meet again, and again.
+    let mut excess = 1.0;
+    while (u1 - u2).dot(r) > 0.0 && excess < 1e3 {
+        excess *= 2.0;
+        let change = r * (excess * (u1 - u2).dot(r) / rr);
+        (u1, u2) = (u1 - change * share1, u2 + change * share2);
+    }
+    (u1, u2, impact)
 }
 
 /// Velocity after the impact of a smooth sphere on a wall, (2.21), and the impact itself.
