@@ -245,3 +245,29 @@ fn the_bouncing_ball_ends_at_rest() {
     let time = report["simulated_time"].as_f64().unwrap();
     assert!((time / expected - 1.0).abs() < 1e-9, "at rest after {time}, not {expected}");
 }
+
+/// A file-size limit stands in for a full disk: writes beyond it fail in the same way.
+#[test]
+fn a_full_disk_ends_the_run_with_4_and_keeps_what_was_written() {
+    let haff = Haff::new();
+    let scene = haff.write("gas.toml", GAS);
+    let command = format!(
+        "trap '' XFSZ; ulimit -f 6000; exec {} run {scene} --json --set run.until=4000 --set output.checkpoint=2",
+        env!("CARGO_BIN_EXE_haff")
+    );
+    let output = std::process::Command::new("bash")
+        .args(["-c", &command])
+        .current_dir(haff.path("."))
+        .output()
+        .unwrap();
+    let error = String::from_utf8_lossy(&output.stderr);
+    assert_eq!(output.status.code(), Some(4), "{error}");
+    assert!(error.contains("gas.h5") && !error.contains("panicked"), "{error}");
+    let report: Value = serde_json::from_slice(&output.stdout).unwrap();
+    assert_eq!(report["stopped"], "output");
+    let info: Value = serde_json::from_str(&haff.run(&["info", "gas.h5", "--json"]).1).unwrap();
+    assert!(info["frames"].as_u64() > Some(1) && info["resumable"] == true, "{info}");
+    // With room again it goes on from its last checkpoint.
+    let resumed = haff.report(&["run", "--resume", "gas.h5"]);
+    assert_eq!(resumed["stopped"], "until");
+}

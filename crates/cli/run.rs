@@ -87,7 +87,7 @@ fn start(options: &Run, scene: Scene, signals: &Signals) -> Result<u8, Failure> 
         quiet: options.quiet,
         recorded: None,
     };
-    let outcome = session.run(false).map_err(|error| file_failure(&error))?;
+    let outcome = session.run(false);
     conclude(
         options,
         &outcome,
@@ -142,7 +142,7 @@ fn resume(options: &Run, path: PathBuf, signals: &Signals) -> Result<u8, Failure
         quiet: options.quiet,
         recorded,
     };
-    let outcome = session.run(true).map_err(|error| file_failure(&error))?;
+    let outcome = session.run(true);
     conclude(options, &outcome, &context, Some(recorder))
 }
 
@@ -171,14 +171,21 @@ fn conclude(
     context: &Context,
     recorder: Option<Recorder>,
 ) -> Result<u8, Failure> {
-    let report = report(outcome, context);
-    if let Some(recorder) = recorder {
-        recorder
-            .finish(&report.to_string(), outcome.ending.is_final())
-            .map_err(|error| file_failure(&error))?;
+    let mut report = report(outcome, context);
+    let unwritten = match (recorder, &outcome.ending) {
+        (_, Ending::Unwritable(error)) => Some(error.clone()),
+        (Some(recorder), ending) => recorder.finish(&report.to_string(), ending.is_final()).err(),
+        (None, _) => None,
+    };
+    if let Some(error) = &unwritten {
+        report["stopped"] = json!("output");
+        report["error"] = json!(error.to_string());
     }
     if options.json {
         println!("{report}");
+    }
+    if let Some(error) = unwritten {
+        return Err(file_failure(&error));
     }
     if !options.quiet {
         tell(outcome, context);
@@ -191,6 +198,7 @@ fn conclude(
             let kept = context.file.as_ref().map(|file| format!("\nrecorded so far: {}", file.display()));
             Err(Failure { message: failure.message + &kept.unwrap_or_default(), ..failure })
         }
+        Ending::Unwritable(error) => Err(file_failure(error)),
     }
 }
 
@@ -254,6 +262,7 @@ fn tell(outcome: &Outcome, context: &Context) {
         Ending::Signal(_) => "ended by a signal".to_owned(),
         Ending::Rest => "at rest: nothing will happen any more".to_owned(),
         Ending::Failed(_) => "the simulation cannot go on".to_owned(),
+        Ending::Unwritable(_) => "the output cannot be written".to_owned(),
     };
     if !context.title.is_empty() {
         eprintln!("{}", context.title);

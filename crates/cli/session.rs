@@ -28,6 +28,8 @@ pub enum Ending {
     Rest,
     /// The simulation cannot go on.
     Failed(EngineError),
+    /// The output file cannot be written any more.
+    Unwritable(RecordError),
 }
 
 impl Ending {
@@ -41,6 +43,7 @@ impl Ending {
             Self::Rest => "rest",
             Self::Failed(EngineError::Collapse { .. }) => "collapse",
             Self::Failed(_) => "error",
+            Self::Unwritable(_) => "output",
         }
     }
 
@@ -105,8 +108,17 @@ pub struct Outcome {
 
 impl Session<'_> {
     /// Runs to an end. `resumed` tells that the state has been recorded before.
-    pub fn run(mut self, resumed: bool) -> Result<Outcome, RecordError> {
+    pub fn run(mut self, resumed: bool) -> Outcome {
         let started = Instant::now();
+        let ending = self
+            .events_and_records(resumed, started)
+            .and_then(|ending| self.last_records(&ending).map(|()| ending))
+            .unwrap_or_else(Ending::Unwritable);
+        Outcome { simulation: self.simulation, ending, wall: started.elapsed() }
+    }
+
+    /// Runs events, and records what falls due on the way.
+    fn events_and_records(&mut self, resumed: bool, started: Instant) -> Result<Ending, RecordError> {
         let from = if resumed { self.simulation.time() } else { 0.0 };
         let recording = self.recorder.is_some();
         let plan =
@@ -162,6 +174,11 @@ impl Session<'_> {
             progress.show((time / until).max(done as f64 / collisions as f64), time, done);
         };
         progress.finish();
+        Ok(ending)
+    }
+
+    /// Records the end, and the state to go on from.
+    fn last_records(&mut self, ending: &Ending) -> Result<(), RecordError> {
         // A run that is to be resumed goes on from before its last rows, which it would not have written had it not
         // been stopped.
         if !ending.is_final() {
@@ -174,7 +191,7 @@ impl Session<'_> {
         if ending.is_final() {
             self.checkpoint()?;
         }
-        Ok(Outcome { simulation: self.simulation, ending, wall: started.elapsed() })
+        Ok(())
     }
 
     /// Records a frame and a row of observables, and measures the overlap of all close pairs.
