@@ -65,8 +65,10 @@ impl Recorder {
     pub fn create(path: impl AsRef<Path>, header: Header, overwrite: bool) -> Result<Self, RecordError> {
         let path = path.as_ref();
         check(path, &header)?;
-        let file = WritableFile::create(path, overwrite)?;
+        let mut file = WritableFile::create(path, overwrite)?;
         let skeleton = Skeleton::create(file.root(), &header).doing(path, "create the file")?;
+        // Also before space that the making of the datasets has freed is used again.
+        file.flush()?;
         let wants = Wants {
             particles: header.species.len(),
             species: Some(header.species_names.len()).filter(|&count| header.observables && count > 0),

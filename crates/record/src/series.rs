@@ -73,7 +73,19 @@ impl Series {
             builder = builder.fill_value(fill);
         }
         let dataset = builder.shape(extents).create(name)?;
-        Ok(Self { dataset, rows: 0, width: width.to_vec() })
+        let mut series = Self { dataset, rows: 0, width: width.to_vec() };
+        series.prime::<T>()?;
+        Ok(series)
+    }
+
+    /// Makes the index of the chunks, by a chunk that is taken back. A later flush then need not write both a new
+    /// index and the header that points to it, between which a process could be killed.
+    fn prime<T: H5Type>(&mut self) -> hdf5::Result<()> {
+        self.resize(1)?;
+        let corner = || Hyperslab::from(vec![SliceOrIndex::from(0..1); 1 + self.width.len()]);
+        let element = self.dataset.read_slice::<T, _, IxDyn>(corner())?;
+        self.dataset.write_slice(&element, corner())?;
+        self.resize(0)
     }
 
     /// An existing dataset.

@@ -21,7 +21,7 @@ use hdf5::File;
 const CHILD: &str = "HAFF_RECORD_TEST_FILE";
 /// Its number of particles.
 const PARTICLES: &str = "HAFF_RECORD_TEST_PARTICLES";
-const EVENTS_PER_ROW: u64 = 5000;
+const EVENTS_PER_ROW: u64 = 700;
 /// HDF5 leaves its files open to child processes, which then hold their locks: one test at a time.
 static ALONE: Mutex<()> = Mutex::new(());
 
@@ -33,14 +33,17 @@ fn record(recorder: &Recorder, particles: usize, k: u64) -> Result<(), RecordErr
     if k % 5 == 4 { recorder.checkpoint(checkpoint(k + 1, particles)) } else { Ok(()) }
 }
 
-/// Writes rows as fast as it can until it is killed or fails, and tells what has been flushed.
-fn write(path: &Path, particles: usize) -> Result<(), RecordError> {
+/// Writes rows until it is killed or fails, with a pause after each, and tells what has been flushed.
+fn write(path: &Path, particles: usize, pause: Duration) -> Result<(), RecordError> {
     let recorder = Recorder::create(path, header(particles), false)?;
     recorder.checkpoint(checkpoint(0, particles))?;
     for k in 0.. {
         record(&recorder, particles, k)?;
-        recorder.flush()?;
-        println!("flushed {}", k + 1);
+        if k % 5 == 4 {
+            recorder.flush()?;
+            println!("flushed {}", k + 1);
+        }
+        thread::sleep(pause);
     }
     Ok(())
 }
@@ -145,7 +148,8 @@ fn resume(path: &Path, particles: usize, flushed: u64) {
 #[test]
 fn a_writer_killed_at_any_instant_leaves_a_readable_file() {
     if let Some((path, particles)) = child() {
-        write(&path, particles).expect("the child is killed before it fails");
+        // Forty checkpoints, each with its flushes, a second: far more than any run takes.
+        write(&path, particles, Duration::from_millis(5)).expect("the child is killed before it fails");
         return;
     }
     let _alone = ALONE.lock().unwrap_or_else(PoisonError::into_inner);
@@ -183,7 +187,7 @@ fn a_writer_killed_at_any_instant_leaves_a_readable_file() {
 #[cfg(target_os = "linux")]
 fn a_full_disk_is_told_and_what_was_flushed_stays() {
     if let Some((path, particles)) = child() {
-        let error = write(&path, particles).expect_err("the limit is reached");
+        let error = write(&path, particles, Duration::ZERO).expect_err("the limit is reached");
         println!("error {error}");
         assert!(matches!(error, RecordError::Full { .. }), "{error:?}");
         return;
