@@ -60,7 +60,7 @@ pub(crate) struct Limit {
     pub ticks: i64,
     /// Up to this total of collisions.
     pub collisions: u64,
-    /// At most this many calendar entries.
+    /// At most this many calendar entries; counted down.
     pub entries: u64,
 }
 
@@ -80,7 +80,7 @@ pub(crate) trait Engine: Send {
     fn advance(
         &mut self,
         state: &mut State,
-        limit: Limit,
+        limit: &mut Limit,
         observer: &mut dyn Observer,
     ) -> Result<Stop, EngineError>;
 }
@@ -218,23 +218,22 @@ impl<F: Features, S: Search + 'static> Machine<F, S> {
     fn run<const EVENTS: bool>(
         &mut self,
         state: &mut State,
-        limit: Limit,
+        limit: &mut Limit,
         observer: &mut dyn Observer,
     ) -> Result<Stop, EngineError> {
-        let mut entries = 0;
         let predictions = self.scratch.predictions;
         let stop = loop {
             if state.book.counters.collisions >= limit.collisions {
                 break Stop::Collisions;
             }
-            if entries >= limit.entries {
+            if limit.entries == 0 {
                 break Stop::Slice;
             }
             let Some(entry) = self.next(state, limit.ticks) else {
                 state.world.now = state.world.now.max(limit.ticks);
                 break Stop::Time;
             };
-            entries += 1;
+            limit.entries -= 1;
             state.world.now = state.world.now.max(entry.time);
             self.watch(state, &entry)?;
             let i = entry.owner;
@@ -367,7 +366,7 @@ impl<F: Features, S: Search + 'static> Engine for Machine<F, S> {
     fn advance(
         &mut self,
         state: &mut State,
-        limit: Limit,
+        limit: &mut Limit,
         observer: &mut dyn Observer,
     ) -> Result<Stop, EngineError> {
         if observer.wants_events() {

@@ -102,20 +102,27 @@ impl Simulation {
         if self.state.pending.is_empty() && self.state.world.is_at_rest() {
             return Ok(Stop::Rest);
         }
+        let mut entries = until.entries;
         loop {
             let target = self.state.world.clock.ticks(until.time);
-            let limit = Limit {
+            let mut limit = Limit {
                 // Events at the very end of an epoch belong to the next.
                 ticks: target.min(EPOCH - 1),
                 collisions: until.collisions,
-                entries: until.entries,
+                entries,
             };
-            let stop = self.engine.advance(&mut self.state, limit, observer)?;
+            let stop = self.engine.advance(&mut self.state, &mut limit, observer)?;
             if stop == Stop::Time && until.time == f64::INFINITY && self.engine.is_idle() {
                 return Ok(Stop::Rest);
             }
             if stop == Stop::Time && target >= EPOCH {
                 self.next_epoch();
+                // A long flight without events must not keep the caller waiting: an epoch counts as an entry for each
+                // particle.
+                entries = limit.entries.saturating_sub(1 + self.system.bodies.len() as u64);
+                if entries == 0 {
+                    return Ok(Stop::Slice);
+                }
                 continue;
             }
             if stop == Stop::Time {
