@@ -41,8 +41,8 @@ to follow an index that points beyond the end it knows.
 
 Measured: of 1800 writers that took 40 checkpoints a second, killed at random instants, all left files that opened,
 held every frame up to the last flush and were resumed (`tests/killed.rs`; `HAFF_RECORD_KILLS` sets the number). What
-remains is the instant in which a flush rewrites an index that has just outgrown a node, every 64 chunks: of 1200
-writers that flushed without a pause through such splits, two left a trajectory with a broken index. At one flush a
+remains is the instant in which a flush rewrites an index that has just outgrown a node, every 64 chunks: of more than
+1000 writers that flushed without a pause through such splits, two left a trajectory with a broken index. At one flush a
 second that is less than one kill in a hundred thousand.
 
 The kernel keeps what a killed process has written. Against power loss the file is as safe as the page cache: nothing
