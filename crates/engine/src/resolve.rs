@@ -1,7 +1,7 @@
 //! Events happen: velocities change, anchors are set, losses are booked.
 
 use glam::DVec3;
-use haff_mechanics::{Impact, Restitution, resolve_contact, resolve_wall, work_of_moving_body};
+use haff_mechanics::{Impact, Restitution, resolve_contact, work_of_moving_body};
 
 use crate::{
     clock::HORIZON,
@@ -134,7 +134,8 @@ pub(crate) fn wall<F: Features, const EVENTS: bool>(
     let law = world.wall_law(&class, wall);
     let speed = haff_mechanics::approach_speed(velocity, wall_velocity, n);
     let e = coefficient(world, law, speed, time, [(i, &class), (i, &class)]);
-    let (after, impact) = resolve_wall(velocity, wall_velocity, class.inverse_mass, n, e);
+    // As for two spheres: a tilted normal is a unit vector only to rounding, and always off the same way.
+    let (after, _, impact) = resolve_contact(velocity, wall_velocity, class.inverse_mass, 0.0, n, e);
     anchor(world, i, position, after, time)?;
 
     let now = world.clock.time(time);

@@ -160,15 +160,21 @@ pub fn resolve_contact(
     if impact.impulse == 0.0 {
         return (w1, w2, impact);
     }
+    // The shares of the change of relative velocity: exactly 1/2 for equal masses.
     let (share1, share2) = (inv_m1 / lambda, inv_m2 / lambda);
-    let change = r * ((1.0 + e) * approach / rr);
-    let (mut u1, mut u2) = (w1 - change * share1, w2 + change * share2);
-    // With e = 0 rounding may leave a few ulp of approach, and the pair would meet again, and again.
+    let strike = |u1: DVec3, u2: DVec3, speed: f64| {
+        let change = r * (speed / rr);
+        (u1 - change * share1, u2 + change * share2)
+    };
+    let (mut u1, mut u2) = strike(w1, w2, (1.0 + e) * approach);
+    // What the rounding of r·r and of the shares has left of Newton's law, (u2 − u1)·r = e (w1 − w2)·r, has a preferred
+    // sign, so that it would add up. One step brings it down to the rounding of the velocities.
+    (u1, u2) = strike(u1, u2, (u1 - u2).dot(r) + e * approach);
+    // With e = 0 that may be a few ulp of approach, and the pair would meet again, and again.
     let mut excess = 1.0;
     while (u1 - u2).dot(r) > 0.0 && excess < 1e3 {
         excess *= 2.0;
-        let change = r * (excess * (u1 - u2).dot(r) / rr);
-        (u1, u2) = (u1 - change * share1, u2 + change * share2);
+        (u1, u2) = strike(u1, u2, excess * (u1 - u2).dot(r));
     }
     (u1, u2, impact)
 }
