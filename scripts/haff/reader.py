@@ -97,6 +97,13 @@ class Box:
         return f"Box({self.dimension}D, {sides})"
 
 
+def _complete(time: h5py.Dataset, length: int) -> int:
+    """Rows that are there: a flush cut short by a kill may leave rows without a time at the end."""
+    while length > 0 and np.isnan(time[length - 1]):
+        length -= 1
+    return length
+
+
 class Frame:
     """All particles at one time; arrays are read on first use and then kept.
 
@@ -187,7 +194,8 @@ class Frames(Sequence["Frame"]):
         if rows is None:
             names = [n for n in ("position", "velocity", "image") if n in self._group]
             columns = [f"{n}/{part}" for n in names for part in ("value", "step", "time")]
-            rows = range(min(self._group[c].shape[0] for c in columns if c in self._group))
+            length = min(self._group[c].shape[0] for c in columns if c in self._group)
+            rows = range(_complete(self._group["position/time"], length))
         self._rows = rows
 
     def _dataset(self, name: str) -> h5py.Dataset:
@@ -261,7 +269,8 @@ class Events:
         self._group = group
         self._columns = [n for n in _EVENT_COLUMNS if n in group]
         self._columns += [n for n in group if n not in self._columns and isinstance(group[n], h5py.Dataset)]
-        self._length = min((group[n].shape[0] for n in self._columns), default=0)
+        length = min((group[n].shape[0] for n in self._columns), default=0)
+        self._length = _complete(group["time"], length)
 
     @property
     def columns(self) -> list[str]:
@@ -536,6 +545,7 @@ class File:
         names = self._observable_names()
         length = min(group[n][part].shape[0] for n in names for part in ("value", "step", "time"))
         clock = group[names[0]]
+        length = _complete(clock["time"], length)
         return clock["time"][:length], clock["step"][:length], {n: group[n]["value"][:length] for n in names}
 
     @cached_property

@@ -117,6 +117,18 @@ def test_a_killed_run_is_read_up_to_its_last_whole_frame(tmp_path, name):
         assert len(run.events) == 60 and len(run.events.to_pandas()) == 60
 
 
+def test_rows_without_a_time_are_not_there_yet(tmp_path):
+    """What a flush cut short by a kill leaves: rows whose data, but not their time, have reached the file."""
+    path = synthetic.cooling_gas(tmp_path / "torn.h5", n=50, frames=6, collisions=100)
+    with h5py.File(path, "r+") as f:
+        for name, rows in [("particles/all/position/time", 2), ("events/time", 5), ("observables/temperature/time", 1)]:
+            f[name][-rows:] = np.nan
+        samples = f["observables/temperature/time"].shape[0]
+    with haff.open(path) as run:
+        assert len(run.frames) == 4 and len(run.events) == 95
+        assert len(run.observables) == samples - 1 and run.observables["time"].notna().all()
+
+
 def test_a_file_without_a_single_frame_opens(tmp_path):
     path = synthetic.cooling_gas(tmp_path / "start.h5", n=50, frames=6, collisions=10)
     for name in ("position", "velocity", "image"):
