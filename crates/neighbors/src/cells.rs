@@ -164,7 +164,7 @@ impl Cells {
     }
 
     /// Visits the particles of one cell, whose image as seen from i's own is `shift` without j's own.
-    #[inline]
+    #[inline(always)]
     fn visit_cell<V: FnMut(u32, Shift)>(&self, i: u32, cell: usize, shift: Shift, visit: &mut V) {
         for &id in &self.slots[cell] {
             if id == EMPTY {
@@ -180,7 +180,7 @@ impl Cells {
         }
     }
 
-    #[inline]
+    #[inline(always)]
     fn visit_id<V: FnMut(u32, Shift)>(&self, i: u32, id: u32, shift: Shift, visit: &mut V) {
         let j = id & !AWAY;
         if j == i {
