@@ -157,7 +157,7 @@ impl Simulation {
         for (i, &code) in checkpoint.resting.iter().enumerate().filter(|(_, code)| **code != 0) {
             let mut support: Support = [None; 3];
             let mut digits = code;
-            for place in support.iter_mut().filter(|_| true) {
+            for place in &mut support {
                 if digits != 0 {
                     *place = (digits % base).checked_sub(1).map(|wall| wall as u16);
                     digits /= base;

@@ -15,7 +15,7 @@ pub(crate) const OLDEST_ANCHOR: i64 = 1 << 62;
 pub(crate) const ANCHOR_AGE: i64 = 1 << 61;
 /// Predictions further ahead than this are left to a later renewal [ticks].
 pub(crate) const HORIZON: f64 = (1_u64 << 60) as f64;
-/// Ticks per time that light takes, so to speak: 2^54 per crossing of the system at the largest speed.
+/// log₂ of the ticks in which the fastest particle crosses the system.
 const TICKS_PER_CROSSING: i32 = 54;
 
 /// Converts between ticks and time.
