@@ -65,7 +65,13 @@ impl Kernel {
     /// The kernel for a choice, `None` if the processor does not have it.
     pub fn choose(choice: SimdChoice) -> Option<Self> {
         #[cfg(target_arch = "x86_64")]
-        let avx2 = std::is_x86_feature_detected!("avx2").then_some(Self::Avx2);
+        let avx2 = (std::is_x86_feature_detected!("avx2")
+            && std::is_x86_feature_detected!("fma")
+            && std::is_x86_feature_detected!("bmi1")
+            && std::is_x86_feature_detected!("bmi2")
+            && std::is_x86_feature_detected!("lzcnt")
+            && std::is_x86_feature_detected!("popcnt"))
+        .then_some(Self::Avx2);
         #[cfg(not(target_arch = "x86_64"))]
         let avx2 = None;
         match choice {

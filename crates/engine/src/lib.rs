@@ -19,6 +19,7 @@ mod predict;
 mod resolve;
 mod simulation;
 mod sum;
+mod windows;
 
 pub use error::EngineError;
 pub use measure::Overlap;

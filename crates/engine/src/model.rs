@@ -131,6 +131,8 @@ pub enum NeighborChoice {
     Auto,
     /// A grid of cells at least one largest diameter wide.
     Cells,
+    /// Windows of time in which all pairs of a grid are tested at once: for gases in closed boxes, without gravity.
+    Windows,
     /// Every pair is tested: for tiny systems, and the twin of every other method.
     AllPairs,
 }
@@ -162,6 +164,7 @@ impl NeighborChoice {
         match self {
             Self::Auto => "auto",
             Self::Cells => "cells",
+            Self::Windows => "windows",
             Self::AllPairs => "all_pairs",
         }
     }

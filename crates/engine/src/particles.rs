@@ -59,6 +59,8 @@ pub(crate) struct World {
     /// Walls that particles rest on; empty as long as none ever has.
     pub support: Vec<Support>,
     pub size: DVec3,
+    /// 1/L along periodic axes, 0 along others.
+    pub per_size: [f64; 3],
     pub periodic: [bool; 3],
     pub gravity: DVec3,
     pub pair_restitution: Vec<Restitution>,
@@ -104,6 +106,9 @@ impl World {
             walls: system.walls.clone(),
             support: Vec::new(),
             size: system.domain.size,
+            per_size: [0, 1, 2].map(|axis| {
+                if system.domain.boundary[axis] == Boundary::Periodic { 1.0 / system.domain.size[axis] } else { 0.0 }
+            }),
             periodic: system.domain.boundary.map(|boundary| boundary == Boundary::Periodic),
             gravity: system.domain.gravity,
             pair_restitution: system.contacts.pair.clone(),

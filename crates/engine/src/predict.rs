@@ -289,7 +289,7 @@ fn flush<F: Features>(world: &World, i: u32, scratch: &mut Scratch, earliest: &m
 }
 
 /// A pair closer than this, relative to σ², touches as far as positions can tell.
-const TOUCHING: f64 = 64.0 * f64::EPSILON;
+pub(crate) const TOUCHING: f64 = 64.0 * f64::EPSILON;
 
 /// Whether a contact is only the echo of an impact with e = 0: the pair touches, and approaches no faster than the
 /// rounding of its velocities.

@@ -15,6 +15,7 @@ use crate::{
     model::{Boundary, Dimension, NeighborChoice, Options, System},
     particles::World,
     report::{Counters, Frame, Ledger, Observer, Sample, Stop},
+    windows::Windows,
 };
 
 /// Largest number of particles: calendar entries keep two bits of an index for themselves.
@@ -295,7 +296,9 @@ fn compile(
     });
     macro_rules! machine {
         ($gravity:literal, $uniform:literal) => {
-            if neighbors == NeighborChoice::AllPairs {
+            if neighbors == NeighborChoice::Windows {
+                Box::new(Windows::<With<$gravity, $uniform>>::new(geometry, kernel, count)) as Box<dyn Engine>
+            } else if neighbors == NeighborChoice::AllPairs {
                 Box::new(Machine::<With<$gravity, $uniform>, AllPairs>::new(geometry, kernel, count))
                     as Box<dyn Engine>
             } else {

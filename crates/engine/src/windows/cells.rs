@@ -1,0 +1,396 @@
+/*!
+The grid of a window: in which cells particles are, at any time within it.
+
+Coordinates are integers: 2^32 of them to a periodic edge, so that the difference of two, taken modulo 2^32, is the
+nearest image at no cost, whatever the box; and 2^30 to a bounded edge, which leaves room for what rounding puts outside.
+
+A particle is registered in every cell that its path through the window touches. So whoever looks for partners has to look
+at the cells near its own path only, however fast others are. A particle that takes a new path is registered along that
+too; where it was registered before does no harm, since what is tested is always its path of now.
+
+Cells are found in single precision: which of two cells a particle on their common face is in does not matter, as long as
+searches reach a little further ([`SLACK`]) than contacts do.
+*/
+
+use haff_neighbors::{Axis, Geometry};
+
+/// Coordinates per bounded edge, log₂.
+const BOUNDED_BITS: u32 = 30;
+/// Entries of a block; with its link it fills half a cache line.
+const ENTRIES: usize = 7;
+/// Largest number of cells along an axis.
+const MOST_CELLS: f64 = 2048.0;
+/// What searches reach further [cells]: ten times the rounding of a place among the most cells.
+const SLACK: f32 = 2e-3;
+/// Cells per axis of the blocks of cells that searches have tables for.
+const TABLED: usize = 4;
+
+/// The axes of the grid, one lane each; the fourth is idle.
+#[derive(Debug, Clone, Copy, Default)]
+pub(super) struct Axes {
+    /// Number of cells.
+    n: [i32; 4],
+    /// Coordinates per length, and back.
+    pub per_length: [f64; 3],
+    pub unit: [f32; 3],
+    /// The place of coordinate x is ((x ^ flip) · per_coordinate + bias) [cells].
+    flip: [i32; 4],
+    per_coordinate: [f32; 4],
+    bias: [f32; 4],
+    /// Cells per length.
+    cells: [f32; 4],
+    /// Where spans end: at bounded edges, and, for arithmetic's sake, a box beyond periodic ones [cells].
+    low: [f32; 4],
+    high: [f32; 4],
+    /// The last axis along which anything moves.
+    pub upward: usize,
+}
+
+impl Axes {
+    fn new(geometry: &Geometry, width: f64) -> Self {
+        let mut axes = Self { n: [1; 4], high: [0.5; 4], ..Self::default() };
+        let size = geometry.size.to_array();
+        for axis in 0..3 {
+            let length = size[axis];
+            let kind = geometry.axes[axis];
+            if kind == Axis::Flat {
+                (axes.per_length[axis], axes.unit[axis]) = (1.0, 1.0);
+                continue;
+            }
+            axes.upward = axis;
+            let n = (length / width).floor().clamp(1.0, MOST_CELLS);
+            let periodic = kind == Axis::Periodic;
+            let coordinates = if periodic { 2.0_f64.powi(32) } else { f64::from(1 << BOUNDED_BITS) };
+            axes.n[axis] = n as i32;
+            axes.per_length[axis] = coordinates / length;
+            axes.unit[axis] = (length / coordinates) as f32;
+            axes.per_coordinate[axis] = (n / coordinates) as f32;
+            axes.cells[axis] = (n / length) as f32;
+            if periodic {
+                // Unsigned coordinates, brought into the range of signed ones.
+                (axes.flip[axis], axes.bias[axis]) = (i32::MIN, (0.5 * n) as f32);
+                (axes.low[axis], axes.high[axis]) = (-n as f32, (2.0 * n - 0.5) as f32);
+            } else {
+                axes.high[axis] = (n - 0.5) as f32;
+            }
+        }
+        axes
+    }
+
+    /// The coordinate of a position along an axis [length].
+    #[inline(always)]
+    pub fn coordinate(&self, axis: usize, position: f64) -> i32 {
+        round(position * self.per_length[axis])
+    }
+
+    /// The coordinates of a way [length].
+    #[inline(always)]
+    pub fn way(&self, v: [f32; 3], part: f32) -> [i32; 3] {
+        [0, 1, 2].map(|axis| round(f64::from(v[axis] * part) * self.per_length[axis]))
+    }
+
+    /// The place of a coordinate [cells].
+    #[inline(always)]
+    fn places(&self, x: [i32; 3]) -> [f32; 4] {
+        let x = [x[0], x[1], x[2], 0];
+        [0, 1, 2, 3].map(|k| (x[k] ^ self.flip[k]) as f32 * self.per_coordinate[k] + self.bias[k])
+    }
+
+    /// The cells, counted on beyond periodic edges, of places.
+    #[inline(always)]
+    fn cells(&self, places: [f32; 4]) -> [i32; 4] {
+        [0, 1, 2, 3].map(|k| {
+            let place = places[k].max(self.low[k]).min(self.high[k]).floor();
+            // SAFETY: the bounds are small numbers, and `max` and `min` leave no NaN.
+            unsafe { place.to_int_unchecked::<i32>() }
+        })
+    }
+
+    /// Brings cells counted on beyond the edges into the grid.
+    #[inline(always)]
+    fn fold(&self, cells: [i32; 4]) -> [i32; 4] {
+        [0, 1, 2, 3].map(|k| {
+            let (c, n) = (cells[k], self.n[k]);
+            let c = if c < 0 { c + n } else { c };
+            if c >= n { c - n } else { c }
+        })
+    }
+
+    #[inline(always)]
+    fn index(&self, cells: [i32; 4]) -> usize {
+        ((cells[2] * self.n[1] + cells[1]) * self.n[0] + cells[0]) as usize
+    }
+}
+
+/// Nearest integer modulo 2^32, by the rounding of an addition; |x| < 2^51.
+#[inline(always)]
+fn round(x: f64) -> i32 {
+    (x + 6_755_399_441_055_744.0).to_bits() as i32 // 1.5 · 2^52
+}
+
+/// Up to seven entries, and what follows: the number of entries in three bits, the next block above.
+#[derive(Debug, Clone, Copy)]
+#[repr(C, align(32))]
+struct Block {
+    entries: [u32; ENTRIES],
+    link: u32,
+}
+
+const EMPTY: Block = Block { entries: [0; ENTRIES], link: 0 };
+
+/// Slots gathered from cells for several searches, each filled up to whole vectors.
+#[derive(Debug, Clone)]
+pub(super) struct Candidates {
+    /// Slots; only the first `len` mean anything.
+    pub slots: Vec<u32>,
+    /// Search that each vector of [`LANES`] slots belongs to.
+    pub owner: Vec<u32>,
+    /// Slots so far, a multiple of [`LANES`] between searches.
+    pub len: usize,
+}
+
+/// Slots of a vector.
+pub(super) const LANES: usize = 8;
+
+impl Candidates {
+    pub fn new() -> Self {
+        Self { slots: vec![0; 1024], owner: vec![0; 1024 / LANES], len: 0 }
+    }
+
+    /// Makes room for so many blocks and a last vector.
+    #[inline(always)]
+    fn reserve(&mut self, blocks: usize) {
+        if self.len + (blocks + 2) * LANES > self.slots.len() {
+            self.grow(blocks);
+        }
+    }
+
+    #[cold]
+    #[inline(never)]
+    fn grow(&mut self, blocks: usize) {
+        let len = 2 * (self.len + (blocks + 2) * LANES).next_multiple_of(LANES);
+        self.slots.resize(len, 0);
+        self.owner.resize(len / LANES, 0);
+    }
+
+    /// Adds the entries of a block; returns its link.
+    ///
+    /// # Safety
+    ///
+    /// There must be [room](Self::reserve) for it.
+    #[inline(always)]
+    unsafe fn push(&mut self, block: &Block) -> u32 {
+        debug_assert!(self.len + LANES <= self.slots.len());
+        // The whole block in one move; what lies beyond its entries is overwritten by the next.
+        // SAFETY: a block is as long as `LANES` slots, and the caller has made room.
+        unsafe {
+            let to = self.slots.as_mut_ptr().add(self.len).cast::<[u32; LANES]>();
+            to.write(std::ptr::from_ref(block).cast::<[u32; LANES]>().read());
+        }
+        self.len += (block.link & 7) as usize;
+        block.link
+    }
+
+    /// Ends the search that began at `from`: the last vector is filled up with `own`.
+    #[inline(always)]
+    fn end(&mut self, from: usize, search: u32, own: u32) {
+        self.slots[self.len..self.len + LANES].fill(own);
+        self.len = self.len.next_multiple_of(LANES);
+        self.owner[from / LANES..self.len / LANES].fill(search);
+    }
+}
+
+/// Index steps of a block of cells.
+type Steps = Box<[u32]>;
+
+/// Cells and who is registered in them.
+#[derive(Debug, Clone, Default)]
+pub(super) struct Cells {
+    pub axes: Axes,
+    /// The first block of every cell, then those that full cells go on in.
+    blocks: Vec<Block>,
+    cells: usize,
+    /// Steps from the first cell for all shapes of up to `TABLED` cells along each axis.
+    tables: Vec<Steps>,
+}
+
+impl Cells {
+    /// Empty cells about `width` wide.
+    pub fn new(geometry: &Geometry, width: f64) -> Self {
+        let axes = Axes::new(geometry, width);
+        let cells = axes.n.iter().map(|&n| n as usize).product();
+        let (nx, ny) = (axes.n[0] as u32, axes.n[1] as u32);
+        let mut tables = Vec::new();
+        let range = 1..=TABLED as u32;
+        for z in range.clone() {
+            for y in range.clone() {
+                for x in range.clone() {
+                    let steps = (0..z).flat_map(|z| (0..y).map(move |y| (z * ny + y) * nx));
+                    tables.push(steps.flat_map(|row| (0..x).map(move |x| row + x)).collect());
+                }
+            }
+        }
+        Self { axes, blocks: vec![EMPTY; cells], cells, tables }
+    }
+
+    /// Takes everybody out.
+    pub fn clear(&mut self) {
+        self.blocks.truncate(self.cells);
+        for block in &mut self.blocks {
+            block.link = 0;
+        }
+    }
+
+    #[inline(always)]
+    fn add(&mut self, cell: usize, slot: u32) {
+        let block = &mut self.blocks[cell];
+        let count = (block.link & 7) as usize;
+        if count < ENTRIES {
+            block.entries[count] = slot;
+            block.link += 1;
+        } else {
+            self.add_block(cell, slot);
+        }
+    }
+
+    /// A full first block moves behind a new one.
+    #[cold]
+    #[inline(never)]
+    fn add_block(&mut self, cell: usize, slot: u32) {
+        let next = self.blocks.len() as u32;
+        let full = self.blocks[cell];
+        self.blocks.push(full);
+        let mut entries = [0; ENTRIES];
+        entries[0] = slot;
+        self.blocks[cell] = Block { entries, link: next << 3 | 1 };
+    }
+
+    /// Registers a slot along the path from `x`, the `part` of the displacement `v` [length] long; in the cell of `x` only
+    /// if it is `NEW` there.
+    #[inline(always)]
+    pub fn register<const NEW: bool>(&mut self, slot: u32, x: [i32; 3], v: [f32; 3], part: f32) {
+        let axes = &self.axes;
+        let v = [v[0], v[1], v[2], 0.0];
+        let from = axes.places(x);
+        let way = [0, 1, 2, 3].map(|k| v[k] * part * axes.cells[k]);
+        let first = axes.cells(from);
+        let last = axes.cells([0, 1, 2, 3].map(|k| from[k] + way[k]));
+        if NEW {
+            self.add(axes.index(axes.fold(first)), slot);
+        }
+        if last != first {
+            self.register_on(slot, from, way, first, last);
+        }
+    }
+
+    /// The rest of a path that leaves its first cell.
+    #[inline(never)]
+    fn register_on(&mut self, slot: u32, from: [f32; 4], way: [f32; 4], first: [i32; 4], last: [i32; 4]) {
+        // Part of the way to the next face on each axis, and from face to face.
+        let (mut next, mut every) = ([f32::INFINITY; 3], [0.0; 3]);
+        let mut left = [0; 3];
+        for axis in 0..3 {
+            if last[axis] != first[axis] {
+                left[axis] = last[axis].abs_diff(first[axis]);
+                let part = from[axis] - first[axis] as f32;
+                let gap = if way[axis] > 0.0 { 1.0 - part } else { part };
+                every[axis] = 1.0 / way[axis].abs();
+                next[axis] = gap * every[axis];
+            }
+        }
+        let mut cell = first;
+        for _ in 0..left[0] + left[1] + left[2] {
+            let axis = if next[0] <= next[1] && next[0] <= next[2] {
+                0
+            } else if next[1] <= next[2] {
+                1
+            } else {
+                2
+            };
+            cell[axis] += if way[axis] > 0.0 { 1 } else { -1 };
+            left[axis] -= 1;
+            next[axis] = if left[axis] > 0 { next[axis] + every[axis] } else { f32::INFINITY };
+            self.add(self.axes.index(self.axes.fold(cell)), slot);
+        }
+    }
+
+    /// Gathers, for the search of number `search` from slot `own`, all that are registered within `below` and `above`
+    /// [length] of the box around the path from `x`, the `part` of the displacement `v` [length] long.
+    #[inline(always)]
+    #[expect(clippy::too_many_arguments, reason = "in registers, on the hottest path")]
+    pub fn gather(
+        &self,
+        search: u32,
+        own: u32,
+        x: [i32; 3],
+        v: [f32; 3],
+        part: f32,
+        (below, above): ([f32; 3], f32),
+        candidates: &mut Candidates,
+    ) {
+        let axes = &self.axes;
+        let (v, below) = ([v[0], v[1], v[2], 0.0], [below[0], below[1], below[2], 0.0]);
+        let place = axes.places(x);
+        let way = [0, 1, 2, 3].map(|k| v[k] * part * axes.cells[k]);
+        let low = axes.cells([0, 1, 2, 3].map(|k| place[k] + way[k].min(0.0) - (below[k] * axes.cells[k] + SLACK)));
+        let high = axes.cells([0, 1, 2, 3].map(|k| place[k] + way[k].max(0.0) + (above * axes.cells[k] + SLACK)));
+        let count = [0, 1, 2].map(|k| (high[k] - low[k] + 1).min(axes.n[k]));
+        let inside = (0..3).all(|k| (low[k] >= 0) & (high[k] < axes.n[k]));
+        let tabled = (0..3).all(|k| count[k] <= TABLED as i32);
+        let from = candidates.len;
+        let mut links = 0;
+        if inside & tabled {
+            let shape = ((count[2] - 1) * TABLED as i32 + count[1] - 1) * TABLED as i32 + count[0] - 1;
+            let steps = &self.tables[shape as usize];
+            candidates.reserve(steps.len());
+            let first = axes.index(low);
+            for &step in steps {
+                // SAFETY: there is room for as many blocks as there are steps.
+                links |= unsafe { candidates.push(&self.blocks[first + step as usize]) };
+            }
+        } else {
+            candidates.reserve(count.iter().map(|&count| count as usize).product());
+            self.each(low, count, |block| {
+                // SAFETY: there is room for as many blocks as there are cells.
+                links |= unsafe { candidates.push(block) };
+            });
+        }
+        if links > 7 {
+            self.each(low, count, |block| self.follow(block.link, candidates));
+        }
+        candidates.end(from, search, own);
+    }
+
+    /// Visits the first blocks of a block of cells, wherever it lies.
+    #[inline(always)]
+    fn each<'a>(&'a self, low: [i32; 4], count: [i32; 3], mut visit: impl FnMut(&'a Block)) {
+        let n = self.axes.n;
+        let start = self.axes.fold(low);
+        let next = |at: i32, axis: usize| if at + 1 == n[axis] { 0 } else { at + 1 };
+        let mut z = start[2];
+        for _ in 0..count[2] {
+            let mut y = start[1];
+            for _ in 0..count[1] {
+                let row = (z * n[1] + y) * n[0];
+                let mut x = start[0];
+                for _ in 0..count[0] {
+                    visit(&self.blocks[(row + x) as usize]);
+                    x = next(x, 0);
+                }
+                y = next(y, 1);
+            }
+            z = next(z, 2);
+        }
+    }
+
+    /// Adds the blocks that a cell goes on in.
+    #[cold]
+    #[inline(never)]
+    fn follow(&self, mut link: u32, candidates: &mut Candidates) {
+        while link > 7 {
+            candidates.reserve(1);
+            // SAFETY: there is room.
+            link = unsafe { candidates.push(&self.blocks[(link >> 3) as usize]) };
+        }
+    }
+}

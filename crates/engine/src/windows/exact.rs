@@ -1,0 +1,76 @@
+//! The exact prediction of one pair: the same bits as [`crate::predict`] has for it.
+
+use glam::DVec3;
+use haff_mechanics::is_rounding_noise;
+
+use crate::{
+    clock::{HORIZON, whole},
+    machine::Features,
+    particles::World,
+    predict::TOUCHING,
+};
+
+/// When particles i and j touch [ticks], for the image that is nearest now; `None` if they do not.
+#[inline(always)]
+pub(super) fn contact<F: Features>(world: &World, i: u32, j: u32) -> Option<i64> {
+    let (a, b) = (&world.particles[i as usize], &world.particles[j as usize]);
+    let sigma = if F::UNIFORM {
+        let radius = world.classes[0].radius;
+        radius + radius
+    } else {
+        let (a, b) = (&world.classes[a.class()], &world.classes[b.class()]);
+        if a.inverse_mass + b.inverse_mass == 0.0 {
+            return None; // Two bodies of infinite mass pass through each other.
+        }
+        a.radius + b.radius
+    };
+    let tick = world.clock.tick;
+    let now = world.now;
+    let here = |p: &crate::particles::Particle| p.position + p.velocity * ((now - p.time) as f64 * tick);
+    let apart = (here(b) - here(a)).to_array();
+    let behind = a.time - b.time;
+    let (dt_a, dt_b) = ((-behind).max(0) as f64 * tick, behind.max(0) as f64 * tick);
+    let ra = haff_mechanics::drift(a.position, a.velocity, dt_a);
+    let rb = haff_mechanics::drift(b.position, b.velocity, dt_b);
+    // A whole number of lengths, added as one product, as everywhere; 0 · L changes nothing.
+    let shift = [0, 1, 2].map(|axis| -round(apart[axis] * world.per_size[axis]) * world.size[axis]);
+    let r = (rb - ra) + DVec3::from_array(shift);
+    let v = b.velocity - a.velocity;
+    let delay = delay(r, v, sigma * sigma)?;
+    let from = a.time.max(b.time);
+    if r.length_squared() <= sigma * sigma * (1.0 + TOUCHING) {
+        let speed = |i: u32| world.flight::<F>(i, from).1.length();
+        if is_rounding_noise(r, v, speed(i).max(speed(j))) {
+            return None;
+        }
+    }
+    let ticks = delay * world.clock.per_time;
+    (ticks <= HORIZON).then(|| from + whole(ticks))
+}
+
+/// Nearest integer, by the rounding of an addition; |x| < 2^51.
+#[inline(always)]
+fn round(x: f64) -> f64 {
+    const MAGIC: f64 = 6_755_399_441_055_744.0; // 1.5 · 2^52
+    (x + MAGIC) - MAGIC
+}
+
+/// [`crate::batch`]'s kernel for one pair: time from the later anchor [time].
+#[inline(always)]
+fn delay(r: DVec3, v: DVec3, ss: f64) -> Option<f64> {
+    let b = r.dot(v);
+    if !(b < 0.0) {
+        return None;
+    }
+    let gap = r.length_squared() - ss;
+    if !(gap > 0.0) {
+        return Some(0.0);
+    }
+    let vv = v.length_squared();
+    let disc = vv * ss - r.cross(v).length_squared();
+    if !(disc >= 0.0) {
+        return None;
+    }
+    let den = disc.sqrt() - b;
+    Some(if gap * vv > -b * den { -b / vv } else { gap / den })
+}

@@ -1,0 +1,273 @@
+/*!
+The filter: which pairs may touch within the window.
+
+With r and v of a pair at the start of the window (v: displacement within it), f(θ) = |r + v θ|² − σ² for 0 ≤ θ ≤ 1. The pair
+may touch after θ₀ if f has a root at all and one of [θ₀, 1] lies between or beyond its roots:
+
+```text
+f(θ) = c + 2 b θ + v² θ²,   c = r² − σ²,  b = r·v
+b² ≥ c v²                        there are roots
+−b ≤ v²   or  f(1)  ≤ 0          the first is not after the end
+−b ≥ θ₀v² or  f(θ₀) ≤ 0          the second is not before the beginning
+```
+
+σ is widened by [`MARGIN`] for all that single precision rounds. No pair is rejected by the sign of r·v alone: whether a
+touching pair approaches is for the exact prediction to say.
+*/
+
+use super::cells::{Candidates, Cells, LANES};
+use crate::machine::Features;
+
+/// Contact distances are widened by this factor: single precision errs by some 10⁻⁵ of it within a reach of a few
+/// diameters, and 10⁻³ costs 0.3 % more exact predictions.
+pub(super) const MARGIN: f32 = 1.0 + 1e-3;
+
+/// What a window knows of a particle: half a cache line.
+#[derive(Debug, Clone, Copy)]
+#[repr(C, align(32))]
+pub(super) struct Record {
+    /// Where its path of now would have started the window [coordinates].
+    pub x: [i32; 3],
+    /// Radius, widened [length].
+    pub radius: f32,
+    /// Displacement within the window [length].
+    pub v: [f32; 3],
+    pub id: u32,
+}
+
+/// A particle whose partners are looked for.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Probe {
+    pub slot: u32,
+    pub record: Record,
+    /// Where it is at the start of the search [coordinates].
+    pub place: [i32; 3],
+    /// Start of the search, as a part of the window.
+    pub from: f32,
+}
+
+/// Who may touch whom: pairs of the number of a search and the slot that it has found.
+pub(super) type Hits = Vec<(u32, u32)>;
+
+/// Working space of searches.
+#[derive(Debug, Clone)]
+pub(super) struct Scratch {
+    candidates: Candidates,
+    masks: Vec<u8>,
+    pub hits: Hits,
+    /// Candidates tested so far.
+    pub tested: u64,
+}
+
+impl Scratch {
+    pub fn new() -> Self {
+        Self { candidates: Candidates::new(), masks: Vec::new(), hits: Vec::new(), tested: 0 }
+    }
+}
+
+/// Finds all whom the probes may touch in what is left of the window, each once per probe; with `HALF` set, of two that may
+/// touch the lower one finds the other, which is enough if all are searched.
+///
+/// With `VECTORS` set the caller must be compiled for [`VECTOR_FEATURES`], and run where they exist.
+#[inline(always)]
+pub(super) fn search<F: Features, const HALF: bool, const VECTORS: bool>(
+    records: &[Record],
+    cells: &Cells,
+    largest_radius: f32,
+    probes: &[Probe],
+    scratch: &mut Scratch,
+) {
+    scratch.hits.clear();
+    scratch.candidates.len = 0;
+    gather::<HALF>(cells, largest_radius, probes, &mut scratch.candidates);
+    scratch.tested += scratch.candidates.len as u64;
+    if VECTORS {
+        #[cfg(target_arch = "x86_64")]
+        // SAFETY: the caller has the features.
+        unsafe {
+            avx2::filter::<F>(records, cells.axes.unit, probes, scratch);
+        }
+    } else {
+        let Candidates { slots, owner, len } = &scratch.candidates;
+        for k in 0..*len {
+            let (search, slot) = (owner[k / LANES], slots[k]);
+            let probe = &probes[search as usize];
+            if slot != probe.slot && passes::<F>(&records[slot as usize], cells.axes.unit, probe) {
+                scratch.hits.push((search, slot));
+            }
+        }
+    }
+    // Who is registered in several cells has been met several times.
+    let hits = &mut scratch.hits;
+    let mut kept = 0;
+    let mut first = 0;
+    for k in 0..hits.len() {
+        let (search, slot) = hits[k];
+        if kept > 0 && hits[kept - 1].0 != search {
+            first = kept;
+        }
+        let known = hits[first..kept].iter().any(|hit| hit.1 == slot);
+        let skip = known || (HALF && is_below(cells, &records[slot as usize], &probes[search as usize]));
+        hits[kept] = (search, slot);
+        kept += usize::from(!skip);
+    }
+    hits.truncate(kept);
+}
+
+/// Gathers the candidates of all probes.
+#[inline(always)]
+fn gather<const HALF: bool>(
+    cells: &Cells,
+    largest_radius: f32,
+    probes: &[Probe],
+    candidates: &mut Candidates,
+) {
+    for (search, probe) in probes.iter().enumerate() {
+        let reach = probe.record.radius + largest_radius;
+        let mut below = [reach; 3];
+        if HALF {
+            below[cells.axes.upward] = 1e-2 * probe.record.radius;
+        }
+        let left = 1.0 - probe.from;
+        cells.gather(
+            search as u32,
+            probe.slot,
+            probe.place,
+            probe.record.v,
+            left,
+            (below, reach),
+            candidates,
+        );
+    }
+}
+
+/// Whether a particle is below the probe throughout the window, so that it finds the probe and not the probe it.
+#[inline]
+fn is_below(cells: &Cells, other: &Record, probe: &Probe) -> bool {
+    let axis = cells.axes.upward;
+    let begin = other.x[axis].wrapping_sub(probe.record.x[axis]) as f32 * cells.axes.unit[axis];
+    let end = begin + (other.v[axis] - probe.record.v[axis]);
+    begin.max(end) < -1e-3 * probe.record.radius
+}
+
+/// The filter for one candidate: the plain twin of the vector filter.
+#[inline(always)]
+fn passes<F: Features>(other: &Record, unit: [f32; 3], probe: &Probe) -> bool {
+    let own = &probe.record;
+    let sigma = own.radius + if F::UNIFORM { own.radius } else { other.radius };
+    let (mut b, mut rr, mut vv) = (0.0, 0.0, 0.0);
+    for axis in 0..3 {
+        let r = other.x[axis].wrapping_sub(own.x[axis]) as f32 * unit[axis];
+        let v = other.v[axis] - own.v[axis];
+        b += r * v;
+        rr += r * r;
+        vv += v * v;
+    }
+    let c = rr - sigma * sigma;
+    let two = b + b;
+    let end = c + (two + vv);
+    let begin = c + probe.from * (two + probe.from * vv);
+    let first = (-b - vv).min(end);
+    let second = (probe.from * vv + b).min(begin);
+    // Overflow makes a NaN: not greater than zero, so it passes.
+    let worst = (c * vv - b * b).max(first).max(second);
+    !(worst > 0.0)
+}
+
+#[cfg(target_arch = "x86_64")]
+mod avx2 {
+    use std::arch::x86_64::*;
+
+    use super::{Features, LANES, Probe, Record, Scratch};
+
+    /// Eight candidates at a time: their records are loaded whole and transposed in registers. What has passed is looked
+    /// at after all are tested, so that no test waits for a branch on the one before.
+    #[target_feature(enable = "avx2,fma")]
+    #[inline]
+    pub(super) fn filter<F: Features>(
+        records: &[Record],
+        unit: [f32; 3],
+        probes: &[Probe],
+        scratch: &mut Scratch,
+    ) {
+        let candidates = &scratch.candidates;
+        let vectors = candidates.len / LANES;
+        let masks = &mut scratch.masks;
+        if masks.len() < vectors + LANES {
+            masks.resize(2 * vectors + LANES, 0);
+        }
+        let unit = unit.map(|unit| _mm256_set1_ps(unit));
+        let owner = &candidates.owner[..vectors];
+        for ((slots, &owner), mask) in
+            candidates.slots[..candidates.len].chunks_exact(LANES).zip(owner).zip(&mut masks[..vectors])
+        {
+            *mask = test::<F>(records, unit, &probes[owner as usize], slots);
+        }
+        masks[vectors..vectors + LANES].fill(0);
+        for (word, bytes) in masks[..vectors.next_multiple_of(LANES)].chunks_exact(LANES).enumerate() {
+            let mut bits = bytes.iter().rev().fold(0_u64, |bits, &byte| bits << 8 | u64::from(byte));
+            while bits != 0 {
+                let k = word * 64 + bits.trailing_zeros() as usize;
+                bits &= bits - 1;
+                scratch.hits.push((candidates.owner[k / LANES], candidates.slots[k]));
+            }
+        }
+    }
+
+    /// Which of eight slots pass.
+    #[target_feature(enable = "avx2,fma")]
+    #[inline]
+    fn test<F: Features>(records: &[Record], unit: [__m256; 3], probe: &Probe, slots: &[u32]) -> u8 {
+        let own = &probe.record;
+        let row = |k: usize| {
+            debug_assert!((slots[k] as usize) < records.len());
+            // SAFETY: what is registered in cells is a slot; a record is 32 bytes, aligned to 32.
+            unsafe { _mm256_load_ps(records.as_ptr().add(slots[k] as usize).cast()) }
+        };
+        let (r0, r1, r2, r3) = (row(0), row(1), row(2), row(3));
+        let (r4, r5, r6, r7) = (row(4), row(5), row(6), row(7));
+        // Rows k and k + 4 side by side: positions, then velocities.
+        let (a0, a1) = (_mm256_permute2f128_ps::<0x20>(r0, r4), _mm256_permute2f128_ps::<0x20>(r1, r5));
+        let (a2, a3) = (_mm256_permute2f128_ps::<0x20>(r2, r6), _mm256_permute2f128_ps::<0x20>(r3, r7));
+        let (b0, b1) = (_mm256_permute2f128_ps::<0x31>(r0, r4), _mm256_permute2f128_ps::<0x31>(r1, r5));
+        let (b2, b3) = (_mm256_permute2f128_ps::<0x31>(r2, r6), _mm256_permute2f128_ps::<0x31>(r3, r7));
+        let (t0, t1) = (_mm256_unpacklo_ps(a0, a1), _mm256_unpacklo_ps(a2, a3));
+        let (t2, t3) = (_mm256_unpackhi_ps(a0, a1), _mm256_unpackhi_ps(a2, a3));
+        let (s0, s1) = (_mm256_unpacklo_ps(b0, b1), _mm256_unpacklo_ps(b2, b3));
+        let (s2, s3) = (_mm256_unpackhi_ps(b0, b1), _mm256_unpackhi_ps(b2, b3));
+        let difference = |x: __m256, axis: usize| {
+            let r = _mm256_sub_epi32(_mm256_castps_si256(x), _mm256_set1_epi32(own.x[axis]));
+            _mm256_mul_ps(_mm256_cvtepi32_ps(r), unit[axis])
+        };
+        let x = difference(_mm256_shuffle_ps::<0x44>(t0, t1), 0);
+        let y = difference(_mm256_shuffle_ps::<0xee>(t0, t1), 1);
+        let z = difference(_mm256_shuffle_ps::<0x44>(t2, t3), 2);
+        let u = _mm256_sub_ps(_mm256_shuffle_ps::<0x44>(s0, s1), _mm256_set1_ps(own.v[0]));
+        let v = _mm256_sub_ps(_mm256_shuffle_ps::<0xee>(s0, s1), _mm256_set1_ps(own.v[1]));
+        let w = _mm256_sub_ps(_mm256_shuffle_ps::<0x44>(s2, s3), _mm256_set1_ps(own.v[2]));
+        let sigma = if F::UNIFORM {
+            _mm256_set1_ps(own.radius + own.radius)
+        } else {
+            _mm256_add_ps(_mm256_shuffle_ps::<0xee>(t2, t3), _mm256_set1_ps(own.radius))
+        };
+        let from = _mm256_set1_ps(probe.from);
+        let zero = _mm256_setzero_ps();
+        let b = _mm256_fmadd_ps(z, w, _mm256_fmadd_ps(y, v, _mm256_mul_ps(x, u)));
+        let vv = _mm256_fmadd_ps(w, w, _mm256_fmadd_ps(v, v, _mm256_mul_ps(u, u)));
+        let rr = _mm256_fmadd_ps(z, z, _mm256_fmadd_ps(y, y, _mm256_mul_ps(x, x)));
+        let c = _mm256_fnmadd_ps(sigma, sigma, rr);
+        let two = _mm256_add_ps(b, b);
+        let end = _mm256_add_ps(c, _mm256_add_ps(two, vv));
+        let begin = _mm256_fmadd_ps(from, _mm256_fmadd_ps(from, vv, two), c);
+        let minus = _mm256_sub_ps(zero, _mm256_add_ps(b, vv));
+        let first = _mm256_min_ps(minus, end);
+        let second = _mm256_min_ps(_mm256_fmadd_ps(from, vv, b), begin);
+        let none = _mm256_fmsub_ps(c, vv, _mm256_mul_ps(b, b));
+        let worst = _mm256_max_ps(_mm256_max_ps(first, second), none);
+        let pass = _mm256_cmp_ps::<_CMP_NGT_UQ>(worst, zero);
+        // SAFETY: `slots` are eight.
+        let slots = unsafe { _mm256_loadu_si256(slots.as_ptr().cast()) };
+        let me = _mm256_castsi256_ps(_mm256_cmpeq_epi32(slots, _mm256_set1_epi32(probe.slot as i32)));
+        _mm256_movemask_ps(_mm256_andnot_ps(me, pass)) as u8
+    }
+}
