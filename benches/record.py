@@ -144,9 +144,14 @@ def measure(options: argparse.Namespace, cells: list[tuple[int, float]], repeats
     return cells_measured
 
 
+def by_name(word: str) -> str:
+    """A word of a command line, an absolute path by its last name."""
+    return Path(word).name if word.startswith("/") else word
+
+
 def portable(command: list[str]) -> str:
-    """A command as another machine would write it: programs by their names."""
-    return shlex.join([Path(command[0]).name, *command[1:]])
+    """A command as another machine would write it."""
+    return shlex.join([Path(command[0]).name, *map(by_name, command[1:])])
 
 
 # Tables
@@ -476,7 +481,8 @@ def command_words(words: list[str]) -> list[str]:
             kept += [word, Path(next(pairs, "")).name]
         elif word == "--peer":
             name, command = named_command(next(pairs, ""))
-            kept += [word, f"{name}={portable(shlex.split(command))}"]
+            # Not quoted again: its placeholders stay readable.
+            kept += [word, f"{name}={' '.join(map(by_name, command.split()))}"]
         else:
             kept.append(word)
     return kept

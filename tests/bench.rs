@@ -211,3 +211,13 @@ fn cells_measured_before_a_failure_are_reported() {
     assert_eq!(reports[0]["n"], 108);
     assert!(err.contains("the lattice has room for"), "{err}");
 }
+
+#[test]
+fn peak_memory_is_that_of_the_run_whatever_started_it() {
+    let haff = Haff::new();
+    // Written to, so that it is resident while the command is started.
+    let ballast = std::hint::black_box(vec![1_u8; 256 << 20]);
+    let report = bench(&haff, &["--n", "100", "--collisions", "10"]);
+    let peak = report["peak_memory_bytes"].as_u64().unwrap();
+    assert!(peak < 128 << 20, "{peak} bytes for 100 particles beside {} of ours", ballast.len());
+}

@@ -65,8 +65,18 @@ def test_peers_need_their_columns_and_positive_numbers(record, tmp_path):
 
 
 def test_commands_are_recorded_without_where_things_lie(record):
-    words = ["--haff", "/opt/haff", "--n", "4000", "--peer", "A=/opt/a/run {n}", "--peers=/opt/p.csv", "-o", "/x"]
-    assert record.command_words(words) == ["--n", "4000", "--peer", "A=run '{n}'", "--peers", "p.csv"]
+    words = [
+        "--haff",
+        "/opt/haff",
+        "--n",
+        "4000",
+        "--peer",
+        "A=/opt/a/run {n} x={phi}",
+        "--peers=/opt/p.csv",
+        "-o",
+        "/x",
+    ]
+    assert record.command_words(words) == ["--n", "4000", "--peer", "A=run {n} x={phi}", "--peers", "p.csv"]
 
 
 def test_bad_arguments_are_refused(record):
