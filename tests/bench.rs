@@ -2,7 +2,16 @@
 
 mod common;
 
+use std::{
+    io::{BufRead, BufReader, Read},
+    process::Stdio,
+};
+
 use common::{GAS, Haff, config};
+use nix::{
+    sys::signal::{Signal, kill},
+    unistd::Pid,
+};
 use serde_json::Value;
 
 /// Every key that the interface promises of a report.
@@ -45,7 +54,9 @@ fn a_cell_reports_what_the_interface_promises() {
     // Ten collisions for each of 500 particles, twenty per particle, before the clock starts.
     assert_eq!(report["melt_collisions"], 5000);
     assert_eq!(report["total"]["collisions"], 7000);
-    assert!((report["phi"].as_f64().unwrap() - 0.2).abs() < 1e-12, "{report}");
+    assert_eq!(report["phi"], 0.2);
+    // The edge of the box is rounded.
+    assert!((report["packing_fraction"].as_f64().unwrap() - 0.2).abs() < 1e-14, "{report}");
     let (rate, seconds) =
         (report["collisions_per_second"].as_f64().unwrap(), report["wall_seconds"].as_f64().unwrap());
     assert!((rate * seconds / 2000.0 - 1.0).abs() < 1e-12, "{rate}/s for {seconds} s");
@@ -88,8 +99,7 @@ fn lists_of_values_give_cells_of_their_own_in_order() {
     let found: Vec<_> = cells
         .iter()
         .map(|cell| {
-            let phi = (cell["phi"].as_f64().unwrap() * 1e6).round() / 1e6;
-            (cell["n"].as_u64().unwrap(), phi, cell["threads"].as_u64().unwrap())
+            (cell["n"].as_u64().unwrap(), cell["phi"].as_f64().unwrap(), cell["threads"].as_u64().unwrap())
         })
         .collect();
     let mut expected = Vec::new();
@@ -220,4 +230,28 @@ fn peak_memory_is_that_of_the_run_whatever_started_it() {
     let report = bench(&haff, &["--n", "100", "--collisions", "10"]);
     let peak = report["peak_memory_bytes"].as_u64().unwrap();
     assert!(peak < 128 << 20, "{peak} bytes for 100 particles beside {} of ours", ballast.len());
+}
+
+#[test]
+fn a_signal_ends_all_cells_and_reports_what_was_timed() {
+    let haff = Haff::new();
+    let endless = ["bench", "--n", "100,200", "--collisions", "1e12", "--json"];
+    let mut child = haff
+        .command(&endless)
+        .stdout(Stdio::piped())
+        .stderr(Stdio::piped())
+        .spawn()
+        .expect("the command starts");
+    let progress = BufReader::new(child.stderr.take().unwrap());
+    assert!(
+        progress.lines().map_while(Result::ok).any(|line| line.contains("timing")),
+        "it never came to timing"
+    );
+    kill(Pid::from_raw(child.id() as i32), Signal::SIGTERM).unwrap();
+    let mut out = String::new();
+    child.stdout.take().unwrap().read_to_string(&mut out).unwrap();
+    assert_eq!(child.wait().unwrap().code(), Some(143));
+    let reports: Value = serde_json::from_str(&out).unwrap();
+    assert_eq!(reports.as_array().unwrap().len(), 1, "the second cell never starts: {out}");
+    assert_eq!((&reports[0]["stopped"], &reports[0]["n"]), (&"signal".into(), &100.into()));
 }

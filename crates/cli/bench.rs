@@ -141,7 +141,8 @@ fn here(options: &Bench, cell: Cell, signals: &Signals) -> Result<u8, Failure> {
         Outcome::Measured(measured) => measured,
         Outcome::Interrupted(signal) => return Ok(128 + signal as u8),
     };
-    let report = report::report(&measured, &options.scene);
+    let asked = scenes::find(&options.scene).map(|standard| cell.phi.unwrap_or(standard.phi));
+    let report = report::report(&measured, &options.scene, asked);
     if options.json {
         println!("{report}");
     } else {

@@ -33,8 +33,8 @@ fn bookkeeping(before: Counters, after: Counters) -> Map<String, Value> {
 }
 
 /// The cell as one JSON object. Collisions, times and counters are those of the timed part; what the whole run came to
-/// stands under `total`, and the state hashed is its last.
-pub fn report(cell: &Measured, scene: &str) -> Value {
+/// stands under `total`, and the state hashed is its last. `phi` is the packing fraction as it was asked for, if it was.
+pub fn report(cell: &Measured, scene: &str, phi: Option<f64>) -> Value {
     let simulation = &cell.simulation;
     let (before, start) = cell.melted;
     let after = simulation.counters();
@@ -53,8 +53,9 @@ pub fn report(cell: &Measured, scene: &str) -> Value {
     let mut report = json!({
         "scene": scene,
         "n": particles,
-        // None where an axis is open.
-        "phi": cell.packing_fraction,
+        "phi": phi.unwrap_or(cell.packing_fraction),
+        // Null where an axis is open.
+        "packing_fraction": cell.packing_fraction,
         "stopped": cell.ending.word(),
         "particles": particles,
         "collisions": collisions,
