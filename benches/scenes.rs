@@ -42,7 +42,7 @@ fn whole_scenes(criterion: &mut Criterion) {
         group
             .throughput(Throughput::Elements(stretch))
             .sample_size(20)
-            .measurement_time(Duration::from_secs(3));
+            .measurement_time(Duration::from_secs(4));
         let fractions: &[f64] =
             if standard.name == "fluid" { &[0.01, 0.1, 0.3, 0.49] } else { &[standard.phi] };
         for &phi in fractions {
