@@ -31,6 +31,8 @@ pub enum Command {
     Schema,
     /// Summarise an output file: scene, progress, ledger, counters.
     Info(Info),
+    /// Measure collisions per second on standard scenes.
+    Bench(Bench),
     /// Draw the standard figures of an output file (needs the Python package haff).
     Plot(Plot),
 }
@@ -98,6 +100,100 @@ pub struct Info {
     /// Print the result as one JSON object on standard output.
     #[arg(long)]
     pub json: bool,
+}
+
+// Each is a switch of its own, as users of a command line expect them.
+#[allow(clippy::struct_excessive_bools)]
+#[derive(Debug, Args)]
+#[command(after_help = "Several values, separated by commas, give a cell each, in a process of its own.
+
+Examples:
+  haff bench                                          # elastic fluid, N = 32,000, a tenth full
+  haff bench --n 4000,32000,500000 --phi 0.01,0.1,0.49 --repeats 3
+  haff bench --scene cooling --n 100000 --threads 1,2 --json
+  haff bench --scene configs/cooling.toml --collisions 1e6
+  haff bench --n 4000 --phi 0.3 --print-scene > fluid.toml && haff run fluid.toml   # the same trajectory
+
+Melting, packing and the building of the engine are not timed; collisions are those between particles.
+The columns after the rate are counts per collision. See benches/record/ for records over whole grids.")]
+pub struct Bench {
+    /// A standard scene (see --list) or a scene file.
+    #[arg(long, value_name = "NAME|FILE", default_value = "fluid")]
+    pub scene: String,
+    /// Numbers of particles of a standard scene, exactly; also as 1e6 [default: 32000].
+    #[arg(long, value_name = "N,…", value_delimiter = ',', value_parser = particles, allow_negative_numbers = true)]
+    pub n: Vec<u64>,
+    /// Packing fractions of a standard scene [default: the scene's own].
+    #[arg(long, value_name = "PHI,…", value_delimiter = ',', value_parser = fraction, allow_negative_numbers = true)]
+    pub phi: Vec<f64>,
+    /// Collisions to time, in each repeat [default: 1e6 or 2 N, the larger; of a scene file, its whole run].
+    #[arg(long, value_name = "C", value_parser = collisions, allow_negative_numbers = true)]
+    pub collisions: Option<u64>,
+    /// Collisions per particle (each involves two) before the clock starts [default: 20; of a scene file, 0].
+    /// From φ of about 0.45 on, an fcc crystal takes some hundred to melt.
+    #[arg(long, value_name = "M", value_parser = melt, allow_negative_numbers = true)]
+    pub melt: Option<f64>,
+    /// How often to time, one stretch after the other; the median is reported, and the spread.
+    #[arg(long, value_name = "R", default_value_t = 1, value_parser = clap::value_parser!(u32).range(1..=1000))]
+    pub repeats: u32,
+    /// Threads; all processors by default. No result depends on it but the time.
+    #[arg(long, value_name = "T,…", value_delimiter = ',', value_parser = clap::value_parser!(u16).range(1..=1024))]
+    pub threads: Vec<u16>,
+    /// Seed of a standard scene.
+    #[arg(long, value_name = "SEED", value_parser = clap::value_parser!(u64).range(..=i64::MAX as u64))]
+    pub seed: Option<u64>,
+    /// How partners are searched for, as `engine.neighbors` of a scene.
+    #[arg(long, value_name = "METHOD", value_parser = ["auto", "windows", "cells", "lists", "all_pairs"])]
+    pub neighbors: Option<String>,
+    /// Vector instructions, as `engine.simd` of a scene.
+    #[arg(long, value_name = "SIMD", value_parser = ["auto", "avx2", "portable"])]
+    pub simd: Option<String>,
+    /// Set a key of the scene by its dotted path, the value in TOML.
+    #[arg(long, value_name = "KEY=VALUE")]
+    pub set: Vec<String>,
+    /// Print the results as JSON on standard output: an object, or an array if there are several cells.
+    #[arg(long)]
+    pub json: bool,
+    /// Say nothing of the progress.
+    #[arg(short, long)]
+    pub quiet: bool,
+    /// Print the cell's scene instead of running it, for `haff run`, which ends in the same state.
+    #[arg(long, conflicts_with_all = ["json", "list"])]
+    pub print_scene: bool,
+    /// Name the standard scenes.
+    #[arg(long)]
+    pub list: bool,
+}
+
+/// A whole number, also written as 4_000 or 1e6.
+fn whole(text: &str) -> Result<u64, String> {
+    let plain = text.replace('_', "");
+    let value = plain.parse().ok().or_else(|| {
+        let value: f64 = plain.parse().ok()?;
+        // Every whole number below 2^53 is a float.
+        (value >= 0.0 && value.fract() == 0.0 && value < 9e15).then_some(value as u64)
+    });
+    value.ok_or_else(|| "must be a whole number, such as 32000 or 1e6".to_owned())
+}
+
+fn particles(text: &str) -> Result<u64, String> {
+    let count = whole(text)?;
+    if count >= 2 { Ok(count) } else { Err("must be at least 2, or nothing collides".to_owned()) }
+}
+
+fn collisions(text: &str) -> Result<u64, String> {
+    let count = whole(text)?;
+    if count >= 1 { Ok(count) } else { Err("must be at least 1".to_owned()) }
+}
+
+fn fraction(text: &str) -> Result<f64, String> {
+    let value: f64 = text.parse().map_err(|_| "must be a number in (0, 1)".to_owned())?;
+    if value > 0.0 && value < 1.0 { Ok(value) } else { Err("must be in (0, 1)".to_owned()) }
+}
+
+fn melt(text: &str) -> Result<f64, String> {
+    let value: f64 = text.parse().map_err(|_| "must be a number of collisions per particle".to_owned())?;
+    if (0.0..=1e9).contains(&value) { Ok(value) } else { Err("must be in [0, 1e9]".to_owned()) }
 }
 
 #[derive(Debug, Args)]

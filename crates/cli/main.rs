@@ -1,6 +1,7 @@
 //! The `haff` command: event-driven hard spheres from a scene file to an H5MD file.
 
 mod arguments;
+mod bench;
 mod check;
 mod estimate;
 mod failure;
@@ -25,6 +26,7 @@ fn main() -> ExitCode {
         Command::Init(options) => init::init(&options),
         Command::Schema => Ok(init::schema()),
         Command::Info(options) => info::info(&options),
+        Command::Bench(options) => bench::bench(&options),
         Command::Plot(options) => plot::plot(&options),
     };
     match result {

@@ -49,7 +49,7 @@ pub fn run(options: &Run) -> Result<u8, Failure> {
 }
 
 /// The number of threads of everything that rayon does.
-fn set_threads(threads: Option<u16>) -> Result<(), Failure> {
+pub fn set_threads(threads: Option<u16>) -> Result<(), Failure> {
     let mut pool = rayon::ThreadPoolBuilder::new();
     if let Some(threads) = threads {
         pool = pool.num_threads(threads.into());
@@ -146,7 +146,7 @@ fn resume(options: &Run, path: PathBuf, signals: &Signals) -> Result<u8, Failure
     conclude(options, &outcome, &context, Some(recorder))
 }
 
-fn engine_failure(error: &haff_engine::EngineError) -> Failure {
+pub fn engine_failure(error: &haff_engine::EngineError) -> Failure {
     use haff_engine::EngineError as Error;
     let status = match error {
         Error::NoAvx2 | Error::TooMany { .. } => Status::Invalid,
@@ -290,7 +290,13 @@ fn tell(outcome: &Outcome, context: &Context) {
 }
 
 /// Largest resident memory so far [bytes].
-fn peak_memory() -> Option<u64> {
+pub fn peak_memory() -> Option<u64> {
+    // Linux counts in getrusage what the process was before it became this program, such as a large parent.
+    let status = std::fs::read_to_string("/proc/self/status").unwrap_or_default();
+    let peak = status.lines().find_map(|line| line.strip_prefix("VmHWM:")?.trim().strip_suffix(" kB"));
+    if let Some(kibibytes) = peak.and_then(|peak| peak.trim().parse::<u64>().ok()) {
+        return Some(kibibytes * 1024);
+    }
     let usage = nix::sys::resource::getrusage(nix::sys::resource::UsageWho::RUSAGE_SELF).ok()?;
     // Linux counts in KiB, macOS in bytes.
     let unit = if cfg!(target_os = "macos") { 1 } else { 1024 };

@@ -1,0 +1,144 @@
+"""benches/record.py: what it makes of measurements, without measuring."""
+
+import argparse
+import importlib.util
+import json
+import stat
+import sys
+from pathlib import Path
+
+import pytest
+
+RECORD = Path(__file__).resolve().parents[2] / "benches/record.py"
+
+
+@pytest.fixture(scope="module")
+def record():
+    spec = importlib.util.spec_from_file_location("record", RECORD)
+    module = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(module)
+    return module
+
+
+def cell(name, n, phi, *rates, what="grid"):
+    reports = [{"collisions_per_second": rate, "per_collision": {"predictions": 20.0}} for rate in rates]
+    return {"what": what, "name": name, "n": n, "phi": phi, "command": f"{name} {n}", "reports": reports}
+
+
+def page(record, cells, peers=()):
+    at = {"system": "Linux x86_64", "processors": 2, "model": "Test", "l2": "1 MiB"}
+    return record.markdown(
+        {"title": "T", "date": "2026-01-31", "revision": "abc", "compiler": "rustc", "machine": at, "command": "c"}
+        | {"threads": 1, "cells": cells, "peers": list(peers)}
+    )
+
+
+def test_a_cell_is_the_median_of_its_repeats(record):
+    table = record.summary({"cells": [cell("haff", 4000, 0.1, 3e6, 1e6, 1.5e6)]})
+    assert table.loc[0, ["rate", "least", "most", "repeats"]].tolist() == [1.5e6, 1e6, 3e6, 3]
+
+
+def test_the_ratio_is_that_to_the_fastest_peer_measured_beside_ours(record):
+    quoted = {"name": "Quoted", "n": 4000, "phi": 0.1, "collisions_per_second": 9e6, "source": "a paper"}
+    cells = [cell("haff", 4000, 0.1, 3e6), cell("A", 4000, 0.1, 1e6), cell("B", 4000, 0.1, 1.2e6)]
+    text = page(record, cells, [quoted])
+    row = next(line for line in text.splitlines() if line.startswith("| 4,000"))
+    assert row.endswith("| B | 1.200 | 2.50 |"), row
+    assert "- Quoted: a paper" in text and "- B: measured in alternation" in text
+    # Where nothing was measured beside ours, what is quoted has to do.
+    row = next(line for line in page(record, cells[:1], [quoted]).splitlines() if line.startswith("| 4,000"))
+    assert row.endswith("| Quoted | 9.000 | 0.33 |"), row
+
+
+def test_peers_need_their_columns_and_positive_numbers(record, tmp_path):
+    path = tmp_path / "peers.csv"
+    path.write_text("name,n,phi,collisions_per_second,source\nEDMD,4000,0.1,1.1e6,here\n")
+    assert record.read_peers(path).to_dict("records") == [
+        {"name": "EDMD", "n": 4000, "phi": 0.1, "collisions_per_second": 1.1e6, "source": "here"}
+    ]
+    path.write_text("name,n,phi\nEDMD,4000,0.1\n")
+    with pytest.raises(SystemExit, match="no column collisions_per_second, source"):
+        record.read_peers(path)
+    path.write_text("name,n,phi,collisions_per_second,source\nEDMD,4000,0.1,1e6,x\nEDMD,4000,0.1,fast,x\n")
+    with pytest.raises(SystemExit, match="collisions_per_second must be a positive number in row 3"):
+        record.read_peers(path)
+
+
+def test_commands_are_recorded_without_where_things_lie(record):
+    words = [
+        "--haff",
+        "/opt/haff",
+        "--n",
+        "4000",
+        "--peer",
+        "A=/opt/a/run {n} x={phi}",
+        "--peers=/opt/p.csv",
+        "-o",
+        "/x",
+    ]
+    assert record.command_words(words) == ["--n", "4000", "--peer", "A=run {n} x={phi}", "--peers", "p.csv"]
+
+
+def test_bad_arguments_are_refused(record):
+    for text in ("1,x", "-1", "0", "1.5"):
+        with pytest.raises(argparse.ArgumentTypeError):
+            record.numbers(int)(text)
+    assert record.numbers(int)("4_000,1e6") == [4000, 1_000_000]
+    for text in ("noequals", "=x", "haff=x", "A=run {where}"):
+        with pytest.raises(argparse.ArgumentTypeError):
+            record.named_command(text)
+
+
+def stand_in(path, rate):
+    """A program that prints its arguments and a rate, as a code to be measured would."""
+    path.write_text(
+        f"#!{sys.executable}\nimport json, sys\n"
+        f"print(json.dumps({{'collisions_per_second': {rate}, 'per_collision': {{}}, 'words': sys.argv[1:]}}))\n"
+    )
+    path.chmod(path.stat().st_mode | stat.S_IXUSR)
+    return path
+
+
+def test_a_record_has_every_cell_of_ours_and_the_peers_and_its_figure(record, tmp_path, monkeypatch, capsys):
+    ours, peer = stand_in(tmp_path / "haff", 2e6), stand_in(tmp_path / "other", 1e6)
+    words = ["--haff", str(ours), "--n", "100,200", "--phi", "0.1,0.3", "--repeats", "2", "--collisions", "50"]
+    words += ["--peer", f"Other={peer} {{n}} {{phi}} {{collisions}}", "-o", str(tmp_path / "out")]
+    monkeypatch.setattr(sys, "argv", ["record.py", *words])
+    record.main()
+    assert "| 2.00 |" in capsys.readouterr().out
+    written = json.loads((tmp_path / "out/fluid.json").read_text())
+    assert [(c["name"], c["n"], c["phi"]) for c in written["cells"]] == [
+        (name, n, phi) for n in (100, 200) for phi in (0.1, 0.3) for name in ("haff", "Other")
+    ]
+    assert all(len(c["reports"]) == 2 for c in written["cells"])
+    assert written["cells"][1]["reports"][0]["words"] == ["100", "0.1", "50"]
+    asked = written["cells"][2]["reports"][0]["words"]
+    assert asked[asked.index("--phi") + 1] == "0.3" and asked[asked.index("--collisions") + 1] == "50"
+    assert str(tmp_path) not in json.dumps({k: v for k, v in written.items() if k != "cells"})
+    assert str(tmp_path) not in "".join(c["command"] for c in written["cells"])
+    assert (tmp_path / "out/fluid.png").stat().st_size > 10_000
+    assert "# haff bench, scene fluid" in (tmp_path / "out/fluid.md").read_text()
+
+
+def test_growth_goes_along_n_and_along_phi(record, tmp_path, monkeypatch):
+    ours = stand_in(tmp_path / "haff", 2e6)
+    words = ["--haff", str(ours), "--growth", "--growth-n", "1e3,1e4", "--growth-phi", "0.01,0.1", "--repeats", "1"]
+    monkeypatch.setattr(sys, "argv", ["record.py", *words, "-o", str(tmp_path)])
+    record.main()
+    cells = json.loads((tmp_path / "fluid_growth.json").read_text())["cells"]
+    assert [(c["n"], c["phi"]) for c in cells] == [
+        *((n, phi) for phi in (0.05, 0.49) for n in (1000, 10_000)),
+        *((32_000, phi) for phi in (0.01, 0.1)),
+    ]
+    assert (tmp_path / "fluid_growth.png").stat().st_size > 10_000
+
+
+def test_a_code_that_fails_is_named_with_what_it_said(record, tmp_path):
+    broken = tmp_path / "broken"
+    broken.write_text("#!/bin/sh\necho no such option >&2\nexit 2\n")
+    broken.chmod(0o755)
+    with pytest.raises(SystemExit, match=r"broken[\s\S]*exit status 2[\s\S]*no such option"):
+        record.report_of([str(broken)])
+    mute = stand_in(tmp_path / "mute", "None")
+    with pytest.raises(SystemExit, match="no JSON with collisions_per_second"):
+        record.report_of([str(mute)])
