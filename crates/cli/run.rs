@@ -238,6 +238,8 @@ fn report(outcome: &Outcome, context: &Context) -> Value {
             "stale": counters.stale,
             "dropped": counters.dropped,
             "transfers": counters.transfers,
+            "candidates": counters.candidates,
+            "windows": counters.windows,
             "epochs": counters.epochs,
         },
         "file": context.file.as_ref().map(|file| file.display().to_string()),

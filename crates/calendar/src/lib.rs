@@ -5,12 +5,15 @@ A [`Calendar`] hands out events in their total order, [`Ord`], the first key of 
 ticks. It knows no physics: events that have become void stay in it until they surface, and the caller
 drops them then.
 
-[`Ladder`] is the calendar for production, [`Heap`] its plain twin; every test drives both.
+[`Ladder`] is the calendar for production, [`Agenda`] that of a single window of time, [`Heap`] their plain twin; every test
+drives them side by side.
 */
 
+mod agenda;
 mod heap;
 mod ladder;
 
+pub use agenda::Agenda;
 pub use heap::Heap;
 pub use ladder::Ladder;
 

@@ -1,6 +1,6 @@
 //! Both calendars give the same events in the same order, whatever is thrown at them.
 
-use haff_calendar::{Calendar, Event, Heap, Ladder};
+use haff_calendar::{Agenda, Calendar, Event, Heap, Ladder};
 use proptest::prelude::*;
 
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
@@ -132,5 +132,41 @@ fn ten_thousand_simultaneous_events_come_out_by_id() {
     }
     for id in 0..10_000 {
         assert_eq!(ladder.pop_until(1 << 40), Some(Item { time: 1 << 40, id }));
+    }
+}
+
+proptest! {
+    /// An agenda gives what a heap gives, whatever is known from the start, comes later, or lies outside the window.
+    #[test]
+    fn an_agenda_is_a_heap(
+        begin in -1000_i64..1000,
+        span in 1_i64..2_000_000,
+        known in prop::collection::vec(-50_i64..2_100_000, 0..400),
+        later in prop::collection::vec((0_i64..100_000, any::<bool>()), 0..400),
+    ) {
+        let mut heap = Heap::with_capacity(16);
+        let mut agenda = Agenda::default();
+        // Opened twice: nothing is left of the first time.
+        agenda.open(0, 10, &[Item { time: 5, id: 7 }]);
+        agenda.push(Item { time: 6, id: 8 });
+        let items: Vec<Item> =
+            known.iter().enumerate().map(|(k, &time)| Item { time: begin + time, id: k as u32 }).collect();
+        agenda.open(begin, begin + span, &items);
+        items.iter().for_each(|&item| heap.push(item));
+        let mut now = begin;
+        for (k, &(ahead, limited)) in later.iter().enumerate() {
+            let item = Item { time: now + ahead, id: 1000 + k as u32 };
+            heap.push(item);
+            agenda.push(item);
+            let limit = if limited { now + 1000 } else { i64::MAX };
+            let (a, b) = (heap.pop_until(limit), agenda.pop_until(limit));
+            prop_assert_eq!(a, b);
+            prop_assert_eq!(heap.len(), agenda.len());
+            now = a.map_or(now, |item| item.time);
+        }
+        while let Some(item) = heap.pop_until(i64::MAX) {
+            prop_assert_eq!(Some(item), agenda.pop_until(i64::MAX));
+        }
+        prop_assert!(agenda.is_empty() && agenda.pop_until(i64::MAX).is_none());
     }
 }

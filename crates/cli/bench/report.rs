@@ -19,13 +19,25 @@ fn rates(stretches: &[Stretch]) -> (f64, [f64; 2], Vec<f64>) {
 
 /// What the machinery did in the timed part. A counter that the engine gains does not compile until it is named here.
 fn bookkeeping(before: Counters, after: Counters) -> Map<String, Value> {
-    let Counters { collisions: _, wall_collisions: _, rests, predictions, dropped, stale, transfers, epochs } =
-        after;
+    let Counters {
+        collisions: _,
+        wall_collisions: _,
+        rests,
+        predictions,
+        dropped,
+        stale,
+        transfers,
+        candidates,
+        windows,
+        epochs,
+    } = after;
     let counts = [
         ("predictions", predictions - before.predictions),
         ("stale", stale - before.stale),
         ("dropped", dropped - before.dropped),
         ("transfers", transfers - before.transfers),
+        ("candidates", candidates - before.candidates),
+        ("windows", windows - before.windows),
         ("rests", rests - before.rests),
         ("epochs", epochs - before.epochs),
     ];

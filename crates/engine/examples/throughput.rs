@@ -31,13 +31,15 @@ fn main() {
     let after = simulation.counters();
     let per = |a: u64, b: u64| (a - b) as f64 / collisions as f64;
     println!(
-        "N {n} phi {phi}: {:.3} M collisions/s ({:.3} per CPU second), built in {built:.2?}; per collision: {:.1} predictions, {:.2} stale, {:.2} dropped, {:.2} transfers; residual {:.1e}; {}",
+        "N {n} phi {phi}: {:.3} M collisions/s ({:.3} per CPU second), built in {built:.2?}; per collision: {:.1} predictions, {:.2} stale, {:.2} dropped, {:.2} transfers, {:.1} candidates, {:.4} windows; residual {:.1e}; {}",
         collisions as f64 / seconds / 1e6,
         collisions as f64 / cpu / 1e6,
         per(after.predictions, before.predictions),
         per(after.stale, before.stale),
         per(after.dropped, before.dropped),
         per(after.transfers, before.transfers),
+        per(after.candidates, before.candidates),
+        per(after.windows, before.windows),
         simulation.ledger().residual,
         simulation.state_hash()
     );

@@ -87,6 +87,8 @@ impl Simulation {
             ("dropped", counters.dropped),
             ("stale", counters.stale),
             ("transfers", counters.transfers),
+            ("candidates", counters.candidates),
+            ("windows", counters.windows),
             ("epochs", counters.epochs),
         ] {
             put(name, count);
@@ -193,6 +195,8 @@ impl Simulation {
         counters.transfers = scalars.take("transfers");
         counters.epochs = scalars.take("epochs");
         let predictions = scalars.take("predictions");
+        let candidates = scalars.take("candidates");
+        let windows = scalars.take("windows");
         let resting: Vec<u32> = scalars
             .values
             .keys()
@@ -220,7 +224,8 @@ impl Simulation {
         }
         let mut simulation = Self::start(system, options, State { world, book, pending })?;
         // Predicting everything afresh is no part of the run.
-        simulation.state.book.counters.predictions = predictions;
+        let counters = &mut simulation.state.book.counters;
+        (counters.predictions, counters.candidates, counters.windows) = (predictions, candidates, windows);
         simulation.stand_at(time);
         Ok(simulation)
     }

@@ -33,6 +33,14 @@ pub enum EngineError {
     /// The processor does not have the asked instructions.
     #[error("engine.simd = \"avx2\": this processor does not have AVX2; use \"auto\" or \"portable\"")]
     NoAvx2,
+    /// The asked partner search does not work for this system.
+    #[error("engine.neighbors = \"{choice}\" does not work here: {why}; use \"auto\"")]
+    Unsuitable {
+        /// The choice.
+        choice: &'static str,
+        /// What stands against it.
+        why: String,
+    },
     /// A checkpoint does not belong to this system, or was written by another version.
     #[error("the checkpoint does not fit: {0}")]
     Checkpoint(String),

@@ -14,10 +14,12 @@ mod entry;
 mod error;
 mod machine;
 mod measure;
+mod memory;
 mod particles;
 mod predict;
 mod resolve;
 mod simulation;
+mod stall;
 mod sum;
 mod windows;
 

@@ -21,6 +21,7 @@ use crate::{
     predict::{Memory, Scope, Scratch, foresee},
     report::{Observer, Stop},
     resolve,
+    stall::Stall,
 };
 
 /// What a scene asks of the engine; each combination is compiled on its own, so that nobody pays for the rest.
@@ -64,12 +65,6 @@ pub(crate) struct Limit {
     pub entries: u64,
 }
 
-/// A run of events within this many ticks…
-const STALL_SPAN: i64 = 1 << 10;
-/// …of more than this number, and this number per particle, is a collapse.
-const STALL_EVENTS: u64 = 100_000;
-const STALL_EVENTS_PER_PARTICLE: u64 = 10;
-
 /// A compiled engine, behind one virtual call per slice of events.
 pub(crate) trait Engine: Send {
     /// Searches and predicts everything afresh.
@@ -102,8 +97,7 @@ pub(crate) struct Machine<F, S> {
     /// Entries of one and the same tick, latest rank first, while several of them are due.
     ties: Vec<Entry>,
     scratch: Scratch,
-    stall_since: i64,
-    stall_events: u64,
+    stall: Stall,
     features: PhantomData<F>,
 }
 
@@ -118,8 +112,7 @@ impl<F: Features, S: Search + 'static> Machine<F, S> {
             memory: vec![NO_MEMORY; particles],
             ties: Vec::new(),
             scratch: Scratch::new(kernel),
-            stall_since: i64::MIN,
-            stall_events: 0,
+            stall: Stall::default(),
             features: PhantomData,
         }
     }
@@ -235,7 +228,7 @@ impl<F: Features, S: Search + 'static> Machine<F, S> {
             };
             limit.entries -= 1;
             state.world.now = state.world.now.max(entry.time);
-            self.watch(state, &entry)?;
+            self.stall.watch(&state.world, &entry)?;
             let i = entry.owner;
             match entry.target.kind() {
                 Kind::Collision(j) => {
@@ -287,31 +280,6 @@ impl<F: Features, S: Search + 'static> Machine<F, S> {
             self.search.rewrap(i, wraps);
         }
     }
-
-    /// Notices when time stands still.
-    #[inline]
-    fn watch(&mut self, state: &State, entry: &Entry) -> Result<(), EngineError> {
-        self.stall_events += 1;
-        if entry.time.saturating_sub(self.stall_since) >= STALL_SPAN {
-            self.stall_since = entry.time;
-            self.stall_events = 0;
-        }
-        let patience = STALL_EVENTS + STALL_EVENTS_PER_PARTICLE * state.world.particles.len() as u64;
-        if self.stall_events > patience {
-            return Err(EngineError::Collapse {
-                time: state.world.clock.time(entry.time),
-                events: self.stall_events,
-                span: (entry.time - self.stall_since).max(0) as f64 * state.world.clock.tick,
-                i: entry.owner,
-                partner: match entry.target.kind() {
-                    Kind::Collision(j) => format!("particle {j}"),
-                    Kind::Wall(wall) => format!("wall {}", state.world.walls[wall as usize].name),
-                    Kind::Rest | Kind::Transfer(_) | Kind::Renewal => "nobody".to_owned(),
-                },
-            });
-        }
-        Ok(())
-    }
 }
 
 /// Whether the partner of an entry has had another event since.
@@ -333,7 +301,7 @@ impl<F: Features, S: Search + 'static> Engine for Machine<F, S> {
         self.search = S::new(geometry, &positions);
         self.calendar.clear();
         self.ties.clear();
-        self.stall_since = i64::MIN;
+        self.stall = Stall::default();
         let search = &self.search;
         let kernel = self.scratch.kernel();
         let foreseen: Vec<(Entry, Option<Memory>, u64)> = (0..count as u32)

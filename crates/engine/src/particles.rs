@@ -5,6 +5,7 @@ use glam::DVec3;
 use crate::{
     clock::Clock,
     machine::{Features, With},
+    memory::vec_with_room,
     model::{Boundary, Restitution, System, Wall},
 };
 
@@ -81,17 +82,17 @@ impl World {
     pub fn new(system: &System, exponent: i32) -> Self {
         let mut world = Self {
             clock: Clock::new(exponent),
-            particles: system
-                .bodies
-                .iter()
-                .map(|body| Particle {
+            particles: {
+                let mut particles = vec_with_room(system.bodies.len());
+                particles.extend(system.bodies.iter().map(|body| Particle {
                     position: body.position,
                     velocity: body.velocity,
                     time: 0,
                     count: 0,
                     class: body.class,
-                })
-                .collect(),
+                }));
+                particles
+            },
             images: system.bodies.iter().map(|body| body.image).collect(),
             classes: system
                 .classes
@@ -107,7 +108,11 @@ impl World {
             support: Vec::new(),
             size: system.domain.size,
             per_size: [0, 1, 2].map(|axis| {
-                if system.domain.boundary[axis] == Boundary::Periodic { 1.0 / system.domain.size[axis] } else { 0.0 }
+                if system.domain.boundary[axis] == Boundary::Periodic {
+                    1.0 / system.domain.size[axis]
+                } else {
+                    0.0
+                }
             }),
             periodic: system.domain.boundary.map(|boundary| boundary == Boundary::Periodic),
             gravity: system.domain.gravity,

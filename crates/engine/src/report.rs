@@ -138,6 +138,10 @@ pub struct Counters {
     pub stale: u64,
     /// Cell crossings or renewals of the partner search.
     pub transfers: u64,
+    /// Pairs that a filter has looked at, so that few had to be predicted.
+    pub candidates: u64,
+    /// Windows of time opened.
+    pub windows: u64,
     /// Re-basings of the clock.
     pub epochs: u64,
 }

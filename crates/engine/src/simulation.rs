@@ -15,7 +15,7 @@ use crate::{
     model::{Boundary, Dimension, NeighborChoice, Options, System},
     particles::World,
     report::{Counters, Frame, Ledger, Observer, Sample, Stop},
-    windows::Windows,
+    windows::{self, Windows},
 };
 
 /// Largest number of particles: calendar entries keep two bits of an index for themselves.
@@ -92,6 +92,11 @@ impl Simulation {
             NeighborChoice::Auto => NeighborChoice::Cells,
             chosen => chosen,
         };
+        if neighbors == NeighborChoice::Windows
+            && let Some(why) = windows::unsuitable(&system)
+        {
+            return Err(EngineError::Unsuitable { choice: neighbors.name(), why });
+        }
         let mut engine = compile(&system, &geometry, neighbors, kernel);
         engine.rebuild(&mut state, &geometry);
         Ok(Self { system, geometry, state, engine, neighbors, stopped_at: None })
@@ -297,7 +302,8 @@ fn compile(
     macro_rules! machine {
         ($gravity:literal, $uniform:literal) => {
             if neighbors == NeighborChoice::Windows {
-                Box::new(Windows::<With<$gravity, $uniform>>::new(geometry, kernel, count)) as Box<dyn Engine>
+                Box::new(Windows::<With<$gravity, $uniform>>::new(geometry, kernel, system))
+                    as Box<dyn Engine>
             } else if neighbors == NeighborChoice::AllPairs {
                 Box::new(Machine::<With<$gravity, $uniform>, AllPairs>::new(geometry, kernel, count))
                     as Box<dyn Engine>

@@ -31,13 +31,24 @@ fn options(neighbors: NeighborChoice, simd: SimdChoice) -> Options {
     Options { neighbors, simd }
 }
 
+/// Whether windows of time serve a system.
+fn has_windows(system: &System) -> bool {
+    let asked = options(NeighborChoice::Windows, SimdChoice::Auto);
+    !matches!(Simulation::new(system.clone(), asked), Err(EngineError::Unsuitable { .. }))
+}
+
 fn assert_twins(name: &str, system: &System, until: Until) -> usize {
     let (reference, hash, _) = run(system, options(NeighborChoice::AllPairs, SimdChoice::Portable), until);
-    for choice in [
+    let mut choices = vec![
         options(NeighborChoice::Cells, SimdChoice::Portable),
         options(NeighborChoice::Cells, SimdChoice::Auto),
         options(NeighborChoice::AllPairs, SimdChoice::Auto),
-    ] {
+    ];
+    if has_windows(system) {
+        choices.push(options(NeighborChoice::Windows, SimdChoice::Portable));
+        choices.push(options(NeighborChoice::Windows, SimdChoice::Auto));
+    }
+    for choice in choices {
         let (log, other, mut simulation) = run(system, choice, until);
         for (row, (a, b)) in reference.0.iter().zip(&log.0).enumerate() {
             assert_eq!(a, b, "{name}, {choice:?}, event {row}");

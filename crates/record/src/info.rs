@@ -313,6 +313,8 @@ fn counters(state: &Checkpoint) -> Counters {
         dropped: count("dropped"),
         stale: count("stale"),
         transfers: count("transfers"),
+        candidates: count("candidates"),
+        windows: count("windows"),
         epochs: count("epochs"),
     }
 }

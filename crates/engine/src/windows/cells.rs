@@ -14,6 +14,8 @@ searches reach a little further ([`SLACK`]) than contacts do.
 
 use haff_neighbors::{Axis, Geometry};
 
+use crate::memory::{prefetch, vec_with_room};
+
 /// Coordinates per bounded edge, log₂.
 const BOUNDED_BITS: u32 = 30;
 /// Entries of a block; with its link it fills half a cache line.
@@ -139,7 +141,7 @@ struct Block {
 const EMPTY: Block = Block { entries: [0; ENTRIES], link: 0 };
 
 /// Slots gathered from cells for several searches, each filled up to whole vectors.
-#[derive(Debug, Clone)]
+#[derive(Debug, Clone, Default)]
 pub(super) struct Candidates {
     /// Slots; only the first `len` mean anything.
     pub slots: Vec<u32>,
@@ -147,6 +149,8 @@ pub(super) struct Candidates {
     pub owner: Vec<u32>,
     /// Slots so far, a multiple of [`LANES`] between searches.
     pub len: usize,
+    /// Blocks gathered so far.
+    pub blocks: u64,
 }
 
 /// Slots of a vector.
@@ -154,7 +158,7 @@ pub(super) const LANES: usize = 8;
 
 impl Candidates {
     pub fn new() -> Self {
-        Self { slots: vec![0; 1024], owner: vec![0; 1024 / LANES], len: 0 }
+        Self { slots: vec![0; 1024], owner: vec![0; 1024 / LANES], ..Self::default() }
     }
 
     /// Makes room for so many blocks and a last vector.
@@ -230,7 +234,40 @@ impl Cells {
                 }
             }
         }
-        Self { axes, blocks: vec![EMPTY; cells], cells, tables }
+        // Room for full cells to go on.
+        let mut blocks = vec_with_room(cells + cells / 8);
+        blocks.resize(cells, EMPTY);
+        Self { axes, blocks, cells, tables }
+    }
+
+    /// The cell of a coordinate.
+    pub fn home(&self, x: [i32; 3]) -> u32 {
+        self.axes.index(self.axes.fold(self.axes.cells(self.axes.places(x)))) as u32
+    }
+
+    /// Number of cells.
+    pub fn len(&self) -> usize {
+        self.cells
+    }
+
+    /// Asks for the blocks within `reach` [length] of `x`; with `ENTRIES_TOO` set, once these are there, for the elements of `records`
+    /// that they name.
+    #[inline(always)]
+    pub fn prefetch<R, const ENTRIES_TOO: bool>(&self, x: [i32; 3], reach: f32, records: &[R]) {
+        let axes = &self.axes;
+        let place = axes.places(x);
+        let low = axes.cells([0, 1, 2, 3].map(|k| place[k] - reach * axes.cells[k]));
+        let high = axes.cells([0, 1, 2, 3].map(|k| place[k] + reach * axes.cells[k]));
+        let count = [0, 1, 2].map(|k| (high[k] - low[k] + 1).min(axes.n[k]));
+        self.each(low, count, |block| {
+            if ENTRIES_TOO {
+                for k in 0..(block.link & 7) as usize {
+                    prefetch(records, block.entries[k.min(ENTRIES - 1)] as usize);
+                }
+            } else {
+                prefetch(std::slice::from_ref(block), 0);
+            }
+        });
     }
 
     /// Takes everybody out.
@@ -265,10 +302,13 @@ impl Cells {
         self.blocks[cell] = Block { entries, link: next << 3 | 1 };
     }
 
-    /// Registers a slot along the path from `x`, the `part` of the displacement `v` [length] long; in the cell of `x` only
-    /// if it is `NEW` there.
+    /// Registers a slot in all cells within `extent` [length] of the path from `x`, the `part` of the displacement `v` [length]
+    /// long. Without an extent, in the cell of `x` only if it is `NEW` there.
     #[inline(always)]
-    pub fn register<const NEW: bool>(&mut self, slot: u32, x: [i32; 3], v: [f32; 3], part: f32) {
+    pub fn register<const NEW: bool>(&mut self, slot: u32, x: [i32; 3], v: [f32; 3], part: f32, extent: f32) {
+        if extent > 0.0 {
+            return self.register_box(slot, x, v, part, extent);
+        }
         let axes = &self.axes;
         let v = [v[0], v[1], v[2], 0.0];
         let from = axes.places(x);
@@ -281,6 +321,46 @@ impl Cells {
         if last != first {
             self.register_on(slot, from, way, first, last);
         }
+    }
+
+    /// [`Self::register`] for large particles: all cells of the box around the path.
+    #[inline(never)]
+    fn register_box(&mut self, slot: u32, x: [i32; 3], v: [f32; 3], part: f32, extent: f32) {
+        let (low, count) = self.span(x, v, part, ([extent; 3], extent));
+        let start = self.axes.fold(low);
+        let n = self.axes.n;
+        let wrap = |at: i32, axis: usize| if at >= n[axis] { at - n[axis] } else { at };
+        for z in 0..count[2] {
+            for y in 0..count[1] {
+                let row = (wrap(start[2] + z, 2) * n[1] + wrap(start[1] + y, 1)) * n[0];
+                for x in 0..count[0] {
+                    let cell = (row + wrap(start[0] + x, 0)) as usize;
+                    let block = &self.blocks[cell];
+                    if !block.entries[..(block.link & 7) as usize].contains(&slot) {
+                        self.add(cell, slot);
+                    }
+                }
+            }
+        }
+    }
+
+    /// First cell, counted on beyond the edges, and number of cells per axis, of the box around a path.
+    #[inline(always)]
+    fn span(
+        &self,
+        x: [i32; 3],
+        v: [f32; 3],
+        part: f32,
+        (below, above): ([f32; 3], f32),
+    ) -> ([i32; 4], [i32; 3]) {
+        let axes = &self.axes;
+        let (v, below) = ([v[0], v[1], v[2], 0.0], [below[0], below[1], below[2], 0.0]);
+        let place = axes.places(x);
+        let way = [0, 1, 2, 3].map(|k| v[k] * part * axes.cells[k]);
+        let margin = |length: f32, k: usize| length * axes.cells[k] + SLACK;
+        let low = axes.cells([0, 1, 2, 3].map(|k| place[k] + way[k].min(0.0) - margin(below[k], k)));
+        let high = axes.cells([0, 1, 2, 3].map(|k| place[k] + way[k].max(0.0) + margin(above, k)));
+        (low, [0, 1, 2].map(|k| (high[k] - low[k] + 1).min(axes.n[k])))
     }
 
     /// The rest of a path that leaves its first cell.
@@ -314,8 +394,8 @@ impl Cells {
         }
     }
 
-    /// Gathers, for the search of number `search` from slot `own`, all that are registered within `below` and `above`
-    /// [length] of the box around the path from `x`, the `part` of the displacement `v` [length] long.
+    /// Gathers, for the search of number `search` from slot `own`, all that are registered within `margins` (below on
+    /// each axis, above) [length] of the box around the path from `x`, the `part` of the displacement `v` [length] long.
     #[inline(always)]
     #[expect(clippy::too_many_arguments, reason = "in registers, on the hottest path")]
     pub fn gather(
@@ -325,17 +405,12 @@ impl Cells {
         x: [i32; 3],
         v: [f32; 3],
         part: f32,
-        (below, above): ([f32; 3], f32),
+        margins: ([f32; 3], f32),
         candidates: &mut Candidates,
     ) {
         let axes = &self.axes;
-        let (v, below) = ([v[0], v[1], v[2], 0.0], [below[0], below[1], below[2], 0.0]);
-        let place = axes.places(x);
-        let way = [0, 1, 2, 3].map(|k| v[k] * part * axes.cells[k]);
-        let low = axes.cells([0, 1, 2, 3].map(|k| place[k] + way[k].min(0.0) - (below[k] * axes.cells[k] + SLACK)));
-        let high = axes.cells([0, 1, 2, 3].map(|k| place[k] + way[k].max(0.0) + (above * axes.cells[k] + SLACK)));
-        let count = [0, 1, 2].map(|k| (high[k] - low[k] + 1).min(axes.n[k]));
-        let inside = (0..3).all(|k| (low[k] >= 0) & (high[k] < axes.n[k]));
+        let (low, count) = self.span(x, v, part, margins);
+        let inside = (0..3).all(|k| (low[k] >= 0) & (low[k] + count[k] <= axes.n[k]));
         let tabled = (0..3).all(|k| count[k] <= TABLED as i32);
         let from = candidates.len;
         let mut links = 0;
@@ -343,13 +418,16 @@ impl Cells {
             let shape = ((count[2] - 1) * TABLED as i32 + count[1] - 1) * TABLED as i32 + count[0] - 1;
             let steps = &self.tables[shape as usize];
             candidates.reserve(steps.len());
+            candidates.blocks += steps.len() as u64;
             let first = axes.index(low);
             for &step in steps {
                 // SAFETY: there is room for as many blocks as there are steps.
                 links |= unsafe { candidates.push(&self.blocks[first + step as usize]) };
             }
         } else {
-            candidates.reserve(count.iter().map(|&count| count as usize).product());
+            let blocks = count.iter().map(|&count| count as usize).product();
+            candidates.reserve(blocks);
+            candidates.blocks += blocks as u64;
             self.each(low, count, |block| {
                 // SAFETY: there is room for as many blocks as there are cells.
                 links |= unsafe { candidates.push(block) };

@@ -1,19 +1,18 @@
 //! The exact prediction of one pair: the same bits as [`crate::predict`] has for it.
 
 use glam::DVec3;
-use haff_mechanics::is_rounding_noise;
+use haff_mechanics::{is_rounding_noise, time_to_plane};
 
 use crate::{
     clock::{HORIZON, whole},
     machine::Features,
-    particles::World,
+    particles::{Particle, World},
     predict::TOUCHING,
 };
 
-/// When particles i and j touch [ticks], for the image that is nearest now; `None` if they do not.
+/// When two particles with these anchors touch [ticks], for the image that is nearest now; `None` if they do not.
 #[inline(always)]
-pub(super) fn contact<F: Features>(world: &World, i: u32, j: u32) -> Option<i64> {
-    let (a, b) = (&world.particles[i as usize], &world.particles[j as usize]);
+pub(super) fn contact<F: Features>(world: &World, a: &Particle, b: &Particle) -> Option<i64> {
     let sigma = if F::UNIFORM {
         let radius = world.classes[0].radius;
         radius + radius
@@ -26,7 +25,7 @@ pub(super) fn contact<F: Features>(world: &World, i: u32, j: u32) -> Option<i64>
     };
     let tick = world.clock.tick;
     let now = world.now;
-    let here = |p: &crate::particles::Particle| p.position + p.velocity * ((now - p.time) as f64 * tick);
+    let here = |p: &Particle| p.position + p.velocity * ((now - p.time) as f64 * tick);
     let apart = (here(b) - here(a)).to_array();
     let behind = a.time - b.time;
     let (dt_a, dt_b) = ((-behind).max(0) as f64 * tick, behind.max(0) as f64 * tick);
@@ -39,13 +38,20 @@ pub(super) fn contact<F: Features>(world: &World, i: u32, j: u32) -> Option<i64>
     let delay = delay(r, v, sigma * sigma)?;
     let from = a.time.max(b.time);
     if r.length_squared() <= sigma * sigma * (1.0 + TOUCHING) {
-        let speed = |i: u32| world.flight::<F>(i, from).1.length();
-        if is_rounding_noise(r, v, speed(i).max(speed(j))) {
+        if is_rounding_noise(r, v, a.velocity.length().max(b.velocity.length())) {
             return None;
         }
     }
     let ticks = delay * world.clock.per_time;
     (ticks <= HORIZON).then(|| from + whole(ticks))
+}
+
+/// When a particle with this anchor touches a wall [ticks].
+#[inline(always)]
+pub(super) fn wall_contact(world: &World, anchor: &Particle, radius: f64, wall: u32) -> Option<i64> {
+    let (distance, speed) = world.wall_approach(wall, radius, anchor.position, anchor.velocity, anchor.time);
+    let ticks = time_to_plane(distance, speed, 0.0)? * world.clock.per_time;
+    (ticks <= HORIZON).then(|| anchor.time + whole(ticks))
 }
 
 /// Nearest integer, by the rounding of an addition; |x| < 2^51.

@@ -15,7 +15,10 @@ b² ≥ c v²                        there are roots
 touching pair approaches is for the exact prediction to say.
 */
 
-use super::cells::{Candidates, Cells, LANES};
+use super::{
+    cells::{Candidates, Cells, LANES},
+    tune::Work,
+};
 use crate::machine::Features;
 
 /// Contact distances are widened by this factor: single precision errs by some 10⁻⁵ of it within a reach of a few
@@ -55,13 +58,20 @@ pub(super) struct Scratch {
     candidates: Candidates,
     masks: Vec<u8>,
     pub hits: Hits,
-    /// Candidates tested so far.
-    pub tested: u64,
+    /// What has been done so far.
+    pub work: Work,
+}
+
+impl Default for Scratch {
+    /// One that owns nothing yet: only to be put in place of another.
+    fn default() -> Self {
+        Self { candidates: Candidates::default(), masks: Vec::new(), hits: Vec::new(), work: Work::default() }
+    }
 }
 
 impl Scratch {
     pub fn new() -> Self {
-        Self { candidates: Candidates::new(), masks: Vec::new(), hits: Vec::new(), tested: 0 }
+        Self { candidates: Candidates::new(), ..Self::default() }
     }
 }
 
@@ -73,14 +83,16 @@ impl Scratch {
 pub(super) fn search<F: Features, const HALF: bool, const VECTORS: bool>(
     records: &[Record],
     cells: &Cells,
-    largest_radius: f32,
+    common_radius: f32,
     probes: &[Probe],
     scratch: &mut Scratch,
 ) {
     scratch.hits.clear();
     scratch.candidates.len = 0;
-    gather::<HALF>(cells, largest_radius, probes, &mut scratch.candidates);
-    scratch.tested += scratch.candidates.len as u64;
+    gather::<HALF>(cells, common_radius, probes, &mut scratch.candidates);
+    scratch.work.searches += probes.len() as u64;
+    scratch.work.candidates += scratch.candidates.len as u64;
+    scratch.work.blocks += std::mem::take(&mut scratch.candidates.blocks);
     if VECTORS {
         #[cfg(target_arch = "x86_64")]
         // SAFETY: the caller has the features.
@@ -88,7 +100,7 @@ pub(super) fn search<F: Features, const HALF: bool, const VECTORS: bool>(
             avx2::filter::<F>(records, cells.axes.unit, probes, scratch);
         }
     } else {
-        let Candidates { slots, owner, len } = &scratch.candidates;
+        let Candidates { slots, owner, len, .. } = &scratch.candidates;
         for k in 0..*len {
             let (search, slot) = (owner[k / LANES], slots[k]);
             let probe = &probes[search as usize];
@@ -118,12 +130,12 @@ pub(super) fn search<F: Features, const HALF: bool, const VECTORS: bool>(
 #[inline(always)]
 fn gather<const HALF: bool>(
     cells: &Cells,
-    largest_radius: f32,
+    common_radius: f32,
     probes: &[Probe],
     candidates: &mut Candidates,
 ) {
     for (search, probe) in probes.iter().enumerate() {
-        let reach = probe.record.radius + largest_radius;
+        let reach = probe.record.radius + common_radius;
         let mut below = [reach; 3];
         if HALF {
             below[cells.axes.upward] = 1e-2 * probe.record.radius;

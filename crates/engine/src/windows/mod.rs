@@ -3,18 +3,23 @@ The engine of time windows: no crossings, and memory is streamed.
 
 Time is cut into windows. At the start of one, every particle is registered in the cells along its path through it
 ([`cells`]), and pairs that may touch before its end are found cell by cell ([`filter`]) and predicted from their anchors
-([`exact`]). Contacts within the window, all of them, go to the calendar. Events run in order; particles that have had one
+([`exact`]). Contacts within the window, all of them, go to the agenda. Events run in order; particles that have had one
 are registered along their new paths and predicted anew, up to the window's end. A stale event needs no successor: whatever
-else its particles may meet is in the calendar already.
+else its particles may meet is in the agenda already.
+
+Particles stand in *slots*, sorted by cell every few windows, so that what is near in space is near in memory. How long
+windows are and how wide cells is tuned on the way ([`tune`]).
 */
 
 mod cells;
 mod exact;
 mod filter;
+mod tune;
 
-use std::marker::PhantomData;
+use std::{marker::PhantomData, ops::Range};
 
-use haff_calendar::{Calendar, Ladder};
+use glam::DVec3;
+use haff_calendar::Agenda;
 use haff_neighbors::{Axis, Geometry};
 use rayon::prelude::*;
 
@@ -23,17 +28,34 @@ use crate::{
     entry::{Entry, Kind, Target},
     error::EngineError,
     machine::{Engine, Features, Limit, State},
-    particles::World,
+    memory::{prefetch, vec_with_room},
+    model::{Boundary, System},
+    particles::{Particle, World},
     report::{Observer, Stop},
     resolve,
+    stall::Stall,
 };
 use cells::Cells;
 use filter::{MARGIN, Probe, Record, Scratch};
+use tune::{Tuner, Work};
 
-/// Windows after which the streamed copies are made from the anchors again.
-const RESYNC: u32 = 16;
+/// Windows after which the streamed copies are made from the anchors again, at most and at least.
+const MOST_WINDOWS: u64 = 16;
+const LEAST_WINDOWS: u64 = 3;
+/// Searches that a trial of the tuner takes, so that its counts mean something.
+const TRIAL: u64 = 200_000;
 /// Slots that the batch phase searches for at a time.
 const BLOCK: usize = 32;
+/// Slots per parallel task.
+const TASK: usize = 4096;
+/// Up to this many particles the caches hold all that events need.
+const CACHED: usize = 8192;
+/// Part of the box that the widest pair may come apart within a window, so that the nearest image is the one that may touch.
+const NEAREST: f64 = 0.45;
+/// A particle may become this much faster than the fastest before the window has to be cut short.
+const HEADROOM: f64 = 1.5;
+/// Longest window [ticks].
+const LONGEST: f64 = (1_u64 << 59) as f64;
 
 /// The engine for one set of features.
 pub(crate) struct Windows<F> {
@@ -41,92 +63,181 @@ pub(crate) struct Windows<F> {
     geometry: Geometry,
     cells: Cells,
     records: Vec<Record>,
+    /// Anchors in the order of the slots.
+    anchors: Vec<Particle>,
     /// Slot of every particle.
     slot_of: Vec<u32>,
-    calendar: Ladder<Entry>,
+    agenda: Agenda<Entry>,
+    /// Contacts found by the batch phase.
+    found: Vec<Entry>,
     /// The window [ticks].
     begin: i64,
     end: i64,
     /// Its length [time].
     step: f64,
-    /// Largest radius, widened [length].
-    radius: f32,
-    windows_since: u32,
+    /// Mean distance of particles [length].
+    spacing: f64,
+    /// Mean path in the window [spacings], and the width that the cells were made for.
+    path: f64,
+    width: f64,
+    /// Displacement in the window beyond which the nearest image may be the wrong one [length].
+    farthest: f32,
+    /// Least radius, widened [length]: what searches look for around their paths, besides their own radius.
+    common_radius: f32,
+    tuner: Tuner,
+    /// Windows since the copies were made, and how many there shall be.
+    windows: u64,
+    last_window: u64,
     scratch: Scratch,
-    /// Exact predictions so far.
-    exact: u64,
+    /// Work since the copies were made, before the present window's.
+    judged: Work,
+    stall: Stall,
     features: PhantomData<F>,
 }
 
+/// Why windows cannot serve a system, or nothing.
+pub(crate) fn unsuitable(system: &System) -> Option<String> {
+    let axes = system.dimension.count();
+    let largest = system.classes.iter().map(|class| class.radius).fold(0.0, f64::max);
+    if system.domain.gravity != DVec3::ZERO {
+        return Some("there is gravity".to_owned());
+    }
+    for axis in 0..axes {
+        match system.domain.boundary[axis] {
+            Boundary::Open => return Some("an axis is open".to_owned()),
+            Boundary::Periodic if NEAREST * system.domain.size[axis] < 4.0 * largest => {
+                return Some(format!(
+                    "a periodic edge of {} is shorter than nine of the largest radius, {largest}",
+                    system.domain.size[axis]
+                ));
+            }
+            Boundary::Periodic | Boundary::Wall => {}
+        }
+    }
+    None
+}
+
 impl<F: Features> Windows<F> {
-    pub fn new(geometry: &Geometry, kernel: Kernel, particles: usize) -> Self {
+    pub fn new(geometry: &Geometry, kernel: Kernel, system: &System) -> Self {
+        let count = system.bodies.len();
+        let axes = (0..3).filter(|&axis| geometry.axes[axis] != Axis::Flat);
+        let volume: f64 = axes.clone().map(|axis| geometry.size[axis]).product();
+        let dimension = axes.count() as i32;
+        let radius = |i: usize| system.classes[system.bodies[i].class as usize].radius;
+        let unit = if dimension == 2 { std::f64::consts::PI } else { 4.0 / 3.0 * std::f64::consts::PI };
+        let occupied: f64 = (0..count).map(|i| unit * radius(i).powi(dimension)).sum();
+        let least = (0..count).map(radius).fold(f64::INFINITY, f64::min);
         Self {
             kernel,
             geometry: geometry.clone(),
             cells: Cells::default(),
             records: Vec::new(),
-            slot_of: vec![0; particles],
-            calendar: Ladder::with_capacity(particles),
+            anchors: Vec::new(),
+            slot_of: vec![0; count],
+            agenda: Agenda::default(),
+            found: Vec::new(),
             begin: 0,
             end: 0,
             step: 0.0,
-            radius: geometry.radius as f32 * MARGIN,
-            windows_since: 0,
+            spacing: libm::pow(volume / count.max(1) as f64, 1.0 / f64::from(dimension)),
+            path: 0.0,
+            width: 0.0,
+            farthest: 0.0,
+            common_radius: least as f32 * MARGIN,
+            tuner: Tuner::new(occupied / volume),
+            windows: 0,
+            last_window: 0,
             scratch: Scratch::new(),
-            exact: 0,
+            judged: Work::default(),
+            stall: Stall::default(),
             features: PhantomData,
         }
     }
 
     /// Starts a window at the present, from the anchors.
-    fn start_afresh(&mut self, state: &State) {
-        let world = &state.world;
+    fn start_afresh(&mut self, world: &World) {
         let count = world.particles.len();
-        let volume: f64 =
-            (0..3).filter(|&a| self.geometry.axes[a] != Axis::Flat).map(|a| world.size[a]).product();
-        let spacing = (volume / count as f64).cbrt();
-        let env = |name: &str, default: f64| {
-            std::env::var(name).ok().and_then(|v| v.parse().ok()).unwrap_or(default)
-        };
-        let width = env("HAFF_W", 1.3) * spacing;
-        let square: f64 = world.particles.iter().map(|particle| particle.velocity.length_squared()).sum();
-        let speed = (square / count as f64).sqrt();
-        // A path of this many spacings.
-        let step = env("HAFF_H", 0.4) * spacing / speed.max(f64::MIN_POSITIVE);
-        let ticks = (step * world.clock.per_time) as i64;
+        let [path, width] = self.tuner.values;
+        if self.width != width {
+            self.width = width;
+            self.cells = Cells::new(&self.geometry, width * self.spacing);
+        }
+        let squares: Vec<f64> = world.particles.par_iter().map(|p| p.velocity.length_squared()).collect();
+        let mean = (squares.iter().sum::<f64>() / count.max(1) as f64).sqrt();
+        let fastest = squares.iter().copied().fold(0.0, f64::max).sqrt();
+        // Two particles come apart at twice the speed of one.
+        let widest = 2.0 * self.geometry.radius * f64::from(MARGIN);
+        let farthest = (0..3)
+            .map(|axis| match self.geometry.axes[axis] {
+                Axis::Periodic => 0.5 * (NEAREST * self.geometry.size[axis] - widest),
+                // There the range of coordinates is the limit.
+                Axis::Bounded | Axis::Open => NEAREST * self.geometry.size[axis],
+                Axis::Flat => f64::INFINITY,
+            })
+            .fold(f64::INFINITY, f64::min);
+        let longest = farthest / (HEADROOM * fastest);
+        let step = (path * self.spacing / mean).min(longest);
+        // Without motion any window will do.
+        let ticks = (step * world.clock.per_time).clamp(1.0, LONGEST) as i64;
         self.begin = world.now;
         self.end = self.begin + ticks;
         self.step = ticks as f64 * world.clock.tick;
-        if self.records.is_empty() {
-            self.cells = Cells::new(&self.geometry, width);
-        }
+        self.path = mean * self.step / self.spacing;
+        self.farthest = farthest as f32;
         let (axes, step) = (self.cells.axes, self.step);
-        self.records = (0..count as u32)
+        let streamed: Vec<(Record, u32)> = (0..count as u32)
             .into_par_iter()
             .map(|i| {
                 let (position, velocity) = world.flight::<F>(i, world.now);
                 let p = position.to_array();
-                Record {
+                let record = Record {
                     x: [0, 1, 2].map(|axis| axes.coordinate(axis, p[axis])),
                     radius: world.class(i).radius as f32 * MARGIN,
                     v: velocity.to_array().map(|v| (v * step) as f32),
                     id: i,
-                }
+                };
+                (record, self.cells.home(record.x))
             })
             .collect();
-        for i in 0..count as u32 {
-            self.slot_of[i as usize] = i;
+        self.sort(world, &streamed);
+        self.windows = 0;
+        self.last_window = (TRIAL / count.max(1) as u64).clamp(LEAST_WINDOWS, MOST_WINDOWS);
+    }
+
+    /// Puts the records into slots in the order of their cells.
+    fn sort(&mut self, world: &World, streamed: &[(Record, u32)]) {
+        let mut place = vec![0_u32; self.cells.len() + 1];
+        for &(_, cell) in streamed {
+            place[cell as usize + 1] += 1;
         }
-        self.windows_since = 0;
+        for cell in 1..place.len() {
+            place[cell] += place[cell - 1];
+        }
+        let Some(&(first, _)) = streamed.first() else { return };
+        if self.records.is_empty() {
+            (self.records, self.anchors) = (vec_with_room(streamed.len()), vec_with_room(streamed.len()));
+            self.records.resize(streamed.len(), first);
+            self.anchors.resize(streamed.len(), world.particles[0]);
+        }
+        for &(record, cell) in streamed {
+            let slot = place[cell as usize];
+            place[cell as usize] += 1;
+            self.records[slot as usize] = record;
+            self.anchors[slot as usize] = world.particles[record.id as usize];
+            self.slot_of[record.id as usize] = slot;
+        }
     }
 
     /// Starts the next window.
     #[inline(always)]
     fn next_window<const VECTORS: bool>(&mut self, state: &mut State) {
         state.world.now = self.end;
-        self.windows_since += 1;
-        if self.windows_since >= RESYNC {
-            self.start_afresh(state);
+        self.windows += 1;
+        if self.windows >= self.last_window {
+            let work = self.scratch.work;
+            self.tuner.judge(&work.since(&self.judged), self.path * self.windows as f64);
+            self.judged = work;
+            self.start_afresh(&state.world);
         } else {
             let ticks = self.end - self.begin;
             self.begin = self.end;
@@ -138,60 +249,168 @@ impl<F: Features> Windows<F> {
                 }
             }
         }
-        self.look_ahead::<VECTORS>(state);
+        self.look_ahead::<VECTORS>(&state.world);
     }
 
     /// The batch phase: all contacts of the window, as things stand.
     #[inline(always)]
-    fn look_ahead<const VECTORS: bool>(&mut self, state: &mut State) {
-        state.book.counters.transfers += 1;
+    fn look_ahead<const VECTORS: bool>(&mut self, world: &World) {
         self.cells.clear();
-        for slot in 0..self.records.len() {
-            let record = self.records[slot];
-            self.cells.register::<true>(slot as u32, record.x, record.v, 1.0);
+        for (slot, record) in self.records.iter().enumerate() {
+            let extent = if F::UNIFORM { 0.0 } else { record.radius - self.common_radius };
+            self.cells.register::<true>(slot as u32, record.x, record.v, 1.0, extent);
         }
-        self.calendar.clear();
-        let mut probes = Vec::with_capacity(BLOCK);
-        for from in (0..self.records.len()).step_by(BLOCK) {
-            probes.clear();
-            let to = (from + BLOCK).min(self.records.len());
-            for slot in from..to {
-                let record = self.records[slot];
-                probes.push(Probe { slot: slot as u32, record, place: record.x, from: 0.0 });
+        let mut found = std::mem::take(&mut self.found);
+        found.clear();
+        let count = self.records.len();
+        if rayon::current_num_threads() == 1 || count < 2 * TASK {
+            let mut scratch = std::mem::take(&mut self.scratch);
+            self.scan::<VECTORS>(world, 0..count, &mut scratch, &mut found);
+            self.scratch = scratch;
+        } else {
+            let this = &*self;
+            let parts: Vec<(Vec<Entry>, Work)> = (0..count.div_ceil(TASK))
+                .into_par_iter()
+                .map_init(Scratch::new, |scratch, task| {
+                    let mut found = Vec::new();
+                    scratch.work = Work::default();
+                    this.scan_anywhere(
+                        world,
+                        task * TASK..((task + 1) * TASK).min(count),
+                        scratch,
+                        &mut found,
+                    );
+                    (found, scratch.work)
+                })
+                .collect();
+            for (part, work) in parts {
+                found.extend(part);
+                self.scratch.work.add(&work);
             }
-            self.predict::<true, VECTORS>(&state.world, &probes);
+        }
+        self.scratch.work.windows += 1;
+        self.scratch.work.entries += found.len() as u64;
+        self.agenda.open(self.begin, self.end, &found);
+        self.found = found;
+    }
+
+    /// [`Self::scan`] from a thread that has not been told which instructions there are.
+    fn scan_anywhere(
+        &self,
+        world: &World,
+        slots: Range<usize>,
+        scratch: &mut Scratch,
+        found: &mut Vec<Entry>,
+    ) {
+        match self.kernel {
+            Kernel::Portable => self.scan::<false>(world, slots, scratch, found),
+            #[cfg(target_arch = "x86_64")]
+            // SAFETY: `Kernel::Avx2` is made by `Kernel::choose` alone, after it has found the features.
+            Kernel::Avx2 => unsafe { self.scan_avx2(world, slots, scratch, found) },
         }
     }
 
-    /// Enters all contacts of the probes up to the window's end.
+    /// Finds all contacts of the window that start from these slots.
     #[inline(always)]
-    fn predict<const HALF: bool, const VECTORS: bool>(&mut self, world: &World, probes: &[Probe]) {
-        filter::search::<F, HALF, VECTORS>(
-            &self.records,
-            &self.cells,
-            self.radius,
-            probes,
-            &mut self.scratch,
-        );
-        self.exact += self.scratch.hits.len() as u64;
-        for &(search, slot) in &self.scratch.hits {
-            let (i, j) = (probes[search as usize].record.id, self.records[slot as usize].id);
-            let Some(time) = exact::contact::<F>(world, i, j) else { continue };
+    fn scan<const VECTORS: bool>(
+        &self,
+        world: &World,
+        slots: Range<usize>,
+        scratch: &mut Scratch,
+        found: &mut Vec<Entry>,
+    ) {
+        let mut probes = Vec::with_capacity(BLOCK);
+        for from in slots.clone().step_by(BLOCK) {
+            probes.clear();
+            for slot in from..(from + BLOCK).min(slots.end) {
+                let record = self.records[slot];
+                probes.push(Probe { slot: slot as u32, record, place: record.x, from: 0.0 });
+            }
+            self.predict::<true, VECTORS>(world, &probes, scratch, |entry| found.push(entry));
+        }
+    }
+
+    /// Tells all contacts of the probes up to the window's end.
+    #[inline(always)]
+    fn predict<const HALF: bool, const VECTORS: bool>(
+        &self,
+        world: &World,
+        probes: &[Probe],
+        scratch: &mut Scratch,
+        mut tell: impl FnMut(Entry),
+    ) {
+        filter::search::<F, HALF, VECTORS>(&self.records, &self.cells, self.common_radius, probes, scratch);
+        scratch.work.exact += scratch.hits.len() as u64;
+        for &(search, slot) in &scratch.hits {
+            let probe = &probes[search as usize];
+            let (a, b) = (&self.anchors[probe.slot as usize], &self.anchors[slot as usize]);
+            let Some(time) = exact::contact::<F>(world, a, b) else { continue };
             if time <= self.end {
-                self.calendar.push(Entry {
+                tell(Entry {
                     time,
-                    owner: i,
-                    target: Target::new(Kind::Collision(j)),
-                    own_count: world.particles[i as usize].count,
-                    partner_count: world.particles[j as usize].count,
+                    owner: probe.record.id,
+                    target: Target::new(Kind::Collision(self.records[slot as usize].id)),
+                    own_count: a.count,
+                    partner_count: b.count,
+                });
+            }
+        }
+        if !world.walls.is_empty() {
+            for probe in probes {
+                self.predict_walls(world, probe, &mut tell);
+            }
+        }
+    }
+
+    /// Tells the contacts of a probe with walls.
+    fn predict_walls(&self, world: &World, probe: &Probe, tell: &mut impl FnMut(Entry)) {
+        let anchor = &self.anchors[probe.slot as usize];
+        let class = &world.classes[anchor.class()];
+        if class.inverse_mass == 0.0 {
+            return;
+        }
+        for wall in 0..world.walls.len() as u32 {
+            let Some(time) = exact::wall_contact(world, anchor, class.radius, wall) else { continue };
+            if time <= self.end {
+                tell(Entry {
+                    time,
+                    owner: probe.record.id,
+                    target: Target::new(Kind::Wall(wall)),
+                    own_count: anchor.count,
+                    partner_count: 0,
                 });
             }
         }
     }
 
-    /// Copies the new flight of particle i; how it is looked from now, and from where.
+    /// Takes the new flight of a particle, and enters what it will meet. False if it has become too fast for the window.
     #[inline(always)]
-    fn renew(&mut self, world: &World, i: u32) -> Probe {
+    fn renew<const K: usize, const VECTORS: bool>(&mut self, world: &World, bodies: [u32; K]) -> bool {
+        let probes = bodies.map(|body| self.update(world, body));
+        let too_fast = probes.iter().any(|probe| {
+            let v = probe.record.v;
+            // Not a number is too fast, too.
+            !(v[0] * v[0] + v[1] * v[1] + v[2] * v[2] <= self.farthest * self.farthest)
+        });
+        if too_fast {
+            return false;
+        }
+        let mut scratch = std::mem::take(&mut self.scratch);
+        let mut agenda = std::mem::take(&mut self.agenda);
+        let mut entries = 0;
+        self.predict::<false, VECTORS>(world, &probes, &mut scratch, |entry| {
+            entries += 1;
+            agenda.push(entry);
+        });
+        scratch.work.entries += entries;
+        self.agenda = agenda;
+        self.scratch = scratch;
+        true
+    }
+
+    /// Copies the new flight of particle i into its slot; how it is looked from now.
+    #[inline(always)]
+    fn update(&mut self, world: &World, i: u32) -> Probe {
         let particle = &world.particles[i as usize];
         let slot = self.slot_of[i as usize];
         let from = ((particle.time - self.begin) as f64 * (world.clock.tick / self.step)) as f32;
@@ -199,13 +418,49 @@ impl<F: Features> Windows<F> {
         let p = particle.position.to_array();
         let place = [0, 1, 2].map(|axis| self.cells.axes.coordinate(axis, p[axis]));
         let back = self.cells.axes.way(v, from);
+        self.anchors[slot as usize] = *particle;
         let record = &mut self.records[slot as usize];
         record.x = [0, 1, 2].map(|axis| place[axis].wrapping_sub(back[axis]));
         record.v = v;
         let record = *record;
+        let extent = if F::UNIFORM { 0.0 } else { record.radius - self.common_radius };
         // Its old path has brought it to where it is, so that it is registered there.
-        self.cells.register::<false>(slot, place, v, 1.0 - from);
+        self.cells.register::<false>(slot, place, v, 1.0 - from, extent);
         Probe { slot, record, place, from }
+    }
+
+    /// Has the memory at hand that the next events will need, in steps, each of which needs the one before.
+    #[inline(always)]
+    fn prefetch_soon(&self, world: &World) {
+        let bodies = |ahead: usize| {
+            let entry = self.agenda.soon(ahead)?;
+            let Kind::Collision(j) = entry.target.kind() else { return None };
+            Some([entry.owner, j])
+        };
+        if let Some(bodies) = bodies(20) {
+            for body in bodies {
+                prefetch(&world.particles, body as usize);
+                prefetch(&self.slot_of, body as usize);
+            }
+        }
+        if let Some(bodies) = bodies(14) {
+            for body in bodies {
+                let slot = self.slot_of[body as usize] as usize;
+                prefetch(&self.records, slot);
+                prefetch(&self.anchors, slot);
+            }
+        }
+        let place = |ahead: usize| {
+            let slot = self.slot_of[bodies(ahead)?[0] as usize];
+            Some(self.records[slot as usize].x)
+        };
+        let reach = 3.0 * self.common_radius;
+        if let Some(x) = place(9) {
+            self.cells.prefetch::<_, false>(x, reach, &self.records);
+        }
+        if let Some(x) = place(4) {
+            self.cells.prefetch::<_, true>(x, reach, &self.records);
+        }
     }
 
     #[inline(always)]
@@ -215,66 +470,107 @@ impl<F: Features> Windows<F> {
         limit: &mut Limit,
         observer: &mut dyn Observer,
     ) -> Result<Stop, EngineError> {
-        let stop = loop {
+        let before = self.scratch.work;
+        let stop = self.events::<EVENTS, VECTORS>(state, limit, observer);
+        let work = self.scratch.work.since(&before);
+        let counters = &mut state.book.counters;
+        counters.predictions += work.exact;
+        counters.candidates += work.candidates;
+        counters.windows += work.windows;
+        stop
+    }
+
+    #[inline(always)]
+    fn events<const EVENTS: bool, const VECTORS: bool>(
+        &mut self,
+        state: &mut State,
+        limit: &mut Limit,
+        observer: &mut dyn Observer,
+    ) -> Result<Stop, EngineError> {
+        let prefetches = self.records.len() > CACHED;
+        loop {
             if state.book.counters.collisions >= limit.collisions {
-                break Stop::Collisions;
+                return Ok(Stop::Collisions);
             }
             if limit.entries == 0 {
-                break Stop::Slice;
+                return Ok(Stop::Slice);
             }
-            let Some(entry) = self.calendar.pop_until(limit.ticks.min(self.end)) else {
+            let Some(entry) = self.agenda.pop_until(limit.ticks.min(self.end)) else {
                 if limit.ticks <= self.end {
                     state.world.now = state.world.now.max(limit.ticks);
-                    break Stop::Time;
+                    return Ok(Stop::Time);
                 }
-                limit.entries = limit.entries.saturating_sub(1 + self.records.len() as u64 / 64);
+                // Windows take time, too: the caller wants to look after signals.
+                limit.entries = limit.entries.saturating_sub(1 + self.records.len() as u64 / 16);
                 self.next_window::<VECTORS>(state);
                 continue;
             };
+            if prefetches {
+                self.prefetch_soon(&state.world);
+            }
             let world = &mut state.world;
             let i = entry.owner;
-            let Kind::Collision(j) = entry.target.kind() else { unreachable!() };
+            let partner = match entry.target.kind() {
+                Kind::Collision(j) => Some(j),
+                Kind::Wall(_) | Kind::Rest | Kind::Transfer(_) | Kind::Renewal => None,
+            };
             if world.particles[i as usize].count != entry.own_count
-                || world.particles[j as usize].count != entry.partner_count
+                || partner.is_some_and(|j| world.particles[j as usize].count != entry.partner_count)
             {
                 state.book.counters.dropped += 1;
                 continue;
             }
             limit.entries -= 1;
             world.now = world.now.max(entry.time);
-            resolve::collision::<F, EVENTS>(state, i, j, entry.time, observer)?;
-            state.world.wrap_anchor(i);
-            state.world.wrap_anchor(j);
-            let movable = |body: u32| F::UNIFORM || state.world.class(body).inverse_mass != 0.0;
-            match (movable(i), movable(j)) {
-                (true, true) => {
-                    let probes = [i, j].map(|body| self.renew(&state.world, body));
-                    self.predict::<false, VECTORS>(&state.world, &probes);
+            self.stall.watch(world, &entry)?;
+            let in_time = match entry.target.kind() {
+                Kind::Collision(j) => {
+                    resolve::collision::<F, EVENTS>(state, i, j, entry.time, observer)?;
+                    state.world.wrap_anchor(i);
+                    state.world.wrap_anchor(j);
+                    let world = &state.world;
+                    // A body of infinite mass has not changed: what stands in the agenda for it holds.
+                    let movable = |body: u32| F::UNIFORM || world.class(body).inverse_mass != 0.0;
+                    match (movable(i), movable(j)) {
+                        (true, true) => self.renew::<2, VECTORS>(world, [i.min(j), i.max(j)]),
+                        (true, false) => self.renew::<1, VECTORS>(world, [i]),
+                        (false, _) => self.renew::<1, VECTORS>(world, [j]),
+                    }
                 }
-                (first, _) => {
-                    let probe = self.renew(&state.world, if first { i } else { j });
-                    self.predict::<false, VECTORS>(&state.world, &[probe]);
+                Kind::Wall(wall) => {
+                    resolve::wall::<F, EVENTS>(state, i, wall, entry.time, observer)?;
+                    state.world.wrap_anchor(i);
+                    self.renew::<1, VECTORS>(&state.world, [i])
                 }
+                Kind::Rest | Kind::Transfer(_) | Kind::Renewal => true,
+            };
+            if !in_time {
+                self.start_afresh(&state.world);
+                self.look_ahead::<VECTORS>(&state.world);
             }
-        };
-        state.book.counters.predictions += std::mem::take(&mut self.exact);
-        state.book.counters.stale += std::mem::take(&mut self.scratch.tested);
-        Ok(stop)
+        }
     }
 }
 
 impl<F: Features> Engine for Windows<F> {
     fn rebuild(&mut self, state: &mut State, _geometry: &Geometry) {
-        self.start_afresh(state);
+        let before = self.scratch.work;
+        self.stall = Stall::default();
+        self.start_afresh(&state.world);
         match self.kernel {
-            Kernel::Portable => self.look_ahead::<false>(state),
+            Kernel::Portable => self.look_ahead::<false>(&state.world),
             #[cfg(target_arch = "x86_64")]
-            // SAFETY: `Kernel::Avx2` is made by `Kernel::choose` alone, after it has found AVX2 and FMA.
-            Kernel::Avx2 => unsafe { self.look_ahead_avx2(state) },
+            // SAFETY: `Kernel::Avx2` is made by `Kernel::choose` alone, after it has found the features.
+            Kernel::Avx2 => unsafe { self.look_ahead_avx2(&state.world) },
         }
+        let work = self.scratch.work.since(&before);
+        state.book.counters.predictions += work.exact;
+        state.book.counters.candidates += work.candidates;
+        state.book.counters.windows += work.windows;
     }
 
     fn is_idle(&self) -> bool {
+        // In a closed box somebody always meets somebody, unless nothing moves, which is looked for elsewhere.
         false
     }
 
@@ -288,7 +584,7 @@ impl<F: Features> Engine for Windows<F> {
             (Kernel::Portable, false) => self.run::<false, false>(state, limit, observer),
             (Kernel::Portable, true) => self.run::<true, false>(state, limit, observer),
             #[cfg(target_arch = "x86_64")]
-            // SAFETY: `Kernel::Avx2` is made by `Kernel::choose` alone, after it has found AVX2 and FMA.
+            // SAFETY: `Kernel::Avx2` is made by `Kernel::choose` alone, after it has found the features.
             (Kernel::Avx2, false) => unsafe { self.run_avx2::<false>(state, limit, observer) },
             #[cfg(target_arch = "x86_64")]
             // SAFETY: as above.
@@ -297,7 +593,8 @@ impl<F: Features> Engine for Windows<F> {
     }
 }
 
-/// The same loops, compiled as a whole for processors with 256-bit vectors.
+/// The same loops, compiled as a whole for processors with 256-bit vectors. Rust neither fuses nor reorders floating-point
+/// operations by itself, so the bits are the same; the filter alone asks for fused ones.
 #[cfg(target_arch = "x86_64")]
 impl<F: Features> Windows<F> {
     #[target_feature(enable = "avx2,fma,bmi1,bmi2,lzcnt,popcnt")]
@@ -311,7 +608,12 @@ impl<F: Features> Windows<F> {
     }
 
     #[target_feature(enable = "avx2,fma,bmi1,bmi2,lzcnt,popcnt")]
-    fn look_ahead_avx2(&mut self, state: &mut State) {
-        self.look_ahead::<true>(state);
+    fn scan_avx2(&self, world: &World, slots: Range<usize>, scratch: &mut Scratch, found: &mut Vec<Entry>) {
+        self.scan::<true>(world, slots, scratch, found);
+    }
+
+    #[target_feature(enable = "avx2,fma,bmi1,bmi2,lzcnt,popcnt")]
+    fn look_ahead_avx2(&mut self, world: &World) {
+        self.look_ahead::<true>(world);
     }
 }
