@@ -1,4 +1,4 @@
-//! Collisions per second of the elastic fluid: `throughput N_PER_EDGE PHI COLLISIONS [cells|all]`.
+//! Collisions per second of the elastic fluid: `throughput N_PER_EDGE PHI COLLISIONS [auto|cells|lists|all]`.
 
 #[path = "../tests/common/mod.rs"]
 mod common;
@@ -10,10 +10,11 @@ fn main() {
     let args: Vec<String> = std::env::args().collect();
     let number = |k: usize, default: f64| args.get(k).and_then(|a| a.parse().ok()).unwrap_or(default);
     let (edge, phi, collisions) = (number(1, 16.0) as usize, number(2, 0.1), number(3, 1e6) as u64);
-    let neighbors = if args.get(4).is_some_and(|a| a == "all") {
-        NeighborChoice::AllPairs
-    } else {
-        NeighborChoice::Cells
+    let neighbors = match args.get(4).map_or("auto", String::as_str) {
+        "cells" => NeighborChoice::Cells,
+        "lists" => NeighborChoice::Lists,
+        "all" => NeighborChoice::AllPairs,
+        _ => NeighborChoice::Auto,
     };
     let start = Instant::now();
     let mut simulation =

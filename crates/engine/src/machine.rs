@@ -18,7 +18,7 @@ use crate::{
     entry::{Entry, Kind, Target},
     error::EngineError,
     particles::World,
-    predict::{Memory, Scope, Scratch, foresee},
+    predict::{Memory, Scope, Scratch, flight, foresee},
     report::{Observer, Stop},
     resolve,
 };
@@ -266,7 +266,8 @@ impl<F: Features, S: Search + 'static> Machine<F, S> {
                 }
                 Kind::Transfer(code) => {
                     state.book.counters.transfers += 1;
-                    self.search.transfer(i, code);
+                    let flight = flight::<F>(&state.world, i);
+                    self.search.transfer(i, code, &flight);
                     self.schedule(state, i, Scope::New(code));
                 }
                 Kind::Renewal => {

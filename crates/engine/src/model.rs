@@ -131,6 +131,8 @@ pub enum NeighborChoice {
     Auto,
     /// A grid of cells at least one largest diameter wide.
     Cells,
+    /// Lists of those within a shell around each particle.
+    Lists,
     /// Every pair is tested: for tiny systems, and the twin of every other method.
     AllPairs,
 }
@@ -162,6 +164,7 @@ impl NeighborChoice {
         match self {
             Self::Auto => "auto",
             Self::Cells => "cells",
+            Self::Lists => "lists",
             Self::AllPairs => "all_pairs",
         }
     }

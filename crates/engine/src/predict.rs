@@ -117,9 +117,9 @@ pub(crate) fn foresee<F: Features, S: Search>(
         earliest.offer(rest.end, Target::new(Kind::Rest), 0);
     }
 
-    let (position, velocity) = world.flight::<F>(i, world.now);
-    let acceleration = if F::GRAVITY { world.acceleration(i) } else { DVec3::ZERO };
-    if let Some(transfer) = search.next_transfer(i, &Flight { position, velocity, acceleration }) {
+    // Of the transfer nothing need be known but whether it comes first.
+    let within = earliest.entry.time.saturating_sub(world.now) as f64 * world.clock.tick;
+    if let Some(transfer) = search.next_transfer(i, &flight::<F>(world, i), within) {
         let delay = transfer.delay * world.clock.per_time;
         if delay > HORIZON {
             earliest.far = true;
@@ -136,6 +136,14 @@ pub(crate) fn foresee<F: Features, S: Search>(
         return (Entry { time: world.now + HORIZON as i64, ..nothing }, None);
     }
     (earliest.entry, None)
+}
+
+/// Flight of particle i from where it is now.
+#[inline]
+pub(crate) fn flight<F: Features>(world: &World, i: u32) -> Flight {
+    let (position, velocity) = world.flight::<F>(i, world.now);
+    let acceleration = if F::GRAVITY { world.acceleration(i) } else { DVec3::ZERO };
+    Flight { position, velocity, acceleration }
 }
 
 /// The particle whose partners are looked for, kept at hand.

@@ -3,7 +3,7 @@
 use std::collections::BTreeMap;
 
 use glam::DVec3;
-use haff_neighbors::{AllPairs, Cells, Geometry};
+use haff_neighbors::{AllPairs, Cells, Geometry, Lists};
 
 use crate::{
     batch::Kernel,
@@ -83,6 +83,10 @@ impl Simulation {
             if count > limit {
                 return Err(EngineError::TooMany { what, count, limit });
             }
+        }
+        if options.neighbors == NeighborChoice::Lists && system.bodies.len() > Lists::MAX_PARTICLES {
+            let (count, limit) = (system.bodies.len(), Lists::MAX_PARTICLES);
+            return Err(EngineError::TooMany { what: "particles for neighbor lists", count, limit });
         }
         let geometry = measure::geometry(&system);
         let kernel = Kernel::choose(options.simd).ok_or(EngineError::NoAvx2)?;
@@ -295,11 +299,17 @@ fn compile(
     });
     macro_rules! machine {
         ($gravity:literal, $uniform:literal) => {
-            if neighbors == NeighborChoice::AllPairs {
-                Box::new(Machine::<With<$gravity, $uniform>, AllPairs>::new(geometry, kernel, count))
-                    as Box<dyn Engine>
-            } else {
-                Box::new(Machine::<With<$gravity, $uniform>, Cells>::new(geometry, kernel, count))
+            match neighbors {
+                NeighborChoice::AllPairs => {
+                    Box::new(Machine::<With<$gravity, $uniform>, AllPairs>::new(geometry, kernel, count))
+                        as Box<dyn Engine>
+                }
+                NeighborChoice::Lists => {
+                    Box::new(Machine::<With<$gravity, $uniform>, Lists>::new(geometry, kernel, count))
+                }
+                NeighborChoice::Auto | NeighborChoice::Cells => {
+                    Box::new(Machine::<With<$gravity, $uniform>, Cells>::new(geometry, kernel, count))
+                }
             }
         };
     }

@@ -1,4 +1,4 @@
-//! No choice of machinery changes a trajectory: cells, all pairs, kernels and resumes give the same events, bit by bit.
+//! No choice of machinery changes a trajectory: cells, lists, all pairs, kernels and resumes give the same events, bit by bit.
 
 mod common;
 
@@ -36,6 +36,8 @@ fn assert_twins(name: &str, system: &System, until: Until) -> usize {
     for choice in [
         options(NeighborChoice::Cells, SimdChoice::Portable),
         options(NeighborChoice::Cells, SimdChoice::Auto),
+        options(NeighborChoice::Lists, SimdChoice::Portable),
+        options(NeighborChoice::Lists, SimdChoice::Auto),
         options(NeighborChoice::AllPairs, SimdChoice::Auto),
     ] {
         let (log, other, mut simulation) = run(system, choice, until);
