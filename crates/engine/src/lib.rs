@@ -14,6 +14,7 @@ mod entry;
 mod error;
 mod machine;
 mod measure;
+mod packed;
 mod particles;
 mod predict;
 mod resolve;

@@ -1,14 +1,15 @@
 //! Predictions: what will happen to one particle next. Nothing here changes anything.
 
 use haff_mechanics::{is_rounding_noise, time_to_contact_accelerated, time_to_plane};
-use haff_neighbors::{Flight, Search, Shift};
+use haff_neighbors::{Flight, Offsets, Packed, Search, Shift};
 
 use crate::{
     batch::{Batch, Kernel, LANES},
     clock::{HORIZON, whole},
     entry::{Entry, Kind, Target},
     machine::{Features, Pending},
-    particles::World,
+    packed::{self, Delays, Query},
+    particles::{Particle, World},
 };
 use glam::DVec3;
 use std::collections::BTreeMap;
@@ -33,6 +34,7 @@ pub(crate) enum Scope {
 /// Working space of a prediction.
 pub(crate) struct Scratch {
     batch: Batch,
+    delays: Delays,
     kernel: Kernel,
     /// Pair predictions made.
     pub predictions: u64,
@@ -40,7 +42,7 @@ pub(crate) struct Scratch {
 
 impl Scratch {
     pub fn new(kernel: Kernel) -> Self {
-        Self { batch: Batch::new(), kernel, predictions: 0 }
+        Self { batch: Batch::new(), delays: Delays::new(), kernel, predictions: 0 }
     }
 
     pub fn kernel(&self) -> Kernel {
@@ -94,17 +96,22 @@ pub(crate) fn foresee<F: Features, S: Search>(
 
     let position = |k: u32| world.flight::<F>(k, world.now).0;
     let owner = Owner::of::<F>(world, i);
-    let visit = |j: u32, shift: Shift| gather::<F>(world, &owner, j, shift, scratch, &mut earliest);
-    match scope {
-        Scope::All => search.candidates(i, position, visit),
-        Scope::New(code) => {
-            search.new_candidates(i, code, position, visit);
-            if memory.time < i64::MAX {
-                earliest.offer(memory.time, memory.target, memory.partner_count);
+    let packed = if F::GRAVITY || scope != Scope::All || !owner.movable { None } else { search.packed(i) };
+    if let (Some(list), Some(offsets)) = (packed, search.offsets()) {
+        meet_packed::<F>(world, i, list, offsets, scratch, &mut earliest);
+    } else {
+        let visit = |j: u32, shift: Shift| gather::<F>(world, &owner, j, shift, scratch, &mut earliest);
+        match scope {
+            Scope::All => search.candidates(i, position, visit),
+            Scope::New(code) => {
+                search.new_candidates(i, code, position, visit);
+                if memory.time < i64::MAX {
+                    earliest.offer(memory.time, memory.target, memory.partner_count);
+                }
             }
         }
+        flush::<F>(world, i, scratch, &mut earliest);
     }
-    flush::<F>(world, i, scratch, &mut earliest);
 
     let walls = search.walls(i);
     if !walls.is_empty() {
@@ -294,6 +301,81 @@ fn flush<F: Features>(world: &World, i: u32, scratch: &mut Scratch, earliest: &m
         break;
     }
     batch.len = 0;
+}
+
+/// Offers the earliest contact of particle i, movable and without acceleration, with the candidates of a list.
+#[inline]
+fn meet_packed<F: Features>(
+    world: &World,
+    i: u32,
+    list: &[Packed],
+    offsets: &Offsets,
+    scratch: &mut Scratch,
+    earliest: &mut Earliest,
+) {
+    let owner = &world.particles[i as usize];
+    let radius = world.classes[if F::UNIFORM { 0 } else { owner.class() }].radius;
+    scratch.predictions += list.len() as u64;
+    for list in list.chunks(packed::MOST) {
+        let delays = &mut scratch.delays;
+        let query = Query {
+            owner,
+            radius,
+            list,
+            offsets,
+            particles: &world.particles,
+            classes: &world.classes,
+            tick: world.clock.tick,
+        };
+        if F::UNIFORM {
+            packed::predict::<true>(scratch.kernel, &query, delays);
+        } else {
+            packed::predict::<false>(scratch.kernel, &query, delays);
+        }
+        let mut hits = delays.hits;
+        while hits != 0 {
+            let k = hits.trailing_zeros() as usize;
+            hits &= hits - 1;
+            let partner = &world.particles[list[k].id() as usize];
+            let delay = delays.delay[k] * world.clock.per_time;
+            let from = owner.time.max(partner.time);
+            if delay > HORIZON {
+                earliest.far = true;
+            } else if from + whole(delay) <= earliest.entry.time
+                && !is_packed_echo::<F>(world, owner, radius, list[k], offsets)
+            {
+                earliest.offer(
+                    from + whole(delay),
+                    Target::new(Kind::Collision(list[k].id())),
+                    partner.count,
+                );
+            }
+        }
+    }
+}
+
+/// [`is_echo`] for a candidate of a list.
+#[inline]
+fn is_packed_echo<F: Features>(
+    world: &World,
+    owner: &Particle,
+    radius: f64,
+    entry: Packed,
+    offsets: &Offsets,
+) -> bool {
+    let partner = &world.particles[entry.id() as usize];
+    let behind = owner.time - partner.time;
+    let tick = world.clock.tick;
+    let ra = haff_mechanics::drift(owner.position, owner.velocity, (-behind).max(0) as f64 * tick);
+    let rb = haff_mechanics::drift(partner.position, partner.velocity, behind.max(0) as f64 * tick);
+    let [x, y, z, _] = offsets.0[entry.code()];
+    let r = rb - ra + DVec3::new(x, y, z);
+    let sigma = radius + world.classes[if F::UNIFORM { 0 } else { partner.class() }].radius;
+    if r.length_squared() > sigma * sigma * (1.0 + TOUCHING) {
+        return false;
+    }
+    let speed = owner.velocity.length().max(partner.velocity.length());
+    is_rounding_noise(r, partner.velocity - owner.velocity, speed)
 }
 
 /// A pair closer than this, relative to σ², touches as far as positions can tell.

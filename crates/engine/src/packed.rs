@@ -1,0 +1,211 @@
+/*!
+Pair predictions for candidates that the search keeps as one slice.
+
+The same arithmetic as a gathered [`batch`](crate::batch), operation by operation, and the same bits: the records of
+four candidates are loaded and transposed in registers instead of being gathered one by one through memory.
+*/
+
+use haff_neighbors::{Offsets, Packed};
+
+use crate::{
+    batch::{self, Kernel},
+    particles::{ClassData, Particle},
+};
+
+/// Candidates per call.
+pub(crate) const MOST: usize = 64;
+
+/// The owner of a list, and what it may meet.
+#[derive(Clone, Copy)]
+pub(crate) struct Query<'a> {
+    pub owner: &'a Particle,
+    /// The owner's radius [length].
+    pub radius: f64,
+    /// At most [`MOST`] candidates.
+    pub list: &'a [Packed],
+    pub offsets: &'a Offsets,
+    pub particles: &'a [Particle],
+    pub classes: &'a [ClassData],
+    /// Length of a tick [time].
+    pub tick: f64,
+}
+
+/// Result of a [`Query`].
+#[derive(Debug, Clone)]
+#[repr(C, align(32))]
+pub(crate) struct Delays {
+    /// Time from the later anchor to the contact [time], where there is one.
+    pub delay: [f64; MOST],
+    /// Bit k is set where candidate k will be met.
+    pub hits: u64,
+}
+
+impl Delays {
+    pub fn new() -> Self {
+        Self { delay: [0.0; MOST], hits: 0 }
+    }
+}
+
+/// Predicts all candidates. `UNIFORM`: all have the owner's radius.
+#[inline(always)]
+pub(crate) fn predict<const UNIFORM: bool>(kernel: Kernel, query: &Query, out: &mut Delays) {
+    match kernel {
+        Kernel::Portable => portable::<UNIFORM>(query, out),
+        #[cfg(target_arch = "x86_64")]
+        // SAFETY: `Kernel::Avx2` is made by `Kernel::choose` alone, after it has found the feature.
+        Kernel::Avx2 => unsafe { avx2::predict::<UNIFORM>(query, out) },
+    }
+}
+
+fn portable<const UNIFORM: bool>(query: &Query, out: &mut Delays) {
+    let &Query { owner: a, radius, list, offsets, particles, classes, tick } = query;
+    out.hits = 0;
+    for (k, (entry, delay)) in list.iter().zip(&mut out.delay).enumerate() {
+        let b = &particles[entry.id() as usize];
+        let behind = a.time.wrapping_sub(b.time);
+        let (dt_a, dt_b) = ((-behind).max(0) as f64 * tick, behind.max(0) as f64 * tick);
+        let sigma = radius + if UNIFORM { radius } else { classes[b.class()].radius };
+        let ra = haff_mechanics::drift(a.position, a.velocity, dt_a);
+        let rb = haff_mechanics::drift(b.position, b.velocity, dt_b);
+        // Zero for the box itself: it may change the sign of a zero, which decides nothing.
+        let shift = offsets.0[entry.code()];
+        let r = (rb - ra).to_array();
+        let v = (b.velocity - a.velocity).to_array();
+        *delay = batch::delay([r[0] + shift[0], r[1] + shift[1], r[2] + shift[2]], v, sigma * sigma);
+        out.hits |= u64::from(*delay < f64::INFINITY) << k;
+    }
+}
+
+#[cfg(target_arch = "x86_64")]
+mod avx2 {
+    use std::arch::x86_64::{
+        __m256d, _CMP_GE_OQ, _CMP_GT_OQ, _CMP_LT_OQ, _mm_loadu_pd, _mm256_add_pd, _mm256_and_pd,
+        _mm256_andnot_pd, _mm256_blend_epi32, _mm256_blendv_pd, _mm256_castpd_si256, _mm256_castpd128_pd256,
+        _mm256_castsi256_pd, _mm256_cmp_pd, _mm256_cmpgt_epi64, _mm256_div_pd, _mm256_insertf128_pd,
+        _mm256_max_pd, _mm256_movemask_pd, _mm256_mul_pd, _mm256_or_si256, _mm256_set_pd, _mm256_set1_epi64x,
+        _mm256_set1_pd, _mm256_setzero_pd, _mm256_setzero_si256, _mm256_sqrt_pd, _mm256_srli_epi64,
+        _mm256_store_pd, _mm256_sub_epi64, _mm256_sub_pd, _mm256_unpackhi_pd, _mm256_unpacklo_pd,
+        _mm256_xor_pd, _mm256_xor_si256,
+    };
+
+    use haff_neighbors::Packed;
+
+    use super::{Delays, MOST, Query};
+    use crate::particles::Particle;
+
+    /// Loads words 2k and 2k + 1 of four records and transposes them.
+    ///
+    /// # Safety
+    ///
+    /// Each pointer leads to 2k + 2 readable `f64`.
+    #[inline]
+    #[target_feature(enable = "avx2")]
+    unsafe fn columns(records: [*const f64; 4], k: usize) -> (__m256d, __m256d) {
+        // SAFETY: the caller's promise.
+        let [a, b, c, d] = unsafe { records.map(|record| _mm_loadu_pd(record.add(2 * k))) };
+        let ac = _mm256_insertf128_pd::<1>(_mm256_castpd128_pd256(a), c);
+        let bd = _mm256_insertf128_pd::<1>(_mm256_castpd128_pd256(b), d);
+        (_mm256_unpacklo_pd(ac, bd), _mm256_unpackhi_pd(ac, bd))
+    }
+
+    /// The arithmetic of `super::portable`, four candidates at a time.
+    #[target_feature(enable = "avx2")]
+    pub fn predict<const UNIFORM: bool>(query: &Query, out: &mut Delays) {
+        // 2^52 and 2^84 + 2^52, between which the halves of an integer are placed to be rounded as one.
+        const LOW: f64 = 4_503_599_627_370_496.0;
+        const HIGH: f64 = 19_342_813_118_337_666_422_669_312.0;
+        const HIGH_ALONE: f64 = 19_342_813_113_834_066_795_298_816.0;
+        let &Query { owner, radius, list, offsets, particles, classes, tick } = query;
+        let [ax, ay, az] = owner.position.to_array().map(|x| _mm256_set1_pd(x));
+        let [ux, uy, uz] = owner.velocity.to_array().map(|x| _mm256_set1_pd(x));
+        let own_time = _mm256_set1_epi64x(owner.time);
+        let tick = _mm256_set1_pd(tick);
+        let zero = _mm256_setzero_pd();
+        let infinity = _mm256_set1_pd(f64::INFINITY);
+        let minus = _mm256_set1_pd(-0.0);
+        let sigma = radius + radius;
+        let uniform = _mm256_set1_pd(sigma * sigma);
+        let (low_bits, high_bits) =
+            (_mm256_castpd_si256(_mm256_set1_pd(LOW)), _mm256_castpd_si256(_mm256_set1_pd(HIGH_ALONE)));
+        let high = _mm256_set1_pd(HIGH);
+        let mut hits = 0;
+        let list = &list[..list.len().min(MOST)];
+        for (place, (group, delays)) in list.chunks(4).zip(out.delay.chunks_exact_mut(4)).enumerate() {
+            // The last group is filled up with its first candidate, whose copies nobody looks at.
+            let entries: [Packed; 4] = match *group {
+                [a, b, c, d] => [a, b, c, d],
+                [a, b, c] => [a, b, c, a],
+                [a, b] => [a, b, a, a],
+                _ => [group[0]; 4],
+            };
+            let records = entries.map(|entry| &particles[entry.id() as usize]);
+            let pointers = records.map(|record| std::ptr::from_ref::<Particle>(record).cast::<f64>());
+            // SAFETY: a `Particle` is `repr(C)`: position, velocity, time, count and class, eight words together.
+            let ((bx, by), (bz, vx), (vy, vz), (time, _)) = unsafe {
+                (columns(pointers, 0), columns(pointers, 1), columns(pointers, 2), columns(pointers, 3))
+            };
+            let behind = _mm256_sub_epi64(own_time, _mm256_castpd_si256(time));
+            let negative = _mm256_cmpgt_epi64(_mm256_setzero_si256(), behind);
+            let ticks = _mm256_sub_epi64(_mm256_xor_si256(behind, negative), negative);
+            let upper = _mm256_or_si256(_mm256_srli_epi64::<32>(ticks), high_bits);
+            let lower = _mm256_blend_epi32::<0b1010_1010>(ticks, low_bits);
+            let ticks =
+                _mm256_add_pd(_mm256_sub_pd(_mm256_castsi256_pd(upper), high), _mm256_castsi256_pd(lower));
+            let dt = _mm256_mul_pd(ticks, tick);
+            let later = _mm256_castsi256_pd(negative);
+            let (dt_a, dt_b) = (_mm256_and_pd(later, dt), _mm256_andnot_pd(later, dt));
+            let separation = |a, u, b, v| {
+                let from = _mm256_add_pd(a, _mm256_mul_pd(u, dt_a));
+                _mm256_sub_pd(_mm256_add_pd(b, _mm256_mul_pd(v, dt_b)), from)
+            };
+            let mut rx = separation(ax, ux, bx, vx);
+            let mut ry = separation(ay, uy, by, vy);
+            let mut rz = separation(az, uz, bz, vz);
+            if entries.iter().any(|entry| entry.code() != 0) {
+                let shifts = entries.map(|entry| offsets.0[entry.code()].as_ptr());
+                // SAFETY: four words each.
+                let ((sx, sy), (sz, _)) = unsafe { (columns(shifts, 0), columns(shifts, 1)) };
+                rx = _mm256_add_pd(rx, sx);
+                ry = _mm256_add_pd(ry, sy);
+                rz = _mm256_add_pd(rz, sz);
+            }
+            let (vx, vy, vz) = (_mm256_sub_pd(vx, ux), _mm256_sub_pd(vy, uy), _mm256_sub_pd(vz, uz));
+            let sigma2 = if UNIFORM {
+                uniform
+            } else {
+                let [a, b, c, d] = records.map(|record| {
+                    let sigma = radius + classes[record.class()].radius;
+                    sigma * sigma
+                });
+                _mm256_set_pd(d, c, b, a)
+            };
+            let dot = |ax, ay, az, bx, by, bz| {
+                _mm256_add_pd(
+                    _mm256_add_pd(_mm256_mul_pd(ax, bx), _mm256_mul_pd(ay, by)),
+                    _mm256_mul_pd(az, bz),
+                )
+            };
+            let minor = |a, b, c, d| _mm256_sub_pd(_mm256_mul_pd(a, b), _mm256_mul_pd(c, d));
+            let b = dot(rx, ry, rz, vx, vy, vz);
+            let rr = dot(rx, ry, rz, rx, ry, rz);
+            let vv = dot(vx, vy, vz, vx, vy, vz);
+            let (cx, cy, cz) = (minor(ry, vz, vy, rz), minor(rz, vx, vz, rx), minor(rx, vy, vx, ry));
+            let cc = dot(cx, cy, cz, cx, cy, cz);
+            let gap = _mm256_sub_pd(rr, sigma2);
+            let disc = _mm256_sub_pd(_mm256_mul_pd(vv, sigma2), cc);
+            let approach = _mm256_xor_pd(b, minus);
+            let den = _mm256_sub_pd(_mm256_sqrt_pd(_mm256_max_pd(disc, zero)), b);
+            let beyond = _mm256_cmp_pd::<_CMP_GT_OQ>(_mm256_mul_pd(gap, vv), _mm256_mul_pd(approach, den));
+            let time =
+                _mm256_div_pd(_mm256_blendv_pd(gap, approach, beyond), _mm256_blendv_pd(den, vv, beyond));
+            let time = _mm256_blendv_pd(infinity, time, _mm256_cmp_pd::<_CMP_GE_OQ>(disc, zero));
+            let time = _mm256_blendv_pd(zero, time, _mm256_cmp_pd::<_CMP_GT_OQ>(gap, zero));
+            let delay = _mm256_blendv_pd(infinity, time, _mm256_cmp_pd::<_CMP_LT_OQ>(b, zero));
+            // SAFETY: four words; `Delays` is aligned to 32 bytes and the chunks start at multiples of that.
+            unsafe { _mm256_store_pd(delays.as_mut_ptr(), delay) };
+            let met = _mm256_movemask_pd(_mm256_cmp_pd::<_CMP_LT_OQ>(delay, infinity)) as u64;
+            hits |= met << (4 * place);
+        }
+        out.hits = if list.len() < MOST { hits & ((1 << list.len()) - 1) } else { hits };
+    }
+}
