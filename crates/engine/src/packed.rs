@@ -10,6 +10,7 @@ use haff_neighbors::{Offsets, Packed};
 use crate::{
     batch::{self, Kernel},
     particles::{ClassData, Particle},
+    predict::TOUCHING,
 };
 
 /// Candidates per call.
@@ -26,24 +27,37 @@ pub(crate) struct Query<'a> {
     pub offsets: &'a Offsets,
     pub particles: &'a [Particle],
     pub classes: &'a [ClassData],
-    /// Length of a tick [time].
+    /// Length of a tick [time], and ticks per time.
     pub tick: f64,
+    pub per_time: f64,
 }
 
 /// Result of a [`Query`].
 #[derive(Debug, Clone)]
 #[repr(C, align(32))]
 pub(crate) struct Delays {
-    /// Time from the later anchor to the contact [time], where there is one.
+    /// Time from the later anchor to the contact [time], infinite where there is none.
     pub delay: [f64; MOST],
+    /// The same from the owner's anchor, rounded [ticks].
+    about: [f64; MOST],
     /// Bit k is set where candidate k will be met.
     pub hits: u64,
+    /// The same for those hits alone that may be the first, in view of how `about` was rounded.
+    pub first: u64,
+    /// Whether some of the hits touch already, as far as positions can tell.
+    pub touching: bool,
 }
 
 impl Delays {
     pub fn new() -> Self {
-        Self { delay: [0.0; MOST], hits: 0 }
+        Self { delay: [0.0; MOST], about: [0.0; MOST], hits: 0, first: 0, touching: false }
     }
+}
+
+/// Latest rounded time [ticks] of an event that may come before one of the rounded time `least`.
+#[inline(always)]
+fn bound(least: f64) -> f64 {
+    least * (1.0 + 4.0 * f64::EPSILON) + 2.0
 }
 
 /// Predicts all candidates. `UNIFORM`: all have the owner's radius.
@@ -58,9 +72,11 @@ pub(crate) fn predict<const UNIFORM: bool>(kernel: Kernel, query: &Query, out: &
 }
 
 fn portable<const UNIFORM: bool>(query: &Query, out: &mut Delays) {
-    let &Query { owner: a, radius, list, offsets, particles, classes, tick } = query;
-    out.hits = 0;
-    for (k, (entry, delay)) in list.iter().zip(&mut out.delay).enumerate() {
+    let &Query { owner: a, radius, list, offsets, particles, classes, tick, per_time } = query;
+    (out.hits, out.first, out.touching) = (0, 0, false);
+    let mut least = f64::INFINITY;
+    for (k, (entry, (delay, about))) in list.iter().zip(out.delay.iter_mut().zip(&mut out.about)).enumerate()
+    {
         let b = &particles[entry.id() as usize];
         let behind = a.time.wrapping_sub(b.time);
         let (dt_a, dt_b) = ((-behind).max(0) as f64 * tick, behind.max(0) as f64 * tick);
@@ -71,26 +87,38 @@ fn portable<const UNIFORM: bool>(query: &Query, out: &mut Delays) {
         let shift = offsets.0[entry.code()];
         let r = (rb - ra).to_array();
         let v = (b.velocity - a.velocity).to_array();
-        *delay = batch::delay([r[0] + shift[0], r[1] + shift[1], r[2] + shift[2]], v, sigma * sigma);
-        out.hits |= u64::from(*delay < f64::INFINITY) << k;
+        let r = [r[0] + shift[0], r[1] + shift[1], r[2] + shift[2]];
+        *delay = batch::delay(r, v, sigma * sigma);
+        let hit = *delay < f64::INFINITY;
+        out.hits |= u64::from(hit) << k;
+        let rr = r[0] * r[0] + r[1] * r[1] + r[2] * r[2];
+        out.touching |= hit && rr <= sigma * sigma * (1.0 + TOUCHING);
+        *about = (-behind).max(0) as f64 + *delay * per_time;
+        least = least.min(*about);
     }
+    let bound = bound(least);
+    for (k, about) in out.about[..list.len().min(MOST)].iter().enumerate() {
+        out.first |= u64::from(*about <= bound) << k;
+    }
+    out.first &= out.hits;
 }
 
 #[cfg(target_arch = "x86_64")]
 mod avx2 {
     use std::arch::x86_64::{
-        __m256d, _CMP_GE_OQ, _CMP_GT_OQ, _CMP_LT_OQ, _mm_loadu_pd, _mm256_add_pd, _mm256_and_pd,
+        __m256d, _CMP_GE_OQ, _CMP_GT_OQ, _CMP_LE_OQ, _CMP_LT_OQ, _mm_loadu_pd, _mm256_add_pd, _mm256_and_pd,
         _mm256_andnot_pd, _mm256_blend_epi32, _mm256_blendv_pd, _mm256_castpd_si256, _mm256_castpd128_pd256,
-        _mm256_castsi256_pd, _mm256_cmp_pd, _mm256_cmpgt_epi64, _mm256_div_pd, _mm256_insertf128_pd,
-        _mm256_max_pd, _mm256_movemask_pd, _mm256_mul_pd, _mm256_or_si256, _mm256_set_pd, _mm256_set1_epi64x,
-        _mm256_set1_pd, _mm256_setzero_pd, _mm256_setzero_si256, _mm256_sqrt_pd, _mm256_srli_epi64,
-        _mm256_store_pd, _mm256_sub_epi64, _mm256_sub_pd, _mm256_unpackhi_pd, _mm256_unpacklo_pd,
-        _mm256_xor_pd, _mm256_xor_si256,
+        _mm256_castsi256_pd, _mm256_cmp_pd, _mm256_cmpgt_epi64, _mm256_cvtsd_f64, _mm256_div_pd,
+        _mm256_insertf128_pd, _mm256_load_pd, _mm256_max_pd, _mm256_min_pd, _mm256_movemask_pd,
+        _mm256_mul_pd, _mm256_or_pd, _mm256_or_si256, _mm256_permute_pd, _mm256_permute2f128_pd,
+        _mm256_set_pd, _mm256_set1_epi64x, _mm256_set1_pd, _mm256_setzero_pd, _mm256_setzero_si256,
+        _mm256_sqrt_pd, _mm256_srli_epi64, _mm256_store_pd, _mm256_sub_epi64, _mm256_sub_pd,
+        _mm256_unpackhi_pd, _mm256_unpacklo_pd, _mm256_xor_pd, _mm256_xor_si256,
     };
 
     use haff_neighbors::Packed;
 
-    use super::{Delays, MOST, Query};
+    use super::{Delays, MOST, Query, TOUCHING, bound};
     use crate::particles::Particle;
 
     /// Loads words 2k and 2k + 1 of four records and transposes them.
@@ -115,11 +143,11 @@ mod avx2 {
         const LOW: f64 = 4_503_599_627_370_496.0;
         const HIGH: f64 = 19_342_813_118_337_666_422_669_312.0;
         const HIGH_ALONE: f64 = 19_342_813_113_834_066_795_298_816.0;
-        let &Query { owner, radius, list, offsets, particles, classes, tick } = query;
+        let &Query { owner, radius, list, offsets, particles, classes, tick, per_time } = query;
         let [ax, ay, az] = owner.position.to_array().map(|x| _mm256_set1_pd(x));
         let [ux, uy, uz] = owner.velocity.to_array().map(|x| _mm256_set1_pd(x));
         let own_time = _mm256_set1_epi64x(owner.time);
-        let tick = _mm256_set1_pd(tick);
+        let (tick, per_time) = (_mm256_set1_pd(tick), _mm256_set1_pd(per_time));
         let zero = _mm256_setzero_pd();
         let infinity = _mm256_set1_pd(f64::INFINITY);
         let minus = _mm256_set1_pd(-0.0);
@@ -128,15 +156,16 @@ mod avx2 {
         let (low_bits, high_bits) =
             (_mm256_castpd_si256(_mm256_set1_pd(LOW)), _mm256_castpd_si256(_mm256_set1_pd(HIGH_ALONE)));
         let high = _mm256_set1_pd(HIGH);
-        let mut hits = 0;
+        let touch = _mm256_set1_pd(1.0 + TOUCHING);
+        let (mut hits, mut touching, mut least) = (0, zero, infinity);
         let list = &list[..list.len().min(MOST)];
-        for (place, (group, delays)) in list.chunks(4).zip(out.delay.chunks_exact_mut(4)).enumerate() {
-            // The last group is filled up with its first candidate, whose copies nobody looks at.
-            let entries: [Packed; 4] = match *group {
-                [a, b, c, d] => [a, b, c, d],
-                [a, b, c] => [a, b, c, a],
-                [a, b] => [a, b, a, a],
-                _ => [group[0]; 4],
+        let mut start = 0;
+        while start < list.len() {
+            let entries: [Packed; 4] = if let Some(group) = list[start..].first_chunk() {
+                *group
+            } else {
+                // The last group is filled up with its first candidate, whose copies nobody looks at.
+                std::array::from_fn(|k| list[if start + k < list.len() { start + k } else { start }])
             };
             let records = entries.map(|entry| &particles[entry.id() as usize]);
             let pointers = records.map(|record| std::ptr::from_ref::<Particle>(record).cast::<f64>());
@@ -161,7 +190,7 @@ mod avx2 {
             let mut rx = separation(ax, ux, bx, vx);
             let mut ry = separation(ay, uy, by, vy);
             let mut rz = separation(az, uz, bz, vz);
-            if entries.iter().any(|entry| entry.code() != 0) {
+            if Packed::any_image(entries) {
                 let shifts = entries.map(|entry| offsets.0[entry.code()].as_ptr());
                 // SAFETY: four words each.
                 let ((sx, sy), (sz, _)) = unsafe { (columns(shifts, 0), columns(shifts, 1)) };
@@ -201,11 +230,29 @@ mod avx2 {
             let time = _mm256_blendv_pd(infinity, time, _mm256_cmp_pd::<_CMP_GE_OQ>(disc, zero));
             let time = _mm256_blendv_pd(zero, time, _mm256_cmp_pd::<_CMP_GT_OQ>(gap, zero));
             let delay = _mm256_blendv_pd(infinity, time, _mm256_cmp_pd::<_CMP_LT_OQ>(b, zero));
-            // SAFETY: four words; `Delays` is aligned to 32 bytes and the chunks start at multiples of that.
-            unsafe { _mm256_store_pd(delays.as_mut_ptr(), delay) };
-            let met = _mm256_movemask_pd(_mm256_cmp_pd::<_CMP_LT_OQ>(delay, infinity)) as u64;
-            hits |= met << (4 * place);
+            // SAFETY: four words; `Delays` is aligned to 32 bytes, and `start` is a multiple of four.
+            unsafe { _mm256_store_pd(out.delay[start..start + 4].as_mut_ptr(), delay) };
+            let met = _mm256_cmp_pd::<_CMP_LT_OQ>(delay, infinity);
+            hits |= (_mm256_movemask_pd(met) as u64) << start;
+            let close = _mm256_cmp_pd::<_CMP_LE_OQ>(rr, _mm256_mul_pd(sigma2, touch));
+            touching = _mm256_or_pd(touching, _mm256_and_pd(met, close));
+            let about = _mm256_add_pd(_mm256_and_pd(later, ticks), _mm256_mul_pd(delay, per_time));
+            least = _mm256_min_pd(least, about);
+            // SAFETY: as above.
+            unsafe { _mm256_store_pd(out.about[start..start + 4].as_mut_ptr(), about) };
+            start += 4;
+        }
+        out.touching = _mm256_movemask_pd(touching) != 0;
+        let least = _mm256_min_pd(least, _mm256_permute2f128_pd::<1>(least, least));
+        let least = _mm256_min_pd(least, _mm256_permute_pd::<0b0101>(least));
+        let bound = _mm256_set1_pd(bound(_mm256_cvtsd_f64(least)));
+        let mut first = 0;
+        for start in (0..list.len()).step_by(4) {
+            // SAFETY: as above.
+            let about = unsafe { _mm256_load_pd(out.about[start..start + 4].as_ptr()) };
+            first |= (_mm256_movemask_pd(_mm256_cmp_pd::<_CMP_LE_OQ>(about, bound)) as u64) << start;
         }
         out.hits = if list.len() < MOST { hits & ((1 << list.len()) - 1) } else { hits };
+        out.first = first & out.hits;
     }
 }

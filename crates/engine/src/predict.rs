@@ -5,7 +5,7 @@ use haff_neighbors::{Flight, Offsets, Packed, Search, Shift};
 
 use crate::{
     batch::{Batch, Kernel, LANES},
-    clock::{HORIZON, whole},
+    clock::{HORIZON, LONGEST, whole},
     entry::{Entry, Kind, Target},
     machine::{Features, Pending},
     packed::{self, Delays, Query},
@@ -60,8 +60,11 @@ struct Earliest {
 impl Earliest {
     #[inline]
     fn offer(&mut self, time: i64, target: Target, partner_count: u32) {
+        if time > self.entry.time {
+            return;
+        }
         let entry = Entry { time, target, partner_count, ..self.entry };
-        if entry < self.entry {
+        if time < self.entry.time || entry < self.entry {
             self.entry = entry;
         }
     }
@@ -69,7 +72,7 @@ impl Earliest {
     /// Offers an event `delay` [ticks] after `from`.
     #[inline]
     fn offer_after(&mut self, from: i64, delay: f64, kind: Kind, partner_count: u32) {
-        if delay <= HORIZON {
+        if delay <= LONGEST {
             self.offer(from + whole(delay), Target::new(kind), partner_count);
         } else {
             self.far = true;
@@ -94,12 +97,13 @@ pub(crate) fn foresee<F: Features, S: Search>(
         Entry { time: i64::MAX, owner: i, target: Target::new(Kind::Renewal), own_count, partner_count: 0 };
     let mut earliest = Earliest { entry: nothing, far: false };
 
-    let position = |k: u32| world.flight::<F>(k, world.now).0;
-    let owner = Owner::of::<F>(world, i);
-    let packed = if F::GRAVITY || scope != Scope::All || !owner.movable { None } else { search.packed(i) };
+    let movable = F::UNIFORM || world.class(i).inverse_mass != 0.0;
+    let packed = if F::GRAVITY || scope != Scope::All || !movable { None } else { search.packed(i) };
     if let (Some(list), Some(offsets)) = (packed, search.offsets()) {
         meet_packed::<F>(world, i, list, offsets, scratch, &mut earliest);
     } else {
+        let position = |k: u32| world.flight::<F>(k, world.now).0;
+        let owner = Owner::of::<F>(world, i);
         let visit = |j: u32, shift: Shift| gather::<F>(world, &owner, j, shift, scratch, &mut earliest);
         match scope {
             Scope::All => search.candidates(i, position, visit),
@@ -326,30 +330,31 @@ fn meet_packed<F: Features>(
             particles: &world.particles,
             classes: &world.classes,
             tick: world.clock.tick,
+            per_time: world.clock.per_time,
         };
         if F::UNIFORM {
             packed::predict::<true>(scratch.kernel, &query, delays);
         } else {
             packed::predict::<false>(scratch.kernel, &query, delays);
         }
-        let mut hits = delays.hits;
-        while hits != 0 {
-            let k = hits.trailing_zeros() as usize;
-            hits &= hits - 1;
-            let partner = &world.particles[list[k].id() as usize];
+        let mut first = delays.first;
+        if delays.touching {
+            first = delays.hits;
+        }
+        while first != 0 {
+            let k = first.trailing_zeros() as usize % packed::MOST;
+            first &= first - 1;
             let delay = delays.delay[k] * world.clock.per_time;
-            let from = owner.time.max(partner.time);
-            if delay > HORIZON {
+            if delay > LONGEST {
                 earliest.far = true;
-            } else if from + whole(delay) <= earliest.entry.time
-                && !is_packed_echo::<F>(world, owner, radius, list[k], offsets)
-            {
-                earliest.offer(
-                    from + whole(delay),
-                    Target::new(Kind::Collision(list[k].id())),
-                    partner.count,
-                );
+                continue;
             }
+            let (id, partner) = (list[k].id(), &world.particles[list[k].id() as usize]);
+            if delays.touching && is_packed_echo::<F>(world, owner, radius, list[k], offsets) {
+                continue;
+            }
+            let time = owner.time.max(partner.time) + whole(delay);
+            earliest.offer(time, Target::new(Kind::Collision(id)), partner.count);
         }
     }
 }
@@ -379,7 +384,7 @@ fn is_packed_echo<F: Features>(
 }
 
 /// A pair closer than this, relative to σ², touches as far as positions can tell.
-const TOUCHING: f64 = 64.0 * f64::EPSILON;
+pub(crate) const TOUCHING: f64 = 64.0 * f64::EPSILON;
 
 /// Whether a contact is only the echo of an impact with e = 0: the pair touches, and approaches no faster than the
 /// rounding of its velocities.

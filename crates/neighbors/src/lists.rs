@@ -59,7 +59,6 @@ pub struct Lists {
     /// What the last transfer has brought near.
     fresh: Vec<(u32, Shift)>,
     found: Vec<(u32, Shift)>,
-    old: Vec<(u32, Shift)>,
     walls: WallTable,
 }
 
@@ -88,13 +87,13 @@ impl Lists {
         let radius = if self.radii.is_empty() { 0.5 * self.reach } else { self.radii[i as usize] };
         let range = |largest: f64| (radius + largest + 2.0 * self.half) * MARGIN * MARGIN + 2.0 * self.slack;
         let uniform = self.cutoff2(i, i);
-        self.bins.near(own.position, range, |j, d| {
+        self.bins.near(own.position, range, |j, d, offset| {
             let other = &self.bins.points[j as usize];
             let mut distance2 = 0.0;
             for axis in 0..3 {
                 let r = other.position[axis] - own.position[axis];
                 // The same bits from either partner: negation is exact.
-                let r = r + f64::from(d[axis]) * self.lengths[axis];
+                let r = r + offset[axis];
                 distance2 += r * r;
             }
             let cutoff2 = if self.radii.is_empty() { uniform } else { self.cutoff2(i, j) };
@@ -145,24 +144,26 @@ impl Lists {
         self.words[place] = Packed::from_word(free | SPILLED);
     }
 
-    /// Adds an entry to the list of i.
-    fn add(&mut self, i: u32, j: u32, shift: Shift) {
+    /// Adds an entry to the list of i; true if the list has spilled because of it.
+    fn add(&mut self, i: u32, j: u32, shift: Shift) -> bool {
         let place = self.place(i);
         let header = self.words[place].word();
         if header & SPILLED != 0 {
             self.spilled[(header & !SPILLED) as usize].push((j, shift));
-            return;
+            return false;
         }
         match Packed::new(j, shift) {
             Some(entry) if (header as usize) < self.stride - 1 => {
                 self.words[place + 1 + header as usize] = entry;
                 self.words[place] = Packed::from_word(header + 1);
+                false
             }
             _ => {
                 let mut list = Vec::with_capacity(header as usize + 8);
                 self.visit(i, |j, shift| list.push((j, shift)));
                 list.push((j, shift));
                 self.spill(i, list);
+                true
             }
         }
     }
@@ -184,6 +185,47 @@ impl Lists {
             list[at] = list[list.len() - 1];
             self.words[place] = Packed::from_word(header - 1);
         }
+    }
+
+    /// Makes `new`, header and entries, the list of i, and puts right the lists of the partners lost and won.
+    fn replace_packed(&mut self, i: u32, new: &[Packed; MAX_WORDS]) {
+        let place = self.place(i);
+        let mut old = [Packed::default(); MAX_WORDS];
+        let (old, new) = (&mut old[..self.stride], &new[..self.stride]);
+        old.copy_from_slice(&self.words[place..place + self.stride]);
+        self.words[place..place + self.stride].copy_from_slice(new);
+        let (old, new) = (&old[1..=old[0].word() as usize], &new[1..=new[0].word() as usize]);
+        for entry in old.iter().filter(|entry| !contains(new, **entry)) {
+            self.remove(entry.id(), i, entry.shift().map(|s| -s));
+        }
+        self.fresh.clear();
+        let mut spilled = false;
+        for entry in new.iter().filter(|entry| !contains(old, **entry)) {
+            self.fresh.push((entry.id(), entry.shift()));
+            spilled |= self.add(entry.id(), i, entry.shift().map(|s| -s));
+        }
+        if spilled {
+            self.grow();
+        }
+    }
+
+    /// The same for lists of any length.
+    #[cold]
+    fn replace(&mut self, i: u32, new: &mut [(u32, Shift)]) {
+        let mut old = Vec::new();
+        self.visit(i, |j, shift| old.push((j, shift)));
+        difference(&mut old, new, |(j, shift)| {
+            self.remove(j, i, shift.map(|s| -s));
+        });
+        let mut fresh = std::mem::take(&mut self.fresh);
+        fresh.clear();
+        difference(new, &mut old, |entry| fresh.push(entry));
+        for &(j, shift) in &fresh {
+            self.add(j, i, shift.map(|s| -s));
+        }
+        self.fresh = fresh;
+        self.set(i, new);
+        self.grow();
     }
 
     /// Gives every list more room if many have spilled.
@@ -231,6 +273,12 @@ fn write(words: &mut [Packed], list: &[(u32, Shift)]) -> bool {
     true
 }
 
+/// Whether a list has this entry; without an early end, so that whole vectors are compared.
+#[inline]
+fn contains(list: &[Packed], entry: Packed) -> bool {
+    list.iter().fold(false, |found, other| found | (other.word() == entry.word()))
+}
+
 /// Calls `visit` for every entry of `list` that is not in `other`. Both may be put into another order.
 fn difference(list: &mut [(u32, Shift)], other: &mut [(u32, Shift)], mut visit: impl FnMut((u32, Shift))) {
     if list.len().max(other.len()) <= MANY {
@@ -262,7 +310,6 @@ impl Search for Lists {
             offsets: Offsets::new(geometry.size),
             fresh: Vec::new(),
             found: Vec::new(),
-            old: Vec::new(),
             walls: WallTable::default(),
         };
         if let Some(level) = lists.bins.levels.last() {
@@ -325,14 +372,13 @@ impl Search for Lists {
         Some(&self.offsets)
     }
 
-    #[inline]
+    #[inline(always)]
     fn walls(&self, i: u32) -> &[u16] {
-        match self.bins.levels.last() {
-            Some(level) if !self.walls.is_empty() => {
-                self.walls.of(self.bins.bin(level, self.bins.points[i as usize].position))
-            }
-            _ => &[],
+        if self.walls.is_empty() {
+            return &[];
         }
+        let level = &self.bins.levels[self.bins.levels.len() - 1];
+        self.walls.of(self.bins.bin(level, self.bins.points[i as usize].position))
     }
 
     #[inline]
@@ -354,22 +400,16 @@ impl Search for Lists {
     }
 
     fn transfer(&mut self, i: u32, _code: u8, flight: &Flight) {
-        let mut old = std::mem::take(&mut self.old);
         let mut found = std::mem::take(&mut self.found);
-        let mut fresh = std::mem::take(&mut self.fresh);
-        old.clear();
-        fresh.clear();
-        self.visit(i, |j, shift| old.push((j, shift)));
         self.bins.set(i, flight.position);
         self.find(i, &mut found);
-        difference(&mut old, &mut found, |(j, shift)| self.remove(j, i, shift.map(|s| -s)));
-        difference(&mut found, &mut old, |entry| fresh.push(entry));
-        for &(j, shift) in &fresh {
-            self.add(j, i, shift.map(|s| -s));
+        let mut new = [Packed::default(); MAX_WORDS];
+        if self.packed(i).is_some() && write(&mut new[..self.stride], &found) {
+            self.replace_packed(i, &new);
+        } else {
+            self.replace(i, &mut found);
         }
-        self.set(i, &found);
-        (self.old, self.found, self.fresh) = (old, found, fresh);
-        self.grow();
+        self.found = found;
     }
 
     fn rewrap(&mut self, i: u32, wraps: [i32; 3]) {

@@ -43,6 +43,12 @@ impl Packed {
         (self.0 >> ID_BITS) as usize
     }
 
+    /// Whether one of four is not the particle itself but an image.
+    #[inline(always)]
+    pub fn any_image([a, b, c, d]: [Self; 4]) -> bool {
+        (a.0 | b.0 | c.0 | d.0) >> ID_BITS != 0
+    }
+
     /// The image.
     #[inline]
     pub fn shift(self) -> Shift {
