@@ -276,16 +276,32 @@ impl<E: Event> Calendar<E> for Ladder<E> {
         }
     }
 
-    fn next_time(&mut self) -> Option<i64> {
+    #[inline]
+    fn peek(&mut self) -> Option<&E> {
         if self.run.is_empty() && self.late.is_empty() && !self.advance() {
             return None;
         }
-        let run = self.run.last().map(Event::time);
-        let late = self.late.peek().map(|late| late.0.time());
-        match (run, late) {
-            (Some(a), Some(b)) => Some(a.min(b)),
-            (a, b) => a.or(b),
+        match (self.run.last(), self.late.peek()) {
+            (Some(run), Some(Reverse(late))) => Some(run.min(late)),
+            (run, late) => run.or(late.map(|late| &late.0)),
         }
+    }
+
+    #[inline(always)]
+    fn upcoming(&self, mut ahead: usize) -> Option<&E> {
+        if let Some(at) = self.run.len().checked_sub(ahead + 1) {
+            return Some(&self.run[at]);
+        }
+        ahead -= self.run.len();
+        // The next buckets are not sorted yet, but they come in this order.
+        for bucket in 1..4 {
+            let bucket = &self.fine[((self.fine_now + bucket) & ((1 << self.fine_bits) - 1)) as usize];
+            if let Some(event) = bucket.get(ahead) {
+                return Some(event);
+            }
+            ahead -= bucket.len();
+        }
+        None
     }
 
     fn clear(&mut self) {

@@ -31,8 +31,14 @@ pub trait Calendar<E: Event> {
     fn push(&mut self, event: E);
     /// Takes the least event if its time is at most `limit`.
     fn pop_until(&mut self, limit: i64) -> Option<E>;
+    /// The least event.
+    fn peek(&mut self) -> Option<&E>;
     /// Time of the least event.
-    fn next_time(&mut self) -> Option<i64>;
+    fn next_time(&mut self) -> Option<i64> {
+        self.peek().map(Event::time)
+    }
+    /// An event that will be taken `ahead` events from now or thereabouts; a hint, and `None` where that is not at hand.
+    fn upcoming(&self, ahead: usize) -> Option<&E>;
     /// Removes every event.
     fn clear(&mut self);
     /// Number of events held, void ones among them.

@@ -9,7 +9,7 @@ entry leaves exactly one successor.
 use std::{collections::BTreeMap, marker::PhantomData};
 
 use haff_calendar::{Calendar, Ladder};
-use haff_neighbors::{Geometry, Search};
+use haff_neighbors::{Geometry, Search, prefetch};
 use rayon::prelude::*;
 
 use crate::{
@@ -70,6 +70,13 @@ const STALL_SPAN: i64 = 1 << 10;
 const STALL_EVENTS: u64 = 100_000;
 const STALL_EVENTS_PER_PARTICLE: u64 = 10;
 
+/// From this many particles on the memory of events to come is asked for ahead of time.
+const MANY: usize = 10_000;
+/// Of the event so many entries ahead, particles and lists are asked for, …
+const FAR_AHEAD: usize = 10;
+/// … and of this nearer one those in the lists. Two or three entries are taken for each event.
+const NEARLY_DUE: usize = 4;
+
 /// A compiled engine, behind one virtual call per slice of events.
 pub(crate) trait Engine: Send {
     /// Searches and predicts everything afresh.
@@ -102,6 +109,8 @@ pub(crate) struct Machine<F, S> {
     /// Entries of one and the same tick, latest rank first, while several of them are due.
     ties: Vec<Entry>,
     scratch: Scratch,
+    /// Whether the particles are too many for the cache.
+    looks_ahead: bool,
     stall_since: i64,
     stall_events: u64,
     features: PhantomData<F>,
@@ -118,6 +127,7 @@ impl<F: Features, S: Search + 'static> Machine<F, S> {
             memory: vec![NO_MEMORY; particles],
             ties: Vec::new(),
             scratch: Scratch::new(kernel),
+            looks_ahead: particles >= MANY,
             stall_since: i64::MIN,
             stall_events: 0,
             features: PhantomData,
@@ -125,7 +135,7 @@ impl<F: Features, S: Search + 'static> Machine<F, S> {
     }
 
     /// Predicts particle i and enters its next event.
-    #[inline]
+    #[inline(always)]
     fn schedule(&mut self, state: &State, i: u32, scope: Scope) {
         let memory = if scope == Scope::All { NO_MEMORY } else { self.memory[i as usize] };
         let (entry, memory) =
@@ -139,7 +149,7 @@ impl<F: Features, S: Search + 'static> Machine<F, S> {
     }
 
     /// The next entry that is neither void nor stale, up to `limit`.
-    #[inline]
+    #[inline(always)]
     fn next(&mut self, state: &mut State, limit: i64) -> Option<Entry> {
         loop {
             if !self.ties.is_empty() {
@@ -151,13 +161,26 @@ impl<F: Features, S: Search + 'static> Machine<F, S> {
                 }
             }
             let entry = self.calendar.pop_until(limit)?;
+            self.look_ahead(state);
             if state.world.particles[entry.owner as usize].count != entry.own_count {
                 state.book.counters.dropped += 1;
                 continue;
             }
-            if self.calendar.next_time() == Some(entry.time) {
-                self.ties.push(entry);
-                continue;
+            if let Some(next) = self.calendar.peek()
+                && next.time == entry.time
+            {
+                // Usually the partner's entry for the same collision, and nothing else. It will be void, unless the partner
+                // is a body of infinite mass, whose entry must find its successor.
+                let movable = |i: u32| F::UNIFORM || state.world.class(i).inverse_mass != 0.0;
+                if next.mirrors(&entry) && movable(entry.owner) && movable(next.owner) {
+                    self.calendar.pop_until(limit);
+                    self.look_ahead(state);
+                    state.book.counters.dropped += 1;
+                }
+                if self.calendar.next_time() == Some(entry.time) {
+                    self.ties.push(entry);
+                    continue;
+                }
             }
             if is_stale(&state.world, &entry) {
                 self.renew(state, entry);
@@ -194,7 +217,7 @@ impl<F: Features, S: Search + 'static> Machine<F, S> {
                 true
             });
             if changed {
-                self.ties.sort_unstable_by(|a, b| b.cmp(a));
+                self.ties.sort_unstable_by(|a, b| (b.rank(), b).cmp(&(a.rank(), a)));
             }
             if stale.is_empty() {
                 break;
@@ -207,14 +230,28 @@ impl<F: Features, S: Search + 'static> Machine<F, S> {
     }
 
     /// Predicts afresh the particle whose partner has collided since.
-    #[inline]
+    #[inline(always)]
     fn renew(&mut self, state: &mut State, entry: Entry) {
         state.world.now = state.world.now.max(entry.time);
         state.book.counters.stale += 1;
         self.schedule(state, entry.owner, Scope::All);
     }
 
+    /// [`Self::run`], compiled with 256-bit vectors, so that the kernel is entered without a change of instruction set
+    /// and scalar code has three-operand instructions.
+    #[cfg(target_arch = "x86_64")]
+    #[target_feature(enable = "avx2")]
+    fn run_avx2<const EVENTS: bool>(
+        &mut self,
+        state: &mut State,
+        limit: &mut Limit,
+        observer: &mut dyn Observer,
+    ) -> Result<Stop, EngineError> {
+        self.run::<EVENTS>(state, limit, observer)
+    }
+
     /// Runs the events; `EVENTS` tells whether the observer wants rows.
+    #[inline(always)]
     fn run<const EVENTS: bool>(
         &mut self,
         state: &mut State,
@@ -280,8 +317,37 @@ impl<F: Features, S: Search + 'static> Machine<F, S> {
         Ok(stop)
     }
 
+    /// Asks for the memory of events to come: first the particles and their lists, later those that stand in these.
+    #[inline(always)]
+    fn look_ahead(&self, state: &State) {
+        if !self.looks_ahead {
+            return;
+        }
+        if let Some(entry) = self.calendar.upcoming(FAR_AHEAD) {
+            prefetch(&state.world.particles[entry.owner as usize]);
+            self.search.prefetch(entry.owner);
+            if let Kind::Collision(j) = entry.target.kind() {
+                prefetch(&state.world.particles[j as usize]);
+                self.search.prefetch(j);
+            }
+        }
+        if let Some(entry) = self.calendar.upcoming(NEARLY_DUE) {
+            let neighbors = |i: u32| {
+                for entry in self.search.packed(i).unwrap_or_default() {
+                    prefetch(&state.world.particles[entry.id() as usize]);
+                }
+            };
+            neighbors(entry.owner);
+            if let Kind::Collision(j) = entry.target.kind()
+                && !self.calendar.upcoming(NEARLY_DUE + 1).is_some_and(|next| next.mirrors(entry))
+            {
+                neighbors(j);
+            }
+        }
+    }
+
     /// Wraps the anchor of a particle that has just collided, and tells the search.
-    #[inline]
+    #[inline(always)]
     fn follow(&mut self, state: &mut State, i: u32) {
         let wraps = state.world.wrap_anchor(i);
         if wraps != [0; 3] {
@@ -290,7 +356,7 @@ impl<F: Features, S: Search + 'static> Machine<F, S> {
     }
 
     /// Notices when time stands still.
-    #[inline]
+    #[inline(always)]
     fn watch(&mut self, state: &State, entry: &Entry) -> Result<(), EngineError> {
         self.stall_events += 1;
         if entry.time.saturating_sub(self.stall_since) >= STALL_SPAN {
@@ -370,10 +436,12 @@ impl<F: Features, S: Search + 'static> Engine for Machine<F, S> {
         limit: &mut Limit,
         observer: &mut dyn Observer,
     ) -> Result<Stop, EngineError> {
-        if observer.wants_events() {
-            self.run::<true>(state, limit, observer)
-        } else {
-            self.run::<false>(state, limit, observer)
+        match (observer.wants_events(), self.scratch.kernel()) {
+            (true, _) => self.run::<true>(state, limit, observer),
+            (false, Kernel::Portable) => self.run::<false>(state, limit, observer),
+            #[cfg(target_arch = "x86_64")]
+            // SAFETY: `Kernel::Avx2` is made by `Kernel::choose` alone, after it has found the feature.
+            (false, Kernel::Avx2) => unsafe { self.run_avx2::<false>(state, limit, observer) },
         }
     }
 }

@@ -1,11 +1,12 @@
 //! Particles as the engine keeps them: one cache line each, and tables of what they have in common.
 
 use glam::DVec3;
+use haff_neighbors::roomy;
 
 use crate::{
     clock::Clock,
     machine::{Features, With},
-    model::{Boundary, Restitution, System, Wall},
+    model::{Body, Boundary, Restitution, System, Wall},
 };
 
 /// The hot record, one cache line: the *anchor* of a particle, which is its state at its last own event.
@@ -25,6 +26,11 @@ pub(crate) struct Particle {
 const RESTING: u32 = 1 << 31;
 
 impl Particle {
+    /// A particle that rests on nothing and has had no events, as of `time` [ticks].
+    pub fn at(position: DVec3, velocity: DVec3, time: i64, class: u32) -> Self {
+        Self { position, velocity, time, count: 0, class }
+    }
+
     #[inline(always)]
     pub fn class(&self) -> usize {
         (self.class & !RESTING) as usize
@@ -77,19 +83,12 @@ pub(crate) struct World {
 
 impl World {
     pub fn new(system: &System, exponent: i32) -> Self {
+        let mut particles = roomy(system.bodies.len());
+        let anchor = |body: &Body| Particle::at(body.position, body.velocity, 0, body.class);
+        particles.extend(system.bodies.iter().map(anchor));
         let mut world = Self {
             clock: Clock::new(exponent),
-            particles: system
-                .bodies
-                .iter()
-                .map(|body| Particle {
-                    position: body.position,
-                    velocity: body.velocity,
-                    time: 0,
-                    count: 0,
-                    class: body.class,
-                })
-                .collect(),
+            particles,
             images: system.bodies.iter().map(|body| body.image).collect(),
             classes: system
                 .classes

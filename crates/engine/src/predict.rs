@@ -64,7 +64,7 @@ impl Earliest {
             return;
         }
         let entry = Entry { time, target, partner_count, ..self.entry };
-        if time < self.entry.time || entry < self.entry {
+        if time < self.entry.time || entry.rank() < self.entry.rank() {
             self.entry = entry;
         }
     }
@@ -81,7 +81,7 @@ impl Earliest {
 }
 
 /// Next event of particle i, as seen at `now`; with the best physical one, if a transfer comes first.
-#[inline]
+#[inline(always)]
 pub(crate) fn foresee<F: Features, S: Search>(
     world: &World,
     search: &S,
@@ -150,7 +150,7 @@ pub(crate) fn foresee<F: Features, S: Search>(
 }
 
 /// Flight of particle i from where it is now.
-#[inline]
+#[inline(always)]
 pub(crate) fn flight<F: Features>(world: &World, i: u32) -> Flight {
     let (position, velocity) = world.flight::<F>(i, world.now);
     let acceleration = if F::GRAVITY { world.acceleration(i) } else { DVec3::ZERO };
@@ -308,7 +308,7 @@ fn flush<F: Features>(world: &World, i: u32, scratch: &mut Scratch, earliest: &m
 }
 
 /// Offers the earliest contact of particle i, movable and without acceleration, with the candidates of a list.
-#[inline]
+#[inline(always)]
 fn meet_packed<F: Features>(
     world: &World,
     i: u32,
@@ -332,10 +332,12 @@ fn meet_packed<F: Features>(
             tick: world.clock.tick,
             per_time: world.clock.per_time,
         };
-        if F::UNIFORM {
-            packed::predict::<true>(scratch.kernel, &query, delays);
-        } else {
-            packed::predict::<false>(scratch.kernel, &query, delays);
+        // No anchor is later than now.
+        match (F::UNIFORM, owner.time == world.now) {
+            (true, true) => packed::predict::<true, true>(scratch.kernel, &query, delays),
+            (true, false) => packed::predict::<true, false>(scratch.kernel, &query, delays),
+            (false, true) => packed::predict::<false, true>(scratch.kernel, &query, delays),
+            (false, false) => packed::predict::<false, false>(scratch.kernel, &query, delays),
         }
         let mut first = delays.first;
         if delays.touching {
@@ -360,7 +362,7 @@ fn meet_packed<F: Features>(
 }
 
 /// [`is_echo`] for a candidate of a list.
-#[inline]
+#[cold]
 fn is_packed_echo<F: Features>(
     world: &World,
     owner: &Particle,

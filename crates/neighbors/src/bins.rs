@@ -1,6 +1,6 @@
 //! Points on grids, one grid per range of sizes: who is within a distance of a point.
 
-use crate::{Axis, Geometry, Shift, cells::grid};
+use crate::{Axis, Geometry, Shift, cells::grid, memory::roomy};
 
 /// No particle.
 const NONE: u32 = u32::MAX;
@@ -82,7 +82,9 @@ impl Bins {
             let inverse = width.map(|width| 1.0 / width);
             bins.levels.push(Level { n, width, inverse, head: vec![NONE; bins_of_level], radius });
         }
-        bins.points = positions.iter().map(|position| bins.point(*position)).collect();
+        let mut points = roomy(positions.len());
+        points.extend(positions.iter().map(|position| bins.point(*position)));
+        bins.points = points;
         for i in 0..positions.len() as u32 {
             bins.insert(i);
         }
@@ -113,7 +115,7 @@ impl Bins {
     /// Unfolded bin coordinate along an axis.
     #[inline]
     fn coordinate(level: &Level, axis: usize, x: f64) -> i64 {
-        (x * level.inverse[axis]).floor() as i64
+        floor(x * level.inverse[axis])
     }
 
     /// Index of the bin of a point.
@@ -198,25 +200,59 @@ impl Bins {
                     }
                 }
             }
-            let fold = |axis: usize, c: i64| -> (usize, i32) {
+            // Bins that the search runs through along x and y are folded once; most searches need no more than this.
+            let reach2 = range * range;
+            let fold = |axis: usize, c: i64| -> Bin {
+                let (width, place) = (level.width[axis], from[axis]);
+                // Along an open axis a bin stands for others too, and the outermost ones for all beyond.
+                let exact = match self.axes[axis] {
+                    Axis::Periodic => true,
+                    Axis::Bounded => c > 0 && c < i64::from(level.n[axis]) - 1,
+                    Axis::Open | Axis::Flat => false,
+                };
+                let gap = if exact {
+                    (c as f64 * width - place).max(place - (c + 1) as f64 * width).max(0.0)
+                } else {
+                    0.0
+                };
                 let n = i64::from(level.n[axis]);
-                if (0..n).contains(&c) {
-                    return (c as usize, 0);
+                let (cell, image) = if (0..n).contains(&c) {
+                    (c, 0)
+                } else {
+                    let image = if self.axes[axis] == Axis::Periodic { c.div_euclid(n) as i32 } else { 0 };
+                    (c.rem_euclid(n), image)
+                };
+                Bin {
+                    cell: cell as usize,
+                    image,
+                    offset: f64::from(image) * self.lengths[axis],
+                    gap2: gap * gap,
                 }
-                let image = if self.axes[axis] == Axis::Periodic { c.div_euclid(n) as i32 } else { 0 };
-                (c.rem_euclid(n) as usize, image)
+            };
+            let mut folded = [[Bin::default(); FOLDED]; 2];
+            for axis in 0..2 {
+                for (bin, c) in folded[axis].iter_mut().zip(low[axis]..=high[axis]) {
+                    *bin = fold(axis, c);
+                }
+            }
+            let bin = |axis: usize, c: i64| {
+                let place = (c - low[axis]) as usize;
+                if place < FOLDED { folded[axis][place] } else { fold(axis, c) }
             };
             for z in low[2]..=high[2] {
-                let (cz, dz) = fold(2, z);
+                let z = fold(2, z);
                 for y in low[1]..=high[1] {
-                    let (cy, dy) = fold(1, y);
+                    let y = bin(1, y);
+                    let row = index(level, [0, y.cell, z.cell]);
+                    let left2 = reach2 - y.gap2 - z.gap2;
                     for x in low[0]..=high[0] {
-                        let (cx, dx) = fold(0, x);
-                        let image = [dx, dy, dz];
-                        let offset = [0, 1, 2].map(|axis| f64::from(image[axis]) * self.lengths[axis]);
-                        let mut j = level.head[index(level, [cx, cy, cz])];
+                        let x = bin(0, x);
+                        if x.gap2 > left2 {
+                            continue;
+                        }
+                        let mut j = level.head[row + x.cell];
                         while j != NONE {
-                            visit(j, image, offset);
+                            visit(j, [x.image, y.image, z.image], [x.offset, y.offset, z.offset]);
                             j = self.points[j as usize].next;
                         }
                     }
@@ -224,6 +260,26 @@ impl Bins {
             }
         }
     }
+}
+
+/// Bins along an axis that are folded in advance.
+const FOLDED: usize = 8;
+
+/// A bin along one axis: its place in the grid, and what leads to its image.
+#[derive(Debug, Clone, Copy, Default)]
+struct Bin {
+    cell: usize,
+    image: i32,
+    offset: f64,
+    /// Square of its distance from the place that is searched from.
+    gap2: f64,
+}
+
+/// ⌊x⌋; the baseline of x86-64 has no instruction for it, and the library's function is a call.
+#[inline]
+fn floor(x: f64) -> i64 {
+    let whole = x as i64;
+    whole - i64::from((whole as f64) > x)
 }
 
 #[inline]

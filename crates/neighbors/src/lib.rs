@@ -19,6 +19,7 @@ mod bins;
 mod cells;
 mod geometry;
 mod lists;
+mod memory;
 mod packed;
 mod shell;
 mod walls;
@@ -27,6 +28,7 @@ pub use all_pairs::AllPairs;
 pub use cells::Cells;
 pub use geometry::{Axis, Geometry, Plane};
 pub use lists::Lists;
+pub use memory::{prefetch, roomy};
 pub use packed::{Offsets, Packed};
 
 use glam::DVec3;
@@ -76,6 +78,12 @@ pub trait Search: Sync + Send + Sized {
     fn packed(&self, i: u32) -> Option<&[Packed]> {
         let _ = i;
         None
+    }
+
+    /// Asks for what [`Self::packed`] of particle i will read.
+    #[inline(always)]
+    fn prefetch(&self, i: u32) {
+        let _ = i;
     }
 
     /// What the images in [`Self::packed`] mean.

@@ -6,6 +6,7 @@ use rayon::prelude::*;
 use crate::{
     Axis, Flight, Geometry, Offsets, Packed, Search, Shift, Transfer,
     bins::Bins,
+    memory::{prefetch, roomy},
     shell::{half_skin, words_per_list},
     walls::WallTable,
 };
@@ -253,7 +254,8 @@ impl Lists {
     fn allocate(&mut self, count: usize, stride: usize) {
         const LINE: usize = 16; // words
         self.stride = stride;
-        self.words = vec![Packed::default(); count * stride + LINE];
+        self.words = roomy(count * stride + LINE);
+        self.words.resize(count * stride + LINE, Packed::default());
         self.base = self.words.as_ptr().align_offset(64).min(LINE);
     }
 }
@@ -368,6 +370,15 @@ impl Search for Lists {
     }
 
     #[inline(always)]
+    fn prefetch(&self, i: u32) {
+        let place = self.place(i);
+        prefetch(&self.words[place]);
+        prefetch(&self.words[place + self.stride / 2]);
+        prefetch(&self.words[place + self.stride - 1]);
+        prefetch(&self.bins.points[i as usize]);
+    }
+
+    #[inline(always)]
     fn offsets(&self) -> Option<&Offsets> {
         Some(&self.offsets)
     }
@@ -381,7 +392,7 @@ impl Search for Lists {
         self.walls.of(self.bins.bin(level, self.bins.points[i as usize].position))
     }
 
-    #[inline]
+    #[inline(always)]
     fn next_transfer(&self, i: u32, flight: &Flight, within: f64) -> Option<Transfer> {
         let center = &self.bins.points[i as usize];
         let image = DVec3::from_array(center.image.map(f64::from)) * DVec3::from_array(self.lengths);

@@ -2,7 +2,8 @@
 
 use crate::Geometry;
 
-/// Distance at which two particles of the mean diameter become neighbors [mean diameters].
+/// Distance at which two particles of the mean diameter become neighbors [mean diameters]. From 1.5 to 1.8 the cost of
+/// a collision differs by less than a tenth at every density where lists pay at all.
 const SHELL: f64 = 1.6;
 
 /// Radius of the balls that particles stay in between two searches [length].
