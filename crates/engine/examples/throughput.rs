@@ -1,4 +1,5 @@
-//! Collisions per second of the elastic fluid: `throughput N_PER_EDGE PHI COLLISIONS [auto|cells|lists|all]`.
+//! Collisions per second of the elastic fluid:
+//! `throughput N_PER_EDGE PHI COLLISIONS [auto|cells|lists|all] [spheres|disks|polydisperse]`.
 
 #[path = "../tests/common/mod.rs"]
 mod common;
@@ -23,11 +24,15 @@ fn main() {
         "all" => NeighborChoice::AllPairs,
         _ => NeighborChoice::Auto,
     };
+    let system = match args.get(5).map(String::as_str) {
+        Some("disks") => common::disks(edge, phi, 1),
+        Some("polydisperse") => common::polydisperse(edge, phi, 1),
+        _ => common::gas(edge, phi, 1.0, 1),
+    };
+    let n = system.bodies.len() as u64;
     let start = Instant::now();
-    let mut simulation =
-        Simulation::new(common::gas(edge, phi, 1.0, 1), Options { neighbors, ..Options::default() }).unwrap();
+    let mut simulation = Simulation::new(system, Options { neighbors, ..Options::default() }).unwrap();
     let built = start.elapsed();
-    let n = edge.pow(3) as u64;
     simulation.advance(Until { collisions: 10 * n, ..Until::default() }, &mut Silent).unwrap();
     let before = simulation.counters();
     let (start, processor) = (Instant::now(), processor_time());

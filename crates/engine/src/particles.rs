@@ -209,7 +209,11 @@ impl World {
     /// Wraps the anchor of particle i into the box; the wraps per axis.
     #[inline]
     pub fn wrap_anchor(&mut self, i: u32) -> [i32; 3] {
-        let (position, wraps) = self.wrap(self.particles[i as usize].position);
+        let position = self.particles[i as usize].position;
+        if position.cmpge(DVec3::ZERO).all() && position.cmplt(self.size).all() {
+            return [0; 3];
+        }
+        let (position, wraps) = self.wrap(position);
         if wraps != [0; 3] {
             self.particles[i as usize].position = position;
             for (image, turns) in self.images[i as usize].iter_mut().zip(wraps) {

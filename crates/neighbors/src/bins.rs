@@ -77,7 +77,7 @@ impl Bins {
         for (radius, count) in radii {
             // About one point a bin: a search then visits fewer of those out of range than with wider ones.
             let least = 0.25 * (2.0 * radius + skin);
-            let (n, width) = grid(&Geometry { reach: least, ..geometry.without_planes() }, count);
+            let (n, width) = grid(&Geometry { reach: least, ..geometry.without_planes() }, count / 2);
             let bins_of_level = n.iter().map(|&n| n as usize).product();
             let inverse = width.map(|width| 1.0 / width);
             bins.levels.push(Level { n, width, inverse, head: vec![NONE; bins_of_level], radius });
@@ -168,14 +168,14 @@ impl Bins {
         self.insert(i);
     }
 
-    /// Calls `visit(j, d, d·L)` for every image d of every point that may be within `range(radius)` of a place, where
+    /// Calls `visit(j, point, d, d·L)` for every image d of every point that may be within `range(radius)` of a place, where
     /// `radius` is the largest radius of a grid: the image stands at its position + d·L.
     #[inline]
     pub fn near(
         &self,
         from: [f64; 3],
         range: impl Fn(f64) -> f64,
-        mut visit: impl FnMut(u32, Shift, [f64; 3]),
+        mut visit: impl FnMut(u32, &Point, Shift, [f64; 3]),
     ) {
         for level in &self.levels {
             let range = range(level.radius);
@@ -252,8 +252,9 @@ impl Bins {
                         }
                         let mut j = level.head[row + x.cell];
                         while j != NONE {
-                            visit(j, [x.image, y.image, z.image], [x.offset, y.offset, z.offset]);
-                            j = self.points[j as usize].next;
+                            let point = &self.points[j as usize];
+                            visit(j, point, [x.image, y.image, z.image], [x.offset, y.offset, z.offset]);
+                            j = point.next;
                         }
                     }
                 }

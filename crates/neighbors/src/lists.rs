@@ -5,7 +5,7 @@ use rayon::prelude::*;
 
 use crate::{
     Axis, Flight, Geometry, Offsets, Packed, Search, Shift, Transfer,
-    bins::Bins,
+    bins::{Bins, Point},
     memory::{prefetch, roomy},
     shell::{half_skin, words_per_list},
     walls::WallTable,
@@ -22,6 +22,9 @@ const SPILLED_PART: usize = 32;
 const MAX_WORDS: usize = 64;
 /// Above this many entries two lists are compared by sorting them.
 const MANY: usize = 256;
+/// A new center lies this part of the ball's radius ahead of its particle: where mean free paths are longer than the radius
+/// a stay is then longer, and where they are short it is hardly shorter.
+const AHEAD: f64 = 0.5;
 /// Steps of the search for the end of a curved flight's stay in its ball.
 const STEPS: usize = 8;
 
@@ -85,24 +88,26 @@ impl Lists {
     fn find(&self, i: u32, found: &mut Vec<(u32, Shift)>) {
         found.clear();
         let own = self.bins.points[i as usize];
-        let radius = if self.radii.is_empty() { 0.5 * self.reach } else { self.radii[i as usize] };
-        let range = |largest: f64| (radius + largest + 2.0 * self.half) * MARGIN * MARGIN + 2.0 * self.slack;
-        let uniform = self.cutoff2(i, i);
-        self.bins.near(own.position, range, |j, d, offset| {
-            let other = &self.bins.points[j as usize];
-            let mut distance2 = 0.0;
-            for axis in 0..3 {
-                let r = other.position[axis] - own.position[axis];
-                // The same bits from either partner: negation is exact.
-                let r = r + offset[axis];
-                distance2 += r * r;
-            }
-            let cutoff2 = if self.radii.is_empty() { uniform } else { self.cutoff2(i, j) };
-            if distance2 < cutoff2 && j != i {
-                let image = |axis: usize| d[axis] + own.image[axis] - other.image[axis];
-                found.push((j, [image(0), image(1), image(2)]));
-            }
-        });
+        let margin = |sigma: f64| (sigma + 2.0 * self.half) * MARGIN * MARGIN + 2.0 * self.slack;
+        if self.radii.is_empty() {
+            let cutoff2 = self.cutoff2(i, i);
+            self.bins.near(
+                own.position,
+                |_| margin(self.reach),
+                |j, other, d, offset| {
+                    if distance2(&own, other, offset) < cutoff2 && j != i {
+                        found.push((j, shift(&own, other, d)));
+                    }
+                },
+            );
+        } else {
+            let range = |largest: f64| margin(self.radii[i as usize] + largest);
+            self.bins.near(own.position, range, |j, other, d, offset| {
+                if distance2(&own, other, offset) < self.cutoff2(i, j) && j != i {
+                    found.push((j, shift(&own, other, d)));
+                }
+            });
+        }
     }
 
     /// The list of i, wherever it is.
@@ -260,6 +265,19 @@ impl Lists {
     }
 }
 
+/// Square of the distance from a center to an image of another; the same bits from either side, as negation is exact.
+#[inline(always)]
+fn distance2(own: &Point, other: &Point, offset: [f64; 3]) -> f64 {
+    let r = [0, 1, 2].map(|axis| other.position[axis] - own.position[axis] + offset[axis]);
+    r[0] * r[0] + r[1] * r[1] + r[2] * r[2]
+}
+
+/// Shift between the anchor coordinates of two particles for image d of the other's center.
+#[inline]
+fn shift(own: &Point, other: &Point, d: Shift) -> Shift {
+    [0, 1, 2].map(|axis| d[axis] + own.image[axis] - other.image[axis])
+}
+
 /// Writes a list into its words. False if it does not fit; the header is then left for the place of a spilled one.
 fn write(words: &mut [Packed], list: &[(u32, Shift)]) -> bool {
     if list.len() >= words.len() {
@@ -412,7 +430,7 @@ impl Search for Lists {
 
     fn transfer(&mut self, i: u32, _code: u8, flight: &Flight) {
         let mut found = std::mem::take(&mut self.found);
-        self.bins.set(i, flight.position);
+        self.bins.set(i, flight.position + flight.velocity.normalize_or_zero() * (AHEAD * self.half));
         self.find(i, &mut found);
         let mut new = [Packed::default(); MAX_WORDS];
         if self.packed(i).is_some() && write(&mut new[..self.stride], &found) {
