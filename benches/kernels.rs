@@ -118,10 +118,6 @@ impl Event for Entry {
     fn time(&self) -> i64 {
         self.time
     }
-
-    fn earlier_by(&self, ticks: i64) -> Self {
-        Self { time: self.time - ticks, ..*self }
-    }
 }
 
 /// The hold model: the earliest event is taken and its successor put back, the number of events stays. Delays are
@@ -176,6 +172,7 @@ fn cells(criterion: &mut Criterion) {
             axes: [Axis::Periodic; 3],
             reach: 1.0,
             radius: 0.5,
+            radii: Vec::new(),
             planes: Vec::new(),
         };
         let mut random = random();

@@ -24,8 +24,12 @@ impl<E: Event> Calendar<E> for Heap<E> {
         self.0.pop().map(|Reverse(event)| event)
     }
 
-    fn next_time(&mut self) -> Option<i64> {
-        self.0.peek().map(|Reverse(event)| event.time())
+    fn peek(&mut self) -> Option<&E> {
+        self.0.peek().map(|Reverse(event)| event)
+    }
+
+    fn upcoming(&self, ahead: usize) -> Option<&E> {
+        if ahead == 0 { self.0.peek().map(|Reverse(event)| event) } else { None }
     }
 
     fn clear(&mut self) {
@@ -34,9 +38,5 @@ impl<E: Event> Calendar<E> for Heap<E> {
 
     fn len(&self) -> usize {
         self.0.len()
-    }
-
-    fn rebase(&mut self, ticks: i64) {
-        self.0 = self.0.drain().map(|Reverse(event)| Reverse(event.earlier_by(ticks))).collect();
     }
 }

@@ -10,8 +10,8 @@ Time is cut into *fine* buckets of 2^s ticks and *coarse* buckets of 2^m fine on
 
 An event is appended, unsorted, to the bucket its time falls into, moves down one level when its coarse bucket
 becomes current, and is sorted only with the few others of its fine bucket. Events that arrive for the fine
-bucket in progress, or for the past, go to a small binary heap beside the sorted run. So each event is
-touched three times, twice by an append. The fine width follows the event rate: about
+bucket in progress, or for the past, are inserted into the sorted run while it is short, and go to a binary heap beside it
+otherwise. So each event is touched three times, twice by an append. The fine width follows the event rate: about
 [`TARGET`] events a bucket.
 */
 
@@ -22,8 +22,12 @@ use crate::{Calendar, Event};
 /// Events per fine bucket that the width is tuned for: the sort stays within two cache lines of 24-byte events
 /// and the scan over empty buckets stays short.
 const TARGET: usize = 8;
-/// The width is re-tuned when a coarse bucket holds this factor more or less than it should.
-const SLACK: usize = 4;
+/// The width is re-tuned when buckets hold this factor more or less than they should.
+const SLACK: usize = 2;
+/// Longest run that events are inserted into.
+const SHORT: usize = 64;
+/// Least number of events taken between two looks at the width.
+const REVIEW: usize = 64;
 /// Largest exponent of a year's length, so that bucket arithmetic on 64-bit ticks cannot overflow.
 const MAX_YEAR_BITS: u32 = 61;
 
@@ -48,10 +52,11 @@ pub struct Ladder<E: Event> {
     coarse_now: i64,
     year_now: i64,
     len: usize,
-    /// Events that passed through the fine buckets of the current coarse one.
-    passed: usize,
-    /// Events taken since the width was last changed; a change costs O(len) and must be paid for.
+    /// Events taken, and fine buckets passed, since the width was last looked at.
     taken: usize,
+    buckets: i64,
+    /// Events to be taken before it is looked at again: a change costs O(len) and must be paid for. 0 at the start.
+    patience: usize,
 }
 
 impl<E: Event> Ladder<E> {
@@ -64,18 +69,17 @@ impl<E: Event> Ladder<E> {
         self.fine_now = time >> self.shift;
         self.coarse_now = self.fine_now >> self.fine_bits;
         self.year_now = self.coarse_now >> self.coarse_bits;
-        self.passed = 0;
     }
 
+    #[inline]
     fn place(&mut self, event: E) {
         let fine = event.time() >> self.shift;
         if fine <= self.fine_now {
-            self.late.push(Reverse(event));
+            self.place_late(event);
             return;
         }
         let coarse = fine >> self.fine_bits;
         if coarse == self.coarse_now {
-            self.passed += 1;
             let slot = (fine & ((1 << self.fine_bits) - 1)) as usize;
             self.fine[slot].push(event);
         } else if coarse >> self.coarse_bits == self.year_now {
@@ -83,6 +87,16 @@ impl<E: Event> Ladder<E> {
             self.coarse[slot].push(event);
         } else {
             self.later.push(event);
+        }
+    }
+
+    /// Adds an event to the bucket in progress.
+    fn place_late(&mut self, event: E) {
+        if self.run.len() < SHORT {
+            let at = self.run.iter().rposition(|other| *other > event).map_or(0, |at| at + 1);
+            self.run.insert(at, event);
+        } else {
+            self.late.push(Reverse(event));
         }
     }
 
@@ -125,11 +139,11 @@ impl<E: Event> Ladder<E> {
         if self.len == 0 {
             return false;
         }
-        let mut tuned = false;
         loop {
             let end = (self.coarse_now + 1) << self.fine_bits;
             while self.fine_now + 1 < end {
                 self.fine_now += 1;
+                self.buckets += 1;
                 let slot = (self.fine_now & ((1 << self.fine_bits) - 1)) as usize;
                 if !self.fine[slot].is_empty() {
                     mem::swap(&mut self.run, &mut self.fine[slot]);
@@ -137,31 +151,26 @@ impl<E: Event> Ladder<E> {
                     return true;
                 }
             }
-            if !tuned && self.taken > self.len {
-                tuned = true;
-                let due = TARGET << self.fine_bits;
-                let crowded = self.passed > due * SLACK && self.shift > 0;
-                if crowded || self.passed < due / SLACK {
-                    self.retune();
-                    if !self.run.is_empty() || !self.late.is_empty() {
-                        return true;
-                    }
-                    continue;
-                }
-            }
             self.next_coarse();
         }
     }
 
+    /// Looks whether the width still fits the rate of events.
+    #[cold]
+    fn review(&mut self) {
+        let per_bucket = self.taken / self.buckets.max(1) as usize;
+        if self.patience == 0 || per_bucket > TARGET * SLACK || per_bucket * SLACK < TARGET {
+            self.retune();
+        }
+        self.patience = self.len.max(REVIEW);
+        self.taken = 0;
+        self.buckets = 0;
+    }
+
     /// Rebuilds with a width that fits the present events.
     fn retune(&mut self) {
-        let before = self.shift;
         let all = self.drain_all();
         self.tune_from(&all);
-        if self.shift.abs_diff(before) <= 1 {
-            self.shift = before;
-        }
-        self.taken = 0;
         self.refill(all);
     }
 
@@ -192,10 +201,24 @@ impl<E: Event> Ladder<E> {
         }
     }
 
+    #[cold]
+    fn pop_with_late(&mut self, limit: i64) -> Option<E> {
+        let from_run = match (self.run.last(), self.late.peek()) {
+            (Some(run), Some(Reverse(late))) => run <= late,
+            (run, _) => run.is_some(),
+        };
+        let next = if from_run { self.run.last().copied() } else { self.late.peek().map(|late| late.0) };
+        if next?.time() > limit {
+            return None;
+        }
+        self.len -= 1;
+        self.taken += 1;
+        if from_run { self.run.pop() } else { self.late.pop().map(|late| late.0) }
+    }
+
     fn open_coarse(&mut self, slot: usize) {
         self.fine_now = (self.coarse_now << self.fine_bits) - 1;
         let mut bucket = mem::take(&mut self.coarse[slot]);
-        self.passed = bucket.len();
         for event in bucket.drain(..) {
             let fine = event.time() >> self.shift;
             self.fine[(fine & ((1 << self.fine_bits) - 1)) as usize].push(event);
@@ -221,8 +244,9 @@ impl<E: Event> Calendar<E> for Ladder<E> {
             coarse_now: 0,
             year_now: 0,
             len: 0,
-            passed: 0,
             taken: 0,
+            buckets: 0,
+            patience: 0,
         }
     }
 
@@ -232,48 +256,61 @@ impl<E: Event> Calendar<E> for Ladder<E> {
     }
 
     fn pop_until(&mut self, limit: i64) -> Option<E> {
-        if self.run.is_empty() && self.late.is_empty() && !self.advance() {
-            return None;
+        if self.taken >= self.patience {
+            self.review();
         }
-        let from_run = match (self.run.last(), self.late.peek()) {
-            (Some(run), Some(Reverse(late))) => run <= late,
-            (run, _) => run.is_some(),
-        };
-        let next = if from_run { self.run.last().copied() } else { self.late.peek().map(|late| late.0) };
-        if next?.time() > limit {
-            return None;
+        if self.late.is_empty() {
+            // The usual case.
+            if self.run.is_empty() && !self.advance() {
+                return None;
+            }
+            let next = *self.run.last()?;
+            if next.time() > limit {
+                return None;
+            }
+            self.len -= 1;
+            self.taken += 1;
+            self.run.pop()
+        } else {
+            self.pop_with_late(limit)
         }
-        self.len -= 1;
-        self.taken += 1;
-        if from_run { self.run.pop() } else { self.late.pop().map(|late| late.0) }
     }
 
-    fn next_time(&mut self) -> Option<i64> {
+    #[inline]
+    fn peek(&mut self) -> Option<&E> {
         if self.run.is_empty() && self.late.is_empty() && !self.advance() {
             return None;
         }
-        let run = self.run.last().map(Event::time);
-        let late = self.late.peek().map(|late| late.0.time());
-        match (run, late) {
-            (Some(a), Some(b)) => Some(a.min(b)),
-            (a, b) => a.or(b),
+        match (self.run.last(), self.late.peek()) {
+            (Some(run), Some(Reverse(late))) => Some(run.min(late)),
+            (run, late) => run.or(late.map(|late| &late.0)),
         }
+    }
+
+    #[inline(always)]
+    fn upcoming(&self, mut ahead: usize) -> Option<&E> {
+        if let Some(at) = self.run.len().checked_sub(ahead + 1) {
+            return Some(&self.run[at]);
+        }
+        ahead -= self.run.len();
+        // The next buckets are not sorted yet, but they come in this order.
+        for bucket in 1..4 {
+            let bucket = &self.fine[((self.fine_now + bucket) & ((1 << self.fine_bits) - 1)) as usize];
+            if let Some(event) = bucket.get(ahead) {
+                return Some(event);
+            }
+            ahead -= bucket.len();
+        }
+        None
     }
 
     fn clear(&mut self) {
         self.drain_all();
         self.len = 0;
+        self.patience = 0;
     }
 
     fn len(&self) -> usize {
         self.len
-    }
-
-    fn rebase(&mut self, ticks: i64) {
-        let mut all = self.drain_all();
-        for event in &mut all {
-            *event = event.earlier_by(ticks);
-        }
-        self.refill(all);
     }
 }

@@ -19,11 +19,8 @@ pub use ladder::Ladder;
 
 /// Something that happens at an integer time. `Ord` must have the time as its first key.
 pub trait Event: Copy + Ord {
-    /// When it happens [ticks].
+    /// When it happens \[ticks\], between −2^62 and 2^62.
     fn time(&self) -> i64;
-    /// The same event `ticks` earlier: the clock was re-based.
-    #[must_use]
-    fn earlier_by(&self, ticks: i64) -> Self;
 }
 
 /// A priority queue of events, earliest first.
@@ -34,8 +31,14 @@ pub trait Calendar<E: Event> {
     fn push(&mut self, event: E);
     /// Takes the least event if its time is at most `limit`.
     fn pop_until(&mut self, limit: i64) -> Option<E>;
+    /// The least event.
+    fn peek(&mut self) -> Option<&E>;
     /// Time of the least event.
-    fn next_time(&mut self) -> Option<i64>;
+    fn next_time(&mut self) -> Option<i64> {
+        self.peek().map(Event::time)
+    }
+    /// An event that will be taken `ahead` events from now or thereabouts; a hint, and `None` where that is not at hand.
+    fn upcoming(&self, ahead: usize) -> Option<&E>;
     /// Removes every event.
     fn clear(&mut self);
     /// Number of events held, void ones among them.
@@ -44,6 +47,4 @@ pub trait Calendar<E: Event> {
     fn is_empty(&self) -> bool {
         self.len() == 0
     }
-    /// Moves every event `ticks` towards the past.
-    fn rebase(&mut self, ticks: i64);
 }

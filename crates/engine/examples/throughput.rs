@@ -1,4 +1,5 @@
-//! Collisions per second of the elastic fluid: `throughput N_PER_EDGE PHI COLLISIONS [cells|all]`.
+//! Collisions per second of the elastic fluid:
+//! `throughput N_PER_EDGE PHI COLLISIONS [auto|cells|lists|all] [spheres|disks|polydisperse]`.
 
 #[path = "../tests/common/mod.rs"]
 mod common;
@@ -6,34 +7,47 @@ mod common;
 use haff_engine::{NeighborChoice, Options, Silent, Simulation, Until};
 use std::time::Instant;
 
+/// Time this thread has been on a processor [s], where the system tells: unlike the clock's, it does not count the
+/// time that other work takes.
+fn processor_time() -> Option<f64> {
+    let text = std::fs::read_to_string("/proc/thread-self/schedstat").ok()?;
+    text.split(' ').next()?.parse::<f64>().ok().map(|nanoseconds| nanoseconds * 1e-9)
+}
+
 fn main() {
     let args: Vec<String> = std::env::args().collect();
     let number = |k: usize, default: f64| args.get(k).and_then(|a| a.parse().ok()).unwrap_or(default);
     let (edge, phi, collisions) = (number(1, 16.0) as usize, number(2, 0.1), number(3, 1e6) as u64);
-    let neighbors = match args.get(4).map(String::as_str) {
-        Some("all") => NeighborChoice::AllPairs,
-        Some("windows") => NeighborChoice::Windows,
-        _ => NeighborChoice::Cells,
+    let neighbors = match args.get(4).map_or("auto", String::as_str) {
+        "cells" => NeighborChoice::Cells,
+        "windows" => NeighborChoice::Windows,
+        "lists" => NeighborChoice::Lists,
+        "all" => NeighborChoice::AllPairs,
+        _ => NeighborChoice::Auto,
     };
+    let system = match args.get(5).map(String::as_str) {
+        Some("disks") => common::disks(edge, phi, 1),
+        Some("polydisperse") => common::polydisperse(edge, phi, 1),
+        _ => common::gas(edge, phi, 1.0, 1),
+    };
+    let n = system.bodies.len() as u64;
     let start = Instant::now();
-    let mut simulation =
-        Simulation::new(common::gas(edge, phi, 1.0, 1), Options { neighbors, ..Options::default() }).unwrap();
+    let mut simulation = Simulation::new(system, Options { neighbors, ..Options::default() }).unwrap();
     let built = start.elapsed();
-    let n = edge.pow(3) as u64;
     simulation.advance(Until { collisions: 10 * n, ..Until::default() }, &mut Silent).unwrap();
     let before = simulation.counters();
-    let (start, cpu) = (Instant::now(), cpu_seconds());
+    let (start, processor) = (Instant::now(), processor_time());
     simulation
         .advance(Until { collisions: before.collisions + collisions, ..Until::default() }, &mut Silent)
         .unwrap();
     let seconds = start.elapsed().as_secs_f64();
-    let cpu = cpu_seconds() - cpu;
+    let processor = processor_time().zip(processor).map_or(seconds, |(end, start)| end - start);
     let after = simulation.counters();
     let per = |a: u64, b: u64| (a - b) as f64 / collisions as f64;
     println!(
-        "N {n} phi {phi}: {:.3} M collisions/s ({:.3} per CPU second), built in {built:.2?}; per collision: {:.1} predictions, {:.2} stale, {:.2} dropped, {:.2} transfers, {:.1} candidates, {:.4} windows; residual {:.1e}; {}",
+        "N {n} phi {phi}: {:.3} M collisions/s, {:.3} by processor time, built in {built:.2?}; per collision: {:.1} predictions, {:.2} stale, {:.2} dropped, {:.2} transfers, {:.1} candidates, {:.4} windows; residual {:.1e}; {}",
         collisions as f64 / seconds / 1e6,
-        collisions as f64 / cpu / 1e6,
+        collisions as f64 / processor / 1e6,
         per(after.predictions, before.predictions),
         per(after.stale, before.stale),
         per(after.dropped, before.dropped),
@@ -43,14 +57,4 @@ fn main() {
         simulation.ledger().residual,
         simulation.state_hash()
     );
-}
-
-/// Processor time of all threads so far [s], where the system tells: a shared machine disturbs it least.
-fn cpu_seconds() -> f64 {
-    let tasks = std::fs::read_dir("/proc/self/task").into_iter().flatten().flatten();
-    tasks
-        .filter_map(|task| std::fs::read_to_string(task.path().join("schedstat")).ok())
-        .filter_map(|line| line.split(' ').next()?.parse::<f64>().ok())
-        .sum::<f64>()
-        * 1e-9
 }

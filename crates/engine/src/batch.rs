@@ -89,30 +89,34 @@ unsafe fn predict_avx2(batch: &mut Batch) {
     predict(batch);
 }
 
-/// Smaller root of |r + v t| = σ for every candidate; see [`haff_mechanics::time_to_contact`] for the numerics.
+/// The kernel, for every candidate.
 #[inline(always)]
 fn predict(batch: &mut Batch) {
-    let Batch { r: [rx, ry, rz], v: [vx, vy, vz], sigma2, delay, len, .. } = batch;
+    let Batch { r: [rx, ry, rz], v: [vx, vy, vz], sigma2, delay: delays, len, .. } = batch;
     // Whole vectors: the lanes beyond the last candidate hold old ones, and nobody looks at their results.
     let lanes = (*len).next_multiple_of(4).min(LANES);
     for k in 0..lanes {
-        let (rx, ry, rz) = (rx[k], ry[k], rz[k]);
-        let (vx, vy, vz) = (vx[k], vy[k], vz[k]);
-        let b = rx * vx + ry * vy + rz * vz;
-        let rr = rx * rx + ry * ry + rz * rz;
-        let vv = vx * vx + vy * vy + vz * vz;
-        let (cx, cy, cz) = (ry * vz - vy * rz, rz * vx - vz * rx, rx * vy - vx * ry);
-        let cc = cx * cx + cy * cy + cz * cz;
-        let gap = rr - sigma2[k];
-        let disc = vv * sigma2[k] - cc;
-        let den = disc.max(0.0).sqrt() - b;
-        // Never beyond the closest approach, where a touching pair that slides along has nothing but rounding.
-        let beyond = gap * vv > -b * den;
-        let time = (if beyond { -b } else { gap }) / (if beyond { vv } else { den });
-        let time = if disc >= 0.0 { time } else { f64::INFINITY };
-        let time = if gap > 0.0 { time } else { 0.0 };
-        delay[k] = if b < 0.0 { time } else { f64::INFINITY };
+        delays[k] = delay([rx[k], ry[k], rz[k]], [vx[k], vy[k], vz[k]], sigma2[k]);
     }
+}
+
+/// Smaller root of |r + v t| = σ, infinite if there is none; see [`haff_mechanics::time_to_contact`] for the numerics.
+#[inline(always)]
+pub(crate) fn delay([rx, ry, rz]: [f64; 3], [vx, vy, vz]: [f64; 3], sigma2: f64) -> f64 {
+    let b = rx * vx + ry * vy + rz * vz;
+    let rr = rx * rx + ry * ry + rz * rz;
+    let vv = vx * vx + vy * vy + vz * vz;
+    let (cx, cy, cz) = (ry * vz - vy * rz, rz * vx - vz * rx, rx * vy - vx * ry);
+    let cc = cx * cx + cy * cy + cz * cz;
+    let gap = rr - sigma2;
+    let disc = vv * sigma2 - cc;
+    let den = disc.max(0.0).sqrt() - b;
+    // Never beyond the closest approach, where a touching pair that slides along has nothing but rounding.
+    let beyond = gap * vv > -b * den;
+    let time = (if beyond { -b } else { gap }) / (if beyond { vv } else { den });
+    let time = if disc >= 0.0 { time } else { f64::INFINITY };
+    let time = if gap > 0.0 { time } else { 0.0 };
+    if b < 0.0 { time } else { f64::INFINITY }
 }
 
 #[cfg(test)]

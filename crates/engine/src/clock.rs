@@ -15,6 +15,9 @@ pub(crate) const OLDEST_ANCHOR: i64 = 1 << 62;
 pub(crate) const ANCHOR_AGE: i64 = 1 << 61;
 /// Predictions further ahead than this are left to a later renewal [ticks].
 pub(crate) const HORIZON: f64 = (1_u64 << 60) as f64;
+/// Longest duration from an anchor to an event \[ticks\]: anchors may be older than an epoch, and what is due within the
+/// next one may then be further than [`HORIZON`] from them. Sums with an anchor's time stay below 2^63.
+pub(crate) const LONGEST: f64 = ((1_u64 << 62) + (1_u64 << 61)) as f64;
 /// log₂ of the ticks in which the fastest particle crosses the system.
 const TICKS_PER_CROSSING: i32 = 54;
 
@@ -78,10 +81,10 @@ impl Clock {
     }
 }
 
-/// Whole ticks nearest to a non-negative duration in ticks below [`HORIZON`].
+/// Whole ticks nearest to a non-negative duration in ticks, at most [`LONGEST`].
 #[inline(always)]
 pub(crate) fn whole(ticks: f64) -> i64 {
-    debug_assert!((0.0..=HORIZON).contains(&ticks));
+    debug_assert!((0.0..=LONGEST).contains(&ticks));
     (ticks + 0.5) as i64
 }
 

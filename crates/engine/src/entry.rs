@@ -71,7 +71,7 @@ impl Entry {
     /// Rank among simultaneous events: kind, then the ids of the bodies, lesser first. It does not depend on which of
     /// two partners made the entry.
     #[inline]
-    fn rank(&self) -> (u32, u32, u32) {
+    pub fn rank(&self) -> (u32, u32, u32) {
         let tag = self.target.0 >> TAG;
         if tag == 0 {
             (0, self.owner.min(self.target.0), self.owner.max(self.target.0))
@@ -79,16 +79,26 @@ impl Entry {
             (tag, self.owner, self.target.0 & INDEX)
         }
     }
+
+    /// Whether the other is the partner's entry for the same collision.
+    #[inline]
+    pub fn mirrors(&self, other: &Self) -> bool {
+        self.target.0 == other.owner
+            && other.target.0 == self.owner
+            && self.own_count == other.partner_count
+            && self.partner_count == other.own_count
+    }
 }
 
+/// The order of the calendar: by time alone as far as physics goes. What is first of a tick is for [`Entry::rank`].
 impl Ord for Entry {
     #[inline]
     fn cmp(&self, other: &Self) -> Ordering {
-        // The last keys only make the order total: two entries of one pair announce the same event.
         self.time.cmp(&other.time).then_with(|| {
-            (self.rank(), self.owner, self.own_count, self.partner_count).cmp(&(
-                other.rank(),
+            // Only to make the order total.
+            (self.owner, self.target.0, self.own_count, self.partner_count).cmp(&(
                 other.owner,
+                other.target.0,
                 other.own_count,
                 other.partner_count,
             ))
@@ -107,10 +117,6 @@ impl Event for Entry {
     #[inline]
     fn time(&self) -> i64 {
         self.time
-    }
-
-    fn earlier_by(&self, ticks: i64) -> Self {
-        Self { time: self.time - ticks, ..*self }
     }
 }
 
@@ -148,7 +154,7 @@ mod tests {
             entry(4, Kind::Collision(8)),
             entry(1, Kind::Rest),
         ];
-        entries.sort();
+        entries.sort_by_key(Entry::rank);
         let kinds: Vec<_> = entries.iter().map(|e| (e.owner, e.target.kind())).collect();
         assert_eq!(
             kinds,

@@ -14,7 +14,7 @@ mod entry;
 mod error;
 mod machine;
 mod measure;
-mod memory;
+mod packed;
 mod particles;
 mod predict;
 mod resolve;

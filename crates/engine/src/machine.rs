@@ -9,7 +9,7 @@ entry leaves exactly one successor.
 use std::{collections::BTreeMap, marker::PhantomData};
 
 use haff_calendar::{Calendar, Ladder};
-use haff_neighbors::{Geometry, Search};
+use haff_neighbors::{Geometry, Search, prefetch};
 use rayon::prelude::*;
 
 use crate::{
@@ -18,7 +18,7 @@ use crate::{
     entry::{Entry, Kind, Target},
     error::EngineError,
     particles::World,
-    predict::{Memory, Scope, Scratch, foresee},
+    predict::{Memory, Scope, Scratch, flight, foresee},
     report::{Observer, Stop},
     resolve,
     stall::Stall,
@@ -65,6 +65,13 @@ pub(crate) struct Limit {
     pub entries: u64,
 }
 
+/// From this many particles on the memory of events to come is asked for ahead of time.
+const MANY: usize = 10_000;
+/// Of the event so many entries ahead, particles and lists are asked for, …
+const FAR_AHEAD: usize = 10;
+/// … and of this nearer one those in the lists. Two or three entries are taken for each event.
+const NEARLY_DUE: usize = 4;
+
 /// A compiled engine, behind one virtual call per slice of events.
 pub(crate) trait Engine: Send {
     /// Searches and predicts everything afresh.
@@ -98,6 +105,8 @@ pub(crate) struct Machine<F, S> {
     ties: Vec<Entry>,
     scratch: Scratch,
     stall: Stall,
+    /// Whether the particles are too many for the cache.
+    looks_ahead: bool,
     features: PhantomData<F>,
 }
 
@@ -113,12 +122,13 @@ impl<F: Features, S: Search + 'static> Machine<F, S> {
             ties: Vec::new(),
             scratch: Scratch::new(kernel),
             stall: Stall::default(),
+            looks_ahead: particles >= MANY,
             features: PhantomData,
         }
     }
 
     /// Predicts particle i and enters its next event.
-    #[inline]
+    #[inline(always)]
     fn schedule(&mut self, state: &State, i: u32, scope: Scope) {
         let memory = if scope == Scope::All { NO_MEMORY } else { self.memory[i as usize] };
         let (entry, memory) =
@@ -132,7 +142,7 @@ impl<F: Features, S: Search + 'static> Machine<F, S> {
     }
 
     /// The next entry that is neither void nor stale, up to `limit`.
-    #[inline]
+    #[inline(always)]
     fn next(&mut self, state: &mut State, limit: i64) -> Option<Entry> {
         loop {
             if !self.ties.is_empty() {
@@ -144,13 +154,26 @@ impl<F: Features, S: Search + 'static> Machine<F, S> {
                 }
             }
             let entry = self.calendar.pop_until(limit)?;
+            self.look_ahead(state);
             if state.world.particles[entry.owner as usize].count != entry.own_count {
                 state.book.counters.dropped += 1;
                 continue;
             }
-            if self.calendar.next_time() == Some(entry.time) {
-                self.ties.push(entry);
-                continue;
+            if let Some(next) = self.calendar.peek()
+                && next.time == entry.time
+            {
+                // Usually the partner's entry for the same collision, and nothing else. It will be void, unless the partner
+                // is a body of infinite mass, whose entry must find its successor.
+                let movable = |i: u32| F::UNIFORM || state.world.class(i).inverse_mass != 0.0;
+                if next.mirrors(&entry) && movable(entry.owner) && movable(next.owner) {
+                    self.calendar.pop_until(limit);
+                    self.look_ahead(state);
+                    state.book.counters.dropped += 1;
+                }
+                if self.calendar.next_time() == Some(entry.time) {
+                    self.ties.push(entry);
+                    continue;
+                }
             }
             if is_stale(&state.world, &entry) {
                 self.renew(state, entry);
@@ -187,7 +210,7 @@ impl<F: Features, S: Search + 'static> Machine<F, S> {
                 true
             });
             if changed {
-                self.ties.sort_unstable_by(|a, b| b.cmp(a));
+                self.ties.sort_unstable_by(|a, b| (b.rank(), b).cmp(&(a.rank(), a)));
             }
             if stale.is_empty() {
                 break;
@@ -200,14 +223,28 @@ impl<F: Features, S: Search + 'static> Machine<F, S> {
     }
 
     /// Predicts afresh the particle whose partner has collided since.
-    #[inline]
+    #[inline(always)]
     fn renew(&mut self, state: &mut State, entry: Entry) {
         state.world.now = state.world.now.max(entry.time);
         state.book.counters.stale += 1;
         self.schedule(state, entry.owner, Scope::All);
     }
 
+    /// [`Self::run`], compiled with 256-bit vectors, so that the kernel is entered without a change of instruction set
+    /// and scalar code has three-operand instructions.
+    #[cfg(target_arch = "x86_64")]
+    #[target_feature(enable = "avx2")]
+    fn run_avx2<const EVENTS: bool>(
+        &mut self,
+        state: &mut State,
+        limit: &mut Limit,
+        observer: &mut dyn Observer,
+    ) -> Result<Stop, EngineError> {
+        self.run::<EVENTS>(state, limit, observer)
+    }
+
     /// Runs the events; `EVENTS` tells whether the observer wants rows.
+    #[inline(always)]
     fn run<const EVENTS: bool>(
         &mut self,
         state: &mut State,
@@ -259,7 +296,8 @@ impl<F: Features, S: Search + 'static> Machine<F, S> {
                 }
                 Kind::Transfer(code) => {
                     state.book.counters.transfers += 1;
-                    self.search.transfer(i, code);
+                    let flight = flight::<F>(&state.world, i);
+                    self.search.transfer(i, code, &flight);
                     self.schedule(state, i, Scope::New(code));
                 }
                 Kind::Renewal => {
@@ -272,8 +310,37 @@ impl<F: Features, S: Search + 'static> Machine<F, S> {
         Ok(stop)
     }
 
+    /// Asks for the memory of events to come: first the particles and their lists, later those that stand in these.
+    #[inline(always)]
+    fn look_ahead(&self, state: &State) {
+        if !self.looks_ahead {
+            return;
+        }
+        if let Some(entry) = self.calendar.upcoming(FAR_AHEAD) {
+            prefetch(&state.world.particles[entry.owner as usize]);
+            self.search.prefetch(entry.owner);
+            if let Kind::Collision(j) = entry.target.kind() {
+                prefetch(&state.world.particles[j as usize]);
+                self.search.prefetch(j);
+            }
+        }
+        if let Some(entry) = self.calendar.upcoming(NEARLY_DUE) {
+            let neighbors = |i: u32| {
+                for entry in self.search.packed(i).unwrap_or_default() {
+                    prefetch(&state.world.particles[entry.id() as usize]);
+                }
+            };
+            neighbors(entry.owner);
+            if let Kind::Collision(j) = entry.target.kind()
+                && !self.calendar.upcoming(NEARLY_DUE + 1).is_some_and(|next| next.mirrors(entry))
+            {
+                neighbors(j);
+            }
+        }
+    }
+
     /// Wraps the anchor of a particle that has just collided, and tells the search.
-    #[inline]
+    #[inline(always)]
     fn follow(&mut self, state: &mut State, i: u32) {
         let wraps = state.world.wrap_anchor(i);
         if wraps != [0; 3] {
@@ -337,10 +404,12 @@ impl<F: Features, S: Search + 'static> Engine for Machine<F, S> {
         limit: &mut Limit,
         observer: &mut dyn Observer,
     ) -> Result<Stop, EngineError> {
-        if observer.wants_events() {
-            self.run::<true>(state, limit, observer)
-        } else {
-            self.run::<false>(state, limit, observer)
+        match (observer.wants_events(), self.scratch.kernel()) {
+            (true, _) => self.run::<true>(state, limit, observer),
+            (false, Kernel::Portable) => self.run::<false>(state, limit, observer),
+            #[cfg(target_arch = "x86_64")]
+            // SAFETY: `Kernel::Avx2` is made by `Kernel::choose` alone, after it has found the feature.
+            (false, Kernel::Avx2) => unsafe { self.run_avx2::<false>(state, limit, observer) },
         }
     }
 }

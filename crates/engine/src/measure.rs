@@ -294,12 +294,15 @@ pub(crate) fn geometry(system: &System) -> Geometry {
         chosen.filter(|class| class.mass.is_finite() == finite).map(|class| class.radius).fold(0.0, f64::max)
     };
     let (movable, fixed) = (radii(true), radii(false));
+    let radius = system.bodies.iter().map(|body| system.classes[body.class as usize].radius);
+    let uniform = radius.clone().all(|radius| radius == movable);
     Geometry {
         size: system.domain.size,
         axes,
         // Two bodies of infinite mass never touch.
         reach: movable + movable.max(fixed),
         radius: movable,
+        radii: if uniform { Vec::new() } else { radius.collect() },
         planes: system
             .walls
             .iter()

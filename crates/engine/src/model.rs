@@ -133,6 +133,8 @@ pub enum NeighborChoice {
     Cells,
     /// Windows of time in which all pairs of a grid are tested at once: for gases in closed boxes, without gravity.
     Windows,
+    /// Lists of those within a shell around each particle.
+    Lists,
     /// Every pair is tested: for tiny systems, and the twin of every other method.
     AllPairs,
 }
@@ -165,6 +167,7 @@ impl NeighborChoice {
             Self::Auto => "auto",
             Self::Cells => "cells",
             Self::Windows => "windows",
+            Self::Lists => "lists",
             Self::AllPairs => "all_pairs",
         }
     }

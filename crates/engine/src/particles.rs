@@ -1,12 +1,12 @@
 //! Particles as the engine keeps them: one cache line each, and tables of what they have in common.
 
 use glam::DVec3;
+use haff_neighbors::roomy;
 
 use crate::{
     clock::Clock,
     machine::{Features, With},
-    memory::vec_with_room,
-    model::{Boundary, Restitution, System, Wall},
+    model::{Body, Boundary, Restitution, System, Wall},
 };
 
 /// The hot record, one cache line: the *anchor* of a particle, which is its state at its last own event.
@@ -26,6 +26,11 @@ pub(crate) struct Particle {
 const RESTING: u32 = 1 << 31;
 
 impl Particle {
+    /// A particle that rests on nothing and has had no events, as of `time` [ticks].
+    pub fn at(position: DVec3, velocity: DVec3, time: i64, class: u32) -> Self {
+        Self { position, velocity, time, count: 0, class }
+    }
+
     #[inline(always)]
     pub fn class(&self) -> usize {
         (self.class & !RESTING) as usize
@@ -80,19 +85,12 @@ pub(crate) struct World {
 
 impl World {
     pub fn new(system: &System, exponent: i32) -> Self {
+        let mut particles = roomy(system.bodies.len());
+        let anchor = |body: &Body| Particle::at(body.position, body.velocity, 0, body.class);
+        particles.extend(system.bodies.iter().map(anchor));
         let mut world = Self {
             clock: Clock::new(exponent),
-            particles: {
-                let mut particles = vec_with_room(system.bodies.len());
-                particles.extend(system.bodies.iter().map(|body| Particle {
-                    position: body.position,
-                    velocity: body.velocity,
-                    time: 0,
-                    count: 0,
-                    class: body.class,
-                }));
-                particles
-            },
+            particles,
             images: system.bodies.iter().map(|body| body.image).collect(),
             classes: system
                 .classes
@@ -220,7 +218,11 @@ impl World {
     /// Wraps the anchor of particle i into the box; the wraps per axis.
     #[inline]
     pub fn wrap_anchor(&mut self, i: u32) -> [i32; 3] {
-        let (position, wraps) = self.wrap(self.particles[i as usize].position);
+        let position = self.particles[i as usize].position;
+        if position.cmpge(DVec3::ZERO).all() && position.cmplt(self.size).all() {
+            return [0; 3];
+        }
+        let (position, wraps) = self.wrap(position);
         if wraps != [0; 3] {
             self.particles[i as usize].position = position;
             for (image, turns) in self.images[i as usize].iter_mut().zip(wraps) {

@@ -1,14 +1,15 @@
 //! Predictions: what will happen to one particle next. Nothing here changes anything.
 
 use haff_mechanics::{is_rounding_noise, time_to_contact_accelerated, time_to_plane};
-use haff_neighbors::{Flight, Search, Shift};
+use haff_neighbors::{Flight, Offsets, Packed, Search, Shift};
 
 use crate::{
     batch::{Batch, Kernel, LANES},
-    clock::{HORIZON, whole},
+    clock::{HORIZON, LONGEST, whole},
     entry::{Entry, Kind, Target},
     machine::{Features, Pending},
-    particles::World,
+    packed::{self, Delays, Query},
+    particles::{Particle, World},
 };
 use glam::DVec3;
 use std::collections::BTreeMap;
@@ -33,6 +34,7 @@ pub(crate) enum Scope {
 /// Working space of a prediction.
 pub(crate) struct Scratch {
     batch: Batch,
+    delays: Delays,
     kernel: Kernel,
     /// Pair predictions made.
     pub predictions: u64,
@@ -40,7 +42,7 @@ pub(crate) struct Scratch {
 
 impl Scratch {
     pub fn new(kernel: Kernel) -> Self {
-        Self { batch: Batch::new(), kernel, predictions: 0 }
+        Self { batch: Batch::new(), delays: Delays::new(), kernel, predictions: 0 }
     }
 
     pub fn kernel(&self) -> Kernel {
@@ -58,8 +60,11 @@ struct Earliest {
 impl Earliest {
     #[inline]
     fn offer(&mut self, time: i64, target: Target, partner_count: u32) {
+        if time > self.entry.time {
+            return;
+        }
         let entry = Entry { time, target, partner_count, ..self.entry };
-        if entry < self.entry {
+        if time < self.entry.time || entry.rank() < self.entry.rank() {
             self.entry = entry;
         }
     }
@@ -67,7 +72,7 @@ impl Earliest {
     /// Offers an event `delay` [ticks] after `from`.
     #[inline]
     fn offer_after(&mut self, from: i64, delay: f64, kind: Kind, partner_count: u32) {
-        if delay <= HORIZON {
+        if delay <= LONGEST {
             self.offer(from + whole(delay), Target::new(kind), partner_count);
         } else {
             self.far = true;
@@ -76,7 +81,7 @@ impl Earliest {
 }
 
 /// Next event of particle i, as seen at `now`; with the best physical one, if a transfer comes first.
-#[inline]
+#[inline(always)]
 pub(crate) fn foresee<F: Features, S: Search>(
     world: &World,
     search: &S,
@@ -92,19 +97,25 @@ pub(crate) fn foresee<F: Features, S: Search>(
         Entry { time: i64::MAX, owner: i, target: Target::new(Kind::Renewal), own_count, partner_count: 0 };
     let mut earliest = Earliest { entry: nothing, far: false };
 
-    let position = |k: u32| world.flight::<F>(k, world.now).0;
-    let owner = Owner::of::<F>(world, i);
-    let visit = |j: u32, shift: Shift| gather::<F>(world, &owner, j, shift, scratch, &mut earliest);
-    match scope {
-        Scope::All => search.candidates(i, position, visit),
-        Scope::New(code) => {
-            search.new_candidates(i, code, position, visit);
-            if memory.time < i64::MAX {
-                earliest.offer(memory.time, memory.target, memory.partner_count);
+    let movable = F::UNIFORM || world.class(i).inverse_mass != 0.0;
+    let packed = if F::GRAVITY || scope != Scope::All || !movable { None } else { search.packed(i) };
+    if let (Some(list), Some(offsets)) = (packed, search.offsets()) {
+        meet_packed::<F>(world, i, list, offsets, scratch, &mut earliest);
+    } else {
+        let position = |k: u32| world.flight::<F>(k, world.now).0;
+        let owner = Owner::of::<F>(world, i);
+        let visit = |j: u32, shift: Shift| gather::<F>(world, &owner, j, shift, scratch, &mut earliest);
+        match scope {
+            Scope::All => search.candidates(i, position, visit),
+            Scope::New(code) => {
+                search.new_candidates(i, code, position, visit);
+                if memory.time < i64::MAX {
+                    earliest.offer(memory.time, memory.target, memory.partner_count);
+                }
             }
         }
+        flush::<F>(world, i, scratch, &mut earliest);
     }
-    flush::<F>(world, i, scratch, &mut earliest);
 
     let walls = search.walls(i);
     if !walls.is_empty() {
@@ -117,9 +128,9 @@ pub(crate) fn foresee<F: Features, S: Search>(
         earliest.offer(rest.end, Target::new(Kind::Rest), 0);
     }
 
-    let (position, velocity) = world.flight::<F>(i, world.now);
-    let acceleration = if F::GRAVITY { world.acceleration(i) } else { DVec3::ZERO };
-    if let Some(transfer) = search.next_transfer(i, &Flight { position, velocity, acceleration }) {
+    // Of the transfer nothing need be known but whether it comes first.
+    let within = earliest.entry.time.saturating_sub(world.now) as f64 * world.clock.tick;
+    if let Some(transfer) = search.next_transfer(i, &flight::<F>(world, i), within) {
         let delay = transfer.delay * world.clock.per_time;
         if delay > HORIZON {
             earliest.far = true;
@@ -136,6 +147,14 @@ pub(crate) fn foresee<F: Features, S: Search>(
         return (Entry { time: world.now + HORIZON as i64, ..nothing }, None);
     }
     (earliest.entry, None)
+}
+
+/// Flight of particle i from where it is now.
+#[inline(always)]
+pub(crate) fn flight<F: Features>(world: &World, i: u32) -> Flight {
+    let (position, velocity) = world.flight::<F>(i, world.now);
+    let acceleration = if F::GRAVITY { world.acceleration(i) } else { DVec3::ZERO };
+    Flight { position, velocity, acceleration }
 }
 
 /// The particle whose partners are looked for, kept at hand.
@@ -286,6 +305,84 @@ fn flush<F: Features>(world: &World, i: u32, scratch: &mut Scratch, earliest: &m
         break;
     }
     batch.len = 0;
+}
+
+/// Offers the earliest contact of particle i, movable and without acceleration, with the candidates of a list.
+#[inline(always)]
+fn meet_packed<F: Features>(
+    world: &World,
+    i: u32,
+    list: &[Packed],
+    offsets: &Offsets,
+    scratch: &mut Scratch,
+    earliest: &mut Earliest,
+) {
+    let owner = &world.particles[i as usize];
+    let radius = world.classes[if F::UNIFORM { 0 } else { owner.class() }].radius;
+    scratch.predictions += list.len() as u64;
+    for list in list.chunks(packed::MOST) {
+        let delays = &mut scratch.delays;
+        let query = Query {
+            owner,
+            radius,
+            list,
+            offsets,
+            particles: &world.particles,
+            classes: &world.classes,
+            tick: world.clock.tick,
+            per_time: world.clock.per_time,
+        };
+        // No anchor is later than now.
+        match (F::UNIFORM, owner.time == world.now) {
+            (true, true) => packed::predict::<true, true>(scratch.kernel, &query, delays),
+            (true, false) => packed::predict::<true, false>(scratch.kernel, &query, delays),
+            (false, true) => packed::predict::<false, true>(scratch.kernel, &query, delays),
+            (false, false) => packed::predict::<false, false>(scratch.kernel, &query, delays),
+        }
+        let mut first = delays.first;
+        if delays.touching {
+            first = delays.hits;
+        }
+        while first != 0 {
+            let k = first.trailing_zeros() as usize % packed::MOST;
+            first &= first - 1;
+            let delay = delays.delay[k] * world.clock.per_time;
+            if delay > LONGEST {
+                earliest.far = true;
+                continue;
+            }
+            let (id, partner) = (list[k].id(), &world.particles[list[k].id() as usize]);
+            if delays.touching && is_packed_echo::<F>(world, owner, radius, list[k], offsets) {
+                continue;
+            }
+            let time = owner.time.max(partner.time) + whole(delay);
+            earliest.offer(time, Target::new(Kind::Collision(id)), partner.count);
+        }
+    }
+}
+
+/// [`is_echo`] for a candidate of a list.
+#[cold]
+fn is_packed_echo<F: Features>(
+    world: &World,
+    owner: &Particle,
+    radius: f64,
+    entry: Packed,
+    offsets: &Offsets,
+) -> bool {
+    let partner = &world.particles[entry.id() as usize];
+    let behind = owner.time - partner.time;
+    let tick = world.clock.tick;
+    let ra = haff_mechanics::drift(owner.position, owner.velocity, (-behind).max(0) as f64 * tick);
+    let rb = haff_mechanics::drift(partner.position, partner.velocity, behind.max(0) as f64 * tick);
+    let [x, y, z, _] = offsets.0[entry.code()];
+    let r = rb - ra + DVec3::new(x, y, z);
+    let sigma = radius + world.classes[if F::UNIFORM { 0 } else { partner.class() }].radius;
+    if r.length_squared() > sigma * sigma * (1.0 + TOUCHING) {
+        return false;
+    }
+    let speed = owner.velocity.length().max(partner.velocity.length());
+    is_rounding_noise(r, partner.velocity - owner.velocity, speed)
 }
 
 /// A pair closer than this, relative to σ², touches as far as positions can tell.

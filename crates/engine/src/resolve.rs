@@ -18,7 +18,7 @@ const REST_HEIGHT: f64 = 1e-13;
 const SUPPORT_NOISE: f64 = 8.0 * f64::EPSILON;
 
 /// Restitution of a contact now, or 1 within the contact duration of the TC model.
-#[inline]
+#[inline(always)]
 fn coefficient(
     world: &World,
     law: Restitution,
@@ -40,7 +40,7 @@ fn coefficient(
 }
 
 /// Sets the anchor of particle i.
-#[inline]
+#[inline(always)]
 fn anchor(world: &mut World, i: u32, position: DVec3, velocity: DVec3, time: i64) -> Result<(), EngineError> {
     let particle = &mut world.particles[i as usize];
     particle.position = position;
@@ -54,7 +54,7 @@ fn anchor(world: &mut World, i: u32, position: DVec3, velocity: DVec3, time: i64
 }
 
 /// Two particles collide at `time`.
-#[inline]
+#[inline(always)]
 pub(crate) fn collision<F: Features, const EVENTS: bool>(
     state: &mut State,
     i: u32,

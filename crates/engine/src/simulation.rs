@@ -3,7 +3,7 @@
 use std::collections::BTreeMap;
 
 use glam::DVec3;
-use haff_neighbors::{AllPairs, Cells, Geometry};
+use haff_neighbors::{AllPairs, Cells, Geometry, Lists};
 
 use crate::{
     batch::Kernel,
@@ -24,6 +24,10 @@ const MAX_PARTICLES: usize = (1 << 30) - 2;
 const MAX_WALLS: usize = u16::MAX as usize;
 /// Up to this many particles all pairs are tested.
 const FEW: usize = 12;
+/// Packing fraction of spheres, and of disks, above which lists are faster than cells if all have one size…
+const DENSE: [f64; 2] = [0.18, 0.42];
+/// … and if they have not: the cells' width follows the largest, that of the lists' shell the mean.
+const DENSE_MIXED: [f64; 2] = [0.26, 0.5];
 /// The tick is changed at the end of an epoch when the system's time scale has changed by 2 to this power.
 const RETUNE_BITS: u32 = 2;
 
@@ -85,10 +89,15 @@ impl Simulation {
                 return Err(EngineError::TooMany { what, count, limit });
             }
         }
+        if options.neighbors == NeighborChoice::Lists && system.bodies.len() > Lists::MAX_PARTICLES {
+            let (count, limit) = (system.bodies.len(), Lists::MAX_PARTICLES);
+            return Err(EngineError::TooMany { what: "particles for neighbor lists", count, limit });
+        }
         let geometry = measure::geometry(&system);
         let kernel = Kernel::choose(options.simd).ok_or(EngineError::NoAvx2)?;
         let neighbors = match options.neighbors {
             NeighborChoice::Auto if system.bodies.len() <= FEW => NeighborChoice::AllPairs,
+            NeighborChoice::Auto if is_dense(&system) => NeighborChoice::Lists,
             NeighborChoice::Auto => NeighborChoice::Cells,
             chosen => chosen,
         };
@@ -278,6 +287,33 @@ impl Simulation {
     }
 }
 
+/// Whether neighbor lists are the better search. In an open box the particles' extent stands for its size.
+fn is_dense(system: &System) -> bool {
+    if system.bodies.len() > Lists::MAX_PARTICLES {
+        return false;
+    }
+    let (flat, open) = (system.dimension == Dimension::Two, open_axes(system));
+    let radii = || system.bodies.iter().map(|body| system.classes[body.class as usize].radius);
+    let extent = |axis: usize| {
+        if !open[axis] {
+            return system.domain.size[axis];
+        }
+        let range = |bound: f64, better: fn(f64, f64) -> f64| {
+            system.bodies.iter().map(|body| body.position[axis]).fold(bound, better)
+        };
+        range(f64::NEG_INFINITY, f64::max) - range(f64::INFINITY, f64::min)
+            + 2.0 * radii().fold(0.0, f64::max)
+    };
+    let axes = if flat { 0..2 } else { 0..3 };
+    let power = axes.len() as i32;
+    let ball = if flat { std::f64::consts::PI } else { std::f64::consts::PI * 4.0 / 3.0 };
+    let packing =
+        radii().map(|radius| ball * radius.powi(power)).sum::<f64>() / axes.map(extent).product::<f64>();
+    let first = radii().next();
+    let mixed = radii().any(|radius| Some(radius) != first);
+    packing > if mixed { DENSE_MIXED } else { DENSE }[usize::from(flat)]
+}
+
 /// Axes along which the system has no size of its own.
 fn open_axes(system: &System) -> [bool; 3] {
     let mut open = system.domain.boundary.map(|boundary| boundary == Boundary::Open);
@@ -301,14 +337,21 @@ fn compile(
     });
     macro_rules! machine {
         ($gravity:literal, $uniform:literal) => {
-            if neighbors == NeighborChoice::Windows {
-                Box::new(Windows::<With<$gravity, $uniform>>::new(geometry, kernel, system))
-                    as Box<dyn Engine>
-            } else if neighbors == NeighborChoice::AllPairs {
-                Box::new(Machine::<With<$gravity, $uniform>, AllPairs>::new(geometry, kernel, count))
-                    as Box<dyn Engine>
-            } else {
-                Box::new(Machine::<With<$gravity, $uniform>, Cells>::new(geometry, kernel, count))
+            match neighbors {
+                NeighborChoice::Windows => {
+                    Box::new(Windows::<With<$gravity, $uniform>>::new(geometry, kernel, system))
+                        as Box<dyn Engine>
+                }
+                NeighborChoice::AllPairs => {
+                    Box::new(Machine::<With<$gravity, $uniform>, AllPairs>::new(geometry, kernel, count))
+                        as Box<dyn Engine>
+                }
+                NeighborChoice::Lists => {
+                    Box::new(Machine::<With<$gravity, $uniform>, Lists>::new(geometry, kernel, count))
+                }
+                NeighborChoice::Auto | NeighborChoice::Cells => {
+                    Box::new(Machine::<With<$gravity, $uniform>, Cells>::new(geometry, kernel, count))
+                }
             }
         };
     }

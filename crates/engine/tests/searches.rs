@@ -1,4 +1,4 @@
-//! No choice of machinery changes a trajectory: cells, all pairs, kernels and resumes give the same events, bit by bit.
+//! No choice of machinery changes a trajectory: cells, lists, all pairs, kernels and resumes give the same events, bit by bit.
 
 mod common;
 
@@ -42,6 +42,8 @@ fn assert_twins(name: &str, system: &System, until: Until) -> usize {
     let mut choices = vec![
         options(NeighborChoice::Cells, SimdChoice::Portable),
         options(NeighborChoice::Cells, SimdChoice::Auto),
+        options(NeighborChoice::Lists, SimdChoice::Portable),
+        options(NeighborChoice::Lists, SimdChoice::Auto),
         options(NeighborChoice::AllPairs, SimdChoice::Auto),
     ];
     if has_windows(system) {
@@ -157,6 +159,31 @@ fn symmetric_scenes_do_not_know_their_search() {
     assert!(events > 20, "{events}");
 }
 
+/// A pair may take longer to meet than its clock's epoch lasts, and its anchors may be older than that.
+#[test]
+fn a_contact_many_epochs_away_happens_in_time() {
+    for (gap, speed) in [(3.0, 0.002), (4.0, 0.000_7), (5.0, 0.000_3)] {
+        let mut scene = system(Dimension::Three, DVec3::splat(20.0), [Boundary::Periodic; 3]);
+        let ball = class(&mut scene, 0.5, 1.0);
+        // The fast one sets the length of an epoch and meets nobody.
+        add(&mut scene, ball, DVec3::new(1.0, 15.0, 15.0), DVec3::new(1.0, 0.0, 0.0));
+        add(&mut scene, ball, DVec3::new(5.0, 5.0, 5.0), DVec3::ZERO);
+        add(&mut scene, ball, DVec3::new(6.0 + gap, 5.0, 5.0), DVec3::new(-speed, 0.0, 0.0));
+        let time = gap / speed;
+        for neighbors in [NeighborChoice::AllPairs, NeighborChoice::Cells, NeighborChoice::Lists] {
+            let options = options(neighbors, SimdChoice::Auto);
+            let mut simulation = Simulation::new(scene.clone(), options).unwrap();
+            let mut collisions = |time| {
+                simulation.advance(Until { time, ..Until::default() }, &mut Log::default()).unwrap();
+                (simulation.counters().collisions, simulation.counters().epochs)
+            };
+            assert_eq!(collisions(time - 0.1).0, 0, "{neighbors:?}, before {time}");
+            let (after, epochs) = collisions(time + 0.1);
+            assert_eq!(after, 1, "{neighbors:?}, after {time}, {epochs} epochs");
+        }
+    }
+}
+
 #[test]
 fn a_resumed_run_is_the_run_that_never_stopped() {
     for (seed, gravity) in [(1, false), (2, true)] {
@@ -173,11 +200,13 @@ fn a_resumed_run_is_the_run_that_never_stopped() {
         let (_, hash, mut reference) = run(&scene, Options::default(), whole);
         let expected = reference.sample();
 
+        let searches = [NeighborChoice::Lists, NeighborChoice::Cells, NeighborChoice::AllPairs];
         let mut parts = Simulation::new(scene.clone(), Options::default()).unwrap();
-        for entries in [1, 10, 100, 1000] {
+        for (k, entries) in [1, 10, 100, 300, 1000, 1000].into_iter().enumerate() {
             parts.advance(Until { entries, ..whole }, &mut Log::default()).unwrap();
             let checkpoint = parts.checkpoint();
-            parts = Simulation::restore(scene.clone(), Options::default(), &checkpoint).unwrap();
+            let next = options(searches[k % 3], SimdChoice::Auto);
+            parts = Simulation::restore(scene.clone(), next, &checkpoint).unwrap();
             assert_eq!(parts.checkpoint(), checkpoint);
         }
         parts.advance(whole, &mut Log::default()).unwrap();
@@ -200,8 +229,33 @@ fn the_thread_count_changes_nothing() {
         .into_iter()
         .map(|threads| {
             let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
-            pool.install(|| run(&system, Options::default(), until).1)
+            pool.install(|| run(&system, options(NeighborChoice::Lists, SimdChoice::Auto), until).1)
         })
         .collect();
     assert!(hashes.iter().all(|hash| *hash == hashes[0]), "{hashes:?}");
+}
+
+/// Close to the densest packing, where every list is longer than in any fluid, and with lists that must overflow: one
+/// large particle among many small ones.
+#[test]
+fn crowded_systems_do_not_know_their_search() {
+    // A face-centered cubic crystal at φ = 0.7.
+    let edge = (4.0 * std::f64::consts::PI / 6.0 / 0.7_f64).cbrt();
+    let mut crystal = system(Dimension::Three, DVec3::splat(4.0 * edge), [Boundary::Periodic; 3]);
+    let ball = class(&mut crystal, 0.5, 1.0);
+    let mut random = Random(3);
+    for k in 0..256 {
+        let cell = DVec3::new(f64::from(k / 4 % 4), f64::from(k / 16 % 4), f64::from(k / 64));
+        let corner =
+            [DVec3::ZERO, DVec3::new(0.5, 0.5, 0.0), DVec3::new(0.5, 0.0, 0.5), DVec3::new(0.0, 0.5, 0.5)];
+        let velocity = DVec3::new(random.normal(), random.normal(), random.normal());
+        add(&mut crystal, ball, (cell + corner[k as usize % 4] + 0.25) * edge, velocity);
+    }
+    assert_eq!(assert_twins("crystal", &crystal, Until { collisions: 4000, ..Until::default() }), 4000);
+
+    let mut bag = system(Dimension::Three, DVec3::splat(8.0), [Boundary::Periodic; 3]);
+    let (large, small) = (class(&mut bag, 2.5, 100.0), class(&mut bag, 0.25, 1.0));
+    add(&mut bag, large, DVec3::splat(4.0), DVec3::ZERO);
+    scatter(&mut bag, small, 1200, 1.0, &mut random);
+    assert_eq!(assert_twins("bag", &bag, Until { collisions: 3000, ..Until::default() }), 3000);
 }

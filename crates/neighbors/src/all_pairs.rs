@@ -81,7 +81,7 @@ impl Search for AllPairs {
         &self.walls
     }
 
-    fn next_transfer(&self, _i: u32, flight: &Flight) -> Option<Transfer> {
+    fn next_transfer(&self, _i: u32, flight: &Flight, _within: f64) -> Option<Transfer> {
         // Nothing accelerates along a periodic axis.
         let speed = flight.velocity.to_array();
         let delay = (0..3)
@@ -91,7 +91,7 @@ impl Search for AllPairs {
         Some(Transfer { delay, code: 0 })
     }
 
-    fn transfer(&mut self, _i: u32, _code: u8) {}
+    fn transfer(&mut self, _i: u32, _code: u8, _flight: &Flight) {}
 
     fn rewrap(&mut self, _i: u32, _wraps: [i32; 3]) {}
 }

@@ -4,7 +4,7 @@ use glam::DVec3;
 use haff_mechanics::time_to_face;
 use rayon::prelude::*;
 
-use crate::{Axis, Flight, Geometry, Plane, Search, Shift, Transfer};
+use crate::{Axis, Flight, Geometry, Search, Shift, Transfer, walls::WallTable};
 
 /// Cells are this factor wider than the largest contact distance, so that the rounding of a crossing time can never
 /// bring two particles into contact before they are neighbors.
@@ -38,9 +38,7 @@ pub struct Cells {
     slots: Vec<[u32; SLOTS]>,
     spilled: Vec<Vec<u32>>,
     spare: Vec<u32>,
-    /// Walls of cell c: `wall_ids[wall_start[c]..wall_start[c + 1]]`; no table without walls.
-    wall_start: Vec<u32>,
-    wall_ids: Vec<u16>,
+    walls: WallTable,
     /// Index steps to the cells around one that lies inside on every axis: those that a transfer of each code brings
     /// near, and last all of them.
     stencils: [Vec<isize>; 7],
@@ -50,7 +48,7 @@ pub struct Cells {
 const ALL: usize = 6;
 
 /// Cells per axis and their widths for `count` particles.
-fn grid(geometry: &Geometry, count: usize) -> ([i32; 3], [f64; 3]) {
+pub(crate) fn grid(geometry: &Geometry, count: usize) -> ([i32; 3], [f64; 3]) {
     let lengths = geometry.lengths();
     let least = geometry.reach * MARGIN;
     let wanted = (count as f64 / OCCUPANCY).max(1.0);
@@ -266,56 +264,6 @@ impl Cells {
             }
         }
     }
-
-    /// For every cell the walls that a particle with its centre in it may touch.
-    fn find_walls(&mut self, geometry: &Geometry) {
-        if geometry.planes.is_empty() {
-            return;
-        }
-        let cells = self.slots.len();
-        let lists: Vec<Vec<u16>> = (0..cells)
-            .into_par_iter()
-            .map(|index| {
-                let nx = self.n[0] as usize;
-                let ny = self.n[1] as usize;
-                let cell = [index % nx, index / nx % ny, index / (nx * ny)];
-                let near = |plane: &Plane| self.is_near(cell, plane, geometry.radius);
-                (0..geometry.planes.len() as u16)
-                    .filter(|&wall| near(&geometry.planes[wall as usize]))
-                    .collect()
-            })
-            .collect();
-        self.wall_start = Vec::with_capacity(cells + 1);
-        self.wall_start.push(0);
-        for list in lists {
-            self.wall_ids.extend(list);
-            self.wall_start.push(self.wall_ids.len() as u32);
-        }
-    }
-
-    fn is_near(&self, cell: [usize; 3], plane: &Plane, radius: f64) -> bool {
-        if plane.moving {
-            return true;
-        }
-        let normal = plane.normal.to_array();
-        let point = plane.point.to_array();
-        let mut distance = 0.0;
-        let mut slack = radius;
-        for axis in 0..3 {
-            if normal[axis] == 0.0 {
-                continue;
-            }
-            if matches!(self.axes[axis], Axis::Open | Axis::Periodic) {
-                // The cell stands for all its images.
-                return true;
-            }
-            let width = self.width[axis];
-            let low = cell[axis] as f64 * width;
-            distance += ((low - point[axis]) * normal[axis]).min((low + width - point[axis]) * normal[axis]);
-            slack += radius.max(width) * 1e-9;
-        }
-        distance <= slack
-    }
 }
 
 impl Search for Cells {
@@ -342,15 +290,13 @@ impl Search for Cells {
             slots: vec![[EMPTY; SLOTS]; cells],
             spilled: Vec::new(),
             spare: Vec::new(),
-            wall_start: Vec::new(),
-            wall_ids: Vec::new(),
+            walls: WallTable::new(geometry, n, width, geometry.radius),
             stencils: std::array::from_fn(|_| Vec::new()),
         };
         grid.stencils = std::array::from_fn(|code| grid.stencil(code));
         for i in 0..positions.len() as u32 {
             grid.insert(i);
         }
-        grid.find_walls(geometry);
         grid
     }
 
@@ -372,15 +318,11 @@ impl Search for Cells {
 
     #[inline]
     fn walls(&self, i: u32) -> &[u16] {
-        if self.wall_start.is_empty() {
-            return &[];
-        }
-        let (cell, _) = self.place(i);
-        &self.wall_ids[self.wall_start[cell] as usize..self.wall_start[cell + 1] as usize]
+        if self.walls.is_empty() { &[] } else { self.walls.of(self.place(i).0) }
     }
 
     #[inline]
-    fn next_transfer(&self, i: u32, flight: &Flight) -> Option<Transfer> {
+    fn next_transfer(&self, i: u32, flight: &Flight, _within: f64) -> Option<Transfer> {
         let coordinate = self.coordinate[i as usize];
         let (position, velocity, acceleration) =
             (flight.position.to_array(), flight.velocity.to_array(), flight.acceleration.to_array());
@@ -406,7 +348,7 @@ impl Search for Cells {
         best
     }
 
-    fn transfer(&mut self, i: u32, code: u8) {
+    fn transfer(&mut self, i: u32, code: u8, _flight: &Flight) {
         self.remove(i);
         let c = &mut self.coordinate[i as usize][usize::from(code >> 1)];
         *c += if code & 1 == 0 { -1 } else { 1 };

@@ -37,6 +37,8 @@ pub struct Geometry {
     pub reach: f64,
     /// Largest radius [length].
     pub radius: f64,
+    /// Radius of each particle [length]; empty if all have `radius`.
+    pub radii: Vec<f64>,
     /// Walls in the order of their indices.
     pub planes: Vec<Plane>,
 }
@@ -45,5 +47,10 @@ impl Geometry {
     /// Box lengths as an array.
     pub(crate) fn lengths(&self) -> [f64; 3] {
         self.size.to_array()
+    }
+
+    /// The same box, with neither walls nor sizes of its own.
+    pub(crate) fn without_planes(&self) -> Self {
+        Self { radii: Vec::new(), planes: Vec::new(), ..*self }
     }
 }

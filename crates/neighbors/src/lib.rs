@@ -10,16 +10,26 @@ a trajectory.
 Coordinates are *anchor coordinates*: where the anchor's free flight leads without wrapping. The periodic image of a
 pair is given as an integer shift s per axis: the partner's image meant is at r_j + s·L.
 
-[`Cells`] is the search for production, [`AllPairs`] its plain twin and the choice for a handful of particles.
+[`Cells`] is the search where particles are far apart, [`Lists`] where they are close, [`AllPairs`] the plain twin of
+both and the choice for a handful of particles.
 */
 
 mod all_pairs;
+mod bins;
 mod cells;
 mod geometry;
+mod lists;
+mod memory;
+mod packed;
+mod shell;
+mod walls;
 
 pub use all_pairs::AllPairs;
 pub use cells::Cells;
 pub use geometry::{Axis, Geometry, Plane};
+pub use lists::Lists;
+pub use memory::{prefetch, roomy};
+pub use packed::{Offsets, Packed};
 
 use glam::DVec3;
 
@@ -63,14 +73,32 @@ pub trait Search: Sync + Send + Sized {
         visit: V,
     );
 
+    /// All candidates of particle i as one slice, if this search keeps them so, and those of i are.
+    #[inline(always)]
+    fn packed(&self, i: u32) -> Option<&[Packed]> {
+        let _ = i;
+        None
+    }
+
+    /// Asks for what [`Self::packed`] of particle i will read.
+    #[inline(always)]
+    fn prefetch(&self, i: u32) {
+        let _ = i;
+    }
+
+    /// What the images in [`Self::packed`] mean.
+    fn offsets(&self) -> Option<&Offsets> {
+        None
+    }
+
     /// Indices of the walls that particle i may touch before its next transfer.
     fn walls(&self, i: u32) -> &[u16];
 
-    /// The next transfer of particle i, `None` if it will never need one.
-    fn next_transfer(&self, i: u32, flight: &Flight) -> Option<Transfer>;
+    /// The next transfer of particle i, `None` if it will never need one, or none `within` this time from now [time].
+    fn next_transfer(&self, i: u32, flight: &Flight, within: f64) -> Option<Transfer>;
 
-    /// Carries out the transfer.
-    fn transfer(&mut self, i: u32, code: u8);
+    /// Carries out the transfer. `flight` is that of the particle, now.
+    fn transfer(&mut self, i: u32, code: u8, flight: &Flight);
 
     /// The anchor of particle i has been moved by −wraps · L: its anchor coordinates change, its place does not.
     fn rewrap(&mut self, i: u32, wraps: [i32; 3]);

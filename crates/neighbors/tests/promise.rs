@@ -1,7 +1,7 @@
 //! What a search promises: two particles that could touch before either changes its place are candidates of each other.
 
 use glam::DVec3;
-use haff_neighbors::{AllPairs, Axis, Cells, Flight, Geometry, Plane, Search, Shift};
+use haff_neighbors::{AllPairs, Axis, Cells, Flight, Geometry, Lists, Packed, Plane, Search, Shift};
 use proptest::prelude::*;
 
 /// Particles in free flight: positions at time 0, and velocities.
@@ -25,6 +25,17 @@ impl Scene {
         })
     }
 
+    fn flight(&self, i: u32, time: f64) -> Flight {
+        let velocity = self.flights[i as usize].1;
+        Flight { position: self.position(i, time), velocity, acceleration: DVec3::ZERO }
+    }
+
+    /// Contact distance of a pair.
+    fn contact(&self, i: u32, j: u32) -> f64 {
+        let radii = &self.geometry.radii;
+        if radii.is_empty() { self.geometry.reach } else { radii[i as usize] + radii[j as usize] }
+    }
+
     /// Every image of every pair that is within reach.
     fn touching(&self, time: f64) -> Vec<(u32, u32, Shift)> {
         let mut found = Vec::new();
@@ -39,7 +50,7 @@ impl Scene {
                 for y in range(1) {
                     for z in range(2) {
                         let shift = DVec3::new(f64::from(x), f64::from(y), f64::from(z)) * self.geometry.size;
-                        if (r + shift).length() < self.geometry.reach {
+                        if (r + shift).length() < self.contact(i, j) {
                             found.push((i, j, [x, y, z]));
                         }
                     }
@@ -54,10 +65,12 @@ fn scene() -> impl Strategy<Value = Scene> {
     let axis = prop_oneof![3 => Just(Axis::Periodic), 1 => Just(Axis::Bounded), 1 => Just(Axis::Open), 1 => Just(Axis::Flat)];
     let unit = prop::array::uniform3(0.0_f64..1.0);
     let flights = prop::collection::vec((unit.clone(), unit), 2..40);
-    (prop::array::uniform3(axis), prop::array::uniform3(1.2_f64..9.0), flights).prop_map(
-        |(axes, size, flights)| {
+    // Radii of 0.02 … 0.5 in half of the scenes.
+    let radii = prop::option::of(prop::collection::vec(prop_oneof![0.02_f64..0.06, 0.06..0.5], 40));
+    (prop::array::uniform3(axis), prop::array::uniform3(1.2_f64..9.0), flights, radii).prop_map(
+        |(axes, size, flights, radii)| {
             let moving = |axis: usize, value: f64| if axes[axis] == Axis::Flat { 0.0 } else { value };
-            let flights = flights
+            let flights: Vec<_> = flights
                 .into_iter()
                 .map(|(place, motion)| {
                     let position = [0, 1, 2].map(|axis| moving(axis, place[axis] * size[axis]));
@@ -66,7 +79,11 @@ fn scene() -> impl Strategy<Value = Scene> {
                 })
                 .collect();
             let size = DVec3::from_array(size);
-            Scene { geometry: Geometry { size, axes, reach: 1.0, radius: 0.5, planes: Vec::new() }, flights }
+            let radii = radii.map_or(Vec::new(), |radii| radii[..flights.len()].to_vec());
+            Scene {
+                geometry: Geometry { size, axes, reach: 1.0, radius: 0.5, radii, planes: Vec::new() },
+                flights,
+            }
         },
     )
 }
@@ -84,8 +101,7 @@ fn keeps_its_promise<S: Search>(scene: &Scene, steps: usize) -> Result<(), TestC
     let mut search =
         S::new(&scene.geometry, &(0..count).map(|i| scene.position(i, time)).collect::<Vec<_>>());
     let next = |search: &S, i: u32, time: f64| {
-        let (position, velocity) = (scene.position(i, time), scene.flights[i as usize].1);
-        let transfer = search.next_transfer(i, &Flight { position, velocity, acceleration: DVec3::ZERO })?;
+        let transfer = search.next_transfer(i, &scene.flight(i, time), f64::INFINITY)?;
         Some((time + transfer.delay, transfer.code))
     };
     let look = |search: &S, i: u32, time: f64| {
@@ -109,7 +125,7 @@ fn keeps_its_promise<S: Search>(scene: &Scene, steps: usize) -> Result<(), TestC
             }
         }
         time = when;
-        search.transfer(i, code);
+        search.transfer(i, code, &scene.flight(i, time));
         let mut new = Vec::new();
         search.new_candidates(i, code, |k| scene.position(k, time), |j, shift| new.push((j, shift)));
         let all = look(&search, i, time);
@@ -134,6 +150,11 @@ proptest! {
     }
 
     #[test]
+    fn lists_miss_no_contact(scene in scene()) {
+        keeps_its_promise::<Lists>(&scene, 300)?;
+    }
+
+    #[test]
     fn all_pairs_miss_no_contact(scene in scene()) {
         keeps_its_promise::<AllPairs>(&scene, 300)?;
     }
@@ -146,34 +167,163 @@ proptest! {
         let i = (i % scene.flights.len()) as u32;
         let wraps = [0, 1, 2].map(|axis| if scene.geometry.axes[axis] == Axis::Periodic { wraps[axis] } else { 0 });
         let positions: Vec<DVec3> = scene.flights.iter().map(|flight| flight.0).collect();
-        let mut search = Cells::new(&scene.geometry, &positions);
-        let list = |search: &Cells, k: u32| {
-            let mut list = Vec::new();
-            search.candidates(k, |_| DVec3::ZERO, |j, shift| list.push((j, shift)));
-            list.sort_unstable();
-            list
-        };
-        let count = positions.len() as u32;
-        let before: Vec<_> = (0..count).map(|k| list(&search, k)).collect();
-        search.rewrap(i, wraps);
-        for k in 0..count {
-            let mut expected = before[k as usize].clone();
-            for (j, shift) in &mut expected {
-                for axis in 0..3 {
-                    // i's anchor has moved by −w L, so its images count w more, and others' seen from it w less.
-                    shift[axis] += (i32::from(*j == i) - i32::from(k == i)) * wraps[axis];
-                }
-            }
-            expected.sort_unstable();
-            prop_assert_eq!(list(&search, k), expected);
-        }
+        shifts_images::<Cells>(&scene.geometry, &positions, i, wraps)?;
+        shifts_images::<Lists>(&scene.geometry, &positions, i, wraps)?;
     }
+
+    /// As long as nobody's place changes, the lists of two particles name each other.
+    #[test]
+    fn lists_stay_mutual(scene in scene()) {
+        let count = scene.flights.len() as u32;
+        let mut search = Lists::new(&scene.geometry, &(0..count).map(|i| scene.position(i, 0.0)).collect::<Vec<_>>());
+        for step in 0..200 {
+            let i = step * 7 % count;
+            search.transfer(i, 0, &scene.flight(i, f64::from(step) * 0.1));
+        }
+        let mut all = Vec::new();
+        for i in 0..count {
+            search.candidates(i, |_| DVec3::ZERO, |j, shift| all.push((i, j, shift)));
+        }
+        let mut mirrored: Vec<_> = all.iter().map(|&(i, j, shift)| (j, i, shift.map(|s| -s))).collect();
+        all.sort_unstable();
+        mirrored.sort_unstable();
+        prop_assert!(all.windows(2).all(|two| two[0] != two[1]), "an entry stands twice");
+        prop_assert_eq!(all, mirrored);
+    }
+}
+
+fn sorted_candidates<S: Search>(search: &S, k: u32) -> Vec<(u32, Shift)> {
+    let mut list = Vec::new();
+    search.candidates(k, |_| DVec3::ZERO, |j, shift| list.push((j, shift)));
+    list.sort_unstable();
+    list
+}
+
+fn shifts_images<S: Search>(
+    geometry: &Geometry,
+    positions: &[DVec3],
+    i: u32,
+    wraps: [i32; 3],
+) -> Result<(), TestCaseError> {
+    let mut search = S::new(geometry, positions);
+    let count = positions.len() as u32;
+    let before: Vec<_> = (0..count).map(|k| sorted_candidates(&search, k)).collect();
+    search.rewrap(i, wraps);
+    for k in 0..count {
+        let mut expected = before[k as usize].clone();
+        for (j, shift) in &mut expected {
+            for axis in 0..3 {
+                // i's anchor has moved by −w L, so its images count w more, and others' seen from it w less.
+                shift[axis] += (i32::from(*j == i) - i32::from(k == i)) * wraps[axis];
+            }
+        }
+        expected.sort_unstable();
+        prop_assert_eq!(sorted_candidates(&search, k), expected);
+    }
+    Ok(())
+}
+
+/// Two thousand particles in one place: lists of 1999 entries, far beyond what is kept in line.
+#[test]
+fn lists_overflow_and_shrink_again() {
+    let count = 2000;
+    let geometry = Geometry {
+        size: DVec3::splat(30.0),
+        axes: [Axis::Periodic; 3],
+        reach: 1.0,
+        radius: 0.5,
+        radii: Vec::new(),
+        planes: Vec::new(),
+    };
+    let place = |i: u32| {
+        // A loose lattice.
+        let cell = [i % 13, i / 13 % 13, i / 169].map(|k| f64::from(k) * 2.3);
+        DVec3::from_array(cell)
+    };
+    let start: Vec<DVec3> = (0..count).map(place).collect();
+    let mut search = Lists::new(&geometry, &start);
+    let at_start: Vec<_> = (0..count).map(|i| sorted_candidates(&search, i)).collect();
+    assert!(at_start.iter().all(|list| list.len() < 40));
+    let flight = |position| Flight { position, velocity: DVec3::X, acceleration: DVec3::ZERO };
+    for i in 0..count {
+        search.transfer(i, 0, &flight(DVec3::splat(15.1)));
+    }
+    for i in [0, 1, 777, count - 1] {
+        let expected: Vec<_> = (0..count).filter(|&j| j != i).map(|j| (j, [0; 3])).collect();
+        assert_eq!(sorted_candidates(&search, i), expected);
+        assert!(search.packed(i).is_none());
+    }
+    for i in (0..count).rev() {
+        search.transfer(i, 0, &flight(place(i)));
+    }
+    for i in 0..count {
+        assert_eq!(sorted_candidates(&search, i), at_start[i as usize], "list of {i}");
+        assert!(search.packed(i).is_some());
+    }
+}
+
+/// Ten thousand small particles within what would be one cell of the only large one.
+#[test]
+fn ten_thousand_small_particles_around_a_large_one() {
+    let mut positions = vec![DVec3::splat(50.0)];
+    let mut radii = vec![10.0];
+    for k in 0..10_000 {
+        positions.push(DVec3::new(f64::from(k % 22), f64::from(k / 22 % 22), f64::from(k / 484)) + 61.0);
+        radii.push(0.4);
+    }
+    let geometry = Geometry {
+        size: DVec3::splat(100.0),
+        axes: [Axis::Periodic; 3],
+        reach: 20.0,
+        radius: 10.0,
+        radii,
+        planes: Vec::new(),
+    };
+    let search = Lists::new(&geometry, &positions);
+    for i in [0_u32, 1, 5000, 10_000] {
+        let list = sorted_candidates(&search, i);
+        let near = |j: &u32| {
+            let contact = geometry.radii[i as usize] + geometry.radii[*j as usize];
+            let r = positions[*j as usize] - positions[i as usize];
+            let r = r - (r / geometry.size).round() * geometry.size;
+            *j != i && r.length() < contact
+        };
+        let touching: Vec<u32> = (0..positions.len() as u32).filter(near).collect();
+        assert!(touching.iter().all(|j| list.iter().any(|entry| entry.0 == *j)), "{i}");
+    }
+    // The radii of the pair count, not the largest: nobody's list is everybody.
+    assert!(sorted_candidates(&search, 5000).len() < 3000);
+}
+
+#[test]
+fn images_far_from_the_box_are_listed_too() {
+    let geometry = Geometry {
+        size: DVec3::splat(8.0),
+        axes: [Axis::Periodic; 3],
+        reach: 1.0,
+        radius: 0.5,
+        radii: Vec::new(),
+        planes: Vec::new(),
+    };
+    // The second has flown five boxes along x and one back along y since its last collision.
+    let positions = [DVec3::splat(4.0), DVec3::new(44.9, -4.0, 4.0)];
+    let search = Lists::new(&geometry, &positions);
+    assert_eq!(sorted_candidates(&search, 0), [(1, [-5, 1, 0])]);
+    assert_eq!(sorted_candidates(&search, 1), [(0, [5, -1, 0])]);
+    assert!(search.packed(0).is_none() && Packed::new(1, [-5, 1, 0]).is_none());
 }
 
 #[test]
 fn ten_thousand_particles_fit_into_one_cell_and_leave_it_again() {
     let size = DVec3::splat(30.0);
-    let geometry = Geometry { size, axes: [Axis::Periodic; 3], reach: 1.0, radius: 0.5, planes: Vec::new() };
+    let geometry = Geometry {
+        size,
+        axes: [Axis::Periodic; 3],
+        reach: 1.0,
+        radius: 0.5,
+        radii: Vec::new(),
+        planes: Vec::new(),
+    };
     let mut search = Cells::new(&geometry, &vec![DVec3::splat(15.1); 10_000]);
     let count = |search: &Cells, i| {
         let mut count = 0;
@@ -181,13 +331,14 @@ fn ten_thousand_particles_fit_into_one_cell_and_leave_it_again() {
         count
     };
     assert_eq!(count(&search, 77), 9_999);
+    let stay = Flight { position: DVec3::ZERO, velocity: DVec3::ZERO, acceleration: DVec3::ZERO };
     // All but ten move five cells away, along x, and back.
     for i in 10..10_000 {
-        (0..5).for_each(|_| search.transfer(i, 1));
+        (0..5).for_each(|_| search.transfer(i, 1, &stay));
     }
     assert_eq!((count(&search, 0), count(&search, 10)), (9, 9_989));
     for i in (10..10_000).rev() {
-        (0..5).for_each(|_| search.transfer(i, 0));
+        (0..5).for_each(|_| search.transfer(i, 0, &stay));
     }
     assert_eq!(count(&search, 9_999), 9_999);
 }
@@ -200,6 +351,7 @@ fn only_cells_near_a_wall_know_it() {
         axes: [Axis::Bounded, Axis::Periodic, Axis::Periodic],
         reach: 1.0,
         radius: 0.5,
+        radii: Vec::new(),
         planes: vec![plane(0.0, DVec3::X), plane(20.0, DVec3::NEG_X)],
     };
     let place = |i: i32| DVec3::new(f64::from(i % 20), f64::from(i / 20 % 20), f64::from(i / 400)) + 0.5;

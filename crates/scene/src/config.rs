@@ -321,7 +321,7 @@ pub enum NeighborsConfig {
     Windows,
     /// A grid of cells.
     Cells,
-    /// Neighbor lists; reserved, not available in this version.
+    /// Neighbor lists.
     Lists,
     /// Every pair.
     AllPairs,

@@ -79,7 +79,7 @@ fn overrides_reach_scalars_elements_and_names() {
         "species.0.radius={ uniform = [0.3, 0.4] }",
         "particle.ball.velocity=[1, 0, 0]",
         "particle.0.position.2=5",
-        "engine.neighbors=cells",
+        "engine.neighbors=lists",
         "output.frames=false",
         "output.observables = { log = [0.1, 2] }",
         "title=a bare title",
@@ -89,7 +89,7 @@ fn overrides_reach_scalars_elements_and_names() {
     assert_eq!(scene.system.bodies.len(), 51);
     assert_eq!(scene.system.bodies[50].velocity, DVec3::X);
     assert_eq!(scene.system.bodies[50].position, DVec3::new(10.0, 10.0, 5.0));
-    assert_eq!(scene.options.neighbors, haff_engine::NeighborChoice::Cells);
+    assert_eq!(scene.options.neighbors, haff_engine::NeighborChoice::Lists);
     assert_eq!(scene.output.frames, Schedule::Off);
     assert_eq!(scene.output.observables, Schedule::Log { first: 0.1, factor: 2.0 });
     assert_eq!((scene.title.as_str(), scene.seed), ("a bare title", 12));

@@ -12,9 +12,7 @@ Cells are found in single precision: which of two cells a particle on their comm
 searches reach a little further ([`SLACK`]) than contacts do.
 */
 
-use haff_neighbors::{Axis, Geometry};
-
-use crate::memory::{prefetch, vec_with_room};
+use haff_neighbors::{Axis, Geometry, prefetch, roomy};
 
 /// Coordinates per bounded edge, log₂.
 const BOUNDED_BITS: u32 = 30;
@@ -235,7 +233,7 @@ impl Cells {
             }
         }
         // Room for full cells to go on.
-        let mut blocks = vec_with_room(cells + cells / 8);
+        let mut blocks = roomy(cells + cells / 8);
         blocks.resize(cells, EMPTY);
         Self { axes, blocks, cells, tables }
     }
@@ -262,10 +260,10 @@ impl Cells {
         self.each(low, count, |block| {
             if ENTRIES_TOO {
                 for k in 0..(block.link & 7) as usize {
-                    prefetch(records, block.entries[k.min(ENTRIES - 1)] as usize);
+                    prefetch(&records[block.entries[k.min(ENTRIES - 1)] as usize]);
                 }
             } else {
-                prefetch(std::slice::from_ref(block), 0);
+                prefetch(block);
             }
         });
     }

@@ -4,7 +4,7 @@ use glam::DVec3;
 use haff_mechanics::{is_rounding_noise, time_to_plane};
 
 use crate::{
-    clock::{HORIZON, whole},
+    clock::{LONGEST, whole},
     machine::Features,
     particles::{Particle, World},
     predict::TOUCHING,
@@ -43,7 +43,7 @@ pub(super) fn contact<F: Features>(world: &World, a: &Particle, b: &Particle) ->
         }
     }
     let ticks = delay * world.clock.per_time;
-    (ticks <= HORIZON).then(|| from + whole(ticks))
+    (ticks <= LONGEST).then(|| from + whole(ticks))
 }
 
 /// When a particle with this anchor touches a wall [ticks].
@@ -51,7 +51,7 @@ pub(super) fn contact<F: Features>(world: &World, a: &Particle, b: &Particle) ->
 pub(super) fn wall_contact(world: &World, anchor: &Particle, radius: f64, wall: u32) -> Option<i64> {
     let (distance, speed) = world.wall_approach(wall, radius, anchor.position, anchor.velocity, anchor.time);
     let ticks = time_to_plane(distance, speed, 0.0)? * world.clock.per_time;
-    (ticks <= HORIZON).then(|| anchor.time + whole(ticks))
+    (ticks <= LONGEST).then(|| anchor.time + whole(ticks))
 }
 
 /// Nearest integer, by the rounding of an addition; |x| < 2^51.

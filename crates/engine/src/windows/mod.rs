@@ -12,6 +12,7 @@ windows are and how wide cells is tuned on the way ([`tune`]).
 */
 
 mod cells;
+mod due;
 mod exact;
 mod filter;
 mod tune;
@@ -20,7 +21,7 @@ use std::{marker::PhantomData, ops::Range};
 
 use glam::DVec3;
 use haff_calendar::Agenda;
-use haff_neighbors::{Axis, Geometry};
+use haff_neighbors::{Axis, Geometry, prefetch, roomy};
 use rayon::prelude::*;
 
 use crate::{
@@ -28,7 +29,6 @@ use crate::{
     entry::{Entry, Kind, Target},
     error::EngineError,
     machine::{Engine, Features, Limit, State},
-    memory::{prefetch, vec_with_room},
     model::{Boundary, System},
     particles::{Particle, World},
     report::{Observer, Stop},
@@ -36,6 +36,7 @@ use crate::{
     stall::Stall,
 };
 use cells::Cells;
+use due::Due;
 use filter::{MARGIN, Probe, Record, Scratch};
 use tune::{Tuner, Work};
 
@@ -67,9 +68,9 @@ pub(crate) struct Windows<F> {
     anchors: Vec<Particle>,
     /// Slot of every particle.
     slot_of: Vec<u32>,
-    agenda: Agenda<Entry>,
+    agenda: Agenda<Due>,
     /// Contacts found by the batch phase.
-    found: Vec<Entry>,
+    found: Vec<Due>,
     /// The window [ticks].
     begin: i64,
     end: i64,
@@ -215,7 +216,7 @@ impl<F: Features> Windows<F> {
         }
         let Some(&(first, _)) = streamed.first() else { return };
         if self.records.is_empty() {
-            (self.records, self.anchors) = (vec_with_room(streamed.len()), vec_with_room(streamed.len()));
+            (self.records, self.anchors) = (roomy(streamed.len()), roomy(streamed.len()));
             self.records.resize(streamed.len(), first);
             self.anchors.resize(streamed.len(), world.particles[0]);
         }
@@ -269,7 +270,7 @@ impl<F: Features> Windows<F> {
             self.scratch = scratch;
         } else {
             let this = &*self;
-            let parts: Vec<(Vec<Entry>, Work)> = (0..count.div_ceil(TASK))
+            let parts: Vec<(Vec<Due>, Work)> = (0..count.div_ceil(TASK))
                 .into_par_iter()
                 .map_init(Scratch::new, |scratch, task| {
                     let mut found = Vec::new();
@@ -295,13 +296,7 @@ impl<F: Features> Windows<F> {
     }
 
     /// [`Self::scan`] from a thread that has not been told which instructions there are.
-    fn scan_anywhere(
-        &self,
-        world: &World,
-        slots: Range<usize>,
-        scratch: &mut Scratch,
-        found: &mut Vec<Entry>,
-    ) {
+    fn scan_anywhere(&self, world: &World, slots: Range<usize>, scratch: &mut Scratch, found: &mut Vec<Due>) {
         match self.kernel {
             Kernel::Portable => self.scan::<false>(world, slots, scratch, found),
             #[cfg(target_arch = "x86_64")]
@@ -317,7 +312,7 @@ impl<F: Features> Windows<F> {
         world: &World,
         slots: Range<usize>,
         scratch: &mut Scratch,
-        found: &mut Vec<Entry>,
+        found: &mut Vec<Due>,
     ) {
         let mut probes = Vec::with_capacity(BLOCK);
         for from in slots.clone().step_by(BLOCK) {
@@ -337,7 +332,7 @@ impl<F: Features> Windows<F> {
         world: &World,
         probes: &[Probe],
         scratch: &mut Scratch,
-        mut tell: impl FnMut(Entry),
+        mut tell: impl FnMut(Due),
     ) {
         filter::search::<F, HALF, VECTORS>(&self.records, &self.cells, self.common_radius, probes, scratch);
         scratch.work.exact += scratch.hits.len() as u64;
@@ -346,13 +341,13 @@ impl<F: Features> Windows<F> {
             let (a, b) = (&self.anchors[probe.slot as usize], &self.anchors[slot as usize]);
             let Some(time) = exact::contact::<F>(world, a, b) else { continue };
             if time <= self.end {
-                tell(Entry {
+                tell(Due(Entry {
                     time,
                     owner: probe.record.id,
                     target: Target::new(Kind::Collision(self.records[slot as usize].id)),
                     own_count: a.count,
                     partner_count: b.count,
-                });
+                }));
             }
         }
         if !world.walls.is_empty() {
@@ -363,7 +358,7 @@ impl<F: Features> Windows<F> {
     }
 
     /// Tells the contacts of a probe with walls.
-    fn predict_walls(&self, world: &World, probe: &Probe, tell: &mut impl FnMut(Entry)) {
+    fn predict_walls(&self, world: &World, probe: &Probe, tell: &mut impl FnMut(Due)) {
         let anchor = &self.anchors[probe.slot as usize];
         let class = &world.classes[anchor.class()];
         if class.inverse_mass == 0.0 {
@@ -372,13 +367,13 @@ impl<F: Features> Windows<F> {
         for wall in 0..world.walls.len() as u32 {
             let Some(time) = exact::wall_contact(world, anchor, class.radius, wall) else { continue };
             if time <= self.end {
-                tell(Entry {
+                tell(Due(Entry {
                     time,
                     owner: probe.record.id,
                     target: Target::new(Kind::Wall(wall)),
                     own_count: anchor.count,
                     partner_count: 0,
-                });
+                }));
             }
         }
     }
@@ -433,21 +428,21 @@ impl<F: Features> Windows<F> {
     #[inline(always)]
     fn prefetch_soon(&self, world: &World) {
         let bodies = |ahead: usize| {
-            let entry = self.agenda.soon(ahead)?;
+            let Due(entry) = self.agenda.soon(ahead)?;
             let Kind::Collision(j) = entry.target.kind() else { return None };
             Some([entry.owner, j])
         };
         if let Some(bodies) = bodies(20) {
             for body in bodies {
-                prefetch(&world.particles, body as usize);
-                prefetch(&self.slot_of, body as usize);
+                prefetch(&world.particles[body as usize]);
+                prefetch(&self.slot_of[body as usize]);
             }
         }
         if let Some(bodies) = bodies(14) {
             for body in bodies {
                 let slot = self.slot_of[body as usize] as usize;
-                prefetch(&self.records, slot);
-                prefetch(&self.anchors, slot);
+                prefetch(&self.records[slot]);
+                prefetch(&self.anchors[slot]);
             }
         }
         let place = |ahead: usize| {
@@ -495,7 +490,7 @@ impl<F: Features> Windows<F> {
             if limit.entries == 0 {
                 return Ok(Stop::Slice);
             }
-            let Some(entry) = self.agenda.pop_until(limit.ticks.min(self.end)) else {
+            let Some(Due(entry)) = self.agenda.pop_until(limit.ticks.min(self.end)) else {
                 if limit.ticks <= self.end {
                     state.world.now = state.world.now.max(limit.ticks);
                     return Ok(Stop::Time);
@@ -608,7 +603,7 @@ impl<F: Features> Windows<F> {
     }
 
     #[target_feature(enable = "avx2,fma,bmi1,bmi2,lzcnt,popcnt")]
-    fn scan_avx2(&self, world: &World, slots: Range<usize>, scratch: &mut Scratch, found: &mut Vec<Entry>) {
+    fn scan_avx2(&self, world: &World, slots: Range<usize>, scratch: &mut Scratch, found: &mut Vec<Due>) {
         self.scan::<true>(world, slots, scratch, found);
     }
 

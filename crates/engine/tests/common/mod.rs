@@ -148,3 +148,34 @@ impl Observer for Log {
         self.0.push(*event);
     }
 }
+
+/// Disks in a periodic square, from a square lattice; `area_fraction` at most 0.78.
+pub fn disks(per_edge: usize, area_fraction: f64, seed: u64) -> System {
+    let count = per_edge.pow(2);
+    let edge = (count as f64 * std::f64::consts::PI / 4.0 / area_fraction).sqrt();
+    let mut system = system(Dimension::Two, DVec3::new(edge, edge, 1.0), [Boundary::Periodic; 3]);
+    let grain = class(&mut system, 0.5, 1.0);
+    let mut random = Random(seed);
+    let step = edge / per_edge as f64;
+    for i in 0..count {
+        let place = DVec3::new((i % per_edge) as f64 + 0.5, (i / per_edge) as f64 + 0.5, 0.0);
+        add(&mut system, grain, place * step, DVec3::new(random.normal(), random.normal(), 0.0));
+    }
+    system
+}
+
+/// A gas on a lattice as [`gas`], with radii in equal parts from a quarter of the largest up to it.
+pub fn polydisperse(per_edge: usize, packing_fraction: f64, seed: u64) -> System {
+    let radii: Vec<f64> = (0..16).map(|k| 0.125 + 0.375 * f64::from(k) / 15.0).collect();
+    let volume = radii.iter().map(|radius| radius.powi(3)).sum::<f64>() / 16.0 / 0.125;
+    let mut system = gas(per_edge, packing_fraction / volume, 1.0, seed);
+    let mut random = Random(seed + 1);
+    let first = system.classes.len() as u32;
+    for radius in radii {
+        class(&mut system, radius, (2.0 * radius).powi(3));
+    }
+    for body in &mut system.bodies {
+        body.class = first + random.index(16) as u32;
+    }
+    system
+}

@@ -197,10 +197,11 @@ impl Builder<'_> {
             NeighborsConfig::Auto => NeighborChoice::Auto,
             NeighborsConfig::Cells => NeighborChoice::Cells,
             NeighborsConfig::AllPairs => NeighborChoice::AllPairs,
-            NeighborsConfig::Windows | NeighborsConfig::Lists => {
+            NeighborsConfig::Lists => NeighborChoice::Lists,
+            NeighborsConfig::Windows => {
                 self.document.report(
                     &at(["engine", "neighbors"]),
-                    "is not available in this version; choose \"auto\", \"cells\" or \"all_pairs\"",
+                    "is not available in this version; choose \"auto\", \"cells\", \"lists\" or \"all_pairs\"",
                 );
                 NeighborChoice::Auto
             }

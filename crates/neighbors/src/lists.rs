@@ -1,0 +1,493 @@
+//! Neighbor lists: every particle knows those within a shell around it.
+
+use glam::DVec3;
+use rayon::prelude::*;
+
+use crate::{
+    Axis, Flight, Geometry, Offsets, Packed, Search, Shift, Transfer,
+    bins::{Bins, Point},
+    memory::{prefetch, roomy},
+    shell::{half_skin, words_per_list},
+    walls::WallTable,
+};
+
+/// Pairs are listed this factor further away than they need be, so that the rounding of an exit can never bring two
+/// particles into contact before they are neighbors.
+const MARGIN: f64 = 1.0 + 1e-9;
+/// A header with this bit is the index of a list in `Lists::spilled`.
+const SPILLED: u32 = 1 << 31;
+/// Lists grow when more than one in this many has spilled.
+const SPILLED_PART: usize = 32;
+/// Largest number of words of a list that is kept in place.
+const MAX_WORDS: usize = 64;
+/// Above this many entries two lists are compared by sorting them.
+const MANY: usize = 256;
+/// A new center lies this part of the ball's radius ahead of its particle: where mean free paths are longer than the radius
+/// a stay is then longer, and where they are short it is hardly shorter.
+const AHEAD: f64 = 0.5;
+/// Steps of the search for the end of a curved flight's stay in its ball.
+const STEPS: usize = 8;
+
+/**
+Neighbor lists.
+
+A particle's place is a ball around its *center*, where it was when its list was made. Two particles are in each other's
+list if their centers are closer than contact distance and two ball radii: they cannot touch before one of them has
+left its ball. A transfer is this exit. It moves the center to the particle, and puts right its own list and
+those of the partners lost and won; all others stand.
+
+Lists have a fixed number of words each; one that outgrows it, or names an image far from the box, goes on elsewhere.
+*/
+#[derive(Debug, Clone)]
+pub struct Lists {
+    axes: [Axis; 3],
+    lengths: [f64; 3],
+    /// Radius of the balls, and its square [length].
+    half: f64,
+    half2: f64,
+    /// Slack for the rounding of coordinates [length].
+    slack: f64,
+    /// Contact distance if all radii are equal, and else the radii [length].
+    reach: f64,
+    radii: Vec<f64>,
+    /// The centers.
+    bins: Bins,
+    /// Per particle a header (its number of entries, or the place of a spilled list) and its entries.
+    words: Vec<Packed>,
+    /// Place of the first list, at the start of a cache line, and words of each.
+    base: usize,
+    stride: usize,
+    spilled: Vec<Vec<(u32, Shift)>>,
+    spare: Vec<u32>,
+    offsets: Offsets,
+    /// What the last transfer has brought near.
+    fresh: Vec<(u32, Shift)>,
+    found: Vec<(u32, Shift)>,
+    walls: WallTable,
+}
+
+impl Lists {
+    /// Whether the engine may use lists for this many particles.
+    pub const MAX_PARTICLES: usize = Packed::MAX_PARTICLES;
+
+    #[inline]
+    fn place(&self, i: u32) -> usize {
+        self.base + i as usize * self.stride
+    }
+
+    /// Square of the distance of centers up to which i and j are neighbors.
+    #[inline]
+    fn cutoff2(&self, i: u32, j: u32) -> f64 {
+        let sigma =
+            if self.radii.is_empty() { self.reach } else { self.radii[i as usize] + self.radii[j as usize] };
+        let cutoff = (sigma + 2.0 * self.half) * MARGIN + self.slack;
+        cutoff * cutoff
+    }
+
+    /// Looks for the neighbors of i among the centers.
+    fn find(&self, i: u32, found: &mut Vec<(u32, Shift)>) {
+        found.clear();
+        let own = self.bins.points[i as usize];
+        let margin = |sigma: f64| (sigma + 2.0 * self.half) * MARGIN * MARGIN + 2.0 * self.slack;
+        if self.radii.is_empty() {
+            let cutoff2 = self.cutoff2(i, i);
+            self.bins.near(
+                own.position,
+                |_| margin(self.reach),
+                |j, other, d, offset| {
+                    if distance2(&own, other, offset) < cutoff2 && j != i {
+                        found.push((j, shift(&own, other, d)));
+                    }
+                },
+            );
+        } else {
+            let range = |largest: f64| margin(self.radii[i as usize] + largest);
+            self.bins.near(own.position, range, |j, other, d, offset| {
+                if distance2(&own, other, offset) < self.cutoff2(i, j) && j != i {
+                    found.push((j, shift(&own, other, d)));
+                }
+            });
+        }
+    }
+
+    /// The list of i, wherever it is.
+    #[inline]
+    fn visit(&self, i: u32, mut visit: impl FnMut(u32, Shift)) {
+        match self.packed(i) {
+            Some(list) => list.iter().for_each(|entry| visit(entry.id(), entry.shift())),
+            None => self.spilled_list(i).iter().for_each(|&(j, shift)| visit(j, shift)),
+        }
+    }
+
+    fn spilled_list(&self, i: u32) -> &[(u32, Shift)] {
+        let header = self.words[self.place(i)].word();
+        if header & SPILLED == 0 { &[] } else { &self.spilled[(header & !SPILLED) as usize] }
+    }
+
+    /// Makes `list` the list of i.
+    fn set(&mut self, i: u32, list: &[(u32, Shift)]) {
+        let place = self.place(i);
+        let header = self.words[place].word();
+        if header & SPILLED != 0 {
+            self.spilled[(header & !SPILLED) as usize].clear();
+            self.spare.push(header & !SPILLED);
+        }
+        let fits = write(&mut self.words[place..place + self.stride], list);
+        if !fits {
+            self.spill(i, list.to_vec());
+        }
+    }
+
+    /// Keeps the list of i elsewhere from now on.
+    #[cold]
+    fn spill(&mut self, i: u32, list: Vec<(u32, Shift)>) {
+        let free = self.spare.pop().unwrap_or_else(|| {
+            self.spilled.push(Vec::new());
+            self.spilled.len() as u32 - 1
+        });
+        self.spilled[free as usize] = list;
+        let place = self.place(i);
+        self.words[place] = Packed::from_word(free | SPILLED);
+    }
+
+    /// Adds an entry to the list of i; true if the list has spilled because of it.
+    fn add(&mut self, i: u32, j: u32, shift: Shift) -> bool {
+        let place = self.place(i);
+        let header = self.words[place].word();
+        if header & SPILLED != 0 {
+            self.spilled[(header & !SPILLED) as usize].push((j, shift));
+            return false;
+        }
+        match Packed::new(j, shift) {
+            Some(entry) if (header as usize) < self.stride - 1 => {
+                self.words[place + 1 + header as usize] = entry;
+                self.words[place] = Packed::from_word(header + 1);
+                false
+            }
+            _ => {
+                let mut list = Vec::with_capacity(header as usize + 8);
+                self.visit(i, |j, shift| list.push((j, shift)));
+                list.push((j, shift));
+                self.spill(i, list);
+                true
+            }
+        }
+    }
+
+    /// Takes an entry out of the list of i.
+    fn remove(&mut self, i: u32, j: u32, shift: Shift) {
+        let place = self.place(i);
+        let header = self.words[place].word();
+        if header & SPILLED != 0 {
+            let list = &mut self.spilled[(header & !SPILLED) as usize];
+            if let Some(at) = list.iter().position(|entry| *entry == (j, shift)) {
+                list.swap_remove(at);
+            }
+            return;
+        }
+        let Some(entry) = Packed::new(j, shift) else { return };
+        let list = &mut self.words[place + 1..=place + header as usize];
+        if let Some(at) = list.iter().position(|other| *other == entry) {
+            list[at] = list[list.len() - 1];
+            self.words[place] = Packed::from_word(header - 1);
+        }
+    }
+
+    /// Makes `new`, header and entries, the list of i, and puts right the lists of the partners lost and won.
+    fn replace_packed(&mut self, i: u32, new: &[Packed; MAX_WORDS]) {
+        let place = self.place(i);
+        let mut old = [Packed::default(); MAX_WORDS];
+        let (old, new) = (&mut old[..self.stride], &new[..self.stride]);
+        old.copy_from_slice(&self.words[place..place + self.stride]);
+        self.words[place..place + self.stride].copy_from_slice(new);
+        let (old, new) = (&old[1..=old[0].word() as usize], &new[1..=new[0].word() as usize]);
+        for entry in old.iter().filter(|entry| !contains(new, **entry)) {
+            self.remove(entry.id(), i, entry.shift().map(|s| -s));
+        }
+        self.fresh.clear();
+        let mut spilled = false;
+        for entry in new.iter().filter(|entry| !contains(old, **entry)) {
+            self.fresh.push((entry.id(), entry.shift()));
+            spilled |= self.add(entry.id(), i, entry.shift().map(|s| -s));
+        }
+        if spilled {
+            self.grow();
+        }
+    }
+
+    /// The same for lists of any length.
+    #[cold]
+    fn replace(&mut self, i: u32, new: &mut [(u32, Shift)]) {
+        let mut old = Vec::new();
+        self.visit(i, |j, shift| old.push((j, shift)));
+        difference(&mut old, new, |(j, shift)| {
+            self.remove(j, i, shift.map(|s| -s));
+        });
+        let mut fresh = std::mem::take(&mut self.fresh);
+        fresh.clear();
+        difference(new, &mut old, |entry| fresh.push(entry));
+        for &(j, shift) in &fresh {
+            self.add(j, i, shift.map(|s| -s));
+        }
+        self.fresh = fresh;
+        self.set(i, new);
+        self.grow();
+    }
+
+    /// Gives every list more room if many have spilled.
+    fn grow(&mut self) {
+        let count = self.bins.points.len();
+        let spilled = self.spilled.len() - self.spare.len();
+        if spilled <= count / SPILLED_PART + 8 || self.stride >= MAX_WORDS {
+            return;
+        }
+        let old = (std::mem::take(&mut self.words), self.base, self.stride);
+        self.allocate(count, self.stride + 8);
+        for i in 0..count {
+            let (from, to) = (old.1 + i * old.2, self.place(i as u32));
+            self.words[to..to + old.2].copy_from_slice(&old.0[from..from + old.2]);
+        }
+        for i in 0..count as u32 {
+            let list = self.spilled_list(i);
+            if !list.is_empty() {
+                let list = list.to_vec();
+                self.set(i, &list);
+            }
+        }
+    }
+
+    fn allocate(&mut self, count: usize, stride: usize) {
+        const LINE: usize = 16; // words
+        self.stride = stride;
+        self.words = roomy(count * stride + LINE);
+        self.words.resize(count * stride + LINE, Packed::default());
+        self.base = self.words.as_ptr().align_offset(64).min(LINE);
+    }
+}
+
+/// Square of the distance from a center to an image of another; the same bits from either side, as negation is exact.
+#[inline(always)]
+fn distance2(own: &Point, other: &Point, offset: [f64; 3]) -> f64 {
+    let r = [0, 1, 2].map(|axis| other.position[axis] - own.position[axis] + offset[axis]);
+    r[0] * r[0] + r[1] * r[1] + r[2] * r[2]
+}
+
+/// Shift between the anchor coordinates of two particles for image d of the other's center.
+#[inline]
+fn shift(own: &Point, other: &Point, d: Shift) -> Shift {
+    [0, 1, 2].map(|axis| d[axis] + own.image[axis] - other.image[axis])
+}
+
+/// Writes a list into its words. False if it does not fit; the header is then left for the place of a spilled one.
+fn write(words: &mut [Packed], list: &[(u32, Shift)]) -> bool {
+    if list.len() >= words.len() {
+        return false;
+    }
+    for (word, &(j, shift)) in words[1..].iter_mut().zip(list) {
+        match Packed::new(j, shift) {
+            Some(entry) => *word = entry,
+            None => return false,
+        }
+    }
+    words[0] = Packed::from_word(list.len() as u32);
+    true
+}
+
+/// Whether a list has this entry; without an early end, so that whole vectors are compared.
+#[inline]
+fn contains(list: &[Packed], entry: Packed) -> bool {
+    list.iter().fold(false, |found, other| found | (other.word() == entry.word()))
+}
+
+/// Calls `visit` for every entry of `list` that is not in `other`. Both may be put into another order.
+fn difference(list: &mut [(u32, Shift)], other: &mut [(u32, Shift)], mut visit: impl FnMut((u32, Shift))) {
+    if list.len().max(other.len()) <= MANY {
+        list.iter().filter(|entry| !other.contains(entry)).for_each(|entry| visit(*entry));
+    } else {
+        other.sort_unstable();
+        list.iter().filter(|entry| other.binary_search(entry).is_err()).for_each(|entry| visit(*entry));
+    }
+}
+
+impl Search for Lists {
+    fn new(geometry: &Geometry, positions: &[DVec3]) -> Self {
+        let half = half_skin(geometry);
+        let extent = geometry.lengths().into_iter().fold(0.0, f64::max);
+        let mut lists = Self {
+            axes: geometry.axes,
+            lengths: geometry.lengths(),
+            half,
+            half2: half * half,
+            slack: 16.0 * f64::EPSILON * extent,
+            reach: geometry.reach,
+            radii: geometry.radii.clone(),
+            bins: Bins::new(geometry, positions, 2.0 * half),
+            words: Vec::new(),
+            base: 0,
+            stride: 0,
+            spilled: Vec::new(),
+            spare: Vec::new(),
+            offsets: Offsets::new(geometry.size),
+            fresh: Vec::new(),
+            found: Vec::new(),
+            walls: WallTable::default(),
+        };
+        if let Some(level) = lists.bins.levels.last() {
+            // A center may lie beyond the wall that its particle cannot pass.
+            lists.walls = WallTable::new(geometry, level.n, level.width, geometry.radius + 2.0 * half);
+        }
+        let count = positions.len();
+        let mut sample = Vec::new();
+        let lengths: Vec<usize> = (0..count)
+            .step_by((count / 1000).max(1))
+            .map(|i| {
+                lists.find(i as u32, &mut sample);
+                sample.len()
+            })
+            .collect();
+        lists.allocate(count, words_per_list(lengths).min(MAX_WORDS));
+        let (base, stride) = (lists.base, lists.stride);
+        let mut words = std::mem::take(&mut lists.words);
+        let spilled: Vec<(u32, Vec<(u32, Shift)>)> = words[base..base + count * stride]
+            .par_chunks_mut(stride)
+            .enumerate()
+            .map_init(Vec::new, |found, (i, words)| {
+                lists.find(i as u32, found);
+                (!write(words, found)).then(|| (i as u32, found.clone()))
+            })
+            .flatten()
+            .collect();
+        lists.words = words;
+        for (i, list) in spilled {
+            lists.spill(i, list);
+        }
+        lists
+    }
+
+    #[inline]
+    fn candidates<P: Fn(u32) -> DVec3, V: FnMut(u32, Shift)>(&self, i: u32, _position: P, visit: V) {
+        self.visit(i, visit);
+    }
+
+    #[inline]
+    fn new_candidates<P: Fn(u32) -> DVec3, V: FnMut(u32, Shift)>(
+        &self,
+        _i: u32,
+        _code: u8,
+        _position: P,
+        mut visit: V,
+    ) {
+        self.fresh.iter().for_each(|&(j, shift)| visit(j, shift));
+    }
+
+    #[inline(always)]
+    fn packed(&self, i: u32) -> Option<&[Packed]> {
+        let place = self.place(i);
+        let header = self.words[place].word();
+        (header & SPILLED == 0).then(|| &self.words[place + 1..=place + header as usize])
+    }
+
+    #[inline(always)]
+    fn prefetch(&self, i: u32) {
+        let place = self.place(i);
+        prefetch(&self.words[place]);
+        prefetch(&self.words[place + self.stride / 2]);
+        prefetch(&self.words[place + self.stride - 1]);
+        prefetch(&self.bins.points[i as usize]);
+    }
+
+    #[inline(always)]
+    fn offsets(&self) -> Option<&Offsets> {
+        Some(&self.offsets)
+    }
+
+    #[inline(always)]
+    fn walls(&self, i: u32) -> &[u16] {
+        if self.walls.is_empty() {
+            return &[];
+        }
+        let level = &self.bins.levels[self.bins.levels.len() - 1];
+        self.walls.of(self.bins.bin(level, self.bins.points[i as usize].position))
+    }
+
+    #[inline(always)]
+    fn next_transfer(&self, i: u32, flight: &Flight, within: f64) -> Option<Transfer> {
+        let center = &self.bins.points[i as usize];
+        let image = DVec3::from_array(center.image.map(f64::from)) * DVec3::from_array(self.lengths);
+        let d = flight.position - (DVec3::from_array(center.position) + image);
+        let v = flight.velocity;
+        let delay = if flight.acceleration == DVec3::ZERO {
+            // A ball is convex: who is inside now and then is inside all the time.
+            if (d + v * within).length_squared() <= self.half2 && d.length_squared() <= self.half2 {
+                return None;
+            }
+            straight_exit(d, v, self.half2)?
+        } else {
+            curved_exit(d, v, flight.acceleration, self.half, within)
+        };
+        (delay <= within).then_some(Transfer { delay, code: 0 })
+    }
+
+    fn transfer(&mut self, i: u32, _code: u8, flight: &Flight) {
+        let mut found = std::mem::take(&mut self.found);
+        self.bins.set(i, flight.position + flight.velocity.normalize_or_zero() * (AHEAD * self.half));
+        self.find(i, &mut found);
+        let mut new = [Packed::default(); MAX_WORDS];
+        if self.packed(i).is_some() && write(&mut new[..self.stride], &found) {
+            self.replace_packed(i, &new);
+        } else {
+            self.replace(i, &mut found);
+        }
+        self.found = found;
+    }
+
+    fn rewrap(&mut self, i: u32, wraps: [i32; 3]) {
+        let image = &mut self.bins.points[i as usize].image;
+        for axis in 0..3 {
+            if self.axes[axis] == Axis::Periodic {
+                image[axis] -= wraps[axis];
+            }
+        }
+        let mut list = Vec::new();
+        self.visit(i, |j, shift| list.push((j, shift)));
+        for (j, shift) in &mut list {
+            let seen = shift.map(|s| -s);
+            self.remove(*j, i, seen);
+            self.add(*j, i, [seen[0] + wraps[0], seen[1] + wraps[1], seen[2] + wraps[2]]);
+            *shift = [shift[0] - wraps[0], shift[1] - wraps[1], shift[2] - wraps[2]];
+        }
+        self.set(i, &list);
+    }
+}
+
+/// When a straight flight from d leaves the ball of radius² `half2` around the origin; `None` if it stands.
+#[inline]
+fn straight_exit(d: DVec3, v: DVec3, half2: f64) -> Option<f64> {
+    let (speed2, along) = (v.length_squared(), d.dot(v));
+    if speed2 == 0.0 {
+        return None;
+    }
+    let gap = (half2 - d.length_squared()).max(0.0);
+    let root = (along * along + speed2 * gap).sqrt();
+    // No difference of numbers of one sign.
+    Some(if along > 0.0 { gap / (root + along) } else { (root - along) / speed2 })
+}
+
+/// A time before which an accelerated flight from d cannot have left the ball of radius `half`, near the exit itself.
+///
+/// In every step the distance to the surface is used up by speed and acceleration at most.
+fn curved_exit(d: DVec3, v: DVec3, a: DVec3, half: f64, within: f64) -> f64 {
+    let pull = a.length();
+    let mut time = 0.0;
+    for _ in 0..STEPS {
+        let position = haff_mechanics::free_flight(d, v, a, time);
+        let speed = haff_mechanics::free_flight_velocity(v, a, time).length();
+        let gap = half - position.length();
+        if gap <= 1e-3 * half || time > within {
+            break;
+        }
+        // Root of gap = speed t + a t²/2.
+        time += 2.0 * gap / (speed + (speed * speed + 2.0 * pull * gap).sqrt());
+    }
+    time
+}

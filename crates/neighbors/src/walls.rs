@@ -1,0 +1,77 @@
+//! Which walls a particle in a cell may touch.
+
+use rayon::prelude::*;
+
+use crate::{Axis, Geometry, Plane};
+
+/// For every cell of a grid the walls that a particle with its place in it may touch; empty without walls.
+#[derive(Debug, Clone, Default)]
+pub(crate) struct WallTable {
+    /// Walls of cell c: `ids[start[c]..start[c + 1]]`.
+    start: Vec<u32>,
+    ids: Vec<u16>,
+}
+
+impl WallTable {
+    /// The table of a grid of `n` cells per axis of these widths. `radius` is how far from its cell a particle may
+    /// touch \[length\].
+    pub fn new(geometry: &Geometry, n: [i32; 3], width: [f64; 3], radius: f64) -> Self {
+        if geometry.planes.is_empty() {
+            return Self::default();
+        }
+        let [nx, ny, nz] = n.map(|n| n as usize);
+        let lists: Vec<Vec<u16>> = (0..nx * ny * nz)
+            .into_par_iter()
+            .map(|index| {
+                let cell = [index % nx, index / nx % ny, index / (nx * ny)];
+                let near = |plane: &Plane| is_near(geometry.axes, width, cell, plane, radius);
+                (0..geometry.planes.len() as u16)
+                    .filter(|&wall| near(&geometry.planes[wall as usize]))
+                    .collect()
+            })
+            .collect();
+        let mut table = Self { start: Vec::with_capacity(lists.len() + 1), ids: Vec::new() };
+        table.start.push(0);
+        for list in lists {
+            table.ids.extend(list);
+            table.start.push(table.ids.len() as u32);
+        }
+        table
+    }
+
+    /// Whether there are no walls at all.
+    #[inline]
+    pub fn is_empty(&self) -> bool {
+        self.start.is_empty()
+    }
+
+    /// Walls of a cell; the table must not be empty.
+    #[inline]
+    pub fn of(&self, cell: usize) -> &[u16] {
+        &self.ids[self.start[cell] as usize..self.start[cell + 1] as usize]
+    }
+}
+
+fn is_near(axes: [Axis; 3], width: [f64; 3], cell: [usize; 3], plane: &Plane, radius: f64) -> bool {
+    if plane.moving {
+        return true;
+    }
+    let normal = plane.normal.to_array();
+    let point = plane.point.to_array();
+    let mut distance = 0.0;
+    let mut slack = radius;
+    for axis in 0..3 {
+        if normal[axis] == 0.0 {
+            continue;
+        }
+        if matches!(axes[axis], Axis::Open | Axis::Periodic) {
+            // The cell stands for all its images.
+            return true;
+        }
+        let width = width[axis];
+        let low = cell[axis] as f64 * width;
+        distance += ((low - point[axis]) * normal[axis]).min((low + width - point[axis]) * normal[axis]);
+        slack += radius.max(width) * 1e-9;
+    }
+    distance <= slack
+}
