@@ -70,7 +70,8 @@ fn start(options: &Run, scene: Scene, signals: &Signals) -> Result<u8, Failure> 
                 trajectory_version: TRAJECTORY_VERSION,
                 frames: output.frames != Schedule::Off,
                 observables: output.observables != Schedule::Off,
-                events: output.events,
+                events: output.events.clone(),
+                compressed: output.compressed,
                 ..Header::from_system(&system)
             };
             Some(Recorder::create(path, header, options.overwrite).map_err(|error| file_failure(&error))?)
@@ -211,7 +212,7 @@ fn report(outcome: &Outcome, context: &Context) -> Value {
     let mut report = json!({
         "title": context.title,
         "stopped": outcome.ending.word(),
-        "particles": simulation.system().bodies.len(),
+        "particles": simulation.particles(),
         "collisions": counters.collisions,
         "wall_collisions": counters.wall_collisions,
         "events": counters.collisions + counters.wall_collisions,
@@ -269,7 +270,7 @@ fn tell(outcome: &Outcome, context: &Context) {
     }
     eprintln!(
         "{} particles to t = {} in {:.2?}: {why}",
-        simulation.system().bodies.len(),
+        simulation.particles(),
         simulation.time(),
         outcome.wall
     );

@@ -12,7 +12,7 @@ This is the only crate that links HDF5. [`Recorder`] writes, off the hot path an
 | `particles/all/box` | attributes `dimension` = 3 and `boundary`; `edges` \[F\]\[3\] at the frames' steps and times |
 | `particles/all/{id,species,mass,radius}` | \[N\] |
 | `observables/…` | `value` \[S\] or \[S\]\[k\], `step` \[S\], `time` \[S\], the last two hard-linked |
-| `events/…` | one column per dataset, \[E\] or \[E\]\[3\]; `kind` is an HDF5 enum |
+| `events/…` | one column per dataset, \[E\] or \[E\]\[3\]: `time`, and those the scene asks for; `kind` is an HDF5 enum |
 | `parameters/…` | `scene` (TOML), `title`, `seed`, `version`, `git_revision`, `schema`, `trajectory_version`, `dimension`, `box_origin`, `species_names`, `wall_names`; after the run `summary` (JSON) |
 | `checkpoint/{0,1}` | two slots, written in turn |
 
@@ -61,6 +61,7 @@ mod events;
 mod file;
 mod header;
 mod info;
+mod pack;
 mod queue;
 mod recorder;
 mod resume;
