@@ -103,6 +103,8 @@ fn push_apart(room: &Room, radius: &[f64], mut position: Vec<DVec3>) -> Result<V
     let mut drift = f64::INFINITY;
     let mut velocity = vec![DVec3::ZERO; bodies.len()];
     let mut pushes: Vec<(DVec3, f64)> = Vec::new();
+    // Drift up to which a particle, clear of all others when it was last looked at, cannot have come to touch one.
+    let mut clear_until = vec![0.0; bodies.len()];
     let (mut worst_of_window, mut worst_before) = (f64::INFINITY, f64::INFINITY);
     for round in 0..ROUNDS {
         if drift > 0.5 * skin {
@@ -111,16 +113,21 @@ fn push_apart(room: &Room, radius: &[f64], mut position: Vec<DVec3>) -> Result<V
             }
             list.build(&mut grid, &position, &all_radii, skin, movable, periods, &place);
             drift = 0.0;
+            clear_until.fill(0.0);
         }
         // Jacobi steps: every particle reads the old positions only, so the order of work does not matter.
         bodies
             .par_iter()
+            .zip(clear_until.par_iter_mut())
             .enumerate()
-            .map(|(k, body)| {
-                if body.row as usize >= movable {
+            .map(|(k, (body, clear_until))| {
+                if body.row as usize >= movable || drift < *clear_until {
                     return (DVec3::ZERO, 0.0);
                 }
-                push(room, &bodies, list.of(k), body, movable, periods)
+                let (step, worst, clear) = push(room, &bodies, list.of(k), body, movable, periods);
+                // Both may have moved towards each other; and a part of it for rounding.
+                *clear_until = drift + 0.499 * clear - 1e-9 * body.radius;
+                (step, worst)
             })
             .collect_into_vec(&mut pushes);
         let worst = pushes.iter().map(|push| push.1).fold(0.0, f64::max);
@@ -201,7 +208,8 @@ fn inverse(order: &[u32]) -> Vec<u32> {
     place
 }
 
-/// The step that moves a particle out of its overlaps, and its worst true overlap [length].
+/// The step that moves a particle out of its overlaps, its worst true overlap, and how far it is from the nearest thing
+/// that would push it [length].
 fn push(
     room: &Room,
     bodies: &[Body],
@@ -209,10 +217,11 @@ fn push(
     own: &Body,
     movable: usize,
     periods: Periods,
-) -> (DVec3, f64) {
+) -> (DVec3, f64, f64) {
     let (p, r) = (own.position, own.radius);
     let mut step = DVec3::ZERO;
     let mut worst = 0.0_f64;
+    let mut clear = f64::INFINITY;
     for &j in neighbors {
         let other = &bodies[j as usize];
         let contact = r + other.radius;
@@ -220,6 +229,7 @@ fn push(
         let distance = d.length();
         worst = worst.max(contact - distance);
         let gap = contact * (1.0 + MARGIN) - distance;
+        clear = clear.min(-gap);
         if gap > 0.0 {
             // Two centres at one point have no direction: x serves, with opposite signs for the two.
             let n = if distance > 0.0 {
@@ -233,6 +243,7 @@ fn push(
     let mut wall = |distance: f64, normal: DVec3| {
         worst = worst.max(r - distance);
         let gap = r * (1.0 + MARGIN) - distance;
+        clear = clear.min(-gap);
         if gap > 0.0 {
             step += normal * gap * 0.8;
         }
@@ -246,7 +257,7 @@ fn push(
     for plane in room.planes {
         wall((p - plane.point).dot(plane.normal), plane.normal);
     }
-    (step, worst)
+    (step, worst, clear)
 }
 
 /// Neighbors of every particle, in one array; both sides by place.
