@@ -172,3 +172,114 @@ pub(crate) fn deepest(world: &World, geometry: &Geometry) -> Overlap {
     }
     found
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::{
+        measure::geometry,
+        model::{Body, Boundary, Class, Contacts, Dimension, Domain, Group, Restitution, System, Wall},
+    };
+
+    /// A number in [0, 1) (SplitMix64).
+    fn number(state: &mut u64) -> f64 {
+        *state = state.wrapping_add(0x9E37_79B9_7F4A_7C15);
+        let mut z = *state;
+        z = (z ^ (z >> 30)).wrapping_mul(0xBF58_476D_1CE4_E5B9);
+        z = (z ^ (z >> 27)).wrapping_mul(0x94D0_49BB_1331_11EB);
+        ((z ^ (z >> 31)) >> 11) as f64 / (1_u64 << 53) as f64
+    }
+
+    /// Spheres strewn at random, radii over `octaves` powers of two, some of infinite mass, and an oblique plane.
+    fn strewn(seed: u64, count: usize, octaves: f64) -> System {
+        let mut state = seed;
+        let kinds = [Boundary::Periodic, Boundary::Wall, Boundary::Open];
+        let boundary = std::array::from_fn(|_| kinds[(3.0 * number(&mut state)) as usize]);
+        let size = DVec3::from_array([0.0; 3].map(|_: f64| 4.0 + 30.0 * number(&mut state)));
+        let classes: Vec<Class> = (0..count)
+            .map(|_| Class {
+                radius: (-octaves * number(&mut state)).exp2(),
+                mass: if number(&mut state) < 0.1 { f64::INFINITY } else { 1.0 },
+                group: 0,
+            })
+            .collect();
+        let bodies = (0..count)
+            .map(|i| Body {
+                position: size * DVec3::from_array([0.0; 3].map(|_: f64| number(&mut state))),
+                velocity: DVec3::ZERO,
+                image: [0; 3],
+                class: i as u32,
+                species: 0,
+            })
+            .collect();
+        let plane = Wall {
+            name: "plane".to_owned(),
+            point: DVec3::new(0.3, 0.3, 0.3),
+            normal: DVec3::ONE.normalize(),
+            velocity: DVec3::ZERO,
+        };
+        System {
+            dimension: Dimension::Three,
+            domain: Domain { size, boundary, gravity: DVec3::ZERO },
+            bodies,
+            classes,
+            groups: vec![Group { name: "grain".to_owned() }],
+            species: vec!["grain".to_owned()],
+            walls: if seed.is_multiple_of(2) { vec![plane] } else { Vec::new() },
+            contacts: Contacts {
+                pair: vec![Restitution::Constant(1.0)],
+                wall: vec![Restitution::Constant(1.0)],
+                tc: 0.0,
+            },
+        }
+    }
+
+    /// Every pair and every wall, one after the other.
+    fn by_all_pairs(world: &World) -> Overlap {
+        let mut deepest = Overlap::NONE;
+        let count = world.particles.len() as u32;
+        for i in 0..count {
+            let (class, position) = (world.class(i), place(world, i));
+            for j in i + 1..count {
+                let other = world.class(j);
+                let distance = world.nearest_image(place(world, j) - position).length();
+                let depth = 1.0 - distance / (class.radius + other.radius);
+                if class.mass.is_finite() || other.mass.is_finite() {
+                    deepest = deepest.or(Overlap { depth, pair: Some((i, Some(j))) });
+                }
+            }
+            for wall in &world.walls {
+                let depth = 1.0 - (position - wall.point).dot(wall.normal) / class.radius;
+                if class.mass.is_finite() {
+                    deepest = deepest.or(Overlap { depth, pair: Some((i, None)) });
+                }
+            }
+        }
+        deepest
+    }
+
+    #[test]
+    fn grids_and_all_pairs_find_the_same_deepest_overlap_at_any_size_ratio() {
+        let (mut pairs, mut walls, mut none) = (0, 0, 0);
+        for seed in 0..400 {
+            let system = strewn(seed, [2, 9, 80][seed as usize % 3], [0.0, 1.5, 9.0][seed as usize / 3 % 3]);
+            let world = World::new(&system, -50);
+            let (found, expected) = (deepest(&world, &geometry(&system)), by_all_pairs(&world));
+            assert_eq!(found.pair, expected.pair, "system {seed}: {found:?}, {expected:?}");
+            // The sum of a distance from a plane is rounded in two ways.
+            assert!(
+                (found.depth - expected.depth).abs() < 1e-12 * (1.0 + expected.depth),
+                "system {seed}: {found:?}, {expected:?}"
+            );
+            match found.pair {
+                Some((_, Some(_))) => pairs += 1,
+                Some((_, None)) => walls += 1,
+                None => none += 1,
+            }
+        }
+        assert!(
+            pairs > 100 && walls > 20 && none > 20,
+            "{pairs} pairs, {walls} at walls, {none} without overlap"
+        );
+    }
+}

@@ -26,7 +26,8 @@ leaves whatever had been written by then. Four rules make that a file which open
 1. Library version bounds are `earliest`: newer superblocks carry a flag that forbids opening a file that was not closed.
 2. Evictions from the metadata cache are off, so that bookkeeping reaches the file during a flush and at no other
    time. Data go to places that the bookkeeping on disk does not know yet.
-3. A compressed chunk is written once, whole: rewriting one moves it, and the index on disk points to where it was.
+3. A compressed chunk is written once, whole: rewriting one moves it, and the index on disk points to where it was. It is
+   compressed here (`pack`), by libdeflate and outside the library's lock, to what HDF5's own shuffle and deflate undo.
    What grows row by row (observables, trajectories of few particles) is not compressed and is extended in place.
 4. A flush has two phases: first all `value`s, then, when they are in the file, `step` and `time`. **A row exists when
    its `time` does**; a file killed between the phases has a `value` longer than its `time`. Readers take the shorter

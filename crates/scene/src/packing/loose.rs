@@ -89,7 +89,6 @@ fn push_apart(room: &Room, radius: &[f64], mut position: Vec<DVec3>) -> Result<V
     let mean = radius.iter().sum::<f64>() / movable as f64;
     let skin = 0.6 * mean;
     let largest = all_radii.iter().copied().fold(0.0, f64::max);
-    let mut grid = Grid::new(&all_radii, skin + 2.0 * MARGIN * largest, periods);
     // From here on particles stand in the order of their places, so that neighbors are near in memory, too: of 10⁶
     // particles in random order a round takes several times as long. What is added to what, and in which order, stays
     // that of the rows.
@@ -99,6 +98,8 @@ fn push_apart(room: &Room, radius: &[f64], mut position: Vec<DVec3>) -> Result<V
         .iter()
         .map(|&row| Body { row, position: position[row as usize], radius: all_radii[row as usize] })
         .collect();
+    let radii: Vec<f64> = bodies.iter().map(|body| body.radius).collect();
+    let mut grid = Grid::new(&radii, skin + 2.0 * MARGIN * largest, periods);
     let mut list = Neighbors::default();
     let mut drift = f64::INFINITY;
     let mut velocity = vec![DVec3::ZERO; bodies.len()];
@@ -108,10 +109,7 @@ fn push_apart(room: &Room, radius: &[f64], mut position: Vec<DVec3>) -> Result<V
     let (mut worst_of_window, mut worst_before) = (f64::INFINITY, f64::INFINITY);
     for round in 0..ROUNDS {
         if drift > 0.5 * skin {
-            for body in &bodies {
-                position[body.row as usize] = body.position;
-            }
-            list.build(&mut grid, &position, &all_radii, skin, movable, periods, &place);
+            list.build(&mut grid, &bodies, &place, skin, movable, periods);
             drift = 0.0;
             clear_until.fill(0.0);
         }
@@ -272,32 +270,33 @@ impl Neighbors {
         &self.partner[self.start[i]..self.start[i + 1]]
     }
 
+    /// `place` tells where each row's body stands.
     fn build(
         &mut self,
         grid: &mut Grid,
-        position: &[DVec3],
-        radius: &[f64],
+        bodies: &[Body],
+        place: &[u32],
         skin: f64,
         movable: usize,
         periods: Periods,
-        place: &[u32],
     ) {
         grid.clear();
-        for (k, &p) in position.iter().enumerate() {
-            grid.insert(k, p);
+        for &k in place {
+            grid.insert(k as usize, bodies[k as usize].position);
         }
         // Each pair once, from its smaller particle: `visit` sees the own level and those above.
-        let halves: Vec<Vec<u32>> = (0..position.len())
-            .into_par_iter()
-            .map(|i| {
+        let halves: Vec<Vec<u32>> = bodies
+            .par_iter()
+            .map(|own| {
                 let mut mine = Vec::new();
-                let octave = |k: usize| radius[k].to_bits() >> 52;
-                grid.visit(position[i], radius[i], |j| {
-                    let twice = octave(j) == octave(i) && j <= i;
-                    let reach = (radius[i] + radius[j]) * (1.0 + MARGIN) + skin;
+                let octave = |radius: f64| radius.to_bits() >> 52;
+                grid.visit(own.position, own.radius, |j| {
+                    let other = &bodies[j];
+                    let twice = octave(other.radius) == octave(own.radius) && other.row <= own.row;
+                    let reach = (own.radius + other.radius) * (1.0 + MARGIN) + skin;
                     if !twice
-                        && (i < movable || j < movable)
-                        && periods.nearest(position[j] - position[i]).length_squared() < reach * reach
+                        && ((own.row as usize) < movable || (other.row as usize) < movable)
+                        && periods.nearest(other.position - own.position).length_squared() < reach * reach
                     {
                         mine.push(j as u32);
                     }
@@ -306,25 +305,23 @@ impl Neighbors {
                 mine
             })
             .collect();
-        self.start = vec![0; position.len() + 1];
-        for (i, half) in halves.iter().enumerate() {
-            self.start[place[i] as usize + 1] += half.len();
+        self.start = vec![0; bodies.len() + 1];
+        for (k, half) in halves.iter().enumerate() {
+            self.start[k + 1] += half.len();
             for &j in half {
-                self.start[place[j as usize] as usize + 1] += 1;
+                self.start[j as usize + 1] += 1;
             }
         }
-        for i in 0..position.len() {
-            self.start[i + 1] += self.start[i];
+        for k in 0..bodies.len() {
+            self.start[k + 1] += self.start[k];
         }
         let mut fill = self.start.clone();
-        self.partner = vec![0; self.start[position.len()]];
-        for (i, half) in halves.iter().enumerate() {
-            let i = place[i];
-            for &j in half {
-                let j = place[j as usize];
-                self.partner[fill[i as usize]] = j;
-                self.partner[fill[j as usize]] = i;
-                fill[i as usize] += 1;
+        self.partner = vec![0; self.start[bodies.len()]];
+        for &k in place {
+            for &j in &halves[k as usize] {
+                self.partner[fill[k as usize]] = j;
+                self.partner[fill[j as usize]] = k;
+                fill[k as usize] += 1;
                 fill[j as usize] += 1;
             }
         }
