@@ -377,14 +377,14 @@ pub struct OutputConfig {
     pub frames: Option<ScheduleConfig>,
     /// The same for observables. Default: `until`/1000.
     pub observables: Option<ScheduleConfig>,
-    /// `true`: record every event, in a row of 77 bytes; `{ columns = [...] }`: of every event only these columns.
-    /// `["i", "j"]` makes rows of 10 bytes, `["i", "j", "energy_loss"]` of 17. Default `false`.
+    /// `true`: record every event, in a row of about 80 bytes; `{ columns = [...] }`: of every event only these columns.
+    /// `["i", "j"]` makes rows of about 11 bytes, `["i", "j", "energy_loss"]` of 18. Default `false`.
     pub events: Option<EventsConfig>,
     /// Simulated time between checkpoints. Default: `until`/10.
     #[schemars(extend("exclusiveMinimum" = 0))]
     pub checkpoint: Option<f64>,
-    /// Of frames and of the event log: `deflate` (default), about a sixth smaller, or `none`, for a third of the work
-    /// of writing them and for readers that are faster so.
+    /// Of frames and of the event log: `deflate` (default), about a sixth smaller, or `none`, which halves the work of
+    /// writing them and is faster to read.
     pub compression: Option<CompressionConfig>,
 }
 
