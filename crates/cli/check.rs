@@ -52,7 +52,10 @@ pub fn check(options: &Check) -> Result<u8, Failure> {
                 records(scene.output.frames, until)
             },
             samples: records(scene.output.observables, until) + records(scene.output.frames, until),
-            events: if scene.output.events { (rate.unwrap_or(0.0) * until) as u64 } else { 0 },
+            events: (rate.unwrap_or(0.0) * until) as u64,
+            columns: &scene.output.events,
+            compressed: scene.output.compressed,
+            dimension: axes,
         })
     });
     let memory = estimate::memory(particles);

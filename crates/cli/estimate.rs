@@ -17,6 +17,6 @@ pub fn temperature(system: &System) -> f64 {
 
 /// Memory of a run [bytes], to about a fifth: what the engine keeps per particle and per cell, and the passing copies.
 pub fn memory(particles: usize) -> u64 {
-    // Measured: peak resident memory of elastic gases with 10⁵ and 10⁶ particles, without output.
-    particles as u64 * 390 + (12 << 20)
+    // Measured: peak resident memory of elastic gases with 10⁵ and 10⁶ particles, with frames.
+    particles as u64 * 250 + (12 << 20)
 }

@@ -60,7 +60,7 @@ pub fn info(options: &Info) -> Result<u8, Failure> {
             "schema": info.schema, "trajectory_version": info.trajectory_version, "seed": info.seed,
             "dimension": info.dimension, "particles": info.particles, "species": info.species, "walls": info.walls,
             "box": info.box_size.to_array(), "periodic": info.periodic, "frames": info.frames,
-            "samples": info.samples, "events": info.events, "time_range": info.time_range, "last": ledger,
+            "samples": info.samples, "events": info.events, "event_columns": info.event_columns, "time_range": info.time_range, "last": ledger,
             "checkpoint_time": info.checkpoint_time, "finished": info.finished, "resumable": info.resumable,
             "file_bytes": info.file_size, "summary": summary, "scene": info.scene_toml,
         });
@@ -90,7 +90,9 @@ pub fn info(options: &Info) -> Result<u8, Failure> {
     let count = |number: Option<u64>| number.map_or("none asked for".to_owned(), |number| number.to_string());
     line("frames", count(info.frames));
     line("samples", count(info.samples));
-    line("event rows", count(info.events));
+    let rows = count(info.events);
+    let columns = info.event_columns.join(", ");
+    line("event rows", if columns.is_empty() { rows } else { format!("{rows} of {columns}") });
     if let Some(last) = last {
         line("collisions", format!("{} and {} with walls", last.collisions, last.wall_collisions));
         line("temperature", format!("{:.9e}", last.temperature));

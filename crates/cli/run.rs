@@ -70,7 +70,8 @@ fn start(options: &Run, scene: Scene, signals: &Signals) -> Result<u8, Failure> 
                 trajectory_version: TRAJECTORY_VERSION,
                 frames: output.frames != Schedule::Off,
                 observables: output.observables != Schedule::Off,
-                events: output.events,
+                events: output.events.clone(),
+                compressed: output.compressed,
                 ..Header::from_system(&system)
             };
             Some(Recorder::create(path, header, options.overwrite).map_err(|error| file_failure(&error))?)
@@ -149,7 +150,7 @@ fn resume(options: &Run, path: PathBuf, signals: &Signals) -> Result<u8, Failure
 pub fn engine_failure(error: &haff_engine::EngineError) -> Failure {
     use haff_engine::EngineError as Error;
     let status = match error {
-        Error::NoAvx2 | Error::TooMany { .. } => Status::Invalid,
+        Error::NoAvx2 | Error::TooMany { .. } | Error::Unsuitable { .. } => Status::Invalid,
         Error::Checkpoint(_) => Status::File,
         Error::Collapse { .. } | Error::Overflow { .. } | Error::Inconsistent { .. } => Status::Stopped,
     };
@@ -211,7 +212,7 @@ fn report(outcome: &Outcome, context: &Context) -> Value {
     let mut report = json!({
         "title": context.title,
         "stopped": outcome.ending.word(),
-        "particles": simulation.system().bodies.len(),
+        "particles": simulation.particles(),
         "collisions": counters.collisions,
         "wall_collisions": counters.wall_collisions,
         "events": counters.collisions + counters.wall_collisions,
@@ -271,7 +272,7 @@ fn tell(outcome: &Outcome, context: &Context) {
     }
     eprintln!(
         "{} particles to t = {} in {:.2?}: {why}",
-        simulation.system().bodies.len(),
+        simulation.particles(),
         simulation.time(),
         outcome.wall
     );

@@ -64,8 +64,16 @@ struct EventLog<'a> {
 impl EventLog<'_> {
     fn hand_over(&mut self) -> Result<(), RecordError> {
         if let (Some(recorder), false) = (self.recorder, self.rows.is_empty()) {
-            recorder.events(std::mem::take(&mut self.rows))?;
+            // A buffer whose pages are at hand; filled to its end, it never grows.
+            let mut empty = recorder.event_buffer();
+            empty.reserve(EVENT_BATCH);
+            recorder.events(std::mem::replace(&mut self.rows, empty))?;
         }
+        self.check()
+    }
+
+    /// Tells an error of handing rows over while events ran.
+    fn check(&mut self) -> Result<(), RecordError> {
         self.error.take().map_or(Ok(()), Err)
     }
 }
@@ -136,7 +144,7 @@ impl Session<'_> {
         let progress = Progress::new(self.quiet, self.simulation.counters().collisions);
         let mut log = EventLog {
             recorder: self.recorder,
-            wanted: recording && self.output.events,
+            wanted: recording && !self.output.events.is_empty(),
             rows: Vec::new(),
             error: None,
         };
@@ -145,7 +153,7 @@ impl Session<'_> {
             let due = frames.next().min(samples.next()).min(checkpoints.next());
             let target = Until { time: due.min(until), collisions, entries: SLICE };
             let stop = self.simulation.advance(target, &mut log);
-            log.hand_over()?;
+            log.check()?;
             match stop {
                 Err(error) => break Ending::Failed(error),
                 Ok(Stop::Rest) => break Ending::Rest,
@@ -159,6 +167,7 @@ impl Session<'_> {
                     }
                     self.record(frame, frame || sample)?;
                     if checkpoint {
+                        log.hand_over()?;
                         self.checkpoint()?;
                     }
                 }
@@ -173,6 +182,7 @@ impl Session<'_> {
             let (time, done) = (self.simulation.time(), self.simulation.counters().collisions);
             progress.show((time / until).max(done as f64 / collisions as f64), time, done);
         };
+        log.hand_over()?;
         progress.finish();
         Ok(ending)
     }
@@ -184,8 +194,7 @@ impl Session<'_> {
         if !ending.is_final() {
             self.checkpoint()?;
         }
-        let counters = self.simulation.counters();
-        if self.recorded != Some((self.simulation.time(), counters.collisions + counters.wall_collisions)) {
+        if self.recorded != Some((self.simulation.time(), self.step())) {
             self.record(true, true)?;
         }
         if ending.is_final() {
@@ -200,19 +209,24 @@ impl Session<'_> {
             recorder.sample(self.simulation.sample())?;
         }
         if frame {
-            let frame = self.simulation.frame();
-            self.recorded = Some((frame.time, frame.step));
-            self.simulation.measure_overlap(&frame);
+            self.recorded = Some((self.simulation.time(), self.step()));
+            self.simulation.measure_overlap();
             if let Some(recorder) = self.recorder
                 && self.output.frames != haff_scene::Schedule::Off
             {
-                recorder.frame(frame)?;
+                recorder.frame_with(|| self.simulation.frame())?;
             }
         }
         Ok(())
     }
 
     fn checkpoint(&self) -> Result<(), RecordError> {
-        self.recorder.map_or(Ok(()), |recorder| recorder.checkpoint(self.simulation.checkpoint()))
+        self.recorder.map_or(Ok(()), |recorder| recorder.checkpoint_with(|| self.simulation.checkpoint()))
+    }
+
+    /// Collisions + wall collisions so far.
+    fn step(&self) -> u64 {
+        let counters = self.simulation.counters();
+        counters.collisions + counters.wall_collisions
     }
 }

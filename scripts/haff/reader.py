@@ -258,7 +258,8 @@ class Events:
     """The event log, one row per event, read column by column or piece by piece.
 
     ``len(events)``, ``events["energy_loss"]`` (NumPy), ``events[a:b]`` and ``events.chunks()`` (pandas) read
-    only what they name. Vector columns become ``normal_x``, ``normal_y``, … in data frames.
+    only what they name. Vector columns become ``normal_x``, ``normal_y``, … in data frames. A scene may ask for
+    some columns only (``output.events = { columns = […] }``); the others raise :class:`MissingDataError`.
     """
 
     def __init__(self, file: File) -> None:
@@ -292,8 +293,7 @@ class Events:
     def __getitem__(self, key: slice) -> pd.DataFrame: ...
     def __getitem__(self, key: str | slice) -> Array | pd.DataFrame:
         if isinstance(key, str):
-            if key not in self._columns:
-                raise KeyError(f"no event column {key!r}; there are {', '.join(self._columns)}")
+            self._require(key)
             return self._group[key][: self._length]
         start, stop, step = key.indices(self._length)
         if step != 1:
@@ -310,12 +310,21 @@ class Events:
         for start in range(0, self._length, size):
             yield self._read(start, min(start + size, self._length), names)
 
+    def _require(self, name: str) -> None:
+        if name in self._columns:
+            return
+        found = ", ".join(self._columns)
+        if name in _EVENT_COLUMNS:
+            raise MissingDataError(
+                f"{self._file.path}: the event log lacks {name!r}: the scene asked for {found} (output.events)"
+            )
+        raise KeyError(f"no event column {name!r}; there are {found}")
+
     def _read(self, start: int, stop: int, names: Sequence[str]) -> pd.DataFrame:
         columns: dict[str, Any] = {}
         stop = max(start, stop)
         for name in names:
-            if name not in self._columns:
-                raise KeyError(f"no event column {name!r}; there are {', '.join(self._columns)}")
+            self._require(name)
             values = self._group[name][start:stop]
             if name == "kind" and self.kinds:
                 position = {code: k for k, code in enumerate(self.kinds)}

@@ -85,6 +85,24 @@ def test_events_come_in_pieces_with_their_kind_as_a_category(files):
             events["speed"]
 
 
+def test_columns_that_the_scene_did_not_ask_for_are_named(command):
+    columns = {"columns": ["j", "energy_loss", "i"]}
+    settings = {"output__events": columns, "run__until": 2.0, "species__0__count": 500}
+    run, all_columns = command.run("cooling", **settings), command.run("cooling", **settings | {"output__events": True})
+    with run.open() as some, all_columns.open() as every:
+        assert some.events.columns == ["time", "i", "j", "energy_loss"]
+        assert len(some.events) == len(every.events) > 100
+        for name in some.events.columns:
+            assert np.array_equal(some.events[name], every.events[name]), name
+        assert list(some.events[:3].columns) == some.events.columns
+        assert "columns time, i, j, energy_loss" in repr(some.events) and some.events.kinds == {}
+        for ask in (lambda: some.events["normal"], lambda: some.events.to_pandas(["time", "kind"])):
+            with pytest.raises(haff.MissingDataError, match="the scene asked for time, i, j, energy_loss"):
+                ask()
+        with pytest.raises(KeyError, match="no event column 'speed'"):
+            some.events["speed"]
+
+
 def test_kinds_of_a_bouncing_ball(files):
     with haff.open(files["ball"]) as run:
         counts = run.events.to_pandas()["kind"].value_counts()

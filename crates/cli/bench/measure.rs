@@ -157,8 +157,7 @@ impl Plan<'_> {
                 break;
             }
         }
-        let frame = simulation.frame();
-        simulation.measure_overlap(&frame);
+        simulation.measure_overlap();
         let measured = Measured {
             simulation,
             ending,

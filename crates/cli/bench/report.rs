@@ -52,7 +52,7 @@ pub fn report(cell: &Measured, scene: &str, phi: Option<f64>) -> Value {
     let after = simulation.counters();
     let collisions = after.collisions - before.collisions;
     let walls = after.wall_collisions - before.wall_collisions;
-    let particles = simulation.system().bodies.len();
+    let particles = simulation.particles();
     let span = simulation.time() - start;
     let seconds: f64 = cell.stretches.iter().map(|part| part.seconds).sum();
     let (median, spread, all) = rates(&cell.stretches);

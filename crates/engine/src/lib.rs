@@ -14,6 +14,7 @@ mod entry;
 mod error;
 mod machine;
 mod measure;
+mod overlap;
 mod packed;
 mod particles;
 mod predict;
@@ -24,13 +25,13 @@ mod sum;
 mod windows;
 
 pub use error::EngineError;
-pub use measure::Overlap;
 pub use model::{
     Body, Boundary, Class, Contacts, Dimension, Domain, Group, NeighborChoice, Options, SimdChoice, System,
     Wall,
 };
+pub use overlap::Overlap;
 pub use report::{
-    Checkpoint, Counters, EventKind, EventRecord, Frame, Ledger, Observer, Sample, Silent, Stop,
+    Checkpoint, Counters, EventColumn, EventKind, EventRecord, Frame, Ledger, Observer, Sample, Silent, Stop,
 };
 pub use simulation::{Simulation, Until};
 

@@ -2,7 +2,7 @@
 //! of the particles to the present and leaves their anchors alone.
 
 use glam::DVec3;
-use haff_neighbors::{Cells, Geometry, Search};
+use haff_neighbors::Geometry;
 use rayon::prelude::*;
 use xxhash_rust::xxh3::Xxh3;
 
@@ -102,7 +102,7 @@ pub(crate) fn ledger(totals: &Totals, book: &Book) -> Ledger {
 }
 
 /// One row of observables at the present; starts the next interval of the pressure.
-pub(crate) fn sample(system: &System, state: &mut State, time: f64) -> Sample {
+pub(crate) fn sample(system: &System, of: &Species, state: &mut State, time: f64) -> Sample {
     let State { world, book, .. } = state;
     let totals = Totals::of(world);
     let d = system.dimension.count() as f64;
@@ -113,7 +113,7 @@ pub(crate) fn sample(system: &System, state: &mut State, time: f64) -> Sample {
         .map(|species| {
             total(world.particles.len(), |i| {
                 let class = world.class(i);
-                if system.bodies[i as usize].species != species || class.inverse_mass == 0.0 {
+                if of.of(world, i) != species || class.inverse_mass == 0.0 {
                     return [0.0; 2];
                 }
                 let (_, v) = world.state(i, world.now);
@@ -184,98 +184,79 @@ pub(crate) fn sample(system: &System, state: &mut State, time: f64) -> Sample {
     sample
 }
 
+/// A particle at the present, wrapped into the box: position, velocity, image.
+fn present(world: &World, i: usize) -> (DVec3, DVec3, [i32; 3]) {
+    let (position, velocity) = world.state(i as u32, world.now);
+    let (position, wraps) = world.wrap(position);
+    let image = world.images[i];
+    (position, velocity, [image[0] + wraps[0], image[1] + wraps[1], image[2] + wraps[2]])
+}
+
 /// All particles at the present, wrapped into the box.
 pub(crate) fn frame(state: &State, time: f64) -> Frame {
     let world = &state.world;
-    let rows: Vec<(DVec3, DVec3, [i32; 3])> = (0..world.particles.len() as u32)
-        .into_par_iter()
-        .map(|i| {
-            let (position, velocity) = world.state(i, world.now);
-            let (position, wraps) = world.wrap(position);
-            let image = world.images[i as usize];
-            (position, velocity, [image[0] + wraps[0], image[1] + wraps[1], image[2] + wraps[2]])
-        })
-        .collect();
+    let count = world.particles.len();
     let mut frame = Frame {
         time,
         step: state.book.counters.collisions + state.book.counters.wall_collisions,
-        position: Vec::with_capacity(rows.len()),
-        velocity: Vec::with_capacity(rows.len()),
-        image: Vec::with_capacity(rows.len()),
+        position: vec![DVec3::ZERO; count],
+        velocity: vec![DVec3::ZERO; count],
+        image: vec![[0; 3]; count],
     };
-    for (position, velocity, image) in rows {
-        frame.position.push(position);
-        frame.velocity.push(velocity);
-        frame.image.push(image);
-    }
+    let Frame { position, velocity, image, .. } = &mut frame;
+    (position, velocity, image).into_par_iter().enumerate().with_min_len(BLOCK).for_each(
+        |(i, (position, velocity, image))| {
+            (*position, *velocity, *image) = present(world, i);
+        },
+    );
     frame
 }
 
-/// A 128-bit hash of every particle's position, velocity and image.
-pub(crate) fn hash(frame: &Frame) -> u128 {
-    let mut hasher = Xxh3::new();
-    for i in 0..frame.position.len() {
-        for value in frame.position[i].to_array().into_iter().chain(frame.velocity[i].to_array()) {
-            hasher.update(&value.to_le_bytes());
+/// Species of every particle.
+#[derive(Debug)]
+pub(crate) enum Species {
+    /// By class: particles of a class are of one species, as in all systems that scenes describe.
+    OfClass(Vec<u32>),
+    /// By row.
+    OfRow(Vec<u32>),
+}
+
+impl Species {
+    pub fn new(system: &System) -> Self {
+        let mut of_class = vec![None; system.classes.len()];
+        for body in &system.bodies {
+            if *of_class[body.class as usize].get_or_insert(body.species) != body.species {
+                return Self::OfRow(system.bodies.iter().map(|body| body.species).collect());
+            }
         }
-        for value in frame.image[i] {
-            hasher.update(&value.to_le_bytes());
+        Self::OfClass(of_class.into_iter().map(Option::unwrap_or_default).collect())
+    }
+
+    fn of(&self, world: &World, i: u32) -> u32 {
+        match self {
+            Self::OfClass(species) => species[world.particles[i as usize].class()],
+            Self::OfRow(species) => species[i as usize],
         }
     }
-    hasher.digest128()
 }
 
-/// The deepest overlap of all close pairs and of particles with walls.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Overlap {
-    /// Overlap in contact distances (σ of the pair; the radius at a wall); 0 if nothing overlaps.
-    pub depth: f64,
-    /// The particle, and its partner's row or, at a wall, `None`.
-    pub pair: Option<(u32, Option<u32>)>,
-}
-
-/// Finds the deepest overlap now, with a grid of its own, independent of what the engine tracks.
-pub(crate) fn overlap(world: &World, geometry: &Geometry, frame: &Frame) -> Overlap {
-    let grid = Cells::new(geometry, &frame.position);
-    let none = Overlap { depth: 0.0, pair: None };
-    let deeper = |a: Overlap, b: Overlap| if b.depth > a.depth { b } else { a };
-    // Blocks in order: of equal depths the first pair is named, on any number of threads.
-    let blocks: Vec<Overlap> = (0..frame.position.len().div_ceil(BLOCK))
-        .into_par_iter()
-        .map(|block| {
-            let mut deepest = none;
-            for i in (block * BLOCK..((block + 1) * BLOCK).min(frame.position.len())).map(|i| i as u32) {
-                let (from, class) = (frame.position[i as usize], world.class(i));
-                grid.candidates(
-                    i,
-                    |j| frame.position[j as usize],
-                    |j, shift| {
-                        let partner = world.class(j);
-                        if j < i || class.inverse_mass + partner.inverse_mass == 0.0 {
-                            return;
-                        }
-                        let sigma = class.radius + partner.radius;
-                        let shift = DVec3::from_array(shift.map(f64::from)) * world.size;
-                        let distance = (frame.position[j as usize] - from + shift).length();
-                        deepest = deeper(
-                            deepest,
-                            Overlap { depth: 1.0 - distance / sigma, pair: Some((i, Some(j))) },
-                        );
-                    },
-                );
-                if class.inverse_mass == 0.0 {
-                    continue;
-                }
-                for &wall in grid.walls(i) {
-                    let (gap, _) =
-                        world.wall_approach(wall.into(), class.radius, from, DVec3::ZERO, world.now);
-                    deepest = deeper(deepest, Overlap { depth: -gap / class.radius, pair: Some((i, None)) });
-                }
+/// A 128-bit hash of every particle's position, velocity and image at the present.
+pub(crate) fn hash(world: &World) -> u128 {
+    let mut hasher = Xxh3::new();
+    // In blocks: the hash takes a few bytes at a time slowly, and a frame would be a copy of everything.
+    let mut block = Vec::with_capacity(60 * BLOCK);
+    for start in (0..world.particles.len()).step_by(BLOCK) {
+        block.clear();
+        for i in start..(start + BLOCK).min(world.particles.len()) {
+            let (position, velocity, image) = present(world, i);
+            for value in position.to_array().into_iter().chain(velocity.to_array()) {
+                block.extend(value.to_le_bytes());
             }
-            deepest
-        })
-        .collect();
-    blocks.into_iter().fold(none, deeper)
+            block.extend(image.into_iter().flat_map(i32::to_le_bytes));
+        }
+        hasher.update(&block);
+    }
+    hasher.digest128()
 }
 
 /// What the searches know of a system.

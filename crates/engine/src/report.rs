@@ -39,6 +39,63 @@ pub struct EventRecord {
     pub position: DVec3,
 }
 
+/// A column of the event log: a field of [`EventRecord`].
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash)]
+pub enum EventColumn {
+    /// [`EventRecord::time`].
+    Time,
+    /// [`EventRecord::kind`].
+    Kind,
+    /// [`EventRecord::i`].
+    I,
+    /// [`EventRecord::j`].
+    J,
+    /// [`EventRecord::approach_speed`].
+    ApproachSpeed,
+    /// [`EventRecord::impulse`].
+    Impulse,
+    /// [`EventRecord::energy_loss`].
+    EnergyLoss,
+    /// [`EventRecord::carnot_energy`].
+    CarnotEnergy,
+    /// [`EventRecord::normal`].
+    Normal,
+    /// [`EventRecord::position`].
+    Position,
+}
+
+impl EventColumn {
+    /// Every column, in the order of files.
+    pub const ALL: [Self; 10] = [
+        Self::Time,
+        Self::Kind,
+        Self::I,
+        Self::J,
+        Self::ApproachSpeed,
+        Self::Impulse,
+        Self::EnergyLoss,
+        Self::CarnotEnergy,
+        Self::Normal,
+        Self::Position,
+    ];
+
+    /// The name in scenes and files.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Time => "time",
+            Self::Kind => "kind",
+            Self::I => "i",
+            Self::J => "j",
+            Self::ApproachSpeed => "approach_speed",
+            Self::Impulse => "impulse",
+            Self::EnergyLoss => "energy_loss",
+            Self::CarnotEnergy => "carnot_energy",
+            Self::Normal => "normal",
+            Self::Position => "position",
+        }
+    }
+}
+
 /// Receives events as they are resolved. Observers cannot change the simulation.
 pub trait Observer {
     /// Whether event rows are wanted at all; asked once per call of `Simulation::advance`.

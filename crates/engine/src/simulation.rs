@@ -11,8 +11,9 @@ use crate::{
     clock::{ANCHOR_AGE, Clock, EPOCH, OLDEST_ANCHOR},
     error::EngineError,
     machine::{Engine, Limit, Machine, State, With},
-    measure::{self, Overlap, Totals},
+    measure::{self, Species, Totals},
     model::{Boundary, Dimension, NeighborChoice, Options, System},
+    overlap::{self, Overlap},
     particles::World,
     report::{Counters, Frame, Ledger, Observer, Sample, Stop},
     windows::{self, Windows},
@@ -50,7 +51,9 @@ impl Default for Until {
 
 /// A running simulation.
 pub struct Simulation {
+    /// Without its bodies, which are in the state.
     system: System,
+    species: Species,
     geometry: Geometry,
     pub(crate) state: State,
     engine: Box<dyn Engine>,
@@ -65,11 +68,11 @@ impl Simulation {
     /// The system must be valid: masses and radii positive, no overlaps, particles inside their walls, the velocities
     /// finite, gravity zero along periodic axes.
     pub fn new(system: System, options: Options) -> Result<Self, EngineError> {
-        let extent_world = World::new(&system, 0);
-        let open = open_axes(&system);
-        let extent = extent_world.extent(open);
-        let exponent = Clock::exponent_for(extent, extent_world.largest_speed(extent));
-        let world = World::new(&system, exponent);
+        let mut world = World::new(&system, 0);
+        let extent = world.extent(open_axes(&system));
+        let exponent = Clock::exponent_for(extent, world.largest_speed(extent));
+        // All anchors are at tick 0, whatever a tick is.
+        world.clock = Clock::new(exponent);
         let totals = Totals::of(&world);
         let book = Book {
             initial_energy: [totals.kinetic, totals.potential],
@@ -81,7 +84,7 @@ impl Simulation {
     }
 
     /// Builds the engine for a state.
-    pub(crate) fn start(system: System, options: Options, mut state: State) -> Result<Self, EngineError> {
+    pub(crate) fn start(mut system: System, options: Options, mut state: State) -> Result<Self, EngineError> {
         for (what, count, limit) in
             [("particles", system.bodies.len(), MAX_PARTICLES), ("walls", system.walls.len(), MAX_WALLS)]
         {
@@ -98,6 +101,7 @@ impl Simulation {
         let neighbors = match options.neighbors {
             NeighborChoice::Auto if system.bodies.len() <= FEW => NeighborChoice::AllPairs,
             NeighborChoice::Auto if is_dense(&system) => NeighborChoice::Lists,
+            NeighborChoice::Auto if windows::suit(&system) => NeighborChoice::Windows,
             NeighborChoice::Auto => NeighborChoice::Cells,
             chosen => chosen,
         };
@@ -107,8 +111,11 @@ impl Simulation {
             return Err(EngineError::Unsuitable { choice: neighbors.name(), why });
         }
         let mut engine = compile(&system, &geometry, neighbors, kernel);
+        let species = Species::new(&system);
+        // The state has them now; a quarter of the memory of a large system.
+        system.bodies = Vec::new();
         engine.rebuild(&mut state, &geometry);
-        Ok(Self { system, geometry, state, engine, neighbors, stopped_at: None })
+        Ok(Self { system, species, geometry, state, engine, neighbors, stopped_at: None })
     }
 
     /// Runs events until the first of the bounds, or until nothing will move any more.
@@ -134,7 +141,7 @@ impl Simulation {
                 self.next_epoch();
                 // A long flight without events must not keep the caller waiting: an epoch counts as an entry for each
                 // particle.
-                entries = limit.entries.saturating_sub(1 + self.system.bodies.len() as u64);
+                entries = limit.entries.saturating_sub(1 + self.particles() as u64);
                 if entries == 0 {
                     return Ok(Stop::Slice);
                 }
@@ -207,7 +214,7 @@ impl Simulation {
     /// One row of observables; the pressure and the rates are those since the previous call.
     pub fn sample(&mut self) -> Sample {
         let time = self.time();
-        measure::sample(&self.system, &mut self.state, time)
+        measure::sample(&self.system, &self.species, &mut self.state, time)
     }
 
     /// Energies and their balance now.
@@ -221,9 +228,9 @@ impl Simulation {
     }
 
     /// Finds the deepest overlap now over all close pairs and walls, and keeps the largest for
-    /// [`Self::max_overlap`]. `frame` is the present frame.
-    pub fn measure_overlap(&mut self, frame: &Frame) -> Overlap {
-        let overlap = measure::overlap(&self.state.world, &self.geometry, frame);
+    /// [`Self::max_overlap`].
+    pub fn measure_overlap(&mut self) -> Overlap {
+        let overlap = overlap::deepest(&self.state.world, &self.geometry);
         self.state.book.max_overlap = self.state.book.max_overlap.max(overlap.depth);
         overlap
     }
@@ -235,10 +242,15 @@ impl Simulation {
 
     /// Hash of every particle's position, velocity and image now, as 32 hexadecimal digits.
     pub fn state_hash(&self) -> String {
-        format!("{:032x}", measure::hash(&self.frame()))
+        format!("{:032x}", measure::hash(&self.state.world))
     }
 
-    /// The system that is simulated.
+    /// Number of particles.
+    pub fn particles(&self) -> usize {
+        self.state.world.particles.len()
+    }
+
+    /// The system that is simulated, without its bodies: where they are now tells [`Self::frame`].
     pub fn system(&self) -> &System {
         &self.system
     }
@@ -271,7 +283,7 @@ impl Simulation {
         if let Some(i) = frame.velocity.iter().position(|velocity| !velocity.is_finite()) {
             return Err(EngineError::Overflow { time, i: i as u32, velocity: frame.velocity[i].to_array() });
         }
-        let overlap = self.measure_overlap(&frame);
+        let overlap = self.measure_overlap();
         if overlap.depth > tolerance {
             let (i, partner) = overlap.pair.unwrap_or_default();
             let partner = partner.map_or("a wall".to_owned(), |j| format!("particle {j}"));

@@ -199,7 +199,7 @@ fn moving_walls_and_driven_bodies_do_the_work_that_the_energy_shows() {
     let frame = simulation.frame();
     assert_eq!(frame.velocity[0], DVec3::new(0.5, 0.0, 0.0));
     assert_eq!(frame.position[0], DVec3::new(11.0, 3.0, 3.0));
-    assert!(simulation.measure_overlap(&frame).depth < 1e-12);
+    assert!(simulation.measure_overlap().depth < 1e-12);
 }
 
 /// Reversing all velocities of an elastic fluid retraces it, up to the growth of rounding errors.
@@ -282,7 +282,7 @@ fn a_plastic_impact_happens_once() {
         simulation.advance(Until { time: 1e6, ..Until::default() }, &mut Silent).unwrap();
         assert_eq!(simulation.counters().collisions, 1);
         let frame = simulation.frame();
-        let depth = simulation.measure_overlap(&frame).depth;
+        let depth = simulation.measure_overlap().depth;
         let reach = frame.position.iter().map(|p| p.abs().max_element()).fold(0.0, f64::max);
         // Four ulp of the largest coordinate, in contact distances.
         let bound = 4.0 * f64::EPSILON * reach / 0.8;

@@ -1,12 +1,16 @@
 //! The columns of the event log.
 
-use haff_engine::{EventKind, EventRecord};
+use haff_engine::{EventColumn, EventKind, EventRecord};
 use hdf5::{Group, H5Type};
 
-use crate::series::{Series, Storage};
+use crate::{
+    pack::Packer,
+    series::{Series, Storage},
+};
 
-/// Rows per chunk of the event log's columns. Four times as many are no faster, and make a short log a large file.
-pub const EVENT_CHUNK: usize = 1 << 12;
+/// Rows per chunk of the event log's columns. Half as many waste 2 bytes a row more at the ends of pages; twice as many
+/// are no faster, and make checkpoints and short logs larger.
+pub const EVENT_CHUNK: usize = 1 << 13;
 
 /// [`EventKind`] as it is written.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, H5Type)]
@@ -101,112 +105,118 @@ impl Row {
     }
 }
 
-/// A column's value in a row.
-type Value<T> = fn(&EventRecord) -> T;
+/// A column of the log, in the file.
+#[derive(Debug)]
+struct Column {
+    field: EventColumn,
+    series: Series,
+}
+
+impl Column {
+    fn create(group: &Group, field: EventColumn, compressed: bool) -> hdf5::Result<Self> {
+        let width: &[usize] = if is_vector(field) { &[3] } else { &[] };
+        let storage = Storage { compressed, ..Storage::plain(EVENT_CHUNK, width) };
+        let name = field.name();
+        let series = match field {
+            EventColumn::Kind => Series::create::<Kind>(group, name, width, &storage)?,
+            EventColumn::I | EventColumn::J => Series::create::<u32>(group, name, width, &storage)?,
+            _ => Series::create_real(group, name, width, &storage)?,
+        };
+        Ok(Self { field, series })
+    }
+
+    /// Adds the column's values of some rows: a whole chunk, or the last rows of the file.
+    fn append(&mut self, events: &[EventRecord], packer: &mut Packer) -> hdf5::Result<()> {
+        let (count, rows) = (events.len(), events.iter());
+        let series = &mut self.series;
+        match self.field {
+            EventColumn::Time => series.append_chunk(count, rows.map(|event| event.time), packer),
+            EventColumn::Kind => series.append_chunk(count, rows.map(|event| Kind::from(event.kind)), packer),
+            EventColumn::I => series.append_chunk(count, rows.map(|event| event.i), packer),
+            EventColumn::J => series.append_chunk(count, rows.map(|event| event.j), packer),
+            EventColumn::ApproachSpeed => {
+                series.append_chunk(count, rows.map(|event| event.approach_speed), packer)
+            }
+            EventColumn::Impulse => series.append_chunk(count, rows.map(|event| event.impulse), packer),
+            EventColumn::EnergyLoss => {
+                series.append_chunk(count, rows.map(|event| event.energy_loss), packer)
+            }
+            EventColumn::CarnotEnergy => {
+                series.append_chunk(count, rows.map(|event| event.carnot_energy), packer)
+            }
+            EventColumn::Normal => {
+                series.append_chunk(count, rows.flat_map(|event| event.normal.to_array()), packer)
+            }
+            EventColumn::Position => {
+                series.append_chunk(count, rows.flat_map(|event| event.position.to_array()), packer)
+            }
+        }
+    }
+}
+
+fn is_vector(field: EventColumn) -> bool {
+    matches!(field, EventColumn::Normal | EventColumn::Position)
+}
 
 /// The columns of `events`.
 #[derive(Debug)]
 pub(crate) struct Columns {
     time: Series,
-    kind: Series,
-    i: Series,
-    j: Series,
-    reals: Vec<(Series, Value<f64>)>,
-    vectors: Vec<(Series, Value<[f64; 3]>)>,
+    others: Vec<Column>,
+    packer: Packer,
 }
 
-const REALS: [(&str, Value<f64>); 4] = [
-    ("approach_speed", |event| event.approach_speed),
-    ("impulse", |event| event.impulse),
-    ("energy_loss", |event| event.energy_loss),
-    ("carnot_energy", |event| event.carnot_energy),
-];
-
-const VECTORS: [(&str, Value<[f64; 3]>); 2] =
-    [("normal", |event| event.normal.to_array()), ("position", |event| event.position.to_array())];
-
 impl Columns {
-    /// New, empty columns.
-    pub fn create(group: &Group) -> hdf5::Result<Self> {
-        let plain = Storage::plain(EVENT_CHUNK, &[]);
-        let compressed = Storage { compressed: true, ..plain.clone() };
-        // Deflate makes full mantissas 12 to 16 % smaller at about 60 MB/s, half the rate of a fast run's events:
-        // only what it at least halves, or nearly, is compressed.
-        let vector = Storage::plain(EVENT_CHUNK, &[3]);
-        let mut reals = Vec::new();
-        for (name, value) in REALS {
-            reals.push((Series::create_real(group, name, &[], &plain)?, value));
+    /// New, empty columns: those of `fields`, and the time in any case.
+    pub fn create(group: &Group, fields: &[EventColumn], compressed: bool) -> hdf5::Result<Self> {
+        let time = Column::create(group, EventColumn::Time, compressed)?.series;
+        let mut others = Vec::new();
+        for field in EventColumn::ALL.into_iter().skip(1).filter(|field| fields.contains(field)) {
+            others.push(Column::create(group, field, compressed)?);
         }
-        let mut vectors = Vec::new();
-        for (name, value) in VECTORS {
-            vectors.push((Series::create_real(group, name, &[3], &vector)?, value));
-        }
-        Ok(Self {
-            time: Series::create_real(group, "time", &[], &compressed)?,
-            kind: Series::create::<Kind>(group, "kind", &[], &compressed)?,
-            i: Series::create::<u32>(group, "i", &[], &compressed)?,
-            j: Series::create::<u32>(group, "j", &[], &compressed)?,
-            reals,
-            vectors,
-        })
+        Ok(Self { time, others, packer: Packer::new() })
     }
 
     /// The columns of a file.
     pub fn open(group: &Group) -> hdf5::Result<Self> {
-        let mut reals = Vec::new();
-        for (name, value) in REALS {
-            reals.push((Series::open(group, name)?, value));
+        let mut others = Vec::new();
+        for field in EventColumn::ALL.into_iter().skip(1).filter(|field| group.link_exists(field.name())) {
+            let series = Series::open(group, field.name())?;
+            series.expect(if is_vector(field) { &[3] } else { &[] })?;
+            others.push(Column { field, series });
         }
-        let mut vectors = Vec::new();
-        for (name, value) in VECTORS {
-            vectors.push((Series::open(group, name)?, value));
-        }
-        Ok(Self {
-            time: Series::open(group, "time")?,
-            kind: Series::open(group, "kind")?,
-            i: Series::open(group, "i")?,
-            j: Series::open(group, "j")?,
-            reals,
-            vectors,
-        })
+        Ok(Self { time: Series::open(group, "time")?, others, packer: Packer::new() })
+    }
+
+    /// Names of the columns.
+    pub fn names(&self) -> Vec<String> {
+        let others = self.others.iter().map(|column| column.field);
+        [EventColumn::Time].into_iter().chain(others).map(|field| field.name().to_owned()).collect()
     }
 
     /// Number of rows that all columns have.
     pub fn rows(&self) -> hdf5::Result<usize> {
-        let others = [&self.kind, &self.i, &self.j].into_iter();
-        let reals = self.reals.iter().map(|(series, _)| series);
-        let vectors = self.vectors.iter().map(|(series, _)| series);
-        let rows = others.chain(reals).chain(vectors).map(Series::rows).fold(self.time.rows(), usize::min);
+        let rows = self.others.iter().map(|column| column.series.rows()).fold(self.time.rows(), usize::min);
         self.time.known(rows)
     }
 
     /// Sets the number of rows of all columns.
     pub fn truncate(&mut self, rows: usize) -> hdf5::Result<()> {
-        for series in [&mut self.time, &mut self.kind, &mut self.i, &mut self.j] {
-            series.resize(rows)?;
-        }
-        self.reals.iter_mut().try_for_each(|(series, _)| series.resize(rows))?;
-        self.vectors.iter_mut().try_for_each(|(series, _)| series.resize(rows))
+        self.time.resize(rows)?;
+        self.others.iter_mut().try_for_each(|column| column.series.resize(rows))
     }
 
-    /// Adds rows, but for their times: whole chunks, or the last ones of the file.
+    /// Adds rows, but for their times: a whole chunk, or the last ones of the file.
     pub fn append(&mut self, events: &[EventRecord]) -> hdf5::Result<()> {
-        let column = |value: fn(&EventRecord) -> u32| -> Vec<u32> { events.iter().map(value).collect() };
-        self.kind.append(&events.iter().map(|event| Kind::from(event.kind)).collect::<Vec<_>>())?;
-        self.i.append(&column(|event| event.i))?;
-        self.j.append(&column(|event| event.j))?;
-        for (series, value) in &mut self.reals {
-            series.append(&events.iter().map(*value).collect::<Vec<_>>())?;
-        }
-        for (series, value) in &mut self.vectors {
-            series.append(&events.iter().flat_map(*value).collect::<Vec<_>>())?;
-        }
-        Ok(())
+        self.others.iter_mut().try_for_each(|column| column.append(events, &mut self.packer))
     }
 
     /// Adds the times of rows that are there, chunk by chunk: this makes them count.
     pub fn append_times(&mut self, times: &[f64]) -> hdf5::Result<()> {
-        times.chunks(EVENT_CHUNK).try_for_each(|chunk| self.time.append(chunk))
+        for chunk in times.chunks(EVENT_CHUNK) {
+            self.time.append_chunk(chunk.len(), chunk.iter().copied(), &mut self.packer)?;
+        }
+        Ok(())
     }
 
     /// Time of a row [time].

@@ -1,7 +1,7 @@
 //! What a file says about its run before anything has happened.
 
 use glam::DVec3;
-use haff_engine::{Boundary, System};
+use haff_engine::{Boundary, EventColumn, System};
 
 /// Version of the scene schema and of the file layout that this crate writes and reads.
 pub const SCHEMA: i64 = 1;
@@ -46,8 +46,10 @@ pub struct Header {
     pub frames: bool,
     /// Whether observables are recorded.
     pub observables: bool,
-    /// Whether events are recorded.
-    pub events: bool,
+    /// Columns of the event log, the time always among them; empty: events are not recorded.
+    pub events: Vec<EventColumn>,
+    /// Whether frames and the event log are compressed (shuffle and deflate).
+    pub compressed: bool,
     /// Whether samples carry a pressure: no axis is open.
     pub has_pressure: bool,
     /// Whether samples carry the angular momentum: no axis is periodic.
@@ -56,12 +58,12 @@ pub struct Header {
 
 impl Header {
     /// The part of the header that follows from the system: everything but the texts, the seed and the versions,
-    /// which are empty or zero, with frames and observables on and events off.
+    /// which are empty or zero, with frames, observables and compression on and events off.
     ///
     /// ```
     /// # use haff_engine::*;
     /// # fn example(system: &System) -> haff_record::Header {
-    /// haff_record::Header { title: "gas".into(), seed: 7, events: true, ..haff_record::Header::from_system(system) }
+    /// haff_record::Header { title: "gas".into(), seed: 7, events: EventColumn::ALL.to_vec(), ..haff_record::Header::from_system(system) }
     /// # }
     /// ```
     pub fn from_system(system: &System) -> Self {
@@ -91,7 +93,8 @@ impl Header {
             wall_names: system.walls.iter().map(|wall| wall.name.clone()).collect(),
             frames: true,
             observables: true,
-            events: false,
+            events: Vec::new(),
+            compressed: true,
             has_pressure: !boundary[..axes].contains(&Boundary::Open),
             has_angular_momentum: !boundary[..axes].contains(&Boundary::Periodic),
         }

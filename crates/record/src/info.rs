@@ -9,6 +9,7 @@ use hdf5::{Group, H5Type, types::VarLenUnicode};
 use crate::{
     checkpoint::newest,
     error::{Context, RecordError},
+    events::Columns,
     file,
     header::SCHEMA,
     skeleton::{Observables, Skeleton},
@@ -51,6 +52,8 @@ pub struct Info {
     pub samples: Option<u64>,
     /// Events recorded, with those that wait in the checkpoint; `None` if the scene asks for none.
     pub events: Option<u64>,
+    /// Names of the columns of the event log; empty if the scene asks for none.
+    pub event_columns: Vec<String>,
     /// Times of the first and the last frame or sample [time].
     pub time_range: Option<(f64, f64)>,
     /// The last row of the observables, with the ledger. NaN where the file has no such observable.
@@ -288,6 +291,7 @@ fn read_info(file: &hdf5::File, parameters: Parameters, path: &Path) -> Result<I
         frames: frames.map(|(_, rows)| rows as u64),
         samples: samples.map(|(_, rows)| rows as u64),
         events,
+        event_columns: skeleton.events.as_ref().map(Columns::names).unwrap_or_default(),
         time_range: range,
         last_sample,
         counters: state.map(counters),

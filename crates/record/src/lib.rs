@@ -12,7 +12,7 @@ This is the only crate that links HDF5. [`Recorder`] writes, off the hot path an
 | `particles/all/box` | attributes `dimension` = 3 and `boundary`; `edges` \[F\]\[3\] at the frames' steps and times |
 | `particles/all/{id,species,mass,radius}` | \[N\] |
 | `observables/…` | `value` \[S\] or \[S\]\[k\], `step` \[S\], `time` \[S\], the last two hard-linked |
-| `events/…` | one column per dataset, \[E\] or \[E\]\[3\]; `kind` is an HDF5 enum |
+| `events/…` | one column per dataset, \[E\] or \[E\]\[3\]: `time`, and those the scene asks for; `kind` is an HDF5 enum |
 | `parameters/…` | `scene` (TOML), `title`, `seed`, `version`, `git_revision`, `schema`, `trajectory_version`, `dimension`, `box_origin`, `species_names`, `wall_names`; after the run `summary` (JSON) |
 | `checkpoint/{0,1}` | two slots, written in turn |
 
@@ -26,7 +26,8 @@ leaves whatever had been written by then. Four rules make that a file which open
 1. Library version bounds are `earliest`: newer superblocks carry a flag that forbids opening a file that was not closed.
 2. Evictions from the metadata cache are off, so that bookkeeping reaches the file during a flush and at no other
    time. Data go to places that the bookkeeping on disk does not know yet.
-3. A compressed chunk is written once, whole: rewriting one moves it, and the index on disk points to where it was.
+3. A compressed chunk is written once, whole: rewriting one moves it, and the index on disk points to where it was. It is
+   compressed here (`pack`), by libdeflate and outside the library's lock, to what HDF5's own shuffle and deflate undo.
    What grows row by row (observables, trajectories of few particles) is not compressed and is extended in place.
 4. A flush has two phases: first all `value`s, then, when they are in the file, `step` and `time`. **A row exists when
    its `time` does**; a file killed between the phases has a `value` longer than its `time`. Readers take the shorter
@@ -61,6 +62,7 @@ mod events;
 mod file;
 mod header;
 mod info;
+mod pack;
 mod queue;
 mod recorder;
 mod resume;

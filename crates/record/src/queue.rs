@@ -17,6 +17,11 @@ use crate::error::RecordError;
 pub(crate) const LIMIT: usize = 64 << 20;
 /// Most messages in the queue.
 const MESSAGES: usize = 4096;
+/// Bytes of a particle in a frame, and in a checkpoint.
+pub(crate) const FRAME_BYTES: usize = 24 + 24 + 12;
+pub(crate) const CHECKPOINT_BYTES: usize = 24 + 24 + 12 + 8 + 4 + 4;
+/// Most buffers of event rows kept to be filled again.
+const SPARE: usize = 4;
 
 /// What the writer is asked to do.
 #[derive(Debug)]
@@ -37,10 +42,10 @@ impl Message {
     /// Bytes that the message holds, nearly.
     fn bytes(&self) -> usize {
         match self {
-            Self::Frame(frame) => frame.position.len() * (24 + 24 + 12),
+            Self::Frame(frame) => frame.position.len() * FRAME_BYTES,
             Self::Sample(sample) => size_of::<Sample>() + 8 * sample.species_temperature.len(),
             Self::Events(events) => size_of_val(events.as_slice()),
-            Self::Checkpoint(state) => state.position.len() * 76 + 64 * state.scalars.len(),
+            Self::Checkpoint(state) => state.position.len() * CHECKPOINT_BYTES + 64 * state.scalars.len(),
             Self::Flush(_) => 0,
             Self::Finish { summary, .. } => summary.len(),
         }
@@ -52,6 +57,8 @@ struct State {
     bytes: usize,
     closed: bool,
     error: Option<RecordError>,
+    /// Buffers of event rows to be filled again: fresh ones would cost the simulation a page fault every 40 rows.
+    spare: Vec<Vec<EventRecord>>,
 }
 
 /// What both ends share.
@@ -71,6 +78,20 @@ impl Shared {
         self.lock().error.clone()
     }
 
+    /// An empty buffer for event rows.
+    pub fn spare(&self) -> Vec<EventRecord> {
+        self.lock().spare.pop().unwrap_or_default()
+    }
+
+    /// Takes back a buffer of event rows that are written.
+    pub fn recycle(&self, mut events: Vec<EventRecord>) {
+        events.clear();
+        let mut state = self.lock();
+        if state.spare.len() < SPARE {
+            state.spare.push(events);
+        }
+    }
+
     /// Notes the writer's first error.
     pub fn fail(&self, error: RecordError) {
         self.lock().error.get_or_insert(error);
@@ -88,16 +109,26 @@ impl Producer {
     /// Hands over a message, and waits while the queue is full. Tells an error of the writer, of any message before.
     pub fn send(&self, message: Message, path: &Path) -> Result<(), RecordError> {
         let bytes = message.bytes();
+        self.room(bytes)?.bytes += bytes;
+        self.sender.send((message, bytes)).map_err(|_| self.ended(path))
+    }
+
+    /// An empty buffer for event rows, one that the writer has dealt with if there is one.
+    pub fn spare(&self) -> Vec<EventRecord> {
+        self.shared.spare()
+    }
+
+    /// Waits until a message of so many bytes has room. Tells an error of the writer, of any message before.
+    pub fn wait(&self, bytes: usize) -> Result<(), RecordError> {
+        self.room(bytes).map(drop)
+    }
+
+    fn room(&self, bytes: usize) -> Result<MutexGuard<'_, State>, RecordError> {
         let mut state = self.shared.lock();
         while state.bytes > 0 && state.bytes + bytes > LIMIT && !state.closed {
             state = self.shared.room.wait(state).unwrap_or_else(PoisonError::into_inner);
         }
-        if let Some(error) = &state.error {
-            return Err(error.clone());
-        }
-        state.bytes += bytes;
-        drop(state);
-        self.sender.send((message, bytes)).map_err(|_| self.ended(path))
+        state.error.clone().map_or(Ok(state), Err)
     }
 
     /// Drops this end, which lets the writer end; what both share stays.

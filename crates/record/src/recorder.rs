@@ -13,7 +13,7 @@ use crate::{
     error::{Context, RecordError},
     file::WritableFile,
     header::Header,
-    queue::{Message, Producer, queue},
+    queue::{CHECKPOINT_BYTES, FRAME_BYTES, Message, Producer, queue},
     skeleton::Skeleton,
     writer::Writer,
 };
@@ -74,7 +74,7 @@ impl Recorder {
             species: Some(header.species_names.len()).filter(|&count| header.observables && count > 0),
             frames: header.frames,
             observables: header.observables,
-            events: header.events,
+            events: !header.events.is_empty(),
         };
         Self::start(path, Writer::new(file, skeleton, header.box_size), wants)
     }
@@ -124,6 +124,19 @@ impl Recorder {
         if self.wants.frames || self.producer.is_none() { self.send(Message::Frame(frame)) } else { Ok(()) }
     }
 
+    /// Adds the frame that `take` makes, when there is room for it: a large system then has no more than one frame in
+    /// memory at a time. It is not made if frames are not recorded.
+    pub fn frame_with(&self, take: impl FnOnce() -> Frame) -> Result<(), RecordError> {
+        match &self.producer {
+            Some(producer) if self.wants.frames => {
+                producer.wait(FRAME_BYTES * self.wants.particles)?;
+                self.frame(take())
+            }
+            Some(_) => Ok(()),
+            None => self.send(Message::Frame(Frame::default())),
+        }
+    }
+
     /// Adds a row of observables.
     pub fn sample(&self, sample: Sample) -> Result<(), RecordError> {
         let found = sample.species_temperature.len();
@@ -135,6 +148,12 @@ impl Recorder {
         } else {
             Ok(())
         }
+    }
+
+    /// An empty buffer for rows of [`Recorder::events`]: one that has been written before, where there is one, so that
+    /// its memory is warm.
+    pub fn event_buffer(&self) -> Vec<EventRecord> {
+        self.producer.as_ref().map_or_else(Vec::new, Producer::spare)
     }
 
     /// Adds rows to the event log.
@@ -151,6 +170,14 @@ impl Recorder {
             return Err(self.unfit(reason));
         }
         self.send(Message::Checkpoint(Box::new(state)))
+    }
+
+    /// Keeps the checkpoint that `take` makes, when there is room for it; see [`Recorder::checkpoint`].
+    pub fn checkpoint_with(&self, take: impl FnOnce() -> Checkpoint) -> Result<(), RecordError> {
+        if let Some(producer) = &self.producer {
+            producer.wait(CHECKPOINT_BYTES * self.wants.particles)?;
+        }
+        self.checkpoint(take())
     }
 
     /// Returns when everything handed over so far is in the file, but for events that do not fill a chunk.

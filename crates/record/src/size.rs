@@ -1,33 +1,60 @@
 //! How large a file will be.
 
+use haff_engine::EventColumn;
+
 use crate::{
     events::EVENT_CHUNK,
-    skeleton::{QUANTITIES, Quantity},
+    skeleton::{QUANTITIES, Quantity, frame_storage},
 };
 
 /// What a run is going to record.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
-pub struct FileSize {
+pub struct FileSize<'a> {
     /// N.
     pub particles: u64,
+    /// 2 or 3.
+    pub dimension: usize,
     /// Frames.
     pub frames: u64,
     /// Rows of observables.
     pub samples: u64,
     /// Event rows.
     pub events: u64,
+    /// Columns of the event log; empty: events are not recorded.
+    pub columns: &'a [EventColumn],
+    /// Whether frames and the event log are compressed.
+    pub compressed: bool,
 }
 
-/// Expected size of a file [bytes], to about a tenth beyond a megabyte; trajectories of disks come out a third
-/// smaller.
+/// A double with a random mantissa, compressed [bytes].
+const PACKED: f64 = 6.95;
+
+/// Bytes of an event row: measured where they are compressed, with half a page lost for each chunk.
+fn event_row(column: EventColumn, size: &FileSize) -> f64 {
+    let components = size.dimension as f64;
+    let (whole, packed) = match column {
+        EventColumn::Time => (8.0, 5.1),
+        EventColumn::Kind => (1.0, 0.0),
+        EventColumn::I | EventColumn::J => (4.0, f64::from(size.particles.max(2).ilog2() + 1) / 8.0),
+        EventColumn::ApproachSpeed
+        | EventColumn::Impulse
+        | EventColumn::EnergyLoss
+        | EventColumn::CarnotEnergy => (8.0, PACKED),
+        EventColumn::Normal | EventColumn::Position => (24.0, components * PACKED),
+    };
+    if size.compressed { packed + 2048.0 / EVENT_CHUNK as f64 } else { whole }
+}
+
+/// Expected size of a file [bytes], to about a tenth beyond a megabyte.
 pub fn estimate_file_size(size: &FileSize) -> u64 {
-    let FileSize { particles, frames, samples, events } = *size;
+    let FileSize { particles, dimension, frames, samples, events, .. } = *size;
     // Groups, headers and the first chunk of every small series.
     let fixed = 250_000;
     // id, species, mass, radius; two checkpoint slots of 76 bytes.
     let per_particle = 4 + 4 + 8 + 8 + 2 * 76;
-    // Positions and velocities as they are; images shrink by about 4.
-    let per_frame_particle = 24 + 24 + 3;
+    let compressed = frame_storage(particles as usize, size.compressed).compressed;
+    // Images, small numbers, shrink to about 3 bytes.
+    let vectors = if compressed { 2.0 * dimension as f64 * PACKED + 3.0 } else { 24.0 + 24.0 + 12.0 };
     let per_frame = 8 + 8 + 24;
     let per_sample = 16
         + QUANTITIES
@@ -37,16 +64,15 @@ pub fn estimate_file_size(size: &FileSize) -> u64 {
                 Quantity::Vector(_) => 24,
             })
             .sum::<u64>();
-    // Four reals and two vectors as they are, in whole chunks; time shrinks by 1.5, i and j by 2, kind to nothing.
-    let per_event = 4 * 8 + 2 * 24;
-    let per_event_compressed = 5 + 4;
-    let frame = particles.saturating_mul(per_frame_particle).saturating_add(per_frame);
+    let event: f64 = size.columns.iter().map(|&column| event_row(column, size)).sum();
+    // Uncompressed chunks are whole.
+    let rows = if size.compressed { events } else { events.next_multiple_of(EVENT_CHUNK as u64) };
     [
         particles.saturating_mul(per_particle),
-        frames.saturating_mul(frame),
+        frames.saturating_mul(per_frame),
+        (frames as f64 * particles as f64 * vectors) as u64,
         samples.saturating_mul(per_sample),
-        events.div_ceil(EVENT_CHUNK as u64).saturating_mul(EVENT_CHUNK as u64 * per_event),
-        events.saturating_mul(per_event_compressed),
+        (rows as f64 * event) as u64,
     ]
     .into_iter()
     .fold(fixed, u64::saturating_add)

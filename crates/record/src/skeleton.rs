@@ -21,27 +21,12 @@ const FRAME_BLOCK: usize = 1 << 16;
 /// Positions of frames smaller than this share an uncompressed chunk of about this size [bytes].
 const SMALL_FRAME: usize = 1 << 15;
 
-/// How the [F][N][3] datasets are stored.
-pub(crate) struct FrameStorage {
-    /// Positions and velocities.
-    pub real: Storage,
-    /// Images.
-    pub image: Storage,
-}
-
-/// One frame, or a block of it, per chunk, written once; small frames together, uncompressed and in place.
-///
-/// Full mantissas shrink by 12 to 16 % at about 60 MB/s and are left as they are; images, and in two dimensions
-/// coordinates, a third of which are zeros, are compressed.
-pub(crate) fn frame_storage(particles: usize, dimension: usize) -> FrameStorage {
+/// One frame, or a block of it, per chunk, compressed and written once; small frames together, uncompressed and in
+/// place.
+pub(crate) fn frame_storage(particles: usize, compressed: bool) -> Storage {
     let frames = (SMALL_FRAME / (24 * particles.max(1))).max(1);
     let rows = particles.div_ceil(particles.div_ceil(FRAME_BLOCK).max(1)).max(1);
-    let chunk = vec![frames, rows, 3];
-    let whole = frames == 1;
-    FrameStorage {
-        real: Storage { chunk: chunk.clone(), compressed: whole && dimension == 2 },
-        image: Storage { chunk, compressed: whole },
-    }
+    Storage { chunk: vec![frames, rows, 3], compressed: compressed && frames == 1 }
 }
 
 /// A quantity of the samples.
@@ -117,8 +102,8 @@ pub(crate) struct Trajectory {
 }
 
 impl Trajectory {
-    fn create(all: &Group, particles: usize, dimension: usize) -> hdf5::Result<Self> {
-        let storage = frame_storage(particles, dimension);
+    fn create(all: &Group, particles: usize, compressed: bool) -> hdf5::Result<Self> {
+        let storage = frame_storage(particles, compressed);
         let width = [particles, 3];
         let position = all.create_group("position")?;
         let clock = Clock::create(&position)?;
@@ -130,9 +115,9 @@ impl Trajectory {
             Ok(group)
         };
         Ok(Self {
-            position: Series::create_real(&position, "value", &width, &storage.real)?,
-            velocity: Series::create_real(&element("velocity")?, "value", &width, &storage.real)?,
-            image: Series::create::<i32>(&element("image")?, "value", &width, &storage.image)?,
+            position: Series::create_real(&position, "value", &width, &storage)?,
+            velocity: Series::create_real(&element("velocity")?, "value", &width, &storage)?,
+            image: Series::create::<i32>(&element("image")?, "value", &width, &storage)?,
             edges: Series::create_real(
                 &element("box/edges")?,
                 "value",
@@ -272,15 +257,19 @@ impl Skeleton {
         write_array(&all, "mass", &header.mass)?;
         write_array(&all, "radius", &header.radius)?;
         let trajectory = if header.frames {
-            Some(Trajectory::create(&all, particles, header.dimension)?)
+            Some(Trajectory::create(&all, particles, header.compressed)?)
         } else {
             write_array(&place, "edges", &header.box_size.to_array())?;
             None
         };
         let observables = if header.observables { Some(Observables::create(root, header)?) } else { None };
-        let events = if header.events { Some(Columns::create(&root.create_group("events")?)?) } else { None };
+        let events = if header.events.is_empty() {
+            None
+        } else {
+            Some(Columns::create(&root.create_group("events")?, &header.events, header.compressed)?)
+        };
         let checkpoint = root.create_group("checkpoint")?;
-        let slot = |name| Slot::create(&checkpoint, name, particles, header.events);
+        let slot = |name| Slot::create(&checkpoint, name, particles, !header.events.is_empty());
         Ok(Self { trajectory, observables, events, slots: [slot("0")?, slot("1")?] })
     }
 

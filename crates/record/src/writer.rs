@@ -13,6 +13,7 @@ use crate::{
     error::{Context, RecordError},
     events::EVENT_CHUNK,
     file::WritableFile,
+    pack::Packer,
     queue::{Consumer, Message},
     skeleton::{Observables, Quantity, Skeleton, text},
 };
@@ -34,7 +35,9 @@ pub(crate) struct Writer {
     progress: Progress,
     frames: Vec<Frame>,
     samples: Vec<Sample>,
+    /// Events that do not fill a chunk.
     events: Vec<EventRecord>,
+    packer: Packer,
     /// Steps and times whose values are written, but not yet known to have reached the file.
     frame_clock: Vec<(i64, f64)>,
     sample_clock: Vec<(i64, f64)>,
@@ -58,6 +61,7 @@ impl Writer {
             frames: Vec::new(),
             samples: Vec::new(),
             events: Vec::new(),
+            packer: Packer::new(),
             frame_clock: Vec::new(),
             sample_clock: Vec::new(),
             event_times: Vec::new(),
@@ -139,6 +143,11 @@ impl Writer {
                             }
                             result
                         }
+                        Message::Events(events) => {
+                            let result = self.take_events(&events);
+                            queue.shared.recycle(events);
+                            result
+                        }
                         message => self.take(message),
                     };
                     queue.done(bytes);
@@ -169,18 +178,12 @@ impl Writer {
                 self.samples.push(sample);
                 if self.samples.len() >= SAMPLE_BATCH { self.write_samples() } else { Ok(()) }
             }
-            Message::Events(events) => {
-                self.dirty = true;
-                self.progress.events += events.len();
-                self.events.extend_from_slice(&events);
-                self.write_events()
-            }
             Message::Checkpoint(state) => {
                 self.checkpoint(*state)?;
                 self.file.publish()
             }
             // Dealt with by `serve`.
-            Message::Flush(_) | Message::Finish { .. } => Ok(()),
+            Message::Events(_) | Message::Flush(_) | Message::Finish { .. } => Ok(()),
         }
     }
 
@@ -191,13 +194,13 @@ impl Writer {
             return Ok(());
         }
         let path = self.file.path();
-        let flat = |vectors: fn(&Frame) -> &Vec<DVec3>| -> Vec<f64> {
-            frames.iter().flat_map(vectors).flat_map(DVec3::to_array).collect()
-        };
-        trajectory.position.append(&flat(|frame| &frame.position)).doing(path, WRITE)?;
-        trajectory.velocity.append(&flat(|frame| &frame.velocity)).doing(path, WRITE)?;
-        let images: Vec<i32> = frames.iter().flat_map(|frame| &frame.image).flatten().copied().collect();
-        trajectory.image.append(&images).doing(path, WRITE)?;
+        let (rows, packer) = (frames.iter(), &mut self.packer);
+        let positions = rows.clone().map(|frame| frame.position.as_slice());
+        trajectory.position.append_vectors(positions, |r| r.to_array(), packer).doing(path, WRITE)?;
+        let velocities = rows.clone().map(|frame| frame.velocity.as_slice());
+        trajectory.velocity.append_vectors(velocities, |v| v.to_array(), packer).doing(path, WRITE)?;
+        let images = rows.map(|frame| frame.image.as_slice());
+        trajectory.image.append_vectors(images, |image| image, packer).doing(path, WRITE)?;
         let edges: Vec<f64> = frames.iter().flat_map(|_| self.box_size.to_array()).collect();
         trajectory.edges.append(&edges).doing(path, WRITE)?;
         self.frame_clock.extend(frames.iter().map(|frame| (frame.step as i64, frame.time)));
@@ -227,16 +230,35 @@ impl Writer {
         Ok(())
     }
 
-    /// Writes whole chunks of events.
-    fn write_events(&mut self) -> Result<(), RecordError> {
-        let whole = self.events.len() / EVENT_CHUNK * EVENT_CHUNK;
-        if let Some(columns) = &mut self.skeleton.events
-            && whole > 0
-        {
-            for chunk in self.events[..whole].chunks(EVENT_CHUNK) {
-                columns.append(chunk).doing(self.file.path(), WRITE)?;
+    /// Writes whole chunks of events, and keeps the rest.
+    fn take_events(&mut self, mut events: &[EventRecord]) -> Result<(), RecordError> {
+        self.dirty = true;
+        self.progress.events += events.len();
+        if !self.events.is_empty() {
+            let (head, rest) = events.split_at(events.len().min(EVENT_CHUNK - self.events.len()));
+            self.events.extend_from_slice(head);
+            events = rest;
+            if self.events.len() < EVENT_CHUNK {
+                return Ok(());
             }
-            self.event_times.extend(self.events.drain(..whole).map(|event| event.time));
+            let chunk = std::mem::take(&mut self.events);
+            self.write_events(&chunk)?;
+            self.events = chunk;
+            self.events.clear();
+        }
+        let (chunks, rest) = events.as_chunks::<EVENT_CHUNK>();
+        for chunk in chunks {
+            self.write_events(chunk)?;
+        }
+        self.events.extend_from_slice(rest);
+        Ok(())
+    }
+
+    /// Writes a chunk of events, or the last ones.
+    fn write_events(&mut self, events: &[EventRecord]) -> Result<(), RecordError> {
+        if let Some(columns) = &mut self.skeleton.events {
+            columns.append(events).doing(self.file.path(), WRITE)?;
+            self.event_times.extend(events.iter().map(|event| event.time));
         }
         Ok(())
     }
@@ -295,9 +317,8 @@ impl Writer {
             return Ok(());
         }
         let events = std::mem::take(&mut self.events);
-        if let Some(columns) = &mut self.skeleton.events {
-            columns.append(&events).doing(self.file.path(), WRITE)?;
-            self.event_times.extend(events.iter().map(|event| event.time));
+        if !events.is_empty() {
+            self.write_events(&events)?;
         }
         self.flush()?;
         if let Some(summary) = summary {

@@ -5,9 +5,9 @@ mod common;
 use std::fs;
 
 use common::{checkpoint, event, events, frame, header, sample};
-use haff_engine::EventKind;
+use haff_engine::{EventColumn, EventKind, EventRecord};
 use haff_record::{EVENT_CHUNK, Header, RecordError, Recorder, info, last_state};
-use hdf5::{File, H5Type};
+use hdf5::{File, H5Type, filters::Filter};
 use tempfile::TempDir;
 
 fn directory() -> TempDir {
@@ -150,6 +150,70 @@ fn everything_recorded_is_read_back_bit_by_bit() {
 }
 
 #[test]
+fn uncompressed_files_hold_the_same_numbers() {
+    let directory = directory();
+    let path = |name: &str| directory.path().join(name);
+    for (name, compressed) in [("packed.h5", true), ("plain.h5", false)] {
+        let wanted = Header { compressed, ..header(1400) };
+        let recorder = Recorder::create(path(name), wanted, false).expect("a new file");
+        record(&recorder, 1400, 0..6, 30_000);
+        recorder.finish("{}", true).expect("a finished file");
+        check(&path(name), 1400, 6, 6, 180_000);
+        let file = File::open(path(name)).expect("the file opens");
+        for dataset in ["particles/all/velocity/value", "events/i", "events/normal"] {
+            let filters = file.dataset(dataset).expect(dataset).filters();
+            let expected = if compressed { vec![Filter::Shuffle, Filter::Deflate(1)] } else { Vec::new() };
+            assert_eq!(filters, expected, "{dataset} of {name}");
+        }
+    }
+    let size = |name| fs::metadata(path(name)).expect("the file is there").len();
+    assert!(size("packed.h5") < size("plain.h5") * 9 / 10);
+}
+
+#[test]
+fn a_log_of_some_columns_holds_these_and_the_time_and_is_gone_on_with() {
+    use EventColumn::{EnergyLoss, I, Position};
+    let directory = directory();
+    for (name, compressed) in [("packed.h5", true), ("plain.h5", false)] {
+        let path = directory.path().join(name);
+        // The time comes along, asked for or not.
+        let wanted = Header { events: vec![Position, EnergyLoss, I], compressed, ..header(20) };
+        let recorder = Recorder::create(&path, wanted, false).expect("a new file");
+        // Two chunks and a half, and what is dropped because it came after the checkpoint.
+        let kept = 5 * EVENT_CHUNK as u64 / 2;
+        recorder.events(events(0, kept)).expect("events");
+        recorder.checkpoint(checkpoint(1, 20)).expect("a checkpoint");
+        recorder.events(events(kept, 2 * kept)).expect("events");
+        drop(recorder);
+        let (recorder, resumed) = Recorder::append(&path).expect("the file is resumed");
+        assert_eq!(resumed.events, kept);
+        // Buffers come back from the writer, and are handed over again.
+        for k in 0..40 {
+            let mut rows = recorder.event_buffer();
+            assert!(rows.is_empty());
+            rows.extend(events(kept + 1000 * k, kept + 1000 * (k + 1)));
+            recorder.events(rows).expect("events");
+        }
+        recorder.finish("{}", true).expect("a finished file");
+
+        let found = info(&path).expect("the file is read");
+        assert_eq!(found.event_columns, ["time", "i", "energy_loss", "position"]);
+        assert_eq!(found.events, Some(kept + 40_000));
+        let file = File::open(&path).expect("the file opens");
+        let mut names = file.group("events").and_then(|group| group.member_names()).expect("columns");
+        names.sort();
+        assert_eq!(names, ["energy_loss", "i", "position", "time"]);
+        let expected: Vec<_> = (0..kept + 40_000).map(event).collect();
+        assert!(column::<f64>(&file, "events/time") == expected.iter().map(|e| e.time).collect::<Vec<_>>());
+        assert!(column::<u32>(&file, "events/i") == expected.iter().map(|e| e.i).collect::<Vec<_>>());
+        let losses: Vec<f64> = expected.iter().map(|e| e.energy_loss).collect();
+        assert!(column::<f64>(&file, "events/energy_loss") == losses);
+        let points: Vec<f64> = expected.iter().flat_map(|e| e.position.to_array()).collect();
+        assert!(column::<f64>(&file, "events/position") == points);
+    }
+}
+
+#[test]
 fn disks_and_partial_headers_are_read_back() {
     let directory = directory();
     let path = directory.path().join("disks.h5");
@@ -167,7 +231,7 @@ fn disks_and_partial_headers_are_read_back() {
 
     // Only what the header asks for has a place; the rest is dropped.
     let path = directory.path().join("bare.h5");
-    let bare = Header { frames: false, observables: false, events: false, ..header(5) };
+    let bare = Header { frames: false, observables: false, events: Vec::new(), ..header(5) };
     let recorder = Recorder::create(&path, bare, false).expect("a new file");
     record(&recorder, 5, 0..4, 10);
     recorder.checkpoint(checkpoint(1, 5)).expect("a checkpoint");
@@ -313,22 +377,40 @@ fn hdf5_view(values: &[f64]) -> ndarray::ArrayView2<'_, f64> {
 
 #[test]
 fn the_estimated_size_is_near_the_size() {
+    use EventColumn::{I, J, Time};
     let directory = directory();
-    for (particles, frames, samples, count) in
-        [(5000, 20, 500, 100_000), (2, 10, 20_000, 0), (30_000, 4, 4, 0)]
-    {
-        let path = directory.path().join(format!("{particles}.h5"));
-        let recorder = Recorder::create(&path, header(particles), false).expect("a new file");
+    let all = &EventColumn::ALL[..];
+    for (particles, frames, samples, events, columns, compressed) in [
+        (5000, 20, 500, 100_000, all, true),
+        (5000, 20, 500, 100_000, all, false),
+        (1000, 0, 2, 400_000, &[Time, I, J], true),
+        (2, 10, 20_000, 0, &[], true),
+        (30_000, 4, 4, 0, &[], true),
+        (30_000, 4, 4, 0, &[], false),
+    ] {
+        let path = directory.path().join(format!("{particles}-{}-{compressed}.h5", columns.len()));
+        let wanted = Header { events: columns.to_vec(), compressed, ..header(particles) };
+        let recorder = Recorder::create(&path, wanted, false).expect("a new file");
         (0..frames).for_each(|k| recorder.frame(frame(k, particles)).expect("a frame"));
         (0..samples).for_each(|k| recorder.sample(sample(k)).expect("a sample"));
-        recorder.events(events(0, count)).expect("events");
+        // Ids and times as irregular as those of a gas.
+        let irregular = |row: EventRecord| EventRecord {
+            time: row.time + 1e-3 * row.impulse,
+            i: (row.normal.x * particles as f64) as u32,
+            j: (row.normal.y * particles as f64) as u32,
+            ..row
+        };
+        recorder.events(common::events(0, events).into_iter().map(irregular).collect()).expect("events");
         recorder.finish("{}", true).expect("a finished file");
         let size = fs::metadata(&path).expect("the file is there").len();
         let estimate = haff_record::estimate_file_size(&haff_record::FileSize {
             particles: particles as u64,
+            dimension: 3,
             frames,
             samples,
-            events: count,
+            events,
+            columns,
+            compressed,
         });
         let ratio = estimate as f64 / size as f64;
         assert!((0.85..1.15).contains(&ratio), "N = {particles}: {estimate} bytes expected, {size} found");

@@ -44,7 +44,11 @@ impl Periods {
     pub(crate) fn wrap(&self, mut position: DVec3) -> DVec3 {
         for axis in 0..3 {
             if let Some(length) = self.0[axis] {
-                let x = position[axis].rem_euclid(length);
+                let x = position[axis];
+                if (0.0..length).contains(&x) {
+                    continue;
+                }
+                let x = x.rem_euclid(length);
                 // rem_euclid of a tiny negative number rounds to the length itself.
                 position[axis] = if x < length { x } else { 0.0 };
             }
@@ -66,11 +70,16 @@ struct Level {
 pub(crate) struct Grid {
     periods: Periods,
     levels: Vec<Level>,
-    /// Level of each particle.
-    level: Vec<u16>,
-    cell: Vec<[i32; 3]>,
-    next: Vec<u32>,
+    members: Vec<Member>,
     heads: Vec<u32>,
+}
+
+/// What the grid knows of a particle, together because it is looked at together.
+#[derive(Clone, Copy)]
+struct Member {
+    cell: [i32; 3],
+    next: u32,
+    level: u16,
 }
 
 impl Grid {
@@ -99,19 +108,15 @@ impl Grid {
             })
             .collect();
         let keys: Vec<u64> = octaves.into_keys().collect();
-        let level = level_radius
+        let members = level_radius
             .iter()
-            .map(|&radius| keys.partition_point(|&key| key < octave(radius)) as u16)
+            .map(|&radius| {
+                let level = keys.partition_point(|&key| key < octave(radius)) as u16;
+                Member { cell: [0; 3], next: NONE, level }
+            })
             .collect();
         let buckets = (2 * level_radius.len()).next_power_of_two().max(64);
-        Self {
-            periods,
-            levels,
-            level,
-            cell: vec![[0; 3]; level_radius.len()],
-            next: vec![NONE; level_radius.len()],
-            heads: vec![NONE; buckets],
-        }
+        Self { periods, levels, members, heads: vec![NONE; buckets] }
     }
 
     /// Takes all particles out.
@@ -121,11 +126,10 @@ impl Grid {
 
     /// Puts particle `index` in at `position`.
     pub(crate) fn insert(&mut self, index: usize, position: DVec3) {
-        let level = self.level[index];
+        let level = self.members[index].level;
         let cell = self.cell_of(&self.levels[level as usize], position);
         let bucket = self.bucket(level, cell);
-        self.cell[index] = cell;
-        self.next[index] = self.heads[bucket];
+        self.members[index] = Member { cell, next: self.heads[bucket], level };
         self.heads[bucket] = index as u32;
     }
 
@@ -153,11 +157,11 @@ impl Grid {
                         });
                         let mut j = self.heads[self.bucket(k as u16, cell)];
                         while j != NONE {
-                            let index = j as usize;
-                            if self.cell[index] == cell && self.level[index] == k as u16 && !found(index) {
+                            let member = self.members[j as usize];
+                            if member.cell == cell && member.level == k as u16 && !found(j as usize) {
                                 return;
                             }
-                            j = self.next[index];
+                            j = member.next;
                         }
                     }
                 }
@@ -176,13 +180,14 @@ impl Grid {
         })
     }
 
+    /// Cells that follow each other along z have buckets that follow each other: they are looked at together.
     fn bucket(&self, level: u16, cell: [i32; 3]) -> usize {
         let mut h = u64::from(level) ^ 0x9E37_79B9_7F4A_7C15;
-        for c in cell {
-            h = (h ^ u64::from(c as u32)).wrapping_mul(0xD6E8_FEB8_6659_FD93);
+        for c in &cell[..2] {
+            h = (h ^ u64::from(*c as u32)).wrapping_mul(0xD6E8_FEB8_6659_FD93);
             h ^= h >> 32;
         }
-        h as usize & (self.heads.len() - 1)
+        h.wrapping_add(u64::from(cell[2] as u32)) as usize & (self.heads.len() - 1)
     }
 }
 

@@ -3,7 +3,7 @@
 use std::path::PathBuf;
 use std::time::Duration;
 
-use haff_engine::{Options, System};
+use haff_engine::{EventColumn, Options, System};
 
 /// When something is recorded, beside the start and the end.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -47,8 +47,10 @@ pub struct OutputPlan {
     pub frames: Schedule,
     /// Observable samples.
     pub observables: Schedule,
-    /// Whether every event is recorded.
-    pub events: bool,
+    /// Columns of the event log in the order of files, the time first; empty: events are not recorded.
+    pub events: Vec<EventColumn>,
+    /// Whether frames and the event log are compressed.
+    pub compressed: bool,
     /// Time between checkpoints [time].
     pub checkpoint: Option<f64>,
 }

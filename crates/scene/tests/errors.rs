@@ -160,10 +160,44 @@ fn defaults_follow_the_length_of_the_run() {
     assert_eq!(scene.output.frames, Schedule::Every(0.1));
     assert_eq!(scene.output.observables, Schedule::Every(0.01));
     assert_eq!(scene.output.checkpoint, Some(1.0));
-    assert_eq!((scene.output.file, scene.output.events), (None, false));
+    assert_eq!((scene.output.file, scene.output.events, scene.output.compressed), (None, Vec::new(), true));
     // An inelastic gas without `until` slows down without bound: logarithmic in time.
     let scene = with(&["run={ collisions = 1000 }"]).unwrap_or_else(|errors| panic!("{errors}"));
     assert!(matches!(scene.output.frames, Schedule::Log { .. }), "{:?}", scene.output.frames);
+}
+
+#[test]
+fn the_event_log_has_the_columns_asked_for_and_the_time() {
+    use haff_engine::EventColumn::{self, EnergyLoss, I, J, Time};
+    let events = |value: &str| with(&[&format!("output.events={value}")]).map(|scene| scene.output.events);
+    let sound = |value: &str| events(value).unwrap_or_else(|errors| panic!("{errors}"));
+    assert_eq!(sound("true"), EventColumn::ALL);
+    assert_eq!(sound("false"), []);
+    // In the order of files, whatever the order of the scene.
+    assert_eq!(sound(r#"{ columns = ["energy_loss", "j", "i"] }"#), [Time, I, J, EnergyLoss]);
+    assert_eq!(sound(r#"{ columns = ["time"] }"#), [Time]);
+    for (value, expected) in [
+        ("1", "must be true, false or { columns = […] }"),
+        ("{}", "must name columns"),
+        ("{ columns = [] }", "must name columns"),
+        (r#"{ columns = ["i", "i"] }"#, "must name each column once"),
+        (r#"{ columns = ["energy"] }"#, "must be one of \"time\", \"kind\""),
+        (r#"{ columns = ["i"], level = 1 }"#, "unknown key"),
+    ] {
+        let errors = events(value).expect_err(value).to_string();
+        assert!(errors.contains(expected), "{value}: {errors}");
+    }
+    // For every column of the engine there is a name in scenes, and the resolved scene holds it.
+    for column in EventColumn::ALL {
+        let text = format!(r#"{{ columns = ["{}"] }}"#, column.name());
+        assert!(sound(&text).contains(&column), "{text}");
+    }
+    let scene = with(&[r#"output.events={ columns = ["i"] }"#, r#"output.compression="none""#]);
+    let scene = scene.unwrap_or_else(|errors| panic!("{errors}"));
+    assert!(!scene.output.compressed);
+    let again =
+        parse("resolved.toml", &scene.resolved, &[], &NoStates).unwrap_or_else(|errors| panic!("{errors}"));
+    assert_eq!(again.output, scene.output);
 }
 
 #[test]

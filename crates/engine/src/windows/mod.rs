@@ -55,6 +55,13 @@ const CACHED: usize = 8192;
 const NEAREST: f64 = 0.45;
 /// A particle may become this much faster than the fastest before the window has to be cut short.
 const HEADROOM: f64 = 1.5;
+/// Windows are chosen from this many particles on, with at most so many walls, …
+const MANY: usize = 100;
+const FEW_WALLS: usize = 16;
+/// … where nobody is faster than the mean by more than this factor, which would make windows short, …
+const OUTLIER: f64 = 30.0;
+/// … and nobody larger than the least by more than this one: large ones are registered in many cells.
+const SIZE_RATIO: f64 = 20.0;
 /// Longest window [ticks].
 const LONGEST: f64 = (1_u64 << 59) as f64;
 
@@ -116,6 +123,20 @@ pub(crate) fn unsuitable(system: &System) -> Option<String> {
         }
     }
     None
+}
+
+/// Whether windows are likely to be the fastest for a system that is not dense.
+pub(crate) fn suit(system: &System) -> bool {
+    if unsuitable(system).is_some() || system.bodies.len() < MANY || system.walls.len() > FEW_WALLS {
+        return false;
+    }
+    let squares = || system.bodies.iter().map(|body| body.velocity.length_squared());
+    let mean = squares().sum::<f64>() / system.bodies.len() as f64;
+    let fastest = squares().fold(0.0, f64::max);
+    let (least, largest) = system.classes.iter().fold((f64::INFINITY, 0.0_f64), |(least, largest), class| {
+        (least.min(class.radius), largest.max(class.radius))
+    });
+    fastest <= OUTLIER * OUTLIER * mean && largest <= SIZE_RATIO * least
 }
 
 impl<F: Features> Windows<F> {

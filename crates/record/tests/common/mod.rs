@@ -2,7 +2,7 @@
 #![allow(dead_code, missing_docs, reason = "each test file uses a part of it")]
 
 use glam::DVec3;
-use haff_engine::{Boundary, Checkpoint, EventKind, EventRecord, Frame, Ledger, Sample};
+use haff_engine::{Boundary, Checkpoint, EventColumn, EventKind, EventRecord, Frame, Ledger, Sample};
 use haff_record::Header;
 
 /// A number in [0, 1) with a full mantissa.
@@ -38,7 +38,8 @@ pub fn header(particles: usize) -> Header {
         wall_names: vec!["y-".to_owned(), "y+".to_owned()],
         frames: true,
         observables: true,
-        events: true,
+        events: EventColumn::ALL.to_vec(),
+        compressed: true,
         has_pressure: false,
         has_angular_momentum: false,
     }

@@ -4,13 +4,16 @@ use std::f64::consts::PI;
 use std::path::PathBuf;
 use std::time::Duration;
 
-use haff_engine::{Boundary, Dimension, System};
+use haff_engine::{Boundary, Dimension, EventColumn, System};
 use haff_mechanics::Restitution;
 
 use super::Builder;
 use super::particles::volume;
 use super::values::{SMALLEST, at, positive};
-use crate::config::{LogConfig, OutputConfig, OutputFileConfig, ScheduleConfig, WallTimeConfig};
+use crate::config::{
+    CompressionConfig, EventColumnConfig, EventsConfig, LogConfig, OutputConfig, OutputFileConfig,
+    ScheduleConfig, WallTimeConfig,
+};
 use crate::scene::{OutputPlan, RunPlan, Schedule};
 
 /// More records than this are a slip of the pen: at one number each they would fill a disk.
@@ -74,13 +77,29 @@ impl Builder<'_> {
     pub(super) fn output_shape(&mut self) {
         let output = self.config.output.clone().unwrap_or_default();
         match &output.file {
-            Some(OutputFileConfig::Off(_)) if output.events == Some(true) => {
+            Some(OutputFileConfig::Off(_))
+                if output.events.as_ref().is_some_and(|events| *events != EventsConfig::All(false)) =>
+            {
                 self.document.report(&at(["output", "events"]), "contradicts output.file = false");
             }
             Some(OutputFileConfig::Path(path)) if path.trim().is_empty() => {
                 self.document.report(&at(["output", "file"]), "must be a path or false");
             }
             _ => {}
+        }
+        if let Some(EventsConfig::Some(events)) = &output.events {
+            let path = at(["output", "events", "columns"]);
+            match events.columns.as_deref() {
+                None | Some([]) => self.document.report_missing(
+                    &path,
+                    "must name columns, as { columns = [\"i\", \"j\"] }; true records all, false none",
+                ),
+                Some(columns) => {
+                    if columns.iter().enumerate().any(|(k, column)| columns[..k].contains(column)) {
+                        self.document.report(&path, "must name each column once");
+                    }
+                }
+            }
         }
         if let Some(checkpoint) = output.checkpoint {
             positive(&mut self.document, &at(["output", "checkpoint"]), checkpoint);
@@ -156,8 +175,9 @@ impl Builder<'_> {
         };
         let frames = schedule(&mut config.frames, 100.0, 1.2);
         let observables = schedule(&mut config.observables, 1000.0, 1.02);
-        config.events.get_or_insert(false);
-        let events = config.events == Some(true);
+        let events = event_columns(config.events.get_or_insert(EventsConfig::All(false)));
+        let compressed =
+            *config.compression.get_or_insert(CompressionConfig::Deflate) == CompressionConfig::Deflate;
         if config.checkpoint.is_none() {
             config.checkpoint = length.map(|length| (length / 10.0).max(SMALLEST));
         }
@@ -187,7 +207,38 @@ impl Builder<'_> {
                 }
             }
         }
-        OutputPlan { file, frames, observables, events, checkpoint }
+        OutputPlan { file, frames, observables, events, compressed, checkpoint }
+    }
+}
+
+/// The columns asked for in the order of files, the time always among them.
+fn event_columns(config: &EventsConfig) -> Vec<EventColumn> {
+    match config {
+        EventsConfig::All(false) => Vec::new(),
+        EventsConfig::All(true) => EventColumn::ALL.to_vec(),
+        EventsConfig::Some(events) => {
+            let columns = events.columns.as_deref().unwrap_or_default();
+            let mut wanted: Vec<EventColumn> = columns.iter().map(|&column| column.into()).collect();
+            wanted.push(EventColumn::Time);
+            EventColumn::ALL.into_iter().filter(|column| wanted.contains(column)).collect()
+        }
+    }
+}
+
+impl From<EventColumnConfig> for EventColumn {
+    fn from(column: EventColumnConfig) -> Self {
+        match column {
+            EventColumnConfig::Time => Self::Time,
+            EventColumnConfig::Kind => Self::Kind,
+            EventColumnConfig::I => Self::I,
+            EventColumnConfig::J => Self::J,
+            EventColumnConfig::ApproachSpeed => Self::ApproachSpeed,
+            EventColumnConfig::Impulse => Self::Impulse,
+            EventColumnConfig::EnergyLoss => Self::EnergyLoss,
+            EventColumnConfig::CarnotEnergy => Self::CarnotEnergy,
+            EventColumnConfig::Normal => Self::Normal,
+            EventColumnConfig::Position => Self::Position,
+        }
     }
 }
 
