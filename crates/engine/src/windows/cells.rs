@@ -83,37 +83,51 @@ impl Axes {
         round(position * self.per_length[axis])
     }
 
+    // Loops, not `map`: an array's `map` may stay a call, compiled for the baseline.
+
     /// The coordinates of a way [length].
     #[inline(always)]
     pub fn way(&self, v: [f32; 3], part: f32) -> [i32; 3] {
-        [0, 1, 2].map(|axis| round(f64::from(v[axis] * part) * self.per_length[axis]))
+        let mut way = [0; 3];
+        for axis in 0..3 {
+            way[axis] = round(f64::from(v[axis] * part) * self.per_length[axis]);
+        }
+        way
     }
 
     /// The place of a coordinate [cells].
     #[inline(always)]
     fn places(&self, x: [i32; 3]) -> [f32; 4] {
         let x = [x[0], x[1], x[2], 0];
-        [0, 1, 2, 3].map(|k| (x[k] ^ self.flip[k]) as f32 * self.per_coordinate[k] + self.bias[k])
+        let mut places = [0.0; 4];
+        for k in 0..4 {
+            places[k] = (x[k] ^ self.flip[k]) as f32 * self.per_coordinate[k] + self.bias[k];
+        }
+        places
     }
 
     /// The cells, counted on beyond periodic edges, of places.
     #[inline(always)]
     fn cells(&self, places: [f32; 4]) -> [i32; 4] {
-        [0, 1, 2, 3].map(|k| {
+        let mut cells = [0; 4];
+        for k in 0..4 {
             let place = places[k].max(self.low[k]).min(self.high[k]).floor();
             // SAFETY: the bounds are small numbers, and `max` and `min` leave no NaN.
-            unsafe { place.to_int_unchecked::<i32>() }
-        })
+            cells[k] = unsafe { place.to_int_unchecked::<i32>() };
+        }
+        cells
     }
 
     /// Brings cells counted on beyond the edges into the grid.
     #[inline(always)]
     fn fold(&self, cells: [i32; 4]) -> [i32; 4] {
-        [0, 1, 2, 3].map(|k| {
+        let mut folded = [0; 4];
+        for k in 0..4 {
             let (c, n) = (cells[k], self.n[k]);
             let c = if c < 0 { c + n } else { c };
-            if c >= n { c - n } else { c }
-        })
+            folded[k] = if c >= n { c - n } else { c };
+        }
+        folded
     }
 
     #[inline(always)]
@@ -156,7 +170,7 @@ pub(super) const LANES: usize = 8;
 
 impl Candidates {
     pub fn new() -> Self {
-        Self { slots: vec![0; 1024], owner: vec![0; 1024 / LANES], ..Self::default() }
+        Self { slots: vec![0; 1024], owner: vec![0; 1024 / LANES + LANES], ..Self::default() }
     }
 
     /// Makes room for so many blocks and a last vector.
@@ -172,7 +186,7 @@ impl Candidates {
     fn grow(&mut self, blocks: usize) {
         let len = 2 * (self.len + (blocks + 2) * LANES).next_multiple_of(LANES);
         self.slots.resize(len, 0);
-        self.owner.resize(len / LANES, 0);
+        self.owner.resize(len / LANES + LANES, 0);
     }
 
     /// Adds the entries of a block; returns its link.
@@ -198,12 +212,23 @@ impl Candidates {
     fn end(&mut self, from: usize, search: u32, own: u32) {
         self.slots[self.len..self.len + LANES].fill(own);
         self.len = self.len.next_multiple_of(LANES);
-        self.owner[from / LANES..self.len / LANES].fill(search);
+        // Up to eight vectors in one move; what lies beyond belongs to the next search, which comes later.
+        let (first, last) = (from / LANES, self.len / LANES);
+        self.owner[first..first + LANES].fill(search);
+        if last > first + LANES {
+            self.owner[first + LANES..last].fill(search);
+        }
     }
 }
 
-/// Index steps of a block of cells.
-type Steps = Box<[u32]>;
+/// A cell of a block of cells: the step from the index of the first, inside the grid, and the steps along the axes.
+#[derive(Debug, Clone, Copy)]
+struct Step {
+    step: u32,
+    x: u8,
+    y: u8,
+    z: u8,
+}
 
 /// Cells and who is registered in them.
 #[derive(Debug, Clone, Default)]
@@ -213,7 +238,7 @@ pub(super) struct Cells {
     blocks: Vec<Block>,
     cells: usize,
     /// Steps from the first cell for all shapes of up to `TABLED` cells along each axis.
-    tables: Vec<Steps>,
+    tables: Vec<Box<[Step]>>,
 }
 
 impl Cells {
@@ -223,14 +248,19 @@ impl Cells {
         let cells = axes.n.iter().map(|&n| n as usize).product();
         let (nx, ny) = (axes.n[0] as u32, axes.n[1] as u32);
         let mut tables = Vec::new();
-        let range = 1..=TABLED as u32;
-        for z in range.clone() {
-            for y in range.clone() {
-                for x in range.clone() {
-                    let steps = (0..z).flat_map(|z| (0..y).map(move |y| (z * ny + y) * nx));
-                    tables.push(steps.flat_map(|row| (0..x).map(move |x| row + x)).collect());
+        for shape in 0..TABLED.pow(3) as u8 {
+            let most = TABLED as u8;
+            let (sx, sy, sz) = (shape % most, shape / most % most, shape / most / most);
+            let mut table = Vec::new();
+            for z in 0..=sz {
+                for y in 0..=sy {
+                    for x in 0..=sx {
+                        let step = (u32::from(z) * ny + u32::from(y)) * nx + u32::from(x);
+                        table.push(Step { step, x, y, z });
+                    }
                 }
             }
+            tables.push(table.into_boxed_slice());
         }
         // Room for full cells to go on.
         let mut blocks = roomy(cells + cells / 8);
@@ -310,14 +340,24 @@ impl Cells {
         let axes = &self.axes;
         let v = [v[0], v[1], v[2], 0.0];
         let from = axes.places(x);
-        let way = [0, 1, 2, 3].map(|k| v[k] * part * axes.cells[k]);
-        let first = axes.cells(from);
-        let last = axes.cells([0, 1, 2, 3].map(|k| from[k] + way[k]));
+        let (mut way, mut to) = ([0.0; 4], [0.0; 4]);
+        for k in 0..4 {
+            way[k] = v[k] * part * axes.cells[k];
+            to[k] = from[k] + way[k];
+        }
+        let (first, last) = (axes.cells(from), axes.cells(to));
+        let axes = *axes;
         if NEW {
             self.add(axes.index(axes.fold(first)), slot);
         }
         if last != first {
-            self.register_on(slot, from, way, first, last);
+            // Mostly a single face is crossed.
+            let faces = |k: usize| last[k].abs_diff(first[k]);
+            if faces(0) + faces(1) + faces(2) == 1 {
+                self.add(axes.index(axes.fold(last)), slot);
+            } else {
+                self.register_on(slot, from, way, first, last);
+            }
         }
     }
 
@@ -354,11 +394,15 @@ impl Cells {
         let axes = &self.axes;
         let (v, below) = ([v[0], v[1], v[2], 0.0], [below[0], below[1], below[2], 0.0]);
         let place = axes.places(x);
-        let way = [0, 1, 2, 3].map(|k| v[k] * part * axes.cells[k]);
-        let margin = |length: f32, k: usize| length * axes.cells[k] + SLACK;
-        let low = axes.cells([0, 1, 2, 3].map(|k| place[k] + way[k].min(0.0) - margin(below[k], k)));
-        let high = axes.cells([0, 1, 2, 3].map(|k| place[k] + way[k].max(0.0) + margin(above, k)));
-        (low, [0, 1, 2].map(|k| (high[k] - low[k] + 1).min(axes.n[k])))
+        let (mut low, mut high) = ([0.0; 4], [0.0; 4]);
+        for k in 0..4 {
+            let way = v[k] * part * axes.cells[k];
+            low[k] = place[k] + way.min(0.0) - (below[k] * axes.cells[k] + SLACK);
+            high[k] = place[k] + way.max(0.0) + (above * axes.cells[k] + SLACK);
+        }
+        let (low, high) = (axes.cells(low), axes.cells(high));
+        let count = |k: usize| (high[k] - low[k] + 1).min(axes.n[k]);
+        (low, [count(0), count(1), count(2)])
     }
 
     /// The rest of a path that leaves its first cell.
@@ -408,21 +452,11 @@ impl Cells {
     ) {
         let axes = &self.axes;
         let (low, count) = self.span(x, v, part, margins);
-        let inside = (0..3).all(|k| (low[k] >= 0) & (low[k] + count[k] <= axes.n[k]));
-        let tabled = (0..3).all(|k| count[k] <= TABLED as i32);
+        let past = |k: usize| low[k] + count[k] > axes.n[k];
+        let outside = (low[0] | low[1] | low[2]) < 0 || past(0) | past(1) | past(2);
         let from = candidates.len;
         let mut links = 0;
-        if inside & tabled {
-            let shape = ((count[2] - 1) * TABLED as i32 + count[1] - 1) * TABLED as i32 + count[0] - 1;
-            let steps = &self.tables[shape as usize];
-            candidates.reserve(steps.len());
-            candidates.blocks += steps.len() as u64;
-            let first = axes.index(low);
-            for &step in steps {
-                // SAFETY: there is room for as many blocks as there are steps.
-                links |= unsafe { candidates.push(&self.blocks[first + step as usize]) };
-            }
-        } else {
+        if count[0].max(count[1]).max(count[2]) > TABLED as i32 {
             let blocks = count.iter().map(|&count| count as usize).product();
             candidates.reserve(blocks);
             candidates.blocks += blocks as u64;
@@ -430,6 +464,35 @@ impl Cells {
                 // SAFETY: there is room for as many blocks as there are cells.
                 links |= unsafe { candidates.push(block) };
             });
+        } else {
+            let shape = ((count[2] - 1) * TABLED as i32 + count[1] - 1) * TABLED as i32 + count[0] - 1;
+            let table = &self.tables[shape as usize];
+            candidates.reserve(table.len());
+            candidates.blocks += table.len() as u64;
+            if outside {
+                // Some of the cells lie beyond an edge: where each row, column and plane is, is found first.
+                let start = axes.fold(low);
+                let mut at = [[0; TABLED]; 3];
+                for k in 0..3 {
+                    for step in 0..TABLED {
+                        let c = start[k] + step as i32;
+                        at[k][step] = if c >= axes.n[k] { c - axes.n[k] } else { c };
+                    }
+                }
+                for &Step { x, y, z, .. } in table {
+                    let [x, y, z] =
+                        [at[0][x as usize % TABLED], at[1][y as usize % TABLED], at[2][z as usize % TABLED]];
+                    let cell = axes.index([x, y, z, 0]);
+                    // SAFETY: there is room for as many blocks as there are steps.
+                    links |= unsafe { candidates.push(&self.blocks[cell]) };
+                }
+            } else {
+                let first = axes.index(low);
+                for &Step { step, .. } in table {
+                    // SAFETY: as above.
+                    links |= unsafe { candidates.push(&self.blocks[first + step as usize]) };
+                }
+            }
         }
         if links > 7 {
             self.each(low, count, |block| self.follow(block.link, candidates));
@@ -442,20 +505,15 @@ impl Cells {
     fn each<'a>(&'a self, low: [i32; 4], count: [i32; 3], mut visit: impl FnMut(&'a Block)) {
         let n = self.axes.n;
         let start = self.axes.fold(low);
-        let next = |at: i32, axis: usize| if at + 1 == n[axis] { 0 } else { at + 1 };
-        let mut z = start[2];
-        for _ in 0..count[2] {
-            let mut y = start[1];
-            for _ in 0..count[1] {
-                let row = (z * n[1] + y) * n[0];
-                let mut x = start[0];
-                for _ in 0..count[0] {
-                    visit(&self.blocks[(row + x) as usize]);
-                    x = next(x, 0);
+        let wrapped = |at: i32, axis: usize| if at >= n[axis] { at - n[axis] } else { at };
+        for z in 0..count[2] {
+            let plane = wrapped(start[2] + z, 2) * n[1];
+            for y in 0..count[1] {
+                let row = (plane + wrapped(start[1] + y, 1)) * n[0];
+                for x in 0..count[0] {
+                    visit(&self.blocks[(row + wrapped(start[0] + x, 0)) as usize]);
                 }
-                y = next(y, 1);
             }
-            z = next(z, 2);
         }
     }
 

@@ -28,12 +28,13 @@ pub(super) fn contact<F: Features>(world: &World, a: &Particle, b: &Particle) ->
     let here = |p: &Particle| p.position + p.velocity * ((now - p.time) as f64 * tick);
     let apart = (here(b) - here(a)).to_array();
     let behind = a.time - b.time;
-    let (dt_a, dt_b) = ((-behind).max(0) as f64 * tick, behind.max(0) as f64 * tick);
+    let dt = behind.abs() as f64 * tick;
+    let (dt_a, dt_b) = if behind < 0 { (dt, 0.0) } else { (0.0, dt) };
     let ra = haff_mechanics::drift(a.position, a.velocity, dt_a);
     let rb = haff_mechanics::drift(b.position, b.velocity, dt_b);
     // A whole number of lengths, added as one product, as everywhere; 0 · L changes nothing.
-    let shift = [0, 1, 2].map(|axis| -round(apart[axis] * world.per_size[axis]) * world.size[axis]);
-    let r = (rb - ra) + DVec3::from_array(shift);
+    let shift = |axis: usize| -round(apart[axis] * world.per_size[axis]) * world.size[axis];
+    let r = (rb - ra) + DVec3::new(shift(0), shift(1), shift(2));
     let v = b.velocity - a.velocity;
     let delay = delay(r, v, sigma * sigma)?;
     let from = a.time.max(b.time);

@@ -26,7 +26,7 @@ use crate::machine::Features;
 pub(super) const MARGIN: f32 = 1.0 + 1e-3;
 
 /// What a window knows of a particle: half a cache line.
-#[derive(Debug, Clone, Copy)]
+#[derive(Debug, Clone, Copy, Default)]
 #[repr(C, align(32))]
 pub(super) struct Record {
     /// Where its path of now would have started the window [coordinates].
@@ -39,7 +39,7 @@ pub(super) struct Record {
 }
 
 /// A particle whose partners are looked for.
-#[derive(Debug, Clone, Copy)]
+#[derive(Debug, Clone, Copy, Default)]
 pub(super) struct Probe {
     pub slot: u32,
     pub record: Record,
@@ -109,19 +109,18 @@ pub(super) fn search<F: Features, const HALF: bool, const VECTORS: bool>(
             }
         }
     }
-    // Who is registered in several cells has been met several times.
+    // Who is registered in several cells has been met several times. Most of them are found among the last few, without a
+    // branch; those who are not are predicted twice, which does no harm.
     let hits = &mut scratch.hits;
+    let mut last = [(u32::MAX, 0); 4];
     let mut kept = 0;
-    let mut first = 0;
     for k in 0..hits.len() {
-        let (search, slot) = hits[k];
-        if kept > 0 && hits[kept - 1].0 != search {
-            first = kept;
-        }
-        let known = hits[first..kept].iter().any(|hit| hit.1 == slot);
-        let skip = known || (HALF && is_below(cells, &records[slot as usize], &probes[search as usize]));
-        hits[kept] = (search, slot);
-        kept += usize::from(!skip);
+        let hit @ (search, slot) = hits[k];
+        let known = last.iter().fold(false, |known, &before| known | (before == hit));
+        let below = HALF && is_below(cells, &records[slot as usize], &probes[search as usize]);
+        last[k % 4] = hit;
+        hits[kept] = hit;
+        kept += usize::from(!(known | below));
     }
     hits.truncate(kept);
 }
@@ -218,6 +217,7 @@ mod avx2 {
         masks[vectors..vectors + LANES].fill(0);
         for (word, bytes) in masks[..vectors.next_multiple_of(LANES)].chunks_exact(LANES).enumerate() {
             let mut bits = bytes.iter().rev().fold(0_u64, |bits, &byte| bits << 8 | u64::from(byte));
+            scratch.hits.reserve(64);
             while bits != 0 {
                 let k = word * 64 + bits.trailing_zeros() as usize;
                 bits &= bits - 1;

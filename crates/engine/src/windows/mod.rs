@@ -69,19 +69,14 @@ const LONGEST: f64 = (1_u64 << 59) as f64;
 pub(crate) struct Windows<F> {
     kernel: Kernel,
     geometry: Geometry,
-    cells: Cells,
-    records: Vec<Record>,
-    /// Anchors in the order of the slots.
-    anchors: Vec<Particle>,
+    space: Space<F>,
     /// Slot of every particle.
     slot_of: Vec<u32>,
     agenda: Agenda<Due>,
     /// Contacts found by the batch phase.
     found: Vec<Due>,
-    /// The window [ticks].
+    /// When the window began [ticks], and its length [time].
     begin: i64,
-    end: i64,
-    /// Its length [time].
     step: f64,
     /// Mean distance of particles [length].
     spacing: f64,
@@ -90,8 +85,6 @@ pub(crate) struct Windows<F> {
     width: f64,
     /// Displacement in the window beyond which the nearest image may be the wrong one [length].
     farthest: f32,
-    /// Least radius, widened [length]: what searches look for around their paths, besides their own radius.
-    common_radius: f32,
     tuner: Tuner,
     /// Windows since the copies were made, and how many there shall be.
     windows: u64,
@@ -100,6 +93,18 @@ pub(crate) struct Windows<F> {
     /// Work since the copies were made, before the present window's.
     judged: Work,
     stall: Stall,
+}
+
+/// Where everybody is in a window: what searches look at.
+struct Space<F> {
+    cells: Cells,
+    records: Vec<Record>,
+    /// Anchors in the order of the slots.
+    anchors: Vec<Particle>,
+    /// End of the window [ticks].
+    end: i64,
+    /// Least radius, widened [length]: what searches look for around their paths, besides their own radius.
+    common_radius: f32,
     features: PhantomData<F>,
 }
 
@@ -152,27 +157,29 @@ impl<F: Features> Windows<F> {
         Self {
             kernel,
             geometry: geometry.clone(),
-            cells: Cells::default(),
-            records: Vec::new(),
-            anchors: Vec::new(),
+            space: Space {
+                cells: Cells::default(),
+                records: Vec::new(),
+                anchors: Vec::new(),
+                end: 0,
+                common_radius: least as f32 * MARGIN,
+                features: PhantomData,
+            },
             slot_of: vec![0; count],
             agenda: Agenda::default(),
             found: Vec::new(),
             begin: 0,
-            end: 0,
             step: 0.0,
             spacing: libm::pow(volume / count.max(1) as f64, 1.0 / f64::from(dimension)),
             path: 0.0,
             width: 0.0,
             farthest: 0.0,
-            common_radius: least as f32 * MARGIN,
             tuner: Tuner::new(occupied / volume),
             windows: 0,
             last_window: 0,
             scratch: Scratch::new(),
             judged: Work::default(),
             stall: Stall::default(),
-            features: PhantomData,
         }
     }
 
@@ -182,7 +189,7 @@ impl<F: Features> Windows<F> {
         let [path, width] = self.tuner.values;
         if self.width != width {
             self.width = width;
-            self.cells = Cells::new(&self.geometry, width * self.spacing);
+            self.space.cells = Cells::new(&self.geometry, width * self.spacing);
         }
         let squares: Vec<f64> = world.particles.par_iter().map(|p| p.velocity.length_squared()).collect();
         let mean = (squares.iter().sum::<f64>() / count.max(1) as f64).sqrt();
@@ -202,11 +209,11 @@ impl<F: Features> Windows<F> {
         // Without motion any window will do.
         let ticks = (step * world.clock.per_time).clamp(1.0, LONGEST) as i64;
         self.begin = world.now;
-        self.end = self.begin + ticks;
+        self.space.end = self.begin + ticks;
         self.step = ticks as f64 * world.clock.tick;
         self.path = mean * self.step / self.spacing;
         self.farthest = farthest as f32;
-        let (axes, step) = (self.cells.axes, self.step);
+        let (axes, step) = (self.space.cells.axes, self.step);
         let streamed: Vec<(Record, u32)> = (0..count as u32)
             .into_par_iter()
             .map(|i| {
@@ -218,7 +225,7 @@ impl<F: Features> Windows<F> {
                     v: velocity.to_array().map(|v| (v * step) as f32),
                     id: i,
                 };
-                (record, self.cells.home(record.x))
+                (record, self.space.cells.home(record.x))
             })
             .collect();
         self.sort(world, &streamed);
@@ -228,7 +235,7 @@ impl<F: Features> Windows<F> {
 
     /// Puts the records into slots in the order of their cells.
     fn sort(&mut self, world: &World, streamed: &[(Record, u32)]) {
-        let mut place = vec![0_u32; self.cells.len() + 1];
+        let mut place = vec![0_u32; self.space.cells.len() + 1];
         for &(_, cell) in streamed {
             place[cell as usize + 1] += 1;
         }
@@ -236,16 +243,16 @@ impl<F: Features> Windows<F> {
             place[cell] += place[cell - 1];
         }
         let Some(&(first, _)) = streamed.first() else { return };
-        if self.records.is_empty() {
-            (self.records, self.anchors) = (roomy(streamed.len()), roomy(streamed.len()));
-            self.records.resize(streamed.len(), first);
-            self.anchors.resize(streamed.len(), world.particles[0]);
+        if self.space.records.is_empty() {
+            (self.space.records, self.space.anchors) = (roomy(streamed.len()), roomy(streamed.len()));
+            self.space.records.resize(streamed.len(), first);
+            self.space.anchors.resize(streamed.len(), world.particles[0]);
         }
         for &(record, cell) in streamed {
             let slot = place[cell as usize];
             place[cell as usize] += 1;
-            self.records[slot as usize] = record;
-            self.anchors[slot as usize] = world.particles[record.id as usize];
+            self.space.records[slot as usize] = record;
+            self.space.anchors[slot as usize] = world.particles[record.id as usize];
             self.slot_of[record.id as usize] = slot;
         }
     }
@@ -253,7 +260,7 @@ impl<F: Features> Windows<F> {
     /// Starts the next window.
     #[inline(always)]
     fn next_window<const VECTORS: bool>(&mut self, state: &mut State) {
-        state.world.now = self.end;
+        state.world.now = self.space.end;
         self.windows += 1;
         if self.windows >= self.last_window {
             let work = self.scratch.work;
@@ -261,11 +268,11 @@ impl<F: Features> Windows<F> {
             self.judged = work;
             self.start_afresh(&state.world);
         } else {
-            let ticks = self.end - self.begin;
-            self.begin = self.end;
-            self.end += ticks;
-            for record in &mut self.records {
-                let way = self.cells.axes.way(record.v, 1.0);
+            let ticks = self.space.end - self.begin;
+            self.begin = self.space.end;
+            self.space.end += ticks;
+            for record in &mut self.space.records {
+                let way = self.space.cells.axes.way(record.v, 1.0);
                 for axis in 0..3 {
                     record.x[axis] = record.x[axis].wrapping_add(way[axis]);
                 }
@@ -277,26 +284,25 @@ impl<F: Features> Windows<F> {
     /// The batch phase: all contacts of the window, as things stand.
     #[inline(always)]
     fn look_ahead<const VECTORS: bool>(&mut self, world: &World) {
-        self.cells.clear();
-        for (slot, record) in self.records.iter().enumerate() {
-            let extent = if F::UNIFORM { 0.0 } else { record.radius - self.common_radius };
-            self.cells.register::<true>(slot as u32, record.x, record.v, 1.0, extent);
+        self.space.cells.clear();
+        for (slot, record) in self.space.records.iter().enumerate() {
+            let extent = if F::UNIFORM { 0.0 } else { record.radius - self.space.common_radius };
+            self.space.cells.register::<true>(slot as u32, record.x, record.v, 1.0, extent);
         }
         let mut found = std::mem::take(&mut self.found);
         found.clear();
-        let count = self.records.len();
+        let count = self.space.records.len();
         if rayon::current_num_threads() == 1 || count < 2 * TASK {
-            let mut scratch = std::mem::take(&mut self.scratch);
-            self.scan::<VECTORS>(world, 0..count, &mut scratch, &mut found);
-            self.scratch = scratch;
+            self.space.scan::<VECTORS>(world, 0..count, &mut self.scratch, &mut found);
         } else {
-            let this = &*self;
+            let (space, kernel) = (&self.space, self.kernel);
             let parts: Vec<(Vec<Due>, Work)> = (0..count.div_ceil(TASK))
                 .into_par_iter()
                 .map_init(Scratch::new, |scratch, task| {
                     let mut found = Vec::new();
                     scratch.work = Work::default();
-                    this.scan_anywhere(
+                    space.scan_anywhere(
+                        kernel,
                         world,
                         task * TASK..((task + 1) * TASK).min(count),
                         scratch,
@@ -312,13 +318,195 @@ impl<F: Features> Windows<F> {
         }
         self.scratch.work.windows += 1;
         self.scratch.work.entries += found.len() as u64;
-        self.agenda.open(self.begin, self.end, &found);
+        self.agenda.open(self.begin, self.space.end, &found);
         self.found = found;
     }
 
+    /// Takes the new flight of a particle, and enters what it will meet. False if it has become too fast for the window.
+    #[inline(always)]
+    fn renew<const K: usize, const VECTORS: bool>(&mut self, world: &World, bodies: [u32; K]) -> bool {
+        let mut probes = [Probe::default(); K];
+        for (probe, body) in probes.iter_mut().zip(bodies) {
+            *probe = self.update(world, body);
+        }
+        let too_fast = probes.iter().any(|probe| {
+            let v = probe.record.v;
+            // Not a number is too fast, too.
+            !(v[0] * v[0] + v[1] * v[1] + v[2] * v[2] <= self.farthest * self.farthest)
+        });
+        if too_fast {
+            return false;
+        }
+        let agenda = &mut self.agenda;
+        let mut entries = 0;
+        self.space.predict::<false, VECTORS>(world, &probes, &mut self.scratch, |entry| {
+            entries += 1;
+            agenda.push(entry);
+        });
+        self.scratch.work.entries += entries;
+        true
+    }
+
+    /// Copies the new flight of particle i into its slot; how it is looked from now.
+    #[inline(always)]
+    fn update(&mut self, world: &World, i: u32) -> Probe {
+        let particle = &world.particles[i as usize];
+        let slot = self.slot_of[i as usize];
+        let from = ((particle.time - self.begin) as f64 * (world.clock.tick / self.step)) as f32;
+        let (velocity, position) = (particle.velocity.to_array(), particle.position.to_array());
+        let (mut v, mut place) = ([0.0; 3], [0; 3]);
+        for axis in 0..3 {
+            v[axis] = (velocity[axis] * self.step) as f32;
+            place[axis] = self.space.cells.axes.coordinate(axis, position[axis]);
+        }
+        let back = self.space.cells.axes.way(v, from);
+        self.space.anchors[slot as usize] = *particle;
+        let record = &mut self.space.records[slot as usize];
+        for axis in 0..3 {
+            record.x[axis] = place[axis].wrapping_sub(back[axis]);
+        }
+        record.v = v;
+        let record = *record;
+        let extent = if F::UNIFORM { 0.0 } else { record.radius - self.space.common_radius };
+        // Its old path has brought it to where it is, so that it is registered there.
+        self.space.cells.register::<false>(slot, place, v, 1.0 - from, extent);
+        Probe { slot, record, place, from }
+    }
+
+    /// Has the memory at hand that the next events will need, in steps, each of which needs the one before.
+    #[inline(always)]
+    fn prefetch_soon(&self, world: &World) {
+        let bodies = |ahead: usize| {
+            let Due(entry) = self.agenda.soon(ahead)?;
+            let Kind::Collision(j) = entry.target.kind() else { return None };
+            Some([entry.owner, j])
+        };
+        if let Some(bodies) = bodies(20) {
+            for body in bodies {
+                prefetch(&world.particles[body as usize]);
+                prefetch(&self.slot_of[body as usize]);
+            }
+        }
+        if let Some(bodies) = bodies(14) {
+            for body in bodies {
+                let slot = self.slot_of[body as usize] as usize;
+                prefetch(&self.space.records[slot]);
+                prefetch(&self.space.anchors[slot]);
+            }
+        }
+        let place = |ahead: usize| {
+            let slot = self.slot_of[bodies(ahead)?[0] as usize];
+            Some(self.space.records[slot as usize].x)
+        };
+        let reach = 3.0 * self.space.common_radius;
+        if let Some(x) = place(9) {
+            self.space.cells.prefetch::<_, false>(x, reach, &self.space.records);
+        }
+        if let Some(x) = place(4) {
+            self.space.cells.prefetch::<_, true>(x, reach, &self.space.records);
+        }
+    }
+
+    #[inline(always)]
+    fn run<const EVENTS: bool, const VECTORS: bool>(
+        &mut self,
+        state: &mut State,
+        limit: &mut Limit,
+        observer: &mut dyn Observer,
+    ) -> Result<Stop, EngineError> {
+        let before = self.scratch.work;
+        let stop = self.events::<EVENTS, VECTORS>(state, limit, observer);
+        let work = self.scratch.work.since(&before);
+        let counters = &mut state.book.counters;
+        counters.predictions += work.exact;
+        counters.candidates += work.candidates;
+        counters.windows += work.windows;
+        stop
+    }
+
+    #[inline(always)]
+    fn events<const EVENTS: bool, const VECTORS: bool>(
+        &mut self,
+        state: &mut State,
+        limit: &mut Limit,
+        observer: &mut dyn Observer,
+    ) -> Result<Stop, EngineError> {
+        let prefetches = self.space.records.len() > CACHED;
+        loop {
+            if state.book.counters.collisions >= limit.collisions {
+                return Ok(Stop::Collisions);
+            }
+            if limit.entries == 0 {
+                return Ok(Stop::Slice);
+            }
+            let Some(Due(entry)) = self.agenda.pop_until(limit.ticks.min(self.space.end)) else {
+                if limit.ticks <= self.space.end {
+                    state.world.now = state.world.now.max(limit.ticks);
+                    return Ok(Stop::Time);
+                }
+                // Windows take time, too: the caller wants to look after signals.
+                limit.entries = limit.entries.saturating_sub(1 + self.space.records.len() as u64 / 16);
+                self.next_window::<VECTORS>(state);
+                continue;
+            };
+            if prefetches {
+                self.prefetch_soon(&state.world);
+            }
+            let world = &mut state.world;
+            let i = entry.owner;
+            let partner = match entry.target.kind() {
+                Kind::Collision(j) => Some(j),
+                Kind::Wall(_) | Kind::Rest | Kind::Transfer(_) | Kind::Renewal => None,
+            };
+            if world.particles[i as usize].count != entry.own_count
+                || partner.is_some_and(|j| world.particles[j as usize].count != entry.partner_count)
+            {
+                state.book.counters.dropped += 1;
+                continue;
+            }
+            limit.entries -= 1;
+            world.now = world.now.max(entry.time);
+            self.stall.watch(world, &entry)?;
+            let in_time = match entry.target.kind() {
+                Kind::Collision(j) => {
+                    resolve::collision::<F, EVENTS>(state, i, j, entry.time, observer)?;
+                    state.world.wrap_anchor(i);
+                    state.world.wrap_anchor(j);
+                    let world = &state.world;
+                    // A body of infinite mass has not changed: what stands in the agenda for it holds.
+                    let movable = |body: u32| F::UNIFORM || world.class(body).inverse_mass != 0.0;
+                    match (movable(i), movable(j)) {
+                        (true, true) => self.renew::<2, VECTORS>(world, [i.min(j), i.max(j)]),
+                        (true, false) => self.renew::<1, VECTORS>(world, [i]),
+                        (false, _) => self.renew::<1, VECTORS>(world, [j]),
+                    }
+                }
+                Kind::Wall(wall) => {
+                    resolve::wall::<F, EVENTS>(state, i, wall, entry.time, observer)?;
+                    state.world.wrap_anchor(i);
+                    self.renew::<1, VECTORS>(&state.world, [i])
+                }
+                Kind::Rest | Kind::Transfer(_) | Kind::Renewal => true,
+            };
+            if !in_time {
+                self.start_afresh(&state.world);
+                self.look_ahead::<VECTORS>(&state.world);
+            }
+        }
+    }
+}
+
+impl<F: Features> Space<F> {
     /// [`Self::scan`] from a thread that has not been told which instructions there are.
-    fn scan_anywhere(&self, world: &World, slots: Range<usize>, scratch: &mut Scratch, found: &mut Vec<Due>) {
-        match self.kernel {
+    fn scan_anywhere(
+        &self,
+        kernel: Kernel,
+        world: &World,
+        slots: Range<usize>,
+        scratch: &mut Scratch,
+        found: &mut Vec<Due>,
+    ) {
+        match kernel {
             Kernel::Portable => self.scan::<false>(world, slots, scratch, found),
             #[cfg(target_arch = "x86_64")]
             // SAFETY: `Kernel::Avx2` is made by `Kernel::choose` alone, after it has found the features.
@@ -399,172 +587,10 @@ impl<F: Features> Windows<F> {
         }
     }
 
-    /// Takes the new flight of a particle, and enters what it will meet. False if it has become too fast for the window.
-    #[inline(always)]
-    fn renew<const K: usize, const VECTORS: bool>(&mut self, world: &World, bodies: [u32; K]) -> bool {
-        let probes = bodies.map(|body| self.update(world, body));
-        let too_fast = probes.iter().any(|probe| {
-            let v = probe.record.v;
-            // Not a number is too fast, too.
-            !(v[0] * v[0] + v[1] * v[1] + v[2] * v[2] <= self.farthest * self.farthest)
-        });
-        if too_fast {
-            return false;
-        }
-        let mut scratch = std::mem::take(&mut self.scratch);
-        let mut agenda = std::mem::take(&mut self.agenda);
-        let mut entries = 0;
-        self.predict::<false, VECTORS>(world, &probes, &mut scratch, |entry| {
-            entries += 1;
-            agenda.push(entry);
-        });
-        scratch.work.entries += entries;
-        self.agenda = agenda;
-        self.scratch = scratch;
-        true
-    }
-
-    /// Copies the new flight of particle i into its slot; how it is looked from now.
-    #[inline(always)]
-    fn update(&mut self, world: &World, i: u32) -> Probe {
-        let particle = &world.particles[i as usize];
-        let slot = self.slot_of[i as usize];
-        let from = ((particle.time - self.begin) as f64 * (world.clock.tick / self.step)) as f32;
-        let v = particle.velocity.to_array().map(|v| (v * self.step) as f32);
-        let p = particle.position.to_array();
-        let place = [0, 1, 2].map(|axis| self.cells.axes.coordinate(axis, p[axis]));
-        let back = self.cells.axes.way(v, from);
-        self.anchors[slot as usize] = *particle;
-        let record = &mut self.records[slot as usize];
-        record.x = [0, 1, 2].map(|axis| place[axis].wrapping_sub(back[axis]));
-        record.v = v;
-        let record = *record;
-        let extent = if F::UNIFORM { 0.0 } else { record.radius - self.common_radius };
-        // Its old path has brought it to where it is, so that it is registered there.
-        self.cells.register::<false>(slot, place, v, 1.0 - from, extent);
-        Probe { slot, record, place, from }
-    }
-
-    /// Has the memory at hand that the next events will need, in steps, each of which needs the one before.
-    #[inline(always)]
-    fn prefetch_soon(&self, world: &World) {
-        let bodies = |ahead: usize| {
-            let Due(entry) = self.agenda.soon(ahead)?;
-            let Kind::Collision(j) = entry.target.kind() else { return None };
-            Some([entry.owner, j])
-        };
-        if let Some(bodies) = bodies(20) {
-            for body in bodies {
-                prefetch(&world.particles[body as usize]);
-                prefetch(&self.slot_of[body as usize]);
-            }
-        }
-        if let Some(bodies) = bodies(14) {
-            for body in bodies {
-                let slot = self.slot_of[body as usize] as usize;
-                prefetch(&self.records[slot]);
-                prefetch(&self.anchors[slot]);
-            }
-        }
-        let place = |ahead: usize| {
-            let slot = self.slot_of[bodies(ahead)?[0] as usize];
-            Some(self.records[slot as usize].x)
-        };
-        let reach = 3.0 * self.common_radius;
-        if let Some(x) = place(9) {
-            self.cells.prefetch::<_, false>(x, reach, &self.records);
-        }
-        if let Some(x) = place(4) {
-            self.cells.prefetch::<_, true>(x, reach, &self.records);
-        }
-    }
-
-    #[inline(always)]
-    fn run<const EVENTS: bool, const VECTORS: bool>(
-        &mut self,
-        state: &mut State,
-        limit: &mut Limit,
-        observer: &mut dyn Observer,
-    ) -> Result<Stop, EngineError> {
-        let before = self.scratch.work;
-        let stop = self.events::<EVENTS, VECTORS>(state, limit, observer);
-        let work = self.scratch.work.since(&before);
-        let counters = &mut state.book.counters;
-        counters.predictions += work.exact;
-        counters.candidates += work.candidates;
-        counters.windows += work.windows;
-        stop
-    }
-
-    #[inline(always)]
-    fn events<const EVENTS: bool, const VECTORS: bool>(
-        &mut self,
-        state: &mut State,
-        limit: &mut Limit,
-        observer: &mut dyn Observer,
-    ) -> Result<Stop, EngineError> {
-        let prefetches = self.records.len() > CACHED;
-        loop {
-            if state.book.counters.collisions >= limit.collisions {
-                return Ok(Stop::Collisions);
-            }
-            if limit.entries == 0 {
-                return Ok(Stop::Slice);
-            }
-            let Some(Due(entry)) = self.agenda.pop_until(limit.ticks.min(self.end)) else {
-                if limit.ticks <= self.end {
-                    state.world.now = state.world.now.max(limit.ticks);
-                    return Ok(Stop::Time);
-                }
-                // Windows take time, too: the caller wants to look after signals.
-                limit.entries = limit.entries.saturating_sub(1 + self.records.len() as u64 / 16);
-                self.next_window::<VECTORS>(state);
-                continue;
-            };
-            if prefetches {
-                self.prefetch_soon(&state.world);
-            }
-            let world = &mut state.world;
-            let i = entry.owner;
-            let partner = match entry.target.kind() {
-                Kind::Collision(j) => Some(j),
-                Kind::Wall(_) | Kind::Rest | Kind::Transfer(_) | Kind::Renewal => None,
-            };
-            if world.particles[i as usize].count != entry.own_count
-                || partner.is_some_and(|j| world.particles[j as usize].count != entry.partner_count)
-            {
-                state.book.counters.dropped += 1;
-                continue;
-            }
-            limit.entries -= 1;
-            world.now = world.now.max(entry.time);
-            self.stall.watch(world, &entry)?;
-            let in_time = match entry.target.kind() {
-                Kind::Collision(j) => {
-                    resolve::collision::<F, EVENTS>(state, i, j, entry.time, observer)?;
-                    state.world.wrap_anchor(i);
-                    state.world.wrap_anchor(j);
-                    let world = &state.world;
-                    // A body of infinite mass has not changed: what stands in the agenda for it holds.
-                    let movable = |body: u32| F::UNIFORM || world.class(body).inverse_mass != 0.0;
-                    match (movable(i), movable(j)) {
-                        (true, true) => self.renew::<2, VECTORS>(world, [i.min(j), i.max(j)]),
-                        (true, false) => self.renew::<1, VECTORS>(world, [i]),
-                        (false, _) => self.renew::<1, VECTORS>(world, [j]),
-                    }
-                }
-                Kind::Wall(wall) => {
-                    resolve::wall::<F, EVENTS>(state, i, wall, entry.time, observer)?;
-                    state.world.wrap_anchor(i);
-                    self.renew::<1, VECTORS>(&state.world, [i])
-                }
-                Kind::Rest | Kind::Transfer(_) | Kind::Renewal => true,
-            };
-            if !in_time {
-                self.start_afresh(&state.world);
-                self.look_ahead::<VECTORS>(&state.world);
-            }
-        }
+    #[cfg(target_arch = "x86_64")]
+    #[target_feature(enable = "avx2,fma,bmi1,bmi2,lzcnt,popcnt")]
+    fn scan_avx2(&self, world: &World, slots: Range<usize>, scratch: &mut Scratch, found: &mut Vec<Due>) {
+        self.scan::<true>(world, slots, scratch, found);
     }
 }
 
@@ -621,11 +647,6 @@ impl<F: Features> Windows<F> {
         observer: &mut dyn Observer,
     ) -> Result<Stop, EngineError> {
         self.run::<EVENTS, true>(state, limit, observer)
-    }
-
-    #[target_feature(enable = "avx2,fma,bmi1,bmi2,lzcnt,popcnt")]
-    fn scan_avx2(&self, world: &World, slots: Range<usize>, scratch: &mut Scratch, found: &mut Vec<Due>) {
-        self.scan::<true>(world, slots, scratch, found);
     }
 
     #[target_feature(enable = "avx2,fma,bmi1,bmi2,lzcnt,popcnt")]
