@@ -34,7 +34,15 @@ fn main() {
     let start = Instant::now();
     let mut simulation = Simulation::new(system, Options { neighbors, ..Options::default() }).unwrap();
     let built = start.elapsed();
-    simulation.advance(Until { collisions: 10 * n, ..Until::default() }, &mut Silent).unwrap();
+    simulation
+        .advance(
+            Until {
+                collisions: args.get(6).and_then(|a| a.parse::<u64>().ok()).unwrap_or(10) * n,
+                ..Until::default()
+            },
+            &mut Silent,
+        )
+        .unwrap();
     let before = simulation.counters();
     let (start, processor) = (Instant::now(), processor_time());
     simulation

@@ -12,7 +12,7 @@ Cells are found in single precision: which of two cells a particle on their comm
 searches reach a little further ([`SLACK`]) than contacts do.
 */
 
-use haff_neighbors::{Axis, Geometry, prefetch, roomy};
+use haff_neighbors::{Axis, Geometry, roomy};
 
 /// Coordinates per bounded edge, log₂.
 const BOUNDED_BITS: u32 = 30;
@@ -276,26 +276,6 @@ impl Cells {
     /// Number of cells.
     pub fn len(&self) -> usize {
         self.cells
-    }
-
-    /// Asks for the blocks within `reach` [length] of `x`; with `ENTRIES_TOO` set, once these are there, for the elements of `records`
-    /// that they name.
-    #[inline(always)]
-    pub fn prefetch<R, const ENTRIES_TOO: bool>(&self, x: [i32; 3], reach: f32, records: &[R]) {
-        let axes = &self.axes;
-        let place = axes.places(x);
-        let low = axes.cells([0, 1, 2, 3].map(|k| place[k] - reach * axes.cells[k]));
-        let high = axes.cells([0, 1, 2, 3].map(|k| place[k] + reach * axes.cells[k]));
-        let count = [0, 1, 2].map(|k| (high[k] - low[k] + 1).min(axes.n[k]));
-        self.each(low, count, |block| {
-            if ENTRIES_TOO {
-                for k in 0..(block.link & 7) as usize {
-                    prefetch(&records[block.entries[k.min(ENTRIES - 1)] as usize]);
-                }
-            } else {
-                prefetch(block);
-            }
-        });
     }
 
     /// Takes everybody out.

@@ -50,7 +50,7 @@ const BLOCK: usize = 32;
 /// Slots per parallel task.
 const TASK: usize = 4096;
 /// Up to this many particles the caches hold all that events need.
-const CACHED: usize = 8192;
+const CACHED: usize = 100_000;
 /// Part of the box that the widest pair may come apart within a window, so that the nearest image is the one that may touch.
 const NEAREST: f64 = 0.45;
 /// A particle may become this much faster than the fastest before the window has to be cut short.
@@ -373,7 +373,7 @@ impl<F: Features> Windows<F> {
         Probe { slot, record, place, from }
     }
 
-    /// Has the memory at hand that the next events will need, in steps, each of which needs the one before.
+    /// Asks for the particles of the next events. To ask for the cells and records around them as well costs more than it gains.
     #[inline(always)]
     fn prefetch_soon(&self, world: &World) {
         let bodies = |ahead: usize| {
@@ -393,17 +393,6 @@ impl<F: Features> Windows<F> {
                 prefetch(&self.space.records[slot]);
                 prefetch(&self.space.anchors[slot]);
             }
-        }
-        let place = |ahead: usize| {
-            let slot = self.slot_of[bodies(ahead)?[0] as usize];
-            Some(self.space.records[slot as usize].x)
-        };
-        let reach = 3.0 * self.space.common_radius;
-        if let Some(x) = place(9) {
-            self.space.cells.prefetch::<_, false>(x, reach, &self.space.records);
-        }
-        if let Some(x) = place(4) {
-            self.space.cells.prefetch::<_, true>(x, reach, &self.space.records);
         }
     }
 
