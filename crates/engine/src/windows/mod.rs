@@ -343,6 +343,13 @@ impl<F: Features> Windows<F> {
             entries += 1;
             agenda.push(entry);
         });
+        // Now that nobody is looking: a search that reads what has just been written in parts has to wait for it. Where the
+        // particles are now they are registered already, since their old paths have brought them there.
+        for probe in probes {
+            let Record { radius, v, .. } = probe.record;
+            let extent = if F::UNIFORM { 0.0 } else { radius - self.space.common_radius };
+            self.space.cells.register::<false>(probe.slot, probe.place, v, 1.0 - probe.from, extent);
+        }
         self.scratch.work.entries += entries;
         true
     }
@@ -367,9 +374,6 @@ impl<F: Features> Windows<F> {
         }
         record.v = v;
         let record = *record;
-        let extent = if F::UNIFORM { 0.0 } else { record.radius - self.space.common_radius };
-        // Its old path has brought it to where it is, so that it is registered there.
-        self.space.cells.register::<false>(slot, place, v, 1.0 - from, extent);
         Probe { slot, record, place, from }
     }
 
