@@ -144,11 +144,11 @@ impl<E: Event> Agenda<E> {
         true
     }
 
-    /// The events known from the start that stand `ahead` places behind the bucket in progress: what is likely to be taken soon.
+    /// The event known from the start that is likely to be taken `ahead` events from now: one further with every event taken.
     #[inline]
     pub fn soon(&self, ahead: usize) -> Option<&E> {
         let end = if self.current < 0 { 0 } else { *self.ends.get(self.current as usize)? as usize };
-        self.known.get(end + ahead)
+        self.known.get((end + ahead).saturating_sub(self.run.len()))
     }
 
     /// Number of events held.

@@ -29,6 +29,8 @@ const FEW: usize = 12;
 const DENSE: [f64; 2] = [0.18, 0.42];
 /// … and if they have not: the cells' width follows the largest, that of the lists' shell the mean.
 const DENSE_MIXED: [f64; 2] = [0.26, 0.5];
+/// The same where windows compete: benches/record/2026-11-21/windows.md.
+const DENSE_FOR_WINDOWS: [f64; 2] = [0.38, 0.7];
 /// The tick is changed at the end of an epoch when the system's time scale has changed by 2 to this power.
 const RETUNE_BITS: u32 = 2;
 
@@ -100,9 +102,7 @@ impl Simulation {
         let kernel = Kernel::choose(options.simd).ok_or(EngineError::NoAvx2)?;
         let neighbors = match options.neighbors {
             NeighborChoice::Auto if system.bodies.len() <= FEW => NeighborChoice::AllPairs,
-            NeighborChoice::Auto if is_dense(&system) => NeighborChoice::Lists,
-            NeighborChoice::Auto if windows::suit(&system) => NeighborChoice::Windows,
-            NeighborChoice::Auto => NeighborChoice::Cells,
+            NeighborChoice::Auto => choose(&system),
             chosen => chosen,
         };
         if neighbors == NeighborChoice::Windows
@@ -299,11 +299,9 @@ impl Simulation {
     }
 }
 
-/// Whether neighbor lists are the better search. In an open box the particles' extent stands for its size.
-fn is_dense(system: &System) -> bool {
-    if system.bodies.len() > Lists::MAX_PARTICLES {
-        return false;
-    }
+/// The search for a system: windows where they serve and it is not dense, lists where it is, cells otherwise. In an open box the
+/// particles' extent stands for its size.
+fn choose(system: &System) -> NeighborChoice {
     let (flat, open) = (system.dimension == Dimension::Two, open_axes(system));
     let radii = || system.bodies.iter().map(|body| system.classes[body.class as usize].radius);
     let extent = |axis: usize| {
@@ -323,7 +321,18 @@ fn is_dense(system: &System) -> bool {
         radii().map(|radius| ball * radius.powi(power)).sum::<f64>() / axes.map(extent).product::<f64>();
     let first = radii().next();
     let mixed = radii().any(|radius| Some(radius) != first);
-    packing > if mixed { DENSE_MIXED } else { DENSE }[usize::from(flat)]
+    let limits = match (windows::suit(system), mixed) {
+        (true, _) => DENSE_FOR_WINDOWS,
+        (false, true) => DENSE_MIXED,
+        (false, false) => DENSE,
+    };
+    if packing > limits[usize::from(flat)] && system.bodies.len() <= Lists::MAX_PARTICLES {
+        NeighborChoice::Lists
+    } else if windows::suit(system) {
+        NeighborChoice::Windows
+    } else {
+        NeighborChoice::Cells
+    }
 }
 
 /// Axes along which the system has no size of its own.

@@ -50,7 +50,7 @@ const BLOCK: usize = 32;
 /// Slots per parallel task.
 const TASK: usize = 4096;
 /// Up to this many particles the caches hold all that events need.
-const CACHED: usize = 100_000;
+const CACHED: usize = 20_000;
 /// Part of the box that the widest pair may come apart within a window, so that the nearest image is the one that may touch.
 const NEAREST: f64 = 0.45;
 /// A particle may become this much faster than the fastest before the window has to be cut short.
