@@ -50,7 +50,7 @@ GROWTH_N_PHI = [0.05, 0.49]
 GROWTH_PHI = [0.001, 0.003, 0.01, 0.03, 0.1, 0.2, 0.3, 0.4, 0.5, 0.6]
 GROWTH_PHI_N = 32_000
 PEER_COLUMNS = ["name", "n", "phi", "collisions_per_second", "source"]
-COUNTERS = ["predictions", "stale", "dropped", "transfers"]
+COUNTERS = ["candidates", "predictions", "stale", "dropped", "transfers"]
 
 
 # Measuring
