@@ -291,6 +291,7 @@ fn a_search_that_does_not_work_for_the_scene_exits_with_2() {
     assert!(err.contains("engine.neighbors = \"windows\" does not work here: there is gravity"), "{err}");
     assert!(!haff.path("gas.h5").exists(), "nothing has been recorded");
     // Without gravity it does.
-    let report = haff.report(&["run", &scene, "--set", "engine.neighbors=\"windows\"", "--set", "run.until=0.5"]);
+    let report =
+        haff.report(&["run", &scene, "--set", "engine.neighbors=\"windows\"", "--set", "run.until=0.5"]);
     assert_eq!(report["stopped"], "until");
 }
