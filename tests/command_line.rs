@@ -271,3 +271,27 @@ fn a_full_disk_ends_the_run_with_4_and_keeps_what_was_written() {
     let resumed = haff.report(&["run", "--resume", "gas.h5"]);
     assert_eq!(resumed["stopped"], "until");
 }
+
+#[test]
+fn a_search_that_does_not_work_for_the_scene_exits_with_2() {
+    let haff = Haff::new();
+    let scene = haff.write("gas.toml", GAS);
+    let arguments = [
+        "run",
+        &scene,
+        "--set",
+        "engine.neighbors=\"windows\"",
+        "--set",
+        "domain.boundary=[\"periodic\", \"periodic\", \"wall\"]",
+        "--set",
+        "domain.gravity=[0.0, 0.0, -1.0]",
+    ];
+    let (status, out, err) = haff.run(&arguments);
+    assert_eq!(status, 2, "{out}{err}");
+    assert!(err.contains("engine.neighbors = \"windows\" does not work here: there is gravity"), "{err}");
+    assert!(!haff.path("gas.h5").exists(), "nothing has been recorded");
+    // Without gravity it does.
+    let report =
+        haff.report(&["run", &scene, "--set", "engine.neighbors=\"windows\"", "--set", "run.until=0.5"]);
+    assert_eq!(report["stopped"], "until");
+}

@@ -2,11 +2,11 @@
 
 mod common;
 
-use common::{Log, Random, add, class, gas, scatter, set_restitution, system};
+use common::{Log, Random, add, class, disks, gas, scatter, set_restitution, system};
 use glam::DVec3;
 use haff_engine::{
-    Boundary, Dimension, EngineError, NeighborChoice, Options, SimdChoice, Simulation, Stop, System, Until,
-    Wall,
+    Boundary, Counters, Dimension, EngineError, NeighborChoice, Options, SimdChoice, Simulation, Stop,
+    System, Until, Wall,
 };
 
 /// Runs `collisions` collisions and returns the log and the hash.
@@ -221,18 +221,47 @@ fn a_resumed_run_is_the_run_that_never_stopped() {
     }
 }
 
+/// Windows search in parallel from 8192 particles on.
 #[test]
 fn the_thread_count_changes_nothing() {
-    let system = gas(12, 0.2, 0.95, 9);
-    let until = Until { collisions: 5000, ..Until::default() };
-    let hashes: Vec<String> = [1, 2, 3]
-        .into_iter()
-        .map(|threads| {
-            let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
-            pool.install(|| run(&system, options(NeighborChoice::Lists, SimdChoice::Auto), until).1)
-        })
-        .collect();
-    assert!(hashes.iter().all(|hash| *hash == hashes[0]), "{hashes:?}");
+    for (system, neighbors) in
+        [(gas(12, 0.2, 0.95, 9), NeighborChoice::Lists), (gas(22, 0.1, 0.95, 9), NeighborChoice::Windows)]
+    {
+        let until = Until { collisions: 5000, ..Until::default() };
+        let hashes: Vec<String> = [1, 2, 3]
+            .into_iter()
+            .map(|threads| {
+                let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
+                pool.install(|| run(&system, options(neighbors, SimdChoice::Auto), until).1)
+            })
+            .collect();
+        assert!(hashes.iter().all(|hash| *hash == hashes[0]), "{neighbors:?}: {hashes:?}");
+    }
+}
+
+#[test]
+fn a_gas_resumed_with_windows_is_the_gas_that_never_stopped() {
+    let scene = gas(7, 0.1, 0.9, 4);
+    let whole = Until { time: 6.0, ..Until::default() };
+    let (_, hash, mut reference) = run(&scene, options(NeighborChoice::Cells, SimdChoice::Auto), whole);
+    let expected = reference.sample();
+    let searches = [NeighborChoice::Windows, NeighborChoice::Windows, NeighborChoice::Lists];
+    let mut parts =
+        Simulation::new(scene.clone(), options(NeighborChoice::Windows, SimdChoice::Auto)).unwrap();
+    // Slices count the opening of windows, too.
+    for (k, entries) in [1, 10, 100, 300, 500, 700].into_iter().enumerate() {
+        let stop = parts.advance(Until { entries, ..whole }, &mut Log::default()).unwrap();
+        assert_eq!(stop, Stop::Slice, "part {k}");
+        let checkpoint = parts.checkpoint();
+        let next = options(searches[k % 3], SimdChoice::Auto);
+        parts = Simulation::restore(scene.clone(), next, &checkpoint).unwrap();
+        assert_eq!(parts.checkpoint(), checkpoint);
+    }
+    parts.advance(whole, &mut Log::default()).unwrap();
+    assert_eq!(parts.state_hash(), hash);
+    let sample = parts.sample();
+    assert_eq!((sample.ledger, sample.momentum), (expected.ledger, expected.momentum));
+    assert!(parts.counters().collisions > 1000, "{:?}", parts.counters());
 }
 
 /// Close to the densest packing, where every list is longer than in any fluid, and with lists that must overflow: one
@@ -258,4 +287,130 @@ fn crowded_systems_do_not_know_their_search() {
     add(&mut bag, large, DVec3::splat(4.0), DVec3::ZERO);
     scatter(&mut bag, small, 1200, 1.0, &mut random);
     assert_eq!(assert_twins("bag", &bag, Until { collisions: 3000, ..Until::default() }), 3000);
+}
+
+/// Runs a system with windows and with cells; the same events. Returns what windows have counted, and their kinetic energies
+/// at the start and the end.
+fn assert_windows(name: &str, system: &System, collisions: u64) -> (Counters, [f64; 2]) {
+    let until = Until { collisions, ..Until::default() };
+    let (reference, hash, _) = run(system, options(NeighborChoice::Cells, SimdChoice::Auto), until);
+    let mut result = None;
+    for simd in [SimdChoice::Portable, SimdChoice::Auto] {
+        let asked = options(NeighborChoice::Windows, simd);
+        let before = Simulation::new(system.clone(), asked).unwrap().ledger().kinetic;
+        let (log, other, mut simulation) = run(system, asked, until);
+        for (row, (a, b)) in reference.0.iter().zip(&log.0).enumerate() {
+            assert_eq!(a, b, "{name}, {simd:?}, event {row}");
+        }
+        assert_eq!(reference.0.len(), log.0.len(), "{name}, {simd:?}: number of events");
+        assert_eq!(hash, other, "{name}, {simd:?}: state hash");
+        simulation.validate(1e-12).unwrap_or_else(|error| panic!("{name}, {simd:?}: {error}"));
+        let counters = simulation.counters();
+        assert!(counters.collisions >= collisions && counters.windows > 3, "{name}: {counters:?}");
+        result = Some((counters, [before, simulation.ledger().kinetic]));
+    }
+    result.unwrap()
+}
+
+/// Windows are measured in time, and time slows down with the gas: by two orders of magnitude here.
+#[test]
+fn windows_follow_a_gas_that_cools() {
+    let mut scene = gas(6, 0.05, 0.5, 21);
+    // Without it, all that is left in the end is the drift of the whole.
+    let drift = scene.bodies.iter().map(|body| body.velocity).sum::<DVec3>() / scene.bodies.len() as f64;
+    for body in &mut scene.bodies {
+        body.velocity -= drift;
+    }
+    // Clusters must not collapse.
+    scene.contacts.tc = 1e-3;
+    let (_, [before, after]) = assert_windows("cooling", &scene, 8000);
+    assert!(after < 1e-4 * before, "{before} → {after}");
+}
+
+/// Windows as long as others need would carry it through the whole box and on.
+#[test]
+fn windows_are_cut_short_for_one_very_fast_particle() {
+    for (packing, per_edge) in [(0.05, 7), (0.001, 6)] {
+        let mut scene = gas(per_edge, packing, 1.0, 22);
+        let usual = assert_windows("usual", &scene, 1500).0.windows;
+        scene.bodies[100].velocity = DVec3::new(150.0, -200.0, 240.0);
+        let fast = assert_windows("fast", &scene, 1500).0.windows;
+        // Only at first: its energy is shared out after a few hundred collisions.
+        assert!(4 * fast > 5 * usual, "φ = {packing}: {usual} windows, {fast} with a fast one");
+    }
+    // One that is hit and becomes very fast within a window: a heavy wrecking ball, and feathers.
+    let mut scene = gas(6, 0.02, 1.0, 23);
+    let feather = class(&mut scene, 0.5, 1e-4);
+    for body in scene.bodies.iter_mut().step_by(2) {
+        (body.class, body.velocity) = (feather, body.velocity * 1e-3);
+    }
+    assert_windows("feathers", &scene, 4000);
+}
+
+/// In dilute gases particles go a hundred diameters within a window, where single precision is at its limits.
+#[test]
+fn windows_miss_no_contact_in_very_dilute_gases() {
+    let mut scene = disks(24, 0.001, 24);
+    assert_windows("disks", &scene, 3000);
+    scene.bodies[7].velocity *= 40.0;
+    assert_windows("disks, one fast", &scene, 2000);
+    assert_windows("spheres", &gas(9, 1e-4, 1.0, 25), 3000);
+}
+
+#[test]
+fn windows_serve_mixtures_and_disks_and_boxes_with_walls() {
+    let mut random = Random(26);
+    // Sizes 1 : 10, masses 1 : 1000.
+    for boundary in [Boundary::Periodic, Boundary::Wall] {
+        let mut scene = system(Dimension::Three, DVec3::splat(20.0), [boundary; 3]);
+        set_restitution(&mut scene, 0.95);
+        let (large, small) = (class(&mut scene, 1.0, 1000.0), class(&mut scene, 0.1, 1.0));
+        scatter(&mut scene, large, 40, 0.03, &mut random);
+        scatter(&mut scene, small, 1200, 1.0, &mut random);
+        assert_windows(&format!("mixture, {boundary:?}"), &scene, 3000);
+    }
+    assert_windows("disks", &disks(20, 0.3, 27), 4000);
+    assert_windows("dense disks", &disks(14, 0.7, 28), 4000);
+    let mut scene = system(Dimension::Two, DVec3::new(30.0, 12.0, 1.0), [Boundary::Wall; 3]);
+    let disk = class(&mut scene, 0.5, 1.0);
+    scatter(&mut scene, disk, 100, 1.0, &mut random);
+    assert_windows("disks and walls", &scene, 3000);
+    let walls = [Boundary::Wall, Boundary::Periodic, Boundary::Wall];
+    let mut scene = system(Dimension::Three, DVec3::new(30.0, 12.0, 8.0), walls);
+    let ball = class(&mut scene, 0.5, 1.0);
+    scatter(&mut scene, ball, 150, 1.0, &mut random);
+    assert_windows("a channel", &scene, 3000);
+}
+
+#[test]
+fn windows_refuse_what_they_cannot_serve() {
+    let why = |scene: &System| {
+        let asked = options(NeighborChoice::Windows, SimdChoice::Auto);
+        let Err(error) = Simulation::new(scene.clone(), asked) else { return String::new() };
+        assert!(matches!(error, EngineError::Unsuitable { .. }), "{error:?}");
+        // Whoever takes the advice is served.
+        Simulation::new(scene.clone(), Options::default()).unwrap();
+        error.to_string()
+    };
+    let ball = |size: f64, boundary: [Boundary; 3]| {
+        let mut scene = system(Dimension::Three, DVec3::splat(size), boundary);
+        let ball = class(&mut scene, 0.5, 1.0);
+        scatter(&mut scene, ball, 5, 1.0, &mut Random(29));
+        scene
+    };
+    let closed = ball(5.0, [Boundary::Wall; 3]);
+    assert_eq!(why(&closed), "");
+    let mut heavy = closed;
+    heavy.domain.gravity.z = -1.0;
+    let open = ball(5.0, [Boundary::Periodic, Boundary::Periodic, Boundary::Open]);
+    let narrow = ball(4.4, [Boundary::Periodic; 3]);
+    assert_eq!(why(&ball(4.5, [Boundary::Periodic; 3])), "");
+    for (scene, reason) in [
+        (heavy, "there is gravity"),
+        (open, "an axis is open"),
+        (narrow, "a periodic edge of 4.4 is shorter than nine of the largest radius, 0.5"),
+    ] {
+        let expected = format!("engine.neighbors = \"windows\" does not work here: {reason}; use \"auto\"");
+        assert_eq!(why(&scene), expected);
+    }
 }

@@ -508,3 +508,169 @@ impl Cells {
         }
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use glam::DVec3;
+
+    use super::*;
+    use crate::windows::random::Random;
+
+    fn geometry(size: DVec3, axes: [Axis; 3]) -> Geometry {
+        Geometry { size, axes, reach: 1.0, radius: 0.5, radii: Vec::new(), planes: Vec::new() }
+    }
+
+    /// A path through a window, bent once.
+    struct Path {
+        start: [f64; 3],
+        ways: [[f64; 3]; 2],
+        bend: f64,
+        extent: f64,
+    }
+
+    impl Path {
+        fn new(random: &mut Random, geometry: &Geometry, longest: f64, extent: f64) -> Self {
+            let mut path = Self { start: [0.0; 3], ways: [[0.0; 3]; 2], bend: 1.0, extent };
+            if random.index(3) == 0 {
+                path.bend = random.uniform(0.1, 0.9);
+            }
+            for axis in (0..3).filter(|&axis| geometry.axes[axis] != Axis::Flat) {
+                let length = geometry.size[axis];
+                path.start[axis] = random.uniform(0.0, length);
+                for way in &mut path.ways {
+                    // Some along an axis, or at rest.
+                    let part = if random.index(4) == 0 { 0.0 } else { longest };
+                    way[axis] = random.uniform(-part, part) * length;
+                }
+            }
+            path
+        }
+
+        fn at(&self, theta: f64) -> [f64; 3] {
+            let (before, after) = (theta.min(self.bend), (theta - self.bend).max(0.0));
+            [0, 1, 2].map(|k| self.start[k] + before * self.ways[0][k] + after * self.ways[1][k])
+        }
+    }
+
+    fn coordinates(cells: &Cells, p: [f64; 3]) -> [i32; 3] {
+        [0, 1, 2].map(|axis| cells.axes.coordinate(axis, p[axis]))
+    }
+
+    /// The promise of the grid, for straight and bent paths and searches from the start and from later on.
+    #[test]
+    fn whoever_comes_near_a_path_is_among_its_candidates() {
+        use Axis::{Bounded, Flat, Periodic};
+        let grids = [
+            (DVec3::new(20.0, 14.0, 17.0), [Periodic; 3], 1.0, 0.05),
+            (DVec3::new(20.0, 14.0, 17.0), [Periodic; 3], 1.0, 0.22),
+            (DVec3::new(9.0, 30.0, 12.0), [Bounded; 3], 0.9, 0.4),
+            (DVec3::new(12.0, 11.0, 10.0), [Periodic, Bounded, Periodic], 1.1, 0.2),
+            (DVec3::new(300.0, 250.0, 1.0), [Periodic, Bounded, Flat], 1.0, 0.22),
+            // One, two and three cells to an edge.
+            (DVec3::new(5.0, 10.0, 15.0), [Periodic; 3], 5.0, 0.2),
+            (DVec3::new(5.0, 10.0, 15.0), [Bounded, Bounded, Periodic], 5.0, 0.4),
+        ];
+        let mut random = Random(11);
+        let (mut near, mut candidates_in_all, mut pairs) = (0, 0, 0);
+        for (size, axes, width, longest) in grids {
+            let geometry = geometry(size, axes);
+            for largest in [0.0, 1.6] {
+                let mut cells = Cells::new(&geometry, width);
+                let paths: Vec<Path> = (0..150)
+                    .map(|k| {
+                        let extent = if k % 3 == 0 { random.uniform(0.0, largest) } else { 0.0 };
+                        Path::new(&mut random, &geometry, longest, extent)
+                    })
+                    .collect();
+                for (slot, path) in paths.iter().enumerate() {
+                    let extent = path.extent as f32;
+                    let slot = slot as u32;
+                    let ways = path.ways.map(|way| way.map(|way| way as f32));
+                    cells.register::<true>(slot, coordinates(&cells, path.start), ways[0], 1.0, extent);
+                    if path.bend < 1.0 {
+                        let place = coordinates(&cells, path.at(path.bend));
+                        cells.register::<false>(slot, place, ways[1], 1.0 - path.bend as f32, extent);
+                    }
+                }
+                let mut candidates = Candidates::new();
+                let searches: Vec<(usize, f64, [f64; 3], f64)> = (0..paths.len())
+                    .map(|own| {
+                        let straight = paths[own].bend == 1.0;
+                        let from = if straight {
+                            random.index(2) as f64 * random.uniform(0.0, 1.0)
+                        } else {
+                            paths[own].bend
+                        };
+                        let above = random.uniform(0.0, 1.2);
+                        let below =
+                            [0; 3].map(|_| if random.index(3) == 0 { 0.0 } else { random.uniform(0.0, 1.2) });
+                        (own, from, below, above)
+                    })
+                    .collect();
+                for (search, &(own, from, below, above)) in searches.iter().enumerate() {
+                    let path = &paths[own];
+                    let way = path.ways[usize::from(path.bend < 1.0)].map(|way| way as f32);
+                    let margins = (below.map(|below| below as f32), above as f32);
+                    let place = coordinates(&cells, path.at(from));
+                    let part = 1.0 - from as f32;
+                    cells.gather(search as u32, own as u32, place, way, part, margins, &mut candidates);
+                }
+                let mut found = vec![vec![false; paths.len()]; searches.len()];
+                for k in 0..candidates.len {
+                    found[candidates.owner[k / LANES] as usize][candidates.slots[k] as usize] = true;
+                }
+                candidates_in_all += found.iter().flatten().filter(|&&found| found).count();
+                pairs += searches.len() * paths.len();
+                for (&(own, from, below, above), found) in searches.iter().zip(&found) {
+                    for (slot, path) in paths.iter().enumerate() {
+                        let comes_near = (0..=40).any(|k| {
+                            let theta = from + (1.0 - from) * f64::from(k) / 40.0;
+                            let (a, b) = (paths[own].at(theta), path.at(theta));
+                            (0..3).all(|axis| {
+                                let mut d = b[axis] - a[axis];
+                                if axes[axis] == Periodic {
+                                    d -= (d / size[axis]).round() * size[axis];
+                                }
+                                -below[axis] - path.extent <= d && d <= above + path.extent
+                            })
+                        });
+                        near += usize::from(comes_near);
+                        assert!(!comes_near || found[slot], "{axes:?}, {size}: {own} does not find {slot}");
+                    }
+                }
+            }
+        }
+        // Something was there to be missed, and finding everybody would not do.
+        assert!(near > 3000, "{near}");
+        assert!(2 * candidates_in_all < pairs, "{candidates_in_all} of {pairs}");
+    }
+
+    #[test]
+    fn a_cell_holds_any_number_and_forgets_all() {
+        let geometry = geometry(DVec3::splat(8.0), [Axis::Periodic; 3]);
+        let mut cells = Cells::new(&geometry, 1.0);
+        let mut candidates = Candidates::new();
+        let count = 10_000;
+        for round in 0..2 {
+            for slot in 0..count {
+                cells.register::<true>(slot, coordinates(&cells, [4.5; 3]), [0.0; 3], 1.0, 0.0);
+            }
+            for (search, place) in [[4.5; 3], [5.2, 4.5, 3.9]].into_iter().enumerate() {
+                candidates.len = 0;
+                let x = coordinates(&cells, place);
+                cells.gather(search as u32, count, x, [0.0; 3], 1.0, ([0.5; 3], 0.5), &mut candidates);
+                let mut slots = candidates.slots[..candidates.len].to_vec();
+                slots.retain(|&slot| slot != count);
+                slots.sort_unstable();
+                assert!(slots.into_iter().eq(0..count), "round {round}, from {place:?}");
+                let owner = &candidates.owner[..candidates.len / LANES];
+                assert!(owner.iter().all(|&owner| owner == search as u32));
+            }
+            cells.clear();
+            candidates.len = 0;
+            let x = coordinates(&cells, [4.5; 3]);
+            cells.gather(0, count, x, [0.0; 3], 1.0, ([0.5; 3], 0.5), &mut candidates);
+            assert!(candidates.slots[..candidates.len].iter().all(|&slot| slot == count), "round {round}");
+        }
+    }
+}

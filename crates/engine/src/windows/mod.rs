@@ -15,6 +15,8 @@ mod cells;
 mod due;
 mod exact;
 mod filter;
+#[cfg(test)]
+mod random;
 mod tune;
 
 use std::{marker::PhantomData, ops::Range};
@@ -37,7 +39,7 @@ use crate::{
 };
 use cells::Cells;
 use due::Due;
-use filter::{MARGIN, Probe, Record, Scratch};
+use filter::{FARTHEST, NEAR, Probe, Record, Scratch, margin};
 use tune::{Tuner, Work};
 
 /// Windows after which the streamed copies are made from the anchors again, at most and at least.
@@ -69,6 +71,8 @@ const LONGEST: f64 = (1_u64 << 59) as f64;
 pub(crate) struct Windows<F> {
     kernel: Kernel,
     geometry: Geometry,
+    /// Least radius [length].
+    least: f64,
     space: Space<F>,
     /// Slot of every particle.
     slot_of: Vec<u32>,
@@ -83,7 +87,7 @@ pub(crate) struct Windows<F> {
     /// Mean path in the window [spacings], and the width that the cells were made for.
     path: f64,
     width: f64,
-    /// Displacement in the window beyond which the nearest image may be the wrong one [length].
+    /// Displacement in the window beyond which the nearest image may be the wrong one, or the margin too small [length].
     farthest: f32,
     tuner: Tuner,
     /// Windows since the copies were made, and how many there shall be.
@@ -157,12 +161,13 @@ impl<F: Features> Windows<F> {
         Self {
             kernel,
             geometry: geometry.clone(),
+            least,
             space: Space {
                 cells: Cells::default(),
                 records: Vec::new(),
                 anchors: Vec::new(),
                 end: 0,
-                common_radius: least as f32 * MARGIN,
+                common_radius: 0.0,
                 features: PhantomData,
             },
             slot_of: vec![0; count],
@@ -195,7 +200,8 @@ impl<F: Features> Windows<F> {
         let mean = (squares.iter().sum::<f64>() / count.max(1) as f64).sqrt();
         let fastest = squares.iter().copied().fold(0.0, f64::max).sqrt();
         // Two particles come apart at twice the speed of one.
-        let widest = 2.0 * self.geometry.radius * f64::from(MARGIN);
+        let contact = 2.0 * self.least;
+        let widest = 2.0 * self.geometry.radius * f64::from(margin(FARTHEST));
         let farthest = (0..3)
             .map(|axis| match self.geometry.axes[axis] {
                 Axis::Periodic => 0.5 * (NEAREST * self.geometry.size[axis] - widest),
@@ -203,7 +209,7 @@ impl<F: Features> Windows<F> {
                 Axis::Bounded | Axis::Open => NEAREST * self.geometry.size[axis],
                 Axis::Flat => f64::INFINITY,
             })
-            .fold(f64::INFINITY, f64::min);
+            .fold(FARTHEST * contact, f64::min);
         let longest = farthest / (HEADROOM * fastest);
         let step = (path * self.spacing / mean).min(longest);
         // Without motion any window will do.
@@ -212,7 +218,11 @@ impl<F: Features> Windows<F> {
         self.space.end = self.begin + ticks;
         self.step = ticks as f64 * world.clock.tick;
         self.path = mean * self.step / self.spacing;
+        // No further than somebody is likely to go: single precision rounds long ways more.
+        let farthest = farthest.min((HEADROOM * fastest * self.step).max(NEAR * contact));
         self.farthest = farthest as f32;
+        let margin = margin(farthest / contact);
+        self.space.common_radius = self.least as f32 * margin;
         let (axes, step) = (self.space.cells.axes, self.step);
         let streamed: Vec<(Record, u32)> = (0..count as u32)
             .into_par_iter()
@@ -221,7 +231,7 @@ impl<F: Features> Windows<F> {
                 let p = position.to_array();
                 let record = Record {
                     x: [0, 1, 2].map(|axis| axes.coordinate(axis, p[axis])),
-                    radius: world.class(i).radius as f32 * MARGIN,
+                    radius: world.class(i).radius as f32 * margin,
                     v: velocity.to_array().map(|v| (v * step) as f32),
                     id: i,
                 };
