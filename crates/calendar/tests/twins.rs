@@ -143,7 +143,9 @@ proptest! {
         let items: Vec<Item> =
             known.iter().enumerate().map(|(k, &time)| Item { time: begin + time, id: k as u32 }).collect();
         agenda.open(begin, begin + span, &items);
-        items.iter().for_each(|&item| heap.push(item));
+        for &item in &items {
+            heap.push(item);
+        }
         let mut now = begin;
         for (k, &(ahead, limited)) in later.iter().enumerate() {
             let item = Item { time: now + ahead, id: 1000 + k as u32 };

@@ -224,7 +224,7 @@ impl Candidates {
 /// A cell of a block of cells: the step from the index of the first, inside the grid, and the steps along the axes.
 #[derive(Debug, Clone, Copy)]
 struct Step {
-    step: u32,
+    inside: u32,
     x: u8,
     y: u8,
     z: u8,
@@ -236,7 +236,7 @@ pub(super) struct Cells {
     pub axes: Axes,
     /// The first block of every cell, then those that full cells go on in.
     blocks: Vec<Block>,
-    cells: usize,
+    count: usize,
     /// Steps from the first cell for all shapes of up to `TABLED` cells along each axis.
     tables: Vec<Box<[Step]>>,
 }
@@ -255,8 +255,8 @@ impl Cells {
             for z in 0..=sz {
                 for y in 0..=sy {
                     for x in 0..=sx {
-                        let step = (u32::from(z) * ny + u32::from(y)) * nx + u32::from(x);
-                        table.push(Step { step, x, y, z });
+                        let inside = (u32::from(z) * ny + u32::from(y)) * nx + u32::from(x);
+                        table.push(Step { inside, x, y, z });
                     }
                 }
             }
@@ -265,7 +265,7 @@ impl Cells {
         // Room for full cells to go on.
         let mut blocks = roomy(cells + cells / 8);
         blocks.resize(cells, EMPTY);
-        Self { axes, blocks, cells, tables }
+        Self { axes, blocks, count: cells, tables }
     }
 
     /// The cell of a coordinate.
@@ -275,12 +275,12 @@ impl Cells {
 
     /// Number of cells.
     pub fn len(&self) -> usize {
-        self.cells
+        self.count
     }
 
     /// Takes everybody out.
     pub fn clear(&mut self) {
-        self.blocks.truncate(self.cells);
+        self.blocks.truncate(self.count);
         for block in &mut self.blocks {
             block.link = 0;
         }
@@ -468,9 +468,9 @@ impl Cells {
                 }
             } else {
                 let first = axes.index(low);
-                for &Step { step, .. } in table {
+                for &Step { inside, .. } in table {
                     // SAFETY: as above.
-                    links |= unsafe { candidates.push(&self.blocks[first + step as usize]) };
+                    links |= unsafe { candidates.push(&self.blocks[first + inside as usize]) };
                 }
             }
         }

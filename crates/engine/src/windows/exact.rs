@@ -38,10 +38,10 @@ pub(super) fn contact<F: Features>(world: &World, a: &Particle, b: &Particle) ->
     let v = b.velocity - a.velocity;
     let delay = delay(r, v, sigma * sigma)?;
     let from = a.time.max(b.time);
-    if r.length_squared() <= sigma * sigma * (1.0 + TOUCHING) {
-        if is_rounding_noise(r, v, a.velocity.length().max(b.velocity.length())) {
-            return None;
-        }
+    if r.length_squared() <= sigma * sigma * (1.0 + TOUCHING)
+        && is_rounding_noise(r, v, a.velocity.length().max(b.velocity.length()))
+    {
+        return None;
     }
     let ticks = delay * world.clock.per_time;
     (ticks <= LONGEST).then(|| from + whole(ticks))
@@ -64,6 +64,7 @@ fn round(x: f64) -> f64 {
 
 /// [`crate::batch`]'s kernel for one pair: time from the later anchor [time].
 #[inline(always)]
+#[expect(clippy::neg_cmp_op_on_partial_ord, reason = "what is not a number goes the way of the kernel")]
 fn delay(r: DVec3, v: DVec3, ss: f64) -> Option<f64> {
     let b = r.dot(v);
     if !(b < 0.0) {

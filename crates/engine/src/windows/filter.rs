@@ -125,15 +125,16 @@ pub(super) fn search<F: Features, const HALF: bool, const VECTORS: bool>(
     // Who is registered in several cells has been met several times. Most of them are found among the last few, without a
     // branch; those who are not are predicted twice, which does no harm.
     let hits = &mut scratch.hits;
-    let mut last = [(u32::MAX, 0); 4];
+    let mut last = [u64::MAX; 4];
     let mut kept = 0;
     for k in 0..hits.len() {
         let hit @ (search, slot) = hits[k];
-        let known = last.iter().fold(false, |known, &before| known | (before == hit));
+        let key = u64::from(search) << 32 | u64::from(slot);
+        let known = last.iter().fold(0, |known, &before| known | u8::from(before == key));
         let below = HALF && is_below(cells, &records[slot as usize], &probes[search as usize]);
-        last[k % 4] = hit;
+        last[k % 4] = key;
         hits[kept] = hit;
-        kept += usize::from(!(known | below));
+        kept += usize::from(known | u8::from(below) == 0);
     }
     hits.truncate(kept);
 }
@@ -175,6 +176,7 @@ fn is_below(cells: &Cells, other: &Record, probe: &Probe) -> bool {
 }
 
 /// The filter for one candidate: the plain twin of the vector filter.
+#[expect(clippy::neg_cmp_op_on_partial_ord, reason = "what is not a number passes")]
 #[inline(always)]
 fn passes<F: Features>(other: &Record, unit: [f32; 3], probe: &Probe) -> bool {
     let own = &probe.record;
@@ -200,7 +202,14 @@ fn passes<F: Features>(other: &Record, unit: [f32; 3], probe: &Probe) -> bool {
 
 #[cfg(target_arch = "x86_64")]
 mod avx2 {
-    use std::arch::x86_64::*;
+    use std::arch::x86_64::{
+        __m256, _CMP_NGT_UQ, _mm256_add_ps, _mm256_andnot_ps, _mm256_castps_si256, _mm256_castsi256_ps,
+        _mm256_cmp_ps, _mm256_cmpeq_epi32, _mm256_cvtepi32_ps, _mm256_fmadd_ps, _mm256_fmsub_ps,
+        _mm256_fnmadd_ps, _mm256_load_ps, _mm256_loadu_si256, _mm256_max_ps, _mm256_min_ps,
+        _mm256_movemask_ps, _mm256_mul_ps, _mm256_permute2f128_ps, _mm256_set1_epi32, _mm256_set1_ps,
+        _mm256_setzero_ps, _mm256_shuffle_ps, _mm256_sub_epi32, _mm256_sub_ps, _mm256_unpackhi_ps,
+        _mm256_unpacklo_ps,
+    };
 
     use super::{Features, LANES, Probe, Record, Scratch};
 

@@ -91,7 +91,7 @@ pub(crate) struct Windows<F> {
     farthest: f32,
     tuner: Tuner,
     /// Windows since the copies were made, and how many there shall be.
-    windows: u64,
+    opened: u64,
     last_window: u64,
     scratch: Scratch,
     /// Work since the copies were made, before the present window's.
@@ -180,7 +180,7 @@ impl<F: Features> Windows<F> {
             width: 0.0,
             farthest: 0.0,
             tuner: Tuner::new(occupied / volume),
-            windows: 0,
+            opened: 0,
             last_window: 0,
             scratch: Scratch::new(),
             judged: Work::default(),
@@ -239,7 +239,7 @@ impl<F: Features> Windows<F> {
             })
             .collect();
         self.sort(world, &streamed);
-        self.windows = 0;
+        self.opened = 0;
         self.last_window = (TRIAL / count.max(1) as u64).clamp(LEAST_WINDOWS, MOST_WINDOWS);
     }
 
@@ -271,10 +271,10 @@ impl<F: Features> Windows<F> {
     #[inline(always)]
     fn next_window<const VECTORS: bool>(&mut self, state: &mut State) {
         state.world.now = self.space.end;
-        self.windows += 1;
-        if self.windows >= self.last_window {
+        self.opened += 1;
+        if self.opened >= self.last_window {
             let work = self.scratch.work;
-            self.tuner.judge(&work.since(&self.judged), self.path * self.windows as f64);
+            self.tuner.judge(&work.since(&self.judged), self.path * self.opened as f64);
             self.judged = work;
             self.start_afresh(&state.world);
         } else {
@@ -339,9 +339,9 @@ impl<F: Features> Windows<F> {
         for (probe, body) in probes.iter_mut().zip(bodies) {
             *probe = self.update(world, body);
         }
+        #[expect(clippy::neg_cmp_op_on_partial_ord, reason = "not a number is too fast, too")]
         let too_fast = probes.iter().any(|probe| {
             let v = probe.record.v;
-            // Not a number is too fast, too.
             !(v[0] * v[0] + v[1] * v[1] + v[2] * v[2] <= self.farthest * self.farthest)
         });
         if too_fast {
