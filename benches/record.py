@@ -242,7 +242,7 @@ def markdown(record: dict) -> str:
             half = 0.5 * (row["most"] - row["least"]) / 1e6 if row["repeats"] > 1 else None
             cells = [f"{row['n']:,}", f"{row['phi']:g}", number(row["rate"] / 1e6, 3), number(half, 3)]
             cells += [number(1e9 / row["rate"], 0), row["neighbors"] if isinstance(row["neighbors"], str) else "–"]
-            cells += [number(row["predictions"], 1), *(number(row[key], 2) for key in COUNTERS[1:])]
+            cells += [number(row[COUNTERS[0]], 1), *(number(row[key], 2) for key in COUNTERS[1:])]
             cells += [number(row["startup_seconds"], 2), number(row["bytes_per_particle"], 0)]
             if peers:
                 best = best_peer(table[table.what == what], row["n"], row["phi"])

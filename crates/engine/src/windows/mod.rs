@@ -196,9 +196,19 @@ impl<F: Features> Windows<F> {
             self.width = width;
             self.space.cells = Cells::new(&self.geometry, width * self.spacing);
         }
-        let squares: Vec<f64> = world.particles.par_iter().map(|p| p.velocity.length_squared()).collect();
-        let mean = (squares.iter().sum::<f64>() / count.max(1) as f64).sqrt();
-        let fastest = squares.iter().copied().fold(0.0, f64::max).sqrt();
+        // By blocks, so that the sum does not depend on the number of threads.
+        let blocks: Vec<(f64, f64)> = world
+            .particles
+            .par_chunks(TASK)
+            .map(|block| {
+                let squares = block.iter().map(|particle| particle.velocity.length_squared());
+                squares.fold((0.0, 0.0), |(sum, most), square| (sum + square, f64::max(most, square)))
+            })
+            .collect();
+        let (sum, most) = blocks
+            .into_iter()
+            .fold((0.0, 0.0), |(sum, most), block| (sum + block.0, f64::max(most, block.1)));
+        let (mean, fastest) = ((sum / count.max(1) as f64).sqrt(), most.sqrt());
         // Two particles come apart at twice the speed of one.
         let contact = 2.0 * self.least;
         let widest = 2.0 * self.geometry.radius * f64::from(margin(FARTHEST));
@@ -223,48 +233,51 @@ impl<F: Features> Windows<F> {
         self.farthest = farthest as f32;
         let margin = margin(farthest / contact);
         self.space.common_radius = self.least as f32 * margin;
-        let (axes, step) = (self.space.cells.axes, self.step);
-        let streamed: Vec<(Record, u32)> = (0..count as u32)
-            .into_par_iter()
-            .map(|i| {
-                let (position, velocity) = world.flight::<F>(i, world.now);
-                let p = position.to_array();
-                let record = Record {
-                    x: [0, 1, 2].map(|axis| axes.coordinate(axis, p[axis])),
-                    radius: world.class(i).radius as f32 * margin,
-                    v: velocity.to_array().map(|v| (v * step) as f32),
-                    id: i,
-                };
-                (record, self.space.cells.home(record.x))
-            })
-            .collect();
-        self.sort(world, &streamed);
+        self.fill(world, margin);
         self.opened = 0;
         self.last_window = (TRIAL / count.max(1) as u64).clamp(LEAST_WINDOWS, MOST_WINDOWS);
     }
 
-    /// Puts the records into slots in the order of their cells.
-    fn sort(&mut self, world: &World, streamed: &[(Record, u32)]) {
-        let mut place = vec![0_u32; self.space.cells.len() + 1];
-        for &(_, cell) in streamed {
+    /// Fills the slots, in the order of their cells, from the anchors.
+    fn fill(&mut self, world: &World, margin: f32) {
+        let count = world.particles.len();
+        let Space { cells, records, anchors, .. } = &mut self.space;
+        let (axes, step) = (cells.axes, self.step);
+        let record = |i: u32| {
+            let (position, velocity) = world.flight::<F>(i, world.now);
+            let p = position.to_array();
+            Record {
+                x: [0, 1, 2].map(|axis| axes.coordinate(axis, p[axis])),
+                radius: world.class(i).radius as f32 * margin,
+                v: velocity.to_array().map(|v| (v * step) as f32),
+                id: i,
+            }
+        };
+        // First the cell of every particle, then its slot.
+        self.slot_of.par_iter_mut().enumerate().for_each(|(i, cell)| *cell = cells.home(record(i as u32).x));
+        let mut place = vec![0_u32; cells.len() + 1];
+        for &cell in &self.slot_of {
             place[cell as usize + 1] += 1;
         }
         for cell in 1..place.len() {
             place[cell] += place[cell - 1];
         }
-        let Some(&(first, _)) = streamed.first() else { return };
-        if self.space.records.is_empty() {
-            (self.space.records, self.space.anchors) = (roomy(streamed.len()), roomy(streamed.len()));
-            self.space.records.resize(streamed.len(), first);
-            self.space.anchors.resize(streamed.len(), world.particles[0]);
+        let mut order = vec![0_u32; count];
+        for (i, slot) in self.slot_of.iter_mut().enumerate() {
+            let place = &mut place[*slot as usize];
+            *slot = *place;
+            *place += 1;
+            order[*slot as usize] = i as u32;
         }
-        for &(record, cell) in streamed {
-            let slot = place[cell as usize];
-            place[cell as usize] += 1;
-            self.space.records[slot as usize] = record;
-            self.space.anchors[slot as usize] = world.particles[record.id as usize];
-            self.slot_of[record.id as usize] = slot;
+        if records.is_empty() && count > 0 {
+            (*records, *anchors) = (roomy(count), roomy(count));
+            records.resize(count, Record::default());
+            anchors.resize(count, world.particles[0]);
         }
+        records.par_iter_mut().zip(anchors).zip(&order).for_each(|((slot, anchor), &i)| {
+            *slot = record(i);
+            *anchor = world.particles[i as usize];
+        });
     }
 
     /// Starts the next window.
