@@ -7,32 +7,12 @@ use std::{
     process::Stdio,
 };
 
-use common::{GAS, Haff, config};
+use common::{GAS, Haff, PROMISED, config};
 use nix::{
     sys::signal::{Signal, kill},
     unistd::Pid,
 };
 use serde_json::Value;
-
-/// Every key that the interface promises of a report.
-const PROMISED: [&str; 16] = [
-    "particles",
-    "collisions",
-    "wall_collisions",
-    "events",
-    "simulated_time",
-    "wall_seconds",
-    "collisions_per_second",
-    "ledger_residual",
-    "max_overlap",
-    "peak_memory_bytes",
-    "threads",
-    "seed",
-    "version",
-    "trajectory_version",
-    "state_hash",
-    "stopped",
-];
 
 const STANDARD: [&str; 5] = ["fluid", "cooling", "mixture", "gravity", "disks"];
 

@@ -2,7 +2,7 @@
 
 mod common;
 
-use common::{GAS, Haff, config, root};
+use common::{GAS, Haff, PROMISED, config, root};
 use serde_json::Value;
 
 #[test]
@@ -103,24 +103,7 @@ fn a_run_reports_what_the_interface_promises() {
     let haff = Haff::new();
     let scene = haff.write("gas.toml", GAS);
     let report = haff.report(&["run", &scene]);
-    for key in [
-        "particles",
-        "collisions",
-        "wall_collisions",
-        "events",
-        "simulated_time",
-        "wall_seconds",
-        "collisions_per_second",
-        "ledger_residual",
-        "max_overlap",
-        "peak_memory_bytes",
-        "threads",
-        "seed",
-        "version",
-        "trajectory_version",
-        "state_hash",
-        "stopped",
-    ] {
+    for key in PROMISED {
         assert!(!report[key].is_null(), "{key} in {report}");
     }
     assert_eq!(report["stopped"], "until");

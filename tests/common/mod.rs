@@ -66,3 +66,23 @@ impl Haff {
 
 /// A gas small enough for a test.
 pub const GAS: &str = include_str!("../gas.toml");
+
+/// Every key that the interface promises of a report.
+pub const PROMISED: [&str; 16] = [
+    "particles",
+    "collisions",
+    "wall_collisions",
+    "events",
+    "simulated_time",
+    "wall_seconds",
+    "collisions_per_second",
+    "ledger_residual",
+    "max_overlap",
+    "peak_memory_bytes",
+    "threads",
+    "seed",
+    "version",
+    "trajectory_version",
+    "state_hash",
+    "stopped",
+];

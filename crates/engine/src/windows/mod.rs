@@ -11,15 +11,17 @@ Particles stand in *slots*, sorted by cell every few windows, so that what is ne
 windows are and how wide cells is tuned on the way ([`tune`]).
 */
 
+mod axes;
 mod cells;
 mod due;
 mod exact;
 mod filter;
 #[cfg(test)]
 mod random;
+mod space;
 mod tune;
 
-use std::{marker::PhantomData, ops::Range};
+use std::marker::PhantomData;
 
 use glam::DVec3;
 use haff_calendar::Agenda;
@@ -28,11 +30,11 @@ use rayon::prelude::*;
 
 use crate::{
     batch::Kernel,
-    entry::{Entry, Kind, Target},
+    entry::Kind,
     error::EngineError,
     machine::{Engine, Features, Limit, State},
     model::{Boundary, System},
-    particles::{Particle, World},
+    particles::World,
     report::{Observer, Stop},
     resolve,
     stall::Stall,
@@ -40,6 +42,7 @@ use crate::{
 use cells::Cells;
 use due::Due;
 use filter::{FARTHEST, NEAR, Probe, Record, Scratch, margin};
+use space::Space;
 use tune::{Tuner, Work};
 
 /// Windows after which the streamed copies are made from the anchors again, at most and at least.
@@ -47,8 +50,6 @@ const MOST_WINDOWS: u64 = 16;
 const LEAST_WINDOWS: u64 = 3;
 /// Searches that a trial of the tuner takes, so that its counts mean something.
 const TRIAL: u64 = 200_000;
-/// Slots that the batch phase searches for at a time.
-const BLOCK: usize = 32;
 /// Slots per parallel task.
 const TASK: usize = 4096;
 /// Up to this many particles the caches hold all that events need.
@@ -97,19 +98,6 @@ pub(crate) struct Windows<F> {
     /// Work since the copies were made, before the present window's.
     judged: Work,
     stall: Stall,
-}
-
-/// Where everybody is in a window: what searches look at.
-struct Space<F> {
-    cells: Cells,
-    records: Vec<Record>,
-    /// Anchors in the order of the slots.
-    anchors: Vec<Particle>,
-    /// End of the window [ticks].
-    end: i64,
-    /// Least radius, widened [length]: what searches look for around their paths, besides their own radius.
-    common_radius: f32,
-    features: PhantomData<F>,
 }
 
 /// Why windows cannot serve a system, or nothing.
@@ -309,7 +297,7 @@ impl<F: Features> Windows<F> {
     fn look_ahead<const VECTORS: bool>(&mut self, world: &World) {
         self.space.cells.clear();
         for (slot, record) in self.space.records.iter().enumerate() {
-            let extent = if F::UNIFORM { 0.0 } else { record.radius - self.space.common_radius };
+            let extent = self.space.extent(record.radius);
             self.space.cells.register::<true>(slot as u32, record.x, record.v, 1.0, extent);
         }
         let mut found = std::mem::take(&mut self.found);
@@ -370,7 +358,7 @@ impl<F: Features> Windows<F> {
         // particles are now they are registered already, since their old paths have brought them there.
         for probe in probes {
             let Record { radius, v, .. } = probe.record;
-            let extent = if F::UNIFORM { 0.0 } else { radius - self.space.common_radius };
+            let extent = self.space.extent(radius);
             self.space.cells.register::<false>(probe.slot, probe.place, v, 1.0 - probe.from, extent);
         }
         self.scratch.work.entries += entries;
@@ -423,6 +411,15 @@ impl<F: Features> Windows<F> {
         }
     }
 
+    /// Books the work done since `before`.
+    fn count(&self, state: &mut State, before: &Work) {
+        let work = self.scratch.work.since(before);
+        let counters = &mut state.book.counters;
+        counters.predictions += work.exact;
+        counters.candidates += work.candidates;
+        counters.windows += work.windows;
+    }
+
     #[inline(always)]
     fn run<const EVENTS: bool, const VECTORS: bool>(
         &mut self,
@@ -432,11 +429,7 @@ impl<F: Features> Windows<F> {
     ) -> Result<Stop, EngineError> {
         let before = self.scratch.work;
         let stop = self.events::<EVENTS, VECTORS>(state, limit, observer);
-        let work = self.scratch.work.since(&before);
-        let counters = &mut state.book.counters;
-        counters.predictions += work.exact;
-        counters.candidates += work.candidates;
-        counters.windows += work.windows;
+        self.count(state, &before);
         stop
     }
 
@@ -512,104 +505,6 @@ impl<F: Features> Windows<F> {
     }
 }
 
-impl<F: Features> Space<F> {
-    /// [`Self::scan`] from a thread that has not been told which instructions there are.
-    fn scan_anywhere(
-        &self,
-        kernel: Kernel,
-        world: &World,
-        slots: Range<usize>,
-        scratch: &mut Scratch,
-        found: &mut Vec<Due>,
-    ) {
-        match kernel {
-            Kernel::Portable => self.scan::<false>(world, slots, scratch, found),
-            #[cfg(target_arch = "x86_64")]
-            // SAFETY: `Kernel::Avx2` is made by `Kernel::choose` alone, after it has found the features.
-            Kernel::Avx2 => unsafe { self.scan_avx2(world, slots, scratch, found) },
-        }
-    }
-
-    /// Finds all contacts of the window that start from these slots.
-    #[inline(always)]
-    fn scan<const VECTORS: bool>(
-        &self,
-        world: &World,
-        slots: Range<usize>,
-        scratch: &mut Scratch,
-        found: &mut Vec<Due>,
-    ) {
-        let mut probes = Vec::with_capacity(BLOCK);
-        for from in slots.clone().step_by(BLOCK) {
-            probes.clear();
-            for slot in from..(from + BLOCK).min(slots.end) {
-                let record = self.records[slot];
-                probes.push(Probe { slot: slot as u32, record, place: record.x, from: 0.0 });
-            }
-            self.predict::<true, VECTORS>(world, &probes, scratch, |entry| found.push(entry));
-        }
-    }
-
-    /// Tells all contacts of the probes up to the window's end.
-    #[inline(always)]
-    fn predict<const HALF: bool, const VECTORS: bool>(
-        &self,
-        world: &World,
-        probes: &[Probe],
-        scratch: &mut Scratch,
-        mut tell: impl FnMut(Due),
-    ) {
-        filter::search::<F, HALF, VECTORS>(&self.records, &self.cells, self.common_radius, probes, scratch);
-        scratch.work.exact += scratch.hits.len() as u64;
-        for &(search, slot) in &scratch.hits {
-            let probe = &probes[search as usize];
-            let (a, b) = (&self.anchors[probe.slot as usize], &self.anchors[slot as usize]);
-            let Some(time) = exact::contact::<F>(world, a, b) else { continue };
-            if time <= self.end {
-                tell(Due(Entry {
-                    time,
-                    owner: probe.record.id,
-                    target: Target::new(Kind::Collision(self.records[slot as usize].id)),
-                    own_count: a.count,
-                    partner_count: b.count,
-                }));
-            }
-        }
-        if !world.walls.is_empty() {
-            for probe in probes {
-                self.predict_walls(world, probe, &mut tell);
-            }
-        }
-    }
-
-    /// Tells the contacts of a probe with walls.
-    fn predict_walls(&self, world: &World, probe: &Probe, tell: &mut impl FnMut(Due)) {
-        let anchor = &self.anchors[probe.slot as usize];
-        let class = &world.classes[anchor.class()];
-        if class.inverse_mass == 0.0 {
-            return;
-        }
-        for wall in 0..world.walls.len() as u32 {
-            let Some(time) = exact::wall_contact(world, anchor, class.radius, wall) else { continue };
-            if time <= self.end {
-                tell(Due(Entry {
-                    time,
-                    owner: probe.record.id,
-                    target: Target::new(Kind::Wall(wall)),
-                    own_count: anchor.count,
-                    partner_count: 0,
-                }));
-            }
-        }
-    }
-
-    #[cfg(target_arch = "x86_64")]
-    #[target_feature(enable = "avx2,fma,bmi1,bmi2,lzcnt,popcnt")]
-    fn scan_avx2(&self, world: &World, slots: Range<usize>, scratch: &mut Scratch, found: &mut Vec<Due>) {
-        self.scan::<true>(world, slots, scratch, found);
-    }
-}
-
 impl<F: Features> Engine for Windows<F> {
     fn rebuild(&mut self, state: &mut State, _geometry: &Geometry) {
         let before = self.scratch.work;
@@ -621,10 +516,7 @@ impl<F: Features> Engine for Windows<F> {
             // SAFETY: `Kernel::Avx2` is made by `Kernel::choose` alone, after it has found the features.
             Kernel::Avx2 => unsafe { self.look_ahead_avx2(&state.world) },
         }
-        let work = self.scratch.work.since(&before);
-        state.book.counters.predictions += work.exact;
-        state.book.counters.candidates += work.candidates;
-        state.book.counters.windows += work.windows;
+        self.count(state, &before);
     }
 
     fn is_idle(&self) -> bool {
