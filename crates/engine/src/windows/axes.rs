@@ -31,8 +31,6 @@ pub(super) struct Axes {
     /// Where spans end: at bounded edges, and, for arithmetic's sake, a box beyond periodic ones [cells].
     low: [f32; 4],
     high: [f32; 4],
-    /// The last axis along which anything moves.
-    pub upward: usize,
 }
 
 impl Axes {
@@ -53,7 +51,6 @@ impl Axes {
                 (axes.per_length[axis], axes.unit[axis]) = (1.0, 1.0);
                 continue;
             }
-            axes.upward = axis;
             let n = (length / width).floor().clamp(1.0, MOST_CELLS);
             let periodic = kind == Axis::Periodic;
             let coordinates = if periodic { 2.0_f64.powi(32) } else { f64::from(1 << BOUNDED_BITS) };

@@ -88,21 +88,28 @@ impl Scratch {
     }
 }
 
-/// Finds all whom the probes may touch in what is left of the window, each once per probe; with `HALF` set, of two that may
-/// touch the lower one finds the other, which is enough if all are searched.
+/// Finds all whom the probes may touch in what is left of the window, each once per probe. With the `lowest` cell of every slot
+/// and `HALF` set, of two that may touch the one whose lowest cell comes first finds the other, which is enough if all are searched.
 ///
-/// With `VECTORS` set the caller must be compiled for [`VECTOR_FEATURES`], and run where they exist.
+/// With `VECTORS` set the caller must be compiled for AVX2 and FMA, and run where they exist.
 #[inline(always)]
 pub(super) fn search<F: Features, const HALF: bool, const VECTORS: bool>(
     records: &[Record],
     cells: &Cells,
+    lowest: &[u32],
     common_radius: f32,
     probes: &[Probe],
     scratch: &mut Scratch,
 ) {
     scratch.hits.clear();
     scratch.candidates.len = 0;
-    gather::<HALF>(cells, common_radius, probes, &mut scratch.candidates);
+    for (search, probe) in probes.iter().enumerate() {
+        let Probe { slot, place, from, record: Record { v, radius, .. } } = *probe;
+        let extent = if F::UNIFORM { 0.0 } else { radius - common_radius };
+        let reach = [radius + common_radius, extent];
+        let low = if HALF { lowest[slot as usize] } else { 0 };
+        cells.gather::<HALF>(search as u32, slot, place, v, 1.0 - from, reach, low, &mut scratch.candidates);
+    }
     scratch.work.searches += probes.len() as u64;
     scratch.work.candidates += scratch.candidates.len as u64;
     scratch.work.blocks += std::mem::take(&mut scratch.candidates.blocks);
@@ -131,48 +138,13 @@ pub(super) fn search<F: Features, const HALF: bool, const VECTORS: bool>(
         let hit @ (search, slot) = hits[k];
         let key = u64::from(search) << 32 | u64::from(slot);
         let known = last.iter().fold(0, |known, &before| known | u8::from(before == key));
-        let below = HALF && is_below(cells, &records[slot as usize], &probes[search as usize]);
+        let own = probes[search as usize].slot;
+        let below = HALF && (lowest[slot as usize], slot) < (lowest[own as usize], own);
         last[k % 4] = key;
         hits[kept] = hit;
         kept += usize::from(known | u8::from(below) == 0);
     }
     hits.truncate(kept);
-}
-
-/// Gathers the candidates of all probes.
-#[inline(always)]
-fn gather<const HALF: bool>(
-    cells: &Cells,
-    common_radius: f32,
-    probes: &[Probe],
-    candidates: &mut Candidates,
-) {
-    for (search, probe) in probes.iter().enumerate() {
-        let reach = probe.record.radius + common_radius;
-        let mut below = [reach; 3];
-        if HALF {
-            below[cells.axes.upward] = 1e-2 * probe.record.radius;
-        }
-        let left = 1.0 - probe.from;
-        cells.gather(
-            search as u32,
-            probe.slot,
-            probe.place,
-            probe.record.v,
-            left,
-            (below, reach),
-            candidates,
-        );
-    }
-}
-
-/// Whether a particle is below the probe throughout the window, so that it finds the probe and not the probe it.
-#[inline]
-fn is_below(cells: &Cells, other: &Record, probe: &Probe) -> bool {
-    let axis = cells.axes.upward;
-    let begin = other.x[axis].wrapping_sub(probe.record.x[axis]) as f32 * cells.axes.unit[axis];
-    let end = begin + (other.v[axis] - probe.record.v[axis]);
-    begin.max(end) < -1e-3 * probe.record.radius
 }
 
 /// The filter for one candidate: the plain twin of the vector filter.

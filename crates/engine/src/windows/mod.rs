@@ -42,7 +42,7 @@ use crate::{
 use cells::Cells;
 use due::Due;
 use filter::{FARTHEST, NEAR, Probe, Record, Scratch, margin};
-use space::Space;
+use space::{Space, TASK};
 use tune::{Tuner, Work};
 
 /// Windows after which the streamed copies are made from the anchors again, at most and at least.
@@ -50,8 +50,6 @@ const MOST_WINDOWS: u64 = 16;
 const LEAST_WINDOWS: u64 = 3;
 /// Searches that a trial of the tuner takes, so that its counts mean something.
 const TRIAL: u64 = 200_000;
-/// Slots per parallel task.
-const TASK: usize = 4096;
 /// Up to this many particles the caches hold all that events need.
 const CACHED: usize = 20_000;
 /// Part of the box that the widest pair may come apart within a window, so that the nearest image is the one that may touch.
@@ -153,6 +151,8 @@ impl<F: Features> Windows<F> {
             space: Space {
                 cells: Cells::default(),
                 records: Vec::new(),
+                lowest: Vec::new(),
+                rows: Vec::new(),
                 anchors: Vec::new(),
                 end: 0,
                 common_radius: 0.0,
@@ -229,7 +229,7 @@ impl<F: Features> Windows<F> {
     /// Fills the slots, in the order of their cells, from the anchors.
     fn fill(&mut self, world: &World, margin: f32) {
         let count = world.particles.len();
-        let Space { cells, records, anchors, .. } = &mut self.space;
+        let Space { cells, records, lowest, rows, anchors, .. } = &mut self.space;
         let (axes, step) = (cells.axes, self.step);
         let record = |i: u32| {
             let (position, velocity) = world.flight::<F>(i, world.now);
@@ -257,6 +257,12 @@ impl<F: Features> Windows<F> {
             *place += 1;
             order[*slot as usize] = i as u32;
         }
+        // By now the place of a cell is where the next begins.
+        let across = cells.axes.n[0] as usize;
+        rows.clear();
+        rows.push(0);
+        rows.extend(place[..cells.len()].chunks_exact(across).map(|row| row[across - 1]));
+        lowest.resize(count, 0);
         if records.is_empty() && count > 0 {
             (*records, *anchors) = (roomy(count), roomy(count));
             records.resize(count, Record::default());
@@ -282,12 +288,7 @@ impl<F: Features> Windows<F> {
             let ticks = self.space.end - self.begin;
             self.begin = self.space.end;
             self.space.end += ticks;
-            for record in &mut self.space.records {
-                let way = self.space.cells.axes.way(record.v, 1.0);
-                for axis in 0..3 {
-                    record.x[axis] = record.x[axis].wrapping_add(way[axis]);
-                }
-            }
+            self.space.stream(self.kernel);
         }
         self.look_ahead::<VECTORS>(&state.world);
     }
@@ -295,30 +296,22 @@ impl<F: Features> Windows<F> {
     /// The batch phase: all contacts of the window, as things stand.
     #[inline(always)]
     fn look_ahead<const VECTORS: bool>(&mut self, world: &World) {
-        self.space.cells.clear();
-        for (slot, record) in self.space.records.iter().enumerate() {
-            let extent = self.space.extent(record.radius);
-            self.space.cells.register::<true>(slot as u32, record.x, record.v, 1.0, extent);
-        }
+        self.space.register_all(self.kernel);
         let mut found = std::mem::take(&mut self.found);
         found.clear();
-        let count = self.space.records.len();
-        if rayon::current_num_threads() == 1 || count < 2 * TASK {
-            self.space.scan::<VECTORS>(world, 0..count, &mut self.scratch, &mut found);
+        let strips = self.space.strips();
+        if rayon::current_num_threads() == 1 || strips.len() == 1 {
+            for slots in strips {
+                self.space.scan::<VECTORS>(world, slots, &mut self.scratch, &mut found);
+            }
         } else {
             let (space, kernel) = (&self.space, self.kernel);
-            let parts: Vec<(Vec<Due>, Work)> = (0..count.div_ceil(TASK))
+            let parts: Vec<(Vec<Due>, Work)> = strips
                 .into_par_iter()
-                .map_init(Scratch::new, |scratch, task| {
+                .map_init(Scratch::new, |scratch, slots| {
                     let mut found = Vec::new();
                     scratch.work = Work::default();
-                    space.scan_anywhere(
-                        kernel,
-                        world,
-                        task * TASK..((task + 1) * TASK).min(count),
-                        scratch,
-                        &mut found,
-                    );
+                    space.scan_anywhere(kernel, world, slots, scratch, &mut found);
                     (found, scratch.work)
                 })
                 .collect();
@@ -359,7 +352,7 @@ impl<F: Features> Windows<F> {
         for probe in probes {
             let Record { radius, v, .. } = probe.record;
             let extent = self.space.extent(radius);
-            self.space.cells.register::<false>(probe.slot, probe.place, v, 1.0 - probe.from, extent);
+            self.space.cells.register(probe.slot, probe.place, v, 1.0 - probe.from, extent);
         }
         self.scratch.work.entries += entries;
         true

@@ -3,11 +3,14 @@
 use std::{marker::PhantomData, ops::Range};
 
 use super::{
-    cells::Cells,
+    axes::Axes,
+    cells::{Cells, Part},
     due::Due,
     exact,
     filter::{self, Probe, Record, Scratch},
 };
+use rayon::prelude::*;
+
 use crate::{
     batch::Kernel,
     entry::{Entry, Kind, Target},
@@ -17,11 +20,19 @@ use crate::{
 
 /// Slots that the batch phase searches for at a time.
 const BLOCK: usize = 32;
+/// Slots per parallel task.
+pub(super) const TASK: usize = 4096;
+/// Cells of a strip in a plane, about.
+const STRIP: usize = 512;
 
 /// Where everybody is in a window: what searches look at.
 pub(super) struct Space<F> {
     pub cells: Cells,
     pub records: Vec<Record>,
+    /// Least cell that each slot is registered in at the start of the window.
+    pub lowest: Vec<u32>,
+    /// First slots of the rows of cells when the slots were sorted, and the number of slots.
+    pub rows: Vec<u32>,
     /// Anchors in the order of the slots.
     pub anchors: Vec<Particle>,
     /// End of the window [ticks].
@@ -36,6 +47,70 @@ impl<F: Features> Space<F> {
     #[inline(always)]
     pub fn extent(&self, radius: f32) -> f32 {
         if F::UNIFORM { 0.0 } else { radius - self.common_radius }
+    }
+
+    /// Moves everybody on by one window, in parallel if that is worth while.
+    #[inline(always)]
+    pub fn stream(&mut self, kernel: Kernel) {
+        let axes = self.cells.axes;
+        if rayon::current_num_threads() == 1 || self.records.len() < 2 * TASK {
+            stream(&axes, &mut self.records);
+        } else {
+            self.records.par_chunks_mut(TASK).for_each(|records| match kernel {
+                Kernel::Portable => stream(&axes, records),
+                #[cfg(target_arch = "x86_64")]
+                // SAFETY: `Kernel::Avx2` is made by `Kernel::choose` alone, after it has found the features.
+                Kernel::Avx2 => unsafe { stream_avx2(&axes, records) },
+            });
+        }
+    }
+
+    /// Registers everybody along the paths of the window that begins, in parallel if that is worth while.
+    #[inline(always)]
+    pub fn register_all(&mut self, kernel: Kernel) {
+        let Self { cells, records, lowest, rows, common_radius, .. } = self;
+        let (axes, records, common_radius) = (cells.axes, &*records, *common_radius);
+        let parts = cells.parts(rows, lowest);
+        let mut left = Vec::new();
+        if rayon::current_num_threads() == 1 || records.len() < 2 * TASK {
+            for part in parts {
+                fill::<F>(part, &axes, records, common_radius, &mut left);
+            }
+        } else {
+            let lefts: Vec<Vec<(u32, u32)>> = parts
+                .into_par_iter()
+                .map(|part| {
+                    let mut left = Vec::new();
+                    match kernel {
+                        Kernel::Portable => fill::<F>(part, &axes, records, common_radius, &mut left),
+                        #[cfg(target_arch = "x86_64")]
+                        // SAFETY: as above.
+                        Kernel::Avx2 => unsafe {
+                            fill_avx2::<F>(part, &axes, records, common_radius, &mut left);
+                        },
+                    }
+                    left
+                })
+                .collect();
+            left = lefts.concat();
+        }
+        cells.complete(&left);
+    }
+
+    /// Slots in strips that are searched one after the other: some rows of a plane of cells, then those above them in the
+    /// next plane. Cells and records of a strip's surroundings stay in the cache.
+    pub fn strips(&self) -> Vec<Range<usize>> {
+        let [across, deep, high] = [0, 1, 2].map(|axis| self.cells.axes.n[axis] as usize);
+        let thick = (STRIP / across).clamp(1, deep);
+        let mut strips = Vec::with_capacity(high * deep.div_ceil(thick));
+        for row in (0..deep).step_by(thick) {
+            for plane in 0..high {
+                let first = plane * deep;
+                let end = (row + thick).min(deep);
+                strips.push(self.rows[first + row] as usize..self.rows[first + end] as usize);
+            }
+        }
+        strips
     }
 
     /// [`Self::scan`] from a thread that has not been told which instructions there are.
@@ -84,7 +159,8 @@ impl<F: Features> Space<F> {
         scratch: &mut Scratch,
         mut tell: impl FnMut(Due),
     ) {
-        filter::search::<F, HALF, VECTORS>(&self.records, &self.cells, self.common_radius, probes, scratch);
+        let Self { records, cells, lowest, common_radius, .. } = self;
+        filter::search::<F, HALF, VECTORS>(records, cells, lowest, *common_radius, probes, scratch);
         scratch.work.exact += scratch.hits.len() as u64;
         for &(search, slot) in &scratch.hits {
             let probe = &probes[search as usize];
@@ -133,4 +209,47 @@ impl<F: Features> Space<F> {
     fn scan_avx2(&self, world: &World, slots: Range<usize>, scratch: &mut Scratch, found: &mut Vec<Due>) {
         self.scan::<true>(world, slots, scratch, found);
     }
+}
+
+#[inline(always)]
+fn stream(axes: &Axes, records: &mut [Record]) {
+    for record in records {
+        let way = axes.way(record.v, 1.0);
+        for axis in 0..3 {
+            record.x[axis] = record.x[axis].wrapping_add(way[axis]);
+        }
+    }
+}
+
+#[inline(always)]
+fn fill<F: Features>(
+    part: Part<'_>,
+    axes: &Axes,
+    records: &[Record],
+    common_radius: f32,
+    left: &mut Vec<(u32, u32)>,
+) {
+    let path = |slot: u32| {
+        let Record { x, v, radius, .. } = records[slot as usize];
+        (x, v, if F::UNIFORM { 0.0 } else { radius - common_radius })
+    };
+    part.fill(axes, path, left);
+}
+
+#[cfg(target_arch = "x86_64")]
+#[target_feature(enable = "avx2,fma,bmi1,bmi2,lzcnt,popcnt")]
+fn stream_avx2(axes: &Axes, records: &mut [Record]) {
+    stream(axes, records);
+}
+
+#[cfg(target_arch = "x86_64")]
+#[target_feature(enable = "avx2,fma,bmi1,bmi2,lzcnt,popcnt")]
+fn fill_avx2<F: Features>(
+    part: Part<'_>,
+    axes: &Axes,
+    records: &[Record],
+    common_radius: f32,
+    left: &mut Vec<(u32, u32)>,
+) {
+    fill::<F>(part, axes, records, common_radius, left);
 }
