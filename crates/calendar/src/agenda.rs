@@ -1,6 +1,8 @@
 /*!
 A calendar of one window of time: buckets of equal width, filled once, and drained in order.
 
+The window may be cut into *tiles* that are drained one after the other, each in the order of time. Buckets are those of a tile then.
+
 Most events are known when the window opens: they are sorted into buckets by counting, so that they lie in memory in the
 order in which they will be taken, and what comes soon can be [seen](Agenda::soon) beforehand. Events that arrive later wait in lists, one per
 bucket. The bucket in progress is a small sorted run.
@@ -19,6 +21,8 @@ pub struct Agenda<E: Event> {
     begin: i64,
     /// log₂ of a bucket's width in ticks.
     shift: u32,
+    /// Buckets per tile.
+    per_tile: usize,
     /// Events known from the start, by bucket; bucket b ends at `ends[b]`.
     known: Vec<E>,
     ends: Vec<u32>,
@@ -36,6 +40,7 @@ impl<E: Event> Default for Agenda<E> {
         Self {
             begin: 0,
             shift: 0,
+            per_tile: 1,
             known: Vec::new(),
             ends: Vec::new(),
             heads: Vec::new(),
@@ -52,22 +57,40 @@ impl<E: Event> Agenda<E> {
     ///
     /// Events before or after the window are taken in their order too, only less quickly.
     pub fn open(&mut self, begin: i64, end: i64, events: &[E]) {
-        let buckets = (events.len() / TARGET).clamp(1, 1 << 24) as u64;
+        self.fill(begin, end, events, 1, |_| 0);
+    }
+
+    /// [`Self::open`] for a window of so many tiles; `tiles` tells that of each event.
+    ///
+    /// # Panics
+    ///
+    /// If there are not as many tiles told as events, or one of them is not below `count`.
+    pub fn open_in_tiles(&mut self, begin: i64, end: i64, events: &[E], count: usize, tiles: &[u16]) {
+        assert_eq!(events.len(), tiles.len());
+        self.fill(begin, end, events, count, |k| usize::from(tiles[k]));
+    }
+
+    #[inline(always)]
+    fn fill(&mut self, begin: i64, end: i64, events: &[E], tiles: usize, tile: impl Fn(usize) -> usize) {
+        // A tile has its events in a part of the window's time only.
+        let spread = if tiles > 1 { TARGET / 2 } else { TARGET };
+        let buckets = (events.len() / spread / tiles).clamp(1, 1 << 24) as u64;
         let span = end.saturating_sub(begin).max(1) as u64;
         self.begin = begin;
         // The least width of a power of two that covers the window with at most that many buckets.
         self.shift = u64::BITS - (span / buckets).leading_zeros();
-        let buckets = (span >> self.shift) as usize + 1;
+        self.per_tile = (span >> self.shift) as usize + 1;
+        let buckets = self.per_tile * tiles;
         self.ends.clear();
-        self.ends.resize(buckets, 0);
+        self.ends.resize(buckets + 1, 0);
         self.heads.clear();
         self.heads.resize(buckets, NONE);
         self.nodes.clear();
         self.run.clear();
         self.current = -1;
         self.len = events.len();
-        for event in events {
-            let bucket = self.bucket(event.time());
+        for (k, event) in events.iter().enumerate() {
+            let bucket = self.bucket(event.time(), tile(k));
             self.ends[bucket] += 1;
         }
         let mut sum = 0;
@@ -80,25 +103,31 @@ impl<E: Event> Agenda<E> {
             self.known.resize(events.len(), first);
         }
         // From behind: the ends become the beginnings, which are the ends of the buckets before.
-        for event in events.iter().rev() {
-            let bucket = self.bucket(event.time());
+        for (k, event) in events.iter().enumerate().rev() {
+            let bucket = self.bucket(event.time(), tile(k));
             self.ends[bucket] -= 1;
             self.known[self.ends[bucket] as usize] = *event;
         }
-        self.ends.push(sum);
         self.ends.remove(0);
     }
 
     #[inline(always)]
-    fn bucket(&self, time: i64) -> usize {
-        ((time.saturating_sub(self.begin).max(0) as u64 >> self.shift) as usize).min(self.heads.len() - 1)
+    fn bucket(&self, time: i64, tile: usize) -> usize {
+        let within = time.saturating_sub(self.begin).max(0) as u64 >> self.shift;
+        tile * self.per_tile + (within as usize).min(self.per_tile - 1)
     }
 
     /// Adds an event.
     #[inline]
     pub fn push(&mut self, event: E) {
+        self.push_in_tile(event, 0);
+    }
+
+    /// Adds an event of a tile. If the tile has been drained, the event joins those in progress.
+    #[inline(always)]
+    pub fn push_in_tile(&mut self, event: E, tile: usize) {
         self.len += 1;
-        let bucket = self.bucket(event.time());
+        let bucket = self.bucket(event.time(), tile);
         if bucket as i64 > self.current {
             let node = self.nodes.len() as u32;
             self.nodes.push((event, self.heads[bucket]));

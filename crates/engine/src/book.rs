@@ -37,6 +37,14 @@ impl Book {
         }
     }
 
+    /// Books a collision at `time`, its J |r₁₂| and its losses.
+    #[inline(always)]
+    pub fn add_collision(&mut self, time: f64, virial: f64, energy_loss: f64, carnot_energy: f64) {
+        self.counters.collisions += 1;
+        self.virial.add(virial);
+        self.add_losses(time, energy_loss, carnot_energy);
+    }
+
     /// Books losses of one event at `time`.
     #[inline]
     pub fn add_losses(&mut self, time: f64, energy_loss: f64, carnot_energy: f64) {

@@ -6,6 +6,9 @@
 pub mod model;
 pub mod report;
 
+#[cfg(test)]
+extern crate self as haff_engine; // the systems of tests/common are made with the public interface
+
 mod batch;
 mod book;
 mod checkpoint;

@@ -53,22 +53,43 @@ fn anchor(world: &mut World, i: u32, position: DVec3, velocity: DVec3, time: i64
     Err(EngineError::Overflow { time: world.clock.time(time), i, velocity: velocity.to_array() })
 }
 
-/// Two particles collide at `time`.
+/// What a collision of two particles comes to.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Contact {
+    /// The lesser first.
+    pub pair: [u32; 2],
+    /// When [time].
+    pub now: f64,
+    /// Distance of the centers [length].
+    pub distance: f64,
+    /// From the first to the second.
+    pub normal: DVec3,
+    /// Where they touch, not yet wrapped [length].
+    pub place: DVec3,
+    pub impact: Impact,
+    /// Velocities before.
+    velocities: [DVec3; 2],
+    inverse_masses: [f64; 2],
+}
+
+impl Contact {
+    /// Its row in the event log.
+    pub fn row(&self, world: &World) -> EventRecord {
+        let Self { pair, now, normal, place, impact, .. } = self;
+        row(*now, EventKind::Collision, *pair, impact, *normal, world.wrap(*place).0)
+    }
+}
+
+/// Two particles collide at `time`, as far as they themselves are concerned: their anchors are set.
 #[inline(always)]
-pub(crate) fn collision<F: Features, const EVENTS: bool>(
-    state: &mut State,
+pub(crate) fn collide<F: Features>(
+    world: &mut World,
     i: u32,
     j: u32,
     time: i64,
-    observer: &mut dyn Observer,
-) -> Result<(), EngineError> {
+) -> Result<Contact, EngineError> {
     // The lesser first, so that the bits do not depend on who predicted whom.
     let (i, j) = (i.min(j), i.max(j));
-    if F::GRAVITY {
-        end_early::<EVENTS>(state, i, time, observer);
-        end_early::<EVENTS>(state, j, time, observer);
-    }
-    let world = &mut state.world;
     let (ri, wi) = world.flight::<F>(i, time);
     let (rj, wj) = world.flight::<F>(j, time);
     let r = world.nearest_image(rj - ri);
@@ -86,29 +107,52 @@ pub(crate) fn collision<F: Features, const EVENTS: bool>(
     if b.inverse_mass != 0.0 {
         anchor(world, j, rj, uj, time)?;
     }
-    if F::GRAVITY {
-        keep_support(world, i, time);
-        keep_support(world, j, time);
-    }
+    Ok(Contact {
+        pair: [i, j],
+        now: world.clock.time(time),
+        distance,
+        normal: n,
+        place: ri + n * a.radius,
+        impact,
+        velocities: [wi, wj],
+        inverse_masses: [a.inverse_mass, b.inverse_mass],
+    })
+}
 
-    let now = world.clock.time(time);
+/// Two particles collide at `time`, and it is booked.
+#[inline(always)]
+pub(crate) fn collision<F: Features, const EVENTS: bool>(
+    state: &mut State,
+    i: u32,
+    j: u32,
+    time: i64,
+    observer: &mut dyn Observer,
+) -> Result<(), EngineError> {
+    if F::GRAVITY {
+        end_early::<EVENTS>(state, i.min(j), time, observer);
+        end_early::<EVENTS>(state, i.max(j), time, observer);
+    }
+    let contact = collide::<F>(&mut state.world, i, j, time)?;
+    if F::GRAVITY {
+        let [i, j] = contact.pair;
+        keep_support(&mut state.world, i, time);
+        keep_support(&mut state.world, j, time);
+    }
+    let Contact { now, distance, normal, impact, velocities: [wi, wj], inverse_masses, .. } = contact;
     let book = &mut state.book;
-    book.counters.collisions += 1;
-    book.virial.add(impact.impulse * distance);
-    book.add_losses(now, impact.energy_loss, impact.carnot_energy);
+    book.add_collision(now, impact.impulse * distance, impact.energy_loss, impact.carnot_energy);
     if !F::UNIFORM {
         // The impulse on i is −J n, on j +J n.
-        if a.inverse_mass == 0.0 {
-            book.add_impulse(n * impact.impulse);
-            book.add_work(now, work_of_moving_body(impact.impulse, -n, wi));
-        } else if b.inverse_mass == 0.0 {
-            book.add_impulse(n * -impact.impulse);
-            book.add_work(now, work_of_moving_body(impact.impulse, n, wj));
+        if inverse_masses[0] == 0.0 {
+            book.add_impulse(normal * impact.impulse);
+            book.add_work(now, work_of_moving_body(impact.impulse, -normal, wi));
+        } else if inverse_masses[1] == 0.0 {
+            book.add_impulse(normal * -impact.impulse);
+            book.add_work(now, work_of_moving_body(impact.impulse, normal, wj));
         }
     }
     if EVENTS {
-        let position = world.wrap(ri + n * a.radius).0;
-        observer.event(&row(now, EventKind::Collision, [i, j], &impact, n, position));
+        observer.event(&contact.row(&state.world));
     }
     Ok(())
 }

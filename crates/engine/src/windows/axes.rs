@@ -70,6 +70,11 @@ impl Axes {
         axes
     }
 
+    /// Whether an axis is periodic.
+    pub fn is_periodic(&self, axis: usize) -> bool {
+        self.flip[axis] != 0
+    }
+
     /// The coordinate of a position along an axis [length].
     #[inline(always)]
     pub fn coordinate(&self, axis: usize, position: f64) -> i32 {

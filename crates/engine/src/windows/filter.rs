@@ -11,6 +11,9 @@ b² ≥ c v²                        there are roots
 −b ≥ θ₀v² or  f(θ₀) ≤ 0          the second is not before the beginning
 ```
 
+Whoever has taken its path after θ₀ passes, too: the pair may have touched before, which is to be looked into where events are
+not taken in the order of time.
+
 σ is widened by a [`margin`] for all that single precision rounds. No pair is rejected by the sign of r·v alone: whether a
 touching pair approaches is for the exact prediction to say.
 */
@@ -48,8 +51,12 @@ pub(super) struct Record {
     pub radius: f32,
     /// Displacement within the window [length].
     pub v: [f32; 3],
-    pub id: u32,
+    /// When its path of now began, as a part of the window; [`BEFORE`] if that was before it.
+    pub since: f32,
 }
+
+/// Start of paths that are older than the window.
+pub(super) const BEFORE: f32 = -1.0;
 
 /// A particle whose partners are looked for.
 #[derive(Debug, Clone, Copy, Default)]
@@ -169,18 +176,18 @@ fn passes<F: Features>(other: &Record, unit: [f32; 3], probe: &Probe) -> bool {
     let second = (probe.from * vv + b).min(begin);
     // Overflow makes a NaN: not greater than zero, so it passes.
     let worst = (c * vv - b * b).max(first).max(second);
-    !(worst > 0.0)
+    !(worst > 0.0) || other.since >= probe.from
 }
 
 #[cfg(target_arch = "x86_64")]
 mod avx2 {
     use std::arch::x86_64::{
-        __m256, _CMP_NGT_UQ, _mm256_add_ps, _mm256_andnot_ps, _mm256_castps_si256, _mm256_castsi256_ps,
-        _mm256_cmp_ps, _mm256_cmpeq_epi32, _mm256_cvtepi32_ps, _mm256_fmadd_ps, _mm256_fmsub_ps,
-        _mm256_fnmadd_ps, _mm256_load_ps, _mm256_loadu_si256, _mm256_max_ps, _mm256_min_ps,
-        _mm256_movemask_ps, _mm256_mul_ps, _mm256_permute2f128_ps, _mm256_set1_epi32, _mm256_set1_ps,
-        _mm256_setzero_ps, _mm256_shuffle_ps, _mm256_sub_epi32, _mm256_sub_ps, _mm256_unpackhi_ps,
-        _mm256_unpacklo_ps,
+        __m256, _CMP_GE_OQ, _CMP_NGT_UQ, _mm256_add_ps, _mm256_andnot_ps, _mm256_castps_si256,
+        _mm256_castsi256_ps, _mm256_cmp_ps, _mm256_cmpeq_epi32, _mm256_cvtepi32_ps, _mm256_fmadd_ps,
+        _mm256_fmsub_ps, _mm256_fnmadd_ps, _mm256_load_ps, _mm256_loadu_si256, _mm256_max_ps, _mm256_min_ps,
+        _mm256_movemask_ps, _mm256_mul_ps, _mm256_or_ps, _mm256_permute2f128_ps, _mm256_set1_epi32,
+        _mm256_set1_ps, _mm256_setzero_ps, _mm256_shuffle_ps, _mm256_sub_epi32, _mm256_sub_ps,
+        _mm256_unpackhi_ps, _mm256_unpacklo_ps,
     };
 
     use super::{Features, LANES, Probe, Record, Scratch};
@@ -270,7 +277,9 @@ mod avx2 {
         let second = _mm256_min_ps(_mm256_fmadd_ps(from, vv, b), begin);
         let none = _mm256_fmsub_ps(c, vv, _mm256_mul_ps(b, b));
         let worst = _mm256_max_ps(_mm256_max_ps(first, second), none);
-        let pass = _mm256_cmp_ps::<_CMP_NGT_UQ>(worst, zero);
+        let since = _mm256_shuffle_ps::<0xee>(s2, s3);
+        let later = _mm256_cmp_ps::<_CMP_GE_OQ>(since, from);
+        let pass = _mm256_or_ps(_mm256_cmp_ps::<_CMP_NGT_UQ>(worst, zero), later);
         // SAFETY: `slots` are eight.
         let slots = unsafe { _mm256_loadu_si256(slots.as_ptr().cast()) };
         let me = _mm256_castsi256_ps(_mm256_cmpeq_epi32(slots, _mm256_set1_epi32(probe.slot as i32)));
@@ -357,7 +366,7 @@ mod tests {
                 x: [0, 1, 2].map(|axis| cells.axes.coordinate(axis, x[axis])),
                 radius: radius as f32 * margin,
                 v: v.to_array().map(|v| v as f32),
-                id: 0,
+                since: BEFORE,
             };
             let own = record(place, v, share * self.sigma);
             let other = record(place + self.r, v + self.v, (1.0 - share) * self.sigma);
@@ -443,7 +452,7 @@ mod tests {
     #[test]
     fn a_particle_does_not_find_itself() {
         let cells = cells();
-        let record = Record { x: [1, 2, 3], radius: 0.5, v: [1.0, 0.0, 0.0], id: 7 };
+        let record = Record { x: [1, 2, 3], radius: 0.5, v: [1.0, 0.0, 0.0], since: 0.5 };
         let probe = Probe { slot: 1, record, place: record.x, from: 0.0 };
         for lane in 0..LANES {
             let found = passes_vectors::<With<false, true>>(&record, cells.axes.unit, &probe, lane);

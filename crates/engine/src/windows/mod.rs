@@ -16,9 +16,12 @@ mod cells;
 mod due;
 mod exact;
 mod filter;
+mod history;
 #[cfg(test)]
 mod random;
 mod space;
+mod tiled;
+mod tiles;
 mod tune;
 
 use std::marker::PhantomData;
@@ -41,8 +44,10 @@ use crate::{
 };
 use cells::Cells;
 use due::Due;
-use filter::{FARTHEST, NEAR, Probe, Record, Scratch, margin};
-use space::{Space, TASK};
+use filter::{BEFORE, FARTHEST, NEAR, Probe, Record, Scratch, margin};
+use history::History;
+use space::{Found, Space, TASK};
+use tiles::Tiles;
 use tune::{Tuner, Work};
 
 /// Windows after which the streamed copies are made from the anchors again, at most and at least.
@@ -66,6 +71,12 @@ const SIZE_RATIO: f64 = 20.0;
 /// Longest window [ticks].
 const LONGEST: f64 = (1_u64 << 59) as f64;
 
+/// Who is on a new path after an event.
+enum Renewed {
+    Pair([u32; 2]),
+    One(u32),
+}
+
 /// The engine for one set of features.
 pub(crate) struct Windows<F> {
     kernel: Kernel,
@@ -77,7 +88,13 @@ pub(crate) struct Windows<F> {
     slot_of: Vec<u32>,
     agenda: Agenda<Due>,
     /// Contacts found by the batch phase.
-    found: Vec<Due>,
+    found: Found,
+    /// What has happened in the window, if its events are taken tile by tile.
+    history: History,
+    /// Whether the system allows that, and for how many windows it shall not be tried.
+    tileable: bool,
+    untiled: u32,
+    penalty: u32,
     /// When the window began [ticks], and its length [time].
     begin: i64,
     step: f64,
@@ -153,14 +170,20 @@ impl<F: Features> Windows<F> {
                 records: Vec::new(),
                 lowest: Vec::new(),
                 rows: Vec::new(),
+                ids: Vec::new(),
                 anchors: Vec::new(),
                 end: 0,
+                tiles: Tiles::none(),
                 common_radius: 0.0,
                 features: PhantomData,
             },
             slot_of: vec![0; count],
             agenda: Agenda::default(),
-            found: Vec::new(),
+            found: Found::default(),
+            history: History::default(),
+            tileable: tiled::is_tileable(system),
+            untiled: 0,
+            penalty: 1,
             begin: 0,
             step: 0.0,
             spacing: libm::pow(volume / count.max(1) as f64, 1.0 / f64::from(dimension)),
@@ -229,7 +252,7 @@ impl<F: Features> Windows<F> {
     /// Fills the slots, in the order of their cells, from the anchors.
     fn fill(&mut self, world: &World, margin: f32) {
         let count = world.particles.len();
-        let Space { cells, records, lowest, rows, anchors, .. } = &mut self.space;
+        let Space { cells, records, lowest, rows, ids, anchors, .. } = &mut self.space;
         let (axes, step) = (cells.axes, self.step);
         let record = |i: u32| {
             let (position, velocity) = world.flight::<F>(i, world.now);
@@ -238,7 +261,7 @@ impl<F: Features> Windows<F> {
                 x: [0, 1, 2].map(|axis| axes.coordinate(axis, p[axis])),
                 radius: world.class(i).radius as f32 * margin,
                 v: velocity.to_array().map(|v| (v * step) as f32),
-                id: i,
+                since: BEFORE,
             }
         };
         // First the cell of every particle, then its slot.
@@ -250,12 +273,12 @@ impl<F: Features> Windows<F> {
         for cell in 1..place.len() {
             place[cell] += place[cell - 1];
         }
-        let mut order = vec![0_u32; count];
+        ids.resize(count, 0);
         for (i, slot) in self.slot_of.iter_mut().enumerate() {
             let place = &mut place[*slot as usize];
             *slot = *place;
             *place += 1;
-            order[*slot as usize] = i as u32;
+            ids[*slot as usize] = i as u32;
         }
         // By now the place of a cell is where the next begins.
         let across = cells.axes.n[0] as usize;
@@ -268,15 +291,14 @@ impl<F: Features> Windows<F> {
             records.resize(count, Record::default());
             anchors.resize(count, world.particles[0]);
         }
-        records.par_iter_mut().zip(anchors).zip(&order).for_each(|((slot, anchor), &i)| {
+        records.par_iter_mut().zip(anchors).zip(&*ids).for_each(|((slot, anchor), &i)| {
             *slot = record(i);
             *anchor = world.particles[i as usize];
         });
     }
 
     /// Starts the next window.
-    #[inline(always)]
-    fn next_window<const VECTORS: bool>(&mut self, state: &mut State) {
+    fn next_window(&mut self, state: &mut State, limit: &Limit) {
         state.world.now = self.space.end;
         self.opened += 1;
         if self.opened >= self.last_window {
@@ -290,7 +312,18 @@ impl<F: Features> Windows<F> {
             self.space.end += ticks;
             self.space.stream(self.kernel);
         }
-        self.look_ahead::<VECTORS>(&state.world);
+        self.space.tiles = self.choose_tiles(state, limit);
+        self.open(&state.world);
+    }
+
+    /// Opens the window.
+    fn open(&mut self, world: &World) {
+        match self.kernel {
+            Kernel::Portable => self.look_ahead::<false>(world),
+            #[cfg(target_arch = "x86_64")]
+            // SAFETY: `Kernel::Avx2` is made by `Kernel::choose` alone, after it has found the features.
+            Kernel::Avx2 => unsafe { self.look_ahead_avx2(world) },
+        }
     }
 
     /// The batch phase: all contacts of the window, as things stand.
@@ -300,29 +333,34 @@ impl<F: Features> Windows<F> {
         let mut found = std::mem::take(&mut self.found);
         found.clear();
         let strips = self.space.strips();
-        if rayon::current_num_threads() == 1 || strips.len() == 1 {
+        if rayon::current_num_threads() == 1 || self.space.records.len() < 2 * TASK {
             for slots in strips {
                 self.space.scan::<VECTORS>(world, slots, &mut self.scratch, &mut found);
             }
         } else {
             let (space, kernel) = (&self.space, self.kernel);
-            let parts: Vec<(Vec<Due>, Work)> = strips
+            let parts: Vec<(Found, Work)> = strips
                 .into_par_iter()
                 .map_init(Scratch::new, |scratch, slots| {
-                    let mut found = Vec::new();
+                    let mut found = Found::default();
                     scratch.work = Work::default();
                     space.scan_anywhere(kernel, world, slots, scratch, &mut found);
                     (found, scratch.work)
                 })
                 .collect();
             for (part, work) in parts {
-                found.extend(part);
+                found.append(part);
                 self.scratch.work.add(&work);
             }
         }
         self.scratch.work.windows += 1;
-        self.scratch.work.entries += found.len() as u64;
-        self.agenda.open(self.begin, self.space.end, &found);
+        self.scratch.work.entries += found.entries.len() as u64;
+        match self.space.tiles.count() {
+            1 => self.agenda.open(self.begin, self.space.end, &found.entries),
+            tiles => {
+                self.agenda.open_in_tiles(self.begin, self.space.end, &found.entries, tiles, &found.tiles);
+            }
+        }
         self.found = found;
     }
 
@@ -333,29 +371,40 @@ impl<F: Features> Windows<F> {
         for (probe, body) in probes.iter_mut().zip(bodies) {
             *probe = self.update(world, body);
         }
-        #[expect(clippy::neg_cmp_op_on_partial_ord, reason = "not a number is too fast, too")]
-        let too_fast = probes.iter().any(|probe| {
-            let v = probe.record.v;
-            !(v[0] * v[0] + v[1] * v[1] + v[2] * v[2] <= self.farthest * self.farthest)
-        });
+        let too_fast = probes.iter().any(|probe| self.is_too_fast(probe));
         if too_fast {
             return false;
         }
         let agenda = &mut self.agenda;
         let mut entries = 0;
-        self.space.predict::<false, VECTORS>(world, &probes, &mut self.scratch, |entry| {
+        let push = |entry, _: &Probe, _| {
             entries += 1;
             agenda.push(entry);
-        });
+        };
+        self.space.predict::<false, VECTORS>(world, &probes, &mut self.scratch, push, |_, _| ());
         // Now that nobody is looking: a search that reads what has just been written in parts has to wait for it. Where the
         // particles are now they are registered already, since their old paths have brought them there.
-        for probe in probes {
-            let Record { radius, v, .. } = probe.record;
-            let extent = self.space.extent(radius);
-            self.space.cells.register(probe.slot, probe.place, v, 1.0 - probe.from, extent);
+        for probe in &probes {
+            self.register(probe);
         }
         self.scratch.work.entries += entries;
         true
+    }
+
+    /// Registers a particle along its new path.
+    #[inline(always)]
+    fn register(&mut self, probe: &Probe) {
+        let Record { radius, v, .. } = probe.record;
+        let extent = self.space.extent(radius);
+        self.space.cells.register(probe.slot, probe.place, v, 1.0 - probe.from, extent);
+    }
+
+    /// Whether a particle is too fast for the window.
+    #[inline(always)]
+    #[expect(clippy::neg_cmp_op_on_partial_ord, reason = "not a number is too fast, too")]
+    fn is_too_fast(&self, probe: &Probe) -> bool {
+        let v = probe.record.v;
+        !(v[0] * v[0] + v[1] * v[1] + v[2] * v[2] <= self.farthest * self.farthest)
     }
 
     /// Copies the new flight of particle i into its slot; how it is looked from now.
@@ -376,7 +425,7 @@ impl<F: Features> Windows<F> {
         for axis in 0..3 {
             record.x[axis] = place[axis].wrapping_sub(back[axis]);
         }
-        record.v = v;
+        (record.v, record.since) = (v, from);
         let record = *record;
         Probe { slot, record, place, from }
     }
@@ -448,7 +497,10 @@ impl<F: Features> Windows<F> {
                 }
                 // Windows take time, too: the caller wants to look after signals.
                 limit.entries = limit.entries.saturating_sub(1 + self.space.records.len() as u64 / 16);
-                self.next_window::<VECTORS>(state);
+                self.next_window(state, limit);
+                if self.space.tiles.count() > 1 {
+                    self.take_tiles(state, limit, observer);
+                }
                 continue;
             };
             if prefetches {
@@ -469,7 +521,7 @@ impl<F: Features> Windows<F> {
             limit.entries -= 1;
             world.now = world.now.max(entry.time);
             self.stall.watch(world, &entry)?;
-            let in_time = match entry.target.kind() {
+            let renewed = match entry.target.kind() {
                 Kind::Collision(j) => {
                     resolve::collision::<F, EVENTS>(state, i, j, entry.time, observer)?;
                     state.world.wrap_anchor(i);
@@ -478,21 +530,26 @@ impl<F: Features> Windows<F> {
                     // A body of infinite mass has not changed: what stands in the agenda for it holds.
                     let movable = |body: u32| F::UNIFORM || world.class(body).inverse_mass != 0.0;
                     match (movable(i), movable(j)) {
-                        (true, true) => self.renew::<2, VECTORS>(world, [i.min(j), i.max(j)]),
-                        (true, false) => self.renew::<1, VECTORS>(world, [i]),
-                        (false, _) => self.renew::<1, VECTORS>(world, [j]),
+                        (true, true) => Renewed::Pair([i.min(j), i.max(j)]),
+                        (true, false) => Renewed::One(i),
+                        (false, _) => Renewed::One(j),
                     }
                 }
                 Kind::Wall(wall) => {
                     resolve::wall::<F, EVENTS>(state, i, wall, entry.time, observer)?;
                     state.world.wrap_anchor(i);
-                    self.renew::<1, VECTORS>(&state.world, [i])
+                    Renewed::One(i)
                 }
-                Kind::Rest | Kind::Transfer(_) | Kind::Renewal => true,
+                // There are none of these.
+                Kind::Rest | Kind::Transfer(_) | Kind::Renewal => continue,
+            };
+            let in_time = match renewed {
+                Renewed::Pair(pair) => self.renew::<2, VECTORS>(&state.world, pair),
+                Renewed::One(body) => self.renew::<1, VECTORS>(&state.world, [body]),
             };
             if !in_time {
                 self.start_afresh(&state.world);
-                self.look_ahead::<VECTORS>(&state.world);
+                self.open(&state.world);
             }
         }
     }
@@ -503,12 +560,7 @@ impl<F: Features> Engine for Windows<F> {
         let before = self.scratch.work;
         self.stall = Stall::default();
         self.start_afresh(&state.world);
-        match self.kernel {
-            Kernel::Portable => self.look_ahead::<false>(&state.world),
-            #[cfg(target_arch = "x86_64")]
-            // SAFETY: `Kernel::Avx2` is made by `Kernel::choose` alone, after it has found the features.
-            Kernel::Avx2 => unsafe { self.look_ahead_avx2(&state.world) },
-        }
+        self.open(&state.world);
         self.count(state, &before);
     }
 

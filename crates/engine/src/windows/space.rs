@@ -7,7 +7,9 @@ use super::{
     cells::{Cells, Part},
     due::Due,
     exact,
-    filter::{self, Probe, Record, Scratch},
+    filter::{self, BEFORE, Probe, Record, Scratch},
+    history::is_ahead,
+    tiles::Tiles,
 };
 use rayon::prelude::*;
 
@@ -25,6 +27,31 @@ pub(super) const TASK: usize = 4096;
 /// Cells of a strip in a plane, about.
 const STRIP: usize = 512;
 
+/// Contacts, and the tile of each.
+#[derive(Debug, Default)]
+pub(super) struct Found {
+    pub entries: Vec<Due>,
+    pub tiles: Vec<u16>,
+}
+
+impl Found {
+    #[inline(always)]
+    fn push(&mut self, entry: Due, tile: u16) {
+        self.entries.push(entry);
+        self.tiles.push(tile);
+    }
+
+    pub fn clear(&mut self) {
+        self.entries.clear();
+        self.tiles.clear();
+    }
+
+    pub fn append(&mut self, mut other: Self) {
+        self.entries.append(&mut other.entries);
+        self.tiles.append(&mut other.tiles);
+    }
+}
+
 /// Where everybody is in a window: what searches look at.
 pub(super) struct Space<F> {
     pub cells: Cells,
@@ -33,10 +60,13 @@ pub(super) struct Space<F> {
     pub lowest: Vec<u32>,
     /// First slots of the rows of cells when the slots were sorted, and the number of slots.
     pub rows: Vec<u32>,
-    /// Anchors in the order of the slots.
+    /// Particles in the order of the slots, and their anchors.
+    pub ids: Vec<u32>,
     pub anchors: Vec<Particle>,
     /// End of the window [ticks].
     pub end: i64,
+    /// How its events are told apart.
+    pub tiles: Tiles,
     /// Least radius, widened [length]: what searches look for around their paths, besides their own radius.
     pub common_radius: f32,
     pub features: PhantomData<F>,
@@ -120,7 +150,7 @@ impl<F: Features> Space<F> {
         world: &World,
         slots: Range<usize>,
         scratch: &mut Scratch,
-        found: &mut Vec<Due>,
+        found: &mut Found,
     ) {
         match kernel {
             Kernel::Portable => self.scan::<false>(world, slots, scratch, found),
@@ -137,7 +167,7 @@ impl<F: Features> Space<F> {
         world: &World,
         slots: Range<usize>,
         scratch: &mut Scratch,
-        found: &mut Vec<Due>,
+        found: &mut Found,
     ) {
         let mut probes = Vec::with_capacity(BLOCK);
         for from in slots.clone().step_by(BLOCK) {
@@ -146,45 +176,61 @@ impl<F: Features> Space<F> {
                 let record = self.records[slot];
                 probes.push(Probe { slot: slot as u32, record, place: record.x, from: 0.0 });
             }
-            self.predict::<true, VECTORS>(world, &probes, scratch, |entry| found.push(entry));
+            let tell = |entry: Due, probe: &Probe, _| found.push(entry, self.tile(probe, entry.0.time));
+            self.predict::<true, VECTORS>(world, &probes, scratch, tell, |_, _| ());
         }
     }
 
-    /// Tells all contacts of the probes up to the window's end.
+    /// Tells all contacts of the probes up to the window's end, each with its probe and the slot of the other, or its own for a wall; and to
+    /// `ahead` the probes and the slots of those whose paths began no earlier than the search.
     #[inline(always)]
     pub fn predict<const HALF: bool, const VECTORS: bool>(
         &self,
         world: &World,
         probes: &[Probe],
         scratch: &mut Scratch,
-        mut tell: impl FnMut(Due),
+        mut tell: impl FnMut(Due, &Probe, u32),
+        mut ahead: impl FnMut(&Probe, u32),
     ) {
         let Self { records, cells, lowest, common_radius, .. } = self;
         filter::search::<F, HALF, VECTORS>(records, cells, lowest, *common_radius, probes, scratch);
         scratch.work.exact += scratch.hits.len() as u64;
         for &(search, slot) in &scratch.hits {
             let probe = &probes[search as usize];
+            if is_ahead(&self.records[slot as usize], probe.from) {
+                ahead(probe, slot);
+            }
             let (a, b) = (&self.anchors[probe.slot as usize], &self.anchors[slot as usize]);
             let Some(time) = exact::contact::<F>(world, a, b) else { continue };
             if time <= self.end {
-                tell(Due(Entry {
+                let entry = Entry {
                     time,
-                    owner: probe.record.id,
-                    target: Target::new(Kind::Collision(self.records[slot as usize].id)),
+                    owner: self.ids[probe.slot as usize],
+                    target: Target::new(Kind::Collision(self.ids[slot as usize])),
                     own_count: a.count,
                     partner_count: b.count,
-                }));
+                };
+                tell(Due(entry), probe, slot);
             }
         }
         if !world.walls.is_empty() {
             for probe in probes {
-                self.predict_walls(world, probe, &mut tell);
+                self.predict_walls(world, probe, |entry| tell(entry, probe, probe.slot));
             }
         }
     }
 
+    /// The tile of an event of the probe.
+    #[inline(always)]
+    pub fn tile(&self, probe: &Probe, time: i64) -> u16 {
+        if self.tiles.count() == 1 {
+            return 0;
+        }
+        self.tiles.of(&self.cells.axes, probe.record.x, probe.record.v, time)
+    }
+
     /// Tells the contacts of a probe with walls.
-    fn predict_walls(&self, world: &World, probe: &Probe, tell: &mut impl FnMut(Due)) {
+    fn predict_walls(&self, world: &World, probe: &Probe, mut tell: impl FnMut(Due)) {
         let anchor = &self.anchors[probe.slot as usize];
         let class = &world.classes[anchor.class()];
         if class.inverse_mass == 0.0 {
@@ -195,7 +241,7 @@ impl<F: Features> Space<F> {
             if time <= self.end {
                 tell(Due(Entry {
                     time,
-                    owner: probe.record.id,
+                    owner: self.ids[probe.slot as usize],
                     target: Target::new(Kind::Wall(wall)),
                     own_count: anchor.count,
                     partner_count: 0,
@@ -206,7 +252,7 @@ impl<F: Features> Space<F> {
 
     #[cfg(target_arch = "x86_64")]
     #[target_feature(enable = "avx2,fma,bmi1,bmi2,lzcnt,popcnt")]
-    fn scan_avx2(&self, world: &World, slots: Range<usize>, scratch: &mut Scratch, found: &mut Vec<Due>) {
+    fn scan_avx2(&self, world: &World, slots: Range<usize>, scratch: &mut Scratch, found: &mut Found) {
         self.scan::<true>(world, slots, scratch, found);
     }
 }
@@ -218,6 +264,7 @@ fn stream(axes: &Axes, records: &mut [Record]) {
         for axis in 0..3 {
             record.x[axis] = record.x[axis].wrapping_add(way[axis]);
         }
+        record.since = BEFORE;
     }
 }
 
