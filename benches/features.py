@@ -42,7 +42,7 @@ DISKS_PHI = {0.1: 0.1, 0.49: 0.72}
 EDGE = 16
 PARTICLES = 4_000
 # Melting, and what is counted.
-MELT, COUNTED = 40_000, 200_000
+MELT, COUNTED = 40_000, 100_000
 # Collisions of a run whose wall time is taken.
 WALL_COLLISIONS = 2_000_000
 PARTS = ["absent", "prices", "run"]
@@ -281,7 +281,7 @@ def run_and_bench(haff: Path, repeats: int, folder: Path) -> list[str]:
     lines = ["| " + " | ".join(head) + " |", "|---" * len(head) + "|"]
     for n in [4_000, 32_000]:
         for phi in PHI:
-            melt = 10 * n
+            melt = 2 * n
             file = folder / "scene.toml"
             printed = call([str(haff), "bench", "--scene", "fluid", "--n", str(n), "--phi", str(phi), "--print-scene"])
             file.write_text(printed)
