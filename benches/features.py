@@ -41,8 +41,8 @@ DISKS_PHI = {0.1: 0.1, 0.49: 0.72}
 # N of the engine alone is an edge cubed; that of scenes fills an fcc lattice.
 EDGE = 16
 PARTICLES = 4_000
-# Melting, and what is counted.
-MELT, COUNTED = 40_000, 100_000
+# Collisions of the melting, and of what is counted, if nothing is asked for.
+MELT, COUNTED = 20_000, 100_000
 # Collisions of a run whose wall time is taken.
 WALL_COLLISIONS = 2_000_000
 PARTS = ["absent", "prices", "run"]
@@ -91,7 +91,8 @@ def engine(copy: Path, patch: Path | None, folder: Path) -> Path:
     """The engine's example `throughput`, built without what the patch leaves out."""
     if patch:
         call(["git", "apply", str(patch)], cwd=copy)
-    target = Path(os.environ.get("CARGO_TARGET_DIR", ROOT / "target")) / "features"
+    # Of this run alone: cargo would take what another run has left out for the same sources.
+    target = folder / "target"
     build = ["cargo", "build", "--release", "--quiet", "-p", "haff-engine", "--example", "throughput"]
     call([*build, "--target-dir", str(target)], cwd=copy)
     built = folder / (patch.stem if patch else "as_it_is")
@@ -101,7 +102,7 @@ def engine(copy: Path, patch: Path | None, folder: Path) -> Path:
     return built
 
 
-def absent(only: list[str], folder: Path) -> list[str]:
+def absent(only: list[str], counted: int, folder: Path) -> list[str]:
     """Table of the plain scene with and without what it does not use."""
     copy = source_copy(folder)
     patches = sorted(PATCHES.glob("without_*.patch"))
@@ -114,12 +115,12 @@ def absent(only: list[str], folder: Path) -> list[str]:
         found[name], hashes[name] = [], []
         for phi in PHI:
             totals = []
-            for collisions in [0, COUNTED]:
+            for collisions in [0, counted]:
                 # Collisions a particle that are not counted, before those that are.
                 words = [str(EDGE), str(phi), str(1 + collisions), "auto", "spheres", str(MELT // EDGE**3)]
                 threads, text = count([str(built), *words], folder)
                 totals.append(sum(threads))
-            found[name].append((totals[1] - totals[0]) / COUNTED)
+            found[name].append((totals[1] - totals[0]) / counted)
             hashes[name].append(text.split()[-1])
         show = "  ".join(f"{value:8.1f}" for value in found[name])
         print(f"without {name:12} {show}", file=sys.stderr, flush=True)
@@ -233,25 +234,27 @@ def bench_command(haff: Path, file: Path, collisions: int) -> list[str]:
     return [str(haff), "bench", "--scene", str(file), "--json", "--quiet", "--threads", "1", *length]
 
 
-def price(haff: Path, feature: Feature, phi: float, mean_free_time: float, folder: Path) -> dict[str, object]:
+def price(
+    haff: Path, feature: Feature, phi: float, mean_free_time: float, counted: int, folder: Path
+) -> dict[str, object]:
     """Instructions a collision of `haff run` with a feature: of the thread of events, and of the others."""
     file = folder / "scene.toml"
     file.write_text(scene(feature, phi, mean_free_time))
     counts, reports = [], []
-    for collisions in [MELT, MELT + COUNTED]:
+    for collisions in [MELT, MELT + counted]:
         command = run_command(haff, file, collisions)
         if feature.output is not None:
             command += ["-o", str(folder / "out.h5"), "--overwrite"]
         threads, text = count(command, folder)
         counts.append((threads[0], sum(threads[1:])))
         reports.append(json.loads(text.strip().splitlines()[-1]))
-    main, others = ((counts[1][k] - counts[0][k]) / COUNTED for k in range(2))
+    main, others = ((counts[1][k] - counts[0][k]) / counted for k in range(2))
     span = reports[1]["simulated_time"] - reports[0]["simulated_time"]
-    mean_free_time = span * PARTICLES / (2 * COUNTED)
+    mean_free_time = span * PARTICLES / (2 * counted)
     return {"main": main, "others": others, "neighbors": reports[1]["neighbors"], "mean_free_time": mean_free_time}
 
 
-def prices(haff: Path, only: list[str], folder: Path) -> list[str]:
+def prices(haff: Path, only: list[str], counted: int, folder: Path) -> list[str]:
     """Table of what features cost that are asked for."""
     lines = ["| scene |" + "".join(f" φ = {phi}: search | instructions | of other threads | factor |" for phi in PHI)]
     lines.append("|---|" + "---|---|---|---|" * len(PHI))
@@ -262,7 +265,7 @@ def prices(haff: Path, only: list[str], folder: Path) -> list[str]:
         cells = []
         for phi in PHI:
             mean_free_time = plain[phi]["mean_free_time"] if plain.get(phi) else 1.0
-            found = price(haff, feature, phi, mean_free_time, folder)
+            found = price(haff, feature, phi, mean_free_time, counted, folder)
             plain.setdefault(phi, found)
             total = found["main"] + found["others"]
             factor = total / (plain[phi]["main"] + plain[phi]["others"])
@@ -275,7 +278,7 @@ def prices(haff: Path, only: list[str], folder: Path) -> list[str]:
 # `haff run` and `haff bench`
 
 
-def run_and_bench(haff: Path, repeats: int, folder: Path) -> list[str]:
+def run_and_bench(haff: Path, repeats: int, counted: int, folder: Path) -> list[str]:
     """Table of one scene through both commands."""
     head = ["N", "φ", "run, instructions", "bench", "ratio", "run, wall s", "bench", "ratio"]
     lines = ["| " + " | ".join(head) + " |", "|---" * len(head) + "|"]
@@ -285,14 +288,14 @@ def run_and_bench(haff: Path, repeats: int, folder: Path) -> list[str]:
             file = folder / "scene.toml"
             printed = call([str(haff), "bench", "--scene", "fluid", "--n", str(n), "--phi", str(phi), "--print-scene"])
             file.write_text(printed)
-            counted = []
+            instructions = []
             hashes = set()
             for command in [run_command, bench_command]:
                 totals = []
-                for total in [melt, melt + COUNTED]:
+                for total in [melt, melt + counted]:
                     threads, text = count(command(haff, file, total), folder)
                     totals.append(sum(threads))
-                counted.append((totals[1] - totals[0]) / COUNTED)
+                instructions.append((totals[1] - totals[0]) / counted)
                 hashes.add(json.loads(text.strip().splitlines()[-1])["state_hash"])
             if len(hashes) != 1:
                 raise SystemExit(f"N = {n}, φ = {phi}: run and bench end in different states")
@@ -302,8 +305,9 @@ def run_and_bench(haff: Path, repeats: int, folder: Path) -> list[str]:
                     report = json.loads(call(command(haff, file, WALL_COLLISIONS)).strip().splitlines()[-1])
                     seconds[k].append(report["wall_seconds"])
             wall = [float(np.median(times)) for times in seconds]
+            run, bench = instructions
             lines.append(
-                f"| {n:,} | {phi} | {counted[0]:.1f} | {counted[1]:.1f} | {counted[0] / counted[1]:.4f} "
+                f"| {n:,} | {phi} | {run:.1f} | {bench:.1f} | {run / bench:.4f} "
                 f"| {wall[0]:.3f} | {wall[1]:.3f} | {wall[0] / wall[1]:.3f} |"
             )
             print(lines[-1], file=sys.stderr, flush=True)
@@ -317,6 +321,7 @@ def main() -> None:
     built = ROOT / "target" / "release" / "haff"
     parser.add_argument("--haff", type=Path, default=built, help="the command to measure")
     parser.add_argument("--repeats", type=int, default=7, help="wall times of run and bench (default 7)")
+    parser.add_argument("--collisions", type=int, default=COUNTED, help=f"what is counted (default {COUNTED:,})")
     parser.add_argument("--output", type=Path, help="file for the tables; default benches/record/<date>/features.md")
     options = parser.parse_args()
     for tool, why in [("valgrind", "it counts the instructions"), ("git", "it applies the patches")]:
@@ -331,11 +336,11 @@ def main() -> None:
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder)
         if "absent" in parts:
-            made["absent"] = absent(options.only, path)
+            made["absent"] = absent(options.only, options.collisions, path)
         if "prices" in parts:
-            made["prices"] = prices(options.haff, options.only, path)
+            made["prices"] = prices(options.haff, options.only, options.collisions, path)
         if "run" in parts:
-            made["run"] = run_and_bench(options.haff, options.repeats, path)
+            made["run"] = run_and_bench(options.haff, options.repeats, options.collisions, path)
     found = machine()
     head = f"{found.get('model', '?')}, {found['processors']} processors; {compiler()}; revision {revision()}; {today}"
     titles = {"absent": "Features left out", "prices": "Features asked for", "run": "`haff run` and `haff bench`"}
