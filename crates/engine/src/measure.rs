@@ -108,19 +108,7 @@ pub(crate) fn sample(system: &System, of: &Species, state: &mut State, time: f64
     let d = system.dimension.count() as f64;
     let drift = totals.drift();
 
-    // Per species: bodies, Σ m|v − V|²; over all: the same and its second moment.
-    let species: Vec<[f64; 2]> = (0..system.species.len() as u32)
-        .map(|species| {
-            total(world.particles.len(), |i| {
-                let class = world.class(i);
-                if of.of(world, i) != species || class.inverse_mass == 0.0 {
-                    return [0.0; 2];
-                }
-                let (_, v) = world.state(i, world.now);
-                [1.0, class.mass * (v - drift).length_squared()]
-            })
-        })
-        .collect();
+    // Over all: Σ m|v − V|² and its second moment.
     let [second, fourth] = total(world.particles.len(), |i| {
         let class = world.class(i);
         if class.inverse_mass == 0.0 {
@@ -131,6 +119,23 @@ pub(crate) fn sample(system: &System, of: &Species, state: &mut State, time: f64
         let square = class.mass * (v - drift).length_squared();
         [square, square * square]
     });
+    // Per species: bodies, Σ m|v − V|². Of a single one this is what has just been added up.
+    let several = system.species.len() as u32;
+    let species: Vec<[f64; 2]> = if several == 1 {
+        vec![[totals.bodies, second]]
+    } else {
+        let of_one = |species: u32| {
+            total(world.particles.len(), |i| {
+                let class = world.class(i);
+                if of.of(world, i) != species || class.inverse_mass == 0.0 {
+                    return [0.0; 2];
+                }
+                let (_, v) = world.state(i, world.now);
+                [1.0, class.mass * (v - drift).length_squared()]
+            })
+        };
+        (0..several).map(of_one).collect()
+    };
     let bodies = totals.bodies;
     let temperature = if bodies > 0.0 { second / (d * bodies) } else { f64::NAN };
 

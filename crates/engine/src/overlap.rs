@@ -1,7 +1,7 @@
 //! The deepest overlap of all close pairs and of particles with walls, found with grids of its own, independent of what
 //! the engine tracks: one grid for every octave of radius, so that a few large bodies cost little.
 
-use std::collections::BTreeMap;
+use std::{collections::BTreeMap, ops::Range};
 
 use glam::DVec3;
 use haff_neighbors::{Axis, Geometry};
@@ -9,8 +9,10 @@ use rayon::prelude::*;
 
 use crate::particles::World;
 
-/// Particles looked at by one task.
+/// Cells looked at by one task; there are about as many as particles.
 const BLOCK: usize = 4096;
+/// A pair further apart than this part beyond contact does not overlap, however squares are rounded.
+const ROUNDING: f64 = 1e-14;
 
 /// The deepest overlap of all close pairs and of particles with walls.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -31,30 +33,37 @@ impl Overlap {
     }
 }
 
+/// A sphere where it is now, wrapped into the box.
+#[derive(Debug, Clone, Copy, Default)]
+struct Sphere {
+    position: DVec3,
+    radius: f64,
+}
+
 /// Particles of one octave of radius, sorted by cell. Cells are at least a largest diameter wide; along axes that do not
 /// repeat the grid is folded onto itself.
 struct Level {
     /// Cells per axis and per length.
-    cells: [i64; 3],
+    cells: [usize; 3],
     density: [f64; 3],
     /// Where each cell's particles begin, and where the last one's end.
     start: Vec<u32>,
     rows: Vec<u32>,
-    /// Places of `rows` now, wrapped into the box.
-    position: Vec<DVec3>,
+    /// Spheres of `rows`.
+    spheres: Vec<Sphere>,
 }
 
 impl Level {
-    fn new(world: &World, geometry: &Geometry, mut rows: Vec<u32>) -> Self {
-        let largest = rows.iter().map(|&i| world.class(i).radius).fold(0.0, f64::max);
+    fn new(world: &World, geometry: &Geometry, unsorted: &[u32]) -> Self {
+        let largest = unsorted.iter().map(|&i| world.class(i).radius).fold(0.0, f64::max);
         // One part in 10⁹ more, so that the rounding of a coordinate cannot lose a pair.
         let width = 2.0 * largest * (1.0 + 1e-9);
         let mut cells = [0, 1, 2].map(|axis| match geometry.axes[axis] {
             Axis::Flat => 1,
-            _ => ((geometry.size[axis] / width).floor() as i64).max(1),
+            _ => ((geometry.size[axis] / width).floor() as usize).max(1),
         });
         // No more cells than particles, or nearly.
-        while cells.iter().map(|&n| n as f64).product::<f64>() > rows.len() as f64 + 64.0 {
+        while cells.iter().map(|&n| n as f64).product::<f64>() > unsorted.len() as f64 + 64.0 {
             if let Some(most) = cells.iter_mut().max() {
                 *most = (*most / 2).max(1);
             }
@@ -63,57 +72,73 @@ impl Level {
             Axis::Periodic => cells[axis] as f64 / geometry.size[axis],
             _ => 1.0 / width,
         });
-        let count = cells.iter().product::<i64>() as usize;
+        let count = cells.iter().product::<usize>();
         let mut level =
-            Self { cells, density, start: vec![0; count + 1], rows: Vec::new(), position: Vec::new() };
-        let home: Vec<u32> =
-            rows.par_iter().map(|&i| level.index(level.cell(place(world, i)), [0; 3]) as u32).collect();
-        for &cell in &home {
+            Self { cells, density, start: vec![0; count + 1], rows: Vec::new(), spheres: Vec::new() };
+        let homes: Vec<(u32, Sphere)> = unsorted
+            .par_iter()
+            .map(|&i| {
+                let sphere = Sphere { position: place(world, i), radius: world.class(i).radius };
+                (level.index(level.home(sphere.position)) as u32, sphere)
+            })
+            .collect();
+        for &(cell, _) in &homes {
             level.start[cell as usize + 1] += 1;
         }
         for cell in 0..count {
             level.start[cell + 1] += level.start[cell];
         }
         let mut fill = level.start.clone();
-        level.rows = vec![0; rows.len()];
-        for (i, cell) in rows.drain(..).zip(home) {
+        level.rows = vec![0; unsorted.len()];
+        level.spheres = vec![Sphere::default(); unsorted.len()];
+        for (&i, (cell, sphere)) in unsorted.iter().zip(homes) {
             let next = &mut fill[cell as usize];
             level.rows[*next as usize] = i;
+            level.spheres[*next as usize] = sphere;
             *next += 1;
         }
-        level.position = level.rows.par_iter().map(|&i| place(world, i)).collect();
         level
     }
 
-    fn cell(&self, position: DVec3) -> [i64; 3] {
-        std::array::from_fn(|axis| (position[axis] * self.density[axis]).floor() as i64)
+    /// Coordinates of the cell of a position.
+    fn home(&self, position: DVec3) -> [usize; 3] {
+        std::array::from_fn(|axis| {
+            let cell = (position[axis] * self.density[axis]).floor() as i64;
+            cell.rem_euclid(self.cells[axis] as i64) as usize
+        })
     }
 
-    /// Index of the cell `step` away from `cell`.
-    fn index(&self, cell: [i64; 3], step: [i64; 3]) -> usize {
-        let [x, y, z] = [0, 1, 2].map(|axis| (cell[axis] + step[axis]).rem_euclid(self.cells[axis]) as usize);
-        (x * self.cells[1] as usize + y) * self.cells[2] as usize + z
+    fn index(&self, [x, y, z]: [usize; 3]) -> usize {
+        (x * self.cells[1] + y) * self.cells[2] + z
     }
 
-    /// Steps to the cells around one along an axis, each cell once.
-    fn steps(&self, axis: usize) -> std::ops::Range<i64> {
-        match self.cells[axis] {
-            1 => 0..1,
-            2 => 0..2,
-            _ => -1..2,
-        }
+    /// Coordinates of the cell of this index.
+    fn coordinates(&self, index: usize) -> [usize; 3] {
+        let row = index / self.cells[2];
+        [row / self.cells[1], row % self.cells[1], index % self.cells[2]]
     }
 
-    /// Calls `visit` for every particle of this level in the cells around `position`.
-    fn around(&self, position: DVec3, mut visit: impl FnMut(u32, DVec3)) {
-        let cell = self.cell(position);
-        for x in self.steps(0) {
-            for y in self.steps(1) {
-                for z in self.steps(2) {
-                    let index = self.index(cell, [x, y, z]);
-                    for k in self.start[index] as usize..self.start[index + 1] as usize {
-                        visit(self.rows[k], self.position[k]);
-                    }
+    /// Places in `rows` of the particles of a cell.
+    fn within(&self, cell: usize) -> Range<usize> {
+        self.start[cell] as usize..self.start[cell + 1] as usize
+    }
+
+    /// Calls `visit` for a cell and those around it, each once.
+    #[inline]
+    fn around(&self, cell: [usize; 3], mut visit: impl FnMut(usize)) {
+        // Along an axis of one or two cells all of them are near.
+        let near = |axis: usize| {
+            let (at, cells) = (cell[axis], self.cells[axis]);
+            let before = if at == 0 { cells - 1 } else { at - 1 };
+            let after = if at + 1 == cells { 0 } else { at + 1 };
+            ([at, after, before], cells.min(3))
+        };
+        let ((xs, nx), (ys, ny), (zs, nz)) = (near(0), near(1), near(2));
+        for &x in &xs[..nx] {
+            for &y in &ys[..ny] {
+                let row = self.index([x, y, 0]);
+                for &z in &zs[..nz] {
+                    visit(row + z);
                 }
             }
         }
@@ -125,49 +150,106 @@ fn place(world: &World, i: u32) -> DVec3 {
     world.wrap(world.state(i, world.now).0).0
 }
 
+/// The deepest overlap that has been met, and how it is measured.
+struct Meter<'a> {
+    world: &'a World,
+    /// Half of the lengths along periodic axes: who is further apart has a nearer image.
+    half: DVec3,
+    deepest: Overlap,
+}
+
+impl<'a> Meter<'a> {
+    fn new(world: &'a World) -> Self {
+        let half = |axis: usize| if world.periodic[axis] { 0.5 * world.size[axis] } else { f64::INFINITY };
+        Self { world, half: DVec3::new(half(0), half(1), half(2)), deepest: Overlap::NONE }
+    }
+
+    /// A sphere against some others of a level.
+    #[inline]
+    fn meet(&mut self, i: u32, sphere: Sphere, level: &Level, others: Range<usize>) {
+        for (&j, other) in level.rows[others.clone()].iter().zip(&level.spheres[others]) {
+            let mut r = other.position - sphere.position;
+            if r.abs().cmpgt(self.half).any() {
+                r = self.world.nearest_image(r);
+            }
+            let sigma = sphere.radius + other.radius;
+            if r.length_squared() < sigma * sigma * (1.0 + ROUNDING) {
+                self.touch(i, j, r.length(), sigma);
+            }
+        }
+    }
+
+    #[cold]
+    fn touch(&mut self, i: u32, j: u32, distance: f64, sigma: f64) {
+        let movable = |i: u32| self.world.class(i).inverse_mass != 0.0;
+        let depth = 1.0 - distance / sigma;
+        if depth > 0.0 && (movable(i) || movable(j)) {
+            self.deepest = self.deepest.or(Overlap { depth, pair: Some((i.min(j), Some(i.max(j)))) });
+        }
+    }
+
+    /// A sphere against all walls.
+    fn meet_walls(&mut self, i: u32, sphere: Sphere) {
+        for wall in 0..self.world.walls.len() as u32 {
+            let (gap, _) =
+                self.world.wall_approach(wall, sphere.radius, sphere.position, DVec3::ZERO, self.world.now);
+            if gap < 0.0 && self.world.class(i).inverse_mass != 0.0 {
+                self.deepest =
+                    self.deepest.or(Overlap { depth: -gap / sphere.radius, pair: Some((i, None)) });
+            }
+        }
+    }
+
+    /// The particles of a cell of the first level against each other, those around them, those of greater levels, and walls.
+    fn search(&mut self, levels: &[Level], cell: usize) {
+        let own = &levels[0];
+        let within = own.within(cell);
+        if within.is_empty() {
+            return;
+        }
+        for k in within.clone() {
+            self.meet(own.rows[k], own.spheres[k], own, k + 1..within.end);
+            self.meet_walls(own.rows[k], own.spheres[k]);
+        }
+        own.around(own.coordinates(cell), |other| {
+            // Two cells are looked at once, from the first.
+            if other > cell && !own.within(other).is_empty() {
+                for k in within.clone() {
+                    self.meet(own.rows[k], own.spheres[k], own, own.within(other));
+                }
+            }
+        });
+        for level in &levels[1..] {
+            for k in within.clone() {
+                let (i, sphere) = (own.rows[k], own.spheres[k]);
+                level.around(level.home(sphere.position), |other| {
+                    self.meet(i, sphere, level, level.within(other));
+                });
+            }
+        }
+    }
+}
+
 /// Finds the deepest overlap now.
 pub(crate) fn deepest(world: &World, geometry: &Geometry) -> Overlap {
     let mut octaves: BTreeMap<u64, Vec<u32>> = BTreeMap::new();
-    for i in 0..world.particles.len() as u32 {
-        octaves.entry(world.class(i).radius.to_bits() >> 52).or_default().push(i);
+    let octave = |i: u32| world.class(i).radius.to_bits() >> 52;
+    let all: Vec<u32> = (0..world.particles.len() as u32).collect();
+    for run in all.chunk_by(|&i, &j| octave(i) == octave(j)) {
+        octaves.entry(octave(run[0])).or_default().extend(run);
     }
-    // Smallest first.
-    let levels: Vec<Level> = octaves.into_values().map(|rows| Level::new(world, geometry, rows)).collect();
+    // Smallest first: a pair of two levels is found from the smaller one.
+    let levels: Vec<Level> = octaves.into_values().map(|rows| Level::new(world, geometry, &rows)).collect();
     let mut found = Overlap::NONE;
-    for (k, own) in levels.iter().enumerate() {
-        let blocks =
-            own.rows.par_chunks(BLOCK).zip(own.position.par_chunks(BLOCK)).map(|(rows, positions)| {
-                let mut deepest = Overlap::NONE;
-                for (&i, &position) in rows.iter().zip(positions) {
-                    let class = world.class(i);
-                    // A pair of one level is found from both sides, any other from the smaller one.
-                    for (m, level) in levels.iter().enumerate().skip(k) {
-                        level.around(position, |j, partner| {
-                            let other = world.class(j);
-                            if (m == k && j <= i) || class.inverse_mass + other.inverse_mass == 0.0 {
-                                return;
-                            }
-                            let distance = world.nearest_image(partner - position).length();
-                            let depth = 1.0 - distance / (class.radius + other.radius);
-                            if depth > 0.0 {
-                                let pair = Some((i.min(j), Some(i.max(j))));
-                                deepest = deepest.or(Overlap { depth, pair });
-                            }
-                        });
-                    }
-                    if class.inverse_mass != 0.0 {
-                        for wall in 0..world.walls.len() as u32 {
-                            let (gap, _) =
-                                world.wall_approach(wall, class.radius, position, DVec3::ZERO, world.now);
-                            if gap < 0.0 {
-                                deepest =
-                                    deepest.or(Overlap { depth: -gap / class.radius, pair: Some((i, None)) });
-                            }
-                        }
-                    }
-                }
-                deepest
-            });
+    for k in 0..levels.len() {
+        let cells = levels[k].start.len() - 1;
+        let blocks = (0..cells.div_ceil(BLOCK)).into_par_iter().map(|block| {
+            let mut meter = Meter::new(world);
+            for cell in block * BLOCK..((block + 1) * BLOCK).min(cells) {
+                meter.search(&levels[k..], cell);
+            }
+            meter.deepest
+        });
         found = found.or(blocks.reduce(|| Overlap::NONE, Overlap::or));
     }
     found

@@ -197,12 +197,12 @@ impl Series {
             .into());
         }
         let corner: Vec<u64> = corner.iter().map(|&corner| corner as u64).collect();
-        // SAFETY: the dataset is open as long as `self`; `corner` has an entry for each of its axes, as `chunk` has;
-        // HDF5 reads `chunk.len()` bytes and keeps neither pointer; `sync` holds the library's lock.
         // HDF5's safe interface has no such call, and its own filters take eight times as long (see `pack`). Tests
         // read the chunks back through these filters.
-        hdf5::sync::sync(|| {
-            hdf5::h5check(unsafe {
+        let write = || {
+            // SAFETY: the dataset is open as long as `self`; `corner` has an entry for each of its axes, as `chunk` has;
+            // HDF5 reads `chunk.len()` bytes and keeps neither pointer; `sync` holds the library's lock.
+            unsafe {
                 hdf5_sys::h5d::H5Dwrite_chunk(
                     self.dataset.id(),
                     hdf5_sys::h5p::H5P_DEFAULT,
@@ -211,8 +211,9 @@ impl Series {
                     chunk.len(),
                     chunk.as_ptr().cast(),
                 )
-            })
-        })?;
+            }
+        };
+        hdf5::sync::sync(|| hdf5::h5check(write()))?;
         Ok(())
     }
 

@@ -1,0 +1,66 @@
+//! Runs small enough for Miri through every `unsafe` block of the engine, the vector kernels against the portable ones:
+//!
+//! ```sh
+//! MIRIFLAGS="-Zmiri-disable-isolation -Zmiri-tree-borrows" RAYON_NUM_THREADS=1 \
+//!     RUSTFLAGS="-C target-feature=+avx2,+fma,+bmi1,+bmi2,+lzcnt,+popcnt" \
+//!     cargo +nightly miri test -p haff-engine --test unsafe_code
+//! ```
+//!
+//! Tree borrows, because the deque of the thread pool is not sound by the older model.
+
+mod common;
+
+use common::{Random, class, gas, scatter, set_restitution, system};
+use glam::DVec3;
+use haff_engine::{
+    Boundary, Dimension, NeighborChoice, Options, Silent, SimdChoice, Simulation, System, Until,
+};
+
+/// A hundred times fewer under Miri, which is a thousand times slower.
+const COLLISIONS: u64 = if cfg!(miri) { 30 } else { 3000 };
+
+/// Neighbor lists and windows, with and without vectors, with and without a log, against portable cells.
+fn assert_alike(name: &str, system: &System) {
+    let end = |neighbors, simd, events: bool| {
+        let mut simulation = Simulation::new(system.clone(), Options { neighbors, simd }).unwrap();
+        let until = Until { collisions: COLLISIONS, ..Until::default() };
+        let mut log = common::Log::default();
+        if events {
+            simulation.advance(until, &mut log).unwrap();
+        } else {
+            simulation.advance(until, &mut Silent).unwrap();
+        }
+        simulation.validate(1e-12).unwrap();
+        simulation.state_hash()
+    };
+    let expected = end(NeighborChoice::Cells, SimdChoice::Portable, false);
+    for neighbors in [NeighborChoice::Cells, NeighborChoice::Lists, NeighborChoice::Windows] {
+        for (simd, events) in
+            [(SimdChoice::Portable, true), (SimdChoice::Auto, false), (SimdChoice::Auto, true)]
+        {
+            let found = end(neighbors, simd, events);
+            assert_eq!(found, expected, "{name}: {neighbors:?}, {simd:?}, with a log: {events}");
+        }
+    }
+}
+
+/// One size: vectors of eight with their own fast paths.
+#[test]
+fn equal_spheres_run_alike_through_all_kernels() {
+    assert_alike("equal spheres", &gas(4, 0.15, 1.0, 1));
+}
+
+/// Sizes, walls, and fixed bodies: the other paths of the same kernels; lists that end within a vector.
+#[test]
+fn mixtures_between_walls_run_alike_through_all_kernels() {
+    let boundary = [Boundary::Periodic, Boundary::Wall, Boundary::Periodic];
+    let mut scene = system(Dimension::Three, DVec3::splat(9.5), boundary);
+    set_restitution(&mut scene, 0.95);
+    let mut random = Random(2);
+    for (radius, mass, count) in [(0.5, 1.0, 20), (0.3, 0.2, 20), (0.5, f64::INFINITY, 2)] {
+        let kind = class(&mut scene, radius, mass);
+        let speed = if mass.is_finite() { 1.0 } else { 0.0 };
+        scatter(&mut scene, kind, count, speed, &mut random);
+    }
+    assert_alike("a mixture between walls", &scene);
+}
