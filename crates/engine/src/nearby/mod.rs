@@ -1,0 +1,439 @@
+/*!
+The engine of neighbor lists, for fluids in periodic boxes without gravity.
+
+Like [`Machine`](crate::machine::Machine), it keeps for every particle its earliest event. But its lists name no periodic images
+([`lists`]), and of the members of a list most are dismissed in single precision, eight at a time ([`filter`]), from records of
+half a cache line ([`frame`]): what cannot touch before the earliest event known needs no exact prediction ([`exact`]).
+*/
+
+mod exact;
+mod filter;
+mod frame;
+mod lists;
+
+use std::marker::PhantomData;
+
+use glam::DVec3;
+use haff_calendar::{Calendar, Ladder};
+use haff_neighbors::{Axis, Geometry, prefetch, roomy};
+use rayon::prelude::*;
+
+use crate::{
+    batch::Kernel,
+    clock::{HORIZON, whole},
+    entry::{Entry, Kind, Target},
+    error::EngineError,
+    machine::{Engine, Features, Limit, State},
+    model::System,
+    particles::World,
+    predict::Earliest,
+    queue::{Prophet, Queue},
+    report::{Observer, Stop},
+    resolve,
+    stall::Stall,
+};
+use exact::Contact;
+use filter::{Bounds, MOST};
+use frame::{Frame, Record};
+use lists::Lists;
+
+/// Members that a list shall have: with what it fluctuates, two groups of the filter hold it.
+const MEMBERS: f64 = 14.5;
+/// Distances at which particles become neighbors, at least and at most [mean diameters].
+const SHELL: [f64; 2] = [1.3, 2.5];
+/// A new center lies this part of the ball's radius ahead of its particle.
+const AHEAD: f32 = 0.5;
+/// Radii may differ by this factor: the bins are made for the largest.
+const SIZE_RATIO: f64 = 2.0;
+/// A bound in single precision may be compared with a time that is this much later.
+const LATER: f32 = 1.0 + 1e-6;
+/// From this many particles on the memory of events to come is asked for ahead of time.
+const MANY: usize = 10_000;
+/// Of the event so many entries ahead, records and lists are asked for, …
+const FAR_AHEAD: usize = 10;
+/// … and of this nearer one the records of those in the lists.
+const NEARLY_DUE: usize = 4;
+
+/// Particles predicted at a time at the start.
+const BLOCK: usize = 1 << 16;
+
+/// What this engine knows of a system before it starts.
+struct Plan {
+    frame: Frame,
+    /// Radius of the balls, and the edges, 0 where nothing moves [largest contact distances].
+    half: f64,
+    edges: [f64; 3],
+}
+
+impl Plan {
+    /// `None` if this engine does not serve the system.
+    fn new(geometry: &Geometry, system: &System) -> Option<Self> {
+        let count = system.bodies.len();
+        let radius = |i: usize| system.classes[system.bodies[i].class as usize].radius;
+        let movable = system.classes.iter().all(|class| class.mass.is_finite());
+        let plain = system.domain.gravity == DVec3::ZERO && system.walls.is_empty();
+        let least = (0..count).map(radius).fold(f64::INFINITY, f64::min);
+        if count == 0 || count >= i32::MAX as usize || !movable || !plain || geometry.radius > SIZE_RATIO * least {
+            return None;
+        }
+        let sigma = geometry.reach;
+        let edges =
+            [0, 1, 2].map(|k| if geometry.axes[k] == Axis::Flat { 0.0 } else { geometry.size[k] / sigma });
+        let used = || edges.iter().filter(|edge| **edge > 0.0);
+        let flat = used().count() == 2;
+        let ball = if flat { std::f64::consts::PI } else { 4.0 / 3.0 * std::f64::consts::PI };
+        let volume = (MEMBERS + 1.0) * used().product::<f64>() / (ball * count as f64);
+        let shell = if flat { volume.sqrt() } else { libm::cbrt(volume) };
+        let mean = 2.0 * (0..count).map(radius).sum::<f64>() / (count as f64 * sigma);
+        let half = 0.5 * ((shell / mean).clamp(SHELL[0], SHELL[1]) - 1.0) * mean;
+        // Centers of neighbors are a contact distance and two radii apart, and they themselves up to two more.
+        let frame = Frame::new(geometry, (1.01 + 4.0 * half) * sigma)?;
+        Some(Self { frame, half, edges })
+    }
+}
+
+/// The engine for one set of features.
+pub(crate) struct Nearby<F> {
+    kernel: Kernel,
+    queue: Queue,
+    stall: Stall,
+    sight: Sight<F>,
+    bounds: Bounds,
+    work: Work,
+}
+
+/// All that predictions need besides the world.
+struct Sight<F> {
+    plan: Plan,
+    /// Of every particle, and of nobody.
+    records: Vec<Record>,
+    lists: Lists,
+    /// Whether the particles are too many for the cache.
+    looks_ahead: bool,
+    features: PhantomData<F>,
+}
+
+/// Pairs that the filter has looked at, and exact predictions.
+#[derive(Debug, Clone, Copy, Default)]
+struct Work {
+    candidates: u64,
+    exact: u64,
+}
+
+impl<F: Features> Nearby<F> {
+    /// An engine for a system; it has to be [built](Engine::rebuild) before it runs. `None` if it does not serve the system.
+    pub fn new(geometry: &Geometry, kernel: Kernel, system: &System) -> Option<Self> {
+        let plan = Plan::new(geometry, system)?;
+        let count = system.bodies.len();
+        Some(Self {
+            kernel,
+            queue: Queue::new(count),
+            stall: Stall::default(),
+            sight: Sight {
+                plan,
+                records: Vec::new(),
+                lists: Lists::default(),
+                looks_ahead: count >= MANY,
+                features: PhantomData,
+            },
+            bounds: Bounds::new(),
+            work: Work::default(),
+        })
+    }
+
+    #[inline(always)]
+    fn run<const EVENTS: bool, const VECTORS: bool>(
+        &mut self,
+        state: &mut State,
+        limit: &mut Limit,
+        observer: &mut dyn Observer,
+    ) -> Result<Stop, EngineError> {
+        let before = self.work;
+        let stop = self.events::<EVENTS, VECTORS>(state, limit, observer);
+        self.work.book_since(before, state);
+        stop
+    }
+
+    #[inline(always)]
+    fn events<const EVENTS: bool, const VECTORS: bool>(
+        &mut self,
+        state: &mut State,
+        limit: &mut Limit,
+        observer: &mut dyn Observer,
+    ) -> Result<Stop, EngineError> {
+        let mut seer = Seer::<F, VECTORS> {
+            sight: &mut self.sight,
+            bounds: &mut self.bounds,
+            work: &mut self.work,
+        };
+        loop {
+            if state.book.counters.collisions >= limit.collisions {
+                return Ok(Stop::Collisions);
+            }
+            if limit.entries == 0 {
+                return Ok(Stop::Slice);
+            }
+            let Some(entry) = self.queue.next(state, &mut seer, limit.ticks) else {
+                state.world.now = state.world.now.max(limit.ticks);
+                return Ok(Stop::Time);
+            };
+            limit.entries -= 1;
+            state.world.now = state.world.now.max(entry.time);
+            self.stall.watch(&state.world, &entry)?;
+            let i = entry.owner;
+            match entry.target.kind() {
+                Kind::Collision(j) => {
+                    resolve::collision::<F, EVENTS>(state, i, j, entry.time, observer)?;
+                    // Both are in place before either looks.
+                    let bodies = [i.min(j), i.max(j)];
+                    for body in bodies {
+                        state.world.wrap_anchor(body);
+                        seer.sight.update(&state.world, body);
+                    }
+                    for body in bodies {
+                        self.queue.push(seer.foresee(state, body));
+                    }
+                }
+                Kind::Transfer(_) => {
+                    state.book.counters.transfers += 1;
+                    seer.sight.transfer(&state.world, i);
+                    self.queue.push(seer.foresee(state, i));
+                }
+                Kind::Renewal | Kind::Wall(_) | Kind::Rest => {
+                    state.book.counters.transfers += 1;
+                    self.queue.push(seer.foresee(state, i));
+                }
+            }
+        }
+    }
+}
+
+impl<F: Features> Sight<F> {
+    /// Begins a span at the present: all records are made afresh.
+    #[cold]
+    fn begin(&mut self, world: &World) {
+        self.plan.frame.begin(world);
+        for i in 0..world.particles.len() as u32 {
+            self.records[i as usize] = self.plan.frame.record::<F>(world, i);
+        }
+    }
+
+    /// Puts the new flight of particle i on record.
+    #[inline(always)]
+    fn update(&mut self, world: &World, i: u32) {
+        let record = self.plan.frame.record::<F>(world, i);
+        let allowed = self.plan.frame.allows(&record);
+        self.records[i as usize] = record;
+        if !allowed {
+            self.begin(world);
+        }
+    }
+
+    /// Carries out the transfer of particle i, now.
+    #[inline(always)]
+    fn transfer(&mut self, world: &World, i: u32) {
+        if world.now > self.plan.frame.end {
+            self.begin(world);
+        }
+        let part = self.plan.frame.part(world.now);
+        self.lists.transfer::<F>(i, &self.records, part, AHEAD);
+    }
+
+    /// The next event of particle i, as seen at the world's present, which is within the span.
+    ///
+    /// With `VECTORS` set the caller must be compiled for AVX2 and FMA, and run where they exist.
+    #[inline(always)]
+    fn foresee<const VECTORS: bool>(&self, world: &World, i: u32, bounds: &mut Bounds, work: &mut Work) -> Entry {
+        let frame = &self.plan.frame;
+        let (particle, record) = (&world.particles[i as usize], &self.records[i as usize]);
+        let part = frame.part(world.now);
+        let nothing = Entry {
+            time: i64::MAX,
+            owner: i,
+            target: Target::new(Kind::Renewal),
+            own_count: particle.count,
+            partner_count: 0,
+        };
+        let mut earliest = Earliest { entry: nothing, far: false };
+        let list = self.lists.of(i);
+        work.candidates += list.len() as u64;
+        // From now to the earliest event known [spans].
+        let mut within = f32::MAX;
+        for list in list.chunks(MOST) {
+            let least = filter::bounds::<F, VECTORS>(frame, &self.records, record, part, list, bounds);
+            if least > within {
+                continue;
+            }
+            // Usually one, and no other after it.
+            let mut mask = bounds.up_to::<VECTORS>(list.len(), least);
+            let mut done = 0;
+            while mask != 0 {
+                done |= mask;
+                while mask != 0 {
+                    let j = list[mask.trailing_zeros() as usize % MOST];
+                    mask &= mask - 1;
+                    work.exact += 1;
+                    let partner = &world.particles[j as usize];
+                    match exact::contact::<F>(world, particle, partner) {
+                        Contact::At(time) => {
+                            earliest.offer(time, Target::new(Kind::Collision(j)), partner.count);
+                        }
+                        Contact::Far => earliest.far = true,
+                        Contact::Never => {}
+                    }
+                }
+                if earliest.entry.time < i64::MAX {
+                    within = ((earliest.entry.time - world.now).max(0) as f64 * frame.per_tick) as f32 * LATER;
+                }
+                mask = bounds.up_to::<VECTORS>(list.len(), within) & !done;
+            }
+        }
+        // Of the transfer nothing need be known but whether it comes first.
+        if let Some(delay) = self.lists.exit(i, record, part, within) {
+            let delay = f64::from(delay) / frame.per_tick;
+            if delay > HORIZON {
+                earliest.far = true;
+            } else {
+                let time = world.now + whole(delay);
+                if time < earliest.entry.time {
+                    return Entry { time, target: Target::new(Kind::Transfer(0)), ..nothing };
+                }
+            }
+        }
+        if earliest.far && earliest.entry.time > world.now + HORIZON as i64 {
+            return Entry { time: world.now + HORIZON as i64, ..nothing };
+        }
+        earliest.entry
+    }
+}
+
+/// A [`Sight`] that looks by vectors or not.
+struct Seer<'a, F, const VECTORS: bool> {
+    sight: &'a mut Sight<F>,
+    bounds: &'a mut Bounds,
+    work: &'a mut Work,
+}
+
+impl<F: Features, const VECTORS: bool> Prophet for Seer<'_, F, VECTORS> {
+    type Features = F;
+
+    #[inline(always)]
+    fn foresee(&mut self, state: &State, i: u32) -> Entry {
+        if state.world.now > self.sight.plan.frame.end {
+            self.sight.begin(&state.world);
+        }
+        self.sight.foresee::<VECTORS>(&state.world, i, self.bounds, self.work)
+    }
+
+    /// First the records and lists of particles, later the records of those that stand in these.
+    #[inline(always)]
+    fn look_ahead(&self, calendar: &Ladder<Entry>, state: &State) {
+        let Sight { records, lists, looks_ahead, .. } = &*self.sight;
+        if !looks_ahead {
+            return;
+        }
+        if let Some(entry) = calendar.upcoming(FAR_AHEAD) {
+            let body = |i: u32| {
+                prefetch(&state.world.particles[i as usize]);
+                prefetch(&records[i as usize]);
+                lists.prefetch(i);
+            };
+            body(entry.owner);
+            if let Kind::Collision(j) = entry.target.kind() {
+                body(j);
+            }
+        }
+        if let Some(entry) = calendar.upcoming(NEARLY_DUE) {
+            let neighbors = |i: u32| {
+                for &j in lists.of(i) {
+                    prefetch(&records[j as usize]);
+                }
+            };
+            neighbors(entry.owner);
+            if let Kind::Collision(j) = entry.target.kind()
+                && !calendar.upcoming(NEARLY_DUE + 1).is_some_and(|next| next.mirrors(entry))
+            {
+                neighbors(j);
+            }
+        }
+    }
+}
+
+impl Work {
+    /// Books what has been done since `before`.
+    fn book_since(self, before: Self, state: &mut State) {
+        state.book.counters.predictions += self.exact - before.exact;
+        state.book.counters.candidates += self.candidates - before.candidates;
+    }
+}
+
+impl<F: Features> Engine for Nearby<F> {
+    fn rebuild(&mut self, state: &mut State, _geometry: &Geometry) {
+        let count = state.world.particles.len();
+        self.queue.clear();
+        self.stall = Stall::default();
+        let sight = &mut self.sight;
+        if sight.records.is_empty() {
+            sight.records = roomy(count + 1);
+            sight.records.resize(count + 1, Record::NOBODY);
+        }
+        sight.begin(&state.world);
+        sight.lists = Lists::default();
+        sight.lists = Lists::new::<F>(&sight.plan.frame, sight.plan.edges, sight.plan.half, &sight.records);
+        let (sight, world, before) = (&self.sight, &state.world, self.work);
+        let mut work = before;
+        let mut block = Vec::with_capacity(BLOCK.min(count));
+        for start in (0..count).step_by(BLOCK) {
+            (start as u32..(start + BLOCK).min(count) as u32)
+                .into_par_iter()
+                .map_init(Bounds::new, |bounds, i| {
+                    let mut work = Work::default();
+                    (sight.foresee::<false>(world, i, bounds, &mut work), work)
+                })
+                .collect_into_vec(&mut block);
+            for (entry, part) in &block {
+                self.queue.push(*entry);
+                work.candidates += part.candidates;
+                work.exact += part.exact;
+            }
+        }
+        work.book_since(before, state);
+    }
+
+    fn is_idle(&self) -> bool {
+        self.queue.is_empty()
+    }
+
+    fn advance(
+        &mut self,
+        state: &mut State,
+        limit: &mut Limit,
+        observer: &mut dyn Observer,
+    ) -> Result<Stop, EngineError> {
+        match (self.kernel, observer.wants_events()) {
+            (Kernel::Portable, false) => self.run::<false, false>(state, limit, observer),
+            (Kernel::Portable, true) => self.run::<true, false>(state, limit, observer),
+            #[cfg(target_arch = "x86_64")]
+            // SAFETY: `Kernel::Avx2` is made by `Kernel::choose` alone, after it has found the features.
+            (Kernel::Avx2, false) => unsafe { self.run_avx2::<false>(state, limit, observer) },
+            #[cfg(target_arch = "x86_64")]
+            // SAFETY: as above.
+            (Kernel::Avx2, true) => unsafe { self.run_avx2::<true>(state, limit, observer) },
+        }
+    }
+}
+
+/// The same loop, compiled as a whole for processors with 256-bit vectors. Rust neither fuses nor reorders floating-point
+/// operations by itself, so the bits are the same; the filter alone asks for fused ones.
+#[cfg(target_arch = "x86_64")]
+impl<F: Features> Nearby<F> {
+    #[target_feature(enable = "avx2,fma,bmi1,bmi2,lzcnt,popcnt")]
+    fn run_avx2<const EVENTS: bool>(
+        &mut self,
+        state: &mut State,
+        limit: &mut Limit,
+        observer: &mut dyn Observer,
+    ) -> Result<Stop, EngineError> {
+        self.run::<EVENTS, true>(state, limit, observer)
+    }
+}
