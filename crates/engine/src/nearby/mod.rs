@@ -6,6 +6,7 @@ Like [`Machine`](crate::machine::Machine), it keeps for every particle its earli
 half a cache line ([`frame`]): what cannot touch before the earliest event known needs no exact prediction ([`exact`]).
 */
 
+mod bins;
 mod exact;
 mod filter;
 mod frame;
@@ -48,7 +49,7 @@ const SIZE_RATIO: f64 = 2.0;
 /// A bound in single precision may be compared with a time that is this much later.
 const LATER: f32 = 1.0 + 1e-6;
 /// From this many particles on the memory of events to come is asked for ahead of time.
-const MANY: usize = 10_000;
+const MANY: usize = 1_000;
 /// Of the event so many entries ahead, records and lists are asked for, …
 const FAR_AHEAD: usize = 10;
 /// … and of this nearer one the records of those in the lists.
@@ -196,7 +197,7 @@ impl<F: Features> Nearby<F> {
                 }
                 Kind::Transfer(_) => {
                     state.book.counters.transfers += 1;
-                    seer.sight.transfer(&state.world, i);
+                    seer.sight.transfer::<VECTORS>(&state.world, i);
                     self.queue.push(seer.foresee(state, i));
                 }
                 Kind::Renewal | Kind::Wall(_) | Kind::Rest => {
@@ -231,12 +232,12 @@ impl<F: Features> Sight<F> {
 
     /// Carries out the transfer of particle i, now.
     #[inline(always)]
-    fn transfer(&mut self, world: &World, i: u32) {
+    fn transfer<const VECTORS: bool>(&mut self, world: &World, i: u32) {
         if world.now > self.plan.frame.end {
             self.begin(world);
         }
         let part = self.plan.frame.part(world.now);
-        self.lists.transfer::<F>(i, &self.records, part, AHEAD);
+        self.lists.transfer::<F, VECTORS>(i, &self.records, part, AHEAD);
     }
 
     /// The next event of particle i, as seen at the world's present, which is within the span.
