@@ -10,20 +10,16 @@ use crate::{
     predict::TOUCHING,
 };
 
-/// When two particles with these anchors touch.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(super) enum Contact {
-    Never,
-    /// Further from the later anchor than can be told in ticks.
-    Far,
-    /// At this time [ticks].
-    At(i64),
-}
+/// No contact.
+pub(super) const NEVER: i64 = i64::MAX;
+/// A contact further from the later anchor than can be told in ticks.
+pub(super) const FAR: i64 = i64::MAX - 1;
 
-/// When two particles with these anchors touch, for the image that is nearest now.
+/// When two particles with these anchors touch [ticks], for the image that is nearest now; [`NEVER`] or [`FAR`].
+///
+/// Without a branch that is taken one time and not another, so that the predictions of two pairs overlap in the processor.
 #[inline(always)]
-#[expect(clippy::neg_cmp_op_on_partial_ord, reason = "what is not a number goes the way of the kernel")]
-pub(super) fn contact<F: Features>(world: &World, a: &Particle, b: &Particle) -> Contact {
+pub(super) fn contact<F: Features>(world: &World, a: &Particle, b: &Particle) -> i64 {
     let sigma = if F::UNIFORM {
         let radius = world.classes[0].radius;
         radius + radius
@@ -33,8 +29,7 @@ pub(super) fn contact<F: Features>(world: &World, a: &Particle, b: &Particle) ->
     let tick = world.clock.tick;
     // The earlier anchor is carried on to the later one.
     let behind = a.time - b.time;
-    let dt = behind.abs() as f64 * tick;
-    let (dt_a, dt_b) = if behind < 0 { (dt, 0.0) } else { (0.0, dt) };
+    let (dt_a, dt_b) = ((-behind).max(0) as f64 * tick, behind.max(0) as f64 * tick);
     let apart = drift(b.position, b.velocity, dt_b) - drift(a.position, a.velocity, dt_a);
     let v = b.velocity - a.velocity;
     let from = a.time.max(b.time);
@@ -43,30 +38,28 @@ pub(super) fn contact<F: Features>(world: &World, a: &Particle, b: &Particle) ->
     let shift = |axis: usize| -round(here[axis] * world.per_size[axis]) * world.size[axis];
     let r = apart + DVec3::new(shift(0), shift(1), shift(2));
     let ss = sigma * sigma;
-    // As in `batch::delay`, without what is not needed.
-    let b_ = r.dot(v);
-    if !(b_ < 0.0) {
-        return Contact::Never;
-    }
-    let rr = r.length_squared();
+    // As `batch::delay` has it.
+    let approach = r.dot(v);
+    let (rr, vv) = (r.length_squared(), v.length_squared());
     let gap = rr - ss;
-    let mut delay = 0.0;
-    if gap > 0.0 {
-        let vv = v.length_squared();
-        let disc = vv * ss - r.cross(v).length_squared();
-        if !(disc >= 0.0) {
-            return Contact::Never;
-        }
-        let den = disc.sqrt() - b_;
-        delay = if gap * vv > -b_ * den { -b_ / vv } else { gap / den };
-    }
-    if rr <= ss * (1.0 + TOUCHING)
-        && is_rounding_noise(r, v, a.velocity.length().max(b.velocity.length()))
-    {
-        return Contact::Never;
+    let disc = vv * ss - r.cross(v).length_squared();
+    let den = disc.max(0.0).sqrt() - approach;
+    let beyond = gap * vv > -approach * den;
+    let delay = (if beyond { -approach } else { gap }) / (if beyond { vv } else { den });
+    let delay = if gap > 0.0 { delay } else { 0.0 };
+    let meets = (approach < 0.0) & ((disc >= 0.0) | !(gap > 0.0));
+    if meets && rr <= ss * (1.0 + TOUCHING) && is_echo(r, v, a, b) {
+        return NEVER;
     }
     let ticks = delay * world.clock.per_time;
-    if ticks <= LONGEST { Contact::At(from + whole(ticks)) } else { Contact::Far }
+    let far = if meets { FAR } else { NEVER };
+    if meets & (ticks <= LONGEST) { from + whole(ticks.min(LONGEST)) } else { far }
+}
+
+/// Whether a pair that touches approaches by rounding alone.
+#[cold]
+fn is_echo(r: DVec3, v: DVec3, a: &Particle, b: &Particle) -> bool {
+    is_rounding_noise(r, v, a.velocity.length().max(b.velocity.length()))
 }
 
 /// Nearest integer, by the rounding of an addition; |x| < 2^51.

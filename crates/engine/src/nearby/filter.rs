@@ -20,21 +20,31 @@ use crate::machine::Features;
 
 /// Members of a list that are looked at at a time.
 pub(super) const MOST: usize = 64;
+/// The bound of a member that is not met at all; the greatest number whose last bits can name a lane.
+pub(super) const NEVER: f32 = f32::from_bits(0x7f7f_ffff & !LANE);
+/// The last bits of a bound name its lane, so that the least bound tells whose it is: they are far below the margin.
+const LANE: u32 = MOST as u32 - 1;
 
 /// Working space, and the answer.
-#[derive(Debug, Clone)]
+#[derive(Debug, Clone, Copy)]
 #[repr(C, align(32))]
 pub(super) struct Bounds {
-    /// Per member, a time from now before which there is no contact [spans]; infinite where there is none at all.
-    pub time: [f32; MOST],
+    /// Per member, a time from now before which there is no contact [spans], and the lane; [`NEVER`] or more where there is none.
+    time: [f32; MOST],
 }
 
 impl Bounds {
     pub fn new() -> Self {
-        Self { time: [f32::INFINITY; MOST] }
+        Self { time: [NEVER; MOST] }
     }
 
-    /// Which of the first `count` members have a bound no later than `limit`, which is less than infinite.
+    /// The lane of a bound.
+    #[inline(always)]
+    pub fn lane(bound: f32) -> usize {
+        (bound.to_bits() & LANE) as usize
+    }
+
+    /// Which of the first `count` members have a bound no later than `limit`, which is less than [`NEVER`].
     #[inline(always)]
     pub fn up_to<const VECTORS: bool>(&self, count: usize, limit: f32) -> u64 {
         #[cfg(target_arch = "x86_64")]
@@ -59,14 +69,16 @@ pub(super) fn bounds<F: Features, const VECTORS: bool>(
     list: &[u32],
     out: &mut Bounds,
 ) -> f32 {
+    let list = &list[..list.len().min(MOST)];
     #[cfg(target_arch = "x86_64")]
     if VECTORS {
         // SAFETY: the caller has the features.
         return unsafe { avx2::bounds::<F>(frame, records, own, part, list, out) };
     }
     let mut least = f32::INFINITY;
-    for (time, &j) in out.time.iter_mut().zip(list) {
-        *time = bound::<F>(frame, own, &records[j as usize], part);
+    for (lane, (time, &j)) in out.time.iter_mut().zip(list).enumerate() {
+        let bound = bound::<F>(frame, own, &records[j as usize], part);
+        *time = f32::from_bits(bound.to_bits() & !LANE | lane as u32);
         least = least.min(*time);
     }
     least
@@ -89,22 +101,22 @@ fn bound<F: Features>(frame: &Frame, own: &Record, other: &Record, part: f32) ->
     }
     let disc = b * b - vv * c;
     // Who is on record as nobody has no number here.
-    if b < 0.0 && disc >= 0.0 { c.max(0.0) / (disc.sqrt() - b) } else { f32::INFINITY }
+    if b < 0.0 && disc >= 0.0 { (c.max(0.0) / (disc.sqrt() - b)).min(NEVER) } else { NEVER }
 }
 
 #[cfg(target_arch = "x86_64")]
 mod avx2 {
     use std::arch::x86_64::{
         __m256, _CMP_GE_OQ, _CMP_LE_OQ, _CMP_LT_OQ, _mm_cvtss_f32, _mm_load_ps, _mm_min_ps, _mm_movehdup_ps,
-        _mm_movehl_ps, _mm256_add_ps, _mm256_and_ps, _mm256_blendv_ps, _mm256_castps_si256,
+        _mm_movehl_ps, _mm256_add_epi32, _mm256_add_ps, _mm256_and_ps, _mm256_blendv_ps, _mm256_castps_si256, _mm256_castsi256_ps,
         _mm256_castps128_ps256, _mm256_castps256_ps128, _mm256_cmp_ps, _mm256_cvtepi32_ps, _mm256_div_ps,
         _mm256_extractf128_ps, _mm256_fmadd_ps, _mm256_fmsub_ps, _mm256_insertf128_ps, _mm256_load_ps,
-        _mm256_max_ps, _mm256_min_ps, _mm256_movemask_ps, _mm256_mul_ps, _mm256_set1_epi32, _mm256_set1_ps,
-        _mm256_setzero_ps, _mm256_shuffle_ps, _mm256_sqrt_ps, _mm256_store_ps, _mm256_sub_epi32,
+        _mm256_max_ps, _mm256_min_ps, _mm256_movemask_ps, _mm256_mul_ps, _mm256_or_ps, _mm256_set1_epi32, _mm256_set1_ps,
+        _mm256_setr_epi32, _mm256_setzero_ps, _mm256_shuffle_ps, _mm256_sqrt_ps, _mm256_store_ps, _mm256_sub_epi32,
         _mm256_sub_ps, _mm256_unpackhi_ps, _mm256_unpacklo_ps,
     };
 
-    use super::{Bounds, Features, Frame, LANES, MOST, Record};
+    use super::{Bounds, Features, Frame, LANE, LANES, MOST, NEVER, Record};
 
     /// Eight members at a time: their records are loaded by halves and transposed in registers.
     #[target_feature(enable = "avx2,fma")]
@@ -124,8 +136,10 @@ mod avx2 {
         let noise = _mm256_set1_ps(-frame.noise);
         let uniform = _mm256_set1_ps(-frame.sigma2);
         let zero = _mm256_setzero_ps();
-        let infinity = _mm256_set1_ps(f32::INFINITY);
-        let mut least = infinity;
+        let never = _mm256_set1_ps(NEVER);
+        let mut least = _mm256_set1_ps(f32::INFINITY);
+        let all_but_lane = _mm256_castsi256_ps(_mm256_set1_epi32(!LANE as i32));
+        let mut lanes = _mm256_setr_epi32(0, 1, 2, 3, 4, 5, 6, 7);
         for (slots, time) in list.chunks_exact(LANES).zip(out.time.chunks_exact_mut(LANES)) {
             let half = |k: usize, half: usize| {
                 debug_assert!((slots[k] as usize) < records.len());
@@ -168,7 +182,9 @@ mod avx2 {
                 _mm256_cmp_ps::<_CMP_LT_OQ>(b, zero),
                 _mm256_cmp_ps::<_CMP_GE_OQ>(disc, zero),
             );
-            let t = _mm256_blendv_ps(infinity, t, meets);
+            let t = _mm256_min_ps(_mm256_blendv_ps(never, t, meets), never);
+            let t = _mm256_or_ps(_mm256_and_ps(t, all_but_lane), _mm256_castsi256_ps(lanes));
+            lanes = _mm256_add_epi32(lanes, _mm256_set1_epi32(LANES as i32));
             least = _mm256_min_ps(least, t);
             // SAFETY: eight words; `Bounds` is aligned to 32 bytes, and the chunks are of 32.
             unsafe { _mm256_store_ps(time.as_mut_ptr(), t) };

@@ -149,9 +149,12 @@ impl Lists {
             end[axis] = d[axis] + v[axis] * within;
         }
         // A ball is convex: who is inside now and then is inside all the time.
-        if dot(end, end) <= self.half2 {
-            return None;
-        }
+        if dot(end, end) <= self.half2 { None } else { self.leave_ball(d, v).filter(|delay| *delay < within) }
+    }
+
+    /// When a flight from d leaves the ball; `None` if it stands.
+    #[inline(never)]
+    fn leave_ball(&self, d: [f32; 3], v: [f32; 3]) -> Option<f32> {
         let (speed2, along) = (dot(v, v), dot(d, v));
         if speed2 == 0.0 {
             return None;
@@ -159,8 +162,7 @@ impl Lists {
         let gap = (self.half2 - dot(d, d)).max(0.0);
         let root = (along * along + speed2 * gap).sqrt();
         // No difference of numbers of one sign.
-        let delay = if along > 0.0 { gap / (root + along) } else { (root - along) / speed2 };
-        (delay < within).then_some(delay)
+        Some(if along > 0.0 { gap / (root + along) } else { (root - along) / speed2 })
     }
 
     /// Moves the center of i to where it is at `part` of the span and `ahead` of that, and puts right all lists.

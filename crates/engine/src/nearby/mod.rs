@@ -33,7 +33,6 @@ use crate::{
     resolve,
     stall::Stall,
 };
-use exact::Contact;
 use filter::{Bounds, MOST};
 use frame::{Frame, Record};
 use lists::Lists;
@@ -55,6 +54,11 @@ const FAR_AHEAD: usize = 10;
 /// … and of this nearer one the records of those in the lists.
 const NEARLY_DUE: usize = 4;
 
+/// No time within reach [spans].
+const NEVER: f32 = 0.5 * filter::NEVER;
+/// No event.
+const NOTHING: Entry =
+    Entry { time: i64::MAX, owner: 0, target: Target::NONE, own_count: 0, partner_count: 0 };
 /// Particles predicted at a time at the start.
 const BLOCK: usize = 1 << 16;
 
@@ -99,7 +103,7 @@ pub(crate) struct Nearby<F> {
     queue: Queue,
     stall: Stall,
     sight: Sight<F>,
-    bounds: Bounds,
+    bounds: [Bounds; 2],
     work: Work,
 }
 
@@ -137,7 +141,7 @@ impl<F: Features> Nearby<F> {
                 looks_ahead: count >= MANY,
                 features: PhantomData,
             },
-            bounds: Bounds::new(),
+            bounds: [Bounds::new(); 2],
             work: Work::default(),
         })
     }
@@ -191,8 +195,8 @@ impl<F: Features> Nearby<F> {
                         state.world.wrap_anchor(body);
                         seer.sight.update(&state.world, body);
                     }
-                    for body in bodies {
-                        self.queue.push(seer.foresee(state, body));
+                    for entry in seer.look(&state.world, bodies) {
+                        self.queue.push(entry);
                     }
                 }
                 Kind::Transfer(_) => {
@@ -240,54 +244,76 @@ impl<F: Features> Sight<F> {
         self.lists.transfer::<F, VECTORS>(i, &self.records, part, AHEAD);
     }
 
-    /// The next event of particle i, as seen at the world's present, which is within the span.
+    /// The next events of particles, as seen at the world's present, which is within the span. Step by step for all of them,
+    /// so that the processor need not wait for one to be done before it begins with the other.
     ///
     /// With `VECTORS` set the caller must be compiled for AVX2 and FMA, and run where they exist.
     #[inline(always)]
-    fn foresee<const VECTORS: bool>(&self, world: &World, i: u32, bounds: &mut Bounds, work: &mut Work) -> Entry {
+    fn foresee<const K: usize, const VECTORS: bool>(
+        &self,
+        world: &World,
+        bodies: [u32; K],
+        bounds: &mut [Bounds; 2],
+        work: &mut Work,
+    ) -> [Entry; K] {
+        let frame = &self.plan.frame;
+        let part = frame.part(world.now);
+        let (mut least, mut contact, mut entries) = ([0.0; K], [exact::NEVER; K], [NOTHING; K]);
+        for k in 0..K {
+            let i = bodies[k] as usize;
+            let list = self.lists.of(bodies[k]);
+            least[k] = filter::bounds::<F, VECTORS>(frame, &self.records, &self.records[i], part, list, &mut bounds[k]);
+            work.candidates += list.len() as u64;
+        }
+        for k in 0..K {
+            let i = bodies[k] as usize;
+            if least[k] < filter::NEVER {
+                let j = self.lists.of(bodies[k])[Bounds::lane(least[k])];
+                contact[k] = exact::contact::<F>(world, &world.particles[i], &world.particles[j as usize]);
+                work.exact += 1;
+            }
+        }
+        for k in 0..K {
+            entries[k] = self.decide::<VECTORS>(world, bodies[k], part, (least[k], contact[k]), &mut bounds[k], work);
+        }
+        entries
+    }
+
+    /// The next event of particle i, when the contact with the first by its bound is known.
+    #[inline(always)]
+    fn decide<const VECTORS: bool>(
+        &self,
+        world: &World,
+        i: u32,
+        part: f32,
+        (least, contact): (f32, i64),
+        bounds: &mut Bounds,
+        work: &mut Work,
+    ) -> Entry {
         let frame = &self.plan.frame;
         let (particle, record) = (&world.particles[i as usize], &self.records[i as usize]);
-        let part = frame.part(world.now);
-        let nothing = Entry {
-            time: i64::MAX,
-            owner: i,
-            target: Target::new(Kind::Renewal),
-            own_count: particle.count,
-            partner_count: 0,
-        };
+        let nothing = Entry { owner: i, own_count: particle.count, ..NOTHING };
         let mut earliest = Earliest { entry: nothing, far: false };
         let list = self.lists.of(i);
-        work.candidates += list.len() as u64;
-        // From now to the earliest event known [spans].
-        let mut within = f32::MAX;
-        for list in list.chunks(MOST) {
-            let least = filter::bounds::<F, VECTORS>(frame, &self.records, record, part, list, bounds);
-            if least > within {
-                continue;
+        let mut within = NEVER;
+        if least < filter::NEVER {
+            let lane = Bounds::lane(least);
+            self.offer(world, &mut earliest, list[lane], contact);
+            within = self.until(world, &earliest);
+            let length = list.len().min(MOST);
+            let mut others = bounds.up_to::<VECTORS>(length, within) & !(1 << lane);
+            while others != 0 {
+                let j = list[others.trailing_zeros() as usize];
+                others &= others - 1;
+                work.exact += 1;
+                let contact = exact::contact::<F>(world, particle, &world.particles[j as usize]);
+                self.offer(world, &mut earliest, j, contact);
             }
-            // Usually one, and no other after it.
-            let mut mask = bounds.up_to::<VECTORS>(list.len(), least);
-            let mut done = 0;
-            while mask != 0 {
-                done |= mask;
-                while mask != 0 {
-                    let j = list[mask.trailing_zeros() as usize % MOST];
-                    mask &= mask - 1;
-                    work.exact += 1;
-                    let partner = &world.particles[j as usize];
-                    match exact::contact::<F>(world, particle, partner) {
-                        Contact::At(time) => {
-                            earliest.offer(time, Target::new(Kind::Collision(j)), partner.count);
-                        }
-                        Contact::Far => earliest.far = true,
-                        Contact::Never => {}
-                    }
-                }
-                if earliest.entry.time < i64::MAX {
-                    within = ((earliest.entry.time - world.now).max(0) as f64 * frame.per_tick) as f32 * LATER;
-                }
-                mask = bounds.up_to::<VECTORS>(list.len(), within) & !done;
-            }
+            within = self.until(world, &earliest);
+        }
+        if list.len() > MOST {
+            self.look_on::<VECTORS>(world, i, part, &mut earliest, bounds, work);
+            within = self.until(world, &earliest);
         }
         // Of the transfer nothing need be known but whether it comes first.
         if let Some(delay) = self.lists.exit(i, record, part, within) {
@@ -306,13 +332,67 @@ impl<F: Features> Sight<F> {
         }
         earliest.entry
     }
+
+    #[inline(always)]
+    fn offer(&self, world: &World, earliest: &mut Earliest, j: u32, contact: i64) {
+        if contact < exact::FAR {
+            let count = world.particles[j as usize].count;
+            earliest.offer(contact, Target::new(Kind::Collision(j)), count);
+        } else {
+            earliest.far |= contact == exact::FAR;
+        }
+    }
+
+    /// From now to the earliest event known, and a little more [spans].
+    #[inline(always)]
+    fn until(&self, world: &World, earliest: &Earliest) -> f32 {
+        let ticks = earliest.entry.time.saturating_sub(world.now).max(0);
+        (ticks as f64 * self.plan.frame.per_tick) as f32 * LATER
+    }
+
+    /// Looks at the members of a long list beyond the first.
+    #[cold]
+    fn look_on<const VECTORS: bool>(
+        &self,
+        world: &World,
+        i: u32,
+        part: f32,
+        earliest: &mut Earliest,
+        bounds: &mut Bounds,
+        work: &mut Work,
+    ) {
+        for list in self.lists.of(i)[MOST..].chunks(MOST) {
+            let record = &self.records[i as usize];
+            // Not compiled for vectors.
+            filter::bounds::<F, false>(&self.plan.frame, &self.records, record, part, list, bounds);
+            let mut others = bounds.up_to::<false>(list.len(), self.until(world, earliest).min(NEVER));
+            while others != 0 {
+                let j = list[others.trailing_zeros() as usize];
+                others &= others - 1;
+                work.exact += 1;
+                let (particle, partner) = (&world.particles[i as usize], &world.particles[j as usize]);
+                self.offer(world, earliest, j, exact::contact::<F>(world, particle, partner));
+            }
+        }
+    }
 }
 
 /// A [`Sight`] that looks by vectors or not.
 struct Seer<'a, F, const VECTORS: bool> {
     sight: &'a mut Sight<F>,
-    bounds: &'a mut Bounds,
+    bounds: &'a mut [Bounds; 2],
     work: &'a mut Work,
+}
+
+impl<F: Features, const VECTORS: bool> Seer<'_, F, VECTORS> {
+    /// The next events of particles, as seen at the world's present.
+    #[inline(always)]
+    fn look<const K: usize>(&mut self, world: &World, bodies: [u32; K]) -> [Entry; K] {
+        if world.now > self.sight.plan.frame.end {
+            self.sight.begin(world);
+        }
+        self.sight.foresee::<K, VECTORS>(world, bodies, self.bounds, self.work)
+    }
 }
 
 impl<F: Features, const VECTORS: bool> Prophet for Seer<'_, F, VECTORS> {
@@ -320,10 +400,7 @@ impl<F: Features, const VECTORS: bool> Prophet for Seer<'_, F, VECTORS> {
 
     #[inline(always)]
     fn foresee(&mut self, state: &State, i: u32) -> Entry {
-        if state.world.now > self.sight.plan.frame.end {
-            self.sight.begin(&state.world);
-        }
-        self.sight.foresee::<VECTORS>(&state.world, i, self.bounds, self.work)
+        self.look(&state.world, [i])[0]
     }
 
     /// First the records and lists of particles, later the records of those that stand in these.
@@ -387,10 +464,13 @@ impl<F: Features> Engine for Nearby<F> {
         for start in (0..count).step_by(BLOCK) {
             (start as u32..(start + BLOCK).min(count) as u32)
                 .into_par_iter()
-                .map_init(Bounds::new, |bounds, i| {
-                    let mut work = Work::default();
-                    (sight.foresee::<false>(world, i, bounds, &mut work), work)
-                })
+                .map_init(
+                    || [Bounds::new(); 2],
+                    |bounds, i| {
+                        let mut work = Work::default();
+                        (sight.foresee::<1, false>(world, [i], bounds, &mut work)[0], work)
+                    },
+                )
                 .collect_into_vec(&mut block);
             for (entry, part) in &block {
                 self.queue.push(*entry);
