@@ -125,8 +125,9 @@ impl Bins {
                         if found.len() < count + LANES {
                             found.resize(2 * found.len() + 8 * LANES, 0);
                         }
-                        let room = &mut found[count..count + LANES];
-                        count += self.pick::<VECTORS>(at, x, reach2, room);
+                        if let Some(room) = found[count..].first_chunk_mut() {
+                            count += self.pick::<VECTORS>(at, x, reach2, room);
+                        }
                         let next = self.next[at];
                         if next == NONE {
                             break;
@@ -141,7 +142,7 @@ impl Bins {
 
     /// Copies those of a block that are near enough into `room`, which has eight places; their number.
     #[inline(always)]
-    fn pick<const VECTORS: bool>(&self, at: usize, x: [i32; 3], reach2: f32, room: &mut [u32]) -> usize {
+    fn pick<const VECTORS: bool>(&self, at: usize, x: [i32; 3], reach2: f32, room: &mut [u32; LANES]) -> usize {
         let block = &self.blocks[at];
         #[cfg(target_arch = "x86_64")]
         if VECTORS {
@@ -202,7 +203,7 @@ mod avx2 {
     /// The arithmetic of `super::distance2`, eight centers at a time; nothing depends on a branch.
     #[target_feature(enable = "avx2,fma")]
     #[inline]
-    pub(super) fn pick(block: &Block, x: [i32; 3], unit: [f32; 3], reach2: f32, room: &mut [u32]) -> usize {
+    pub(super) fn pick(block: &Block, x: [i32; 3], unit: [f32; 3], reach2: f32, room: &mut [u32; LANES]) -> usize {
         let square = |axis: usize| {
             // SAFETY: eight words; blocks are aligned to 64 bytes.
             let there = unsafe { _mm256_load_si256(block.x[axis].as_ptr().cast()) };
@@ -219,7 +220,6 @@ mod avx2 {
         // SAFETY: eight bytes of the table.
         let first = unsafe { _mm_loadl_epi64(FIRST[mask].as_ptr().cast()) };
         let picked = _mm256_permutevar8x32_epi32(id, _mm256_cvtepu8_epi32(first));
-        assert!(room.len() >= LANES);
         // SAFETY: there is room for eight words.
         unsafe { _mm256_storeu_si256(room.as_mut_ptr().cast(), picked) };
         mask.count_ones() as usize

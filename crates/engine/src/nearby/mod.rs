@@ -47,9 +47,9 @@ const AHEAD: f32 = 0.5;
 const SIZE_RATIO: f64 = 2.0;
 /// A bound in single precision may be compared with a time that is this much later.
 const LATER: f32 = 1.0 + 1e-6;
-/// From this many particles on the memory of events to come is asked for ahead of time.
-const MANY: usize = 1_000;
-/// Of the event so many entries ahead, records and lists are asked for, …
+/// Of events to come the records of those in the lists are asked for from this many particles on.
+const MANY: usize = 15_000;
+/// Of the event so many entries ahead, particles, records and lists are asked for, …
 const FAR_AHEAD: usize = 10;
 /// … and of this nearer one the records of those in the lists.
 const NEARLY_DUE: usize = 4;
@@ -258,23 +258,26 @@ impl<F: Features> Sight<F> {
     ) -> [Entry; K] {
         let frame = &self.plan.frame;
         let part = frame.part(world.now);
+        // Arrays filled in loops: a `map` may stay a call, compiled for the baseline.
         let (mut least, mut contact, mut entries) = ([0.0; K], [exact::NEVER; K], [NOTHING; K]);
+        let mut lists: [&[u32]; K] = [&[]; K];
         for k in 0..K {
-            let i = bodies[k] as usize;
-            let list = self.lists.of(bodies[k]);
-            least[k] = filter::bounds::<F, VECTORS>(frame, &self.records, &self.records[i], part, list, &mut bounds[k]);
-            work.candidates += list.len() as u64;
+            lists[k] = self.lists.of(bodies[k]);
+            let own = &self.records[bodies[k] as usize];
+            least[k] = filter::bounds::<F, VECTORS>(frame, &self.records, own, part, lists[k], &mut bounds[k]);
+            work.candidates += lists[k].len() as u64;
         }
         for k in 0..K {
-            let i = bodies[k] as usize;
             if least[k] < filter::NEVER {
-                let j = self.lists.of(bodies[k])[Bounds::lane(least[k])];
-                contact[k] = exact::contact::<F>(world, &world.particles[i], &world.particles[j as usize]);
+                let (i, j) = (bodies[k], lists[k][Bounds::lane(least[k])]);
+                contact[k] =
+                    exact::contact::<F>(world, &world.particles[i as usize], &world.particles[j as usize]);
                 work.exact += 1;
             }
         }
         for k in 0..K {
-            entries[k] = self.decide::<VECTORS>(world, bodies[k], part, (least[k], contact[k]), &mut bounds[k], work);
+            let first = (least[k], contact[k]);
+            entries[k] = self.decide::<VECTORS>(world, bodies[k], (part, lists[k]), first, &mut bounds[k], work);
         }
         entries
     }
@@ -285,7 +288,7 @@ impl<F: Features> Sight<F> {
         &self,
         world: &World,
         i: u32,
-        part: f32,
+        (part, list): (f32, &[u32]),
         (least, contact): (f32, i64),
         bounds: &mut Bounds,
         work: &mut Work,
@@ -294,7 +297,6 @@ impl<F: Features> Sight<F> {
         let (particle, record) = (&world.particles[i as usize], &self.records[i as usize]);
         let nothing = Entry { owner: i, own_count: particle.count, ..NOTHING };
         let mut earliest = Earliest { entry: nothing, far: false };
-        let list = self.lists.of(i);
         let mut within = NEVER;
         if least < filter::NEVER {
             let lane = Bounds::lane(least);
@@ -407,9 +409,6 @@ impl<F: Features, const VECTORS: bool> Prophet for Seer<'_, F, VECTORS> {
     #[inline(always)]
     fn look_ahead(&self, calendar: &Ladder<Entry>, state: &State) {
         let Sight { records, lists, looks_ahead, .. } = &*self.sight;
-        if !looks_ahead {
-            return;
-        }
         if let Some(entry) = calendar.upcoming(FAR_AHEAD) {
             let body = |i: u32| {
                 prefetch(&state.world.particles[i as usize]);
@@ -421,7 +420,12 @@ impl<F: Features, const VECTORS: bool> Prophet for Seer<'_, F, VECTORS> {
                 body(j);
             }
         }
-        if let Some(entry) = calendar.upcoming(NEARLY_DUE) {
+        if !looks_ahead {
+            return;
+        }
+        if let Some(entry) = calendar.upcoming(NEARLY_DUE)
+            && state.world.particles[entry.owner as usize].count == entry.own_count
+        {
             let neighbors = |i: u32| {
                 for &j in lists.of(i) {
                     prefetch(&records[j as usize]);
