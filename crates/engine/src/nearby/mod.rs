@@ -195,7 +195,7 @@ impl<F: Features> Nearby<F> {
                         state.world.wrap_anchor(body);
                         seer.sight.update(&state.world, body);
                     }
-                    for entry in seer.look(&state.world, bodies) {
+                    for entry in seer.foresee_both(&state.world, bodies) {
                         self.queue.push(entry);
                     }
                 }
@@ -244,42 +244,55 @@ impl<F: Features> Sight<F> {
         self.lists.transfer::<F, VECTORS>(i, &self.records, part, AHEAD);
     }
 
-    /// The next events of particles, as seen at the world's present, which is within the span. Step by step for all of them,
-    /// so that the processor need not wait for one to be done before it begins with the other.
+    /// The next event of particle i, as seen at the world's present, which is within the span.
     ///
     /// With `VECTORS` set the caller must be compiled for AVX2 and FMA, and run where they exist.
     #[inline(always)]
-    fn foresee<const K: usize, const VECTORS: bool>(
+    fn foresee<const VECTORS: bool>(&self, world: &World, i: u32, bounds: &mut Bounds, work: &mut Work) -> Entry {
+        let part = self.plan.frame.part(world.now);
+        let glance = self.glance::<VECTORS>(i, part, bounds, work);
+        let contact = self.first(world, &glance, work);
+        self.decide::<VECTORS>(world, &glance, contact, bounds, work)
+    }
+
+    /// The same for two particles, step by step for both: the processor need not wait for one to be done before it begins with
+    /// the other.
+    #[inline(always)]
+    fn foresee_both<const VECTORS: bool>(
         &self,
         world: &World,
-        bodies: [u32; K],
-        bounds: &mut [Bounds; 2],
+        [i, j]: [u32; 2],
+        [a, b]: &mut [Bounds; 2],
         work: &mut Work,
-    ) -> [Entry; K] {
-        let frame = &self.plan.frame;
-        let part = frame.part(world.now);
-        // Arrays filled in loops: a `map` may stay a call, compiled for the baseline.
-        let (mut least, mut contact, mut entries) = ([0.0; K], [exact::NEVER; K], [NOTHING; K]);
-        let mut lists: [&[u32]; K] = [&[]; K];
-        for k in 0..K {
-            lists[k] = self.lists.of(bodies[k]);
-            let own = &self.records[bodies[k] as usize];
-            least[k] = filter::bounds::<F, VECTORS>(frame, &self.records, own, part, lists[k], &mut bounds[k]);
-            work.candidates += lists[k].len() as u64;
+    ) -> [Entry; 2] {
+        let part = self.plan.frame.part(world.now);
+        let one = self.glance::<VECTORS>(i, part, a, work);
+        let other = self.glance::<VECTORS>(j, part, b, work);
+        let contacts = [self.first(world, &one, work), self.first(world, &other, work)];
+        [
+            self.decide::<VECTORS>(world, &one, contacts[0], a, work),
+            self.decide::<VECTORS>(world, &other, contacts[1], b, work),
+        ]
+    }
+
+    /// Bounds for all whom particle i may meet.
+    #[inline(always)]
+    fn glance<const VECTORS: bool>(&self, i: u32, part: f32, bounds: &mut Bounds, work: &mut Work) -> Glance<'_> {
+        let (record, list) = (&self.records[i as usize], self.lists.of(i));
+        work.candidates += list.len() as u64;
+        let least = filter::bounds::<F, VECTORS>(&self.plan.frame, &self.records, record, part, list, bounds);
+        Glance { i, part, record, list, least }
+    }
+
+    /// The contact with the first by its bound.
+    #[inline(always)]
+    fn first(&self, world: &World, glance: &Glance, work: &mut Work) -> i64 {
+        if glance.least >= filter::NEVER {
+            return exact::NEVER;
         }
-        for k in 0..K {
-            if least[k] < filter::NEVER {
-                let (i, j) = (bodies[k], lists[k][Bounds::lane(least[k])]);
-                contact[k] =
-                    exact::contact::<F>(world, &world.particles[i as usize], &world.particles[j as usize]);
-                work.exact += 1;
-            }
-        }
-        for k in 0..K {
-            let first = (least[k], contact[k]);
-            entries[k] = self.decide::<VECTORS>(world, bodies[k], (part, lists[k]), first, &mut bounds[k], work);
-        }
-        entries
+        work.exact += 1;
+        let (i, j) = (glance.i as usize, glance.list[Bounds::lane(glance.least)] as usize);
+        exact::contact::<F>(world, &world.particles[i], &world.particles[j])
     }
 
     /// The next event of particle i, when the contact with the first by its bound is known.
@@ -287,14 +300,14 @@ impl<F: Features> Sight<F> {
     fn decide<const VECTORS: bool>(
         &self,
         world: &World,
-        i: u32,
-        (part, list): (f32, &[u32]),
-        (least, contact): (f32, i64),
+        glance: &Glance,
+        contact: i64,
         bounds: &mut Bounds,
         work: &mut Work,
     ) -> Entry {
         let frame = &self.plan.frame;
-        let (particle, record) = (&world.particles[i as usize], &self.records[i as usize]);
+        let &Glance { i, part, record, list, least } = glance;
+        let particle = &world.particles[i as usize];
         let nothing = Entry { owner: i, own_count: particle.count, ..NOTHING };
         let mut earliest = Earliest { entry: nothing, far: false };
         let mut within = NEVER;
@@ -379,6 +392,17 @@ impl<F: Features> Sight<F> {
     }
 }
 
+/// What a first look at the list of particle i has found.
+struct Glance<'a> {
+    i: u32,
+    /// The present, as a part of the span.
+    part: f32,
+    record: &'a Record,
+    list: &'a [u32],
+    /// The least bound of the first [`MOST`].
+    least: f32,
+}
+
 /// A [`Sight`] that looks by vectors or not.
 struct Seer<'a, F, const VECTORS: bool> {
     sight: &'a mut Sight<F>,
@@ -387,13 +411,13 @@ struct Seer<'a, F, const VECTORS: bool> {
 }
 
 impl<F: Features, const VECTORS: bool> Seer<'_, F, VECTORS> {
-    /// The next events of particles, as seen at the world's present.
+    /// The next events of two particles, as seen at the world's present.
     #[inline(always)]
-    fn look<const K: usize>(&mut self, world: &World, bodies: [u32; K]) -> [Entry; K] {
+    fn foresee_both(&mut self, world: &World, bodies: [u32; 2]) -> [Entry; 2] {
         if world.now > self.sight.plan.frame.end {
             self.sight.begin(world);
         }
-        self.sight.foresee::<K, VECTORS>(world, bodies, self.bounds, self.work)
+        self.sight.foresee_both::<VECTORS>(world, bodies, self.bounds, self.work)
     }
 }
 
@@ -402,7 +426,15 @@ impl<F: Features, const VECTORS: bool> Prophet for Seer<'_, F, VECTORS> {
 
     #[inline(always)]
     fn foresee(&mut self, state: &State, i: u32) -> Entry {
-        self.look(&state.world, [i])[0]
+        if state.world.now > self.sight.plan.frame.end {
+            self.sight.begin(&state.world);
+        }
+        #[cfg(target_arch = "x86_64")]
+        if VECTORS {
+            // SAFETY: the caller has the features.
+            return unsafe { self.sight.foresee_avx2(&state.world, i, &mut self.bounds[0], self.work) };
+        }
+        self.sight.foresee::<false>(&state.world, i, &mut self.bounds[0], self.work)
     }
 
     /// First the records and lists of particles, later the records of those that stand in these.
@@ -469,10 +501,10 @@ impl<F: Features> Engine for Nearby<F> {
             (start as u32..(start + BLOCK).min(count) as u32)
                 .into_par_iter()
                 .map_init(
-                    || [Bounds::new(); 2],
+                    Bounds::new,
                     |bounds, i| {
                         let mut work = Work::default();
-                        (sight.foresee::<1, false>(world, [i], bounds, &mut work)[0], work)
+                        (sight.foresee::<false>(world, i, bounds, &mut work), work)
                     },
                 )
                 .collect_into_vec(&mut block);
@@ -520,5 +552,15 @@ impl<F: Features> Nearby<F> {
         observer: &mut dyn Observer,
     ) -> Result<Stop, EngineError> {
         self.run::<EVENTS, true>(state, limit, observer)
+    }
+}
+
+#[cfg(target_arch = "x86_64")]
+impl<F: Features> Sight<F> {
+    /// One copy of the code, so that the loop stays short.
+    #[target_feature(enable = "avx2,fma,bmi1,bmi2,lzcnt,popcnt")]
+    #[inline(never)]
+    fn foresee_avx2(&self, world: &World, i: u32, bounds: &mut Bounds, work: &mut Work) -> Entry {
+        self.foresee::<true>(world, i, bounds, work)
     }
 }
