@@ -52,11 +52,12 @@ pub struct Ladder<E: Event> {
     coarse_now: i64,
     year_now: i64,
     len: usize,
-    /// Events taken, and fine buckets passed, since the width was last looked at.
-    taken: usize,
+    /// Fine buckets passed, and events taken, since the width was last looked at. (`taken` does not stand beside `len`, nor is it
+    /// as wide: the two would be counted by one vector instruction, which has to wait until what was counted alone is in memory.)
     buckets: i64,
+    taken: u32,
     /// Events to be taken before it is looked at again: a change costs O(len) and must be paid for. 0 at the start.
-    patience: usize,
+    patience: u32,
 }
 
 impl<E: Event> Ladder<E> {
@@ -158,11 +159,11 @@ impl<E: Event> Ladder<E> {
     /// Looks whether the width still fits the rate of events.
     #[cold]
     fn review(&mut self) {
-        let per_bucket = self.taken / self.buckets.max(1) as usize;
+        let per_bucket = self.taken as usize / self.buckets.max(1) as usize;
         if self.patience == 0 || per_bucket > TARGET * SLACK || per_bucket * SLACK < TARGET {
             self.retune();
         }
-        self.patience = self.len.max(REVIEW);
+        self.patience = self.len.clamp(REVIEW, 1 << 31) as u32;
         self.taken = 0;
         self.buckets = 0;
     }
@@ -264,13 +265,15 @@ impl<E: Event> Calendar<E> for Ladder<E> {
             if self.run.is_empty() && !self.advance() {
                 return None;
             }
-            let next = *self.run.last()?;
+            let last = self.run.len().checked_sub(1)?;
+            let next = self.run[last];
             if next.time() > limit {
                 return None;
             }
+            self.run.truncate(last);
             self.len -= 1;
             self.taken += 1;
-            self.run.pop()
+            Some(next)
         } else {
             self.pop_with_late(limit)
         }

@@ -228,7 +228,7 @@ impl<F: Features> Sight<F> {
     fn update(&mut self, world: &World, i: u32) {
         let record = self.plan.frame.record::<F>(world, i);
         let allowed = self.plan.frame.allows(&record);
-        self.records[i as usize] = record;
+        record.store(&mut self.records[i as usize]);
         if !allowed {
             self.begin(world);
         }
