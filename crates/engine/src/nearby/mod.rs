@@ -442,14 +442,11 @@ impl<F: Features, const VECTORS: bool> Prophet for Seer<'_, F, VECTORS> {
     fn look_ahead(&self, calendar: &Ladder<Entry>, state: &State) {
         let Sight { records, lists, looks_ahead, .. } = &*self.sight;
         if let Some(entry) = calendar.upcoming(FAR_AHEAD) {
-            let body = |i: u32| {
+            let partner = if let Kind::Collision(j) = entry.target.kind() { j } else { entry.owner };
+            for i in [entry.owner, partner] {
                 prefetch(&state.world.particles[i as usize]);
                 prefetch(&records[i as usize]);
                 lists.prefetch(i);
-            };
-            body(entry.owner);
-            if let Kind::Collision(j) = entry.target.kind() {
-                body(j);
             }
         }
         if !looks_ahead {
