@@ -225,3 +225,63 @@ mod avx2 {
         mask.count_ones() as usize
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// A linear congruential generator, whose upper half is random enough for places.
+    fn next(state: &mut u64) -> i32 {
+        *state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
+        (*state >> 32) as i32
+    }
+
+    /// Bins of one, two and many along an axis, of which some overflow; centers move about.
+    #[test]
+    fn all_that_are_near_are_found_once() {
+        let mut state = 1;
+        for edges in [[8.0, 8.0, 8.0], [4.1, 12.0, 6.5], [5.0, 9.0, 0.0], [30.0, 6.0, 5.0]] {
+            let unit = edges.map(|edge| if edge > 0.0 { (edge / 2.0_f64.powi(32)) as f32 } else { 1.0 });
+            let reach = 2.0_f32;
+            let mut bins = Bins::new(edges, unit, f64::from(reach));
+            let mut place = |axis: usize| if edges[axis] > 0.0 { next(&mut state) } else { 0 };
+            let mut centers: Vec<[i32; 3]> = (0..600).map(|_| [0, 1, 2].map(&mut place)).collect();
+            for (i, x) in centers.iter().enumerate() {
+                bins.enter(i as u32, *x);
+            }
+            let mut total = 0;
+            for i in 0..centers.len() {
+                bins.leave(i as u32, centers[i]);
+                centers[i] = [0, 1, 2].map(&mut place);
+                bins.enter(i as u32, centers[i]);
+                let x = centers[i];
+                let mut expected: Vec<u32> = (0..600)
+                    .filter(|&j| distance2(centers[j as usize], x, unit) < reach * reach)
+                    .collect();
+                expected.sort_unstable();
+                let mut found = Vec::new();
+                let count = bins.near::<false>(x, reach * reach, &mut found);
+                found.truncate(count);
+                found.sort_unstable();
+                assert_eq!(found, expected, "{edges:?}, {i}");
+                #[cfg(target_arch = "x86_64")]
+                if is_x86_feature_detected!("avx2") && is_x86_feature_detected!("fma") {
+                    let mut found = Vec::new();
+                    // SAFETY: the features have just been found.
+                    let count = unsafe { near_avx2(&bins, x, reach * reach, &mut found) };
+                    found.truncate(count);
+                    found.sort_unstable();
+                    assert_eq!(found, expected, "{edges:?}, {i}, vectors");
+                }
+                total += expected.len();
+            }
+            assert!(total > 3 * 600, "{edges:?}: {total}");
+        }
+    }
+
+    #[cfg(target_arch = "x86_64")]
+    #[target_feature(enable = "avx2,fma")]
+    fn near_avx2(bins: &Bins, x: [i32; 3], reach2: f32, found: &mut Vec<u32>) -> usize {
+        bins.near::<true>(x, reach2, found)
+    }
+}

@@ -25,6 +25,15 @@ pub(super) const NEVER: f32 = f32::from_bits(0x7f7f_ffff & !LANE);
 /// The last bits of a bound name its lane, so that the least bound tells whose it is: they are far below the margin.
 const LANE: u32 = MOST as u32 - 1;
 
+/// What a time is lengthened by before bounds are compared with it, for the rounding of both.
+const LATER: f32 = 1.0 + 1e-6;
+
+/// Bounds up to this may belong to contacts up to a time [spans]. A bound of zero is not, because of the lane in it.
+#[inline(always)]
+pub(super) fn limit(time: f64) -> f32 {
+    time as f32 * LATER + f32::MIN_POSITIVE
+}
+
 /// Working space, and the answer.
 #[derive(Debug, Clone, Copy)]
 #[repr(C, align(32))]
@@ -205,5 +214,165 @@ mod avx2 {
             bits |= (_mm256_movemask_ps(_mm256_cmp_ps::<_CMP_LE_OQ>(time, limit)) as u64) << (k * LANES);
         }
         bits
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use glam::DVec3;
+    use haff_neighbors::{Axis, Geometry};
+
+    use super::*;
+    use crate::{machine::With, model::System, particles::World};
+
+    /// SplitMix64, as numbers in −1 … 1.
+    struct Random(u64);
+
+    impl Random {
+        fn number(&mut self) -> f64 {
+            self.0 = self.0.wrapping_add(0x9E37_79B9_7F4A_7C15);
+            let mut z = self.0;
+            z = (z ^ (z >> 30)).wrapping_mul(0xBF58_476D_1CE4_E5B9);
+            z = (z ^ (z >> 27)).wrapping_mul(0x94D0_49BB_1331_11EB);
+            ((z ^ (z >> 31)) >> 11) as f64 / (1_u64 << 52) as f64 - 1.0
+        }
+
+        fn direction(&mut self) -> DVec3 {
+            DVec3::new(self.number(), self.number(), self.number()).normalize()
+        }
+    }
+
+    const EDGE: f64 = 40.0;
+
+    /// A frame in a box of edge [`EDGE`], and a world of two particles whose speeds are up to one.
+    fn frame(radii: [f64; 2]) -> (Frame, World) {
+        let geometry = Geometry {
+            size: DVec3::splat(EDGE),
+            axes: [Axis::Periodic; 3],
+            reach: 1.0,
+            radius: 0.5,
+            radii: Vec::new(),
+            planes: Vec::new(),
+        };
+        let body = |class| crate::model::Body {
+            position: DVec3::ZERO,
+            velocity: DVec3::X,
+            image: [0; 3],
+            class,
+            species: 0,
+        };
+        let system = System {
+            dimension: crate::model::Dimension::Three,
+            domain: crate::model::Domain {
+                size: DVec3::splat(EDGE),
+                boundary: [crate::model::Boundary::Periodic; 3],
+                gravity: DVec3::ZERO,
+            },
+            bodies: vec![body(0), body(1)],
+            classes: radii.map(|radius| crate::model::Class { radius, mass: 1.0, group: 0 }).to_vec(),
+            groups: Vec::new(),
+            species: Vec::new(),
+            walls: Vec::new(),
+            contacts: crate::model::Contacts { pair: Vec::new(), wall: Vec::new(), tc: 0.0 },
+        };
+        let world = World::new(&system, -52);
+        let mut frame = Frame::new(&geometry, 2.2).expect("the box is large enough");
+        frame.begin(&world);
+        (frame, world)
+    }
+
+    /// Bounds of one pair, in one lane of a group whose others are nobody: the plain one, and that of the vectors.
+    fn both<F: Features>(frame: &Frame, own: &Record, other: &Record, part: f32, lane: usize) -> [f32; 2] {
+        let records = [*own, *other, Record::NOBODY];
+        let mut list = [2; LANES];
+        list[lane] = 1;
+        let mut out = Bounds::new();
+        let mut found = [0.0; 2];
+        found[0] = bounds::<F, false>(frame, &records, own, part, &list, &mut out);
+        found[1] = found[0];
+        #[cfg(target_arch = "x86_64")]
+        if is_x86_feature_detected!("avx2") && is_x86_feature_detected!("fma") {
+            // SAFETY: the features have just been found.
+            unsafe {
+                found[1] = avx2::bounds::<F>(frame, &records, own, part, &list, &mut out);
+                assert_eq!(avx2::up_to(&out, LANES, 0.9 * NEVER) == 1 << lane, found[1] < 0.9 * NEVER);
+            }
+        }
+        for bound in found {
+            assert!(bound >= NEVER || Bounds::lane(bound) == lane, "lane {lane}: {bound}");
+        }
+        found
+    }
+
+    /// Pairs within reach of a list, at any part of a span, that graze, touch, meet head on, or do not meet; slow ones and fast ones.
+    /// Returns how many meet, and how many of the bounds are within a hundredth of the time.
+    fn judge<F: Features>(radii: [f64; 2], count: usize) -> [usize; 2] {
+        let (frame, mut world) = frame(radii);
+        let sigma = radii[0] + radii[1];
+        let tick = world.clock.tick;
+        let span = (frame.end - frame.begin) as f64 * tick;
+        let mut random = Random(7);
+        let mut found = [0; 2];
+        for k in 0..count {
+            let part = (0.5 + 0.5 * random.number()).min(0.99);
+            world.now = frame.begin + (part * (frame.end - frame.begin) as f64) as i64;
+            // Often nearly parallel: the difference of velocities is then far less than they are.
+            let common = random.direction() * random.number().abs();
+            let slow = libm::pow(10.0, -2.0 - 2.0 * random.number());
+            let v = random.direction() * slow.min(1.0);
+            let edge = [1.0 - 1e-9, 1.0 - 1e-6, 1.0 - 1e-3, 1.0, 1.0 + 1e-9, 1.2][k % 6];
+            let r = match k % 4 {
+                // Grazing in a while.
+                0 => random.direction().cross(v).normalize() * (edge * sigma) - v.normalize() * random.number(),
+                1 => random.direction() * (edge.max(1.0) * sigma),
+                2 => v.normalize() * -(edge.max(1.0) * sigma),
+                _ => random.direction() * (sigma * (1.6 + 0.55 * random.number())),
+            };
+            let place = (random.direction() + 1.0) * (0.5 * EDGE);
+            let velocities = [common * 0.5, common * 0.5 + v * 0.5];
+            for (i, (position, velocity)) in [(place, velocities[0]), (place + r, velocities[1])].into_iter().enumerate()
+            {
+                let particle = &mut world.particles[i];
+                particle.position = position;
+                particle.velocity = velocity;
+                particle.time = world.now;
+                world.wrap_anchor(i as u32);
+            }
+            let (own, other) = (frame.record::<F>(&world, 0), frame.record::<F>(&world, 1));
+            let bounds = both::<F>(&frame, &own, &other, frame.part(world.now), k % LANES);
+            let expected = haff_mechanics::time_to_contact(r, velocities[1] - velocities[0], sigma);
+            // Beyond this one of them has left its ball.
+            let listed = 0.6 / velocities[0].length().max(velocities[1].length());
+            if let Some(time) = expected.filter(|time| *time <= listed) {
+                found[0] += 1;
+                for bound in bounds {
+                    assert!(bound <= limit(time / span), "{k}: bound {bound} of {time}; r = {r}, v = {v}");
+                }
+                found[1] += usize::from(f64::from(bounds[0]) * span > 0.99 * time - 1e-3);
+            } else if expected.is_none() && r.length() > 1.001 * sigma && r.dot(v) > 1e-2 * r.length() * v.length() && slow > 0.1 {
+                assert!(bounds[0] >= NEVER && bounds[1] >= NEVER, "{k}: {bounds:?} for a pair that comes apart");
+            }
+        }
+        found
+    }
+
+    #[test]
+    fn no_bound_is_later_than_the_contact() {
+        for found in [
+            judge::<With<false, true>>([0.5, 0.5], 200_000),
+            judge::<With<false, false>>([0.5, 0.3], 200_000),
+        ] {
+            assert!(found[0] > 30_000 && 2 * found[1] > found[0], "{found:?}");
+        }
+    }
+
+    #[test]
+    fn nobody_meets_nobody() {
+        let (frame, world) = frame([0.5; 2]);
+        let own = frame.record::<With<false, true>>(&world, 0);
+        for lane in 0..LANES {
+            let found = both::<With<false, true>>(&frame, &own, &Record::NOBODY, 0.5, lane);
+            assert!(found.iter().all(|bound| *bound >= NEVER), "{found:?}");
+        }
     }
 }

@@ -45,8 +45,6 @@ const SHELL: [f64; 2] = [1.3, 2.5];
 const AHEAD: f32 = 0.5;
 /// Radii may differ by this factor: the bins are made for the largest.
 const SIZE_RATIO: f64 = 2.0;
-/// A bound in single precision may be compared with a time that is this much later.
-const LATER: f32 = 1.0 + 1e-6;
 /// Of events to come the records of those in the lists are asked for from this many particles on.
 const MANY: usize = 15_000;
 /// Of the event so many entries ahead, particles, records and lists are asked for, …
@@ -362,7 +360,7 @@ impl<F: Features> Sight<F> {
     #[inline(always)]
     fn until(&self, world: &World, earliest: &Earliest) -> f32 {
         let ticks = earliest.entry.time.saturating_sub(world.now).max(0);
-        (ticks as f64 * self.plan.frame.per_tick) as f32 * LATER
+        filter::limit(ticks as f64 * self.plan.frame.per_tick)
     }
 
     /// Looks at the members of a long list beyond the first.
