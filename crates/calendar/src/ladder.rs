@@ -26,6 +26,8 @@ const TARGET: usize = 8;
 const SLACK: usize = 2;
 /// Longest run that events are inserted into.
 const SHORT: usize = 64;
+/// Number of events that the width is chosen from.
+const SAMPLE: usize = 1 << 14;
 /// Least number of events taken between two looks at the width.
 const REVIEW: usize = 64;
 /// Largest exponent of a year's length, so that bucket arithmetic on 64-bit ticks cannot overflow.
@@ -103,9 +105,10 @@ impl<E: Event> Ladder<E> {
 
     /// Takes all events out, in no particular order.
     fn drain_all(&mut self) -> Vec<E> {
-        let mut all = Vec::with_capacity(self.len);
+        // The heap holds most of them when the width has never been tuned: its memory is taken over.
+        let late = mem::take(&mut self.late).into_vec();
+        let mut all: Vec<E> = late.into_iter().map(|Reverse(event)| event).collect();
         all.append(&mut self.run);
-        all.extend(self.late.drain().map(|Reverse(event)| event));
         for bucket in self.fine.iter_mut().chain(&mut self.coarse) {
             all.append(bucket);
         }
@@ -124,14 +127,28 @@ impl<E: Event> Ladder<E> {
         }
     }
 
-    /// Chooses the fine width from the live events: their median distance from the first, in `TARGET`s.
-    fn tune_from(&mut self, all: &[E]) {
-        let Some(first) = all.iter().map(Event::time).min() else { return };
-        let mut ahead: Vec<u64> = all.iter().map(|event| event.time().wrapping_sub(first) as u64).collect();
+    /// Chooses the fine width for `len` live events of which these are some: their median distance from the first, in
+    /// `TARGET`s.
+    fn tune_from(&mut self, some: &[E], len: usize) {
+        let Some(first) = some.iter().map(Event::time).min() else { return };
+        let sample = some.iter().step_by(some.len().div_ceil(SAMPLE));
+        let mut ahead: Vec<u64> = sample.map(|event| event.time().wrapping_sub(first) as u64).collect();
         let middle = ahead.len() / 2;
         let (_, &mut median, _) = ahead.select_nth_unstable(middle);
-        let width = (u128::from(median) * TARGET as u128 / (middle.max(1) as u128)).max(1) as u64;
+        let width = (u128::from(median) * TARGET as u128 / ((len / 2).max(1) as u128)).max(1) as u64;
         self.set_shift(width.ilog2());
+    }
+
+    /// Makes ready for `len` events of which these are some; nothing may be held yet. Without it all that are entered before the
+    /// first is taken are kept in one heap, and moved then.
+    pub fn prepare(&mut self, some: &[E], len: usize) {
+        debug_assert!(self.is_empty());
+        let Some(first) = some.iter().map(Event::time).min() else { return };
+        self.tune_from(some, len);
+        self.point_at(first.saturating_sub(1 << self.shift));
+        self.patience = len.clamp(REVIEW, 1 << 31) as u32;
+        self.taken = 0;
+        self.buckets = 0;
     }
 
     /// Makes `run` the next non-empty fine bucket. False when the calendar is empty.
@@ -171,7 +188,7 @@ impl<E: Event> Ladder<E> {
     /// Rebuilds with a width that fits the present events.
     fn retune(&mut self) {
         let all = self.drain_all();
-        self.tune_from(&all);
+        self.tune_from(&all, all.len());
         self.refill(all);
     }
 

@@ -44,6 +44,12 @@ impl Queue {
         self.calendar.is_empty() && self.ties.is_empty()
     }
 
+    /// Makes ready for the events of `len` particles, of which these are some; nothing may have been entered.
+    pub fn prepare(&mut self, some: &[Entry], len: usize) {
+        let due: Vec<Entry> = some.iter().copied().filter(|entry| entry.time < i64::MAX).collect();
+        self.calendar.prepare(&due, len);
+    }
+
     /// Enters an event, unless it is at no time.
     #[inline(always)]
     pub fn push(&mut self, entry: Entry) {

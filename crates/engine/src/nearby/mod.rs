@@ -503,6 +503,10 @@ impl<F: Features> Engine for Nearby<F> {
                     },
                 )
                 .collect_into_vec(&mut block);
+            if start == 0 {
+                let entries: Vec<Entry> = block.iter().map(|(entry, _)| *entry).collect();
+                self.queue.prepare(&entries, count);
+            }
             for (entry, part) in &block {
                 self.queue.push(*entry);
                 work.candidates += part.candidates;
