@@ -63,7 +63,7 @@ impl Earliest {
         if time > self.entry.time {
             return;
         }
-        let entry = Entry { time, target, partner_count, ..self.entry };
+        let entry = Entry { target, partner_count, time, ..self.entry };
         if time < self.entry.time || entry.rank() < self.entry.rank() {
             self.entry = entry;
         }

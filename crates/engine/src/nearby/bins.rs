@@ -142,7 +142,13 @@ impl Bins {
 
     /// Copies those of a block that are near enough into `room`, which has eight places; their number.
     #[inline(always)]
-    fn pick<const VECTORS: bool>(&self, at: usize, x: [i32; 3], reach2: f32, room: &mut [u32; LANES]) -> usize {
+    fn pick<const VECTORS: bool>(
+        &self,
+        at: usize,
+        x: [i32; 3],
+        reach2: f32,
+        room: &mut [u32; LANES],
+    ) -> usize {
         let block = &self.blocks[at];
         #[cfg(target_arch = "x86_64")]
         if VECTORS {
@@ -151,7 +157,8 @@ impl Bins {
         }
         let mut count = 0;
         for k in 0..LANES {
-            if block.id[k] != NONE && distance2([0, 1, 2].map(|axis| block.x[axis][k]), x, self.unit) < reach2 {
+            if block.id[k] != NONE && distance2([0, 1, 2].map(|axis| block.x[axis][k]), x, self.unit) < reach2
+            {
                 room[count] = block.id[k];
                 count += 1;
             }
@@ -203,7 +210,13 @@ mod avx2 {
     /// The arithmetic of `super::distance2`, eight centers at a time; nothing depends on a branch.
     #[target_feature(enable = "avx2,fma")]
     #[inline]
-    pub(super) fn pick(block: &Block, x: [i32; 3], unit: [f32; 3], reach2: f32, room: &mut [u32; LANES]) -> usize {
+    pub(super) fn pick(
+        block: &Block,
+        x: [i32; 3],
+        unit: [f32; 3],
+        reach2: f32,
+        room: &mut [u32; LANES],
+    ) -> usize {
         let square = |axis: usize| {
             // SAFETY: eight words; blocks are aligned to 64 bytes.
             let there = unsafe { _mm256_load_si256(block.x[axis].as_ptr().cast()) };
@@ -255,9 +268,8 @@ mod tests {
                 centers[i] = [0, 1, 2].map(&mut place);
                 bins.enter(i as u32, centers[i]);
                 let x = centers[i];
-                let mut expected: Vec<u32> = (0..600)
-                    .filter(|&j| distance2(centers[j as usize], x, unit) < reach * reach)
-                    .collect();
+                let mut expected: Vec<u32> =
+                    (0..600).filter(|&j| distance2(centers[j as usize], x, unit) < reach * reach).collect();
                 expected.sort_unstable();
                 let mut found = Vec::new();
                 let count = bins.near::<false>(x, reach * reach, &mut found);

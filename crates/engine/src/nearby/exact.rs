@@ -18,6 +18,8 @@ pub(super) const FAR: i64 = i64::MAX - 1;
 /// When two particles with these anchors touch [ticks], for the image that is nearest now; [`NEVER`] or [`FAR`].
 ///
 /// Without a branch that is taken one time and not another, so that the predictions of two pairs overlap in the processor.
+#[expect(clippy::neg_cmp_op_on_partial_ord, reason = "what is not a number goes the way of the kernel")]
+#[expect(clippy::needless_bitwise_bool, reason = "no branches")]
 #[inline(always)]
 pub(super) fn contact<F: Features>(world: &World, a: &Particle, b: &Particle) -> i64 {
     let sigma = if F::UNIFORM {

@@ -117,12 +117,13 @@ fn bound<F: Features>(frame: &Frame, own: &Record, other: &Record, part: f32) ->
 mod avx2 {
     use std::arch::x86_64::{
         __m256, _CMP_GE_OQ, _CMP_LE_OQ, _CMP_LT_OQ, _mm_cvtss_f32, _mm_load_ps, _mm_min_ps, _mm_movehdup_ps,
-        _mm_movehl_ps, _mm256_add_epi32, _mm256_add_ps, _mm256_and_ps, _mm256_blendv_ps, _mm256_castps_si256, _mm256_castsi256_ps,
-        _mm256_castps128_ps256, _mm256_castps256_ps128, _mm256_cmp_ps, _mm256_cvtepi32_ps, _mm256_div_ps,
-        _mm256_extractf128_ps, _mm256_fmadd_ps, _mm256_fmsub_ps, _mm256_insertf128_ps, _mm256_load_ps,
-        _mm256_max_ps, _mm256_min_ps, _mm256_movemask_ps, _mm256_mul_ps, _mm256_or_ps, _mm256_set1_epi32, _mm256_set1_ps,
-        _mm256_setr_epi32, _mm256_setzero_ps, _mm256_shuffle_ps, _mm256_sqrt_ps, _mm256_store_ps, _mm256_sub_epi32,
-        _mm256_sub_ps, _mm256_unpackhi_ps, _mm256_unpacklo_ps,
+        _mm_movehl_ps, _mm256_add_epi32, _mm256_add_ps, _mm256_and_ps, _mm256_blendv_ps, _mm256_castps_si256,
+        _mm256_castps128_ps256, _mm256_castps256_ps128, _mm256_castsi256_ps, _mm256_cmp_ps,
+        _mm256_cvtepi32_ps, _mm256_div_ps, _mm256_extractf128_ps, _mm256_fmadd_ps, _mm256_fmsub_ps,
+        _mm256_insertf128_ps, _mm256_load_ps, _mm256_max_ps, _mm256_min_ps, _mm256_movemask_ps,
+        _mm256_mul_ps, _mm256_or_ps, _mm256_set1_epi32, _mm256_set1_ps, _mm256_setr_epi32, _mm256_setzero_ps,
+        _mm256_shuffle_ps, _mm256_sqrt_ps, _mm256_store_ps, _mm256_sub_epi32, _mm256_sub_ps,
+        _mm256_unpackhi_ps, _mm256_unpacklo_ps,
     };
 
     use super::{Bounds, Features, Frame, LANE, LANES, MOST, NEVER, Record};
@@ -187,10 +188,8 @@ mod avx2 {
             let disc = _mm256_fmsub_ps(b, b, _mm256_mul_ps(vv, c));
             let den = _mm256_sub_ps(_mm256_sqrt_ps(disc), b);
             let t = _mm256_div_ps(_mm256_max_ps(c, zero), den);
-            let meets = _mm256_and_ps(
-                _mm256_cmp_ps::<_CMP_LT_OQ>(b, zero),
-                _mm256_cmp_ps::<_CMP_GE_OQ>(disc, zero),
-            );
+            let meets =
+                _mm256_and_ps(_mm256_cmp_ps::<_CMP_LT_OQ>(b, zero), _mm256_cmp_ps::<_CMP_GE_OQ>(disc, zero));
             let t = _mm256_min_ps(_mm256_blendv_ps(never, t, meets), never);
             let t = _mm256_or_ps(_mm256_and_ps(t, all_but_lane), _mm256_castsi256_ps(lanes));
             lanes = _mm256_add_epi32(lanes, _mm256_set1_epi32(LANES as i32));
@@ -323,14 +322,17 @@ mod tests {
             let edge = [1.0 - 1e-9, 1.0 - 1e-6, 1.0 - 1e-3, 1.0, 1.0 + 1e-9, 1.2][k % 6];
             let r = match k % 4 {
                 // Grazing in a while.
-                0 => random.direction().cross(v).normalize() * (edge * sigma) - v.normalize() * random.number(),
+                0 => {
+                    random.direction().cross(v).normalize() * (edge * sigma) - v.normalize() * random.number()
+                }
                 1 => random.direction() * (edge.max(1.0) * sigma),
                 2 => v.normalize() * -(edge.max(1.0) * sigma),
                 _ => random.direction() * (sigma * (1.6 + 0.55 * random.number())),
             };
             let place = (random.direction() + 1.0) * (0.5 * EDGE);
             let velocities = [common * 0.5, common * 0.5 + v * 0.5];
-            for (i, (position, velocity)) in [(place, velocities[0]), (place + r, velocities[1])].into_iter().enumerate()
+            for (i, (position, velocity)) in
+                [(place, velocities[0]), (place + r, velocities[1])].into_iter().enumerate()
             {
                 let particle = &mut world.particles[i];
                 particle.position = position;
@@ -349,8 +351,15 @@ mod tests {
                     assert!(bound <= limit(time / span), "{k}: bound {bound} of {time}; r = {r}, v = {v}");
                 }
                 found[1] += usize::from(f64::from(bounds[0]) * span > 0.99 * time - 1e-3);
-            } else if expected.is_none() && r.length() > 1.001 * sigma && r.dot(v) > 1e-2 * r.length() * v.length() && slow > 0.1 {
-                assert!(bounds[0] >= NEVER && bounds[1] >= NEVER, "{k}: {bounds:?} for a pair that comes apart");
+            } else if expected.is_none()
+                && r.length() > 1.001 * sigma
+                && r.dot(v) > 1e-2 * r.length() * v.length()
+                && slow > 0.1
+            {
+                assert!(
+                    bounds[0] >= NEVER && bounds[1] >= NEVER,
+                    "{k}: {bounds:?} for a pair that comes apart"
+                );
             }
         }
         found

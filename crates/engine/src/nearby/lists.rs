@@ -135,7 +135,8 @@ impl Lists {
         let center = &self.centers[i as usize];
         let mut d = [0.0; 3];
         for axis in 0..3 {
-            d[axis] = record.x[axis].wrapping_sub(center.x[axis]) as f32 * self.unit[axis] + record.v[axis] * part;
+            d[axis] =
+                record.x[axis].wrapping_sub(center.x[axis]) as f32 * self.unit[axis] + record.v[axis] * part;
         }
         d
     }
@@ -167,7 +168,13 @@ impl Lists {
 
     /// Moves the center of i to where it is at `part` of the span and `ahead` of that, and puts right all lists.
     #[inline(always)]
-    pub fn transfer<F: Features, const VECTORS: bool>(&mut self, i: u32, records: &[Record], part: f32, ahead: f32) {
+    pub fn transfer<F: Features, const VECTORS: bool>(
+        &mut self,
+        i: u32,
+        records: &[Record],
+        part: f32,
+        ahead: f32,
+    ) {
         let record = &records[i as usize];
         let speed = dot(record.v, record.v).sqrt();
         let ahead = if speed > 0.0 { ahead * self.half / speed } else { 0.0 };
@@ -187,7 +194,12 @@ impl Lists {
 
     /// Looks for the neighbors of i among the centers. They are the first in `found`; returns their number.
     #[inline(always)]
-    fn find<F: Features, const VECTORS: bool>(&self, i: u32, records: &[Record], found: &mut Vec<u32>) -> usize {
+    fn find<F: Features, const VECTORS: bool>(
+        &self,
+        i: u32,
+        records: &[Record],
+        found: &mut Vec<u32>,
+    ) -> usize {
         let place = self.centers[i as usize].x;
         let skin = 2.0 * self.half + SLACK;
         let reach = if F::UNIFORM { 1.0 } else { records[i as usize].radius + 0.5 } + skin;
@@ -373,6 +385,7 @@ impl Lists {
 const MOST_WORDS: usize = 64;
 
 /// Whether a list names j; without an early end, so that whole vectors are compared.
+#[expect(clippy::needless_bitwise_bool, reason = "whole vectors")]
 #[inline(always)]
 fn contains(list: &[u32], j: u32) -> bool {
     list.iter().fold(false, |found, &other| found | (other == j))

@@ -76,7 +76,12 @@ impl Plan {
         let movable = system.classes.iter().all(|class| class.mass.is_finite());
         let plain = system.domain.gravity == DVec3::ZERO && system.walls.is_empty();
         let least = (0..count).map(radius).fold(f64::INFINITY, f64::min);
-        if count == 0 || count >= i32::MAX as usize || !movable || !plain || geometry.radius > SIZE_RATIO * least {
+        if count == 0
+            || count >= i32::MAX as usize
+            || !movable
+            || !plain
+            || geometry.radius > SIZE_RATIO * least
+        {
             return None;
         }
         let sigma = geometry.reach;
@@ -164,11 +169,8 @@ impl<F: Features> Nearby<F> {
         limit: &mut Limit,
         observer: &mut dyn Observer,
     ) -> Result<Stop, EngineError> {
-        let mut seer = Seer::<F, VECTORS> {
-            sight: &mut self.sight,
-            bounds: &mut self.bounds,
-            work: &mut self.work,
-        };
+        let mut seer =
+            Seer::<F, VECTORS> { sight: &mut self.sight, bounds: &mut self.bounds, work: &mut self.work };
         loop {
             if state.book.counters.collisions >= limit.collisions {
                 return Ok(Stop::Collisions);
@@ -246,10 +248,16 @@ impl<F: Features> Sight<F> {
     ///
     /// With `VECTORS` set the caller must be compiled for AVX2 and FMA, and run where they exist.
     #[inline(always)]
-    fn foresee<const VECTORS: bool>(&self, world: &World, i: u32, bounds: &mut Bounds, work: &mut Work) -> Entry {
+    fn foresee<const VECTORS: bool>(
+        &self,
+        world: &World,
+        i: u32,
+        bounds: &mut Bounds,
+        work: &mut Work,
+    ) -> Entry {
         let part = self.plan.frame.part(world.now);
         let glance = self.glance::<VECTORS>(i, part, bounds, work);
-        let contact = self.first(world, &glance, work);
+        let contact = Self::first(world, &glance, work);
         self.decide::<VECTORS>(world, &glance, contact, bounds, work)
     }
 
@@ -266,7 +274,7 @@ impl<F: Features> Sight<F> {
         let part = self.plan.frame.part(world.now);
         let one = self.glance::<VECTORS>(i, part, a, work);
         let other = self.glance::<VECTORS>(j, part, b, work);
-        let contacts = [self.first(world, &one, work), self.first(world, &other, work)];
+        let contacts = [Self::first(world, &one, work), Self::first(world, &other, work)];
         [
             self.decide::<VECTORS>(world, &one, contacts[0], a, work),
             self.decide::<VECTORS>(world, &other, contacts[1], b, work),
@@ -275,7 +283,13 @@ impl<F: Features> Sight<F> {
 
     /// Bounds for all whom particle i may meet.
     #[inline(always)]
-    fn glance<const VECTORS: bool>(&self, i: u32, part: f32, bounds: &mut Bounds, work: &mut Work) -> Glance<'_> {
+    fn glance<const VECTORS: bool>(
+        &self,
+        i: u32,
+        part: f32,
+        bounds: &mut Bounds,
+        work: &mut Work,
+    ) -> Glance<'_> {
         let (record, list) = (&self.records[i as usize], self.lists.of(i));
         work.candidates += list.len() as u64;
         let least = filter::bounds::<F, VECTORS>(&self.plan.frame, &self.records, record, part, list, bounds);
@@ -284,7 +298,7 @@ impl<F: Features> Sight<F> {
 
     /// The contact with the first by its bound.
     #[inline(always)]
-    fn first(&self, world: &World, glance: &Glance, work: &mut Work) -> i64 {
+    fn first(world: &World, glance: &Glance, work: &mut Work) -> i64 {
         if glance.least >= filter::NEVER {
             return exact::NEVER;
         }
@@ -311,7 +325,7 @@ impl<F: Features> Sight<F> {
         let mut within = NEVER;
         if least < filter::NEVER {
             let lane = Bounds::lane(least);
-            self.offer(world, &mut earliest, list[lane], contact);
+            Self::offer(world, &mut earliest, list[lane], contact);
             within = self.until(world, &earliest);
             let length = list.len().min(MOST);
             let mut others = bounds.up_to::<VECTORS>(length, within) & !(1 << lane);
@@ -320,7 +334,7 @@ impl<F: Features> Sight<F> {
                 others &= others - 1;
                 work.exact += 1;
                 let contact = exact::contact::<F>(world, particle, &world.particles[j as usize]);
-                self.offer(world, &mut earliest, j, contact);
+                Self::offer(world, &mut earliest, j, contact);
             }
             within = self.until(world, &earliest);
         }
@@ -347,7 +361,7 @@ impl<F: Features> Sight<F> {
     }
 
     #[inline(always)]
-    fn offer(&self, world: &World, earliest: &mut Earliest, j: u32, contact: i64) {
+    fn offer(world: &World, earliest: &mut Earliest, j: u32, contact: i64) {
         if contact < exact::FAR {
             let count = world.particles[j as usize].count;
             earliest.offer(contact, Target::new(Kind::Collision(j)), count);
@@ -384,7 +398,7 @@ impl<F: Features> Sight<F> {
                 others &= others - 1;
                 work.exact += 1;
                 let (particle, partner) = (&world.particles[i as usize], &world.particles[j as usize]);
-                self.offer(world, earliest, j, exact::contact::<F>(world, particle, partner));
+                Self::offer(world, earliest, j, exact::contact::<F>(world, particle, partner));
             }
         }
     }
@@ -495,13 +509,10 @@ impl<F: Features> Engine for Nearby<F> {
         for start in (0..count).step_by(BLOCK) {
             (start as u32..(start + BLOCK).min(count) as u32)
                 .into_par_iter()
-                .map_init(
-                    Bounds::new,
-                    |bounds, i| {
-                        let mut work = Work::default();
-                        (sight.foresee::<false>(world, i, bounds, &mut work), work)
-                    },
-                )
+                .map_init(Bounds::new, |bounds, i| {
+                    let mut work = Work::default();
+                    (sight.foresee::<false>(world, i, bounds, &mut work), work)
+                })
                 .collect_into_vec(&mut block);
             if start == 0 {
                 let entries: Vec<Entry> = block.iter().map(|(entry, _)| *entry).collect();
