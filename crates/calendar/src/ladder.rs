@@ -26,6 +26,8 @@ const TARGET: usize = 8;
 const SLACK: usize = 2;
 /// Longest run that events are inserted into.
 const SHORT: usize = 64;
+/// Number of events that the width is chosen from.
+const SAMPLE: usize = 1 << 14;
 /// Least number of events taken between two looks at the width.
 const REVIEW: usize = 64;
 /// Largest exponent of a year's length, so that bucket arithmetic on 64-bit ticks cannot overflow.
@@ -52,11 +54,12 @@ pub struct Ladder<E: Event> {
     coarse_now: i64,
     year_now: i64,
     len: usize,
-    /// Events taken, and fine buckets passed, since the width was last looked at.
-    taken: usize,
+    /// Fine buckets passed, and events taken, since the width was last looked at. (`taken` does not stand beside `len`, nor is it
+    /// as wide: the two would be counted by one vector instruction, which has to wait until what was counted alone is in memory.)
     buckets: i64,
+    taken: u32,
     /// Events to be taken before it is looked at again: a change costs O(len) and must be paid for. 0 at the start.
-    patience: usize,
+    patience: u32,
 }
 
 impl<E: Event> Ladder<E> {
@@ -102,9 +105,10 @@ impl<E: Event> Ladder<E> {
 
     /// Takes all events out, in no particular order.
     fn drain_all(&mut self) -> Vec<E> {
-        let mut all = Vec::with_capacity(self.len);
+        // The heap holds most of them when the width has never been tuned: its memory is taken over.
+        let late = mem::take(&mut self.late).into_vec();
+        let mut all: Vec<E> = late.into_iter().map(|Reverse(event)| event).collect();
         all.append(&mut self.run);
-        all.extend(self.late.drain().map(|Reverse(event)| event));
         for bucket in self.fine.iter_mut().chain(&mut self.coarse) {
             all.append(bucket);
         }
@@ -123,14 +127,28 @@ impl<E: Event> Ladder<E> {
         }
     }
 
-    /// Chooses the fine width from the live events: their median distance from the first, in `TARGET`s.
-    fn tune_from(&mut self, all: &[E]) {
-        let Some(first) = all.iter().map(Event::time).min() else { return };
-        let mut ahead: Vec<u64> = all.iter().map(|event| event.time().wrapping_sub(first) as u64).collect();
+    /// Chooses the fine width for `len` live events of which these are some: their median distance from the first, in
+    /// `TARGET`s.
+    fn tune_from(&mut self, some: &[E], len: usize) {
+        let Some(first) = some.iter().map(Event::time).min() else { return };
+        let sample = some.iter().step_by(some.len().div_ceil(SAMPLE));
+        let mut ahead: Vec<u64> = sample.map(|event| event.time().wrapping_sub(first) as u64).collect();
         let middle = ahead.len() / 2;
         let (_, &mut median, _) = ahead.select_nth_unstable(middle);
-        let width = (u128::from(median) * TARGET as u128 / (middle.max(1) as u128)).max(1) as u64;
+        let width = (u128::from(median) * TARGET as u128 / ((len / 2).max(1) as u128)).max(1) as u64;
         self.set_shift(width.ilog2());
+    }
+
+    /// Makes ready for `len` events of which these are some; nothing may be held yet. Without it all that are entered before the
+    /// first is taken are kept in one heap, and moved then.
+    pub fn prepare(&mut self, some: &[E], len: usize) {
+        debug_assert!(self.is_empty());
+        let Some(first) = some.iter().map(Event::time).min() else { return };
+        self.tune_from(some, len);
+        self.point_at(first.saturating_sub(1 << self.shift));
+        self.patience = len.clamp(REVIEW, 1 << 31) as u32;
+        self.taken = 0;
+        self.buckets = 0;
     }
 
     /// Makes `run` the next non-empty fine bucket. False when the calendar is empty.
@@ -158,11 +176,11 @@ impl<E: Event> Ladder<E> {
     /// Looks whether the width still fits the rate of events.
     #[cold]
     fn review(&mut self) {
-        let per_bucket = self.taken / self.buckets.max(1) as usize;
+        let per_bucket = self.taken as usize / self.buckets.max(1) as usize;
         if self.patience == 0 || per_bucket > TARGET * SLACK || per_bucket * SLACK < TARGET {
             self.retune();
         }
-        self.patience = self.len.max(REVIEW);
+        self.patience = self.len.clamp(REVIEW, 1 << 31) as u32;
         self.taken = 0;
         self.buckets = 0;
     }
@@ -170,7 +188,7 @@ impl<E: Event> Ladder<E> {
     /// Rebuilds with a width that fits the present events.
     fn retune(&mut self) {
         let all = self.drain_all();
-        self.tune_from(&all);
+        self.tune_from(&all, all.len());
         self.refill(all);
     }
 
@@ -264,13 +282,15 @@ impl<E: Event> Calendar<E> for Ladder<E> {
             if self.run.is_empty() && !self.advance() {
                 return None;
             }
-            let next = *self.run.last()?;
+            let last = self.run.len().checked_sub(1)?;
+            let next = self.run[last];
             if next.time() > limit {
                 return None;
             }
+            self.run.truncate(last);
             self.len -= 1;
             self.taken += 1;
-            self.run.pop()
+            Some(next)
         } else {
             self.pop_with_late(limit)
         }

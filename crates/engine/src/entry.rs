@@ -21,6 +21,7 @@ pub(crate) enum Kind {
 
 /// Target of an entry, packed: two tag bits above thirty of index.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[repr(transparent)]
 pub(crate) struct Target(u32);
 
 const TAG: u32 = 30;
@@ -57,14 +58,18 @@ impl Target {
 }
 
 /// One calendar entry, 24 bytes. It is void once `owner` has had another event, stale once its partner has.
+///
+/// The small fields are first: they are copied as one half of sixteen bytes then, and no copy is read in other parts than it was
+/// written in, which would have to wait.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[repr(C)]
 pub(crate) struct Entry {
-    pub time: i64,
     pub owner: u32,
     pub target: Target,
     /// Event counters of owner and partner when the entry was made.
     pub own_count: u32,
     pub partner_count: u32,
+    pub time: i64,
 }
 
 impl Entry {

@@ -242,12 +242,18 @@ impl World {
     }
 
     /// Wraps the anchor of particle i into the box; the wraps per axis.
-    #[inline]
+    #[inline(always)]
     pub fn wrap_anchor(&mut self, i: u32) -> [i32; 3] {
         let position = self.particles[i as usize].position;
         if position.cmpge(DVec3::ZERO).all() && position.cmplt(self.size).all() {
             return [0; 3];
         }
+        self.wrap_anchor_outside(i, position)
+    }
+
+    /// Wraps the anchor of particle i, at `position`, which is outside of the box.
+    #[cold]
+    fn wrap_anchor_outside(&mut self, i: u32, position: DVec3) -> [i32; 3] {
         let (position, wraps) = self.wrap(position);
         if wraps != [0; 3] {
             self.particles[i as usize].position = position;

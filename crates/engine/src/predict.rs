@@ -51,19 +51,19 @@ impl Scratch {
 }
 
 /// Keeps the earliest of the events of one particle.
-struct Earliest {
-    entry: Entry,
+pub(crate) struct Earliest {
+    pub entry: Entry,
     /// Whether something was found beyond the horizon.
-    far: bool,
+    pub far: bool,
 }
 
 impl Earliest {
     #[inline]
-    fn offer(&mut self, time: i64, target: Target, partner_count: u32) {
+    pub fn offer(&mut self, time: i64, target: Target, partner_count: u32) {
         if time > self.entry.time {
             return;
         }
-        let entry = Entry { time, target, partner_count, ..self.entry };
+        let entry = Entry { target, partner_count, time, ..self.entry };
         if time < self.entry.time || entry.rank() < self.entry.rank() {
             self.entry = entry;
         }

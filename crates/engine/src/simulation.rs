@@ -13,6 +13,7 @@ use crate::{
     machine::{Engine, Limit, Machine, State, With},
     measure::{self, Species, Totals},
     model::{Boundary, Dimension, NeighborChoice, Options, System},
+    nearby::Nearby,
     overlap::{self, Overlap},
     particles::World,
     report::{Counters, Frame, Ledger, Observer, Sample, Stop},
@@ -368,6 +369,9 @@ fn compile(
                         as Box<dyn Engine>
                 }
                 NeighborChoice::Lists => {
+                    if let Some(engine) = Nearby::<With<$gravity, $uniform>>::new(geometry, kernel, system) {
+                        return Box::new(engine);
+                    }
                     Box::new(Machine::<With<$gravity, $uniform>, Lists>::new(geometry, kernel, count))
                 }
                 NeighborChoice::Auto | NeighborChoice::Cells => {

@@ -133,6 +133,58 @@ fn random_scenes_do_not_know_their_search() {
     assert!(events > 15_000, "{events} events in all");
 }
 
+/// Runs with every build of the engine of lists in periodic boxes, and says what it has done.
+fn assert_lists(name: &str, system: &System, collisions: u64) -> Counters {
+    let until = Until { collisions, ..Until::default() };
+    let (reference, hash, _) = run(system, options(NeighborChoice::Cells, SimdChoice::Portable), until);
+    let mut result = Counters::default();
+    for simd in [SimdChoice::Portable, SimdChoice::Auto] {
+        let (log, other, mut simulation) = run(system, options(NeighborChoice::Lists, simd), until);
+        for (row, (a, b)) in reference.0.iter().zip(&log.0).enumerate() {
+            assert_eq!(a, b, "{name}, {simd:?}, event {row}");
+        }
+        assert_eq!(reference.0.len(), log.0.len(), "{name}, {simd:?}: number of events");
+        assert_eq!(hash, other, "{name}, {simd:?}: state hash");
+        simulation.validate(1e-12).unwrap_or_else(|error| panic!("{name}, {simd:?}: {error}"));
+        result = simulation.counters();
+        // Others have no filter.
+        assert!(result.candidates > 0 && result.transfers > 0, "{name}: {result:?}");
+    }
+    result
+}
+
+#[test]
+fn lists_that_dismiss_in_single_precision_miss_no_contact() {
+    for (seed, (packing, e)) in [(0.15, 1.0), (0.3, 0.9), (0.49, 1.0)].into_iter().enumerate() {
+        let scene = gas(9, packing, e, 30 + seed as u64);
+        let counters = assert_lists(&format!("φ = {packing}"), &scene, 6000);
+        // Of ten members nine are never predicted.
+        assert!(10 * counters.predictions < 3 * counters.candidates, "{counters:?}");
+    }
+    assert_lists("disks", &disks(20, 0.65, 33), 5000);
+    // In a crystal at random speeds, and with one that is very fast or that stands still.
+    let mut scene = gas(9, 0.4, 1.0, 34);
+    scene.bodies[100].velocity = DVec3::new(150.0, -200.0, 240.0);
+    scene.bodies[200].velocity = DVec3::ZERO;
+    assert_lists("fast", &scene, 4000);
+    let mut random = Random(35);
+    let mut scene = system(Dimension::Three, DVec3::new(12.0, 11.0, 10.0), [Boundary::Periodic; 3]);
+    set_restitution(&mut scene, 0.95);
+    for (radius, mass) in [(0.5, 1.0), (0.3, 0.2), (0.4, 5.0)] {
+        let kind = class(&mut scene, radius, mass);
+        scatter(&mut scene, kind, 200, 1.0, &mut random);
+    }
+    assert_lists("sizes", &scene, 6000);
+}
+
+/// Slower by two orders of magnitude in the end, and in clusters.
+#[test]
+fn lists_follow_a_gas_that_cools() {
+    let mut scene = gas(9, 0.2, 0.5, 36);
+    scene.contacts.tc = 1e-3;
+    assert_lists("cooling", &scene, 12_000);
+}
+
 /// Contacts of exactly equal times: what comes first must not depend on who was predicted when.
 #[test]
 fn symmetric_scenes_do_not_know_their_search() {

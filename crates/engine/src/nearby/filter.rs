@@ -1,0 +1,387 @@
+/*!
+The filter: before when no contact of a pair can be.
+
+With r and v of a pair now, in single precision, and σ the contact distance, widened by a margin, the pair comes within σ at
+
+```text
+t = c / (−b + √(b² − v² c)),   c = r² − σ²,  b = r·v,
+```
+
+if it does at all. The true contact comes later: the margin is wider than all that single precision and coordinates round until
+one of the two has left the ball that makes them neighbors. What is added to the approach, −b, is more than the rounding of
+r·v of a pair within σ: whether a touching pair approaches is for the exact prediction to say.
+*/
+
+use super::{
+    frame::{Frame, Record},
+    lists::LANES,
+};
+use crate::machine::Features;
+
+/// Members of a list that are looked at at a time.
+pub(super) const MOST: usize = 64;
+/// The bound of a member that is not met at all; the greatest number whose last bits can name a lane.
+pub(super) const NEVER: f32 = f32::from_bits(0x7f7f_ffff & !LANE);
+/// The last bits of a bound name its lane, so that the least bound tells whose it is: they are far below the margin.
+const LANE: u32 = MOST as u32 - 1;
+
+/// What a time is lengthened by before bounds are compared with it, for the rounding of both.
+const LATER: f32 = 1.0 + 1e-6;
+
+/// Bounds up to this may belong to contacts up to a time [spans]. A bound of zero is not, because of the lane in it.
+#[inline(always)]
+pub(super) fn limit(time: f64) -> f32 {
+    time as f32 * LATER + f32::MIN_POSITIVE
+}
+
+/// Working space, and the answer.
+#[derive(Debug, Clone, Copy)]
+#[repr(C, align(32))]
+pub(super) struct Bounds {
+    /// Per member, a time from now before which there is no contact [spans], and the lane; [`NEVER`] or more where there is none.
+    time: [f32; MOST],
+}
+
+impl Bounds {
+    pub fn new() -> Self {
+        Self { time: [NEVER; MOST] }
+    }
+
+    /// The lane of a bound.
+    #[inline(always)]
+    pub fn lane(bound: f32) -> usize {
+        (bound.to_bits() & LANE) as usize
+    }
+
+    /// Which of the first `count` members have a bound no later than `limit`, which is less than [`NEVER`].
+    #[inline(always)]
+    pub fn up_to<const VECTORS: bool>(&self, count: usize, limit: f32) -> u64 {
+        #[cfg(target_arch = "x86_64")]
+        if VECTORS {
+            // SAFETY: the caller has the features.
+            return unsafe { avx2::up_to(self, count, limit) };
+        }
+        self.time[..count].iter().rev().fold(0, |bits, time| bits << 1 | u64::from(*time <= limit))
+    }
+}
+
+/// Bounds for the members of `list`, whole groups and at most [`MOST`], that the particle on record `own` may meet from `part`
+/// of the span on. Returns the least bound.
+///
+/// With `VECTORS` set the caller must be compiled for AVX2 and FMA, and run where they exist.
+#[inline(always)]
+pub(super) fn bounds<F: Features, const VECTORS: bool>(
+    frame: &Frame,
+    records: &[Record],
+    own: &Record,
+    part: f32,
+    list: &[u32],
+    out: &mut Bounds,
+) -> f32 {
+    let list = &list[..list.len().min(MOST)];
+    #[cfg(target_arch = "x86_64")]
+    if VECTORS {
+        // SAFETY: the caller has the features.
+        return unsafe { avx2::bounds::<F>(frame, records, own, part, list, out) };
+    }
+    let mut least = f32::INFINITY;
+    for (lane, (time, &j)) in out.time.iter_mut().zip(list).enumerate() {
+        let bound = bound::<F>(frame, own, &records[j as usize], part);
+        *time = f32::from_bits(bound.to_bits() & !LANE | lane as u32);
+        least = least.min(*time);
+    }
+    least
+}
+
+/// The bound for one pair: the plain twin of the vector filter.
+#[inline(always)]
+fn bound<F: Features>(frame: &Frame, own: &Record, other: &Record, part: f32) -> f32 {
+    let (mut b, mut c, mut vv) = (-frame.noise, -frame.sigma2, 0.0);
+    if !F::UNIFORM {
+        let sigma = own.radius + other.radius;
+        c = -(sigma * sigma);
+    }
+    for axis in 0..3 {
+        let v = other.v[axis] - own.v[axis];
+        let r = other.x[axis].wrapping_sub(own.x[axis]) as f32 * frame.unit[axis] + v * part;
+        b += r * v;
+        c += r * r;
+        vv += v * v;
+    }
+    let disc = b * b - vv * c;
+    // Who is on record as nobody has no number here.
+    if b < 0.0 && disc >= 0.0 { (c.max(0.0) / (disc.sqrt() - b)).min(NEVER) } else { NEVER }
+}
+
+#[cfg(target_arch = "x86_64")]
+mod avx2 {
+    use std::arch::x86_64::{
+        __m256, _CMP_GE_OQ, _CMP_LE_OQ, _CMP_LT_OQ, _mm_cvtss_f32, _mm_load_ps, _mm_min_ps, _mm_movehdup_ps,
+        _mm_movehl_ps, _mm256_add_epi32, _mm256_add_ps, _mm256_and_ps, _mm256_blendv_ps, _mm256_castps_si256,
+        _mm256_castps128_ps256, _mm256_castps256_ps128, _mm256_castsi256_ps, _mm256_cmp_ps,
+        _mm256_cvtepi32_ps, _mm256_div_ps, _mm256_extractf128_ps, _mm256_fmadd_ps, _mm256_fmsub_ps,
+        _mm256_insertf128_ps, _mm256_load_ps, _mm256_max_ps, _mm256_min_ps, _mm256_movemask_ps,
+        _mm256_mul_ps, _mm256_or_ps, _mm256_set1_epi32, _mm256_set1_ps, _mm256_setr_epi32, _mm256_setzero_ps,
+        _mm256_shuffle_ps, _mm256_sqrt_ps, _mm256_store_ps, _mm256_sub_epi32, _mm256_sub_ps,
+        _mm256_unpackhi_ps, _mm256_unpacklo_ps,
+    };
+
+    use super::{Bounds, Features, Frame, LANE, LANES, MOST, NEVER, Record};
+
+    /// Eight members at a time: their records are loaded by halves and transposed in registers.
+    #[target_feature(enable = "avx2,fma")]
+    #[inline]
+    pub(super) fn bounds<F: Features>(
+        frame: &Frame,
+        records: &[Record],
+        own: &Record,
+        part: f32,
+        list: &[u32],
+        out: &mut Bounds,
+    ) -> f32 {
+        let [x, y, z] = own.x.map(|x| _mm256_set1_epi32(x));
+        let [u, v, w] = own.v.map(|v| _mm256_set1_ps(v));
+        let unit = frame.unit.map(|unit| _mm256_set1_ps(unit));
+        let part = _mm256_set1_ps(part);
+        let noise = _mm256_set1_ps(-frame.noise);
+        let uniform = _mm256_set1_ps(-frame.sigma2);
+        let zero = _mm256_setzero_ps();
+        let never = _mm256_set1_ps(NEVER);
+        let mut least = _mm256_set1_ps(f32::INFINITY);
+        let all_but_lane = _mm256_castsi256_ps(_mm256_set1_epi32(!LANE as i32));
+        let mut lanes = _mm256_setr_epi32(0, 1, 2, 3, 4, 5, 6, 7);
+        for (slots, time) in list.chunks_exact(LANES).zip(out.time.chunks_exact_mut(LANES)) {
+            let half = |k: usize, half: usize| {
+                debug_assert!((slots[k] as usize) < records.len());
+                // SAFETY: lists name particles and nobody, who are all on record, in 32 bytes each, aligned to 32.
+                unsafe { _mm_load_ps(records.as_ptr().add(slots[k] as usize).cast::<f32>().add(4 * half)) }
+            };
+            // Rows k and k + 4 side by side: positions, then velocities.
+            let rows = |k: usize, part: usize| {
+                _mm256_insertf128_ps::<1>(_mm256_castps128_ps256(half(k, part)), half(k + 4, part))
+            };
+            let (a0, a1, a2, a3) = (rows(0, 0), rows(1, 0), rows(2, 0), rows(3, 0));
+            let (b0, b1, b2, b3) = (rows(0, 1), rows(1, 1), rows(2, 1), rows(3, 1));
+            let (t0, t1) = (_mm256_unpacklo_ps(a0, a1), _mm256_unpacklo_ps(a2, a3));
+            let (t2, t3) = (_mm256_unpackhi_ps(a0, a1), _mm256_unpackhi_ps(a2, a3));
+            let (s0, s1) = (_mm256_unpacklo_ps(b0, b1), _mm256_unpacklo_ps(b2, b3));
+            let (s2, s3) = (_mm256_unpackhi_ps(b0, b1), _mm256_unpackhi_ps(b2, b3));
+            let u = _mm256_sub_ps(_mm256_shuffle_ps::<0x44>(s0, s1), u);
+            let v = _mm256_sub_ps(_mm256_shuffle_ps::<0xee>(s0, s1), v);
+            let w = _mm256_sub_ps(_mm256_shuffle_ps::<0x44>(s2, s3), w);
+            let apart = |there: __m256, here, unit, v| {
+                let r = _mm256_cvtepi32_ps(_mm256_sub_epi32(_mm256_castps_si256(there), here));
+                _mm256_fmadd_ps(r, unit, _mm256_mul_ps(v, part))
+            };
+            let x = apart(_mm256_shuffle_ps::<0x44>(t0, t1), x, unit[0], u);
+            let y = apart(_mm256_shuffle_ps::<0xee>(t0, t1), y, unit[1], v);
+            let z = apart(_mm256_shuffle_ps::<0x44>(t2, t3), z, unit[2], w);
+            let sigma2 = if F::UNIFORM {
+                uniform
+            } else {
+                let sigma = _mm256_add_ps(_mm256_shuffle_ps::<0xee>(t2, t3), _mm256_set1_ps(own.radius));
+                _mm256_sub_ps(zero, _mm256_mul_ps(sigma, sigma))
+            };
+            let b = _mm256_fmadd_ps(z, w, _mm256_fmadd_ps(y, v, _mm256_fmadd_ps(x, u, noise)));
+            let vv = _mm256_fmadd_ps(w, w, _mm256_fmadd_ps(v, v, _mm256_mul_ps(u, u)));
+            let c = _mm256_fmadd_ps(z, z, _mm256_fmadd_ps(y, y, _mm256_fmadd_ps(x, x, sigma2)));
+            let disc = _mm256_fmsub_ps(b, b, _mm256_mul_ps(vv, c));
+            let den = _mm256_sub_ps(_mm256_sqrt_ps(disc), b);
+            let t = _mm256_div_ps(_mm256_max_ps(c, zero), den);
+            let meets =
+                _mm256_and_ps(_mm256_cmp_ps::<_CMP_LT_OQ>(b, zero), _mm256_cmp_ps::<_CMP_GE_OQ>(disc, zero));
+            let t = _mm256_min_ps(_mm256_blendv_ps(never, t, meets), never);
+            let t = _mm256_or_ps(_mm256_and_ps(t, all_but_lane), _mm256_castsi256_ps(lanes));
+            lanes = _mm256_add_epi32(lanes, _mm256_set1_epi32(LANES as i32));
+            least = _mm256_min_ps(least, t);
+            // SAFETY: eight words; `Bounds` is aligned to 32 bytes, and the chunks are of 32.
+            unsafe { _mm256_store_ps(time.as_mut_ptr(), t) };
+        }
+        let least = _mm_min_ps(_mm256_castps256_ps128(least), _mm256_extractf128_ps::<1>(least));
+        let least = _mm_min_ps(least, _mm_movehl_ps(least, least));
+        _mm_cvtss_f32(_mm_min_ps(least, _mm_movehdup_ps(least)))
+    }
+
+    #[target_feature(enable = "avx2,fma")]
+    #[inline]
+    pub(super) fn up_to(bounds: &Bounds, count: usize, limit: f32) -> u64 {
+        let limit = _mm256_set1_ps(limit);
+        let mut bits = 0;
+        for (k, time) in bounds.time[..count.min(MOST)].chunks_exact(LANES).enumerate() {
+            // SAFETY: eight words, aligned as above.
+            let time = unsafe { _mm256_load_ps(time.as_ptr()) };
+            bits |= (_mm256_movemask_ps(_mm256_cmp_ps::<_CMP_LE_OQ>(time, limit)) as u64) << (k * LANES);
+        }
+        bits
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use glam::DVec3;
+    use haff_neighbors::{Axis, Geometry};
+
+    use super::*;
+    use crate::{machine::With, model::System, particles::World};
+
+    /// SplitMix64, as numbers in −1 … 1.
+    struct Random(u64);
+
+    impl Random {
+        fn number(&mut self) -> f64 {
+            self.0 = self.0.wrapping_add(0x9E37_79B9_7F4A_7C15);
+            let mut z = self.0;
+            z = (z ^ (z >> 30)).wrapping_mul(0xBF58_476D_1CE4_E5B9);
+            z = (z ^ (z >> 27)).wrapping_mul(0x94D0_49BB_1331_11EB);
+            ((z ^ (z >> 31)) >> 11) as f64 / (1_u64 << 52) as f64 - 1.0
+        }
+
+        fn direction(&mut self) -> DVec3 {
+            DVec3::new(self.number(), self.number(), self.number()).normalize()
+        }
+    }
+
+    const EDGE: f64 = 40.0;
+
+    /// A frame in a box of edge [`EDGE`], and a world of two particles whose speeds are up to one.
+    fn frame(radii: [f64; 2]) -> (Frame, World) {
+        let geometry = Geometry {
+            size: DVec3::splat(EDGE),
+            axes: [Axis::Periodic; 3],
+            reach: 1.0,
+            radius: 0.5,
+            radii: Vec::new(),
+            planes: Vec::new(),
+        };
+        let body = |class| crate::model::Body {
+            position: DVec3::ZERO,
+            velocity: DVec3::X,
+            image: [0; 3],
+            class,
+            species: 0,
+        };
+        let system = System {
+            dimension: crate::model::Dimension::Three,
+            domain: crate::model::Domain {
+                size: DVec3::splat(EDGE),
+                boundary: [crate::model::Boundary::Periodic; 3],
+                gravity: DVec3::ZERO,
+            },
+            bodies: vec![body(0), body(1)],
+            classes: radii.map(|radius| crate::model::Class { radius, mass: 1.0, group: 0 }).to_vec(),
+            groups: Vec::new(),
+            species: Vec::new(),
+            walls: Vec::new(),
+            contacts: crate::model::Contacts { pair: Vec::new(), wall: Vec::new(), tc: 0.0 },
+        };
+        let world = World::new(&system, -52);
+        let mut frame = Frame::new(&geometry, 2.2).expect("the box is large enough");
+        frame.begin(&world);
+        (frame, world)
+    }
+
+    /// Bounds of one pair, in one lane of a group whose others are nobody: the plain one, and that of the vectors.
+    fn both<F: Features>(frame: &Frame, own: &Record, other: &Record, part: f32, lane: usize) -> [f32; 2] {
+        let records = [*own, *other, Record::NOBODY];
+        let mut list = [2; LANES];
+        list[lane] = 1;
+        let mut out = Bounds::new();
+        let mut found = [0.0; 2];
+        found[0] = bounds::<F, false>(frame, &records, own, part, &list, &mut out);
+        found[1] = found[0];
+        #[cfg(target_arch = "x86_64")]
+        if is_x86_feature_detected!("avx2") && is_x86_feature_detected!("fma") {
+            // SAFETY: the features have just been found.
+            unsafe {
+                found[1] = avx2::bounds::<F>(frame, &records, own, part, &list, &mut out);
+                assert_eq!(avx2::up_to(&out, LANES, 0.9 * NEVER) == 1 << lane, found[1] < 0.9 * NEVER);
+            }
+        }
+        for bound in found {
+            assert!(bound >= NEVER || Bounds::lane(bound) == lane, "lane {lane}: {bound}");
+        }
+        found
+    }
+
+    /// Pairs within reach of a list, at any part of a span, that graze, touch, meet head on, or do not meet; slow ones and fast ones.
+    /// Returns how many meet, and how many of the bounds are within a hundredth of the time.
+    fn judge<F: Features>(radii: [f64; 2], count: usize) -> [usize; 2] {
+        let (frame, mut world) = frame(radii);
+        let sigma = radii[0] + radii[1];
+        let tick = world.clock.tick;
+        let span = (frame.end - frame.begin) as f64 * tick;
+        let mut random = Random(7);
+        let mut found = [0; 2];
+        for k in 0..count {
+            let part = (0.5 + 0.5 * random.number()).min(0.99);
+            world.now = frame.begin + (part * (frame.end - frame.begin) as f64) as i64;
+            // Often nearly parallel: the difference of velocities is then far less than they are.
+            let common = random.direction() * random.number().abs();
+            let slow = libm::pow(10.0, -2.0 - 2.0 * random.number());
+            let v = random.direction() * slow.min(1.0);
+            let edge = [1.0 - 1e-9, 1.0 - 1e-6, 1.0 - 1e-3, 1.0, 1.0 + 1e-9, 1.2][k % 6];
+            let r = match k % 4 {
+                // Grazing in a while.
+                0 => {
+                    random.direction().cross(v).normalize() * (edge * sigma) - v.normalize() * random.number()
+                }
+                1 => random.direction() * (edge.max(1.0) * sigma),
+                2 => v.normalize() * -(edge.max(1.0) * sigma),
+                _ => random.direction() * (sigma * (1.6 + 0.55 * random.number())),
+            };
+            let place = (random.direction() + 1.0) * (0.5 * EDGE);
+            let velocities = [common * 0.5, common * 0.5 + v * 0.5];
+            for (i, (position, velocity)) in
+                [(place, velocities[0]), (place + r, velocities[1])].into_iter().enumerate()
+            {
+                let particle = &mut world.particles[i];
+                particle.position = position;
+                particle.velocity = velocity;
+                particle.time = world.now;
+                world.wrap_anchor(i as u32);
+            }
+            let (own, other) = (frame.record::<F>(&world, 0), frame.record::<F>(&world, 1));
+            let bounds = both::<F>(&frame, &own, &other, frame.part(world.now), k % LANES);
+            let expected = haff_mechanics::time_to_contact(r, velocities[1] - velocities[0], sigma);
+            // Beyond this one of them has left its ball.
+            let listed = 0.6 / velocities[0].length().max(velocities[1].length());
+            if let Some(time) = expected.filter(|time| *time <= listed) {
+                found[0] += 1;
+                for bound in bounds {
+                    assert!(bound <= limit(time / span), "{k}: bound {bound} of {time}; r = {r}, v = {v}");
+                }
+                found[1] += usize::from(f64::from(bounds[0]) * span > 0.99 * time - 1e-3);
+            } else if expected.is_none()
+                && r.length() > 1.001 * sigma
+                && r.dot(v) > 1e-2 * r.length() * v.length()
+                && slow > 0.1
+            {
+                assert!(
+                    bounds[0] >= NEVER && bounds[1] >= NEVER,
+                    "{k}: {bounds:?} for a pair that comes apart"
+                );
+            }
+        }
+        found
+    }
+
+    #[test]
+    fn no_bound_is_later_than_the_contact() {
+        for found in [
+            judge::<With<false, true>>([0.5, 0.5], 200_000),
+            judge::<With<false, false>>([0.5, 0.3], 200_000),
+        ] {
+            assert!(found[0] > 30_000 && 2 * found[1] > found[0], "{found:?}");
+        }
+    }
+
+    #[test]
+    fn nobody_meets_nobody() {
+        let (frame, world) = frame([0.5; 2]);
+        let own = frame.record::<With<false, true>>(&world, 0);
+        for lane in 0..LANES {
+            let found = both::<With<false, true>>(&frame, &own, &Record::NOBODY, 0.5, lane);
+            assert!(found.iter().all(|bound| *bound >= NEVER), "{found:?}");
+        }
+    }
+}

@@ -1,0 +1,181 @@
+/*!
+Coordinates of the filter, and the span of time that they are good for.
+
+Coordinates are integers, 2^32 of them to a periodic edge: the difference of two, taken modulo 2^32, is the nearest image at
+no cost, whatever the box. Lengths are in the largest contact distance, times in *spans*: a [`Record`] tells where the present
+path of its particle would have been at the beginning of the span, and how far it goes within it. Nobody goes so far that
+another image of a pair could come to be the nearest, nor further than single precision can tell.
+*/
+
+use haff_neighbors::{Axis, Geometry};
+
+use crate::{machine::Features, particles::World};
+
+/// The farthest that particles may go within a span [largest contact distances]: 10^-6 of that is far below [`MARGIN`].
+const FARTHEST: f64 = 12.0;
+/// A particle may become this much faster than the fastest before a new span has to begin.
+const HEADROOM: f64 = 1.5;
+/// Part of an edge that is certain to be nearer than another image.
+const NEAREST: f64 = 0.45;
+/// Least way within a span that is worth while [largest contact distances].
+const LEAST_WAY: f64 = 0.25;
+/// Longest span [ticks].
+const LONGEST: f64 = (1_u64 << 59) as f64;
+/// Part by which contact distances are widened, for all that single precision and coordinates round.
+const MARGIN: f64 = 1e-4;
+/// What the rounding of r·v may be, in units of the greatest r and v.
+const NOISE: f64 = 4e-6;
+
+/// What the filter knows of a particle: half a cache line.
+#[derive(Debug, Clone, Copy, Default)]
+#[repr(C, align(32))]
+pub(super) struct Record {
+    /// Where its path of now would have been at the beginning of the span [coordinates].
+    pub x: [i32; 3],
+    /// Radius, widened [largest contact distances].
+    pub radius: f32,
+    /// Displacement within the span [largest contact distances].
+    pub v: [f32; 3],
+    /// The particle's number of events.
+    pub count: u32,
+}
+
+impl Record {
+    /// One that meets nobody.
+    pub const NOBODY: Self = Self { x: [0; 3], radius: 0.0, v: [f32::NAN; 3], count: 0 };
+
+    /// Copies the record to its place by halves, the way in which the filter reads it: a load of what was stored in smaller parts
+    /// waits until these are in the cache.
+    #[inline(always)]
+    pub fn store(self, place: &mut Self) {
+        #[cfg(target_arch = "x86_64")]
+        // SAFETY: two times 16 of the 32 bytes of a record, which is aligned to 32; SSE2 is part of x86-64.
+        unsafe {
+            use std::arch::x86_64::{_mm_setr_epi32, _mm_setr_ps, _mm_store_ps, _mm_store_si128};
+            let ([x, y, z], [u, v, w]) = (self.x, self.v);
+            let half = std::ptr::from_mut(place).cast::<f32>();
+            _mm_store_si128(half.cast(), _mm_setr_epi32(x, y, z, self.radius.to_bits() as i32));
+            _mm_store_ps(half.add(4), _mm_setr_ps(u, v, w, f32::from_bits(self.count)));
+        }
+        #[cfg(not(target_arch = "x86_64"))]
+        {
+            *place = self;
+        }
+    }
+}
+
+/// Coordinates and the present span.
+#[derive(Debug, Clone)]
+pub(super) struct Frame {
+    /// The largest contact distance [length].
+    sigma: f64,
+    /// Coordinates per length, and largest contact distances per coordinate.
+    pub per_length: [f64; 3],
+    pub unit: [f32; 3],
+    /// Distance beyond which listed particles never are [largest contact distances].
+    reach: f64,
+    /// The farthest that the box lets particles go within a span [largest contact distances].
+    farthest: f64,
+    /// The present span [ticks], its length [time], and spans per tick.
+    pub begin: i64,
+    pub end: i64,
+    step: f64,
+    pub per_tick: f64,
+    /// Square of the greatest allowed displacement in it.
+    limit2: f32,
+    /// Square of the widened contact distance of two of the largest; what the rounding of r·v may be.
+    pub sigma2: f32,
+    pub noise: f32,
+    margin: f64,
+}
+
+impl Frame {
+    /// Coordinates for a box in which particles up to `reach` apart are looked at [length]; `None` if it is too small, or
+    /// not closed by periodicity.
+    pub fn new(geometry: &Geometry, reach: f64) -> Option<Self> {
+        let sigma = geometry.reach;
+        let (mut per_length, mut unit) = ([1.0; 3], [1.0; 3]);
+        let mut farthest = FARTHEST;
+        let mut longest: f64 = 0.0;
+        for axis in 0..3 {
+            let edge = geometry.size[axis];
+            match geometry.axes[axis] {
+                Axis::Periodic => {
+                    per_length[axis] = 2.0_f64.powi(32) / edge;
+                    unit[axis] = (1.0 / (per_length[axis] * sigma)) as f32;
+                    // Two particles come apart at twice the speed of one.
+                    farthest = farthest.min(0.5 * (NEAREST * edge - reach) / sigma);
+                    longest = longest.max(edge / sigma);
+                }
+                Axis::Flat => {}
+                Axis::Bounded | Axis::Open => return None,
+            }
+        }
+        let margin = 1.0 + MARGIN + 4.0 * longest / 2.0_f64.powi(32);
+        (farthest >= LEAST_WAY && margin < 1.0 + 2.0 * MARGIN).then_some(Self {
+            sigma,
+            per_length,
+            unit,
+            reach: reach / sigma,
+            farthest,
+            begin: 0,
+            end: 0,
+            step: 0.0,
+            per_tick: 0.0,
+            limit2: 0.0,
+            sigma2: (margin * margin) as f32,
+            noise: 0.0,
+            margin,
+        })
+    }
+
+    /// Begins a span at the present.
+    pub fn begin(&mut self, world: &World) {
+        let squares = world.particles.iter().map(|particle| particle.velocity.length_squared());
+        let fastest = squares.fold(0.0, f64::max).sqrt() * HEADROOM;
+        // Without motion any span will do.
+        let ticks = (self.farthest * self.sigma / fastest * world.clock.per_time).clamp(1.0, LONGEST) as i64;
+        self.begin = world.now;
+        self.end = self.begin + ticks;
+        self.step = ticks as f64 * world.clock.tick;
+        self.per_tick = 1.0 / ticks as f64;
+        let limit = (fastest * self.step / self.sigma).min(self.farthest) as f32;
+        self.limit2 = limit * limit;
+        self.noise = (NOISE * self.reach) as f32 * limit;
+    }
+
+    /// The present, as a part of the span.
+    #[inline(always)]
+    pub fn part(&self, now: i64) -> f32 {
+        ((now - self.begin) as f64 * self.per_tick) as f32
+    }
+
+    /// What the filter is to know of particle i.
+    #[inline(always)]
+    pub fn record<F: Features>(&self, world: &World, i: u32) -> Record {
+        let particle = &world.particles[i as usize];
+        let back = (self.begin - particle.time) as f64 * world.clock.tick;
+        let (position, velocity) = (particle.position.to_array(), particle.velocity.to_array());
+        let radius = if F::UNIFORM { 0.5 } else { world.class(i).radius / self.sigma * self.margin };
+        let mut record = Record { radius: radius as f32, count: particle.count, ..Record::default() };
+        let scale = self.step / self.sigma;
+        for axis in 0..3 {
+            record.x[axis] = self.coordinate(axis, position[axis] + velocity[axis] * back);
+            record.v[axis] = (velocity[axis] * scale) as f32;
+        }
+        record
+    }
+
+    /// Whether a particle goes no further within a span than it may.
+    #[inline(always)]
+    pub fn allows(&self, record: &Record) -> bool {
+        let v = record.v;
+        v[0] * v[0] + v[1] * v[1] + v[2] * v[2] <= self.limit2
+    }
+
+    /// The coordinate of a position along an axis [length]: the nearest integer modulo 2^32, by the rounding of an addition.
+    #[inline(always)]
+    pub fn coordinate(&self, axis: usize, position: f64) -> i32 {
+        (position * self.per_length[axis] + 6_755_399_441_055_744.0).to_bits() as i32 // 1.5 · 2^52
+    }
+}

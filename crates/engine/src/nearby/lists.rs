@@ -1,0 +1,397 @@
+/*!
+Neighbor lists in the coordinates of the [frame](super::frame).
+
+A particle's place is a ball around its *center*. Two particles are in each other's list if their centers are closer than
+contact distance and two ball radii: they cannot touch before one of them has left its ball. A transfer is this exit. It moves
+the center to the particle, and puts right its own list and those of the partners lost and won; all others stand.
+
+Who is near whom is decided by integer differences, so no periodic image is ever named, and nothing changes when a particle is
+wrapped into the box.
+*/
+
+use haff_neighbors::{prefetch, roomy};
+use rayon::prelude::*;
+
+use super::{
+    bins::Bins,
+    frame::{Frame, Record},
+};
+use crate::machine::Features;
+
+/// Lists are whole groups of so many words, which the filter looks at at a time.
+pub(super) const LANES: usize = 8;
+/// Pairs are listed this much further away than they need be, for all that single precision rounds [largest contact
+/// distances].
+const SLACK: f32 = 1e-3;
+/// Lists grow when more than one in this many has spilled.
+const SPILLED_PART: usize = 32;
+
+/// A center, and how many stand in its particle's list.
+#[derive(Debug, Clone, Copy)]
+#[repr(C, align(16))]
+struct Center {
+    x: [i32; 3],
+    members: u32,
+}
+
+/// Neighbor lists.
+#[derive(Debug, Clone, Default)]
+pub(super) struct Lists {
+    /// Radius of the balls [largest contact distances], and its square.
+    half: f32,
+    half2: f32,
+    unit: [f32; 3],
+    centers: Vec<Center>,
+    bins: Bins,
+    /// The lists, of `stride` words each, filled up with [`Self::nobody`]. A longer one has the index of one in `spilled` as its
+    /// first word.
+    words: Vec<u32>,
+    stride: usize,
+    spilled: Vec<Vec<u32>>,
+    spare: Vec<u32>,
+    found: Vec<u32>,
+}
+
+impl Lists {
+    /// Lists of particles within balls of radius `half` [largest contact distances], all of which have just been put on record
+    /// at the beginning of the frame's span.
+    pub fn new<F: Features>(frame: &Frame, edges: [f64; 3], half: f64, records: &[Record]) -> Self {
+        let count = records.len() - 1;
+        let mut lists = Self {
+            half: half as f32,
+            half2: (half * half) as f32,
+            unit: frame.unit,
+            centers: roomy(count),
+            bins: Bins::new(edges, frame.unit, 1.0 + 2.0 * (half + f64::from(SLACK))),
+            ..Self::default()
+        };
+        for (i, record) in records[..count].iter().enumerate() {
+            lists.centers.push(Center { x: record.x, members: 0 });
+            lists.bins.enter(i as u32, record.x);
+        }
+        let mut sample = Vec::new();
+        let mut lengths: Vec<usize> = (0..count)
+            .step_by((count / 1000).max(1))
+            .map(|i| lists.find::<F, false>(i as u32, records, &mut sample))
+            .collect();
+        lengths.sort_unstable();
+        // A start on a lattice has no fluctuations yet.
+        let mean = lengths.iter().sum::<usize>() as f64 / lengths.len().max(1) as f64;
+        let most = lengths.get(lengths.len() * 99 / 100).copied().unwrap_or(0);
+        lists.stride = most.max((mean + mean.sqrt()) as usize).max(1).next_multiple_of(LANES);
+        lists.words = roomy(count * lists.stride);
+        lists.words.resize(count * lists.stride, count as u32);
+        let (mut words, stride) = (std::mem::take(&mut lists.words), lists.stride);
+        let built: Vec<(u32, Option<Vec<u32>>)> = words
+            .par_chunks_mut(stride)
+            .enumerate()
+            .map_init(Vec::new, |found, (i, words)| {
+                let length = lists.find::<F, false>(i as u32, records, found);
+                let list = &found[..length];
+                if length > words.len() {
+                    return (length as u32, Some(list.to_vec()));
+                }
+                words[..length].copy_from_slice(list);
+                (length as u32, None)
+            })
+            .collect();
+        lists.words = words;
+        for (i, (length, list)) in built.into_iter().enumerate() {
+            lists.centers[i].members = length;
+            if let Some(list) = list {
+                lists.spill(i as u32, &list);
+            }
+        }
+        lists
+    }
+
+    /// Whom the padding of lists names.
+    fn nobody(&self) -> u32 {
+        self.centers.len() as u32
+    }
+
+    /// The list of i, filled up to whole groups.
+    #[inline(always)]
+    pub fn of(&self, i: u32) -> &[u32] {
+        let (place, members) = (i as usize * self.stride, self.centers[i as usize].members as usize);
+        if members > self.stride {
+            return &self.spilled[self.words[place] as usize];
+        }
+        &self.words[place..place + members.next_multiple_of(LANES)]
+    }
+
+    /// Asks for the list and the center of i.
+    #[inline(always)]
+    pub fn prefetch(&self, i: u32) {
+        let place = i as usize * self.stride;
+        prefetch(&self.words[place]);
+        prefetch(&self.words[place + self.stride - 1]);
+        prefetch(&self.centers[i as usize]);
+    }
+
+    /// Where a particle is relative to its center [largest contact distances].
+    #[inline(always)]
+    fn off_center(&self, i: u32, record: &Record, part: f32) -> [f32; 3] {
+        let center = &self.centers[i as usize];
+        let mut d = [0.0; 3];
+        for axis in 0..3 {
+            d[axis] =
+                record.x[axis].wrapping_sub(center.x[axis]) as f32 * self.unit[axis] + record.v[axis] * part;
+        }
+        d
+    }
+
+    /// When particle i leaves its ball, counted from now; `None` if not `within` this time. Times are parts of a span.
+    #[inline(always)]
+    pub fn exit(&self, i: u32, record: &Record, part: f32, within: f32) -> Option<f32> {
+        let (d, v) = (self.off_center(i, record, part), record.v);
+        let mut end = [0.0; 3];
+        for axis in 0..3 {
+            end[axis] = d[axis] + v[axis] * within;
+        }
+        // A ball is convex: who is inside now and then is inside all the time.
+        if dot(end, end) <= self.half2 { None } else { self.leave_ball(d, v).filter(|delay| *delay < within) }
+    }
+
+    /// When a flight from d leaves the ball; `None` if it stands.
+    #[inline(never)]
+    fn leave_ball(&self, d: [f32; 3], v: [f32; 3]) -> Option<f32> {
+        let (speed2, along) = (dot(v, v), dot(d, v));
+        if speed2 == 0.0 {
+            return None;
+        }
+        let gap = (self.half2 - dot(d, d)).max(0.0);
+        let root = (along * along + speed2 * gap).sqrt();
+        // No difference of numbers of one sign.
+        Some(if along > 0.0 { gap / (root + along) } else { (root - along) / speed2 })
+    }
+
+    /// Moves the center of i to where it is at `part` of the span and `ahead` of that, and puts right all lists.
+    #[inline(always)]
+    pub fn transfer<F: Features, const VECTORS: bool>(
+        &mut self,
+        i: u32,
+        records: &[Record],
+        part: f32,
+        ahead: f32,
+    ) {
+        let record = &records[i as usize];
+        let speed = dot(record.v, record.v).sqrt();
+        let ahead = if speed > 0.0 { ahead * self.half / speed } else { 0.0 };
+        self.bins.leave(i, self.centers[i as usize].x);
+        let mut place = [0; 3];
+        for axis in 0..3 {
+            let way = f64::from(record.v[axis] * (part + ahead)) / f64::from(self.unit[axis]);
+            place[axis] = record.x[axis].wrapping_add(way as i64 as i32);
+        }
+        self.centers[i as usize].x = place;
+        let mut found = std::mem::take(&mut self.found);
+        let length = self.find::<F, VECTORS>(i, records, &mut found);
+        self.bins.enter(i, place);
+        self.replace(i, &found[..length]);
+        self.found = found;
+    }
+
+    /// Looks for the neighbors of i among the centers. They are the first in `found`; returns their number.
+    #[inline(always)]
+    fn find<F: Features, const VECTORS: bool>(
+        &self,
+        i: u32,
+        records: &[Record],
+        found: &mut Vec<u32>,
+    ) -> usize {
+        let place = self.centers[i as usize].x;
+        let skin = 2.0 * self.half + SLACK;
+        let reach = if F::UNIFORM { 1.0 } else { records[i as usize].radius + 0.5 } + skin;
+        let count = self.bins.near::<VECTORS>(place, reach * reach, found);
+        let mut kept = 0;
+        for k in 0..count {
+            let j = found[k];
+            let near = F::UNIFORM || {
+                let reach = (records[i as usize].radius + records[j as usize].radius) + skin;
+                let mut d = [0.0; 3];
+                for axis in 0..3 {
+                    d[axis] =
+                        self.centers[j as usize].x[axis].wrapping_sub(place[axis]) as f32 * self.unit[axis];
+                }
+                dot(d, d) < reach * reach
+            };
+            found[kept] = j;
+            kept += usize::from(near && j != i);
+        }
+        kept
+    }
+
+    /// Makes `new` the list of i, and puts right the lists of the partners lost and won.
+    fn replace(&mut self, i: u32, new: &[u32]) {
+        let before = self.centers[i as usize].members as usize;
+        let mut old = [0; MOST_WORDS];
+        if before.max(new.len()) > self.stride || self.stride > old.len() {
+            self.replace_long(i, new);
+            return;
+        }
+        let place = i as usize * self.stride;
+        old[..self.stride].copy_from_slice(&self.words[place..place + self.stride]);
+        let old = &old[..before];
+        for &j in old {
+            if !contains(new, j) {
+                self.remove(j, i);
+            }
+        }
+        let mut spilled = false;
+        for &j in new {
+            if !contains(old, j) {
+                spilled |= self.add(j, i);
+            }
+        }
+        let nobody = self.nobody();
+        let (own, rest) = self.words[place..place + self.stride].split_at_mut(new.len());
+        own.copy_from_slice(new);
+        rest.fill(nobody);
+        self.centers[i as usize].members = new.len() as u32;
+        if spilled {
+            self.grow();
+        }
+    }
+
+    /// The same for lists of any length.
+    #[cold]
+    fn replace_long(&mut self, i: u32, new: &[u32]) {
+        let old = self.of(i)[..self.centers[i as usize].members as usize].to_vec();
+        for j in old.iter().filter(|j| !contains(new, **j)) {
+            self.remove(*j, i);
+        }
+        for j in new.iter().filter(|j| !contains(&old, **j)) {
+            self.add(*j, i);
+        }
+        self.set(i, new);
+        self.grow();
+    }
+
+    /// Makes `list` the list of i.
+    fn set(&mut self, i: u32, list: &[u32]) {
+        let (nobody, place) = (self.nobody(), i as usize * self.stride);
+        if self.centers[i as usize].members as usize > self.stride {
+            self.spare.push(self.words[place]);
+        }
+        self.centers[i as usize].members = list.len() as u32;
+        if list.len() > self.stride {
+            self.spill(i, list);
+        } else {
+            let (own, rest) = self.words[place..place + self.stride].split_at_mut(list.len());
+            own.copy_from_slice(list);
+            rest.fill(nobody);
+        }
+    }
+
+    /// Keeps the list of i, which is too long for its place, elsewhere from now on.
+    #[cold]
+    fn spill(&mut self, i: u32, list: &[u32]) {
+        let nobody = self.nobody();
+        let free = self.spare.pop().unwrap_or_else(|| {
+            self.spilled.push(Vec::new());
+            self.spilled.len() as u32 - 1
+        });
+        let spilled = &mut self.spilled[free as usize];
+        spilled.clear();
+        spilled.extend_from_slice(list);
+        spilled.resize(list.len().next_multiple_of(LANES), nobody);
+        self.words[i as usize * self.stride] = free;
+    }
+
+    /// Adds j to the list of i; true if the list has spilled because of it.
+    #[inline]
+    fn add(&mut self, i: u32, j: u32) -> bool {
+        let place = i as usize * self.stride;
+        let center = &mut self.centers[i as usize];
+        let length = center.members as usize;
+        center.members += 1;
+        if length < self.stride {
+            self.words[place + length] = j;
+            return false;
+        }
+        self.add_to_spilled(i, j, length)
+    }
+
+    #[cold]
+    fn add_to_spilled(&mut self, i: u32, j: u32, length: usize) -> bool {
+        let (nobody, place) = (self.nobody(), i as usize * self.stride);
+        if length == self.stride {
+            let mut list = self.words[place..place + length].to_vec();
+            list.push(j);
+            self.spill(i, &list);
+            return true;
+        }
+        let list = &mut self.spilled[self.words[place] as usize];
+        if length == list.len() {
+            list.resize(length + LANES, nobody);
+        }
+        list[length] = j;
+        false
+    }
+
+    /// Takes j out of the list of i.
+    #[inline]
+    fn remove(&mut self, i: u32, j: u32) {
+        let (nobody, place) = (self.nobody(), i as usize * self.stride);
+        let length = self.centers[i as usize].members as usize;
+        if length > self.stride {
+            self.remove_from_spilled(i, j);
+            return;
+        }
+        let list = &mut self.words[place..place + length];
+        if let Some(at) = list.iter().position(|&other| other == j) {
+            list[at] = list[length - 1];
+            list[length - 1] = nobody;
+            self.centers[i as usize].members -= 1;
+        }
+    }
+
+    #[cold]
+    fn remove_from_spilled(&mut self, i: u32, j: u32) {
+        let mut list = self.of(i)[..self.centers[i as usize].members as usize].to_vec();
+        if let Some(at) = list.iter().position(|&other| other == j) {
+            list.swap_remove(at);
+            self.set(i, &list);
+        }
+    }
+
+    /// Gives every list more room if many have spilled.
+    fn grow(&mut self) {
+        let count = self.centers.len();
+        if self.spilled.len() - self.spare.len() <= count / SPILLED_PART + 8 {
+            return;
+        }
+        let lists: Vec<(u32, Vec<u32>)> = (0..count as u32)
+            .filter(|&i| self.centers[i as usize].members as usize > self.stride)
+            .map(|i| (i, self.of(i)[..self.centers[i as usize].members as usize].to_vec()))
+            .collect();
+        let (old, before) = (std::mem::take(&mut self.words), self.stride);
+        self.stride += LANES;
+        self.words = roomy(count * self.stride);
+        for list in old.chunks_exact(before) {
+            self.words.extend_from_slice(list);
+            self.words.resize(self.words.len() + LANES, count as u32);
+        }
+        (self.spilled, self.spare) = (Vec::new(), Vec::new());
+        for (i, list) in lists {
+            self.centers[i as usize].members = 0;
+            self.set(i, &list);
+        }
+    }
+}
+
+/// Longest list whose changes are found without looking for room.
+const MOST_WORDS: usize = 64;
+
+/// Whether a list names j; without an early end, so that whole vectors are compared.
+#[expect(clippy::needless_bitwise_bool, reason = "whole vectors")]
+#[inline(always)]
+fn contains(list: &[u32], j: u32) -> bool {
+    list.iter().fold(false, |found, &other| found | (other == j))
+}
+
+#[inline(always)]
+fn dot(a: [f32; 3], b: [f32; 3]) -> f32 {
+    a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
+}
