@@ -1,0 +1,188 @@
+//! What is measured: scenes, methods and their parameters, sizes. Chosen to take about a minute in all.
+
+use haff_accuracy::{
+    Error, closed,
+    growth::{self, Growth},
+    methods::{Engine, Method, Peer, Program, SoftSpheres, Stepper},
+    scenes::{at_unit_temperature, gas, melted},
+    statistics::{PARTICLES, Quantity, Starts, estimate},
+    trial::Answer,
+};
+use haff_engine::{Boundary, System};
+use serde_json::Value;
+
+use super::report;
+
+/// Bits of the reference.
+const BITS: usize = 256;
+/// Steps and contact times, in units of the time in which the fastest sphere moves by its diameter.
+const PARAMETERS: [f64; 4] = [1e-1, 1e-2, 1e-3, 1e-4];
+/// Steps times particles that a run on a scene may take: about a second.
+const AFFORDABLE: f64 = 3e7;
+/// The same for a run of the statistics.
+const AFFORDABLE_RUN: f64 = 1e8;
+/// Steps of a soft contact; assumed of peers too.
+const STEPS_PER_CONTACT: f64 = 50.0;
+/// Collisions per particle that a gas is followed for…
+const FOLLOWED: u32 = 40;
+/// … with so many samples for each…
+const SAMPLES: u32 = 2;
+/// … and after which the errors of the methods are compared.
+const COMPARED: usize = 4;
+/// Wall time of a method for each quantity [s].
+const BUDGET: f64 = 1.0;
+/// Starts of each gas whose errors are watched.
+const STARTS: u64 = 8;
+
+/// A method with the steps that it takes for a simulated time.
+struct Candidate<'a> {
+    method: Box<dyn Method + 'a>,
+    steps_per_time: f64,
+}
+
+/// The methods with all their parameters.
+fn candidates<'a>(peers: &'a [Program], time_scale: f64, parameters: &[f64]) -> Vec<Candidate<'a>> {
+    let mut all =
+        vec![Candidate { method: Box::new(Engine::default()) as Box<dyn Method>, steps_per_time: 0.0 }];
+    let values = || parameters.iter().map(|parameter| parameter * time_scale);
+    all.extend(values().map(|dt| Candidate { method: Box::new(Stepper { dt }), steps_per_time: 1.0 / dt }));
+    let contact = |value: f64, method| Candidate { method, steps_per_time: STEPS_PER_CONTACT / value };
+    all.extend(values().map(|value| contact(value, Box::new(SoftSpheres::new(value)))));
+    for program in peers {
+        all.extend(values().map(|parameter| contact(parameter, Box::new(Peer { program, parameter }))));
+    }
+    all
+}
+
+impl Candidate<'_> {
+    fn affords(&self, system: &System, time: f64) -> bool {
+        self.work(system.bodies.len(), time) <= AFFORDABLE
+    }
+
+    /// Steps times particles.
+    fn work(&self, particles: usize, time: f64) -> f64 {
+        self.steps_per_time * time * particles as f64
+    }
+}
+
+/// The gas that methods follow: 64 inelastic spheres between walls, where every peer can go.
+fn walled_gas() -> Result<Answer, Error> {
+    let system = at_unit_temperature(melted(&gas(4, 0.05, Boundary::Wall, 0.9, 1), 20.0)?);
+    Answer::followed(
+        "gas",
+        &format!(
+            "64 spheres between elastic walls, packing fraction 0.05, e = 0.9, after {COMPARED} collisions each"
+        ),
+        system,
+        FOLLOWED,
+        SAMPLES,
+        BITS,
+    )
+}
+
+/// Run time against error on scenes whose end is known.
+pub fn scenes(
+    peers: &[Program],
+    tell: &dyn Fn(&str),
+    stopped: &dyn Fn() -> bool,
+) -> Result<Vec<Value>, Error> {
+    tell(&report::trials_head());
+    let mut found = Vec::new();
+    let closed: Vec<Answer> = closed::all().into_iter().map(Answer::from).collect();
+    for answer in closed.into_iter().chain([walled_gas()?]) {
+        let short = answer.until(COMPARED * SAMPLES as usize);
+        let span = short.times.last().copied().unwrap_or(0.0);
+        tell(&format!("{}: {}", answer.name, answer.description));
+        let mut trials = Vec::new();
+        for candidate in candidates(peers, answer.time_scale, &PARAMETERS) {
+            if stopped() {
+                return Err(Error::Interrupted);
+            }
+            if !candidate.affords(&answer.system, span) {
+                continue;
+            }
+            let trial = match short.judge(candidate.method.as_ref()) {
+                Ok(trial) => trial,
+                Err(error @ (Error::Peer { .. } | Error::Unsupported { .. })) if !stopped() => {
+                    tell(&format!("  {error}"));
+                    continue;
+                }
+                Err(error) => return Err(error),
+            };
+            let followed = if answer.collisions.is_empty() {
+                None
+            } else {
+                Some(
+                    answer
+                        .follow(candidate.method.as_ref(), |time| candidate.affords(&answer.system, time))?,
+                )
+            };
+            tell(&report::trial_line(&trial, followed.as_ref()));
+            trials.push(report::trial(&trial, followed.as_ref()));
+        }
+        found.push(report::scene(&short, trials));
+    }
+    Ok(found)
+}
+
+/// Pressure and cooling rate from a fixed time each.
+pub fn statistics(
+    peers: &[Program],
+    tell: &dyn Fn(&str),
+    stopped: &dyn Fn() -> bool,
+) -> Result<Vec<Value>, Error> {
+    tell(&report::estimates_head(BUDGET));
+    let mut found = Vec::new();
+    for quantity in [Quantity::Compressibility, Quantity::CoolingRate] {
+        tell(&format!("{}: {}; theory {:.6}", quantity.name(), quantity.description(), quantity.expected()));
+        let mut starts = Starts::new(quantity, 1)?;
+        let mut estimates = Vec::new();
+        // The fastest thermal spheres move by their diameter in a time of about a third.
+        for candidate in candidates(peers, 1.0 / 3.0, &PARAMETERS) {
+            if candidate.work(PARTICLES, quantity.stretch()) > AFFORDABLE_RUN {
+                continue;
+            }
+            match estimate(&mut starts, candidate.method.as_ref(), BUDGET, stopped) {
+                Ok(Some(estimate)) => {
+                    tell(&report::estimate_line(&estimate));
+                    estimates.push(report::estimate(&estimate));
+                }
+                Ok(None) => (),
+                Err(error @ (Error::Peer { .. } | Error::Unsupported { .. })) if !stopped() => {
+                    tell(&format!("  {error}"));
+                }
+                Err(error) => return Err(error),
+            }
+        }
+        found.push(report::quantity(quantity, BUDGET, estimates));
+    }
+    Ok(found)
+}
+
+/// Gases whose errors are watched: a name, spheres along an edge, packing fraction, collisions per particle, which are more
+/// than double precision lasts and fewer than 256 bits do. The sparse one passes epochs of the engine's clock.
+const GASES: [(&str, usize, f64, u32); 3] =
+    [("fluid", 4, 0.1, 35), ("gas", 4, 0.01, 14), ("sparse", 2, 0.001, 8)];
+
+/// How errors grow.
+pub fn growth(tell: &dyn Fn(&str), stopped: &dyn Fn() -> bool) -> Result<Vec<Value>, Error> {
+    tell(&report::growth_head());
+    let mut found = Vec::new();
+    for (name, per_edge, phi, collisions) in GASES {
+        let description =
+            format!("{} elastic spheres in a periodic cube, packing fraction {phi}", per_edge.pow(3));
+        let mut runs: Vec<Growth> = Vec::new();
+        for seed in 1..=STARTS {
+            if stopped() {
+                return Err(Error::Interrupted);
+            }
+            let system = melted(&gas(per_edge, phi, Boundary::Periodic, 1.0, seed), 20.0)?;
+            let answer = Answer::followed(name, &description, system, collisions, SAMPLES, BITS)?;
+            runs.push(growth::measure(&answer, BITS, seed)?);
+        }
+        let gas = report::growth(name, &description, per_edge.pow(3), BITS, &runs);
+        tell(&report::growth_line(&gas));
+        found.push(gas);
+    }
+    Ok(found)
+}
