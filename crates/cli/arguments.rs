@@ -168,6 +168,9 @@ pub struct Bench {
     #[arg(long, conflicts_with_all = ["scene", "n", "phi", "collisions", "melt", "repeats", "threads", "seed",
         "neighbors", "simd", "set", "print_scene", "list"])]
     pub accuracy: bool,
+    /// Only a first look at --accuracy: larger steps, shorter runs, fewer starts; some seconds.
+    #[arg(long, requires = "accuracy")]
+    pub quick: bool,
     /// Another program to run the scenes of --accuracy; see docs/accuracy.md for what it is asked and answers.
     #[arg(long, value_name = "NAME=COMMAND", value_parser = peer, requires = "accuracy")]
     pub peer: Vec<(String, String)>,

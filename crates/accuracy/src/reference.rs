@@ -357,6 +357,7 @@ impl Reference {
     /// The shifts of those images of the pair that may come into contact.
     fn images(&self, r: &BigVec, v: &BigVec, sigma: &Big) -> Vec<[i32; 3]> {
         let (r, v, sigma) = (r.nearest(), v.nearest(), nearest(sigma));
+        let vv = v.length_squared();
         let edge = [0, 1, 2].map(|axis| self.edge[axis].as_ref().map(nearest));
         let range = |axis: usize| if edge[axis].is_some() { -1..=1 } else { 0..=0 };
         let mut found = Vec::new();
@@ -368,10 +369,11 @@ impl Reference {
                         [0, 1, 2].map(|axis| edge[axis].unwrap_or(0.0) * f64::from(shift[axis])),
                     );
                     let image = r - offset;
-                    let reach = sigma * v.length() * (1.0 + UNDECIDED) + image.length() * v.length() * 1e-12;
-                    if image.dot(v) <= UNDECIDED * image.length() * v.length()
-                        && image.cross(v).length() <= reach
-                    {
+                    let miss = image.cross(v).length_squared();
+                    // Squares: twice the band, and the rounding of a long distance.
+                    let reach =
+                        vv * (sigma * sigma * (1.0 + 2.0 * UNDECIDED) + image.length_squared() * 1e-14);
+                    if miss <= reach && image.dot(v) <= UNDECIDED * (image.length_squared() * vv).sqrt() {
                         found.push(shift);
                     }
                 }

@@ -31,7 +31,8 @@ pub fn accuracy(options: &Bench) -> Result<u8, Failure> {
         (true, true) => (),
     };
     let stopped = || signals.received().is_some();
-    match measure(&peers, &tell, &stopped) {
+    let size = if options.quick { &plan::QUICK } else { &plan::FULL };
+    match measure(size, &peers, &tell, &stopped) {
         Ok(report) => {
             if options.json {
                 println!("{report}");
@@ -47,13 +48,14 @@ pub fn accuracy(options: &Bench) -> Result<u8, Failure> {
 }
 
 fn measure(
+    size: &plan::Size,
     peers: &[Program],
     tell: &dyn Fn(&str),
     stopped: &dyn Fn() -> bool,
 ) -> Result<serde_json::Value, Error> {
-    let scenes = plan::scenes(peers, tell, stopped)?;
-    let statistics = plan::statistics(peers, tell, stopped)?;
-    let growth = plan::growth(tell, stopped)?;
+    let scenes = plan::scenes(size, peers, tell, stopped)?;
+    let statistics = plan::statistics(size, peers, tell, stopped)?;
+    let growth = plan::growth(size, tell, stopped)?;
     Ok(json!({
         "scenes": scenes,
         "statistics": statistics,
