@@ -7,8 +7,10 @@ use glam::DVec3;
 
 use super::Spheres;
 
-/// Shell of the list [largest radii].
-const SHELL: f64 = 0.5;
+/// Shell of the list [largest radii]: about the best for the gases that are timed, dense and dilute.
+const SHELL: f64 = 1.0;
+/// Particles in a cell, at least: emptier cells cost more to visit than their particles.
+const PER_CELL: f64 = 2.0;
 /// Up to this many particles all pairs are tested.
 const FEW: usize = 100;
 
@@ -47,7 +49,8 @@ impl Pairs {
         self.near.clear();
         self.then.clone_from(&spheres.position);
         let reach = 2.0 * spheres.largest_radius() + self.shell;
-        let cells = (spheres.period / reach).floor();
+        let most = (spheres.position.len() as f64 / PER_CELL).cbrt().ceil();
+        let cells = (spheres.period / reach).floor().min(DVec3::splat(most));
         // Three cells along each axis, so that each pair of neighbors meets in one image.
         if spheres.position.len() <= FEW || cells.min_element() < 3.0 {
             for j in 1..spheres.position.len() {

@@ -23,6 +23,8 @@ pub struct Size {
     followed: u32,
     /// Wall time of a method for each quantity [s].
     budget: f64,
+    /// Steps times particles that a run of the statistics may take.
+    affordable: f64,
     /// Starts of each gas whose errors are watched.
     starts: u64,
     /// Gases whose errors are watched: a name, spheres along an edge, packing fraction, collisions per particle.
@@ -35,6 +37,7 @@ pub const FULL: Size = Size {
     parameters: &[1e-1, 1e-2, 1e-3, 1e-4],
     followed: 40,
     budget: 0.7,
+    affordable: 1.1e8,
     starts: 6,
     gases: &[("fluid", 4, 0.1, 28), ("gas", 4, 0.01, 10), ("sparse", 2, 0.001, 8)],
 };
@@ -44,14 +47,13 @@ pub const QUICK: Size = Size {
     parameters: &[1e-1, 1e-2],
     followed: 4,
     budget: 0.05,
+    affordable: 1.2e7,
     starts: 2,
     gases: &[("gas", 3, 0.01, 8), ("sparse", 2, 0.001, 6)],
 };
 
 /// Steps times particles that a run on a scene may take: about a second.
 const AFFORDABLE: f64 = 3e7;
-/// The same for a run of the statistics.
-const AFFORDABLE_RUN: f64 = 1e8;
 /// Steps of a soft contact; assumed of peers too.
 const STEPS_PER_CONTACT: f64 = 50.0;
 /// Samples of a followed gas for each collision per particle.
@@ -182,7 +184,7 @@ pub fn statistics(
         let mut unable = Unable::default();
         // The fastest thermal spheres move by their diameter in a time of about a third.
         for candidate in candidates(peers, 1.0 / 3.0, size.parameters) {
-            if unable.has(&candidate) || candidate.work(PARTICLES, quantity.stretch()) > AFFORDABLE_RUN {
+            if unable.has(&candidate) || candidate.work(PARTICLES, quantity.stretch()) > size.affordable {
                 continue;
             }
             match estimate(&mut starts, candidate.method.as_ref(), size.budget, stopped) {
