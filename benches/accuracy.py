@@ -80,8 +80,8 @@ def markdown(record: dict) -> str:
     lines = [
         "# Run time against error",
         "",
-        f"{record['date']}, revision `{record['revision']}`, {record['compiler']}, one thread. The machine was shared and"
-        " busy: times are good to a factor of two or three, alike for all methods.",
+        f"{record['date']}, revision `{record['revision']}`, {record['compiler']}, one thread. The machine was"
+        " shared and busy: times are good to a factor of two or three, alike for all methods.",
         f"Machine: {at.get('model', 'unknown')} (family {at.get('family', '?')}, model {at.get('number', '?')}),"
         f" {at['processors']} processors; {at['system']}.",
         "",
@@ -91,8 +91,8 @@ def markdown(record: dict) -> str:
         "",
         "![Run time against error](accuracy.png)",
         "",
-        "Methods: haff; hard spheres at fixed time steps dt; soft spheres (spring and dashpot, velocity Verlet, 50 steps"
-        " in a contact of duration t_c)" + "".join(f"; {name}" for name in report["peers"]) + ".",
+        "Methods: haff; hard spheres at fixed time steps dt; soft spheres (spring and dashpot, velocity Verlet, 50"
+        " steps in a contact of duration t_c)" + "".join(f"; {name}" for name in report["peers"]) + ".",
         "",
         "## Scenes with known answers",
         "",
@@ -134,11 +134,12 @@ def markdown(record: dict) -> str:
         "Collisions per particle until the deviation from arithmetic of"
         f" {report['growth'][0]['reference_bits']} bits is a tenth of a diameter, mean ± standard error over"
         " starts: of haff, and of exact arithmetic whose states, or flights and states, are rounded to double at each"
-        " collision, or that starts an ulp off. The last column but two: how much earlier haff is lost than exact arithmetic on rounded"
+        " collision, or that starts an ulp off. The last column but two: how much earlier haff is lost than exact"
+        " arithmetic on rounded"
         " flights, start by start.",
         "",
-        "| gas | bits a collision | haff | states rounded | flights rounded | start moved | haff earlier by | machineries"
-        " | epochs |",
+        "| gas | bits a collision | haff | states rounded | flights rounded | start moved | haff earlier by"
+        " | machineries | epochs |",
         "|---|---|---|---|---|---|---|---|---|",
     ]
     for gas in report["growth"]:

@@ -36,7 +36,7 @@ pub const BITS: usize = 256;
 
 /// All of them.
 pub fn all() -> Vec<Known> {
-    vec![bouncing_ball(10), billiard(1000), oblique_impact(), chain(10)]
+    vec![bouncing_ball(10), billiard(1000), oblique_impact(0.8), chain(10)]
 }
 
 fn number(x: f64) -> Big {
@@ -122,9 +122,8 @@ pub fn billiard(bounces: u32) -> Known {
     }
 }
 
-/// Two unequal spheres that meet off centre, e = 0.8, seen as long after the impact as before it.
-pub fn oblique_impact() -> Known {
-    let e = 0.8;
+/// Two unequal spheres that meet off centre with restitution `e`, seen as long after the impact as before it.
+pub fn oblique_impact(e: f64) -> Known {
     let mut system = empty(DVec3::splat(32.0), [Boundary::Open; 3], e, 1.0);
     let (r1, r2) = (DVec3::new(1.0, 2.0, 3.0), DVec3::new(7.3, 3.1, 2.2));
     let (w1, w2) = (DVec3::new(0.9, 0.2, -0.1), DVec3::new(-0.7, -0.1, 0.15));
@@ -149,7 +148,7 @@ pub fn oblique_impact() -> Known {
     let (u1, u2) = (w1.plus(&n, &(-(&impulse / m1))), w2.plus(&n, &(impulse / m2)));
     Known {
         name: "oblique",
-        description: "oblique impact of two unequal spheres, e = 0.8".to_owned(),
+        description: format!("oblique impact of two unequal spheres, e = {e}"),
         system,
         time,
         position: vec![r1.plus(&w1, &contact).plus(&u1, &rest), r2.plus(&w2, &contact).plus(&u2, &rest)],
@@ -176,7 +175,7 @@ pub fn chain(count: usize) -> Known {
     let (mut speed, mut now) = (number(1.0), number(0.0));
     let mut after = Vec::new();
     for pair in masses.windows(2) {
-        now = now + &gap / &speed;
+        now += &gap / &speed;
         let (m1, m2) = (number(pair[0]), number(pair[1]));
         let sum = &m1 + &m2;
         after.push(((&m1 - &m2) * &speed / &sum, now.clone()));

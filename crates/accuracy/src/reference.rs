@@ -244,7 +244,7 @@ impl Reference {
                 *velocity = velocity.plus(&self.gravity, &dt);
             }
         }
-        self.now = time.clone();
+        self.now.clone_from(time);
     }
 
     fn falls(&self) -> bool {

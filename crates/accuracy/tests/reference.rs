@@ -42,7 +42,7 @@ fn engine_is_within_rounding_of_closed_forms() {
 #[test]
 fn stepper_is_of_first_order() {
     // A bounce is late by any part of a step: the mean over many steps of slightly different length is of first order.
-    let answer = Answer::from(closed::oblique_impact());
+    let answer = Answer::from(closed::oblique_impact(0.8));
     let mean = |dt: f64| {
         let errors = (0..20)
             .map(|k| answer.judge(&Stepper { dt: dt * (1.0 - 0.017 * f64::from(k)) }).unwrap().error[0]);
@@ -55,13 +55,13 @@ fn stepper_is_of_first_order() {
 
 #[test]
 fn soft_spheres_tend_to_hard_ones_with_the_contact_time() {
-    for (known, expected) in
-        [(closed::oblique_impact(), 1.0), (closed::chain(10), 1.0), (closed::bouncing_ball(3), 1.0)]
-    {
+    // Elastic ones: the jumps of a dashpot's force leave an error of e that does not fall with the contact time.
+    for known in [closed::oblique_impact(1.0), closed::chain(10)] {
+        let expected = 1.0;
         let answer = Answer::from(known);
         // So many steps that the softness is all that is left of the error.
         let error = |contact_time| {
-            answer.judge(&SoftSpheres { contact_time, steps_per_contact: 1000.0 }).unwrap().error[0]
+            answer.judge(&SoftSpheres { contact_time, steps_per_contact: 200.0 }).unwrap().error[0]
         };
         let (coarse, fine) = (error(1e-2), error(1e-3));
         let order = (coarse / fine).log10();

@@ -163,7 +163,7 @@ pub fn scenes(
             tell(&report::trial_line(&trial, followed.as_ref()));
             trials.push(report::trial(&trial, followed.as_ref()));
         }
-        found.push(report::scene(&short, trials));
+        found.push(report::scene(&short, &trials));
     }
     Ok(found)
 }
@@ -199,7 +199,7 @@ pub fn statistics(
                 Err(error) => return Err(error),
             }
         }
-        found.push(report::quantity(quantity, size.budget, estimates));
+        found.push(report::quantity(quantity, size.budget, &estimates));
     }
     Ok(found)
 }

@@ -29,7 +29,7 @@ fn series(series: &Series) -> Value {
 }
 
 /// A scene with all its trials.
-pub fn scene(answer: &Answer, trials: Vec<Value>) -> Value {
+pub fn scene(answer: &Answer, trials: &[Value]) -> Value {
     json!({
         "name": answer.name,
         "description": answer.description,
@@ -82,7 +82,7 @@ pub fn estimate(estimate: &Estimate) -> Value {
 }
 
 /// A quantity with all its estimates.
-pub fn quantity(quantity: Quantity, budget: f64, estimates: Vec<Value>) -> Value {
+pub fn quantity(quantity: Quantity, budget: f64, estimates: &[Value]) -> Value {
     json!({
         "name": quantity.name(),
         "description": quantity.description(),
@@ -116,13 +116,16 @@ pub fn estimate_line(estimate: &Estimate) -> String {
     )
 }
 
+/// One of the runs from a start.
+type Kind = fn(&Growth) -> &Series;
+
 /// A gas whose errors were watched from several starts.
 pub fn growth(name: &str, description: &str, particles: usize, bits: usize, runs: &[Growth]) -> Value {
     let mean = |value: &dyn Fn(&Growth) -> Option<f64>| {
         let mean = Mean::of(runs.iter().map(value));
         json!({"mean": mean.mean, "standard_error": mean.standard_error})
     };
-    let kinds: [(&str, fn(&Growth) -> &Series); 4] = [
+    let kinds: [(&str, Kind); 4] = [
         ("haff", |run| &run.engine),
         ("rounded_state", |run| &run.rounded),
         ("flight_rounded", |run| &run.flight),
