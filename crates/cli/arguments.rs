@@ -113,6 +113,7 @@ Examples:
   haff bench --scene cooling --n 100000 --threads 1,2 --json
   haff bench --scene configs/cooling.toml --collisions 1e6
   haff bench --n 4000 --phi 0.3 --print-scene > fluid.toml && haff run fluid.toml   # the same trajectory
+  haff bench --accuracy --json > accuracy.json        # run time against error, beside other methods; about a minute
 
 Melting, packing and the building of the engine are not timed; collisions are those between particles.
 The columns after the rate are counts per collision. See benches/record/ for records over whole grids.")]
@@ -163,6 +164,16 @@ pub struct Bench {
     /// Name the standard scenes.
     #[arg(long)]
     pub list: bool,
+    /// Measure run time against error instead, on scenes with known answers, beside other methods; and how errors grow.
+    #[arg(long, conflicts_with_all = ["scene", "n", "phi", "collisions", "melt", "repeats", "threads", "seed",
+        "neighbors", "simd", "set", "print_scene", "list"])]
+    pub accuracy: bool,
+    /// Only a first look at --accuracy: larger steps, shorter runs, fewer starts; some seconds.
+    #[arg(long, requires = "accuracy")]
+    pub quick: bool,
+    /// Another program to run the scenes of --accuracy; see docs/accuracy.md for what it is asked and answers.
+    #[arg(long, value_name = "NAME=COMMAND", value_parser = peer, requires = "accuracy")]
+    pub peer: Vec<(String, String)>,
 }
 
 /// A whole number, also written as 4_000 or 1e6.
@@ -189,6 +200,15 @@ fn collisions(text: &str) -> Result<u64, String> {
 fn fraction(text: &str) -> Result<f64, String> {
     let value: f64 = text.parse().map_err(|_| "must be a number in (0, 1)".to_owned())?;
     if value > 0.0 && value < 1.0 { Ok(value) } else { Err("must be in (0, 1)".to_owned()) }
+}
+
+fn peer(text: &str) -> Result<(String, String), String> {
+    match text.split_once('=') {
+        Some((name, command)) if !name.trim().is_empty() && !command.trim().is_empty() => {
+            Ok((name.trim().to_owned(), command.trim().to_owned()))
+        }
+        _ => Err("must be NAME=COMMAND".to_owned()),
+    }
 }
 
 fn melt(text: &str) -> Result<f64, String> {

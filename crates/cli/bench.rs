@@ -3,6 +3,7 @@
 //! A cell is a scene file in memory that goes the way of every scene: text, [`haff_scene::Scene`], engine. Several cells
 //! run one after the other, each in a process of its own, so that peak memory, allocator and thread pool are its own.
 
+mod accuracy;
 mod measure;
 mod report;
 mod scenes;
@@ -45,6 +46,9 @@ pub fn bench(options: &Bench) -> Result<u8, Failure> {
     if options.list {
         println!("{}", scenes::list());
         return Ok(0);
+    }
+    if options.accuracy {
+        return accuracy::accuracy(options);
     }
     check(options)?;
     let cells = cells(options);

@@ -1,0 +1,453 @@
+/*!
+Event-driven hard spheres in arithmetic of hundreds of bits: the simplest code that is right.
+
+All particles stand at the present time. After every event the two partners are predicted afresh against
+everybody, and the earliest of all entries is found by looking at each. Chaos costs a dilute gas some three bits a
+collision: after 40 collisions a particle, 256 bits have more than 100 right ones left.
+
+The only use of f64 is to dismiss images of a pair that pass each other by a wide margin.
+*/
+
+use std::cmp::Ordering;
+
+use glam::DVec3;
+use haff_engine::{Boundary, System, model::Restitution};
+
+use crate::{
+    Error,
+    big::{Big, BigVec, big, nearest, twice},
+};
+
+/// Relative width of the band around contact within which the f64 filter leaves the answer to high precision. Relative
+/// positions and velocities are rounded from exact ones, so the miss distance is good to some 1e-15 of the distance;
+/// boxes up to 10⁴ diameters are safe by four decimal orders.
+const UNDECIDED: f64 = 1e-7;
+
+/// What a reference run has to be rounded to.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub enum Rounding {
+    /// Nothing but the precision of the arithmetic.
+    #[default]
+    None,
+    /// Position and velocity of a particle become f64 numbers after each of its own events: the least that any program
+    /// does that keeps its state in double precision.
+    StateToDouble,
+    /// And so do the duration of the flight since its last own event and the place where it ended, before it was wrapped into
+    /// the box: the least that a program does that lets flights cross the box as often as they want and adds v t once.
+    FlightToDouble,
+}
+
+/// What will happen next to a pair, or to a particle and the walls.
+#[derive(Debug, Clone)]
+struct Entry {
+    time: Big,
+    /// The time rounded: what is earlier in f64 is earlier.
+    key: f64,
+    what: What,
+}
+
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum What {
+    Contact,
+    /// The pair has gone so far that other images of it might come near.
+    Renewal,
+    Wall(usize),
+}
+
+impl Entry {
+    fn new(time: Big, what: What) -> Self {
+        let key = nearest(&time);
+        Self { time, key, what }
+    }
+
+    fn order(&self, other: &Self) -> Ordering {
+        self.key.total_cmp(&other.key).then_with(|| self.time.cmp(&other.time))
+    }
+
+    /// Keeps the earlier of the two.
+    fn offer(earliest: &mut Option<Self>, entry: Self) {
+        if earliest.as_ref().is_none_or(|best| entry.order(best).is_lt()) {
+            *earliest = Some(entry);
+        }
+    }
+}
+
+/// A plane that particles stay above.
+struct Plane {
+    point: BigVec,
+    normal: BigVec,
+}
+
+/// The state of a high-precision run.
+pub struct Reference {
+    bits: usize,
+    rounding: Rounding,
+    position: Vec<BigVec>,
+    velocity: Vec<BigVec>,
+    radius: Vec<Big>,
+    mass: Vec<Big>,
+    /// Edges of the periodic axes.
+    edge: [Option<Big>; 3],
+    gravity: BigVec,
+    planes: Vec<Plane>,
+    restitution: Big,
+    wall_restitution: Big,
+    /// Next event of each pair i < j, at `i * n + j`.
+    pairs: Vec<Option<Entry>>,
+    /// Next wall of each particle.
+    walls: Vec<Option<Entry>>,
+    now: Big,
+    /// Time of each particle's last own event.
+    since: Vec<Big>,
+    collisions: u64,
+    wall_collisions: u64,
+}
+
+impl Reference {
+    /// A run from the state of `system`, to `bits` significant bits (at least 64).
+    ///
+    /// One constant restitution for all pairs and one for all walls, resting walls, finite masses; the TC model is off.
+    pub fn new(system: &System, bits: usize, rounding: Rounding) -> Result<Self, Error> {
+        let bits = bits.max(64);
+        let restitutions = one_restitution(system, "the reference")?;
+        let class = |body: &haff_engine::Body| system.classes[body.class as usize];
+        let vector = |v: DVec3| BigVec::new(v, bits);
+        let n = system.bodies.len();
+        let size = system.domain.size.to_array();
+        let mut reference = Self {
+            bits,
+            rounding,
+            position: system.bodies.iter().map(|body| vector(body.position)).collect(),
+            velocity: system.bodies.iter().map(|body| vector(body.velocity)).collect(),
+            radius: system.bodies.iter().map(|body| big(class(body).radius, bits)).collect(),
+            mass: system.bodies.iter().map(|body| big(class(body).mass, bits)).collect(),
+            edge: [0, 1, 2].map(|axis| {
+                (system.domain.boundary[axis] == Boundary::Periodic).then(|| big(size[axis], bits))
+            }),
+            gravity: vector(system.domain.gravity),
+            planes: system
+                .walls
+                .iter()
+                .map(|wall| Plane { point: vector(wall.point), normal: vector(wall.normal) })
+                .collect(),
+            restitution: big(restitutions.0, bits),
+            wall_restitution: big(restitutions.1, bits),
+            pairs: vec![None; n * n],
+            walls: vec![None; n],
+            now: big(0.0, bits),
+            since: vec![big(0.0, bits); n],
+            collisions: 0,
+            wall_collisions: 0,
+        };
+        for i in 0..n {
+            for j in i + 1..n {
+                reference.predict_pair(i, j);
+            }
+            reference.predict_walls(i);
+        }
+        Ok(reference)
+    }
+
+    /// Sphere–sphere collisions so far.
+    pub fn collisions(&self) -> u64 {
+        self.collisions
+    }
+
+    /// Sphere–wall collisions so far.
+    pub fn wall_collisions(&self) -> u64 {
+        self.wall_collisions
+    }
+
+    /// Present time [time], rounded.
+    pub fn time(&self) -> f64 {
+        nearest(&self.now)
+    }
+
+    /// Centres now [length], unwrapped unless the state is rounded.
+    pub fn position(&self) -> &[BigVec] {
+        &self.position
+    }
+
+    /// Velocities now [length/time].
+    pub fn velocity(&self) -> &[BigVec] {
+        &self.velocity
+    }
+
+    /// Runs to `time` exactly.
+    pub fn run_to(&mut self, time: &Big) {
+        while let Some((at, event)) = self.next() {
+            if at > *time {
+                break;
+            }
+            self.take(&at, event);
+        }
+        self.stream(time);
+    }
+
+    /// Runs until there have been `collisions` between spheres in all, or nothing will happen any more; returns a time
+    /// between the last event and the next one, in the middle of them [time].
+    pub fn run_to_collision(&mut self, collisions: u64) -> f64 {
+        while self.collisions < collisions {
+            let Some((at, event)) = self.next() else { break };
+            self.take(&at, event);
+        }
+        // Renewals do not count, and do no harm: they are only earlier.
+        let next = self.next().map_or_else(|| self.now.clone(), |(at, _)| at);
+        nearest(&((&self.now + next) >> 1))
+    }
+
+    /// The earliest entry: its time, and its place with what it is.
+    fn next(&self) -> Option<(Big, (usize, What))> {
+        let n = self.position.len();
+        let pairs = self.pairs.iter().enumerate();
+        let walls = self.walls.iter().enumerate().map(|(i, entry)| (n * n + i, entry));
+        pairs
+            .chain(walls)
+            .filter_map(|(place, entry)| entry.as_ref().map(|entry| (place, entry)))
+            .min_by(|(_, a), (_, b)| a.order(b))
+            .map(|(place, entry)| (entry.time.clone(), (place, entry.what)))
+    }
+
+    fn take(&mut self, at: &Big, (place, what): (usize, What)) {
+        let n = self.position.len();
+        self.stream(at);
+        let (i, j) = (place / n, place % n);
+        match what {
+            What::Renewal => self.predict_pair(i, j),
+            What::Contact => {
+                self.end_flight(i);
+                self.end_flight(j);
+                self.collide(i, j);
+                self.collisions += 1;
+                self.renew(i);
+                self.renew(j);
+            }
+            What::Wall(wall) => {
+                let i = place - n * n;
+                self.end_flight(i);
+                self.bounce(i, wall);
+                self.wall_collisions += 1;
+                self.renew(i);
+            }
+        }
+    }
+
+    /// Moves everybody to a time.
+    fn stream(&mut self, time: &Big) {
+        let dt = time - &self.now;
+        let fall = (&dt * &dt) >> 1;
+        let falls = self.falls();
+        for (position, velocity) in self.position.iter_mut().zip(&mut self.velocity) {
+            *position = position.plus(velocity, &dt);
+            if falls {
+                *position = position.plus(&self.gravity, &fall);
+                *velocity = velocity.plus(&self.gravity, &dt);
+            }
+        }
+        self.now.clone_from(time);
+    }
+
+    fn falls(&self) -> bool {
+        self.gravity.0.iter().any(|g| *g != Big::ZERO)
+    }
+
+    /// Rounds the flight that ends now, if that is asked for.
+    fn end_flight(&mut self, i: usize) {
+        let since = std::mem::replace(&mut self.since[i], self.now.clone());
+        if self.rounding == Rounding::FlightToDouble {
+            let duration = &self.now - since;
+            let off = big(nearest(&duration), self.bits) - duration;
+            self.position[i] = self.position[i].plus(&self.velocity[i], &off);
+            self.position[i].round_to_double(self.bits);
+        }
+    }
+
+    /// Rounds one particle's state, in the box, as asked for.
+    fn round(&mut self, i: usize) {
+        if self.rounding == Rounding::None {
+            return;
+        }
+        for (x, edge) in self.position[i].0.iter_mut().zip(&self.edge) {
+            if let Some(edge) = edge {
+                *x = &*x - edge * (&*x / edge).floor();
+            }
+        }
+        self.position[i].round_to_double(self.bits);
+        self.velocity[i].round_to_double(self.bits);
+    }
+
+    /// r_j − r_i in the nearest image.
+    fn separation(&self, i: usize, j: usize) -> BigVec {
+        let mut r = self.position[j].minus(&self.position[i]);
+        for (x, edge) in r.0.iter_mut().zip(&self.edge) {
+            if let Some(edge) = edge {
+                // Half an edge away either image is as near as the other: f64 may choose.
+                let image = (nearest(x) / nearest(edge)).round();
+                if image != 0.0 {
+                    *x = &*x - edge * big(image, self.bits);
+                }
+            }
+        }
+        r
+    }
+
+    /// Impact of smooth spheres, (2.14), (2.19), (2.20), with r in place of the normal.
+    fn collide(&mut self, i: usize, j: usize) {
+        let r = self.separation(i, j);
+        let approach = self.velocity[i].minus(&self.velocity[j]).dot(&r);
+        let factor = (big(1.0, self.bits) + &self.restitution) * approach / r.dot(&r);
+        let total = &self.mass[i] + &self.mass[j];
+        let (to_i, to_j) = (&factor * &self.mass[j] / &total, &factor * &self.mass[i] / &total);
+        self.velocity[i] = self.velocity[i].plus(&r, &-to_i);
+        self.velocity[j] = self.velocity[j].plus(&r, &to_j);
+        self.round(i);
+        self.round(j);
+    }
+
+    /// Impact on a resting wall, (2.21).
+    fn bounce(&mut self, i: usize, wall: usize) {
+        let normal = &self.planes[wall].normal;
+        let speed = self.velocity[i].dot(normal);
+        let change = -(big(1.0, self.bits) + &self.wall_restitution) * speed / normal.dot(normal);
+        self.velocity[i] = self.velocity[i].plus(normal, &change);
+        self.round(i);
+    }
+
+    /// Predicts one particle against everybody.
+    fn renew(&mut self, i: usize) {
+        for j in 0..self.position.len() {
+            if j != i {
+                self.predict_pair(i.min(j), i.max(j));
+            }
+        }
+        self.predict_walls(i);
+    }
+
+    fn predict_pair(&mut self, i: usize, j: usize) {
+        let r = self.separation(i, j);
+        // Equal accelerations cancel.
+        let v = self.velocity[j].minus(&self.velocity[i]);
+        let sigma = &self.radius[i] + &self.radius[j];
+        let mut earliest: Option<Entry> = None;
+        for shift in self.images(&r, &v, &sigma) {
+            let mut image = r.clone();
+            for axis in 0..3 {
+                if let (Some(edge), true) = (&self.edge[axis], shift[axis] != 0) {
+                    image.0[axis] = &image.0[axis] - edge * Big::from(shift[axis]);
+                }
+            }
+            if let Some(delay) = contact(&image, &v, &sigma) {
+                let time = &self.now + delay;
+                Entry::offer(&mut earliest, Entry::new(time, What::Contact));
+            }
+        }
+        // An image two edges away is one and a half edges off the relative position, and comes within reach of it only
+        // after it has gone more than an edge.
+        let shortest = self.edge.iter().flatten().map(nearest).reduce(f64::min);
+        let speed = v.nearest().length();
+        if let (Some(edge), true) = (shortest, speed > 0.0) {
+            // An early renewal does no harm, so that its time may be rounded.
+            let time = &self.now + big(0.999 * edge / speed, self.bits);
+            Entry::offer(&mut earliest, Entry::new(time, What::Renewal));
+        }
+        let n = self.position.len();
+        self.pairs[i * n + j] = earliest;
+    }
+
+    /// The shifts of those images of the pair that may come into contact.
+    fn images(&self, r: &BigVec, v: &BigVec, sigma: &Big) -> Vec<[i32; 3]> {
+        let (r, v, sigma) = (r.nearest(), v.nearest(), nearest(sigma));
+        let vv = v.length_squared();
+        let edge = [0, 1, 2].map(|axis| self.edge[axis].as_ref().map(nearest));
+        let range = |axis: usize| if edge[axis].is_some() { -1..=1 } else { 0..=0 };
+        let mut found = Vec::new();
+        for x in range(0) {
+            for y in range(1) {
+                for z in range(2) {
+                    let shift = [x, y, z];
+                    let offset = DVec3::from_array(
+                        [0, 1, 2].map(|axis| edge[axis].unwrap_or(0.0) * f64::from(shift[axis])),
+                    );
+                    let image = r - offset;
+                    let miss = image.cross(v).length_squared();
+                    // Squares: twice the band, and the rounding of a long distance.
+                    let reach =
+                        vv * (sigma * sigma * (1.0 + 2.0 * UNDECIDED) + image.length_squared() * 1e-14);
+                    if miss <= reach && image.dot(v) <= UNDECIDED * (image.length_squared() * vv).sqrt() {
+                        found.push(shift);
+                    }
+                }
+            }
+        }
+        found
+    }
+
+    fn predict_walls(&mut self, i: usize) {
+        let mut earliest: Option<Entry> = None;
+        for (wall, plane) in self.planes.iter().enumerate() {
+            let d = self.position[i].minus(&plane.point).dot(&plane.normal) - &self.radius[i];
+            let s = self.velocity[i].dot(&plane.normal);
+            let a = self.gravity.dot(&plane.normal);
+            if let Some(delay) = fall(&d, &s, &a) {
+                let time = &self.now + delay;
+                Entry::offer(&mut earliest, Entry::new(time, What::Wall(wall)));
+            }
+        }
+        self.walls[i] = earliest;
+    }
+}
+
+/// Smaller root of |r + v t| = σ of an approaching pair, not before now.
+fn contact(r: &BigVec, v: &BigVec, sigma: &Big) -> Option<Big> {
+    let b = r.dot(v);
+    if b >= Big::ZERO {
+        return None;
+    }
+    let gap = r.dot(r) - sigma * sigma;
+    let disc = &b * &b - v.dot(v) * &gap;
+    if disc < Big::ZERO {
+        return None;
+    }
+    let delay = gap / (disc.sqrt() - b);
+    Some(delay.max(Big::ZERO))
+}
+
+/// The time at which the height d + s t + ½ a t² falls to zero, not before now.
+fn fall(d: &Big, s: &Big, a: &Big) -> Option<Big> {
+    if *a == Big::ZERO {
+        return (*s < Big::ZERO).then(|| (-(d / s)).max(Big::ZERO));
+    }
+    let disc = s * s - twice(&(a * d));
+    if *a > Big::ZERO && (*s >= Big::ZERO || disc < Big::ZERO) {
+        return None;
+    }
+    // The falling root for either sign of a.
+    Some((-(s + disc.max(Big::ZERO).sqrt()) / a).max(Big::ZERO))
+}
+
+/// The restitution of all pairs and that of all walls, and a check that `method` knows everything in the scene.
+pub(crate) fn one_restitution(system: &System, method: &str) -> Result<(f64, f64), Error> {
+    let unsupported = |feature| Error::Unsupported { method: method.to_owned(), feature };
+    let one = |rules: &[Restitution]| {
+        let mut constants = rules.iter().map(|rule| match rule {
+            Restitution::Constant(e) => Some(*e),
+            _ => None,
+        });
+        let Some(first) = constants.next() else { return Ok(1.0) };
+        let first = first.ok_or_else(|| unsupported("restitution that depends on speed"))?;
+        if constants.all(|e| e == Some(first)) {
+            return Ok(first);
+        }
+        Err(unsupported("several restitutions"))
+    };
+    if system.contacts.tc != 0.0 {
+        return Err(unsupported("the TC model"));
+    }
+    if system.classes.iter().any(|class| !class.mass.is_finite()) {
+        return Err(unsupported("bodies of infinite mass"));
+    }
+    if system.walls.iter().any(|wall| wall.velocity != DVec3::ZERO) {
+        return Err(unsupported("moving walls"));
+    }
+    Ok((one(&system.contacts.pair)?, one(&system.contacts.wall)?))
+}

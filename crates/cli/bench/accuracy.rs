@@ -1,0 +1,77 @@
+//! `haff bench --accuracy`: run time against error, method by method, and the growth of errors.
+
+mod plan;
+mod report;
+
+use haff_accuracy::{Error, methods::Program};
+use serde_json::json;
+
+use crate::{
+    arguments::{Bench, VERSION},
+    failure::{Failure, Status},
+    run::{engine_failure, set_threads},
+    signals::Signals,
+};
+
+/// Measures everything; tables go to standard output, or to standard error beside `--json`.
+pub fn accuracy(options: &Bench) -> Result<u8, Failure> {
+    // Every other method runs on one thread.
+    set_threads(Some(1))?;
+    let signals = Signals::watch()
+        .map_err(|error| Failure::new(Status::File, format!("cannot watch for signals: {error}")))?;
+    let peers: Vec<Program> = options
+        .peer
+        .iter()
+        .map(|(name, command)| Program::start(name, command))
+        .collect::<Result<_, _>>()
+        .map_err(|error| failure(&error))?;
+    let tell = |text: &str| match (options.json, options.quiet) {
+        (false, _) => println!("{text}"),
+        (true, false) => eprintln!("{text}"),
+        (true, true) => (),
+    };
+    let stopped = || signals.received().is_some();
+    let size = if options.quick { &plan::QUICK } else { &plan::FULL };
+    match measure(size, &peers, &tell, &stopped) {
+        Ok(report) => {
+            if options.json {
+                println!("{report}");
+            }
+            Ok(0)
+        }
+        // A peer may have got the signal first.
+        Err(error) => match signals.received() {
+            Some(signal) => Ok(128 + signal as u8),
+            None => Err(failure(&error)),
+        },
+    }
+}
+
+fn measure(
+    size: &plan::Size,
+    peers: &[Program],
+    tell: &dyn Fn(&str),
+    stopped: &dyn Fn() -> bool,
+) -> Result<serde_json::Value, Error> {
+    let scenes = plan::scenes(size, peers, tell, stopped)?;
+    let statistics = plan::statistics(size, peers, tell, stopped)?;
+    let growth = plan::growth(size, tell, stopped)?;
+    Ok(json!({
+        "scenes": scenes,
+        "statistics": statistics,
+        "growth": growth,
+        "peers": peers.iter().map(Program::name).collect::<Vec<_>>(),
+        "threads": 1,
+        "version": VERSION,
+        "trajectory_version": haff_engine::TRAJECTORY_VERSION,
+    }))
+}
+
+fn failure(error: &Error) -> Failure {
+    match error {
+        Error::Engine(error) => engine_failure(error),
+        Error::Peer { .. } | Error::Unsupported { .. } | Error::Interrupted => {
+            Failure::new(Status::Invalid, error)
+        }
+    }
+}
