@@ -120,7 +120,7 @@ pub fn finite_compressibility(phi: f64, n: f64) -> f64 {
     1.0 + (compressibility(phi) + slope / (2.0 * n) - 1.0) * n / (n - 1.0)
 }
 
-/// Starts in the steady state, each [`STRETCH`] collisions per particle after the one before, made as they are asked for.
+/// Starts in the steady state, each ten collisions per particle after the one before, made as they are asked for.
 pub struct Starts {
     quantity: Quantity,
     simulation: Simulation,
