@@ -13,6 +13,9 @@ use super::lists::LANES;
 const NONE: u32 = u32::MAX;
 /// Bins are a little wider than they have to be, because of the rounding of their own width.
 const WIDER: f64 = 1.0 + 1e-6;
+/// Bins per particle, at most, unless there are few in all.
+const MOST_PER_PARTICLE: usize = 4;
+const FEW: usize = 4096;
 /// Most bins along an axis.
 const MOST: f64 = 65_536.0;
 
@@ -42,9 +45,17 @@ pub(super) struct Bins {
 }
 
 impl Bins {
-    /// Bins for searches up to `reach` in a box with these edges, zero along an axis without motion [largest contact distances].
-    pub fn new(edges: [f64; 3], unit: [f32; 3], reach: f64) -> Self {
-        let n = edges.map(|edge| (edge / (reach * WIDER)).clamp(1.0, MOST) as i64);
+    /// Bins of `particles` centers for searches up to `reach` in a box with these edges, zero along an axis without motion
+    /// [largest contact distances]; wider than that where most of them would be empty.
+    pub fn new(edges: [f64; 3], unit: [f32; 3], reach: f64, particles: usize) -> Self {
+        let cut = |width: f64| edges.map(|edge| (edge / width).clamp(1.0, MOST) as i64);
+        let most = (MOST_PER_PARTICLE * particles).max(FEW) as f64;
+        let mut width = reach * WIDER;
+        let mut n = cut(width);
+        while n.iter().map(|&n| n as f64).product::<f64>() > most {
+            width *= 1.25;
+            n = cut(width);
+        }
         // Two bins along an axis are both looked at, each once.
         let span = n.map(|n| n.min(3) as usize);
         let count = n.iter().product::<i64>() as usize;
@@ -256,7 +267,7 @@ mod tests {
         for edges in [[8.0, 8.0, 8.0], [4.1, 12.0, 6.5], [5.0, 9.0, 0.0], [30.0, 6.0, 5.0]] {
             let unit = edges.map(|edge| if edge > 0.0 { (edge / 2.0_f64.powi(32)) as f32 } else { 1.0 });
             let reach = 2.0_f32;
-            let mut bins = Bins::new(edges, unit, f64::from(reach));
+            let mut bins = Bins::new(edges, unit, f64::from(reach), 600);
             let mut place = |axis: usize| if edges[axis] > 0.0 { next(&mut state) } else { 0 };
             let mut centers: Vec<[i32; 3]> = (0..600).map(|_| [0, 1, 2].map(&mut place)).collect();
             for (i, x) in centers.iter().enumerate() {

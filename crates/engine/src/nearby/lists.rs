@@ -62,7 +62,7 @@ impl Lists {
             half2: (half * half) as f32,
             unit: frame.unit,
             centers: roomy(count),
-            bins: Bins::new(edges, frame.unit, 1.0 + 2.0 * (half + f64::from(SLACK))),
+            bins: Bins::new(edges, frame.unit, 1.0 + 2.0 * (half + f64::from(SLACK)), count),
             ..Self::default()
         };
         for (i, record) in records[..count].iter().enumerate() {
