@@ -40,7 +40,13 @@ pub(crate) fn check(system: &System, joints: &Joints) -> Result<(), LinkageError
         if value > 0.0 && value.is_finite() {
             Ok(())
         } else {
-            Err(LinkageError::Parameter { element, index, key, value, allowed: "must be positive and finite" })
+            Err(LinkageError::Parameter {
+                element,
+                index,
+                key,
+                value,
+                allowed: "must be positive and finite",
+            })
         }
     };
     for (index, pendulum) in joints.pendulums.iter().enumerate() {
@@ -89,7 +95,13 @@ pub(crate) fn check(system: &System, joints: &Joints) -> Result<(), LinkageError
                 SpringEnd::Point(x) => {
                     if let Some(value) = x.to_array().into_iter().find(|x| !x.is_finite()) {
                         let allowed = "must be finite";
-                        return Err(LinkageError::Parameter { element: "spring", index, key: "point", value, allowed });
+                        return Err(LinkageError::Parameter {
+                            element: "spring",
+                            index,
+                            key: "point",
+                            value,
+                            allowed,
+                        });
                     }
                 }
             }
@@ -102,7 +114,11 @@ pub(crate) fn check(system: &System, joints: &Joints) -> Result<(), LinkageError
             return Err(LinkageError::Ends { element: "spring", index, what: "its two ends are the same" });
         }
         if heavy(spring.ends[0]) && heavy(spring.ends[1]) {
-            return Err(LinkageError::Ends { element: "spring", index, what: "neither of its ends can move" });
+            return Err(LinkageError::Ends {
+                element: "spring",
+                index,
+                what: "neither of its ends can move",
+            });
         }
     }
     for (index, rod) in joints.rods.iter().enumerate() {
@@ -130,7 +146,12 @@ pub(crate) fn check(system: &System, joints: &Joints) -> Result<(), LinkageError
     let groups = system.groups.len();
     for (index, pair) in joints.sticking.iter().enumerate() {
         if let Some(&group) = pair.iter().find(|&&group| group as usize >= groups) {
-            return Err(LinkageError::NoParticle { element: "sticking", index, particle: group as usize, particles: groups });
+            return Err(LinkageError::NoParticle {
+                element: "sticking",
+                index,
+                particle: group as usize,
+                particles: groups,
+            });
         }
         let same = |other: &[u32; 2]| other == pair || (other[1], other[0]) == (pair[0], pair[1]);
         if joints.sticking[..index].iter().any(same) {

@@ -116,7 +116,9 @@ impl Simulation {
             missing: None,
         };
         if scalars.take("linkage.version") != VERSION {
-            return Err(LinkageError::Checkpoint("it was written by another version, or is of a plain scene".into()));
+            return Err(LinkageError::Checkpoint(
+                "it was written by another version, or is of a plain scene".into(),
+            ));
         }
         world.anchor = checkpoint.position.iter().copied().zip(checkpoint.velocity.iter().copied()).collect();
         world.now = scalars.instant("now");
@@ -178,7 +180,7 @@ impl Simulation {
             }
             let mechanism = world.mechanism(&bodies, &links, start);
             let states = world.anchors(&bodies);
-            world.launch(bodies, mechanism, states, hint)?;
+            world.launch(bodies, mechanism, &states, hint)?;
         }
         world.now = now;
         let predictions = world.book.counters.predictions;
@@ -306,7 +308,9 @@ impl Scalars {
             return Err(LinkageError::Checkpoint(format!("it lacks {name}, or it is out of range")));
         }
         match self.values.keys().next() {
-            Some(name) => Err(LinkageError::Checkpoint(format!("{name} is unknown; another version wrote it"))),
+            Some(name) => {
+                Err(LinkageError::Checkpoint(format!("{name} is unknown; another version wrote it")))
+            }
             None => Ok(()),
         }
     }

@@ -181,8 +181,9 @@ mod tests {
 
     #[test]
     fn passes_a_near_miss_and_finds_what_comes_after() {
-        let f = |s: f64| (s.cos() + 1.0 + 1e-11 - 0.01 * (s - 5.0).max(0.0).powi(2),
-            -s.sin() - 0.02 * (s - 5.0).max(0.0));
+        let f = |s: f64| {
+            (s.cos() + 1.0 + 1e-11 - 0.01 * (s - 5.0).max(0.0).powi(2), -s.sin() - 0.02 * (s - 5.0).max(0.0))
+        };
         let Search::At(at) = search(f, 1.1, 100.0) else { panic!("missed") };
         assert!(at > 5.0 && f(at).0.abs() < 1e-12, "{at} {:?}", f(at));
         assert!((1..10_000).all(|k| f(at * f64::from(k) / 10_000.0 * 0.999_999).0 > 0.0));

@@ -79,7 +79,11 @@ mod tests {
                 let slope = (8.0 * (jacobi(u + h, m, m1).0 - jacobi(u - h, m, m1).0)
                     - (jacobi(u + 2.0 * h, m, m1).0 - jacobi(u - 2.0 * h, m, m1).0))
                     / (12.0 * h);
-                assert!((slope - cn * dn).abs() < 2e-11, "sn' = {slope}, cn dn = {} at {u}, m1 = {m1}", cn * dn);
+                assert!(
+                    (slope - cn * dn).abs() < 2e-11,
+                    "sn' = {slope}, cn dn = {} at {u}, m1 = {m1}",
+                    cn * dn
+                );
             }
         }
     }

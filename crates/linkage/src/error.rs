@@ -54,7 +54,9 @@ pub enum LinkageError {
         allowed: &'static str,
     },
     /// Velocities that a pendulum or rod does not allow.
-    #[error("{element} {index}: its ends part at {rate} [length/time]; the velocities must keep their distance")]
+    #[error(
+        "{element} {index}: its ends part at {rate} [length/time]; the velocities must keep their distance"
+    )]
     Stretching {
         /// `pendulum` or `rod`.
         element: &'static str,
@@ -64,7 +66,9 @@ pub enum LinkageError {
         rate: f64,
     },
     /// More constraints than the bodies have freedom.
-    #[error("{element} {index} holds what other pendulums and rods hold already: its bodies are over-constrained")]
+    #[error(
+        "{element} {index} holds what other pendulums and rods hold already: its bodies are over-constrained"
+    )]
     OverConstrained {
         /// `pendulum` or `rod`.
         element: &'static str,
@@ -78,7 +82,9 @@ pub enum LinkageError {
     #[error("{0}")]
     Unsupported(&'static str),
     /// Infinitely many events in a finite time that no closed form completes.
-    #[error("{events} events at t = {time}, the last of particle {particle}: an impact among several bodies that does not come to an end")]
+    #[error(
+        "{events} events at t = {time}, the last of particle {particle}: an impact among several bodies that does not come to an end"
+    )]
     Collapse {
         /// When [time].
         time: f64,

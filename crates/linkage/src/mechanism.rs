@@ -237,8 +237,12 @@ impl Mechanism {
         }
         let states = self.row_states(tau, bodies);
         let matrix = self.compliance(&states);
-        let wanted: Vec<f64> =
-            self.rows.iter().zip(&states).map(|(row, state)| -Self::row_acceleration(row, state, &a)).collect();
+        let wanted: Vec<f64> = self
+            .rows
+            .iter()
+            .zip(&states)
+            .map(|(row, state)| -Self::row_acceleration(row, state, &a))
+            .collect();
         let (forces, _) = linear::solve(&matrix, &wanted, &vec![true; self.rows.len()]);
         self.apply(&states, &forces, &mut a);
         (a, forces)
@@ -254,8 +258,12 @@ impl Mechanism {
         let mut a = self.free_accelerations(0.0, bodies);
         let states = self.row_states(0.0, bodies);
         let matrix = self.compliance(&states);
-        let q: Vec<f64> =
-            self.rows.iter().zip(&states).map(|(row, state)| Self::row_acceleration(row, state, &a)).collect();
+        let q: Vec<f64> = self
+            .rows
+            .iter()
+            .zip(&states)
+            .map(|(row, state)| Self::row_acceleration(row, state, &a))
+            .collect();
         let unilateral: Vec<bool> = self.rows.iter().map(|row| row.unilateral).collect();
         let (forces, active) = linear::complementarity(&matrix, &q, &unilateral, tolerance);
         self.apply(&states, &forces, &mut a);

@@ -48,7 +48,12 @@ impl World {
     }
 
     /// What a body's momentum and angular momentum have gained between two states.
-    pub fn momentum_change(&self, body: usize, before: (DVec3, DVec3), after: (DVec3, DVec3)) -> (DVec3, DVec3) {
+    pub fn momentum_change(
+        &self,
+        body: usize,
+        before: (DVec3, DVec3),
+        after: (DVec3, DVec3),
+    ) -> (DVec3, DVec3) {
         let (mut momentum, mut moment) = (DVec3::ZERO, DVec3::ZERO);
         for i in self.members(body) {
             let (p, q) = (before.1 * self.mass[i], after.1 * self.mass[i]);
@@ -254,7 +259,7 @@ impl World {
             let links = self.links_of(&part, &active_links);
             let mechanism = self.mechanism(&part, &links, self.now);
             let states = self.rested(&mechanism, self.anchors(&part));
-            self.launch(part, mechanism, states, 0.0)?;
+            self.launch(part, mechanism, &states, 0.0)?;
         }
         Ok(bodies)
     }
@@ -287,14 +292,14 @@ impl World {
         &mut self,
         bodies: Vec<usize>,
         mechanism: Mechanism,
-        states: Motions,
+        states: &Motions,
         hint: f64,
     ) -> Result<(), LinkageError> {
-        for (&body, state) in bodies.iter().zip(&states) {
+        for (&body, state) in bodies.iter().zip(states) {
             self.anchor[body] = *state;
             self.home[body] = bodies[0];
         }
-        let motion = Motion::new(&mechanism, &states, hint)
+        let motion = Motion::new(&mechanism, states, hint)
             .ok_or(LinkageError::Singular { time: self.now.time(), particle: bodies[0] })?;
         self.flights.insert(bodies[0], Flight { start: self.now, bodies, mechanism, motion, hint });
         Ok(())
@@ -307,7 +312,13 @@ impl World {
         self.home[body] = body;
         self.flights.insert(
             body,
-            Flight { start: self.now, bodies: vec![body], mechanism: Mechanism::default(), motion, hint: 0.0 },
+            Flight {
+                start: self.now,
+                bodies: vec![body],
+                mechanism: Mechanism::default(),
+                motion,
+                hint: 0.0,
+            },
         );
     }
 

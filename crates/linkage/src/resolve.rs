@@ -1,7 +1,7 @@
 //! Impacts: the laws of physics.md 4, with every rod and taut string answering.
 
 use glam::DVec3;
-use haff_engine::{EventKind, EventRecord, Observer};
+use haff_engine::{EventKind, EventRecord, Observer, model::Restitution};
 use haff_mechanics::{Impact, impact};
 
 use crate::{
@@ -32,7 +32,12 @@ impl World {
     }
 
     /// Impact of particles i and j.
-    pub fn strike_pair(&mut self, i: usize, j: usize, observer: &mut dyn Observer) -> Result<Vec<usize>, LinkageError> {
+    pub fn strike_pair(
+        &mut self,
+        i: usize,
+        j: usize,
+        observer: &mut dyn Observer,
+    ) -> Result<Vec<usize>, LinkageError> {
         let bodies = self.take(&[self.body[i], self.body[j]], observer);
         let ((x, v), (y, w)) = (self.state(i, self.now), self.state(j, self.now));
         let point = self.radius[i] + self.radius[j] == 0.0;
@@ -45,7 +50,7 @@ impl World {
         }
         let Law::Bounce(restitution) = law else { return self.reform(bodies, None, observer) };
         let link = Link::Pair(i, j);
-        let e = restitution.coefficient((v - w).dot(normal));
+        let e = self.restitution_at(restitution, (v - w).dot(normal), self.contact_distance(i, j));
         let mut mechanism = self.impact_mechanism(&bodies);
         let mut row = self.row(link, &bodies, self.now);
         if point {
@@ -65,11 +70,17 @@ impl World {
     }
 
     /// Impact of a particle on a wall.
-    pub fn strike_wall(&mut self, i: usize, wall: usize, observer: &mut dyn Observer) -> Result<Vec<usize>, LinkageError> {
+    pub fn strike_wall(
+        &mut self,
+        i: usize,
+        wall: usize,
+        observer: &mut dyn Observer,
+    ) -> Result<Vec<usize>, LinkageError> {
         let bodies = self.take(&[self.body[i]], observer);
         let of = &self.system.walls[wall];
         let (normal, velocity) = (-of.normal, of.velocity);
-        let e = self.wall_law(i, wall).coefficient((self.state(i, self.now).1 - velocity).dot(normal));
+        let approach = (self.state(i, self.now).1 - velocity).dot(normal);
+        let e = self.restitution_at(self.wall_law(i, wall), approach, self.radius[i]);
         let link = Link::Wall(i, wall);
         let mut mechanism = self.impact_mechanism(&bodies);
         let mut row = self.row(link, &bodies, self.now);
@@ -81,6 +92,15 @@ impl World {
             self.complete_series(&bodies, &mechanism, row, link, e, &outcome, size);
         }
         self.reform(bodies, None, observer)
+    }
+
+    /// Restitution at an approach speed. In gravity, inelastic bodies that are too slow to rise visibly do not bounce: so a heap,
+    /// of which no contact stands alone, comes to rest.
+    fn restitution_at(&self, law: Restitution, approach: f64, size: f64) -> f64 {
+        let e = law.coefficient(approach);
+        let size = if size > 0.0 { size } else { self.length };
+        let slow = approach * approach <= 2.0 * self.system.domain.gravity.length() * REST_HEIGHT * size;
+        if slow && e < 1.0 { 0.0 } else { e }
     }
 
     /// A string becomes taut: the velocity along it is lost.
@@ -183,13 +203,19 @@ impl World {
         let held = mechanism.rows.len();
         let of = self.row(Link::Pair(i, j), &bodies, self.now);
         for axis in [DVec3::X, DVec3::Y, DVec3::Z] {
-            mechanism.rows.push(Row { link: Link::Impact, shape: Shape::Along(axis, 0.0), unilateral: false, ..of });
+            mechanism.rows.push(Row {
+                link: Link::Impact,
+                shape: Shape::Along(axis, 0.0),
+                unilateral: false,
+                ..of
+            });
         }
         let mut states = self.anchors(&bodies);
         let rows = mechanism.row_states(0.0, &states);
         let matrix = mechanism.compliance(&rows);
         let relative = DVec3::new(rows[held].rate, rows[held + 1].rate, rows[held + 2].rate);
-        let q: Vec<f64> = rows.iter().enumerate().map(|(k, row)| if k < held { 0.0 } else { row.rate }).collect();
+        let q: Vec<f64> =
+            rows.iter().enumerate().map(|(k, row)| if k < held { 0.0 } else { row.rate }).collect();
         let one_sided: Vec<bool> = mechanism.rows.iter().map(|row| row.unilateral).collect();
         let (impulses, active) = linear::complementarity(&matrix, &q, &one_sided, SQUARE * relative.length());
         self.push(&bodies, &mechanism, &rows, &impulses, &mut states);

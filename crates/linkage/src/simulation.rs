@@ -169,7 +169,8 @@ impl Simulation {
     /// Gives up where infinitely many events share an instant.
     fn watch_progress(&mut self, key: Key) -> Result<(), LinkageError> {
         let now = self.world.now;
-        let resolution = 4.0 * f64::EPSILON * now.time() + 1e-15 * self.world.length / self.world.speed.max(1e-300);
+        let resolution =
+            4.0 * f64::EPSILON * now.time() + 1e-15 * self.world.length / self.world.speed.max(1e-300);
         if now.since(self.stall.0) > resolution {
             self.stall = (now, 0);
         }
@@ -200,7 +201,7 @@ impl Simulation {
             Key::Taut(p) => world.catch(p, observer),
             Key::Watch(home, index) => {
                 let Some(flight) = world.flights.get(&home) else { return Ok(Vec::new()) };
-                let link = match world.watched(flight, index) {
+                let link = match World::watched(flight, index) {
                     Some(Watched::Row(row)) => Some(flight.mechanism.rows[row].link),
                     Some(Watched::Coil(_)) | None => None,
                 };
@@ -221,7 +222,7 @@ impl Simulation {
                 let bodies = world.take(&[home], observer);
                 world.pending = pending;
                 let mechanism = world.mechanism(&bodies, &links, world.now);
-                world.launch(bodies.clone(), mechanism, end, hint)?;
+                world.launch(bodies.clone(), mechanism, &end, hint)?;
                 Ok(bodies)
             }
             Key::Settle(link) => {
@@ -367,7 +368,11 @@ impl Simulation {
             ledger,
             temperature,
             species_temperature,
-            sonine_a2: if second > 0.0 { d * (fourth / n) / ((d + 2.0) * (second / n).powi(2)) - 1.0 } else { f64::NAN },
+            sonine_a2: if second > 0.0 {
+                d * (fourth / n) / ((d + 2.0) * (second / n).powi(2)) - 1.0
+            } else {
+                f64::NAN
+            },
             pressure: None,
             momentum,
             external_impulse,

@@ -133,7 +133,11 @@ impl World {
             let stretch = (state(&spring.ends[0]) - state(&spring.ends[1])).length() - spring.natural_length;
             speed += stretch.abs() * (spring.stiffness / light).sqrt();
         }
-        let joined = joints.rods.iter().map(|rod| (rod.ends[0].min(rod.ends[1]), rod.ends[0].max(rod.ends[1]))).collect();
+        let joined = joints
+            .rods
+            .iter()
+            .map(|rod| (rod.ends[0].min(rod.ends[1]), rod.ends[0].max(rod.ends[1])))
+            .collect();
         Self {
             body: (0..n).collect(),
             offset: vec![DVec3::ZERO; n],
@@ -207,7 +211,11 @@ impl World {
             let (x, y) = (x as usize, y as usize);
             (x, y) == (a, b) || (y, x) == (a, b)
         });
-        if sticks { Law::Stick } else { Law::Bounce(self.system.contacts.pair[a * self.system.groups.len() + b]) }
+        if sticks {
+            Law::Stick
+        } else {
+            Law::Bounce(self.system.contacts.pair[a * self.system.groups.len() + b])
+        }
     }
 
     /// The law of a particle with a wall.
@@ -218,9 +226,7 @@ impl World {
     /// Whether two particles can meet.
     pub fn can_meet(&self, i: usize, j: usize) -> bool {
         let (a, b) = (self.body[i], self.body[j]);
-        a != b
-            && !(self.immovable(a) && self.immovable(b))
-            && !self.joined.contains(&(i.min(j), i.max(j)))
+        a != b && !(self.immovable(a) && self.immovable(b)) && !self.joined.contains(&(i.min(j), i.max(j)))
     }
 
     /// A point of a wall at an instant.
@@ -329,7 +335,12 @@ impl World {
                 SpringEnd::Point(x) => End::Fixed(x, DVec3::ZERO),
             });
             if a.body() != b.body() {
-                of.coils.push(Coil { a, b, stiffness: spring.stiffness, natural_length: spring.natural_length });
+                of.coils.push(Coil {
+                    a,
+                    b,
+                    stiffness: spring.stiffness,
+                    natural_length: spring.natural_length,
+                });
             }
         }
         of

@@ -33,7 +33,7 @@ fn problem_2_3_two_pendulum_spheres() {
             for (length, g, radius) in [(1.0, G, 0.05), (0.37, 1.62, 0.1), (40.0, 274.0, 0.001)] {
                 for tether in [Tether::String, Tether::Rod] {
                     // A string does not hold a bob above its pivot.
-                    if tether == Tether::String && alpha > 1.5707 {
+                    if tether == Tether::String && alpha > 1.6 {
                         continue;
                     }
                     let scene = pendulums(e, alpha, [2.0, 2.0], length, g, radius, tether);
@@ -62,7 +62,8 @@ fn problem_2_3_two_pendulum_spheres() {
                     let found = -(frame.position[1].z) / length;
                     near("cos β", found, cos_beta, 1e-12);
                     near("speed at β", frame.velocity[1].length(), 0.0, 1e-7 * v);
-                    assert!(simulation.ledger().residual.abs() < 1e-14, "{:?}", simulation.ledger());
+                    // Relative to the sum of both potentials, of opposite sign.
+                    assert!(simulation.ledger().residual.abs() < 1e-13, "{:?}", simulation.ledger());
                     assert_eq!(simulation.flight_of(1), Some("pendulum"));
                 }
             }
@@ -223,7 +224,8 @@ fn set_2_3_elastic_impact_on_the_end_of_a_rod() {
             assert!(simulation.ledger().residual.abs() < 1e-15);
             let momentum: DVec3 = frame.velocity.iter().map(|w| *w * m).sum();
             near("momentum", (momentum - DVec3::X * m * v).length(), 0.0, 1e-15 * m * v * 4.0);
-            let moment: DVec3 = frame.position.iter().zip(&frame.velocity).map(|(x, w)| x.cross(*w * m)).sum();
+            let moment: DVec3 =
+                frame.position.iter().zip(&frame.velocity).map(|(x, w)| x.cross(*w * m)).sum();
             near("angular momentum", moment.length(), 0.0, 1e-14 * m * v * length.max(1.0));
         }
     }
@@ -335,7 +337,12 @@ fn direct_central_impact_of_free_spheres_and_its_limits() {
             let frame = simulation.frame();
             close("v2'", frame.velocity[1].x, (1.0 + e) * 2.0 * m1 / (m1 + m2), 1e-13);
             let sample = simulation.sample();
-            near("momentum", (sample.momentum - sample.external_impulse - DVec3::X * 2.0 * m1).length(), 0.0, 1e-12 * m1);
+            near(
+                "momentum",
+                (sample.momentum - sample.external_impulse - DVec3::X * 2.0 * m1).length(),
+                0.0,
+                1e-12 * m1,
+            );
         }
     }
 }

@@ -71,12 +71,19 @@ impl Motion {
                 return Some(swing);
             }
             if let [row] = &mechanism.rows[..]
-                && let (End::Body(k, at_k), End::Body(l, at_l), Shape::Distance(length)) = (row.a, row.b, row.shape)
+                && let (End::Body(k, at_k), End::Body(l, at_l), Shape::Distance(length)) =
+                    (row.a, row.b, row.shape)
                 && matches!(row.link, Link::Rod(_))
             {
                 let offset = if k < l { [at_k, at_l] } else { [at_l, at_k] };
                 let mass = [mechanism.mass[0], mechanism.mass[1]];
-                return Some(Self::Spin(Spin::new([bodies[0], bodies[1]], offset, mass, length, mechanism.gravity)));
+                return Some(Self::Spin(Spin::new(
+                    [bodies[0], bodies[1]],
+                    offset,
+                    mass,
+                    length,
+                    mechanism.gravity,
+                )));
             }
         }
         if let Some(modes) = Modes::new(mechanism, bodies) {
@@ -261,7 +268,8 @@ fn still_motion(mechanism: &Mechanism, bodies: &Motions) -> Option<Motion> {
     }
     let (a, _) = mechanism.accelerations(0.0, bodies);
     let scale = mechanism.acceleration_scale(bodies);
-    let quiet = bodies.iter().all(|(_, v)| *v == DVec3::ZERO) && a.iter().all(|a| a.length() <= STILL * scale);
+    let quiet =
+        bodies.iter().all(|(_, v)| *v == DVec3::ZERO) && a.iter().all(|a| a.length() <= STILL * scale);
     quiet.then(|| Motion::Still(bodies.iter().map(|(x, _)| *x).collect()))
 }
 

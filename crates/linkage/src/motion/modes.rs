@@ -111,10 +111,13 @@ impl Modes {
         heads.sort_unstable();
         let count = heads.len();
         let index = |k: usize| heads.iter().position(|&head| head == node[k]);
-        let mass: Vec<f64> =
-            heads.iter().map(|&head| (0..n).filter(|&k| node[k] == head).map(|k| mechanism.mass[k]).sum()).collect();
+        let mass: Vec<f64> = heads
+            .iter()
+            .map(|&head| (0..n).filter(|&k| node[k] == head).map(|k| mechanism.mass[k]).sum())
+            .collect();
         let free = mechanism.free_accelerations(0.0, bodies);
-        let (mut stiffness, mut load, mut velocity) = (vec![0.0; count * count], vec![0.0; count], vec![0.0; count]);
+        let (mut stiffness, mut load, mut velocity) =
+            (vec![0.0; count * count], vec![0.0; count], vec![0.0; count]);
         for k in 0..n {
             if let Some(i) = index(k) {
                 load[i] += mechanism.mass[k] * free[k].dot(line);
@@ -152,20 +155,10 @@ impl Modes {
                 (0..count).for_each(|m| shape[k * count + m] = vectors[i * count + m] / root[i]);
             }
         }
-        let start: Motions = (0..n)
-            .map(|k| (bodies[k].0, slide + line * index(k).map_or(0.0, |i| velocity[i])))
-            .collect();
-        let mut of = Self {
-            start,
-            line,
-            across,
-            omega,
-            force,
-            rate,
-            shape,
-            rows: Vec::new(),
-            coils: Vec::new(),
-        };
+        let start: Motions =
+            (0..n).map(|k| (bodies[k].0, slide + line * index(k).map_or(0.0, |i| velocity[i]))).collect();
+        let mut of =
+            Self { start, line, across, omega, force, rate, shape, rows: Vec::new(), coils: Vec::new() };
         of.watch(mechanism, &forces);
         Some(of)
     }
@@ -196,8 +189,9 @@ impl Modes {
                 watch.weights[m] = (new - old) / by;
             }
             for (watch, coil) in self.coils.iter_mut().zip(&mechanism.coils) {
-                watch.weights[m] = (coil_length(coil, &moved, self.line) - coil_length(coil, &at_rest, self.line)) / by
-                    * coil_sign(coil, &self.start, self.line);
+                watch.weights[m] =
+                    (coil_length(coil, &moved, self.line) - coil_length(coil, &at_rest, self.line)) / by
+                        * coil_sign(coil, &self.start, self.line);
             }
         }
     }

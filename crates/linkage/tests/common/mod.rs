@@ -3,8 +3,8 @@
 
 use glam::DVec3;
 use haff_engine::{
-    Body, Boundary, Class, Contacts, Dimension, Domain, EventKind, EventRecord, Group, Observer, System, Until,
-    Wall, model::Restitution,
+    Body, Boundary, Class, Contacts, Dimension, Domain, EventKind, EventRecord, Group, Observer, System,
+    Until, Wall, model::Restitution,
 };
 use haff_linkage::{Joints, LinkageError, Pendulum, Rod, Simulation, Spring, SpringEnd, Tether};
 
