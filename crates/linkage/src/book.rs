@@ -17,6 +17,7 @@ pub(crate) struct Book {
     pub impulse: [Sum; 3],
     pub moment: [Sum; 3],
     pub counters: Counters,
+    pub max_overlap: f64,
     pub sampled_at: f64,
     /// `u64::MAX`: no sample yet.
     pub sampled_collisions: u64,

@@ -15,8 +15,17 @@ use crate::{
 /// Distances may deviate by this part of a length, and rates by this part of the speeds, as numbers in a file do.
 const FITS: f64 = 1e-9;
 
-/// Checks everything that can be checked without moving a particle.
-pub(crate) fn check(system: &System, joints: &Joints) -> Result<(), LinkageError> {
+/// Checks joints against their system, as [`crate::Simulation::new`] does.
+///
+/// # Errors
+/// The first thing that is wrong, with the row of its element.
+pub fn check(system: &System, joints: &Joints) -> Result<(), LinkageError> {
+    check_elements(system, joints)?;
+    placed(system.clone(), joints.clone()).map(|_| ())
+}
+
+/// Checks every element by itself.
+pub(crate) fn check_elements(system: &System, joints: &Joints) -> Result<(), LinkageError> {
     if system.domain.boundary.contains(&Boundary::Periodic) {
         return Err(LinkageError::Unsupported(
             "pendulums, springs, rods and sticking contacts do not work across periodic boundaries; use walls or open axes",

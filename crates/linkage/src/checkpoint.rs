@@ -33,6 +33,7 @@ impl Simulation {
         let book = &world.book;
         put("initial_kinetic".into(), book.initial_kinetic.to_bits());
         put("initial_potential".into(), book.initial_potential.to_bits());
+        put("max_overlap".into(), book.max_overlap.to_bits());
         put("sampled_at".into(), book.sampled_at.to_bits());
         put("sampled_collisions".into(), book.sampled_collisions);
         put("collisions".into(), book.counters.collisions);
@@ -101,7 +102,7 @@ impl Simulation {
     /// # Errors
     /// [`LinkageError::Checkpoint`] if it is another's, besides the errors of [`Self::new`].
     pub fn restore(system: System, joints: Joints, checkpoint: &Checkpoint) -> Result<Self, LinkageError> {
-        crate::check::check(&system, &joints)?;
+        crate::check::check_elements(&system, &joints)?;
         let (system, joints) = crate::check::placed(system, joints)?;
         let mut world = World::new(system, joints);
         let n = world.count();
@@ -287,6 +288,7 @@ impl Scalars {
         let book = &mut world.book;
         book.initial_kinetic = self.real("initial_kinetic");
         book.initial_potential = self.real("initial_potential");
+        book.max_overlap = self.real("max_overlap");
         book.sampled_at = self.real("sampled_at");
         book.sampled_collisions = self.take("sampled_collisions");
         book.counters.collisions = self.take("collisions");

@@ -55,6 +55,7 @@ mod simulation;
 mod sum;
 mod world;
 
+pub use check::check;
 pub use elliptic::complete_elliptic_integral;
 pub use error::LinkageError;
 pub use model::{Joints, Pendulum, Rod, Spring, SpringEnd, Tether};

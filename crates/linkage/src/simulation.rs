@@ -49,7 +49,7 @@ impl Simulation {
     /// # Errors
     /// Joints that contradict each other or the system: see [`LinkageError`].
     pub fn new(system: System, joints: Joints) -> Result<Self, LinkageError> {
-        check::check(&system, &joints)?;
+        check::check_elements(&system, &joints)?;
         let (system, joints) = check::placed(system, joints)?;
         let mut world = World::new(system, joints);
         for p in 0..world.taut.len() {
@@ -382,6 +382,18 @@ impl Simulation {
             collision_rate: if first { f64::NAN } else { new / elapsed },
             mean_free_time: if first { f64::NAN } else { n * elapsed / (2.0 * new) },
         }
+    }
+
+    /// Finds the deepest overlap now and keeps the largest for [`Self::max_overlap`].
+    pub fn measure_overlap(&mut self) {
+        let deepest = self.world.deepest_overlap();
+        self.world.book.max_overlap = self.world.book.max_overlap.max(deepest);
+    }
+
+    /// Largest overlap that [`Self::measure_overlap`] has found so far [contact distances]; particles on one rod or stuck together
+    /// do not count.
+    pub fn max_overlap(&self) -> f64 {
+        self.world.book.max_overlap
     }
 
     /// What has been done so far.

@@ -393,6 +393,28 @@ impl World {
         parts.into_values().collect()
     }
 
+    /// Deepest overlap now [contact distances, with walls radii], 0 without.
+    pub fn deepest_overlap(&self) -> f64 {
+        let n = self.count();
+        let states: Vec<DVec3> = (0..n).map(|i| self.state(i, self.now).0).collect();
+        let mut deepest = 0.0_f64;
+        for i in 0..n {
+            for j in i + 1..n {
+                if self.can_meet(i, j) && self.radius[i] + self.radius[j] > 0.0 {
+                    let sigma = self.contact_distance(i, j);
+                    deepest = deepest.max(1.0 - (states[j] - states[i]).length() / sigma);
+                }
+            }
+            for (w, wall) in self.system.walls.iter().enumerate() {
+                if self.radius[i] > 0.0 && !self.immovable(self.body[i]) {
+                    let gap = wall.normal.dot(states[i] - self.wall_point(w, self.now)) - self.radius[i];
+                    deepest = deepest.max(-gap / self.radius[i]);
+                }
+            }
+        }
+        deepest
+    }
+
     /// Energy of gravity and of the springs at an instant.
     pub fn potential(&self, at: Instant) -> (f64, f64) {
         let g = self.system.domain.gravity;
