@@ -35,7 +35,7 @@ mod error;
 #[cfg(test)]
 mod fuzz;
 mod grid;
-mod joints;
+pub mod joints;
 mod packing;
 mod random;
 mod scene;

@@ -233,6 +233,11 @@ impl Builder<'_> {
             | LinkageError::Singular { .. }
             | LinkageError::Checkpoint(_) => Vec::new(),
         };
-        self.document.report_missing(&path, error.to_string());
+        let one_key = matches!(error, LinkageError::Parameter { .. } | LinkageError::Distance { .. });
+        if one_key && self.document.get_is_some(&path) {
+            self.document.report(&path, error.to_string());
+        } else {
+            self.document.report_missing(&path, error.to_string());
+        }
     }
 }
