@@ -25,7 +25,7 @@ use serde_json::Value;
 use crate::{
     arguments::Bench,
     failure::{Failure, Status},
-    run::{engine_failure, set_threads},
+    run::{machine_failure, set_threads},
     session::Ending,
     signals::Signals,
 };
@@ -154,7 +154,7 @@ fn here(options: &Bench, cell: Cell, signals: &Signals) -> Result<u8, Failure> {
     }
     match &measured.ending {
         Ending::Signal(signal) => Ok(128 + *signal as u8),
-        Ending::Failed(error) => Err(engine_failure(error)),
+        Ending::Failed(error) => Err(machine_failure(error)),
         _ => Ok(0),
     }
 }

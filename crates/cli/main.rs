@@ -7,6 +7,7 @@ mod estimate;
 mod failure;
 mod info;
 mod init;
+mod machine;
 mod plot;
 mod progress;
 mod run;

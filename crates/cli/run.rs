@@ -2,7 +2,8 @@
 
 use std::path::PathBuf;
 
-use haff_engine::{Simulation, TRAJECTORY_VERSION};
+use haff_engine::TRAJECTORY_VERSION;
+use haff_linkage::LinkageError;
 use haff_record::{Header, RecordError, Recorder};
 use haff_scene::{ErrorKind, Scene, SceneErrors, Schedule};
 use serde_json::{Value, json};
@@ -11,6 +12,7 @@ use crate::{
     arguments::{Run, VERSION},
     failure::{Failure, Status},
     info::{OwnStates, States},
+    machine::{Machine, MachineError},
     session::{Ending, Outcome, Session},
     signals::Signals,
 };
@@ -58,7 +60,7 @@ pub fn set_threads(threads: Option<u16>) -> Result<(), Failure> {
 }
 
 fn start(options: &Run, scene: Scene, signals: &Signals) -> Result<u8, Failure> {
-    let Scene { system, title, seed, run, output, resolved, .. } = scene;
+    let Scene { system, joints, title, seed, run, output, resolved, .. } = scene;
     let recorder = match &output.file {
         Some(path) => {
             let header = Header {
@@ -78,7 +80,7 @@ fn start(options: &Run, scene: Scene, signals: &Signals) -> Result<u8, Failure> 
         }
         None => None,
     };
-    let simulation = Simulation::new(system, scene.options).map_err(|error| engine_failure(&error))?;
+    let simulation = Machine::new(system, joints, scene.options).map_err(|error| machine_failure(&error))?;
     let session = Session {
         simulation,
         run,
@@ -125,9 +127,9 @@ fn resume(options: &Run, path: PathBuf, signals: &Signals) -> Result<u8, Failure
     let own = OwnStates(path.clone());
     let scene =
         haff_scene::parse(&name, &info.scene_toml, &[], &own).map_err(|errors| scene_failure(&errors))?;
-    let Scene { system, title, seed, run, output, options: machinery, .. } = scene;
+    let Scene { system, joints, title, seed, run, output, options: machinery, .. } = scene;
     let (recorder, resumed) = Recorder::append(&path).map_err(|error| file_failure(&error))?;
-    let simulation = Simulation::restore(system, machinery, &resumed.checkpoint)
+    let simulation = Machine::restore(system, joints, machinery, &resumed.checkpoint)
         .map_err(|error| Failure::new(Status::File, format!("{}: {error}", path.display())))?;
     let context = Context { title, seed, file: Some(path), resumed_from: Some(simulation.time()) };
     let recorded = resumed.last_frame.map(|time| {
@@ -155,6 +157,28 @@ pub fn engine_failure(error: &haff_engine::EngineError) -> Failure {
         Error::Collapse { .. } | Error::Overflow { .. } | Error::Inconsistent { .. } => Status::Stopped,
     };
     Failure::new(status, error)
+}
+
+/// What stops either machinery as a failure of the command.
+pub fn machine_failure(error: &MachineError) -> Failure {
+    match error {
+        MachineError::Granular(error) => engine_failure(error),
+        MachineError::Linkage(error) => {
+            let status = match error {
+                LinkageError::Collapse { .. } | LinkageError::Singular { .. } => Status::Stopped,
+                LinkageError::Checkpoint(_) => Status::File,
+                LinkageError::Parameter { .. }
+                | LinkageError::NoParticle { .. }
+                | LinkageError::Ends { .. }
+                | LinkageError::Distance { .. }
+                | LinkageError::Stretching { .. }
+                | LinkageError::OverConstrained { .. }
+                | LinkageError::Twice(..)
+                | LinkageError::Unsupported(_) => Status::Invalid,
+            };
+            Failure::new(status, error)
+        }
+    }
 }
 
 /// What the report says beside the simulation itself.
@@ -195,7 +219,7 @@ fn conclude(
         Ending::Until | Ending::Collisions | Ending::Rest | Ending::WallTime => Ok(0),
         Ending::Signal(signal) => Ok(128 + *signal as u8),
         Ending::Failed(error) => {
-            let failure = engine_failure(error);
+            let failure = machine_failure(error);
             let kept = context.file.as_ref().map(|file| format!("\nrecorded so far: {}", file.display()));
             Err(Failure { message: failure.message + &kept.unwrap_or_default(), ..failure })
         }
@@ -229,7 +253,7 @@ fn report(outcome: &Outcome, context: &Context) -> Value {
         "max_overlap": simulation.max_overlap(),
         "peak_memory_bytes": peak_memory(),
         "threads": rayon::current_num_threads(),
-        "neighbors": simulation.neighbors().name(),
+        "neighbors": simulation.search(),
         "seed": context.seed,
         "version": VERSION,
         "trajectory_version": TRAJECTORY_VERSION,

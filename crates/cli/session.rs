@@ -2,11 +2,17 @@
 
 use std::time::{Duration, Instant};
 
-use haff_engine::{EngineError, EventRecord, Observer, Simulation, Stop, Until};
+use haff_engine::{EngineError, EventRecord, Observer, Stop, Until};
+use haff_linkage::LinkageError;
 use haff_record::{RecordError, Recorder};
 use haff_scene::{OutputPlan, RunPlan};
 
-use crate::{progress::Progress, schedule::Times, signals::Signals};
+use crate::{
+    machine::{Machine, MachineError},
+    progress::Progress,
+    schedule::Times,
+    signals::Signals,
+};
 
 /// Calendar entries between two looks at signals, the wall clock and the progress bar: some tens of milliseconds.
 const SLICE: u64 = 1 << 15;
@@ -27,7 +33,7 @@ pub enum Ending {
     /// Nothing moves any more.
     Rest,
     /// The simulation cannot go on.
-    Failed(EngineError),
+    Failed(MachineError),
     /// The output file cannot be written any more.
     Unwritable(RecordError),
 }
@@ -41,7 +47,10 @@ impl Ending {
             Self::WallTime => "wall_time",
             Self::Signal(_) => "signal",
             Self::Rest => "rest",
-            Self::Failed(EngineError::Collapse { .. }) => "collapse",
+            Self::Failed(
+                MachineError::Granular(EngineError::Collapse { .. })
+                | MachineError::Linkage(LinkageError::Collapse { .. }),
+            ) => "collapse",
             Self::Failed(_) => "error",
             Self::Unwritable(_) => "output",
         }
@@ -96,7 +105,7 @@ impl Observer for EventLog<'_> {
 
 /// Everything a run needs.
 pub struct Session<'a> {
-    pub simulation: Simulation,
+    pub simulation: Machine,
     pub run: RunPlan,
     pub output: &'a OutputPlan,
     pub recorder: Option<&'a Recorder>,
@@ -108,7 +117,7 @@ pub struct Session<'a> {
 
 /// What [`Session::run`] returns.
 pub struct Outcome {
-    pub simulation: Simulation,
+    pub simulation: Machine,
     pub ending: Ending,
     /// Wall time of the run itself [s].
     pub wall: Duration,

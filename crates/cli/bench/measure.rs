@@ -12,7 +12,7 @@ use super::scenes::Standard;
 use crate::{
     failure::{Failure, Status},
     info::States,
-    run::{engine_failure, scene_failure},
+    run::{engine_failure, machine_failure, scene_failure},
     session::Ending,
     signals::Signals,
 };
@@ -115,7 +115,11 @@ impl Plan<'_> {
         let scene = self.scene()?;
         let packing = started.elapsed();
 
-        let Scene { system, options, run, seed, packing_fraction, .. } = scene;
+        let Scene { system, joints, options, run, seed, packing_fraction, .. } = scene;
+        if !joints.is_empty() {
+            let message = "haff bench measures the granular engine: the scene has pendulums, springs, rods or sticking contacts";
+            return Err(Failure::new(Status::Invalid, message));
+        }
         let (melt, timed, _) = self.counts(system.bodies.len() as u64);
         let started = Instant::now();
         let mut simulation = Simulation::new(system, options).map_err(|error| engine_failure(&error))?;
@@ -129,7 +133,7 @@ impl Plan<'_> {
         match &ending {
             Ending::Collisions => {}
             &Ending::Signal(signal) => return Ok(Outcome::Interrupted(signal)),
-            Ending::Failed(error) => return Err(engine_failure(error)),
+            Ending::Failed(error) => return Err(machine_failure(error)),
             early => {
                 let message = format!(
                     "nothing left to time: the scene ended ({}) at t = {} while melting, after {} of {melt} collisions; \
@@ -181,7 +185,7 @@ fn advance(simulation: &mut Simulation, collisions: u64, until: f64, signals: &S
     }
     loop {
         match simulation.advance(Until { time: until, collisions, entries: SLICE }, &mut Silent) {
-            Err(error) => return Ending::Failed(error),
+            Err(error) => return Ending::Failed(error.into()),
             Ok(Stop::Rest) => return Ending::Rest,
             Ok(Stop::Collisions) => return Ending::Collisions,
             Ok(Stop::Time) => return Ending::Until,

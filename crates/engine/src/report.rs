@@ -12,6 +12,18 @@ pub enum EventKind {
     Wall = 1,
     /// End of a completed (Zeno) series of bounces: the particle rests on the wall.
     Rest = 2,
+    /// A pendulum's string goes slack: bob and pendulum.
+    Slack = 3,
+    /// A slack string becomes taut, and the velocity along it is lost: bob and pendulum.
+    Taut = 4,
+    /// A persistent contact of two particles ends because its force would pull.
+    Release = 5,
+    /// Two particles stick together.
+    Stick = 6,
+    /// A persistent contact with a wall ends because its force would pull: particle and wall.
+    Lift = 7,
+    /// End of a completed series of bounces of two particles.
+    Settle = 8,
 }
 
 /// One row of the event log.
@@ -23,7 +35,7 @@ pub struct EventRecord {
     pub kind: EventKind,
     /// Particle row.
     pub i: u32,
-    /// Partner's row (> `i`), or the wall's index.
+    /// Partner's row (> `i`), or the wall's or pendulum's index.
     pub j: u32,
     /// v_n = (w_i − w_j)·n > 0 [length/time].
     pub approach_speed: f64,

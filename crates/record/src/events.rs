@@ -22,6 +22,18 @@ pub(crate) enum Kind {
     Wall = 1,
     #[hdf5(rename = "rest")]
     Rest = 2,
+    #[hdf5(rename = "slack")]
+    Slack = 3,
+    #[hdf5(rename = "taut")]
+    Taut = 4,
+    #[hdf5(rename = "release")]
+    Release = 5,
+    #[hdf5(rename = "stick")]
+    Stick = 6,
+    #[hdf5(rename = "lift")]
+    Lift = 7,
+    #[hdf5(rename = "settle")]
+    Settle = 8,
 }
 
 impl From<EventKind> for Kind {
@@ -30,6 +42,12 @@ impl From<EventKind> for Kind {
             EventKind::Collision => Self::Collision,
             EventKind::Wall => Self::Wall,
             EventKind::Rest => Self::Rest,
+            EventKind::Slack => Self::Slack,
+            EventKind::Taut => Self::Taut,
+            EventKind::Release => Self::Release,
+            EventKind::Stick => Self::Stick,
+            EventKind::Lift => Self::Lift,
+            EventKind::Settle => Self::Settle,
         }
     }
 }
@@ -40,6 +58,12 @@ impl From<Kind> for EventKind {
             Kind::Collision => Self::Collision,
             Kind::Wall => Self::Wall,
             Kind::Rest => Self::Rest,
+            Kind::Slack => Self::Slack,
+            Kind::Taut => Self::Taut,
+            Kind::Release => Self::Release,
+            Kind::Stick => Self::Stick,
+            Kind::Lift => Self::Lift,
+            Kind::Settle => Self::Settle,
         }
     }
 }
@@ -80,7 +104,17 @@ impl From<&EventRecord> for Row {
 impl Row {
     /// The event; `None` if its kind is unknown.
     pub fn event(&self) -> Option<EventRecord> {
-        let kind = [EventKind::Collision, EventKind::Wall, EventKind::Rest];
+        let kind = [
+            EventKind::Collision,
+            EventKind::Wall,
+            EventKind::Rest,
+            EventKind::Slack,
+            EventKind::Taut,
+            EventKind::Release,
+            EventKind::Stick,
+            EventKind::Lift,
+            EventKind::Settle,
+        ];
         Some(EventRecord {
             time: self.time,
             kind: *kind.get(self.kind as usize)?,

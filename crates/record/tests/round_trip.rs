@@ -23,6 +23,18 @@ enum Kind {
     Wall = 1,
     #[hdf5(rename = "rest")]
     Rest = 2,
+    #[hdf5(rename = "slack")]
+    Slack = 3,
+    #[hdf5(rename = "taut")]
+    Taut = 4,
+    #[hdf5(rename = "release")]
+    Release = 5,
+    #[hdf5(rename = "stick")]
+    Stick = 6,
+    #[hdf5(rename = "lift")]
+    Lift = 7,
+    #[hdf5(rename = "settle")]
+    Settle = 8,
 }
 
 fn column<T: H5Type>(file: &File, path: &str) -> Vec<T> {
@@ -100,6 +112,12 @@ fn check(path: &std::path::Path, particles: usize, frames: u64, samples: u64, ev
         EventKind::Collision => Kind::Collision,
         EventKind::Wall => Kind::Wall,
         EventKind::Rest => Kind::Rest,
+        EventKind::Slack => Kind::Slack,
+        EventKind::Taut => Kind::Taut,
+        EventKind::Release => Kind::Release,
+        EventKind::Stick => Kind::Stick,
+        EventKind::Lift => Kind::Lift,
+        EventKind::Settle => Kind::Settle,
     });
     assert!(column::<Kind>(&file, "events/kind") == kinds.collect::<Vec<_>>(), "kinds differ");
     let ids: Vec<u32> = expected.iter().map(|e| e.j).collect();

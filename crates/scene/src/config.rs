@@ -10,6 +10,8 @@ use schemars::JsonSchema;
 use serde::de::{self, Deserializer, MapAccess, Visitor, value::MapAccessDeserializer};
 use serde::{Deserialize, Serialize};
 
+use crate::joints::{PendulumConfig, RodConfig, SpringConfig};
+
 /// A scene of haff: what is simulated, for how long, and what is recorded. Units are the user's own and
 /// consistent, with `k_B` = 1.
 #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
@@ -45,6 +47,12 @@ pub struct SceneConfig {
     pub particle: Option<Vec<ParticleConfig>>,
     /// Plane walls beside those of `domain.boundary`.
     pub wall: Option<Vec<WallConfig>>,
+    /// Particles that hang on strings or rods from fixed points.
+    pub pendulum: Option<Vec<PendulumConfig>>,
+    /// Springs between particles, or between a particle and a point.
+    pub spring: Option<Vec<SpringConfig>>,
+    /// Rigid massless rods between particles.
+    pub rod: Option<Vec<RodConfig>>,
 }
 
 /// The box [0, L) per axis.
@@ -184,8 +192,8 @@ pub struct FileConfig {
 pub struct ParticleConfig {
     /// Name, default `particle`; particles of one name share their contact rules.
     pub name: Option<String>,
-    /// Centre [length].
-    #[schemars(required, length(min = 2, max = 3))]
+    /// Centre [length]; may be left out if the `angle` of a pendulum or rod places the particle.
+    #[schemars(length(min = 2, max = 3))]
     pub position: Option<Vec<f64>>,
     /// Velocity [length/time]; default 0.
     #[schemars(length(min = 2, max = 3))]
@@ -225,9 +233,11 @@ pub struct PairConfig {
     /// Two names of species, particles or walls (not two walls).
     #[schemars(required, length(equal = 2))]
     pub between: Option<Vec<String>>,
-    /// Coefficient of restitution.
-    #[schemars(required)]
+    /// Coefficient of restitution. Either this or `sticks`.
     pub restitution: Option<RestitutionConfig>,
+    /// `true`: two particles stick together (adhesive, plastic): all components of their relative velocity are lost, and they go on
+    /// as one. With restitution 0 they only do not part, and slide along each other. Default false.
+    pub sticks: Option<bool>,
 }
 
 /// A number in [0, 1] or a law of the approach speed.
@@ -413,7 +423,7 @@ pub struct EventColumnsConfig {
 pub enum EventColumnConfig {
     /// Time of the event [time].
     Time,
-    /// What it was: `collision`, `wall`, or `rest`.
+    /// What it was: `collision`, `wall`, `rest`; with joints also `slack`, `taut`, `release`, `stick`, `lift`, `settle`.
     Kind,
     /// Row of the particle.
     I,

@@ -35,6 +35,7 @@ mod error;
 #[cfg(test)]
 mod fuzz;
 mod grid;
+pub mod joints;
 mod packing;
 mod random;
 mod scene;

@@ -4,6 +4,7 @@ use std::path::PathBuf;
 use std::time::Duration;
 
 use haff_engine::{EventColumn, Options, System};
+use haff_linkage::Joints;
 
 /// When something is recorded, beside the start and the end.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -64,6 +65,8 @@ pub struct Scene {
     pub seed: u64,
     /// Particles, walls, contact rules and domain.
     pub system: System,
+    /// Pendulums, springs, rods and contacts that stick; empty for a scene of the plain engine.
+    pub joints: Joints,
     /// Choices of machinery.
     pub options: Options,
     /// How long to run.

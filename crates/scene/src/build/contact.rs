@@ -181,8 +181,13 @@ impl Builder<'_> {
                 path
             };
             let rule = self.restitution(&path("restitution"), config.restitution.as_ref());
-            if config.restitution.is_none() {
-                self.document.report_missing(&path("restitution"), "missing: the pair needs a restitution");
+            let sticks = config.sticks == Some(true);
+            if config.restitution.is_none() && !sticks {
+                let why = "missing: the pair needs a restitution, or sticks = true";
+                self.document.report_missing(&path("restitution"), why);
+            }
+            if config.restitution.is_some() && sticks {
+                self.document.report(&path("sticks"), "contradicts restitution: give one of the two");
             }
             let Some(between) = &config.between else {
                 self.document.report_missing(&path("between"), "missing: give two names");
@@ -221,6 +226,13 @@ impl Builder<'_> {
             if let Some(first) = seen.insert((i, j), k) {
                 let message = format!("contact.pair.{first} already rules these two");
                 self.document.report(&path("between"), message);
+            }
+            if sticks {
+                if j >= names.all.len() {
+                    self.document.report(&path("sticks"), "is for two particles: a wall has restitution = 0");
+                } else {
+                    self.sticking.push([i as u32, j as u32]);
+                }
             }
             let Some(rule) = rule else { continue };
             if i >= groups || (j < names.all.len() && j >= groups) {

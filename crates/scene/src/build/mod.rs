@@ -5,6 +5,7 @@
 
 mod contact;
 mod domain;
+mod joints;
 mod particles;
 mod placement;
 mod plan;
@@ -57,6 +58,8 @@ struct Builder<'a> {
     limits: Limits,
     dimension: Dimension,
     seed: u64,
+    /// Pairs of groups that stick.
+    sticking: Vec<[u32; 2]>,
     unreadable: bool,
 }
 
@@ -72,8 +75,16 @@ pub(crate) fn build(
 ) -> Result<Scene, SceneErrors> {
     let mut document = Document::new(name, text, overrides);
     let config = if document.errors.is_empty() { document.config() } else { SceneConfig::default() };
-    let mut builder =
-        Builder { document, config, states, limits, dimension: Dimension::Three, seed: 0, unreadable: false };
+    let mut builder = Builder {
+        document,
+        config,
+        states,
+        limits,
+        dimension: Dimension::Three,
+        seed: 0,
+        sticking: Vec::new(),
+        unreadable: false,
+    };
     let overrides_failed = builder.document.errors.iter().any(|error| error.path.is_empty());
     let result = if overrides_failed { Err(Refused) } else { builder.scene(name) };
     if let (Ok(scene), true) = (result, builder.document.errors.is_empty()) {
@@ -101,6 +112,7 @@ impl Builder<'_> {
         self.header(name);
         let options = self.options();
         let species = self.species_plans();
+        self.place_by_angles();
         let explicit = self.particle_plans();
         let names = self.names();
         let mut domain = self.domain_plan(!species.is_empty(), !explicit.is_empty());
@@ -141,6 +153,11 @@ impl Builder<'_> {
             walls,
             contacts,
         };
+        let first = rows.species;
+        let joints = self.joints(first, &|row| system.bodies[row].position);
+        self.gate()?;
+        self.check_joints(&system, &joints);
+        self.gate()?;
         let rate = plan::collision_rate(&system);
         let run = self.run_plan(&system);
         self.gate()?;
@@ -152,6 +169,7 @@ impl Builder<'_> {
             packing_fraction: plan::packing_fraction(&system),
             collision_rate: rate,
             system,
+            joints,
             options,
             run,
             output,

@@ -1,0 +1,149 @@
+//! The two machineries behind one face: the granular engine, and the one for pendulums, springs, rods and sticking contact. The
+//! second is taken only by scenes that have any of these.
+
+use haff_engine::{
+    Checkpoint, Counters, EngineError, Frame, Ledger, Observer, Options, Sample, Simulation, Stop, System,
+    Until,
+};
+use haff_linkage::{Joints, LinkageError};
+
+/// A running simulation of either kind.
+pub enum Machine {
+    /// Spheres and walls.
+    Granular(Box<Simulation>),
+    /// Few bodies with joints.
+    Linkage(Box<haff_linkage::Simulation>),
+}
+
+/// What can stop either.
+#[derive(Debug, Clone, PartialEq)]
+pub enum MachineError {
+    /// Of the granular engine.
+    Granular(EngineError),
+    /// Of a linkage.
+    Linkage(LinkageError),
+}
+
+impl From<EngineError> for MachineError {
+    fn from(error: EngineError) -> Self {
+        Self::Granular(error)
+    }
+}
+
+impl From<LinkageError> for MachineError {
+    fn from(error: LinkageError) -> Self {
+        Self::Linkage(error)
+    }
+}
+
+impl std::fmt::Display for MachineError {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        match self {
+            Self::Granular(error) => error.fmt(f),
+            Self::Linkage(error) => error.fmt(f),
+        }
+    }
+}
+
+/// Calls the same method of either.
+macro_rules! either {
+    ($machine:expr, $simulation:ident => $call:expr) => {
+        match $machine {
+            Machine::Granular($simulation) => $call,
+            Machine::Linkage($simulation) => $call,
+        }
+    };
+}
+
+impl Machine {
+    /// Starts the machinery that the scene needs.
+    pub fn new(system: System, joints: Joints, options: Options) -> Result<Self, MachineError> {
+        if joints.is_empty() {
+            Ok(Self::Granular(Box::new(Simulation::new(system, options)?)))
+        } else {
+            Ok(Self::Linkage(Box::new(haff_linkage::Simulation::new(system, joints)?)))
+        }
+    }
+
+    /// Goes on from a checkpoint of the same scene.
+    pub fn restore(
+        system: System,
+        joints: Joints,
+        options: Options,
+        checkpoint: &Checkpoint,
+    ) -> Result<Self, MachineError> {
+        if joints.is_empty() {
+            Ok(Self::Granular(Box::new(Simulation::restore(system, options, checkpoint)?)))
+        } else {
+            Ok(Self::Linkage(Box::new(haff_linkage::Simulation::restore(system, joints, checkpoint)?)))
+        }
+    }
+
+    /// Runs events until the first of the bounds.
+    pub fn advance(&mut self, until: Until, observer: &mut dyn Observer) -> Result<Stop, MachineError> {
+        Ok(either!(self, simulation => simulation.advance(until, observer)?))
+    }
+
+    /// Present simulated time [time].
+    pub fn time(&self) -> f64 {
+        either!(self, simulation => simulation.time())
+    }
+
+    /// All particles now.
+    pub fn frame(&self) -> Frame {
+        either!(self, simulation => simulation.frame())
+    }
+
+    /// One row of observables.
+    pub fn sample(&mut self) -> Sample {
+        either!(self, simulation => simulation.sample())
+    }
+
+    /// Energies and their balance now.
+    pub fn ledger(&self) -> Ledger {
+        either!(self, simulation => simulation.ledger())
+    }
+
+    /// What has been done so far.
+    pub fn counters(&self) -> Counters {
+        either!(self, simulation => simulation.counters())
+    }
+
+    /// The exact state.
+    pub fn checkpoint(&self) -> Checkpoint {
+        either!(self, simulation => simulation.checkpoint())
+    }
+
+    /// Hash of the present state.
+    pub fn state_hash(&self) -> String {
+        either!(self, simulation => simulation.state_hash())
+    }
+
+    /// Number of particles.
+    pub fn particles(&self) -> usize {
+        either!(self, simulation => simulation.particles())
+    }
+
+    /// Finds the deepest overlap now and keeps the largest.
+    pub fn measure_overlap(&mut self) {
+        match self {
+            Self::Granular(simulation) => {
+                simulation.measure_overlap();
+            }
+            Self::Linkage(simulation) => simulation.measure_overlap(),
+        }
+    }
+
+    /// Largest overlap found so far [contact distances].
+    pub fn max_overlap(&self) -> f64 {
+        either!(self, simulation => simulation.max_overlap())
+    }
+
+    /// How partners are found.
+    pub fn search(&self) -> &'static str {
+        match self {
+            Self::Granular(simulation) => simulation.neighbors().name(),
+            Self::Linkage(_) => "conservative_advancement",
+        }
+    }
+}

@@ -1,0 +1,319 @@
+//! The exact state as plain data, in the engine's own type, so that what records the one records the other.
+
+use std::collections::BTreeMap;
+
+use glam::DVec3;
+use haff_engine::{Checkpoint, System};
+
+use crate::{
+    error::LinkageError,
+    instant::Instant,
+    mechanism::Link,
+    model::Joints,
+    simulation::Simulation,
+    sum::Sum,
+    world::{Pending, World},
+};
+
+/// Version of the scalars below.
+const VERSION: u64 = 1;
+
+impl Simulation {
+    /// The exact state: anchors of all particles, and everything else as named scalars. A simulation that is
+    /// [restored](Self::restore) from it goes on with the same bits.
+    pub fn checkpoint(&self) -> Checkpoint {
+        let world = &self.world;
+        let n = world.count();
+        let mut scalars: Vec<(String, u64)> = Vec::new();
+        let mut put = |name: String, bits: u64| scalars.push((name, bits));
+        put("linkage.version".into(), VERSION);
+        put("now.high".into(), world.now.high.to_bits());
+        put("now.low".into(), world.now.low.to_bits());
+        put("time".into(), self.time().to_bits());
+        let book = &world.book;
+        put("initial_kinetic".into(), book.initial_kinetic.to_bits());
+        put("initial_potential".into(), book.initial_potential.to_bits());
+        put("max_overlap".into(), book.max_overlap.to_bits());
+        put("sampled_at".into(), book.sampled_at.to_bits());
+        put("sampled_collisions".into(), book.sampled_collisions);
+        put("collisions".into(), book.counters.collisions);
+        put("wall_collisions".into(), book.counters.wall_collisions);
+        put("rests".into(), book.counters.rests);
+        put("predictions".into(), book.counters.predictions);
+        let mut sum = |name: &str, sum: &Sum| {
+            scalars.push((format!("{name}.high"), sum.high.to_bits()));
+            scalars.push((format!("{name}.low"), sum.low.to_bits()));
+        };
+        sum("dissipated", &book.dissipated);
+        sum("carnot", &book.carnot);
+        sum("work", &book.work);
+        for axis in 0..3 {
+            sum(&format!("impulse.{axis}"), &book.impulse[axis]);
+            sum(&format!("moment.{axis}"), &book.moment[axis]);
+        }
+        let mut put = |name: String, bits: u64| scalars.push((name, bits));
+        for i in 0..n {
+            put(format!("body.{i}"), world.body[i] as u64);
+            for (axis, x) in ["x", "y", "z"].into_iter().zip(world.offset[i].to_array()) {
+                put(format!("offset.{i}.{axis}"), x.to_bits());
+            }
+        }
+        for (home, flight) in &world.flights {
+            put(format!("flight.{home}.start.high"), flight.start.high.to_bits());
+            put(format!("flight.{home}.start.low"), flight.start.low.to_bits());
+            put(format!("flight.{home}.hint"), flight.hint.to_bits());
+            for (k, &body) in flight.bodies.iter().enumerate() {
+                put(format!("flight.{home}.body.{k}"), body as u64);
+            }
+            for (k, row) in flight.mechanism.rows.iter().enumerate() {
+                put(format!("flight.{home}.row.{k}"), encode(row.link));
+            }
+        }
+        for (p, &taut) in world.taut.iter().enumerate() {
+            put(format!("taut.{p}"), u64::from(taut));
+        }
+        for (link, axis) in &world.closed {
+            for (name, x) in ["x", "y", "z"].into_iter().zip(axis.to_array()) {
+                put(format!("closed.{}.{name}", encode(*link)), x.to_bits());
+            }
+        }
+        for (link, rest) in &world.pending {
+            let name = format!("rest.{}", encode(*link));
+            put(format!("{name}.end.high"), rest.end.high.to_bits());
+            put(format!("{name}.end.low"), rest.end.low.to_bits());
+            put(format!("{name}.speed"), rest.speed.to_bits());
+            put(format!("{name}.impulse"), rest.impulse.to_bits());
+            put(format!("{name}.energy_loss"), rest.energy_loss.to_bits());
+            put(format!("{name}.carnot_energy"), rest.carnot_energy.to_bits());
+        }
+        Checkpoint {
+            position: world.anchor.iter().map(|(x, _)| *x).collect(),
+            velocity: world.anchor.iter().map(|(_, v)| *v).collect(),
+            anchor: vec![0; n],
+            image: vec![[0; 3]; n],
+            count: vec![0; n],
+            resting: vec![0; n],
+            scalars,
+        }
+    }
+
+    /// Goes on from a checkpoint of the same system and joints.
+    ///
+    /// # Errors
+    /// [`LinkageError::Checkpoint`] if it is another's, besides the errors of [`Self::new`].
+    pub fn restore(system: System, joints: Joints, checkpoint: &Checkpoint) -> Result<Self, LinkageError> {
+        crate::check::check_elements(&system, &joints)?;
+        let (system, joints) = crate::check::placed(system, joints)?;
+        let mut world = World::new(system, joints);
+        let n = world.count();
+        if checkpoint.position.len() != n || checkpoint.velocity.len() != n {
+            return Err(LinkageError::Checkpoint(format!(
+                "it has {} particles, the scene {n}",
+                checkpoint.position.len()
+            )));
+        }
+        let mut scalars = Scalars {
+            values: checkpoint.scalars.iter().map(|(name, bits)| (name.clone(), *bits)).collect(),
+            missing: None,
+        };
+        if scalars.take("linkage.version") != VERSION {
+            return Err(LinkageError::Checkpoint(
+                "it was written by another version, or is of a plain scene".into(),
+            ));
+        }
+        world.anchor = checkpoint.position.iter().copied().zip(checkpoint.velocity.iter().copied()).collect();
+        world.now = scalars.instant("now");
+        let time = scalars.real("time");
+        scalars.book(&mut world);
+        for i in 0..n {
+            world.body[i] = scalars.index(&format!("body.{i}"), n);
+            world.offset[i] = scalars.vector(&format!("offset.{i}"));
+        }
+        world.body_mass = (0..n).map(|body| world.members(body).map(|i| world.mass[i]).sum()).collect();
+        for p in 0..world.taut.len() {
+            world.taut[p] = scalars.take(&format!("taut.{p}")) != 0;
+        }
+        for code in scalars.codes("closed.", ".x") {
+            let axis = scalars.vector(&format!("closed.{code}"));
+            world.closed.insert(scalars.link(code, &world), axis);
+        }
+        for code in scalars.codes("rest.", ".speed") {
+            let name = format!("rest.{code}");
+            let rest = Pending {
+                end: scalars.instant(&format!("{name}.end")),
+                speed: scalars.real(&format!("{name}.speed")),
+                impulse: scalars.real(&format!("{name}.impulse")),
+                energy_loss: scalars.real(&format!("{name}.energy_loss")),
+                carnot_energy: scalars.real(&format!("{name}.carnot_energy")),
+            };
+            world.pending.insert(scalars.link(code, &world), rest);
+        }
+        let mut flights = Vec::new();
+        for home in scalars.codes("flight.", ".hint") {
+            let name = format!("flight.{home}");
+            let start = scalars.instant(&format!("{name}.start"));
+            let hint = scalars.real(&format!("{name}.hint"));
+            let mut bodies = Vec::new();
+            while scalars.values.contains_key(&format!("{name}.body.{}", bodies.len())) {
+                bodies.push(scalars.index(&format!("{name}.body.{}", bodies.len()), n));
+            }
+            let mut links = Vec::new();
+            while scalars.values.contains_key(&format!("{name}.row.{}", links.len())) {
+                let code = scalars.take(&format!("{name}.row.{}", links.len()));
+                links.push(scalars.link(code, &world));
+            }
+            flights.push((start, hint, bodies, links));
+        }
+        scalars.finish()?;
+        // Immovable bodies first: the others' rows may end on them.
+        flights.sort_by_key(|(_, _, bodies, _)| !bodies.iter().any(|&body| world.immovable(body)));
+        let now = world.now;
+        for (start, hint, bodies, links) in flights {
+            world.now = start;
+            if let [body] = bodies[..]
+                && world.immovable(body)
+            {
+                world.launch_immovable(body);
+                continue;
+            }
+            if bodies.is_empty() {
+                return Err(LinkageError::Checkpoint("it has a flight without bodies".into()));
+            }
+            let mechanism = world.mechanism(&bodies, &links, start);
+            let states = world.anchors(&bodies);
+            world.launch(bodies, mechanism, &states, hint)?;
+        }
+        world.now = now;
+        let predictions = world.book.counters.predictions;
+        let mut simulation = Self::of(world);
+        // Predicting everything afresh is no part of the run.
+        simulation.world.book.counters.predictions = predictions;
+        simulation.stopped_at = Some(time);
+        Ok(simulation)
+    }
+}
+
+/// A link as a number.
+fn encode(link: Link) -> u64 {
+    let pair = |kind: u64, i: usize, j: usize| kind << 60 | (i as u64) << 30 | j as u64;
+    match link {
+        Link::Tether(p) => pair(0, p, 0),
+        Link::Rod(r) => pair(1, r, 0),
+        Link::Pair(i, j) => pair(2, i, j),
+        Link::Wall(i, w) => pair(3, i, w),
+        Link::Impact => pair(4, 0, 0),
+    }
+}
+
+/// Named numbers, taken one by one.
+struct Scalars {
+    values: BTreeMap<String, u64>,
+    /// The first name that was asked for and is not there, or does not fit.
+    missing: Option<String>,
+}
+
+impl Scalars {
+    fn take(&mut self, name: &str) -> u64 {
+        self.values.remove(name).unwrap_or_else(|| {
+            self.missing.get_or_insert_with(|| name.to_owned());
+            0
+        })
+    }
+
+    fn real(&mut self, name: &str) -> f64 {
+        f64::from_bits(self.take(name))
+    }
+
+    fn instant(&mut self, name: &str) -> Instant {
+        Instant { high: self.real(&format!("{name}.high")), low: self.real(&format!("{name}.low")) }
+    }
+
+    fn sum(&mut self, name: &str) -> Sum {
+        Sum { high: self.real(&format!("{name}.high")), low: self.real(&format!("{name}.low")) }
+    }
+
+    fn vector(&mut self, name: &str) -> DVec3 {
+        DVec3::new(
+            self.real(&format!("{name}.x")),
+            self.real(&format!("{name}.y")),
+            self.real(&format!("{name}.z")),
+        )
+    }
+
+    fn index(&mut self, name: &str, below: usize) -> usize {
+        let index = self.take(name) as usize;
+        if index >= below {
+            self.missing.get_or_insert_with(|| name.to_owned());
+            return 0;
+        }
+        index
+    }
+
+    /// The numbers in names of this form.
+    fn codes(&self, prefix: &str, suffix: &str) -> Vec<u64> {
+        let mut codes: Vec<u64> = self
+            .values
+            .keys()
+            .filter_map(|name| name.strip_prefix(prefix)?.strip_suffix(suffix)?.parse().ok())
+            .collect();
+        codes.sort_unstable();
+        codes
+    }
+
+    /// The link of a number.
+    fn link(&mut self, code: u64, world: &World) -> Link {
+        let part = |shift: u32| ((code >> shift) & ((1 << 30) - 1)) as usize;
+        let (i, j) = (part(30), part(0));
+        let link = match code >> 60 {
+            0 => Link::Tether(i),
+            1 => Link::Rod(i),
+            2 => Link::Pair(i, j),
+            _ => Link::Wall(i, j),
+        };
+        let fits = match link {
+            Link::Tether(p) => p < world.joints.pendulums.len(),
+            Link::Rod(r) => r < world.joints.rods.len(),
+            Link::Pair(i, j) => i < world.count() && j < world.count() && i != j,
+            Link::Wall(i, w) => i < world.count() && w < world.system.walls.len(),
+            Link::Impact => false,
+        };
+        if fits {
+            return link;
+        }
+        self.missing.get_or_insert_with(|| format!("link {code}"));
+        Link::Impact
+    }
+
+    fn book(&mut self, world: &mut World) {
+        let book = &mut world.book;
+        book.initial_kinetic = self.real("initial_kinetic");
+        book.initial_potential = self.real("initial_potential");
+        book.max_overlap = self.real("max_overlap");
+        book.sampled_at = self.real("sampled_at");
+        book.sampled_collisions = self.take("sampled_collisions");
+        book.counters.collisions = self.take("collisions");
+        book.counters.wall_collisions = self.take("wall_collisions");
+        book.counters.rests = self.take("rests");
+        book.counters.predictions = self.take("predictions");
+        book.dissipated = self.sum("dissipated");
+        book.carnot = self.sum("carnot");
+        book.work = self.sum("work");
+        for axis in 0..3 {
+            book.impulse[axis] = self.sum(&format!("impulse.{axis}"));
+            book.moment[axis] = self.sum(&format!("moment.{axis}"));
+        }
+    }
+
+    /// All asked for was there, and nothing else.
+    fn finish(self) -> Result<(), LinkageError> {
+        if let Some(name) = self.missing {
+            return Err(LinkageError::Checkpoint(format!("it lacks {name}, or it is out of range")));
+        }
+        match self.values.keys().next() {
+            Some(name) => {
+                Err(LinkageError::Checkpoint(format!("{name} is unknown; another version wrote it")))
+            }
+            None => Ok(()),
+        }
+    }
+}

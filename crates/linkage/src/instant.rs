@@ -1,0 +1,78 @@
+//! Time as an unevaluated sum of two numbers, so that durations keep all their digits however long a run has been.
+
+/// An instant \[time\]: `high + low` with |low| at most half an ulp of `high`.
+#[derive(Debug, Clone, Copy, PartialEq, PartialOrd, Default)]
+pub(crate) struct Instant {
+    pub high: f64,
+    pub low: f64,
+}
+
+impl Instant {
+    /// The start of a run.
+    pub const ZERO: Self = Self { high: 0.0, low: 0.0 };
+    /// Later than every event.
+    pub const NEVER: Self = Self { high: f64::INFINITY, low: 0.0 };
+
+    /// The instant at this time.
+    pub fn at(time: f64) -> Self {
+        Self { high: time, low: 0.0 }
+    }
+
+    /// The instant `duration` later.
+    #[must_use]
+    pub fn after(self, duration: f64) -> Self {
+        if duration == f64::INFINITY {
+            return Self::NEVER;
+        }
+        let (sum, error) = two_sum(self.high, duration);
+        let (high, low) = two_sum(sum, error + self.low);
+        Self { high, low }
+    }
+
+    /// Duration since an earlier instant \[time\], rounded once.
+    pub fn since(self, earlier: Self) -> f64 {
+        if self.high == f64::INFINITY {
+            return f64::INFINITY;
+        }
+        let (difference, error) = two_sum(self.high, -earlier.high);
+        difference + (error + (self.low - earlier.low))
+    }
+
+    /// The later one.
+    #[must_use]
+    pub fn max(self, other: Self) -> Self {
+        if other > self { other } else { self }
+    }
+
+    /// The earlier one.
+    #[must_use]
+    pub fn min(self, other: Self) -> Self {
+        if other < self { other } else { self }
+    }
+
+    /// As one number, rounded.
+    pub fn time(self) -> f64 {
+        self.high
+    }
+}
+
+/// a + b as the rounded sum and its error.
+fn two_sum(a: f64, b: f64) -> (f64, f64) {
+    let sum = a + b;
+    let part = sum - a;
+    (sum, (a - (sum - part)) + (b - part))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn durations_keep_their_digits_late_in_a_run() {
+        let late = Instant::at(1e9);
+        let event = late.after(1e-9 / 3.0);
+        assert_eq!(event.since(late), 1e-9 / 3.0);
+        assert!(event > late && event < late.after(1e-9));
+        assert_eq!(Instant::NEVER.since(late), f64::INFINITY);
+    }
+}

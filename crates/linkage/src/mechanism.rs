@@ -1,0 +1,340 @@
+/*!
+A few bodies, what holds them and what pulls them: accelerations and constraint forces.
+
+Every ideal constraint is a *row*: a unit direction `d` along which the relative velocity of its two ends, d·(v_b − v_a), must
+vanish, or must not be negative. With G the rows and M the masses, forces λ and impulses follow from the same matrix,
+
+```text
+(G M⁻¹ Gᵀ) λ = −(G a_free + κ)          κ: what the turning of the directions adds
+(G M⁻¹ Gᵀ) J = Δ(G v)
+```
+
+and n·M⁻¹·n of physics.md is what is left of 1/m after the rows have answered.
+*/
+
+use glam::DVec3;
+
+use crate::linear;
+
+/// What a row stands for. The order is that of ties.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash)]
+pub(crate) enum Link {
+    /// Pendulum.
+    Tether(usize),
+    /// Rod.
+    Rod(usize),
+    /// Two particles in contact.
+    Pair(usize, usize),
+    /// Particle and wall in contact.
+    Wall(usize, usize),
+    /// An impact in progress.
+    Impact,
+}
+
+/// One end of a row or spring.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(crate) enum End {
+    /// A body of the mechanism, and where on it \[length\].
+    Body(usize, DVec3),
+    /// A point that moves uniformly: where it is at τ = 0, and its velocity.
+    Fixed(DVec3, DVec3),
+}
+
+/// The shape of a constraint.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(crate) enum Shape {
+    /// |r_b − r_a| = length.
+    Distance(f64),
+    /// direction·(r_b − r_a) = length: walls, and points in contact.
+    Along(DVec3, f64),
+}
+
+/// An ideal constraint between two ends.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(crate) struct Row {
+    pub link: Link,
+    pub a: End,
+    pub b: End,
+    pub shape: Shape,
+    /// +1: its force pushes the ends apart (contacts, rods); −1: it pulls them together (strings).
+    pub sign: f64,
+    /// Whether the force is one-sided.
+    pub unilateral: bool,
+}
+
+/// A spring between two ends.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(crate) struct Coil {
+    pub a: End,
+    pub b: End,
+    pub stiffness: f64,
+    pub natural_length: f64,
+}
+
+/// A row at one state.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct RowState {
+    /// Direction of its force on end b.
+    pub direction: DVec3,
+    /// Slack of the constraint ≥ 0 \[length\].
+    pub gap: f64,
+    /// d(gap)/dt.
+    pub rate: f64,
+    /// Part of d²(gap)/dt² that does not come from accelerations.
+    pub turning: f64,
+}
+
+/// Bodies with their rows and springs, numbered among themselves.
+#[derive(Debug, Clone, PartialEq, Default)]
+pub(crate) struct Mechanism {
+    pub mass: Vec<f64>,
+    pub gravity: DVec3,
+    pub rows: Vec<Row>,
+    pub coils: Vec<Coil>,
+}
+
+/// Positions and velocities of the bodies of a mechanism.
+pub(crate) type Motions = Vec<(DVec3, DVec3)>;
+
+impl End {
+    /// Position and velocity at τ.
+    pub fn state(&self, tau: f64, bodies: &[(DVec3, DVec3)]) -> (DVec3, DVec3) {
+        match *self {
+            Self::Body(k, offset) => (bodies[k].0 + offset, bodies[k].1),
+            Self::Fixed(point, velocity) => (point + velocity * tau, velocity),
+        }
+    }
+
+    /// The body, if it is one.
+    pub fn body(&self) -> Option<usize> {
+        match *self {
+            Self::Body(k, _) => Some(k),
+            Self::Fixed(..) => None,
+        }
+    }
+
+    /// Whether it is a point that moves.
+    pub fn is_driven(&self) -> bool {
+        matches!(*self, Self::Fixed(_, velocity) if velocity != DVec3::ZERO)
+    }
+}
+
+impl Row {
+    /// The row at a state.
+    pub fn state(&self, tau: f64, bodies: &[(DVec3, DVec3)]) -> RowState {
+        let ((ra, va), (rb, vb)) = (self.a.state(tau, bodies), self.b.state(tau, bodies));
+        let (r, v) = (rb - ra, vb - va);
+        match self.shape {
+            Shape::Along(direction, length) => RowState {
+                direction: direction * self.sign,
+                gap: self.sign * (direction.dot(r) - length),
+                rate: self.sign * direction.dot(v),
+                turning: 0.0,
+            },
+            Shape::Distance(length) => {
+                let distance = r.length();
+                let d = r / distance;
+                let radial = d.dot(v);
+                RowState {
+                    direction: d * self.sign,
+                    // (r² − l²)/(r + l): no cancellation beyond that of r itself.
+                    gap: self.sign * ((r.length_squared() - length * length) / (distance + length)),
+                    rate: self.sign * radial,
+                    turning: self.sign * ((v - d * radial).length_squared() / distance),
+                }
+            }
+        }
+    }
+}
+
+impl Coil {
+    /// Unit vector from a to b and the length; for ends that coincide, the direction of their relative velocity, along
+    /// which they will have parted next.
+    pub fn direction(&self, tau: f64, bodies: &[(DVec3, DVec3)]) -> (DVec3, f64) {
+        let ((ra, va), (rb, vb)) = (self.a.state(tau, bodies), self.b.state(tau, bodies));
+        let r = rb - ra;
+        let length = r.length();
+        if length > 1e-13 * self.natural_length {
+            (r / length, length)
+        } else {
+            ((vb - va).normalize_or_zero(), length)
+        }
+    }
+}
+
+impl Mechanism {
+    /// Accelerations without the rows.
+    pub fn free_accelerations(&self, tau: f64, bodies: &[(DVec3, DVec3)]) -> Vec<DVec3> {
+        let mut a = vec![self.gravity; self.mass.len()];
+        for coil in &self.coils {
+            let (direction, length) = coil.direction(tau, bodies);
+            let pull = direction * (coil.stiffness * (length - coil.natural_length));
+            if let Some(k) = coil.a.body() {
+                a[k] += pull / self.mass[k];
+            }
+            if let Some(k) = coil.b.body() {
+                a[k] -= pull / self.mass[k];
+            }
+        }
+        a
+    }
+
+    /// The rows at a state.
+    pub fn row_states(&self, tau: f64, bodies: &[(DVec3, DVec3)]) -> Vec<RowState> {
+        self.rows.iter().map(|row| row.state(tau, bodies)).collect()
+    }
+
+    /// G M⁻¹ Gᵀ, row-major.
+    pub fn compliance(&self, states: &[RowState]) -> Vec<f64> {
+        let n = self.rows.len();
+        let mut matrix = vec![0.0; n * n];
+        for i in 0..n {
+            for j in 0..=i {
+                let dot = states[i].direction.dot(states[j].direction);
+                let mut sum = 0.0;
+                for (end_i, sign_i) in [(self.rows[i].a, -1.0), (self.rows[i].b, 1.0)] {
+                    for (end_j, sign_j) in [(self.rows[j].a, -1.0), (self.rows[j].b, 1.0)] {
+                        if let (Some(k), Some(l)) = (end_i.body(), end_j.body())
+                            && k == l
+                        {
+                            sum += sign_i * sign_j * dot / self.mass[k];
+                        }
+                    }
+                }
+                matrix[i * n + j] = sum;
+                matrix[j * n + i] = sum;
+            }
+        }
+        matrix
+    }
+
+    /// Adds what forces or impulses along the rows give to accelerations or velocities.
+    pub fn apply(&self, states: &[RowState], strengths: &[f64], to: &mut [DVec3]) {
+        for ((row, state), &strength) in self.rows.iter().zip(states).zip(strengths) {
+            if strength == 0.0 {
+                continue;
+            }
+            if let Some(k) = row.a.body() {
+                to[k] -= state.direction * (strength / self.mass[k]);
+            }
+            if let Some(k) = row.b.body() {
+                to[k] += state.direction * (strength / self.mass[k]);
+            }
+        }
+    }
+
+    /// d(rate)/dt of a row for given accelerations; points at the ends do not accelerate.
+    pub fn row_acceleration(row: &Row, state: &RowState, a: &[DVec3]) -> f64 {
+        let of = |end: End| end.body().map_or(DVec3::ZERO, |k| a[k]);
+        state.direction.dot(of(row.b) - of(row.a)) + state.turning
+    }
+
+    /// Accelerations and row forces with all rows active.
+    pub fn accelerations(&self, tau: f64, bodies: &[(DVec3, DVec3)]) -> (Vec<DVec3>, Vec<f64>) {
+        let mut a = self.free_accelerations(tau, bodies);
+        if self.rows.is_empty() {
+            return (a, Vec::new());
+        }
+        let states = self.row_states(tau, bodies);
+        let matrix = self.compliance(&states);
+        let wanted: Vec<f64> = self
+            .rows
+            .iter()
+            .zip(&states)
+            .map(|(row, state)| -Self::row_acceleration(row, state, &a))
+            .collect();
+        let (forces, _) = linear::solve(&matrix, &wanted, &vec![true; self.rows.len()]);
+        self.apply(&states, &forces, &mut a);
+        (a, forces)
+    }
+
+    /// Which rows carry force, so that no one-sided one pulls the wrong way and none is violated; with accelerations and
+    /// forces. A row whose force and acceleration are both zero within `tolerance` [length/time²] stays.
+    pub fn active_rows(
+        &self,
+        bodies: &[(DVec3, DVec3)],
+        tolerance: f64,
+    ) -> (Vec<bool>, Vec<DVec3>, Vec<f64>) {
+        let mut a = self.free_accelerations(0.0, bodies);
+        let states = self.row_states(0.0, bodies);
+        let matrix = self.compliance(&states);
+        let q: Vec<f64> = self
+            .rows
+            .iter()
+            .zip(&states)
+            .map(|(row, state)| Self::row_acceleration(row, state, &a))
+            .collect();
+        let unilateral: Vec<bool> = self.rows.iter().map(|row| row.unilateral).collect();
+        let (forces, active) = linear::complementarity(&matrix, &q, &unilateral, tolerance);
+        self.apply(&states, &forces, &mut a);
+        (active, a, forces)
+    }
+
+    /// A measure of the accelerations at a state, for tolerances [length/time²].
+    pub fn acceleration_scale(&self, bodies: &[(DVec3, DVec3)]) -> f64 {
+        let mut scale = self.gravity.length();
+        for coil in &self.coils {
+            let (_, length) = coil.direction(0.0, bodies);
+            for k in [coil.a, coil.b].iter().filter_map(End::body) {
+                scale += coil.stiffness * length.max(coil.natural_length) / self.mass[k];
+            }
+        }
+        for row in &self.rows {
+            let v = row.b.state(0.0, bodies).1 - row.a.state(0.0, bodies).1;
+            let length = match row.shape {
+                Shape::Distance(length) => length,
+                Shape::Along(..) => continue,
+            };
+            scale += v.length_squared() / length;
+        }
+        scale
+    }
+
+    /// Brings positions and velocities back onto the rows, by the smallest change in the metric of the masses.
+    pub fn project(&self, tau: f64, bodies: &mut [(DVec3, DVec3)]) {
+        if self.rows.is_empty() {
+            return;
+        }
+        let all = vec![true; self.rows.len()];
+        for _ in 0..3 {
+            let states = self.row_states(tau, bodies);
+            let wanted: Vec<f64> = states.iter().map(|state| -state.gap).collect();
+            let (shift, _) = linear::solve(&self.compliance(&states), &wanted, &all);
+            let mut moves = vec![DVec3::ZERO; bodies.len()];
+            self.apply(&states, &shift, &mut moves);
+            bodies.iter_mut().zip(&moves).for_each(|(body, by)| body.0 += *by);
+        }
+        let states = self.row_states(tau, bodies);
+        let wanted: Vec<f64> = states.iter().map(|state| -state.rate).collect();
+        let (kick, _) = linear::solve(&self.compliance(&states), &wanted, &all);
+        let mut kicks = vec![DVec3::ZERO; bodies.len()];
+        self.apply(&states, &kick, &mut kicks);
+        bodies.iter_mut().zip(&kicks).for_each(|(body, by)| body.1 += *by);
+    }
+
+    /// Power of the driven points on the bodies, and their force on them, for given row forces [energy/time], \[force\].
+    pub fn power_of_points(&self, tau: f64, bodies: &[(DVec3, DVec3)], forces: &[f64]) -> f64 {
+        let mut power = 0.0;
+        for ((row, state), force) in self.rows.iter().zip(self.row_states(tau, bodies)).zip(forces) {
+            let push = state.direction * *force;
+            if let End::Fixed(_, velocity) = row.a {
+                power += push.dot(velocity);
+            }
+            if let End::Fixed(_, velocity) = row.b {
+                power -= push.dot(velocity);
+            }
+        }
+        for coil in &self.coils {
+            let (direction, length) = coil.direction(tau, bodies);
+            let pull = direction * (coil.stiffness * (length - coil.natural_length));
+            // On a: +pull, on b: −pull; the point at the other end bears the opposite.
+            if let End::Fixed(_, velocity) = coil.a {
+                power -= pull.dot(velocity);
+            }
+            if let End::Fixed(_, velocity) = coil.b {
+                power += pull.dot(velocity);
+            }
+        }
+        power
+    }
+}

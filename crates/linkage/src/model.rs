@@ -1,0 +1,86 @@
+//! What holds particles together, as plain data beside the engine's [`System`](haff_engine::System).
+
+use glam::DVec3;
+
+/// How a pendulum holds its bob.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub enum Tether {
+    /// A massless inextensible string: it pulls, and goes slack rather than push.
+    #[default]
+    String,
+    /// A massless rigid rod, free to turn about the pivot in every direction.
+    Rod,
+}
+
+/// A particle at the end of a string or rod whose other end does not move.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Pendulum {
+    /// Name as in the scene.
+    pub name: String,
+    /// The fixed end \[length\].
+    pub pivot: DVec3,
+    /// From the pivot to the bob's center \[length\], > 0.
+    pub length: f64,
+    /// Particle row of the bob.
+    pub bob: usize,
+    /// String or rod.
+    pub tether: Tether,
+    /// Whether a string may be slack at the start, its bob nearer to the pivot than its length.
+    pub slack: bool,
+}
+
+/// One end of a spring.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum SpringEnd {
+    /// The center of a particle, by its row.
+    Particle(usize),
+    /// A point at rest \[length\].
+    Point(DVec3),
+}
+
+/// A linear massless spring: its force is k (length − natural length), pulling if it is longer.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Spring {
+    /// Name as in the scene.
+    pub name: String,
+    /// Its ends; at least one is a particle.
+    pub ends: [SpringEnd; 2],
+    /// k [force/length], > 0.
+    pub stiffness: f64,
+    /// Length without force \[length\], ≥ 0.
+    pub natural_length: f64,
+}
+
+/// A rigid massless rod between the centers of two particles, which turns freely at both.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Rod {
+    /// Name as in the scene.
+    pub name: String,
+    /// Particle rows of its ends.
+    pub ends: [usize; 2],
+    /// Distance of the two centers \[length\], > 0.
+    pub length: f64,
+}
+
+/// Everything that joins particles.
+#[derive(Debug, Clone, PartialEq, Default)]
+pub struct Joints {
+    /// Pendulums.
+    pub pendulums: Vec<Pendulum>,
+    /// Springs.
+    pub springs: Vec<Spring>,
+    /// Rods.
+    pub rods: Vec<Rod>,
+    /// Pairs of contact groups that stick: after an impact all components of their relative velocity are gone for good.
+    pub sticking: Vec<[u32; 2]>,
+}
+
+impl Joints {
+    /// Whether there is nothing that the plain engine could not do.
+    pub fn is_empty(&self) -> bool {
+        self.pendulums.is_empty()
+            && self.springs.is_empty()
+            && self.rods.is_empty()
+            && self.sticking.is_empty()
+    }
+}

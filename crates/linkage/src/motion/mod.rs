@@ -1,0 +1,360 @@
+/*!
+Flights: how the bodies of one mechanism move until something happens to one of them.
+
+Each motion has its state at any τ since its start, bounds on speed and acceleration for the search for contacts, and the forces of
+its one-sided rows for the search for their end.
+*/
+
+mod modes;
+mod numeric;
+mod polynomial;
+mod spin;
+mod swing;
+
+use glam::DVec3;
+
+use crate::mechanism::{End, Link, Mechanism, Motions, Row, Shape};
+pub(crate) use modes::Modes;
+pub(crate) use numeric::Numeric;
+pub(crate) use spin::Spin;
+pub(crate) use swing::Swing;
+
+/// Relative deviation within which two pendulums swing in step, for contacts as long as the pendulums: the line of centers of
+/// smaller ones is rounded more coarsely…
+const IN_STEP: f64 = 1e-12;
+/// … but no more than this.
+const IN_STEP_AT_MOST: f64 = 1e-9;
+/// Velocities and accelerations below this part of their scale are none.
+const STILL: f64 = 1e-13;
+
+/// A motion, by what it follows from.
+#[derive(Debug, Clone, PartialEq)]
+pub(crate) enum Motion {
+    /// Nothing moves, and the forces balance.
+    Still(Vec<DVec3>),
+    /// Constant acceleration of one body: free, or along walls.
+    Ballistic { position: DVec3, velocity: DVec3, acceleration: DVec3, power: f64 },
+    /// Pendulums, several if they swing in step.
+    Swing(Vec<Swing>),
+    /// A circle without gravity.
+    Circle { center: DVec3, arm: DVec3, across: DVec3, omega: f64 },
+    /// A rod.
+    Spin(Spin),
+    /// Springs on a line.
+    Modes(Modes),
+    /// Anything else.
+    Numeric(Numeric),
+}
+
+/// What of a motion has to be watched.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) enum Watched {
+    /// The force of a one-sided row: it must not change its sign.
+    Row(usize),
+    /// The length of a spring: beyond zero its direction turns round.
+    Coil(usize),
+}
+
+impl Motion {
+    /// The motion of a mechanism all rows of which are active. `hint`: step of a numerical motion that is continued, or 0.
+    pub fn new(mechanism: &Mechanism, bodies: &Motions, hint: f64) -> Option<Self> {
+        if let Some(still) = still_motion(mechanism, bodies) {
+            return Some(still);
+        }
+        if mechanism.coils.is_empty() {
+            if bodies.len() == 1
+                && let Some(motion) = alone(mechanism, bodies[0])
+            {
+                return Some(motion);
+            }
+            if let Some(swing) = in_step(mechanism, bodies) {
+                return Some(swing);
+            }
+            if let [row] = &mechanism.rows[..]
+                && let (End::Body(k, at_k), End::Body(l, at_l), Shape::Distance(length)) =
+                    (row.a, row.b, row.shape)
+                && matches!(row.link, Link::Rod(_))
+            {
+                let offset = if k < l { [at_k, at_l] } else { [at_l, at_k] };
+                let mass = [mechanism.mass[0], mechanism.mass[1]];
+                return Some(Self::Spin(Spin::new(
+                    [bodies[0], bodies[1]],
+                    offset,
+                    mass,
+                    length,
+                    mechanism.gravity,
+                )));
+            }
+        }
+        if let Some(modes) = Modes::new(mechanism, bodies) {
+            return Some(Self::Modes(modes));
+        }
+        Numeric::new(mechanism, bodies, hint).map(Self::Numeric)
+    }
+
+    /// Rest, if nothing moves and the forces balance.
+    pub fn still(mechanism: &Mechanism, bodies: &Motions) -> Option<Self> {
+        still_motion(mechanism, bodies)
+    }
+
+    /// State of body `k` at `tau`.
+    pub fn state(&self, k: usize, tau: f64) -> (DVec3, DVec3) {
+        match self {
+            Self::Still(positions) => (positions[k], DVec3::ZERO),
+            Self::Ballistic { position, velocity, acceleration, .. } => (
+                haff_mechanics::free_flight(*position, *velocity, *acceleration, tau),
+                haff_mechanics::free_flight_velocity(*velocity, *acceleration, tau),
+            ),
+            Self::Swing(swings) => swings[k].state(tau),
+            Self::Circle { center, arm, across, omega } => {
+                let (sin, cos) = libm::sincos(omega * tau);
+                (*center + *arm * cos + *across * sin, (*across * cos - *arm * sin) * *omega)
+            }
+            Self::Spin(spin) => spin.state(k, tau),
+            Self::Modes(modes) => modes.state(k, tau),
+            Self::Numeric(step) => step.state(k, tau),
+        }
+    }
+
+    /// Bound on the acceleration of body `k` [length/time²].
+    pub fn acceleration_bound(&self, k: usize) -> f64 {
+        match self {
+            Self::Still(_) => 0.0,
+            Self::Ballistic { acceleration, .. } => acceleration.length(),
+            Self::Swing(swings) => swings[k].acceleration_bound(),
+            Self::Circle { arm, omega, .. } => omega * omega * arm.length(),
+            Self::Spin(spin) => spin.acceleration_bound(k),
+            Self::Modes(modes) => modes.acceleration_bound(k),
+            Self::Numeric(step) => step.bounds(k).1,
+        }
+    }
+
+    /// Bound on the speed of body `k` between two times [length/time].
+    pub fn speed_bound(&self, k: usize, from: f64, to: f64) -> f64 {
+        match self {
+            Self::Still(_) => 0.0,
+            // A convex function is largest at an end.
+            Self::Ballistic { velocity, acceleration, .. } => {
+                (*velocity + *acceleration * from).length().max((*velocity + *acceleration * to).length())
+            }
+            Self::Swing(swings) => swings[k].speed_bound(),
+            Self::Circle { arm, omega, .. } => omega * arm.length(),
+            Self::Spin(spin) => spin.speed_bound(k, from.abs().max(to.abs())),
+            Self::Modes(modes) => modes.state(k, from).1.length() + modes.acceleration_bound(k) * (to - from),
+            Self::Numeric(step) => step.bounds(k).0,
+        }
+    }
+
+    /// Acceleration, if it is constant.
+    pub fn constant_acceleration(&self) -> Option<DVec3> {
+        match self {
+            Self::Still(_) => Some(DVec3::ZERO),
+            Self::Ballistic { acceleration, .. } => Some(*acceleration),
+            Self::Swing(_) | Self::Circle { .. } | Self::Spin(_) | Self::Modes(_) | Self::Numeric(_) => None,
+        }
+    }
+
+    /// A ball that body `k` never leaves, if there is one: center and radius.
+    pub fn ball(&self, k: usize) -> Option<(DVec3, f64)> {
+        match self {
+            Self::Still(positions) => Some((positions[k], 0.0)),
+            Self::Swing(swings) => Some(swings[k].ball()),
+            Self::Circle { center, arm, .. } => Some((*center, arm.length())),
+            Self::Ballistic { .. } | Self::Spin(_) | Self::Modes(_) | Self::Numeric(_) => None,
+        }
+    }
+
+    /// A time in which the motion changes its character; infinite for those that do not.
+    pub fn timescale(&self) -> f64 {
+        match self {
+            Self::Still(_) | Self::Ballistic { .. } | Self::Numeric(_) => f64::INFINITY,
+            Self::Swing(swings) => swings.iter().map(Swing::timescale).fold(f64::INFINITY, f64::min),
+            Self::Circle { omega, .. } => 1.0 / omega,
+            Self::Spin(spin) => spin.timescale(),
+            Self::Modes(modes) => modes.timescale(),
+        }
+    }
+
+    /// How long the motion is known [time].
+    pub fn length(&self) -> f64 {
+        match self {
+            Self::Numeric(step) => step.length,
+            _ => f64::INFINITY,
+        }
+    }
+
+    /// Work of driven points on the bodies since the start \[energy\].
+    pub fn work(&self, tau: f64) -> f64 {
+        match self {
+            // Force times the way of what presses.
+            Self::Ballistic { power, .. } => power * tau,
+            Self::Numeric(step) => step.work(tau),
+            _ => 0.0,
+        }
+    }
+
+    /// Everything to be watched.
+    pub fn watched(&self, mechanism: &Mechanism) -> Vec<Watched> {
+        let one_sided = |i: &usize| mechanism.rows[*i].unilateral;
+        let rows = (0..mechanism.rows.len()).filter(one_sided).map(Watched::Row);
+        match self {
+            Self::Still(_) | Self::Ballistic { .. } | Self::Circle { .. } | Self::Spin(_) => Vec::new(),
+            // The rows between bodies that swing in step carry nothing.
+            Self::Swing(_) => rows
+                .filter(|watched| {
+                    matches!(watched, Watched::Row(i) if mechanism.rows[*i].a.body().is_none()
+                        || mechanism.rows[*i].b.body().is_none())
+                })
+                .collect(),
+            Self::Modes(_) => {
+                let turning = |i: &usize| mechanism.coils[*i].natural_length > 0.0;
+                rows.chain((0..mechanism.coils.len()).filter(turning).map(Watched::Coil)).collect()
+            }
+            Self::Numeric(_) => rows.collect(),
+        }
+    }
+
+    /// Value and slope of what is watched; the event is where it falls below zero.
+    pub fn watch(&self, mechanism: &Mechanism, what: Watched, tau: f64) -> (f64, f64) {
+        match (self, what) {
+            (Self::Swing(swings), Watched::Row(i)) => {
+                let row = &mechanism.rows[i];
+                let Some(k) = row.a.body().or(row.b.body()) else { return (1.0, 0.0) };
+                let (pull, slope) = swings[k].tension(tau);
+                let inwards = -row.sign * mechanism.mass[k];
+                (inwards * pull, inwards * slope)
+            }
+            (Self::Modes(modes), Watched::Row(i)) => modes.row_force(i, tau),
+            (Self::Modes(modes), Watched::Coil(i)) => modes.coil_length(i, tau),
+            (Self::Numeric(step), Watched::Row(i)) => step.row_force(i, tau),
+            _ => (1.0, 0.0),
+        }
+    }
+
+    /// Bound on the second derivative of what is watched.
+    pub fn watch_bound(&self, mechanism: &Mechanism, what: Watched) -> f64 {
+        match (self, what) {
+            (Self::Swing(swings), Watched::Row(i)) => {
+                let row = &mechanism.rows[i];
+                row.a.body().or(row.b.body()).map_or(0.0, |k| mechanism.mass[k] * swings[k].tension_bound())
+            }
+            (Self::Modes(modes), Watched::Row(i)) => modes.row_bound(i),
+            (Self::Modes(modes), Watched::Coil(i)) => modes.coil_bound(i),
+            (Self::Numeric(step), Watched::Row(i)) => step.row_bound(i),
+            _ => 0.0,
+        }
+    }
+
+    /// What it is, in words.
+    pub fn name(&self) -> &'static str {
+        match self {
+            Self::Still(_) => "rest",
+            Self::Ballistic { .. } => "free flight",
+            Self::Swing(_) => "pendulum",
+            Self::Circle { .. } => "circle",
+            Self::Spin(_) => "rod",
+            Self::Modes(_) => "normal modes",
+            Self::Numeric(_) => "numerical",
+        }
+    }
+}
+
+/// Rest in equilibrium.
+fn still_motion(mechanism: &Mechanism, bodies: &Motions) -> Option<Motion> {
+    if mechanism.rows.iter().any(|row| row.a.is_driven() || row.b.is_driven())
+        || mechanism.coils.iter().any(|coil| coil.a.is_driven() || coil.b.is_driven())
+    {
+        return None;
+    }
+    let (a, _) = mechanism.accelerations(0.0, bodies);
+    let scale = mechanism.acceleration_scale(bodies);
+    let quiet =
+        bodies.iter().all(|(_, v)| *v == DVec3::ZERO) && a.iter().all(|a| a.length() <= STILL * scale);
+    quiet.then(|| Motion::Still(bodies.iter().map(|(x, _)| *x).collect()))
+}
+
+/// One body without springs: free, on walls, or at a constant distance from a point at rest.
+fn alone(mechanism: &Mechanism, (position, velocity): (DVec3, DVec3)) -> Option<Motion> {
+    let walls = mechanism.rows.iter().all(|row| matches!(row.shape, Shape::Along(..)));
+    if walls {
+        let bodies = vec![(position, velocity)];
+        let (a, forces) = mechanism.accelerations(0.0, &bodies);
+        let power = mechanism.power_of_points(0.0, &bodies, &forces);
+        return Some(Motion::Ballistic { position, velocity, acceleration: a[0], power });
+    }
+    let [row] = &mechanism.rows[..] else { return None };
+    let (point, length) = center_of(row)?;
+    let arm = position - point;
+    let direction = arm.normalize();
+    let tangential = velocity - direction * velocity.dot(direction);
+    if mechanism.gravity == DVec3::ZERO {
+        let speed = tangential.length();
+        if speed == 0.0 {
+            return None;
+        }
+        return Some(Motion::Circle {
+            center: point,
+            arm: direction * length,
+            across: tangential * (length / speed),
+            omega: speed / length,
+        });
+    }
+    Swing::new(point, length, position, velocity, mechanism.gravity).map(|swing| Motion::Swing(vec![swing]))
+}
+
+/// The point at rest from which a row keeps its body, as the body's own center sees it, and the distance.
+fn center_of(row: &Row) -> Option<(DVec3, f64)> {
+    let Shape::Distance(length) = row.shape else { return None };
+    match (row.a, row.b) {
+        (End::Fixed(point, DVec3::ZERO), End::Body(_, offset))
+        | (End::Body(_, offset), End::Fixed(point, DVec3::ZERO)) => Some((point - offset, length)),
+        _ => None,
+    }
+}
+
+/// Pendulums in contact that swing in step: the contacts carry nothing.
+fn in_step(mechanism: &Mechanism, bodies: &Motions) -> Option<Motion> {
+    let mut center: Vec<Option<(DVec3, f64)>> = vec![None; bodies.len()];
+    for row in &mechanism.rows {
+        match (row.a.body(), row.b.body()) {
+            (Some(_), Some(_)) => {
+                if !matches!(row.link, Link::Pair(..)) {
+                    return None;
+                }
+            }
+            (Some(k), None) | (None, Some(k)) => {
+                if center[k].replace(center_of(row)?).is_some() {
+                    return None;
+                }
+            }
+            (None, None) => return None,
+        }
+    }
+    let centers: Vec<(DVec3, f64)> = center.into_iter().collect::<Option<_>>()?;
+    let (first, length) = centers[0];
+    let relative = bodies[0].0 - first;
+    let speed = bodies[0].1.length();
+    let tolerance = mechanism
+        .rows
+        .iter()
+        .filter(|row| matches!(row.link, Link::Pair(..)))
+        .map(|row| match row.shape {
+            Shape::Distance(sigma) => IN_STEP * (1.0 + length / sigma),
+            Shape::Along(..) => IN_STEP,
+        })
+        .fold(IN_STEP, f64::max)
+        .min(IN_STEP_AT_MOST);
+    let same = centers.iter().zip(bodies).all(|(&(point, of), &(x, v))| {
+        (of - length).abs() <= IN_STEP * length
+            && ((x - point) - relative).length() <= tolerance * length
+            && (v - bodies[0].1).length() <= tolerance * speed
+    });
+    if !same {
+        return None;
+    }
+    let swings = centers
+        .iter()
+        .zip(bodies)
+        .map(|(&(point, length), &(x, v))| Swing::new(point, length, x, v, mechanism.gravity));
+    swings.collect::<Option<Vec<_>>>().map(Motion::Swing)
+}

@@ -1,0 +1,293 @@
+//! What happens next: every contact, string, force and flight has one prediction, a pure function of the flights it is about.
+
+use glam::DVec3;
+use haff_mechanics::{time_to_contact, time_to_contact_accelerated, time_to_plane};
+
+use crate::{
+    crossing::{Search, first_crossing},
+    instant::Instant,
+    mechanism::Link,
+    motion::{Motion, Watched},
+    world::{Flight, World},
+};
+
+/// A search looks this many timescales of the motions ahead at a time.
+const AHEAD: f64 = 12.0;
+/// Forces within this part of their scale are none.
+const NO_FORCE: f64 = 1e-12;
+
+/// What a prediction is about. Simultaneous events are taken in this order, and by rows within a kind: impacts of a chain of
+/// touching bodies are resolved one after the other.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash)]
+pub(crate) enum Key {
+    /// Two particles meet.
+    Pair(usize, usize),
+    /// A particle meets a wall.
+    Wall(usize, usize),
+    /// A slack string becomes taut.
+    Taut(usize),
+    /// Something watched of a flight falls to zero.
+    Watch(usize, usize),
+    /// A flight is known no further.
+    Renew(usize),
+    /// A completed series of bounces ends.
+    Settle(Link),
+}
+
+/// When, and whether it happens then or is to be searched further from there.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(crate) struct Prediction {
+    pub at: Instant,
+    pub happens: bool,
+}
+
+impl Prediction {
+    const NEVER: Self = Self { at: Instant::NEVER, happens: false };
+
+    /// From a search that started at `start`; `to`: where it would have ended, and whether the range goes on there.
+    fn from_search(search: Search, start: Instant, to: f64, goes_on: bool) -> Self {
+        match search {
+            Search::At(s) => Self { at: start.after(s), happens: true },
+            Search::Unfinished(s) => Self { at: start.after(s), happens: false },
+            Search::None if goes_on => Self { at: start.after(to), happens: false },
+            Search::None => Self::NEVER,
+        }
+    }
+}
+
+/// A body on its flight.
+struct Path<'a> {
+    motion: &'a Motion,
+    k: usize,
+    offset: DVec3,
+    /// Since the flight's start, at the beginning of the search.
+    from: f64,
+}
+
+impl Path<'_> {
+    fn state(&self, s: f64) -> (DVec3, DVec3) {
+        let (x, v) = self.motion.state(self.k, self.from + s);
+        (x + self.offset, v)
+    }
+}
+
+impl World {
+    fn path(&self, particle: usize, start: Instant) -> Option<(&Flight, Path<'_>)> {
+        let body = self.body[particle];
+        let flight = self.flights.get(&self.home[body])?;
+        let k = flight.bodies.iter().position(|&b| b == body)?;
+        let from = start.since(flight.start);
+        Some((flight, Path { motion: &flight.motion, k, offset: self.offset[particle], from }))
+    }
+
+    /// Start of the flight of a particle.
+    fn since(&self, particle: usize) -> Instant {
+        self.flights.get(&self.home[self.body[particle]]).map_or(self.now, |flight| flight.start)
+    }
+
+    /// The range of a search over these motions from `start`: its length, and whether it goes on after it.
+    fn range(start: Instant, flights: &[&Flight]) -> (f64, bool) {
+        let end = flights.iter().map(|flight| flight.end()).fold(Instant::NEVER, Instant::min);
+        let ahead =
+            AHEAD * flights.iter().map(|flight| flight.motion.timescale()).fold(f64::INFINITY, f64::min);
+        let left = end.since(start);
+        if ahead < left { (ahead, true) } else { (left, false) }
+    }
+
+    /// When two particles meet, looking from `from` on.
+    pub fn predict_pair(&self, i: usize, j: usize, from: Instant) -> Prediction {
+        if !self.can_meet(i, j) || self.closed.contains_key(&Link::Pair(i, j)) {
+            return Prediction::NEVER;
+        }
+        let start = from.max(self.since(i)).max(self.since(j));
+        let (Some((fa, a)), Some((fb, b))) = (self.path(i, start), self.path(j, start)) else {
+            return Prediction::NEVER;
+        };
+        let sigma = self.contact_distance(i, j);
+        // What stays in two balls apart never meets.
+        if let (Some((ca, ra)), Some((cb, rb))) = (a.motion.ball(a.k), b.motion.ball(b.k))
+            && ((ca + a.offset) - (cb + b.offset)).length() > (ra + rb + sigma) * (1.0 + 1e-9)
+        {
+            return Prediction::NEVER;
+        }
+        let f = |s: f64| {
+            let ((x, v), (y, w)) = (a.state(s), b.state(s));
+            let r = y - x;
+            let distance = r.length();
+            ((r.length_squared() - sigma * sigma) / (distance + sigma), r.dot(w - v) / distance)
+        };
+        let ((x, v), (y, w)) = (a.state(0.0), b.state(0.0));
+        let (touch, slow) = (self.touch(sigma), self.slow(v, w));
+        let touch = if self.radius[i] + self.radius[j] == 0.0 { 0.5 * sigma } else { touch };
+        let (gap, rate) = f(0.0);
+        let touches = gap <= touch;
+        if touches && rate < -slow {
+            // The rest of the gap is rounding; a heap would go on falling through it for ever.
+            return Prediction { at: start, happens: true };
+        }
+        let grazes = touches && rate.abs() <= slow;
+        if let (Some(p), Some(q)) = (a.motion.constant_acceleration(), b.motion.constant_acceleration())
+            && !grazes
+        {
+            let (r, u, acceleration) = (y - x, w - v, q - p);
+            let time = if acceleration == DVec3::ZERO {
+                time_to_contact(r, u, sigma)
+            } else {
+                time_to_contact_accelerated(r, u, acceleration, sigma)
+            };
+            return time.map_or(Prediction::NEVER, |s| Prediction { at: start.after(s), happens: true });
+        }
+        let (to, goes_on) = Self::range(start, &[fa, fb]);
+        // gap'' ≥ −|relative acceleration|: the turning of the line of centers only parts them.
+        let bound = a.motion.acceleration_bound(a.k) + b.motion.acceleration_bound(b.k);
+        let search = first_crossing(&f, &|_, _| bound, 0.0, to, touch, slow);
+        Prediction::from_search(search, start, to, goes_on)
+    }
+
+    /// When a particle meets a wall.
+    pub fn predict_wall(&self, i: usize, wall: usize, from: Instant) -> Prediction {
+        if self.immovable(self.body[i]) || self.closed.contains_key(&Link::Wall(i, wall)) {
+            return Prediction::NEVER;
+        }
+        let start = from.max(self.since(i));
+        let Some((flight, a)) = self.path(i, start) else { return Prediction::NEVER };
+        let of = &self.system.walls[wall];
+        let point = self.wall_point(wall, start);
+        let f = |s: f64| {
+            let (x, v) = a.state(s);
+            (of.normal.dot(x - (point + of.velocity * s)) - self.radius[i], of.normal.dot(v - of.velocity))
+        };
+        let (gap, rate) = f(0.0);
+        let slow = self.slow(a.state(0.0).1, of.velocity);
+        let touch = self.touch(self.radius[i]);
+        if gap <= touch && rate < -slow {
+            return Prediction { at: start, happens: true };
+        }
+        if let Some(acceleration) = a.motion.constant_acceleration()
+            && !(gap <= touch && rate.abs() <= slow)
+        {
+            let time = time_to_plane(gap, rate, of.normal.dot(acceleration));
+            return time.map_or(Prediction::NEVER, |s| Prediction { at: start.after(s), happens: true });
+        }
+        let (to, goes_on) = Self::range(start, &[flight]);
+        let bound = a.motion.acceleration_bound(a.k);
+        let search = first_crossing(&f, &|_, _| bound, 0.0, to, touch, slow);
+        Prediction::from_search(search, start, to, goes_on)
+    }
+
+    /// When a slack string becomes taut.
+    pub fn predict_taut(&self, p: usize, from: Instant) -> Prediction {
+        let pendulum = &self.joints.pendulums[p];
+        if self.taut[p] || self.immovable(self.body[pendulum.bob]) {
+            return Prediction::NEVER;
+        }
+        let start = from.max(self.since(pendulum.bob));
+        let Some((flight, a)) = self.path(pendulum.bob, start) else { return Prediction::NEVER };
+        let (pivot, length) = (pendulum.pivot, pendulum.length);
+        // (l² − r²)/2l, since the distance itself has no bounded second derivative at the pivot.
+        let f = |s: f64| {
+            let (x, v) = a.state(s);
+            let r = x - pivot;
+            let distance = r.length();
+            ((length - distance) * (length + distance) / (2.0 * length), -r.dot(v) / length)
+        };
+        let slow = self.slow(a.state(0.0).1, DVec3::ZERO);
+        let acceleration = a.motion.acceleration_bound(a.k);
+        let bound = |s: f64, t: f64| {
+            let speed = a.motion.speed_bound(a.k, a.from + s, a.from + t);
+            speed * speed / length + acceleration
+        };
+        let (to, goes_on) = Self::range(start, &[flight]);
+        let search = first_crossing(&f, &bound, 0.0, to, self.touch(length), slow);
+        Prediction::from_search(search, start, to, goes_on)
+    }
+
+    /// When something watched of a flight falls to zero.
+    pub fn predict_watch(&self, flight: usize, index: usize, from: Instant) -> Prediction {
+        let Some(flight) = self.flights.get(&flight) else { return Prediction::NEVER };
+        let Some(what) = Self::watched(flight, index) else { return Prediction::NEVER };
+        let start = from.max(flight.start);
+        let offset = start.since(flight.start);
+        let f = |s: f64| flight.motion.watch(&flight.mechanism, what, offset + s);
+        let bound = flight.motion.watch_bound(&flight.mechanism, what);
+        let (to, goes_on) = Self::range(start, &[flight]);
+        let scale = match what {
+            Watched::Row(i) => {
+                let row = &flight.mechanism.rows[i];
+                let mass = |k: Option<usize>| k.map_or(0.0, |k| flight.mechanism.mass[k]);
+                let states = flight.states(flight.start);
+                (mass(row.a.body()) + mass(row.b.body())) * flight.mechanism.acceleration_scale(&states)
+            }
+            Watched::Coil(i) => flight.mechanism.coils[i].natural_length,
+        };
+        let touch = NO_FORCE * scale;
+        // Slopes that take it through the touch in no less than a hundred ranges are none.
+        let slow = 0.01 * touch / to.min(1e300);
+        let search = first_crossing(&f, &|_, _| bound, 0.0, to, touch, slow);
+        Prediction::from_search(search, start, to, goes_on)
+    }
+
+    /// The n-th thing that is watched of a flight.
+    pub fn watched(flight: &Flight, index: usize) -> Option<Watched> {
+        flight.motion.watched(&flight.mechanism).get(index).copied()
+    }
+
+    /// The prediction of a key.
+    pub fn predict(&self, key: Key, from: Instant) -> Prediction {
+        let prediction = match key {
+            Key::Pair(i, j) => self.predict_pair(i, j, from),
+            Key::Wall(i, wall) => self.predict_wall(i, wall, from),
+            Key::Taut(p) => self.predict_taut(p, from),
+            Key::Watch(flight, index) => self.predict_watch(flight, index, from),
+            Key::Renew(flight) => self
+                .flights
+                .get(&flight)
+                .map_or(Prediction::NEVER, |flight| Prediction { at: flight.end(), happens: true }),
+            Key::Settle(link) => self
+                .pending
+                .get(&link)
+                .map_or(Prediction::NEVER, |rest| Prediction { at: rest.end, happens: true }),
+        };
+        // Nothing waits for what rounding has put an ulp into the past.
+        Prediction { at: prediction.at.max(self.now), ..prediction }
+    }
+
+    /// All keys that are about these bodies and their flights.
+    pub fn keys_of(&self, bodies: &[usize]) -> Vec<Key> {
+        let mine = |i: usize| bodies.contains(&self.body[i]);
+        let n = self.count();
+        let mut keys = Vec::new();
+        for i in 0..n {
+            for j in i + 1..n {
+                if (mine(i) || mine(j)) && self.can_meet(i, j) {
+                    keys.push(Key::Pair(i, j));
+                }
+            }
+            if mine(i) {
+                keys.extend((0..self.system.walls.len()).map(|wall| Key::Wall(i, wall)));
+            }
+        }
+        for (p, pendulum) in self.joints.pendulums.iter().enumerate() {
+            if mine(pendulum.bob) {
+                keys.push(Key::Taut(p));
+            }
+        }
+        let mut homes: Vec<usize> = bodies.iter().map(|&body| self.home[body]).collect();
+        homes.sort_unstable();
+        homes.dedup();
+        for home in homes {
+            let Some(flight) = self.flights.get(&home) else { continue };
+            keys.extend(
+                (0..flight.motion.watched(&flight.mechanism).len()).map(|index| Key::Watch(home, index)),
+            );
+            keys.push(Key::Renew(home));
+        }
+        keys.extend(
+            self.pending
+                .keys()
+                .filter(|&&link| self.particles_of(link).into_iter().any(mine))
+                .map(|&link| Key::Settle(link)),
+        );
+        keys
+    }
+}

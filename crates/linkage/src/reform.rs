@@ -1,0 +1,344 @@
+//! Between two flights: bodies are taken out of theirs, and put into new ones, with what is in contact decided anew.
+
+use glam::DVec3;
+use haff_engine::{EventKind, EventRecord, Observer};
+
+use crate::{
+    error::LinkageError,
+    mechanism::{Link, Mechanism, Motions},
+    model::Tether,
+    motion::Motion,
+    world::{Flight, World},
+};
+
+/// Accelerations within this part of their scale are ties: a contact then stays closed.
+const TIE: f64 = 1e-12;
+/// Speeds below this part of the scene's are rest, if nothing pulls.
+const REST: f64 = 4e-15;
+
+impl World {
+    /// Takes the flights of these bodies apart, now; returns all their movable bodies, in order.
+    pub fn take(&mut self, bodies: &[usize], observer: &mut dyn Observer) -> Vec<usize> {
+        let mut taken = Vec::new();
+        for &body in bodies {
+            let Some(flight) = self.flights.remove(&self.home[body]) else { continue };
+            let before: Motions = (0..flight.bodies.len()).map(|k| flight.motion.state(k, 0.0)).collect();
+            let after = flight.states(self.now);
+            for (k, &body) in flight.bodies.iter().enumerate() {
+                self.anchor[body] = after[k];
+                if !self.immovable(body) {
+                    let (momentum, moment) = self.momentum_change(body, before[k], after[k]);
+                    self.book.add_momentum(momentum, moment);
+                    taken.push(body);
+                }
+            }
+            self.book.work.add(flight.motion.work(self.now.since(flight.start)));
+        }
+        taken.sort_unstable();
+        let ended: Vec<Link> = self
+            .pending
+            .keys()
+            .copied()
+            .filter(|&link| self.particles_of(link).iter().any(|&i| taken.contains(&self.body[i])))
+            .collect();
+        for link in ended {
+            self.settle(link, observer);
+        }
+        taken
+    }
+
+    /// What a body's momentum and angular momentum have gained between two states.
+    pub fn momentum_change(
+        &self,
+        body: usize,
+        before: (DVec3, DVec3),
+        after: (DVec3, DVec3),
+    ) -> (DVec3, DVec3) {
+        let (mut momentum, mut moment) = (DVec3::ZERO, DVec3::ZERO);
+        for i in self.members(body) {
+            let (p, q) = (before.1 * self.mass[i], after.1 * self.mass[i]);
+            if !self.mass[i].is_finite() {
+                continue;
+            }
+            momentum += q - p;
+            moment += (after.0 + self.offset[i]).cross(q) - (before.0 + self.offset[i]).cross(p);
+        }
+        (momentum, moment)
+    }
+
+    /// Books the end of a completed series of bounces.
+    pub fn settle(&mut self, link: Link, observer: &mut dyn Observer) {
+        let Some(rest) = self.pending.remove(&link) else { return };
+        self.book.counters.rests += 1;
+        self.book.dissipated.add(rest.energy_loss);
+        self.book.carnot.add(rest.carnot_energy);
+        let (kind, i, j, normal) = match link {
+            Link::Wall(i, w) => (EventKind::Rest, i, w, -self.system.walls[w].normal),
+            Link::Pair(i, j) => {
+                let r = self.state(j, self.now).0 - self.state(i, self.now).0;
+                (EventKind::Settle, i, j, r.normalize_or_zero())
+            }
+            Link::Tether(_) | Link::Rod(_) | Link::Impact => return,
+        };
+        if observer.wants_events() {
+            observer.event(&EventRecord {
+                time: self.now.time(),
+                kind,
+                i: i as u32,
+                j: j as u32,
+                approach_speed: rest.speed,
+                impulse: rest.impulse,
+                energy_loss: rest.energy_loss,
+                carnot_energy: rest.carnot_energy,
+                normal,
+                position: self.state(i, self.now).0 + normal * self.radius[i],
+            });
+        }
+    }
+
+    /// Reports the end of a link without impact.
+    pub fn report_end(&self, link: Link, observer: &mut dyn Observer) {
+        if !observer.wants_events() {
+            return;
+        }
+        let (kind, i, j, normal) = match link {
+            Link::Tether(p) => {
+                let pendulum = &self.joints.pendulums[p];
+                let r = self.state(pendulum.bob, self.now).0 - pendulum.pivot;
+                (EventKind::Slack, pendulum.bob, p, r.normalize_or_zero())
+            }
+            Link::Pair(i, j) => {
+                let r = self.state(j, self.now).0 - self.state(i, self.now).0;
+                (EventKind::Release, i, j, r.normalize_or_zero())
+            }
+            Link::Wall(i, w) => (EventKind::Lift, i, w, -self.system.walls[w].normal),
+            Link::Rod(_) | Link::Impact => return,
+        };
+        observer.event(&EventRecord {
+            time: self.now.time(),
+            kind,
+            i: i as u32,
+            j: j as u32,
+            approach_speed: 0.0,
+            impulse: 0.0,
+            energy_loss: 0.0,
+            carnot_energy: 0.0,
+            normal,
+            position: self.state(i, self.now).0 + normal * self.radius[i],
+        });
+    }
+
+    /// Links that could carry force, touching and at rest relative to each other; takes further bodies in where they touch.
+    fn candidates(
+        &mut self,
+        bodies: &mut Vec<usize>,
+        excluded: Option<Link>,
+        observer: &mut dyn Observer,
+    ) -> Vec<Link> {
+        loop {
+            let mut links: Vec<Link> = Vec::new();
+            let mut more = None;
+            let mine = |world: &Self, i: usize| bodies.contains(&world.body[i]);
+            for p in 0..self.joints.pendulums.len() {
+                let pendulum = &self.joints.pendulums[p];
+                let link = Link::Tether(p);
+                let (bob, body) = (pendulum.bob, self.body[pendulum.bob]);
+                if !mine(self, bob) || self.immovable(body) || excluded == Some(link) {
+                    continue;
+                }
+                let state = self.row(link, bodies, self.now).state(0.0, &self.anchors(bodies));
+                let slow = self.slow(self.anchor[body].1, DVec3::ZERO);
+                if pendulum.tether == Tether::Rod
+                    || (state.gap <= self.touch(pendulum.length) && state.rate.abs() <= slow)
+                {
+                    links.push(link);
+                }
+            }
+            links.extend(self.standing_links(bodies).into_iter().filter(|link| matches!(link, Link::Rod(_))));
+            for i in 0..self.count() {
+                for j in i + 1..self.count() {
+                    let link = Link::Pair(i, j);
+                    if !(mine(self, i) || mine(self, j)) || excluded == Some(link) || !self.can_meet(i, j) {
+                        continue;
+                    }
+                    let ((x, v), (y, w)) = (self.state(i, self.now), self.state(j, self.now));
+                    let sigma = self.contact_distance(i, j);
+                    let r = y - x;
+                    let distance = r.length();
+                    // Points in contact lie where rounding puts them: only their closed contacts are candidates.
+                    let point = self.radius[i] + self.radius[j] == 0.0;
+                    if distance - sigma > self.touch(sigma) || (point && !self.closed.contains_key(&link)) {
+                        continue;
+                    }
+                    let direction = match self.closed.get(&link) {
+                        Some(axis) if *axis != DVec3::ZERO => *axis,
+                        _ => r / distance,
+                    };
+                    if direction.dot(w - v).abs() > self.slow(v, w) {
+                        continue;
+                    }
+                    links.push(link);
+                    for k in [i, j] {
+                        if !mine(self, k) && !self.immovable(self.body[k]) {
+                            more = Some(self.body[k]);
+                        }
+                    }
+                }
+                for wall in 0..self.system.walls.len() {
+                    let link = Link::Wall(i, wall);
+                    if !mine(self, i) || excluded == Some(link) {
+                        continue;
+                    }
+                    let (x, v) = self.state(i, self.now);
+                    let of = &self.system.walls[wall];
+                    let gap = of.normal.dot(x - self.wall_point(wall, self.now)) - self.radius[i];
+                    let rate = of.normal.dot(v - of.velocity);
+                    if gap <= self.touch(self.radius[i]) && rate.abs() <= self.slow(v, of.velocity) {
+                        links.push(link);
+                    }
+                }
+            }
+            match more {
+                None => return links,
+                Some(body) => {
+                    let more = self.take(&[body], observer);
+                    bodies.extend(more);
+                    bodies.sort_unstable();
+                    bodies.dedup();
+                }
+            }
+        }
+    }
+
+    /// Puts bodies that were [taken](Self::take) into new flights, and reports links that let go. `excluded`: a link that
+    /// has just let go. Returns all bodies that have new flights.
+    pub fn reform(
+        &mut self,
+        mut bodies: Vec<usize>,
+        excluded: Option<Link>,
+        observer: &mut dyn Observer,
+    ) -> Result<Vec<usize>, LinkageError> {
+        if let Some(link) = excluded {
+            self.open(link);
+        }
+        let candidates = self.candidates(&mut bodies, excluded, observer);
+        // What moves apart, or towards an impact that follows at once, is not in contact.
+        let mine = |world: &Self, i: usize| bodies.contains(&world.body[i]);
+        let lost: Vec<Link> = self
+            .closed
+            .keys()
+            .copied()
+            .chain((0..self.taut.len()).filter(|&p| self.taut[p]).map(Link::Tether))
+            .filter(|&link| {
+                self.particles_of(link).iter().any(|&i| mine(self, i)) && !candidates.contains(&link)
+            })
+            .collect();
+        for link in lost {
+            self.open(link);
+            if matches!(link, Link::Tether(_)) {
+                self.report_end(link, observer);
+            }
+        }
+        let mut active_links = Vec::new();
+        for part in self.parts(&bodies, &candidates) {
+            let links = self.links_of(&part, &candidates);
+            let mechanism = self.mechanism(&part, &links, self.now);
+            let states = self.anchors(&part);
+            let tolerance = TIE * mechanism.acceleration_scale(&states);
+            let (active, _, _) = mechanism.active_rows(&states, tolerance);
+            for (row, active) in mechanism.rows.iter().zip(active) {
+                if active {
+                    active_links.push(row.link);
+                    self.close(row.link);
+                } else if self.open(row.link) {
+                    self.report_end(row.link, observer);
+                }
+            }
+        }
+        for part in self.parts(&bodies, &active_links) {
+            let links = self.links_of(&part, &active_links);
+            let mechanism = self.mechanism(&part, &links, self.now);
+            let states = self.rested(&mechanism, self.anchors(&part));
+            self.launch(part, mechanism, &states, 0.0)?;
+        }
+        Ok(bodies)
+    }
+
+    /// Of these links those that hold one of the bodies.
+    fn links_of(&self, part: &[usize], links: &[Link]) -> Vec<Link> {
+        let mut of: Vec<Link> = links
+            .iter()
+            .copied()
+            .filter(|&link| self.particles_of(link).iter().any(|&i| part.contains(&self.body[i])))
+            .collect();
+        of.sort_unstable();
+        of
+    }
+
+    /// Bodies that are as good as at rest, in balance, are at rest.
+    fn rested(&self, mechanism: &Mechanism, states: Motions) -> Motions {
+        if states.iter().any(|(_, v)| v.length() > REST * self.speed) {
+            return states;
+        }
+        let rest: Motions = states.iter().map(|(x, _)| (*x, DVec3::ZERO)).collect();
+        match Motion::still(mechanism, &rest) {
+            Some(_) => rest,
+            None => states,
+        }
+    }
+
+    /// Starts a flight now.
+    pub fn launch(
+        &mut self,
+        bodies: Vec<usize>,
+        mechanism: Mechanism,
+        states: &Motions,
+        hint: f64,
+    ) -> Result<(), LinkageError> {
+        for (&body, state) in bodies.iter().zip(states) {
+            self.anchor[body] = *state;
+            self.home[body] = bodies[0];
+        }
+        let motion = Motion::new(&mechanism, states, hint)
+            .ok_or(LinkageError::Singular { time: self.now.time(), particle: bodies[0] })?;
+        self.flights.insert(bodies[0], Flight { start: self.now, bodies, mechanism, motion, hint });
+        Ok(())
+    }
+
+    /// Puts an immovable body on its way.
+    pub fn launch_immovable(&mut self, body: usize) {
+        let (position, velocity) = self.anchor[body];
+        let motion = Motion::Ballistic { position, velocity, acceleration: DVec3::ZERO, power: 0.0 };
+        self.home[body] = body;
+        self.flights.insert(
+            body,
+            Flight {
+                start: self.now,
+                bodies: vec![body],
+                mechanism: Mechanism::default(),
+                motion,
+                hint: 0.0,
+            },
+        );
+    }
+
+    /// Marks a link as carrying force.
+    fn close(&mut self, link: Link) {
+        match link {
+            Link::Tether(p) => self.taut[p] = true,
+            Link::Pair(..) | Link::Wall(..) => {
+                self.closed.entry(link).or_insert(DVec3::ZERO);
+            }
+            Link::Rod(_) | Link::Impact => {}
+        }
+    }
+
+    /// Marks a link as free; whether it was not.
+    pub fn open(&mut self, link: Link) -> bool {
+        match link {
+            Link::Tether(p) => std::mem::replace(&mut self.taut[p], false),
+            Link::Pair(..) | Link::Wall(..) => self.closed.remove(&link).is_some(),
+            Link::Rod(_) | Link::Impact => false,
+        }
+    }
+}

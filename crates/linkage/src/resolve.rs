@@ -1,0 +1,360 @@
+//! Impacts: the laws of physics.md 4, with every rod and taut string answering.
+
+use glam::DVec3;
+use haff_engine::{EventKind, EventRecord, Observer, model::Restitution};
+use haff_mechanics::{Impact, impact};
+
+use crate::{
+    error::LinkageError,
+    linear,
+    mechanism::{End, Link, Mechanism, Motions, Row, RowState, Shape},
+    world::{Law, Pending, World},
+};
+
+/// A bounce that would rise by less than this part of the contact's size is the first of a completed series.
+const REST_HEIGHT: f64 = 1e-13;
+
+/// Velocities within this part of the approach speed are none in an impact.
+const SQUARE: f64 = 1e-13;
+
+/// What an impact did.
+struct Outcome {
+    impact: Impact,
+    /// Velocity change per impulse at the contact, n·M⁻¹·n of both sides [1/mass].
+    lambda: f64,
+}
+
+impl World {
+    /// The mechanism of bodies in an impact: rods, and strings that are taut.
+    fn impact_mechanism(&self, bodies: &[usize]) -> Mechanism {
+        let links = self.standing_links(bodies);
+        self.mechanism(bodies, &links, self.now)
+    }
+
+    /// Impact of particles i and j.
+    pub fn strike_pair(
+        &mut self,
+        i: usize,
+        j: usize,
+        observer: &mut dyn Observer,
+    ) -> Result<Vec<usize>, LinkageError> {
+        let bodies = self.take(&[self.body[i], self.body[j]], observer);
+        let ((x, v), (y, w)) = (self.state(i, self.now), self.state(j, self.now));
+        let point = self.radius[i] + self.radius[j] == 0.0;
+        // Two points meet along their relative velocity.
+        let normal = if point { (v - w).normalize_or_zero() } else { (y - x).normalize_or_zero() };
+        let law = self.pair_law(i, j);
+        self.book.counters.collisions += 1;
+        if law == Law::Stick {
+            return self.stick(i, j, normal, bodies, observer);
+        }
+        let Law::Bounce(restitution) = law else { return self.reform(bodies, None, observer) };
+        let link = Link::Pair(i, j);
+        let e = self.restitution_at(restitution, (v - w).dot(normal), self.contact_distance(i, j));
+        let mut mechanism = self.impact_mechanism(&bodies);
+        let mut row = self.row(link, &bodies, self.now);
+        if point {
+            row.shape = Shape::Along(normal, normal.dot(y - x));
+        }
+        row.link = Link::Impact;
+        let Some(outcome) = self.strike(&bodies, &mut mechanism, row, e) else {
+            return self.reform(bodies, None, observer);
+        };
+        self.record(EventKind::Collision, i, j, &outcome.impact, normal, observer);
+        if point && e == 0.0 {
+            self.closed.insert(link, normal);
+        }
+        let size = self.contact_distance(i, j);
+        self.complete_series(&bodies, &mechanism, row, link, e, &outcome, size);
+        self.reform(bodies, None, observer)
+    }
+
+    /// Impact of a particle on a wall.
+    pub fn strike_wall(
+        &mut self,
+        i: usize,
+        wall: usize,
+        observer: &mut dyn Observer,
+    ) -> Result<Vec<usize>, LinkageError> {
+        let bodies = self.take(&[self.body[i]], observer);
+        let of = &self.system.walls[wall];
+        let (normal, velocity) = (-of.normal, of.velocity);
+        let approach = (self.state(i, self.now).1 - velocity).dot(normal);
+        let e = self.restitution_at(self.wall_law(i, wall), approach, self.radius[i]);
+        let link = Link::Wall(i, wall);
+        let mut mechanism = self.impact_mechanism(&bodies);
+        let mut row = self.row(link, &bodies, self.now);
+        row.link = Link::Impact;
+        self.book.counters.wall_collisions += 1;
+        if let Some(outcome) = self.strike(&bodies, &mut mechanism, row, e) {
+            self.record(EventKind::Wall, i, wall, &outcome.impact, normal, observer);
+            let size = if self.radius[i] > 0.0 { self.radius[i] } else { self.length };
+            self.complete_series(&bodies, &mechanism, row, link, e, &outcome, size);
+        }
+        self.reform(bodies, None, observer)
+    }
+
+    /// Restitution at an approach speed. In gravity, inelastic bodies that are too slow to rise visibly do not bounce: so a heap,
+    /// of which no contact stands alone, comes to rest.
+    fn restitution_at(&self, law: Restitution, approach: f64, size: f64) -> f64 {
+        let e = law.coefficient(approach);
+        let size = if size > 0.0 { size } else { self.length };
+        let slow = approach * approach <= 2.0 * self.system.domain.gravity.length() * REST_HEIGHT * size;
+        if slow && e < 1.0 { 0.0 } else { e }
+    }
+
+    /// A string becomes taut: the velocity along it is lost.
+    pub fn catch(&mut self, p: usize, observer: &mut dyn Observer) -> Result<Vec<usize>, LinkageError> {
+        let bob = self.joints.pendulums[p].bob;
+        let bodies = self.take(&[self.body[bob]], observer);
+        let mut mechanism = self.impact_mechanism(&bodies);
+        let mut row = self.row(Link::Tether(p), &bodies, self.now);
+        row.link = Link::Impact;
+        let normal = -row.state(0.0, &self.anchors(&bodies)).direction;
+        if let Some(outcome) = self.strike(&bodies, &mut mechanism, row, 0.0) {
+            self.record(EventKind::Taut, bob, p, &outcome.impact, normal, observer);
+        }
+        self.taut[p] = true;
+        self.reform(bodies, None, observer)
+    }
+
+    /// Gives the impulse along `row` to the bodies: J = (1 + e) v_n/Λ, while rods and taut strings answer and strings that
+    /// would have to push go slack. `None` if nothing approaches or nothing gives way.
+    fn strike(&mut self, bodies: &[usize], mechanism: &mut Mechanism, row: Row, e: f64) -> Option<Outcome> {
+        mechanism.rows.push(row);
+        let contact = mechanism.rows.len() - 1;
+        let mut states = self.anchors(bodies);
+        let rows = mechanism.row_states(0.0, &states);
+        let approach = -rows[contact].rate;
+        let matrix = mechanism.compliance(&rows);
+        let mut q = vec![0.0; rows.len()];
+        q[contact] = -(1.0 + e) * approach;
+        let one_sided: Vec<bool> =
+            mechanism.rows.iter().map(|row| row.unilateral && row.link != Link::Impact).collect();
+        // The normal is as uncertain as the places are rounded, over the distance of the centers; within that a string
+        // that is hit squarely stays taut.
+        let size = match row.shape {
+            Shape::Distance(length) => length,
+            Shape::Along(..) => self.length,
+        };
+        let farthest = states.iter().map(|(x, _)| x.length()).fold(self.length, f64::max);
+        let tolerance = approach.abs() * (SQUARE + 16.0 * f64::EPSILON * farthest / size);
+        let (mut impulses, active) = linear::complementarity(&matrix, &q, &one_sided, tolerance);
+        let hit = impulses[contact];
+        if approach <= 0.0 || hit <= 0.0 || !hit.is_finite() {
+            mechanism.rows.pop();
+            return None;
+        }
+        let lambda = (1.0 + e) * approach / hit;
+        self.push(bodies, mechanism, &rows, &impulses, &mut states);
+        // Once more for what rounding has left, which has a preferred sign: v_n' = −e v_n, and the others not at all.
+        let after = mechanism.row_states(0.0, &states);
+        let rest: Vec<f64> = (0..after.len())
+            .map(|k| if k == contact { e * approach - after[k].rate } else { -after[k].rate })
+            .collect();
+        (impulses, _) = linear::solve(&matrix, &rest, &active);
+        self.push(bodies, mechanism, &rows, &impulses, &mut states);
+        for (&body, state) in bodies.iter().zip(&states) {
+            self.anchor[body] = *state;
+        }
+        let impact = impact(approach, e, lambda);
+        self.book.dissipated.add(impact.energy_loss);
+        self.book.carnot.add(impact.carnot_energy);
+        mechanism.rows.pop();
+        Some(Outcome { impact, lambda })
+    }
+
+    /// Applies impulses along rows to bodies and books what comes from outside.
+    fn push(
+        &mut self,
+        bodies: &[usize],
+        mechanism: &Mechanism,
+        rows: &[RowState],
+        impulses: &[f64],
+        states: &mut Motions,
+    ) {
+        let mut change = vec![DVec3::ZERO; bodies.len()];
+        mechanism.apply(rows, impulses, &mut change);
+        states.iter_mut().zip(&change).for_each(|(state, by)| state.1 += *by);
+        for ((row, state), &impulse) in mechanism.rows.iter().zip(rows).zip(impulses) {
+            let mut outside = |fixed: End, other: End, sign: f64| {
+                if let (End::Fixed(_, velocity), Some(_)) = (fixed, other.body()) {
+                    let push = state.direction * (sign * impulse);
+                    let at = other.state(0.0, states).0;
+                    self.book.add_impulse(at, push);
+                    self.book.work.add(push.dot(velocity));
+                }
+            };
+            outside(row.a, row.b, 1.0);
+            outside(row.b, row.a, -1.0);
+        }
+    }
+
+    /// The two move as one from now on.
+    fn stick(
+        &mut self,
+        i: usize,
+        j: usize,
+        normal: DVec3,
+        bodies: Vec<usize>,
+        observer: &mut dyn Observer,
+    ) -> Result<Vec<usize>, LinkageError> {
+        let mut mechanism = self.impact_mechanism(&bodies);
+        let held = mechanism.rows.len();
+        let of = self.row(Link::Pair(i, j), &bodies, self.now);
+        for axis in [DVec3::X, DVec3::Y, DVec3::Z] {
+            mechanism.rows.push(Row {
+                link: Link::Impact,
+                shape: Shape::Along(axis, 0.0),
+                unilateral: false,
+                ..of
+            });
+        }
+        let mut states = self.anchors(&bodies);
+        let rows = mechanism.row_states(0.0, &states);
+        let matrix = mechanism.compliance(&rows);
+        let relative = DVec3::new(rows[held].rate, rows[held + 1].rate, rows[held + 2].rate);
+        let q: Vec<f64> =
+            rows.iter().enumerate().map(|(k, row)| if k < held { 0.0 } else { row.rate }).collect();
+        let one_sided: Vec<bool> = mechanism.rows.iter().map(|row| row.unilateral).collect();
+        let (impulses, active) = linear::complementarity(&matrix, &q, &one_sided, SQUARE * relative.length());
+        self.push(&bodies, &mechanism, &rows, &impulses, &mut states);
+        let rest: Vec<f64> = mechanism.row_states(0.0, &states).iter().map(|row| -row.rate).collect();
+        let (correction, _) = linear::solve(&matrix, &rest, &active);
+        self.push(&bodies, &mechanism, &rows, &correction, &mut states);
+        for (&body, state) in bodies.iter().zip(&states) {
+            self.anchor[body] = *state;
+        }
+        let impulse = DVec3::from_slice(&impulses[held..]);
+        // Carnot's theorem for bodies that do not part, (2.32): ½ P·(w1 − w2), since no other row does work.
+        let loss = -0.5 * impulse.dot(relative);
+        self.book.dissipated.add(loss);
+        self.book.carnot.add(loss);
+        let impact = Impact {
+            approach_speed: -normal.dot(relative),
+            impulse: impulse.length(),
+            energy_loss: loss,
+            carnot_energy: loss,
+            ..Impact::default()
+        };
+        self.record(EventKind::Stick, i, j, &impact, normal, observer);
+        let bodies = self.merge(self.body[i], self.body[j], bodies);
+        self.reform(bodies, None, observer)
+    }
+
+    /// Makes one body of two; returns the movable bodies that remain.
+    fn merge(&mut self, a: usize, b: usize, mut bodies: Vec<usize>) -> Vec<usize> {
+        let (keep, gone) = (a.min(b), a.max(b));
+        let shift = self.anchor[gone].0 - self.anchor[keep].0;
+        let heavy = if self.body_mass[gone] > self.body_mass[keep] { gone } else { keep };
+        self.anchor[keep].1 = self.anchor[heavy].1;
+        for i in 0..self.count() {
+            if self.body[i] == gone {
+                self.body[i] = keep;
+                self.offset[i] += shift;
+            }
+        }
+        self.body_mass[keep] += self.body_mass[gone];
+        let inside: Vec<Link> = self
+            .closed
+            .keys()
+            .copied()
+            .filter(|&link| matches!(link, Link::Pair(i, j) if self.body[i] == self.body[j]))
+            .collect();
+        for link in inside {
+            self.closed.remove(&link);
+        }
+        bodies.retain(|&body| body != gone && body != keep);
+        self.flights.remove(&self.home[gone]);
+        if self.immovable(keep) {
+            // Another body of infinite mass may have flown on under either name.
+            self.flights.remove(&self.home[keep]);
+            self.launch_immovable(keep);
+        } else {
+            bodies.push(keep);
+        }
+        bodies.sort_unstable();
+        bodies
+    }
+
+    /// Completes a series of bounces too small to resolve: takes the last of the velocity, to be booked when the series
+    /// would have ended, 2u/(p (1 − e)) from now under the acceleration p that presses.
+    #[allow(clippy::too_many_arguments)]
+    fn complete_series(
+        &mut self,
+        bodies: &[usize],
+        held: &Mechanism,
+        row: Row,
+        link: Link,
+        e: f64,
+        outcome: &Outcome,
+        size: f64,
+    ) {
+        let speed = e * outcome.impact.approach_speed;
+        if e >= 1.0 || speed == 0.0 {
+            return;
+        }
+        // What presses: the acceleration along the contact while everything else holds.
+        let mut links: Vec<Link> = held.rows.iter().map(|row| row.link).collect();
+        let closed = self.closed.keys().copied().filter(|&other| {
+            other != link && self.particles_of(other).iter().any(|&i| bodies.contains(&self.body[i]))
+        });
+        links.extend(closed);
+        let mechanism = self.mechanism(bodies, &links, self.now);
+        let mut states = self.anchors(bodies);
+        let tolerance = 1e-12 * mechanism.acceleration_scale(&states);
+        let (_, a, _) = mechanism.active_rows(&states, tolerance);
+        let state = row.state(0.0, &states);
+        let press = -Mechanism::row_acceleration(&row, &state, &a);
+        if press <= tolerance || speed * speed > 2.0 * press * REST_HEIGHT * size {
+            return;
+        }
+        let mut held = held.clone();
+        held.rows.push(row);
+        let contact = held.rows.len() - 1;
+        let rows = held.row_states(0.0, &states);
+        let mut wanted = vec![0.0; rows.len()];
+        wanted[contact] = -rows[contact].rate;
+        let (impulses, _) = linear::solve(&held.compliance(&rows), &wanted, &vec![true; rows.len()]);
+        self.push(bodies, &held, &rows, &impulses, &mut states);
+        for (&body, state) in bodies.iter().zip(&states) {
+            self.anchor[body] = *state;
+        }
+        let energy = 0.5 * speed * speed / outcome.lambda;
+        let rest = Pending {
+            end: self.now.after(2.0 * speed / (press * (1.0 - e))),
+            speed,
+            impulse: (1.0 + e) * speed / (outcome.lambda * (1.0 - e)),
+            energy_loss: energy,
+            carnot_energy: energy * (1.0 + e) / (1.0 - e),
+        };
+        self.pending.insert(link, rest);
+    }
+
+    /// Reports an impact.
+    fn record(
+        &self,
+        kind: EventKind,
+        i: usize,
+        j: usize,
+        impact: &Impact,
+        normal: DVec3,
+        observer: &mut dyn Observer,
+    ) {
+        if !observer.wants_events() {
+            return;
+        }
+        observer.event(&EventRecord {
+            time: self.now.time(),
+            kind,
+            i: i as u32,
+            j: j as u32,
+            approach_speed: impact.approach_speed,
+            impulse: impact.impulse,
+            energy_loss: impact.energy_loss,
+            carnot_energy: impact.carnot_energy,
+            normal,
+            position: self.state(i, self.now).0 + normal * self.radius[i],
+        });
+    }
+}

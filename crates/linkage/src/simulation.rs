@@ -1,0 +1,459 @@
+//! A run: from event to event, with frames, samples and the ledger.
+
+use std::collections::BTreeMap;
+
+use glam::DVec3;
+use haff_engine::{Counters, Frame, Ledger, Observer, Sample, Stop, System, Until};
+use xxhash_rust::xxh3::Xxh3;
+
+use crate::{
+    check,
+    error::LinkageError,
+    instant::Instant,
+    mechanism::Link,
+    model::{Joints, Tether},
+    motion::{Motion, Watched},
+    predict::{Key, Prediction},
+    sum::Sum,
+    world::World,
+};
+
+/// Events without any progress of time after which an impact is given up.
+const COLLAPSE: u64 = 100_000;
+
+/// A running simulation of particles with joints.
+#[derive(Debug, Clone)]
+pub struct Simulation {
+    pub(crate) world: World,
+    pub(crate) predictions: BTreeMap<Key, Prediction>,
+    /// Time of the last progress, and events since.
+    stall: (Instant, u64),
+    pub(crate) stopped_at: Option<f64>,
+}
+
+/// Energies that a [`Ledger`] has as one.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Potential {
+    /// Of gravity \[energy\], zero at the origin.
+    pub gravity: f64,
+    /// Of all springs \[energy\], zero without force.
+    pub spring: f64,
+}
+
+impl Simulation {
+    /// Starts a simulation at time 0.
+    ///
+    /// The system must be valid as for [`haff_engine::Simulation::new`]. Bobs and ends of rods whose distance is right to
+    /// 10⁻⁹ are moved to where it is exact.
+    ///
+    /// # Errors
+    /// Joints that contradict each other or the system: see [`LinkageError`].
+    pub fn new(system: System, joints: Joints) -> Result<Self, LinkageError> {
+        check::check_elements(&system, &joints)?;
+        let (system, joints) = check::placed(system, joints)?;
+        let mut world = World::new(system, joints);
+        for p in 0..world.taut.len() {
+            let pendulum = &world.joints.pendulums[p];
+            world.taut[p] = pendulum.tether == Tether::Rod || !pendulum.slack;
+        }
+        let (gravity, spring) = world.potential(Instant::ZERO);
+        world.book.initial_potential = gravity + spring;
+        world.book.initial_kinetic = kinetic(&world, Instant::ZERO);
+        world.book.sampled_collisions = u64::MAX;
+        for body in 0..world.count() {
+            if world.immovable(body) {
+                world.launch_immovable(body);
+            }
+        }
+        let bodies: Vec<usize> = (0..world.count()).filter(|&body| !world.immovable(body)).collect();
+        // Strings that are not taut at once have been slack all the time.
+        world.reform(bodies, None, &mut haff_engine::Silent)?;
+        Ok(Self::of(world))
+    }
+
+    /// A simulation of a world in flight.
+    pub(crate) fn of(world: World) -> Self {
+        let mut simulation =
+            Self { stall: (world.now, 0), world, predictions: BTreeMap::new(), stopped_at: None };
+        let all: Vec<usize> = (0..simulation.world.count()).collect();
+        simulation.predict(&all);
+        simulation
+    }
+
+    /// Makes all predictions of these bodies anew.
+    fn predict(&mut self, bodies: &[usize]) {
+        let world = &self.world;
+        self.predictions.retain(|key, _| match *key {
+            Key::Pair(i, j) => !bodies.contains(&world.body[i]) && !bodies.contains(&world.body[j]),
+            Key::Wall(i, _) => !bodies.contains(&world.body[i]),
+            Key::Taut(p) => !bodies.contains(&world.body[world.joints.pendulums[p].bob]),
+            Key::Watch(flight, _) | Key::Renew(flight) => {
+                !bodies.contains(&flight) && world.flights.contains_key(&flight)
+            }
+            Key::Settle(link) => world.pending.contains_key(&link),
+        });
+        for key in self.world.keys_of(bodies) {
+            self.look(key, Instant::ZERO);
+        }
+    }
+
+    /// Makes one prediction, looking from `from` on.
+    fn look(&mut self, key: Key, from: Instant) {
+        self.world.book.counters.predictions += 1;
+        let prediction = self.world.predict(key, from);
+        if prediction.at == Instant::NEVER {
+            self.predictions.remove(&key);
+        } else {
+            self.predictions.insert(key, prediction);
+        }
+    }
+
+    /// Runs events until the first of the bounds, or until nothing will happen any more. An entry is an event, or a part of a
+    /// search.
+    ///
+    /// # Errors
+    /// [`LinkageError::Collapse`] and [`LinkageError::Singular`].
+    pub fn advance(&mut self, until: Until, observer: &mut dyn Observer) -> Result<Stop, LinkageError> {
+        self.stopped_at = None;
+        let target = Instant::at(until.time);
+        let mut entries = until.entries;
+        loop {
+            if self.world.book.counters.collisions >= until.collisions {
+                return Ok(Stop::Collisions);
+            }
+            let next = self.predictions.iter().min_by(|(k, p), (l, q)| {
+                p.at.partial_cmp(&q.at).unwrap_or(std::cmp::Ordering::Equal).then_with(|| k.cmp(l))
+            });
+            let Some((&key, &prediction)) = next else {
+                if until.time == f64::INFINITY {
+                    return Ok(Stop::Rest);
+                }
+                return Ok(self.stop_at(target));
+            };
+            if prediction.at > target {
+                return Ok(self.stop_at(target));
+            }
+            if entries == 0 {
+                return Ok(Stop::Slice);
+            }
+            entries -= 1;
+            self.world.now = prediction.at;
+            if !prediction.happens {
+                self.look(key, prediction.at);
+                continue;
+            }
+            self.watch_progress(key)?;
+            let changed = self.happen(key, observer)?;
+            self.predict(&changed);
+        }
+    }
+
+    fn stop_at(&mut self, target: Instant) -> Stop {
+        self.world.now = target.max(self.world.now);
+        self.stopped_at = Some(target.time());
+        if self.is_at_rest() { Stop::Rest } else { Stop::Time }
+    }
+
+    /// Whether nothing moves and nothing will.
+    fn is_at_rest(&self) -> bool {
+        self.predictions.is_empty()
+            && self.world.flights.values().all(|flight| match &flight.motion {
+                Motion::Still(_) => true,
+                Motion::Ballistic { velocity, acceleration, .. } => {
+                    *velocity == DVec3::ZERO && *acceleration == DVec3::ZERO
+                }
+                _ => false,
+            })
+    }
+
+    /// Gives up where infinitely many events share an instant.
+    fn watch_progress(&mut self, key: Key) -> Result<(), LinkageError> {
+        let now = self.world.now;
+        let resolution =
+            4.0 * f64::EPSILON * now.time() + 1e-15 * self.world.length / self.world.speed.max(1e-300);
+        if now.since(self.stall.0) > resolution {
+            self.stall = (now, 0);
+        }
+        self.stall.1 += 1;
+        if self.stall.1 < COLLAPSE {
+            return Ok(());
+        }
+        let particle = match key {
+            Key::Pair(i, _) | Key::Wall(i, _) => i,
+            Key::Taut(p) => self.world.joints.pendulums[p].bob,
+            Key::Watch(body, _) | Key::Renew(body) => body,
+            Key::Settle(link) => self.world.particles_of(link).first().copied().unwrap_or(0),
+        };
+        Err(LinkageError::Collapse { time: now.time(), events: COLLAPSE, particle })
+    }
+
+    /// Resolves an event; returns the bodies that have new flights.
+    fn happen(&mut self, key: Key, observer: &mut dyn Observer) -> Result<Vec<usize>, LinkageError> {
+        let world = &mut self.world;
+        match key {
+            Key::Pair(i, j) => {
+                // After a merger the partner's flight may have changed its name, too.
+                let mut changed = world.strike_pair(i, j, observer)?;
+                changed.push(world.body[i]);
+                Ok(changed)
+            }
+            Key::Wall(i, wall) => world.strike_wall(i, wall, observer),
+            Key::Taut(p) => world.catch(p, observer),
+            Key::Watch(home, index) => {
+                let Some(flight) = world.flights.get(&home) else { return Ok(Vec::new()) };
+                let link = match World::watched(flight, index) {
+                    Some(Watched::Row(row)) => Some(flight.mechanism.rows[row].link),
+                    Some(Watched::Coil(_)) | None => None,
+                };
+                let bodies = world.take(&[home], observer);
+                if let Some(link) = link {
+                    world.report_end(link, observer);
+                }
+                world.reform(bodies, link, observer)
+            }
+            Key::Renew(home) => {
+                let Some(flight) = world.flights.get(&home) else { return Ok(Vec::new()) };
+                let (end, hint) = match &flight.motion {
+                    Motion::Numeric(step) => (step.end.clone(), step.next),
+                    _ => return Ok(Vec::new()),
+                };
+                let links: Vec<Link> = flight.mechanism.rows.iter().map(|row| row.link).collect();
+                let pending = std::mem::take(&mut world.pending);
+                let bodies = world.take(&[home], observer);
+                world.pending = pending;
+                let mechanism = world.mechanism(&bodies, &links, world.now);
+                world.launch(bodies.clone(), mechanism, &end, hint)?;
+                Ok(bodies)
+            }
+            Key::Settle(link) => {
+                world.settle(link, observer);
+                self.predictions.remove(&key);
+                Ok(Vec::new())
+            }
+        }
+    }
+
+    /// Present simulated time [time].
+    pub fn time(&self) -> f64 {
+        self.stopped_at.unwrap_or_else(|| self.world.now.time())
+    }
+
+    /// All particles now, in the order of the system.
+    pub fn frame(&self) -> Frame {
+        let states = (0..self.world.count()).map(|i| self.world.state(i, self.world.now));
+        let (position, velocity) = states.unzip();
+        Frame {
+            time: self.time(),
+            step: self.step(),
+            position,
+            velocity,
+            image: vec![[0; 3]; self.world.count()],
+        }
+    }
+
+    fn step(&self) -> u64 {
+        let counters = &self.world.book.counters;
+        counters.collisions + counters.wall_collisions
+    }
+
+    /// Energies of gravity and springs now.
+    pub fn potential(&self) -> Potential {
+        let (gravity, spring) = self.world.potential(self.world.now);
+        Potential { gravity, spring }
+    }
+
+    /// Energies and their balance now; the potential is that of gravity and of the springs.
+    pub fn ledger(&self) -> Ledger {
+        let world = &self.world;
+        let now = world.now;
+        let kinetic = kinetic(world, now);
+        let (gravity, spring) = world.potential(now);
+        let mut work = world.book.work;
+        for flight in world.flights.values() {
+            work.add(flight.motion.work(now.since(flight.start)));
+        }
+        let dissipated = world.book.dissipated.value();
+        let terms = [
+            kinetic,
+            gravity,
+            spring,
+            -world.book.initial_kinetic,
+            -world.book.initial_potential,
+            dissipated,
+            -work.value(),
+        ];
+        let scale = terms.iter().fold(0.0, |scale: f64, term| scale.max(term.abs()));
+        let balance: Sum = terms.into_iter().collect();
+        Ledger {
+            kinetic,
+            potential: gravity + spring,
+            dissipated,
+            carnot: world.book.carnot.value(),
+            wall_work: work.value(),
+            residual: if scale > 0.0 { balance.value() / scale } else { 0.0 },
+        }
+    }
+
+    /// Impulse from outside (walls, pivots, fixed points and bodies, gravity) so far, and its moment about the origin
+    /// [mass·length/time], [mass·length²/time]: what (2.25) and (2.26) say that momentum and angular momentum have gained.
+    pub fn external_impulse(&self) -> (DVec3, DVec3) {
+        let world = &self.world;
+        let mut book = world.book;
+        for flight in world.flights.values() {
+            let states = flight.states(world.now);
+            for (k, &body) in flight.bodies.iter().enumerate() {
+                if !world.immovable(body) {
+                    let (momentum, moment) =
+                        world.momentum_change(body, flight.motion.state(k, 0.0), states[k]);
+                    book.add_momentum(momentum, moment);
+                }
+            }
+        }
+        (book.impulse(), book.moment())
+    }
+
+    /// One row of observables; the rates are those since the previous call. There is no pressure: a linkage is in open space.
+    pub fn sample(&mut self) -> Sample {
+        let time = self.time();
+        let ledger = self.ledger();
+        let (external_impulse, _) = self.external_impulse();
+        let world = &mut self.world;
+        let now = world.now;
+        let movable: Vec<usize> = (0..world.count()).filter(|&i| world.mass[i].is_finite()).collect();
+        let states: Vec<(DVec3, DVec3)> = movable.iter().map(|&i| world.state(i, now)).collect();
+        let mut momentum = [Sum::default(); 3];
+        let mut moment = [Sum::default(); 3];
+        let mut mass = 0.0;
+        for (&i, (x, v)) in movable.iter().zip(&states) {
+            let p = *v * world.mass[i];
+            let h = x.cross(p);
+            (0..3).for_each(|axis| {
+                momentum[axis].add(p[axis]);
+                moment[axis].add(h[axis]);
+            });
+            mass += world.mass[i];
+        }
+        let momentum = DVec3::from_array(momentum.map(|sum| sum.value()));
+        let drift = if mass > 0.0 { momentum / mass } else { DVec3::ZERO };
+        let d = world.system.dimension.count() as f64;
+        let temperature_of = |of: &dyn Fn(usize) -> bool| {
+            let mut sum = Sum::default();
+            let mut count = 0.0;
+            for (&i, (_, v)) in movable.iter().zip(&states).filter(|(i, _)| of(**i)) {
+                sum.add(world.mass[i] * (*v - drift).length_squared());
+                count += 1.0;
+            }
+            if count > 0.0 { sum.value() / (d * count) } else { f64::NAN }
+        };
+        let species_temperature = (0..world.system.species.len())
+            .map(|species| temperature_of(&|i| world.system.bodies[i].species as usize == species))
+            .collect();
+        let temperature = temperature_of(&|_| true);
+        let (mut second, mut fourth) = (0.0, 0.0);
+        for (_, v) in &states {
+            let u2 = (*v - drift).length_squared();
+            second += u2;
+            fourth += u2 * u2;
+        }
+        let n = movable.len() as f64;
+        let collisions = world.book.counters.collisions;
+        let first = world.book.sampled_collisions == u64::MAX;
+        let elapsed = time - world.book.sampled_at;
+        let new = collisions.wrapping_sub(world.book.sampled_collisions) as f64;
+        world.book.sampled_at = time;
+        world.book.sampled_collisions = collisions;
+        Sample {
+            time,
+            step: collisions + world.book.counters.wall_collisions,
+            ledger,
+            temperature,
+            species_temperature,
+            sonine_a2: if second > 0.0 {
+                d * (fourth / n) / ((d + 2.0) * (second / n).powi(2)) - 1.0
+            } else {
+                f64::NAN
+            },
+            pressure: None,
+            momentum,
+            external_impulse,
+            angular_momentum: Some(DVec3::from_array(moment.map(|sum| sum.value()))),
+            collisions,
+            wall_collisions: world.book.counters.wall_collisions,
+            collision_rate: if first { f64::NAN } else { new / elapsed },
+            mean_free_time: if first { f64::NAN } else { n * elapsed / (2.0 * new) },
+        }
+    }
+
+    /// Finds the deepest overlap now and keeps the largest for [`Self::max_overlap`].
+    pub fn measure_overlap(&mut self) {
+        let deepest = self.world.deepest_overlap();
+        self.world.book.max_overlap = self.world.book.max_overlap.max(deepest);
+    }
+
+    /// Largest overlap that [`Self::measure_overlap`] has found so far [contact distances]; particles on one rod or stuck together
+    /// do not count.
+    pub fn max_overlap(&self) -> f64 {
+        self.world.book.max_overlap
+    }
+
+    /// What has been done so far.
+    pub fn counters(&self) -> Counters {
+        self.world.book.counters
+    }
+
+    /// Hash of every particle's position and velocity now, as 32 hexadecimal digits.
+    pub fn state_hash(&self) -> String {
+        let mut hasher = Xxh3::new();
+        for i in 0..self.world.count() {
+            let (x, v) = self.world.state(i, self.world.now);
+            for number in x.to_array().into_iter().chain(v.to_array()) {
+                // −0 and 0 are the same place.
+                hasher.update(&(number + 0.0).to_bits().to_le_bytes());
+            }
+        }
+        format!("{:032x}", hasher.digest128())
+    }
+
+    /// Number of particles.
+    pub fn particles(&self) -> usize {
+        self.world.count()
+    }
+
+    /// The system that is simulated, at its start.
+    pub fn system(&self) -> &System {
+        &self.world.system
+    }
+
+    /// What joins its particles.
+    pub fn joints(&self) -> &Joints {
+        &self.world.joints
+    }
+
+    /// Whether the string or rod of a pendulum is taut now.
+    pub fn is_taut(&self, pendulum: usize) -> bool {
+        self.world.taut.get(pendulum).copied().unwrap_or(false)
+    }
+
+    /// Whether two particles are in persistent contact, or stuck together, now.
+    pub fn in_contact(&self, i: usize, j: usize) -> bool {
+        let (i, j) = (i.min(j), i.max(j));
+        self.world.closed.contains_key(&Link::Pair(i, j))
+            || (j < self.world.count() && self.world.body[i] == self.world.body[j])
+    }
+
+    /// What kind of flight a particle is on, in words: `free flight`, `pendulum`, `circle`, `rod`, `normal modes`, `rest` or
+    /// `numerical`.
+    pub fn flight_of(&self, particle: usize) -> Option<&'static str> {
+        let body = *self.world.body.get(particle)?;
+        Some(self.world.flights.get(&self.world.home[body])?.motion.name())
+    }
+}
+
+/// Kinetic energy of the particles of finite mass at an instant.
+fn kinetic(world: &World, at: Instant) -> f64 {
+    (0..world.count())
+        .filter(|&i| world.mass[i].is_finite())
+        .map(|i| 0.5 * world.mass[i] * world.state(i, at).1.length_squared())
+        .collect::<Sum>()
+        .value()
+}

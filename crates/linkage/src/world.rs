@@ -1,0 +1,440 @@
+//! The state: particles, the bodies they form, the flights of these, and what is in contact.
+
+use std::collections::{BTreeMap, BTreeSet};
+
+use glam::DVec3;
+use haff_engine::{System, model::Restitution};
+
+use crate::{
+    book::Book,
+    instant::Instant,
+    mechanism::{Coil, End, Link, Mechanism, Motions, Row, Shape},
+    model::{Joints, SpringEnd, Tether},
+    motion::Motion,
+};
+
+/// Two bodies count as touching within this part of the scene's length…
+const TOUCH: f64 = 2e-14;
+/// … and of their contact distance.
+const TOUCH_OWN: f64 = 1e-13;
+/// Relative speeds below this part of the bodies' own speeds are none…
+const SLOW: f64 = 1e-13;
+/// … nor those below this part of the scene's speed.
+const SLOW_SCENE: f64 = 1e-15;
+/// Contact distance of two points, as a part of the scene's length: what they may miss each other by.
+const POINT: f64 = 1e-12;
+
+/// Bodies that move together, from one event to the next.
+#[derive(Debug, Clone)]
+pub(crate) struct Flight {
+    pub start: Instant,
+    /// Bodies in the order of the mechanism.
+    pub bodies: Vec<usize>,
+    pub mechanism: Mechanism,
+    pub motion: Motion,
+    /// Step that a numerical motion began with; 0 for its first.
+    pub hint: f64,
+}
+
+impl Flight {
+    /// When it ends by itself.
+    pub fn end(&self) -> Instant {
+        self.start.after(self.motion.length())
+    }
+
+    /// States of its bodies.
+    pub fn states(&self, at: Instant) -> Motions {
+        let tau = at.since(self.start);
+        (0..self.bodies.len()).map(|k| self.motion.state(k, tau)).collect()
+    }
+}
+
+/// A completed series of bounces that has not ended yet.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(crate) struct Pending {
+    pub end: Instant,
+    pub speed: f64,
+    pub impulse: f64,
+    pub energy_loss: f64,
+    pub carnot_energy: f64,
+}
+
+/// The law of a contact.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(crate) enum Law {
+    Bounce(Restitution),
+    Stick,
+}
+
+/// Everything that changes in a run, and what it is about.
+#[derive(Debug, Clone)]
+pub(crate) struct World {
+    pub system: System,
+    pub joints: Joints,
+    pub mass: Vec<f64>,
+    pub radius: Vec<f64>,
+    pub group: Vec<usize>,
+    /// Body of every particle: the first particle that is part of it.
+    pub body: Vec<usize>,
+    /// Where on its body a particle sits \[length\].
+    pub offset: Vec<DVec3>,
+    /// By body: mass, and state at the start of its flight.
+    pub body_mass: Vec<f64>,
+    pub anchor: Motions,
+    /// By body: key of its flight, which is its first body.
+    pub home: Vec<usize>,
+    pub flights: BTreeMap<usize, Flight>,
+    /// By pendulum: whether it pulls, or could.
+    pub taut: Vec<bool>,
+    /// Persistent contacts; for points the direction in which they met.
+    pub closed: BTreeMap<Link, DVec3>,
+    pub pending: BTreeMap<Link, Pending>,
+    /// Pairs that never meet: those on one rod.
+    pub joined: BTreeSet<(usize, usize)>,
+    pub now: Instant,
+    /// The scene's length and speed, for tolerances.
+    pub length: f64,
+    pub speed: f64,
+    pub book: Book,
+}
+
+impl World {
+    /// Particles at their starting places, without flights.
+    pub fn new(system: System, joints: Joints) -> Self {
+        let n = system.bodies.len();
+        let class = |i: usize| system.classes[system.bodies[i].class as usize];
+        let mass: Vec<f64> = (0..n).map(|i| class(i).mass).collect();
+        let radius: Vec<f64> = (0..n).map(|i| class(i).radius).collect();
+        let group = (0..n).map(|i| class(i).group as usize).collect();
+        let anchor: Motions = system.bodies.iter().map(|body| (body.position, body.velocity)).collect();
+        let mut length = radius.iter().copied().fold(0.0, f64::max);
+        for (x, _) in &anchor {
+            length = length.max((*x - anchor[0].0).length());
+        }
+        let joint_lengths = joints
+            .pendulums
+            .iter()
+            .map(|pendulum| pendulum.length)
+            .chain(joints.rods.iter().map(|rod| rod.length))
+            .chain(joints.springs.iter().map(|spring| spring.natural_length));
+        length = joint_lengths.fold(length, f64::max);
+        let fastest = anchor.iter().map(|(_, v)| v.length()).fold(0.0, f64::max);
+        let mut speed = fastest + (system.domain.gravity.length() * length).sqrt();
+        for spring in &joints.springs {
+            let light = spring
+                .ends
+                .iter()
+                .filter_map(|end| if let SpringEnd::Particle(i) = end { Some(mass[*i]) } else { None })
+                .fold(f64::INFINITY, f64::min);
+            let state = |end: &SpringEnd| match *end {
+                SpringEnd::Particle(i) => anchor[i].0,
+                SpringEnd::Point(x) => x,
+            };
+            let stretch = (state(&spring.ends[0]) - state(&spring.ends[1])).length() - spring.natural_length;
+            speed += stretch.abs() * (spring.stiffness / light).sqrt();
+        }
+        let joined = joints
+            .rods
+            .iter()
+            .map(|rod| (rod.ends[0].min(rod.ends[1]), rod.ends[0].max(rod.ends[1])))
+            .collect();
+        Self {
+            body: (0..n).collect(),
+            offset: vec![DVec3::ZERO; n],
+            body_mass: mass.clone(),
+            anchor,
+            home: (0..n).collect(),
+            flights: BTreeMap::new(),
+            taut: vec![false; joints.pendulums.len()],
+            closed: BTreeMap::new(),
+            pending: BTreeMap::new(),
+            joined,
+            now: Instant::ZERO,
+            length: if length > 0.0 { length } else { 1.0 },
+            speed,
+            book: Book::default(),
+            mass,
+            radius,
+            group,
+            system,
+            joints,
+        }
+    }
+
+    /// Number of particles.
+    pub fn count(&self) -> usize {
+        self.mass.len()
+    }
+
+    /// Whether a body has infinite mass.
+    pub fn immovable(&self, body: usize) -> bool {
+        self.body_mass[body] == f64::INFINITY
+    }
+
+    /// State of a body, from its flight or, if it has none at the moment, from its anchor.
+    pub fn body_state(&self, body: usize, at: Instant) -> (DVec3, DVec3) {
+        match self.flights.get(&self.home[body]) {
+            Some(flight) => {
+                let k = flight.bodies.iter().position(|&b| b == body);
+                k.map_or(self.anchor[body], |k| flight.motion.state(k, at.since(flight.start)))
+            }
+            None => self.anchor[body],
+        }
+    }
+
+    /// State of a particle.
+    pub fn state(&self, particle: usize, at: Instant) -> (DVec3, DVec3) {
+        let (x, v) = self.body_state(self.body[particle], at);
+        (x + self.offset[particle], v)
+    }
+
+    /// Distance of two centers in contact.
+    pub fn contact_distance(&self, i: usize, j: usize) -> f64 {
+        let sigma = self.radius[i] + self.radius[j];
+        if sigma > 0.0 { sigma } else { POINT * self.length }
+    }
+
+    /// Gaps within this are none \[length\].
+    pub fn touch(&self, own: f64) -> f64 {
+        TOUCH * self.length + TOUCH_OWN * own
+    }
+
+    /// Relative speeds of bodies at these velocities within this are none [length/time].
+    pub fn slow(&self, v: DVec3, w: DVec3) -> f64 {
+        SLOW * (v.length() + w.length()) + SLOW_SCENE * self.speed
+    }
+
+    /// The law of a pair.
+    pub fn pair_law(&self, i: usize, j: usize) -> Law {
+        let (a, b) = (self.group[i], self.group[j]);
+        let sticks = self.joints.sticking.iter().any(|&[x, y]| {
+            let (x, y) = (x as usize, y as usize);
+            (x, y) == (a, b) || (y, x) == (a, b)
+        });
+        if sticks {
+            Law::Stick
+        } else {
+            Law::Bounce(self.system.contacts.pair[a * self.system.groups.len() + b])
+        }
+    }
+
+    /// The law of a particle with a wall.
+    pub fn wall_law(&self, i: usize, wall: usize) -> Restitution {
+        self.system.contacts.wall[self.group[i] * self.system.walls.len() + wall]
+    }
+
+    /// Whether two particles can meet.
+    pub fn can_meet(&self, i: usize, j: usize) -> bool {
+        let (a, b) = (self.body[i], self.body[j]);
+        a != b && !(self.immovable(a) && self.immovable(b)) && !self.joined.contains(&(i.min(j), i.max(j)))
+    }
+
+    /// A point of a wall at an instant.
+    pub fn wall_point(&self, wall: usize, at: Instant) -> DVec3 {
+        let wall = &self.system.walls[wall];
+        wall.point + wall.velocity * at.time()
+    }
+
+    /// Particles of a body.
+    pub fn members(&self, body: usize) -> impl Iterator<Item = usize> + '_ {
+        (0..self.count()).filter(move |&i| self.body[i] == body)
+    }
+
+    /// A particle as an end, for bodies numbered by their place in `bodies`, at an instant.
+    fn end(&self, particle: usize, bodies: &[usize], at: Instant) -> End {
+        let body = self.body[particle];
+        match bodies.iter().position(|&b| b == body) {
+            Some(k) if !self.immovable(body) => End::Body(k, self.offset[particle]),
+            _ => {
+                let (x, v) = self.state(particle, at);
+                End::Fixed(x, v)
+            }
+        }
+    }
+
+    /// The row of a link.
+    pub fn row(&self, link: Link, bodies: &[usize], at: Instant) -> Row {
+        match link {
+            Link::Tether(p) => {
+                let pendulum = &self.joints.pendulums[p];
+                let string = pendulum.tether == Tether::String;
+                Row {
+                    link,
+                    a: End::Fixed(pendulum.pivot, DVec3::ZERO),
+                    b: self.end(pendulum.bob, bodies, at),
+                    shape: Shape::Distance(pendulum.length),
+                    sign: if string { -1.0 } else { 1.0 },
+                    unilateral: string,
+                }
+            }
+            Link::Rod(r) => {
+                let rod = &self.joints.rods[r];
+                Row {
+                    link,
+                    a: self.end(rod.ends[0], bodies, at),
+                    b: self.end(rod.ends[1], bodies, at),
+                    shape: Shape::Distance(rod.length),
+                    sign: 1.0,
+                    unilateral: false,
+                }
+            }
+            Link::Pair(i, j) => Row {
+                link,
+                a: self.end(i, bodies, at),
+                b: self.end(j, bodies, at),
+                shape: match self.closed.get(&link) {
+                    Some(axis) if *axis != DVec3::ZERO => {
+                        Shape::Along(*axis, axis.dot(self.state(j, at).0 - self.state(i, at).0))
+                    }
+                    _ => Shape::Distance(self.contact_distance(i, j)),
+                },
+                sign: 1.0,
+                unilateral: true,
+            },
+            Link::Wall(i, w) => Row {
+                link,
+                a: End::Fixed(self.wall_point(w, at), self.system.walls[w].velocity),
+                b: self.end(i, bodies, at),
+                shape: Shape::Along(self.system.walls[w].normal, self.radius[i]),
+                sign: 1.0,
+                unilateral: true,
+            },
+            Link::Impact => unreachable!("an impact is no link of a flight"),
+        }
+    }
+
+    /// Particles of a link.
+    pub fn particles_of(&self, link: Link) -> Vec<usize> {
+        match link {
+            Link::Tether(p) => vec![self.joints.pendulums[p].bob],
+            Link::Rod(r) => self.joints.rods[r].ends.to_vec(),
+            Link::Pair(i, j) => vec![i, j],
+            Link::Wall(i, _) => vec![i],
+            Link::Impact => Vec::new(),
+        }
+    }
+
+    /// The mechanism of movable `bodies` with these links and their springs.
+    pub fn mechanism(&self, bodies: &[usize], links: &[Link], at: Instant) -> Mechanism {
+        let mut of = Mechanism {
+            mass: bodies.iter().map(|&b| self.body_mass[b]).collect(),
+            gravity: self.system.domain.gravity,
+            rows: Vec::new(),
+            coils: Vec::new(),
+        };
+        for &link in links {
+            let row = self.row(link, bodies, at);
+            // Ends that have become one body, or hold nothing that moves, are no constraint.
+            if row.a.body() != row.b.body() {
+                of.rows.push(row);
+            }
+        }
+        for spring in &self.joints.springs {
+            let [a, b] = spring.ends.map(|end| match end {
+                SpringEnd::Particle(i) => self.end(i, bodies, at),
+                SpringEnd::Point(x) => End::Fixed(x, DVec3::ZERO),
+            });
+            if a.body() != b.body() {
+                of.coils.push(Coil {
+                    a,
+                    b,
+                    stiffness: spring.stiffness,
+                    natural_length: spring.natural_length,
+                });
+            }
+        }
+        of
+    }
+
+    /// Two-sided links, and strings that are taut, that hold any of these bodies.
+    pub fn standing_links(&self, bodies: &[usize]) -> Vec<Link> {
+        let mine = |i: usize| bodies.contains(&self.body[i]) && !self.immovable(self.body[i]);
+        let tethers = (0..self.joints.pendulums.len())
+            .filter(|&p| mine(self.joints.pendulums[p].bob) && self.taut[p])
+            .map(Link::Tether);
+        let rods = (0..self.joints.rods.len())
+            .filter(|&r| self.joints.rods[r].ends.iter().any(|&i| mine(i)))
+            .map(Link::Rod);
+        tethers.chain(rods).collect()
+    }
+
+    /// States of bodies now, of which none is in flight.
+    pub fn anchors(&self, bodies: &[usize]) -> Motions {
+        bodies.iter().map(|&b| self.anchor[b]).collect()
+    }
+
+    /// Every flight's bodies are told apart by what couples them.
+    pub fn parts(&self, bodies: &[usize], links: &[Link]) -> Vec<Vec<usize>> {
+        let mut label: BTreeMap<usize, usize> = bodies.iter().map(|&b| (b, b)).collect();
+        let mut join = |i: usize, j: usize| {
+            let (a, b) = (self.body[i], self.body[j]);
+            if self.immovable(a) || self.immovable(b) {
+                return;
+            }
+            if let (Some(&from), Some(&to)) = (label.get(&a), label.get(&b)) {
+                let (from, to) = (from.max(to), from.min(to));
+                label.values_mut().filter(|l| **l == from).for_each(|l| *l = to);
+            }
+        };
+        for link in links {
+            if let [i, j] = self.particles_of(*link)[..] {
+                join(i, j);
+            }
+        }
+        for spring in &self.joints.springs {
+            if let [SpringEnd::Particle(i), SpringEnd::Particle(j)] = spring.ends {
+                join(i, j);
+            }
+        }
+        let mut parts: BTreeMap<usize, Vec<usize>> = BTreeMap::new();
+        for (&body, &first) in &label {
+            parts.entry(first).or_default().push(body);
+        }
+        parts.into_values().collect()
+    }
+
+    /// Deepest overlap now [contact distances, with walls radii], 0 without.
+    pub fn deepest_overlap(&self) -> f64 {
+        let n = self.count();
+        let states: Vec<DVec3> = (0..n).map(|i| self.state(i, self.now).0).collect();
+        let mut deepest = 0.0_f64;
+        for i in 0..n {
+            for j in i + 1..n {
+                if self.can_meet(i, j) && self.radius[i] + self.radius[j] > 0.0 {
+                    let sigma = self.contact_distance(i, j);
+                    deepest = deepest.max(1.0 - (states[j] - states[i]).length() / sigma);
+                }
+            }
+            for (w, wall) in self.system.walls.iter().enumerate() {
+                if self.radius[i] > 0.0 && !self.immovable(self.body[i]) {
+                    let gap = wall.normal.dot(states[i] - self.wall_point(w, self.now)) - self.radius[i];
+                    deepest = deepest.max(-gap / self.radius[i]);
+                }
+            }
+        }
+        deepest
+    }
+
+    /// Energy of gravity and of the springs at an instant.
+    pub fn potential(&self, at: Instant) -> (f64, f64) {
+        let g = self.system.domain.gravity;
+        let gravity: crate::sum::Sum = (0..self.count())
+            .filter(|&i| self.mass[i].is_finite())
+            .map(|i| -self.mass[i] * g.dot(self.state(i, at).0))
+            .collect();
+        let springs: crate::sum::Sum = self
+            .joints
+            .springs
+            .iter()
+            .map(|spring| {
+                let [a, b] = spring.ends.map(|end| match end {
+                    SpringEnd::Particle(i) => self.state(i, at).0,
+                    SpringEnd::Point(x) => x,
+                });
+                let stretch = (b - a).length() - spring.natural_length;
+                0.5 * spring.stiffness * stretch * stretch
+            })
+            .collect();
+        (gravity.value(), springs.value())
+    }
+}

@@ -1,0 +1,241 @@
+//! Pendulums, springs and rods: places that follow from their angles, and the joints themselves.
+
+use glam::DVec3;
+use haff_engine::System;
+use haff_linkage::{Joints, LinkageError, Pendulum, Rod, Spring, SpringEnd, Tether};
+
+use super::Builder;
+use super::values::{at, item, not_negative, positive};
+use crate::document::Path;
+use crate::joints::TetherConfig;
+
+/// A place written beside an angle agrees with it to this part of the length.
+const AGREES: f64 = 1e-9;
+
+impl Builder<'_> {
+    /// Whether the scene has anything that the plain engine does not know.
+    fn has_joints(&self) -> bool {
+        let config = &self.config;
+        config.pendulum.is_some()
+            || config.spring.is_some()
+            || config.rod.is_some()
+            || !self.sticking.is_empty()
+    }
+
+    /// Fills in the positions of particles that an angle places.
+    pub(super) fn place_by_angles(&mut self) {
+        let gravity =
+            self.config.domain.as_ref().and_then(|domain| domain.gravity.clone()).unwrap_or_default();
+        let vector = |values: &[f64]| {
+            DVec3::from_array(std::array::from_fn(|k| {
+                values.get(k).copied().filter(|x| x.is_finite()).unwrap_or(0.0)
+            }))
+        };
+        let lowest = if self.dimension.count() == 2 { DVec3::NEG_Y } else { DVec3::NEG_Z };
+        let gravity = vector(&gravity);
+        let down = if gravity == DVec3::ZERO { lowest } else { gravity / gravity.length() };
+        let aside = |axis: DVec3| axis - down * axis.dot(down);
+        let side = if aside(DVec3::X).length() > 1e-9 { aside(DVec3::X) } else { aside(DVec3::Y) };
+        let side = side / side.length();
+        for (k, pendulum) in self.config.pendulum.clone().unwrap_or_default().into_iter().enumerate() {
+            let Some(angle) = pendulum.angle else { continue };
+            let path = item("pendulum", k, "angle");
+            if !angle.is_finite() {
+                self.document.report(&path, "must be a finite number");
+                continue;
+            }
+            let Some(length) = pendulum.length else {
+                self.document
+                    .report_missing(&item("pendulum", k, "length"), "missing: an angle needs a length");
+                continue;
+            };
+            let (Some(pivot), Some(bob)) = (&pendulum.pivot, &pendulum.bob) else { continue };
+            let (sin, cos) = libm::sincos(angle);
+            let place = vector(pivot) + (down * cos + side * sin) * length;
+            self.place(bob, place, length, &path);
+        }
+        for (k, rod) in self.config.rod.clone().unwrap_or_default().into_iter().enumerate() {
+            let Some(angle) = rod.angle else { continue };
+            let path = item("rod", k, "angle");
+            if !angle.is_finite() {
+                self.document.report(&path, "must be a finite number");
+                continue;
+            }
+            let Some(length) = rod.length else {
+                self.document.report_missing(&item("rod", k, "length"), "missing: an angle needs a length");
+                continue;
+            };
+            let Some([first, second]) = rod.between.as_deref() else { continue };
+            let particles = self.config.particle.as_deref().unwrap_or_default();
+            let from = particles.iter().find(|particle| particle.name.as_ref() == Some(first));
+            let Some(from) = from.and_then(|particle| particle.position.as_ref()) else { continue };
+            let (sin, cos) = libm::sincos(angle);
+            let place = vector(from) + DVec3::new(cos, sin, 0.0) * length;
+            self.place(second, place, length, &path);
+        }
+    }
+
+    /// Gives a particle its place, or compares it with the one it has.
+    fn place(&mut self, name: &str, place: DVec3, length: f64, path: &[String]) {
+        let components = self.components(place);
+        let particles = self.config.particle.as_mut();
+        let Some(particle) = particles.and_then(|particles| {
+            particles.iter_mut().find(|particle| particle.name.as_deref() == Some(name))
+        }) else {
+            return;
+        };
+        match &particle.position {
+            None => particle.position = Some(components),
+            Some(given) => {
+                let apart = given.iter().zip(&components).map(|(x, y)| (x - y).powi(2)).sum::<f64>().sqrt();
+                if apart > AGREES * length {
+                    let message = format!(
+                        "puts \"{name}\" at {components:?}, its position says {given:?}: give one of the two, or the same"
+                    );
+                    self.document.report(path, message);
+                }
+            }
+        }
+    }
+
+    /// The row of the one particle of a name.
+    fn row_of(&mut self, path: &Path, name: &str, species: usize) -> Option<usize> {
+        let particles = self.config.particle.as_deref().unwrap_or_default();
+        let mut rows =
+            particles.iter().enumerate().filter(|(_, particle)| particle.name.as_deref() == Some(name));
+        match (rows.next(), rows.next()) {
+            (Some((row, _)), None) => return Some(species + row),
+            (Some(_), Some(_)) => {
+                let message = format!(
+                    "several particles are named \"{name}\": the one that is meant needs a name of its own"
+                );
+                self.document.report(path, message);
+            }
+            (None, _) => {
+                let known: Vec<&str> =
+                    particles.iter().filter_map(|particle| particle.name.as_deref()).collect();
+                let near = known
+                    .iter()
+                    .max_by(|x, y| strsim::jaro_winkler(x, name).total_cmp(&strsim::jaro_winkler(y, name)))
+                    .filter(|best| strsim::jaro_winkler(best, name) > 0.75)
+                    .map_or_else(String::new, |best| format!("; did you mean \"{best}\"?"));
+                let message =
+                    format!("no [[particle]] is named \"{name}\"{near} (known: {})", known.join(", "));
+                self.document.report(path, message);
+            }
+        }
+        None
+    }
+
+    /// The joints of the scene; `species`: number of particles before the first `[[particle]]`.
+    pub(super) fn joints(&mut self, species: usize, position: &dyn Fn(usize) -> DVec3) -> Joints {
+        let mut joints = Joints { sticking: self.sticking.clone(), ..Joints::default() };
+        for (k, config) in self.config.pendulum.clone().unwrap_or_default().into_iter().enumerate() {
+            let path = |key: &str| item("pendulum", k, key);
+            let Some(pivot) = &config.pivot else {
+                self.document.report_missing(&path("pivot"), "missing: the point that it hangs from");
+                continue;
+            };
+            let pivot = self.vector(&path("pivot"), pivot);
+            let Some(bob) = &config.bob else {
+                self.document
+                    .report_missing(&path("bob"), "missing: the name of the particle that hangs on it");
+                continue;
+            };
+            let Some(bob) = self.row_of(&path("bob"), bob, species) else { continue };
+            let length = config.length.unwrap_or_else(|| (position(bob) - pivot).length());
+            if !positive(&mut self.document, &path("length"), length) {
+                continue;
+            }
+            joints.pendulums.push(Pendulum {
+                name: config.name.clone().unwrap_or_else(|| format!("pendulum.{k}")),
+                pivot,
+                length,
+                bob,
+                tether: match config.tether.unwrap_or(TetherConfig::String) {
+                    TetherConfig::String => Tether::String,
+                    TetherConfig::Rod => Tether::Rod,
+                },
+                slack: config.slack.unwrap_or(false),
+            });
+        }
+        for (k, config) in self.config.spring.clone().unwrap_or_default().into_iter().enumerate() {
+            let path = |key: &str| item("spring", k, key);
+            let names = config.between.clone().unwrap_or_default();
+            let expected = if config.point.is_some() { 1 } else { 2 };
+            if names.len() != expected {
+                let message = "must have two names, or one beside point";
+                self.document.report_missing(&path("between"), message);
+                continue;
+            }
+            let mut ends = Vec::new();
+            for name in &names {
+                ends.extend(self.row_of(&path("between"), name, species).map(SpringEnd::Particle));
+            }
+            if let Some(point) = &config.point {
+                ends.push(SpringEnd::Point(self.vector(&path("point"), point)));
+            }
+            let Some(stiffness) = config.stiffness else {
+                self.document.report_missing(&path("stiffness"), "missing: force per length");
+                continue;
+            };
+            let sound = positive(&mut self.document, &path("stiffness"), stiffness);
+            let (Ok(ends), true) = (<[SpringEnd; 2]>::try_from(ends), sound) else { continue };
+            let place = |end: SpringEnd| match end {
+                SpringEnd::Particle(row) => position(row),
+                SpringEnd::Point(point) => point,
+            };
+            let natural_length = config.length.unwrap_or_else(|| (place(ends[1]) - place(ends[0])).length());
+            if !not_negative(&mut self.document, &path("length"), natural_length) {
+                continue;
+            }
+            let name = config.name.clone().unwrap_or_else(|| format!("spring.{k}"));
+            joints.springs.push(Spring { name, ends, stiffness, natural_length });
+        }
+        for (k, config) in self.config.rod.clone().unwrap_or_default().into_iter().enumerate() {
+            let path = |key: &str| item("rod", k, key);
+            let names = config.between.clone().unwrap_or_default();
+            if names.len() != 2 {
+                self.document.report_missing(&path("between"), "must have the names of two particles");
+                continue;
+            }
+            let ends: Vec<usize> =
+                names.iter().filter_map(|name| self.row_of(&path("between"), name, species)).collect();
+            let Ok(ends) = <[usize; 2]>::try_from(ends) else { continue };
+            let length = config.length.unwrap_or_else(|| (position(ends[1]) - position(ends[0])).length());
+            if !positive(&mut self.document, &path("length"), length) {
+                continue;
+            }
+            let name = config.name.clone().unwrap_or_else(|| format!("rod.{k}"));
+            joints.rods.push(Rod { name, ends, length });
+        }
+        joints
+    }
+
+    /// Whether the joints fit together and fit the system.
+    pub(super) fn check_joints(&mut self, system: &System, joints: &Joints) {
+        if !self.has_joints() {
+            return;
+        }
+        let Err(error) = haff_linkage::check(system, joints) else { return };
+        let path = match &error {
+            LinkageError::Parameter { element, index, key, .. } => item(element, *index, key),
+            LinkageError::Distance { element, index, .. } => item(element, *index, "length"),
+            LinkageError::NoParticle { element, index, .. }
+            | LinkageError::Ends { element, index, .. }
+            | LinkageError::Stretching { element, index, .. }
+            | LinkageError::OverConstrained { element, index } => item(element, *index, ""),
+            LinkageError::Twice(..) => at(["contact", "pair"]),
+            LinkageError::Unsupported(_)
+            | LinkageError::Collapse { .. }
+            | LinkageError::Singular { .. }
+            | LinkageError::Checkpoint(_) => Vec::new(),
+        };
+        let one_key = matches!(error, LinkageError::Parameter { .. } | LinkageError::Distance { .. });
+        if one_key && self.document.get_is_some(&path) {
+            self.document.report(&path, error.to_string());
+        } else {
+            self.document.report_missing(&path, error.to_string());
+        }
+    }
+}
