@@ -132,13 +132,11 @@ impl Builder<'_> {
         let mut joints = Joints { sticking: self.sticking.clone(), ..Joints::default() };
         for (k, config) in self.config.pendulum.clone().unwrap_or_default().into_iter().enumerate() {
             let path = |key: &str| item("pendulum", k, key);
-            let pivot = match &config.pivot {
-                Some(pivot) => self.vector(&path("pivot"), pivot),
-                None => {
-                    self.document.report_missing(&path("pivot"), "missing: the point that it hangs from");
-                    continue;
-                }
+            let Some(pivot) = &config.pivot else {
+                self.document.report_missing(&path("pivot"), "missing: the point that it hangs from");
+                continue;
             };
+            let pivot = self.vector(&path("pivot"), pivot);
             let Some(bob) = &config.bob else {
                 self.document
                     .report_missing(&path("bob"), "missing: the name of the particle that hangs on it");
