@@ -95,6 +95,8 @@ pub(crate) struct Windows<F> {
     tileable: bool,
     untiled: u32,
     penalty: u32,
+    /// Collisions until the window began.
+    collisions: u64,
     /// When the window began [ticks], and its length [time].
     begin: i64,
     step: f64,
@@ -184,6 +186,7 @@ impl<F: Features> Windows<F> {
             tileable: tiled::is_tileable(system),
             untiled: 0,
             penalty: 1,
+            collisions: 0,
             begin: 0,
             step: 0.0,
             spacing: libm::pow(volume / count.max(1) as f64, 1.0 / f64::from(dimension)),

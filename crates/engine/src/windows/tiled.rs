@@ -27,8 +27,10 @@ use crate::{
     resolve,
 };
 
-/// Tiles are worth while from this many particles on.
+/// Tiles are worth while from this many particles on…
 const LARGE: usize = 200_000;
+/// …and up to so many: what has happened in a window takes a hundred bytes a particle, more than a very large system has to spare.
+const VERY_LARGE: usize = 800_000;
 /// After a window that had to be taken again, the next is taken in the order of time; after each further one, twice as many, up to this.
 const LONGEST_PENALTY: u32 = 64;
 /// A window has at most so many times as many events as contacts are known at its start.
@@ -60,10 +62,12 @@ impl<F: Features> Windows<F> {
         let large = LARGE;
         #[cfg(test)]
         let large = tests::LARGE.get();
-        // There are fewer collisions than contacts known at the start, as far as the window before tells.
-        let expected = self.found.entries.len() as u64;
+        // As many as in the window before, and a quarter more, or as many as contacts were known at its start.
+        let collisions = state.book.counters.collisions;
+        let before = collisions - std::mem::replace(&mut self.collisions, collisions).min(collisions);
+        let expected = (before + before / 4).max(self.found.entries.len() as u64);
         if !self.tileable
-            || self.space.records.len() < large
+            || !(large..=VERY_LARGE).contains(&self.space.records.len())
             || limit.ticks <= self.space.end
             || limit.collisions.saturating_sub(state.book.counters.collisions) <= expected
         {
