@@ -44,12 +44,14 @@ struct Latest {
     count: u32,
 }
 
-/// What an entry of the agenda, void by its counts, turns out to be.
+/// What an entry of the agenda turns out to be.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum Standing {
-    /// Void indeed: somebody's path had ended before.
+    /// Both are on the paths that it was made for.
+    Due,
+    /// Somebody's path had ended before.
     Void,
-    /// Both paths were in force: somebody has gone on too early.
+    /// Both paths were in force, but somebody has gone on too early.
     Missed,
     /// Something else happened in the same tick.
     Tie,
@@ -67,9 +69,6 @@ pub(super) struct History {
     pub events: Vec<Happened>,
     /// Events that are not void.
     pub valid: usize,
-    /// How often something has been put right so far, and how many windows have been taken back as a whole.
-    pub put_right: u64,
-    pub undone: u64,
 }
 
 impl History {
@@ -205,7 +204,6 @@ impl History {
         self.past.clear();
         self.events.clear();
         self.valid = 0;
-        self.undone += 1;
     }
 }
 

@@ -135,17 +135,16 @@ impl<F: Features> Windows<F> {
             self.prefetch_soon(&state.world);
             let Kind::Collision(j) = entry.target.kind() else { return Err(Untileable) };
             let pair = [entry.owner.min(j), entry.owner.max(j)];
-            if !self.is_due(&state.world, &entry, pair)? {
-                state.book.counters.dropped += 1;
-                continue;
+            match self.standing(&state.world, &entry, pair) {
+                Standing::Due => self.collide::<VECTORS>(&mut state.world, pair, entry.time, rows)?,
+                Standing::Void => state.book.counters.dropped += 1,
+                Standing::Missed => {
+                    // Somebody has gone on too early: back, and the same contact is found anew.
+                    let back = pair.map(|id| (self.slot_of[id as usize], entry.time, false));
+                    self.put_right(&mut state.world, back.to_vec())?;
+                }
+                Standing::Tie => return Err(Untileable),
             }
-            if !Self::is_in_force(&state.world, &entry, pair) {
-                // Somebody has gone on too early: back, and the same contact is found anew.
-                let back = pair.map(|id| (self.slot_of[id as usize], entry.time, false));
-                self.put_right(&mut state.world, back.to_vec())?;
-                continue;
-            }
-            self.collide::<VECTORS>(&mut state.world, pair, entry.time, rows)?;
             if self.history.events.len() > most || self.history.valid as u64 >= room {
                 return Err(Untileable);
             }
@@ -153,41 +152,23 @@ impl<F: Features> Windows<F> {
         Ok(())
     }
 
-    /// Counts of the two of an entry, as the entry has them and as they are.
+    /// Whether what an entry announces happens now.
     #[inline(always)]
-    fn counts(world: &World, entry: &Entry, pair: [u32; 2]) -> [[u32; 2]; 2] {
-        let counts = if entry.owner == pair[0] {
-            [entry.own_count, entry.partner_count]
-        } else {
-            [entry.partner_count, entry.own_count]
-        };
-        [counts, pair.map(|id| world.particles[id as usize].count)]
-    }
-
-    /// Whether both of an entry are on the paths that it was made for.
-    #[inline(always)]
-    fn is_in_force(world: &World, entry: &Entry, pair: [u32; 2]) -> bool {
-        let [counts, now] = Self::counts(world, entry, pair);
-        counts == now
-    }
-
-    /// Whether what an entry announces happens: if not now, then because somebody has gone on too early.
-    #[inline(always)]
-    fn is_due(&self, world: &World, entry: &Entry, pair: [u32; 2]) -> Result<bool, Untileable> {
-        let [counts, now] = Self::counts(world, entry, pair);
+    fn standing(&self, world: &World, entry: &Entry, pair: [u32; 2]) -> Standing {
+        let mut counts = [entry.own_count, entry.partner_count];
+        if entry.owner != pair[0] {
+            counts.reverse();
+        }
+        let particles = pair.map(|id| &world.particles[id as usize]);
+        let now = particles.map(|particle| particle.count);
         if counts == now {
-            return Ok(true);
+            return Standing::Due;
         }
-        let slots = pair.map(|id| self.slot_of[id as usize]);
         // The common case, told by the anchors alone: whoever has changed did so before.
-        if (0..2).any(|k| counts[k] != now[k] && world.particles[pair[k] as usize].time < entry.time) {
-            return Ok(false);
+        if (0..2).any(|k| counts[k] != now[k] && particles[k].time < entry.time) {
+            return Standing::Void;
         }
-        match self.history.standing(entry.time, pair, slots, counts, now) {
-            Standing::Void => Ok(false),
-            Standing::Missed => Ok(true),
-            Standing::Tie => Err(Untileable),
-        }
+        self.history.standing(entry.time, pair, pair.map(|id| self.slot_of[id as usize]), counts, now)
     }
 
     /// Takes a collision, files it, and enters what follows from it.
@@ -281,7 +262,6 @@ impl<F: Features> Windows<F> {
     #[cold]
     #[inline(never)]
     fn put_right(&mut self, world: &mut World, mut back: Vec<TakeBack>) -> Result<(), Untileable> {
-        self.history.put_right += 1;
         let mut again: Vec<u32> = Vec::new();
         loop {
             while let Some((slot, time, inclusive)) = back.pop() {
@@ -291,10 +271,12 @@ impl<F: Features> Windows<F> {
                     again.push(slot);
                 }
             }
-            // All of them first: each is to be found where it is now.
-            let probes: Vec<Probe> = again.iter().map(|&slot| self.restore(world, slot)).collect();
-            let (Some(slot), Some(&probe)) = (again.pop(), probes.last()) else { return Ok(()) };
-            debug_assert_eq!(slot, probe.slot);
+            let Some(slot) = again.pop() else { return Ok(()) };
+            // The others, too: each is to be found where it is now.
+            for &other in &again {
+                self.restore(world, other);
+            }
+            let probe = self.restore(world, slot);
             // There are so few of these that the portable filter will do.
             back = self.search::<1, false>(world, &[probe])?;
         }

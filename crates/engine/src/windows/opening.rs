@@ -1,0 +1,200 @@
+//! How windows are opened: streaming, registration and the batch phase, on all cores.
+
+use haff_neighbors::{Axis, roomy};
+use rayon::prelude::*;
+
+use super::{
+    NEAREST, Windows,
+    cells::Cells,
+    filter::{BEFORE, FARTHEST, NEAR, Record, Scratch, margin},
+    space::{Found, Space, TASK},
+    tune::Work,
+};
+use crate::{
+    batch::Kernel,
+    machine::{Features, Limit, State},
+    particles::World,
+};
+
+/// Windows after which the streamed copies are made from the anchors again, at most and at least.
+const MOST_WINDOWS: u64 = 16;
+const LEAST_WINDOWS: u64 = 3;
+/// Searches that a trial of the tuner takes, so that its counts mean something.
+const TRIAL: u64 = 200_000;
+/// A particle may become this much faster than the fastest before the window has to be cut short.
+const HEADROOM: f64 = 1.5;
+/// Longest window [ticks].
+const LONGEST: f64 = (1_u64 << 59) as f64;
+
+impl<F: Features> Windows<F> {
+    /// Starts a window at the present, from the anchors.
+    pub(super) fn start_afresh(&mut self, world: &World) {
+        let count = world.particles.len();
+        let [path, width] = self.tuner.values;
+        if self.width != width {
+            self.width = width;
+            self.space.cells = Cells::new(&self.geometry, width * self.spacing);
+        }
+        // By blocks, so that the sum does not depend on the number of threads.
+        let blocks: Vec<(f64, f64)> = world
+            .particles
+            .par_chunks(TASK)
+            .map(|block| {
+                let squares = block.iter().map(|particle| particle.velocity.length_squared());
+                squares.fold((0.0, 0.0), |(sum, most), square| (sum + square, f64::max(most, square)))
+            })
+            .collect();
+        let (sum, most) = blocks
+            .into_iter()
+            .fold((0.0, 0.0), |(sum, most), block| (sum + block.0, f64::max(most, block.1)));
+        let (mean, fastest) = ((sum / count.max(1) as f64).sqrt(), most.sqrt());
+        // Two particles come apart at twice the speed of one.
+        let contact = 2.0 * self.least;
+        let widest = 2.0 * self.geometry.radius * f64::from(margin(FARTHEST));
+        let farthest = (0..3)
+            .map(|axis| match self.geometry.axes[axis] {
+                Axis::Periodic => 0.5 * (NEAREST * self.geometry.size[axis] - widest),
+                // There the range of coordinates is the limit.
+                Axis::Bounded | Axis::Open => NEAREST * self.geometry.size[axis],
+                Axis::Flat => f64::INFINITY,
+            })
+            .fold(FARTHEST * contact, f64::min);
+        let longest = farthest / (HEADROOM * fastest);
+        let step = (path * self.spacing / mean).min(longest);
+        // Without motion any window will do.
+        let ticks = (step * world.clock.per_time).clamp(1.0, LONGEST) as i64;
+        self.begin = world.now;
+        self.space.end = self.begin + ticks;
+        self.step = ticks as f64 * world.clock.tick;
+        self.path = mean * self.step / self.spacing;
+        // No further than somebody is likely to go: single precision rounds long ways more.
+        let farthest = farthest.min((HEADROOM * fastest * self.step).max(NEAR * contact));
+        self.farthest = farthest as f32;
+        let margin = margin(farthest / contact);
+        self.space.common_radius = self.least as f32 * margin;
+        self.fill(world, margin);
+        self.opened = 0;
+        self.last_window = (TRIAL / count.max(1) as u64).clamp(LEAST_WINDOWS, MOST_WINDOWS);
+    }
+
+    /// Fills the slots, in the order of their cells, from the anchors.
+    fn fill(&mut self, world: &World, margin: f32) {
+        let count = world.particles.len();
+        let Space { cells, records, lowest, rows, ids, anchors, .. } = &mut self.space;
+        let (axes, step) = (cells.axes, self.step);
+        let record = |i: u32| {
+            let (position, velocity) = world.flight::<F>(i, world.now);
+            let p = position.to_array();
+            Record {
+                x: [0, 1, 2].map(|axis| axes.coordinate(axis, p[axis])),
+                radius: world.class(i).radius as f32 * margin,
+                v: velocity.to_array().map(|v| (v * step) as f32),
+                since: BEFORE,
+            }
+        };
+        // First the cell of every particle, then its slot.
+        self.slot_of.par_iter_mut().enumerate().for_each(|(i, cell)| *cell = cells.home(record(i as u32).x));
+        let mut place = vec![0_u32; cells.len() + 1];
+        for &cell in &self.slot_of {
+            place[cell as usize + 1] += 1;
+        }
+        for cell in 1..place.len() {
+            place[cell] += place[cell - 1];
+        }
+        ids.resize(count, 0);
+        for (i, slot) in self.slot_of.iter_mut().enumerate() {
+            let place = &mut place[*slot as usize];
+            *slot = *place;
+            *place += 1;
+            ids[*slot as usize] = i as u32;
+        }
+        // By now the place of a cell is where the next begins.
+        let across = cells.axes.n[0] as usize;
+        rows.clear();
+        rows.push(0);
+        rows.extend(place[..cells.len()].chunks_exact(across).map(|row| row[across - 1]));
+        lowest.resize(count, 0);
+        if records.is_empty() && count > 0 {
+            (*records, *anchors) = (roomy(count), roomy(count));
+            records.resize(count, Record::default());
+            anchors.resize(count, world.particles[0]);
+        }
+        records.par_iter_mut().zip(anchors).zip(&*ids).for_each(|((slot, anchor), &i)| {
+            *slot = record(i);
+            *anchor = world.particles[i as usize];
+        });
+    }
+
+    /// Starts the next window.
+    pub(super) fn next_window(&mut self, state: &mut State, limit: &Limit) {
+        state.world.now = self.space.end;
+        self.opened += 1;
+        if self.opened >= self.last_window {
+            let work = self.scratch.work;
+            self.tuner.judge(&work.since(&self.judged), self.path * self.opened as f64);
+            self.judged = work;
+            self.start_afresh(&state.world);
+        } else {
+            let ticks = self.space.end - self.begin;
+            self.begin = self.space.end;
+            self.space.end += ticks;
+            self.space.stream(self.kernel);
+        }
+        self.space.tiles = self.choose_tiles(state, limit);
+        self.open(&state.world);
+    }
+
+    /// Opens the window.
+    pub(super) fn open(&mut self, world: &World) {
+        match self.kernel {
+            Kernel::Portable => self.look_ahead::<false>(world),
+            #[cfg(target_arch = "x86_64")]
+            // SAFETY: `Kernel::Avx2` is made by `Kernel::choose` alone, after it has found the features.
+            Kernel::Avx2 => unsafe { self.look_ahead_avx2(world) },
+        }
+    }
+
+    /// The batch phase: all contacts of the window, as things stand.
+    #[inline(always)]
+    fn look_ahead<const VECTORS: bool>(&mut self, world: &World) {
+        self.space.register_all(self.kernel);
+        let mut found = std::mem::take(&mut self.found);
+        found.clear();
+        let strips = self.space.strips();
+        if rayon::current_num_threads() == 1 || self.space.records.len() < 2 * TASK {
+            for slots in strips {
+                self.space.scan::<VECTORS>(world, slots, &mut self.scratch, &mut found);
+            }
+        } else {
+            let (space, kernel) = (&self.space, self.kernel);
+            let parts: Vec<(Found, Work)> = strips
+                .into_par_iter()
+                .map_init(Scratch::new, |scratch, slots| {
+                    let mut found = Found::default();
+                    scratch.work = Work::default();
+                    space.scan_anywhere(kernel, world, slots, scratch, &mut found);
+                    (found, scratch.work)
+                })
+                .collect();
+            for (part, work) in parts {
+                found.append(part);
+                self.scratch.work.add(&work);
+            }
+        }
+        self.scratch.work.windows += 1;
+        self.scratch.work.entries += found.entries.len() as u64;
+        match self.space.tiles.count() {
+            1 => self.agenda.open(self.begin, self.space.end, &found.entries),
+            tiles => {
+                self.agenda.open_in_tiles(self.begin, self.space.end, &found.entries, tiles, &found.tiles);
+            }
+        }
+        self.found = found;
+    }
+
+    #[cfg(target_arch = "x86_64")]
+    #[target_feature(enable = "avx2,fma,bmi1,bmi2,lzcnt,popcnt")]
+    fn look_ahead_avx2(&mut self, world: &World) {
+        self.look_ahead::<true>(world);
+    }
+}
