@@ -14,7 +14,9 @@ from importlib.metadata import PackageNotFoundError, version
 
 from . import analysis, theory
 from .errors import FileError, HaffError, MissingDataError, NotApplicableError
-from .reader import Box, Events, File, Frame, Frames, open
+from .events import Events
+from .frames import Box, Frame, Frames
+from .reader import File, open
 
 try:
     __version__ = version("haff")

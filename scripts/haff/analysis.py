@@ -14,7 +14,8 @@ from . import theory
 from .errors import NotApplicableError
 
 if TYPE_CHECKING:
-    from .reader import File, Frame
+    from .frames import Frame
+    from .reader import File
 
 __all__ = [
     "CoolingLaw",

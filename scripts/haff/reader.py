@@ -7,18 +7,21 @@ the last frame, sample and event that is complete: where columns differ in lengt
 from __future__ import annotations
 
 import os
-from collections.abc import Iterator, Sequence
 from functools import cached_property
 from pathlib import Path
 from types import TracebackType
-from typing import TYPE_CHECKING, Any, overload
+from typing import TYPE_CHECKING, Any
 
 import h5py
 import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
+from . import observables
 from .errors import FileError, MissingDataError
+from .events import Events
+from .frames import Box, Frames
+from .layout import Array
 
 if TYPE_CHECKING:
     import MDAnalysis
@@ -29,10 +32,7 @@ try:
 except ModuleNotFoundError:  # Python 3.10
     import tomli as tomllib  # type: ignore[no-redef]
 
-__all__ = ["Box", "Events", "File", "Frame", "Frames", "open"]
-
-AXES = ("x", "y", "z")
-Array = NDArray[Any]
+__all__ = ["File", "open"]
 
 
 def open(path: str | os.PathLike[str], *, locking: bool | None = None) -> File:
@@ -60,295 +60,6 @@ def open(path: str | os.PathLike[str], *, locking: bool | None = None) -> File:
     ...         print(frame.time, frame.velocity.std(axis=0))
     """
     return File(path, locking=locking)
-
-
-class Box:
-    """The simulation box [0, L) per axis.
-
-    Attributes
-    ----------
-    size : ``[3]`` edge lengths L [length]; a placeholder along open axes
-    boundary : per axis ``"periodic"``, ``"wall"`` or ``"open"``
-    dimension : 2 or 3
-    """
-
-    def __init__(self, size: Array, boundary: Sequence[str], dimension: int) -> None:
-        self.size = np.asarray(size, float)
-        self.boundary = tuple(boundary)
-        self.dimension = dimension
-
-    @property
-    def periodic(self) -> NDArray[np.bool_]:
-        """``[3]``, true where the axis is periodic."""
-        return np.array([b == "periodic" for b in self.boundary])
-
-    @property
-    def fully_periodic(self) -> bool:
-        """Whether every axis that particles move along is periodic."""
-        return bool(self.periodic[: self.dimension].all())
-
-    @property
-    def volume(self) -> float:
-        """Volume [length³], or area [length²] in 2D."""
-        return float(np.prod(self.size[: self.dimension]))
-
-    def __repr__(self) -> str:
-        sides = " × ".join(f"{s:g} ({b})" for s, b in zip(self.size[: self.dimension], self.boundary))
-        return f"Box({self.dimension}D, {sides})"
-
-
-def _complete(time: h5py.Dataset, length: int) -> int:
-    """Rows that are there: a flush cut short by a kill may leave rows without a time at the end."""
-    while length > 0 and np.isnan(time[length - 1]):
-        length -= 1
-    return length
-
-
-class Frame:
-    """All particles at one time; arrays are read on first use and then kept.
-
-    Rows are particles in the order of the scene.
-    """
-
-    def __init__(self, frames: Frames, row: int) -> None:
-        self._frames = frames
-        self._row = row
-
-    @property
-    def file(self) -> File:
-        """The file that this frame belongs to."""
-        return self._frames._file
-
-    @property
-    def index(self) -> int:
-        """Row of the frame in the file."""
-        return self._row
-
-    @cached_property
-    def time(self) -> float:
-        """Simulated time [time]."""
-        return float(self._frames._group["position/time"][self._row])
-
-    @cached_property
-    def step(self) -> int:
-        """Collisions and wall collisions so far."""
-        return int(self._frames._group["position/step"][self._row])
-
-    @cached_property
-    def position(self) -> NDArray[np.float64]:
-        """``[N, 3]`` centres [length], within [0, L) along periodic axes; z = 0 in 2D."""
-        return self._read("position")
-
-    @cached_property
-    def velocity(self) -> NDArray[np.float64]:
-        """``[N, 3]`` velocities [length/time]; z = 0 in 2D."""
-        return self._read("velocity")
-
-    @cached_property
-    def image(self) -> NDArray[np.int32]:
-        """``[N, 3]`` how often each particle has left through the periodic faces (upper +1, lower −1)."""
-        return self._read("image")
-
-    @property
-    def unwrapped(self) -> NDArray[np.float64]:
-        """``[N, 3]`` positions that do not jump at periodic faces, position + image · L [length]."""
-        return self.position + self.image * np.where(self.box.periodic, self.box.size, 0.0)
-
-    @property
-    def box(self) -> Box:
-        """The simulation box."""
-        return self.file.box
-
-    @property
-    def mass(self) -> NDArray[np.float64]:
-        """``[N]`` masses; infinite for fixed and driven bodies."""
-        return self.file.mass
-
-    @property
-    def radius(self) -> NDArray[np.float64]:
-        """``[N]`` radii [length]."""
-        return self.file.radius
-
-    @property
-    def species(self) -> NDArray[np.int64]:
-        """``[N]`` species indices."""
-        return self.file.species
-
-    def _read(self, name: str) -> Array:
-        return self._frames._dataset(name)[self._row]
-
-    def __repr__(self) -> str:
-        return f"<Frame {self._row}: t = {self.time:g}, step = {self.step}, N = {len(self.mass)}>"
-
-
-class Frames(Sequence["Frame"]):
-    """The trajectory: a lazy sequence of :class:`Frame`. Slices are sequences too."""
-
-    def __init__(self, file: File, rows: range | None = None) -> None:
-        self._file = file
-        try:
-            self._group: h5py.Group = file.hdf["particles/all"]
-            self._dataset("position")
-        except KeyError:
-            raise MissingDataError(f"{file.path}: no frames (output.frames = false in the scene)") from None
-        if rows is None:
-            names = [n for n in ("position", "velocity", "image") if n in self._group]
-            columns = [f"{n}/{part}" for n in names for part in ("value", "step", "time")]
-            length = min(self._group[c].shape[0] for c in columns if c in self._group)
-            rows = range(_complete(self._group["position/time"], length))
-        self._rows = rows
-
-    def _dataset(self, name: str) -> h5py.Dataset:
-        return self._group[f"{name}/value"]
-
-    def _take(self, dataset: h5py.Dataset) -> Array:
-        # h5py wants increasing selections: read the span, then stride in memory.
-        if not self._rows:
-            return dataset[:0]
-        low, high = min(self._rows[0], self._rows[-1]), max(self._rows[0], self._rows[-1])
-        if self._rows.step > 0:
-            return dataset[low : high + 1 : self._rows.step]
-        return dataset[low : high + 1][np.array(self._rows) - low]
-
-    @property
-    def time(self) -> NDArray[np.float64]:
-        """``[F]`` times of the frames [time]."""
-        return self._take(self._group["position/time"])
-
-    @property
-    def step(self) -> NDArray[np.int64]:
-        """``[F]`` events before each frame."""
-        return self._take(self._group["position/step"])
-
-    def array(self, name: str) -> Array:
-        """All frames of one quantity at once, ``[F, N, 3]``.
-
-        ``name`` is ``"position"``, ``"velocity"``, ``"image"`` or ``"unwrapped"``.
-        """
-        if name == "unwrapped":
-            box = self._file.box
-            return self.array("position") + self.array("image") * np.where(box.periodic, box.size, 0.0)
-        return self._take(self._dataset(name))
-
-    def __len__(self) -> int:
-        return len(self._rows)
-
-    @overload
-    def __getitem__(self, key: int) -> Frame: ...
-    @overload
-    def __getitem__(self, key: slice) -> Frames: ...
-    def __getitem__(self, key: int | slice) -> Frame | Frames:
-        if isinstance(key, slice):
-            return Frames(self._file, self._rows[key])
-        try:
-            return Frame(self, self._rows[key])
-        except IndexError:
-            raise IndexError(f"frame {key} of {len(self)}") from None
-
-    def __iter__(self) -> Iterator[Frame]:
-        return (Frame(self, row) for row in self._rows)
-
-    def __repr__(self) -> str:
-        if not self:
-            return "<Frames: none>"
-        return f"<Frames: {len(self)}, t = {self[0].time:g} … {self[-1].time:g}>"
-
-
-class Events:
-    """The event log, one row per event, read column by column or piece by piece.
-
-    ``len(events)``, ``events["energy_loss"]`` (NumPy), ``events[a:b]`` and ``events.chunks()`` (pandas) read
-    only what they name. Vector columns become ``normal_x``, ``normal_y``, … in data frames. A scene may ask for
-    some columns only (``output.events = { columns = […] }``); the others raise :class:`MissingDataError`.
-    """
-
-    def __init__(self, file: File) -> None:
-        self._file = file
-        group = file.hdf.get("events")
-        if not isinstance(group, h5py.Group) or "time" not in group:
-            raise MissingDataError(f"{file.path}: no event log (set output.events = true in the scene)")
-        self._group = group
-        self._columns = [n for n in _EVENT_COLUMNS if n in group]
-        self._columns += [n for n in group if n not in self._columns and isinstance(group[n], h5py.Dataset)]
-        length = min((group[n].shape[0] for n in self._columns), default=0)
-        self._length = _complete(group["time"], length)
-
-    @property
-    def columns(self) -> list[str]:
-        """Names of the recorded columns."""
-        return list(self._columns)
-
-    @cached_property
-    def kinds(self) -> dict[int, str]:
-        """Meaning of the codes of column ``kind``."""
-        names = h5py.check_enum_dtype(self._group["kind"].dtype) if "kind" in self._group else None
-        return {code: name for name, code in sorted((names or {}).items(), key=lambda item: item[1])}
-
-    def __len__(self) -> int:
-        return self._length
-
-    @overload
-    def __getitem__(self, key: str) -> Array: ...
-    @overload
-    def __getitem__(self, key: slice) -> pd.DataFrame: ...
-    def __getitem__(self, key: str | slice) -> Array | pd.DataFrame:
-        if isinstance(key, str):
-            self._require(key)
-            return self._group[key][: self._length]
-        start, stop, step = key.indices(self._length)
-        if step != 1:
-            return self.to_pandas().iloc[key]
-        return self._read(start, stop, self._columns)
-
-    def to_pandas(self, columns: Sequence[str] | None = None) -> pd.DataFrame:
-        """The whole log, or some columns of it, as a data frame; ``kind`` is a categorical."""
-        return self._read(0, self._length, self._columns if columns is None else list(columns))
-
-    def chunks(self, size: int = 1_000_000, columns: Sequence[str] | None = None) -> Iterator[pd.DataFrame]:
-        """Data frames of up to ``size`` rows, in order: for logs larger than memory."""
-        names = self._columns if columns is None else list(columns)
-        for start in range(0, self._length, size):
-            yield self._read(start, min(start + size, self._length), names)
-
-    def _require(self, name: str) -> None:
-        if name in self._columns:
-            return
-        found = ", ".join(self._columns)
-        if name in _EVENT_COLUMNS:
-            raise MissingDataError(
-                f"{self._file.path}: the event log lacks {name!r}: the scene asked for {found} (output.events)"
-            )
-        raise KeyError(f"no event column {name!r}; there are {found}")
-
-    def _read(self, start: int, stop: int, names: Sequence[str]) -> pd.DataFrame:
-        columns: dict[str, Any] = {}
-        stop = max(start, stop)
-        for name in names:
-            self._require(name)
-            values = self._group[name][start:stop]
-            if name == "kind" and self.kinds:
-                position = {code: k for k, code in enumerate(self.kinds)}
-                lookup = np.full(256, -1, np.int8)
-                for code, k in position.items():
-                    lookup[code] = k
-                columns[name] = pd.Categorical.from_codes(lookup[values], categories=list(self.kinds.values()))
-            elif values.ndim == 2:
-                columns |= {f"{name}_{_component(c, values.shape[1])}": values[:, c] for c in range(values.shape[1])}
-            else:
-                columns[name] = values
-        return pd.DataFrame(columns, index=pd.RangeIndex(start, stop, name="event"))
-
-    def __repr__(self) -> str:
-        return f"<Events: {self._length} rows, columns {', '.join(self._columns)}>"
-
-
-_EVENT_COLUMNS = (
-    "time", "kind", "i", "j", "approach_speed", "impulse", "energy_loss", "carnot_energy", "normal", "position",
-)  # fmt: skip
-
-
-def _component(c: int, width: int) -> str:
-    return AXES[c] if width == 3 else str(c)
 
 
 class File:
@@ -412,7 +123,7 @@ class File:
                 lines.append(f"  {part:<12} not recorded")
             elif part == "observables":
                 table = self.observables
-                lines.append(f"  {part:<12} {len(table):,} samples of {', '.join(self._observable_names())}")
+                lines.append(f"  {part:<12} {len(table):,} samples of {', '.join(observables.names(self))}")
             else:
                 lines.append(f"  {part:<12} {repr(getattr(self, part))[1:-1].split(': ', 1)[1]}")
         return "\n".join(lines) + ">"
@@ -542,21 +253,6 @@ class File:
         """The event log. Raises :class:`MissingDataError` if the scene recorded none."""
         return Events(self)
 
-    def _observable_names(self) -> list[str]:
-        group = self.hdf.get("observables")
-        names = [] if group is None else [n for n in group if isinstance(group[n], h5py.Group) and "value" in group[n]]
-        if not names:
-            raise MissingDataError(f"{self.path}: no observables (output.observables = false in the scene)")
-        return names
-
-    def _observable_arrays(self) -> tuple[Array, Array, dict[str, Array]]:
-        group = self.hdf["observables"] if "observables" in self.hdf else {}
-        names = self._observable_names()
-        length = min(group[n][part].shape[0] for n in names for part in ("value", "step", "time"))
-        clock = group[names[0]]
-        length = _complete(clock["time"], length)
-        return clock["time"][:length], clock["step"][:length], {n: group[n]["value"][:length] for n in names}
-
     @cached_property
     def observables(self) -> pd.DataFrame:
         """The samples: columns ``time``, ``step`` and one per observable.
@@ -565,39 +261,14 @@ class File:
         (``species_temperature_grain``). Raises :class:`MissingDataError` if the scene recorded none.
         :meth:`to_xarray` keeps vectors whole.
         """
-        time, step, arrays = self._observable_arrays()
-        columns: dict[str, Array] = {"time": time, "step": step}
-        for name, values in arrays.items():
-            if values.ndim == 1:
-                columns[name] = values
-                continue
-            labels = self._labels(name, values.shape[1])
-            columns |= {f"{name}_{label}": values[:, k] for k, label in enumerate(labels)}
-        return pd.DataFrame(columns)
-
-    def _labels(self, name: str, width: int) -> list[str]:
-        if name.startswith("species_") and width == len(self.species_names):
-            return self.species_names
-        return [_component(c, width) for c in range(width)]
+        return observables.table(self)
 
     def to_xarray(self) -> xarray.Dataset:
         """The observables as a dataset with dimensions ``time``, ``axis`` and ``species``.
 
         Needs xarray: ``pip install haff[analysis]``.
         """
-        import xarray
-
-        time, step, arrays = self._observable_arrays()
-        variables: dict[str, Any] = {"step": ("time", step)}
-        coords: dict[str, Any] = {"time": time}
-        for name, values in arrays.items():
-            if values.ndim == 1:
-                variables[name] = ("time", values)
-                continue
-            dim = "species" if name.startswith("species_") else "axis" if values.shape[1] == 3 else f"{name}_component"
-            variables[name] = (("time", dim), values)
-            coords[dim] = self._labels(name, values.shape[1])
-        return xarray.Dataset(variables, coords, attrs={"title": self.title, "file": str(self.path)})
+        return observables.dataset(self)
 
     def to_mdanalysis(self) -> MDAnalysis.Universe:
         """The trajectory as an MDAnalysis universe; needs ``pip install haff[analysis]``.

@@ -7,8 +7,7 @@ from hypothesis import strategies as st
 
 import haff
 import synthetic
-from haff import analysis
-from haff.reader import Box
+from haff import Box, analysis
 
 
 class Particles:

@@ -12,7 +12,8 @@ from matplotlib.figure import Figure
 
 from .. import analysis
 from ..errors import NotApplicableError
-from ..reader import File, Frame
+from ..frames import Frame
+from ..reader import File
 from .render import Camera, spheres
 from .style import CYCLE, SPEED_MAP, headline, page
 from .temperature import facts

@@ -1,0 +1,24 @@
+"""What frames, observables and events have in common in a file."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import h5py
+import numpy as np
+from numpy.typing import NDArray
+
+AXES = ("x", "y", "z")
+Array = NDArray[Any]
+
+
+def complete(time: h5py.Dataset, length: int) -> int:
+    """Rows that are there: a flush cut short by a kill may leave rows without a time at the end."""
+    while length > 0 and np.isnan(time[length - 1]):
+        length -= 1
+    return length
+
+
+def component(c: int, width: int) -> str:
+    """Suffix of the column of component ``c`` of ``width``: an axis, or a number."""
+    return AXES[c] if width == 3 else str(c)
