@@ -145,3 +145,135 @@ def test_wrong_dimension_and_equation_are_refused():
 def test_contact_value_in_a_frame_of_an_inelastic_gas():
     assert theory.contact_value_after_collision(2.0, 1.0) == 2.0
     assert theory.contact_value_after_collision(2.0, 0.5) == pytest.approx(3.0)
+
+
+def test_disks_follow_the_virial_series_and_henderson():
+    # To third order, exact: B₂ = 2η, B₃ = 3.128 η². Henderson is high by 0.14 % at η = 0.4 and by 0.5 % at 0.5.
+    eta = 1e-3
+    assert (float(theory.virial_disks(eta)) - 1 - 2 * eta) / eta**2 == pytest.approx(3.128, rel=2e-3)
+    high = theory.compressibility([0.4, 0.5], d=2) / theory.virial_disks([0.4, 0.5]) - 1
+    assert high == pytest.approx([1.4e-3, 4.6e-3], rel=0.05)
+    assert theory.compressibility(0.5, d=2, equation="virial") == pytest.approx(
+        float(theory.virial_disks(0.5)), rel=1e-14
+    )
+    assert theory.virial_disks(0.5, 4) == pytest.approx(float(theory.virial_disks(0.5)), abs=1.5e-4)
+
+
+def test_crystal_and_fluid_have_the_pressure_of_coexistence():
+    # Freezing at η = 0.492, melting at 0.543; Pσ³/T = 11.57 there (simulations scatter by 0.1).
+    pressures = [6 * eta / np.pi * z for eta, z in ((0.492, theory.kolafa_labik_malijevsky(0.492)),
+                                                   (0.543, theory.crystal_compressibility(0.543)))]  # fmt: skip
+    assert pressures == pytest.approx([11.57, 11.57], abs=0.12)
+
+
+@pytest.mark.parametrize(("d", "equation"), [(3, "klm"), (2, "virial")])
+def test_few_particles_have_fewer_pairs(d, equation):
+    # A dilute gas of N has N(N − 1) ordered pairs for N²; Z − 1 does not notice, as relative speeds grow by N/(N − 1).
+    eta = 1e-5
+    assert theory.periodic_contact_value(eta, 50, d, equation) == pytest.approx(1 - 1 / 50, abs=1e-4)
+    large = theory.compressibility(eta, 1.0, d, equation) - 1
+    assert theory.periodic_compressibility(eta, 50, d, equation) - 1 == pytest.approx(large, rel=1e-4)
+    # Lebowitz–Percus by hand at η = 0.3: S from Z and Z', then the second derivative of η²g₀.
+    x, h = 0.3, 1e-3
+    z = theory.compressibility(np.array([x - h, x, x + h]), 1.0, d, equation)
+    compression = z[1] + x * (z[2] - z[0]) / (2 * h)
+    eta = np.array([x - h, x, x + h])
+    second = np.diff(eta**2 * theory.contact_value(eta, d, equation), 2)[0] / h**2
+    expected = float(theory.contact_value(x, d, equation)) - second / (2 * 100 * compression)
+    assert theory.periodic_contact_value(x, 100, d, equation) == pytest.approx(expected, rel=1e-4)
+    assert theory.periodic_contact_value(x, 1e12, d, equation) == pytest.approx(
+        float(theory.contact_value(x, d, equation))
+    )
+
+
+def test_collision_rate_of_two_particles_is_that_of_their_one_relative_velocity():
+    # N = 2 in 3D: the relative speed is u = 2√(3T/m), always; n_pairs π σ² u = (1/V) π σ² u per particle.
+    speed = 2 * math.sqrt(3.0)
+    n, g = 2 / 1e6, 0.5
+    rate = theory.collision_frequency(n, 1.0, 1.0, 1.0, g) * theory.periodic_rate_factor(2)
+    assert rate == pytest.approx(math.pi * speed / 1e6, rel=1e-12)
+    assert theory.periodic_rate_factor(1e9, 2) == pytest.approx(1, abs=1e-8)
+
+
+def test_two_approximations_of_the_sonine_coefficient():
+    assert theory.sonine_a2(0.5, 3) == pytest.approx(4 / 76.25)
+    assert theory.sonine_a2(0.5, 3, "montanero-santos") == pytest.approx(4 / 80.25)
+    # Both are exact to first order in 1 − e.
+    e = 1 - 1e-7
+    assert theory.sonine_a2(e, 2) == pytest.approx(float(theory.sonine_a2(e, 2, "montanero-santos")), rel=1e-5)
+    with pytest.raises(ValueError, match="montanero-santos"):
+        theory.sonine_a2(0.5, 3, "exact")
+
+
+def test_cooling_curve_of_a_constant_restitution_is_haffs():
+    t = np.array([0.0, 1.0, 10.0, 1e3])
+    for d in (2, 3):
+        curve = theory.cooling_curve(t, 2.0, 1.3, lambda v: 0.8, m=3.0, d=d)
+        assert curve == pytest.approx(theory.haff_temperature(t, 2.0, theory.haff_time(0.8, 1.3, d, a2=0.0)), rel=1e-8)
+
+
+def test_viscoelastic_gas_cools_with_the_power_five_thirds_in_the_end():
+    # d ln T/d ln t tends to −5/3 as δ ∝ T^(1/10) vanishes; the deviation shrinks with the coefficient.
+    slopes = []
+    for coefficient in (1e-3, 1e-5):
+        t = np.array([1e8, 1.1e8]) / coefficient
+        T = theory.cooling_curve(t, 1.0, 1.0, lambda v: theory.viscoelastic_restitution_pade(v, coefficient))  # noqa: B023
+        slopes.append(math.log(T[1] / T[0]) / math.log(1.1))
+    assert slopes[1] == pytest.approx(-5 / 3, abs=1e-4) and abs(slopes[1] + 5 / 3) < abs(slopes[0] + 5 / 3)
+
+
+def test_viscoelastic_restitution_starts_as_its_series():
+    v = np.array([0.5, 2.0])
+    series = theory.viscoelastic_restitution(v, 1e-4)
+    assert theory.viscoelastic_restitution_pade(v, 1e-4) == pytest.approx(series, abs=1e-9)
+
+
+def test_species_of_one_kind_cool_at_haffs_rate():
+    n, e = [0.01, 0.03], 0.8
+    omega = theory.collision_frequency(0.04, 1.0, 0.7, 2.0, 1.0)
+    rates = theory.mixture_cooling_rates(n, [1.0, 1.0], [2.0, 2.0], e, 0.7, g=1.0)
+    # dT/dt = −2T/τ at the start of Haff's law.
+    assert rates == pytest.approx([2 / float(theory.haff_time(e, omega, 3, 0.0))] * 2, rel=1e-13)
+
+
+def test_elastic_mixture_exchanges_energy_without_losing_any():
+    n, T = np.array([0.01, 0.03]), np.array([2.0, 0.5])
+    rates = theory.mixture_cooling_rates(n, [1.0, 2.0], [1.0, 7.0], 1.0, T)
+    assert np.sum(n * T * rates) == pytest.approx(0, abs=1e-15) and rates[0] > 0 > rates[1]
+    assert theory.granular_temperatures(n, [1.0, 2.0], [1.0, 7.0], 1.0) == pytest.approx([1, 1], abs=1e-9)
+
+
+def test_heavy_grains_of_a_cooling_mixture_are_hotter():
+    n = np.array([0.01, 0.02])
+    T = theory.granular_temperatures(n, [1.0, 1.5], [1.0, 10.0], 0.8)
+    assert T[1] > 1.5 * T[0] and np.sum(n * T) == pytest.approx(np.sum(n))
+    rates = theory.mixture_cooling_rates(n, [1.0, 1.5], [1.0, 10.0], 0.8, T)
+    assert rates[0] == pytest.approx(rates[1], rel=1e-9)
+
+
+def test_transport_coefficients_of_a_dilute_gas():
+    # D = 1.019 · (3/8)√(T/πm)/(nσ²), η = 1.016 · (5/16)√(mT/π)/σ² (Chapman and Cowling).
+    n = 1e-9
+    assert theory.enskog_diffusion(n, 2.0, 3.0, 5.0) * n == pytest.approx(
+        1.018954 * 3 / 8 * math.sqrt(3 / (5 * math.pi)) / 4, rel=1e-7
+    )
+    assert theory.enskog_viscosity(n, 2.0, 3.0, 5.0) == pytest.approx(
+        1.016034 * 5 / 16 * math.sqrt(15 / math.pi) / 4, rel=1e-7
+    )
+
+
+def test_enskogs_viscosity_is_that_of_chapman_and_cowling():
+    # (5/16)√(mT/π)σ⁻² {[1 + (2/5)y]²/g + (48/25π) y²/g} with y = (2/3)πnσ³g, first approximation.
+    n, g = 0.5, float(theory.contact_value(math.pi / 12, 3, "klm"))
+    y = 2 / 3 * math.pi * n * g
+    first = 5 / 16 / math.sqrt(math.pi) * ((1 + 0.4 * y) ** 2 + 48 / (25 * math.pi) * y**2) / g
+    assert theory.enskog_viscosity(n, 1.0) == pytest.approx(first, rel=0.016)
+
+
+def test_fits_of_the_diffusion_coefficient_agree_once_the_box_is_accounted_for():
+    # Speedy's is that of 500 spheres, Ruckenstein and Liu's that of infinitely many: 11 % more at nσ³ = 0.5.
+    for n in (0.5, 0.7):
+        box = theory.diffusion_finite_size(theory.enskog_viscosity(n, 1.0), (500 / n) ** (1 / 3))
+        infinite = float(theory.diffusion_ruckenstein_liu(n, 1.0))
+        assert float(theory.diffusion_speedy(n, 1.0)) + float(box) == pytest.approx(infinite, rel=0.015)
+        assert infinite > 1.2 * theory.enskog_diffusion(n, 1.0)
