@@ -1,10 +1,4 @@
-/*!
-The loop: take the earliest event, resolve it, predict what comes next for those it changed.
-
-Every particle has exactly one live entry in the calendar, its earliest event. An entry whose own particle has had
-another event is void and dropped; one whose partner has is stale, and its particle is predicted afresh. So each live
-entry leaves exactly one successor.
-*/
+//! The loop: take the earliest event of the [queue](crate::queue), resolve it, predict what comes next for those it changed.
 
 use std::{collections::BTreeMap, marker::PhantomData};
 
@@ -19,6 +13,7 @@ use crate::{
     error::EngineError,
     particles::World,
     predict::{Memory, Scope, Scratch, flight, foresee},
+    queue::{Prophet, Queue},
     report::{Observer, Stop},
     resolve,
     stall::Stall,
@@ -97,14 +92,17 @@ pub(crate) struct State {
 
 /// The engine for one set of features and one search.
 pub(crate) struct Machine<F, S> {
-    pub(crate) search: S,
-    calendar: Ladder<Entry>,
+    queue: Queue,
+    sight: Sight<F, S>,
+    stall: Stall,
+}
+
+/// All that predictions need besides the state.
+struct Sight<F, S> {
+    search: S,
     /// Best physical event of the particles whose entry is a transfer.
     memory: Vec<Memory>,
-    /// Entries of one and the same tick, latest rank first, while several of them are due.
-    ties: Vec<Entry>,
     scratch: Scratch,
-    stall: Stall,
     /// Whether the particles are too many for the cache.
     looks_ahead: bool,
     features: PhantomData<F>,
@@ -112,122 +110,88 @@ pub(crate) struct Machine<F, S> {
 
 const NO_MEMORY: Memory = Memory { time: i64::MAX, target: Target::NONE, partner_count: 0 };
 
-impl<F: Features, S: Search + 'static> Machine<F, S> {
-    /// A machine for a state; it has to be [built](Engine::rebuild) before it runs.
-    pub fn new(geometry: &Geometry, kernel: Kernel, particles: usize) -> Self {
-        Self {
-            search: S::new(geometry, &[]),
-            calendar: Ladder::with_capacity(particles),
-            memory: vec![NO_MEMORY; particles],
-            ties: Vec::new(),
-            scratch: Scratch::new(kernel),
-            stall: Stall::default(),
-            looks_ahead: particles >= MANY,
-            features: PhantomData,
-        }
-    }
-
-    /// Predicts particle i and enters its next event.
+impl<F: Features, S: Search + 'static> Sight<F, S> {
+    /// The next event of particle i.
     #[inline(always)]
-    fn schedule(&mut self, state: &State, i: u32, scope: Scope) {
+    fn next_event(&mut self, state: &State, i: u32, scope: Scope) -> Entry {
         let memory = if scope == Scope::All { NO_MEMORY } else { self.memory[i as usize] };
         let (entry, memory) =
             foresee::<F, S>(&state.world, &self.search, &state.pending, i, scope, memory, &mut self.scratch);
         if let Some(memory) = memory {
             self.memory[i as usize] = memory;
         }
-        if entry.time < i64::MAX {
-            self.calendar.push(entry);
-        }
+        entry
     }
 
-    /// The next entry that is neither void nor stale, up to `limit`.
+    /// Wraps the anchor of a particle that has just collided, and tells the search.
     #[inline(always)]
-    fn next(&mut self, state: &mut State, limit: i64) -> Option<Entry> {
-        loop {
-            if !self.ties.is_empty() {
-                if let Some(entry) = self.next_tie(state, limit) {
-                    return Some(entry);
-                }
-                if !self.ties.is_empty() {
-                    return None;
-                }
+    fn follow(&mut self, state: &mut State, i: u32) {
+        let wraps = state.world.wrap_anchor(i);
+        if wraps != [0; 3] {
+            self.search.rewrap(i, wraps);
+        }
+    }
+}
+
+impl<F: Features, S: Search + 'static> Prophet for Sight<F, S> {
+    type Features = F;
+
+    #[inline(always)]
+    fn foresee(&mut self, state: &State, i: u32) -> Entry {
+        self.next_event(state, i, Scope::All)
+    }
+
+    /// First the particles and their lists, later those that stand in these.
+    #[inline(always)]
+    fn look_ahead(&self, calendar: &Ladder<Entry>, state: &State) {
+        if !self.looks_ahead {
+            return;
+        }
+        if let Some(entry) = calendar.upcoming(FAR_AHEAD) {
+            prefetch(&state.world.particles[entry.owner as usize]);
+            self.search.prefetch(entry.owner);
+            if let Kind::Collision(j) = entry.target.kind() {
+                prefetch(&state.world.particles[j as usize]);
+                self.search.prefetch(j);
             }
-            let entry = self.calendar.pop_until(limit)?;
-            self.look_ahead(state);
-            if state.world.particles[entry.owner as usize].count != entry.own_count {
-                state.book.counters.dropped += 1;
-                continue;
-            }
-            if let Some(next) = self.calendar.peek()
-                && next.time == entry.time
+        }
+        if let Some(entry) = calendar.upcoming(NEARLY_DUE) {
+            let neighbors = |i: u32| {
+                for entry in self.search.packed(i).unwrap_or_default() {
+                    prefetch(&state.world.particles[entry.id() as usize]);
+                }
+            };
+            neighbors(entry.owner);
+            if let Kind::Collision(j) = entry.target.kind()
+                && !calendar.upcoming(NEARLY_DUE + 1).is_some_and(|next| next.mirrors(entry))
             {
-                // Usually the partner's entry for the same collision, and nothing else. It will be void, unless the partner
-                // is a body of infinite mass, whose entry must find its successor.
-                let movable = |i: u32| F::UNIFORM || state.world.class(i).inverse_mass != 0.0;
-                if next.mirrors(&entry) && movable(entry.owner) && movable(next.owner) {
-                    self.calendar.pop_until(limit);
-                    self.look_ahead(state);
-                    state.book.counters.dropped += 1;
-                }
-                if self.calendar.next_time() == Some(entry.time) {
-                    self.ties.push(entry);
-                    continue;
-                }
+                neighbors(j);
             }
-            if is_stale(&state.world, &entry) {
-                self.renew(state, entry);
-                continue;
-            }
-            return Some(entry);
+        }
+    }
+}
+
+impl<F: Features, S: Search + 'static> Machine<F, S> {
+    /// A machine for a state; it has to be [built](Engine::rebuild) before it runs.
+    pub fn new(geometry: &Geometry, kernel: Kernel, particles: usize) -> Self {
+        Self {
+            queue: Queue::new(particles),
+            sight: Sight {
+                search: S::new(geometry, &[]),
+                memory: vec![NO_MEMORY; particles],
+                scratch: Scratch::new(kernel),
+                looks_ahead: particles >= MANY,
+                features: PhantomData,
+            },
+            stall: Stall::default(),
         }
     }
 
-    /// Of several entries at one tick, the first in rank. All that are stale are predicted afresh before, so that
-    /// what is first does not depend on which of them had been predicted when.
-    #[cold]
-    fn next_tie(&mut self, state: &mut State, limit: i64) -> Option<Entry> {
-        let time = self.ties[0].time;
-        if time > limit {
-            return None;
-        }
-        loop {
-            let mut changed = false;
-            while let Some(entry) = self.calendar.pop_until(time) {
-                self.ties.push(entry);
-                changed = true;
-            }
-            let mut stale = Vec::new();
-            self.ties.retain(|entry| {
-                if state.world.particles[entry.owner as usize].count != entry.own_count {
-                    state.book.counters.dropped += 1;
-                    return false;
-                }
-                if is_stale(&state.world, entry) {
-                    stale.push(*entry);
-                    return false;
-                }
-                true
-            });
-            if changed {
-                self.ties.sort_unstable_by(|a, b| (b.rank(), b).cmp(&(a.rank(), a)));
-            }
-            if stale.is_empty() {
-                break;
-            }
-            for entry in stale {
-                self.renew(state, entry);
-            }
-        }
-        self.ties.pop()
-    }
-
-    /// Predicts afresh the particle whose partner has collided since.
+    /// Predicts particle i and enters its next event.
     #[inline(always)]
-    fn renew(&mut self, state: &mut State, entry: Entry) {
-        state.world.now = state.world.now.max(entry.time);
-        state.book.counters.stale += 1;
-        self.schedule(state, entry.owner, Scope::All);
+    fn schedule(&mut self, state: &State, i: u32, scope: Scope) {
+        let entry = self.sight.next_event(state, i, scope);
+        self.queue.push(entry);
     }
 
     /// [`Self::run`], compiled with 256-bit vectors, so that the kernel is entered without a change of instruction set
@@ -251,7 +215,7 @@ impl<F: Features, S: Search + 'static> Machine<F, S> {
         limit: &mut Limit,
         observer: &mut dyn Observer,
     ) -> Result<Stop, EngineError> {
-        let predictions = self.scratch.predictions;
+        let predictions = self.sight.scratch.predictions;
         let stop = loop {
             if state.book.counters.collisions >= limit.collisions {
                 break Stop::Collisions;
@@ -259,7 +223,7 @@ impl<F: Features, S: Search + 'static> Machine<F, S> {
             if limit.entries == 0 {
                 break Stop::Slice;
             }
-            let Some(entry) = self.next(state, limit.ticks) else {
+            let Some(entry) = self.queue.next(state, &mut self.sight, limit.ticks) else {
                 state.world.now = state.world.now.max(limit.ticks);
                 break Stop::Time;
             };
@@ -273,7 +237,7 @@ impl<F: Features, S: Search + 'static> Machine<F, S> {
                     // Both anchors are in place before either is looked at.
                     let bodies = [i.min(j), i.max(j)];
                     for body in bodies {
-                        self.follow(state, body);
+                        self.sight.follow(state, body);
                     }
                     for body in bodies {
                         // A body of infinite mass has not changed: its own entry stands unless it is this one.
@@ -284,7 +248,7 @@ impl<F: Features, S: Search + 'static> Machine<F, S> {
                 }
                 Kind::Wall(wall) => {
                     resolve::wall::<F, EVENTS>(state, i, wall, entry.time, observer)?;
-                    self.follow(state, i);
+                    self.sight.follow(state, i);
                     self.schedule(state, i, Scope::All);
                 }
                 Kind::Rest => {
@@ -297,7 +261,7 @@ impl<F: Features, S: Search + 'static> Machine<F, S> {
                 Kind::Transfer(code) => {
                     state.book.counters.transfers += 1;
                     let flight = flight::<F>(&state.world, i);
-                    self.search.transfer(i, code, &flight);
+                    self.sight.search.transfer(i, code, &flight);
                     self.schedule(state, i, Scope::New(code));
                 }
                 Kind::Renewal => {
@@ -306,55 +270,8 @@ impl<F: Features, S: Search + 'static> Machine<F, S> {
                 }
             }
         };
-        state.book.counters.predictions += self.scratch.predictions - predictions;
+        state.book.counters.predictions += self.sight.scratch.predictions - predictions;
         Ok(stop)
-    }
-
-    /// Asks for the memory of events to come: first the particles and their lists, later those that stand in these.
-    #[inline(always)]
-    fn look_ahead(&self, state: &State) {
-        if !self.looks_ahead {
-            return;
-        }
-        if let Some(entry) = self.calendar.upcoming(FAR_AHEAD) {
-            prefetch(&state.world.particles[entry.owner as usize]);
-            self.search.prefetch(entry.owner);
-            if let Kind::Collision(j) = entry.target.kind() {
-                prefetch(&state.world.particles[j as usize]);
-                self.search.prefetch(j);
-            }
-        }
-        if let Some(entry) = self.calendar.upcoming(NEARLY_DUE) {
-            let neighbors = |i: u32| {
-                for entry in self.search.packed(i).unwrap_or_default() {
-                    prefetch(&state.world.particles[entry.id() as usize]);
-                }
-            };
-            neighbors(entry.owner);
-            if let Kind::Collision(j) = entry.target.kind()
-                && !self.calendar.upcoming(NEARLY_DUE + 1).is_some_and(|next| next.mirrors(entry))
-            {
-                neighbors(j);
-            }
-        }
-    }
-
-    /// Wraps the anchor of a particle that has just collided, and tells the search.
-    #[inline(always)]
-    fn follow(&mut self, state: &mut State, i: u32) {
-        let wraps = state.world.wrap_anchor(i);
-        if wraps != [0; 3] {
-            self.search.rewrap(i, wraps);
-        }
-    }
-}
-
-/// Whether the partner of an entry has had another event since.
-#[inline]
-fn is_stale(world: &World, entry: &Entry) -> bool {
-    match entry.target.kind() {
-        Kind::Collision(j) => world.particles[j as usize].count != entry.partner_count,
-        Kind::Wall(_) | Kind::Rest | Kind::Transfer(_) | Kind::Renewal => false,
     }
 }
 
@@ -365,12 +282,11 @@ impl<F: Features, S: Search + 'static> Engine for Machine<F, S> {
         let count = world.particles.len();
         let positions: Vec<_> =
             (0..count as u32).into_par_iter().map(|i| world.flight::<F>(i, world.now).0).collect();
-        self.search = S::new(geometry, &positions);
-        self.calendar.clear();
-        self.ties.clear();
+        self.sight.search = S::new(geometry, &positions);
+        self.queue.clear();
         self.stall = Stall::default();
-        let search = &self.search;
-        let kernel = self.scratch.kernel();
+        let search = &self.sight.search;
+        let kernel = self.sight.scratch.kernel();
         let foreseen: Vec<(Entry, Option<Memory>, u64)> = (0..count as u32)
             .into_par_iter()
             .map_init(
@@ -386,16 +302,14 @@ impl<F: Features, S: Search + 'static> Engine for Machine<F, S> {
         for (entry, memory, predictions) in foreseen {
             book.counters.predictions += predictions;
             if let Some(memory) = memory {
-                self.memory[entry.owner as usize] = memory;
+                self.sight.memory[entry.owner as usize] = memory;
             }
-            if entry.time < i64::MAX {
-                self.calendar.push(entry);
-            }
+            self.queue.push(entry);
         }
     }
 
     fn is_idle(&self) -> bool {
-        self.calendar.is_empty() && self.ties.is_empty()
+        self.queue.is_empty()
     }
 
     fn advance(
@@ -404,7 +318,7 @@ impl<F: Features, S: Search + 'static> Engine for Machine<F, S> {
         limit: &mut Limit,
         observer: &mut dyn Observer,
     ) -> Result<Stop, EngineError> {
-        match (observer.wants_events(), self.scratch.kernel()) {
+        match (observer.wants_events(), self.sight.scratch.kernel()) {
             (true, _) => self.run::<true>(state, limit, observer),
             (false, Kernel::Portable) => self.run::<false>(state, limit, observer),
             #[cfg(target_arch = "x86_64")]
