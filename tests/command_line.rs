@@ -60,7 +60,7 @@ fn every_broken_scene_gives_its_error_and_exit_2() {
 #[test]
 fn every_scene_of_the_repository_passes_its_check() {
     let haff = Haff::new();
-    for folder in ["configs", "configs/textbook"] {
+    for folder in ["configs", "configs/textbook", "configs/validation"] {
         for entry in std::fs::read_dir(root().join(folder)).unwrap() {
             let path = entry.unwrap().path();
             if path.extension().is_some_and(|end| end == "toml") {

@@ -1,0 +1,34 @@
+"""The parts, found in :mod:`validation.parts`: a module there that holds ``PARTS`` is all that a new one needs."""
+
+from __future__ import annotations
+
+import importlib
+import pkgutil
+from collections.abc import Callable
+from dataclasses import dataclass
+
+from . import parts
+from .rows import Row
+from .runs import Context
+
+
+@dataclass(frozen=True)
+class Part:
+    """One subject of the validation, a section of the record."""
+
+    name: str
+    """What it is called on the command line."""
+    title: str
+    about: str
+    """One paragraph of Markdown: how it is measured, what it is held against, and how far that is to be trusted."""
+    measure: Callable[[Context], list[Row]]
+    order: int = 1000
+    """Where it stands in the record."""
+
+
+def discover() -> dict[str, Part]:
+    """All parts by name, in the order of the record."""
+    found: list[Part] = []
+    for module in pkgutil.iter_modules(parts.__path__, f"{parts.__name__}."):
+        found += getattr(importlib.import_module(module.name), "PARTS", ())
+    return {part.name: part for part in sorted(found, key=lambda part: (part.order, part.name))}

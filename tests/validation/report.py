@@ -1,0 +1,131 @@
+"""The record: validation.json keeps what was measured part by part, validation.md and validation.png show it."""
+
+from __future__ import annotations
+
+import json
+import math
+from pathlib import Path
+from typing import Any
+
+import matplotlib
+
+matplotlib.use("Agg")
+
+import matplotlib.pyplot as plt
+import numpy as np
+from scipy import stats
+
+from .registry import Part
+from .rows import Z_LIMIT, Row, chi_square
+
+STYLE = {"font.size": 9, "axes.grid": True, "grid.alpha": 0.3, "legend.frameon": False, "axes.axisbelow": True}
+
+
+def load(path: Path) -> dict[str, Any]:
+    """The record so far; parts that are not measured again stay as they are."""
+    return json.loads(path.read_text()) if path.exists() else {"parts": {}}
+
+
+def rows_of(stored: dict[str, Any]) -> list[Row]:
+    """The rows of a part of a record."""
+    return [Row.from_json(row) for row in stored["rows"]]
+
+
+def write(record: dict[str, Any], directory: Path, parts: dict[str, Part]) -> None:
+    """Writes validation.json, validation.md and validation.png."""
+    directory.mkdir(parents=True, exist_ok=True)
+    # In the order of the record, whatever was measured last.
+    record["parts"] = {name: record["parts"][name] for name in parts if name in record["parts"]}
+    (directory / "validation.json").write_text(json.dumps(record, indent=1, ensure_ascii=False) + "\n")
+    (directory / "validation.md").write_text(markdown(record, parts))
+    figure(record, parts, directory / "validation.png")
+
+
+def digits(value: float, error: float) -> str:
+    """A number to two digits of its error."""
+    if not math.isfinite(value):
+        return str(value)
+    if error <= 0 or not math.isfinite(error):
+        return f"{value:.6g}"
+    places = 1 - math.floor(math.log10(error))
+    if abs(value) >= 1e5 or (value != 0 and abs(value) < 1e-4):
+        scale = math.floor(math.log10(abs(value)))
+        return f"{value:.{max(places + scale, 0)}e}"
+    return f"{value:.{max(places, 0)}f}"
+
+
+def table(rows: list[Row]) -> list[str]:
+    """Rows as a Markdown table."""
+    lines = ["| system | quantity | measured | expected | z | held against |", "|---|---|---|---|---|---|"]
+    for row in rows:
+        mark = "" if row.passed else " **fails**"
+        if row.bound:
+            cells = [f"{row.measured:.2g}", f"≤ {row.expected:.2g}", "kept" if row.passed else "**fails**"]
+        else:
+            measured = digits(row.measured, row.error) + (f" ± {row.error:.1e}" if row.error else "")
+            expected = digits(row.expected, row.uncertainty or row.error)
+            expected += f" ± {row.uncertainty:.1e}" if row.uncertainty else ""
+            cells = [measured, expected, f"{row.z:+.1f}{mark}"]
+        lines.append("| " + " | ".join([row.system, row.quantity, *cells, row.source]) + " |")
+    return lines
+
+
+def summary(rows: list[Row]) -> str:
+    """How many rows passed, and their χ²."""
+    total, count, probability = chi_square(rows)
+    passed = sum(row.passed for row in rows)
+    text = f"{passed} of {len(rows)} passed"
+    return text + (f"; χ² = {total:.1f} for {count} z-scores (p = {probability:.2f})" if count else "")
+
+
+def markdown(record: dict[str, Any], parts: dict[str, Part]) -> str:
+    """The record as a page."""
+    everything = [row for stored in record["parts"].values() for row in rows_of(stored)]
+    lines = [
+        "# Validation",
+        "",
+        "Measured by `scripts/validate`; what it means is told in [docs/validation.md](../../docs/validation.md).",
+        "*Measured* is the mean of independent runs with its standard error; *expected* has the uncertainty of the",
+        "theory or of the published figure, added in quadrature; z the deviation in these (of few runs, Student's t).",
+        f"Passed: |z| < {Z_LIMIT:g}.",
+        "",
+        f"All: {summary(everything)}.",
+        "",
+        "![z-scores](validation.png)",
+    ]
+    for name, stored in record["parts"].items():
+        part, rows = parts[name], rows_of(stored)
+        lines += ["", f"## {part.title}", "", f"`scripts/validate {name}`. {part.about}", "", *table(rows), ""]
+        effort = f"{stored['collisions']:.2g} collisions in {stored['seconds']:.0f} s, {stored['jobs']} runs at once"
+        lines.append(f"{summary(rows)}. {effort}, on {stored['machine']}, haff {stored['version']}, {stored['date']}.")
+    return "\n".join(lines) + "\n"
+
+
+def figure(record: dict[str, Any], parts: dict[str, Part], path: Path) -> None:
+    """All z-scores, part by part, and how they are distributed."""
+    names = [name for name in record["parts"] if any(not row.bound for row in rows_of(record["parts"][name]))]
+    if not names:
+        return
+    with plt.rc_context(STYLE):
+        drawn, (axis, side) = plt.subplots(
+            1, 2, figsize=(7.4, 0.42 * len(names) + 1.3), sharey=False, width_ratios=[3, 1.2], layout="constrained"
+        )
+        scores = {name: [row.z for row in rows_of(record["parts"][name]) if not row.bound] for name in names}
+        for place, name in enumerate(names):
+            z = np.clip(scores[name], -6, 6)
+            spread = np.linspace(-0.22, 0.22, len(z)) if len(z) > 1 else [0.0]
+            axis.plot(z, place + np.asarray(spread), "o", color=f"C{place % 10}", markersize=3.5)
+        axis.axvspan(-1, 1, color="0.5", alpha=0.18, linewidth=0)
+        for limit in (-Z_LIMIT, Z_LIMIT):
+            axis.axvline(limit, color="C3", linestyle="--", linewidth=1)
+        axis.set_yticks(range(len(names)), [parts[name].title for name in names])
+        axis.set(xlim=(-5, 5), ylim=(len(names) - 0.5, -0.5), xlabel="z = (measured − expected)/error")
+        axis.grid(axis="y", visible=False)
+        everything = np.concatenate([scores[name] for name in names])
+        side.hist(everything, bins=np.arange(-4.5, 5, 1.0), density=True, color="0.7")
+        x = np.linspace(-4.5, 4.5, 200)
+        side.plot(x, stats.norm.pdf(x), color="C3", linewidth=1.2, label="normal")
+        side.set(xlabel="z", ylabel="density", title=f"{len(everything)} z-scores")
+        side.legend(loc="upper left", fontsize=7, handlelength=1)
+        drawn.savefig(path, dpi=150)
+        plt.close(drawn)
