@@ -2,6 +2,8 @@
 
 mod common;
 
+use std::process::Stdio;
+
 use common::{GAS, Haff, PROMISED, config, root};
 use serde_json::Value;
 
@@ -17,6 +19,45 @@ fn every_command_has_help_with_an_example() {
     }
     let (status, out, _) = haff.run(&["--version"]);
     assert!(status == 0 && out.starts_with("haff 0.") && out.contains('('), "{out}");
+}
+
+/// Runs a command whose standard output, or error, nobody reads.
+fn unread(haff: &Haff, arguments: &[&str], error_too: bool) -> (i32, String) {
+    let gone = || std::io::pipe().expect("a pipe").1;
+    let mut command = haff.command(arguments);
+    command.stdout(gone()).stderr(Stdio::piped());
+    if error_too {
+        command.stderr(gone());
+    }
+    let output = command.output().expect("the command starts");
+    (output.status.code().unwrap_or(-1), String::from_utf8_lossy(&output.stderr).into_owned())
+}
+
+#[test]
+fn a_reader_that_has_gone_ends_a_command_quietly_and_no_run() {
+    let haff = Haff::new();
+    haff.write("gas.toml", GAS);
+    for arguments in [
+        &["schema"][..],
+        &["init"],
+        &["init", "--list"],
+        &["check", "gas.toml"],
+        &["check", "gas.toml", "--json"],
+        &["bench", "--list"],
+        &["bench", "--n", "500", "--print-scene"],
+        &["bench", "--n", "200,300", "--collisions", "1000", "--melt", "0", "-q"],
+        &["bench", "--accuracy", "--quick"],
+        &["run", "gas.toml", "-o", "gas.h5", "--json", "-q"],
+        &["info", "gas.h5"],
+        &["info", "gas.h5", "--json"],
+    ] {
+        assert_eq!(unread(&haff, arguments, false), (0, String::new()), "{arguments:?}");
+    }
+    let (status, _) = unread(&haff, &["run", "gas.toml", "-o", "other.h5"], true);
+    assert_eq!(status, 0, "words for people that nobody reads stop no run");
+    assert_eq!(haff.run(&["run", "--resume", "other.h5"]).0, 0, "it has come to its end");
+    let (status, _) = unread(&haff, &["run", "no_such_scene.toml"], true);
+    assert_eq!(status, 4, "an unread error is still told by the exit status");
 }
 
 #[test]

@@ -25,6 +25,7 @@ use serde_json::Value;
 use crate::{
     arguments::Bench,
     failure::{Failure, Status},
+    output,
     run::{machine_failure, set_threads},
     session::Ending,
     signals::Signals,
@@ -44,8 +45,7 @@ struct Cell {
 /// Measures the cells that the options ask for.
 pub fn bench(options: &Bench) -> Result<u8, Failure> {
     if options.list {
-        println!("{}", scenes::list());
-        return Ok(0);
+        return output::line(scenes::list()).map(|()| 0);
     }
     if options.accuracy {
         return accuracy::accuracy(options);
@@ -129,8 +129,7 @@ fn print_scene(options: &Bench, cells: &[Cell]) -> Result<u8, Failure> {
         let message = format!("--print-scene prints one scene; {} are asked for", cells.len());
         return Err(Failure::new(Status::Invalid, message));
     };
-    print!("{}", plan(options, cell).scene()?.resolved);
-    Ok(0)
+    output::print(plan(options, cell).scene()?.resolved).map(|()| 0)
 }
 
 /// Measures a cell in this process.
@@ -138,7 +137,7 @@ fn here(options: &Bench, cell: Cell, signals: &Signals) -> Result<u8, Failure> {
     set_threads(cell.threads)?;
     let tell = |what: &str| {
         if !options.quiet {
-            eprintln!("{}: {what}", name(options, cell));
+            output::tell(format_args!("{}: {what}", name(options, cell)));
         }
     };
     let measured = match plan(options, cell).measure(signals, tell)? {
@@ -148,9 +147,9 @@ fn here(options: &Bench, cell: Cell, signals: &Signals) -> Result<u8, Failure> {
     let asked = scenes::find(&options.scene).map(|standard| cell.phi.unwrap_or(standard.phi));
     let report = report::report(&measured, &options.scene, asked);
     if options.json {
-        println!("{report}");
+        output::line(report)?;
     } else {
-        println!("{}\n{}", report::head(), report::line(&report));
+        output::line(format_args!("{}\n{}", report::head(), report::line(&report)))?;
     }
     match &measured.ending {
         Ending::Signal(signal) => Ok(128 + *signal as u8),
@@ -179,9 +178,9 @@ fn apart(options: &Bench, cells: &[Cell], signals: &Signals) -> Result<u8, Failu
         if let Some(report) = report {
             if !options.json {
                 if reports.is_empty() {
-                    println!("{}", report::head());
+                    output::line(report::head())?;
                 }
-                println!("{}", report::line(&report));
+                output::line(report::line(&report))?;
             }
             reports.push(report);
         }
@@ -192,7 +191,7 @@ fn apart(options: &Bench, cells: &[Cell], signals: &Signals) -> Result<u8, Failu
         }
     }
     if options.json {
-        println!("{}", Value::Array(reports));
+        output::line(Value::Array(reports))?;
     }
     Ok(status)
 }

@@ -6,7 +6,8 @@ use haff_scene::{Scene, Schedule};
 use serde_json::json;
 
 use crate::{
-    arguments::Check, estimate, failure::Failure, info::States, run::scene_failure, schedule::Times,
+    arguments::Check, estimate, failure::Failure, info::States, output::line, run::scene_failure,
+    schedule::Times,
 };
 
 /// Records that a schedule gives up to a time, the first and the last included.
@@ -66,33 +67,32 @@ pub fn check(options: &Check) -> Result<u8, Failure> {
             "collision_rate": rate, "mean_free_time": rate.map(|rate| particles as f64 / (2.0 * rate)),
             "memory_bytes": memory, "file_bytes": size, "file": scene.output.file,
         });
-        println!("{report}");
-        return Ok(0);
+        return line(report).map(|()| 0);
     }
     let named = if scene.title.is_empty() { String::new() } else { format!(": {}", scene.title) };
-    println!("{} is valid{named}", options.scene.display());
+    let mut text = vec![format!("{} is valid{named}", options.scene.display())];
     let kind = if system.dimension == Dimension::Two { "disks" } else { "spheres" };
-    println!("particles           {particles} {kind}, {} walls", system.walls.len());
-    if open {
-        println!("packing fraction    none: an axis is open");
+    text.push(format!("particles           {particles} {kind}, {} walls", system.walls.len()));
+    text.push(if open {
+        "packing fraction    none: an axis is open".to_owned()
     } else {
-        println!("packing fraction    {:.6}", scene.packing_fraction);
-    }
-    println!("temperature         {temperature:.6}");
-    match rate {
-        Some(rate) if rate > 0.0 => println!(
+        format!("packing fraction    {:.6}", scene.packing_fraction)
+    });
+    text.push(format!("temperature         {temperature:.6}"));
+    text.push(match rate {
+        Some(rate) if rate > 0.0 => format!(
             "collision rate      {rate:.4e} per time at the start; mean free time {:.4e}",
             particles as f64 / (2.0 * rate)
         ),
-        Some(_) => println!("collision rate      0: nothing moves at the start"),
-        None => println!("collision rate      not to be told: an axis is open"),
-    }
-    println!("memory              about {}", bytes(memory));
-    match (&scene.output.file, size) {
-        (Some(file), Some(size)) => println!("output              {}, about {}", file.display(), bytes(size)),
-        _ => println!("output              none"),
-    }
-    Ok(0)
+        Some(_) => "collision rate      0: nothing moves at the start".to_owned(),
+        None => "collision rate      not to be told: an axis is open".to_owned(),
+    });
+    text.push(format!("memory              about {}", bytes(memory)));
+    text.push(match (&scene.output.file, size) {
+        (Some(file), Some(size)) => format!("output              {}, about {}", file.display(), bytes(size)),
+        _ => "output              none".to_owned(),
+    });
+    line(text.join("\n")).map(|()| 0)
 }
 
 /// A size for people.

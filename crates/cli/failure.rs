@@ -5,6 +5,8 @@ use std::fmt;
 /// The exit statuses of the command.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Status {
+    /// Whoever read the output has gone: nothing is left to do, and nothing is wrong.
+    Unread = 0,
     /// The scene or the arguments are invalid.
     Invalid = 2,
     /// The simulation cannot go on.

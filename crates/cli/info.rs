@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 use haff_scene::{State, StateSource};
 use serde_json::{Value, json};
 
-use crate::{arguments::Info, check::bytes, failure::Failure, run::file_failure};
+use crate::{arguments::Info, check::bytes, failure::Failure, output, run::file_failure};
 
 /// Reads the states that scenes start from.
 pub struct States;
@@ -64,11 +64,10 @@ pub fn info(options: &Info) -> Result<u8, Failure> {
             "checkpoint_time": info.checkpoint_time, "finished": info.finished, "resumable": info.resumable,
             "file_bytes": info.file_size, "summary": summary, "scene": info.scene_toml,
         });
-        println!("{report}");
-        return Ok(0);
+        return output::line(report).map(|()| 0);
     }
-    let line = |name: &str, text: String| println!("{name:<18}{text}");
-    println!("{}: {}", options.file.display(), info.title);
+    let mut lines = vec![format!("{}: {}", options.file.display(), info.title)];
+    let mut line = |name: &str, text: String| lines.push(format!("{name:<18}{text}"));
     line("written by", format!("haff {} {}, schema {}", info.version, info.git_revision, info.schema));
     line("progress", progress.to_owned());
     let names: Vec<String> = info.species.iter().map(|(name, count)| format!("{count} {name}")).collect();
@@ -116,5 +115,5 @@ pub fn info(options: &Info) -> Result<u8, Failure> {
         }
     }
     line("file size", bytes(info.file_size));
-    Ok(0)
+    output::line(lines.join("\n")).map(|()| 0)
 }

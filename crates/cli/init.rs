@@ -3,6 +3,7 @@
 use crate::{
     arguments::Init,
     failure::{Failure, Status},
+    output::{line, print},
 };
 
 /// Prints a starter scene, or the list of them.
@@ -14,19 +15,16 @@ pub fn init(options: &Init) -> Result<u8, Failure> {
         lines.collect::<Vec<_>>().join("\n")
     };
     if options.list {
-        println!("{}", list());
-        return Ok(0);
+        return line(list()).map(|()| 0);
     }
     let wanted = options.template.as_deref().unwrap_or_else(|| templates[0].0);
     let Some((_, _, text)) = templates.iter().find(|template| template.0 == wanted) else {
         return Err(Failure::new(Status::Invalid, format!("no template {wanted:?}; there are\n{}", list())));
     };
-    print!("{text}");
-    Ok(0)
+    print(text).map(|()| 0)
 }
 
 /// Prints the JSON Schema of scene files.
-pub fn schema() -> u8 {
-    println!("{:#}", haff_scene::schema());
-    0
+pub fn schema() -> Result<u8, Failure> {
+    line(format_args!("{:#}", haff_scene::schema())).map(|()| 0)
 }

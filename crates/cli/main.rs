@@ -1,5 +1,7 @@
 //! The `haff` command: event-driven hard spheres from a scene file to an H5MD file.
 
+#![warn(clippy::print_stdout, clippy::print_stderr)]
+
 mod arguments;
 mod bench;
 mod check;
@@ -8,6 +10,7 @@ mod failure;
 mod info;
 mod init;
 mod machine;
+mod output;
 mod plot;
 mod progress;
 mod run;
@@ -25,7 +28,7 @@ fn main() -> ExitCode {
         Command::Run(options) => run::run(&options),
         Command::Check(options) => check::check(&options),
         Command::Init(options) => init::init(&options),
-        Command::Schema => Ok(init::schema()),
+        Command::Schema => init::schema(),
         Command::Info(options) => info::info(&options),
         Command::Bench(options) => bench::bench(&options),
         Command::Plot(options) => plot::plot(&options),
@@ -34,7 +37,7 @@ fn main() -> ExitCode {
         Ok(code) => ExitCode::from(code),
         Err(failure) => {
             for line in failure.message.lines() {
-                eprintln!("error: {line}");
+                output::tell(format_args!("error: {line}"));
             }
             ExitCode::from(failure.status as u8)
         }

@@ -13,6 +13,7 @@ use crate::{
     failure::{Failure, Status},
     info::{OwnStates, States},
     machine::{Machine, MachineError},
+    output,
     session::{Ending, Outcome, Session},
     signals::Signals,
 };
@@ -105,13 +106,10 @@ fn resume(options: &Run, path: PathBuf, signals: &Signals) -> Result<u8, Failure
         let mut report: Value = serde_json::from_str(summary)
             .map_err(|error| Failure::new(Status::File, format!("{}: summary: {error}", path.display())))?;
         report["resumed_from"] = report["simulated_time"].clone();
-        if options.json {
-            println!("{report}");
-        }
         if !options.quiet {
-            eprintln!("{} is complete: nothing to resume", path.display());
+            output::tell(format_args!("{} is complete: nothing to resume", path.display()));
         }
-        return Ok(0);
+        return if options.json { output::line(report).map(|()| 0) } else { Ok(0) };
     }
     if info.trajectory_version != TRAJECTORY_VERSION {
         let message = format!(
@@ -206,9 +204,8 @@ fn conclude(
         report["stopped"] = json!("output");
         report["error"] = json!(error.to_string());
     }
-    if options.json {
-        println!("{report}");
-    }
+    // How the run went matters more than who reads about it.
+    let printed = if options.json { output::line(report) } else { Ok(()) };
     if let Some(error) = unwritten {
         return Err(file_failure(&error));
     }
@@ -216,7 +213,7 @@ fn conclude(
         tell(outcome, context);
     }
     match &outcome.ending {
-        Ending::Until | Ending::Collisions | Ending::Rest | Ending::WallTime => Ok(0),
+        Ending::Until | Ending::Collisions | Ending::Rest | Ending::WallTime => printed.map(|()| 0),
         Ending::Signal(signal) => Ok(128 + *signal as u8),
         Ending::Failed(error) => {
             let failure = machine_failure(error);
@@ -292,26 +289,26 @@ fn tell(outcome: &Outcome, context: &Context) {
         Ending::Unwritable(_) => "the output cannot be written".to_owned(),
     };
     if !context.title.is_empty() {
-        eprintln!("{}", context.title);
+        output::tell(&context.title);
     }
-    eprintln!(
+    output::tell(format_args!(
         "{} particles to t = {} in {:.2?}: {why}",
         simulation.particles(),
         simulation.time(),
         outcome.wall
-    );
+    ));
     let millions = counters.collisions as f64 / outcome.wall.as_secs_f64() / 1e6;
-    eprintln!(
+    output::tell(format_args!(
         "{} collisions ({millions:.3} M/s), {} wall collisions; ledger residual {:.1e}, largest overlap {:.1e}",
         counters.collisions,
         counters.wall_collisions,
         ledger.residual,
         simulation.max_overlap()
-    );
+    ));
     if let Some(file) = &context.file {
-        eprintln!("wrote {}", file.display());
+        output::tell(format_args!("wrote {}", file.display()));
         if !outcome.ending.is_final() {
-            eprintln!("go on with: haff run --resume {}", file.display());
+            output::tell(format_args!("go on with: haff run --resume {}", file.display()));
         }
     }
 }

@@ -3,12 +3,15 @@
 mod plan;
 mod report;
 
+use std::cell::RefCell;
+
 use haff_accuracy::{Error, methods::Program};
 use serde_json::json;
 
 use crate::{
     arguments::{Bench, VERSION},
     failure::{Failure, Status},
+    output,
     run::{engine_failure, set_threads},
     signals::Signals,
 };
@@ -25,20 +28,25 @@ pub fn accuracy(options: &Bench) -> Result<u8, Failure> {
         .map(|(name, command)| Program::start(name, command))
         .collect::<Result<_, _>>()
         .map_err(|error| failure(&error))?;
+    let unprinted = RefCell::new(None);
     let tell = |text: &str| match (options.json, options.quiet) {
-        (false, _) => println!("{text}"),
-        (true, false) => eprintln!("{text}"),
+        (false, _) => {
+            if let Err(failure) = output::line(text) {
+                unprinted.replace(Some(failure));
+            }
+        }
+        (true, false) => output::tell(text),
         (true, true) => (),
     };
-    let stopped = || signals.received().is_some();
+    let stopped = || signals.received().is_some() || unprinted.borrow().is_some();
     let size = if options.quick { &plan::QUICK } else { &plan::FULL };
-    match measure(size, &peers, &tell, &stopped) {
-        Ok(report) => {
-            if options.json {
-                println!("{report}");
-            }
-            Ok(0)
-        }
+    let measured = measure(size, &peers, &tell, &stopped);
+    if let Some(failure) = unprinted.take() {
+        return Err(failure);
+    }
+    match measured {
+        Ok(report) if options.json => output::line(report).map(|()| 0),
+        Ok(_) => Ok(0),
         // A peer may have got the signal first.
         Err(error) => match signals.received() {
             Some(signal) => Ok(128 + signal as u8),

@@ -26,6 +26,21 @@ pub enum EventKind {
     Settle = 8,
 }
 
+impl EventKind {
+    /// Every kind, each at the place of its number.
+    pub const ALL: [Self; 9] = [
+        Self::Collision,
+        Self::Wall,
+        Self::Rest,
+        Self::Slack,
+        Self::Taut,
+        Self::Release,
+        Self::Stick,
+        Self::Lift,
+        Self::Settle,
+    ];
+}
+
 /// One row of the event log.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct EventRecord {

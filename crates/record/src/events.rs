@@ -104,20 +104,9 @@ impl From<&EventRecord> for Row {
 impl Row {
     /// The event; `None` if its kind is unknown.
     pub fn event(&self) -> Option<EventRecord> {
-        let kind = [
-            EventKind::Collision,
-            EventKind::Wall,
-            EventKind::Rest,
-            EventKind::Slack,
-            EventKind::Taut,
-            EventKind::Release,
-            EventKind::Stick,
-            EventKind::Lift,
-            EventKind::Settle,
-        ];
         Some(EventRecord {
             time: self.time,
-            kind: *kind.get(self.kind as usize)?,
+            kind: *EventKind::ALL.get(self.kind as usize)?,
             i: self.i,
             j: self.j,
             approach_speed: self.approach_speed,
@@ -256,5 +245,33 @@ impl Columns {
     /// Time of a row [time].
     pub fn time(&self, row: usize) -> hdf5::Result<f64> {
         self.time.read::<f64>(row, row + 1).map(|times| times[0])
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_row_keeps_the_kind_of_its_event() {
+        for (number, kind) in EventKind::ALL.into_iter().enumerate() {
+            assert_eq!((kind as usize, Kind::from(kind) as usize), (number, number), "{kind:?}");
+            assert_eq!(EventKind::from(Kind::from(kind)), kind);
+        }
+        let row = Row {
+            time: 1.0,
+            approach_speed: 0.0,
+            impulse: 0.0,
+            energy_loss: 0.0,
+            carnot_energy: 0.0,
+            normal: [0.0; 3],
+            position: [0.0; 3],
+            i: 0,
+            j: 1,
+            kind: 0,
+        };
+        let kind = |kind: usize| Row { kind: kind as u32, ..row }.event().map(|event| event.kind);
+        assert_eq!(EventKind::ALL.map(|each| kind(each as usize)), EventKind::ALL.map(Some));
+        assert_eq!(kind(EventKind::ALL.len()), None, "an unknown kind is no event");
     }
 }

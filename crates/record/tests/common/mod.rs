@@ -87,17 +87,7 @@ pub fn event(k: u64) -> EventRecord {
     let x = |salt| number(k * 32 + salt, 9);
     EventRecord {
         time: k as f64 * 1e-3,
-        kind: [
-            EventKind::Collision,
-            EventKind::Wall,
-            EventKind::Rest,
-            EventKind::Slack,
-            EventKind::Taut,
-            EventKind::Release,
-            EventKind::Stick,
-            EventKind::Lift,
-            EventKind::Settle,
-        ][(k % 9) as usize],
+        kind: EventKind::ALL[(k % EventKind::ALL.len() as u64) as usize],
         i: (k % 1000) as u32,
         j: (k % 1000 + 1) as u32,
         approach_speed: x(1),
