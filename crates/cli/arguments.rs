@@ -34,7 +34,9 @@ pub enum Command {
     /// Measure collisions per second on standard scenes.
     Bench(Bench),
     /// Draw the standard figures of an output file (needs the Python package haff).
-    Plot(Plot),
+    Plot(Python),
+    /// Write a file for other programs: GSD, extended XYZ, VTKHDF, CSV, Parquet (needs the Python package haff).
+    Export(Python),
 }
 
 #[derive(Debug, Args)]
@@ -216,10 +218,11 @@ fn melt(text: &str) -> Result<f64, String> {
     if (0.0..=1e9).contains(&value) { Ok(value) } else { Err("must be in [0, 1e9]".to_owned()) }
 }
 
+/// Arguments of a command that is written in Python.
 #[derive(Debug, Args)]
 #[command(disable_help_flag = true)]
-pub struct Plot {
-    /// Passed on to `python -m haff plot`; `haff plot --help` tells more.
+pub struct Python {
+    /// Passed on to `python -m haff`; `--help` after the command tells more.
     #[arg(trailing_var_arg = true, allow_hyphen_values = true)]
     pub arguments: Vec<OsString>,
 }

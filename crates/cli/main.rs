@@ -11,8 +11,8 @@ mod info;
 mod init;
 mod machine;
 mod output;
-mod plot;
 mod progress;
+mod python;
 mod run;
 mod schedule;
 mod session;
@@ -31,7 +31,8 @@ fn main() -> ExitCode {
         Command::Schema => init::schema(),
         Command::Info(options) => info::info(&options),
         Command::Bench(options) => bench::bench(&options),
-        Command::Plot(options) => plot::plot(&options),
+        Command::Plot(options) => python::run("plot", &options.arguments),
+        Command::Export(options) => python::run("export", &options.arguments),
     };
     match result {
         Ok(code) => ExitCode::from(code),

@@ -13,7 +13,7 @@ MDAnalysis in :mod:`haff.analysis`, the figures of ``haff plot`` in :mod:`haff.f
 from importlib.metadata import PackageNotFoundError, version
 
 from . import analysis, theory
-from .errors import FileError, HaffError, MissingDataError, NotApplicableError
+from .errors import ArgumentError, FileError, HaffError, MissingDataError, MissingPackageError, NotApplicableError
 from .events import Events
 from .frames import Box, Frame, Frames
 from .reader import File, open
@@ -24,6 +24,7 @@ except PackageNotFoundError:  # used from the source tree, not installed
     __version__ = "0+source"
 
 __all__ = [
+    "ArgumentError",
     "Box",
     "Events",
     "File",
@@ -32,6 +33,7 @@ __all__ = [
     "Frames",
     "HaffError",
     "MissingDataError",
+    "MissingPackageError",
     "NotApplicableError",
     "analysis",
     "open",

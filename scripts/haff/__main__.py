@@ -1,7 +1,7 @@
-"""``python -m haff plot FILE``, the Python part of the command ``haff``.
+"""``python -m haff``: the commands ``plot`` and ``export`` of ``haff``, which are written in Python.
 
-Exit status: 0 done · 2 the arguments are invalid, or the figure asked for does not apply · 4 a file cannot be
-read or written.
+Exit status: 0 done · 2 the arguments are invalid, or what is asked for does not apply · 4 a file cannot be read or
+written, or a library is not installed.
 """
 
 from __future__ import annotations
@@ -10,29 +10,83 @@ import argparse
 import sys
 from pathlib import Path
 
-from .errors import FileError, HaffError
+from .errors import FileError, HaffError, MissingPackageError
 
 
 def _parser() -> argparse.ArgumentParser:
-    parser = argparse.ArgumentParser(prog="haff", description="Figures of the runs of haff.")
+    parser = argparse.ArgumentParser(prog="haff", description="Figures and exports of the runs of haff.")
     commands = parser.add_subparsers(dest="command", required=True, metavar="COMMAND")
-    plot = commands.add_parser(
-        "plot",
-        help="draws the standard figures of an output file",
-        description="Draws the standard figures of an output file; without --kind all that apply.",
+    for add in (_add_plot, _add_export):
+        add(commands)
+    return parser
+
+
+def _command(commands, name: str, about: str, description: str, epilog: str) -> argparse.ArgumentParser:
+    command = commands.add_parser(
+        name,
+        help=about,
+        description=description,
+        epilog=epilog,
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )
-    plot.add_argument("file", type=Path, metavar="FILE", help="HDF5 file of haff run")
+    command.add_argument("file", type=Path, metavar="FILE", help="HDF5 file of haff run")
+    return command
+
+
+def _add_plot(commands) -> None:
+    plot = _command(
+        commands,
+        "plot",
+        "draws the standard figures of an output file",
+        "Draws the standard figures of an output file; without --kind all that apply.",
+        "figures:\n"
+        + "\n".join(f"  {name:<13} {about}" for name, about in _KINDS.items())
+        + "\n\nexamples:\n  haff plot cooling.h5\n  haff plot cooling.h5 --kind temperature --format pdf -o paper",
+    )
     plot.add_argument("--kind", action="append", metavar="KIND", help="a figure of the list below; repeatable")
     plot.add_argument("-o", "--output", type=Path, metavar="DIR", help="directory of the figures (default: figures)")
     plot.add_argument("--format", choices=("png", "pdf", "svg"), default="png", help="default: png")
     plot.add_argument("--frame", type=int, default=-1, metavar="I", help="frame of the snapshot (default: the last)")
     plot.add_argument("--show", action="store_true", help="shows the figures on the screen, too")
-    plot.epilog = "figures:\n" + "\n".join(f"  {name:<13} {about}" for name, about in _KINDS.items())
-    return parser
+    plot.set_defaults(run=_plot)
 
 
-# Repeated from haff.figures so that --help and wrong arguments answer without loading matplotlib.
+def _add_export(commands) -> None:
+    export = _command(
+        commands,
+        "export",
+        "writes a file for other programs",
+        "Writes a file for other programs: frames as gsd (HOOMD-blue, OVITO, freud), extxyz (ASE, OVITO) or vtkhdf\n"
+        "(ParaView, VTK); frames, observables or events as csv or parquet (pandas and others).",
+        "examples:\n"
+        "  haff export cooling.h5 --to gsd\n"
+        "  haff export cooling.h5 --to extxyz --frames 0:100:10 --unwrapped -o start.extxyz\n"
+        "  haff export cooling.h5 --to parquet --table events\n\n"
+        "gsd and parquet need pip install 'haff[export]'. Boxes, open sides and precision: docs/export.md.",
+    )
+    export.add_argument(
+        "--to", choices=_FORMATS, metavar="FORMAT", help=f"{', '.join(_FORMATS)}; default: OUT's suffix"
+    )
+    export.add_argument("-o", "--output", type=Path, metavar="OUT", help="file to write (default: named after FILE)")
+    _add_frames(export)
+    export.add_argument(
+        "--table",
+        choices=_TABLES,
+        metavar="TABLE",
+        help=f"for csv and parquet: {', '.join(_TABLES)} (default: the first)",
+    )
+    export.add_argument("--unwrapped", action="store_true", help="positions that do not jump at periodic faces")
+    export.add_argument("--overwrite", action="store_true", help="replaces an existing file")
+    export.set_defaults(run=_export)
+
+
+def _add_frames(command: argparse.ArgumentParser) -> None:
+    command.add_argument(
+        "--frames", metavar="START:STOP:STEP", help="frames as in Python: 0:100, ::10, -1 (default: all)"
+    )
+
+
+# Repeated from the modules that do the work, so that --help and wrong arguments answer without loading them.
 _KINDS = {
     "temperature": "granular temperature against Haff's law",
     "energy": "energy ledger: where the energy went, and its residual",
@@ -43,18 +97,20 @@ _KINDS = {
     "trajectories": "few bodies: coordinates against time with the events",
     "paths": "few bodies: paths in the plane of motion",
 }
+_FORMATS = ("gsd", "extxyz", "vtkhdf", "csv", "parquet")
+_TABLES = ("observables", "frames", "events")
 
 
 def main(arguments: list[str] | None = None) -> int:
     """Runs the command; returns the exit status."""
     parser = _parser()
     options = parser.parse_args(arguments)
-    for kind in options.kind or ():
+    for kind in getattr(options, "kind", None) or ():
         if kind not in _KINDS:
             parser.error(f"--kind {kind}: must be one of {', '.join(_KINDS)}")
     try:
-        return _plot(options)
-    except FileError as error:
+        return options.run(options)
+    except (FileError, MissingPackageError) as error:
         return _fail(str(error), 4)
     except HaffError as error:
         return _fail(str(error), 2)
@@ -62,6 +118,24 @@ def main(arguments: list[str] | None = None) -> int:
         return _fail(f"{error.filename or options.file}: {error.strerror or error}", 4)
     except KeyboardInterrupt:
         return _fail("interrupted", 130)
+
+
+def _export(options: argparse.Namespace) -> int:
+    from . import reader
+    from .export import export
+
+    with reader.open(options.file) as file:
+        path = export(
+            file,
+            options.output,
+            to=options.to,
+            frames=options.frames,
+            table=options.table,
+            unwrapped=options.unwrapped,
+            overwrite=options.overwrite,
+        )
+    print(path)
+    return 0
 
 
 def _plot(options: argparse.Namespace) -> int:

@@ -2,7 +2,14 @@
 
 from __future__ import annotations
 
-__all__ = ["FileError", "HaffError", "MissingDataError", "NotApplicableError"]
+__all__ = [
+    "ArgumentError",
+    "FileError",
+    "HaffError",
+    "MissingDataError",
+    "MissingPackageError",
+    "NotApplicableError",
+]
 
 
 class HaffError(Exception):
@@ -22,3 +29,11 @@ class MissingDataError(HaffError, LookupError):
 
 class NotApplicableError(HaffError):
     """A figure or an analysis makes no sense for this file; the message is the reason."""
+
+
+class ArgumentError(HaffError, ValueError):
+    """An argument is not what it must be; the message tells what is allowed."""
+
+
+class MissingPackageError(HaffError, ImportError):
+    """An optional library is not installed; the message names the extra that brings it."""

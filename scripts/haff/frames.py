@@ -148,6 +148,11 @@ class Frames(Sequence["Frame"]):
             rows = range(complete(self._group["position/time"], length))
         self._rows = rows
 
+    @property
+    def file(self) -> File:
+        """The file that the frames belong to."""
+        return self._file
+
     def _dataset(self, name: str) -> h5py.Dataset:
         return self._group[f"{name}/value"]
 

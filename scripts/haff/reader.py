@@ -286,6 +286,20 @@ class File:
         universe.add_TopologyAttr("ids", np.arange(len(self)))
         return universe
 
+    def export(self, output: str | os.PathLike[str] | None = None, **options: Any) -> Path:
+        """Writes a file for other programs: GSD, extended XYZ, VTKHDF, CSV or Parquet; returns its path.
+
+        ``options``: ``to``, ``frames``, ``table``, ``unwrapped`` and ``overwrite`` of :func:`haff.export.export`.
+
+        Examples
+        --------
+        >>> run.export("gas.gsd", frames="::10")                        # doctest: +SKIP
+        >>> run.export("events.parquet", table="events")                # doctest: +SKIP
+        """
+        from .export import export
+
+        return export(self, output, **options)
+
     @cached_property
     def summary(self) -> dict[str, Any]:
         """The run in a few numbers: what is there, how far it came, what the ledger says."""
