@@ -12,6 +12,7 @@ use crate::{
     particles::{Support, World},
     report::Checkpoint,
     simulation::Simulation,
+    stall::Stall,
     sum::Sum,
 };
 
@@ -45,7 +46,7 @@ impl Scalars<'_> {
 impl Simulation {
     /// The exact state now.
     pub fn checkpoint(&self) -> Checkpoint {
-        let State { world, book, pending } = &self.state;
+        let State { world, book, pending, .. } = &self.state;
         let mut scalars: Vec<(String, u64)> = Vec::new();
         let mut put = |name: &str, bits: u64| scalars.push((name.to_owned(), bits));
         put("clock.exponent", i64::from(world.clock.exponent) as u64);
@@ -222,7 +223,8 @@ impl Simulation {
                 "{name} is unknown; it was written by another version"
             )));
         }
-        let mut simulation = Self::start(system, options, State { world, book, pending })?;
+        let mut simulation =
+            Self::start(system, options, State { world, book, pending, stall: Stall::default() })?;
         // Predicting everything afresh is no part of the run.
         let counters = &mut simulation.state.book.counters;
         (counters.predictions, counters.candidates, counters.windows) = (predictions, candidates, windows);

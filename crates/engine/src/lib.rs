@@ -11,7 +11,9 @@ extern crate self as haff_engine; // the systems of tests/common are made with t
 
 mod batch;
 mod book;
+mod census;
 mod checkpoint;
+mod choice;
 mod clock;
 mod entry;
 mod error;

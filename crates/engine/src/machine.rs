@@ -73,6 +73,10 @@ pub(crate) trait Engine: Send {
     fn rebuild(&mut self, state: &mut State, geometry: &Geometry);
     /// Whether no event is due at any time.
     fn is_idle(&self) -> bool;
+    /// Whether it cannot go on, because it does not serve what the state has become.
+    fn is_outgrown(&self) -> bool {
+        false
+    }
     /// Runs events.
     fn advance(
         &mut self,
@@ -88,13 +92,13 @@ pub(crate) struct State {
     pub world: World,
     pub book: Book,
     pub pending: BTreeMap<u32, Pending>,
+    pub stall: Stall,
 }
 
 /// The engine for one set of features and one search.
 pub(crate) struct Machine<F, S> {
     queue: Queue,
     sight: Sight<F, S>,
-    stall: Stall,
 }
 
 /// All that predictions need besides the state.
@@ -183,7 +187,6 @@ impl<F: Features, S: Search + 'static> Machine<F, S> {
                 looks_ahead: particles >= MANY,
                 features: PhantomData,
             },
-            stall: Stall::default(),
         }
     }
 
@@ -229,7 +232,7 @@ impl<F: Features, S: Search + 'static> Machine<F, S> {
             };
             limit.entries -= 1;
             state.world.now = state.world.now.max(entry.time);
-            self.stall.watch(&state.world, &entry)?;
+            state.stall.watch(&state.world, &entry)?;
             let i = entry.owner;
             match entry.target.kind() {
                 Kind::Collision(j) => {
@@ -277,14 +280,13 @@ impl<F: Features, S: Search + 'static> Machine<F, S> {
 
 impl<F: Features, S: Search + 'static> Engine for Machine<F, S> {
     fn rebuild(&mut self, state: &mut State, geometry: &Geometry) {
-        let State { world, book, pending } = state;
+        let State { world, book, pending, .. } = state;
         let (world, pending) = (&*world, &*pending);
         let count = world.particles.len();
         let positions: Vec<_> =
             (0..count as u32).into_par_iter().map(|i| world.flight::<F>(i, world.now).0).collect();
         self.sight.search = S::new(geometry, &positions);
         self.queue.clear();
-        self.stall = Stall::default();
         let search = &self.sight.search;
         let kernel = self.sight.scratch.kernel();
         let foreseen: Vec<(Entry, Option<Memory>, u64)> = (0..count as u32)

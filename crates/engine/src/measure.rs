@@ -20,7 +20,7 @@ use crate::{
 const BLOCK: usize = 4096;
 
 /// Sums `terms(i)` over all particles, in an order that no thread count changes.
-fn total<const K: usize>(count: usize, terms: impl Fn(u32) -> [f64; K] + Sync) -> [f64; K] {
+pub(crate) fn total<const K: usize>(count: usize, terms: impl Fn(u32) -> [f64; K] + Sync) -> [f64; K] {
     let blocks: Vec<[Sum; K]> = (0..count.div_ceil(BLOCK))
         .into_par_iter()
         .map(|block| {
@@ -264,8 +264,17 @@ pub(crate) fn hash(world: &World) -> u128 {
     hasher.digest128()
 }
 
-/// What the searches know of a system.
-pub(crate) fn geometry(system: &System) -> Geometry {
+/// Least and largest coordinate of all particles now along an axis [length].
+fn extent(world: &World, axis: usize) -> (f64, f64) {
+    (0..world.particles.len() as u32)
+        .into_par_iter()
+        .map(|i| world.state(i, world.now).0[axis])
+        .fold(|| (f64::INFINITY, f64::NEG_INFINITY), |(low, high), x| (low.min(x), high.max(x)))
+        .reduce(|| (f64::INFINITY, f64::NEG_INFINITY), |a, b| (a.0.min(b.0), a.1.max(b.1)))
+}
+
+/// What the searches know of a state.
+pub(crate) fn geometry(system: &System, world: &World) -> Geometry {
     use haff_neighbors::{Axis, Plane};
     let mut axes = system.domain.boundary.map(|boundary| match boundary {
         Boundary::Periodic => Axis::Periodic,
@@ -275,15 +284,24 @@ pub(crate) fn geometry(system: &System) -> Geometry {
     if system.dimension == Dimension::Two {
         axes[2] = Axis::Flat;
     }
+    let classes = world.particles.iter().map(|particle| &world.classes[particle.class()]);
     let radii = |finite: bool| {
-        let chosen = system.bodies.iter().map(|body| system.classes[body.class as usize]);
-        chosen.filter(|class| class.mass.is_finite() == finite).map(|class| class.radius).fold(0.0, f64::max)
+        let chosen = classes.clone().filter(|class| (class.inverse_mass != 0.0) == finite);
+        chosen.map(|class| class.radius).fold(0.0, f64::max)
     };
     let (movable, fixed) = (radii(true), radii(false));
-    let radius = system.bodies.iter().map(|body| system.classes[body.class as usize].radius);
+    let radius = classes.clone().map(|class| class.radius);
     let uniform = radius.clone().all(|radius| radius == movable);
+    let mut size = system.domain.size;
+    for axis in 0..3 {
+        if axes[axis] == Axis::Open {
+            // Where the particles are now stands for the size that there is not.
+            let (low, high) = extent(world, axis);
+            size[axis] = (high - low).max(0.0) + 2.0 * movable.max(fixed);
+        }
+    }
     Geometry {
-        size: system.domain.size,
+        size,
         axes,
         // Two bodies of infinite mass never touch.
         reach: movable + movable.max(fixed),

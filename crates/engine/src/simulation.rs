@@ -2,36 +2,28 @@
 
 use std::collections::BTreeMap;
 
-use glam::DVec3;
-use haff_neighbors::{AllPairs, Cells, Geometry, Lists};
+use haff_neighbors::{Geometry, Lists};
 
 use crate::{
     batch::Kernel,
     book::Book,
+    choice::Choice,
     clock::{ANCHOR_AGE, Clock, EPOCH, OLDEST_ANCHOR},
     error::EngineError,
-    machine::{Engine, Limit, Machine, State, With},
+    machine::{Engine, Limit, State},
     measure::{self, Species, Totals},
     model::{Boundary, Dimension, NeighborChoice, Options, System},
-    nearby::Nearby,
     overlap::{self, Overlap},
     particles::World,
     report::{Counters, Frame, Ledger, Observer, Sample, Stop},
-    windows::{self, Windows},
+    stall::Stall,
+    windows,
 };
 
 /// Largest number of particles: calendar entries keep two bits of an index for themselves.
 const MAX_PARTICLES: usize = (1 << 30) - 2;
 /// Largest number of walls.
 const MAX_WALLS: usize = u16::MAX as usize;
-/// Up to this many particles all pairs are tested.
-const FEW: usize = 12;
-/// Packing fraction of spheres, and of disks, above which lists are faster than cells if all have one size…
-const DENSE: [f64; 2] = [0.18, 0.42];
-/// … and if they have not: the cells' width follows the largest, that of the lists' shell the mean.
-const DENSE_MIXED: [f64; 2] = [0.26, 0.5];
-/// The same where windows compete: benches/record/2026-11-21/windows.md.
-const DENSE_FOR_WINDOWS: [f64; 2] = [0.38, 0.7];
 /// The tick is changed at the end of an epoch when the system's time scale has changed by 2 to this power.
 const RETUNE_BITS: u32 = 2;
 
@@ -60,7 +52,7 @@ pub struct Simulation {
     geometry: Geometry,
     pub(crate) state: State,
     engine: Box<dyn Engine>,
-    neighbors: NeighborChoice,
+    choice: Choice,
     /// Time of the last stop as it was asked for [time]; the tick is only the nearest.
     stopped_at: Option<f64>,
 }
@@ -83,11 +75,11 @@ impl Simulation {
             sampled_collisions: u64::MAX,
             ..Book::default()
         };
-        Self::start(system, options, State { world, book, pending: BTreeMap::new() })
+        Self::start(system, options, State { world, book, pending: BTreeMap::new(), stall: Stall::default() })
     }
 
     /// Builds the engine for a state.
-    pub(crate) fn start(mut system: System, options: Options, mut state: State) -> Result<Self, EngineError> {
+    pub(crate) fn start(mut system: System, options: Options, state: State) -> Result<Self, EngineError> {
         for (what, count, limit) in
             [("particles", system.bodies.len(), MAX_PARTICLES), ("walls", system.walls.len(), MAX_WALLS)]
         {
@@ -99,24 +91,38 @@ impl Simulation {
             let (count, limit) = (system.bodies.len(), Lists::MAX_PARTICLES);
             return Err(EngineError::TooMany { what: "particles for neighbor lists", count, limit });
         }
-        let geometry = measure::geometry(&system);
         let kernel = Kernel::choose(options.simd).ok_or(EngineError::NoAvx2)?;
-        let neighbors = match options.neighbors {
-            NeighborChoice::Auto if system.bodies.len() <= FEW => NeighborChoice::AllPairs,
-            NeighborChoice::Auto => choose(&system),
-            chosen => chosen,
-        };
-        if neighbors == NeighborChoice::Windows
-            && let Some(why) = windows::unsuitable(&system)
+        let choice = Choice::new(options.neighbors, kernel, &system, &state.world);
+        if options.neighbors == NeighborChoice::Windows
+            && let Some(why) = windows::unsuitable(&system, &choice.census)
         {
-            return Err(EngineError::Unsuitable { choice: neighbors.name(), why });
+            return Err(EngineError::Unsuitable { choice: options.neighbors.name(), why });
         }
-        let mut engine = compile(&system, &geometry, neighbors, kernel);
+        let geometry = measure::geometry(&system, &state.world);
         let species = Species::new(&system);
         // The state has them now; a quarter of the memory of a large system.
         system.bodies = Vec::new();
-        engine.rebuild(&mut state, &geometry);
-        Ok(Self { system, species, geometry, state, engine, neighbors, stopped_at: None })
+        let engine = choice.compile(&system, &geometry);
+        let mut simulation = Self { system, species, geometry, state, engine, choice, stopped_at: None };
+        simulation.rebuild();
+        Ok(simulation)
+    }
+
+    /// Has the engine search and predict everything afresh.
+    fn rebuild(&mut self) {
+        self.engine.rebuild(&mut self.state, &self.geometry);
+        self.choice.after(self.state.book.counters.collisions);
+    }
+
+    /// Looks whether another engine serves the present state better. No choice changes the trajectory.
+    #[cold]
+    fn reconsider(&mut self) {
+        self.choice.after(self.state.book.counters.collisions);
+        if self.choice.reconsider(&self.system, &self.state.world) {
+            self.geometry = measure::geometry(&self.system, &self.state.world);
+            self.engine = self.choice.compile(&self.system, &self.geometry);
+            self.rebuild();
+        }
     }
 
     /// Runs events until the first of the bounds, or until nothing will move any more.
@@ -128,13 +134,28 @@ impl Simulation {
         let mut entries = until.entries;
         loop {
             let target = self.state.world.clock.ticks(until.time);
+            let slice = entries.min(self.choice.patience);
             let mut limit = Limit {
                 // Events at the very end of an epoch belong to the next.
                 ticks: target.min(EPOCH - 1),
-                collisions: until.collisions,
-                entries,
+                collisions: until.collisions.min(self.choice.review),
+                entries: slice,
             };
             let stop = self.engine.advance(&mut self.state, &mut limit, observer)?;
+            entries -= slice - limit.entries;
+            self.choice.patience -= slice - limit.entries;
+            let reviewed = match stop {
+                Stop::Collisions => self.state.book.counters.collisions < until.collisions,
+                Stop::Slice => self.choice.patience == 0 || self.engine.is_outgrown(),
+                Stop::Time | Stop::Rest => false,
+            };
+            if reviewed {
+                self.reconsider();
+                if entries == 0 {
+                    return Ok(Stop::Slice);
+                }
+                continue;
+            }
             if stop == Stop::Time && until.time == f64::INFINITY && self.engine.is_idle() {
                 return Ok(Stop::Rest);
             }
@@ -142,7 +163,7 @@ impl Simulation {
                 self.next_epoch();
                 // A long flight without events must not keep the caller waiting: an epoch counts as an entry for each
                 // particle.
-                entries = limit.entries.saturating_sub(1 + self.particles() as u64);
+                entries = entries.saturating_sub(1 + self.particles() as u64);
                 if entries == 0 {
                     return Ok(Stop::Slice);
                 }
@@ -193,8 +214,9 @@ impl Simulation {
             world.clock = world.clock.with_exponent(exponent);
         }
         world.now = 0;
+        self.state.stall = Stall::default();
         self.state.book.counters.epochs += 1;
-        self.engine.rebuild(&mut self.state, &self.geometry);
+        self.rebuild();
     }
 
     /// Present simulated time [time].
@@ -258,7 +280,7 @@ impl Simulation {
 
     /// The partner search in use.
     pub fn neighbors(&self) -> NeighborChoice {
-        self.neighbors
+        self.choice.neighbors
     }
 
     /// Reverses every velocity: an elastic system without driven bodies retraces its path. Anchors are set to now.
@@ -273,7 +295,7 @@ impl Simulation {
             particle.count = particle.count.wrapping_add(1);
             world.wrap_anchor(i);
         }
-        self.engine.rebuild(&mut self.state, &self.geometry);
+        self.rebuild();
     }
 
     /// Checks what must always hold and what the engine itself does not look at: finite velocities, no overlap beyond
@@ -300,90 +322,9 @@ impl Simulation {
     }
 }
 
-/// The search for a system: windows where they serve and it is not dense, lists where it is, cells otherwise. In an open box the
-/// particles' extent stands for its size.
-fn choose(system: &System) -> NeighborChoice {
-    let (flat, open) = (system.dimension == Dimension::Two, open_axes(system));
-    let radii = || system.bodies.iter().map(|body| system.classes[body.class as usize].radius);
-    let extent = |axis: usize| {
-        if !open[axis] {
-            return system.domain.size[axis];
-        }
-        let range = |bound: f64, better: fn(f64, f64) -> f64| {
-            system.bodies.iter().map(|body| body.position[axis]).fold(bound, better)
-        };
-        range(f64::NEG_INFINITY, f64::max) - range(f64::INFINITY, f64::min)
-            + 2.0 * radii().fold(0.0, f64::max)
-    };
-    let axes = if flat { 0..2 } else { 0..3 };
-    let power = axes.len() as i32;
-    let ball = if flat { std::f64::consts::PI } else { std::f64::consts::PI * 4.0 / 3.0 };
-    let packing =
-        radii().map(|radius| ball * radius.powi(power)).sum::<f64>() / axes.map(extent).product::<f64>();
-    let first = radii().next();
-    let mixed = radii().any(|radius| Some(radius) != first);
-    let limits = match (windows::suit(system), mixed) {
-        (true, _) => DENSE_FOR_WINDOWS,
-        (false, true) => DENSE_MIXED,
-        (false, false) => DENSE,
-    };
-    if packing > limits[usize::from(flat)] && system.bodies.len() <= Lists::MAX_PARTICLES {
-        NeighborChoice::Lists
-    } else if windows::suit(system) {
-        NeighborChoice::Windows
-    } else {
-        NeighborChoice::Cells
-    }
-}
-
 /// Axes along which the system has no size of its own.
 fn open_axes(system: &System) -> [bool; 3] {
     let mut open = system.domain.boundary.map(|boundary| boundary == Boundary::Open);
     open[2] |= system.dimension == Dimension::Two;
     open
-}
-
-/// The machine for what the system needs.
-fn compile(
-    system: &System,
-    geometry: &Geometry,
-    neighbors: NeighborChoice,
-    kernel: Kernel,
-) -> Box<dyn Engine> {
-    let count = system.bodies.len();
-    let gravity = system.domain.gravity != DVec3::ZERO;
-    let first = system.bodies.first().map(|body| system.classes[body.class as usize]);
-    let uniform = first.is_some_and(|first| {
-        first.mass.is_finite()
-            && system.classes.iter().all(|class| class.radius == first.radius && class.mass == first.mass)
-    });
-    macro_rules! machine {
-        ($gravity:literal, $uniform:literal) => {
-            match neighbors {
-                NeighborChoice::Windows => {
-                    Box::new(Windows::<With<$gravity, $uniform>>::new(geometry, kernel, system))
-                        as Box<dyn Engine>
-                }
-                NeighborChoice::AllPairs => {
-                    Box::new(Machine::<With<$gravity, $uniform>, AllPairs>::new(geometry, kernel, count))
-                        as Box<dyn Engine>
-                }
-                NeighborChoice::Lists => {
-                    if let Some(engine) = Nearby::<With<$gravity, $uniform>>::new(geometry, kernel, system) {
-                        return Box::new(engine);
-                    }
-                    Box::new(Machine::<With<$gravity, $uniform>, Lists>::new(geometry, kernel, count))
-                }
-                NeighborChoice::Auto | NeighborChoice::Cells => {
-                    Box::new(Machine::<With<$gravity, $uniform>, Cells>::new(geometry, kernel, count))
-                }
-            }
-        };
-    }
-    match (gravity, uniform) {
-        (false, false) => machine!(false, false),
-        (false, true) => machine!(false, true),
-        (true, false) => machine!(true, false),
-        (true, true) => machine!(true, true),
-    }
 }

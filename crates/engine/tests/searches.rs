@@ -434,6 +434,97 @@ fn windows_serve_mixtures_and_disks_and_boxes_with_walls() {
     assert_windows("a channel", &scene, 3000);
 }
 
+/// Under gravity all paths bend alike, and the windows fall with them.
+#[test]
+fn windows_serve_what_falls() {
+    let mut random = Random(30);
+    for (e, g) in [(1.0, 0.3), (0.95, 5.0), (0.9, 0.01)] {
+        let boundary = [Boundary::Periodic, Boundary::Wall, Boundary::Wall];
+        let mut scene = system(Dimension::Three, DVec3::new(12.0, 9.0, 40.0), boundary);
+        scene.domain.gravity = DVec3::new(0.0, 0.1 * g, -g);
+        set_restitution(&mut scene, e);
+        let ball = class(&mut scene, 0.5, 1.0);
+        scatter(&mut scene, ball, 250, 1.0, &mut random);
+        assert_windows(&format!("e = {e}, g = {g}"), &scene, 4000);
+        // Let go of all at once.
+        for body in &mut scene.bodies {
+            body.velocity = DVec3::ZERO;
+        }
+        assert_windows(&format!("dropped, e = {e}, g = {g}"), &scene, 2000);
+    }
+    let mut scene = system(Dimension::Two, DVec3::new(30.0, 60.0, 1.0), [Boundary::Wall; 3]);
+    scene.domain.gravity.y = -1.0;
+    set_restitution(&mut scene, 0.95);
+    let (large, small) = (class(&mut scene, 1.0, 8.0), class(&mut scene, 0.4, 1.0));
+    scatter(&mut scene, large, 30, 1.0, &mut random);
+    scatter(&mut scene, small, 150, 3.0, &mut random);
+    assert_windows("disks of two sizes", &scene, 4000);
+}
+
+/// Whoever rests on the floor no longer falls: cells go on where windows cannot.
+#[test]
+fn an_engine_that_no_longer_serves_is_replaced() {
+    let mut scene = system(
+        Dimension::Three,
+        DVec3::new(20.0, 20.0, 30.0),
+        [Boundary::Periodic, Boundary::Periodic, Boundary::Wall],
+    );
+    scene.domain.gravity.z = -1.0;
+    set_restitution(&mut scene, 0.4);
+    let ball = class(&mut scene, 0.5, 1.0);
+    scatter(&mut scene, ball, 120, 0.3, &mut Random(31));
+    let until = Until { time: 12.0, ..Until::default() };
+    let (_, hash, settled) = run(&scene, options(NeighborChoice::Auto, SimdChoice::Auto), until);
+    assert_eq!(
+        Simulation::new(scene.clone(), Options::default()).unwrap().neighbors(),
+        NeighborChoice::Windows
+    );
+    assert_eq!(settled.neighbors(), NeighborChoice::Cells);
+    assert!(settled.counters().rests > 0);
+    assert_eq!(run(&scene, options(NeighborChoice::Cells, SimdChoice::Auto), until).1, hash);
+}
+
+/// A cluster of particles in an otherwise empty box.
+fn cluster(per_edge: usize, packing: f64, e: f64, size: DVec3, seed: u64) -> System {
+    let mut scene = gas(per_edge, packing, e, seed);
+    let shift = 0.5 * (size - scene.domain.size);
+    scene.domain.size = size;
+    for body in &mut scene.bodies {
+        body.position += shift;
+    }
+    scene
+}
+
+/// A search looks at what is near, however large the box is: grids are folded where most of their cells would be empty.
+#[test]
+fn clusters_in_large_boxes_cost_no_more_than_gases() {
+    for size in [DVec3::splat(200.0), DVec3::splat(1e6), DVec3::new(20.0, 30.0, 1e5)] {
+        let scene = cluster(10, 0.1, 0.8, size, 32);
+        let name = format!("a cluster in {size}");
+        let per_collision = |counters: &Counters| counters.candidates as f64 / counters.collisions as f64;
+        // Of all thousand, on an unfolded grid.
+        let candidates = per_collision(&assert_windows(&name, &scene, 1000).0);
+        assert!(candidates < 300.0, "{name}: {candidates} candidates a collision");
+        // The lists' coordinates are too coarse for the largest.
+        if size.max_element() <= 1e5 {
+            let candidates = per_collision(&assert_lists(&name, &scene, 1000));
+            assert!(candidates < 300.0, "{name}: {candidates} candidates a collision in lists");
+        }
+    }
+}
+
+/// A dense cluster has lists, and windows when it has come apart.
+#[test]
+fn an_engine_that_others_have_become_better_than_is_replaced() {
+    let scene = cluster(20, 0.52, 1.0, DVec3::splat(60.0), 33);
+    let start = Simulation::new(scene.clone(), Options::default()).unwrap();
+    assert_eq!(start.neighbors(), NeighborChoice::Lists);
+    let until = Until { collisions: 200_000, ..Until::default() };
+    let (_, hash, apart) = run(&scene, Options::default(), until);
+    assert_eq!(apart.neighbors(), NeighborChoice::Windows);
+    assert_eq!(run(&scene, options(NeighborChoice::Lists, SimdChoice::Auto), until).1, hash);
+}
+
 #[test]
 fn windows_refuse_what_they_cannot_serve() {
     let why = |scene: &System| {
@@ -454,11 +545,16 @@ fn windows_refuse_what_they_cannot_serve() {
     assert_eq!(why(&closed), "");
     let mut heavy = closed;
     heavy.domain.gravity.z = -1.0;
+    assert_eq!(why(&heavy), "");
+    let fixed = class(&mut heavy, 0.5, f64::INFINITY);
+    scatter(&mut heavy, fixed, 1, 0.0, &mut Random(30));
+    let vast = ball(1e9, [Boundary::Periodic; 3]);
     let open = ball(5.0, [Boundary::Periodic, Boundary::Periodic, Boundary::Open]);
     let narrow = ball(4.4, [Boundary::Periodic; 3]);
     assert_eq!(why(&ball(4.5, [Boundary::Periodic; 3])), "");
     for (scene, reason) in [
-        (heavy, "there is gravity"),
+        (heavy, "there are gravity and bodies of infinite mass, which do not fall"),
+        (vast, "an edge of 1000000000 is too long for the least radius, 0.5"),
         (open, "an axis is open"),
         (narrow, "a periodic edge of 4.4 is shorter than nine of the largest radius, 0.5"),
     ] {

@@ -34,6 +34,8 @@ const EMPTY: Block = Block { x: [[0; LANES]; 3], id: [NONE; LANES] };
 pub(super) struct Bins {
     /// Bins per axis; one where nothing moves.
     n: [i64; 3],
+    /// Halvings that fold the box onto the bins.
+    fold: [u32; 3],
     /// How many a search looks at along each axis.
     span: [usize; 3],
     /// Largest contact distances per coordinate.
@@ -46,28 +48,29 @@ pub(super) struct Bins {
 
 impl Bins {
     /// Bins of `particles` centers for searches up to `reach` in a box with these edges, zero along an axis without motion
-    /// [largest contact distances]; wider than that where most of them would be empty.
+    /// [largest contact distances]. Where most of them would be empty, the box is folded onto fewer.
     pub fn new(edges: [f64; 3], unit: [f32; 3], reach: f64, particles: usize) -> Self {
-        let cut = |width: f64| edges.map(|edge| (edge / width).clamp(1.0, MOST) as i64);
         let most = (MOST_PER_PARTICLE * particles).max(FEW) as f64;
-        let mut width = reach * WIDER;
-        let mut n = cut(width);
-        while n.iter().map(|&n| n as f64).product::<f64>() > most {
-            width *= 1.25;
-            n = cut(width);
+        let mut n = edges.map(|edge| (edge / (reach * WIDER)).max(1.0).floor());
+        let mut fold = [0; 3];
+        while n.iter().product::<f64>() > most || n.iter().any(|&n| n > MOST) {
+            let longest = (0..3).max_by(|&a, &b| n[a].total_cmp(&n[b])).unwrap_or(0);
+            n[longest] = (0.5 * n[longest]).floor();
+            fold[longest] += 1;
         }
+        let n = n.map(|n| n as i64);
         // Two bins along an axis are both looked at, each once.
         let span = n.map(|n| n.min(3) as usize);
         let count = n.iter().product::<i64>() as usize;
         let mut blocks = roomy(count + count / 64);
         blocks.resize(count, EMPTY);
-        Self { n, span, unit, blocks, next: vec![NONE; count] }
+        Self { n, fold, span, unit, blocks, next: vec![NONE; count] }
     }
 
     /// The bin of a center along an axis.
     #[inline(always)]
     fn cell(&self, axis: usize, x: i32) -> i64 {
-        (i64::from(x as u32) * self.n[axis]) >> 32
+        (i64::from((x as u32) << self.fold[axis]) * self.n[axis]) >> 32
     }
 
     #[inline(always)]
@@ -260,15 +263,22 @@ mod tests {
         (*state >> 32) as i32
     }
 
-    /// Bins of one, two and many along an axis, of which some overflow; centers move about.
+    /// Bins of one, two and many along an axis, of which some overflow, and bins that a large box with a clump in it is folded onto;
+    /// centers move about.
     #[test]
     fn all_that_are_near_are_found_once() {
         let mut state = 1;
-        for edges in [[8.0, 8.0, 8.0], [4.1, 12.0, 6.5], [5.0, 9.0, 0.0], [30.0, 6.0, 5.0]] {
+        for edges in
+            [[8.0, 8.0, 8.0], [4.1, 12.0, 6.5], [5.0, 9.0, 0.0], [30.0, 6.0, 5.0], [640.0, 5000.0, 320.0]]
+        {
             let unit = edges.map(|edge| if edge > 0.0 { (edge / 2.0_f64.powi(32)) as f32 } else { 1.0 });
             let reach = 2.0_f32;
             let mut bins = Bins::new(edges, unit, f64::from(reach), 600);
-            let mut place = |axis: usize| if edges[axis] > 0.0 { next(&mut state) } else { 0 };
+            let mut place = |axis: usize| {
+                // Clumps of about ten.
+                let empty = (edges[axis] / 10.0).max(1.0).log2() as u32;
+                if edges[axis] > 0.0 { next(&mut state) >> empty } else { 0 }
+            };
             let mut centers: Vec<[i32; 3]> = (0..600).map(|_| [0, 1, 2].map(&mut place)).collect();
             for (i, x) in centers.iter().enumerate() {
                 bins.enter(i as u32, *x);

@@ -21,6 +21,7 @@ use rayon::prelude::*;
 
 use crate::{
     batch::Kernel,
+    census::{Census, Crowd},
     clock::{HORIZON, whole},
     entry::{Entry, Kind, Target},
     error::EngineError,
@@ -31,7 +32,6 @@ use crate::{
     queue::{Prophet, Queue},
     report::{Observer, Stop},
     resolve,
-    stall::Stall,
 };
 use filter::{Bounds, MOST};
 use frame::{Frame, Record};
@@ -70,29 +70,25 @@ struct Plan {
 
 impl Plan {
     /// `None` if this engine does not serve the system.
-    fn new(geometry: &Geometry, system: &System) -> Option<Self> {
-        let count = system.bodies.len();
-        let radius = |i: usize| system.classes[system.bodies[i].class as usize].radius;
-        let movable = system.classes.iter().all(|class| class.mass.is_finite());
+    fn new(geometry: &Geometry, system: &System, census: &Census, crowd: &Crowd) -> Option<Self> {
         let plain = system.domain.gravity == DVec3::ZERO && system.walls.is_empty();
-        let least = (0..count).map(radius).fold(f64::INFINITY, f64::min);
-        if count == 0
-            || count >= i32::MAX as usize
-            || !movable
+        if census.count == 0
+            || census.count >= i32::MAX as usize
+            || !census.movable
             || !plain
-            || geometry.radius > SIZE_RATIO * least
+            || geometry.radius > SIZE_RATIO * census.least
         {
             return None;
         }
         let sigma = geometry.reach;
         let edges =
             [0, 1, 2].map(|k| if geometry.axes[k] == Axis::Flat { 0.0 } else { geometry.size[k] / sigma });
-        let used = || edges.iter().filter(|edge| **edge > 0.0);
-        let flat = used().count() == 2;
+        let flat = census.dimension == 2;
         let ball = if flat { std::f64::consts::PI } else { 4.0 / 3.0 * std::f64::consts::PI };
-        let volume = (MEMBERS + 1.0) * used().product::<f64>() / (ball * count as f64);
+        let spacing = census.spacing(crowd.packing) / sigma;
+        let volume = (MEMBERS + 1.0) * spacing.powi(census.dimension) / ball;
         let shell = if flat { volume.sqrt() } else { libm::cbrt(volume) };
-        let mean = 2.0 * (0..count).map(radius).sum::<f64>() / (count as f64 * sigma);
+        let mean = 2.0 * census.mean / sigma;
         let half = 0.5 * ((shell / mean).clamp(SHELL[0], SHELL[1]) - 1.0) * mean;
         // Centers of neighbors are a contact distance and two radii apart, and they themselves up to two more.
         let frame = Frame::new(geometry, (1.01 + 4.0 * half) * sigma)?;
@@ -104,7 +100,6 @@ impl Plan {
 pub(crate) struct Nearby<F> {
     kernel: Kernel,
     queue: Queue,
-    stall: Stall,
     sight: Sight<F>,
     bounds: [Bounds; 2],
     work: Work,
@@ -130,13 +125,18 @@ struct Work {
 
 impl<F: Features> Nearby<F> {
     /// An engine for a system; it has to be [built](Engine::rebuild) before it runs. `None` if it does not serve the system.
-    pub fn new(geometry: &Geometry, kernel: Kernel, system: &System) -> Option<Self> {
-        let plan = Plan::new(geometry, system)?;
-        let count = system.bodies.len();
+    pub fn new(
+        geometry: &Geometry,
+        kernel: Kernel,
+        system: &System,
+        census: &Census,
+        crowd: &Crowd,
+    ) -> Option<Self> {
+        let plan = Plan::new(geometry, system, census, crowd)?;
+        let count = census.count;
         Some(Self {
             kernel,
             queue: Queue::new(count),
-            stall: Stall::default(),
             sight: Sight {
                 plan,
                 records: Vec::new(),
@@ -184,7 +184,7 @@ impl<F: Features> Nearby<F> {
             };
             limit.entries -= 1;
             state.world.now = state.world.now.max(entry.time);
-            self.stall.watch(&state.world, &entry)?;
+            state.stall.watch(&state.world, &entry)?;
             let i = entry.owner;
             match entry.target.kind() {
                 Kind::Collision(j) => {
@@ -494,7 +494,6 @@ impl<F: Features> Engine for Nearby<F> {
     fn rebuild(&mut self, state: &mut State, _geometry: &Geometry) {
         let count = state.world.particles.len();
         self.queue.clear();
-        self.stall = Stall::default();
         let sight = &mut self.sight;
         if sight.records.is_empty() {
             sight.records = roomy(count + 1);

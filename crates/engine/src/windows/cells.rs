@@ -125,9 +125,9 @@ pub(super) struct Cells {
 }
 
 impl Cells {
-    /// Empty cells about `width` wide.
-    pub fn new(geometry: &Geometry, width: f64) -> Self {
-        let axes = Axes::new(geometry, width);
+    /// Empty cells about `width` wide [length], for `particles`.
+    pub fn new(geometry: &Geometry, width: f64, particles: usize) -> Self {
+        let axes = Axes::new(geometry, width, particles);
         let cells = axes.n.iter().map(|&n| n as usize).product();
         let (nx, ny) = (axes.n[0] as u32, axes.n[1] as u32);
         let mut tables = Vec::new();

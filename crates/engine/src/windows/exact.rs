@@ -25,21 +25,33 @@ pub(super) fn contact<F: Features>(world: &World, a: &Particle, b: &Particle) ->
     };
     let tick = world.clock.tick;
     let now = world.now;
+    // Gravity points along no periodic axis.
     let here = |p: &Particle| p.position + p.velocity * ((now - p.time) as f64 * tick);
     let apart = (here(b) - here(a)).to_array();
     let behind = a.time - b.time;
     let dt = behind.abs() as f64 * tick;
     let (dt_a, dt_b) = if behind < 0 { (dt, 0.0) } else { (0.0, dt) };
-    let ra = haff_mechanics::drift(a.position, a.velocity, dt_a);
-    let rb = haff_mechanics::drift(b.position, b.velocity, dt_b);
+    let (ra, rb, va, vb);
+    if F::GRAVITY {
+        // Both fall alike.
+        let g = world.gravity;
+        ra = haff_mechanics::free_flight(a.position, a.velocity, g, dt_a);
+        rb = haff_mechanics::free_flight(b.position, b.velocity, g, dt_b);
+        va = haff_mechanics::free_flight_velocity(a.velocity, g, dt_a);
+        vb = haff_mechanics::free_flight_velocity(b.velocity, g, dt_b);
+    } else {
+        ra = haff_mechanics::drift(a.position, a.velocity, dt_a);
+        rb = haff_mechanics::drift(b.position, b.velocity, dt_b);
+        (va, vb) = (a.velocity, b.velocity);
+    }
     // A whole number of lengths, added as one product, as everywhere; 0 · L changes nothing.
     let shift = |axis: usize| -round(apart[axis] * world.per_size[axis]) * world.size[axis];
     let r = (rb - ra) + DVec3::new(shift(0), shift(1), shift(2));
-    let v = b.velocity - a.velocity;
+    let v = vb - va;
     let delay = delay(r, v, sigma * sigma)?;
     let from = a.time.max(b.time);
     if r.length_squared() <= sigma * sigma * (1.0 + TOUCHING)
-        && is_rounding_noise(r, v, a.velocity.length().max(b.velocity.length()))
+        && is_rounding_noise(r, v, va.length().max(vb.length()))
     {
         return None;
     }
@@ -68,9 +80,15 @@ fn overlap(world: &World, a: &Particle, b: &Particle, time: i64) -> bool {
 
 /// When a particle with this anchor touches a wall [ticks].
 #[inline(always)]
-pub(super) fn wall_contact(world: &World, anchor: &Particle, radius: f64, wall: u32) -> Option<i64> {
+pub(super) fn wall_contact<F: Features>(
+    world: &World,
+    anchor: &Particle,
+    radius: f64,
+    wall: u32,
+) -> Option<i64> {
     let (distance, speed) = world.wall_approach(wall, radius, anchor.position, anchor.velocity, anchor.time);
-    let ticks = time_to_plane(distance, speed, 0.0)? * world.clock.per_time;
+    let pull = if F::GRAVITY { world.gravity.dot(world.walls[wall as usize].normal) } else { 0.0 };
+    let ticks = time_to_plane(distance, speed, pull)? * world.clock.per_time;
     (ticks <= LONGEST).then(|| anchor.time + whole(ticks))
 }
 

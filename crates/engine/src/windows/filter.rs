@@ -35,10 +35,10 @@ pub(super) const FARTHEST: f64 = 250.0;
 pub(super) const NEAR: f64 = 25.0;
 
 /// Factor by which contact distances are widened if nobody goes further than this within the window [least contact
-/// distances]. Two come apart at twice the speed of one.
-pub(super) fn margin(farthest: f64) -> f32 {
+/// distances], and coordinates are rounded by so much. Two come apart at twice the speed of one.
+pub(super) fn margin(farthest: f64, rounding: f64) -> f32 {
     let way = 2.0 * farthest;
-    (1.0 + LEAST_MARGIN + ROUNDING * way * way) as f32
+    (1.0 + LEAST_MARGIN + ROUNDING * way * way + rounding) as f32
 }
 
 /// What a window knows of a particle: half a cache line.
@@ -307,7 +307,7 @@ mod tests {
             radii: Vec::new(),
             planes: Vec::new(),
         };
-        Cells::new(&geometry, EDGE / 4.0)
+        Cells::new(&geometry, EDGE / 4.0, 1000)
     }
 
     fn direction(random: &mut Random) -> DVec3 {
@@ -412,7 +412,7 @@ mod tests {
         let cells = cells();
         let unit = cells.axes.unit;
         let mut random = Random(way.to_bits());
-        let margin = margin(0.5 * way);
+        let margin = margin(0.5 * way, 0.0);
         let outside = 1.0 + 2.0 * (f64::from(margin) - 1.0);
         let mut verdict = Verdict { contacts: 0, missed: 0, vain: 0, different: 0 };
         for k in 0..count {

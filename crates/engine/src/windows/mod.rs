@@ -29,10 +29,11 @@ use std::marker::PhantomData;
 
 use glam::DVec3;
 use haff_calendar::Agenda;
-use haff_neighbors::{Axis, Geometry, prefetch};
+use haff_neighbors::{Geometry, prefetch};
 
 use crate::{
     batch::Kernel,
+    census::{Census, Crowd},
     entry::Kind,
     error::EngineError,
     machine::{Engine, Features, Limit, State},
@@ -40,7 +41,6 @@ use crate::{
     particles::World,
     report::{Observer, Stop},
     resolve,
-    stall::Stall,
 };
 use cells::Cells;
 use due::Due;
@@ -54,6 +54,8 @@ use tune::{Tuner, Work};
 const CACHED: usize = 20_000;
 /// Part of the box that the widest pair may come apart within a window, so that the nearest image is the one that may touch.
 const NEAREST: f64 = 0.45;
+/// Part of the least contact distance that the rounding of coordinates may come to.
+const MOST_ROUNDING: f64 = 0.02;
 /// Windows are chosen from this many particles on, with at most so many walls, …
 const MANY: usize = 100;
 const FEW_WALLS: usize = 16;
@@ -61,6 +63,7 @@ const FEW_WALLS: usize = 16;
 const OUTLIER: f64 = 30.0;
 /// … and nobody larger than the least by more than this one: large ones are registered in many cells.
 const SIZE_RATIO: f64 = 20.0;
+
 /// Who is on a new path after an event.
 enum Renewed {
     Pair([u32; 2]),
@@ -73,6 +76,8 @@ pub(crate) struct Windows<F> {
     geometry: Geometry,
     /// Least radius [length].
     least: f64,
+    /// Acceleration of all [length/time²].
+    gravity: DVec3,
     space: Space<F>,
     /// Slot of every particle.
     slot_of: Vec<u32>,
@@ -90,7 +95,7 @@ pub(crate) struct Windows<F> {
     /// When the window began [ticks], and its length [time].
     begin: i64,
     step: f64,
-    /// Mean distance of particles [length].
+    /// Mean distance of particles where they are [length].
     spacing: f64,
     /// Mean path in the window [spacings], and the width that the cells were made for.
     path: f64,
@@ -104,15 +109,17 @@ pub(crate) struct Windows<F> {
     scratch: Scratch,
     /// Work since the copies were made, before the present window's.
     judged: Work,
-    stall: Stall,
+    /// Whether somebody no longer falls, so that windows serve no more.
+    outgrown: bool,
 }
 
 /// Why windows cannot serve a system, or nothing.
-pub(crate) fn unsuitable(system: &System) -> Option<String> {
+pub(crate) fn unsuitable(system: &System, census: &Census) -> Option<String> {
     let axes = system.dimension.count();
-    let largest = system.classes.iter().map(|class| class.radius).fold(0.0, f64::max);
-    if system.domain.gravity != DVec3::ZERO {
-        return Some("there is gravity".to_owned());
+    let largest = census.largest;
+    let gravity = system.domain.gravity;
+    if gravity != DVec3::ZERO && !census.movable {
+        return Some("there are gravity and bodies of infinite mass, which do not fall".to_owned());
     }
     for axis in 0..axes {
         match system.domain.boundary[axis] {
@@ -125,38 +132,38 @@ pub(crate) fn unsuitable(system: &System) -> Option<String> {
             }
             Boundary::Periodic | Boundary::Wall => {}
         }
+        let periodic = system.domain.boundary[axis] == Boundary::Periodic;
+        if axes::rounding(system.domain.size[axis], periodic, census.least) > MOST_ROUNDING {
+            return Some(format!(
+                "an edge of {} is too long for the least radius, {}",
+                system.domain.size[axis], census.least
+            ));
+        }
     }
     None
 }
 
-/// Whether windows are likely to be the fastest for a system that is not dense.
-pub(crate) fn suit(system: &System) -> bool {
-    if unsuitable(system).is_some() || system.bodies.len() < MANY || system.walls.len() > FEW_WALLS {
-        return false;
-    }
-    let squares = || system.bodies.iter().map(|body| body.velocity.length_squared());
-    let mean = squares().sum::<f64>() / system.bodies.len() as f64;
-    let fastest = squares().fold(0.0, f64::max);
-    let (least, largest) = system.classes.iter().fold((f64::INFINITY, 0.0_f64), |(least, largest), class| {
-        (least.min(class.radius), largest.max(class.radius))
-    });
-    fastest <= OUTLIER * OUTLIER * mean && largest <= SIZE_RATIO * least
+/// Whether windows serve a state of a system that is not [unsuitable]: under gravity all have to fall.
+pub(crate) fn serve(world: &World) -> bool {
+    world.gravity == DVec3::ZERO || world.resting == 0
+}
+
+/// Whether windows are likely to be the fastest for a state that they serve and that is not dense.
+pub(crate) fn suit(system: &System, census: &Census, crowd: &Crowd) -> bool {
+    census.count >= MANY
+        && system.walls.len() <= FEW_WALLS
+        && crowd.is_even(OUTLIER)
+        && census.largest <= SIZE_RATIO * census.least
 }
 
 impl<F: Features> Windows<F> {
-    pub fn new(geometry: &Geometry, kernel: Kernel, system: &System) -> Self {
-        let count = system.bodies.len();
-        let axes = (0..3).filter(|&axis| geometry.axes[axis] != Axis::Flat);
-        let volume: f64 = axes.clone().map(|axis| geometry.size[axis]).product();
-        let dimension = axes.count() as i32;
-        let radius = |i: usize| system.classes[system.bodies[i].class as usize].radius;
-        let unit = if dimension == 2 { std::f64::consts::PI } else { 4.0 / 3.0 * std::f64::consts::PI };
-        let occupied: f64 = (0..count).map(|i| unit * radius(i).powi(dimension)).sum();
-        let least = (0..count).map(radius).fold(f64::INFINITY, f64::min);
+    pub fn new(geometry: &Geometry, kernel: Kernel, system: &System, census: &Census, crowd: &Crowd) -> Self {
+        let count = census.count;
         Self {
             kernel,
             geometry: geometry.clone(),
-            least,
+            least: census.least,
+            gravity: system.domain.gravity,
             space: Space {
                 cells: Cells::default(),
                 records: Vec::new(),
@@ -179,16 +186,16 @@ impl<F: Features> Windows<F> {
             collisions: 0,
             begin: 0,
             step: 0.0,
-            spacing: libm::pow(volume / count.max(1) as f64, 1.0 / f64::from(dimension)),
+            spacing: census.spacing(crowd.packing),
             path: 0.0,
             width: 0.0,
             farthest: 0.0,
-            tuner: Tuner::new(occupied / volume),
+            tuner: Tuner::new(crowd.packing),
             opened: 0,
             last_window: 0,
             scratch: Scratch::new(),
             judged: Work::default(),
-            stall: Stall::default(),
+            outgrown: false,
         }
     }
 
@@ -241,7 +248,14 @@ impl<F: Features> Windows<F> {
         let particle = &world.particles[i as usize];
         let slot = self.slot_of[i as usize];
         let from = ((particle.time - self.begin) as f64 * (world.clock.tick / self.step)) as f32;
-        let (velocity, position) = (particle.velocity.to_array(), particle.position.to_array());
+        let (mut position, mut velocity) = (particle.position, particle.velocity);
+        if F::GRAVITY {
+            // As seen by somebody who has been falling since the window began: there all paths are straight.
+            let fallen = (particle.time - self.begin) as f64 * world.clock.tick;
+            position -= self.gravity * (0.5 * fallen * fallen);
+            velocity -= self.gravity * fallen;
+        }
+        let (velocity, position) = (velocity.to_array(), position.to_array());
         let (mut v, mut place) = ([0.0; 3], [0; 3]);
         for axis in 0..3 {
             v[axis] = (velocity[axis] * self.step) as f32;
@@ -348,7 +362,7 @@ impl<F: Features> Windows<F> {
             }
             limit.entries -= 1;
             world.now = world.now.max(entry.time);
-            self.stall.watch(world, &entry)?;
+            state.stall.watch(world, &entry)?;
             let renewed = match entry.target.kind() {
                 Kind::Collision(j) => {
                     resolve::collision::<F, EVENTS>(state, i, j, entry.time, observer)?;
@@ -366,6 +380,10 @@ impl<F: Features> Windows<F> {
                 Kind::Wall(wall) => {
                     resolve::wall::<F, EVENTS>(state, i, wall, entry.time, observer)?;
                     state.world.wrap_anchor(i);
+                    if F::GRAVITY && !serve(&state.world) {
+                        self.outgrown = true;
+                        return Ok(Stop::Slice);
+                    }
                     Renewed::One(i)
                 }
                 // There are none of these.
@@ -386,10 +404,13 @@ impl<F: Features> Windows<F> {
 impl<F: Features> Engine for Windows<F> {
     fn rebuild(&mut self, state: &mut State, _geometry: &Geometry) {
         let before = self.scratch.work;
-        self.stall = Stall::default();
         self.start_afresh(&state.world);
         self.open(&state.world);
         self.count(state, &before);
+    }
+
+    fn is_outgrown(&self) -> bool {
+        self.outgrown
     }
 
     fn is_idle(&self) -> bool {

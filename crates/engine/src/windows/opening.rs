@@ -4,10 +4,10 @@ use haff_neighbors::{Axis, roomy};
 use rayon::prelude::*;
 
 use super::{
-    NEAREST, Windows,
+    NEAREST, Windows, axes,
     cells::Cells,
     filter::{BEFORE, FARTHEST, NEAR, Record, Scratch, margin},
-    space::{Found, Space, TASK},
+    space::{Fall, Found, Space, TASK},
     tune::Work,
 };
 use crate::{
@@ -17,7 +17,7 @@ use crate::{
 };
 
 /// Windows after which the streamed copies are made from the anchors again, at most and at least.
-const MOST_WINDOWS: u64 = 16;
+pub(super) const MOST_WINDOWS: u64 = 16;
 const LEAST_WINDOWS: u64 = 3;
 /// Searches that a trial of the tuner takes, so that its counts mean something.
 const TRIAL: u64 = 200_000;
@@ -33,24 +33,42 @@ impl<F: Features> Windows<F> {
         let [path, width] = self.tuner.values;
         if self.width != width {
             self.width = width;
-            self.space.cells = Cells::new(&self.geometry, width * self.spacing);
+            self.space.cells = Cells::new(&self.geometry, width * self.spacing, count);
         }
         // By blocks, so that the sum does not depend on the number of threads.
         let blocks: Vec<(f64, f64)> = world
             .particles
             .par_chunks(TASK)
             .map(|block| {
-                let squares = block.iter().map(|particle| particle.velocity.length_squared());
+                let squares = block.iter().map(|particle| {
+                    let mut velocity = particle.velocity;
+                    if F::GRAVITY {
+                        velocity += self.gravity * ((world.now - particle.time) as f64 * world.clock.tick);
+                    }
+                    velocity.length_squared()
+                });
                 squares.fold((0.0, 0.0), |(sum, most), square| (sum + square, f64::max(most, square)))
             })
             .collect();
         let (sum, most) = blocks
             .into_iter()
             .fold((0.0, 0.0), |(sum, most), block| (sum + block.0, f64::max(most, block.1)));
-        let (mean, fastest) = ((sum / count.max(1) as f64).sqrt(), most.sqrt());
+        let (mut mean_square, fastest) = (sum / count.max(1) as f64, most.sqrt());
+        if F::GRAVITY {
+            // Those who have only just been let go of are soon as fast as this.
+            mean_square += self.gravity.length() * self.spacing;
+        }
+        let mean = mean_square.sqrt();
         // Two particles come apart at twice the speed of one.
         let contact = 2.0 * self.least;
-        let widest = 2.0 * self.geometry.radius * f64::from(margin(FARTHEST));
+        let rounding = (0..3)
+            .filter(|&axis| self.geometry.axes[axis] != Axis::Flat)
+            .map(|axis| {
+                let periodic = self.geometry.axes[axis] == Axis::Periodic;
+                axes::rounding(self.geometry.size[axis], periodic, self.least)
+            })
+            .fold(0.0, f64::max);
+        let widest = 2.0 * self.geometry.radius * f64::from(margin(FARTHEST, rounding));
         let farthest = (0..3)
             .map(|axis| match self.geometry.axes[axis] {
                 Axis::Periodic => 0.5 * (NEAREST * self.geometry.size[axis] - widest),
@@ -58,8 +76,13 @@ impl<F: Features> Windows<F> {
                 Axis::Bounded | Axis::Open => NEAREST * self.geometry.size[axis],
                 Axis::Flat => f64::INFINITY,
             })
+            .zip(self.space.cells.axes.period)
+            .map(|(farthest, period)| if period > 0.0 { farthest.min(NEAREST * period) } else { farthest })
             .fold(FARTHEST * contact, f64::min);
-        let longest = farthest / (HEADROOM * fastest);
+        let windows = (TRIAL / count.max(1) as u64).clamp(LEAST_WINDOWS, MOST_WINDOWS);
+        // The last window has to be short enough for those who have been falling through all of them.
+        let gain = if F::GRAVITY { self.gravity.length() * (windows + 1) as f64 } else { 0.0 };
+        let longest = longest_step(farthest, HEADROOM * fastest, gain);
         let step = (path * self.spacing / mean).min(longest);
         // Without motion any window will do.
         let ticks = (step * world.clock.per_time).clamp(1.0, LONGEST) as i64;
@@ -68,13 +91,14 @@ impl<F: Features> Windows<F> {
         self.step = ticks as f64 * world.clock.tick;
         self.path = mean * self.step / self.spacing;
         // No further than somebody is likely to go: single precision rounds long ways more.
-        let farthest = farthest.min((HEADROOM * fastest * self.step).max(NEAR * contact));
-        self.farthest = farthest as f32;
-        let margin = margin(farthest / contact);
+        let farthest =
+            farthest.min(((HEADROOM * fastest + gain * self.step) * self.step).max(NEAR * contact));
+        self.farthest = (farthest - gain * self.step * self.step) as f32;
+        let margin = margin(farthest / contact, rounding);
         self.space.common_radius = self.least as f32 * margin;
         self.fill(world, margin);
         self.opened = 0;
-        self.last_window = (TRIAL / count.max(1) as u64).clamp(LEAST_WINDOWS, MOST_WINDOWS);
+        self.last_window = windows;
     }
 
     /// Fills the slots, in the order of their cells, from the anchors.
@@ -138,10 +162,23 @@ impl<F: Features> Windows<F> {
             let ticks = self.space.end - self.begin;
             self.begin = self.space.end;
             self.space.end += ticks;
-            self.space.stream(self.kernel);
+            let fall = self.fall();
+            self.space.stream(self.kernel, fall);
         }
         self.space.tiles = self.choose_tiles(state, limit);
         self.open(&state.world);
+    }
+
+    /// What a window's time does to all who fall.
+    fn fall(&self) -> Fall {
+        if !F::GRAVITY {
+            return Fall::default();
+        }
+        let faster = self.gravity * (self.step * self.step);
+        Fall {
+            way: self.space.cells.axes.way((0.5 * faster).to_array().map(|way| way as f32), 1.0),
+            faster: faster.to_array().map(|way| way as f32),
+        }
     }
 
     /// Opens the window.
@@ -197,4 +234,9 @@ impl<F: Features> Windows<F> {
     fn look_ahead_avx2(&mut self, world: &World) {
         self.look_ahead::<true>(world);
     }
+}
+
+/// The longest time t in which v t + a t² is no more than `farthest`.
+fn longest_step(farthest: f64, v: f64, a: f64) -> f64 {
+    2.0 * farthest / (v + (v * v + 4.0 * a * farthest).sqrt())
 }

@@ -81,16 +81,16 @@ impl<F: Features> Space<F> {
 
     /// Moves everybody on by one window, in parallel if that is worth while.
     #[inline(always)]
-    pub fn stream(&mut self, kernel: Kernel) {
+    pub fn stream(&mut self, kernel: Kernel, fall: Fall) {
         let axes = self.cells.axes;
         if rayon::current_num_threads() == 1 || self.records.len() < 2 * TASK {
-            stream(&axes, &mut self.records);
+            stream::<F>(&axes, fall, &mut self.records);
         } else {
             self.records.par_chunks_mut(TASK).for_each(|records| match kernel {
-                Kernel::Portable => stream(&axes, records),
+                Kernel::Portable => stream::<F>(&axes, fall, records),
                 #[cfg(target_arch = "x86_64")]
                 // SAFETY: `Kernel::Avx2` is made by `Kernel::choose` alone, after it has found the features.
-                Kernel::Avx2 => unsafe { stream_avx2(&axes, records) },
+                Kernel::Avx2 => unsafe { stream_avx2::<F>(&axes, fall, records) },
             });
         }
     }
@@ -237,7 +237,7 @@ impl<F: Features> Space<F> {
             return;
         }
         for wall in 0..world.walls.len() as u32 {
-            let Some(time) = exact::wall_contact(world, anchor, class.radius, wall) else { continue };
+            let Some(time) = exact::wall_contact::<F>(world, anchor, class.radius, wall) else { continue };
             if time <= self.end {
                 tell(Due(Entry {
                     time,
@@ -257,12 +257,23 @@ impl<F: Features> Space<F> {
     }
 }
 
+/// How far everybody falls within a window [coordinates], and what the way through a window is then longer by [length].
+#[derive(Debug, Clone, Copy, Default)]
+pub(super) struct Fall {
+    pub way: [i32; 3],
+    pub faster: [f32; 3],
+}
+
 #[inline(always)]
-fn stream(axes: &Axes, records: &mut [Record]) {
+fn stream<F: Features>(axes: &Axes, fall: Fall, records: &mut [Record]) {
     for record in records {
         let way = axes.way(record.v, 1.0);
         for axis in 0..3 {
             record.x[axis] = record.x[axis].wrapping_add(way[axis]);
+            if F::GRAVITY {
+                record.x[axis] = record.x[axis].wrapping_add(fall.way[axis]);
+                record.v[axis] += fall.faster[axis];
+            }
         }
         record.since = BEFORE;
     }
@@ -285,8 +296,8 @@ fn fill<F: Features>(
 
 #[cfg(target_arch = "x86_64")]
 #[target_feature(enable = "avx2,fma,bmi1,bmi2,lzcnt,popcnt")]
-fn stream_avx2(axes: &Axes, records: &mut [Record]) {
-    stream(axes, records);
+fn stream_avx2<F: Features>(axes: &Axes, fall: Fall, records: &mut [Record]) {
+    stream::<F>(axes, fall, records);
 }
 
 #[cfg(target_arch = "x86_64")]

@@ -67,6 +67,7 @@ impl<F: Features> Windows<F> {
         let before = collisions - std::mem::replace(&mut self.collisions, collisions).min(collisions);
         let expected = (before + before / 4).max(self.found.entries.len() as u64);
         if !self.tileable
+            || self.space.cells.axes.is_folded()
             || !(large..=VERY_LARGE).contains(&self.space.records.len())
             || limit.ticks <= self.space.end
             || limit.collisions.saturating_sub(state.book.counters.collisions) <= expected

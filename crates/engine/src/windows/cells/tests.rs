@@ -114,7 +114,7 @@ fn judge<const HALF: bool>(seed: u64) -> Verdict {
     for (size, axes, width, longest) in GRIDS {
         let geometry = geometry(size, axes);
         for largest in [0.0, 1.6] {
-            let mut cells = Cells::new(&geometry, width);
+            let mut cells = Cells::new(&geometry, width, 100_000);
             let mut paths: Vec<Path> = (0..150)
                 .map(|k| {
                     let extent = if k % 3 == 0 { random.uniform(0.0, largest) } else { 0.0 };
@@ -199,7 +199,7 @@ fn of_two_who_come_near_each_other_the_lower_one_finds_the_other() {
 #[test]
 fn a_cell_holds_any_number_and_forgets_all() {
     let geometry = geometry(DVec3::splat(8.0), [Axis::Periodic; 3]);
-    let mut cells = Cells::new(&geometry, 1.0);
+    let mut cells = Cells::new(&geometry, 1.0, 100_000);
     let mut candidates = Candidates::new();
     let count = 10_000;
     let start = coordinates(&cells, [4.5; 3]);

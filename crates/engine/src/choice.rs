@@ -1,0 +1,145 @@
+//! Which engine serves a state best, and how it is compiled for what the system needs.
+
+use glam::DVec3;
+use haff_neighbors::{AllPairs, Cells, Geometry, Lists};
+
+use crate::{
+    batch::Kernel,
+    census::{Census, Crowd},
+    machine::{Engine, Machine, With},
+    model::{Dimension, NeighborChoice, System},
+    nearby::Nearby,
+    particles::World,
+    windows::{self, Windows},
+};
+
+/// Up to this many particles all pairs are tested.
+const FEW: usize = 12;
+/// Packing fraction of spheres, and of disks, above which lists are faster than cells if all have one size…
+const DENSE: [f64; 2] = [0.18, 0.42];
+/// … and if they have not: the cells' width follows the largest, that of the lists' shell the mean.
+const DENSE_MIXED: [f64; 2] = [0.26, 0.5];
+/// The same where windows compete: benches/record/2026-11-21/windows.md.
+const DENSE_FOR_WINDOWS: [f64; 2] = [0.38, 0.7];
+/// An engine is given up for another when the density is beyond the bound by this factor: to and fro costs more than it gains.
+const RELUCTANCE: f64 = 1.15;
+/// An engine is laid out anew when the density around the particles has changed by this factor.
+const CHANGED: f64 = 2.0;
+/// States are looked at again after so many collisions per particle, and in all: that takes less than a hundredth of their time.
+const REVIEW_PER_PARTICLE: u64 = 16;
+const REVIEW: u64 = 2000;
+/// An engine that takes more entries than this for a collision is looked at earlier: windows are too short, or nobody meets.
+const ENTRIES: u64 = 2;
+
+/// What the choice of an engine rests on.
+pub(crate) struct Choice {
+    pub census: Census,
+    kernel: Kernel,
+    /// What the caller has asked for.
+    asked: NeighborChoice,
+    /// What serves now, and how crowded it was when it was chosen.
+    pub neighbors: NeighborChoice,
+    crowd: Crowd,
+    /// Collisions, in all, and further entries after which the state is looked at again.
+    pub review: u64,
+    pub patience: u64,
+}
+
+impl Choice {
+    /// Chooses for the present state of a world.
+    pub fn new(asked: NeighborChoice, kernel: Kernel, system: &System, world: &World) -> Self {
+        let census = Census::of(system, world);
+        let crowd = Crowd::of(system, &census, world);
+        let mut choice =
+            Self { census, kernel, asked, neighbors: NeighborChoice::Auto, crowd, review: 0, patience: 0 };
+        choice.neighbors = choice.best(system, world, &crowd);
+        choice
+    }
+
+    /// Looks at a state again. Whether another engine, or the same laid out anew, is to go on.
+    pub fn reconsider(&mut self, system: &System, world: &World) -> bool {
+        let crowd = Crowd::of(system, &self.census, world);
+        let neighbors = self.best(system, world, &crowd);
+        let ratio = crowd.packing / self.crowd.packing;
+        let anew = neighbors != self.neighbors
+            || self.neighbors != NeighborChoice::AllPairs && !(1.0 / CHANGED..=CHANGED).contains(&ratio);
+        if anew {
+            (self.neighbors, self.crowd) = (neighbors, crowd);
+        }
+        anew
+    }
+
+    /// Sets when the state is looked at again.
+    pub fn after(&mut self, collisions: u64) {
+        let interval = REVIEW + REVIEW_PER_PARTICLE * self.census.count as u64;
+        (self.review, self.patience) = (collisions + interval, ENTRIES * interval);
+    }
+
+    /// The search for a state: windows where they serve and it is not dense, lists where it is, cells otherwise.
+    fn best(&self, system: &System, world: &World, crowd: &Crowd) -> NeighborChoice {
+        let windows_serve = windows::unsuitable(system, &self.census).is_none() && windows::serve(world);
+        match self.asked {
+            NeighborChoice::Auto => {}
+            NeighborChoice::Windows if !windows_serve => return NeighborChoice::Cells,
+            asked => return asked,
+        }
+        if self.census.count <= FEW {
+            return NeighborChoice::AllPairs;
+        }
+        let windows = windows_serve && windows::suit(system, &self.census, crowd);
+        let mixed = self.census.least != self.census.largest;
+        let limits = match (windows, mixed) {
+            (true, _) => DENSE_FOR_WINDOWS,
+            (false, true) => DENSE_MIXED,
+            (false, false) => DENSE,
+        };
+        let reluctance = match self.neighbors {
+            NeighborChoice::Auto => 1.0,
+            NeighborChoice::Lists => 1.0 / RELUCTANCE,
+            _ => RELUCTANCE,
+        };
+        let limit = limits[usize::from(system.dimension == Dimension::Two)] * reluctance;
+        if crowd.packing > limit && self.census.count <= Lists::MAX_PARTICLES {
+            NeighborChoice::Lists
+        } else if windows {
+            NeighborChoice::Windows
+        } else {
+            NeighborChoice::Cells
+        }
+    }
+
+    /// The engine for what the system needs.
+    pub fn compile(&self, system: &System, geometry: &Geometry) -> Box<dyn Engine> {
+        let Self { census, kernel, crowd, neighbors, .. } = self;
+        macro_rules! machine {
+            ($gravity:literal, $uniform:literal) => {{
+                type Features = With<$gravity, $uniform>;
+                let (kernel, count) = (*kernel, census.count);
+                match neighbors {
+                    NeighborChoice::Windows => {
+                        Box::new(Windows::<Features>::new(geometry, kernel, system, census, crowd))
+                            as Box<dyn Engine>
+                    }
+                    NeighborChoice::AllPairs => {
+                        Box::new(Machine::<Features, AllPairs>::new(geometry, kernel, count))
+                    }
+                    NeighborChoice::Lists => {
+                        match Nearby::<Features>::new(geometry, kernel, system, census, crowd) {
+                            Some(engine) => Box::new(engine),
+                            None => Box::new(Machine::<Features, Lists>::new(geometry, kernel, count)),
+                        }
+                    }
+                    NeighborChoice::Auto | NeighborChoice::Cells => {
+                        Box::new(Machine::<Features, Cells>::new(geometry, kernel, count))
+                    }
+                }
+            }};
+        }
+        match (system.domain.gravity != DVec3::ZERO, census.uniform) {
+            (false, false) => machine!(false, false),
+            (false, true) => machine!(false, true),
+            (true, false) => machine!(true, false),
+            (true, true) => machine!(true, true),
+        }
+    }
+}
