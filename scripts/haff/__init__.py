@@ -6,17 +6,19 @@
 >>> run.frames[-1].velocity                          # doctest: +SKIP
 >>> run.events[:1000]                                # doctest: +SKIP
 
-The closed forms to compare with stand in :mod:`haff.theory`, checks and statistics on top of freud, SciPy and
-MDAnalysis in :mod:`haff.analysis`, the figures of ``haff plot`` in :mod:`haff.figures`.
+The closed forms to compare with stand in :mod:`haff.theory` (gases) and :mod:`haff.mechanics` (impact, pendulums,
+springs, rods); :func:`restitution_from` recovers e from what was seen. Checks and statistics on top of freud, SciPy
+and MDAnalysis stand in :mod:`haff.analysis`, the figures of ``haff plot`` in :mod:`haff.figures`.
 """
 
 from importlib.metadata import PackageNotFoundError, version
 
-from . import analysis, theory
+from . import analysis, mechanics, theory
 from .errors import ArgumentError, FileError, HaffError, MissingDataError, MissingPackageError, NotApplicableError
 from .events import Events
 from .frames import Box, Frame, Frames
 from .reader import File, open
+from .restitution import restitution_from
 
 try:
     __version__ = version("haff")
@@ -36,6 +38,8 @@ __all__ = [
     "MissingPackageError",
     "NotApplicableError",
     "analysis",
+    "mechanics",
     "open",
+    "restitution_from",
     "theory",
 ]
