@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
@@ -9,7 +11,18 @@ from numpy.typing import NDArray
 from .errors import MissingDataError, NotApplicableError
 from .reader import File
 
-__all__ = ["angles", "heights", "times"]
+__all__ = [
+    "angles",
+    "count_walls",
+    "gravity",
+    "heights",
+    "pendulums",
+    "plane",
+    "restitution",
+    "times",
+    "vector",
+    "wall_restitution",
+]
 
 Array = NDArray[np.float64]
 
@@ -30,7 +43,7 @@ def heights(run: File) -> pd.DataFrame:
     """
     bounces = _bounces(run)
     body, wall = int(bounces["i"].iloc[0]), int(bounces["j"].iloc[0])
-    point, normal = _plane(run, wall)
+    point, normal = plane(run, wall)
     pull = -float(gravity(run) @ normal)
     if not pull > 0:
         raise NotApplicableError(f"{run.path}: no gravity pulls onto the wall: there are no heights of bounces")
@@ -81,8 +94,33 @@ def angles(run: File) -> pd.DataFrame:
 
 def gravity(run: File) -> Array:
     """``[3]`` acceleration of the scene [length/time²]."""
-    given = run.scene.get("domain", {}).get("gravity", ())
+    return vector(run.scene.get("domain", {}).get("gravity", ()))
+
+
+def vector(given: Sequence[float]) -> Array:
+    """``[3]`` of a vector of a scene, which has one number a dimension."""
     return np.pad(np.asarray(given, float), (0, 3 - len(given)))
+
+
+def restitution(run: File, first: str, second: str) -> float | dict[str, object] | str:
+    """The scene's law for two particles by their names: a number, a model, or ``"sticks"``."""
+    contact = run.scene.get("contact", {})
+    for pair in contact.get("pair", ()):
+        if sorted(pair["between"]) == sorted((first, second)):
+            return "sticks" if pair.get("sticks") else pair["restitution"]
+    return contact.get("restitution", 1.0)
+
+
+def wall_restitution(run: File, name: str, wall: int) -> float | dict[str, object] | str:
+    """The scene's law for a particle by its name on a wall by its row."""
+    contact, own = run.scene.get("contact", {}), wall - 2 * len(_sides(run))
+    of = run.scene["wall"][own] if own >= 0 else {}
+    called = of.get("name") or "xyz"[_sides(run)[wall // 2]] + "-+"[wall % 2]
+    for pair in contact.get("pair", ()):
+        if sorted(pair["between"]) == sorted((name, called)):
+            return "sticks" if pair.get("sticks") else pair["restitution"]
+    general = contact.get("wall_restitution", contact.get("restitution", 1.0))
+    return of.get("restitution", general)
 
 
 def pendulums(run: File) -> dict[int, tuple[Array, float]]:
@@ -90,7 +128,7 @@ def pendulums(run: File) -> dict[int, tuple[Array, float]]:
     start, names = run.frames[0].position, [run.species_names[s] for s in run.species]
     found = {}
     for one in run.scene.get("pendulum", ()):
-        bob, pivot = names.index(one["bob"]), np.pad(np.asarray(one["pivot"], float), (0, 3 - len(one["pivot"])))
+        bob, pivot = names.index(one["bob"]), vector(one["pivot"])
         found[bob] = pivot, float(one.get("length", np.linalg.norm(start[bob] - pivot)))
     return found
 
@@ -123,9 +161,19 @@ def _bounces(run: File) -> pd.DataFrame:
     return bounces
 
 
-def _plane(run: File, wall: int) -> tuple[Array, Array]:
-    """A point of a wall and its normal, by its row: those of the box first."""
-    sides = [k for k in range(run.dimension) if run.box.boundary[k] == "wall"]
+def _sides(run: File) -> list[int]:
+    """Axes that end in walls."""
+    return [k for k in range(run.dimension) if run.box.boundary[k] == "wall"]
+
+
+def count_walls(run: File) -> int:
+    """Number of walls: those of the box and those of the scene."""
+    return 2 * len(_sides(run)) + len(run.scene.get("wall", ()))
+
+
+def plane(run: File, wall: int) -> tuple[Array, Array]:
+    """A point of a wall and its normal, which points to the inside, by its row: those of the box first."""
+    sides = _sides(run)
     if wall < 2 * len(sides):
         axis, upper = sides[wall // 2], wall % 2
         normal = np.zeros(3)
@@ -133,6 +181,6 @@ def _plane(run: File, wall: int) -> tuple[Array, Array]:
         point = np.zeros(3)
         point[axis] = run.box.size[axis] if upper else 0.0
         return point, normal
-    plane = run.scene["wall"][wall - 2 * len(sides)]["plane"]
-    point, normal = (np.pad(np.asarray(plane[key], float), (0, 3 - len(plane[key]))) for key in ("point", "normal"))
+    given = run.scene["wall"][wall - 2 * len(sides)]["plane"]
+    point, normal = vector(given["point"]), vector(given["normal"])
     return point, normal / np.linalg.norm(normal)

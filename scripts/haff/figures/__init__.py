@@ -10,7 +10,7 @@ from matplotlib.figure import Figure
 
 from ..errors import MissingDataError, NotApplicableError
 from ..reader import File
-from . import ledger, losses, snapshot, structure, temperature, trajectories, velocity
+from . import closed_form, ledger, losses, snapshot, structure, temperature, trajectories, velocity
 from .style import style
 
 __all__ = ["KINDS", "Kind", "Result", "draw", "save_all"]
@@ -30,6 +30,7 @@ KINDS: dict[str, Kind] = {
     "structure": Kind(structure.draw, "pair distribution g(r) with the contact value of theory"),
     "snapshot": Kind(snapshot.draw, "picture of a frame"),
     "losses": Kind(losses.draw, "histogram of the energy lost per event"),
+    "closed_form": Kind(closed_form.draw, "few bodies: heights, angles, compression or velocities against theory"),
     "trajectories": Kind(trajectories.draw, "few bodies: coordinates against time with the events"),
     "paths": Kind(trajectories.draw_paths, "few bodies: paths in the plane of motion"),
 }

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import numpy as np
+from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.ticker import FuncFormatter, LogLocator, NullLocator
 
 from ..errors import NotApplicableError
 from ..reader import File
-from .style import BLACK, BLUE, GREEN, GREY, ORANGE, RED, SKY, headline, number
+from .style import BLACK, BLUE, GREEN, GREY, ORANGE, PURPLE, RED, SKY, YELLOW, headline, number
 from .temperature import facts
 
 # Below this, a residual is zero to the last bit of the sums: drawn on the lowest line.
@@ -61,12 +62,7 @@ def draw(file: File) -> Figure:
                transform=below.get_yaxis_transform())  # fmt: skip
     below.semilogy(t[shown], np.maximum(residual[shown], FLOOR), color=BLUE, lw=0.9, marker=".", ms=3)
     largest = float(np.nanmax(residual, initial=0.0))
-    below.set_ylim(FLOOR / 2, max(1e-11, 10 * largest))
-    below.yaxis.set_major_locator(LogLocator(numticks=5))
-    below.yaxis.set_minor_locator(NullLocator())
-    below.yaxis.set_major_formatter(
-        FuncFormatter(lambda v, _: "0" if v <= 1.5 * FLOOR else f"10$^{{{round(np.log10(v))}}}$")
-    )
+    floored_axis(below, max(1e-11, 10 * largest))
     below.set_ylabel("|residual|\nof the ledger")
     below.set_xlabel("simulated time $t$  [scene’s unit of time]")
     if logarithmic:
@@ -74,6 +70,16 @@ def draw(file: File) -> Figure:
     below.set_xlim(t[shown][0], t[-1])
     headline(figure, "Where the energy went", f"{facts(file)}  ·  largest residual {number(largest, 2)}")
     return figure
+
+
+def floored_axis(axes: Axes, top: float) -> None:
+    """A logarithmic axis of differences from ``FLOOR``, which stands for 0, to ``top``."""
+    axes.set_ylim(FLOOR / 2, top)
+    axes.yaxis.set_major_locator(LogLocator(numticks=5))
+    axes.yaxis.set_minor_locator(NullLocator())
+    axes.yaxis.set_major_formatter(
+        FuncFormatter(lambda v, _: "0" if v <= 1.5 * FLOOR else f"10$^{{{round(np.log10(v))}}}$")
+    )
 
 
 def _log_time(t: np.ndarray, kinetic: np.ndarray, file: File) -> bool:
@@ -106,5 +112,8 @@ def _dissipated(file: File, t: np.ndarray, lost: np.ndarray) -> list[tuple[str, 
         "collision": ("dissipated, sphere–sphere", RED),
         "wall": ("dissipated at walls", ORANGE),
         "rest": ("dissipated coming to rest", GREEN),
+        "settle": ("dissipated settling", PURPLE),
+        "taut": ("dissipated by strings", PURPLE),
+        "stick": ("dissipated by sticking", YELLOW),
     }
     return [(*names.get(n, (f"dissipated, {n}", GREY)), v) for n, v in parts.items()]

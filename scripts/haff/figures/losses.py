@@ -12,7 +12,14 @@ from .style import BLUE, GREEN, GREY, ORANGE, RED, headline
 from .temperature import facts
 
 _COLORS = {"collision": BLUE, "wall": ORANGE, "rest": GREEN}
-_NAMES = {"collision": "sphere–sphere", "wall": "sphere–wall", "rest": "coming to rest"}
+_NAMES = {
+    "collision": "sphere–sphere",
+    "wall": "sphere–wall",
+    "rest": "coming to rest",
+    "settle": "settling on a sphere",
+    "taut": "strings becoming taut",
+    "stick": "sticking",
+}
 
 
 def draw(file: File) -> Figure:

@@ -15,7 +15,19 @@ from .style import BLACK, CYCLE, GREY, headline, page
 
 MOST_BODIES = 24
 MOST_MARKS = 4000
-_MARKS = {"collision": ("o", "collision"), "wall": ("^", "wall collision"), "rest": ("s", "comes to rest")}
+_MARKS = {
+    "collision": ("o", "collision"),
+    "wall": ("^", "wall collision"),
+    "rest": ("s", "comes to rest"),
+    "settle": ("s", "comes to rest"),
+    "slack": ("v", "string goes slack"),
+    "taut": ("D", "string is taut again"),
+    "release": ("<", "contact ends"),
+    "lift": ("<", "contact ends"),
+    "stick": ("P", "sticks"),
+}
+# Kinds of events whose ``j`` is a particle.
+_PAIRS = ("collision", "settle", "release", "stick")
 
 
 class Path(NamedTuple):
@@ -58,7 +70,7 @@ def flights(file: File) -> list[Path]:
 def _flight(body, t, x, v, mass, gravity, log) -> Path:
     own = np.zeros(0, int)
     if log is not None:
-        own = np.flatnonzero((log["i"] == body) | ((log["names"] == "collision") & (log["j"] == body)))
+        own = np.flatnonzero((log["i"] == body) | (np.isin(log["names"], _PAIRS) & (log["j"] == body)))
     pull = gravity if np.isfinite(mass) else np.zeros(3)
     times, points, at = [], [], np.full((len(own), 3), np.nan)
     resting = False  # on a wall, which carries the weight; it may slide
@@ -117,7 +129,8 @@ def _moving_axes(file: File, paths: list[Path]) -> list[int]:
     return active
 
 
-def _name(file: File, body: int) -> str:
+def body_name(file: File, body: int) -> str:
+    """Name of a body, with its row where several share one."""
     name = file.species_names[file.species[body]]
     return name if np.count_nonzero(file.species == file.species[body]) == 1 else f"{name} {body}"
 
@@ -145,7 +158,7 @@ def draw(file: File) -> Figure:
         for body, path in enumerate(paths):
             color = CYCLE[body % len(CYCLE)]
             axes.plot(path.time, path.position[:, coordinate], color=color, lw=1.3 if few else 0.9, zorder=2,
-                      label=_name(file, body))  # fmt: skip
+                      label=body_name(file, body))  # fmt: skip
             if names is None or len(path.hits) > MOST_MARKS:
                 continue
             for kind, (mark, _) in _MARKS.items():
@@ -164,10 +177,9 @@ def draw(file: File) -> Figure:
     bodies = panels[0].get_legend_handles_labels()
     handles = list(bodies[0]) if few and len(paths) > 1 else []
     labels = list(bodies[1]) if few and len(paths) > 1 else []
-    for kind, (mark, label) in _MARKS.items():
-        if kind in used:
-            handles.append(Line2D([], [], ls="", marker=mark, mfc="white", mec=BLACK, ms=5))
-            labels.append(label)
+    for mark, label in dict.fromkeys(of for kind, of in _MARKS.items() if kind in used):
+        handles.append(Line2D([], [], ls="", marker=mark, mfc="white", mec=BLACK, ms=5))
+        labels.append(label)
     if floor is not None:
         handles.append(Line2D([], [], color=GREY, lw=1, ls=":"))
         labels.append("touching the floor")
@@ -201,7 +213,7 @@ def draw_paths(file: File) -> Figure:
     for body, path in enumerate(paths):
         color = CYCLE[body % len(CYCLE)]
         track = path.position[:, [a, b]]
-        axes.plot(*track.T, color=color, lw=1.0 if few else 0.8, alpha=0.9, zorder=2, label=_name(file, body))
+        axes.plot(*track.T, color=color, lw=1.0 if few else 0.8, alpha=0.9, zorder=2, label=body_name(file, body))
         radius = file.radius[body]
         for centre, filled in ((track[0], False), (track[-1], True)):
             axes.add_patch(mpl.patches.Circle(centre, radius, fc=color if filled else "none", ec=color, lw=1.0,
