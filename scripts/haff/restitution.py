@@ -15,7 +15,7 @@ from uncertainties import nominal_value, std_dev, ufloat, wrap
 
 from . import mechanics, sightings
 from .analysis import Estimate
-from .errors import FileError, MissingDataError, NotApplicableError
+from .errors import ArgumentError, FileError, MissingDataError, NotApplicableError
 from .reader import File
 from .reader import open as open_file
 
@@ -69,7 +69,7 @@ def restitution_from(
         e does not follow from it: too few numbers, heights that are not positive, a run in which nothing bounces.
     FileError
         The file cannot be read.
-    ValueError
+    ArgumentError
         ``kind``, ``error`` or ``masses`` make no sense.
 
     Notes
@@ -90,9 +90,9 @@ def restitution_from(
     e = 0.62 ± 0.03
     """
     if kind is not None and kind not in _WAYS:
-        raise ValueError(f"kind = {kind!r} must be one of {', '.join(_WAYS)}")
+        raise ArgumentError(f"kind = {kind!r} must be one of {', '.join(_WAYS)}")
     if masses is not None and not (len(masses) == 2 and all(nominal_value(mass) > 0 for mass in masses)):
-        raise ValueError(f"masses = {masses!r} must be two positive numbers")
+        raise ArgumentError(f"masses = {masses!r} must be two positive numbers")
     if isinstance(source, (str, os.PathLike)) and Path(source).suffix.lower() != ".csv":
         with open_file(source) as run:
             return restitution_from(run, kind, error=error, masses=masses)
@@ -233,9 +233,9 @@ def _errors(table: pd.DataFrame, way: _Way, error: float | Sequence[float] | Non
     if error is not None:
         given = np.atleast_1d(np.asarray(error, float))
         if given.shape not in ((1,), (len(way.columns),)):
-            raise ValueError(f"error = {error!r} must be one number for each of {', '.join(way.columns)}")
+            raise ArgumentError(f"error = {error!r} must be one number for each of {', '.join(way.columns)}")
         if not (np.isfinite(given) & (given > 0)).all():
-            raise ValueError(f"error = {error!r} must be positive")
+            raise ArgumentError(f"error = {error!r} must be positive")
         return np.broadcast_to(given[:, None], (len(way.columns), len(table))).copy()
     names = [f"{column}_error" for column in way.columns]
     if not any(one in table for one in names):

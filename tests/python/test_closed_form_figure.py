@@ -18,7 +18,7 @@ SCENES = [
     ("hammer_and_nail", {}, "Velocities in the impact"),
     ("forging", {}, "Velocities in the impact"),
     ("pendulums", {"contact__restitution": 0.3}, "Angles of the pendulums"),
-    ("pendulums", {"contact__restitution": 1.0, "pendulum__0__angle": 0.9}, "Angles of the pendulums"),
+    ("pendulums", {"contact__restitution": 1.0, "pendulum__0__angle": -0.9}, "Angles of the pendulums"),
     ("pendulums_unequal", {"particle__1__mass": 0.7}, "Angles of the pendulums"),
     ("newtons_cradle", {"pendulum__1__angle": -0.6}, "Angles of the pendulums"),
     ("spring_impact", {"spring__0__stiffness": 200.0}, "Compression of the spring"),
@@ -49,7 +49,8 @@ def test_the_law_behind_is_the_motion_in_front(command, scene, settings, title):
     [
         ({"particle__0__velocity": [0.0, 0.0, 0.0], "pendulum__1__length": 0.9}, "the pendulums are not alike"),
         ({"contact__restitution": {"model": "viscoelastic", "coefficient": 0.1}}, "restitution is not one number"),
-        ({"pendulum__1__angle": 0.2}, "not released at one angle"),
+        ({"pendulum__1__angle": 0.2}, "the pendulums are not released at one angle"),
+        ({"pendulum__0__angle": 0.6}, "the bobs meet before they hang"),
     ],
 )
 def test_without_a_law_the_motion_is_drawn_and_the_reason_given(command, settings, why):

@@ -9,6 +9,7 @@ import haff
 from haff import mechanics
 
 E, H, G = 0.83, 1.7, 9.81
+ARGUMENT = haff.ArgumentError
 REPEATS = 100
 
 
@@ -118,10 +119,15 @@ def test_csv_files_are_tables(tmp_path):
             "height_error = 0 must be positive",
         ),
         ({"height": [1, 0.5], "time": [1]}, {}, haff.NotApplicableError, "same length"),
-        ({"height": [1, 0.5]}, {"error": -1}, ValueError, "error = -1 must be positive"),
-        ({"height": [1, 0.5]}, {"error": (1, 2)}, ValueError, "must be one number for each of height"),
-        ({"height": [1, 0.5]}, {"kind": "speeds"}, ValueError, "kind = 'speeds' must be one of heights, times, angles"),
-        ({"alpha": [0.5], "beta": [0.4]}, {"masses": (1, -1)}, ValueError, "must be two positive numbers"),
+        ({"height": [1, 0.5]}, {"error": -1}, ARGUMENT, "error = -1 must be positive"),
+        ({"height": [1, 0.5]}, {"error": (1, 2)}, ARGUMENT, "must be one number for each of height"),
+        (
+            {"height": [1, 0.5]},
+            {"kind": "speeds"},
+            ARGUMENT,
+            "kind = 'speeds' must be one of heights, times, angles",
+        ),
+        ({"alpha": [0.5], "beta": [0.4]}, {"masses": (1, -1)}, ARGUMENT, "must be two positive numbers"),
         ("missing.csv", {}, haff.FileError, "missing.csv: no such file"),
         ("missing.h5", {}, haff.FileError, "missing.h5: no such file"),
     ],

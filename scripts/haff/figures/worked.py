@@ -120,11 +120,12 @@ def _pendulum_law(run: File, hangs: dict, bobs: list[int], start: Array, side: A
     if len(bobs) == 1:
         return lambda t: mechanics.swing(t, start[0], length, g)[None], []
     names = [run.species_names[run.species[bob]] for bob in bobs]
-    laws = {sightings.restitution(run, a, b) for a, b in pairwise(names)}
-    e = laws.pop()
-    masses = run.mass[bobs]
-    if laws or not isinstance(e, (int, float)):
+    laws = [sightings.restitution(run, a, b) for a, b in pairwise(names)]
+    e, masses = laws[0], run.mass[bobs]
+    if not isinstance(e, (int, float)) or any(law != e for law in laws):
         raise NotApplicableError("restitution is not one number")
+    if np.any(np.diff(start[order]) < 0):
+        raise NotApplicableError("the bobs meet before they hang")
     if e == 1 and np.allclose(masses, masses[0], rtol=CLOSE):
         # Equal elastic bobs pass their motion on: they stand in the order of as many that pass through each other.
         place = np.empty(len(bobs), int)
