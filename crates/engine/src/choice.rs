@@ -25,6 +25,8 @@ const DENSE_FOR_WINDOWS: [f64; 2] = [0.38, 0.7];
 const RELUCTANCE: f64 = 1.15;
 /// An engine is laid out anew when the density around the particles has changed by this factor.
 const CHANGED: f64 = 2.0;
+/// Packing fractions below this make no difference.
+const SPARSE: f64 = 1e-9;
 /// States are looked at again after so many collisions per particle, and in all: that takes less than a hundredth of their time.
 const REVIEW_PER_PARTICLE: u64 = 16;
 const REVIEW: u64 = 2000;
@@ -60,13 +62,19 @@ impl Choice {
     pub fn reconsider(&mut self, system: &System, world: &World) -> bool {
         let crowd = Crowd::of(system, &self.census, world);
         let neighbors = self.best(system, world, &crowd);
-        let ratio = crowd.packing / self.crowd.packing;
+        // A few in the open may see nobody.
+        let ratio = crowd.packing.max(SPARSE) / self.crowd.packing.max(SPARSE);
         let anew = neighbors != self.neighbors
             || self.neighbors != NeighborChoice::AllPairs && !(1.0 / CHANGED..=CHANGED).contains(&ratio);
         if anew {
             (self.neighbors, self.crowd) = (neighbors, crowd);
         }
         anew
+    }
+
+    /// Volume that the particles would fill at the density around the average one [length^d].
+    pub fn filled(&self) -> f64 {
+        self.census.occupied / self.crowd.packing
     }
 
     /// Sets when the state is looked at again.

@@ -273,8 +273,8 @@ fn extent(world: &World, axis: usize) -> (f64, f64) {
         .reduce(|| (f64::INFINITY, f64::NEG_INFINITY), |a, b| (a.0.min(b.0), a.1.max(b.1)))
 }
 
-/// What the searches know of a state.
-pub(crate) fn geometry(system: &System, world: &World) -> Geometry {
+/// What the searches know of a state, in which particles at the density around the average one would fill the volume `filled` [length^d].
+pub(crate) fn geometry(system: &System, world: &World, filled: f64) -> Geometry {
     use haff_neighbors::{Axis, Plane};
     let mut axes = system.domain.boundary.map(|boundary| match boundary {
         Boundary::Periodic => Axis::Periodic,
@@ -300,11 +300,13 @@ pub(crate) fn geometry(system: &System, world: &World) -> Geometry {
             size[axis] = (high - low).max(0.0) + 2.0 * movable.max(fixed);
         }
     }
+    let volume: f64 = (0..3).filter(|&axis| axes[axis] != Axis::Flat).map(|axis| size[axis]).product();
     Geometry {
         size,
         axes,
         // Two bodies of infinite mass never touch.
         reach: movable + movable.max(fixed),
+        crowding: (volume / filled).max(1.0),
         radius: movable,
         radii: if uniform { Vec::new() } else { radius.collect() },
         planes: system

@@ -346,7 +346,8 @@ mod tests {
         for seed in 0..400 {
             let system = strewn(seed, [2, 9, 80][seed as usize % 3], [0.0, 1.5, 9.0][seed as usize / 3 % 3]);
             let world = World::new(&system, -50);
-            let (found, expected) = (deepest(&world, &geometry(&system, &world)), by_all_pairs(&world));
+            let (found, expected) =
+                (deepest(&world, &geometry(&system, &world, f64::INFINITY)), by_all_pairs(&world));
             assert_eq!(found.pair, expected.pair, "system {seed}: {found:?}, {expected:?}");
             // The sum of a distance from a plane is rounded in two ways.
             assert!(

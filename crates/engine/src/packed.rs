@@ -307,6 +307,7 @@ mod tests {
             size,
             axes: [Axis::Periodic; 3],
             reach: 1.0,
+            crowding: 1.0,
             radius: 0.5,
             radii: if UNIFORM { Vec::new() } else { sizes },
             planes: Vec::new(),

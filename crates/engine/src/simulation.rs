@@ -98,7 +98,7 @@ impl Simulation {
         {
             return Err(EngineError::Unsuitable { choice: options.neighbors.name(), why });
         }
-        let geometry = measure::geometry(&system, &state.world);
+        let geometry = measure::geometry(&system, &state.world, choice.filled());
         let species = Species::new(&system);
         // The state has them now; a quarter of the memory of a large system.
         system.bodies = Vec::new();
@@ -119,7 +119,7 @@ impl Simulation {
     fn reconsider(&mut self) {
         self.choice.after(self.state.book.counters.collisions);
         if self.choice.reconsider(&self.system, &self.state.world) {
-            self.geometry = measure::geometry(&self.system, &self.state.world);
+            self.geometry = measure::geometry(&self.system, &self.state.world, self.choice.filled());
             self.engine = self.choice.compile(&self.system, &self.geometry);
             self.rebuild();
         }

@@ -11,6 +11,8 @@ use crate::{Axis, Flight, Geometry, Search, Shift, Transfer, walls::WallTable};
 const MARGIN: f64 = 1.0 + 1e-9;
 /// Particles per cell aimed at where the contact distance leaves the choice.
 const OCCUPANCY: f64 = 1.0;
+/// Cells per particle at most, times that.
+const MOST_CROWDING: f64 = 8.0;
 /// Particle ids are tagged with this bit when the particle has left the box since its anchor was set.
 const AWAY: u32 = 1 << 31;
 /// An id with this bit is not a particle but a list in `Cells::spilled` that goes on where the cell is full.
@@ -51,7 +53,8 @@ const ALL: usize = 6;
 pub(crate) fn grid(geometry: &Geometry, count: usize) -> ([i32; 3], [f64; 3]) {
     let lengths = geometry.lengths();
     let least = geometry.reach * MARGIN;
-    let wanted = (count as f64 / OCCUPANCY).max(1.0);
+    // Where particles crowd together, more of the cells may be empty.
+    let wanted = (count as f64 / OCCUPANCY).max(1.0) * geometry.crowding.clamp(1.0, MOST_CROWDING);
     // The width that gives the wanted number of cells, over the axes that can be cut at all.
     let mut cut = geometry.axes.map(|axis| axis != Axis::Flat);
     let mut width = least;

@@ -33,6 +33,8 @@ pub struct Geometry {
     pub size: DVec3,
     /// Kind of each axis.
     pub axes: [Axis; 3],
+    /// How many times denser than in the box particles stand around the average one; 1 if they fill it evenly.
+    pub crowding: f64,
     /// Largest distance of centres at which a pair touches [length].
     pub reach: f64,
     /// Largest radius [length].

@@ -81,7 +81,15 @@ fn scene() -> impl Strategy<Value = Scene> {
             let size = DVec3::from_array(size);
             let radii = radii.map_or(Vec::new(), |radii| radii[..flights.len()].to_vec());
             Scene {
-                geometry: Geometry { size, axes, reach: 1.0, radius: 0.5, radii, planes: Vec::new() },
+                geometry: Geometry {
+                    size,
+                    axes,
+                    reach: 1.0,
+                    crowding: 1.0,
+                    radius: 0.5,
+                    radii,
+                    planes: Vec::new(),
+                },
                 flights,
             }
         },
@@ -231,6 +239,7 @@ fn lists_overflow_and_shrink_again() {
         size: DVec3::splat(30.0),
         axes: [Axis::Periodic; 3],
         reach: 1.0,
+        crowding: 1.0,
         radius: 0.5,
         radii: Vec::new(),
         planes: Vec::new(),
@@ -275,6 +284,7 @@ fn ten_thousand_small_particles_around_a_large_one() {
         size: DVec3::splat(100.0),
         axes: [Axis::Periodic; 3],
         reach: 20.0,
+        crowding: 1.0,
         radius: 10.0,
         radii,
         planes: Vec::new(),
@@ -301,6 +311,7 @@ fn images_far_from_the_box_are_listed_too() {
         size: DVec3::splat(8.0),
         axes: [Axis::Periodic; 3],
         reach: 1.0,
+        crowding: 1.0,
         radius: 0.5,
         radii: Vec::new(),
         planes: Vec::new(),
@@ -320,6 +331,7 @@ fn ten_thousand_particles_fit_into_one_cell_and_leave_it_again() {
         size,
         axes: [Axis::Periodic; 3],
         reach: 1.0,
+        crowding: 1.0,
         radius: 0.5,
         radii: Vec::new(),
         planes: Vec::new(),
@@ -350,6 +362,7 @@ fn only_cells_near_a_wall_know_it() {
         size: DVec3::splat(20.0),
         axes: [Axis::Bounded, Axis::Periodic, Axis::Periodic],
         reach: 1.0,
+        crowding: 1.0,
         radius: 0.5,
         radii: Vec::new(),
         planes: vec![plane(0.0, DVec3::X), plane(20.0, DVec3::NEG_X)],

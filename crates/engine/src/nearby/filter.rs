@@ -249,6 +249,7 @@ mod tests {
             size: DVec3::splat(EDGE),
             axes: [Axis::Periodic; 3],
             reach: 1.0,
+            crowding: 1.0,
             radius: 0.5,
             radii: Vec::new(),
             planes: Vec::new(),

@@ -98,8 +98,15 @@ mod tests {
     fn nobody_slower_than_the_skew_goes_back() {
         let axes = [Axis::Periodic, Axis::Bounded, Axis::Periodic];
         let size = DVec3::new(60.0, 40.0, 90.0);
-        let geometry =
-            Geometry { size, axes, reach: 1.0, radius: 0.5, radii: Vec::new(), planes: Vec::new() };
+        let geometry = Geometry {
+            size,
+            axes,
+            reach: 1.0,
+            crowding: 1.0,
+            radius: 0.5,
+            radii: Vec::new(),
+            planes: Vec::new(),
+        };
         let axes = Axes::new(&geometry, 1.0, 100_000);
         let (begin, end) = (1 << 40, (1 << 40) + (1 << 50));
         let tiles = Tiles::new(&axes, begin, end);
