@@ -171,6 +171,7 @@ fn cells(criterion: &mut Criterion) {
             size: DVec3::splat(edge),
             axes: [Axis::Periodic; 3],
             reach: 1.0,
+            crowding: 1.0,
             radius: 0.5,
             radii: Vec::new(),
             planes: Vec::new(),
