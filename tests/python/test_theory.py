@@ -156,6 +156,9 @@ def test_disks_follow_the_virial_series_and_henderson():
     assert theory.compressibility(0.5, d=2, equation="virial") == pytest.approx(
         float(theory.virial_disks(0.5)), rel=1e-14
     )
+    # Luding's fit has the simulations' 8.306 at 1.4 times the area of closest packing (Erpenbeck and Luban 1985).
+    assert theory.luding_disks(math.pi / math.sqrt(12) / 1.4) == pytest.approx(8.306, rel=5e-4)
+    assert theory.luding_disks(0.4) == pytest.approx(float(theory.virial_disks(0.4)), rel=1e-3)
     assert theory.virial_disks(0.5, 4) == pytest.approx(float(theory.virial_disks(0.5)), abs=1.5e-4)
 
 

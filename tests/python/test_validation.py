@@ -64,7 +64,7 @@ def test_numbers_are_printed_to_two_digits_of_their_error():
 
 def test_record_keeps_parts_that_are_not_measured_again(tmp_path):
     def part(name: str, order: int) -> Part:
-        return Part(name, name.title(), "How.", lambda context: [], order)
+        return Part(name, name.title(), lambda context: [], order)
 
     parts = {"one": part("one", 1), "two": part("two", 2)}
     stored = {"collisions": 1e6, "seconds": 1.0, "jobs": 2, "machine": "m", "version": "0", "date": "2026-01-31"}

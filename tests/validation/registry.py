@@ -19,11 +19,16 @@ class Part:
     name: str
     """What it is called on the command line."""
     title: str
-    about: str
-    """One paragraph of Markdown: how it is measured, what it is held against, and how far that is to be trusted."""
     measure: Callable[[Context], list[Row]]
+    """Makes the runs. Its docstring is the section's text, in Markdown: how it is measured, what it is held against,
+    and how far that is to be trusted."""
     order: int = 1000
     """Where it stands in the record."""
+
+    @property
+    def about(self) -> str:
+        """The section's text."""
+        return " ".join((self.measure.__doc__ or "").split())
 
 
 def discover() -> dict[str, Part]:

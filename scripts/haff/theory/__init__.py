@@ -30,6 +30,7 @@ Sources
 * V. Garzó, J. W. Dufty, *Phys. Rev. E* **60**, 5706 (1999)
 * J. L. Lebowitz, J. K. Percus, *Phys. Rev.* **122**, 1675 (1961)
 * N. Clisby, B. M. McCoy, *J. Stat. Phys.* **122**, 15 (2006)
+* S. Luding, *Phys. Rev. E* **63**, 042201 (2001)
 * R. J. Speedy, *Mol. Phys.* **62**, 509 (1987); *J. Phys.: Condens. Matter* **10**, 4387 (1998)
 * J. J. Erpenbeck, W. W. Wood, *Phys. Rev. A* **43**, 4254 (1991)
 * E. Ruckenstein, H. Liu, *Ind. Eng. Chem. Res.* **36**, 3927 (1997)
@@ -64,6 +65,7 @@ from .equilibrium import (
     crystal_compressibility,
     henderson,
     kolafa_labik_malijevsky,
+    luding_disks,
     number_density,
     packing_fraction,
     periodic_compressibility,
@@ -106,6 +108,7 @@ __all__ = [
     "henderson",
     "kolafa_labik_malijevsky",
     "loss_distribution",
+    "luding_disks",
     "maxwell_component",
     "mean_free_time",
     "mixture_contact_values",
