@@ -75,9 +75,9 @@ def cooling_states(context: Context) -> dict[float, list[tuple[float, float]]]:
 def haff_rate(context: Context) -> list[Row]:
     """1/τ of T = T₀/(1 + t/τ)² from the growth of T^(−1/2) between samples a collision per particle apart,
     after 8 collisions per particle, 16 seeds each. Against (1 − e²) ω₀ (1 + 3a₂/16)/6 with Enskog's ω₀ and a₂
-    of Montanero and Santos (2000). The theory assumes that the velocities of a colliding pair are uncorrelated.
-    They are not quite: at φ = 0.05 the rate is off by 0.3 % at e = 0.9 and by 3 % at 0.6; in proportion to
-    density that is the stated uncertainty.
+    of Montanero and Santos (2000). The theory assumes that the velocities of a colliding pair are
+    uncorrelated. They are not quite: at φ = 0.05 the rate is off by 0.3 % at e = 0.9 and by 3 % at 0.6; in
+    proportion to density that is the stated uncertainty.
     """
     rows = []
     for e, found in cooling_states(context).items():
@@ -94,9 +94,9 @@ def haff_rate(context: Context) -> list[Row]:
 
 def velocity_distribution(context: Context) -> list[Row]:
     """a₂ = 3⟨v⁴⟩/5⟨v²⟩² − 1 in the same runs, against the formula of Montanero and Santos (2000), which is
-    within 3 % of their direct simulation Monte Carlo. That of van Noije and Ernst (1998) is known to be high at
-    strong dissipation: it has 0.0525 at e = 0.5 instead of 0.0498. The elastic rows are exact: velocities of N
-    spheres are spread evenly over the sphere of their energy.
+    within 3 % of their direct simulation Monte Carlo. That of van Noije and Ernst (1998) is known to be high
+    at strong dissipation: it has 0.0525 at e = 0.5 instead of 0.0498. The elastic rows are exact: velocities
+    of N spheres are spread evenly over the sphere of their energy.
     """
     rows = []
     for e, found in cooling_states(context).items():
@@ -147,10 +147,11 @@ def power_law(file: haff.File, report: dict[str, Any]) -> tuple[NDArray[np.float
 
 
 def viscoelastic(context: Context) -> list[Row]:
-    """A gas whose restitution tends to 1 at low speed cools as t^(−5/3) in the end (Schwager and Pöschel 1998;
-    Brilliantov and Pöschel 2000). Against the kinetic equation with Maxwell velocities
-    (`haff.theory.cooling_curve`), whose uncertainty is what a₂ ≈ −0.5 δ would change, and against the exponent,
-    in a fit to ln(t + 5τ/3); higher orders of δ bend the curve by an amount that the kinetic equation tells.
+    """A gas whose restitution tends to 1 at low speed cools as t^(−5/3) in the end (Schwager and Pöschel
+    1998; Brilliantov and Pöschel 2000). Against the kinetic equation with Maxwell velocities
+    (`haff.theory.cooling_curve`), whose uncertainty is what a₂ ≈ −0.5 δ would change, and against the
+    exponent, in a fit to ln(t + 5τ/3); higher orders of δ bend the curve by an amount that the kinetic
+    equation tells.
     """
     count = 1000
     rate = omega(count)

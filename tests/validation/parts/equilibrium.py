@@ -19,8 +19,10 @@ MELTING = 200
 """Collisions per particle before anything is measured; the start is random and has no crystal to melt."""
 
 
-def settings(eta: float, d: int, count: int, collisions: int, samples: int, seed: int) -> dict[str, Any]:
-    """A fluid of `count` particles, run for MELTING and then `collisions` collisions per particle."""
+def settings(
+    eta: float, d: int, count: int, collisions: int, samples: int, seed: int, melting: int = MELTING
+) -> dict[str, Any]:
+    """A fluid of `count` particles, run for `melting` and then `collisions` collisions per particle."""
     omega = float(
         theory.collision_frequency(theory.number_density(eta, 1.0, d), 1.0, g0=theory.contact_value(eta, d), d=d)
     )
@@ -29,16 +31,16 @@ def settings(eta: float, d: int, count: int, collisions: int, samples: int, seed
         "domain.packing_fraction": eta,
         "species.0.count": count,
         "seed": seed,
-        "run.until": MELTING / omega + collisions / omega,
+        "run.until": (melting + collisions) / omega,
         "output.observables": interval,
     }
 
 
-def means(file: haff.File, report: dict[str, Any]) -> tuple[float, float, float]:
+def means(file: haff.File, report: dict[str, Any], melting: int = MELTING) -> tuple[float, float, float]:
     """Z, T and collisions per particle and time over the run after melting."""
     table = file.observables
     steps = table["collisions"].to_numpy()
-    late = table[2 * steps / len(file) > MELTING]
+    late = table[2 * steps / len(file) > melting]
     span = np.diff(late["time"])
     # The pressure of a sample is the mean since the one before.
     pressure = float(np.average(late["pressure"].to_numpy()[1:], weights=span))
@@ -67,13 +69,13 @@ def equation_of_state(eta: float, d: int, count: int) -> tuple[float, float, str
 
 
 def pressure(context: Context) -> list[Row]:
-    """Z from the collisional virial over 600 collisions per particle, 8 seeds a density, after 200 from a random
-    start. Spheres against the modified equation of state of Kolafa, Labík and Malijevský (2004), good to 4·10⁻⁵;
-    disks up to φ = 0.5 against the Padé approximant of the ten virial coefficients of Clisby and McCoy (2006), whose
-    uncertainty is its difference from the neighboring approximant. Both are corrected for the fixed number, energy
-    and momentum of a periodic box (Lebowitz–Percus; `haff.theory.periodic_compressibility`), a shift of the order of
-    1/N. At φ = 0.648 the series has lost 0.4 %; there stands Luding's fit (2001), which has the 8.306 that Erpenbeck
-    and Luban found in 1985.
+    """Z from the collisional virial over 600 collisions per particle, 8 seeds a density, after 200 from a
+    random start. Spheres against the modified equation of state of Kolafa, Labík and Malijevský (2004), good
+    to 4·10⁻⁵; disks up to φ = 0.5 against the Padé approximant of the ten virial coefficients of Clisby and
+    McCoy (2006), whose uncertainty is its difference from the neighboring approximant. Both are corrected for
+    the fixed number, energy and momentum of a periodic box (Lebowitz–Percus;
+    `haff.theory.periodic_compressibility`), a shift of the order of 1/N. At φ = 0.648 the series has lost 0.4
+    %; there stands Luding's fit (2001), which has the 8.306 that Erpenbeck and Luban found in 1985.
     """
     count, collisions, rows = 2000, context.effort(600, 60), []
     for d, densities in ((3, SPHERES), (2, DISKS)):
