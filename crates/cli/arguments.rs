@@ -37,6 +37,8 @@ pub enum Command {
     Plot(Python),
     /// Write a file for other programs: GSD, extended XYZ, VTKHDF, CSV, Parquet (needs the Python package haff).
     Export(Python),
+    /// Make a web page that plays an output file (needs the Python package haff).
+    View(Python),
 }
 
 #[derive(Debug, Args)]

@@ -33,6 +33,7 @@ fn main() -> ExitCode {
         Command::Bench(options) => bench::bench(&options),
         Command::Plot(options) => python::run("plot", &options.arguments),
         Command::Export(options) => python::run("export", &options.arguments),
+        Command::View(options) => python::run("view", &options.arguments),
     };
     match result {
         Ok(code) => ExitCode::from(code),

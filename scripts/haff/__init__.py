@@ -19,6 +19,7 @@ from .events import Events
 from .frames import Box, Frame, Frames
 from .reader import File, open
 from .restitution import restitution_from
+from .viewer import view
 
 try:
     __version__ = version("haff")
@@ -42,4 +43,5 @@ __all__ = [
     "open",
     "restitution_from",
     "theory",
+    "view",
 ]

@@ -1,4 +1,4 @@
-"""``python -m haff``: the commands ``plot`` and ``export`` of ``haff``, which are written in Python.
+"""``python -m haff``: the commands ``plot``, ``export`` and ``view`` of ``haff``, which are written in Python.
 
 Exit status: 0 done · 2 the arguments are invalid, or what is asked for does not apply · 4 a file cannot be read or
 written, or a library is not installed.
@@ -14,9 +14,9 @@ from .errors import FileError, HaffError, MissingPackageError
 
 
 def _parser() -> argparse.ArgumentParser:
-    parser = argparse.ArgumentParser(prog="haff", description="Figures and exports of the runs of haff.")
+    parser = argparse.ArgumentParser(prog="haff", description="Figures, exports and pages of the runs of haff.")
     commands = parser.add_subparsers(dest="command", required=True, metavar="COMMAND")
-    for add in (_add_plot, _add_export):
+    for add in (_add_plot, _add_export, _add_view):
         add(commands)
     return parser
 
@@ -80,6 +80,29 @@ def _add_export(commands) -> None:
     export.set_defaults(run=_export)
 
 
+def _add_view(commands) -> None:
+    view = _command(
+        commands,
+        "view",
+        "makes a web page that plays an output file",
+        "Makes one self-contained web page that plays the particles, with temperature, energies and collision rate\n"
+        "moving along. It needs no network, only a browser with WebGL 2.",
+        "examples:\n  haff view cooling.h5 --open\n  haff view cooling.h5 --frames ::10 -o talk.html",
+    )
+    view.add_argument("-o", "--output", type=Path, metavar="PAGE", help="page to write (default: FILE's name, .html)")
+    _add_frames(view)
+    view.add_argument(
+        "--size",
+        type=float,
+        default=40.0,
+        metavar="MB",
+        help="about the largest page: frames are thinned (default: 40)",
+    )
+    view.add_argument("--open", action="store_true", help="opens the page in the browser")
+    view.add_argument("--overwrite", action="store_true", help="replaces an existing file")
+    view.set_defaults(run=_view)
+
+
 def _add_frames(command: argparse.ArgumentParser) -> None:
     command.add_argument(
         "--frames", metavar="START:STOP:STEP", help="frames as in Python: 0:100, ::10, -1 (default: all)"
@@ -135,6 +158,25 @@ def _export(options: argparse.Namespace) -> int:
             unwrapped=options.unwrapped,
             overwrite=options.overwrite,
         )
+    print(path)
+    return 0
+
+
+def _view(options: argparse.Namespace) -> int:
+    from .viewer import view
+
+    notes: list[str] = []
+    path = view(
+        options.file,
+        options.output,
+        frames=options.frames,
+        size=options.size,
+        overwrite=options.overwrite,
+        show=options.open,
+        notes=notes,
+    )
+    for note in notes:
+        print(f"haff: {note}", file=sys.stderr)
     print(path)
     return 0
 

@@ -293,11 +293,11 @@ def test_help_names_what_exists():
     assert tuple(FORMATS) == _FORMATS and TABLES == _TABLES
 
 
-@pytest.mark.parametrize("command", ["plot", "export"])
-def test_every_command_has_an_example(command, capsys):
+@pytest.mark.parametrize("name", ["plot", "export", "view"])
+def test_every_command_has_an_example(name, capsys):
     with pytest.raises(SystemExit):
-        main([command, "--help"])
-    assert f"haff {command} " in capsys.readouterr().out.split("examples:")[1]
+        main([name, "--help"])
+    assert f"haff {name} " in capsys.readouterr().out.split("examples:")[1]
 
 
 def test_the_command_hands_over(command, files, tmp_path):

@@ -1,0 +1,84 @@
+"""From the event log: what lights up, and how much energy each particle has lost."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from ..reader import File
+from .blobs import Blobs
+
+MOST = 200_000
+"""Events that a page holds; of more, every second, third, … is shown."""
+DECADES = 4.0
+"""Losses are shown on a logarithmic scale of so many decades below the largest."""
+
+
+class Log:
+    """The event log of a file, read piece by piece."""
+
+    def __init__(self, file: File) -> None:
+        self._events, self._count = file.events, len(file)
+        self._pairs = [code for code, name in self._events.kinds.items() if name in ("collision", "stick")]
+
+    @classmethod
+    def of(cls, file: File) -> Log | None:
+        """The log, if the file has one that tells who collided and when."""
+        if "events" not in file or not {"time", "kind", "i", "j"} <= set(file.events.columns):
+            return None
+        return cls(file) if len(file.events) else None
+
+    def _pieces(self, columns: list[str]):
+        names = self._events.kinds
+        paired = [names[code] for code in self._pairs]
+        for piece in self._events.chunks(columns=["time", "kind", "i", "j", *columns]):
+            i = piece["i"].to_numpy(np.int64)
+            # A wall or a joint is no particle: the event is then that of i alone.
+            j = np.where(piece["kind"].isin(paired), piece["j"].to_numpy(np.int64), i)
+            inside = (i < self._count) & (j < self._count)
+            yield (
+                piece["time"].to_numpy()[inside],
+                i[inside],
+                j[inside],
+                *(piece[c].to_numpy()[inside] for c in columns),
+            )
+
+    def losses(self, time: np.ndarray) -> tuple[np.ndarray, np.ndarray] | None:
+        """``[K, N]`` energy lost so far, and since the frame before, in 255ths of a logarithmic scale."""
+        if "energy_loss" not in self._events.columns:
+            return None
+        recent = np.zeros((len(time), self._count), np.float32)
+        for when, i, j, loss in self._pieces(["energy_loss"]):
+            # Losses before the first frame count for it; those after the last do not show.
+            row = np.searchsorted(time, when, side="left")
+            seen = row < len(time)
+            for body in (i, j):
+                np.add.at(recent, (row[seen], body[seen]), loss[seen] / 2)
+        if not recent.any():
+            return None
+        total = np.cumsum(recent, axis=0, dtype=np.float32)
+        return _scaled(total), _scaled(recent)
+
+    def sample(self, blobs: Blobs, start: float, end: float, notes: list[str]) -> dict[str, Any]:
+        """Writes times (since ``start``) and particles of the events up to ``end``, evenly thinned."""
+        every = -(-len(self._events) // MOST)
+        columns: list[list[np.ndarray]] = [[], [], []]
+        row = 0
+        for when, i, j in self._pieces([]):
+            taken = slice(-row % every, None, every)
+            row += len(when)
+            inside = (when[taken] >= start) & (when[taken] <= end)
+            for column, values in zip(columns, (when[taken] - start, i[taken], j[taken])):
+                column.append(values[inside])
+        if every > 1:
+            notes.append(f"one in {every:,} collisions is in this page")
+        time, i, j = (np.concatenate(column) for column in columns)
+        return {"every": every, **blobs.add(time.astype(np.float32), i.astype(np.uint32), j.astype(np.uint32))}
+
+
+def _scaled(values: np.ndarray) -> np.ndarray:
+    top = float(values.max())
+    with np.errstate(divide="ignore"):
+        share = 1 + np.log10(np.maximum(values, 0) / top) / DECADES
+    return (np.clip(share, 0, 1) * 255).astype(np.uint8)

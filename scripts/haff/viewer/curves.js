@@ -1,0 +1,83 @@
+// Temperature, ledger and collision rate, with a mark at the time shown.
+
+const STROKES = ["#4c9be8", "#e69f00", "#e0653a", "#20b286"];
+
+class Curves {
+  constructor(element, logarithmicTime, seek) {
+    this.element = element;
+    this.logarithmic = logarithmicTime;
+    this.seek = seek;
+    this.plots = [];
+  }
+
+  draw() {
+    for (const { plot } of this.plots) plot.destroy();
+    this.element.replaceChildren();
+    this.plots = [];
+    if (!header.curves) return;
+    const { time, panels } = header.curves;
+    const style = getComputedStyle(document.documentElement);
+    const [text, grid] = ["--soft", "--line"].map((name) => style.getPropertyValue(name));
+    const first = this.logarithmic ? time.findIndex((value) => value > 0) : 0;
+    const height = Math.max(110, Math.min(190, (innerHeight - 90) / panels.length - 30));
+    for (const panel of panels) {
+      const title = document.createElement("h2");
+      title.append(panel.title);
+      const readings = panel.series.map(({ label }, k) => {
+        const reading = document.createElement("span");
+        reading.style.color = STROKES[k];
+        reading.dataset.label = label;
+        title.append(reading);
+        return reading;
+      });
+      this.element.append(title);
+      const axis = { stroke: text, grid: { stroke: grid, width: 0.5 }, ticks: { stroke: grid, width: 0.5 } };
+      const short = (value) => (value === null ? "" : format(value, 3));
+      const plot = new uPlot(
+        {
+          width: this.element.clientWidth - 16,
+          height,
+          legend: { show: false },
+          cursor: { drag: { x: false, y: false }, points: { show: false } },
+          scales: {
+            x: { time: false, distr: this.logarithmic ? 3 : 1 },
+            y: { distr: panel.log ? 3 : 1 },
+          },
+          axes: [
+            { ...axis, size: 26, values: (_, values) => values.map(short) },
+            { ...axis, size: 58, values: (_, values) => values.map(short) },
+          ],
+          series: [{}, ...panel.series.map((_, k) => ({ stroke: STROKES[k], width: 1.5, spanGaps: true }))],
+        },
+        [time.slice(first), ...panel.series.map(({ values }) => values.slice(first))],
+        this.element,
+      );
+      const mark = document.createElement("div");
+      mark.className = "now";
+      plot.over.append(mark);
+      plot.over.addEventListener("click", (event) => this.seek(plot.posToVal(event.offsetX, "x")));
+      this.plots.push({ plot, mark, panel, readings });
+    }
+  }
+
+  move(time) {
+    for (const { plot, mark, panel, readings } of this.plots) {
+      const { min, max } = plot.scales.x;
+      const x = plot.valToPos(Math.min(Math.max(time, min), max), "x");
+      mark.style.transform = `translateX(${x}px)`;
+      const row = Math.max(0, after(header.curves.time, time * (1 + 1e-12)) - 1);
+      readings.forEach((reading, k) => {
+        const value = panel.series[k].values[row];
+        reading.textContent = `${reading.dataset.label} ${value === null ? "–" : format(value, 4)}`;
+      });
+    }
+  }
+}
+
+// A number of few digits, without needless zeros.
+function format(value, digits) {
+  if (value === 0) return "0";
+  const size = Math.abs(value);
+  if (size >= 1e5 || size < 1e-3) return value.toExponential(digits - 1).replace(/\.?0+e/, "e").replace("e+", "e");
+  return String(Number(value.toPrecision(digits)));
+}

@@ -1,0 +1,30 @@
+"""Strings, rods and springs of the scene, as lines between bodies."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from ..reader import File
+
+
+def find(file: File) -> list[dict[str, Any]]:
+    """Each joint: ``kind`` (``string``, ``rod`` or ``spring``), its ends (a particle's row or a point), its length."""
+    scene = file.scene
+    explicit = scene.get("particle", [])
+    rows = {particle.get("name"): len(file) - len(explicit) + k for k, particle in enumerate(explicit)}
+
+    def point(values) -> list[float]:
+        return [*map(float, values), 0.0, 0.0][:3]
+
+    found: list[dict[str, Any]] = []
+    for pendulum in scene.get("pendulum", []):
+        kind = "rod" if pendulum.get("tether") == "rod" else "string"
+        ends = [point(pendulum["pivot"]), rows.get(pendulum.get("bob"))]
+        found.append({"kind": kind, "ends": ends, "length": pendulum.get("length")})
+    for kind in ("spring", "rod"):
+        for joint in scene.get(kind, []):
+            ends = [rows.get(name) for name in joint.get("between", [])]
+            if "point" in joint:
+                ends.append(point(joint["point"]))
+            found.append({"kind": kind, "ends": ends, "length": joint.get("length")})
+    return [joint for joint in found if len(joint["ends"]) == 2 and None not in joint["ends"]]

@@ -1,0 +1,2 @@
+export { BufferGeometry, BufferAttribute, Color, DataTexture, DoubleSide, DynamicDrawUsage, GLSL3, InstancedBufferAttribute, InstancedBufferGeometry, LineBasicMaterial, LineSegments, Mesh, MeshBasicMaterial, OrthographicCamera, PerspectiveCamera, Points, RawShaderMaterial, Scene, Vector2, Vector3, WebGLRenderer } from "three";
+export { OrbitControls } from "three/examples/jsm/controls/OrbitControls.js";

@@ -1,0 +1,298 @@
+"""`haff view`: what the page holds, and what a browser makes of it."""
+
+import base64
+import io
+import json
+import os
+import re
+import shutil
+import zlib
+
+import numpy as np
+import pytest
+from PIL import Image
+
+import haff
+import synthetic
+from haff.__main__ import main
+
+BROWSERS = ("chromium", "chromium-browser", "google-chrome", "chrome")
+
+
+class Page:
+    """The arrays and the header of a page, unpacked as the page does it."""
+
+    def __init__(self, path):
+        self.text = path.read_text(encoding="utf-8")
+        self.header = json.loads(re.search(r'id="header">(.*?)</script>', self.text, re.DOTALL)[1])
+
+    def arrays(self, entry):
+        packed = re.search(rf'id="blob-{entry["blob"]}">(.*?)</script>', self.text)[1]
+        data = zlib.decompress(base64.b64decode(packed))
+        types = {"Uint8Array": "u1", "Int8Array": "i1", "Uint16Array": "u2", "Int16Array": "i2", "Uint32Array": "u4",
+                 "Float32Array": "f4"}  # fmt: skip
+        return [np.frombuffer(data, "<" + types[t], size, start) for t, start, size in entry["arrays"]]
+
+    def frames(self):
+        """[F, N, d] positions and velocities, and the faces crossed since the frame before."""
+        frames, d = self.header["frames"], self.header["dimension"]
+        arrays = [a for chunk in frames["chunks"] for a in self.arrays(chunk)]
+        position, velocity, crossed = ([a.reshape(-1, d).astype(float) for a in arrays[k::5]] for k in range(3))
+        if frames["unit"]:
+            position = [p * frames["unit"] + self.header["room"]["origin"][:d] for p in position]
+            velocity = [v * unit for v, unit in zip(velocity, frames["velocity_unit"])]
+        return np.stack(position), np.stack(velocity), crossed
+
+
+def page_of(path, tmp_path, *arguments):
+    target = tmp_path / "page.html"
+    assert main(["view", str(path), "-o", str(target), "--overwrite", *arguments]) == 0
+    return Page(target)
+
+
+@pytest.mark.parametrize("name", ["cooling", "disks"])
+@pytest.mark.parametrize("exact", [True, False])
+def test_frames_in_the_page_are_those_of_the_file(name, exact, files, tmp_path, monkeypatch):
+    from haff.viewer import content
+
+    monkeypatch.setattr(content, "EXACT", 10**9 if exact else 0)
+    page = page_of(files[name], tmp_path)
+    position, velocity, crossed = page.frames()
+    with haff.open(files[name]) as run:
+        d, size = run.dimension, run.box.size[: run.dimension]
+        step = size / 2**23 if exact else size / 2**16
+        off = (position - run.frames.array("position")[..., :d] + size / 2) % size - size / 2
+        assert np.all(np.abs(off) <= 0.51 * step), "half a step, and its rounding"
+        assert np.all(position < size * (1 + 1e-6))
+        unit = np.abs(run.frames.array("velocity")).max(axis=(1, 2)) / 32767
+        assert np.all(np.abs(velocity - run.frames.array("velocity")[..., :d]).max(axis=(1, 2)) <= 0.51 * unit)
+        # Followed through the faces, nobody jumps.
+        way = np.cumsum(np.stack([np.zeros_like(crossed[0]), *crossed[1:]]), axis=0) * size
+        true = run.frames.array("unwrapped")[..., :d]
+        assert np.allclose(position + way - position[0], true - true[0], rtol=0, atol=1.1 * step.max())
+
+
+def test_losses_and_collisions_are_those_of_the_log(files, tmp_path):
+    page = page_of(files["cooling"], tmp_path)
+    with haff.open(files["cooling"]) as run:
+        events, time = run.events.to_pandas(), run.frames.time
+        when, i, j = page.arrays(page.header["collisions"])
+        assert np.allclose(when, events["time"], rtol=1e-6) and np.array_equal(i, events["i"])
+        assert np.array_equal(j, events["j"])
+        arrays = [a for chunk in page.header["frames"]["chunks"] for a in page.arrays(chunk)]
+        lost = np.zeros((len(time), len(run)))
+        for k, t in enumerate(time):
+            before = events[events["time"] <= t]
+            for body in ("i", "j"):
+                np.add.at(lost[k], before[body], before["energy_loss"] / 2)
+        for shown, values in ((arrays[3::5], lost), (arrays[4::5], np.diff(lost, axis=0, prepend=0))):
+            with np.errstate(divide="ignore"):
+                scaled = np.clip(1 + np.log10(np.maximum(values, 0) / values.max()) / 4, 0, 1) * 255
+            # 255ths, cut off; single precision may fall just short of the next.
+            assert np.all(np.abs(np.stack(shown) - scaled)[values > 1e-3 * values.max()] < 1.01)
+
+
+def test_few_bodies_follow_their_exact_paths(files, tmp_path):
+    page = page_of(files["ball"], tmp_path)
+    assert page.header["flight"] == "line"
+    position, _, _ = page.frames()
+    time = np.array(page.header["frames"]["time"])
+    with haff.open(files["ball"]) as run:
+        hits = run.events["time"]
+    for hit in hits[:5]:
+        assert position[np.argmin(np.abs(time - hit)), 0, 2] == pytest.approx(0.5, abs=1e-6)
+    fall = time < hits[0]
+    assert np.allclose(position[fall, 0, 2], 2.5 - 9.81 * time[fall] ** 2 / 2, atol=1e-6)
+
+
+def test_too_many_frames_are_thinned_with_a_message(files, tmp_path, capsys):
+    page = page_of(files["cooling"], tmp_path, "--size", "0.2")
+    assert "4 of 8 frames, one in 2" in capsys.readouterr().err and "4 of 8 frames" in page.header["notes"][0]
+    assert page.header["frames"]["time"] == pytest.approx(list(haff.open(files["cooling"]).frames[::2].time))
+    assert main(["view", str(files["cooling"]), "-o", str(tmp_path / "b.html"), "--size", "0.01"]) == 2
+    assert "2,000 particles: two frames would make a page of" in capsys.readouterr().err
+    assert not (tmp_path / "b.html").exists()
+
+
+def test_the_page_needs_no_network_and_no_text_breaks_it(tmp_path):
+    gas = synthetic.cooling_gas(tmp_path / "gas.h5", n=60, frames=3, collisions=50)
+    import h5py
+
+    with h5py.File(gas, "r+") as file:
+        scene = file["parameters/scene"][()].decode().replace("Synthetic cooling gas", "</script><b>&amp; 1 < 2")
+        del file["parameters/scene"]
+        file["parameters/scene"] = scene
+    page = page_of(gas, tmp_path)
+    assert page.header["title"] == "</script><b>&amp; 1 < 2" and "<h1>&lt;/script&gt;" in page.text
+    shell = re.sub(r"<script.*?</script>", "", page.text, flags=re.DOTALL)
+    assert not re.search(r"""(src|href)\s*=|url\(|@import""", shell)
+
+
+def test_what_cannot_be_is_one_line(files, tmp_path, capsys):
+    kept = tmp_path / "kept.html"
+    kept.write_text("mine")
+    cases = [
+        (["view", str(files["ball"]), "-o", str(kept)], 2, "exists; --overwrite"),
+        (["view", str(files["ball"]), "--size", "0", "-o", str(tmp_path / "a.html")], 2, "must be positive"),
+        (["view", str(files["ball"]), "--frames", "x", "-o", str(tmp_path / "a.html")], 2, "must be START:STOP:STEP"),
+        (["view", str(tmp_path / "none.h5")], 4, "no such file"),
+    ]
+    for arguments, status, message in cases:
+        assert main(arguments) == status
+        err = capsys.readouterr().err
+        assert message in err and err.count("\n") == 1
+    assert [p.name for p in tmp_path.iterdir()] == ["kept.html"] and kept.read_text() == "mine"
+
+
+def test_joints_are_found_by_name(command):
+    for scene, kinds in (("pendulums", ["string"] * 2), ("spring_impact", ["spring"]), ("stick_to_rod", ["rod"])):
+        from haff.viewer import joints
+
+        with command.run(f"textbook/{scene}", run__until=0.1).open() as run:
+            found = joints.find(run)
+            assert [joint["kind"] for joint in found] == kinds
+            for joint in found:
+                ends = [run.frames[0].position[e] if isinstance(e, int) else np.array(e) for e in joint["ends"]]
+                length = joint["length"] or np.linalg.norm(ends[1] - ends[0])
+                assert np.linalg.norm(ends[1] - ends[0]) == pytest.approx(length)
+
+
+# --- in a browser --------------------------------------------------------------------------------
+
+
+@pytest.fixture(scope="session")
+def browser():
+    sync = pytest.importorskip("playwright.sync_api", reason="no playwright: pip install 'haff[validation]'")
+    program = os.environ.get("CHROMIUM") or next(filter(None, map(shutil.which, BROWSERS)), None)
+    if program is None:
+        pytest.skip(f"no browser: none of {', '.join(BROWSERS)} on PATH, and no $CHROMIUM")
+    software = ["--use-gl=angle", "--use-angle=swiftshader", "--enable-unsafe-swiftshader", "--no-sandbox"]
+    with sync.sync_playwright() as playwright:
+        running = playwright.chromium.launch(executable_path=program, args=software)
+        yield running
+        running.close()
+
+
+@pytest.fixture
+def show(browser, tmp_path):
+    """Opens the page of a file; the test fails if the page complains."""
+    complaints, opened = [], []
+
+    def shown(path, *arguments):
+        page_of(path, tmp_path, *arguments)
+        # Without a network, and small: pixels are drawn by the processor.
+        context = browser.new_context(viewport={"width": 720, "height": 480}, offline=True)
+        context.set_default_timeout(120_000)
+        page = context.new_page()
+        page.on("pageerror", lambda error: complaints.append(str(error)))
+        page.on("console", lambda message: message.type == "error" and complaints.append(message.text))
+        page.goto((tmp_path / "page.html").as_uri())
+        page.evaluate("haffView.ready")
+        opened.append(context)
+        return page
+
+    yield shown
+    for context in opened:
+        context.close()
+    assert not complaints
+
+
+def seek(page, time):
+    """Shows a time, and returns the picture of the canvas alone [height, width, 3]."""
+    page.evaluate("t => { const p = haffView.player; p.seek(t); p.draw(); }", time)
+    page.evaluate("for (const e of document.querySelectorAll('header,aside,section,footer')) e.style.opacity = 0")
+    return np.asarray(Image.open(io.BytesIO(page.screenshot())).convert("RGB")).astype(int)
+
+
+def test_a_ball_is_drawn_where_it_is(show, files):
+    page = show(files["ball"])
+    for time in (0.0, 0.3, 1.1):
+        picture = seek(page, time)
+        seen = page.evaluate("haffView.player.locate(0)")
+        if time < 0.6:  # it falls; straight lines between key frames are a little short of the parabola
+            assert seen["position"][2] == pytest.approx(2.5 - 9.81 * time**2 / 2, abs=1e-3)
+        blue = (picture[..., 2] > picture[..., 0] + 40) & (picture[..., 2] > 90)
+        rows, columns = np.nonzero(blue)
+        assert len(rows) > 300, "a ball is seen"
+        # The middle of its outline; the shadowed side is darker, but blue.
+        assert (columns.min() + columns.max()) / 2 == pytest.approx(seen["x"], abs=4)
+        assert (rows.min() + rows.max()) / 2 == pytest.approx(seen["y"], abs=4)
+
+
+def test_between_two_frames_a_single_collision_is_exact(show, tmp_path):
+    """Two spheres of one mass meet head on, elastically, between the only two frames, across a periodic face."""
+    size, speed, end = np.array([10.0, 10.0, 10.0]), np.array([1.0, -2.0]), 2.0
+    start = np.array([9.0, 11.5])  # the gap of 1.5 closes at speed 3, so they meet after 0.5 at 9.5 and 10.5
+    after = np.array([9.5 - 2.0 * 1.5, 10.5 + 1.0 * 1.5])
+    position = np.full((2, 2, 3), 5.0)
+    position[:, :, 0] = [start % 10, after % 10]
+    velocity, image = np.zeros((2, 2, 3)), np.zeros((2, 2, 3), np.int32)
+    velocity[:, :, 0] = [speed, speed[::-1]]
+    image[:, :, 0] = [start // 10, after // 10]
+    path = synthetic.write(
+        tmp_path / "pair.h5",
+        scene='schema = 1\n[domain]\nboundary = ["periodic", "periodic", "periodic"]\n[[species]]\nname = "a"\n',
+        size=size, boundary=["periodic"] * 3, mass=[1, 1], radius=[0.5, 0.5], species=[0, 0],
+        frames={"time": np.array([0, end]), "step": np.array([0, 1]), "position": position, "velocity": velocity,
+                "image": image},
+    )  # fmt: skip
+    page = show(path)
+    for time in np.linspace(0, end, 9):
+        seek(page, time)
+        for k in (0, 1):
+            x = start[k] + speed[k] * time if time < 0.5 else [9.5, 10.5][k] + speed[1 - k] * (time - 0.5)
+            assert page.evaluate(f"haffView.player.locate({k})")["position"][0] == pytest.approx(x % 10, abs=1e-5)
+
+
+@pytest.mark.parametrize("name", ["cooling", "disks"])
+def test_a_gas_plays_lights_up_and_answers_to_keys(show, files, name):
+    page = show(files[name])
+
+    def state():
+        page.evaluate("haffView.player.draw()")
+        return page.evaluate("(({at, playing, coloring, theme}) => ({at, playing, coloring, theme}))(haffView.player)")
+
+    assert page.locator("#clock").text_content().startswith("t = 0")
+    assert page.locator("#curves canvas").count() >= 3
+    page.keyboard.press("ArrowRight")
+    page.keyboard.press("ArrowRight")
+    assert state()["at"] == 2
+    page.keyboard.press("c")
+    assert state()["coloring"] == "species" and "grain" in page.locator("#legend").text_content()
+    page.keyboard.press("c")
+    assert state()["coloring"] == "soFar"
+    rate = page.locator("#rate").text_content()
+    page.keyboard.press("+")
+    assert page.locator("#rate").text_content() != rate
+    assert page.evaluate("haffView.player.particles.lit.length") > 0
+    page.keyboard.press("f")
+    page.evaluate("haffView.player.draw()")
+    assert page.evaluate("haffView.player.particles.lit.length") == 0
+    page.keyboard.press(" ")
+    page.wait_for_function("haffView.player.at > 2.02")
+    assert state()["playing"]
+    page.keyboard.press(" ")
+    page.keyboard.press("End")
+    assert state() == {"at": 7, "playing": False, "coloring": "soFar", "theme": "dark"}
+    picture = seek(page, 0)
+    assert (picture.std(axis=2) > 12).mean() > 0.05, "particles in color"
+    page.keyboard.press("t")
+    assert seek(page, 0)[5, 5].tolist() == [255, 255, 255]
+
+
+def test_many_particles_are_drawn_as_points_like_few(show, tmp_path, browser):
+    gas = synthetic.cooling_gas(tmp_path / "gas.h5", n=700, frames=2, events=False)
+    pictures = []
+    for points in (False, True):
+        page = show(gas)
+        if points:  # the same page, its limit lowered
+            html = tmp_path / "page.html"
+            html.write_text(html.read_text().replace("const POINTS = 20000;", "const POINTS = 10;"))
+            page.reload()
+            page.evaluate("haffView.ready")
+        assert page.evaluate("haffView.player.particles.points") == points
+        pictures.append(seek(page, 0))
+    differs = np.abs(pictures[0] - pictures[1]).max(axis=2) > 40
+    covered = (pictures[0].std(axis=2) > 12).mean()
+    # Only outlines are rounded otherwise.
+    assert covered > 0.05 and differs.mean() < 0.1 * covered
