@@ -50,6 +50,7 @@ pub fn info(options: &Info) -> Result<u8, Failure> {
             json!({
                 "time": last.time, "step": last.step, "temperature": last.temperature,
                 "kinetic_energy": last.ledger.kinetic, "potential_energy": last.ledger.potential,
+                "spring_energy": (!last.ledger.spring.is_nan()).then_some(last.ledger.spring),
                 "dissipated_energy": last.ledger.dissipated, "carnot_energy": last.ledger.carnot,
                 "wall_work": last.ledger.wall_work, "ledger_residual": last.ledger.residual,
                 "collisions": last.collisions, "wall_collisions": last.wall_collisions,
@@ -97,6 +98,9 @@ pub fn info(options: &Info) -> Result<u8, Failure> {
         line("temperature", format!("{:.9e}", last.temperature));
         line("kinetic energy", format!("{:.9e}", last.ledger.kinetic));
         line("potential energy", format!("{:.9e}", last.ledger.potential));
+        if !last.ledger.spring.is_nan() {
+            line("  of springs", format!("{:.9e}", last.ledger.spring));
+        }
         line("dissipated", format!("{:.9e}, Carnot {:.9e}", last.ledger.dissipated, last.ledger.carnot));
         line("work of walls", format!("{:.9e}", last.ledger.wall_work));
         line("ledger residual", format!("{:.1e}", last.ledger.residual));

@@ -75,6 +75,7 @@ fn start(options: &Run, scene: Scene, signals: &Signals) -> Result<u8, Failure> 
                 observables: output.observables != Schedule::Off,
                 events: output.events.clone(),
                 compressed: output.compressed,
+                has_springs: !joints.springs.is_empty(),
                 ..Header::from_system(&system)
             };
             Some(Recorder::create(path, header, options.overwrite).map_err(|error| file_failure(&error))?)

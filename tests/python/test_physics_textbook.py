@@ -1,6 +1,7 @@
 """The scenes of configs/textbook and the break shot against their closed forms."""
 
 import math
+import re
 
 import numpy as np
 import pytest
@@ -136,3 +137,20 @@ def test_break_shot_stays_on_the_table_and_balances(command):
             assert np.all(frame.position[:, :2] <= run.box.size[:2] - radius + 1e-12)
             assert analysis.max_overlap(frame).depth <= 1e-12
             assert np.all(frame.position[:, 2] == 0)
+
+
+def test_springs_show_their_energy_beside_that_of_gravity(command):
+    with command.run("textbook/spring_impact").open() as run:
+        table = run.observables
+        spring = table["spring_energy"].to_numpy()
+        x = run.frames.array("position")[:, :, 0]
+        assert np.allclose(spring, 0.5 * 60.0 * (x[:, 2] - x[:, 1] - 1.0) ** 2, rtol=0, atol=1e-13 * 18)
+        assert np.allclose(table["gravity_energy"], 0) and np.allclose(table["potential_energy"], spring, rtol=1e-15)
+        # Half of what is left after the plastic impact is the most that the spring takes: k/2 · v² m/6k.
+        assert spring.max() == pytest.approx(36 / 12, rel=1e-3)
+        assert run.summary["spring_energy"] == spring[-1]
+        assert "spring_energy" in repr(run)
+    told = command("info", command.run("textbook/spring_impact").path).stdout
+    assert re.search(r"potential energy +\S+\n +of springs +\S+", told), told
+    with textbook(command, "pendulums").open() as run:
+        assert "spring_energy" not in run.observables and "of springs" not in command("info", run.path).stdout

@@ -94,6 +94,7 @@ pub(crate) fn ledger(totals: &Totals, book: &Book) -> Ledger {
     Ledger {
         kinetic: totals.kinetic,
         potential: totals.potential,
+        spring: 0.0,
         dissipated,
         carnot: book.carnot.value(),
         wall_work: work,

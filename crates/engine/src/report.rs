@@ -159,8 +159,10 @@ pub struct Frame {
 pub struct Ledger {
     /// T [energy], bodies of finite mass.
     pub kinetic: f64,
-    /// V of gravity [energy], zero at the origin.
+    /// V of gravity, zero at the origin, and of springs [energy].
     pub potential: f64,
+    /// The part of springs in it, zero without force [energy]; the engine has none.
+    pub spring: f64,
     /// Σ ΔT so far [energy].
     pub dissipated: f64,
     /// Σ E'_c so far [energy].

@@ -197,7 +197,12 @@ impl Simulation {
                 changed.push(world.body[i]);
                 Ok(changed)
             }
-            Key::Wall(i, wall) => world.strike_wall(i, wall, observer),
+            Key::Wall(i, wall) => {
+                // What clings to the wall is movable no longer.
+                let mut changed = world.strike_wall(i, wall, observer)?;
+                changed.push(world.body[i]);
+                Ok(changed)
+            }
             Key::Taut(p) => world.catch(p, observer),
             Key::Watch(home, index) => {
                 let Some(flight) = world.flights.get(&home) else { return Ok(Vec::new()) };
@@ -287,6 +292,7 @@ impl Simulation {
         Ledger {
             kinetic,
             potential: gravity + spring,
+            spring,
             dissipated,
             carnot: world.book.carnot.value(),
             wall_work: work.value(),

@@ -54,6 +54,8 @@ pub struct Header {
     pub has_pressure: bool,
     /// Whether samples carry the angular momentum: no axis is periodic.
     pub has_angular_momentum: bool,
+    /// Whether samples tell the energies of gravity and of springs apart: there are springs.
+    pub has_springs: bool,
 }
 
 impl Header {
@@ -97,6 +99,7 @@ impl Header {
             compressed: true,
             has_pressure: !boundary[..axes].contains(&Boundary::Open),
             has_angular_momentum: !boundary[..axes].contains(&Boundary::Periodic),
+            has_springs: false,
         }
     }
 }

@@ -344,6 +344,7 @@ fn read_sample(file: &Group, observables: &Observables, row: usize) -> hdf5::Res
         ledger: Ledger {
             kinetic: real("kinetic_energy")?,
             potential: real("potential_energy")?,
+            spring: real("spring_energy")?,
             dissipated: real("dissipated_energy")?,
             carnot: real("carnot_energy")?,
             wall_work: real("wall_work")?,

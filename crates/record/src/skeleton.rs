@@ -41,9 +41,11 @@ pub(crate) enum Quantity {
 const NAN: DVec3 = DVec3::NAN;
 
 /// Names and values of all observables, in the order of the file.
-pub(crate) const QUANTITIES: [(&str, Quantity); 17] = [
+pub(crate) const QUANTITIES: [(&str, Quantity); 19] = [
     ("kinetic_energy", Quantity::Real(|s| s.ledger.kinetic)),
     ("potential_energy", Quantity::Real(|s| s.ledger.potential)),
+    ("gravity_energy", Quantity::Real(|s| s.ledger.potential - s.ledger.spring)),
+    ("spring_energy", Quantity::Real(|s| s.ledger.spring)),
     ("dissipated_energy", Quantity::Real(|s| s.ledger.dissipated)),
     ("carnot_energy", Quantity::Real(|s| s.ledger.carnot)),
     ("wall_work", Quantity::Real(|s| s.ledger.wall_work)),
@@ -171,6 +173,7 @@ impl Observables {
         for (name, quantity) in QUANTITIES {
             let wanted = match name {
                 "pressure" => header.has_pressure,
+                "gravity_energy" | "spring_energy" => header.has_springs,
                 "angular_momentum" => header.has_angular_momentum,
                 "species_temperature" => !header.species_names.is_empty(),
                 _ => true,

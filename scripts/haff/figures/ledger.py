@@ -32,9 +32,14 @@ def draw(file: File) -> Figure:
         raise NotApplicableError("there is no energy in this scene")
 
     layers: list[tuple[str, str, np.ndarray]] = [("kinetic", BLUE, kinetic)]
-    shift = min(0.0, float(potential.min()))
-    if np.ptp(potential) > 1e-12 * scale or np.abs(potential).max() > 1e-12 * scale:
-        layers.append(("potential" + (" (from its lowest)" if shift < 0 else ""), SKY, potential - shift))
+    springs = table["spring_energy"].to_numpy() if "spring_energy" in table else np.zeros_like(t)
+    gravity = potential - springs
+    shift = min(0.0, float(gravity.min()))
+    if np.abs(gravity).max() > 1e-12 * scale:
+        name = "gravity" if springs.any() else "potential"
+        layers.append((name + (" (from its lowest)" if shift < 0 else ""), SKY, gravity - shift))
+    if springs.max() > 1e-12 * scale:
+        layers.append(("springs", GREEN, springs))
     for name, color, values in _dissipated(file, t, lost):
         if values.max() > 1e-12 * scale:
             layers.append((name, color, values))

@@ -42,6 +42,7 @@ pub fn header(particles: usize) -> Header {
         compressed: true,
         has_pressure: false,
         has_angular_momentum: false,
+        has_springs: false,
     }
 }
 
@@ -64,6 +65,7 @@ pub fn sample(k: u64) -> Sample {
         ledger: Ledger {
             kinetic: x(1),
             potential: x(2),
+            spring: f64::NAN,
             dissipated: x(3),
             carnot: x(4),
             wall_work: x(5),
