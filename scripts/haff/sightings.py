@@ -119,6 +119,8 @@ def wall_restitution(run: File, name: str, wall: int) -> float | dict[str, objec
     for pair in contact.get("pair", ()):
         if sorted(pair["between"]) == sorted((name, called)):
             return "sticks" if pair.get("sticks") else pair["restitution"]
+    if of.get("sticks"):
+        return "sticks"
     general = contact.get("wall_restitution", contact.get("restitution", 1.0))
     return of.get("restitution", general)
 

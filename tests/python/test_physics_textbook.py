@@ -154,3 +154,30 @@ def test_springs_show_their_energy_beside_that_of_gravity(command):
     assert re.search(r"potential energy +\S+\n +of springs +\S+", told), told
     with textbook(command, "pendulums").open() as run:
         assert "spring_energy" not in run.observables and "of springs" not in command("info", run.path).stdout
+
+
+def test_clay_sticks_to_a_moving_wall_and_a_ball_does_not(command, tmp_path):
+    scene = tmp_path / "clay.toml"
+    body = '[[particle]]\nname = "{}"\nposition = [0.0, 0.0, {}]\nradius = 0.1\nmass = 2.0\n'
+    scene.write_text(
+        'schema = 1\n[domain]\nboundary = ["open", "open", "open"]\ngravity = [0.0, 0.0, -9.81]\n'
+        '[[wall]]\nname = "lift"\nvelocity = [0.0, 0.0, 0.5]\nsticks = true\n'
+        "plane = { point = [0, 0, 0], normal = [0, 0, 1] }\n"
+        + body.format("clay", 1.1)
+        + body.format("ball", 1.1).replace("[0.0,", "[1.0,")
+        + '[[contact.pair]]\nbetween = ["ball", "lift"]\nrestitution = 1.0\n'
+        "[run]\nuntil = 0.9\n[output]\nevents = true\nobservables = 0.1\n"
+    )
+    with command.run(scene).open() as run:
+        log = run.events.to_pandas()
+        assert list(log["kind"]) == ["wall", "wall"]
+        hit = (-0.5 + math.sqrt(0.25 + 2 * 9.81)) / 9.81
+        assert log["time"].to_numpy() == pytest.approx([hit, hit], rel=1e-13)
+        speed = 9.81 * hit + 0.5
+        assert log["energy_loss"].to_numpy() == pytest.approx([speed**2, 0], rel=1e-13), "½ m v² with m = 2"
+        assert log["carnot_energy"].to_numpy() == pytest.approx([speed**2, 4 * speed**2], rel=1e-13)
+        last = run.frames[-1]
+        assert last.velocity[0] == pytest.approx([0, 0, 0.5], abs=1e-15) and last.position[0, 2] == pytest.approx(0.55)
+        fall = 9.81 * (0.9 - hit)
+        assert last.velocity[1, 2] == pytest.approx(speed + 0.5 - fall, rel=1e-12)
+        assert run.observables["ledger_residual"].abs().max() < 1e-14

@@ -167,7 +167,51 @@ pub(crate) fn check_elements(system: &System, joints: &Joints) -> Result<(), Lin
             return Err(LinkageError::Twice(pair[0], pair[1]));
         }
     }
-    Ok(())
+    check_carried(system, joints)
+}
+
+/// What sticks to a moving wall or a moving body of infinite mass is carried along for good; nothing that it hangs on may stay.
+fn check_carried(system: &System, joints: &Joints) -> Result<(), LinkageError> {
+    let class = |i: usize| system.classes[system.bodies[i].class as usize];
+    let moves = |i: usize| class(i).mass == f64::INFINITY && system.bodies[i].velocity != DVec3::ZERO;
+    let mut carried = vec![false; system.groups.len()];
+    let mut spread: Vec<u32> =
+        (0..system.bodies.len()).filter(|&i| moves(i)).map(|i| class(i).group).collect();
+    let walls =
+        joints.clinging.iter().filter(|[_, wall]| system.walls[*wall as usize].velocity != DVec3::ZERO);
+    for &[group, _] in walls {
+        carried[group as usize] = true;
+        spread.push(group);
+    }
+    while let Some(from) = spread.pop() {
+        for pair in joints.sticking.iter().filter(|pair| pair.contains(&from)) {
+            let to = if pair[0] == from { pair[1] } else { pair[0] };
+            if !std::mem::replace(&mut carried[to as usize], true) {
+                spread.push(to);
+            }
+        }
+    }
+    let rides = |i: usize| class(i).mass.is_finite() && carried[class(i).group as usize];
+    let stays = |end: SpringEnd| match end {
+        SpringEnd::Particle(i) => class(i).mass == f64::INFINITY || rides(i),
+        SpringEnd::Point(_) => true,
+    };
+    let what = "it holds a particle that may stick to a wall or body in motion, which would carry it off; that one must rest";
+    let torn = |element, index| Err(LinkageError::Ends { element, index, what });
+    if let Some(index) = joints.pendulums.iter().position(|pendulum| rides(pendulum.bob)) {
+        return torn("pendulum", index);
+    }
+    let pulls = |[a, b]: [SpringEnd; 2]| {
+        let rides = |end| matches!(end, SpringEnd::Particle(i) if rides(i));
+        (rides(a) && stays(b)) || (rides(b) && stays(a))
+    };
+    if let Some(index) = joints.springs.iter().position(|spring| pulls(spring.ends)) {
+        return torn("spring", index);
+    }
+    match joints.rods.iter().position(|rod| pulls(rod.ends.map(SpringEnd::Particle))) {
+        Some(index) => torn("rod", index),
+        None => Ok(()),
+    }
 }
 
 /// Brings bobs and ends of rods exactly to their lengths, and their velocities along.

@@ -16,7 +16,7 @@ use crate::{
 };
 
 /// Version of the scalars below.
-const VERSION: u64 = 1;
+const VERSION: u64 = 2;
 
 impl Simulation {
     /// The exact state: anchors of all particles, and everything else as named scalars. A simulation that is
@@ -29,7 +29,7 @@ impl Simulation {
         put("linkage.version".into(), VERSION);
         put("now.high".into(), world.now.high.to_bits());
         put("now.low".into(), world.now.low.to_bits());
-        put("time".into(), self.time().to_bits());
+        put("clock.time".into(), self.time().to_bits());
         let book = &world.book;
         put("initial_kinetic".into(), book.initial_kinetic.to_bits());
         put("initial_potential".into(), book.initial_potential.to_bits());
@@ -54,6 +54,7 @@ impl Simulation {
         let mut put = |name: String, bits: u64| scalars.push((name, bits));
         for i in 0..n {
             put(format!("body.{i}"), world.body[i] as u64);
+            put(format!("clings.{i}"), u64::from(world.clings[i]));
             for (axis, x) in ["x", "y", "z"].into_iter().zip(world.offset[i].to_array()) {
                 put(format!("offset.{i}.{axis}"), x.to_bits());
             }
@@ -123,13 +124,14 @@ impl Simulation {
         }
         world.anchor = checkpoint.position.iter().copied().zip(checkpoint.velocity.iter().copied()).collect();
         world.now = scalars.instant("now");
-        let time = scalars.real("time");
+        let time = scalars.real("clock.time");
         scalars.book(&mut world);
         for i in 0..n {
             world.body[i] = scalars.index(&format!("body.{i}"), n);
+            world.clings[i] = scalars.take(&format!("clings.{i}")) != 0;
             world.offset[i] = scalars.vector(&format!("offset.{i}"));
         }
-        world.body_mass = (0..n).map(|body| world.members(body).map(|i| world.mass[i]).sum()).collect();
+        world.body_mass = (0..n).map(|body| world.mass_of(body)).collect();
         for p in 0..world.taut.len() {
             world.taut[p] = scalars.take(&format!("taut.{p}")) != 0;
         }

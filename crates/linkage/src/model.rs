@@ -73,6 +73,8 @@ pub struct Joints {
     pub rods: Vec<Rod>,
     /// Pairs of contact groups that stick: after an impact all components of their relative velocity are gone for good.
     pub sticking: Vec<[u32; 2]>,
+    /// Contact groups, and rows of walls that they stick to.
+    pub clinging: Vec<[u32; 2]>,
 }
 
 impl Joints {
@@ -82,5 +84,6 @@ impl Joints {
             && self.springs.is_empty()
             && self.rods.is_empty()
             && self.sticking.is_empty()
+            && self.clinging.is_empty()
     }
 }

@@ -17,20 +17,21 @@ const TIE: f64 = 1e-12;
 const REST: f64 = 4e-15;
 
 impl World {
-    /// Takes the flights of these bodies apart, now; returns all their movable bodies, in order.
+    /// Takes the flights of these bodies apart, now; returns all their movable bodies, in order. Immovable ones fly on.
     pub fn take(&mut self, bodies: &[usize], observer: &mut dyn Observer) -> Vec<usize> {
         let mut taken = Vec::new();
         for &body in bodies {
+            if self.immovable(body) {
+                continue;
+            }
             let Some(flight) = self.flights.remove(&self.home[body]) else { continue };
             let before: Motions = (0..flight.bodies.len()).map(|k| flight.motion.state(k, 0.0)).collect();
             let after = flight.states(self.now);
             for (k, &body) in flight.bodies.iter().enumerate() {
                 self.anchor[body] = after[k];
-                if !self.immovable(body) {
-                    let (momentum, moment) = self.momentum_change(body, before[k], after[k]);
-                    self.book.add_momentum(momentum, moment);
-                    taken.push(body);
-                }
+                let (momentum, moment) = self.momentum_change(body, before[k], after[k]);
+                self.book.add_momentum(momentum, moment);
+                taken.push(body);
             }
             self.book.work.add(flight.motion.work(self.now.since(flight.start)));
         }
@@ -308,7 +309,14 @@ impl World {
     /// Puts an immovable body on its way.
     pub fn launch_immovable(&mut self, body: usize) {
         let (position, velocity) = self.anchor[body];
-        let motion = Motion::Ballistic { position, velocity, acceleration: DVec3::ZERO, power: 0.0 };
+        // What carries particles that stick to it bears their weight.
+        let weight: DVec3 = self
+            .members(body)
+            .filter(|&i| self.mass[i].is_finite())
+            .map(|i| self.system.domain.gravity * self.mass[i])
+            .sum();
+        let power = -weight.dot(velocity);
+        let motion = Motion::Ballistic { position, velocity, acceleration: DVec3::ZERO, power };
         self.home[body] = body;
         self.flights.insert(
             body,

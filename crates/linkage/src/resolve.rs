@@ -46,7 +46,10 @@ impl World {
         let law = self.pair_law(i, j);
         self.book.counters.collisions += 1;
         if law == Law::Stick {
-            return self.stick(i, j, normal, bodies, observer);
+            let impact = self.hold(&bodies, self.row(Link::Pair(i, j), &bodies, self.now), normal);
+            self.record(EventKind::Stick, i, j, &impact, normal, observer);
+            let bodies = self.merge(self.body[i], self.body[j], bodies);
+            return self.reform(bodies, None, observer);
         }
         let Law::Bounce(restitution) = law else { return self.reform(bodies, None, observer) };
         let link = Link::Pair(i, j);
@@ -80,12 +83,21 @@ impl World {
         let of = &self.system.walls[wall];
         let (normal, velocity) = (-of.normal, of.velocity);
         let approach = (self.state(i, self.now).1 - velocity).dot(normal);
-        let e = self.restitution_at(self.wall_law(i, wall), approach, self.radius[i]);
         let link = Link::Wall(i, wall);
-        let mut mechanism = self.impact_mechanism(&bodies);
         let mut row = self.row(link, &bodies, self.now);
-        row.link = Link::Impact;
         self.book.counters.wall_collisions += 1;
+        let restitution = match self.wall_law(i, wall) {
+            Law::Bounce(restitution) => restitution,
+            Law::Stick => {
+                let impact = self.hold(&bodies, row, -normal);
+                self.record(EventKind::Wall, i, wall, &impact, normal, observer);
+                let bodies = self.cling(self.body[i], velocity, bodies);
+                return self.reform(bodies, None, observer);
+            }
+        };
+        let e = self.restitution_at(restitution, approach, self.radius[i]);
+        let mut mechanism = self.impact_mechanism(&bodies);
+        row.link = Link::Impact;
         if let Some(outcome) = self.strike(&bodies, &mut mechanism, row, e) {
             self.record(EventKind::Wall, i, wall, &outcome.impact, normal, observer);
             let size = if self.radius[i] > 0.0 { self.radius[i] } else { self.length };
@@ -190,18 +202,10 @@ impl World {
         }
     }
 
-    /// The two move as one from now on.
-    fn stick(
-        &mut self,
-        i: usize,
-        j: usize,
-        normal: DVec3,
-        bodies: Vec<usize>,
-        observer: &mut dyn Observer,
-    ) -> Result<Vec<usize>, LinkageError> {
-        let mut mechanism = self.impact_mechanism(&bodies);
+    /// Takes all of the relative velocity of the ends of a contact, whose normal points from the first to the second.
+    fn hold(&mut self, bodies: &[usize], of: Row, normal: DVec3) -> Impact {
+        let mut mechanism = self.impact_mechanism(bodies);
         let held = mechanism.rows.len();
-        let of = self.row(Link::Pair(i, j), &bodies, self.now);
         for axis in [DVec3::X, DVec3::Y, DVec3::Z] {
             mechanism.rows.push(Row {
                 link: Link::Impact,
@@ -210,7 +214,7 @@ impl World {
                 ..of
             });
         }
-        let mut states = self.anchors(&bodies);
+        let mut states = self.anchors(bodies);
         let rows = mechanism.row_states(0.0, &states);
         let matrix = mechanism.compliance(&rows);
         let relative = DVec3::new(rows[held].rate, rows[held + 1].rate, rows[held + 2].rate);
@@ -218,10 +222,10 @@ impl World {
             rows.iter().enumerate().map(|(k, row)| if k < held { 0.0 } else { row.rate }).collect();
         let one_sided: Vec<bool> = mechanism.rows.iter().map(|row| row.unilateral).collect();
         let (impulses, active) = linear::complementarity(&matrix, &q, &one_sided, SQUARE * relative.length());
-        self.push(&bodies, &mechanism, &rows, &impulses, &mut states);
+        self.push(bodies, &mechanism, &rows, &impulses, &mut states);
         let rest: Vec<f64> = mechanism.row_states(0.0, &states).iter().map(|row| -row.rate).collect();
         let (correction, _) = linear::solve(&matrix, &rest, &active);
-        self.push(&bodies, &mechanism, &rows, &correction, &mut states);
+        self.push(bodies, &mechanism, &rows, &correction, &mut states);
         for (&body, state) in bodies.iter().zip(&states) {
             self.anchor[body] = *state;
         }
@@ -230,21 +234,46 @@ impl World {
         let loss = -0.5 * impulse.dot(relative);
         self.book.dissipated.add(loss);
         self.book.carnot.add(loss);
-        let impact = Impact {
+        Impact {
             approach_speed: -normal.dot(relative),
             impulse: impulse.length(),
             energy_loss: loss,
             carnot_energy: loss,
             ..Impact::default()
-        };
-        self.record(EventKind::Stick, i, j, &impact, normal, observer);
-        let bodies = self.merge(self.body[i], self.body[j], bodies);
-        self.reform(bodies, None, observer)
+        }
+    }
+
+    /// A body moves with a wall from now on; returns the movable bodies that remain.
+    fn cling(&mut self, body: usize, velocity: DVec3, mut bodies: Vec<usize>) -> Vec<usize> {
+        self.clings[body] = true;
+        self.body_mass[body] = f64::INFINITY;
+        self.anchor[body].1 = velocity;
+        let own: Vec<Link> = self
+            .closed
+            .keys()
+            .copied()
+            .filter(|&link| matches!(link, Link::Wall(i, _) if self.body[i] == body))
+            .collect();
+        for link in own {
+            self.closed.remove(&link);
+        }
+        bodies.retain(|&other| other != body);
+        self.launch_immovable(body);
+        bodies
     }
 
     /// Makes one body of two; returns the movable bodies that remain.
     fn merge(&mut self, a: usize, b: usize, mut bodies: Vec<usize>) -> Vec<usize> {
         let (keep, gone) = (a.min(b), a.max(b));
+        for body in [keep, gone] {
+            if !self.immovable(body) {
+                continue;
+            }
+            self.anchor[body] = self.body_state(body, self.now);
+            if let Some(flight) = self.flights.remove(&self.home[body]) {
+                self.book.work.add(flight.motion.work(self.now.since(flight.start)));
+            }
+        }
         let shift = self.anchor[gone].0 - self.anchor[keep].0;
         let heavy = if self.body_mass[gone] > self.body_mass[keep] { gone } else { keep };
         self.anchor[keep].1 = self.anchor[heavy].1;
@@ -255,6 +284,7 @@ impl World {
             }
         }
         self.body_mass[keep] += self.body_mass[gone];
+        self.clings[keep] |= self.clings[gone];
         let inside: Vec<Link> = self
             .closed
             .keys()
@@ -265,10 +295,7 @@ impl World {
             self.closed.remove(&link);
         }
         bodies.retain(|&body| body != gone && body != keep);
-        self.flights.remove(&self.home[gone]);
         if self.immovable(keep) {
-            // Another body of infinite mass may have flown on under either name.
-            self.flights.remove(&self.home[keep]);
             self.launch_immovable(keep);
         } else {
             bodies.push(keep);

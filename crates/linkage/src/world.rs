@@ -78,6 +78,8 @@ pub(crate) struct World {
     pub body: Vec<usize>,
     /// Where on its body a particle sits \[length\].
     pub offset: Vec<DVec3>,
+    /// By body: whether it sticks to a wall, and moves with it.
+    pub clings: Vec<bool>,
     /// By body: mass, and state at the start of its flight.
     pub body_mass: Vec<f64>,
     pub anchor: Motions,
@@ -141,6 +143,7 @@ impl World {
         Self {
             body: (0..n).collect(),
             offset: vec![DVec3::ZERO; n],
+            clings: vec![false; n],
             body_mass: mass.clone(),
             anchor,
             home: (0..n).collect(),
@@ -219,8 +222,16 @@ impl World {
     }
 
     /// The law of a particle with a wall.
-    pub fn wall_law(&self, i: usize, wall: usize) -> Restitution {
-        self.system.contacts.wall[self.group[i] * self.system.walls.len() + wall]
+    pub fn wall_law(&self, i: usize, wall: usize) -> Law {
+        if self.joints.clinging.contains(&[self.group[i] as u32, wall as u32]) {
+            return Law::Stick;
+        }
+        Law::Bounce(self.system.contacts.wall[self.group[i] * self.system.walls.len() + wall])
+    }
+
+    /// Mass of a body by its particles, and by whether it sticks to a wall.
+    pub fn mass_of(&self, body: usize) -> f64 {
+        if self.clings[body] { f64::INFINITY } else { self.members(body).map(|i| self.mass[i]).sum() }
     }
 
     /// Whether two particles can meet.

@@ -235,8 +235,9 @@ pub struct PairConfig {
     pub between: Option<Vec<String>>,
     /// Coefficient of restitution. Either this or `sticks`.
     pub restitution: Option<RestitutionConfig>,
-    /// `true`: two particles stick together (adhesive, plastic): all components of their relative velocity are lost, and they go on
-    /// as one. With restitution 0 they only do not part, and slide along each other. Default false.
+    /// `true`: two particles stick together, or a particle to a wall (adhesive, plastic): all components of their relative
+    /// velocity are lost, and they go on as one. With restitution 0 they only do not part, and slide along each other.
+    /// Default false.
     pub sticks: Option<bool>,
 }
 
@@ -294,6 +295,8 @@ pub struct WallConfig {
     pub plane: Option<PlaneConfig>,
     /// Restitution of contacts with this wall; default `contact.wall_restitution`.
     pub restitution: Option<RestitutionConfig>,
+    /// `true`: all particles stick to this wall, but those whose `contact.pair` says otherwise. Default false.
+    pub sticks: Option<bool>,
     /// Velocity of the wall [length/time]; default 0.
     #[schemars(length(min = 2, max = 3))]
     pub velocity: Option<Vec<f64>>,

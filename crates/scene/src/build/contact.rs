@@ -172,6 +172,13 @@ impl Builder<'_> {
                 }
             }
         }
+        for (k, config) in configs.iter().enumerate().filter(|(_, config)| config.sticks == Some(true)) {
+            if config.restitution.is_some() {
+                self.document
+                    .report(&item("wall", k, "sticks"), "contradicts restitution: give one of the two");
+            }
+            self.clinging.extend((0..groups).map(|group| [group as u32, (first_own + k) as u32]));
+        }
         let mut seen: BTreeMap<(usize, usize), usize> = BTreeMap::new();
         for (k, config) in contact.pair.iter().flatten().enumerate() {
             let path = |key: &str| {
@@ -227,12 +234,14 @@ impl Builder<'_> {
                 let message = format!("contact.pair.{first} already rules these two");
                 self.document.report(&path("between"), message);
             }
-            if sticks {
-                if j >= names.all.len() {
-                    self.document.report(&path("sticks"), "is for two particles: a wall has restitution = 0");
-                } else {
-                    self.sticking.push([i as u32, j as u32]);
+            if j >= names.all.len() {
+                let entry = [i as u32, (j - names.all.len()) as u32];
+                self.clinging.retain(|other| *other != entry);
+                if sticks {
+                    self.clinging.push(entry);
                 }
+            } else if sticks {
+                self.sticking.push([i as u32, j as u32]);
             }
             let Some(rule) = rule else { continue };
             if i >= groups || (j < names.all.len() && j >= groups) {

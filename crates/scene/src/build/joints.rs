@@ -20,6 +20,7 @@ impl Builder<'_> {
             || config.spring.is_some()
             || config.rod.is_some()
             || !self.sticking.is_empty()
+            || !self.clinging.is_empty()
     }
 
     /// Fills in the positions of particles that an angle places.
@@ -129,7 +130,8 @@ impl Builder<'_> {
 
     /// The joints of the scene; `species`: number of particles before the first `[[particle]]`.
     pub(super) fn joints(&mut self, species: usize, position: &dyn Fn(usize) -> DVec3) -> Joints {
-        let mut joints = Joints { sticking: self.sticking.clone(), ..Joints::default() };
+        let mut joints =
+            Joints { sticking: self.sticking.clone(), clinging: self.clinging.clone(), ..Joints::default() };
         for (k, config) in self.config.pendulum.clone().unwrap_or_default().into_iter().enumerate() {
             let path = |key: &str| item("pendulum", k, key);
             let Some(pivot) = &config.pivot else {

@@ -60,6 +60,7 @@ struct Builder<'a> {
     seed: u64,
     /// Pairs of groups that stick.
     sticking: Vec<[u32; 2]>,
+    clinging: Vec<[u32; 2]>,
     unreadable: bool,
 }
 
@@ -83,6 +84,7 @@ pub(crate) fn build(
         dimension: Dimension::Three,
         seed: 0,
         sticking: Vec::new(),
+        clinging: Vec::new(),
         unreadable: false,
     };
     let overrides_failed = builder.document.errors.iter().any(|error| error.path.is_empty());
