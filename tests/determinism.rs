@@ -53,10 +53,10 @@ fn no_choice_of_machinery_changes_a_trajectory() {
 }
 
 /// Starts a long run, sends it a signal, and returns its exit status.
-fn interrupt(haff: &Haff, arguments: &[&str], signal: Signal, after: Duration) -> i32 {
+fn interrupt(haff: &Haff, file: &str, arguments: &[&str], signal: Signal, after: Duration) -> i32 {
     let mut child = haff.command(arguments).stdout(Stdio::null()).stderr(Stdio::null()).spawn().unwrap();
     let started = Instant::now();
-    while !haff.path("gas.h5").exists() && started.elapsed() < Duration::from_secs(20) {
+    while !haff.path(file).exists() && started.elapsed() < Duration::from_secs(20) {
         std::thread::sleep(Duration::from_millis(5));
     }
     std::thread::sleep(after);
@@ -82,7 +82,7 @@ fn an_interrupted_run_resumes_to_the_state_of_one_that_was_not() {
 
     for (signal, status) in [(Signal::SIGINT, 130), (Signal::SIGTERM, 143)] {
         let arguments = [&long[..], &["-o", "gas.h5", "--overwrite"]].concat();
-        let found = interrupt(&haff, &arguments, signal, Duration::from_millis(60));
+        let found = interrupt(&haff, "gas.h5", &arguments, signal, Duration::from_millis(60));
         assert_eq!(found, status, "the run must be longer than the wait");
         let info: Value = serde_json::from_str(&haff.run(&["info", "gas.h5", "--json"]).1).unwrap();
         assert_eq!((&info["finished"], &info["resumable"]), (&Value::from(false), &Value::from(true)));
@@ -91,16 +91,48 @@ fn an_interrupted_run_resumes_to_the_state_of_one_that_was_not() {
         for key in ["state_hash", "collisions", "events", "simulated_time", "dissipated_energy", "stopped"] {
             assert_eq!(resumed[key], whole[key], "{key} after {signal}");
         }
-        let info = |file| serde_json::from_str::<Value>(&haff.run(&["info", file, "--json"]).1).unwrap();
-        let (a, b) = (info("gas.h5"), info("whole.h5"));
-        for key in ["frames", "samples", "events", "last"] {
-            assert_eq!(a[key], b[key], "{key} after {signal}");
-        }
+        assert_eq!(recorded(&haff, "gas.h5"), recorded(&haff, "whole.h5"), "after {signal}");
         // A finished file resumes to the same totals.
         let again = haff.report(&["run", "--resume", "gas.h5"]);
         assert_eq!(again["state_hash"], whole["state_hash"]);
         std::fs::remove_file(haff.path("gas.h5")).unwrap();
     }
+}
+
+/// The part of `haff info` that must not depend on how often a run was stopped.
+fn recorded(haff: &Haff, file: &str) -> Vec<Value> {
+    let info: Value = serde_json::from_str(&haff.run(&["info", file, "--json"]).1).unwrap();
+    ["frames", "samples", "events", "last", "finished"].map(|key| info[key].clone()).to_vec()
+}
+
+#[test]
+fn a_linkage_that_is_killed_again_and_again_resumes_to_the_state_of_one_that_was_not() {
+    let haff = Haff::new();
+    // Bobs that meet off the bottom, strings that go slack: thousands of events of every kind.
+    let scene = common::config("textbook/pendulums.toml");
+    let mut long = vec!["run", &scene];
+    for set in ["run.until=3000", "output.frames=10", "output.observables=10", "output.checkpoint=5"] {
+        long.extend(["--set", set]);
+    }
+    long.extend(["--set", "contact.restitution=0.9999"]);
+    let whole = haff.report(&[&long[..], &["-o", "whole.h5"]].concat());
+    let start = [&long[..], &["-o", "swing.h5"]].concat();
+    let mut kills = 0;
+    for legs in 0..4 {
+        let resume = ["run", "--resume", "swing.h5"];
+        let arguments = if legs == 0 { &start[..] } else { &resume[..] };
+        let status = interrupt(&haff, "swing.h5", arguments, Signal::SIGKILL, Duration::from_millis(150));
+        kills += i32::from(status == -1);
+    }
+    assert!(kills > 0, "the run must be longer than the wait");
+    let resumed = haff.report(&["run", "--resume", "swing.h5"]);
+    assert!(resumed["resumed_from"].as_f64() > Some(0.0), "{resumed}");
+    for key in
+        ["state_hash", "collisions", "simulated_time", "dissipated_energy", "ledger_residual", "stopped"]
+    {
+        assert_eq!(resumed[key], whole[key], "{key}");
+    }
+    assert_eq!(recorded(&haff, "swing.h5"), recorded(&haff, "whole.h5"));
 }
 
 #[test]
