@@ -1,29 +1,16 @@
 //! The scenes of pendulums, spring and rods in `configs/textbook` against their closed forms (physics.md, section 5), with
 //! parameters changed from outside.
 
-use std::path::PathBuf;
+mod common;
 
+use common::textbook::{Log, close, scene};
 use glam::DVec3;
-use haff_engine::{EventKind, EventRecord, Observer, Until};
+use haff_engine::{EventKind, EventRecord, Until};
 use haff_linkage::{Simulation, complete_elliptic_integral};
-use haff_scene::NoStates;
-
-#[derive(Default)]
-struct Log(Vec<EventRecord>);
-
-impl Observer for Log {
-    fn wants_events(&self) -> bool {
-        true
-    }
-    fn event(&mut self, event: &EventRecord) {
-        self.0.push(*event);
-    }
-}
 
 /// Starts a scene with overrides.
 fn start(name: &str, set: &[String]) -> Simulation {
-    let path = PathBuf::from(env!("CARGO_MANIFEST_DIR")).join(format!("configs/textbook/{name}.toml"));
-    let scene = haff_scene::load(&path, set, &NoStates).unwrap_or_else(|errors| panic!("{errors}"));
+    let scene = scene(name, set);
     assert!(!scene.joints.is_empty());
     Simulation::new(scene.system, scene.joints).unwrap_or_else(|error| panic!("{error}"))
 }
@@ -34,12 +21,6 @@ fn run(simulation: &mut Simulation, time: f64) -> Vec<EventRecord> {
         .advance(Until { time, ..Until::default() }, &mut log)
         .unwrap_or_else(|error| panic!("{error}"));
     log.0
-}
-
-#[track_caller]
-fn close(what: &str, found: f64, expected: f64, scale: f64) {
-    let error = (found - expected).abs() / scale;
-    assert!(error <= 1e-10, "{what}: {found}, expected {expected}, off by {error:.1e}");
 }
 
 #[test]
@@ -106,10 +87,18 @@ fn the_spring_takes_up_what_the_impact_leaves() {
 fn rods_turn_after_sticking_and_elastic_impacts() {
     for theta in [0.0_f64, 0.3, 1.2, std::f64::consts::FRAC_PI_2] {
         for (v, m) in [(3.0, 1.0), (0.02, 7.0)] {
-            for scene in ["stick_to_rod", "elastic_rod_end"] {
+            for (scene, e) in [
+                ("stick_to_rod", 0.0),
+                ("elastic_rod_end", 1.0),
+                ("elastic_rod_end", 0.35),
+                ("elastic_rod_end", 0.7),
+            ] {
                 let mut set: Vec<String> = (0..3).map(|i| format!("particle.{i}.mass={m:?}")).collect();
                 set.push(format!("particle.0.velocity=[{v:?}, 0.0]"));
                 set.push(format!("rod.0.angle={theta:?}"));
+                if scene == "elastic_rod_end" {
+                    set.push(format!("contact.restitution={e:?}"));
+                }
                 let mut simulation = start(scene, &set);
                 let events = run(&mut simulation, 1.7 / v);
                 assert_eq!(events.len(), 1);
@@ -124,7 +113,7 @@ fn rods_turn_after_sticking_and_elastic_impacts() {
                     close("ω", spin, v * theta.sin() / 4.0, v);
                     assert_eq!(events[0].energy_loss, events[0].carnot_energy);
                 } else {
-                    let impulse = 4.0 * m * v / (3.0 + theta.sin().powi(2));
+                    let impulse = (1.0 + e) * 2.0 * m * v / (3.0 + theta.sin().powi(2));
                     close("J", events[0].impulse, impulse, impulse);
                     close("v1'", frame.velocity[0].x, v - impulse / m, v);
                     let center = 0.5 * (frame.velocity[1] + frame.velocity[2]);

@@ -8,6 +8,8 @@ use std::{
 
 use serde_json::Value;
 
+pub mod textbook;
+
 /// The repository.
 pub fn root() -> &'static Path {
     Path::new(env!("CARGO_MANIFEST_DIR"))
