@@ -41,13 +41,19 @@ def _add_plot(commands) -> None:
         "Draws the standard figures of an output file; without --kind all that apply.",
         "figures:\n"
         + "\n".join(f"  {name:<13} {about}" for name, about in _KINDS.items())
-        + "\n\nexamples:\n  haff plot cooling.h5\n  haff plot cooling.h5 --kind temperature --format pdf -o paper",
+        + "\n\nexamples:\n  haff plot cooling.h5\n  haff plot cooling.h5 --kind temperature --format pdf -o paper"
+        "\n  haff plot cooling.h5 --movie cooling.mp4 --frames ::5\n\n"
+        "mp4 needs pip install 'haff[movie]', gif nothing more.",
     )
     plot.add_argument("--kind", action="append", metavar="KIND", help="a figure of the list below; repeatable")
     plot.add_argument("-o", "--output", type=Path, metavar="DIR", help="directory of the figures (default: figures)")
     plot.add_argument("--format", choices=("png", "pdf", "svg"), default="png", help="default: png")
     plot.add_argument("--frame", type=int, default=-1, metavar="I", help="frame of the snapshot (default: the last)")
     plot.add_argument("--show", action="store_true", help="shows the figures on the screen, too")
+    plot.add_argument("--movie", type=Path, metavar="OUT", help="draws a movie instead: OUT.mp4 or OUT.gif")
+    _add_frames(plot, "of the movie; ")
+    plot.add_argument("--fps", type=float, default=25.0, help="pictures a second of the movie (default: 25)")
+    plot.add_argument("--overwrite", action="store_true", help="replaces an existing movie")
     plot.set_defaults(run=_plot)
 
 
@@ -103,9 +109,9 @@ def _add_view(commands) -> None:
     view.set_defaults(run=_view)
 
 
-def _add_frames(command: argparse.ArgumentParser) -> None:
+def _add_frames(command: argparse.ArgumentParser, which: str = "") -> None:
     command.add_argument(
-        "--frames", metavar="START:STOP:STEP", help="frames as in Python: 0:100, ::10, -1 (default: all)"
+        "--frames", metavar="START:STOP:STEP", help=f"frames {which}as in Python: 0:100, ::10, -1 (default: all)"
     )
 
 
@@ -175,8 +181,7 @@ def _view(options: argparse.Namespace) -> int:
         show=options.open,
         notes=notes,
     )
-    for note in notes:
-        print(f"haff: {note}", file=sys.stderr)
+    _tell(notes)
     print(path)
     return 0
 
@@ -184,6 +189,8 @@ def _view(options: argparse.Namespace) -> int:
 def _plot(options: argparse.Namespace) -> int:
     from . import figures, reader
 
+    if options.movie is not None:
+        return _movie(options)
     directory = options.output or Path("figures")
     with reader.open(options.file) as file:
         kinds = options.kind or list(figures.KINDS)
@@ -201,6 +208,25 @@ def _plot(options: argparse.Namespace) -> int:
     if options.kind and missing:
         return 2
     return 0 if drawn else _fail(f"{options.file}: no figure applies", 2)
+
+
+def _movie(options: argparse.Namespace) -> int:
+    from . import reader
+    from .figures import movie
+
+    notes: list[str] = []
+    with reader.open(options.file) as file:
+        path = movie.save(
+            file, options.movie, frames=options.frames, fps=options.fps, overwrite=options.overwrite, notes=notes
+        )
+    _tell(notes)
+    print(path)
+    return 0
+
+
+def _tell(notes: list[str]) -> None:
+    for note in notes:
+        print(f"haff: {note}", file=sys.stderr)
 
 
 def _show(drawn, file, frame: int) -> None:

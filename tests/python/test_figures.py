@@ -1,5 +1,6 @@
 """`haff plot` and the figures: what is drawn, what is skipped and why, and how it fails."""
 
+import itertools
 import os
 import subprocess
 import sys
@@ -8,7 +9,7 @@ import numpy as np
 import pytest
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.text import Text
-from PIL import Image
+from PIL import Image, ImageSequence
 
 import haff
 from haff import figures
@@ -154,3 +155,54 @@ def test_module_runs_as_a_program(files, tmp_path):
     )  # fmt: skip
     assert result.returncode == 0, result.stderr
     assert result.stdout.strip() == str(tmp_path / "ball-trajectories.png")
+
+
+@pytest.mark.parametrize(("name", "extension"), [("ball", "gif"), ("disks", "mp4"), ("cooling", "mp4")])
+def test_a_movie_has_a_picture_for_each_frame_and_shows_motion(files, name, extension, tmp_path, capsys):
+    if extension == "mp4":
+        pytest.importorskip("imageio_ffmpeg", reason="no imageio-ffmpeg: pip install 'haff[movie]'")
+    target = tmp_path / f"movie.{extension}"
+    arguments = ["plot", str(files[name]), "--movie", str(target), "--frames", "0:6:2", "--fps", "10"]
+    assert main(arguments) == 0
+    assert capsys.readouterr().out.strip() == str(target) and [p.name for p in tmp_path.iterdir()] == [target.name]
+    pictures = _pictures(target)
+    assert len(pictures) == 3
+    for before, after in itertools.pairwise(pictures):
+        assert before.std() > 5 and np.abs(after - before).max() > 60
+    assert main(arguments) == 2
+    assert "exists; --overwrite" in capsys.readouterr().err
+
+
+def _pictures(path):
+    if path.suffix == ".gif":
+        with Image.open(path) as movie:
+            assert movie.info["duration"] == 100
+            return [np.asarray(p.convert("L")).astype(int) for p in ImageSequence.Iterator(movie)]
+    import imageio_ffmpeg
+
+    read = imageio_ffmpeg.read_frames(str(path))
+    information = next(read)
+    assert information["fps"] == pytest.approx(10)
+    width, height = information["size"]
+    return [np.frombuffer(p, np.uint8).reshape(height, width, 3).mean(axis=2).astype(int) for p in read]
+
+
+def test_all_pictures_of_a_movie_show_the_same_room(files):
+    from haff.extent import extent
+    from haff.figures import snapshot
+
+    with haff.open(files["ball"]) as run:
+        room = extent(run.frames)
+        limits = {snapshot.draw(run, k, room=room, pixels=50).axes[0].get_xlim() for k in (0, 5, 20)}
+        assert len(limits) == 1
+
+
+def test_wrong_movies_are_refused(files, tmp_path, capsys):
+    for arguments, message in (
+        (["--movie", str(tmp_path / "a.avi")], "must end in .mp4 or .gif"),
+        (["--movie", str(tmp_path / "a.gif"), "--fps", "0"], r"must be in (0, 120]"),
+        (["--movie", str(tmp_path / "a.gif"), "--frames", "99:"], "none of the 25 frames"),
+    ):
+        assert main(["plot", str(files["ball"]), *arguments]) == 2
+        assert message in capsys.readouterr().err
+    assert not list(tmp_path.iterdir())

@@ -12,6 +12,7 @@ from matplotlib.figure import Figure
 
 from .. import analysis
 from ..errors import NotApplicableError
+from ..extent import Extent, extent
 from ..frames import Frame
 from ..reader import File
 from .render import Camera, spheres
@@ -20,9 +21,14 @@ from .temperature import facts
 
 PIXELS = 1300
 
+View = tuple[np.ndarray, np.ndarray, np.ndarray]
 
-def draw(file: File, index: int = -1) -> Figure:
-    """One frame, the last by default, colored by speed (few bodies: by species)."""
+
+def draw(file: File, index: int = -1, *, room: Extent | None = None, pixels: int = PIXELS) -> Figure:
+    """One frame, the last by default, colored by speed (few bodies: by species).
+
+    ``room`` is shown, by default the box, or along open axes what the particles of this frame take up.
+    """
     frames = file.frames
     if len(frames) == 0:
         raise NotApplicableError("no frames")
@@ -30,14 +36,18 @@ def draw(file: File, index: int = -1) -> Figure:
         raise NotApplicableError(f"frame {index} of {len(frames)}")
     frame = frames[index]
     color, scale, label = _colors(frame)
-    low, high, _ = _bounds(frame)
+    view = _bounds(frame, room or extent(frames[index : index + 1 or None]))
+    low, high, _ = view
     sides = np.ptp(_corners(low, high) @ Camera.looking().axes[:2].T, axis=0) if file.dimension == 3 else high - low
     legend = scale is not None or len(file.species_names) > 1
     figure = Figure(figsize=page(*sides[:2], beside=1.2 if legend else 0.3, below=0.8), layout="constrained")
     axes = figure.subplots()
     axes.set_aspect("equal")
     axes.axis("off")
-    (_disks if file.dimension == 2 else _spheres)(frame, axes, color)
+    if file.dimension == 2:
+        _disks(frame, axes, color, view)
+    else:
+        _spheres(frame, axes, color, view, pixels)
     if scale is not None:
         bar = figure.colorbar(scale, ax=axes, shrink=0.72, aspect=28, pad=0.02)
         bar.set_label(label)
@@ -76,16 +86,12 @@ def _species_legend(file: File, axes) -> None:
     axes.legend(marks, [file.species_names[s] for s in present], loc="upper left", bbox_to_anchor=(1, 1))
 
 
-def _bounds(frame: Frame) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Corners of what is drawn, and along which axes the box is real: open axes follow the particles."""
-    bound = np.array([kind != "open" for kind in frame.box.boundary])
-    bound[frame.box.dimension :] = False
-    margin = frame.radius[:, None]
-    low = np.where(bound, 0.0, (frame.position - margin).min(axis=0))
-    high = np.where(bound, frame.box.size, (frame.position + margin).max(axis=0))
+def _bounds(frame: Frame, room: Extent) -> View:
+    """Corners of what is drawn, and along which axes the box is real."""
+    bound, low, high = room.bounded, room.origin, room.origin + room.size
     # Not thinner than a third of the longest side, so that one falling ball does not stand in a chimney.
-    room = np.where(bound, 0.0, np.maximum(0.0, (high - low).max() / 3 - (high - low)) / 2)
-    low, high = low - room, high + room
+    more = np.where(bound, 0.0, np.maximum(0.0, (high - low).max() / 3 - (high - low)) / 2)
+    low, high = low - more, high + more
     return low, high, bound
 
 
@@ -94,8 +100,8 @@ def _corners(low: np.ndarray, high: np.ndarray) -> np.ndarray:
     return np.array(list(itertools.product(*zip(low, high))))
 
 
-def _disks(frame: Frame, axes, color) -> None:
-    low, high, bound = _bounds(frame)
+def _disks(frame: Frame, axes, color, view: View) -> None:
+    low, high, bound = view
     size = high - low
     centres, colors, radius = [frame.position[:, :2]], [color], [frame.radius]
     # Disks across a periodic face are seen on both sides.
@@ -125,8 +131,8 @@ def _disks(frame: Frame, axes, color) -> None:
     axes.set_ylim(low[1] - margin, high[1] + margin)
 
 
-def _spheres(frame: Frame, axes, color) -> None:
-    low, high, bound = _bounds(frame)
+def _spheres(frame: Frame, axes, color, view: View, pixels: int) -> None:
+    low, high, bound = view
     camera = Camera.looking()
     corners = _corners(low, high)
     projected = camera.project(corners)
@@ -135,7 +141,7 @@ def _spheres(frame: Frame, axes, color) -> None:
         projected[:, 0].min() - reach, projected[:, 0].max() + reach,
         projected[:, 1].min() - reach, projected[:, 1].max() + reach,
     )  # fmt: skip
-    picture = spheres(frame.position, frame.radius, color, camera, window, PIXELS)
+    picture = spheres(frame.position, frame.radius, color, camera, window, pixels)
     hidden: list = []
     visible: list = []
     towards = camera.axes[2]
