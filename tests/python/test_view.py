@@ -254,6 +254,10 @@ def test_a_gas_plays_lights_up_and_answers_to_keys(show, files, name):
 
     assert page.locator("#clock").text_content().startswith("t = 0")
     assert page.locator("#curves canvas").count() >= 3
+    controls = page.locator("footer").bounding_box()["y"]
+    for part in ("#legend", "#curves"):  # in a narrow window, where the controls take two lines
+        box = page.locator(part).bounding_box()
+        assert box["y"] + box["height"] <= controls + 1
     page.keyboard.press("ArrowRight")
     page.keyboard.press("ArrowRight")
     assert state()["at"] == 2

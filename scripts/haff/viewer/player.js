@@ -247,6 +247,9 @@ class Player {
 
   resize() {
     const [width, height] = [innerWidth, innerHeight];
+    // The controls take two lines in a narrow window.
+    const below = document.querySelector("footer").offsetHeight;
+    document.documentElement.style.setProperty("--below", `${below}px`);
     this.renderer.setPixelRatio(Math.min(devicePixelRatio, 2));
     this.renderer.setSize(width, height, false);
     this.particles.uniforms.tall.value = this.renderer.domElement.height;
