@@ -12,7 +12,7 @@ fn every_command_has_help_with_an_example() {
     let haff = Haff::new();
     let (status, out, _) = haff.run(&["--help"]);
     assert_eq!(status, 0);
-    for command in ["run", "check", "init", "schema", "info", "bench"] {
+    for command in ["run", "check", "init", "schema", "info", "bench", "man", "completions"] {
         assert!(out.contains(command), "{command} in {out}");
         let (status, out, _) = haff.run(&[command, "--help"]);
         assert!(status == 0 && out.contains("Example") && out.contains(&format!("haff {command}")), "{out}");
@@ -58,6 +58,54 @@ fn a_reader_that_has_gone_ends_a_command_quietly_and_no_run() {
     assert_eq!(haff.run(&["run", "--resume", "other.h5"]).0, 0, "it has come to its end");
     let (status, _) = unread(&haff, &["run", "no_such_scene.toml"], true);
     assert_eq!(status, 4, "an unread error is still told by the exit status");
+}
+
+#[test]
+fn manuals_and_completions_know_every_command() {
+    let haff = Haff::new();
+    assert_eq!(haff.run(&["man", "manuals"]), (0, String::new(), String::new()));
+    for page in ["haff.1", "haff-run.1", "haff-check.1", "haff-bench.1", "haff-completions.1"] {
+        let text = std::fs::read_to_string(haff.path("manuals").join(page)).unwrap();
+        assert!(text.contains(".TH haff") && text.contains("Example"), "{page}: {text}");
+    }
+    for shell in ["bash", "zsh", "fish"] {
+        let (status, out, _) = haff.run(&["completions", shell]);
+        assert!(status == 0 && out.contains("overwrite"), "{shell}: {out}");
+    }
+    haff.write("file", "");
+    assert_eq!(haff.run(&["man", "file"]).0, 4, "a folder is needed");
+}
+
+#[test]
+fn a_watched_run_tells_its_samples() {
+    let haff = Haff::new();
+    haff.write("gas.toml", GAS);
+    let plain = haff.report(&["run", "gas.toml", "-o", "plain.h5"]);
+    for output in ["output={ file = false, observables = 0.1 }", "output={ file = \"gas.h5\" }"] {
+        let (status, out, err) = haff.run(&["run", "gas.toml", "--watch", "--json", "--set", output]);
+        let report: Value = serde_json::from_str(&out).unwrap();
+        assert_eq!(status, 0, "{err}");
+        assert_eq!(report["state_hash"], plain["state_hash"], "watching changes nothing");
+        assert!(err.contains("temperature") && err.contains("ledger residual"), "{err}");
+        assert!(err.lines().any(|line| line.split_whitespace().next() == Some("0.000000")), "{err}");
+    }
+    let (status, out, _) = haff.run(&["info", "gas.h5", "--watch"]);
+    assert!(status == 0 && out.lines().count() == 2, "a complete file has one last sample: {out}");
+}
+
+#[test]
+fn logs_tell_what_was_decided_and_leave_results_alone() {
+    let haff = Haff::new();
+    haff.write("gas.toml", GAS);
+    let (status, out, err) = haff.run(&["run", "gas.toml", "-o", "gas.h5", "--json", "-q"]);
+    assert_eq!((status, err.as_str()), (0, ""), "nothing is told unasked");
+    let hash = |out: &str| serde_json::from_str::<Value>(out).unwrap()["state_hash"].clone();
+    let (_, told, err) = haff.run(&["run", "gas.toml", "-o", "a.h5", "--json", "-q", "-v"]);
+    assert!(err.contains("search=") && err.contains("windows=") && !err.contains("flushed"), "{err}");
+    assert_eq!(hash(&told), hash(&out));
+    let (_, told, err) = haff.run(&["-vv", "run", "gas.toml", "-o", "b.h5", "--json", "-q"]);
+    assert!(err.contains("search=") && err.contains("checkpoint") && err.contains("flushed"), "{err}");
+    assert_eq!(hash(&told), hash(&out));
 }
 
 #[test]

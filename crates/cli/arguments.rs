@@ -2,12 +2,17 @@
 
 use std::{ffi::OsString, path::PathBuf};
 
-use clap::{Args, Parser, Subcommand};
+use clap::{ArgAction, Args, Parser, Subcommand};
+use clap_complete::Shell;
 
 /// Version and git revision.
 pub const VERSION: &str = concat!(env!("CARGO_PKG_VERSION"), " (", env!("HAFF_GIT_REVISION"), ")");
 
-const AFTER: &str = "Exit status: 0 done; 2 the scene or the arguments are invalid; 3 the simulation cannot go on; \
+const AFTER: &str = "Examples:
+  haff init cooling > gas.toml && haff check gas.toml && haff run gas.toml
+  haff plot cooling.h5
+
+Exit status: 0 done; 2 the scene or the arguments are invalid; 3 the simulation cannot go on; \
 4 a file cannot be read or written; 130, 143 ended by SIGINT, SIGTERM (resumable).";
 
 /// Event-driven hard-sphere simulator: granular gases, hard-sphere fluids and impact mechanics, event by event.
@@ -16,6 +21,9 @@ const AFTER: &str = "Exit status: 0 done; 2 the scene or the arguments are inval
 pub struct Arguments {
     #[command(subcommand)]
     pub command: Command,
+    /// Tell on standard error what is decided: engine, epochs, files; -vv: also tuning, checkpoints, flushes.
+    #[arg(short, long, action = ArgAction::Count, global = true)]
+    pub verbose: u8,
 }
 
 #[derive(Debug, Subcommand)]
@@ -39,13 +47,22 @@ pub enum Command {
     Export(Python),
     /// Make a web page that plays an output file (needs the Python package haff).
     View(Python),
+    /// Write the manual pages into a folder.
+    Man(Man),
+    /// Print completions for a shell.
+    Completions(Completions),
 }
 
+// Each is a switch of its own, as users of a command line expect them.
+#[allow(clippy::struct_excessive_bools)]
 #[derive(Debug, Args)]
 #[command(after_help = "Examples:
   haff run configs/cooling.toml
   haff run configs/cooling.toml -o dense.h5 --set domain.packing_fraction=0.2 --set contact.restitution=0.8
-  haff run --resume cooling.h5")]
+  haff run configs/cooling.toml --watch               # a line for a sample while it goes on
+  haff run --resume cooling.h5
+
+Ctrl-C ends a run with a checkpoint; --resume goes on from there, to the same bits.")]
 pub struct Run {
     /// Scene file (TOML).
     #[arg(required_unless_present = "resume", conflicts_with = "resume")]
@@ -65,6 +82,9 @@ pub struct Run {
     /// Print nothing but errors.
     #[arg(short, long)]
     pub quiet: bool,
+    /// Show time, collisions, temperature, ledger residual and speed at samples, two a second at most.
+    #[arg(short, long, conflicts_with = "quiet")]
+    pub watch: bool,
     /// Print the result as one JSON object on standard output.
     #[arg(long)]
     pub json: bool,
@@ -97,13 +117,36 @@ pub struct Init {
 }
 
 #[derive(Debug, Args)]
-#[command(after_help = "Example:\n  haff info cooling.h5")]
+#[command(after_help = "Examples:
+  haff info cooling.h5
+  haff info cooling.h5 --json
+  haff info cooling.h5 --watch      # of a run that another process is making")]
 pub struct Info {
     /// Output file (HDF5).
     pub file: PathBuf,
     /// Print the result as one JSON object on standard output.
     #[arg(long)]
     pub json: bool,
+    /// Show the newest sample whenever there is one, until the run is complete.
+    #[arg(short, long, conflicts_with = "json")]
+    pub watch: bool,
+}
+
+#[derive(Debug, Args)]
+#[command(after_help = "Example:\n  haff man ~/.local/share/man/man1 && man haff-run")]
+pub struct Man {
+    /// Folder; made if there is none.
+    pub folder: PathBuf,
+}
+
+#[derive(Debug, Args)]
+#[command(after_help = "Examples:
+  haff completions bash > ~/.local/share/bash-completion/completions/haff
+  haff completions zsh > ~/.zfunc/_haff
+  haff completions fish > ~/.config/fish/completions/haff.fish")]
+pub struct Completions {
+    /// The shell.
+    pub shell: Shell,
 }
 
 // Each is a switch of its own, as users of a command line expect them.

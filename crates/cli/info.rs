@@ -1,11 +1,21 @@
 //! `haff info`, and states read from output files.
 
-use std::path::{Path, PathBuf};
+use std::{
+    path::{Path, PathBuf},
+    time::Duration,
+};
 
 use haff_scene::{State, StateSource};
 use serde_json::{Value, json};
 
-use crate::{arguments::Info, check::bytes, failure::Failure, output, run::file_failure};
+use crate::{
+    arguments::Info,
+    check::bytes,
+    failure::Failure,
+    output,
+    run::file_failure,
+    watch::{self, Watch},
+};
 
 /// Reads the states that scenes start from.
 pub struct States;
@@ -34,8 +44,35 @@ impl StateSource for OwnStates {
     }
 }
 
+/// Between two looks at a file that another process writes: it flushes about as often.
+const LOOK_EVERY: Duration = Duration::from_secs(1);
+
+/// Prints each new sample of a file, until its run is complete.
+fn watch(path: &Path) -> Result<u8, Failure> {
+    output::line(watch::HEAD)?;
+    let mut watch = Watch::new();
+    let mut seen = None;
+    loop {
+        let info = haff_record::info(path).map_err(|error| file_failure(&error))?;
+        if let Some(last) = &info.last_sample
+            && seen != Some(last.time)
+            && let Some(line) = watch.line(last)
+        {
+            seen = Some(last.time);
+            output::line(line)?;
+        }
+        if info.finished {
+            return Ok(0);
+        }
+        std::thread::sleep(LOOK_EVERY);
+    }
+}
+
 /// Prints a summary of an output file.
 pub fn info(options: &Info) -> Result<u8, Failure> {
+    if options.watch {
+        return watch(&options.file);
+    }
     let info = haff_record::info(&options.file).map_err(|error| file_failure(&error))?;
     let progress = match (info.finished, info.resumable) {
         (true, _) => "complete",

@@ -9,7 +9,8 @@ mod estimate;
 mod failure;
 mod info;
 mod init;
-mod machine;
+mod log;
+mod manual;
 mod output;
 mod progress;
 mod python;
@@ -17,6 +18,7 @@ mod run;
 mod schedule;
 mod session;
 mod signals;
+mod watch;
 
 use std::process::ExitCode;
 
@@ -24,8 +26,10 @@ use arguments::{Arguments, Command};
 use clap::Parser;
 
 fn main() -> ExitCode {
-    let result = match Arguments::parse().command {
-        Command::Run(options) => run::run(&options),
+    let arguments = Arguments::parse();
+    log::start(arguments.verbose);
+    let result = match arguments.command {
+        Command::Run(options) => run::run(&options, arguments.verbose > 0),
         Command::Check(options) => check::check(&options),
         Command::Init(options) => init::init(&options),
         Command::Schema => init::schema(),
@@ -34,6 +38,8 @@ fn main() -> ExitCode {
         Command::Plot(options) => python::run("plot", &options.arguments),
         Command::Export(options) => python::run("export", &options.arguments),
         Command::View(options) => python::run("view", &options.arguments),
+        Command::Man(options) => manual::man(&options),
+        Command::Completions(options) => manual::completions(&options),
     };
     match result {
         Ok(code) => ExitCode::from(code),

@@ -7,6 +7,8 @@ use std::{
 
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
 
+use crate::output;
+
 /// Steps of the bar; its unit is a part of the whole run.
 const STEPS: u64 = 10_000;
 
@@ -18,9 +20,9 @@ pub struct Progress {
 }
 
 impl Progress {
-    /// A bar that starts at `collisions`, or none if nobody looks.
-    pub fn new(quiet: bool, collisions: u64) -> Self {
-        let shown = !quiet && std::io::stderr().is_terminal();
+    /// A bar that starts at `collisions`, or none if it is not wanted or nobody looks.
+    pub fn new(wanted: bool, collisions: u64) -> Self {
+        let shown = wanted && std::io::stderr().is_terminal();
         let bar = shown.then(|| {
             let bar = ProgressBar::with_draw_target(Some(STEPS), ProgressDrawTarget::stderr_with_hz(10));
             let style = ProgressStyle::with_template("{bar:30} {percent:>3} %  {msg}  {eta} left");
@@ -38,6 +40,14 @@ impl Progress {
                 (collisions - self.collisions_before) as f64 / self.started.elapsed().as_secs_f64().max(1e-3);
             bar.set_position((part.clamp(0.0, 1.0) * STEPS as f64) as u64);
             bar.set_message(format!("t = {time:.4}  {collisions} collisions  {:.2} M/s", rate / 1e6));
+        }
+    }
+
+    /// Tells a line, above the bar.
+    pub fn line(&self, text: &str) {
+        match &self.bar {
+            Some(bar) => bar.println(text),
+            None => output::tell(text),
         }
     }
 

@@ -2,8 +2,8 @@
 
 use std::path::PathBuf;
 
-use haff_engine::TRAJECTORY_VERSION;
-use haff_linkage::LinkageError;
+use haff_engine::{Fault, TRAJECTORY_VERSION};
+use haff_linkage::{Machine, MachineError};
 use haff_record::{Header, RecordError, Recorder};
 use haff_scene::{ErrorKind, Scene, SceneErrors, Schedule};
 use serde_json::{Value, json};
@@ -12,7 +12,6 @@ use crate::{
     arguments::{Run, VERSION},
     failure::{Failure, Status},
     info::{OwnStates, States},
-    machine::{Machine, MachineError},
     output,
     session::{Ending, Outcome, Session},
     signals::Signals,
@@ -33,19 +32,20 @@ pub fn file_failure(error: &RecordError) -> Failure {
 }
 
 /// Runs a scene, or goes on with one.
-pub fn run(options: &Run) -> Result<u8, Failure> {
+/// `logs` tells that lines are told on standard error, where a bar would be in their way.
+pub fn run(options: &Run, logs: bool) -> Result<u8, Failure> {
     set_threads(options.threads)?;
     let signals = Signals::watch()
         .map_err(|error| Failure::new(Status::File, format!("cannot watch for signals: {error}")))?;
     match (&options.resume, &options.scene) {
-        (Some(file), _) => resume(options, file.clone(), &signals),
+        (Some(file), _) => resume(options, file.clone(), logs, &signals),
         (None, Some(scene)) => {
             let mut scene =
                 haff_scene::load(scene, &options.set, &States).map_err(|errors| scene_failure(&errors))?;
             if let Some(output) = &options.output {
                 scene.output.file = Some(output.clone());
             }
-            start(options, scene, &signals)
+            start(options, scene, logs, &signals)
         }
         (None, None) => Err(Failure::new(Status::Invalid, "a scene file is needed")),
     }
@@ -60,7 +60,7 @@ pub fn set_threads(threads: Option<u16>) -> Result<(), Failure> {
     pool.build_global().map_err(|error| Failure::new(Status::Invalid, format!("--threads: {error}")))
 }
 
-fn start(options: &Run, scene: Scene, signals: &Signals) -> Result<u8, Failure> {
+fn start(options: &Run, scene: Scene, logs: bool, signals: &Signals) -> Result<u8, Failure> {
     let Scene { system, joints, title, seed, run, output, resolved, .. } = scene;
     let recorder = match &output.file {
         Some(path) => {
@@ -82,6 +82,9 @@ fn start(options: &Run, scene: Scene, signals: &Signals) -> Result<u8, Failure> 
         }
         None => None,
     };
+    if let Some(path) = &output.file {
+        tracing::info!(file = %path.display(), frames = ?output.frames, observables = ?output.observables, "output");
+    }
     let simulation = Machine::new(system, joints, scene.options).map_err(|error| machine_failure(&error))?;
     let session = Session {
         simulation,
@@ -89,7 +92,8 @@ fn start(options: &Run, scene: Scene, signals: &Signals) -> Result<u8, Failure> 
         output: &output,
         recorder: recorder.as_ref(),
         signals,
-        quiet: options.quiet,
+        bar: !options.quiet && !logs,
+        watch: options.watch,
         recorded: None,
     };
     let outcome = session.run(false);
@@ -101,7 +105,7 @@ fn start(options: &Run, scene: Scene, signals: &Signals) -> Result<u8, Failure> 
     )
 }
 
-fn resume(options: &Run, path: PathBuf, signals: &Signals) -> Result<u8, Failure> {
+fn resume(options: &Run, path: PathBuf, logs: bool, signals: &Signals) -> Result<u8, Failure> {
     let info = haff_record::info(&path).map_err(|error| file_failure(&error))?;
     if let (true, Some(summary)) = (info.finished, &info.summary) {
         let mut report: Value = serde_json::from_str(summary)
@@ -128,6 +132,7 @@ fn resume(options: &Run, path: PathBuf, signals: &Signals) -> Result<u8, Failure
         haff_scene::parse(&name, &info.scene_toml, &[], &own).map_err(|errors| scene_failure(&errors))?;
     let Scene { system, joints, title, seed, run, output, options: machinery, .. } = scene;
     let (recorder, resumed) = Recorder::append(&path).map_err(|error| file_failure(&error))?;
+    tracing::info!(file = %path.display(), from = resumed.last_frame, "resumed");
     let simulation = Machine::restore(system, joints, machinery, &resumed.checkpoint)
         .map_err(|error| Failure::new(Status::File, format!("{}: {error}", path.display())))?;
     let context = Context { title, seed, file: Some(path), resumed_from: Some(simulation.time()) };
@@ -141,43 +146,22 @@ fn resume(options: &Run, path: PathBuf, signals: &Signals) -> Result<u8, Failure
         output: &output,
         recorder: Some(&recorder),
         signals,
-        quiet: options.quiet,
+        bar: !options.quiet && !logs,
+        watch: options.watch,
         recorded,
     };
     let outcome = session.run(true);
     conclude(options, &outcome, &context, Some(recorder))
 }
 
-pub fn engine_failure(error: &haff_engine::EngineError) -> Failure {
-    use haff_engine::EngineError as Error;
-    let status = match error {
-        Error::NoAvx2 | Error::TooMany { .. } | Error::Unsuitable { .. } => Status::Invalid,
-        Error::Checkpoint(_) => Status::File,
-        Error::Collapse { .. } | Error::Overflow { .. } | Error::Inconsistent { .. } => Status::Stopped,
+/// What stops a simulation, or forbids it, as a failure of the command.
+pub fn machine_failure(error: &MachineError) -> Failure {
+    let status = match error.fault() {
+        Fault::Invalid => Status::Invalid,
+        Fault::Checkpoint => Status::File,
+        Fault::Stopped => Status::Stopped,
     };
     Failure::new(status, error)
-}
-
-/// What stops either machinery as a failure of the command.
-pub fn machine_failure(error: &MachineError) -> Failure {
-    match error {
-        MachineError::Granular(error) => engine_failure(error),
-        MachineError::Linkage(error) => {
-            let status = match error {
-                LinkageError::Collapse { .. } | LinkageError::Singular { .. } => Status::Stopped,
-                LinkageError::Checkpoint(_) => Status::File,
-                LinkageError::Parameter { .. }
-                | LinkageError::NoParticle { .. }
-                | LinkageError::Ends { .. }
-                | LinkageError::Distance { .. }
-                | LinkageError::Stretching { .. }
-                | LinkageError::OverConstrained { .. }
-                | LinkageError::Twice(..)
-                | LinkageError::Unsupported(_) => Status::Invalid,
-            };
-            Failure::new(status, error)
-        }
-    }
 }
 
 /// What the report says beside the simulation itself.

@@ -2,16 +2,16 @@
 
 use std::time::{Duration, Instant};
 
-use haff_engine::{EngineError, EventRecord, Observer, Stop, Until};
-use haff_linkage::LinkageError;
+use haff_engine::{EngineError, EventRecord, Observer, Sample, Stop, Until};
+use haff_linkage::{LinkageError, Machine, MachineError};
 use haff_record::{RecordError, Recorder};
 use haff_scene::{OutputPlan, RunPlan};
 
 use crate::{
-    machine::{Machine, MachineError},
     progress::Progress,
     schedule::Times,
     signals::Signals,
+    watch::{self, Watch},
 };
 
 /// Calendar entries between two looks at signals, the wall clock and the progress bar: some tens of milliseconds.
@@ -110,9 +110,19 @@ pub struct Session<'a> {
     pub output: &'a OutputPlan,
     pub recorder: Option<&'a Recorder>,
     pub signals: &'a Signals,
-    pub quiet: bool,
+    /// Whether to show a progress bar, where there is a terminal.
+    pub bar: bool,
+    /// Whether to show samples.
+    pub watch: bool,
     /// Time and step of the last frame and row recorded, so that none is written twice.
     pub recorded: Option<(f64, u64)>,
+}
+
+/// Shows a sample, if somebody watches and the last one is not too recent.
+fn show(watch: &mut Option<Watch>, progress: &Progress, sample: &Sample) {
+    if let Some(line) = watch.as_mut().and_then(|watch| watch.line(sample)) {
+        progress.line(&line);
+    }
 }
 
 /// What [`Session::run`] returns.
@@ -131,6 +141,7 @@ impl Session<'_> {
             .events_and_records(resumed, started)
             .and_then(|ending| self.last_records(&ending).map(|()| ending))
             .unwrap_or_else(Ending::Unwritable);
+        tracing::info!(ending = ending.word(), time = self.simulation.time(), "end of the run");
         Outcome { simulation: self.simulation, ending, wall: started.elapsed() }
     }
 
@@ -141,16 +152,24 @@ impl Session<'_> {
         let plan =
             |schedule| Times::after(if recording { schedule } else { haff_scene::Schedule::Off }, from);
         let mut frames = plan(self.output.frames);
-        let mut samples = plan(self.output.observables);
+        let mut samples = if self.watch {
+            Times::after(self.output.observables, from)
+        } else {
+            plan(self.output.observables)
+        };
         let mut checkpoints =
             plan(self.output.checkpoint.map_or(haff_scene::Schedule::Off, haff_scene::Schedule::Every));
+        let progress = Progress::new(self.bar, self.simulation.counters().collisions);
+        if self.watch {
+            progress.line(watch::HEAD);
+        }
+        let mut watch = self.watch.then(Watch::new);
         if !resumed {
-            self.record(true, true)?;
+            self.record(true, true, &mut |sample| show(&mut watch, &progress, sample))?;
             self.checkpoint()?;
         }
         let until = self.run.until.unwrap_or(f64::INFINITY);
         let collisions = self.run.collisions.unwrap_or(u64::MAX);
-        let progress = Progress::new(self.quiet, self.simulation.counters().collisions);
         let mut log = EventLog {
             recorder: self.recorder,
             wanted: recording && !self.output.events.is_empty(),
@@ -174,7 +193,7 @@ impl Session<'_> {
                     if target.time >= until {
                         break Ending::Until;
                     }
-                    self.record(frame, frame || sample)?;
+                    self.record(frame, frame || sample, &mut |sample| show(&mut watch, &progress, sample))?;
                     if checkpoint {
                         log.hand_over()?;
                         self.checkpoint()?;
@@ -204,7 +223,7 @@ impl Session<'_> {
             self.checkpoint()?;
         }
         if self.recorded != Some((self.simulation.time(), self.step())) {
-            self.record(true, true)?;
+            self.record(true, true, &mut |_| {})?;
         }
         if ending.is_final() {
             self.checkpoint()?;
@@ -212,10 +231,19 @@ impl Session<'_> {
         Ok(())
     }
 
-    /// Records a frame and a row of observables, and measures the overlap of all close pairs.
-    fn record(&mut self, frame: bool, sample: bool) -> Result<(), RecordError> {
-        if sample && let Some(recorder) = self.recorder {
-            recorder.sample(self.simulation.sample())?;
+    /// Records a frame and a row of observables, and measures the overlap of all close pairs. `show` sees the row.
+    fn record(
+        &mut self,
+        frame: bool,
+        sample: bool,
+        show: &mut dyn FnMut(&Sample),
+    ) -> Result<(), RecordError> {
+        if sample && (self.recorder.is_some() || self.watch) {
+            let row = self.simulation.sample();
+            show(&row);
+            if let Some(recorder) = self.recorder {
+                recorder.sample(row)?;
+            }
         }
         if frame {
             self.recorded = Some((self.simulation.time(), self.step()));

@@ -1,6 +1,9 @@
-"""Errors of the package: each message is one line, tells what is wrong and what helps."""
+"""Errors of the package: each message tells what is wrong and what helps."""
 
 from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
 
 __all__ = [
     "ArgumentError",
@@ -9,6 +12,9 @@ __all__ = [
     "MissingDataError",
     "MissingPackageError",
     "NotApplicableError",
+    "SceneError",
+    "SceneProblem",
+    "SimulationError",
 ]
 
 
@@ -37,3 +43,43 @@ class ArgumentError(HaffError, ValueError):
 
 class MissingPackageError(HaffError, ImportError):
     """An optional library is not installed; the message names the extra that brings it."""
+
+
+@dataclass(frozen=True)
+class SceneProblem:
+    """One thing that is wrong with a scene."""
+
+    text: str
+    """All of it on one line: ``gas.toml:12: contact.restitution = 1.2: must be in [0, 1]``."""
+    file: str = ""
+    """The scene file; ``scene`` for one made in Python."""
+    line: int | None = None
+    """Line in the file, from 1; ``None`` where there is none: scenes made in Python, overrides."""
+    key: str = ""
+    """Dotted path of the key."""
+    value: str | None = None
+    """The value, as TOML."""
+    message: str = ""
+    """What is wrong, and what is allowed."""
+
+    def __str__(self) -> str:
+        return self.text
+
+
+class SceneError(HaffError, ValueError):
+    """A scene says what cannot be. Everything that was found stands in :attr:`problems`."""
+
+    def __init__(self, problems: Sequence[SceneProblem]) -> None:
+        super().__init__(tuple(problems))
+
+    @property
+    def problems(self) -> tuple[SceneProblem, ...]:
+        """What is wrong, each with its place."""
+        return self.args[0]
+
+    def __str__(self) -> str:
+        return "\n".join(map(str, self.problems))
+
+
+class SimulationError(HaffError, RuntimeError):
+    """The simulation cannot go on, such as after an inelastic collapse. What was recorded before stays readable."""

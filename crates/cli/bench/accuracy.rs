@@ -12,7 +12,7 @@ use crate::{
     arguments::{Bench, VERSION},
     failure::{Failure, Status},
     output,
-    run::{engine_failure, set_threads},
+    run::{machine_failure, set_threads},
     signals::Signals,
 };
 
@@ -77,7 +77,7 @@ fn measure(
 
 fn failure(error: &Error) -> Failure {
     match error {
-        Error::Engine(error) => engine_failure(error),
+        Error::Engine(error) => machine_failure(&error.clone().into()),
         Error::Peer { .. } | Error::Unsupported { .. } | Error::Interrupted => {
             Failure::new(Status::Invalid, error)
         }

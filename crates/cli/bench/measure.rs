@@ -12,7 +12,7 @@ use super::scenes::Standard;
 use crate::{
     failure::{Failure, Status},
     info::States,
-    run::{engine_failure, machine_failure, scene_failure},
+    run::{machine_failure, scene_failure},
     session::Ending,
     signals::Signals,
 };
@@ -122,7 +122,8 @@ impl Plan<'_> {
         }
         let (melt, timed, _) = self.counts(system.bodies.len() as u64);
         let started = Instant::now();
-        let mut simulation = Simulation::new(system, options).map_err(|error| engine_failure(&error))?;
+        let mut simulation =
+            Simulation::new(system, options).map_err(|error| machine_failure(&error.into()))?;
         let building = started.elapsed();
 
         tell("melting");

@@ -119,6 +119,15 @@ impl Choice {
     /// The engine for what the system needs.
     pub fn compile(&self, system: &System, geometry: &Geometry) -> Box<dyn Engine> {
         let Self { census, kernel, crowd, neighbors, .. } = self;
+        tracing::info!(
+            search = neighbors.name(),
+            asked = self.asked.name(),
+            particles = census.count,
+            packing_fraction_around = crowd.packing,
+            windows = windows::unsuitable(system, census).as_deref().unwrap_or("possible"),
+            ?kernel,
+            "engine"
+        );
         macro_rules! machine {
             ($gravity:literal, $uniform:literal) => {{
                 type Features = With<$gravity, $uniform>;

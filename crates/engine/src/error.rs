@@ -1,5 +1,16 @@
 //! What can stop a simulation.
 
+/// What an error means for whoever asked.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Fault {
+    /// The scene asks for what cannot be.
+    Invalid,
+    /// The checkpoint cannot be gone on from.
+    Checkpoint,
+    /// The simulation cannot go on.
+    Stopped,
+}
+
 /// Why a simulation cannot start or go on. What was recorded before stays valid.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 pub enum EngineError {
@@ -62,4 +73,15 @@ pub enum EngineError {
         /// What does not hold.
         what: String,
     },
+}
+
+impl EngineError {
+    /// What the error means for whoever asked.
+    pub fn fault(&self) -> Fault {
+        match self {
+            Self::NoAvx2 | Self::TooMany { .. } | Self::Unsuitable { .. } => Fault::Invalid,
+            Self::Checkpoint(_) => Fault::Checkpoint,
+            Self::Collapse { .. } | Self::Overflow { .. } | Self::Inconsistent { .. } => Fault::Stopped,
+        }
+    }
 }

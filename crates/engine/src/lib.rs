@@ -31,7 +31,7 @@ mod stall;
 mod sum;
 mod windows;
 
-pub use error::EngineError;
+pub use error::{EngineError, Fault};
 pub use model::{
     Body, Boundary, Class, Contacts, Dimension, Domain, Group, NeighborChoice, Options, SimdChoice, System,
     Wall,

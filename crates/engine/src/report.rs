@@ -39,6 +39,21 @@ impl EventKind {
         Self::Lift,
         Self::Settle,
     ];
+
+    /// The name in files.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Collision => "collision",
+            Self::Wall => "wall",
+            Self::Rest => "rest",
+            Self::Slack => "slack",
+            Self::Taut => "taut",
+            Self::Release => "release",
+            Self::Stick => "stick",
+            Self::Lift => "lift",
+            Self::Settle => "settle",
+        }
+    }
 }
 
 /// One row of the event log.

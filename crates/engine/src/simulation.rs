@@ -216,6 +216,14 @@ impl Simulation {
         world.now = 0;
         self.state.stall = Stall::default();
         self.state.book.counters.epochs += 1;
+        let clock = &self.state.world.clock;
+        tracing::info!(
+            epoch = self.state.book.counters.epochs,
+            time = clock.time(0),
+            tick = clock.tick,
+            retune,
+            "epoch"
+        );
         self.rebuild();
     }
 

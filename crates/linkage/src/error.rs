@@ -1,5 +1,7 @@
 //! What can be wrong with a linkage, and what can stop its run.
 
+use haff_engine::Fault;
+
 /// A linkage that cannot be, or a run that cannot go on. Indices are rows of [`crate::Joints`] and of the particles.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 pub enum LinkageError {
@@ -104,4 +106,22 @@ pub enum LinkageError {
     /// A checkpoint of another system or version.
     #[error("the checkpoint does not fit: {0}")]
     Checkpoint(String),
+}
+
+impl LinkageError {
+    /// What the error means for whoever asked.
+    pub fn fault(&self) -> Fault {
+        match self {
+            Self::Collapse { .. } | Self::Singular { .. } => Fault::Stopped,
+            Self::Checkpoint(_) => Fault::Checkpoint,
+            Self::Parameter { .. }
+            | Self::NoParticle { .. }
+            | Self::Ends { .. }
+            | Self::Distance { .. }
+            | Self::Stretching { .. }
+            | Self::OverConstrained { .. }
+            | Self::Twice(..)
+            | Self::Unsupported(_) => Fault::Invalid,
+        }
+    }
 }

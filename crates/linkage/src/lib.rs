@@ -19,6 +19,7 @@ System + Joints ──check──▶ World ──┬─▶ flights: Mechanism �
 | `resolve` | what does an impact do? |
 | `reform` | what is in contact after an event, and who moves together? |
 | `simulation` | the run; `checkpoint`: the run as data |
+| `machine` | a linkage, or the granular engine for all other scenes |
 
 # Rules
 
@@ -45,6 +46,7 @@ mod elliptic;
 mod error;
 mod instant;
 mod linear;
+mod machine;
 mod mechanism;
 pub mod model;
 mod motion;
@@ -58,5 +60,6 @@ mod world;
 pub use check::check;
 pub use elliptic::complete_elliptic_integral;
 pub use error::LinkageError;
+pub use machine::{Machine, MachineError};
 pub use model::{Joints, Pendulum, Rod, Spring, SpringEnd, Tether};
 pub use simulation::{Potential, Simulation};

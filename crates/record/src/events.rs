@@ -250,6 +250,8 @@ impl Columns {
 
 #[cfg(test)]
 mod tests {
+    use hdf5::types::TypeDescriptor;
+
     use super::*;
 
     #[test]
@@ -258,6 +260,9 @@ mod tests {
             assert_eq!((kind as usize, Kind::from(kind) as usize), (number, number), "{kind:?}");
             assert_eq!(EventKind::from(Kind::from(kind)), kind);
         }
+        let TypeDescriptor::Enum(stored) = Kind::type_descriptor() else { panic!("kinds are an enum") };
+        let names: Vec<&str> = stored.members.iter().map(|member| member.name.as_str()).collect();
+        assert_eq!(names, EventKind::ALL.map(EventKind::name), "files name kinds as the engine does");
         let row = Row {
             time: 1.0,
             approach_speed: 0.0,

@@ -292,6 +292,7 @@ impl Writer {
         }
         self.dirty = false;
         self.flushed = Instant::now();
+        tracing::debug!(file = %self.file.path().display(), "flushed");
         Ok(())
     }
 
@@ -307,6 +308,7 @@ impl Writer {
         slot.seal(header).doing(self.file.path(), WRITE)?;
         self.file.flush()?;
         self.next_slot = 1 - self.next_slot;
+        tracing::debug!(file = %self.file.path().display(), sequence = self.sequence, "checkpoint");
         Ok(())
     }
 

@@ -157,6 +157,8 @@ impl<F: Features> Windows<F> {
             let work = self.scratch.work;
             self.tuner.judge(&work.since(&self.judged), self.path * self.opened as f64);
             self.judged = work;
+            let [path, width] = self.tuner.values;
+            tracing::debug!(path, width, "next lengths of windows and widths of cells");
             self.start_afresh(&state.world);
         } else {
             let ticks = self.space.end - self.begin;

@@ -1,46 +1,36 @@
 //! The two machineries behind one face: the granular engine, and the one for pendulums, springs, rods and sticking contact. The
 //! second is taken only by scenes that have any of these.
 
+use crate::{Joints, LinkageError, simulation::Simulation as Linkage};
 use haff_engine::{
-    Checkpoint, Counters, EngineError, Frame, Ledger, Observer, Options, Sample, Simulation, Stop, System,
-    Until,
+    Checkpoint, Counters, EngineError, Fault, Frame, Ledger, Observer, Options, Sample, Simulation, Stop,
+    System, Until,
 };
-use haff_linkage::{Joints, LinkageError};
 
 /// A running simulation of either kind.
 pub enum Machine {
     /// Spheres and walls.
     Granular(Box<Simulation>),
     /// Few bodies with joints.
-    Linkage(Box<haff_linkage::Simulation>),
+    Linkage(Box<Linkage>),
 }
 
 /// What can stop either.
-#[derive(Debug, Clone, PartialEq)]
+#[derive(Debug, Clone, PartialEq, thiserror::Error)]
+#[error(transparent)]
 pub enum MachineError {
     /// Of the granular engine.
-    Granular(EngineError),
+    Granular(#[from] EngineError),
     /// Of a linkage.
-    Linkage(LinkageError),
+    Linkage(#[from] LinkageError),
 }
 
-impl From<EngineError> for MachineError {
-    fn from(error: EngineError) -> Self {
-        Self::Granular(error)
-    }
-}
-
-impl From<LinkageError> for MachineError {
-    fn from(error: LinkageError) -> Self {
-        Self::Linkage(error)
-    }
-}
-
-impl std::fmt::Display for MachineError {
-    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+impl MachineError {
+    /// What the error means for whoever asked.
+    pub fn fault(&self) -> Fault {
         match self {
-            Self::Granular(error) => error.fmt(f),
-            Self::Linkage(error) => error.fmt(f),
+            Self::Granular(error) => error.fault(),
+            Self::Linkage(error) => error.fault(),
         }
     }
 }
@@ -61,7 +51,7 @@ impl Machine {
         if joints.is_empty() {
             Ok(Self::Granular(Box::new(Simulation::new(system, options)?)))
         } else {
-            Ok(Self::Linkage(Box::new(haff_linkage::Simulation::new(system, joints)?)))
+            Ok(Self::Linkage(Box::new(Linkage::new(system, joints)?)))
         }
     }
 
@@ -75,7 +65,7 @@ impl Machine {
         if joints.is_empty() {
             Ok(Self::Granular(Box::new(Simulation::restore(system, options, checkpoint)?)))
         } else {
-            Ok(Self::Linkage(Box::new(haff_linkage::Simulation::restore(system, joints, checkpoint)?)))
+            Ok(Self::Linkage(Box::new(Linkage::restore(system, joints, checkpoint)?)))
         }
     }
 

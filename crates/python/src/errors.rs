@@ -1,0 +1,67 @@
+//! Errors of the engine and of scenes as the exceptions of `haff.errors`.
+
+use haff_engine::Fault;
+use haff_linkage::MachineError;
+use haff_scene::{ErrorKind, Place, SceneError, SceneErrors};
+use pyo3::{import_exception, intern, prelude::*, types::PyDict};
+
+mod python {
+    use super::import_exception;
+
+    import_exception!(haff.errors, FileError);
+    import_exception!(haff.errors, SceneError);
+    import_exception!(haff.errors, SimulationError);
+}
+
+/// A scene's errors. Where the scene has no file, lines would count in a text that the user has not seen.
+pub fn scene(py: Python<'_>, errors: &SceneErrors, has_file: bool) -> PyErr {
+    if errors.kind() == ErrorKind::Unreadable {
+        return python::FileError::new_err(errors.to_string());
+    }
+    let problems: PyResult<Vec<_>> = errors.errors.iter().map(|error| problem(py, error, has_file)).collect();
+    match problems {
+        Ok(problems) => python::SceneError::new_err((problems,)),
+        Err(error) => error,
+    }
+}
+
+/// A `haff.errors.SceneProblem`.
+fn problem(py: Python<'_>, error: &SceneError, has_file: bool) -> PyResult<Py<PyAny>> {
+    let mut shown = error.clone();
+    if !has_file && matches!(error.place, Place::File { .. }) {
+        shown.place = Place::Whole;
+    }
+    let text = shown.to_string();
+    let line = match &shown.place {
+        Place::File { line, .. } => Some(*line),
+        Place::Override(_) | Place::Whole => None,
+    };
+    let fields = PyDict::new(py);
+    // Overrides are keywords here.
+    fields.set_item("text", text.strip_prefix("--set ").unwrap_or(&text))?;
+    fields.set_item("file", &error.file)?;
+    fields.set_item("line", line)?;
+    fields.set_item("key", &error.path)?;
+    fields.set_item("value", &error.value)?;
+    fields.set_item("message", &error.message)?;
+    let class = py.import(intern!(py, "haff.errors"))?.getattr(intern!(py, "SceneProblem"))?;
+    Ok(class.call((), Some(&fields))?.unbind())
+}
+
+/// What stops a simulation, or forbids it from the start.
+pub fn machine(py: Python<'_>, error: &MachineError, name: &str) -> PyErr {
+    if error.fault() != Fault::Invalid {
+        return python::SimulationError::new_err(error.to_string());
+    }
+    let error = SceneError {
+        file: name.to_owned(),
+        place: Place::Whole,
+        path: String::new(),
+        value: None,
+        message: error.to_string(),
+    };
+    match problem(py, &error, false) {
+        Ok(problem) => python::SceneError::new_err((vec![problem],)),
+        Err(error) => error,
+    }
+}

@@ -1,0 +1,38 @@
+//! The event log of a live simulation.
+
+use haff_engine::{EventRecord, Observer};
+use pyo3::{prelude::*, types::PyDict};
+
+use crate::arrays::{column, vectors};
+
+/// Keeps the rows until Python takes them.
+pub struct Log {
+    pub wanted: bool,
+    pub rows: Vec<EventRecord>,
+}
+
+impl Observer for Log {
+    fn wants_events(&self) -> bool {
+        self.wanted
+    }
+
+    fn event(&mut self, event: &EventRecord) {
+        self.rows.push(*event);
+    }
+}
+
+/// The rows as a dict of columns, named as in files.
+pub fn columns<'py>(py: Python<'py>, rows: &[EventRecord]) -> PyResult<Bound<'py, PyDict>> {
+    let table = PyDict::new(py);
+    table.set_item("time", column(py, rows.iter().map(|row| row.time).collect()))?;
+    table.set_item("kind", column(py, rows.iter().map(|row| row.kind as u8).collect()))?;
+    table.set_item("i", column(py, rows.iter().map(|row| row.i).collect()))?;
+    table.set_item("j", column(py, rows.iter().map(|row| row.j).collect()))?;
+    table.set_item("approach_speed", column(py, rows.iter().map(|row| row.approach_speed).collect()))?;
+    table.set_item("impulse", column(py, rows.iter().map(|row| row.impulse).collect()))?;
+    table.set_item("energy_loss", column(py, rows.iter().map(|row| row.energy_loss).collect()))?;
+    table.set_item("carnot_energy", column(py, rows.iter().map(|row| row.carnot_energy).collect()))?;
+    table.set_item("normal", vectors(py, rows.iter().map(|row| row.normal).collect())?)?;
+    table.set_item("position", vectors(py, rows.iter().map(|row| row.position).collect())?)?;
+    Ok(table)
+}

@@ -1,0 +1,29 @@
+//! The compiled module `haff._engine`: simulations that Python advances step by step, and the text of scenes.
+//!
+//! It links the engine, the linkages and the reader of scenes, and no HDF5: h5py brings one of its own, and two in one
+//! process do not agree. Runs that write files are made by the command `haff`, which is in the same wheel. What users see is
+//! the Python around it (`scripts/haff/simulation.py` and others); signatures and shapes stand in `_engine.pyi`.
+
+mod arrays;
+mod errors;
+mod events;
+mod observables;
+mod scenes;
+mod simulation;
+mod text;
+
+/// The module.
+#[pyo3::pymodule]
+mod _engine {
+    #[pymodule_export]
+    use super::{
+        scenes::{schema, templates, validate},
+        simulation::Simulation,
+        text::{document, value},
+    };
+
+    #[pymodule_export]
+    const VERSION: &str = env!("CARGO_PKG_VERSION");
+    #[pymodule_export]
+    const TRAJECTORY_VERSION: u32 = haff_engine::TRAJECTORY_VERSION;
+}

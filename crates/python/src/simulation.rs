@@ -1,0 +1,230 @@
+//! A simulation that Python advances.
+
+use haff_engine::{Boundary, Domain, EventKind, Stop, Until};
+use haff_linkage::Machine;
+use haff_scene::Scene;
+use numpy::{PyArray1, PyArray2};
+use parking_lot::{Mutex, MutexGuard};
+use pyo3::{exceptions::PyValueError, prelude::*, types::PyDict};
+
+use crate::{
+    arrays::{column, triples, vector, vectors},
+    errors, events, observables,
+    scenes::Source,
+};
+
+/// Calendar entries between two looks at Ctrl-C: some tens of milliseconds.
+const SLICE: u64 = 1 << 15;
+
+/// Time, step, positions, velocities and images of one instant.
+type Frame<'py> = (f64, u64, Bound<'py, PyArray2<f64>>, Bound<'py, PyArray2<f64>>, Bound<'py, PyArray2<i32>>);
+
+/// What moves.
+struct Moving {
+    machine: Machine,
+    log: events::Log,
+}
+
+/// A running simulation. Other threads may read while one advances: they get their turn between slices.
+#[pyclass(frozen, module = "haff._engine")]
+pub struct Simulation {
+    moving: Mutex<Moving>,
+    /// Threads of its own, unless it shares those of the process.
+    pool: Option<rayon::ThreadPool>,
+    name: String,
+    dimension: usize,
+    domain: Domain,
+    #[pyo3(get)]
+    species_names: Vec<String>,
+    #[pyo3(get)]
+    wall_names: Vec<String>,
+    #[pyo3(get)]
+    title: String,
+    #[pyo3(get)]
+    seed: u64,
+    #[pyo3(get)]
+    resolved: String,
+    #[pyo3(get)]
+    packing_fraction: f64,
+    #[pyo3(get)]
+    until: Option<f64>,
+    #[pyo3(get)]
+    collisions_asked: Option<u64>,
+    #[pyo3(get)]
+    radius: Py<PyArray1<f64>>,
+    #[pyo3(get)]
+    mass: Py<PyArray1<f64>>,
+    #[pyo3(get)]
+    species: Py<PyArray1<i64>>,
+}
+
+impl Simulation {
+    fn read<R: Send>(&self, py: Python<'_>, f: impl FnOnce(&mut Moving) -> R + Send) -> R {
+        // Without the interpreter's lock: whoever advances needs it to get out of the way.
+        py.detach(|| {
+            let mut guard = self.moving.lock();
+            let moving: &mut Moving = &mut guard;
+            let result = match &self.pool {
+                Some(pool) => pool.install(|| f(moving)),
+                None => f(moving),
+            };
+            // To whoever waits: the next slice would be faster to lock it again.
+            MutexGuard::unlock_fair(guard);
+            result
+        })
+    }
+}
+
+#[pymethods]
+impl Simulation {
+    #[new]
+    #[pyo3(signature = (source, *, threads=None, events=false))]
+    // Taken from a dict, by value.
+    #[allow(clippy::needless_pass_by_value)]
+    fn new(py: Python<'_>, source: Source, threads: Option<usize>, events: bool) -> PyResult<Self> {
+        let pool = threads.map(|threads| match threads {
+            1..=1024 => rayon::ThreadPoolBuilder::new()
+                .num_threads(threads)
+                .build()
+                .map_err(|error| PyValueError::new_err(format!("threads = {threads}: {error}"))),
+            _ => Err(PyValueError::new_err(format!("threads = {threads}: must be in 1 … 1024"))),
+        });
+        let pool = pool.transpose()?;
+        let Scene { system, joints, title, seed, run, options, resolved, packing_fraction, .. } =
+            source.scene(py)?;
+        let of_class = |value: fn(&haff_engine::Class) -> f64| -> Vec<f64> {
+            system.bodies.iter().map(|body| value(&system.classes[body.class as usize])).collect()
+        };
+        let radius = column(py, of_class(|class| class.radius)).unbind();
+        let mass = column(py, of_class(|class| class.mass)).unbind();
+        let species = system.bodies.iter().map(|body| i64::from(body.species)).collect();
+        let species = column(py, species).unbind();
+        let (dimension, domain, species_names) =
+            (system.dimension.count(), system.domain, system.species.clone());
+        let wall_names = system.walls.iter().map(|wall| wall.name.clone()).collect();
+        let start = || Machine::new(system, joints, options);
+        let machine = py
+            .detach(|| match &pool {
+                Some(pool) => pool.install(start),
+                None => start(),
+            })
+            .map_err(|error| errors::machine(py, &error, source.name()))?;
+        Ok(Self {
+            moving: Mutex::new(Moving { machine, log: events::Log { wanted: events, rows: Vec::new() } }),
+            pool,
+            name: source.name().to_owned(),
+            dimension,
+            domain,
+            species_names,
+            wall_names,
+            title,
+            seed,
+            resolved,
+            packing_fraction,
+            until: run.until,
+            collisions_asked: run.collisions,
+            radius,
+            mass,
+            species,
+        })
+    }
+
+    /// Runs events up to a time or a total of collisions; says which bound ended it.
+    fn advance(&self, py: Python<'_>, until: f64, collisions: u64) -> PyResult<&'static str> {
+        loop {
+            let bounds = Until { time: until, collisions, entries: SLICE };
+            let stop = self
+                .read(py, |Moving { machine, log }| machine.advance(bounds, log))
+                .map_err(|error| errors::machine(py, &error, &self.name))?;
+            match stop {
+                Stop::Time => return Ok("until"),
+                Stop::Collisions => return Ok("collisions"),
+                Stop::Rest => return Ok("rest"),
+                Stop::Slice => py.check_signals()?,
+            }
+        }
+    }
+
+    #[getter]
+    fn time(&self, py: Python<'_>) -> f64 {
+        self.read(py, |moving| moving.machine.time())
+    }
+
+    fn frame<'py>(&self, py: Python<'py>) -> PyResult<Frame<'py>> {
+        let frame = self.read(py, |moving| moving.machine.frame());
+        Ok((
+            frame.time,
+            frame.step,
+            vectors(py, frame.position)?,
+            vectors(py, frame.velocity)?,
+            triples(py, frame.image)?,
+        ))
+    }
+
+    fn sample<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
+        let sample = self.read(py, |moving| moving.machine.sample());
+        observables::sample(py, sample)
+    }
+
+    fn counters<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
+        let counters = self.read(py, |moving| moving.machine.counters());
+        observables::counters(py, counters)
+    }
+
+    fn take_events<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
+        let rows = self.read(py, |moving| std::mem::take(&mut moving.log.rows));
+        events::columns(py, &rows)
+    }
+
+    fn max_overlap(&self, py: Python<'_>) -> f64 {
+        self.read(py, |moving| {
+            moving.machine.measure_overlap();
+            moving.machine.max_overlap()
+        })
+    }
+
+    #[getter]
+    fn state_hash(&self, py: Python<'_>) -> String {
+        self.read(py, |moving| moving.machine.state_hash())
+    }
+
+    #[getter]
+    fn neighbors(&self, py: Python<'_>) -> &'static str {
+        self.read(py, |moving| moving.machine.search())
+    }
+
+    #[getter]
+    fn threads(&self) -> usize {
+        self.pool.as_ref().map_or_else(rayon::current_num_threads, rayon::ThreadPool::current_num_threads)
+    }
+
+    #[getter]
+    fn dimension(&self) -> usize {
+        self.dimension
+    }
+
+    #[getter]
+    fn box_size<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<f64>> {
+        vector(py, self.domain.size)
+    }
+
+    #[getter]
+    fn gravity<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<f64>> {
+        vector(py, self.domain.gravity)
+    }
+
+    #[getter]
+    fn boundary(&self) -> Vec<&'static str> {
+        let name = |boundary: &Boundary| match boundary {
+            Boundary::Periodic => "periodic",
+            Boundary::Wall => "wall",
+            Boundary::Open => "open",
+        };
+        self.domain.boundary.iter().map(name).collect()
+    }
+
+    #[classattr]
+    fn event_kinds() -> [&'static str; EventKind::ALL.len()] {
+        EventKind::ALL.map(EventKind::name)
+    }
+}

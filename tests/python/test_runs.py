@@ -1,0 +1,121 @@
+"""`haff.run` and scenes made in Python: the command's results, files, errors, Ctrl-C."""
+
+import os
+import signal
+import subprocess
+import sys
+import time
+
+import numpy as np
+import pytest
+
+import haff
+from conftest import CONFIGS
+
+GAS = {
+    "schema": 1,
+    "title": "made in Python",
+    "seed": 3,
+    "domain": {"packing_fraction": 0.2},
+    "species": [{"name": "grain", "count": 200, "radius": 0.5, "mass": 1.0}],
+    "contact": {"restitution": 0.9},
+    "run": {"until": 2.0},
+}
+
+
+def test_a_dict_a_file_and_the_command_give_the_same_run(tmp_path, command):
+    path = haff.save_scene(GAS, tmp_path / "gas.toml")
+    assert haff.load_scene(path) == GAS
+    reference = command.run(path, output=False)
+    for scene in (GAS, path, str(path)):
+        result = haff.run(scene)
+        assert result.path is None and result.report["title"] == "made in Python"
+        assert result.state_hash == reference.report["state_hash"]
+        assert result["collisions"] == result.collisions == reference.report["collisions"]
+    with pytest.raises(haff.FileError, match="file="):
+        _ = result.file
+
+
+def test_a_file_is_written_and_opened(tmp_path):
+    with haff.run(GAS, file=tmp_path / "gas.h5", output__frames=0.5, threads=1) as result:
+        assert result.path == tmp_path / "gas.h5" and result.threads == 1
+        assert len(result.file.frames) == 5
+        assert result.file.title == "made in Python"
+        assert result.file.observables["collisions"].iloc[-1] == result.collisions
+    with pytest.raises(haff.FileError, match="overwrite"):
+        haff.run(GAS, file=tmp_path / "gas.h5")
+    again = haff.run(GAS, file=tmp_path / "gas.h5", overwrite=True, contact__restitution=0.5)
+    assert again.state_hash != result.state_hash
+    assert haff.resume(again.path).state_hash == again.state_hash, "a complete run is left as it is"
+
+
+def test_overrides_of_every_kind(tmp_path):
+    values = {
+        "contact__restitution": {"model": "cutoff", "restitution": np.float64(0.8), "speed": 0.1},
+        "domain__gravity": np.zeros(3),
+        "species__grain__count": np.int64(50),
+        "title": 'say "Ψ" \\ twice',
+        "output__file": False,
+    }
+    expected = GAS["run"]
+    resolved = haff.validate(GAS, **values)
+    assert resolved["species"][0]["count"] == 50 and resolved["run"]["until"] == expected["until"]
+    assert resolved["title"] == values["title"]
+    assert resolved["contact"]["restitution"]["model"] == "cutoff"
+    assert haff.run(GAS, **values).particles == 50
+    for value in (None, object(), {1: 2}, 2**64):
+        with pytest.raises(TypeError, match=r"^contact\.tc"):
+            haff.run(GAS, contact__tc=value)
+    with pytest.raises(TypeError, match=r"species\.0\.mass"):
+        haff.save_scene(GAS | {"species": [{"mass": None}]}, tmp_path / "never.toml")
+
+
+def test_every_scene_survives_the_way_through_python(tmp_path):
+    for path in sorted(CONFIGS.glob("**/*.toml")):
+        if "invalid" in path.parts:
+            continue
+        scene = haff.load_scene(path)
+        assert haff.validate(scene) == haff.validate(path) | {"title": haff.validate(scene)["title"]}
+        assert haff.load_scene(haff.save_scene(scene, tmp_path / path.name)) == scene
+
+
+def test_templates_run_and_the_schema_describes_them():
+    assert "cooling" in haff.templates()
+    for name in haff.templates():
+        assert haff.validate(haff.template(name))["schema"] == 1
+    with pytest.raises(KeyError, match="cooling"):
+        haff.template("frobnicate")
+    assert "contact" in haff.schema()["properties"]
+
+
+def test_errors_are_those_of_the_command_with_their_places(tmp_path):
+    path = haff.save_scene(GAS | {"contact": {"restitution": 1.2}, "frobnicate": 1}, tmp_path / "broken.toml")
+    with pytest.raises(haff.SceneError) as caught:
+        haff.run(path, run__until=-1)
+    assert {problem.key for problem in caught.value.problems} == {"contact.restitution", "frobnicate", "run.until"}
+    assert f"{path}:" in str(caught.value)
+    with pytest.raises(haff.SceneError, match=r"scene: contact\.restitution = 1\.2"):
+        haff.run(GAS | {"contact": {"restitution": 1.2}})
+    with pytest.raises(haff.FileError, match="no_such"):
+        haff.run(tmp_path / "no_such.toml")
+    with pytest.raises(haff.FileError, match="no_such"):
+        haff.resume(tmp_path / "no_such.h5")
+
+
+def test_ctrl_c_ends_a_run_with_a_checkpoint(tmp_path):
+    program = f"""
+import haff
+try:
+    haff.run({GAS!r}, file={os.fspath(tmp_path / "long.h5")!r}, run__until=300, output__frames=False)
+except KeyboardInterrupt:
+    print("interrupted")
+"""
+    process = subprocess.Popen([sys.executable, "-c", program], stdout=subprocess.PIPE, text=True)
+    deadline = time.monotonic() + 60
+    while not (tmp_path / "long.h5").exists() and time.monotonic() < deadline:
+        time.sleep(0.01)
+    process.send_signal(signal.SIGINT)
+    assert process.communicate(timeout=60)[0] == "interrupted\n"
+    resumed = haff.resume(tmp_path / "long.h5")
+    assert 0 <= resumed["resumed_from"] < resumed.simulated_time == 300
+    assert resumed.state_hash == haff.run(GAS, run__until=300).state_hash
