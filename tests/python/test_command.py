@@ -1,15 +1,13 @@
 """The `haff` command as a user meets it: same seed same bits, figures, other programs that read its files."""
 
 import json
-import re
-import shlex
 import shutil
 import subprocess
 
 import numpy as np
 import pytest
 
-from conftest import CONFIGS, ROOT
+from conftest import CONFIGS
 
 pytestmark = pytest.mark.physics
 
@@ -118,25 +116,6 @@ def test_h5dump_reads_the_file(command):
         result = subprocess.run(["h5dump", *arguments, str(done.path)], capture_output=True, text=True, check=False)
         assert result.returncode == 0 and "error" not in result.stderr.lower(), result.stderr
     assert "collision" in result.stdout
-
-
-def test_the_first_scene_of_the_readme_runs_and_its_snippets_read_the_output(command, tmp_path, monkeypatch):
-    text = (ROOT / "README.md").read_text()
-    blocks = re.findall(r"^```(\w+)\n(.*?)^```", text, flags=re.MULTILINE | re.DOTALL)
-    (scene,) = [block for language, block in blocks if language == "toml"]
-    monkeypatch.chdir(tmp_path)
-    (tmp_path / "first.toml").write_text(scene)
-    lines = [line for language, block in blocks if language == "sh" for line in block.splitlines()]
-    commands = [shlex.split(line, comments=True)[1:] for line in lines if line.startswith("haff ")]
-    assert {"check", "run", "info", "plot"} <= {arguments[0] for arguments in commands}
-    for arguments in commands:
-        command(*arguments)
-    assert (tmp_path / "second.h5").exists() and list((tmp_path / "figures").glob("first-*.png"))
-    snippets = [block for language, block in blocks if language == "python"]
-    assert snippets, "the README shows how to read a file"
-    names: dict[str, object] = {}
-    for snippet in snippets:
-        exec(compile(snippet, "README.md", "exec"), names)
 
 
 def test_info_and_check_know_the_same_scene(command):

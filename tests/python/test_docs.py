@@ -1,0 +1,78 @@
+"""Every block of code in the README and in docs/ runs, page by page, in order, as a reader would try it.
+
+`toml` blocks with a `title` become that file, others must be TOML; `sh` blocks run with the command on the path,
+`python` blocks share their names within a page. `text` is left alone, and so is a block after `<!-- not run: why -->`.
+"""
+
+import os
+import re
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+import haff
+from conftest import ROOT, executable
+
+pytestmark = pytest.mark.physics
+
+try:
+    import tomllib
+except ModuleNotFoundError:  # Python 3.10
+    import tomli as tomllib
+
+FENCE = re.compile(
+    r"(?P<skip><!-- not run: [^>]+ -->\n)?^```(?P<language>\w+)(?P<options>[^\n]*)\n(?P<code>.*?)^```$",
+    flags=re.MULTILINE | re.DOTALL,
+)
+PAGES = [ROOT / "README.md", *sorted((ROOT / "docs").glob("**/*.md"))]
+LANGUAGES = {"python", "sh", "text", "toml"}
+
+
+def blocks(page: Path):
+    """Line, language, options and code of the blocks that run."""
+    text = page.read_text()
+    for match in FENCE.finditer(text):
+        if not match["skip"]:
+            yield text.count("\n", 0, match.start("code")), match["language"], match["options"], match["code"]
+
+
+def with_code(page: Path) -> bool:
+    return any(language in ("python", "sh", "toml") for _, language, _, _ in blocks(page))
+
+
+@pytest.mark.parametrize("page", list(filter(with_code, PAGES)), ids=lambda page: str(page.relative_to(ROOT)))
+def test_code_of_the_page_runs(page, tmp_path, monkeypatch):
+    folder = tmp_path / "bin"
+    folder.mkdir()
+    (folder / "haff").symlink_to(executable())
+    (folder / "python").symlink_to(sys.executable)
+    (folder / "python3").symlink_to(sys.executable)
+    # `haff plot` calls the Python beside it; a linked one finds its packages by these.
+    environment = os.environ | {
+        "PATH": f"{folder}{os.pathsep}{os.environ['PATH']}",
+        "PYTHONPATH": os.pathsep.join([str(Path(haff.__file__).parents[1]), *sys.path[1:]]),
+        "MPLBACKEND": "Agg",
+    }
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "configs").symlink_to(ROOT / "configs")
+    names: dict[str, object] = {"__name__": "__main__"}
+    for line, language, options, code in blocks(page):
+        place = f"{page.relative_to(ROOT)}:{line}"
+        assert language in LANGUAGES, f"{place}: {language}?"
+        if language == "toml":
+            tomllib.loads(code)
+            if title := re.search(r'title="([^"]+)"', options):
+                Path(title[1]).write_text(code)
+        elif language == "sh":
+            shell = ["bash", "-euo", "pipefail", "-c", code]
+            done = subprocess.run(shell, env=environment, capture_output=True, text=True, timeout=300, check=False)
+            assert done.returncode == 0, f"{place}: exit {done.returncode}\n{code}\n{done.stdout}{done.stderr}"
+        elif language == "python":
+            exec(compile(code, place, "exec"), names)
+
+
+def test_blocks_are_found_and_run():
+    found = [language for page in PAGES for _, language, _, _ in blocks(page)]
+    assert min(found.count("sh"), found.count("python")) > 5, found
