@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from haff import figures
+from haff.figures import trajectories
 from haff.figures.worked import worked
 
 pytestmark = pytest.mark.physics
@@ -42,6 +43,14 @@ def test_the_law_behind_is_the_motion_in_front(command, scene, settings, title):
         figure = figures.draw(run, "closed_form")
         assert len(figure.axes) == 2
         assert "largest difference" in "".join(text.get_text() for text in figure.texts)
+
+
+def test_paths_of_pendulums_are_arcs_between_frames_that_are_far_apart(command):
+    with command.run("textbook/pendulums", output__frames=0.1, run__until=0.5).open() as run:
+        path = trajectories.flights(run)[0]
+        length = np.linalg.norm(path.position - [0, 0, 1], axis=1)
+        # Hermite arcs leave by h⁴/384 of the fourth derivative, some (3/s)⁴; a parabola would by (h · 3/s)²/2 = 5 %.
+        assert np.abs(length - 1).max() < 5 * 0.3**4 / 384 * 2
 
 
 @pytest.mark.parametrize(

@@ -47,7 +47,8 @@ def flights(file: File) -> list[Path]:
     """Paths of all bodies between frames, exact where the event log tells each turn.
 
     From each frame a body flies freely (a parabola under gravity) to its next event, takes up the impulse
-    J n/m of the log, and flies on, up to the next frame. Without a log, frames are joined by Hermite arcs.
+    J n/m of the log, and flies on, up to the next frame. Without a log, and where bodies hang or pull on each other,
+    frames without an event between them are joined by Hermite arcs.
     """
     frames = file.frames
     if len(frames) < 2:
@@ -64,10 +65,11 @@ def flights(file: File) -> list[Path]:
         if {"time", "kind", "i", "j", "impulse", "normal"} <= set(events.columns):
             log = {n: events[n] for n in ("time", "kind", "i", "j", "impulse", "normal")}
             log["names"] = np.array([events.kinds.get(int(k), "") for k in log["kind"]])
-    return [_flight(body, t, x[:, body], v[:, body], file.mass[body], gravity, log) for body in range(len(file))]
+    bent = any(file.scene.get(joint) for joint in ("pendulum", "spring", "rod"))
+    return [_flight(body, t, x[:, body], v[:, body], file.mass[body], gravity, log, bent) for body in range(len(file))]
 
 
-def _flight(body, t, x, v, mass, gravity, log) -> Path:
+def _flight(body, t, x, v, mass, gravity, log, bent) -> Path:
     own = np.zeros(0, int)
     if log is not None:
         own = np.flatnonzero((log["i"] == body) | (np.isin(log["names"], _PAIRS) & (log["j"] == body)))
@@ -79,7 +81,7 @@ def _flight(body, t, x, v, mass, gravity, log) -> Path:
         inside = np.zeros(0, int)
         if log is not None:
             inside = np.flatnonzero((log["time"][own] > t[k]) & (log["time"][own] <= t[k + 1]))
-        if log is None:
+        if log is None or (bent and not len(inside)):
             s = np.linspace(0, 1, 24)[:, None]
             step = t[k + 1] - t[k]
             arc = ((1 + 2 * s) * (1 - s) ** 2) * x[k] + (s * (1 - s) ** 2) * step * v[k]
