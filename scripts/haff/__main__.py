@@ -190,7 +190,11 @@ def _plot(options: argparse.Namespace) -> int:
     from . import figures, reader
 
     if options.movie is not None:
+        if options.kind or options.show or options.output:
+            return _fail("--movie draws no figures: leave out --kind, --show and -o", 2)
         return _movie(options)
+    if options.frames is not None or options.overwrite:
+        return _fail("--frames and --overwrite go with --movie; a snapshot takes --frame", 2)
     directory = options.output or Path("figures")
     with reader.open(options.file) as file:
         kinds = options.kind or list(figures.KINDS)

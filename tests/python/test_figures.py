@@ -200,6 +200,8 @@ def test_all_pictures_of_a_movie_show_the_same_room(files):
 def test_wrong_movies_are_refused(files, tmp_path, capsys):
     for arguments, message in (
         (["--movie", str(tmp_path / "a.avi")], "must end in .mp4 or .gif"),
+        (["--movie", str(tmp_path / "a.gif"), "--kind", "snapshot"], "leave out --kind"),
+        (["--frames", "::2"], "go with --movie"),
         (["--movie", str(tmp_path / "a.gif"), "--fps", "0"], r"must be in (0, 120]"),
         (["--movie", str(tmp_path / "a.gif"), "--frames", "99:"], "none of the 25 frames"),
     ):

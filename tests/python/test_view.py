@@ -114,6 +114,17 @@ def test_too_many_frames_are_thinned_with_a_message(files, tmp_path, capsys):
     assert not (tmp_path / "b.html").exists()
 
 
+def test_frames_of_few_bodies_are_thinned_too(files, tmp_path, capsys, monkeypatch):
+    from haff.viewer import content
+
+    monkeypatch.setattr(content, "MOST", 4)
+    page = page_of(files["quiet"], tmp_path, "--frames", "0:3")
+    assert len(page.header["frames"]["time"]) == 3 and page.header["notes"] == []
+    monkeypatch.setattr(content, "MOST", 2)
+    page = page_of(files["quiet"], tmp_path)
+    assert page.header["notes"] == ["2 of 4 frames, one in 2: a page has up to 2"]
+
+
 def test_the_page_needs_no_network_and_no_text_breaks_it(tmp_path):
     gas = synthetic.cooling_gas(tmp_path / "gas.h5", n=60, frames=3, collisions=50)
     import h5py
@@ -242,6 +253,13 @@ def test_between_two_frames_a_single_collision_is_exact(show, tmp_path):
         for k in (0, 1):
             x = start[k] + speed[k] * time if time < 0.5 else [9.5, 10.5][k] + speed[1 - k] * (time - 0.5)
             assert page.evaluate(f"haffView.player.locate({k})")["position"][0] == pytest.approx(x % 10, abs=1e-5)
+
+
+def test_one_frame_alone_is_a_picture(show, tmp_path):
+    gas = synthetic.cooling_gas(tmp_path / "gas.h5", n=100, frames=2, events=False)
+    page = show(gas, "--frames", "-1")
+    assert page.locator("#play").is_disabled() and not page.locator("#flash-label").is_visible()
+    assert (seek(page, 0).std(axis=2) > 12).mean() > 0.01
 
 
 @pytest.mark.parametrize("name", ["cooling", "disks"])

@@ -19,6 +19,8 @@ from .keyframes import Keyframes, along_flights, recorded
 
 EXACT = 2_000_000
 """Coordinates of all frames up to which they are stored as 4-byte floats, not as 65536ths of the room."""
+MOST = 20_000
+"""Frames of a page, however small they are."""
 CHUNK = 1 << 20  # bytes of frames in one blob, about
 BASE64 = 4 / 3
 
@@ -69,18 +71,18 @@ def _thin(file: File, chosen, size: float, losses: bool, notes: list[str]):
     """As many of the frames as a page of this size holds."""
     d = file.dimension
     frame = len(file) * (4 * d + (3 if file.box.periodic.any() else 0) + (2 if losses else 0)) * BASE64
-    most = int(size * 1e6 / frame)
-    if most < 2 and len(chosen) > most:
+    fits = int(size * 1e6 / frame)
+    if fits < 2 and len(chosen) > fits:
         raise NotApplicableError(
             f"{len(file):,} particles: two frames would make a page of {2 * frame / 1e6:,.3g} MB; allow a larger "
             "size, or export to vtkhdf for ParaView"
         )
-    every = math.ceil(len(chosen) / most)
+    every = math.ceil(len(chosen) / min(fits, MOST))
     if every == 1:
         return chosen
     kept = chosen[::every]
-    whole = frame * len(chosen) / 1e6
-    notes.append(f"{len(kept):,} of {len(chosen):,} frames, one in {every}: all would need {whole:,.3g} MB")
+    reason = f"all would need {frame * len(chosen) / 1e6:,.3g} MB" if fits < MOST else f"a page has up to {MOST:,}"
+    notes.append(f"{len(kept):,} of {len(chosen):,} frames, one in {every}: {reason}")
     return kept
 
 
