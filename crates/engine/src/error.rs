@@ -16,8 +16,10 @@ pub enum Fault {
 pub enum EngineError {
     /// Infinitely many collisions in a finite time.
     #[error(
-        "inelastic collapse at t = {time}: {events} events within {span:e} time units, the last of particle {i} with {partner}; \
-         set contact.tc, or a restitution that tends to 1 at low speed (model = \"cutoff\" or \"viscoelastic\")"
+        "inelastic collapse at t = {time} around {}: {events} events within {span:e} time units among {}; \
+         set contact.tc, or a restitution that tends to 1 at low speed (model = \"cutoff\" or \"viscoelastic\")",
+        place(position),
+        listed(particles, walls)
     )]
     Collapse {
         /// When [time].
@@ -26,10 +28,12 @@ pub enum EngineError {
         events: u64,
         /// How far it went on [time].
         span: f64,
-        /// A particle taking part.
-        i: u32,
-        /// Its partner, in words.
-        partner: String,
+        /// Everyone that took part in the last of them, in order.
+        particles: Vec<u32>,
+        /// Names of the walls that did.
+        walls: Vec<String>,
+        /// Mean of their positions \[length\], wrapped into the box along periodic axes.
+        position: [f64; 3],
     },
     /// A velocity or position has left the range of numbers.
     #[error("particle {i} has a velocity beyond the range of numbers at t = {time}: {velocity:?}")]
@@ -84,4 +88,22 @@ impl EngineError {
             Self::Collapse { .. } | Self::Overflow { .. } | Self::Inconsistent { .. } => Fault::Stopped,
         }
     }
+}
+
+/// At most this many particles of a collapse are named.
+const NAMED: usize = 20;
+
+/// A position, short enough to read.
+fn place([x, y, z]: &[f64; 3]) -> String {
+    format!("({x:.6}, {y:.6}, {z:.6})")
+}
+
+/// Particles and walls in words.
+fn listed(particles: &[u32], walls: &[String]) -> String {
+    let names: Vec<String> = particles.iter().take(NAMED).map(u32::to_string).collect();
+    let more = particles.len().saturating_sub(NAMED);
+    let more = if more > 0 { format!(" and {more} more") } else { String::new() };
+    let walls: String = walls.iter().map(|name| format!(", wall {name}")).collect();
+    let noun = if particles.len() == 1 { "particle" } else { "particles" };
+    format!("{noun} {}{more}{walls}", names.join(", "))
 }

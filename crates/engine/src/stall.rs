@@ -1,5 +1,9 @@
 //! Notices when time stands still.
 
+use std::collections::BTreeSet;
+
+use glam::DVec3;
+
 use crate::{
     entry::{Entry, Kind},
     error::EngineError,
@@ -11,17 +15,21 @@ const SPAN: i64 = 1 << 10;
 /// …of more than this number, and this number per particle, is a collapse.
 const EVENTS: u64 = 100_000;
 const EVENTS_PER_PARTICLE: u64 = 10;
+/// Of so many events after that it is noted who takes part.
+const NOTED: u64 = 10_000;
 
 /// The run of events in progress.
-#[derive(Debug, Clone, Copy)]
+#[derive(Debug, Clone)]
 pub(crate) struct Stall {
     since: i64,
     events: u64,
+    particles: BTreeSet<u32>,
+    walls: BTreeSet<u32>,
 }
 
 impl Default for Stall {
     fn default() -> Self {
-        Self { since: i64::MIN, events: 0 }
+        Self { since: i64::MIN, events: 0, particles: BTreeSet::new(), walls: BTreeSet::new() }
     }
 }
 
@@ -35,23 +43,44 @@ impl Stall {
             self.events = 0;
         }
         if self.events > EVENTS + EVENTS_PER_PARTICLE * world.particles.len() as u64 {
-            return Err(self.collapse(world, entry));
+            return self.note(world, entry);
         }
         Ok(())
     }
 
+    /// Notes who takes part, and gives up when enough is known.
     #[cold]
+    fn note(&mut self, world: &World, entry: &Entry) -> Result<(), EngineError> {
+        let enough = EVENTS + EVENTS_PER_PARTICLE * world.particles.len() as u64 + NOTED;
+        if self.events + NOTED == enough + 1 {
+            self.particles.clear();
+            self.walls.clear();
+        }
+        self.particles.insert(entry.owner);
+        match entry.target.kind() {
+            Kind::Collision(j) => {
+                self.particles.insert(j);
+            }
+            Kind::Wall(wall) => {
+                self.walls.insert(wall);
+            }
+            Kind::Rest | Kind::Transfer(_) | Kind::Renewal => {}
+        }
+        if self.events >= enough { Err(self.collapse(world, entry)) } else { Ok(()) }
+    }
+
     fn collapse(&self, world: &World, entry: &Entry) -> EngineError {
+        let first = world.state(entry.owner, entry.time).0;
+        let among: DVec3 =
+            self.particles.iter().map(|&i| world.nearest_image(world.state(i, entry.time).0 - first)).sum();
+        let position = first + among / self.particles.len() as f64;
         EngineError::Collapse {
             time: world.clock.time(entry.time),
             events: self.events,
             span: (entry.time - self.since).max(0) as f64 * world.clock.tick,
-            i: entry.owner,
-            partner: match entry.target.kind() {
-                Kind::Collision(j) => format!("particle {j}"),
-                Kind::Wall(wall) => format!("wall {}", world.walls[wall as usize].name),
-                Kind::Rest | Kind::Transfer(_) | Kind::Renewal => "nobody".to_owned(),
-            },
+            particles: self.particles.iter().copied().collect(),
+            walls: self.walls.iter().map(|&wall| world.walls[wall as usize].name.clone()).collect(),
+            position: world.wrap(position).0.to_array(),
         }
     }
 }

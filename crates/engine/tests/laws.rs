@@ -320,9 +320,17 @@ fn an_inelastic_collapse_is_reported_not_endured() {
     add(&mut scene, 0, DVec3::new(0.3, -0.2, 2.5), DVec3::ZERO);
     let mut simulation = start(scene);
     let error = simulation.advance(Until { time: 100.0, ..Until::default() }, &mut Silent).unwrap_err();
-    let EngineError::Collapse { time, events, i, .. } = &error else { panic!("{error}") };
-    assert!(*time > 1.0 && *time < 10.0 && *events > 100_000 && *i < 2, "{error}");
-    assert!(error.to_string().contains("contact.tc"), "{error}");
+    let EngineError::Collapse { time, events, particles, walls, position, .. } = &error else {
+        panic!("{error}")
+    };
+    assert!(*time > 1.0 && *time < 10.0 && *events > 100_000, "{error}");
+    assert_eq!((particles.as_slice(), walls.len()), ([0, 1].as_slice(), 1), "{error}");
+    // The middle of the two, one on the other on the floor.
+    assert!((DVec3::from_array(*position) - DVec3::new(0.3, -0.2, 1.0)).length() < 1e-6, "{error}");
+    let text = error.to_string();
+    for part in ["particles 0, 1, wall floor", "contact.tc"] {
+        assert!(text.contains(part), "{text}");
+    }
     assert!(simulation.frame().velocity.iter().all(|velocity| velocity.is_finite()));
     assert!(simulation.ledger().residual.abs() < 1e-12);
 }
