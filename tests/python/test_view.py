@@ -85,11 +85,13 @@ def test_losses_and_collisions_are_those_of_the_log(files, tmp_path):
             before = events[events["time"] <= t]
             for body in ("i", "j"):
                 np.add.at(lost[k], before[body], before["energy_loss"] / 2)
-        for shown, values in ((arrays[3::5], lost), (arrays[4::5], np.diff(lost, axis=0, prepend=0))):
-            with np.errstate(divide="ignore"):
-                scaled = np.clip(1 + np.log10(np.maximum(values, 0) / values.max()) / 4, 0, 1) * 255
-            # 255ths, cut off; single precision may fall just short of the next.
-            assert np.all(np.abs(np.stack(shown) - scaled)[values > 1e-3 * values.max()] < 1.01)
+        recent = np.diff(lost, axis=0, prepend=0)
+        assert page.header["losses"]["largest"] == pytest.approx([lost.max(), recent.max()], rel=1e-6)
+        decades = 1 + np.log10(recent, where=recent > 0, out=np.full_like(recent, -np.inf)) / 4
+        decades -= np.log10(recent.max()) / 4
+        # 255ths, cut off; single precision may fall just short of the next.
+        for shown, share in ((arrays[3::5], lost / lost.max()), (arrays[4::5], np.clip(decades, 0, 1))):
+            assert np.all(np.abs(np.stack(shown) - 255 * share) < 1.01)
 
 
 def test_few_bodies_follow_their_exact_paths(files, tmp_path):

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -12,7 +12,18 @@ from .blobs import Blobs
 MOST = 200_000
 """Events that a page holds; of more, every second, third, … is shown."""
 DECADES = 4.0
-"""Losses are shown on a logarithmic scale of so many decades below the largest."""
+"""Losses since the frame before are shown on a logarithmic scale of so many decades below the largest."""
+
+
+class Losses(NamedTuple):
+    """Energy lost by each particle, half of a collision's loss to each partner."""
+
+    total: np.ndarray
+    """``[K, N]`` so far, in 255ths of the largest"""
+    recent: np.ndarray
+    """``[K, N]`` since the frame before, in 255ths of a logarithmic scale"""
+    largest: tuple[float, float]
+    """of both [energy]"""
 
 
 class Log:
@@ -44,8 +55,8 @@ class Log:
                 *(piece[c].to_numpy()[inside] for c in columns),
             )
 
-    def losses(self, time: np.ndarray) -> tuple[np.ndarray, np.ndarray] | None:
-        """``[K, N]`` energy lost so far, and since the frame before, in 255ths of a logarithmic scale."""
+    def losses(self, time: np.ndarray) -> Losses | None:
+        """Energy lost up to each time; ``None`` if the log does not tell, or nothing was lost."""
         if "energy_loss" not in self._events.columns:
             return None
         recent = np.zeros((len(time), self._count), np.float32)
@@ -58,7 +69,10 @@ class Log:
         if not recent.any():
             return None
         total = np.cumsum(recent, axis=0, dtype=np.float32)
-        return _scaled(total), _scaled(recent)
+        most, top = float(total.max()), float(recent.max())
+        with np.errstate(divide="ignore"):
+            decades = 1 + np.log10(np.maximum(recent, 0) / top) / DECADES
+        return Losses(_shades(total / most), _shades(decades), (most, top))
 
     def sample(self, blobs: Blobs, start: float, end: float, notes: list[str]) -> dict[str, Any]:
         """Writes times (since ``start``) and particles of the events up to ``end``, evenly thinned."""
@@ -77,8 +91,5 @@ class Log:
         return {"every": every, **blobs.add(time.astype(np.float32), i.astype(np.uint32), j.astype(np.uint32))}
 
 
-def _scaled(values: np.ndarray) -> np.ndarray:
-    top = float(values.max())
-    with np.errstate(divide="ignore"):
-        share = 1 + np.log10(np.maximum(values, 0) / top) / DECADES
+def _shades(share: np.ndarray) -> np.ndarray:
     return (np.clip(share, 0, 1) * 255).astype(np.uint8)

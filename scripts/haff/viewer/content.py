@@ -24,8 +24,6 @@ MOST = 20_000
 CHUNK = 1 << 20  # bytes of frames in one blob, about
 BASE64 = 4 / 3
 
-Losses = tuple[np.ndarray, np.ndarray]
-
 
 def write(file: File, blobs: Blobs, frames: str | slice | int | None, size: float, notes: list[str]) -> None:
     """Writes the arrays of a page, and its header last. ``notes`` gets a line for whatever is left out."""
@@ -57,6 +55,7 @@ def write(file: File, blobs: Blobs, frames: str | slice | int | None, size: floa
             np.minimum(file.species, 255).astype(np.uint8),
             (~np.isfinite(file.mass)).astype(np.uint8),
         ),
+        "losses": None if losses is None else {"largest": losses.largest, "decades": collisions.DECADES},
         "walls": _walls(file),
         "joints": linked,
         "curves": curves.find(file),
@@ -86,7 +85,9 @@ def _thin(file: File, chosen, size: float, losses: bool, notes: list[str]):
     return kept
 
 
-def _frames(file: File, blobs: Blobs, keys: Keyframes, room: Extent, losses: Losses | None) -> dict[str, Any]:
+def _frames(
+    file: File, blobs: Blobs, keys: Keyframes, room: Extent, losses: collisions.Losses | None
+) -> dict[str, Any]:
     """Writes the frames in chunks; positions as floats if they are few, otherwise as 65536ths of the room."""
     d, count = file.dimension, len(file)
     periodic = (file.box.periodic & (np.arange(3) < d))[:d]
@@ -123,7 +124,7 @@ def _frames(file: File, blobs: Blobs, keys: Keyframes, room: Extent, losses: Los
         else:
             arrays = [position.astype(np.float32), velocity.astype(np.float32)]
         arrays.append(crossed.astype(np.int8))
-        arrays += [np.zeros(0, np.uint8)] * 2 if losses is None else [losses[0][k], losses[1][k]]
+        arrays += [np.zeros(0, np.uint8)] * 2 if losses is None else [losses.total[k], losses.recent[k]]
         pending.append(arrays)
         if len(pending) == per_chunk or k == len(keys.time) - 1:
             written = blobs.add(*(array for frame in pending for array in frame))

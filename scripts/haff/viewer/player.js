@@ -179,7 +179,12 @@ class Player {
       }
       const speed = header.frames.speed;
       const top = speed[k] + (speed[Math.min(k + 1, this.last)] - speed[k]) * x;
-      const ends = this.coloring === "speed" ? ["0", format(top, 3)] : ["little", "much (log)"];
+      let ends = ["0", format(top, 3)];
+      if (this.coloring !== "speed") {
+        const [total, recent] = header.losses.largest;
+        const least = recent / 10 ** header.losses.decades;
+        ends = this.coloring === "soFar" ? ["0", format(total, 3)] : [format(least, 2), format(recent, 3)];
+      }
       element.querySelectorAll(".ends span").forEach((end, row) => (end.textContent = ends[row]));
     }
     this.shown = this.coloring;
