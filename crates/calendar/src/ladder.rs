@@ -87,7 +87,12 @@ impl<E: Event> Ladder<E> {
             self.fine[slot].push(event);
         } else if coarse >> self.coarse_bits == self.year_now {
             let slot = (coarse & ((1 << self.coarse_bits) - 1)) as usize;
-            self.coarse[slot].push(event);
+            let bucket = &mut self.coarse[slot];
+            if bucket.len() == bucket.capacity() {
+                // By a quarter, not twofold: nearly all events of a large system stand here.
+                bucket.reserve_exact(bucket.len() / 4 + TARGET);
+            }
+            bucket.push(event);
         } else {
             self.later.push(event);
         }
@@ -103,49 +108,30 @@ impl<E: Event> Ladder<E> {
         }
     }
 
-    /// Takes all events out, in no particular order.
-    fn drain_all(&mut self) -> Vec<E> {
-        // The heap holds most of them when the width has never been tuned: its memory is taken over.
-        let late = mem::take(&mut self.late).into_vec();
-        let mut all: Vec<E> = late.into_iter().map(|Reverse(event)| event).collect();
-        all.append(&mut self.run);
-        for bucket in self.fine.iter_mut().chain(&mut self.coarse) {
-            all.append(bucket);
-        }
-        all.append(&mut self.later);
-        all
-    }
-
-    /// Distributes `all` again, starting at its least event.
-    fn refill(&mut self, all: Vec<E>) {
-        if let Some(first) = all.iter().map(Event::time).min() {
-            // One fine bucket before the first event, so that nothing starts in the heap.
-            self.point_at(first.saturating_sub(1 << self.shift));
-        }
-        for event in all {
-            self.place(event);
-        }
-    }
-
-    /// Chooses the fine width for `len` live events of which these are some: their median distance from the first, in
-    /// `TARGET`s.
-    fn tune_from(&mut self, some: &[E], len: usize) {
-        let Some(first) = some.iter().map(Event::time).min() else { return };
-        let sample = some.iter().step_by(some.len().div_ceil(SAMPLE));
+    /// Chooses the fine width for `len` live events of which `some` are given: their median distance from the first, in
+    /// `TARGET`s. Then points at the fine bucket before the first, so that nothing starts in the heap; all buckets must be empty.
+    fn tune_from<'a>(&mut self, some: impl Iterator<Item = &'a E> + Clone, len: usize)
+    where
+        E: 'a,
+    {
+        let Some(first) = some.clone().map(Event::time).min() else { return };
+        let sample = some.clone().step_by(some.count().div_ceil(SAMPLE));
         let mut ahead: Vec<u64> = sample.map(|event| event.time().wrapping_sub(first) as u64).collect();
         let middle = ahead.len() / 2;
         let (_, &mut median, _) = ahead.select_nth_unstable(middle);
         let width = (u128::from(median) * TARGET as u128 / ((len / 2).max(1) as u128)).max(1) as u64;
         self.set_shift(width.ilog2());
+        self.point_at(first.saturating_sub(1 << self.shift));
     }
 
     /// Makes ready for `len` events of which these are some; nothing may be held yet. Without it all that are entered before the
     /// first is taken are kept in one heap, and moved then.
     pub fn prepare(&mut self, some: &[E], len: usize) {
         debug_assert!(self.is_empty());
-        let Some(first) = some.iter().map(Event::time).min() else { return };
-        self.tune_from(some, len);
-        self.point_at(first.saturating_sub(1 << self.shift));
+        if some.is_empty() {
+            return;
+        }
+        self.tune_from(some.iter(), len);
         self.patience = len.clamp(REVIEW, 1 << 31) as u32;
         self.taken = 0;
         self.buckets = 0;
@@ -187,9 +173,23 @@ impl<E: Event> Ladder<E> {
 
     /// Rebuilds with a width that fits the present events.
     fn retune(&mut self) {
-        let all = self.drain_all();
-        self.tune_from(&all, all.len());
-        self.refill(all);
+        let (fine, coarse) = (self.fine.len(), self.coarse.len());
+        let fine = mem::replace(&mut self.fine, vec![Vec::new(); fine]);
+        let coarse = mem::replace(&mut self.coarse, vec![Vec::new(); coarse]);
+        let (run, later) = (mem::take(&mut self.run), mem::take(&mut self.later));
+        // The heap holds most of them when the width has never been tuned.
+        let late = mem::take(&mut self.late).into_vec();
+        let buckets = || fine.iter().chain(&coarse).chain([&run, &later]);
+        self.tune_from(late.iter().map(|late| &late.0).chain(buckets().flatten()), self.len);
+        for Reverse(event) in late {
+            self.place(event);
+        }
+        // Bucket by bucket, whose memory goes as the others' grows.
+        for bucket in fine.into_iter().chain(coarse).chain([run, later]) {
+            for event in bucket {
+                self.place(event);
+            }
+        }
     }
 
     /// Moves the next non-empty coarse bucket down into the fine ones.
@@ -236,12 +236,11 @@ impl<E: Event> Ladder<E> {
 
     fn open_coarse(&mut self, slot: usize) {
         self.fine_now = (self.coarse_now << self.fine_bits) - 1;
-        let mut bucket = mem::take(&mut self.coarse[slot]);
-        for event in bucket.drain(..) {
+        // Its memory goes, too: every bucket is the fullest for a while, so that in time all would be as large as that.
+        for event in mem::take(&mut self.coarse[slot]) {
             let fine = event.time() >> self.shift;
             self.fine[(fine & ((1 << self.fine_bits) - 1)) as usize].push(event);
         }
-        self.coarse[slot] = bucket; // Keeps its allocation.
     }
 }
 
@@ -325,7 +324,10 @@ impl<E: Event> Calendar<E> for Ladder<E> {
     }
 
     fn clear(&mut self) {
-        self.drain_all();
+        self.run.clear();
+        self.late.clear();
+        self.later.clear();
+        self.fine.iter_mut().chain(&mut self.coarse).for_each(Vec::clear);
         self.len = 0;
         self.patience = 0;
     }

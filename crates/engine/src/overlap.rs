@@ -13,6 +13,9 @@ use crate::particles::World;
 const BLOCK: usize = 4096;
 /// A pair further apart than this part beyond contact does not overlap, however squares are rounded.
 const ROUNDING: f64 = 1e-14;
+/// What places lose in single precision, in units of the largest coordinate or length, and what sums of radii lose of themselves: both
+/// several times what they can.
+const COARSE: f32 = 1e-6;
 
 /// The deepest overlap of all close pairs and of particles with walls.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -50,7 +53,14 @@ struct Level {
     start: Vec<u32>,
     rows: Vec<u32>,
     /// Spheres of `rows`.
-    spheres: Vec<Sphere>,
+    spheres: Vec<Coarse>,
+}
+
+/// A sphere in single precision: who is not near needs no more, and a million of them find room in 16 MB.
+#[derive(Debug, Clone, Copy, Default)]
+struct Coarse {
+    position: [f32; 3],
+    radius: f32,
 }
 
 impl Level {
@@ -75,14 +85,9 @@ impl Level {
         let count = cells.iter().product::<usize>();
         let mut level =
             Self { cells, density, start: vec![0; count + 1], rows: Vec::new(), spheres: Vec::new() };
-        let homes: Vec<(u32, Sphere)> = unsorted
-            .par_iter()
-            .map(|&i| {
-                let sphere = Sphere { position: place(world, i), radius: world.class(i).radius };
-                (level.index(level.home(sphere.position)) as u32, sphere)
-            })
-            .collect();
-        for &(cell, _) in &homes {
+        let homes: Vec<u32> =
+            unsorted.par_iter().map(|&i| level.index(level.home(place(world, i))) as u32).collect();
+        for &cell in &homes {
             level.start[cell as usize + 1] += 1;
         }
         for cell in 0..count {
@@ -90,13 +95,17 @@ impl Level {
         }
         let mut fill = level.start.clone();
         level.rows = vec![0; unsorted.len()];
-        level.spheres = vec![Sphere::default(); unsorted.len()];
-        for (&i, (cell, sphere)) in unsorted.iter().zip(homes) {
+        for (&i, cell) in unsorted.iter().zip(homes) {
             let next = &mut fill[cell as usize];
             level.rows[*next as usize] = i;
-            level.spheres[*next as usize] = sphere;
             *next += 1;
         }
+        drop(fill);
+        let coarse = |&i: &u32| Coarse {
+            position: place(world, i).as_vec3().to_array(),
+            radius: world.class(i).radius as f32,
+        };
+        level.rows.par_iter().map(coarse).collect_into_vec(&mut level.spheres);
         level
     }
 
@@ -153,29 +162,51 @@ fn place(world: &World, i: u32) -> DVec3 {
 /// The deepest overlap that has been met, and how it is measured.
 struct Meter<'a> {
     world: &'a World,
-    /// Half of the lengths along periodic axes: who is further apart has a nearer image.
-    half: DVec3,
+    /// Lengths along periodic axes, 0 along others [length].
+    edges: [f32; 3],
     deepest: Overlap,
 }
 
 impl<'a> Meter<'a> {
     fn new(world: &'a World) -> Self {
-        let half = |axis: usize| if world.periodic[axis] { 0.5 * world.size[axis] } else { f64::INFINITY };
-        Self { world, half: DVec3::new(half(0), half(1), half(2)), deepest: Overlap::NONE }
+        let edges = [0, 1, 2].map(|axis| if world.periodic[axis] { world.size[axis] as f32 } else { 0.0 });
+        Self { world, edges, deepest: Overlap::NONE }
     }
 
     /// A sphere against some others of a level.
     #[inline]
     fn meet(&mut self, i: u32, sphere: Sphere, level: &Level, others: Range<usize>) {
+        let place = sphere.position.as_vec3().to_array();
+        let [mut largest, mut slack] = [0.0_f32; 2];
+        for axis in 0..3 {
+            largest = largest.max(place[axis].abs()).max(self.edges[axis]);
+        }
+        slack += COARSE * largest;
+        let radius = sphere.radius as f32 * (1.0 + COARSE);
         for (&j, other) in level.rows[others.clone()].iter().zip(&level.spheres[others]) {
-            let mut r = other.position - sphere.position;
-            if r.abs().cmpgt(self.half).any() {
-                r = self.world.nearest_image(r);
+            let mut square = 0.0;
+            for axis in 0..3 {
+                let mut d = (other.position[axis] - place[axis]).abs();
+                if 2.0 * d > self.edges[axis] && self.edges[axis] > 0.0 {
+                    d = (d - self.edges[axis]).abs();
+                }
+                square += d * d;
             }
-            let sigma = sphere.radius + other.radius;
-            if r.length_squared() < sigma * sigma * (1.0 + ROUNDING) {
-                self.touch(i, j, r.length(), sigma);
+            // The other may be further out than this one, but no further than it is near.
+            let near = (radius + other.radius * (1.0 + COARSE)) * (1.0 + COARSE) + slack;
+            if square < near * near {
+                self.look_closely(i, sphere, j);
             }
+        }
+    }
+
+    /// [`Self::meet`] for one that is near.
+    #[inline(never)]
+    fn look_closely(&mut self, i: u32, sphere: Sphere, j: u32) {
+        let r = self.world.nearest_image(place(self.world, j) - sphere.position);
+        let sigma = sphere.radius + self.world.class(j).radius;
+        if r.length_squared() < sigma * sigma * (1.0 + ROUNDING) {
+            self.touch(i, j, r.length(), sigma);
         }
     }
 
@@ -208,20 +239,17 @@ impl<'a> Meter<'a> {
             return;
         }
         for k in within.clone() {
-            self.meet(own.rows[k], own.spheres[k], own, k + 1..within.end);
-            self.meet_walls(own.rows[k], own.spheres[k]);
-        }
-        own.around(own.coordinates(cell), |other| {
-            // Two cells are looked at once, from the first.
-            if other > cell && !own.within(other).is_empty() {
-                for k in within.clone() {
-                    self.meet(own.rows[k], own.spheres[k], own, own.within(other));
+            let i = own.rows[k];
+            let sphere = Sphere { position: place(self.world, i), radius: self.world.class(i).radius };
+            self.meet(i, sphere, own, k + 1..within.end);
+            self.meet_walls(i, sphere);
+            own.around(own.coordinates(cell), |other| {
+                // Two cells are looked at once, from the first.
+                if other > cell {
+                    self.meet(i, sphere, own, own.within(other));
                 }
-            }
-        });
-        for level in &levels[1..] {
-            for k in within.clone() {
-                let (i, sphere) = (own.rows[k], own.spheres[k]);
+            });
+            for level in &levels[1..] {
                 level.around(level.home(sphere.position), |other| {
                     self.meet(i, sphere, level, level.within(other));
                 });
@@ -234,9 +262,12 @@ impl<'a> Meter<'a> {
 pub(crate) fn deepest(world: &World, geometry: &Geometry) -> Overlap {
     let mut octaves: BTreeMap<u64, Vec<u32>> = BTreeMap::new();
     let octave = |i: u32| world.class(i).radius.to_bits() >> 52;
-    let all: Vec<u32> = (0..world.particles.len() as u32).collect();
-    for run in all.chunk_by(|&i, &j| octave(i) == octave(j)) {
-        octaves.entry(octave(run[0])).or_default().extend(run);
+    let count = world.particles.len() as u32;
+    let mut first = 0;
+    while first < count {
+        let end = (first..count).find(|&i| octave(i) != octave(first)).unwrap_or(count);
+        octaves.entry(octave(first)).or_default().extend(first..end);
+        first = end;
     }
     // Smallest first: a pair of two levels is found from the smaller one.
     let levels: Vec<Level> = octaves.into_values().map(|rows| Level::new(world, geometry, &rows)).collect();

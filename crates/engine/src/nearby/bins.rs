@@ -13,8 +13,9 @@ use super::lists::LANES;
 const NONE: u32 = u32::MAX;
 /// Bins are a little wider than they have to be, because of the rounding of their own width.
 const WIDER: f64 = 1.0 + 1e-6;
-/// Bins per particle, at most, unless there are few in all.
-const MOST_PER_PARTICLE: usize = 4;
+/// Centers that a bin shall have at least: eight find room in its first block, and empty places cost memory.
+const PER_BIN: f64 = 4.5;
+/// There are no more bins than particles, unless they are few in all.
 const FEW: usize = 4096;
 /// Most bins along an axis.
 const MOST: f64 = 65_536.0;
@@ -47,11 +48,13 @@ pub(super) struct Bins {
 }
 
 impl Bins {
-    /// Bins of `particles` centers for searches up to `reach` in a box with these edges, zero along an axis without motion
+    /// Bins of `particles` centers at this mean `spacing` for searches up to `reach` in a box with these edges, zero along an axis without motion
     /// [largest contact distances]. Where most of them would be empty, the box is folded onto fewer.
-    pub fn new(edges: [f64; 3], unit: [f32; 3], reach: f64, particles: usize) -> Self {
-        let most = (MOST_PER_PARTICLE * particles).max(FEW) as f64;
-        let mut n = edges.map(|edge| (edge / (reach * WIDER)).max(1.0).floor());
+    pub fn new(edges: [f64; 3], unit: [f32; 3], reach: f64, spacing: f64, particles: usize) -> Self {
+        let axes = edges.iter().filter(|edge| **edge > 0.0).count();
+        let width = (reach * WIDER).max(libm::pow(PER_BIN, 1.0 / axes as f64) * spacing);
+        let most = particles.max(FEW) as f64;
+        let mut n = edges.map(|edge| (edge / width).max(1.0).floor());
         let mut fold = [0; 3];
         while n.iter().product::<f64>() > most || n.iter().any(|&n| n > MOST) {
             let longest = (0..3).max_by(|&a, &b| n[a].total_cmp(&n[b])).unwrap_or(0);
@@ -273,7 +276,7 @@ mod tests {
         {
             let unit = edges.map(|edge| if edge > 0.0 { (edge / 2.0_f64.powi(32)) as f32 } else { 1.0 });
             let reach = 2.0_f32;
-            let mut bins = Bins::new(edges, unit, f64::from(reach), 600);
+            let mut bins = Bins::new(edges, unit, f64::from(reach), 1.0, 600);
             let mut place = |axis: usize| {
                 // Clumps of about ten.
                 let empty = (edges[axis] / 10.0).max(1.0).log2() as u32;

@@ -53,16 +53,22 @@ pub(super) struct Lists {
 }
 
 impl Lists {
-    /// Lists of particles within balls of radius `half` [largest contact distances], all of which have just been put on record
+    /// Lists of particles at this mean `spacing` within balls of radius `half` [largest contact distances], all of which have just been put on record
     /// at the beginning of the frame's span.
-    pub fn new<F: Features>(frame: &Frame, edges: [f64; 3], half: f64, records: &[Record]) -> Self {
+    pub fn new<F: Features>(
+        frame: &Frame,
+        edges: [f64; 3],
+        half: f64,
+        spacing: f64,
+        records: &[Record],
+    ) -> Self {
         let count = records.len() - 1;
         let mut lists = Self {
             half: half as f32,
             half2: (half * half) as f32,
             unit: frame.unit,
             centers: roomy(count),
-            bins: Bins::new(edges, frame.unit, 1.0 + 2.0 * (half + f64::from(SLACK)), count),
+            bins: Bins::new(edges, frame.unit, 1.0 + 2.0 * (half + f64::from(SLACK)), spacing, count),
             ..Self::default()
         };
         for (i, record) in records[..count].iter().enumerate() {
@@ -78,7 +84,7 @@ impl Lists {
         // A start on a lattice has no fluctuations yet.
         let mean = lengths.iter().sum::<usize>() as f64 / lengths.len().max(1) as f64;
         let most = lengths.get(lengths.len() * 99 / 100).copied().unwrap_or(0);
-        lists.stride = most.max((mean + mean.sqrt()) as usize).max(1).next_multiple_of(LANES);
+        lists.stride = most.max((mean + 1.5 * mean.sqrt()) as usize).max(1).next_multiple_of(LANES);
         lists.words = roomy(count * lists.stride);
         lists.words.resize(count * lists.stride, count as u32);
         let (mut words, stride) = (std::mem::take(&mut lists.words), lists.stride);
@@ -366,12 +372,15 @@ impl Lists {
             .filter(|&i| self.centers[i as usize].members as usize > self.stride)
             .map(|i| (i, self.of(i)[..self.centers[i as usize].members as usize].to_vec()))
             .collect();
-        let (old, before) = (std::mem::take(&mut self.words), self.stride);
+        let before = self.stride;
         self.stride += LANES;
-        self.words = roomy(count * self.stride);
-        for list in old.chunks_exact(before) {
-            self.words.extend_from_slice(list);
-            self.words.resize(self.words.len() + LANES, count as u32);
+        // In place, from the last: both would be a quarter of all memory.
+        self.words.reserve_exact(count * LANES);
+        self.words.resize(count * self.stride, count as u32);
+        for i in (0..count).rev() {
+            let to = i * self.stride;
+            self.words.copy_within(i * before..(i + 1) * before, to);
+            self.words[to + before..to + self.stride].fill(count as u32);
         }
         (self.spilled, self.spare) = (Vec::new(), Vec::new());
         for (i, list) in lists {

@@ -66,6 +66,8 @@ struct Plan {
     /// Radius of the balls, and the edges, 0 where nothing moves [largest contact distances].
     half: f64,
     edges: [f64; 3],
+    /// Mean distance of neighbors [largest contact distances].
+    spacing: f64,
 }
 
 impl Plan {
@@ -92,7 +94,7 @@ impl Plan {
         let half = 0.5 * ((shell / mean).clamp(SHELL[0], SHELL[1]) - 1.0) * mean;
         // Centers of neighbors are a contact distance and two radii apart, and they themselves up to two more.
         let frame = Frame::new(geometry, (1.01 + 4.0 * half) * sigma)?;
-        Some(Self { frame, half, edges })
+        Some(Self { frame, half, edges, spacing })
     }
 }
 
@@ -501,7 +503,8 @@ impl<F: Features> Engine for Nearby<F> {
         }
         sight.begin(&state.world);
         sight.lists = Lists::default();
-        sight.lists = Lists::new::<F>(&sight.plan.frame, sight.plan.edges, sight.plan.half, &sight.records);
+        let Plan { frame, half, edges, spacing } = &sight.plan;
+        sight.lists = Lists::new::<F>(frame, *edges, *half, *spacing, &sight.records);
         let (sight, world, before) = (&self.sight, &state.world, self.work);
         let mut work = before;
         let mut block = Vec::with_capacity(BLOCK.min(count));

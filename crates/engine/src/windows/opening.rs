@@ -8,6 +8,7 @@ use super::{
     cells::Cells,
     filter::{BEFORE, FARTHEST, NEAR, Record, Scratch, margin},
     space::{Fall, Found, Space, TASK},
+    tiled::VERY_LARGE,
     tune::Work,
 };
 use crate::{
@@ -228,7 +229,10 @@ impl<F: Features> Windows<F> {
                 self.agenda.open_in_tiles(self.begin, self.space.end, &found.entries, tiles, &found.tiles);
             }
         }
-        self.found = found;
+        // Of very large systems they are not kept: they are in the agenda now, and nobody asks how many there were.
+        if self.space.records.len() <= VERY_LARGE {
+            self.found = found;
+        }
     }
 
     #[cfg(target_arch = "x86_64")]

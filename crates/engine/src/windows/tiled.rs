@@ -30,7 +30,7 @@ use crate::{
 /// Tiles are worth while from this many particles on…
 const LARGE: usize = 200_000;
 /// …and up to so many: what has happened in a window takes a hundred bytes a particle, more than a very large system has to spare.
-const VERY_LARGE: usize = 800_000;
+pub(super) const VERY_LARGE: usize = 800_000;
 /// After a window that had to be taken again, the next is taken in the order of time; after each further one, twice as many, up to this.
 const LONGEST_PENALTY: u32 = 64;
 /// A window has at most so many times as many events as contacts are known at its start.
