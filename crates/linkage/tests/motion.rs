@@ -356,3 +356,46 @@ fn a_rising_floor_carries_a_resting_body_and_does_the_work() {
     close("work", simulation.ledger().wall_work, 3.0 * G * 10.0, 1e-13);
     assert!(simulation.ledger().residual.abs() < 1e-14);
 }
+
+#[test]
+fn a_contact_that_opens_closes_again() {
+    // A mass on a floor, another above it on a spring, pushed down so far that its rebound lifts the first.
+    let (k, natural, amplitude) = (400.0, 1.0, 0.08);
+    let mut scene = Scene::new(0.0);
+    scene.gravity = DVec3::new(0.0, 0.0, -G);
+    scene.wall([0.0; 3], [0.0, 0.0, 1.0]);
+    let low = scene.particle([0.0, 0.0, 0.1], [0.0; 3], 1.0, 0.1);
+    let high = scene.particle([0.0, 0.0, 0.1 + natural - G / k - amplitude], [0.0; 3], 1.0, 0.1);
+    scene.spring(SpringEnd::Particle(low), SpringEnd::Particle(high), k, natural);
+    let mut simulation = scene.start();
+    // It lifts where the spring pulls with the weight: compression G/k + A cos ωt = −G/k.
+    let omega = k.sqrt();
+    let phase = (-2.0 * G / (k * amplitude)).acos();
+    let lift = phase / omega;
+    let log = run(&mut simulation, lift * (1.0 + 1e-9));
+    assert_eq!(log.0.len(), 1);
+    assert_eq!(log.0[0].kind, EventKind::Lift);
+    close("lifts", log.0[0].time, lift, 1e-12);
+    // Then the center flies at half of the speed, and the stretch swings about 0 at √(2k/m).
+    let (speed, fast) = (amplitude * omega * phase.sin(), (2.0 * k).sqrt());
+    let stretch = |t: f64| G / k * (fast * t).cos() + speed / fast * (fast * t).sin();
+    let height = |t: f64| 0.5 * speed * t - 0.5 * G * t * t - 0.5 * (stretch(t) - G / k);
+    let mut apart = 0.01;
+    while height(apart) > 0.0 {
+        apart += 1e-3;
+    }
+    let (mut early, mut late) = (apart - 1e-3, apart);
+    for _ in 0..100 {
+        let middle = 0.5 * (early + late);
+        if height(middle) > 0.0 { early = middle } else { late = middle }
+    }
+    let log = run(&mut simulation, lift + early + 1e-4);
+    assert_eq!(log.of(EventKind::Wall).len(), 1, "{:?}", log.0);
+    close("lands", log.0[0].time, lift + early, 1e-11);
+    assert_eq!(log.0[0].energy_loss, log.0[0].carnot_energy);
+    // Closed: it stays down as long as it is pressed.
+    near("down", simulation.frame().position[low].z, 0.1, 1e-14);
+    near("at rest", simulation.frame().velocity[low].length(), 0.0, 1e-14);
+    run(&mut simulation, 60.0);
+    near("ledger", simulation.ledger().residual, 0.0, 1e-13);
+}
