@@ -3,10 +3,7 @@
 from __future__ import annotations
 
 import json
-import os
-import shutil
 import subprocess
-import sys
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -15,20 +12,11 @@ import matplotlib
 import pytest
 
 import haff
+from validation.runs import ROOT, executable, toml
 
 matplotlib.use("Agg")
 
-ROOT = Path(__file__).resolve().parents[2]
 CONFIGS = ROOT / "configs"
-
-
-def executable() -> str:
-    """The command under test: $HAFF, the one installed beside this Python, or the one on PATH."""
-    beside = Path(sys.executable).parent / "haff"
-    found = os.environ.get("HAFF") or (str(beside) if beside.exists() else None) or shutil.which("haff")
-    if not found:
-        raise RuntimeError("no haff command: run `pip install .` first, or set HAFF to the binary")
-    return found
 
 
 @dataclass
@@ -51,7 +39,7 @@ class Command:
         self.done: dict[tuple, Run] = {}
 
     def __call__(self, *arguments: str | Path, check: bool = True, timeout: float = 200) -> subprocess.CompletedProcess:
-        command = [executable(), *map(str, arguments)]
+        command = [str(executable()), *map(str, arguments)]
         result = subprocess.run(command, capture_output=True, text=True, timeout=timeout, stdin=subprocess.DEVNULL)
         if check:
             assert result.returncode == 0, f"{' '.join(command)}\nexit {result.returncode}\n{result.stderr}"
@@ -60,7 +48,7 @@ class Command:
     def run(self, scene: str | Path, *, threads: int = 1, output: bool = True, **settings: Any) -> Run:
         """`haff run`; settings as `contact__restitution=0.8`. Scenes by their name in configs/ or by path."""
         path = scene if isinstance(scene, Path) else CONFIGS / f"{scene}.toml"
-        sets = [f"{key.replace('__', '.')}={_toml(value)}" for key, value in settings.items()]
+        sets = [f"{key.replace('__', '.')}={toml(value)}" for key, value in settings.items()]
         key = (str(path), threads, output, *sorted(sets))
         if key not in self.done:
             target = self.directory / f"run-{len(self.done)}.h5"
@@ -72,16 +60,6 @@ class Command:
             result = self(*arguments)
             self.done[key] = Run(json.loads(result.stdout), target if output else None)
         return self.done[key]
-
-
-def _toml(value: Any) -> str:
-    if isinstance(value, bool):
-        return str(value).lower()
-    if isinstance(value, (list, tuple)):
-        return "[" + ", ".join(_toml(v) for v in value) + "]"
-    if isinstance(value, dict):
-        return "{ " + ", ".join(f"{k} = {_toml(v)}" for k, v in value.items()) + " }"
-    return json.dumps(value) if isinstance(value, str) else repr(value)
 
 
 @pytest.fixture(scope="session")

@@ -2,18 +2,16 @@
 
 import json
 import math
-from pathlib import Path
 
 import numpy as np
 import pytest
 from scipy import stats
 
-from conftest import executable
 from validation import report
 from validation.parts import atmosphere, cooling, equilibrium, mixtures, transport
 from validation.registry import Part, discover
 from validation.rows import Row, at_most, chi_square, compare
-from validation.runs import SCENES, Context, toml
+from validation.runs import SCENES, Context, executable, toml
 
 NAMES = {
     "pressure",
@@ -31,7 +29,7 @@ NAMES = {
 
 @pytest.fixture(scope="module")
 def context():
-    context = Context(Path(executable()), 2, quick=True)
+    context = Context(executable(), 2, quick=True)
     yield context
     context.close()
 

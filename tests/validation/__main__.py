@@ -6,7 +6,6 @@ import argparse
 import datetime
 import os
 import platform
-import shutil
 import subprocess
 import sys
 import time
@@ -14,7 +13,7 @@ from pathlib import Path
 
 from . import report
 from .registry import discover
-from .runs import ROOT, Context
+from .runs import ROOT, Context, executable
 
 
 def arguments(names: list[str]) -> argparse.ArgumentParser:
@@ -38,15 +37,6 @@ def arguments(names: list[str]) -> argparse.ArgumentParser:
         "--haff", type=Path, metavar="FILE", help="the command to validate [HAFF, or the one installed]"
     )
     return parser
-
-
-def executable(given: Path | None) -> Path:
-    """The command under test, as the Python tests choose it."""
-    beside = Path(sys.executable).parent / "haff"
-    found = given or os.environ.get("HAFF") or (beside if beside.exists() else shutil.which("haff"))
-    if not found or not Path(found).exists():
-        raise SystemExit("no haff command: run `pip install .` first, or name the binary by --haff")
-    return Path(found).resolve()
 
 
 def processor() -> str:
@@ -74,7 +64,10 @@ def main() -> int:
     if options.jobs < 1:
         parser.error("--jobs must be 1 or more")
     directory = options.output or (None if options.quick else ROOT / "benches" / "record")
-    binary = executable(options.haff)
+    try:
+        binary = executable(options.haff)
+    except RuntimeError as error:
+        parser.error(str(error))
     version = subprocess.run([str(binary), "--version"], capture_output=True, text=True, check=True).stdout.split(
         " ", 1
     )

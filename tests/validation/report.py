@@ -15,10 +15,10 @@ import matplotlib.pyplot as plt
 import numpy as np
 from scipy import stats
 
+from haff.figures.style import BLUE, CYCLE, GREY, RED, style
+
 from .registry import Part
 from .rows import Z_LIMIT, Row, chi_square
-
-STYLE = {"font.size": 9, "axes.grid": True, "grid.alpha": 0.3, "legend.frameon": False, "axes.axisbelow": True}
 
 
 def load(path: Path) -> dict[str, Any]:
@@ -106,7 +106,7 @@ def figure(record: dict[str, Any], parts: dict[str, Part], path: Path) -> None:
     names = [name for name in record["parts"] if any(not row.bound for row in rows_of(record["parts"][name]))]
     if not names:
         return
-    with plt.rc_context(STYLE):
+    with style():
         drawn, (axis, side) = plt.subplots(
             1, 2, figsize=(7.4, 0.42 * len(names) + 1.3), sharey=False, width_ratios=[3, 1.2], layout="constrained"
         )
@@ -114,17 +114,17 @@ def figure(record: dict[str, Any], parts: dict[str, Part], path: Path) -> None:
         for place, name in enumerate(names):
             z = np.clip(scores[name], -6, 6)
             spread = np.linspace(-0.22, 0.22, len(z)) if len(z) > 1 else [0.0]
-            axis.plot(z, place + np.asarray(spread), "o", color=f"C{place % 10}", markersize=3.5)
+            axis.plot(z, place + np.asarray(spread), "o", color=CYCLE[place % len(CYCLE)], markersize=3.5)
         axis.axvspan(-1, 1, color="0.5", alpha=0.18, linewidth=0)
         for limit in (-Z_LIMIT, Z_LIMIT):
-            axis.axvline(limit, color="C3", linestyle="--", linewidth=1)
+            axis.axvline(limit, color=RED, linestyle="--", linewidth=1)
         axis.set_yticks(range(len(names)), [parts[name].title for name in names])
         axis.set(xlim=(-5, 5), ylim=(len(names) - 0.5, -0.5), xlabel="z = (measured − expected)/error")
         axis.grid(axis="y", visible=False)
         everything = np.concatenate([scores[name] for name in names])
-        side.hist(everything, bins=np.arange(-4.5, 5, 1.0), density=True, color="0.7")
+        side.hist(everything, bins=np.arange(-4.5, 5, 1.0), density=True, color=GREY, alpha=0.5)
         x = np.linspace(-4.5, 4.5, 200)
-        side.plot(x, stats.norm.pdf(x), color="C3", linewidth=1.2, label="normal")
+        side.plot(x, stats.norm.pdf(x), color=BLUE, linewidth=1.2, label="normal")
         side.set(xlabel="z", ylabel="density", title=f"{len(everything)} z-scores")
         side.legend(loc="upper left", fontsize=7, handlelength=1)
         drawn.savefig(path, dpi=150)

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import json
+import os
+import shutil
 import subprocess
 import sys
 import tempfile
@@ -23,6 +25,15 @@ Settings = Mapping[str, Any]
 
 Analysis = Callable[[haff.File, dict[str, Any]], Any]
 """Looks at the file of a finished run and its `--json` report; a function at the top of a module."""
+
+
+def executable(given: Path | None = None) -> Path:
+    """The command under test: the one given, $HAFF, the one installed beside this Python, or the one on PATH."""
+    beside = Path(sys.executable).parent / "haff"
+    found = given or os.environ.get("HAFF") or (beside if beside.exists() else shutil.which("haff"))
+    if not found or not Path(found).exists():
+        raise RuntimeError("no haff command: run `pip install .` first, or set HAFF to the binary")
+    return Path(found).resolve()
 
 
 def toml(value: Any) -> str:

@@ -56,10 +56,8 @@ def equation_of_state(eta: float, d: int, count: int) -> tuple[float, float, str
     if d == 3:
         doubt, source = 4e-5 * (expected - 1), "Kolafa–Labík–Malijevský"
     elif eta <= 0.5:
-        doubt, source = (
-            abs(float(theory.virial_disks(eta, 4) - theory.virial_disks(eta, 5))),
-            "virial series, Padé [4/5]",
-        )
+        source = "virial series, Padé [4/5]"
+        doubt = abs(float(theory.virial_disks(eta, 4) - theory.virial_disks(eta, 5)))
     else:
         # The series has too few coefficients here, and its correction for the box is below the uncertainty.
         expected = float(theory.luding_disks(eta))
