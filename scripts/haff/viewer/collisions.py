@@ -66,10 +66,10 @@ class Log:
             seen = row < len(time)
             for body in (i, j):
                 np.add.at(recent, (row[seen], body[seen]), loss[seen] / 2)
-        if not recent.any():
-            return None
         total = np.cumsum(recent, axis=0, dtype=np.float32)
-        most, top = float(total.max()), float(recent.max())
+        most, top = float(total.max(initial=0.0)), float(recent.max(initial=0.0))
+        if not (most > 0 and top > 0):
+            return None
         with np.errstate(divide="ignore"):
             decades = 1 + np.log10(np.maximum(recent, 0) / top) / DECADES
         return Losses(_shades(total / most), _shades(decades), (most, top))
