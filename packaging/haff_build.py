@@ -9,10 +9,13 @@ from __future__ import annotations
 import json
 import shutil
 import subprocess
+import tarfile
+import tempfile
+from email import message_from_bytes
 from pathlib import Path
 
 import maturin
-from maturin import build_sdist, get_requires_for_build_sdist
+from maturin import get_requires_for_build_sdist
 
 __all__ = [
     "build_editable",
@@ -55,6 +58,19 @@ def build_wheel(wheel_directory, config_settings=None, metadata_directory=None):
 def build_editable(wheel_directory, config_settings=None, metadata_directory=None):
     gather_data()
     return maturin.build_editable(wheel_directory, config_settings, metadata_directory)
+
+
+def build_sdist(sdist_directory, config_settings=None):
+    """All of the repository: maturin would leave out the command, which the extension does not depend on."""
+    listed = subprocess.run(["git", "ls-files", "-z"], stdout=subprocess.PIPE, text=True, check=True).stdout
+    with tempfile.TemporaryDirectory() as folder:
+        metadata = Path(folder) / prepare_metadata_for_build_wheel(folder) / "METADATA"
+        name = f"haff-{message_from_bytes(metadata.read_bytes())['Version']}"
+        with tarfile.open(Path(sdist_directory) / f"{name}.tar.gz", "w:gz") as archive:
+            for path in filter(None, listed.split("\0")):
+                archive.add(path, f"{name}/{path}")
+            archive.add(metadata, f"{name}/PKG-INFO")
+    return f"{name}.tar.gz"
 
 
 def gather_data() -> None:
