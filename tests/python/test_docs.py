@@ -27,8 +27,6 @@ FENCE = re.compile(
     flags=re.MULTILINE | re.DOTALL,
 )
 PAGES = [ROOT / "README.md", *sorted((ROOT / "docs").glob("**/*.md"))]
-# Runs in a test of its own, which looks at what comes out.
-PAGES.remove(ROOT / "docs" / "teaching.md")
 LANGUAGES = {"python", "sh", "text", "toml"}
 
 
