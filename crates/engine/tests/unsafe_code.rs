@@ -50,6 +50,17 @@ fn equal_spheres_run_alike_through_all_kernels() {
     assert_alike("equal spheres", &gas(4, 0.15, 1.0, 1));
 }
 
+/// Dense enough for the lists of periodic boxes, which have kernels of their own.
+#[test]
+fn dense_spheres_run_alike_through_all_kernels() {
+    let scene = gas(6, 0.45, 0.95, 4);
+    let options = Options { neighbors: NeighborChoice::Lists, ..Options::default() };
+    let mut lists = Simulation::new(scene.clone(), options).unwrap();
+    lists.advance(Until { collisions: 10, ..Until::default() }, &mut Silent).unwrap();
+    assert!(lists.counters().candidates > 0, "these are the others");
+    assert_alike("dense spheres", &scene);
+}
+
 /// Sizes, walls, and fixed bodies: the other paths of the same kernels; lists that end within a vector.
 #[test]
 fn mixtures_between_walls_run_alike_through_all_kernels() {
