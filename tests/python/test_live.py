@@ -104,10 +104,14 @@ def test_the_columns_are_those_of_files(command):
         assert live.box.boundary == file.box.boundary
 
 
-def test_linkages_run_as_well():
+def test_linkages_run_as_well(command):
     pendulums = haff.Simulation(CONFIGS / "textbook" / "pendulums.toml")
     assert pendulums.run() in ("until", "collisions", "rest")
     assert abs(pendulums.sample()["ledger_residual"]) < 1e-12
+    spring = haff.Simulation(CONFIGS / "textbook" / "spring_impact.toml")
+    with command.run("textbook/spring_impact").open() as file:
+        scalars = {name for name, value in spring.sample().items() if np.ndim(value) == 0}
+        assert {"spring_energy", "gravity_energy"} <= scalars <= set(file.observables)
 
 
 def test_a_scene_may_start_from_a_file(command):

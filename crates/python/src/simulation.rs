@@ -33,6 +33,7 @@ pub struct Simulation {
     pool: Option<rayon::ThreadPool>,
     name: String,
     dimension: usize,
+    has_springs: bool,
     domain: Domain,
     #[pyo3(get)]
     species_names: Vec<String>,
@@ -102,6 +103,7 @@ impl Simulation {
         let (dimension, domain, species_names) =
             (system.dimension.count(), system.domain, system.species.clone());
         let wall_names = system.walls.iter().map(|wall| wall.name.clone()).collect();
+        let has_springs = !joints.springs.is_empty();
         let start = || Machine::new(system, joints, options);
         let machine = py
             .detach(|| match &pool {
@@ -114,6 +116,7 @@ impl Simulation {
             pool,
             name: source.name().to_owned(),
             dimension,
+            has_springs,
             domain,
             species_names,
             wall_names,
@@ -163,7 +166,7 @@ impl Simulation {
 
     fn sample<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
         let sample = self.read(py, |moving| moving.machine.sample());
-        observables::sample(py, sample)
+        observables::sample(py, sample, self.has_springs)
     }
 
     fn counters<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
