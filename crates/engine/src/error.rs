@@ -103,7 +103,7 @@ fn listed(particles: &[u32], walls: &[String]) -> String {
     let names: Vec<String> = particles.iter().take(NAMED).map(u32::to_string).collect();
     let more = particles.len().saturating_sub(NAMED);
     let more = if more > 0 { format!(" and {more} more") } else { String::new() };
-    let walls: String = walls.iter().map(|name| format!(", wall {name}")).collect();
+    let walls: String = walls.iter().fold(String::new(), |text, name| text + ", wall " + name);
     let noun = if particles.len() == 1 { "particle" } else { "particles" };
     format!("{noun} {}{more}{walls}", names.join(", "))
 }
