@@ -89,7 +89,7 @@ impl Plan {
         let ball = if flat { std::f64::consts::PI } else { 4.0 / 3.0 * std::f64::consts::PI };
         let spacing = census.spacing(crowd.packing) / sigma;
         let volume = (MEMBERS + 1.0) * spacing.powi(census.dimension) / ball;
-        let shell = if flat { volume.sqrt() } else { libm::cbrt(volume) };
+        let shell = libm::pow(volume, 1.0 / f64::from(census.dimension));
         let mean = 2.0 * census.mean / sigma;
         let half = 0.5 * ((shell / mean).clamp(SHELL[0], SHELL[1]) - 1.0) * mean;
         // Centers of neighbors are a contact distance and two radii apart, and they themselves up to two more.
