@@ -13,7 +13,7 @@ use crate::document::Path;
 /// The table of pair rules has the square of this many entries.
 const MAX_GROUPS: usize = 1000;
 /// Walls are 16-bit numbers in the engine; a plane is tested by every particle near it.
-const MAX_WALLS: usize = 1000;
+const MAX_WALLS: usize = 10_000;
 
 /// Name of the group of explicit particles that have none.
 const UNNAMED: &str = "particle";

@@ -1,0 +1,387 @@
+"""What must hold of any run, found from its frames and its event log by a computation of its own.
+
+Nothing here is taken from the program's report. Positions, velocities and events are compared with each other and with
+the scene: overlaps with all periodic images and walls in extended precision, energy and momentum by exact sums, each
+event's impulse and loss from its law, and each flight between two events of a particle from the velocity that the
+impulses give it.
+"""
+
+from __future__ import annotations
+
+import itertools
+import math
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.spatial import cKDTree
+
+import haff
+
+Array = NDArray[Any]
+EPS = 2.0**-52
+LEAST = 1e-12
+"""Overlaps up to this part of the contact distance are rounding in any box, and so are sums of energies."""
+STALL = 110_000
+"""Events at one time, beside ten per particle, that the engine reports as a collapse."""
+
+
+@dataclass(frozen=True)
+class Finding:
+    """A worst case, and what it must not exceed."""
+
+    name: str
+    found: float
+    limit: float
+
+    @property
+    def passed(self) -> bool:
+        """Whether the limit is kept; what is not a number does not keep it."""
+        return bool(self.found <= self.limit)
+
+    def __str__(self) -> str:
+        return f"{self.name}: {self.found:.2e}, at most {self.limit:.2e}"
+
+
+@dataclass
+class Wall:
+    """A plane wall: a point at time 0, the unit normal to the inside, its velocity."""
+
+    name: str
+    point: Array
+    normal: Array
+    velocity: Array
+    restitution: Any = None
+
+
+def vector(values: Any) -> Array:
+    """A vector of three, of two or three numbers of a scene."""
+    return np.array([*values, 0.0][:3], float)
+
+
+class Scene:
+    """What a recorded scene says, read anew from its TOML."""
+
+    def __init__(self, file: haff.File) -> None:
+        scene = file.scene
+        domain = scene.get("domain", {})
+        self.dimension = file.dimension
+        self.size = np.array(file.box.size, float)
+        self.periodic = np.array(file.box.periodic, bool)
+        self.gravity = vector(domain.get("gravity", (0, 0, 0)))
+        self.mass, self.radius = file.mass, file.radius
+        self.finite = np.isfinite(self.mass)
+        names = file.species_names
+        self.name = [names[s] for s in file.species]
+        self.contact = scene.get("contact", {})
+        self.tc = float(self.contact.get("tc", 0.0))
+        self.pairs = {frozenset(p["between"]): p["restitution"] for p in self.contact.get("pair", ())}
+        self.walls: list[Wall] = []
+        for axis in range(self.dimension):
+            if file.box.boundary[axis] == "wall":
+                unit, label = np.eye(3)[axis], "xyz"[axis]
+                self.walls.append(Wall(f"{label}-", np.zeros(3), unit, np.zeros(3)))
+                self.walls.append(Wall(f"{label}+", unit * self.size[axis], -unit, np.zeros(3)))
+        for wall in scene.get("wall", ()):
+            normal = vector(wall["plane"]["normal"])
+            velocity = vector(wall.get("velocity", (0, 0, 0)))
+            self.walls.append(
+                Wall(
+                    wall.get("name", "wall"),
+                    vector(wall["plane"]["point"]),
+                    normal / np.linalg.norm(normal),
+                    velocity,
+                    wall.get("restitution"),
+                )
+            )
+
+    def law(self, i: int, j: int, wall: bool) -> Any:
+        """The restitution of a contact: a number or a table with its model."""
+        other = self.walls[j].name if wall else self.name[j]
+        general = self.contact.get("restitution", 1.0)
+        found = self.pairs.get(frozenset((self.name[i], other)))
+        if found is None and wall:
+            found = self.walls[j].restitution
+            general = self.contact.get("wall_restitution", general)
+        return general if found is None else found
+
+
+class Log:
+    """The event log: an array for each column, kinds by name."""
+
+    def __init__(self, events: haff.Events) -> None:
+        self.time, self.i, self.j = events["time"], events["i"], events["j"]
+        self.speed, self.impulse = events["approach_speed"], events["impulse"]
+        self.loss, self.carnot = events["energy_loss"], events["carnot_energy"]
+        self.normal, self.position = events["normal"], events["position"]
+        self.kind = [events.kinds[code] for code in events["kind"]]
+
+    def __len__(self) -> int:
+        return len(self.time)
+
+    def bodies(self, row: int) -> list[int]:
+        """The particles that took part."""
+        i, j = int(self.i[row]), int(self.j[row])
+        return [i, j] if self.kind[row] == "collision" else [i]
+
+
+def coefficient(law: Any, speed: float) -> float | None:
+    """Restitution at an approach speed; None for models that are not recomputed here."""
+    if not isinstance(law, dict):
+        return float(law)
+    if law.get("model") == "cutoff":
+        slowness = min(1.0, speed / law["speed"]) ** law.get("exponent", 0.75)
+        return 1 - (1 - float(law["restitution"])) * slowness
+    return None
+
+
+def images(scene: Scene, reach: float) -> list[Array]:
+    """Shifts by whole edges under which two particles within `reach` of each other may touch."""
+    spans = []
+    for axis in range(3):
+        edge = scene.size[axis]
+        many = math.ceil(reach / edge) if scene.periodic[axis] and reach > 0.5 * edge else 0
+        spans.append(range(-many, many + 1))
+    return [np.array(k, float) * scene.size for k in itertools.product(*spans)]
+
+
+def close_pairs(scene: Scene, position: Array) -> Array:
+    """Rows of all pairs whose nearest images may touch, `[M, 2]`; every pair where they are few."""
+    count = len(position)
+    if count <= 320:
+        return np.stack(np.triu_indices(count, 1), axis=1)
+    # A grid is of use among equals only: whoever is larger than twice the median is tried with everybody.
+    large = np.flatnonzero(scene.radius > 2 * np.median(scene.radius))
+    small = np.flatnonzero(scene.radius <= 2 * np.median(scene.radius))
+    low = position.min(axis=0)
+    edge = np.where(scene.periodic, scene.size, 4 * (position.max(axis=0) - low) + 8 * scene.radius.max())
+    tree = cKDTree(np.mod(np.where(scene.periodic, position, position - low), edge)[small], boxsize=edge)
+    near = tree.query_pairs(2 * scene.radius[small].max() * (1 + 1e-6), output_type="ndarray")
+    pairs = [small[near]]
+    for row, i in enumerate(large):
+        rest = np.setdiff1d(np.arange(count), large[: row + 1])
+        pairs.append(np.stack([np.full(len(rest), i), rest], axis=1))
+    return np.concatenate(pairs)
+
+
+def overlap(scene: Scene, position: Array, time: float) -> float:
+    """Deepest overlap of any two particles, or of one and a wall, in contact distances; in extended precision."""
+    wide = position.astype(np.longdouble)
+    size = scene.size.astype(np.longdouble)
+    pairs = close_pairs(scene, position)
+    pairs = pairs[scene.finite[pairs].any(axis=1)]
+    sigma = scene.radius[pairs].astype(np.longdouble).sum(axis=1)
+    apart = wide[pairs[:, 1]] - wide[pairs[:, 0]]
+    apart = np.where(scene.periodic, apart - np.rint(apart / size) * size, apart)
+    depth = np.longdouble(0)
+    for shift in images(scene, float(sigma.max(initial=0))):
+        distance = np.sqrt(((apart + shift) ** 2).sum(axis=1))
+        depth = max(depth, np.max(1 - distance / sigma, initial=0))
+    movable = scene.finite
+    for wall in scene.walls:
+        point = wall.point.astype(np.longdouble) + wall.velocity.astype(np.longdouble) * np.longdouble(time)
+        gap = (wide[movable] - point) @ wall.normal.astype(np.longdouble) / scene.radius[movable]
+        depth = max(depth, np.max(1 - gap, initial=0))
+    return float(depth)
+
+
+def worse(a: float, b: float) -> float:
+    """The larger; what is not a number is worst."""
+    return b if not b <= a and a == a else a
+
+
+def exact(terms: Any) -> float:
+    """The exact sum, rounded once."""
+    return math.fsum(np.ravel(terms))
+
+
+def audit(file: haff.File) -> list[Finding]:
+    """Everything that must hold of a run with frames and a complete event log."""
+    scene = Scene(file)
+    events = Log(file.events)
+    frames = list(file.frames)
+    position = [frame.position for frame in frames]
+    velocity = [frame.velocity for frame in frames]
+    unwrapped = [frame.unwrapped for frame in frames]
+    numbers = [
+        *position,
+        *velocity,
+        events.time,
+        events.speed,
+        events.impulse,
+        events.loss,
+        events.normal,
+        events.position,
+    ]
+    findings = [Finding("numbers that are not finite", sum((~np.isfinite(x)).sum() for x in numbers), 0)]
+    findings += order_of_time(events.time, len(file))
+    reach = longest(scene, events, position, velocity, frames)
+    smallest = min(scene.radius) + min(scene.radius)
+    limit = max(LEAST, 4 * np.spacing(reach) / smallest)
+    deepest = max(overlap(scene, x, frame.time) for x, frame in zip(position, frames))
+    findings.append(Finding("overlap [contact distances]", deepest, limit))
+    findings += laws(scene, events)
+    findings += balances(scene, events, frames, velocity, unwrapped)
+    if "rest" not in events.kind:
+        findings += flights(scene, events, velocity[0], position[0], float(frames[0].time))
+    return findings
+
+
+def order_of_time(time: Array, particles: int) -> list[Finding]:
+    """Time never goes back, and does not stand still."""
+    back = float(np.max(-np.diff(time), initial=0))
+    same = np.diff(np.flatnonzero(np.concatenate([[True], np.diff(time) > 0, [True]])))
+    return [
+        Finding("time goes back by", back, 0),
+        Finding("events at one time", float(np.max(same, initial=0)), STALL + 10 * particles),
+    ]
+
+
+def longest(scene: Scene, events: Log, position: list[Array], velocity: list[Array], frames: list[Any]) -> float:
+    """Largest coordinate or free path [length]."""
+    reach = max(float(np.abs(x).max()) for x in position)
+    # Nobody flies longer than from one event to the next, at most as fast as in any frame.
+    last = np.full(len(scene.mass), float(frames[0].time))
+    speed = max(float(np.linalg.norm(v, axis=1).max()) for v in velocity)
+    fastest = np.max([np.linalg.norm(v, axis=1) for v in velocity], axis=0)
+    path = 0.0
+    for row, time in enumerate(events.time):
+        for k in events.bodies(row):
+            path = max(path, (time - last[k]) * min(speed, fastest[k]))
+            last[k] = time
+    ends = (float(frames[-1].time) - last) * np.linalg.norm(velocity[-1], axis=1)
+    return max(reach, path, float(ends.max()), float(scene.size[scene.periodic].max(initial=0)))
+
+
+def laws(scene: Scene, events: Log) -> list[Finding]:
+    """Each event's impulse, loss and Carnot energy from its law and its approach speed, and its normal's length."""
+    error = {
+        "impulse": 0.0,
+        "loss": 0.0,
+        "Carnot energy": 0.0,
+        "normal's length": 0.0,
+        "of what does not approach": 0.0,
+    }
+    last = np.full(len(scene.mass), -math.inf)
+    columns = (events.time, events.kind, events.i, events.j, events.speed, events.impulse, events.loss, events.carnot)
+    for time, kind, i, j, speed, impulse, loss, carnot in zip(*(list(column) for column in columns)):
+        if kind not in ("collision", "wall"):
+            continue
+        wall = kind == "wall"
+        e = coefficient(scene.law(i, j, wall), speed)
+        if scene.tc > 0:
+            bodies = [k for k in ((i,) if wall else (i, j)) if scene.finite[k]]
+            since = min(time - last[k] for k in bodies)
+            # At the very edge of tc, rounding decides.
+            e = None if abs(since - scene.tc) < 1e-9 * scene.tc else 1.0 if since < scene.tc else e
+            last[bodies] = time
+        if speed <= 0:
+            # Two that touch in passing, at the same moment as another impact: nothing may come of it.
+            nothing = max(abs(speed), impulse, loss, carnot)
+            error["of what does not approach"] = max(error["of what does not approach"], nothing)
+            continue
+        if e is None:
+            continue
+        inverse = 1 / scene.mass[i] + (0.0 if wall else 1 / scene.mass[j])
+        energy = 0.5 * speed * speed / inverse
+        error["impulse"] = worse(error["impulse"], abs(impulse * inverse / ((1 + e) * speed) - 1))
+        error["loss"] = worse(error["loss"], abs(loss - (1 - e) * (1 + e) * energy) / energy)
+        error["Carnot energy"] = worse(error["Carnot energy"], abs(carnot / ((1 + e) ** 2 * energy) - 1))
+    error["normal's length"] = float(np.max(np.abs(np.linalg.norm(events.normal, axis=1) - 1), initial=0))
+    limits = {"of what does not approach": 0.0}
+    # Each is a product of a few rounded numbers.
+    return [Finding(f"law: {name}", value, limits.get(name, 16 * EPS)) for name, value in error.items()]
+
+
+def balances(
+    scene: Scene, events: Log, frames: list[Any], velocity: list[Array], unwrapped: list[Array]
+) -> list[Finding]:
+    """Energy and momentum of every frame from its particles, against the first frame and the log."""
+    m = scene.mass[scene.finite]
+    outer, work = np.zeros((len(events), 3)), np.zeros(len(events))
+    for row, (kind, i, j) in enumerate(zip(events.kind, events.i, events.j)):
+        if kind in ("wall", "rest"):
+            outer[row] = -events.impulse[row] * events.normal[row]
+            work[row] = outer[row] @ scene.walls[j].velocity
+        elif kind == "collision" and not (scene.finite[i] and scene.finite[j]):
+            outer[row] = events.impulse[row] * events.normal[row] * (1 if scene.finite[j] else -1)
+            work[row] = outer[row] @ velocity[0][i if scene.finite[j] else j]
+
+    def energies(k: int) -> tuple[float, float]:
+        v, x = velocity[k][scene.finite], unwrapped[k][scene.finite]
+        return exact(0.5 * m[:, None] * v * v), exact(-m[:, None] * scene.gravity * x)
+
+    start = energies(0)
+    before = [exact(m * velocity[0][scene.finite, axis]) for axis in range(3)]
+    residual = push = scale = 0.0
+    for k, frame in enumerate(frames):
+        until = np.searchsorted(events.time, frame.time, side="right")
+        kinetic, potential = energies(k)
+        terms = [kinetic, potential, -start[0], -start[1], exact(events.loss[:until]), -exact(work[:until])]
+        residual = worse(residual, abs(math.fsum(terms)) / max(map(abs, terms)))
+        scale = max(scale, exact(m * np.linalg.norm(velocity[k][scene.finite], axis=1)))
+        for axis in range(3):
+            given = [*outer[:until, axis], exact(m) * scene.gravity[axis] * (frame.time - frames[0].time)]
+            change = exact(m * velocity[k][scene.finite, axis]) - before[axis]
+            size = max(scale, exact(np.abs(outer[:until, axis])))
+            push = worse(push, abs(change - exact(given)) / size) if size > 0 else push
+    # Rounding walks at random: an ε of the collision's energy each time.
+    walk = 4 * EPS * math.sqrt(len(events) + 1)
+    findings = [Finding("energy, relative to the largest term", residual, LEAST + walk)]
+    # What holds up a grain at rest is not in the log.
+    return findings if "rest" in events.kind else [*findings, Finding("momentum, relative", push, LEAST + walk)]
+
+
+def flights(scene: Scene, events: Log, velocity: Array, position: Array, start: float) -> list[Finding]:
+    """Every flight between two events of a particle: from the place of the one to that of the other, at the velocity
+    that the logged impulses give it; and every approach speed from those velocities. This judges times of contact
+    without following chaos, since each flight starts from where its event is recorded."""
+    v = velocity.tolist()
+    x = position.tolist()
+    last = [start] * len(x)
+    g = scene.gravity.tolist()
+    size, periodic = scene.size.tolist(), scene.periodic.tolist()
+    mass, radius = scene.mass.tolist(), scene.radius.tolist()
+    fastest = np.linalg.norm(velocity, axis=1).tolist()
+    hits = [0] * len(x)
+    edge = max(size[axis] * periodic[axis] for axis in range(3))
+    worst_place = worst_speed = 0.0
+    columns = (events.time, events.i, events.j, events.speed, events.impulse, events.normal, events.position)
+    for kind, time, i, j, speed, impulse, n, place in zip(events.kind, *(column.tolist() for column in columns)):
+        bodies = [(i, -1)] if kind == "wall" else [(i, -1), (j, 1)]
+        closing = 0.0
+        scale = 0.0
+        # A contact is found to the rounding of the largest coordinate, whatever its direction.
+        coordinate = max(map(abs, place)) + edge
+        for k, sign in bodies:
+            dt = time - last[k]
+            fall = g if math.isfinite(mass[k]) else (0.0, 0.0, 0.0)
+            for axis in range(3):
+                there = place[axis] + sign * radius[k] * n[axis]
+                come = x[k][axis] + dt * (v[k][axis] + 0.5 * dt * fall[axis])
+                off = there - come
+                if periodic[axis]:
+                    off -= round(off / size[axis]) * size[axis]
+                # The place, the way, and the velocity's rounding over it, which adds up over the events so far; the
+                # rounding of the logged times moves a body by its speed.
+                pace = fastest[k] * (1 + hits[k])
+                ulp = EPS * (coordinate + radius[k] + pace * dt + fastest[k] * abs(time))
+                worst_place = worse(worst_place, abs(off) / (ulp + 1e-300))
+                x[k][axis] = there
+                v[k][axis] += dt * fall[axis]
+                closing -= sign * n[axis] * v[k][axis]
+            last[k] = time
+            scale = max(scale, fastest[k] * (1 + hits[k]))
+        if kind == "wall":
+            closing -= sum(a * b for a, b in zip(n, scene.walls[j].velocity))
+        worst_speed = worse(worst_speed, abs(closing - speed) / (EPS * (scale + speed)))
+        for k, sign in bodies:
+            change = sign * impulse / mass[k]
+            v[k] = [a + change * b for a, b in zip(v[k], n)]
+            fastest[k] = max(fastest[k], math.hypot(*v[k]))
+            hits[k] += 1
+    return [
+        Finding("place of an event, off its flight [ulp]", worst_place, 16),
+        Finding("approach speed, off its velocities [ulp]", worst_speed, 16),
+    ]
