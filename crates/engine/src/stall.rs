@@ -73,13 +73,16 @@ impl Stall {
         let first = world.state(entry.owner, entry.time).0;
         let among: DVec3 =
             self.particles.iter().map(|&i| world.nearest_image(world.state(i, entry.time).0 - first)).sum();
+        // Who rests on a wall has no events with it any more.
+        let supports = self.particles.iter().flat_map(|&i| world.support(i)).flatten().map(u32::from);
+        let walls: BTreeSet<u32> = self.walls.iter().copied().chain(supports).collect();
         let position = first + among / self.particles.len() as f64;
         EngineError::Collapse {
             time: world.clock.time(entry.time),
             events: self.events,
             span: (entry.time - self.since).max(0) as f64 * world.clock.tick,
             particles: self.particles.iter().copied().collect(),
-            walls: self.walls.iter().map(|&wall| world.walls[wall as usize].name.clone()).collect(),
+            walls: walls.iter().map(|&wall| world.walls[wall as usize].name.clone()).collect(),
             position: world.wrap(position).0.to_array(),
         }
     }

@@ -290,7 +290,8 @@ fn info_tells_what_the_header_and_the_last_rows_say() {
         (10, Some(3), Some(3), Some(300))
     );
     assert_eq!(found.time_range, Some((0.0, 0.5)));
-    assert_eq!(found.last_sample, Some(sample(2)));
+    // There are no springs, whose energy is then no number, which equals nothing.
+    assert_eq!(format!("{:?}", found.last_sample), format!("{:?}", Some(sample(2))));
     assert_eq!(found.checkpoint_time, Some(5.0));
     assert_eq!(found.counters.map(|counters| counters.collisions), Some(20));
     assert_eq!((found.finished, found.resumable), (true, false));
