@@ -12,7 +12,7 @@ fn every_command_has_help_with_an_example() {
     let haff = Haff::new();
     let (status, out, _) = haff.run(&["--help"]);
     assert_eq!(status, 0);
-    for command in ["run", "check", "init", "schema", "info", "bench", "man", "completions"] {
+    for command in ["run", "check", "init", "schema", "info", "bench", "sweep", "man", "completions"] {
         assert!(out.contains(command), "{command} in {out}");
         let (status, out, _) = haff.run(&[command, "--help"]);
         assert!(status == 0 && out.contains("Example") && out.contains(&format!("haff {command}")), "{out}");

@@ -41,6 +41,8 @@ pub enum Command {
     Info(Info),
     /// Measure collisions per second on standard scenes.
     Bench(Bench),
+    /// Run a scene for every combination of values and seeds, one file each.
+    Sweep(Sweep),
     /// Draw the standard figures of an output file (needs the Python package haff).
     Plot(Python),
     /// Write a file for other programs: GSD, extended XYZ, VTKHDF, CSV, Parquet (needs the Python package haff).
@@ -221,6 +223,54 @@ pub struct Bench {
     /// Another program to run the scenes of --accuracy; see docs/accuracy.md for what it is asked and answers.
     #[arg(long, value_name = "NAME=COMMAND", value_parser = peer, requires = "accuracy")]
     pub peer: Vec<(String, String)>,
+}
+
+#[derive(Debug, Args)]
+#[command(
+    after_help = "Values are TOML, separated by commas outside of brackets and quotes; lin(A, B, N) and log(A, B, N) stand for N
+values from A to B. Several --set give all combinations, the first key varying slowest.
+
+Examples:
+  haff sweep configs/cooling.toml --set contact.restitution=0.8,0.9,0.95 --seeds 4 -o study
+  haff sweep configs/cooling.toml --set 'contact.restitution=lin(0.5, 0.95, 10)' --set species.grain.count=1000,8000 -o grid
+  haff sweep configs/cooling.toml --set contact.restitution=0.8,0.9 --list      # what would run
+  haff sweep configs/cooling.toml --set contact.restitution=0.8,0.9 -o study --index $SLURM_ARRAY_TASK_ID
+
+The same command again runs only what is missing, and goes on with what was stopped. DIR/manifest.json tells parameters,
+seed, file, status and totals of every run. A run that fails does not stop the others; the exit status is the worst."
+)]
+pub struct Sweep {
+    /// Scene file (TOML).
+    pub scene: PathBuf,
+    /// A key of the scene by its dotted path, and the values it takes; repeatable.
+    #[arg(long, value_name = "KEY=V1,V2,…")]
+    pub set: Vec<String>,
+    /// Run each combination N times, with seeds derived by a hash from the scene's seed and the parameters; without it, once
+    /// with the scene's own seed.
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=1_000_000))]
+    pub seeds: Option<u32>,
+    /// Folder of the files and the manifest.
+    #[arg(short, long, value_name = "DIR", required_unless_present = "list")]
+    pub output: Option<PathBuf>,
+    /// Run this member only, counted from 0: for job arrays. The manifest takes note when the whole sweep is run or
+    /// listed.
+    #[arg(long, value_name = "I", allow_negative_numbers = true)]
+    pub index: Option<usize>,
+    /// Runs at a time; as many as there are cores by default. No result depends on it.
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=1024), conflicts_with = "index")]
+    pub jobs: Option<u16>,
+    /// Threads of each run; by default the cores that are left over, of a single member all.
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=1024))]
+    pub threads: Option<u16>,
+    /// Run nothing; list the members and how far they are.
+    #[arg(long)]
+    pub list: bool,
+    /// Print nothing but errors.
+    #[arg(short, long)]
+    pub quiet: bool,
+    /// Print the result as one JSON object on standard output.
+    #[arg(long)]
+    pub json: bool,
 }
 
 /// A whole number, also written as 4_000 or 1e6.

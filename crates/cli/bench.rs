@@ -55,8 +55,7 @@ pub fn bench(options: &Bench) -> Result<u8, Failure> {
     if options.print_scene {
         return print_scene(options, &cells);
     }
-    let signals = Signals::watch()
-        .map_err(|error| Failure::new(Status::File, format!("cannot watch for signals: {error}")))?;
+    let signals = Signals::watch()?;
     match cells[..] {
         [cell] => here(options, cell, &signals),
         _ => apart(options, &cells, &signals),

@@ -15,6 +15,17 @@ pub enum Status {
     File = 4,
 }
 
+impl Status {
+    /// The status of an exit code; anything else is a failure of a file.
+    pub fn of(exit: Option<u8>) -> Self {
+        match exit {
+            Some(2) => Self::Invalid,
+            Some(3) => Self::Stopped,
+            _ => Self::File,
+        }
+    }
+}
+
 /// What went wrong, in words for the user.
 #[derive(Debug)]
 pub struct Failure {

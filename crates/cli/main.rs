@@ -18,6 +18,8 @@ mod run;
 mod schedule;
 mod session;
 mod signals;
+mod single;
+mod sweep;
 mod watch;
 
 use std::process::ExitCode;
@@ -40,6 +42,7 @@ fn main() -> ExitCode {
         Command::View(options) => python::run("view", &options.arguments),
         Command::Man(options) => manual::man(&options),
         Command::Completions(options) => manual::completions(&options),
+        Command::Sweep(options) => sweep::sweep(&options),
     };
     match result {
         Ok(code) => ExitCode::from(code),

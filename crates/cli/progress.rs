@@ -5,32 +5,59 @@ use std::{
     time::{Duration, Instant},
 };
 
-use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
+use indicatif::{MultiProgress, ProgressBar, ProgressDrawTarget, ProgressStyle};
 
 use crate::output;
 
 /// Steps of the bar; its unit is a part of the whole run.
 const STEPS: u64 = 10_000;
 
-/// Shows how far a run has come.
+/// Shows how far a run has come; a clone shows it in the same place.
+#[derive(Clone)]
 pub struct Progress {
     bar: Option<ProgressBar>,
+    /// Whether it is a view of its own.
+    alone: bool,
     started: Instant,
     collisions_before: u64,
 }
 
 impl Progress {
-    /// A bar that starts at `collisions`, or none if it is not wanted or nobody looks.
-    pub fn new(wanted: bool, collisions: u64) -> Self {
-        let shown = wanted && std::io::stderr().is_terminal();
+    /// A bar on standard error, or none if nobody looks.
+    pub fn on_terminal(quiet: bool) -> Self {
+        let shown = !quiet && std::io::stderr().is_terminal();
         let bar = shown.then(|| {
-            let bar = ProgressBar::with_draw_target(Some(STEPS), ProgressDrawTarget::stderr_with_hz(10));
-            let style = ProgressStyle::with_template("{bar:30} {percent:>3} %  {msg}  {eta} left");
-            bar.set_style(style.unwrap_or_else(|_| ProgressStyle::default_bar()).progress_chars("━╸─"));
-            bar.enable_steady_tick(Duration::from_millis(200));
+            // Hidden until the run begins, so that no error before has a bar beside it.
+            let bar = ProgressBar::with_draw_target(Some(STEPS), ProgressDrawTarget::hidden());
+            bar.set_style(style("{bar:30} {percent:>3} %  {msg}  {eta} left"));
             bar
         });
-        Self { bar, started: Instant::now(), collisions_before: collisions }
+        Self::with(bar, true)
+    }
+
+    /// A line of a view of several runs, or none if nobody looks.
+    pub fn line_of(view: Option<&MultiProgress>, name: String) -> Self {
+        let bar = view.map(|view| {
+            let bar = view.add(ProgressBar::new(STEPS));
+            bar.set_style(style("  {prefix}  {bar:20} {percent:>3} %  {msg}"));
+            bar.set_prefix(name);
+            bar
+        });
+        Self::with(bar, false)
+    }
+
+    fn with(bar: Option<ProgressBar>, alone: bool) -> Self {
+        Self { bar, alone, started: Instant::now(), collisions_before: 0 }
+    }
+
+    /// The run begins, with so many collisions behind it.
+    pub fn begin(&mut self, collisions: u64) {
+        self.started = Instant::now();
+        self.collisions_before = collisions;
+        if let (Some(bar), true) = (&self.bar, self.alone) {
+            bar.set_draw_target(ProgressDrawTarget::stderr_with_hz(10));
+            bar.enable_steady_tick(Duration::from_millis(200));
+        }
     }
 
     /// Shows the present: the part of the run that is done, the simulated time and the collisions so far.
@@ -57,4 +84,10 @@ impl Progress {
             bar.finish_and_clear();
         }
     }
+}
+
+/// The style of a bar.
+pub fn style(template: &str) -> ProgressStyle {
+    let style = ProgressStyle::with_template(template);
+    style.unwrap_or_else(|_| ProgressStyle::default_bar()).progress_chars("━╸─")
 }

@@ -10,12 +10,16 @@ use haff_scene::{OutputPlan, RunPlan};
 use crate::{
     progress::Progress,
     schedule::Times,
-    signals::Signals,
+    single::Company,
     watch::{self, Watch},
 };
 
 /// Calendar entries between two looks at signals, the wall clock and the progress bar: some tens of milliseconds.
 const SLICE: u64 = 1 << 15;
+/// Longest wall time between checkpoints, whatever the scene asks for; and for large systems that of each particle, such that
+/// checkpoints write 1.3 MB/s.
+const CHECKPOINT_EVERY: Duration = Duration::from_secs(3);
+const CHECKPOINT_PARTICLE: Duration = Duration::from_micros(60);
 /// Event rows handed to the writer at once.
 const EVENT_BATCH: usize = 1 << 13;
 
@@ -109,11 +113,7 @@ pub struct Session<'a> {
     pub run: RunPlan,
     pub output: &'a OutputPlan,
     pub recorder: Option<&'a Recorder>,
-    pub signals: &'a Signals,
-    /// Whether to show a progress bar, where there is a terminal.
-    pub bar: bool,
-    /// Whether to show samples.
-    pub watch: bool,
+    pub company: Company<'a>,
     /// Time and step of the last frame and row recorded, so that none is written twice.
     pub recorded: Option<(f64, u64)>,
 }
@@ -152,24 +152,27 @@ impl Session<'_> {
         let plan =
             |schedule| Times::after(if recording { schedule } else { haff_scene::Schedule::Off }, from);
         let mut frames = plan(self.output.frames);
-        let mut samples = if self.watch {
+        let mut samples = if self.company.watch {
             Times::after(self.output.observables, from)
         } else {
             plan(self.output.observables)
         };
         let mut checkpoints =
             plan(self.output.checkpoint.map_or(haff_scene::Schedule::Off, haff_scene::Schedule::Every));
-        let progress = Progress::new(self.bar, self.simulation.counters().collisions);
-        if self.watch {
+        let mut progress = self.company.progress.clone();
+        progress.begin(self.simulation.counters().collisions);
+        if self.company.watch {
             progress.line(watch::HEAD);
         }
-        let mut watch = self.watch.then(Watch::new);
+        let mut watch = self.company.watch.then(Watch::new);
         if !resumed {
             self.record(true, true, &mut |sample| show(&mut watch, &progress, sample))?;
             self.checkpoint()?;
         }
         let until = self.run.until.unwrap_or(f64::INFINITY);
         let collisions = self.run.collisions.unwrap_or(u64::MAX);
+        let patience = CHECKPOINT_EVERY.max(CHECKPOINT_PARTICLE * self.simulation.particles() as u32);
+        let mut saved = Instant::now();
         let mut log = EventLog {
             recorder: self.recorder,
             wanted: recording && !self.output.events.is_empty(),
@@ -197,15 +200,22 @@ impl Session<'_> {
                     if checkpoint {
                         log.hand_over()?;
                         self.checkpoint()?;
+                        saved = Instant::now();
                     }
                 }
                 Ok(Stop::Slice) => {}
             }
-            if let Some(signal) = self.signals.received() {
+            if let Some(signal) = self.company.signals.received() {
                 break Ending::Signal(signal);
             }
             if self.run.wall_time.is_some_and(|limit| started.elapsed() >= limit) {
                 break Ending::WallTime;
+            }
+            // Simulated time says little about how much work a kill would cost.
+            if saved.elapsed() >= patience {
+                log.hand_over()?;
+                self.checkpoint()?;
+                saved = Instant::now();
             }
             let (time, done) = (self.simulation.time(), self.simulation.counters().collisions);
             progress.show((time / until).max(done as f64 / collisions as f64), time, done);
@@ -238,7 +248,7 @@ impl Session<'_> {
         sample: bool,
         show: &mut dyn FnMut(&Sample),
     ) -> Result<(), RecordError> {
-        if sample && (self.recorder.is_some() || self.watch) {
+        if sample && (self.recorder.is_some() || self.company.watch) {
             let row = self.simulation.sample();
             show(&row);
             if let Some(recorder) = self.recorder {

@@ -10,12 +10,19 @@ use signal_hook::{
     flag,
 };
 
+use crate::failure::{Failure, Status};
+
 /// Watches for signals.
 pub struct Signals(Arc<AtomicUsize>);
 
 impl Signals {
     /// Starts watching.
-    pub fn watch() -> std::io::Result<Self> {
+    pub fn watch() -> Result<Self, Failure> {
+        Self::register()
+            .map_err(|error| Failure::new(Status::File, format!("cannot watch for signals: {error}")))
+    }
+
+    fn register() -> std::io::Result<Self> {
         let received = Arc::new(AtomicUsize::new(0));
         for signal in [SIGINT, SIGTERM] {
             // Armed by the first signal, the conditional shutdown lets the second one through. The order matters: the

@@ -20,8 +20,7 @@ use crate::{
 pub fn accuracy(options: &Bench) -> Result<u8, Failure> {
     // Every other method runs on one thread.
     set_threads(Some(1))?;
-    let signals = Signals::watch()
-        .map_err(|error| Failure::new(Status::File, format!("cannot watch for signals: {error}")))?;
+    let signals = Signals::watch()?;
     let peers: Vec<Program> = options
         .peer
         .iter()

@@ -95,6 +95,12 @@ pub enum RecordError {
         /// What the system says.
         reason: String,
     },
+    /// The file is no longer where it was begun.
+    #[error("{path} was removed or replaced while it was being written")]
+    Vanished {
+        /// The file.
+        path: PathBuf,
+    },
     /// Any other failure of reading or writing.
     #[error("{path}: cannot {action}: {reason}")]
     Io {

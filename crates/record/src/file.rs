@@ -123,6 +123,23 @@ impl WritableFile {
         if self.handle.metadata().doing(&self.path, WRITE)?.len() > self.reserved {
             self.handle.set_len(self.reserved).doing(&self.path, WRITE)?;
         }
+        self.check_place()
+    }
+
+    /// Tells a file that somebody has removed or replaced: the system would go on writing what nobody can open.
+    fn check_place(&self) -> Result<(), RecordError> {
+        #[cfg(unix)]
+        if self.is_published() {
+            use std::os::unix::fs::MetadataExt;
+            let own = self.handle.metadata().doing(&self.path, WRITE)?;
+            let vanished = match fs::metadata(&self.path) {
+                Ok(there) => (there.dev(), there.ino()) != (own.dev(), own.ino()),
+                Err(error) => error.kind() == ErrorKind::NotFound,
+            };
+            if vanished {
+                return Err(RecordError::Vanished { path: self.path.clone() });
+            }
+        }
         Ok(())
     }
 
@@ -259,8 +276,8 @@ fn check_signature(path: &Path) -> Result<(), RecordError> {
     }
 }
 
-/// Whether a process has the file open for writing.
-fn is_being_written(path: &Path) -> bool {
+/// Whether a process has the file open for writing; `false` if there is no such file.
+pub fn is_being_written(path: &Path) -> bool {
     // HDF5 holds a lock on files it writes; it ends with its process.
     fs::File::open(path).is_ok_and(|file| matches!(file.try_lock_shared(), Err(fs::TryLockError::WouldBlock)))
 }

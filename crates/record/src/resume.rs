@@ -57,15 +57,9 @@ impl Recorder {
     /// [`RecordError::Missing`] if it holds no valid checkpoint.
     pub fn append(path: impl AsRef<Path>) -> Result<(Self, Resumed), RecordError> {
         let path = path.as_ref();
-        let (parameters, skeleton) = file::read(path, |file| {
-            let parameters = Parameters::read(file, path)?;
-            let skeleton = Skeleton::open(file, parameters.particles).doing(path, READ)?;
-            Ok((parameters, skeleton))
-        })?;
+        let (parameters, skeleton) = look(path)?;
         if parameters.complete {
-            let saved = choose(&skeleton, path)?;
-            let resumed = tell(parameters, &skeleton, &saved, path)?;
-            return Ok((Self::closed(path), resumed));
+            return Ok((Self::closed(path), resumed(parameters, &skeleton, path)?));
         }
         // The file is not opened for writing while it is open for reading.
         drop(skeleton);
@@ -98,6 +92,30 @@ impl Recorder {
         writer.resume(&saved, next_slot, first.max(second))?;
         Ok((Self::start(path, writer, wants)?, resumed))
     }
+}
+
+/// What [`Recorder::append`] would go on with; the file is left as it is.
+///
+/// # Errors
+///
+/// Those of [`crate::info`]; [`RecordError::Missing`] if it holds no valid checkpoint.
+pub fn resumable(path: impl AsRef<Path>) -> Result<Resumed, RecordError> {
+    let path = path.as_ref();
+    let (parameters, skeleton) = look(path)?;
+    resumed(parameters, &skeleton, path)
+}
+
+fn look(path: &Path) -> Result<(Parameters, Skeleton), RecordError> {
+    file::read(path, |file| {
+        let parameters = Parameters::read(file, path)?;
+        let skeleton = Skeleton::open(file, parameters.particles).doing(path, READ)?;
+        Ok((parameters, skeleton))
+    })
+}
+
+fn resumed(parameters: Parameters, skeleton: &Skeleton, path: &Path) -> Result<Resumed, RecordError> {
+    let saved = choose(skeleton, path)?;
+    tell(parameters, skeleton, &saved, path)
 }
 
 /// The newest checkpoint all of whose rows are in the file.

@@ -1,0 +1,270 @@
+//! One run from its scene, or from its file, to its end and report; `haff run` does one, `haff sweep` many.
+
+use std::path::PathBuf;
+
+use haff_engine::TRAJECTORY_VERSION;
+use haff_linkage::Machine;
+use haff_record::{Header, RecordError, Recorder};
+use haff_scene::{Scene, Schedule};
+use serde_json::{Value, json};
+
+use crate::{
+    arguments::VERSION,
+    failure::{Failure, Status},
+    info::OwnStates,
+    output,
+    progress::Progress,
+    run::{file_failure, machine_failure, peak_memory, scene_failure},
+    session::{Ending, Outcome, Session},
+    signals::Signals,
+};
+
+/// What whoever asks for a run provides.
+pub struct Company<'a> {
+    /// Signals that end it.
+    pub signals: &'a Signals,
+    /// Shows how far it is.
+    pub progress: Progress,
+    /// Whether to show samples.
+    pub watch: bool,
+}
+
+/// A run that has come to an end, be it good or bad.
+pub struct Finished {
+    /// The run as one JSON object.
+    pub report: Value,
+    end: End,
+}
+
+/// How a run came to its end.
+enum End {
+    /// It ran.
+    Ran { outcome: Box<Outcome>, context: Context, unwritten: Option<RecordError> },
+    /// Its file was complete already.
+    Complete(PathBuf),
+}
+
+/// What the report says beside the simulation itself.
+struct Context {
+    title: String,
+    seed: u64,
+    file: Option<PathBuf>,
+    resumed_from: Option<f64>,
+}
+
+/// Runs a scene; `overwrite` replaces its output file.
+pub fn start(scene: Scene, overwrite: bool, company: Company) -> Result<Finished, Failure> {
+    let Scene { system, joints, title, seed, run, output, resolved, .. } = scene;
+    let recorder = match &output.file {
+        Some(path) => {
+            let header = Header {
+                title: title.clone(),
+                scene_toml: resolved,
+                seed,
+                version: env!("CARGO_PKG_VERSION").to_owned(),
+                git_revision: env!("HAFF_GIT_REVISION").to_owned(),
+                trajectory_version: TRAJECTORY_VERSION,
+                frames: output.frames != Schedule::Off,
+                observables: output.observables != Schedule::Off,
+                events: output.events.clone(),
+                compressed: output.compressed,
+                has_springs: !joints.springs.is_empty(),
+                ..Header::from_system(&system)
+            };
+            Some(Recorder::create(path, header, overwrite).map_err(|error| file_failure(&error))?)
+        }
+        None => None,
+    };
+    if let Some(path) = &output.file {
+        tracing::info!(file = %path.display(), frames = ?output.frames, observables = ?output.observables, "output");
+    }
+    let simulation = Machine::new(system, joints, scene.options).map_err(|error| machine_failure(&error))?;
+    let session =
+        Session { simulation, run, output: &output, recorder: recorder.as_ref(), company, recorded: None };
+    let outcome = session.run(false);
+    let context = Context { title, seed, file: output.file.clone(), resumed_from: None };
+    Ok(Finished::new(outcome, context, recorder))
+}
+
+/// Goes on with the run in a file.
+pub fn resume(path: PathBuf, company: Company) -> Result<Finished, Failure> {
+    let info = haff_record::info(&path).map_err(|error| file_failure(&error))?;
+    if let (true, Some(summary)) = (info.finished, &info.summary) {
+        let mut report: Value = serde_json::from_str(summary)
+            .map_err(|error| Failure::new(Status::File, format!("{}: summary: {error}", path.display())))?;
+        report["resumed_from"] = report["simulated_time"].clone();
+        return Ok(Finished { report, end: End::Complete(path) });
+    }
+    if info.trajectory_version != TRAJECTORY_VERSION {
+        let message = format!(
+            "{} was written by haff {} with trajectory version {}, this is version {TRAJECTORY_VERSION}: \
+             use that release to go on",
+            path.display(),
+            info.version,
+            info.trajectory_version
+        );
+        return Err(Failure::new(Status::File, message));
+    }
+    let name = format!("{} (its scene)", path.display());
+    let own = OwnStates(path.clone());
+    let scene =
+        haff_scene::parse(&name, &info.scene_toml, &[], &own).map_err(|errors| scene_failure(&errors))?;
+    let Scene { system, joints, title, seed, run, output, options: machinery, .. } = scene;
+    // Nothing is cut off from a file that cannot be gone on with.
+    let resumed = haff_record::resumable(&path).map_err(|error| file_failure(&error))?;
+    let simulation = Machine::restore(system, joints, machinery, &resumed.checkpoint)
+        .map_err(|error| Failure::new(Status::File, format!("{}: {error}", path.display())))?;
+    tracing::info!(file = %path.display(), from = resumed.last_frame, "resumed");
+    let (recorder, _) = Recorder::append(&path).map_err(|error| file_failure(&error))?;
+    let context = Context { title, seed, file: Some(path), resumed_from: Some(simulation.time()) };
+    let recorded = resumed.last_frame.map(|time| {
+        let counters = simulation.counters();
+        (time, counters.collisions + counters.wall_collisions)
+    });
+    let session = Session { simulation, run, output: &output, recorder: Some(&recorder), company, recorded };
+    let outcome = session.run(true);
+    Ok(Finished::new(outcome, context, Some(recorder)))
+}
+
+impl Finished {
+    /// Writes the summary into the file and closes it.
+    fn new(outcome: Outcome, context: Context, recorder: Option<Recorder>) -> Self {
+        let mut report = report(&outcome, &context);
+        let unwritten = match (recorder, &outcome.ending) {
+            (_, Ending::Unwritable(error)) => Some(error.clone()),
+            (Some(recorder), ending) => recorder.finish(&report.to_string(), ending.is_final()).err(),
+            (None, _) => None,
+        };
+        if let Some(error) = &unwritten {
+            report["stopped"] = json!("output");
+            report["error"] = json!(error.to_string());
+        }
+        Self { report, end: End::Ran { outcome: Box::new(outcome), context, unwritten } }
+    }
+
+    /// Whether nothing is left to resume.
+    pub fn is_complete(&self) -> bool {
+        match &self.end {
+            End::Ran { outcome, unwritten, .. } => unwritten.is_none() && outcome.ending.is_final(),
+            End::Complete(_) => true,
+        }
+    }
+
+    /// The exit status of a run that ended as it should.
+    pub fn status(&self) -> Result<u8, Failure> {
+        let End::Ran { outcome, context, unwritten } = &self.end else { return Ok(0) };
+        if let Some(error) = unwritten {
+            return Err(file_failure(error));
+        }
+        match &outcome.ending {
+            Ending::Until | Ending::Collisions | Ending::Rest | Ending::WallTime => Ok(0),
+            Ending::Signal(signal) => Ok(128 + *signal as u8),
+            Ending::Failed(error) => {
+                let failure = machine_failure(error);
+                let kept = context.file.as_ref().map(|file| format!("\nrecorded so far: {}", file.display()));
+                Err(Failure { message: failure.message + &kept.unwrap_or_default(), ..failure })
+            }
+            Ending::Unwritable(error) => Err(file_failure(error)),
+        }
+    }
+
+    /// Tells people about the run in a few lines, unless its file could not be written.
+    pub fn tell(&self) {
+        match &self.end {
+            End::Ran { outcome, context, unwritten: None } => tell(outcome, context),
+            End::Ran { .. } => {}
+            End::Complete(path) => {
+                output::tell(format_args!("{} is complete: nothing to resume", path.display()));
+            }
+        }
+    }
+}
+
+/// The run as one JSON object.
+fn report(outcome: &Outcome, context: &Context) -> Value {
+    let simulation = &outcome.simulation;
+    let counters = simulation.counters();
+    let ledger = simulation.ledger();
+    let seconds = outcome.wall.as_secs_f64();
+    let mut report = json!({
+        "title": context.title,
+        "stopped": outcome.ending.word(),
+        "particles": simulation.particles(),
+        "collisions": counters.collisions,
+        "wall_collisions": counters.wall_collisions,
+        "events": counters.collisions + counters.wall_collisions,
+        "rests": counters.rests,
+        "simulated_time": simulation.time(),
+        "wall_seconds": seconds,
+        "collisions_per_second": counters.collisions as f64 / seconds,
+        "kinetic_energy": ledger.kinetic,
+        "potential_energy": ledger.potential,
+        "dissipated_energy": ledger.dissipated,
+        "carnot_energy": ledger.carnot,
+        "wall_work": ledger.wall_work,
+        "ledger_residual": ledger.residual,
+        "max_overlap": simulation.max_overlap(),
+        "peak_memory_bytes": peak_memory(),
+        "threads": rayon::current_num_threads(),
+        "neighbors": simulation.search(),
+        "seed": context.seed,
+        "version": VERSION,
+        "trajectory_version": TRAJECTORY_VERSION,
+        "state_hash": simulation.state_hash(),
+        "counters": {
+            "predictions": counters.predictions,
+            "stale": counters.stale,
+            "dropped": counters.dropped,
+            "transfers": counters.transfers,
+            "candidates": counters.candidates,
+            "windows": counters.windows,
+            "epochs": counters.epochs,
+        },
+        "file": context.file.as_ref().map(|file| file.display().to_string()),
+    });
+    if let Some(from) = context.resumed_from {
+        report["resumed_from"] = json!(from);
+    }
+    if let Ending::Failed(error) = &outcome.ending {
+        report["error"] = json!(error.to_string());
+    }
+    report
+}
+
+/// The run in a few lines for people.
+fn tell(outcome: &Outcome, context: &Context) {
+    let simulation = &outcome.simulation;
+    let (counters, ledger) = (simulation.counters(), simulation.ledger());
+    let why = match &outcome.ending {
+        Ending::Until => "reached run.until".to_owned(),
+        Ending::Collisions => "reached the number of collisions".to_owned(),
+        Ending::WallTime => "run.wall_time is used up".to_owned(),
+        Ending::Signal(_) => "ended by a signal".to_owned(),
+        Ending::Rest => "at rest: nothing will happen any more".to_owned(),
+        Ending::Failed(_) => "the simulation cannot go on".to_owned(),
+        Ending::Unwritable(_) => "the output cannot be written".to_owned(),
+    };
+    if !context.title.is_empty() {
+        output::tell(&context.title);
+    }
+    output::tell(format_args!(
+        "{} particles to t = {} in {:.2?}: {why}",
+        simulation.particles(),
+        simulation.time(),
+        outcome.wall
+    ));
+    let millions = counters.collisions as f64 / outcome.wall.as_secs_f64() / 1e6;
+    output::tell(format_args!(
+        "{} collisions ({millions:.3} M/s), {} wall collisions; ledger residual {:.1e}, largest overlap {:.1e}",
+        counters.collisions,
+        counters.wall_collisions,
+        ledger.residual,
+        simulation.max_overlap()
+    ));
+    if let Some(file) = &context.file {
+        output::tell(format_args!("wrote {}", file.display()));
+        if !outcome.ending.is_final() {
+            output::tell(format_args!("go on with: haff run --resume {}", file.display()));
+        }
+    }
+}

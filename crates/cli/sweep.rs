@@ -1,0 +1,252 @@
+//! `haff sweep`: one file for each combination of values and seeds, as many at a time as there are cores.
+//!
+//! Runs are independent and each has a pool of threads of its own, so results depend neither on how many run at a time nor
+//! on their order. What is complete is left alone, what was stopped goes on from its checkpoint, and a run that fails does
+//! not stop the others.
+
+mod manifest;
+mod member;
+mod plan;
+mod report;
+mod values;
+mod view;
+
+use std::{
+    num::NonZero,
+    path::Path,
+    sync::{
+        Mutex, PoisonError,
+        atomic::{AtomicUsize, Ordering},
+    },
+    thread,
+    time::{Duration, Instant},
+};
+
+use manifest::{Manifest, Row};
+use plan::Plan;
+use view::View;
+
+use crate::{
+    arguments::Sweep,
+    failure::{Failure, Status},
+    info::States,
+    output,
+    progress::Progress,
+    run::scene_failure,
+    signals::Signals,
+};
+
+/// Shortest time between two writings of the manifest.
+const WRITE_EVERY: Duration = Duration::from_secs(1);
+/// Part of the time that goes into writing it, at most.
+const WRITE_SHARE: u32 = 20;
+
+/// Runs a sweep, or a member of it, or tells what it consists of.
+pub fn sweep(options: &Sweep) -> Result<u8, Failure> {
+    let plan = Plan::new(options)?;
+    if let Some(index) = options.index
+        && index >= plan.len()
+    {
+        return Err(Failure::new(
+            Status::Invalid,
+            format!("--index {index}: the sweep has {} runs, counted from 0", plan.len()),
+        ));
+    }
+    check(&plan)?;
+    let folder = options.output.as_deref();
+    // Without a folder there is nothing to be found in it.
+    let mut manifest = Manifest::look(folder.unwrap_or(Path::new("")), &plan)?;
+    if options.list {
+        return list(options, &mut manifest, folder);
+    }
+    let Some(folder) = folder else {
+        return Err(Failure::new(Status::Invalid, "a folder for the runs is needed: -o DIR"));
+    };
+    let signals = Signals::watch()?;
+    manifest.begin()?;
+    match options.index {
+        Some(index) => one(options, &plan, &manifest, index, &signals),
+        None => all(options, &plan, folder, manifest, &signals),
+    }
+}
+
+/// Refuses a sweep none of whose values gives a valid scene, such as one with a key that does not exist.
+fn check(plan: &Plan) -> Result<(), Failure> {
+    let name = plan.scene.display().to_string();
+    let mut first = None;
+    for index in plan.corners() {
+        match haff_scene::parse(&name, &plan.text, &plan.member(index).overrides(), &States) {
+            Ok(_) => return Ok(()),
+            Err(errors) => {
+                first.get_or_insert_with(|| scene_failure(&errors));
+            }
+        }
+    }
+    first.map_or(Ok(()), Err)
+}
+
+/// Tells the members and how far they are; a manifest that is there takes note of it.
+fn list(options: &Sweep, manifest: &mut Manifest, folder: Option<&Path>) -> Result<u8, Failure> {
+    if let Some(folder) = folder {
+        for index in 0..manifest.rows().len() {
+            let row = manifest.row_mut(index);
+            if !member::is_settled(folder, row) {
+                member::look(folder, row);
+            }
+        }
+        if manifest.exists() {
+            manifest.write()?;
+        }
+    }
+    let rows: Vec<&Row> = match options.index {
+        Some(index) => vec![&manifest.rows()[index]],
+        None => manifest.rows().iter().collect(),
+    };
+    if options.json {
+        output::line(report::summary(&rows, folder))?;
+    } else {
+        output::print(report::table(&rows))?;
+    }
+    Ok(0)
+}
+
+/// Runs one member, for job arrays; its row stays out of the manifest, which others may be writing.
+fn one(
+    options: &Sweep,
+    plan: &Plan,
+    manifest: &Manifest,
+    index: usize,
+    signals: &Signals,
+) -> Result<u8, Failure> {
+    let threads = options.threads.map_or_else(cores, usize::from);
+    let progress = Progress::on_terminal(options.quiet);
+    let (row, report) = pool(threads)?
+        .install(|| member::run(manifest.folder(), plan, &plan.member(index), signals, progress));
+    // How the run went matters more than who reads about it.
+    let printed = if options.json { output::line(report::member(&row, report.as_ref())) } else { Ok(()) };
+    if !options.quiet {
+        output::tell(report::line(&row));
+    }
+    match (&row.error, row.exit) {
+        (Some(error), exit) => Err(Failure::new(Status::of(exit), error)),
+        (None, None | Some(0)) => printed.map(|()| 0),
+        (None, Some(exit)) => Ok(exit),
+    }
+}
+
+/// Runs all members that are not complete.
+fn all(
+    options: &Sweep,
+    plan: &Plan,
+    folder: &Path,
+    manifest: Manifest,
+    signals: &Signals,
+) -> Result<u8, Failure> {
+    let todo: Vec<usize> =
+        manifest.rows().iter().filter(|row| !member::is_settled(folder, row)).map(|row| row.index).collect();
+    let (jobs, threads) = share(options, todo.len());
+    let view = View::new(options.quiet, plan.len(), plan.len() - todo.len());
+    let next = AtomicUsize::new(0);
+    let book = Mutex::new(Book::new(manifest));
+    let work = || -> Result<(), Failure> {
+        let pool = pool(threads)?;
+        while signals.received().is_none()
+            && let Some(&index) = todo.get(next.fetch_add(1, Ordering::Relaxed))
+        {
+            let member = plan.member(index);
+            let progress = view.line(&member.label());
+            let (row, _) = pool.install(|| member::run(folder, plan, &member, signals, progress));
+            view.done(&row);
+            book.lock().unwrap_or_else(PoisonError::into_inner).enter(row)?;
+        }
+        Ok(())
+    };
+    thread::scope(|scope| {
+        let workers: Vec<_> = (0..jobs).map(|_| scope.spawn(work)).collect();
+        // A panic is a bug, and is told as one; the other workers have come to their ends by then.
+        workers
+            .into_iter()
+            .try_for_each(|worker| worker.join().unwrap_or_else(|panic| std::panic::resume_unwind(panic)))
+    })?;
+    view.finish();
+    let manifest = book.into_inner().unwrap_or_else(PoisonError::into_inner).close()?;
+    let rows: Vec<&Row> = manifest.rows().iter().collect();
+    let printed = if options.json { output::line(report::summary(&rows, Some(folder))) } else { Ok(()) };
+    if !options.quiet {
+        report::tell(&rows, todo.len(), folder);
+    }
+    if let Some(signal) = signals.received() {
+        return Ok(128 + signal as u8);
+    }
+    for row in rows.iter().filter(|row| row.error.is_some()) {
+        for line in report::line(row).lines() {
+            output::tell(format_args!("error: {line}"));
+        }
+    }
+    match rows.iter().filter_map(|row| row.exit).max() {
+        None | Some(0) => printed.map(|()| 0),
+        Some(worst) => Ok(worst),
+    }
+}
+
+/// The manifest while runs come in.
+struct Book {
+    manifest: Manifest,
+    written: Instant,
+    pause: Duration,
+}
+
+impl Book {
+    fn new(manifest: Manifest) -> Self {
+        Self { manifest, written: Instant::now(), pause: WRITE_EVERY }
+    }
+
+    /// Takes a row, and writes the manifest if that was not done just now.
+    fn enter(&mut self, row: Row) -> Result<(), Failure> {
+        let index = row.index;
+        *self.manifest.row_mut(index) = row;
+        if self.written.elapsed() >= self.pause {
+            let started = Instant::now();
+            self.manifest.write()?;
+            self.written = Instant::now();
+            self.pause = WRITE_EVERY.max(WRITE_SHARE * started.elapsed());
+        }
+        Ok(())
+    }
+
+    fn close(self) -> Result<Manifest, Failure> {
+        self.manifest.write()?;
+        Ok(self.manifest)
+    }
+}
+
+/// How many runs at a time, and threads of each, such that they do not exceed the cores.
+fn share(options: &Sweep, todo: usize) -> (usize, usize) {
+    let cores = cores();
+    let wanted = options.jobs.map(|jobs| usize::from(jobs).min(cores));
+    let threads = match (options.threads, wanted) {
+        (Some(threads), _) => usize::from(threads).min(cores),
+        (None, Some(jobs)) => cores / jobs.min(todo.max(1)),
+        (None, None) => cores / cores.min(todo.max(1)),
+    };
+    let jobs = wanted.unwrap_or(cores).min(cores / threads).min(todo).max(1);
+    if !options.quiet
+        && usize::from(options.jobs.unwrap_or(1)) * usize::from(options.threads.unwrap_or(1)) > cores
+    {
+        output::tell(format_args!(
+            "there are {cores} cores; runs at a time: {jobs}, threads of each: {threads}"
+        ));
+    }
+    (jobs, threads)
+}
+
+fn cores() -> usize {
+    thread::available_parallelism().map_or(1, NonZero::get)
+}
+
+fn pool(threads: usize) -> Result<rayon::ThreadPool, Failure> {
+    rayon::ThreadPoolBuilder::new()
+        .num_threads(threads)
+        .build()
+        .map_err(|error| Failure::new(Status::Invalid, format!("--threads: {error}")))
+}

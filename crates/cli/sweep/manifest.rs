@@ -1,0 +1,307 @@
+//! `manifest.json` of a sweep's folder: what the sweep is, and what is known of each run.
+//!
+//! The files of the runs are the truth; the manifest spares reading them all. It is replaced as a whole, so it can be read
+//! at any instant.
+
+use std::{
+    collections::HashMap,
+    fs,
+    io::{BufReader, BufWriter, ErrorKind, Write},
+    path::{Path, PathBuf},
+};
+
+use haff_engine::TRAJECTORY_VERSION;
+use serde::{Deserialize, Serialize};
+use serde_json::{Map, Value};
+use tempfile::NamedTempFile;
+
+use super::plan::{Member, Plan};
+use crate::{
+    arguments::VERSION,
+    failure::{Failure, Status},
+};
+
+/// Name of the manifest in the sweep's folder.
+pub const NAME: &str = "manifest.json";
+/// Version of the manifest's layout.
+const LAYOUT: u32 = 1;
+
+/// What of a run's report a row keeps.
+const TOTALS: [&str; 17] = [
+    "particles",
+    "collisions",
+    "wall_collisions",
+    "events",
+    "rests",
+    "simulated_time",
+    "kinetic_energy",
+    "potential_energy",
+    "dissipated_energy",
+    "carnot_energy",
+    "wall_work",
+    "ledger_residual",
+    "max_overlap",
+    "wall_seconds",
+    "resumed_from",
+    "stopped",
+    "state_hash",
+];
+
+/// How far a run is.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum State {
+    /// Not begun.
+    Missing,
+    /// Another process writes its file.
+    Running,
+    /// Stopped or killed; its file can be resumed.
+    Unfinished,
+    /// Done.
+    Complete,
+    /// Ended with an error.
+    Failed,
+}
+
+impl State {
+    /// The word in tables.
+    pub fn word(self) -> &'static str {
+        match self {
+            Self::Missing => "missing",
+            Self::Running => "running",
+            Self::Unfinished => "unfinished",
+            Self::Complete => "complete",
+            Self::Failed => "failed",
+        }
+    }
+}
+
+/// What is known of a run.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct Row {
+    /// Number of the run in the sweep, from 0.
+    pub index: usize,
+    /// Its parameters; numbers that JSON does not know (`inf`) as text.
+    pub parameters: Map<String, Value>,
+    /// Which of the runs with these parameters.
+    #[serde(skip_serializing_if = "Option::is_none", default)]
+    pub replica: Option<u32>,
+    /// Seed.
+    pub seed: Option<u64>,
+    /// File in the sweep's folder.
+    pub file: String,
+    /// How far it is.
+    pub status: State,
+    /// Size of the complete file.
+    #[serde(skip_serializing_if = "Option::is_none", default)]
+    pub file_bytes: Option<u64>,
+    /// Exit status, as `haff run` would give it.
+    #[serde(skip_serializing_if = "Option::is_none", default)]
+    pub exit: Option<u8>,
+    /// What went wrong.
+    #[serde(skip_serializing_if = "Option::is_none", default)]
+    pub error: Option<String>,
+    /// Totals of the run, as in its report.
+    #[serde(flatten)]
+    pub totals: Map<String, Value>,
+}
+
+impl Row {
+    /// The row of a run that has not begun.
+    pub fn missing(member: &Member) -> Self {
+        let parameters = member.parameters.iter().map(|(key, value)| (key.clone(), json(value))).collect();
+        Self {
+            index: member.index,
+            parameters,
+            replica: member.replica,
+            seed: member.seed,
+            file: member.file.clone(),
+            status: State::Missing,
+            file_bytes: None,
+            exit: None,
+            error: None,
+            totals: Map::new(),
+        }
+    }
+
+    /// Takes over the totals of a report.
+    pub fn take(&mut self, report: &Value) {
+        for key in TOTALS {
+            if let Some(value) = report.get(key) {
+                self.totals.insert(key.to_owned(), value.clone());
+            }
+        }
+        if let Some(seed) = report["seed"].as_u64() {
+            self.seed = Some(seed);
+        }
+    }
+}
+
+/// A TOML value as JSON.
+fn json(value: &toml::Value) -> Value {
+    match value {
+        toml::Value::Float(number) if !number.is_finite() => Value::String(value.to_string()),
+        other => serde_json::to_value(other).unwrap_or_else(|_| Value::String(other.to_string())),
+    }
+}
+
+/// The whole file.
+#[derive(Debug, Serialize, Deserialize)]
+struct Content {
+    manifest: u32,
+    version: String,
+    trajectory_version: u32,
+    scene: PathBuf,
+    scene_toml: String,
+    set: Vec<String>,
+    seeds: Option<u32>,
+    runs: Vec<Row>,
+}
+
+/// The manifest of a plan in its folder.
+#[derive(Debug)]
+pub struct Manifest {
+    path: PathBuf,
+    content: Content,
+}
+
+impl Manifest {
+    /// The manifest of a plan as far as the folder knows it; nothing is written.
+    ///
+    /// # Errors
+    /// If the folder holds another sweep, or a manifest that cannot be read.
+    pub fn look(folder: &Path, plan: &Plan) -> Result<Self, Failure> {
+        let path = folder.join(NAME);
+        let mut content = Content {
+            manifest: LAYOUT,
+            version: VERSION.to_owned(),
+            trajectory_version: TRAJECTORY_VERSION,
+            scene: plan.scene.clone(),
+            scene_toml: plan.text.clone(),
+            set: plan.axes.iter().map(ToString::to_string).collect(),
+            seeds: plan.seeds,
+            runs: plan.members().map(|member| Row::missing(&member)).collect(),
+        };
+        if let Some(known) = read(&path)? {
+            if let Some(difference) = difference(&known, &content) {
+                return Err(Failure::new(
+                    Status::File,
+                    format!(
+                        "{} belongs to another sweep: {difference}; take another folder (-o)",
+                        path.display()
+                    ),
+                ));
+            }
+            let mut rows: HashMap<usize, Row> = known.runs.into_iter().map(|row| (row.index, row)).collect();
+            for row in &mut content.runs {
+                if let Some(known) = rows.remove(&row.index).filter(|known| known.file == row.file) {
+                    *row = known;
+                }
+            }
+        }
+        Ok(Self { path, content })
+    }
+
+    /// Whether the folder has a manifest.
+    pub fn exists(&self) -> bool {
+        self.path.exists()
+    }
+
+    /// Makes the folder, and the manifest if there is none yet.
+    pub fn begin(&self) -> Result<(), Failure> {
+        let folder = self.folder();
+        fs::create_dir_all(folder).map_err(|error| unwritable(folder, &error))?;
+        if self.exists() {
+            return Ok(());
+        }
+        // Members of a job array begin at the same time; all write the same.
+        match self.temporary()?.persist_noclobber(&self.path) {
+            Ok(_) => Ok(()),
+            Err(error) if error.error.kind() == ErrorKind::AlreadyExists => Ok(()),
+            Err(error) => Err(unwritable(&self.path, &error.error)),
+        }
+    }
+
+    /// Writes the manifest in place of the one there is.
+    pub fn write(&self) -> Result<(), Failure> {
+        self.temporary()?.persist(&self.path).map(drop).map_err(|error| unwritable(&self.path, &error.error))
+    }
+
+    fn temporary(&self) -> Result<NamedTempFile, Failure> {
+        let write = || {
+            let mut builder = tempfile::Builder::new();
+            // As readable as any other file.
+            #[cfg(unix)]
+            builder.permissions(std::os::unix::fs::PermissionsExt::from_mode(0o666));
+            let file = builder.prefix(".manifest").tempfile_in(self.folder())?;
+            let mut out = BufWriter::new(&file);
+            serde_json::to_writer_pretty(&mut out, &self.content)?;
+            out.write_all(b"\n")?;
+            out.flush()?;
+            drop(out);
+            Ok(file)
+        };
+        write().map_err(|error: std::io::Error| unwritable(&self.path, &error))
+    }
+
+    /// The sweep's folder.
+    pub fn folder(&self) -> &Path {
+        self.path.parent().unwrap_or(Path::new("."))
+    }
+
+    /// All rows.
+    pub fn rows(&self) -> &[Row] {
+        &self.content.runs
+    }
+
+    /// The row of a member.
+    pub fn row_mut(&mut self, index: usize) -> &mut Row {
+        &mut self.content.runs[index]
+    }
+}
+
+/// Reads a manifest; `None` if there is none.
+fn read(path: &Path) -> Result<Option<Content>, Failure> {
+    let file = match fs::File::open(path) {
+        Ok(file) => file,
+        Err(error) if error.kind() == ErrorKind::NotFound => return Ok(None),
+        Err(error) => return Err(Failure::new(Status::File, format!("{}: {error}", path.display()))),
+    };
+    serde_json::from_reader(BufReader::new(file)).map(Some).map_err(|error| {
+        Failure::new(Status::File, format!("{} is not the manifest of a sweep: {error}", path.display()))
+    })
+}
+
+/// What makes two manifests those of different sweeps, if anything.
+fn difference(known: &Content, wanted: &Content) -> Option<String> {
+    if known.manifest != wanted.manifest {
+        return Some(format!("its layout is {}, this version writes {}", known.manifest, wanted.manifest));
+    }
+    if known.trajectory_version != wanted.trajectory_version {
+        return Some(format!(
+            "it was begun with trajectory version {} (haff {}), this is version {}",
+            known.trajectory_version, known.version, wanted.trajectory_version
+        ));
+    }
+    if known.set != wanted.set {
+        return Some(format!(
+            "it has --set {}, not {}",
+            known.set.join(" --set "),
+            wanted.set.join(" --set ")
+        ));
+    }
+    if known.seeds != wanted.seeds {
+        let text = |seeds: Option<u32>| seeds.map_or("no --seeds".to_owned(), |n| format!("--seeds {n}"));
+        return Some(format!("it has {}, not {}", text(known.seeds), text(wanted.seeds)));
+    }
+    // Comments and layout do not matter.
+    let scene = |text: &str| text.parse::<toml::Table>().ok();
+    if known.scene_toml != wanted.scene_toml && scene(&known.scene_toml) != scene(&wanted.scene_toml) {
+        return Some(format!("its scene is not that of {}", wanted.scene.display()));
+    }
+    None
+}
+
+fn unwritable(path: &Path, error: &std::io::Error) -> Failure {
+    Failure::new(Status::File, format!("{}: cannot write: {error}", path.display()))
+}

@@ -1,0 +1,123 @@
+//! One run of a sweep: begun, gone on with, or found complete.
+
+use std::{fs, path::Path};
+
+use haff_record::RecordError;
+use serde_json::Value;
+
+use super::{
+    manifest::{Row, State},
+    plan::{Member, Plan},
+};
+use crate::{
+    failure::{Failure, Status},
+    info::States,
+    progress::Progress,
+    run::{file_failure, scene_failure},
+    signals::Signals,
+    single::{self, Company, Finished},
+};
+
+/// Brings a member to its end and returns its row, and the whole report if it ran.
+pub fn run(
+    folder: &Path,
+    plan: &Plan,
+    member: &Member,
+    signals: &Signals,
+    progress: Progress,
+) -> (Row, Option<Value>) {
+    let mut row = Row::missing(member);
+    let path = folder.join(&member.file);
+    let finished = match go(&path, plan, member, Company { signals, progress, watch: false }) {
+        Ok(finished) => finished,
+        Err(failure) => {
+            fail(&mut row, &failure);
+            if is_being_written(&path) {
+                row.status = State::Running;
+            }
+            return (row, None);
+        }
+    };
+    row.take(&finished.report);
+    row.status = if finished.is_complete() { State::Complete } else { State::Unfinished };
+    match finished.status() {
+        Ok(exit) => row.exit = Some(exit),
+        Err(failure) => fail(&mut row, &failure),
+    }
+    note_size(&mut row, folder);
+    (row, Some(finished.report))
+}
+
+fn go(path: &Path, plan: &Plan, member: &Member, company: Company) -> Result<Finished, Failure> {
+    let name = plan.scene.display().to_string();
+    let mut scene = haff_scene::parse(&name, &plan.text, &member.overrides(), &States)
+        .map_err(|errors| scene_failure(&errors))?;
+    if !path.exists() {
+        scene.output.file = Some(path.to_owned());
+        return single::start(scene, false, company);
+    }
+    let info = haff_record::info(path).map_err(|error| file_failure(&error))?;
+    if info.scene_toml != scene.resolved {
+        let message = format!(
+            "{} holds another run, or one of another version of haff: remove it, or take another folder (-o)",
+            path.display()
+        );
+        return Err(Failure::new(Status::File, message));
+    }
+    drop(scene);
+    single::resume(path.to_owned(), company)
+}
+
+/// What the file of a member tells, if the manifest does not know.
+pub fn look(folder: &Path, row: &mut Row) {
+    let path = folder.join(&row.file);
+    match haff_record::info(&path) {
+        Ok(info) => {
+            let report: Value =
+                info.summary.and_then(|text| serde_json::from_str(&text).ok()).unwrap_or_default();
+            row.take(&report);
+            if let Some(error) = report["error"].as_str() {
+                fail(row, &Failure::new(Status::Stopped, error));
+                return;
+            }
+            row.error = None;
+            row.exit = None;
+            row.status = match (info.finished, is_being_written(&path)) {
+                (true, _) => State::Complete,
+                (false, true) => State::Running,
+                (false, false) => State::Unfinished,
+            };
+            note_size(row, folder);
+        }
+        Err(RecordError::NotFound { .. }) => {
+            // What failed before it had a file stays failed.
+            if row.status != State::Failed {
+                row.status = State::Missing;
+            }
+        }
+        Err(error) => fail(row, &file_failure(&error)),
+    }
+}
+
+/// Whether a complete run's file is still as the manifest says.
+pub fn is_settled(folder: &Path, row: &Row) -> bool {
+    row.status == State::Complete && row.file_bytes.is_some() && size(folder, row) == row.file_bytes
+}
+
+fn is_being_written(path: &Path) -> bool {
+    haff_record::is_being_written(path)
+}
+
+fn fail(row: &mut Row, failure: &Failure) {
+    row.status = State::Failed;
+    row.exit = Some(failure.status as u8);
+    row.error = Some(failure.message.clone());
+}
+
+fn note_size(row: &mut Row, folder: &Path) {
+    row.file_bytes = if row.status == State::Complete { size(folder, row) } else { None };
+}
+
+fn size(folder: &Path, row: &Row) -> Option<u64> {
+    fs::metadata(folder.join(&row.file)).ok().map(|metadata| metadata.len())
+}

@@ -1,0 +1,116 @@
+//! What a sweep tells: a table, a summary as JSON, and the lines at its end.
+
+use std::{fmt::Write, path::Path};
+
+use serde_json::{Value, json};
+
+use super::manifest::{NAME, Row, State};
+use crate::output;
+
+/// Totals of a summary that are sums over its runs.
+const SUMS: [&str; 4] = ["collisions", "wall_collisions", "events", "wall_seconds"];
+
+/// All runs as one JSON object.
+pub fn summary(rows: &[&Row], folder: Option<&Path>) -> Value {
+    let mut summary = json!({
+        "folder": folder.map(|folder| folder.display().to_string()),
+        "members": rows.len(),
+        "runs": rows,
+    });
+    for state in [State::Missing, State::Running, State::Unfinished, State::Complete, State::Failed] {
+        summary[state.word()] = json!(count(rows, state));
+    }
+    for key in SUMS {
+        let values = rows.iter().filter_map(|row| row.totals.get(key));
+        // Counts stay whole numbers.
+        summary[key] = match values.clone().map(Value::as_u64).sum::<Option<u64>>() {
+            Some(sum) => json!(sum),
+            None => json!(values.filter_map(Value::as_f64).sum::<f64>()),
+        };
+    }
+    summary
+}
+
+/// One run as a JSON object: its row, and all of its report if it ran.
+pub fn member(row: &Row, report: Option<&Value>) -> Value {
+    let mut object = report.cloned().unwrap_or_else(|| json!({}));
+    if let (Some(object), Ok(Value::Object(own))) = (object.as_object_mut(), serde_json::to_value(row)) {
+        object.extend(own);
+    }
+    object
+}
+
+/// The runs as a table for people.
+pub fn table(rows: &[&Row]) -> String {
+    let mut cells: Vec<Vec<String>> = Vec::new();
+    if let Some(first) = rows.first() {
+        let keys = first.parameters.keys().cloned();
+        cells.push(["run".to_owned()].into_iter().chain(keys).collect());
+        cells[0].extend(["seed", "status", "file"].map(str::to_owned));
+    }
+    for row in rows {
+        let values = row.parameters.values().map(plain);
+        let seed = row.seed.map_or_else(|| "?".to_owned(), |seed| seed.to_string());
+        let mut line: Vec<String> = [row.index.to_string()].into_iter().chain(values).collect();
+        line.extend([seed, row.status.word().to_owned(), row.file.clone()]);
+        cells.push(line);
+    }
+    let columns = cells.first().map_or(0, Vec::len);
+    let widths: Vec<usize> = (0..columns)
+        .map(|column| cells.iter().map(|line| line[column].chars().count()).max().unwrap_or(0))
+        .collect();
+    let mut text = String::new();
+    for line in &cells {
+        let padded: Vec<String> =
+            line.iter().zip(&widths).map(|(cell, &width)| format!("{cell:width$}")).collect();
+        text.push_str(padded.join("  ").trim_end());
+        text.push('\n');
+    }
+    text
+}
+
+/// A run on one line, or on more if its error has more.
+pub fn line(row: &Row) -> String {
+    let mut text = format!("run {}", row.index);
+    for (key, value) in &row.parameters {
+        // Writing to a string cannot fail.
+        let _ = write!(text, "  {key}={}", plain(value));
+    }
+    if let Some(replica) = row.replica {
+        let _ = write!(text, "  seed {replica}");
+    }
+    match &row.error {
+        Some(error) => text + ": " + error,
+        None => text + ": " + row.status.word() + ", " + &row.file,
+    }
+}
+
+/// The end of a sweep for people.
+pub fn tell(rows: &[&Row], run: usize, folder: &Path) {
+    let kept = rows.len() - run;
+    let mut text = format!("{} of {} runs are complete", count(rows, State::Complete), rows.len());
+    if kept > 0 {
+        let _ = write!(text, ", {kept} since before");
+    }
+    for state in [State::Failed, State::Unfinished, State::Running, State::Missing] {
+        match count(rows, state) {
+            0 => {}
+            count => {
+                let _ = write!(text, "; {count} {}", state.word());
+            }
+        }
+    }
+    output::tell(text);
+    output::tell(format_args!("wrote {}", folder.join(NAME).display()));
+    if count(rows, State::Complete) < rows.len() {
+        output::tell(format_args!("go on with the same command"));
+    }
+}
+
+fn count(rows: &[&Row], state: State) -> usize {
+    rows.iter().filter(|row| row.status == state).count()
+}
+
+fn plain(value: &Value) -> String {
+    value.as_str().map_or_else(|| value.to_string(), str::to_owned)
+}

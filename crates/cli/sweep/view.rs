@@ -1,0 +1,49 @@
+//! One view of a sweep on a terminal: the whole, and a line for each run in progress.
+
+use std::{io::IsTerminal, time::Duration};
+
+use indicatif::{MultiProgress, ProgressBar};
+
+use super::manifest::Row;
+use crate::progress::{Progress, style};
+
+/// The view; nothing if nobody looks.
+pub struct View(Option<(MultiProgress, ProgressBar)>);
+
+impl View {
+    /// A view of so many runs, of which some are complete already.
+    pub fn new(quiet: bool, runs: usize, complete: usize) -> Self {
+        let shown = !quiet && std::io::stderr().is_terminal();
+        Self(shown.then(|| {
+            let lines = MultiProgress::new();
+            let whole = lines.add(ProgressBar::new(runs as u64).with_position(complete as u64));
+            whole.set_style(style("{bar:30} {pos}/{len} runs  {elapsed} gone  {eta} left"));
+            whole.reset_eta();
+            whole.enable_steady_tick(Duration::from_millis(200));
+            (lines, whole)
+        }))
+    }
+
+    /// A line for a run that begins.
+    pub fn line(&self, label: &str) -> Progress {
+        Progress::line_of(self.0.as_ref().map(|(lines, _)| lines), label.to_owned())
+    }
+
+    /// A run has ended.
+    pub fn done(&self, row: &Row) {
+        if let Some((lines, whole)) = &self.0 {
+            whole.inc(1);
+            if row.error.is_some() {
+                // The list of failures follows at the end; a broken terminal is no reason to stop.
+                let _ = lines.println(format!("run {} failed", row.index));
+            }
+        }
+    }
+
+    /// Removes the view.
+    pub fn finish(&self) {
+        if let Some((_, whole)) = &self.0 {
+            whole.finish_and_clear();
+        }
+    }
+}

@@ -1,0 +1,310 @@
+//! Sweeps: every combination once, each run as if alone, and whatever is missing done by the next call.
+
+mod common;
+
+use std::{
+    collections::HashSet,
+    fs,
+    process::Stdio,
+    thread,
+    time::{Duration, Instant},
+};
+
+use common::{GAS, Haff};
+use nix::{
+    sys::signal::{Signal, kill},
+    unistd::Pid,
+};
+use serde_json::Value;
+
+const SHORT: &[&str] = &["--set", "run.until=2,3", "--set", "contact.restitution=0.8,0.95"];
+
+fn sweep(haff: &Haff, more: &[&str]) -> Value {
+    haff.report(&[&["sweep", "gas.toml"], SHORT, &["-o", "study"], more].concat())
+}
+
+fn manifest(haff: &Haff) -> Value {
+    let text = fs::read_to_string(haff.path("study/manifest.json")).expect("a manifest");
+    serde_json::from_str(&text).expect("the manifest is JSON")
+}
+
+fn rows(summary: &Value) -> &[Value] {
+    summary["runs"].as_array().expect("rows")
+}
+
+fn hashes(summary: &Value) -> Vec<String> {
+    rows(summary).iter().map(|row| row["state_hash"].as_str().expect("a hash").to_owned()).collect()
+}
+
+#[test]
+fn each_member_is_the_run_that_haff_run_makes() {
+    let haff = Haff::new();
+    haff.write("gas.toml", GAS);
+    let summary = sweep(&haff, &["--jobs", "2"]);
+    assert_eq!((&summary["members"], &summary["complete"]), (&Value::from(4), &Value::from(4)));
+    for row in rows(&summary) {
+        let (until, e) = (&row["parameters"]["run.until"], &row["parameters"]["contact.restitution"]);
+        let sets = [format!("run.until={until}"), format!("contact.restitution={e}")];
+        let alone = haff.report(&[
+            "run",
+            "gas.toml",
+            "-o",
+            "alone.h5",
+            "--overwrite",
+            "--set",
+            &sets[0],
+            "--set",
+            &sets[1],
+        ]);
+        for key in
+            ["state_hash", "collisions", "events", "simulated_time", "seed", "stopped", "ledger_residual"]
+        {
+            assert_eq!(row[key], alone[key], "{key} of {row}");
+        }
+        let file = format!("study/{}", row["file"].as_str().unwrap());
+        let info: Value = serde_json::from_str(&haff.run(&["info", &file, "--json"]).1).unwrap();
+        assert_eq!(info["finished"], true);
+    }
+    assert_eq!(
+        summary["events"],
+        rows(&summary).iter().map(|row| row["events"].as_u64().unwrap()).sum::<u64>()
+    );
+    assert_eq!(summary["runs"], manifest(&haff)["runs"]);
+}
+
+#[test]
+fn derived_seeds_are_all_different_and_depend_on_nothing_else_in_the_sweep() {
+    let haff = Haff::new();
+    haff.write("gas.toml", GAS);
+    let list = |sets: &[&str]| -> Value {
+        let arguments = [&["sweep", "gas.toml", "--list"], sets].concat();
+        haff.report(&arguments)
+    };
+    let grid = list(&[
+        "--set",
+        "contact.restitution=0.8,0.9",
+        "--set",
+        "species.grain.count=300,400",
+        "--seeds",
+        "3",
+    ]);
+    let seeds: HashSet<u64> = rows(&grid).iter().map(|row| row["seed"].as_u64().unwrap()).collect();
+    assert_eq!(seeds.len(), 12);
+    let other =
+        list(&["--set", "species.grain.count=400", "--set", "contact.restitution=0.9", "--seeds", "2"]);
+    let find = |list: &Value, replica: u64| {
+        let row = rows(list).iter().find(|row| {
+            row["parameters"]["species.grain.count"] == 400
+                && row["parameters"]["contact.restitution"] == 0.9
+                && row["replica"] == replica
+        });
+        row.expect("the member")["seed"].clone()
+    };
+    assert_eq!((find(&grid, 0), find(&grid, 1)), (find(&other, 0), find(&other, 1)));
+    // Nothing has been written.
+    assert_eq!(fs::read_dir(haff.path(".")).unwrap().count(), 1);
+}
+
+#[test]
+fn members_one_by_one_make_the_same_sweep_and_only_what_is_missing_is_run() {
+    let haff = Haff::new();
+    haff.write("gas.toml", GAS);
+    for index in ["2", "0"] {
+        let arguments = [&["sweep", "gas.toml"], SHORT, &["-o", "study", "--index", index]].concat();
+        let row = haff.report(&arguments);
+        assert_eq!((row["index"].to_string().as_str(), &row["status"]), (index, &Value::from("complete")));
+        for key in common::PROMISED {
+            assert!(!row[key].is_null(), "{key} in {row}");
+        }
+    }
+    let listed = sweep(&haff, &["--list"]);
+    let words: Vec<_> = rows(&listed).iter().map(|row| row["status"].as_str().unwrap()).collect();
+    assert_eq!(words, ["complete", "missing", "complete", "missing"]);
+
+    let modified =
+        |k: usize| fs::metadata(haff.path(&format!("study/run-000{k}.h5"))).unwrap().modified().unwrap();
+    let before = [modified(0), modified(2)];
+    let whole = sweep(&haff, &[]);
+    assert_eq!(whole["complete"], 4);
+    assert_eq!([modified(0), modified(2)], before, "complete files are left alone");
+
+    // A file that has vanished is made again, and so is a manifest.
+    fs::remove_file(haff.path("study/run-0001.h5")).unwrap();
+    assert_eq!(hashes(&sweep(&haff, &["--jobs", "1"])), hashes(&whole));
+    fs::remove_file(haff.path("study/manifest.json")).unwrap();
+    assert_eq!(hashes(&sweep(&haff, &[])), hashes(&whole));
+    assert_eq!([modified(0), modified(2)], before, "complete files are left alone");
+}
+
+/// Starts a sweep of long runs, and ends it by a signal in the middle.
+fn interrupted(haff: &Haff, arguments: &[&str], signal: Signal) -> Option<i32> {
+    let mut child = haff.command(arguments).stdout(Stdio::null()).stderr(Stdio::null()).spawn().unwrap();
+    let started = Instant::now();
+    while !haff.path("study/run-0001.h5").exists() && started.elapsed() < Duration::from_secs(20) {
+        thread::sleep(Duration::from_millis(5));
+    }
+    thread::sleep(Duration::from_millis(30));
+    kill(Pid::from_raw(child.id() as i32), signal).unwrap();
+    child.wait().unwrap().code()
+}
+
+#[test]
+fn a_sweep_that_is_stopped_or_killed_goes_on_where_it_was() {
+    let haff = Haff::new();
+    haff.write("gas.toml", GAS);
+    let long = &[
+        "sweep",
+        "gas.toml",
+        "--set",
+        "run.until=300",
+        "--set",
+        "contact.restitution=0.999,1.0",
+        "--seeds",
+        "2",
+        "--set",
+        "output.checkpoint=10",
+        "--set",
+        "output.frames=20",
+        "-q",
+        "-o",
+    ][..];
+    let whole = haff.report(&[long, &["whole"]].concat());
+    for (signal, status) in [(Signal::SIGINT, Some(130)), (Signal::SIGKILL, None)] {
+        let arguments = [long, &["study", "--jobs", "2"]].concat();
+        assert_eq!(interrupted(&haff, &arguments, signal), status, "the sweep must be longer than the wait");
+        let before = haff.report(&[long, &["study", "--list"]].concat());
+        assert!(before["unfinished"].as_u64() > Some(0), "{before}");
+        assert_eq!(before["failed"], 0);
+        let after = haff.report(&arguments);
+        assert_eq!(hashes(&after), hashes(&whole), "{signal}");
+        let resumed = rows(&after).iter().filter(|row| row["resumed_from"].as_f64() > Some(0.0)).count();
+        assert_eq!(resumed as u64, before["unfinished"].as_u64().unwrap(), "{after}");
+        fs::remove_dir_all(haff.path("study")).unwrap();
+    }
+}
+
+#[test]
+fn a_member_that_fails_does_not_stop_the_others() {
+    let haff = Haff::new();
+    haff.write("gas.toml", GAS);
+    let arguments = [
+        "sweep",
+        "gas.toml",
+        "--set",
+        "run.until=1",
+        "--set",
+        "contact.restitution=0.9,1.2,0.8",
+        "-o",
+        "study",
+    ];
+    let (status, out, err) = haff.run(&[&arguments[..], &["--json"]].concat());
+    assert_eq!(status, 2, "{err}");
+    assert!(err.contains("run 1") && err.contains("restitution=1.2: must be in [0, 1]"), "{err}");
+    let summary: Value = serde_json::from_str(&out).unwrap();
+    assert_eq!((&summary["complete"], &summary["failed"]), (&Value::from(2), &Value::from(1)));
+
+    // A file in the way is neither read as a run nor replaced.
+    fs::remove_file(haff.path("study/run-0002.h5")).unwrap();
+    haff.write("study/run-0002.h5", "precious");
+    let (status, _, err) = haff.run(&arguments);
+    assert_eq!(status, 4, "the worst of 2 and 4: {err}");
+    assert!(err.contains("run-0002.h5 is not an HDF5 file") && err.contains("run 1"), "{err}");
+    assert_eq!(fs::read_to_string(haff.path("study/run-0002.h5")).unwrap(), "precious");
+    fs::copy(haff.path("study/run-0000.h5"), haff.path("study/run-0002.h5")).unwrap();
+    let (status, _, err) = haff.run(&arguments);
+    assert!(status == 4 && err.contains("run-0002.h5 holds another run"), "{status}: {err}");
+}
+
+#[test]
+fn what_cannot_be_swept_is_refused_before_anything_is_written() {
+    let haff = Haff::new();
+    haff.write("gas.toml", GAS);
+    for (arguments, status, why) in [
+        (&["--set", "contact.restitutoin=0.8,0.9"][..], 2, "did you mean `restitution`"),
+        (&["--set", "contact.restitution="], 2, "a value is missing"),
+        (&["--set", "contact.restitution=0.8,,0.9"], 2, "a value is missing"),
+        (&["--set", "contact.restitution"], 2, "must read KEY=V1,V2"),
+        (&["--set", "contact.restitution=1.5,2"], 2, "must be in [0, 1]"),
+        (&["--set", "contact.restitution=0.8,0.8"], 2, "stands there twice"),
+        (&["--set", "seed=1", "--set", "seed=2"], 2, "given twice"),
+        (&["--set", "seed=1,2", "--seeds", "2"], 2, "either --seeds N or"),
+        (
+            &["--set", "contact.restitution=0.8,0.9", "--index", "2"],
+            2,
+            "the sweep has 2 runs, counted from 0",
+        ),
+        (&["--set", "contact.restitution=0.8,0.9", "--index", "-1"], 2, "--index"),
+        (
+            &["--set", "run.until=lin(1,2,1000)", "--set", "seed=lin(0,9999,10000)"],
+            2,
+            "more than 1000000 runs",
+        ),
+        (&["--seeds", "0"], 2, "--seeds"),
+        (&[], 2, "nothing to vary"),
+    ] {
+        let all = [&["sweep", "gas.toml", "-o", "study"], arguments].concat();
+        let (found, out, err) = haff.run(&all);
+        assert_eq!(found, status, "{arguments:?}: {err}");
+        assert!(err.contains(why) && err.starts_with("error: ") && out.is_empty(), "{arguments:?}: {err}");
+        assert!(!haff.path("study").exists(), "{arguments:?}");
+    }
+    assert_eq!(haff.run(&["sweep", "none.toml", "--seeds", "2", "-o", "study"]).0, 4);
+    assert_eq!(haff.run(&["sweep", "gas.toml", "--seeds", "2"]).0, 2, "no folder");
+}
+
+#[test]
+fn a_folder_with_another_sweep_is_refused_and_left_alone() {
+    let haff = Haff::new();
+    haff.write("gas.toml", GAS);
+    sweep(&haff, &[]);
+    let before = fs::read(haff.path("study/manifest.json")).unwrap();
+    let other_scene = GAS.replace("seed = 3", "seed = 4");
+    haff.write("other.toml", &other_scene);
+    haff.write("comment.toml", &format!("# Only a comment more\n{GAS}"));
+    for (scene, more, why) in [
+        (
+            "gas.toml",
+            &["--set", "run.until=2,4", "--set", "contact.restitution=0.8,0.95"][..],
+            "--set run.until=2,3",
+        ),
+        ("gas.toml", &[SHORT, &["--seeds", "2"]].concat(), "no --seeds"),
+        ("other.toml", SHORT, "its scene is not that of other.toml"),
+    ] {
+        let (status, _, err) = haff.run(&[&["sweep", scene, "-o", "study"], more].concat());
+        assert!(
+            status == 4 && err.contains("belongs to another sweep") && err.contains(why),
+            "{status}: {err}"
+        );
+    }
+    assert_eq!(haff.run(&[&["sweep", "comment.toml", "-q", "-o", "study"], SHORT].concat()).0, 0);
+    fs::write(haff.path("study/manifest.json"), "{").unwrap();
+    let (status, _, err) = haff.run(&[&["sweep", "gas.toml", "-o", "study"], SHORT].concat());
+    assert!(status == 4 && err.contains("is not the manifest of a sweep"), "{err}");
+    let text = String::from_utf8(before).unwrap();
+    let version =
+        text.split("\"trajectory_version\": ").nth(1).and_then(|rest| rest.split(',').next()).unwrap();
+    let newer = text.replace(&format!("\"trajectory_version\": {version}"), "\"trajectory_version\": 999");
+    fs::write(haff.path("study/manifest.json"), newer).unwrap();
+    let (status, _, err) = haff.run(&[&["sweep", "gas.toml", "-o", "study"], SHORT].concat());
+    assert!(status == 4 && err.contains("begun with trajectory version 999"), "{err}");
+}
+
+#[test]
+fn more_jobs_than_cores_are_not_run_at_a_time() {
+    let haff = Haff::new();
+    haff.write("gas.toml", GAS);
+    let (status, _, err) = haff.run(&[
+        "sweep",
+        "gas.toml",
+        "--set",
+        "run.until=1,2",
+        "-o",
+        "study",
+        "--jobs",
+        "1024",
+        "--threads",
+        "2",
+    ]);
+    assert!(status == 0 && err.contains("runs at a time") && err.contains("cores"), "{err}");
+    assert!(err.contains("2 of 2 runs are complete"), "{err}");
+}
