@@ -13,6 +13,8 @@
 The closed forms to compare with stand in :mod:`haff.theory` (gases) and :mod:`haff.mechanics` (impact, pendulums,
 springs, rods); :func:`restitution_from` recovers e from what was seen. Checks and statistics on top of freud, SciPy
 and MDAnalysis stand in :mod:`haff.analysis`, the figures of ``haff plot`` in :mod:`haff.figures`.
+
+Studies of many runs, here or on a cluster, are made by :func:`haff.sweep`.
 """
 
 from importlib.metadata import PackageNotFoundError, version
@@ -36,6 +38,7 @@ from .restitution import restitution_from
 from .runs import Result, resume, run
 from .scenes import load_scene, save_scene, schema, template, templates, validate
 from .simulation import Simulation
+from .sweep import sweep
 from .viewer import view
 
 try:
@@ -69,6 +72,7 @@ __all__ = [
     "run",
     "save_scene",
     "schema",
+    "sweep",
     "template",
     "templates",
     "theory",

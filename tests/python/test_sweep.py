@@ -1,0 +1,198 @@
+"""Studies: the same runs by `haff sweep`, by Dask and by Snakemake, also when workers are killed in the middle."""
+
+from __future__ import annotations
+
+import json
+import os
+import re
+import signal
+import subprocess
+import sys
+import threading
+import time
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import haff
+from conftest import ROOT, executable
+
+xarray = pytest.importorskip("xarray")
+GAS = ROOT / "tests" / "gas.toml"
+WORKFLOW = ROOT / "workflows" / "snakemake"
+# Long enough to be killed in the middle; a checkpoint every few milliseconds.
+LONG = {"contact.restitution": [0.99, 1.0], "run.until": [500.0], "output.checkpoint": [5.0], "output.frames": [50.0]}
+
+
+@pytest.fixture(autouse=True)
+def _command(monkeypatch):
+    monkeypatch.setenv("HAFF", executable())
+
+
+@pytest.fixture(scope="module")
+def serial(tmp_path_factory) -> xarray.Dataset:
+    """The study, one run after the other."""
+    os.environ.setdefault("HAFF", executable())
+    return haff.sweep(GAS, LONG, seeds=2, output=tmp_path_factory.mktemp("serial"), jobs=1, threads=1)
+
+
+def runs_of(folder: Path) -> list[tuple[int, int]]:
+    """Processes of `haff` that write into a folder, and the members they run."""
+    found = []
+    for entry in Path("/proc").iterdir():
+        try:
+            words = (entry / "cmdline").read_bytes().split(b"\0")
+        except OSError:
+            continue
+        line = b" ".join(words).decode(errors="replace")
+        index = re.search(r"--index[= ](\d+)", line)
+        if words[0].endswith(b"/haff") and str(folder).encode() in words and index:
+            found.append((int(entry.name), int(index[1])))
+    return found
+
+
+def kill_one_in_the_middle(folder: Path, done: list, also_parent: bool) -> threading.Thread:
+    """Kills a run, and the process that started it if asked for, when its file has a checkpoint."""
+
+    def watch():
+        deadline = time.monotonic() + 60
+        while not done and time.monotonic() < deadline:
+            time.sleep(0.02)
+            process = None
+            for candidate, index in runs_of(folder):
+                info = subprocess.run(
+                    [executable(), "info", folder / f"run-{index:04}.h5", "--json"], capture_output=True, text=True
+                )
+                if info.returncode == 0 and json.loads(info.stdout)["checkpoint_time"] > 0:
+                    process = candidate
+            if process is None:
+                continue
+            try:
+                parent = int(Path(f"/proc/{process}/stat").read_text().rsplit(")", 1)[1].split()[1])
+                if also_parent:
+                    os.kill(parent, signal.SIGKILL)
+                os.kill(process, signal.SIGKILL)
+            except (OSError, IndexError):
+                continue
+            done.append(process)
+
+    thread = threading.Thread(target=watch)
+    thread.start()
+    return thread
+
+
+def test_a_dataset_has_a_dimension_for_each_key_and_the_totals_of_each_run(serial, tmp_path):
+    assert dict(serial.sizes) == {
+        "contact.restitution": 2, "run.until": 1, "output.checkpoint": 1, "output.frames": 1, "seed": 2,
+    }  # fmt: skip
+    assert (serial["status"] == "complete").all()
+    one = serial.sel({"contact.restitution": 0.99, "seed": 1}).squeeze()
+    sets = [f"{key}={values[0]}" for key, values in LONG.items()] + [f"seed={int(one['run_seed'])}"]
+    command = [executable(), "run", GAS, "-o", tmp_path / "one.h5", "--json", "-q"]
+    command += [word for item in sets for word in ("--set", item)]
+    report = json.loads(subprocess.run(command, check=True, capture_output=True, text=True).stdout)
+    assert report["state_hash"] == one["state_hash"].item()
+    assert report["collisions"] == one["collisions"].item()
+    assert report["dissipated_energy"] == one["dissipated_energy"].item()
+    # More of a gas that loses more is left to lose.
+    assert (serial["dissipated_energy"].diff("contact.restitution") < 0).all()
+    assert len(np.unique(serial["run_seed"])) == 4
+
+
+def test_series_come_with_the_dataset(tmp_path):
+    study = haff.sweep(
+        GAS,
+        {"run.until": [2.0, 3.0], "species.grain.count": np.array([200, 300])},
+        output=tmp_path,
+        series=["temperature"],
+    )
+    series = study["temperature_series"].squeeze("seed")
+    assert series.dims == ("run.until", "species.grain.count", "time")
+    with haff.open(tmp_path / "run-0003.h5") as file:
+        table = file.observables
+    np.testing.assert_array_equal(series[1, 1], table["temperature"])
+    np.testing.assert_array_equal(series["time"], table["time"])
+    assert np.isnan(series[0, 0, -1]) and series[0, 0, 0] == pytest.approx(1.0)
+
+
+def test_a_scene_can_be_a_mapping_and_failures_are_told(tmp_path):
+    import tomllib
+
+    scene = tomllib.loads(GAS.read_text())
+    with pytest.warns(RuntimeWarning, match=r"1 of 2 runs failed; run 1: .*must be in \[0, 1\]"):
+        study = haff.sweep(scene, {"contact.restitution": [0.9, 1.2], "run.until": [1.0]}, output=tmp_path / "a")
+    assert study["status"].values.ravel().tolist() == ["complete", "failed"]
+    assert np.isnan(study["collisions"].values.ravel()[1])
+    with pytest.raises(haff.HaffError, match="did you mean `restitution`"):
+        haff.sweep(scene, {"contact.restitutoin": [0.9]}, output=tmp_path / "b")
+    with pytest.raises(haff.HaffError, match="needs a list of values"):
+        haff.sweep(scene, {"contact.restitution": 0.9}, output=tmp_path / "b")
+    with pytest.raises(haff.FileError, match="belongs to another sweep"):
+        haff.sweep(scene, {"contact.restitution": [0.9]}, output=tmp_path / "a")
+    with pytest.raises(haff.FileError, match="none"):
+        haff.sweep(tmp_path / "none.toml", seeds=2, output=tmp_path / "b")
+
+
+def test_dask_gives_the_serial_result_though_a_worker_is_killed(serial, tmp_path):
+    distributed = pytest.importorskip("distributed")
+    killed: list[int] = []
+    with (
+        distributed.LocalCluster(n_workers=2, threads_per_worker=1, dashboard_address=None) as cluster,
+        distributed.Client(cluster) as client,
+    ):
+        thread = kill_one_in_the_middle(tmp_path, killed, also_parent=True)
+        study = haff.sweep(GAS, LONG, seeds=2, output=tmp_path, cluster=client)
+        killed.append(0)
+        thread.join()
+    assert killed[0], "no worker was killed in time"
+    xarray.testing.assert_equal(study["state_hash"], serial["state_hash"])
+    for name in ("collisions", "dissipated_energy", "simulated_time", "status", "run_seed"):
+        xarray.testing.assert_equal(study[name], serial[name])
+    manifest = json.loads((tmp_path / "manifest.json").read_text())
+    assert {row["status"] for row in manifest["runs"]} == {"complete"}
+    assert any(row.get("resumed_from", 0) > 0 for row in manifest["runs"]), "the killed run goes on from its checkpoint"
+
+
+def test_snakemake_gives_the_serial_result_though_a_run_is_killed(serial, tmp_path):
+    pytest.importorskip("snakemake")
+    config = {
+        "haff": executable(),
+        "scene": str(GAS),
+        "folder": str(tmp_path / "study"),
+        "set": LONG,
+        "seeds": 2,
+        "threads": 1,
+    }
+    (tmp_path / "config.json").write_text(json.dumps(config))
+    command = [sys.executable, "-m", "snakemake", "--snakefile", WORKFLOW / "Snakefile", "--directory", tmp_path]
+    command += ["--configfile", tmp_path / "config.json", "--profile", WORKFLOW / "profiles" / "local"]
+    killed: list[int] = []
+    thread = kill_one_in_the_middle(tmp_path / "study", killed, also_parent=False)
+    done = subprocess.run(list(map(str, command)), capture_output=True, text=True, timeout=200)
+    killed.append(0)
+    thread.join()
+    assert done.returncode == 0, done.stderr
+    assert killed[0], "no run was killed in time"
+    summary = json.loads((tmp_path / "study" / "summary.json").read_text())
+    assert summary["complete"] == 4
+    assert [row["state_hash"] for row in summary["runs"]] == serial["state_hash"].values.ravel().tolist()
+    assert any(row.get("resumed_from", 0) > 0 for row in summary["runs"]), "the killed run goes on from its checkpoint"
+
+
+def test_the_slurm_profile_is_one_that_snakemake_takes(tmp_path):
+    pytest.importorskip("snakemake_executor_plugin_slurm")
+    config = {
+        "haff": executable(),
+        "scene": str(GAS),
+        "folder": "study",
+        "set": {"seed": [1, 2]},
+        "seeds": 0,
+        "threads": 1,
+    }
+    (tmp_path / "config.json").write_text(json.dumps(config))
+    command = [sys.executable, "-m", "snakemake", "--snakefile", WORKFLOW / "Snakefile", "--directory", tmp_path, "-n"]
+    command += ["--configfile", tmp_path / "config.json", "--profile", WORKFLOW / "profiles" / "slurm"]
+    done = subprocess.run(list(map(str, command)), capture_output=True, text=True, timeout=100)
+    assert done.returncode == 0, done.stderr
+    assert "summary" in done.stdout + done.stderr
