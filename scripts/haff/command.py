@@ -10,7 +10,7 @@ import sysconfig
 from collections.abc import Sequence
 from pathlib import Path
 
-from .errors import HaffError
+from .errors import FileError, HaffError, SceneError, SceneProblem, SimulationError
 
 __all__ = ["executable"]
 
@@ -55,3 +55,12 @@ def call(arguments: Sequence[str | os.PathLike[str]], *, show: bool = False) -> 
             process.communicate()
             raise
     return subprocess.CompletedProcess(process.args, process.returncode, out, err or "")
+
+
+def failure(done: subprocess.CompletedProcess[str], about: str | None = None) -> HaffError:
+    """The error that the command ended with; ``about`` is what it is said to be where nothing was told."""
+    told = [line.removeprefix("error: ") for line in done.stderr.splitlines()]
+    message = "\n".join(told) or about or f"haff: exit status {done.returncode}"
+    if done.returncode == 2:
+        return SceneError([SceneProblem(line, message=line) for line in message.splitlines()])
+    return {3: SimulationError, 4: FileError}.get(done.returncode, HaffError)(message)

@@ -13,8 +13,8 @@ from types import TracebackType
 from typing import Any
 
 from . import reader
-from .command import call
-from .errors import FileError, HaffError, SceneError, SceneProblem, SimulationError
+from .command import call, failure
+from .errors import FileError
 from .scenes import Scene, compiled, settings, source
 
 __all__ = ["Result", "resume", "run"]
@@ -182,11 +182,7 @@ def _run(
     if done.returncode == 0:
         path = report["file"]
         return Result(report, None if path is None else Path(path))
-    told = [line.removeprefix("error: ") for line in done.stderr.splitlines()]
-    message = "\n".join(told) or report.get("error") or f"haff run: exit status {done.returncode}"
-    if done.returncode == 2:
-        if scene is not None:
-            # Says the same, with the place of everything.
-            compiled().validate(source(*scene))
-        raise SceneError([SceneProblem(line, message=line) for line in message.splitlines()])
-    raise {3: SimulationError, 4: FileError}.get(done.returncode, HaffError)(message)
+    if done.returncode == 2 and scene is not None:
+        # Says the same, with the place of everything.
+        compiled().validate(source(*scene))
+    raise failure(done, report.get("error"))

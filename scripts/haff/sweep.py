@@ -6,12 +6,10 @@ Snakemake or by a job array, in the same folder.
 
 from __future__ import annotations
 
+import contextlib
 import itertools
 import json
 import os
-import shutil
-import subprocess
-import sys
 import time
 import warnings
 from collections.abc import Iterable, Mapping, Sequence
@@ -20,7 +18,10 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from .errors import FileError, HaffError
+from .command import call, failure
+from .errors import ArgumentError, FileError
+from .output import library
+from .scenes import Scene, compiled, scene_text
 
 if TYPE_CHECKING:
     import xarray
@@ -36,7 +37,7 @@ _NUMBERS = (
 
 
 def sweep(
-    scene: str | os.PathLike[str] | Mapping[str, Any],
+    scene: Scene,
     values: Mapping[str, Iterable[Any]] | None = None,
     *,
     seeds: int | None = None,
@@ -47,43 +48,62 @@ def sweep(
     threads: int | None = None,
     retries: int = 3,
 ) -> xarray.Dataset:
-    """Runs a scene for every combination of values and returns the totals of all runs.
+    """Run a scene for every combination of values, and return the totals of all runs.
 
-    What is complete in the folder `output` is left alone, what was stopped goes on from its checkpoint. A run that
-    fails does not stop the others: its ``status`` is ``"failed"``, its ``error`` tells why, and a warning counts them.
+    What is complete in the folder is left alone, what was stopped goes on from its checkpoint. A run that fails does
+    not stop the others: its ``status`` is ``"failed"``, its ``error`` tells why, and a warning counts them.
 
-    >>> study = haff.sweep("cooling.toml", {"contact.restitution": [0.8, 0.9]}, seeds=4, output="study")
-    ...                                                                         # doctest: +SKIP
-    >>> study["dissipated_energy"].mean("seed")                                  # doctest: +SKIP
+    Parameters
+    ----------
+    scene
+        A dict with the keys of a scene file, or the path of one. A dict is saved as ``scene.toml`` in the folder.
+    values
+        Dotted keys of the scene, and the values that each takes.
+    seeds
+        Runs of each combination, with seeds derived by a hash from the scene's seed, the parameters and the number of
+        the run. Default: one, with the scene's own seed.
+    output
+        Folder of the files and of ``manifest.json``.
+    series
+        Columns of :attr:`haff.File.observables` to read from each file, as variables ``NAME_series`` over ``time``.
+    cluster
+        Where to run. Default: on this machine, by ``haff sweep``; ``"local"``: a Dask ``LocalCluster``; or any Dask
+        cluster or client, such as a ``dask_jobqueue.SLURMCluster``, whose workers have this package and the folder.
+    jobs
+        Runs at a time on this machine. Default: as many as there are cores.
+    threads
+        Threads of each run. Default: 1 on a cluster, else the cores that are left over.
+    retries
+        How often a run is tried again on a cluster when its file could not be written, or it was killed.
 
-    Args:
-        scene: Scene file, or the scene itself as a mapping; then it is saved as ``scene.toml`` in `output`.
-        values: Dotted keys of the scene and the values that each takes.
-        seeds: Runs of each combination, with seeds derived by a hash from the scene's seed, the parameters and the
-            number of the run; by default one, with the scene's own seed.
-        output: Folder of the files and of ``manifest.json``.
-        series: Columns of :attr:`haff.File.observables` to read from each file, as variables ``NAME_series`` over
-            ``time``.
-        cluster: Where to run: ``None`` for this machine, by ``haff sweep``; ``"local"`` for a Dask ``LocalCluster``;
-            or any Dask cluster or client, such as a ``dask_jobqueue.SLURMCluster``. Its workers need this package and
-            the folder.
-        jobs: Runs at a time on this machine (default: as many as there are cores).
-        threads: Threads of each run (default: 1 on a cluster, else the cores that are left over).
-        retries: How often a run is tried again on a cluster when its file could not be written, or it was killed.
+    Returns
+    -------
+    xarray.Dataset
+        A dimension for each key, and ``seed``, the number of the run from 0. Variables are the totals of
+        :attr:`Result.report`, ``status``, ``error``, ``file`` and ``run_seed``.
 
-    Returns:
-        Dataset with a dimension for each key, and ``seed`` (number of the run, from 0). Variables: totals as in the
-        report of ``haff run``, ``state_hash``, ``status``, ``file``, and ``run_seed``.
+    Raises
+    ------
+    SceneError
+        The scene or the values are invalid.
+    FileError
+        A file cannot be read or written, or the folder holds another sweep.
 
-    Raises:
-        HaffError: The scene or the values are invalid.
-        FileError: A file cannot be read or written, or `output` holds another sweep.
+    Examples
+    --------
+    >>> import haff
+    >>> gas = haff.template("cooling")
+    >>> study = haff.sweep(gas, {"contact.restitution": [0.8, 0.9]}, seeds=4, output="study")   # doctest: +SKIP
+    >>> study["dissipated_energy"].mean("seed")                                                  # doctest: +SKIP
     """
+    # Before hours of running, not after.
+    library("xarray", "sweep")
     values = {key: _several(key, several) for key, several in (values or {}).items()}
-    folder = Path(output)
+    # Workers may stand elsewhere.
+    folder = Path(output).absolute()
     arguments = ["sweep", str(_scene_file(scene, folder)), "-o", str(folder)]
     for key, several in values.items():
-        arguments += ["--set", f"{key}={','.join(map(_toml, several))}"]
+        arguments += ["--set", f"{key}={','.join(compiled().value(value, key) for value in several)}"]
     if seeds is not None:
         arguments += ["--seeds", str(seeds)]
     if cluster is None:
@@ -93,9 +113,7 @@ def sweep(
         count = _call([*arguments, "--list"])["members"]
         with _client(cluster, threads or 1) as client:
             task = [*arguments, f"--threads={threads or 1}"]
-            futures = client.map(
-                _member, [[*task, f"--index={k}"] for k in range(count)], cwd=os.getcwd(), pure=False, retries=retries
-            )
+            futures = client.map(_member, [[*task, f"--index={k}"] for k in range(count)], pure=False, retries=retries)
             rows = client.gather(futures)
         # The folder's manifest takes note of what the cluster has done.
         _call([*arguments, "--list"])
@@ -109,64 +127,41 @@ def sweep(
 
 def _several(key: str, values: Iterable[Any]) -> list[Any]:
     if isinstance(values, (str, Mapping)) or not isinstance(values, Iterable):
-        raise HaffError(f"{key}: needs a list of values, not {values!r}")
+        raise ArgumentError(f"{key}: needs a list of values, not {values!r}")
     return list(values)
 
 
-def _scene_file(scene: str | os.PathLike[str] | Mapping[str, Any], folder: Path) -> Path:
+def _scene_file(scene: Scene, folder: Path) -> Path:
     if not isinstance(scene, Mapping):
-        return Path(scene)
-    folder.mkdir(parents=True, exist_ok=True)
+        return Path(scene).absolute()
+    text = scene_text(scene)
     path = folder / "scene.toml"
-    path.write_text("".join(f"{key} = {_toml(value)}\n" for key, value in scene.items()))
+    if path.exists():
+        if path.read_text(encoding="utf-8") != text:
+            raise FileError(f"{path} belongs to another sweep: take another folder")
+        return path
+    folder.mkdir(parents=True, exist_ok=True)
+    path.write_text(text, encoding="utf-8")
     return path
 
 
-def _toml(value: Any) -> str:
-    """A value as TOML on one line."""
-    if isinstance(value, np.generic) or isinstance(value, np.ndarray):
-        value = value.tolist()
-    if isinstance(value, bool):
-        return str(value).lower()
-    if isinstance(value, (int, float)):
-        return repr(value)
-    if isinstance(value, (str, os.PathLike)):
-        return json.dumps(os.fspath(value))
-    if isinstance(value, Mapping):
-        return "{ " + ", ".join(f"{json.dumps(key)} = {_toml(item)}" for key, item in value.items()) + " }"
-    if isinstance(value, Iterable):
-        return "[" + ", ".join(map(_toml, value)) + "]"
-    raise HaffError(f"{value!r} has no counterpart in a scene file: numbers, text, booleans, lists and mappings have")
-
-
-def _executable() -> str:
-    """The command: $HAFF, the one installed beside this Python, or the one on PATH."""
-    beside = Path(sys.executable).parent / "haff"
-    found = os.environ.get("HAFF") or (str(beside) if beside.exists() else None) or shutil.which("haff")
-    if not found:
-        raise HaffError("no haff command: install the package, or set HAFF to the command's path")
-    return found
-
-
-def _call(arguments: Sequence[str], cwd: str | None = None) -> dict[str, Any]:
-    """Runs the command and returns its JSON; an exit status is an error only if there is none."""
-    command = [_executable(), *arguments, "--json", "--quiet"]
-    done = subprocess.run(command, cwd=cwd, capture_output=True, stdin=subprocess.DEVNULL, text=True)
+def _call(arguments: Sequence[str]) -> dict[str, Any]:
+    """The command's JSON. Its exit status is that of its worst run, so only one without JSON is an error."""
+    done = call([*arguments, "--json", "--quiet"])
     if done.returncode == 130:
         raise KeyboardInterrupt
     if not done.stdout:
-        message = done.stderr.strip().removeprefix("error: ") or f"{command[0]} ended with status {done.returncode}"
-        raise HaffError(message) if done.returncode == 2 else FileError(message)
+        raise failure(done)
     return json.loads(done.stdout)
 
 
-def _member(arguments: list[str], cwd: str) -> dict[str, Any]:
+def _member(arguments: list[str]) -> dict[str, Any]:
     """Runs one member on a worker of a cluster.
 
-    A worker that is killed can leave its run going on: then its file is waited for.
+    A worker that is killed can leave its run going on: then its end is waited for.
     """
     for pause in itertools.chain((0.1, 0.2, 0.5, 1, 2), itertools.repeat(5)):
-        row = _call(arguments, cwd)
+        row = _call(arguments)
         if row["status"] != "running":
             break
         time.sleep(pause)
@@ -179,23 +174,21 @@ def _member(arguments: list[str], cwd: str) -> dict[str, Any]:
 
 def _client(cluster: Any, threads: int):
     """A Dask client as a context; what was handed in stays open."""
-    import contextlib
-
-    try:
-        from distributed import Client, LocalCluster
-    except ImportError as error:
-        raise HaffError("cluster= needs Dask: pip install 'haff[sweep]'") from error
-    if isinstance(cluster, Client):
+    distributed = library("distributed", "sweep")
+    if isinstance(cluster, distributed.Client):
         return contextlib.nullcontext(cluster)
     if cluster != "local":
-        return Client(cluster)
+        return distributed.Client(cluster)
 
     @contextlib.contextmanager
     def local():
-        workers = max(1, (os.cpu_count() or 1) // threads)
+        at_a_time = max(1, (os.cpu_count() or 1) // threads)
+        # Each run is a process anyway, and workers that are processes would run the caller's script once more.
         with (
-            LocalCluster(n_workers=workers, threads_per_worker=1, dashboard_address=None) as here,
-            Client(here) as client,
+            distributed.LocalCluster(
+                n_workers=1, threads_per_worker=at_a_time, processes=False, dashboard_address=None
+            ) as here,
+            distributed.Client(here) as client,
         ):
             yield client
 
@@ -209,11 +202,8 @@ def _dataset(
     folder: Path,
     series: Sequence[str],
 ) -> xarray.Dataset:
-    try:
-        import xarray
-    except ImportError as error:
-        raise HaffError("haff.sweep needs xarray: pip install 'haff[sweep]'") from error
-    coordinates = {key: _coordinate(several) for key, several in values.items()}
+    xarray = library("xarray", "sweep")
+    coordinates = {key: _coordinate(key, several) for key, several in values.items()}
     if "seed" not in coordinates or seeds is not None:
         # A seed among the values is then a single one, which the others are derived from.
         coordinates.pop("seed", None)
@@ -243,10 +233,10 @@ def _dataset(
     return dataset
 
 
-def _coordinate(several: list[Any]) -> Any:
+def _coordinate(key: str, several: list[Any]) -> Any:
     """Numbers and text as they are, everything else as TOML."""
     plain = all(isinstance(value, (int, float, str, np.generic)) for value in several)
-    return several if plain else [_toml(value) for value in several]
+    return several if plain else [compiled().value(value, key) for value in several]
 
 
 def _series(rows: Sequence[Mapping[str, Any]], folder: Path, names: Sequence[str]) -> dict[str, Any]:
@@ -263,6 +253,8 @@ def _series(rows: Sequence[Mapping[str, Any]], folder: Path, names: Sequence[str
         if row["status"] == "complete":
             with open(path) as file:
                 tables[row["index"]] = file.observables.set_index("time")[list(names)]
+    if not tables:
+        return {}
     columns = [row["index"] for row in rows]
     return {
         name: pandas.concat({k: table[name] for k, table in tables.items()}, axis=1)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import json
 import os
 import re
@@ -9,7 +10,7 @@ import signal
 import subprocess
 import sys
 import threading
-import time
+from collections.abc import Iterator
 from pathlib import Path
 
 import numpy as np
@@ -27,14 +28,15 @@ LONG = {"contact.restitution": [0.99, 1.0], "run.until": [500.0], "output.checkp
 
 @pytest.fixture(autouse=True)
 def _command(monkeypatch):
-    monkeypatch.setenv("HAFF", executable())
+    monkeypatch.setenv("HAFF", str(executable()))
 
 
 @pytest.fixture(scope="module")
 def serial(tmp_path_factory) -> xarray.Dataset:
     """The study, one run after the other."""
-    os.environ.setdefault("HAFF", executable())
-    return haff.sweep(GAS, LONG, seeds=2, output=tmp_path_factory.mktemp("serial"), jobs=1, threads=1)
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setenv("HAFF", str(executable()))
+        return haff.sweep(GAS, LONG, seeds=2, output=tmp_path_factory.mktemp("serial"), jobs=1, threads=1)
 
 
 def runs_of(folder: Path) -> list[tuple[int, int]]:
@@ -52,34 +54,49 @@ def runs_of(folder: Path) -> list[tuple[int, int]]:
     return found
 
 
-def kill_one_in_the_middle(folder: Path, done: list, also_parent: bool) -> threading.Thread:
-    """Kills a run, and the process that started it if asked for, when its file has a checkpoint."""
+def in_the_middle(path: Path) -> bool:
+    """Whether the run of a file has a checkpoint behind it and something before it."""
+    info = subprocess.run([executable(), "info", path, "--json"], capture_output=True, text=True)
+    told = json.loads(info.stdout) if info.returncode == 0 else {"checkpoint_time": 0.0, "finished": False}
+    return told["checkpoint_time"] > 0 and not told["finished"]
+
+
+@contextlib.contextmanager
+def one_killed_in_the_middle(folder: Path, *, also_parent: bool) -> Iterator[None]:
+    """Kills a run meanwhile, and before it the process that started it if asked for, when its file has a checkpoint."""
+    killed: list[int] = []
+    over = threading.Event()
+
+    def attempt(process: int, index: int) -> bool:
+        # Held, so that it neither ends nor writes while its file is looked at.
+        os.kill(process, signal.SIGSTOP)
+        if in_the_middle(folder / f"run-{index:04}.h5"):
+            if also_parent:
+                parent = int(Path(f"/proc/{process}/stat").read_text().rsplit(")", 1)[1].split()[1])
+                os.kill(parent, signal.SIGKILL)
+            os.kill(process, signal.SIGKILL)
+            return True
+        os.kill(process, signal.SIGCONT)
+        return False
 
     def watch():
-        deadline = time.monotonic() + 60
-        while not done and time.monotonic() < deadline:
-            time.sleep(0.02)
-            process = None
-            for candidate, index in runs_of(folder):
-                info = subprocess.run(
-                    [executable(), "info", folder / f"run-{index:04}.h5", "--json"], capture_output=True, text=True
-                )
-                if info.returncode == 0 and json.loads(info.stdout)["checkpoint_time"] > 0:
-                    process = candidate
-            if process is None:
-                continue
-            try:
-                parent = int(Path(f"/proc/{process}/stat").read_text().rsplit(")", 1)[1].split()[1])
-                if also_parent:
-                    os.kill(parent, signal.SIGKILL)
-                os.kill(process, signal.SIGKILL)
-            except (OSError, IndexError):
-                continue
-            done.append(process)
+        while not over.wait(0.02):
+            for process, index in runs_of(folder):
+                try:
+                    if attempt(process, index):
+                        killed.append(index)
+                        return
+                except (OSError, IndexError):
+                    continue
 
     thread = threading.Thread(target=watch)
     thread.start()
-    return thread
+    try:
+        yield
+    finally:
+        over.set()
+        thread.join()
+    assert killed, "no run was in the middle long enough to be killed"
 
 
 def test_a_dataset_has_a_dimension_for_each_key_and_the_totals_of_each_run(serial, tmp_path):
@@ -124,28 +141,39 @@ def test_a_scene_can_be_a_mapping_and_failures_are_told(tmp_path):
         study = haff.sweep(scene, {"contact.restitution": [0.9, 1.2], "run.until": [1.0]}, output=tmp_path / "a")
     assert study["status"].values.ravel().tolist() == ["complete", "failed"]
     assert np.isnan(study["collisions"].values.ravel()[1])
-    with pytest.raises(haff.HaffError, match="did you mean `restitution`"):
+    with pytest.raises(haff.SceneError, match="did you mean `restitution`"):
         haff.sweep(scene, {"contact.restitutoin": [0.9]}, output=tmp_path / "b")
-    with pytest.raises(haff.HaffError, match="needs a list of values"):
+    with pytest.raises(haff.ArgumentError, match="needs a list of values"):
         haff.sweep(scene, {"contact.restitution": 0.9}, output=tmp_path / "b")
     with pytest.raises(haff.FileError, match="belongs to another sweep"):
         haff.sweep(scene, {"contact.restitution": [0.9]}, output=tmp_path / "a")
+    with pytest.raises(haff.FileError, match="belongs to another sweep"):
+        haff.sweep(scene | {"seed": 4}, {"contact.restitution": [0.9, 1.2], "run.until": [1.0]}, output=tmp_path / "a")
     with pytest.raises(haff.FileError, match="none"):
         haff.sweep(tmp_path / "none.toml", seeds=2, output=tmp_path / "b")
 
 
+def test_a_local_cluster_goes_on_with_what_the_command_has_begun(tmp_path):
+    pytest.importorskip("distributed")
+    study = {"contact.restitution": [0.8, 0.9], "run.until": [2.0]}
+    command = [executable(), "sweep", GAS, "--set=contact.restitution=0.8,0.9", "--set=run.until=2", "--seeds=2"]
+    subprocess.run([*command, "-o", tmp_path, "--index=1", "-q"], check=True)
+    before = (tmp_path / "run-0001.h5").stat().st_mtime_ns
+    found = haff.sweep(GAS, study, seeds=2, output=tmp_path, cluster="local", threads=2)
+    assert (found["status"] == "complete").all()
+    assert (tmp_path / "run-0001.h5").stat().st_mtime_ns == before
+    # Nothing is left to run.
+    xarray.testing.assert_identical(found, haff.sweep(GAS, study, seeds=2, output=tmp_path))
+
+
 def test_dask_gives_the_serial_result_though_a_worker_is_killed(serial, tmp_path):
     distributed = pytest.importorskip("distributed")
-    killed: list[int] = []
     with (
         distributed.LocalCluster(n_workers=2, threads_per_worker=1, dashboard_address=None) as cluster,
         distributed.Client(cluster) as client,
+        one_killed_in_the_middle(tmp_path, also_parent=True),
     ):
-        thread = kill_one_in_the_middle(tmp_path, killed, also_parent=True)
         study = haff.sweep(GAS, LONG, seeds=2, output=tmp_path, cluster=client)
-        killed.append(0)
-        thread.join()
-    assert killed[0], "no worker was killed in time"
     xarray.testing.assert_equal(study["state_hash"], serial["state_hash"])
     for name in ("collisions", "dissipated_energy", "simulated_time", "status", "run_seed"):
         xarray.testing.assert_equal(study[name], serial[name])
@@ -157,7 +185,7 @@ def test_dask_gives_the_serial_result_though_a_worker_is_killed(serial, tmp_path
 def test_snakemake_gives_the_serial_result_though_a_run_is_killed(serial, tmp_path):
     pytest.importorskip("snakemake")
     config = {
-        "haff": executable(),
+        "haff": str(executable()),
         "scene": str(GAS),
         "folder": str(tmp_path / "study"),
         "set": LONG,
@@ -167,13 +195,9 @@ def test_snakemake_gives_the_serial_result_though_a_run_is_killed(serial, tmp_pa
     (tmp_path / "config.json").write_text(json.dumps(config))
     command = [sys.executable, "-m", "snakemake", "--snakefile", WORKFLOW / "Snakefile", "--directory", tmp_path]
     command += ["--configfile", tmp_path / "config.json", "--profile", WORKFLOW / "profiles" / "local"]
-    killed: list[int] = []
-    thread = kill_one_in_the_middle(tmp_path / "study", killed, also_parent=False)
-    done = subprocess.run(list(map(str, command)), capture_output=True, text=True, timeout=200)
-    killed.append(0)
-    thread.join()
+    with one_killed_in_the_middle(tmp_path / "study", also_parent=False):
+        done = subprocess.run(list(map(str, command)), capture_output=True, text=True, timeout=200)
     assert done.returncode == 0, done.stderr
-    assert killed[0], "no run was killed in time"
     summary = json.loads((tmp_path / "study" / "summary.json").read_text())
     assert summary["complete"] == 4
     assert [row["state_hash"] for row in summary["runs"]] == serial["state_hash"].values.ravel().tolist()
@@ -183,7 +207,7 @@ def test_snakemake_gives_the_serial_result_though_a_run_is_killed(serial, tmp_pa
 def test_the_slurm_profile_is_one_that_snakemake_takes(tmp_path):
     pytest.importorskip("snakemake_executor_plugin_slurm")
     config = {
-        "haff": executable(),
+        "haff": str(executable()),
         "scene": str(GAS),
         "folder": "study",
         "set": {"seed": [1, 2]},
