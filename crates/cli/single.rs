@@ -115,7 +115,11 @@ pub fn resume(path: PathBuf, company: Company) -> Result<Finished, Failure> {
     let simulation = Machine::restore(system, joints, machinery, &resumed.checkpoint)
         .map_err(|error| Failure::new(Status::File, format!("{}: {error}", path.display())))?;
     tracing::info!(file = %path.display(), from = resumed.last_frame, "resumed");
-    let (recorder, _) = Recorder::append(&path).map_err(|error| file_failure(&error))?;
+    let (recorder, appended) = Recorder::append(&path).map_err(|error| file_failure(&error))?;
+    if (appended.finished, &appended.checkpoint) != (resumed.finished, &resumed.checkpoint) {
+        // Between the two looks another process has gone on with it.
+        return Err(file_failure(&RecordError::InUse { path }));
+    }
     let context = Context { title, seed, file: Some(path), resumed_from: Some(simulation.time()) };
     let recorded = resumed.last_frame.map(|time| {
         let counters = simulation.counters();

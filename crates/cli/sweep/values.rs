@@ -145,7 +145,9 @@ fn range(text: &str) -> Option<Result<Vec<Value>, String>> {
             return b;
         }
         let part = k as f64 / (count - 1) as f64;
-        if logarithmic { a * (b / a).powf(part) } else { a + (b - a) * part }
+        let exact = if logarithmic { a * (b / a).powf(part) } else { a + (b - a) * part };
+        // To 15 digits, so that what is meant as 0.65 is not 0.6499999999999999.
+        format!("{exact:.14e}").parse().unwrap_or(exact)
     };
     let whole = from.parse::<i64>().is_ok() && to.parse::<i64>().is_ok();
     let values = (0..count).map(|k| match at(k) {
