@@ -155,7 +155,7 @@ def test_a_scene_can_be_a_mapping_and_failures_are_told(tmp_path):
 
 def test_a_local_cluster_goes_on_with_what_the_command_has_begun(tmp_path):
     pytest.importorskip("distributed")
-    study = {"contact.restitution": [0.8, 0.9], "run.until": [2.0]}
+    study = {"contact.restitution": [0.8, 0.9], "run.until": [2]}
     command = [executable(), "sweep", GAS, "--set=contact.restitution=0.8,0.9", "--set=run.until=2", "--seeds=2"]
     subprocess.run([*command, "-o", tmp_path, "--index=1", "-q"], check=True)
     before = (tmp_path / "run-0001.h5").stat().st_mtime_ns
