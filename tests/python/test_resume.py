@@ -80,7 +80,9 @@ def test_a_resumed_file_is_that_of_a_run_never_stopped(tmp_path):
         whole = run(tmp_path / f"{name}.h5", 40, *sets, threads=1)
         part = tmp_path / f"{name}-part.h5"
         legs = 0
-        done = haff("run", GAS, "-o", part, *settings(40, "run.wall_time=0.1", *sets), "--threads", 2, "--json", "-q")
+        # A quarter of what it takes on this machine.
+        leg = f"run.wall_time={0.25 * whole['wall_seconds']:.6f}"
+        done = haff("run", GAS, "-o", part, *settings(40, leg, *sets), "--threads", 2, "--json", "-q")
         report = json.loads(done.stdout)
         while report["stopped"] == "wall_time" and legs < 300:
             before = report["simulated_time"]
@@ -150,7 +152,7 @@ def test_a_run_killed_at_any_instant_loses_nothing_that_was_flushed(tmp_path):
                 expected = expected[: len(rows)]
             np.testing.assert_array_equal(rows, expected, err_msg=f"{name} {about}", strict=True)
         info = json.loads(haff("info", path, "--json").stdout)
-        assert info["resumable"], about
+        assert info["resumable"] or info["finished"], about
         if info["finished"]:
             complete += 1
         report = resume(path, threads=1 + checked % 2)
