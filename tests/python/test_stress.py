@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 import haff
-from conftest import executable
-from validation import audit
+from conftest import CONFIGS, executable
+from validation import audit, long
 from validation.stress import ENDS, OWN, SCENES, SHORT, judge
 
 
@@ -92,3 +92,15 @@ def test_overlaps_are_found_through_faces_of_the_box_and_at_walls(recorded):
     scene.walls = [audit.Wall("moving", np.zeros(3), np.array([1.0, 0.0, 0.0]), np.array([0.1, 0.0, 0.0]))]
     assert audit.overlap(scene, x, 0.0) == pytest.approx(0.6)
     assert audit.overlap(scene, x, 1.0) == pytest.approx(0.8)
+
+
+@pytest.mark.physics
+@pytest.mark.parametrize(("count", "collisions"), [(4000, 10_000_000), (3, 300_000)])
+def test_energy_and_momentum_walk_at_random_in_a_long_run(command, count, collisions):
+    chosen = {key.replace(".", "__"): value for key, value in long.settings(count, collisions, seed=1).items()}
+    run = command.run(CONFIGS / "validation" / "fluid.toml", **chosen)
+    with run.open() as file:
+        found = long.drift(file, run.report)
+    assert run.report["collisions"] == pytest.approx(collisions, rel=0.5)
+    broken = [row for row in long.rows(found, count, collisions) if not row.passed]
+    assert not broken, broken

@@ -131,9 +131,10 @@ pub fn resolve_pair(
 
 /// [`resolve_pair`] for the vector `r` from centre 1 to centre 2 \[length\], of any length, in place of the unit normal.
 ///
-/// The change of velocity is formed as `r (Δw·r)/(r·r)`. With a normal `n = r/|r|` the kinetic energy changes by
-/// `v_n² (|n|² − 1)` on top of the loss, and near |r| = 1 the root rounds down more often than up: an elastic gas of
-/// unit spheres then heats up steadily, by some 3·10⁻¹⁶ T a collision, instead of walking at random.
+/// By rounding the kinetic energy and the momentum of many impacts walk at random; they do not drift. For that no operation may
+/// err one way more often than the other. Close to a power of two each does, and |r| is always close to a contact distance, often
+/// 1; and the shares of two masses would be rounded the same way each time. So `r` is first given a length that nothing prefers,
+/// and inverse masses a unit. An impact along an axis is left as it is, so that it is exact where the numbers are.
 ///
 /// The bodies do not approach each other afterwards, not even by rounding.
 ///
@@ -154,22 +155,37 @@ pub fn resolve_contact(
     r: DVec3,
     e: f64,
 ) -> (DVec3, DVec3, Impact) {
-    let lambda = inv_m1 + inv_m2;
-    let (approach, rr) = ((w1 - w2).dot(r), r.length_squared());
-    let impact = impact(approach / rr.sqrt(), e, lambda);
+    let relative = w1 - w2;
+    let parts = relative * r;
+    let approach = parts.x + parts.y + parts.z;
+    let impact = impact(approach / r.length(), e, inv_m1 + inv_m2);
     if impact.impulse == 0.0 {
         return (w1, w2, impact);
     }
-    // The shares of the change of relative velocity: exactly 1/2 for equal masses.
-    let (share1, share2) = (inv_m1 / lambda, inv_m2 / lambda);
+    let scale = scale_without_preference(parts);
+    let p = r * scale;
+    let pp = p.length_squared();
+    // The shares of the change of relative velocity.
+    let equal = inv_m1 == inv_m2;
+    let (share1, share2) = if equal {
+        (0.5, 0.5)
+    } else {
+        let (unit1, unit2) = (inv_m1 / scale, inv_m2 / scale);
+        let both = unit1 + unit2;
+        (unit1 / both, unit2 / both)
+    };
     let strike = |u1: DVec3, u2: DVec3, speed: f64| {
-        let change = r * (speed / rr);
+        let change = p * (speed / pp);
         (u1 - change * share1, u2 + change * share2)
     };
-    let (mut u1, mut u2) = strike(w1, w2, (1.0 + e) * approach);
-    // What the rounding of r·r and of the shares has left of Newton's law, (u2 − u1)·r = e (w1 − w2)·r, has a preferred
-    // sign, so that it would add up. One step brings it down to the rounding of the velocities.
-    (u1, u2) = strike(u1, u2, (u1 - u2).dot(r) + e * approach);
+    let approach = approach * scale;
+    // Not (1 + e) v, for 1 + e is rounded the same way each time.
+    let (mut u1, mut u2) = strike(w1, w2, approach + e * approach);
+    // What rounding has left of Newton's law, (u2 − u1)·p = e (w1 − w2)·p, is much of what remains where e is small, and
+    // has a preferred sign where shares are the same each time. One step brings it down to the rounding of the velocities.
+    if e < 1.0 || !equal || scale == 1.0 {
+        (u1, u2) = strike(u1, u2, (u1 - u2).dot(p) + e * approach);
+    }
     // With e = 0 that may be a few ulp of approach, and the pair would meet again, and again.
     let mut excess = 1.0;
     while (u1 - u2).dot(r) > 0.0 && excess < 1e3 {
@@ -177,6 +193,16 @@ pub fn resolve_contact(
         (u1, u2) = strike(u1, u2, excess * (u1 - u2).dot(r));
     }
     (u1, u2, impact)
+}
+
+/// A factor between 1 and 2 that is as good as random, made of the last bits of the `parts` of an approach, the products by component;
+/// 1 if only one of them is not zero.
+#[inline(always)]
+fn scale_without_preference(parts: DVec3) -> f64 {
+    const SIGNIFICAND: u64 = (1 << 52) - 1;
+    let mixed = parts.x * (parts.y + parts.z) + parts.y * parts.z;
+    // The last 32 bits become the first of the significand.
+    f64::from_bits(((mixed.to_bits() << 20) & SIGNIFICAND) | 1f64.to_bits())
 }
 
 /// Velocity after the impact of a smooth sphere on a wall, (2.21), and the impact itself.
