@@ -10,6 +10,7 @@ use crate::{
     model::{Dimension, NeighborChoice, System},
     nearby::Nearby,
     particles::World,
+    rest::Thresholds,
     windows::{self, Windows},
 };
 
@@ -151,6 +152,19 @@ impl Choice {
                     }
                 }
             }};
+        }
+        if Thresholds::of(system).is_some() {
+            type Features = With<true, false, true>;
+            let (kernel, count) = (*kernel, census.count);
+            return match neighbors {
+                NeighborChoice::AllPairs => {
+                    Box::new(Machine::<Features, AllPairs>::new(geometry, kernel, count))
+                }
+                NeighborChoice::Lists => Box::new(Machine::<Features, Lists>::new(geometry, kernel, count)),
+                NeighborChoice::Auto | NeighborChoice::Cells | NeighborChoice::Windows => {
+                    Box::new(Machine::<Features, Cells>::new(geometry, kernel, count))
+                }
+            };
         }
         match (system.domain.gravity != DVec3::ZERO, census.uniform) {
             (false, false) => machine!(false, false),
