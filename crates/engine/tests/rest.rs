@@ -250,7 +250,7 @@ fn three_grains_on_a_line_collapse_below_the_critical_restitution_only() {
     // Above it they part after a few collisions; below it nothing is left of their relative velocities.
     for e in [1.05 * critical, 0.1, 0.3] {
         let (speed, collisions) = relative(&line(e));
-        assert!(speed > 1e-9 && collisions < 60, "e = {e}: {speed:e} after {collisions}");
+        assert!(speed > 1e-12 && collisions < 60, "e = {e}: {speed:e} after {collisions}");
     }
     for e in [0.95 * critical, 0.05, 0.01] {
         let (speed, collisions) = relative(&line(e));

@@ -6,13 +6,14 @@ them in closed form (`resolve::come_to_rest`); between grains nothing does. So a
 
 * *Slow and soon*: a contact of grains slower than v/8 is elastic if it follows the last one of either sooner than 10 v/g, so that
   impacts cannot accumulate; grains that gravity presses together part with v/512 at least, and so slide in small hops. A
-  grain that meets a wall slowly and soon after a grain loses its velocity along the normal, and rests on the wall.
+  grain that meets a wall slowly and soon after a grain loses its velocity along the normal, and rests on the wall, if gravity
+  presses it on; otherwise that contact is elastic, too.
 * *Census*: every v/g the largest set of grains is looked for that are slower than v/2 and stand, each on those of the set, on grains
   at rest, on fixed bodies and on walls that do not move: its weight lies in the cone of the normals of contacts narrower than
   v²/4g, twice what a speed of v/2 can rise. As the set is the largest, arches are found, whose stones stand only together; as its
   lowest grain must stand on something else, nothing floats. Grains jammed without any room would hop without end: too many
-  contacts at what is nearly one time bring a census at once, before which they lose the velocity with which they press on what cannot
-  give way, as in a plastic impact on all their contacts together.
+  contacts at what is nearly one time bring a census at once, before which they lose the velocity with which they press on each other
+  and on what cannot give way, in one plastic impact on all their contacts together.
 * The grains of the set are *held*: velocity zero, infinite mass, no entry in the calendar.
 * An impact faster than v, or any of a moving wall or driven body, *wakes* a grain, and with it those that no longer stand.
 
@@ -21,6 +22,7 @@ friction, until an impact shakes it.
 */
 
 mod contact;
+mod jam;
 mod standing;
 
 pub(crate) use contact::{coefficient, hop, is_among_grains, is_slow, strike, wake};

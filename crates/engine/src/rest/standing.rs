@@ -7,10 +7,10 @@ use crate::{
     clock::whole,
     grid::{levels, meet, place},
     machine::State,
-    particles::{World, supported},
+    particles::World,
     report::{EventKind, EventRecord, NOBODY, Observer},
     resolve,
-    rest::{MOMENT, ROOM, Thresholds, events, is_fixed, normals, stands},
+    rest::{Thresholds, events, is_fixed, jam::unwedge, stands},
 };
 
 /// Puts to rest who stands and is slow, if the census that is due now is worth it; who has been.
@@ -20,7 +20,8 @@ pub(crate) fn census(state: &mut State, geometry: &Geometry, observer: &mut dyn 
     state.heap.next = state.world.now + whole(period);
     let free = state.world.movable - state.world.held;
     let happened = events(state);
-    let stopped = if state.heap.is_jammed { unwedge(state, geometry, &thresholds) } else { Vec::new() };
+    let stopped =
+        if state.heap.is_jammed { unwedge(state, geometry, &thresholds, observer) } else { Vec::new() };
     if !state.heap.is_worth_it(happened, free) {
         return stopped;
     }
@@ -56,41 +57,6 @@ pub(crate) fn census(state: &mut State, geometry: &Geometry, observer: &mut dyn 
     changed.sort_unstable();
     changed.dedup();
     changed
-}
-
-/// Takes from grains that have just had contacts the velocity with which they press on bodies and walls that cannot give way: a plastic
-/// impact on all of these at once, which leaves the velocity nearest to theirs that points into none. Who has changed.
-fn unwedge(state: &mut State, geometry: &Geometry, thresholds: &Thresholds) -> Vec<u32> {
-    let world = &state.world;
-    let (now, tight) = (world.now, Thresholds { gap: ROOM * thresholds.gap, ..*thresholds });
-    let recent: Vec<u32> = (0..world.particles.len() as u32)
-        .filter(|&i| {
-            world.class(i).inverse_mass != 0.0
-                && world.particles[i as usize].count > 0
-                && world.age(i, now) <= MOMENT * thresholds.period
-        })
-        .collect();
-    let mut changed = Vec::new();
-    for (&i, near) in recent.iter().zip(contacts(world, geometry, &tight, &recent)) {
-        let solid = near.into_iter().filter(|&j| world.is_held(j) || is_fixed(world, j));
-        let normals = normals(world, tight.gap, i, solid);
-        let (position, velocity) = world.state(i, now);
-        let after = supported(velocity, &normals.iter().copied());
-        if after != velocity {
-            changed.push((i, position, velocity, after));
-        }
-    }
-    for &(i, position, before, after) in &changed {
-        let world = &mut state.world;
-        let mass = world.body(i).mass;
-        state.book.rest.add(0.5 * mass * (before - after).dot(before + after));
-        state.book.add_impulse(mass * (after - before));
-        let particle = &mut world.particles[i as usize];
-        (particle.position, particle.velocity, particle.time) = (position, after, now);
-        particle.count = particle.count.wrapping_add(1);
-        particle.set_jostled(true);
-    }
-    changed.into_iter().map(|(i, ..)| i).collect()
 }
 
 /// The contacts of all held particles, as censuses have found them.
@@ -140,7 +106,12 @@ fn standing(
 }
 
 /// Of each of these particles those in contact that are among them, held or fixed; in order.
-fn contacts(world: &World, geometry: &Geometry, thresholds: &Thresholds, some: &[u32]) -> Vec<Vec<u32>> {
+pub(super) fn contacts(
+    world: &World,
+    geometry: &Geometry,
+    thresholds: &Thresholds,
+    some: &[u32],
+) -> Vec<Vec<u32>> {
     let mut slot = vec![u32::MAX; world.particles.len()];
     for (k, &i) in some.iter().enumerate() {
         slot[i as usize] = k as u32;
