@@ -330,7 +330,7 @@ pub struct EngineConfig {
 pub enum NeighborsConfig {
     /// The engine chooses.
     Auto,
-    /// Windows of time, for gases in closed boxes without gravity; an error where they do not work.
+    /// Windows of time, for gases in closed boxes; an error where they do not work.
     Windows,
     /// A grid of cells.
     Cells,
