@@ -281,6 +281,18 @@ fn a_folder_with_another_sweep_is_refused_and_left_alone() {
         );
     }
     assert_eq!(haff.run(&[&["sweep", "comment.toml", "-q", "-o", "study"], SHORT].concat()).0, 0);
+    // Numbers written in another way are the same numbers, in the manifest, the scene and the files.
+    let respelled = GAS.replace("temperature = 1.0", "temperature = 1");
+    assert_ne!(respelled, GAS);
+    haff.write("respelled.toml", &respelled);
+    let spelled = ["--set", "run.until=2.0,3e0", "--set", "contact.restitution=0.80,9.5e-1"];
+    for one in [&[][..], &["--index", "3"]] {
+        let arguments = [&["sweep", "respelled.toml", "-o", "study", "--json"][..], &spelled, one].concat();
+        let (status, out, err) = haff.run(&arguments);
+        assert_eq!(status, 0, "{err}");
+        let summary: Value = serde_json::from_str(&out).unwrap();
+        assert!(summary["complete"] == 4 && err.contains("4 since before") || summary["index"] == 3, "{err}");
+    }
     fs::write(haff.path("study/manifest.json"), "{").unwrap();
     let (status, _, err) = haff.run(&[&["sweep", "gas.toml", "-o", "study"], SHORT].concat());
     assert!(status == 4 && err.contains("is not the manifest of a sweep"), "{err}");

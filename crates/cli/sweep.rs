@@ -157,7 +157,7 @@ fn all(
             let progress = view.line(&member.label());
             let (row, _) = pool.install(|| member::run(folder, plan, &member, signals, progress));
             view.done(&row);
-            book.lock().unwrap_or_else(PoisonError::into_inner).enter(row)?;
+            book.lock().unwrap_or_else(PoisonError::into_inner).enter(row);
         }
         Ok(())
     };
@@ -169,20 +169,22 @@ fn all(
             .try_for_each(|worker| worker.join().unwrap_or_else(|panic| std::panic::resume_unwind(panic)))
     })?;
     view.finish();
-    let manifest = book.into_inner().unwrap_or_else(PoisonError::into_inner).close()?;
+    let manifest = book.into_inner().unwrap_or_else(PoisonError::into_inner).manifest;
+    let written = manifest.write();
     let rows: Vec<&Row> = manifest.rows().iter().collect();
     let printed = if options.json { output::line(report::summary(&rows, Some(folder))) } else { Ok(()) };
     if !options.quiet {
-        report::tell(&rows, todo.len(), folder);
+        report::tell(&rows, todo.len(), written.is_ok().then_some(folder));
     }
     if let Some(signal) = signals.received() {
-        return Ok(128 + signal as u8);
+        return written.map(|()| 128 + signal as u8);
     }
     for row in rows.iter().filter(|row| row.error.is_some()) {
         for line in report::line(row).lines() {
             output::tell(format_args!("error: {line}"));
         }
     }
+    written?;
     match rows.iter().filter_map(|row| row.exit).max() {
         None | Some(0) => printed.map(|()| 0),
         Some(worst) => Ok(worst),
@@ -201,22 +203,19 @@ impl Book {
         Self { manifest, written: Instant::now(), pause: WRITE_EVERY }
     }
 
-    /// Takes a row, and writes the manifest if that was not done just now.
-    fn enter(&mut self, row: Row) -> Result<(), Failure> {
+    /// Takes a row, and writes the manifest if that was not done just now. If it cannot be written, perhaps it can later:
+    /// the files of the runs are the truth.
+    fn enter(&mut self, row: Row) {
         let index = row.index;
         *self.manifest.row_mut(index) = row;
         if self.written.elapsed() >= self.pause {
             let started = Instant::now();
-            self.manifest.write()?;
+            if let Err(failure) = self.manifest.write() {
+                tracing::warn!("{}", failure.message);
+            }
             self.written = Instant::now();
             self.pause = WRITE_EVERY.max(WRITE_SHARE * started.elapsed());
         }
-        Ok(())
-    }
-
-    fn close(self) -> Result<Manifest, Failure> {
-        self.manifest.write()?;
-        Ok(self.manifest)
     }
 }
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import importlib
+import io
 import os
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -20,6 +21,8 @@ def replacing(path: Path, *, source: Path | None = None, overwrite: bool = False
     ------
     ArgumentError
         ``path`` exists and ``overwrite`` is false, or it is ``source`` itself.
+    FileError
+        It cannot be written, such as to a full disk.
     """
     if source is not None and path.exists() and path.samefile(source):
         raise ArgumentError(f"{path}: is the file that is read")
@@ -34,8 +37,44 @@ def replacing(path: Path, *, source: Path | None = None, overwrite: bool = False
     try:
         yield part
         part.replace(path)
+    except OSError as error:
+        # What h5py says about the file that is read has no number, or another name.
+        if isinstance(error, FileError) or error.errno is None or error.filename not in (None, str(part), part):
+            raise
+        raise FileError(f"{path}: cannot write: {os.strerror(error.errno)}") from error
     finally:
         part.unlink(missing_ok=True)
+
+
+class Sink(io.FileIO):
+    """A file for HDF5 to write through, which it never finds full: it crashes when it closes a file that it cannot write.
+
+    What fails first is raised by :meth:`check`, or at the end of the ``with`` block; nothing is written after it.
+    """
+
+    def __init__(self, path: Path) -> None:
+        super().__init__(path, "w+")
+        self._failure: OSError | None = None
+
+    def write(self, data) -> int:
+        """Writes all of ``data``, or nothing that matters any more."""
+        rest = memoryview(data).cast("B")
+        size = len(rest)
+        try:
+            while rest and self._failure is None:
+                rest = rest[super().write(rest) :]
+        except OSError as error:
+            self._failure = error
+        return size
+
+    def check(self) -> None:
+        """Raises what has failed."""
+        if self._failure is not None:
+            raise self._failure
+
+    def __exit__(self, kind, error, trace) -> None:
+        super().__exit__(kind, error, trace)
+        self.check()
 
 
 def library(name: str, extra: str) -> ModuleType:

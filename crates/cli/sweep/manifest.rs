@@ -6,7 +6,7 @@
 use std::{
     collections::HashMap,
     fs,
-    io::{BufReader, BufWriter, ErrorKind, Write},
+    io::{self, BufReader, BufWriter, ErrorKind, Write},
     path::{Path, PathBuf},
 };
 
@@ -15,7 +15,10 @@ use serde::{Deserialize, Serialize};
 use serde_json::{Map, Value};
 use tempfile::NamedTempFile;
 
-use super::plan::{Member, Plan};
+use super::{
+    plan::{Member, Plan},
+    values::{Axis, canonical},
+};
 use crate::{
     arguments::VERSION,
     failure::{Failure, Status},
@@ -241,7 +244,7 @@ impl Manifest {
             drop(out);
             Ok(file)
         };
-        write().map_err(|error: std::io::Error| unwritable(&self.path, &error))
+        write().map_err(|error: io::Error| unwritable(&self.path, &error))
     }
 
     /// The sweep's folder.
@@ -265,6 +268,10 @@ fn read(path: &Path) -> Result<Option<Content>, Failure> {
     let file = match fs::File::open(path) {
         Ok(file) => file,
         Err(error) if error.kind() == ErrorKind::NotFound => return Ok(None),
+        Err(error) if error.kind() == ErrorKind::NotADirectory => {
+            let folder = path.parent().unwrap_or(path);
+            return Err(Failure::new(Status::File, format!("{} is not a folder", folder.display())));
+        }
         Err(error) => return Err(Failure::new(Status::File, format!("{}: {error}", path.display()))),
     };
     serde_json::from_reader(BufReader::new(file)).map(Some).map_err(|error| {
@@ -283,7 +290,11 @@ fn difference(known: &Content, wanted: &Content) -> Option<String> {
             known.trajectory_version, known.version, wanted.trajectory_version
         ));
     }
-    if known.set != wanted.set {
+    // A number may be written in another way: 2, 2.0 or 2e0.
+    let values =
+        |set: &[String]| set.iter().map(|text| Axis::parse(text).map(|axis| axis.canonical())).collect();
+    let [had, has]: [Result<Vec<_>, _>; 2] = [&known.set, &wanted.set].map(|set| values(set));
+    if had != has {
         return Some(format!(
             "it has --set {}, not {}",
             known.set.join(" --set "),
@@ -294,14 +305,17 @@ fn difference(known: &Content, wanted: &Content) -> Option<String> {
         let text = |seeds: Option<u32>| seeds.map_or("no --seeds".to_owned(), |n| format!("--seeds {n}"));
         return Some(format!("it has {}, not {}", text(known.seeds), text(wanted.seeds)));
     }
-    // Comments and layout do not matter.
-    let scene = |text: &str| text.parse::<toml::Table>().ok();
+    // Neither do comments and layout matter.
+    let scene = |text: &str| text.parse::<toml::Table>().ok().map(|table| canonical(&table.into()));
     if known.scene_toml != wanted.scene_toml && scene(&known.scene_toml) != scene(&wanted.scene_toml) {
         return Some(format!("its scene is not that of {}", wanted.scene.display()));
     }
     None
 }
 
-fn unwritable(path: &Path, error: &std::io::Error) -> Failure {
-    Failure::new(Status::File, format!("{}: cannot write: {error}", path.display()))
+fn unwritable(path: &Path, error: &io::Error) -> Failure {
+    // `tempfile` adds the name of its own file, which tells nobody anything.
+    let text = error.to_string();
+    let reason = text.split(" at path ").next().unwrap_or(&text);
+    Failure::new(Status::File, format!("{}: cannot write: {reason}", path.display()))
 }

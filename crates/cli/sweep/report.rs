@@ -85,8 +85,8 @@ pub fn line(row: &Row) -> String {
     }
 }
 
-/// The end of a sweep for people.
-pub fn tell(rows: &[&Row], run: usize, folder: &Path) {
+/// The end of a sweep for people; `folder` is where the manifest has been written.
+pub fn tell(rows: &[&Row], run: usize, folder: Option<&Path>) {
     let kept = rows.len() - run;
     let mut text = format!("{} of {} runs are complete", count(rows, State::Complete), rows.len());
     if kept > 0 {
@@ -101,7 +101,9 @@ pub fn tell(rows: &[&Row], run: usize, folder: &Path) {
         }
     }
     output::tell(text);
-    output::tell(format_args!("wrote {}", folder.join(NAME).display()));
+    if let Some(folder) = folder {
+        output::tell(format_args!("wrote {}", folder.join(NAME).display()));
+    }
     if count(rows, State::Complete) < rows.len() {
         output::tell(format_args!("go on with the same command"));
     }

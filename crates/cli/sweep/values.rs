@@ -50,6 +50,12 @@ impl Axis {
         }
         Ok(Self { key: key.to_owned(), values })
     }
+
+    /// Key and values as text in which equal numbers look equal.
+    pub fn canonical(&self) -> String {
+        let values: Vec<String> = self.values.iter().map(canonical).collect();
+        format!("{}={}", self.key, values.join(","))
+    }
 }
 
 impl fmt::Display for Axis {

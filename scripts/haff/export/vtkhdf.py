@@ -9,6 +9,7 @@ import numpy as np
 
 from ..extent import extent
 from ..frames import Frames
+from ..output import Sink
 
 _VERSION = (2, 3)
 _CELLS = ("Vertices", "Lines", "Polygons", "Strips")
@@ -22,7 +23,7 @@ def write(frames: Frames, path: Path, *, unwrapped: bool = False) -> None:
     the species. What does not change is stored once. VTK's points have no box: positions are those of haff.
     """
     file, room, count = frames.file, extent(frames), len(frames.file)
-    with h5py.File(path, "w", libver=("earliest", "v110")) as hdf:
+    with Sink(path) as sink, h5py.File(sink, "w", libver=("earliest", "v110")) as hdf:
         root = hdf.create_group("VTKHDF")
         root.attrs["Version"] = np.array(_VERSION, np.int64)
         root.attrs.create("Type", b"PolyData", dtype=h5py.string_dtype("ascii", len("PolyData")))
@@ -72,6 +73,7 @@ def write(frames: Frames, path: Path, *, unwrapped: bool = False) -> None:
             moving["Points"][row : row + count] = frame.unwrapped if unwrapped else frame.position
             moving["velocity"][row : row + count] = frame.velocity
             moving["image"][row : row + count] = frame.image
+            sink.check()
 
 
 def _growing(group: h5py.Group, name: str, dtype: type, rows: int) -> h5py.Dataset:

@@ -9,6 +9,7 @@ from typing import NamedTuple
 from matplotlib.figure import Figure
 
 from ..errors import MissingDataError, NotApplicableError
+from ..output import replacing
 from ..reader import File
 from . import closed_form, ledger, losses, snapshot, structure, temperature, trajectories, velocity
 from .style import style
@@ -84,9 +85,9 @@ def save_all(
             results.append(Result(kind, None, str(error).removeprefix(f"{file.path}: ")))
             continue
         path = directory / f"{file.path.stem}-{kind}.{extension}"
-        with style():
+        with style(), replacing(path, source=file.path, overwrite=True) as part:
             # No date inside: the same data give the same file.
             metadata = {"svg": {"Date": None}, "pdf": {"CreationDate": None}}.get(extension)
-            figure.savefig(path, metadata=metadata)
+            figure.savefig(part, metadata=metadata)
         results.append(Result(kind, path, ""))
     return results

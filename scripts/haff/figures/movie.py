@@ -10,7 +10,7 @@ import numpy as np
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from PIL import Image
 
-from ..errors import ArgumentError
+from ..errors import ArgumentError, FileError
 from ..extent import Extent, extent
 from ..frames import Frames
 from ..output import library, replacing
@@ -80,17 +80,29 @@ def _pictures(file: File, frames: Frames, room: Extent) -> Iterator[np.ndarray]:
 
 def _mp4(pictures: Iterator[np.ndarray], path: Path, fps: float) -> None:
     ffmpeg = library("imageio_ffmpeg", "movie")
-    writer = None
+    writer, drawn, found = None, 0, None
     try:
         for picture in pictures:
             if writer is None:
                 size = (picture.shape[1], picture.shape[0])
-                writer = ffmpeg.write_frames(str(path), size, fps=fps, quality=7, macro_block_size=2)
+                options = {"fps": fps, "quality": 7, "macro_block_size": 2, "ffmpeg_log_level": "quiet"}
+                writer = ffmpeg.write_frames(str(path), size, **options)
                 writer.send(None)
             writer.send(picture)
+            drawn += 1
+        writer.close()
+        found, _ = ffmpeg.count_frames_and_secs(str(path))
+    except (OSError, RuntimeError):
+        # ffmpeg has gone, or left what is no movie.
+        pass
     finally:
         if writer is not None:
             writer.close()
+    if found != drawn:
+        # ffmpeg does not tell why. If the disk is full, it is so for others, too.
+        with open(path, "ab", buffering=0) as file:
+            file.write(bytes(1 << 16))
+        raise FileError(f"{path}: ffmpeg has written {found or 'none'} of {drawn} pictures")
 
 
 def _gif(pictures: Iterator[np.ndarray], path: Path, fps: float) -> None:
