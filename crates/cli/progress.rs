@@ -1,11 +1,14 @@
 //! The progress bar: simulated time, collisions per second, time left. On a terminal only.
 
 use std::{
+    fmt::Write,
     io::IsTerminal,
     time::{Duration, Instant},
 };
 
-use indicatif::{MultiProgress, ProgressBar, ProgressDrawTarget, ProgressStyle};
+use indicatif::{
+    HumanDuration, MultiProgress, ProgressBar, ProgressDrawTarget, ProgressState, ProgressStyle,
+};
 
 use crate::output;
 
@@ -16,8 +19,8 @@ const STEPS: u64 = 10_000;
 #[derive(Clone)]
 pub struct Progress {
     bar: Option<ProgressBar>,
-    /// Whether it is a view of its own.
-    alone: bool,
+    /// Which run of a view of several; `None` if it is a view of its own.
+    name: Option<String>,
     started: Instant,
     collisions_before: u64,
 }
@@ -29,32 +32,32 @@ impl Progress {
         let bar = shown.then(|| {
             // Hidden until the run begins, so that no error before has a bar beside it.
             let bar = ProgressBar::with_draw_target(Some(STEPS), ProgressDrawTarget::hidden());
-            bar.set_style(style("{bar:30} {percent:>3} %  {msg}  {eta} left"));
+            bar.set_style(style("{bar:16} {percent:>3} %  {left:>8}  {wide_msg}"));
             bar
         });
-        Self::with(bar, true)
+        Self::with(bar, None)
     }
 
     /// A line of a view of several runs, or none if nobody looks.
     pub fn line_of(view: Option<&MultiProgress>, name: String) -> Self {
         let bar = view.map(|view| {
             let bar = view.add(ProgressBar::new(STEPS));
-            bar.set_style(style("  {prefix}  {bar:20} {percent:>3} %  {msg}"));
-            bar.set_prefix(name);
+            bar.set_style(style("  {bar:16} {percent:>3} %  {wide_msg}"));
+            bar.set_message(name.clone());
             bar
         });
-        Self::with(bar, false)
+        Self::with(bar, Some(name))
     }
 
-    fn with(bar: Option<ProgressBar>, alone: bool) -> Self {
-        Self { bar, alone, started: Instant::now(), collisions_before: 0 }
+    fn with(bar: Option<ProgressBar>, name: Option<String>) -> Self {
+        Self { bar, name, started: Instant::now(), collisions_before: 0 }
     }
 
     /// The run begins, with so many collisions behind it.
     pub fn begin(&mut self, collisions: u64) {
         self.started = Instant::now();
         self.collisions_before = collisions;
-        if let (Some(bar), true) = (&self.bar, self.alone) {
+        if let (Some(bar), None) = (&self.bar, &self.name) {
             bar.set_draw_target(ProgressDrawTarget::stderr_with_hz(10));
             bar.enable_steady_tick(Duration::from_millis(200));
         }
@@ -66,7 +69,11 @@ impl Progress {
             let rate =
                 (collisions - self.collisions_before) as f64 / self.started.elapsed().as_secs_f64().max(1e-3);
             bar.set_position((part.clamp(0.0, 1.0) * STEPS as f64) as u64);
-            bar.set_message(format!("t = {time:.4}  {collisions} collisions  {:.2} M/s", rate / 1e6));
+            let speed = format!("{:.2} M/s", rate / 1e6);
+            bar.set_message(match &self.name {
+                Some(name) => format!("{name}  t = {time:.4}  {speed}"),
+                None => format!("t = {time:.4}  {collisions} collisions  {speed}"),
+            });
         }
     }
 
@@ -86,8 +93,16 @@ impl Progress {
     }
 }
 
-/// The style of a bar.
+/// The style of a bar; `{left}` is the time left. Something in it should be `wide_`: what does not fit on a line of the terminal is left out.
 pub fn style(template: &str) -> ProgressStyle {
     let style = ProgressStyle::with_template(template);
-    style.unwrap_or_else(|_| ProgressStyle::default_bar()).progress_chars("━╸─")
+    style.unwrap_or_else(|_| ProgressStyle::default_bar()).progress_chars("━╸─").with_key(
+        "left",
+        |state: &ProgressState, out: &mut dyn Write| {
+            // Before anything is done nobody knows. A line that cannot be formed is left out.
+            if !state.eta().is_zero() {
+                let _ = write!(out, "{:#} left", HumanDuration(state.eta()));
+            }
+        },
+    )
 }

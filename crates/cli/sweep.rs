@@ -154,7 +154,7 @@ fn all(
             && let Some(&index) = todo.get(next.fetch_add(1, Ordering::Relaxed))
         {
             let member = plan.member(index);
-            let progress = view.line(&member.label());
+            let progress = view.line(&plan.label(&member));
             let (row, _) = pool.install(|| member::run(folder, plan, &member, signals, progress));
             view.done(&row);
             book.lock().unwrap_or_else(PoisonError::into_inner).enter(row);

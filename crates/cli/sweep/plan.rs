@@ -124,6 +124,20 @@ impl Plan {
         (0..self.len()).map(|index| self.member(index))
     }
 
+    /// What tells a member from the others, short: keys that vary, by as much of their ends as tells them apart.
+    pub fn label(&self, member: &Member) -> String {
+        let varying: Vec<&str> =
+            self.axes.iter().filter(|axis| axis.values.len() > 1).map(|axis| axis.key.as_str()).collect();
+        let mut words: Vec<String> = member
+            .parameters
+            .iter()
+            .filter(|(key, _)| varying.contains(&key.as_str()))
+            .map(|(key, value)| format!("{}={value}", tail(key, &varying)))
+            .collect();
+        words.extend(member.replica.map(|replica| format!("seed {replica}")));
+        if words.is_empty() { format!("run {}", member.index) } else { words.join("  ") }
+    }
+
     /// Numbers of members that show each value of each key at least once, with the others at their first values.
     pub fn corners(&self) -> Vec<usize> {
         let mut corners = vec![0];
@@ -146,14 +160,6 @@ impl Member {
         }
         overrides
     }
-
-    /// Parameters and number, for people.
-    pub fn label(&self) -> String {
-        let mut words: Vec<String> =
-            self.parameters.iter().map(|(key, value)| format!("{key}={value}")).collect();
-        words.extend(self.replica.map(|replica| format!("seed {replica}")));
-        words.join("  ")
-    }
 }
 
 /// The seed of a run: a hash of the scene's seed, of which run with these parameters it is, and of the parameters, in
@@ -167,6 +173,17 @@ fn derived_seed(base: u64, replica: u32, parameters: &[(String, Value)]) -> u64 
     lines.sort_unstable();
     // Seeds are TOML integers, so below 2^63.
     xxh3_64(format!("{base}\n{replica}\n{}", lines.concat()).as_bytes()) >> 1
+}
+
+/// The shortest end of a dotted key that no other key has.
+fn tail<'a>(key: &'a str, keys: &[&str]) -> &'a str {
+    let ends = |other: &str, end: &str| {
+        other.strip_suffix(end).is_some_and(|rest| rest.is_empty() || rest.ends_with('.'))
+    };
+    key.rmatch_indices('.')
+        .map(|(dot, _)| &key[dot + 1..])
+        .find(|end| !keys.iter().any(|other| *other != key && ends(other, end)))
+        .unwrap_or(key)
 }
 
 fn whole(value: &Value) -> Option<u64> {
@@ -187,19 +204,32 @@ mod tests {
         let plan = plan(&["a=1,2", "b=3,4,5"], Some(2));
         let members: Vec<_> = plan.members().collect();
         assert_eq!(members.len(), 12);
-        assert_eq!(members[0].label(), "a=1  b=3  seed 0");
-        assert_eq!(members[1].label(), "a=1  b=3  seed 1");
-        assert_eq!(members[2].label(), "a=1  b=4  seed 0");
-        assert_eq!(members[11].label(), "a=2  b=5  seed 1");
+        assert_eq!(plan.label(&members[0]), "a=1  b=3  seed 0");
+        assert_eq!(plan.label(&members[1]), "a=1  b=3  seed 1");
+        assert_eq!(plan.label(&members[2]), "a=1  b=4  seed 0");
+        assert_eq!(plan.label(&members[11]), "a=2  b=5  seed 1");
         assert_eq!((members[11].index, members[11].file.as_str()), (11, "run-0011.h5"));
         assert_eq!(plan.corners(), [0, 2, 4, 6]);
+    }
+
+    #[test]
+    fn labels_name_what_varies_by_the_ends_of_keys() {
+        let plan = plan(&["run.until=9", "contact.restitution=1,2", "x.y.count=1,2", "z.y.count=3,4"], None);
+        assert_eq!(plan.label(&plan.member(0)), "restitution=1  x.y.count=1  z.y.count=3");
+        let single = super::tests::plan(&["run.until=9"], None);
+        assert_eq!(single.label(&single.member(0)), "run 0");
     }
 
     #[test]
     fn seeds_depend_on_parameters_alone_and_are_pinned() {
         let seed = |sets: &[&str], seeds, label: &str| {
             let plan = plan(sets, Some(seeds));
-            let member = plan.members().find(|member| member.label() == label).expect(label);
+            let told = |member: &Member| {
+                let given: Vec<_> =
+                    member.parameters.iter().map(|(key, value)| format!("{key}={value}  ")).collect();
+                format!("{}seed {}", given.concat(), member.replica.unwrap())
+            };
+            let member = plan.members().find(|member| told(member) == label).expect(label);
             member.seed.expect("a seed")
         };
         let expected = seed(&["a=1,2", "b=3,4"], 2, "a=2  b=3  seed 1");

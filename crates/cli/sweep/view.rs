@@ -17,7 +17,7 @@ impl View {
         Self(shown.then(|| {
             let lines = MultiProgress::new();
             let whole = lines.add(ProgressBar::new(runs as u64).with_position(complete as u64));
-            whole.set_style(style("{bar:30} {pos}/{len} runs  {elapsed} gone  {eta} left"));
+            whole.set_style(style("{pos}/{len} runs  {elapsed} gone  {left}  {wide_bar}"));
             whole.reset_eta();
             whole.enable_steady_tick(Duration::from_millis(200));
             (lines, whole)
