@@ -232,9 +232,20 @@ def test_a_ball_is_drawn_where_it_is(show, files):
         assert (rows.min() + rows.max()) / 2 == pytest.approx(seen["y"], abs=4)
 
 
+def pair(path, position, velocity, image, times):
+    """A file with two spheres of radius ½ in a periodic box of edge 10."""
+    return synthetic.write(
+        path,
+        scene='schema = 1\n[domain]\nboundary = ["periodic", "periodic", "periodic"]\n[[species]]\nname = "a"\n',
+        size=np.full(3, 10.0), boundary=["periodic"] * 3, mass=[1, 1], radius=[0.5, 0.5], species=[0, 0],
+        frames={"time": np.array(times), "step": np.arange(len(times)), "position": position, "velocity": velocity,
+                "image": image},
+    )  # fmt: skip
+
+
 def test_between_two_frames_a_single_collision_is_exact(show, tmp_path):
     """Two spheres of one mass meet head on, elastically, between the only two frames, across a periodic face."""
-    size, speed, end = np.array([10.0, 10.0, 10.0]), np.array([1.0, -2.0]), 2.0
+    speed, end = np.array([1.0, -2.0]), 2.0
     start = np.array([9.0, 11.5])  # the gap of 1.5 closes at speed 3, so they meet after 0.5 at 9.5 and 10.5
     after = np.array([9.5 - 2.0 * 1.5, 10.5 + 1.0 * 1.5])
     position = np.full((2, 2, 3), 5.0)
@@ -242,19 +253,32 @@ def test_between_two_frames_a_single_collision_is_exact(show, tmp_path):
     velocity, image = np.zeros((2, 2, 3)), np.zeros((2, 2, 3), np.int32)
     velocity[:, :, 0] = [speed, speed[::-1]]
     image[:, :, 0] = [start // 10, after // 10]
-    path = synthetic.write(
-        tmp_path / "pair.h5",
-        scene='schema = 1\n[domain]\nboundary = ["periodic", "periodic", "periodic"]\n[[species]]\nname = "a"\n',
-        size=size, boundary=["periodic"] * 3, mass=[1, 1], radius=[0.5, 0.5], species=[0, 0],
-        frames={"time": np.array([0, end]), "step": np.array([0, 1]), "position": position, "velocity": velocity,
-                "image": image},
-    )  # fmt: skip
-    page = show(path)
+    page = show(pair(tmp_path / "pair.h5", position, velocity, image, [0.0, end]))
     for time in np.linspace(0, end, 9):
         seek(page, time)
         for k in (0, 1):
             x = start[k] + speed[k] * time if time < 0.5 else [9.5, 10.5][k] + speed[1 - k] * (time - 0.5)
             assert page.evaluate(f"haffView.player.locate({k})")["position"][0] == pytest.approx(x % 10, abs=1e-5)
+
+
+def test_what_reaches_through_a_periodic_face_is_seen_at_both_ends(show, tmp_path):
+    """A sphere at an edge of the box is seen at four edges, one in the middle of it once."""
+    position = np.array([[[9.8, 0.1, 5.0], [5.0, 5.0, 5.0]]])
+    page = show(pair(tmp_path / "pair.h5", position, np.zeros((1, 2, 3)), np.zeros((1, 2, 3), np.int32), [0.0]))
+    for points in (False, True):
+        if points:
+            html = tmp_path / "page.html"
+            html.write_text(html.read_text().replace("const POINTS = 20000;", "const POINTS = 1;"))
+            page.reload()
+            page.evaluate("haffView.ready")
+        picture = seek(page, 0)
+
+        def lit(x, y, z, page=page, picture=picture):
+            at = page.evaluate("p => haffView.player.pixel(p)", [x, y, z])
+            return bool(np.ptp(picture[round(at["y"]), round(at["x"])]) > 40)
+
+        assert all(lit(x, y, 5.0) for x in (-0.2, 9.8) for y in (0.1, 10.1)) and lit(5.0, 5.0, 5.0)
+        assert not any(lit(x, 5.0, 5.0) for x in (-5.0, -0.2, 9.8)) and not lit(-0.2, 0.1, -5.0)
 
 
 def test_one_frame_alone_is_a_picture(show, tmp_path):

@@ -1,5 +1,6 @@
 // All particles as instances of one quad that faces the eye; spheres are found exactly in the fragment shader. Of many,
-// each is a point, which costs a fourth; points have a largest size, so that few are not.
+// each is a point, which costs a fourth; points have a largest size, so that few are not. What reaches through a periodic
+// face is drawn once more at the opposite one, by the same shader.
 
 const POINTS = 20000;
 
@@ -7,7 +8,7 @@ const VERTEX = `
 precision highp float;
 precision highp int;
 uniform mat4 modelViewMatrix, projectionMatrix;
-uniform vec3 origin, unit, roomOrigin, roomSize, periodic, gravity;
+uniform vec3 origin, unit, roomOrigin, roomSize, periodic, gravity, across;
 uniform float unit0, unit1, dt, s, top0, top1, tall;
 uniform int flight, coloring;
 uniform highp sampler2D palette;
@@ -45,6 +46,16 @@ void main() {
   vec3 b = origin + p1 * unit + crossed * roomSize;
   vec3 where = place(a, b, u, w, held > 0.5 ? vec3(0.0) : gravity);
   where -= periodic * roomSize * floor((where - roomOrigin) / roomSize);
+#ifdef IMAGE
+  // Of the particles that reach through a face on each of these axes.
+  vec3 off = where - roomOrigin - 0.5 * roomSize;
+  bvec3 inside = lessThan(abs(off) + radius, 0.5 * roomSize);
+  if (any(equal(vec3(inside) * across, vec3(1.0)))) {
+    gl_Position = vec4(2.0, 2.0, 2.0, 1.0);
+    return;
+  }
+  where -= across * sign(off) * roomSize;
+#endif
 
   float x = dt > 0.0 ? s / dt : 0.0;
   float shade;
@@ -174,6 +185,7 @@ class Particles {
         roomOrigin: vector(header.room.origin),
         roomSize: vector(size),
         periodic: vector(header.periodic.map(Number)),
+        across: vector([0, 0, 0]),
         gravity: vector(header.gravity),
         unit0: 1,
         unit1: 1,
@@ -191,19 +203,43 @@ class Particles {
     const defines = { MEET };
     if (d === 2) defines.DISKS = 1;
     if (this.points) defines.POINTS = 1;
+    this.meshes = [];
+    this.add(geometry, this.uniforms, defines);
+    this.geometries = [geometry];
+    let near = geometry;
+    if (this.points) {
+      // Of many only those near a face are looked at for images: `edge` has their numbers.
+      near = new THREE.BufferGeometry();
+      for (const [name, attribute] of Object.entries(geometry.attributes)) near.setAttribute(name, attribute);
+      this.edge = new THREE.BufferAttribute(new Uint32Array(header.count), 1);
+      this.edge.setUsage(THREE.DynamicDrawUsage);
+      near.setIndex(this.edge);
+      this.geometries.push(near);
+    }
+    // Sides, edges and corners: one image for each set of periodic axes.
+    for (const across of CORNERS.slice(1)) {
+      if (across.some((bit, k) => bit && !header.periodic[k])) continue;
+      this.add(near, { ...this.uniforms, across: { value: vector(across) } }, { ...defines, IMAGE: 1 });
+    }
+  }
+
+  // Particles once more, with other uniforms.
+  add(geometry, uniforms, defines) {
+    const flat = header.dimension === 2;
     const material = new THREE.RawShaderMaterial({
       glslVersion: THREE.GLSL3,
       vertexShader: VERTEX,
       fragmentShader: FRAGMENT,
-      uniforms: this.uniforms,
+      uniforms,
       defines,
-      transparent: d === 2,
-      depthTest: d === 3,
-      depthWrite: d === 3,
-      alphaToCoverage: d === 3,
+      transparent: flat,
+      depthTest: !flat,
+      depthWrite: !flat,
+      alphaToCoverage: !flat,
     });
-    this.mesh = this.points ? new THREE.Points(geometry, material) : new THREE.Mesh(geometry, material);
-    this.mesh.frustumCulled = false;
+    const mesh = this.points ? new THREE.Points(geometry, material) : new THREE.Mesh(geometry, material);
+    mesh.frustumCulled = false;
+    this.meshes.push(mesh);
   }
 
   each(array, width) {
@@ -231,7 +267,8 @@ class Particles {
   show(k, x, coloring) {
     const next = Math.min(k + 1, this.frames.count - 1);
     const [from, to] = [this.attributes(k), this.attributes(next)];
-    const { geometry } = this.mesh;
+    if (this.edge && this.shown !== k) this.findEdge(k, next);
+    this.shown = k;
     const loss = coloring === "recent" ? "recent" : "soFar";
     for (const [name, attribute] of [
       ["p0", from.position],
@@ -242,7 +279,9 @@ class Particles {
       ["loss0", from[loss]],
       ["loss1", to[loss]],
     ]) {
-      if (geometry.getAttribute(name) !== attribute) geometry.setAttribute(name, attribute);
+      for (const geometry of this.geometries) {
+        if (geometry.getAttribute(name) !== attribute) geometry.setAttribute(name, attribute);
+      }
     }
     const set = (name, value) => (this.uniforms[name].value = value);
     const dt = this.frames.time[next] - this.frames.time[k];
@@ -253,6 +292,35 @@ class Particles {
     set("dt", dt);
     set("s", x * dt);
     set("coloring", { speed: 0, species: 1, soFar: 2, recent: 3 }[coloring]);
+  }
+
+  // Finds the particles that may reach through a periodic face between two frames: those that cross it, or whose speed
+  // could bring them there.
+  findEdge(k, next) {
+    const d = header.dimension;
+    const { list, found, time } = this.frames;
+    const dt = time[next] - time[k];
+    const [u, w] = [this.frames.velocityUnit(k) * dt, this.frames.velocityUnit(next) * dt];
+    const [a, b] = [found[k], found[next]];
+    const axes = [0, 1, 2].filter((c) => header.periodic[c]);
+    const unit = axes.map((c) => (list.unit ? list.unit[c] : 1));
+    const low = axes.map((c) => (list.unit ? 0 : header.room.origin[c]));
+    const { radius } = this.bodies;
+    let count = 0;
+    for (let i = 0; i < header.count; i++) {
+      for (let n = 0; n < axes.length; n++) {
+        const at = d * i + axes[n];
+        const [x, y] = [(a.position[at] - low[n]) * unit[n], (b.position[at] - low[n]) * unit[n]];
+        const reach = radius[i] + Math.max(Math.abs(a.velocity[at] * u), Math.abs(b.velocity[at] * w));
+        const far = header.room.size[axes[n]] - reach;
+        if (x < reach || y < reach || x > far || y > far || (next > k && b.crossed[at])) {
+          this.edge.array[count++] = i;
+          break;
+        }
+      }
+    }
+    this.geometries[1].setDrawRange(0, count);
+    this.edge.needsUpdate = true;
   }
 
   // Lights up the particles of the events between two times, the last ones brightest; if they are more than `most`,

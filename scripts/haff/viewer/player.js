@@ -36,7 +36,7 @@ class Player {
     this.renderer.sortObjects = false; // drawn as added: particles, then what is transparent
     this.scene = new THREE.Scene();
     this.particles = new Particles(this.frames, this.bodies);
-    this.scene.add(this.particles.mesh);
+    this.scene.add(...this.particles.meshes);
     this.surroundings = new Surroundings(this.scene, this.theme);
     this.camera = header.dimension === 2 ? new THREE.OrthographicCamera() : new THREE.PerspectiveCamera(35);
     this.orbit = new THREE.OrbitControls(this.camera, this.renderer.domElement);
@@ -192,8 +192,16 @@ class Player {
 
   // --- camera -----------------------------------------------------------------------------------
 
-  look() {
+  // The room, and what reaches through its periodic faces.
+  get seen() {
     const { low, high } = this.surroundings.space;
+    const reach = 2 * Math.max(...this.bodies.radius);
+    const more = high.map((value, k) => (header.periodic[k] ? Math.min(reach, 0.1 * (value - low[k])) : 0));
+    return { low: low.map((value, k) => value - more[k]), high: high.map((value, k) => value + more[k]) };
+  }
+
+  look() {
+    const { low, high } = this.seen;
     const size = high.map((value, k) => value - low[k]);
     const middle = low.map((value, k) => value + size[k] / 2);
     const far = Math.hypot(...size);
@@ -261,7 +269,7 @@ class Player {
     const free = this.free();
     // What is looked at lies in the middle of the free space.
     if (header.dimension === 2) {
-      const { low, high } = this.surroundings.space;
+      const { low, high } = this.seen;
       const scale = Math.max((high[0] - low[0]) / free.width, (high[1] - low[1]) / free.height) / FILL;
       [this.camera.left, this.camera.right] = [-free.x * scale, (width - free.x) * scale];
       [this.camera.top, this.camera.bottom] = [free.y * scale, (free.y - height) * scale];
@@ -410,8 +418,13 @@ class Player {
   locate(index) {
     const k = Math.min(Math.floor(this.at), this.last);
     const { position, radius } = body(this.frames, this.bodies, index, k, this.at - k);
+    return { position, radius, ...this.pixel(position) };
+  }
+
+  // Where a point of the room is seen.
+  pixel(position) {
     const seen = new THREE.Vector3(...position).project(this.camera);
-    return { position, radius, x: ((seen.x + 1) / 2) * innerWidth, y: ((1 - seen.y) / 2) * innerHeight };
+    return { x: ((seen.x + 1) / 2) * innerWidth, y: ((1 - seen.y) / 2) * innerHeight };
   }
 }
 
