@@ -1,17 +1,17 @@
 /*!
 A calendar of one window of time: buckets of equal width, filled once, and drained in order.
 
-The window may be cut into *tiles* that are drained one after the other, each in the order of time. Buckets are those of a tile then.
-
 Most events are known when the window opens: they are sorted into buckets by counting, so that they lie in memory in the
-order in which they will be taken, and what comes soon can be [seen](Agenda::soon) beforehand. Events that arrive later wait in lists, one per
-bucket. The bucket in progress is a small sorted run.
+order in which they will be taken. Events that arrive later wait in lists, one per bucket. The next few are a sorted run, so that what
+comes soon can be [seen](Agenda::soon) beforehand.
 */
 
 use crate::Event;
 
 /// Events per bucket that the width is chosen for: the sort of a run stays within two cache lines or three.
 const TARGET: usize = 4;
+/// Events that have been taken before the room that they stood in is used again.
+const TAKEN: usize = 64;
 /// End of a list.
 const NONE: u32 = u32::MAX;
 
@@ -21,17 +21,19 @@ pub struct Agenda<E: Event> {
     begin: i64,
     /// log₂ of a bucket's width in ticks.
     shift: u32,
-    /// Buckets per tile.
-    per_tile: usize,
     /// Events known from the start, by bucket; bucket b ends at `ends[b]`.
     known: Vec<E>,
     ends: Vec<u32>,
     /// Later events: lists through `nodes`, from `heads[b]` on.
     heads: Vec<u32>,
     nodes: Vec<(E, u32)>,
-    /// The bucket in progress, −1 before the first, and its events, latest first.
+    /// The last bucket that the run holds, −1 before the first.
     current: i64,
+    /// The next events in their order, from `head` on.
     run: Vec<E>,
+    head: usize,
+    /// How many the run shall hold.
+    lead: usize,
     len: usize,
 }
 
@@ -40,57 +42,46 @@ impl<E: Event> Default for Agenda<E> {
         Self {
             begin: 0,
             shift: 0,
-            per_tile: 1,
             known: Vec::new(),
             ends: Vec::new(),
             heads: Vec::new(),
             nodes: Vec::new(),
             current: -1,
             run: Vec::new(),
+            head: 0,
+            lead: 1,
             len: 0,
         }
     }
 }
 
 impl<E: Event> Agenda<E> {
+    /// Keeps the next `events` sorted, as far as there are, so that they can be seen [soon](Self::soon).
+    pub fn keep_sorted(&mut self, events: usize) {
+        self.lead = events.max(1);
+    }
+
     /// Forgets everything and opens a window [`begin`, `end`] \[ticks\], `begin` < `end`, with the events known from the start.
     ///
     /// Events before or after the window are taken in their order too, only less quickly.
     pub fn open(&mut self, begin: i64, end: i64, events: &[E]) {
-        self.fill(begin, end, events, 1, |_| 0);
-    }
-
-    /// [`Self::open`] for a window of so many tiles; `tiles` tells that of each event.
-    ///
-    /// # Panics
-    ///
-    /// If there are not as many tiles told as events, or one of them is not below `count`.
-    pub fn open_in_tiles(&mut self, begin: i64, end: i64, events: &[E], count: usize, tiles: &[u16]) {
-        assert_eq!(events.len(), tiles.len());
-        self.fill(begin, end, events, count, |k| usize::from(tiles[k]));
-    }
-
-    #[inline(always)]
-    fn fill(&mut self, begin: i64, end: i64, events: &[E], tiles: usize, tile: impl Fn(usize) -> usize) {
-        // A tile has its events in a part of the window's time only.
-        let spread = if tiles > 1 { TARGET / 2 } else { TARGET };
-        let buckets = (events.len() / spread / tiles).clamp(1, 1 << 24) as u64;
+        let buckets = (events.len() / TARGET).clamp(1, 1 << 24) as u64;
         let span = end.saturating_sub(begin).max(1) as u64;
         self.begin = begin;
         // The least width of a power of two that covers the window with at most that many buckets.
         self.shift = u64::BITS - (span / buckets).leading_zeros();
-        self.per_tile = (span >> self.shift) as usize + 1;
-        let buckets = self.per_tile * tiles;
+        let buckets = (span >> self.shift) as usize + 1;
         self.ends.clear();
         self.ends.resize(buckets + 1, 0);
         self.heads.clear();
         self.heads.resize(buckets, NONE);
         self.nodes.clear();
         self.run.clear();
+        self.head = 0;
         self.current = -1;
         self.len = events.len();
-        for (k, event) in events.iter().enumerate() {
-            let bucket = self.bucket(event.time(), tile(k));
+        for event in events {
+            let bucket = self.bucket(event.time());
             self.ends[bucket] += 1;
         }
         let mut sum = 0;
@@ -103,8 +94,8 @@ impl<E: Event> Agenda<E> {
             self.known.resize(events.len(), first);
         }
         // From behind: the ends become the beginnings, which are the ends of the buckets before.
-        for (k, event) in events.iter().enumerate().rev() {
-            let bucket = self.bucket(event.time(), tile(k));
+        for event in events.iter().rev() {
+            let bucket = self.bucket(event.time());
             self.ends[bucket] -= 1;
             self.known[self.ends[bucket] as usize] = *event;
         }
@@ -112,72 +103,81 @@ impl<E: Event> Agenda<E> {
     }
 
     #[inline(always)]
-    fn bucket(&self, time: i64, tile: usize) -> usize {
+    fn bucket(&self, time: i64) -> usize {
         let within = time.saturating_sub(self.begin).max(0) as u64 >> self.shift;
-        tile * self.per_tile + (within as usize).min(self.per_tile - 1)
+        (within as usize).min(self.heads.len() - 1)
     }
 
-    /// Adds an event.
-    #[inline]
-    pub fn push(&mut self, event: E) {
-        self.push_in_tile(event, 0);
-    }
-
-    /// Adds an event of a tile. If the tile has been drained, the event joins those in progress.
+    /// Adds an event; the agenda must have been opened.
     #[inline(always)]
-    pub fn push_in_tile(&mut self, event: E, tile: usize) {
+    pub fn push(&mut self, event: E) {
         self.len += 1;
-        let bucket = self.bucket(event.time(), tile);
+        let bucket = self.bucket(event.time());
         if bucket as i64 > self.current {
             let node = self.nodes.len() as u32;
             self.nodes.push((event, self.heads[bucket]));
             self.heads[bucket] = node;
         } else {
-            let place = self.run.iter().rposition(|later| *later >= event).map_or(0, |k| k + 1);
+            self.insert(event);
+        }
+    }
+
+    /// Inserts an event into the run.
+    #[inline(always)]
+    fn insert(&mut self, event: E) {
+        let ahead = self.run[self.head..].iter().position(|later| *later > event);
+        let place = ahead.map_or(self.run.len(), |ahead| self.head + ahead);
+        if self.head > 0 {
+            self.run.copy_within(self.head..place, self.head - 1);
+            self.head -= 1;
+            self.run[place - 1] = event;
+        } else {
             self.run.insert(place, event);
         }
     }
 
     /// Takes the least event if its time is at most `limit`.
-    #[inline]
+    #[inline(always)]
     pub fn pop_until(&mut self, limit: i64) -> Option<E> {
-        if self.run.is_empty() && !self.next_bucket() {
-            return None;
+        if self.run.len() < self.head + self.lead {
+            self.lengthen();
         }
-        if self.run.last()?.time() > limit {
+        let next = *self.run.get(self.head)?;
+        if next.time() > limit {
             return None;
         }
         self.len -= 1;
-        self.run.pop()
+        self.head += 1;
+        Some(next)
     }
 
-    /// Fills the run from the next bucket that has events.
-    fn next_bucket(&mut self) -> bool {
-        if self.len == 0 {
-            return false;
+    /// Lengthens the run by the next buckets, until it holds as many as it shall or all.
+    #[inline(never)]
+    fn lengthen(&mut self) {
+        if self.head >= TAKEN {
+            self.run.drain(..self.head);
+            self.head = 0;
         }
-        while self.run.is_empty() {
+        while self.run.len() < self.head + self.lead && self.run.len() - self.head < self.len {
+            let start = self.run.len();
             self.current += 1;
             let bucket = self.current as usize;
-            let Some(&end) = self.ends.get(bucket) else { return false };
-            let start = if bucket == 0 { 0 } else { self.ends[bucket - 1] };
-            self.run.extend_from_slice(&self.known[start as usize..end as usize]);
+            let first = if bucket == 0 { 0 } else { self.ends[bucket - 1] };
+            self.run.extend_from_slice(&self.known[first as usize..self.ends[bucket] as usize]);
             let mut node = self.heads[bucket];
             while node != NONE {
                 let (event, next) = self.nodes[node as usize];
                 self.run.push(event);
                 node = next;
             }
+            self.run[start..].sort_unstable();
         }
-        self.run.sort_unstable_by(|a, b| b.cmp(a));
-        true
     }
 
-    /// The event known from the start that is likely to be taken `ahead` events from now: one further with every event taken.
-    #[inline]
+    /// The event that will be taken `ahead` events from now, as things stand; one of those [kept sorted](Self::keep_sorted).
+    #[inline(always)]
     pub fn soon(&self, ahead: usize) -> Option<&E> {
-        let end = if self.current < 0 { 0 } else { *self.ends.get(self.current as usize)? as usize };
-        self.known.get((end + ahead).saturating_sub(self.run.len()))
+        self.run.get(self.head + ahead)
     }
 
     /// Number of events held.

@@ -36,8 +36,10 @@ const MAX_YEAR_BITS: u32 = 61;
 /// Two-level ladder queue; see the [crate's twin](crate::Heap) for the plain form.
 #[derive(Debug, Clone)]
 pub struct Ladder<E: Event> {
-    /// Sorted events of the current fine bucket, latest first.
+    /// Sorted events up to the end of the current fine bucket, latest first.
     run: Vec<E>,
+    /// Length below which the run is lengthened by the next bucket.
+    lead: usize,
     /// Events pushed into the current fine bucket or before it since it was sorted.
     late: BinaryHeap<Reverse<E>>,
     fine: Vec<Vec<E>>,
@@ -137,10 +139,14 @@ impl<E: Event> Ladder<E> {
         self.buckets = 0;
     }
 
-    /// Makes `run` the next non-empty fine bucket. False when the calendar is empty.
+    /// Keeps at least so many events sorted, as far as there are, so that those [upcoming](Calendar::upcoming) are told in their order.
+    pub fn keep_sorted(&mut self, events: usize) {
+        self.lead = events.min(SHORT / 2);
+    }
+
+    /// Adds the next non-empty fine bucket to the run. False if no bucket has any.
     fn advance(&mut self) -> bool {
-        debug_assert!(self.run.is_empty() && self.late.is_empty());
-        if self.len == 0 {
+        if self.len == self.run.len() + self.late.len() {
             return false;
         }
         loop {
@@ -149,9 +155,15 @@ impl<E: Event> Ladder<E> {
                 self.fine_now += 1;
                 self.buckets += 1;
                 let slot = (self.fine_now & ((1 << self.fine_bits) - 1)) as usize;
-                if !self.fine[slot].is_empty() {
-                    mem::swap(&mut self.run, &mut self.fine[slot]);
-                    self.run.sort_unstable_by(|a, b| b.cmp(a));
+                let bucket = &mut self.fine[slot];
+                if !bucket.is_empty() {
+                    bucket.sort_unstable_by(|a, b| b.cmp(a));
+                    if !self.run.is_empty() {
+                        // All that the run holds comes before.
+                        bucket.extend_from_slice(&self.run);
+                        self.run.clear();
+                    }
+                    mem::swap(&mut self.run, bucket);
                     return true;
                 }
             }
@@ -250,6 +262,7 @@ impl<E: Event> Calendar<E> for Ladder<E> {
         let bits = (2 * events.max(1)).ilog2().div_ceil(2).clamp(4, 12);
         Self {
             run: Vec::new(),
+            lead: 0,
             late: BinaryHeap::new(),
             fine: vec![Vec::new(); 1 << bits],
             coarse: vec![Vec::new(); 1 << bits],
@@ -278,8 +291,8 @@ impl<E: Event> Calendar<E> for Ladder<E> {
         }
         if self.late.is_empty() {
             // The usual case.
-            if self.run.is_empty() && !self.advance() {
-                return None;
+            if self.run.len() <= self.lead {
+                self.advance();
             }
             let last = self.run.len().checked_sub(1)?;
             let next = self.run[last];

@@ -47,8 +47,8 @@ impl Batch {
         match kernel {
             Kernel::Portable => predict(self),
             #[cfg(target_arch = "x86_64")]
-            // SAFETY: `Kernel::Avx2` is made by `Kernel::choose` alone, after it has found the feature.
-            Kernel::Avx2 => unsafe { predict_avx2(self) },
+            // SAFETY: both are made by `Kernel::choose` alone, after it has found the feature.
+            Kernel::Avx2 | Kernel::Avx512 => unsafe { predict_avx2(self) },
         }
     }
 }
@@ -59,6 +59,9 @@ pub(crate) enum Kernel {
     Portable,
     #[cfg(target_arch = "x86_64")]
     Avx2,
+    /// As `Avx2`, but filters look at sixteen candidates at a time.
+    #[cfg(target_arch = "x86_64")]
+    Avx512,
 }
 
 impl Kernel {
@@ -72,13 +75,29 @@ impl Kernel {
             && std::is_x86_feature_detected!("lzcnt")
             && std::is_x86_feature_detected!("popcnt"))
         .then_some(Self::Avx2);
+        #[cfg(target_arch = "x86_64")]
+        let avx512 = (avx2.is_some()
+            && std::is_x86_feature_detected!("avx512f")
+            && std::is_x86_feature_detected!("avx512dq")
+            && std::is_x86_feature_detected!("avx512vl"))
+        .then_some(Self::Avx512);
         #[cfg(not(target_arch = "x86_64"))]
-        let avx2 = None;
+        let (avx2, avx512) = (None, None);
         match choice {
-            SimdChoice::Auto => avx2.or(Some(Self::Portable)),
+            SimdChoice::Auto => avx512.or(avx2).or(Some(Self::Portable)),
             SimdChoice::Avx2 => avx2,
             SimdChoice::Portable => Some(Self::Portable),
         }
+    }
+
+    /// Whether filters may use vectors of 512 bits.
+    pub fn is_wide(self) -> bool {
+        #[cfg(target_arch = "x86_64")]
+        {
+            self == Self::Avx512
+        }
+        #[cfg(not(target_arch = "x86_64"))]
+        false
     }
 }
 
@@ -148,7 +167,7 @@ mod tests {
         let (mut hits, mut batch) = (0, Batch::new());
         for _ in 0..2000 {
             fill(&mut batch, &mut state);
-            for choice in [SimdChoice::Portable, SimdChoice::Avx2] {
+            for choice in [SimdChoice::Portable, SimdChoice::Avx2, SimdChoice::Auto] {
                 let Some(kernel) = Kernel::choose(choice) else { continue };
                 batch.predict(kernel);
                 for k in 0..batch.len {

@@ -8,7 +8,7 @@ use crate::{
     census::{Census, Crowd},
     machine::{Engine, Machine, With},
     model::{Dimension, NeighborChoice, System},
-    nearby::Nearby,
+    nearby::{self, Nearby},
     particles::World,
     windows::{self, Windows},
 };
@@ -19,8 +19,9 @@ const FEW: usize = 12;
 const DENSE: [f64; 2] = [0.18, 0.42];
 /// … and if they have not: the cells' width follows the largest, that of the lists' shell the mean.
 const DENSE_MIXED: [f64; 2] = [0.26, 0.5];
-/// The same where windows compete: benches/record/2026-11-21/windows.md.
-const DENSE_FOR_WINDOWS: [f64; 2] = [0.38, 0.7];
+/// The same where windows compete (benches/record/2026-11-21/windows.md): with the lists of [`nearby`], and with those for all systems.
+const DENSE_FOR_WINDOWS: [f64; 2] = [0.32, 0.42];
+const DENSE_FOR_WINDOWS_ELSE: [f64; 2] = [0.38, 0.7];
 /// An engine is given up for another when the density is beyond the bound by this factor: to and fro costs more than it gains.
 const RELUCTANCE: f64 = 1.15;
 /// An engine is laid out anew when the density around the particles has changed by this factor.
@@ -97,7 +98,8 @@ impl Choice {
         let windows = windows_serve && windows::suit(system, &self.census, crowd);
         let mixed = self.census.least != self.census.largest;
         let limits = match (windows, mixed) {
-            (true, _) => DENSE_FOR_WINDOWS,
+            (true, _) if nearby::serves(system, &self.census) => DENSE_FOR_WINDOWS,
+            (true, _) => DENSE_FOR_WINDOWS_ELSE,
             (false, true) => DENSE_MIXED,
             (false, false) => DENSE,
         };

@@ -35,6 +35,11 @@ impl Queue {
         Self { calendar: Ladder::with_capacity(particles), ties: Vec::new() }
     }
 
+    /// Keeps so many entries in their order, for [`Prophet::look_ahead`].
+    pub fn keep_sorted(&mut self, entries: usize) {
+        self.calendar.keep_sorted(entries);
+    }
+
     pub fn clear(&mut self) {
         self.calendar.clear();
         self.ties.clear();

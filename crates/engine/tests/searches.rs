@@ -49,6 +49,11 @@ fn assert_twins(name: &str, system: &System, until: Until) -> usize {
     if has_windows(system) {
         choices.push(options(NeighborChoice::Windows, SimdChoice::Portable));
         choices.push(options(NeighborChoice::Windows, SimdChoice::Auto));
+        // Where `Auto` has wider vectors.
+        let avx2 = options(NeighborChoice::Windows, SimdChoice::Avx2);
+        if !matches!(Simulation::new(system.clone(), avx2), Err(EngineError::NoAvx2)) {
+            choices.push(avx2);
+        }
     }
     for choice in choices {
         let (log, other, mut simulation) = run(system, choice, until);

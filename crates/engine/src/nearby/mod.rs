@@ -45,12 +45,12 @@ const SHELL: [f64; 2] = [1.3, 2.5];
 const AHEAD: f32 = 0.5;
 /// Radii may differ by this factor: the bins are made for the largest.
 const SIZE_RATIO: f64 = 2.0;
-/// Of events to come the records of those in the lists are asked for from this many particles on.
-const MANY: usize = 15_000;
+/// Of events to come the records and anchors of those in the lists are asked for from this many particles on: they come from memory.
+const MANY: usize = 40_000;
 /// Of the event so many entries ahead, particles, records and lists are asked for, …
-const FAR_AHEAD: usize = 10;
+const FAR_AHEAD: usize = 8;
 /// … and of this nearer one the records of those in the lists.
-const NEARLY_DUE: usize = 4;
+const NEARLY_DUE: usize = 3;
 
 /// No time within reach [spans].
 const NEVER: f32 = 0.5 * filter::NEVER;
@@ -59,6 +59,15 @@ const NOTHING: Entry =
     Entry { time: i64::MAX, owner: 0, target: Target::NONE, own_count: 0, partner_count: 0 };
 /// Particles predicted at a time at the start.
 const BLOCK: usize = 1 << 16;
+
+/// Whether this engine is made for a system, if its box is large enough.
+pub(crate) fn serves(system: &System, census: &Census) -> bool {
+    census.count < i32::MAX as usize
+        && census.movable
+        && system.domain.gravity == DVec3::ZERO
+        && system.walls.is_empty()
+        && census.largest <= SIZE_RATIO * census.least
+}
 
 /// What this engine knows of a system before it starts.
 struct Plan {
@@ -73,13 +82,7 @@ struct Plan {
 impl Plan {
     /// `None` if this engine does not serve the system.
     fn new(geometry: &Geometry, system: &System, census: &Census, crowd: &Crowd) -> Option<Self> {
-        let plain = system.domain.gravity == DVec3::ZERO && system.walls.is_empty();
-        if census.count == 0
-            || census.count >= i32::MAX as usize
-            || !census.movable
-            || !plain
-            || geometry.radius > SIZE_RATIO * census.least
-        {
+        if census.count == 0 || !serves(system, census) {
             return None;
         }
         let sigma = geometry.reach;
@@ -136,9 +139,11 @@ impl<F: Features> Nearby<F> {
     ) -> Option<Self> {
         let plan = Plan::new(geometry, system, census, crowd)?;
         let count = census.count;
+        let mut queue = Queue::new(count);
+        queue.keep_sorted(FAR_AHEAD + 1);
         Some(Self {
             kernel,
-            queue: Queue::new(count),
+            queue,
             sight: Sight {
                 plan,
                 records: Vec::new(),
@@ -451,7 +456,7 @@ impl<F: Features, const VECTORS: bool> Prophet for Seer<'_, F, VECTORS> {
         self.sight.foresee::<false>(&state.world, i, &mut self.bounds[0], self.work)
     }
 
-    /// First the records and lists of particles, later the records of those that stand in these.
+    /// First the anchors, records and lists of particles, later those of whoever stands in these (nobody has no anchor).
     #[inline(always)]
     fn look_ahead(&self, calendar: &Ladder<Entry>, state: &State) {
         let Sight { records, lists, looks_ahead, .. } = &*self.sight;
@@ -472,6 +477,9 @@ impl<F: Features, const VECTORS: bool> Prophet for Seer<'_, F, VECTORS> {
             let neighbors = |i: u32| {
                 for &j in lists.of(i) {
                     prefetch(&records[j as usize]);
+                    if let Some(anchor) = state.world.particles.get(j as usize) {
+                        prefetch(anchor);
+                    }
                 }
             };
             neighbors(entry.owner);
@@ -543,11 +551,13 @@ impl<F: Features> Engine for Nearby<F> {
             (Kernel::Portable, false) => self.run::<false, false>(state, limit, observer),
             (Kernel::Portable, true) => self.run::<true, false>(state, limit, observer),
             #[cfg(target_arch = "x86_64")]
-            // SAFETY: `Kernel::Avx2` is made by `Kernel::choose` alone, after it has found the features.
-            (Kernel::Avx2, false) => unsafe { self.run_avx2::<false>(state, limit, observer) },
+            // SAFETY: both are made by `Kernel::choose` alone, after it has found the features.
+            (Kernel::Avx2 | Kernel::Avx512, false) => unsafe {
+                self.run_avx2::<false>(state, limit, observer)
+            },
             #[cfg(target_arch = "x86_64")]
             // SAFETY: as above.
-            (Kernel::Avx2, true) => unsafe { self.run_avx2::<true>(state, limit, observer) },
+            (Kernel::Avx2 | Kernel::Avx512, true) => unsafe { self.run_avx2::<true>(state, limit, observer) },
         }
     }
 }

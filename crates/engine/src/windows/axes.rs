@@ -127,16 +127,6 @@ impl Axes {
         axes
     }
 
-    /// Whether the grid is folded.
-    pub fn is_folded(&self) -> bool {
-        self.fold != [0; 4]
-    }
-
-    /// Whether the grid goes round along an axis.
-    pub fn is_periodic(&self, axis: usize) -> bool {
-        self.flip[axis] != 0
-    }
-
     /// The coordinate of a position along an axis [length].
     #[inline(always)]
     pub fn coordinate(&self, axis: usize, position: f64) -> i32 {
@@ -224,13 +214,13 @@ mod tests {
                     let axes = Axes::new(&geometry(size, [kind; 3]), width, particles);
                     let cells: i32 = axes.n.iter().product();
                     assert!((1000..=8 * 10_000 + FEW as i32).contains(&cells), "{size} {width}: {axes:?}");
-                    assert!(axes.is_folded());
+                    assert!(axes.fold != [0; 4]);
                 }
             }
         }
         // Where there are few enough, they are as wide as asked.
         let axes = Axes::new(&geometry(DVec3::splat(1e4), [Axis::Periodic; 3]), 300.0, particles);
-        assert_eq!((axes.n, axes.is_folded()), ([33, 33, 33, 1], false));
+        assert_eq!((axes.n, axes.fold), ([33, 33, 33, 1], [0; 4]));
     }
 
     #[test]

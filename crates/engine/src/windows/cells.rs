@@ -27,10 +27,22 @@ const PART: usize = 4096;
 /// Up to seven entries, and what follows: the number of entries in three bits, the next block above.
 #[derive(Debug, Clone, Copy)]
 #[repr(C, align(32))]
-struct Block {
+pub(super) struct Block {
     entries: [u32; ENTRIES],
     link: u32,
 }
+
+impl Block {
+    /// Its first entries: slots, of now or of a window before.
+    #[inline(always)]
+    pub fn first(&self) -> [u32; 2] {
+        [self.entries[0], self.entries[1]]
+    }
+}
+
+/// The cells before, of and after a place along each axis.
+#[derive(Debug, Clone, Copy, Default)]
+pub(super) struct Near([[i32; 4]; 3]);
 
 const EMPTY: Block = Block { entries: [0; ENTRIES], link: 0 };
 
@@ -305,6 +317,38 @@ impl Cells {
             });
         }
         candidates.end(from, search, own);
+    }
+
+    /// The cells around the place that a path has come to after a `part` of the window.
+    #[inline(always)]
+    pub fn around(&self, x: [i32; 3], v: [f32; 3], part: f32) -> Near {
+        let axes = &self.axes;
+        let v = [v[0], v[1], v[2], 0.0];
+        let mut place = axes.places(x);
+        for k in 0..4 {
+            place[k] += v[k] * part * axes.cells[k];
+        }
+        let home = axes.fold(axes.cells(place));
+        let mut near = [home; 3];
+        for k in 0..3 {
+            let (c, n) = (home[k], axes.n[k]);
+            near[0][k] = if c == 0 { n - 1 } else { c - 1 };
+            near[2][k] = if c == n - 1 { 0 } else { c + 1 };
+        }
+        Near(near)
+    }
+
+    /// Visits the first blocks of these cells, row by row.
+    #[inline(always)]
+    pub fn visit(&self, near: &Near, mut visit: impl FnMut([&Block; 3])) {
+        for [_, _, z, _] in near.0 {
+            for [_, y, _, _] in near.0 {
+                let row = (z * self.axes.n[1] + y) * self.axes.n[0];
+                // There may be less cells than when these were found.
+                let block = |x: usize| &self.blocks[((row + near.0[x][0]) as usize).min(self.count - 1)];
+                visit([block(0), block(1), block(2)]);
+            }
+        }
     }
 
     /// Visits all cells of a block of cells, wherever it lies.

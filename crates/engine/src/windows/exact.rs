@@ -59,25 +59,6 @@ pub(super) fn contact<F: Features>(world: &World, a: &Particle, b: &Particle) ->
     (ticks <= LONGEST).then(|| from + whole(ticks))
 }
 
-/// Part of the contact distance by which rounding never makes a pair overlap.
-const OVERLAP: f64 = 1e-6;
-
-/// Whether a contact of two particles with these anchors, at `time`, is no contact: they overlap at the later anchor already, which no
-/// trajectory has them do.
-#[inline(always)]
-pub(super) fn begins_with_overlap(world: &World, a: &Particle, b: &Particle, time: i64) -> bool {
-    time == a.time.max(b.time) && overlap(world, a, b, time)
-}
-
-#[cold]
-#[inline(never)]
-fn overlap(world: &World, a: &Particle, b: &Particle, time: i64) -> bool {
-    let here = |p: &Particle| p.position + p.velocity * ((time - p.time) as f64 * world.clock.tick);
-    let sigma = world.classes[a.class()].radius + world.classes[b.class()].radius;
-    let within = sigma * (1.0 - OVERLAP);
-    world.nearest_image(here(b) - here(a)).length_squared() < within * within
-}
-
 /// When a particle with this anchor touches a wall [ticks].
 #[inline(always)]
 pub(super) fn wall_contact<F: Features>(

@@ -16,13 +16,10 @@ mod cells;
 mod due;
 mod exact;
 mod filter;
-mod history;
 mod opening;
 #[cfg(test)]
 mod random;
 mod space;
-mod tiled;
-mod tiles;
 mod tune;
 
 use std::marker::PhantomData;
@@ -42,16 +39,22 @@ use crate::{
     report::{Observer, Stop},
     resolve,
 };
-use cells::Cells;
+use cells::{Block, Cells, Near};
 use due::Due;
 use filter::{Probe, Record, Scratch};
-use history::History;
-use space::{Found, Space};
-use tiles::Tiles;
+use space::Space;
 use tune::{Tuner, Work};
 
-/// Up to this many particles the caches hold all that events need.
+/// Up to this many particles the caches hold all that events need: beyond that, particles are asked for so many events ahead, and what
+/// their slots hold so many.
 const CACHED: usize = 20_000;
+const PARTICLES: usize = 20;
+const SLOTS: usize = 14;
+/// From this many particles on, cells around events, and records in them, come from memory: so many events ahead, and so many
+/// less.
+const LARGE: usize = 100_000;
+const CELLS: usize = 9;
+const TURNS: usize = 5;
 /// Part of the box that the widest pair may come apart within a window, so that the nearest image is the one that may touch.
 const NEAREST: f64 = 0.45;
 /// Part of the least contact distance that the rounding of coordinates may come to.
@@ -83,15 +86,7 @@ pub(crate) struct Windows<F> {
     slot_of: Vec<u32>,
     agenda: Agenda<Due>,
     /// Contacts found by the batch phase.
-    found: Found,
-    /// What has happened in the window, if its events are taken tile by tile.
-    history: History,
-    /// Whether the system allows that, and for how many windows it shall not be tried.
-    tileable: bool,
-    untiled: u32,
-    penalty: u32,
-    /// Collisions until the window began.
-    collisions: u64,
+    found: Vec<Due>,
     /// When the window began [ticks], and its length [time].
     begin: i64,
     step: f64,
@@ -106,6 +101,9 @@ pub(crate) struct Windows<F> {
     /// Windows since the copies were made, and how many there shall be.
     opened: u64,
     last_window: u64,
+    /// The cells around the events to come, one after the other, and whose turn it is.
+    around: [Near; TURNS],
+    turn: usize,
     scratch: Scratch,
     /// Work since the copies were made, before the present window's.
     judged: Work,
@@ -159,6 +157,10 @@ pub(crate) fn suit(system: &System, census: &Census, crowd: &Crowd) -> bool {
 impl<F: Features> Windows<F> {
     pub fn new(geometry: &Geometry, kernel: Kernel, system: &System, census: &Census, crowd: &Crowd) -> Self {
         let count = census.count;
+        let mut agenda = Agenda::default();
+        if count > CACHED {
+            agenda.keep_sorted(PARTICLES + 1);
+        }
         Self {
             kernel,
             geometry: geometry.clone(),
@@ -172,18 +174,13 @@ impl<F: Features> Windows<F> {
                 ids: Vec::new(),
                 anchors: Vec::new(),
                 end: 0,
-                tiles: Tiles::none(),
                 common_radius: 0.0,
+                wide: kernel.is_wide(),
                 features: PhantomData,
             },
             slot_of: vec![0; count],
-            agenda: Agenda::default(),
-            found: Found::default(),
-            history: History::default(),
-            tileable: tiled::is_tileable(system),
-            untiled: 0,
-            penalty: 1,
-            collisions: 0,
+            agenda,
+            found: Vec::new(),
             begin: 0,
             step: 0.0,
             spacing: census.spacing(crowd.packing),
@@ -193,6 +190,8 @@ impl<F: Features> Windows<F> {
             tuner: Tuner::new(crowd.packing),
             opened: 0,
             last_window: 0,
+            around: [Near::default(); TURNS],
+            turn: 0,
             scratch: Scratch::new(),
             judged: Work::default(),
             outgrown: false,
@@ -212,11 +211,11 @@ impl<F: Features> Windows<F> {
         }
         let agenda = &mut self.agenda;
         let mut entries = 0;
-        let push = |entry, _: &Probe, _| {
+        let push = |entry| {
             entries += 1;
             agenda.push(entry);
         };
-        self.space.predict::<false, VECTORS>(world, &probes, &mut self.scratch, push, |_, _| ());
+        self.space.predict::<false, VECTORS>(world, &probes, &mut self.scratch, push);
         // Now that nobody is looking: a search that reads what has just been written in parts has to wait for it. Where the
         // particles are now they are registered already, since their old paths have brought them there.
         for probe in &probes {
@@ -267,32 +266,62 @@ impl<F: Features> Windows<F> {
         for axis in 0..3 {
             record.x[axis] = place[axis].wrapping_sub(back[axis]);
         }
-        (record.v, record.since) = (v, from);
+        record.v = v;
         let record = *record;
         Probe { slot, record, place, from }
     }
 
-    /// Asks for the particles of the next events. To ask for the cells and records around them as well costs more than it gains.
+    /// The bodies of the collision that will be taken `ahead` events from now, as things stand, and its time [ticks].
+    #[inline(always)]
+    fn soon(&self, ahead: usize) -> Option<([u32; 2], i64)> {
+        let Due(entry) = self.agenda.soon(ahead)?;
+        let Kind::Collision(j) = entry.target.kind() else { return None };
+        Some(([entry.owner, j], entry.time))
+    }
+
+    /// Asks for the particles of the next events, and what their slots hold.
     #[inline(always)]
     fn prefetch_soon(&self, world: &World) {
-        let bodies = |ahead: usize| {
-            let Due(entry) = self.agenda.soon(ahead)?;
-            let Kind::Collision(j) = entry.target.kind() else { return None };
-            Some([entry.owner, j])
-        };
-        if let Some(bodies) = bodies(20) {
+        if let Some((bodies, _)) = self.soon(PARTICLES) {
             for body in bodies {
                 prefetch(&world.particles[body as usize]);
                 prefetch(&self.slot_of[body as usize]);
             }
         }
-        if let Some(bodies) = bodies(14) {
+        if let Some((bodies, _)) = self.soon(SLOTS) {
             for body in bodies {
                 let slot = self.slot_of[body as usize] as usize;
                 prefetch(&self.space.records[slot]);
                 prefetch(&self.space.anchors[slot]);
             }
         }
+    }
+
+    /// Asks for what the next events will find: the cells around them, later the records of those in these.
+    #[inline(always)]
+    fn prefetch_around(&mut self, world: &World) {
+        let Space { cells, records, .. } = &self.space;
+        let turn = self.turn;
+        self.turn = (turn + 1) % TURNS;
+        if let Some(([body, _], time)) = self.soon(CELLS) {
+            let record = &records[self.slot_of[body as usize] as usize];
+            let part = ((time - self.begin) as f64 * (world.clock.tick / self.step)) as f32;
+            let block = cells.around(record.x, record.v, part);
+            cells.visit(&block, |[first, _, last]| {
+                // What is between lies on the same lines.
+                prefetch(first);
+                prefetch(last);
+            });
+            self.around[turn] = block;
+        }
+        // Those of the event that was so far ahead `TURNS` events ago; others may have come between, which does no harm.
+        cells.visit(&self.around[self.turn], |row| {
+            for slot in row.into_iter().flat_map(Block::first) {
+                if let Some(record) = records.get(slot as usize) {
+                    prefetch(record);
+                }
+            }
+        });
     }
 
     /// Books the work done since `before`.
@@ -324,7 +353,7 @@ impl<F: Features> Windows<F> {
         limit: &mut Limit,
         observer: &mut dyn Observer,
     ) -> Result<Stop, EngineError> {
-        let prefetches = self.space.records.len() > CACHED;
+        let (prefetches, large) = (self.space.records.len() > CACHED, self.space.records.len() > LARGE);
         loop {
             if state.book.counters.collisions >= limit.collisions {
                 return Ok(Stop::Collisions);
@@ -339,14 +368,14 @@ impl<F: Features> Windows<F> {
                 }
                 // Windows take time, too: the caller wants to look after signals.
                 limit.entries = limit.entries.saturating_sub(1 + self.space.records.len() as u64 / 16);
-                self.next_window(state, limit);
-                if self.space.tiles.count() > 1 {
-                    self.take_tiles(state, limit, observer);
-                }
+                self.next_window(state);
                 continue;
             };
             if prefetches {
                 self.prefetch_soon(&state.world);
+            }
+            if large {
+                self.prefetch_around(&state.world);
             }
             let world = &mut state.world;
             let i = entry.owner;
@@ -428,11 +457,13 @@ impl<F: Features> Engine for Windows<F> {
             (Kernel::Portable, false) => self.run::<false, false>(state, limit, observer),
             (Kernel::Portable, true) => self.run::<true, false>(state, limit, observer),
             #[cfg(target_arch = "x86_64")]
-            // SAFETY: `Kernel::Avx2` is made by `Kernel::choose` alone, after it has found the features.
-            (Kernel::Avx2, false) => unsafe { self.run_avx2::<false>(state, limit, observer) },
+            // SAFETY: both are made by `Kernel::choose` alone, after it has found the features.
+            (Kernel::Avx2 | Kernel::Avx512, false) => unsafe {
+                self.run_avx2::<false>(state, limit, observer)
+            },
             #[cfg(target_arch = "x86_64")]
             // SAFETY: as above.
-            (Kernel::Avx2, true) => unsafe { self.run_avx2::<true>(state, limit, observer) },
+            (Kernel::Avx2 | Kernel::Avx512, true) => unsafe { self.run_avx2::<true>(state, limit, observer) },
         }
     }
 }

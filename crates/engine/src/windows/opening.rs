@@ -6,14 +6,14 @@ use rayon::prelude::*;
 use super::{
     NEAREST, Windows, axes,
     cells::Cells,
-    filter::{BEFORE, FARTHEST, NEAR, Record, Scratch, margin},
-    space::{Fall, Found, Space, TASK},
-    tiled::VERY_LARGE,
+    due::Due,
+    filter::{FARTHEST, NEAR, Record, Scratch, margin},
+    space::{Fall, Space, TASK},
     tune::Work,
 };
 use crate::{
     batch::Kernel,
-    machine::{Features, Limit, State},
+    machine::{Features, State},
     particles::World,
 };
 
@@ -24,6 +24,8 @@ const LEAST_WINDOWS: u64 = 3;
 const TRIAL: u64 = 200_000;
 /// A particle may become this much faster than the fastest before the window has to be cut short.
 const HEADROOM: f64 = 1.5;
+/// Contacts found are kept beside the agenda for up to so many particles: more would be too much memory.
+const VERY_LARGE: usize = 800_000;
 /// Longest window [ticks].
 const LONGEST: f64 = (1_u64 << 59) as f64;
 
@@ -114,7 +116,7 @@ impl<F: Features> Windows<F> {
                 x: [0, 1, 2].map(|axis| axes.coordinate(axis, p[axis])),
                 radius: world.class(i).radius as f32 * margin,
                 v: velocity.to_array().map(|v| (v * step) as f32),
-                since: BEFORE,
+                filler: 0,
             }
         };
         // First the cell of every particle, then its slot.
@@ -151,7 +153,7 @@ impl<F: Features> Windows<F> {
     }
 
     /// Starts the next window.
-    pub(super) fn next_window(&mut self, state: &mut State, limit: &Limit) {
+    pub(super) fn next_window(&mut self, state: &mut State) {
         state.world.now = self.space.end;
         self.opened += 1;
         if self.opened >= self.last_window {
@@ -168,7 +170,6 @@ impl<F: Features> Windows<F> {
             let fall = self.fall();
             self.space.stream(self.kernel, fall);
         }
-        self.space.tiles = self.choose_tiles(state, limit);
         self.open(&state.world);
     }
 
@@ -189,8 +190,8 @@ impl<F: Features> Windows<F> {
         match self.kernel {
             Kernel::Portable => self.look_ahead::<false>(world),
             #[cfg(target_arch = "x86_64")]
-            // SAFETY: `Kernel::Avx2` is made by `Kernel::choose` alone, after it has found the features.
-            Kernel::Avx2 => unsafe { self.look_ahead_avx2(world) },
+            // SAFETY: both are made by `Kernel::choose` alone, after it has found the features.
+            Kernel::Avx2 | Kernel::Avx512 => unsafe { self.look_ahead_avx2(world) },
         }
     }
 
@@ -207,28 +208,23 @@ impl<F: Features> Windows<F> {
             }
         } else {
             let (space, kernel) = (&self.space, self.kernel);
-            let parts: Vec<(Found, Work)> = strips
+            let parts: Vec<(Vec<Due>, Work)> = strips
                 .into_par_iter()
                 .map_init(Scratch::new, |scratch, slots| {
-                    let mut found = Found::default();
+                    let mut found = Vec::new();
                     scratch.work = Work::default();
                     space.scan_anywhere(kernel, world, slots, scratch, &mut found);
                     (found, scratch.work)
                 })
                 .collect();
-            for (part, work) in parts {
-                found.append(part);
+            for (mut part, work) in parts {
+                found.append(&mut part);
                 self.scratch.work.add(&work);
             }
         }
         self.scratch.work.windows += 1;
-        self.scratch.work.entries += found.entries.len() as u64;
-        match self.space.tiles.count() {
-            1 => self.agenda.open(self.begin, self.space.end, &found.entries),
-            tiles => {
-                self.agenda.open_in_tiles(self.begin, self.space.end, &found.entries, tiles, &found.tiles);
-            }
-        }
+        self.scratch.work.entries += found.len() as u64;
+        self.agenda.open(self.begin, self.space.end, &found);
         // Of very large systems they are not kept: they are in the agenda now, and nobody asks how many there were.
         if self.space.records.len() <= VERY_LARGE {
             self.found = found;

@@ -7,10 +7,9 @@ use super::{
     cells::{Cells, Part},
     due::Due,
     exact,
-    filter::{self, BEFORE, Probe, Record, Scratch},
-    history::is_ahead,
-    tiles::Tiles,
+    filter::{self, Probe, Record, Scratch},
 };
+use haff_neighbors::prefetch;
 use rayon::prelude::*;
 
 use crate::{
@@ -27,31 +26,6 @@ pub(super) const TASK: usize = 4096;
 /// Cells of a strip in a plane, about.
 const STRIP: usize = 512;
 
-/// Contacts, and the tile of each.
-#[derive(Debug, Default)]
-pub(super) struct Found {
-    pub entries: Vec<Due>,
-    pub tiles: Vec<u16>,
-}
-
-impl Found {
-    #[inline(always)]
-    fn push(&mut self, entry: Due, tile: u16) {
-        self.entries.push(entry);
-        self.tiles.push(tile);
-    }
-
-    pub fn clear(&mut self) {
-        self.entries.clear();
-        self.tiles.clear();
-    }
-
-    pub fn append(&mut self, mut other: Self) {
-        self.entries.append(&mut other.entries);
-        self.tiles.append(&mut other.tiles);
-    }
-}
-
 /// Where everybody is in a window: what searches look at.
 pub(super) struct Space<F> {
     pub cells: Cells,
@@ -65,10 +39,10 @@ pub(super) struct Space<F> {
     pub anchors: Vec<Particle>,
     /// End of the window [ticks].
     pub end: i64,
-    /// How its events are told apart.
-    pub tiles: Tiles,
     /// Least radius, widened [length]: what searches look for around their paths, besides their own radius.
     pub common_radius: f32,
+    /// Whether the filter may use vectors of 512 bits.
+    pub wide: bool,
     pub features: PhantomData<F>,
 }
 
@@ -89,8 +63,8 @@ impl<F: Features> Space<F> {
             self.records.par_chunks_mut(TASK).for_each(|records| match kernel {
                 Kernel::Portable => stream::<F>(&axes, fall, records),
                 #[cfg(target_arch = "x86_64")]
-                // SAFETY: `Kernel::Avx2` is made by `Kernel::choose` alone, after it has found the features.
-                Kernel::Avx2 => unsafe { stream_avx2::<F>(&axes, fall, records) },
+                // SAFETY: both are made by `Kernel::choose` alone, after it has found the features.
+                Kernel::Avx2 | Kernel::Avx512 => unsafe { stream_avx2::<F>(&axes, fall, records) },
             });
         }
     }
@@ -115,7 +89,7 @@ impl<F: Features> Space<F> {
                         Kernel::Portable => fill::<F>(part, &axes, records, common_radius, &mut left),
                         #[cfg(target_arch = "x86_64")]
                         // SAFETY: as above.
-                        Kernel::Avx2 => unsafe {
+                        Kernel::Avx2 | Kernel::Avx512 => unsafe {
                             fill_avx2::<F>(part, &axes, records, common_radius, &mut left);
                         },
                     }
@@ -150,13 +124,13 @@ impl<F: Features> Space<F> {
         world: &World,
         slots: Range<usize>,
         scratch: &mut Scratch,
-        found: &mut Found,
+        found: &mut Vec<Due>,
     ) {
         match kernel {
             Kernel::Portable => self.scan::<false>(world, slots, scratch, found),
             #[cfg(target_arch = "x86_64")]
-            // SAFETY: `Kernel::Avx2` is made by `Kernel::choose` alone, after it has found the features.
-            Kernel::Avx2 => unsafe { self.scan_avx2(world, slots, scratch, found) },
+            // SAFETY: both are made by `Kernel::choose` alone, after it has found the features.
+            Kernel::Avx2 | Kernel::Avx512 => unsafe { self.scan_avx2(world, slots, scratch, found) },
         }
     }
 
@@ -167,7 +141,7 @@ impl<F: Features> Space<F> {
         world: &World,
         slots: Range<usize>,
         scratch: &mut Scratch,
-        found: &mut Found,
+        found: &mut Vec<Due>,
     ) {
         let mut probes = Vec::with_capacity(BLOCK);
         for from in slots.clone().step_by(BLOCK) {
@@ -176,30 +150,27 @@ impl<F: Features> Space<F> {
                 let record = self.records[slot];
                 probes.push(Probe { slot: slot as u32, record, place: record.x, from: 0.0 });
             }
-            let tell = |entry: Due, probe: &Probe, _| found.push(entry, self.tile(probe, entry.0.time));
-            self.predict::<true, VECTORS>(world, &probes, scratch, tell, |_, _| ());
+            self.predict::<true, VECTORS>(world, &probes, scratch, |entry| found.push(entry));
         }
     }
 
-    /// Tells all contacts of the probes up to the window's end, each with its probe and the slot of the other, or its own for a wall; and to
-    /// `ahead` the probes and the slots of those whose paths began no earlier than the search.
+    /// Tells all contacts of the probes up to the window's end.
     #[inline(always)]
     pub fn predict<const HALF: bool, const VECTORS: bool>(
         &self,
         world: &World,
         probes: &[Probe],
         scratch: &mut Scratch,
-        mut tell: impl FnMut(Due, &Probe, u32),
-        mut ahead: impl FnMut(&Probe, u32),
+        mut tell: impl FnMut(Due),
     ) {
-        let Self { records, cells, lowest, common_radius, .. } = self;
-        filter::search::<F, HALF, VECTORS>(records, cells, lowest, *common_radius, probes, scratch);
+        let Self { records, cells, lowest, common_radius, wide, .. } = self;
+        filter::search::<F, HALF, VECTORS>(records, cells, lowest, *common_radius, *wide, probes, scratch);
         scratch.work.exact += scratch.hits.len() as u64;
+        for &(_, slot) in &scratch.hits {
+            prefetch(&self.anchors[slot as usize]);
+        }
         for &(search, slot) in &scratch.hits {
             let probe = &probes[search as usize];
-            if is_ahead(&self.records[slot as usize], probe.from) {
-                ahead(probe, slot);
-            }
             let (a, b) = (&self.anchors[probe.slot as usize], &self.anchors[slot as usize]);
             let Some(time) = exact::contact::<F>(world, a, b) else { continue };
             if time <= self.end {
@@ -210,23 +181,14 @@ impl<F: Features> Space<F> {
                     own_count: a.count,
                     partner_count: b.count,
                 };
-                tell(Due(entry), probe, slot);
+                tell(Due(entry));
             }
         }
         if !world.walls.is_empty() {
             for probe in probes {
-                self.predict_walls(world, probe, |entry| tell(entry, probe, probe.slot));
+                self.predict_walls(world, probe, &mut tell);
             }
         }
-    }
-
-    /// The tile of an event of the probe.
-    #[inline(always)]
-    pub fn tile(&self, probe: &Probe, time: i64) -> u16 {
-        if self.tiles.count() == 1 {
-            return 0;
-        }
-        self.tiles.of(&self.cells.axes, probe.record.x, probe.record.v, time)
     }
 
     /// Tells the contacts of a probe with walls.
@@ -252,7 +214,7 @@ impl<F: Features> Space<F> {
 
     #[cfg(target_arch = "x86_64")]
     #[target_feature(enable = "avx2,fma,bmi1,bmi2,lzcnt,popcnt")]
-    fn scan_avx2(&self, world: &World, slots: Range<usize>, scratch: &mut Scratch, found: &mut Found) {
+    fn scan_avx2(&self, world: &World, slots: Range<usize>, scratch: &mut Scratch, found: &mut Vec<Due>) {
         self.scan::<true>(world, slots, scratch, found);
     }
 }
@@ -275,7 +237,6 @@ fn stream<F: Features>(axes: &Axes, fall: Fall, records: &mut [Record]) {
                 record.v[axis] += fall.faster[axis];
             }
         }
-        record.since = BEFORE;
     }
 }
 

@@ -44,7 +44,7 @@ impl Work {
     /// Instructions, as counted for each part by callgrind.
     fn cost(&self) -> f64 {
         250.0 * self.searches as f64
-            + 12.0 * self.blocks as f64
+            + 25.0 * self.blocks as f64
             + 14.0 * self.candidates as f64
             + 150.0 * self.exact as f64
             + 100.0 * self.entries as f64
