@@ -17,6 +17,13 @@ fn every_command_has_help_with_an_example() {
         let (status, out, _) = haff.run(&[command, "--help"]);
         assert!(status == 0 && out.contains("Example") && out.contains(&format!("haff {command}")), "{out}");
     }
+    // These are written in Python, which may be missing.
+    for command in ["plot", "export", "view"] {
+        let without = haff.command(&[command, "--help"]).env("PATH", "").output().unwrap();
+        for out in [haff.run(&["help", command]).1, String::from_utf8(without.stdout).unwrap()] {
+            assert!(out.contains("Example") && out.contains(&format!("  haff {command} ")), "{out}");
+        }
+    }
     let (status, out, _) = haff.run(&["--version"]);
     assert!(status == 0 && out.starts_with("haff 0.") && out.contains('('), "{out}");
 }
@@ -242,8 +249,13 @@ fn unreadable_and_unwritable_files_exit_with_4_and_name_the_file() {
     let haff = Haff::new();
     let scene = haff.write("gas.toml", GAS);
     haff.write("text.h5", "not HDF5");
+    std::fs::write(haff.path("run.h5"), b"\x89HDF\r\n\x1a\n").unwrap();
     for (arguments, name) in [
-        (&["run", "missing.toml"][..], "missing.toml"),
+        (
+            &["run", "run.h5"][..],
+            "run.h5: cannot read the scene: it is not text; if it is the output of a run: haff run --resume run.h5",
+        ),
+        (&["run", "missing.toml"], "missing.toml"),
         (&["check", "missing.toml"], "missing.toml"),
         (&["info", "missing.h5"], "missing.h5"),
         (&["info", "text.h5"], "text.h5"),

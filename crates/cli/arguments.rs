@@ -44,10 +44,21 @@ pub enum Command {
     /// Run a scene for every combination of values and seeds, one file each.
     Sweep(Sweep),
     /// Draw the standard figures of an output file (needs the Python package haff).
+    #[command(after_help = "Examples:
+  haff plot cooling.h5
+  haff plot cooling.h5 --kind temperature --format pdf -o paper
+  haff plot cooling.h5 --movie cooling.mp4 --frames ::5")]
     Plot(Python),
     /// Write a file for other programs: GSD, extended XYZ, VTKHDF, CSV, Parquet (needs the Python package haff).
+    #[command(after_help = "Examples:
+  haff export cooling.h5 --to gsd
+  haff export cooling.h5 --to extxyz --frames ::10 --unwrapped -o few.extxyz
+  haff export cooling.h5 --to parquet --table events")]
     Export(Python),
     /// Make a web page that plays an output file (needs the Python package haff).
+    #[command(after_help = "Examples:
+  haff view cooling.h5 --open
+  haff view cooling.h5 --frames ::10 -o talk.html")]
     View(Python),
     /// Write the manual pages into a folder.
     Man(Man),

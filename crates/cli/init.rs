@@ -19,7 +19,9 @@ pub fn init(options: &Init) -> Result<u8, Failure> {
     }
     let wanted = options.template.as_deref().unwrap_or_else(|| templates[0].0);
     let Some((_, _, text)) = templates.iter().find(|template| template.0 == wanted) else {
-        return Err(Failure::new(Status::Invalid, format!("no template {wanted:?}; there are\n{}", list())));
+        let names: Vec<&str> = templates.iter().map(|template| template.0).collect();
+        let message = format!("no template {wanted:?}: must be one of {}", names.join(", "));
+        return Err(Failure::new(Status::Invalid, message));
     };
     print(text).map(|()| 0)
 }

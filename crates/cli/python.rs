@@ -1,8 +1,14 @@
 //! Commands written in Python, such as `haff plot`: handed over to the package haff.
 
-use std::{env, ffi::OsString, path::PathBuf, process::Command};
+use std::{env, ffi::OsString, mem, path::PathBuf, process::Command};
 
-use crate::failure::{Failure, Status};
+use clap::CommandFactory;
+
+use crate::{
+    arguments::Arguments,
+    failure::{Failure, Status},
+    output,
+};
 
 /// What the interpreter runs: `python -m haff`, and an exit status of its own if there is no package haff.
 const PROGRAM: &str = "\
@@ -27,18 +33,22 @@ fn interpreter() -> PathBuf {
 pub fn run(command: &str, arguments: &[OsString]) -> Result<u8, Failure> {
     let python = interpreter();
     let missing = |reason: String| {
-        let needs = format!(
-            "`haff {command}` needs the Python package haff: pip install haff, or pip install . in its sources"
-        );
+        let needs =
+            format!("`haff {command}` needs the Python package haff: pip install . in the sources of haff");
         Failure::new(Status::File, format!("{}: {reason}; {needs}", python.display()))
     };
-    let status = Command::new(&python)
-        .args(["-c", PROGRAM, command])
-        .args(arguments)
-        .status()
-        .map_err(|error| missing(error.to_string()))?;
-    match status.code() {
-        Some(NO_PACKAGE) => Err(missing("no package haff".to_owned())),
-        code => Ok(code.map_or(1, |code| code as u8)),
+    let done = Command::new(&python).args(["-c", PROGRAM, command]).args(arguments).status();
+    let failure = match done.map(|status| status.code()) {
+        Ok(Some(NO_PACKAGE)) => missing("no package haff".to_owned()),
+        Ok(code) => return Ok(code.map_or(1, |code| code as u8)),
+        Err(error) => missing(error.to_string()),
+    };
+    // Whoever asks for help is told what is known here.
+    if arguments.iter().any(|word| word == "-h" || word == "--help")
+        && let Some(known) = Arguments::command().find_subcommand_mut(command)
+    {
+        output::print(mem::take(known).bin_name(format!("haff {command}")).render_help())?;
+        return Ok(0);
     }
+    Err(failure)
 }

@@ -66,7 +66,7 @@ def _add_export(commands) -> None:
         "(ParaView, VTK); frames, observables or events as csv or parquet (pandas and others).",
         "examples:\n"
         "  haff export cooling.h5 --to gsd\n"
-        "  haff export cooling.h5 --to extxyz --frames 0:100:10 --unwrapped -o start.extxyz\n"
+        "  haff export cooling.h5 --to extxyz --frames ::10 --unwrapped -o few.extxyz\n"
         "  haff export cooling.h5 --to parquet --table events\n\n"
         "gsd and parquet need pip install 'haff[export]'. Boxes, open sides and precision: docs/export.md.",
     )

@@ -47,7 +47,7 @@ def replacing(path: Path, *, source: Path | None = None, overwrite: bool = False
 
 
 class Sink(io.FileIO):
-    """A file for HDF5 to write through, which it never finds full: it crashes when it closes a file that it cannot write.
+    """A file for HDF5 to write through, which it never finds full: it crashes when it closes one that it cannot write.
 
     What fails first is raised by :meth:`check`, or at the end of the ``with`` block; nothing is written after it.
     """

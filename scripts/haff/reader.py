@@ -7,6 +7,7 @@ the last frame, sample and event that is complete: where columns differ in lengt
 from __future__ import annotations
 
 import os
+import re
 from functools import cached_property
 from pathlib import Path
 from types import TracebackType
@@ -85,8 +86,7 @@ class File:
         except PermissionError:
             raise FileError(f"{self.path}: permission denied") from None
         except OSError as error:
-            reason = "not an HDF5 file" if not _is_hdf5(self.path) else f"damaged HDF5 file ({_first_line(error)})"
-            raise FileError(f"{self.path}: {reason}") from None
+            raise FileError(f"{self.path}: {_damage(self.path, error)}") from None
         if "particles/all" not in self.hdf:
             self.hdf.close()
             raise FileError(f"{self.path}: HDF5, but not an output file of haff (no group particles/all)")
@@ -339,11 +339,17 @@ def packing_fraction(file: File) -> float:
     return float(volume / file.box.volume)
 
 
-def _is_hdf5(path: Path) -> bool:
+def _damage(path: Path, error: OSError) -> str:
+    """Why a file cannot be opened, in the user's words."""
     try:
-        return bool(h5py.is_hdf5(path))
+        known = h5py.is_hdf5(path)
     except OSError:
-        return False
+        known = False
+    if not known:
+        return "not an HDF5 file"
+    if cut := re.search(r"truncated file: eof = (\d+),.* stored_eof = (\d+)", str(error)):
+        return f"truncated: {cut[1]} of its {cut[2]} bytes are there"
+    return f"damaged HDF5 file ({_first_line(error)})"
 
 
 def _first_line(error: BaseException) -> str:

@@ -294,10 +294,12 @@ def test_help_names_what_exists():
 
 
 @pytest.mark.parametrize("name", ["plot", "export", "view"])
-def test_every_command_has_an_example(name, capsys):
+def test_every_command_has_examples_and_the_manual_the_same(name, capsys, command):
     with pytest.raises(SystemExit):
         main([name, "--help"])
-    assert f"haff {name} " in capsys.readouterr().out.split("examples:")[1]
+    examples = [line for line in capsys.readouterr().out.split("examples:")[1].splitlines() if f"haff {name} " in line]
+    told = command("help", name).stdout
+    assert examples and all(line in told for line in examples)
 
 
 def test_the_command_hands_over(command, files, tmp_path):

@@ -161,7 +161,10 @@ def test_errors_are_one_line_and_name_the_file(tmp_path):
     other = tmp_path / "other.h5"
     with h5py.File(other, "w") as f:
         f["x"] = 1
+    cut = tmp_path / "cut.h5"
+    cut.write_bytes(other.read_bytes()[:1000])
     for path, reason in [
+        (cut, f"truncated: 1000 of its {other.stat().st_size} bytes are there"),
         (tmp_path / "missing.h5", "no such file"),
         (text, "not an HDF5 file"),
         (other, "not an output file of haff"),

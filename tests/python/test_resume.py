@@ -210,8 +210,9 @@ def test_files_that_cannot_be_gone_on_with_are_told_and_stay(tmp_path):
     good = tmp_path / "good.h5"
     run(good, 4, "run.wall_time=0.001")
     whole = good.read_bytes()
+    half = len(whole) // 2
     broken = {
-        "truncated.h5": (whole[: len(whole) // 2], "is truncated"),
+        "truncated.h5": (whole[:half], f"is truncated: {half} of its {len(whole)} bytes are there"),
         "text.h5": (b"schema = 1\n", "is not an HDF5 file"),
         "empty.h5": (b"", "is not an HDF5 file"),
     }

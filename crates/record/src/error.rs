@@ -141,9 +141,13 @@ impl RecordError {
                 _ => Self::io(&path, action, &error),
             };
         }
-        if text.contains("truncated file") {
-            let reason =
-                text.rsplit_once("truncated file: ").map_or(text.as_str(), |(_, rest)| rest).to_owned();
+        // … and of a file that ends too early as `truncated file: eof = 9, sblock->base_addr = 0, stored_eof = 99`.
+        if let Some((_, rest)) = text.rsplit_once("truncated file: ") {
+            let number = |key| rest.split_once(key)?.1.split(',').next()?.trim().parse::<u64>().ok();
+            let reason = match (number("eof = "), number("stored_eof = ")) {
+                (Some(found), Some(written)) => format!("{found} of its {written} bytes are there"),
+                _ => rest.to_owned(),
+            };
             return Self::Truncated { path, reason };
         }
         Self::Io { path, action, reason: text }

@@ -99,6 +99,12 @@ pub(crate) fn build(
 
 /// The error of a scene file that cannot be read.
 pub(crate) fn unreadable(name: &str, why: &std::io::Error) -> SceneErrors {
+    let why = match why.kind() {
+        std::io::ErrorKind::InvalidData => {
+            format!("it is not text; if it is the output of a run: haff run --resume {name}")
+        }
+        _ => why.to_string(),
+    };
     let error = SceneError {
         file: name.to_owned(),
         place: Place::Whole,
