@@ -6,7 +6,7 @@ import importlib
 import io
 import os
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
 from types import ModuleType
 
@@ -43,7 +43,9 @@ def replacing(path: Path, *, source: Path | None = None, overwrite: bool = False
             raise
         raise FileError(f"{path}: cannot write: {os.strerror(error.errno)}") from error
     finally:
-        part.unlink(missing_ok=True)
+        # Where nothing can be written, nothing can be removed.
+        with suppress(OSError):
+            part.unlink()
 
 
 class Sink(io.FileIO):

@@ -1,4 +1,4 @@
-"""A disk that is full: a small file system in memory, which only the superuser can make."""
+"""A disk that is full or cannot be written: a small file system in memory, which only the superuser can make."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ FULL = "cannot write: No space left on device"
 
 @pytest.fixture
 def disk(tmp_path) -> Iterator[tuple[Path, Callable[[str], None]]]:
-    """A folder on a disk of its own, and what changes the size of that disk."""
+    """A folder on a disk of its own, and what changes the options of that disk, such as its size."""
     folder = tmp_path / "disk"
     folder.mkdir()
 
@@ -32,13 +32,13 @@ def disk(tmp_path) -> Iterator[tuple[Path, Callable[[str], None]]]:
         mount("size=1m")
     except (OSError, subprocess.CalledProcessError):
         pytest.skip("no disk can be made here")
-    yield folder, lambda size: mount(f"remount,size={size}")
+    yield folder, lambda options: mount(f"remount,{options}")
     # Detached at once, whatever a library still has open there.
     subprocess.run(["umount", "--lazy", folder], check=True)
 
 
 def test_a_run_is_told_goes_on_when_there_is_room_and_loses_nothing(disk, command):
-    folder, resize = disk
+    folder, remount = disk
     path = folder / "gas.h5"
     complete = command.run(GAS, run__until=60)
 
@@ -52,20 +52,20 @@ def test_a_run_is_told_goes_on_when_there_is_room_and_loses_nothing(disk, comman
     frames = starved(GAS, "-o", path, "--set", "run.until=60")
     assert 1 < frames < 61
     assert starved("--resume", path) == frames
-    resize("20m")
+    remount("size=20m")
     resumed = json.loads(command("run", "--resume", path, "--quiet", "--json").stdout)
     assert resumed["stopped"] == "until" and resumed["resumed_from"] > 0
     assert resumed["state_hash"] == complete.report["state_hash"]
 
 
 def test_a_sweep_tells_each_run_and_goes_on_when_there_is_room(disk, command):
-    folder, resize = disk
+    folder, remount = disk
     study = ["sweep", GAS, "--set", "contact.restitution=0.8,0.9", "--set", "run.until=10", "-o", folder / "study"]
     starved = command(*study, check=False)
     assert starved.returncode == 4 and "at path" not in starved.stderr, starved.stderr
     for run in ("run-0000.h5", "run-0001.h5"):
         assert f"{folder / 'study' / run}: {FULL}" in starved.stderr, starved.stderr
-    resize("20m")
+    remount("size=20m")
     assert "2 of 2 runs are complete" in command(*study).stderr
     rows = json.loads((folder / "study" / "manifest.json").read_text())["runs"]
     hashes = [command.run(GAS, contact__restitution=e, run__until=10).report["state_hash"] for e in (0.8, 0.9)]
@@ -86,21 +86,35 @@ def test_a_sweep_tells_each_run_and_goes_on_when_there_is_room(disk, command):
     ],
 )
 def test_a_file_is_written_whole_or_the_old_one_stays(disk, arguments, files, capfd):
-    folder, resize = disk
+    folder, remount = disk
     words = arguments.split()
     place = next(k for k, word in enumerate(words) if word.startswith("out."))
     target = folder / words[place]
     words[1], words[place] = str(files["cooling"]), str(target)
     target.write_text("the old one")
-    resize("8k")
+    remount("size=8k")
     assert main([*words, "--overwrite"]) == 4
     assert capfd.readouterr().err == f"haff: error: {target}: {FULL}\n"
     assert [file.name for file in folder.iterdir()] == [target.name] and target.read_text() == "the old one"
 
 
 def test_figures_are_written_whole_or_not_at_all(disk, files, capfd):
-    folder, resize = disk
-    resize("12k")
+    folder, remount = disk
+    remount("size=12k")
     assert main(["plot", str(files["cooling"]), "--kind", "temperature", "-o", str(folder / "figures")]) == 4
     assert capfd.readouterr().err == f"haff: error: {folder / 'figures' / 'cooling-temperature.png'}: {FULL}\n"
     assert not list((folder / "figures").iterdir())
+
+
+@pytest.mark.parametrize(
+    "arguments", ["export FILE -o out.csv", "view FILE -o out.html", "plot FILE --kind energy -o ."]
+)
+def test_a_disk_that_cannot_be_written_is_told(disk, arguments, files, capfd, monkeypatch):
+    folder, remount = disk
+    monkeypatch.chdir(folder)
+    (folder / "part.h5").write_bytes(files["ball"].read_bytes())
+    remount("ro")
+    assert main([word.replace("FILE", "part.h5") for word in arguments.split()]) == 4
+    message = capfd.readouterr().err
+    assert message.endswith(": cannot write: Read-only file system\n") and message.count("\n") == 1, message
+    assert ".part" not in message and [file.name for file in folder.iterdir()] == ["part.h5"]
