@@ -7,7 +7,7 @@ import pytest
 
 import haff
 from conftest import executable
-from validation import audit
+from validation import audit, long
 from validation.stress import ENDS, OWN, SCENES, SHORT, judge
 
 
@@ -92,3 +92,18 @@ def test_overlaps_are_found_through_faces_of_the_box_and_at_walls(recorded):
     scene.walls = [audit.Wall("moving", np.zeros(3), np.array([1.0, 0.0, 0.0]), np.array([0.1, 0.0, 0.0]))]
     assert audit.overlap(scene, x, 0.0) == pytest.approx(0.6)
     assert audit.overlap(scene, x, 1.0) == pytest.approx(0.8)
+
+
+@pytest.mark.physics
+@pytest.mark.parametrize(
+    "gas",
+    [
+        long.Gas((4000,), (1.0,), 10_000_000),
+        long.Gas((3,), (1.0,), 1_000_000),
+        long.Gas((4, 4), (1.0, 3.0), 1_000_000),
+    ],
+    ids=lambda gas: gas.system,
+)
+def test_energy_and_momentum_walk_at_random_in_a_long_run(gas):
+    broken = [row for row in long.rows(gas, long.follow(gas, looks=10)) if not row.passed]
+    assert not broken, broken

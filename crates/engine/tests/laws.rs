@@ -237,12 +237,12 @@ fn a_reversed_elastic_fluid_retraces_its_path() {
     assert!(errors[0] > 0.0 && errors[3] > errors[0], "{errors:?}");
 }
 
-/// No rounding of an elastic collision heats or cools a gas noticeably: with a unit normal it is 1.4 ε T a collision.
+/// Rounding lets the energy of an elastic gas walk at random: with a unit normal it would rise by 1.4 ε T a collision.
 #[test]
 fn rounding_neither_heats_nor_cools_an_elastic_gas() {
     let mut random = Random(12);
     let collisions = 200_000;
-    for (masses, bias) in [([1.0, 1.0], 0.02), ([0.7, 0.7], 0.02), ([1.0, 2.0], 0.05), ([0.3, 0.7], 0.05)] {
+    for masses in [[1.0, 1.0], [0.7, 0.7], [1.0, 2.0], [0.3, 0.7]] {
         let mut scene = gas(6, 0.2, 1.0, 5);
         scene.classes[0].mass = masses[0];
         let other = class(&mut scene, 0.5, masses[1]);
@@ -252,13 +252,10 @@ fn rounding_neither_heats_nor_cools_an_elastic_gas() {
         let bodies = scene.bodies.len() as f64;
         let mut simulation = start(scene);
         simulation.advance(Until { collisions, ..Until::default() }, &mut Silent).unwrap();
-        // In units of ε T a collision, with 3/2 N T of energy. The random walk of 1.5 ε T a step gives 0.0034.
+        // In units of ε T a collision, with 3/2 N T of energy. The random walk of 2.6 ε T a step gives 0.006.
         let found = simulation.ledger().residual / f64::EPSILON * 1.5 * bodies / collisions as f64;
         println!("masses {masses:?}: {found:.4} ε T a collision");
-        assert!(
-            found.abs() < bias + 4.0 * 0.0034,
-            "masses {masses:?}: {found:.4} ε T a collision, bound {bias}"
-        );
+        assert!(found.abs() < 4.0 * 0.006, "masses {masses:?}: {found:.4} ε T a collision");
     }
 }
 

@@ -131,9 +131,10 @@ pub fn resolve_pair(
 
 /// [`resolve_pair`] for the vector `r` from centre 1 to centre 2 \[length\], of any length, in place of the unit normal.
 ///
-/// The change of velocity is formed as `r (Δw·r)/(r·r)`. With a normal `n = r/|r|` the kinetic energy changes by
-/// `v_n² (|n|² − 1)` on top of the loss, and near |r| = 1 the root rounds down more often than up: an elastic gas of
-/// unit spheres then heats up steadily, by some 3·10⁻¹⁶ T a collision, instead of walking at random.
+/// By rounding the kinetic energy and the momentum of many impacts walk at random; they do not drift. For that no operation may
+/// err one way more often than the other. Close to a power of two each does, and |r| is always close to a contact distance, often
+/// 1; and the shares of two masses would be rounded the same way each time. So `r` is first given a length that nothing prefers,
+/// and inverse masses a unit. An impact along an axis is left as it is, so that it is exact where the numbers are.
 ///
 /// The bodies do not approach each other afterwards, not even by rounding.
 ///
@@ -154,22 +155,29 @@ pub fn resolve_contact(
     r: DVec3,
     e: f64,
 ) -> (DVec3, DVec3, Impact) {
-    let lambda = inv_m1 + inv_m2;
-    let (approach, rr) = ((w1 - w2).dot(r), r.length_squared());
-    let impact = impact(approach / rr.sqrt(), e, lambda);
+    let relative = w1 - w2;
+    let parts = relative * r;
+    let approach = parts.x + parts.y + parts.z;
+    let impact = impact(approach / r.length(), e, inv_m1 + inv_m2);
     if impact.impulse == 0.0 {
         return (w1, w2, impact);
     }
-    // The shares of the change of relative velocity: exactly 1/2 for equal masses.
-    let (share1, share2) = (inv_m1 / lambda, inv_m2 / lambda);
+    let scale = scale_without_preference(parts);
+    let p = r * scale;
+    let pp = p.length_squared();
+    let [unit1, unit2, both] = inverse_masses_without_preference(inv_m1, inv_m2, scale);
     let strike = |u1: DVec3, u2: DVec3, speed: f64| {
-        let change = r * (speed / rr);
-        (u1 - change * share1, u2 + change * share2)
+        let change = speed / (pp * both);
+        (u1 - p * (change * unit1), u2 + p * (change * unit2))
     };
-    let (mut u1, mut u2) = strike(w1, w2, (1.0 + e) * approach);
-    // What the rounding of r·r and of the shares has left of Newton's law, (u2 − u1)·r = e (w1 − w2)·r, has a preferred
-    // sign, so that it would add up. One step brings it down to the rounding of the velocities.
-    (u1, u2) = strike(u1, u2, (u1 - u2).dot(r) + e * approach);
+    let approach = approach * scale;
+    // Not (1 + e) v, for 1 + e is rounded the same way each time.
+    let (mut u1, mut u2) = strike(w1, w2, approach + e * approach);
+    // What rounding has left of Newton's law, (u2 − u1)·p = e (w1 − w2)·p, is much of what remains where e is small, and
+    // has a preferred sign along an axis. One step brings it down to the rounding of the velocities.
+    if e < 1.0 || scale == 1.0 {
+        (u1, u2) = strike(u1, u2, (u1 - u2).dot(p) + e * approach);
+    }
     // With e = 0 that may be a few ulp of approach, and the pair would meet again, and again.
     let mut excess = 1.0;
     while (u1 - u2).dot(r) > 0.0 && excess < 1e3 {
@@ -177,6 +185,38 @@ pub fn resolve_contact(
         (u1, u2) = strike(u1, u2, excess * (u1 - u2).dot(r));
     }
     (u1, u2, impact)
+}
+
+/// A factor from 1 to 2 that is as good as random, made of the last bits of the `parts` of an approach, the products by
+/// component; 1 if only one of them is not zero.
+#[inline(always)]
+fn scale_without_preference(parts: DVec3) -> f64 {
+    const SIGNIFICAND: u64 = (1 << 52) - 1;
+    let mixed = parts.x * (parts.y + parts.z) + parts.y * parts.z;
+    // The last 32 bits become the first of the significand.
+    f64::from_bits(((mixed.to_bits() << 20) & SIGNIFICAND) | 1f64.to_bits())
+}
+
+/// Two inverse masses and their sum in a unit of mass that follows from `scale`, a random number: then no rounding of theirs is
+/// the same each time, and that of the sum errs either way as often.
+///
+/// Exact for equal masses, and where one is infinite. A `scale` of 1 asks for the shares of the masses, whose sum is 1.
+#[inline(always)]
+fn inverse_masses_without_preference(inv_m1: f64, inv_m2: f64, scale: f64) -> [f64; 3] {
+    if inv_m1 == inv_m2 {
+        return [1.0, 1.0, 2.0];
+    }
+    let sum = inv_m1 + inv_m2;
+    if scale == 1.0 || inv_m1 == 0.0 || inv_m2 == 0.0 {
+        return [inv_m1 / sum, inv_m2 / sum, 1.0];
+    }
+    // What the sum lacks, exactly (Knuth, TAOCP 2, 4.2.2, theorem B), and half an ulp up or down at random before it is rounded.
+    let second = sum - inv_m1;
+    let lost = (inv_m1 - (sum - second)) + (inv_m2 - second);
+    let ulp = f64::from_bits(sum.to_bits() & f64::INFINITY.to_bits()) * f64::EPSILON;
+    // Not that of length once more; and about as large as the sum, so that nothing overflows.
+    let unit = sum * (3.0 - scale);
+    [inv_m1 / unit, inv_m2 / unit, (sum + (lost + ulp * (scale - 1.5))) / unit]
 }
 
 /// Velocity after the impact of a smooth sphere on a wall, (2.21), and the impact itself.
