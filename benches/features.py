@@ -7,14 +7,14 @@
     benches/features.py --part absent --only tc walls
 
 absent  The engine of the plain scene (elastic spheres of one size, periodic, nothing recorded) as it is, and once more
-        from copies of the sources from which one feature is left out (benches/features/without_*.patch), and all of
-        them. What is left must not run a different trajectory, and at most 1 % fewer instructions: nobody pays for
-        what a scene does not use.
+        from copies of the sources from which one feature is left out (benches/without.toml), and all of them. What is
+        left must not run a different trajectory, and at most 1 % fewer instructions: nobody pays for what a scene does
+        not use.
 prices  The plain scene, and the same with one feature asked for, by `haff run`.
 run     `haff run` and `haff bench` of one scene: instructions, and wall times in turn.
 
 Counts are those of valgrind's callgrind. Every run is made in two lengths, and the difference is divided by that of the
-collisions, so that packing, melting and the end of a run drop out. Needs valgrind, git, and matplotlib for record.py.
+collisions, so that packing, melting and the end of a run drop out. Needs valgrind, and matplotlib for record.py.
 """
 
 from __future__ import annotations
@@ -32,9 +32,15 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 import numpy as np
+
+if sys.version_info >= (3, 11):
+    import tomllib
+else:
+    import tomli as tomllib
+
 from record import ROOT, compiler, machine, revision
 
-PATCHES = ROOT / "benches" / "features"
+WITHOUT = ROOT / "benches" / "without.toml"
 # Where windows serve, and where lists do.
 PHI = [0.1, 0.49]
 DISKS_PHI = {0.1: 0.1, 0.49: 0.72}
@@ -87,31 +93,46 @@ def source_copy(folder: Path) -> Path:
     return copy
 
 
-def engine(copy: Path, patch: Path | None, folder: Path) -> Path:
-    """The engine's example `throughput`, built without what the patch leaves out."""
-    if patch:
-        call(["git", "apply", str(patch)], cwd=copy)
+def features() -> dict[str, list[dict[str, str]]]:
+    """The features that can be left out, each with what is replaced in which file."""
+    return tomllib.loads(WITHOUT.read_text())
+
+
+def leave_out(copy: Path, edits: list[dict[str, str]]) -> None:
+    """Makes the edits of some features in a copy of the sources; one that several of them make is made once."""
+    for name, old, new in dict.fromkeys((edit["file"], edit["old"], edit["new"]) for edit in edits):
+        file = copy / name
+        text = file.read_text()
+        if text.count(old) != 1:
+            raise SystemExit(f"{WITHOUT}: {name} does not have this once:\n{old}")
+        file.write_text(text.replace(old, new))
+
+
+def engine(copy: Path, name: str, edits: list[dict[str, str]], folder: Path) -> Path:
+    """The engine's example `throughput`, built with these edits."""
+    kept = {edit["file"]: (copy / edit["file"]).read_text() for edit in edits}
+    leave_out(copy, edits)
     # Of this run alone: cargo would take what another run has left out for the same sources.
     target = folder / "target"
     build = ["cargo", "build", "--release", "--quiet", "-p", "haff-engine", "--example", "throughput"]
     call([*build, "--target-dir", str(target)], cwd=copy)
-    built = folder / (patch.stem if patch else "as_it_is")
+    built = folder / name
     shutil.copy(target / "release" / "examples" / "throughput", built)
-    if patch:
-        call(["git", "apply", "--reverse", str(patch)], cwd=copy)
+    for file, text in kept.items():
+        (copy / file).write_text(text)
     return built
 
 
 def absent(only: list[str], counted: int, folder: Path) -> list[str]:
     """Table of the plain scene with and without what it does not use."""
     copy = source_copy(folder)
-    patches = sorted(PATCHES.glob("without_*.patch"))
-    patches = [patch for patch in patches if not only or patch.stem.removeprefix("without_") in only]
+    absent = features()
+    everything = {"all of these": [edit for edits in absent.values() for edit in edits]}
+    chosen = {name: edits for name, edits in (everything | absent).items() if not only or name in only}
     found: dict[str, list[float]] = {}
     hashes: dict[str, list[str]] = {}
-    for patch in [None, *patches]:
-        name = patch.stem.removeprefix("without_") if patch else "nothing"
-        built = engine(copy, patch, folder)
+    for name, edits in ({"nothing": []} | chosen).items():
+        built = engine(copy, name.replace(" ", "_"), edits, folder)
         found[name], hashes[name] = [], []
         for phi in PHI:
             totals = []
@@ -324,9 +345,8 @@ def main() -> None:
     parser.add_argument("--collisions", type=int, default=COUNTED, help=f"what is counted (default {COUNTED:,})")
     parser.add_argument("--output", type=Path, help="file for the tables; default benches/record/<date>/features.md")
     options = parser.parse_args()
-    for tool, why in [("valgrind", "it counts the instructions"), ("git", "it applies the patches")]:
-        if not shutil.which(tool):
-            raise SystemExit(f"{tool} is not installed: {why}")
+    if not shutil.which("valgrind"):
+        raise SystemExit("valgrind is not installed: it counts the instructions")
     parts = options.part or PARTS
     if {"prices", "run"} & set(parts) and not options.haff.exists():
         raise SystemExit(f"{options.haff} does not exist: cargo build --release")
