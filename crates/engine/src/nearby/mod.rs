@@ -37,8 +37,8 @@ use filter::{Bounds, MOST};
 use frame::{Frame, Record};
 use lists::Lists;
 
-/// Members that a list shall have: with what it fluctuates, two groups of the filter hold it.
-const MEMBERS: f64 = 14.5;
+/// Members that a list shall have: with what it fluctuates, two groups of the filter hold it. Where members come from memory ([`MANY`]), fewer.
+const MEMBERS: [f64; 2] = [14.5, 10.0];
 /// Distances at which particles become neighbors, at least and at most [mean diameters].
 const SHELL: [f64; 2] = [1.3, 2.5];
 /// A new center lies this part of the ball's radius ahead of its particle.
@@ -91,7 +91,8 @@ impl Plan {
         let flat = census.dimension == 2;
         let ball = if flat { std::f64::consts::PI } else { 4.0 / 3.0 * std::f64::consts::PI };
         let spacing = census.spacing(crowd.packing) / sigma;
-        let volume = (MEMBERS + 1.0) * spacing.powi(census.dimension) / ball;
+        let members = MEMBERS[usize::from(census.count >= MANY)];
+        let volume = (members + 1.0) * spacing.powi(census.dimension) / ball;
         let shell = libm::pow(volume, 1.0 / f64::from(census.dimension));
         let mean = 2.0 * census.mean / sigma;
         let half = 0.5 * ((shell / mean).clamp(SHELL[0], SHELL[1]) - 1.0) * mean;
