@@ -1,9 +1,10 @@
-"""Every block of code in the README and in docs/ runs, page by page, in order, as a reader would try it.
+"""Code in the README, docs/ and notebooks runs, page by page, in order, as a reader would try it.
 
 `toml` blocks with a `title` become that file, others must be TOML; `sh` blocks run with the command on the path,
 `python` blocks share their names within a page. `text` is left alone, and so is a block after `<!-- not run: why -->`.
 """
 
+import json
 import os
 import re
 import subprocess
@@ -71,6 +72,19 @@ def test_code_of_the_page_runs(page, tmp_path, monkeypatch):
             assert done.returncode == 0, f"{place}: exit {done.returncode}\n{code}\n{done.stdout}{done.stderr}"
         elif language == "python":
             exec(compile(code, place, "exec"), names)
+
+
+@pytest.mark.parametrize("notebook", sorted((ROOT / "examples").glob("*.ipynb")), ids=lambda path: path.name)
+def test_cells_of_the_notebook_run(notebook, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    names: dict[str, object] = {"__name__": "__main__"}
+    cells = [cell for cell in json.loads(notebook.read_text())["cells"] if cell["cell_type"] == "code"]
+    for number, cell in enumerate(cells, 1):
+        # Lines such as %matplotlib are Jupyter's.
+        code = "".join(line for line in cell["source"] if not line.startswith("%"))
+        exec(compile(code, f"{notebook.name}:{number}", "exec"), names)
+        assert cell["outputs"] or "import" in code, f"{notebook.name}:{number} has not been run"
+    assert cells
 
 
 def test_blocks_are_found_and_run():

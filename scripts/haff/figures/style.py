@@ -60,21 +60,16 @@ def style() -> Iterator[None]:
 
 def headline(figure: Figure, title: str, subtitle: str) -> None:
     """Title and a smaller line of facts, left-aligned above all panels."""
-    figure.suptitle(title, x=0.02, ha="left", fontsize=12, fontweight="bold", va="top", y=0.985)
-    # Room for both lines: the layout engine keeps only the suptitle's own height free.
+    # Not a suptitle: the layout engine would keep room for that alone, and notebooks would cut it off.
     height = figure.get_figheight()
-    top = 1 - 0.56 / height
+    figure.text(0.02, 1 - 0.08 / height, title, ha="left", va="top", fontsize=12, fontweight="bold")
     line = figure.text(0.02, 1 - 0.31 / height, subtitle, ha="left", va="top", fontsize=9, color="#555555")
     wide = line.get_window_extent().width / (0.96 * figure.bbox.width)
     if wide > 1:
         line.set_fontsize(9 / wide)
     engine = figure.get_layout_engine()
     if engine is not None:
-        engine.set(rect=(0, 0, 1, top))  # type: ignore[call-arg]
-    # Outside the layout: the rectangle above already leaves its room.
-    suptitle = figure._suptitle  # type: ignore[attr-defined]
-    suptitle.set_in_layout(False)
-    suptitle.set_y(1 - 0.08 / height)
+        engine.set(rect=(0, 0, 1, 1 - 0.56 / height))  # type: ignore[call-arg]
 
 
 def note(axes: Axes, text: str, *, x: float = 0.02, y: float = 0.04, ha: str = "left", va: str = "bottom") -> None:
