@@ -8,6 +8,9 @@ import h5py
 import numpy as np
 from numpy.typing import NDArray
 
+SCHEMA = 1
+"""Version of scene and layout, as the command writes it."""
+
 AXES = ("x", "y", "z")
 Array = NDArray[Any]
 

@@ -22,7 +22,7 @@ from . import observables
 from .errors import FileError, MissingDataError
 from .events import Events
 from .frames import Box, Frames
-from .layout import Array
+from .layout import SCHEMA, Array
 
 if TYPE_CHECKING:
     import MDAnalysis
@@ -90,6 +90,10 @@ class File:
         if "particles/all" not in self.hdf:
             self.hdf.close()
             raise FileError(f"{self.path}: HDF5, but not an output file of haff (no group particles/all)")
+        schema = int(self.hdf["parameters/schema"][()]) if "parameters/schema" in self.hdf else SCHEMA
+        if schema != SCHEMA:
+            self.hdf.close()
+            raise FileError(f"{self.path}: has schema {schema}; this version of haff reads schema {SCHEMA}")
 
     # --- life ------------------------------------------------------------------------------------
 

@@ -163,7 +163,11 @@ def test_errors_are_one_line_and_name_the_file(tmp_path):
         f["x"] = 1
     cut = tmp_path / "cut.h5"
     cut.write_bytes(other.read_bytes()[:1000])
+    newer = synthetic.bouncing_ball(tmp_path / "newer.h5")
+    with h5py.File(newer, "r+") as f:
+        f["parameters/schema"] = 2
     for path, reason in [
+        (newer, "has schema 2; this version of haff reads schema 1"),
         (cut, f"truncated: 1000 of its {other.stat().st_size} bytes are there"),
         (tmp_path / "missing.h5", "no such file"),
         (text, "not an HDF5 file"),
