@@ -64,15 +64,7 @@ def diffusion(context: Context) -> list[Row]:
     and 200, or 40 and 100.
     """
     rows = []
-    for count, eta in (
-        (1000, 0.01),
-        (500, 0.1),
-        (500, 0.2618),
-        (500, 0.3702),
-        (500, 0.45),
-        (2048, 0.2618),
-        (2048, 0.3702),
-    ):
+    for count, eta in SYSTEMS:
         n = float(theory.number_density(eta, 1.0))
         rate = enskog_rate(eta)
         lags = Lags(15, 40) if eta <= 0.01 else Lags(40, 100) if count <= 500 else Lags(75, 200)
