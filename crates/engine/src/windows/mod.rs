@@ -64,8 +64,8 @@ const MANY: usize = 100;
 const FEW_WALLS: usize = 16;
 /// … where nobody is faster than the mean by more than this factor, which would make windows short, …
 const OUTLIER: f64 = 30.0;
-/// … and nobody larger than the least by more than this one: large ones are registered in many cells.
-const SIZE_RATIO: f64 = 20.0;
+/// … and where the nearest image allows ways of so many mean distances of particles: the fastest must not make windows short.
+const ROOM: f64 = 1.0;
 
 /// Who is on a new path after an event.
 enum Renewed {
@@ -122,9 +122,9 @@ pub(crate) fn unsuitable(system: &System, census: &Census) -> Option<String> {
     for axis in 0..axes {
         match system.domain.boundary[axis] {
             Boundary::Open => return Some("an axis is open".to_owned()),
-            Boundary::Periodic if NEAREST * system.domain.size[axis] < 4.0 * largest => {
+            Boundary::Periodic if NEAREST * system.domain.size[axis] < 2.5 * largest => {
                 return Some(format!(
-                    "a periodic edge of {} is shorter than nine of the largest radius, {largest}",
+                    "a periodic edge of {} is shorter than 5.6 of the largest radius, {largest}",
                     system.domain.size[axis]
                 ));
             }
@@ -148,10 +148,15 @@ pub(crate) fn serve(world: &World) -> bool {
 
 /// Whether windows are likely to be the fastest for a state that they serve and that is not dense.
 pub(crate) fn suit(system: &System, census: &Census, crowd: &Crowd) -> bool {
+    let room = ROOM * census.spacing(crowd.packing);
+    let is_roomy = |axis: usize| {
+        system.domain.boundary[axis] != Boundary::Periodic
+            || 0.5 * NEAREST * system.domain.size[axis] - census.largest >= room
+    };
     census.count >= MANY
         && system.walls.len() <= FEW_WALLS
         && crowd.is_even(OUTLIER)
-        && census.largest <= SIZE_RATIO * census.least
+        && (0..system.dimension.count()).all(is_roomy)
 }
 
 impl<F: Features> Windows<F> {
