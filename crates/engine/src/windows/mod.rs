@@ -64,8 +64,8 @@ const MANY: usize = 100;
 const FEW_WALLS: usize = 16;
 /// … where nobody is faster than the mean by more than this factor, which would make windows short, …
 const OUTLIER: f64 = 30.0;
-/// … and where the nearest image allows ways of so many mean distances of particles: the fastest must not make windows short.
-const ROOM: f64 = 1.0;
+/// … and where the nearest image allows ways of so many mean distances of particles, so that the fastest do not make windows short.
+const ROOM: f64 = 0.5;
 
 /// Who is on a new path after an event.
 enum Renewed {
