@@ -181,17 +181,27 @@ fn keeps_its_laws(
     prop_assert!(depth <= allowed, "overlap {depth:e}, allowed {allowed:e}");
     let sample = simulation.sample();
     prop_assert!(sample.ledger.residual.abs() < 1e-12, "ledger {:e}", sample.ledger.residual);
-    let scale: f64 = system
+    let pace: Vec<f64> = system
         .bodies
         .iter()
         .zip(&frame.velocity)
         .map(|(body, v)| (system.classes[body.class as usize].mass, v.length().max(body.velocity.length())))
-        .filter(|(mass, _)| mass.is_finite())
-        .map(|(mass, speed)| mass * speed)
+        .map(|(mass, speed)| if mass.is_finite() { mass * speed } else { 0.0 })
+        .collect();
+    // A flight in gravity rounds each component of the velocity by half an ulp, and the same way each time where flights are alike,
+    // as between thousands of bounces of the TC model.
+    let rounded: f64 = log
+        .0
+        .iter()
+        .map(|event| {
+            let other = if event.kind == EventKind::Collision { pace[event.j as usize] } else { 0.0 };
+            pace[event.i as usize] + other
+        })
         .sum();
     let off = (sample.momentum - start - sample.external_impulse).length();
-    let scale = scale.max(sample.external_impulse.length());
-    prop_assert!(off <= 1e-12 * scale, "momentum is off by {off:e} of {scale:e}");
+    let scale = pace.iter().sum::<f64>().max(sample.external_impulse.length());
+    let allowed = 1e-12 * scale + f64::EPSILON * rounded;
+    prop_assert!(off <= allowed, "momentum is off by {off:e} of {scale:e}, allowed {allowed:e}");
     Ok(())
 }
 
@@ -242,4 +252,30 @@ fn random_scenes_keep_their_laws_and_do_not_know_their_engine() {
     }
     println!("{scenes} scenes, {} events", events.get());
     assert!(events.get() > 20 * scenes as usize, "{} events in all", events.get());
+}
+
+/// Scenes that random runs have found at fault.
+#[test]
+fn scenes_once_at_fault_keep_their_laws() {
+    let found = [
+        // Thousands of like bounces, beside a fall along the wall: momentum.
+        Recipe {
+            flat: true,
+            boundary: [1, 2, 0],
+            particles: 2,
+            species: 3,
+            restitution: 5,
+            gravity: true,
+            ramp: 0,
+            fixed: true,
+            tc: true,
+            fast: false,
+            seed: 9_642_959_682_629_271_077,
+        },
+    ];
+    for recipe in found {
+        if let Err(error) = check(&recipe) {
+            panic!("{recipe:?}: {error}");
+        }
+    }
 }
