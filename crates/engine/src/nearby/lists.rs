@@ -12,10 +12,7 @@ wrapped into the box.
 use haff_neighbors::{prefetch, roomy};
 use rayon::prelude::*;
 
-use super::{
-    bins::Bins,
-    frame::{Frame, Record},
-};
+use super::{Plan, bins::Bins, frame::Record};
 use crate::machine::Features;
 
 /// Lists are whole groups of so many words, which the filter looks at at a time.
@@ -53,15 +50,9 @@ pub(super) struct Lists {
 }
 
 impl Lists {
-    /// Lists of particles at this mean `spacing` within balls of radius `half` [largest contact distances], all of which have just been put on record
-    /// at the beginning of the frame's span.
-    pub fn new<F: Features>(
-        frame: &Frame,
-        edges: [f64; 3],
-        half: f64,
-        spacing: f64,
-        records: &[Record],
-    ) -> Self {
+    /// Lists as planned, of particles that have all just been put on record at the beginning of the frame's span.
+    pub fn new<F: Features>(plan: &Plan, records: &[Record]) -> Self {
+        let &Plan { ref frame, half, edges, spacing, members } = plan;
         let count = records.len() - 1;
         let mut lists = Self {
             half: half as f32,
@@ -82,9 +73,8 @@ impl Lists {
             .collect();
         lengths.sort_unstable();
         // A start on a lattice has no fluctuations yet.
-        let mean = lengths.iter().sum::<usize>() as f64 / lengths.len().max(1) as f64;
         let most = lengths.get(lengths.len() * 99 / 100).copied().unwrap_or(0);
-        lists.stride = most.max((mean + 1.5 * mean.sqrt()) as usize).max(1).next_multiple_of(LANES);
+        lists.stride = most.max((members + 1.5 * members.sqrt()) as usize).max(1).next_multiple_of(LANES);
         lists.words = roomy(count * lists.stride);
         lists.words.resize(count * lists.stride, count as u32);
         let (mut words, stride) = (std::mem::take(&mut lists.words), lists.stride);

@@ -77,6 +77,8 @@ struct Plan {
     edges: [f64; 3],
     /// Mean distance of neighbors [largest contact distances].
     spacing: f64,
+    /// Members that a list has on average, where particles are as near as their neighbors.
+    members: f64,
 }
 
 impl Plan {
@@ -98,7 +100,8 @@ impl Plan {
         let half = 0.5 * ((shell / mean).clamp(SHELL[0], SHELL[1]) - 1.0) * mean;
         // Centers of neighbors are a contact distance and two radii apart, and they themselves up to two more.
         let frame = Frame::new(geometry, (1.01 + 4.0 * half) * sigma)?;
-        Some(Self { frame, half, edges, spacing })
+        let members = ball * ((mean + 2.0 * half) / spacing).powi(census.dimension) - 1.0;
+        Some(Self { frame, half, edges, spacing, members })
     }
 }
 
@@ -512,8 +515,7 @@ impl<F: Features> Engine for Nearby<F> {
         }
         sight.begin(&state.world);
         sight.lists = Lists::default();
-        let Plan { frame, half, edges, spacing } = &sight.plan;
-        sight.lists = Lists::new::<F>(frame, *edges, *half, *spacing, &sight.records);
+        sight.lists = Lists::new::<F>(&sight.plan, &sight.records);
         let (sight, world, before) = (&self.sight, &state.world, self.work);
         let mut work = before;
         let mut block = Vec::with_capacity(BLOCK.min(count));
