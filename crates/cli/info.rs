@@ -89,7 +89,7 @@ pub fn info(options: &Info) -> Result<u8, Failure> {
                 "kinetic_energy": last.ledger.kinetic, "potential_energy": last.ledger.potential,
                 "spring_energy": (!last.ledger.spring.is_nan()).then_some(last.ledger.spring),
                 "dissipated_energy": last.ledger.dissipated, "carnot_energy": last.ledger.carnot,
-                "wall_work": last.ledger.wall_work, "ledger_residual": last.ledger.residual,
+                "wall_work": last.ledger.wall_work, "rest_energy": last.ledger.rest, "ledger_residual": last.ledger.residual,
                 "collisions": last.collisions, "wall_collisions": last.wall_collisions,
             })
         });
@@ -140,6 +140,9 @@ pub fn info(options: &Info) -> Result<u8, Failure> {
         }
         line("dissipated", format!("{:.9e}, Carnot {:.9e}", last.ledger.dissipated, last.ledger.carnot));
         line("work of walls", format!("{:.9e}", last.ledger.wall_work));
+        if last.ledger.rest != 0.0 {
+            line("taken by rest", format!("{:.9e}", last.ledger.rest));
+        }
         line("ledger residual", format!("{:.1e}", last.ledger.residual));
     }
     if let Some(time) = info.checkpoint_time {

@@ -198,6 +198,7 @@ fn report(outcome: &Outcome, context: &Context) -> Value {
         "wall_collisions": counters.wall_collisions,
         "events": counters.collisions + counters.wall_collisions,
         "rests": counters.rests,
+        "wakes": counters.wakes,
         "simulated_time": simulation.time(),
         "wall_seconds": seconds,
         "collisions_per_second": counters.collisions as f64 / seconds,
@@ -206,6 +207,7 @@ fn report(outcome: &Outcome, context: &Context) -> Value {
         "dissipated_energy": ledger.dissipated,
         "carnot_energy": ledger.carnot,
         "wall_work": ledger.wall_work,
+        "rest_energy": ledger.rest,
         "ledger_residual": ledger.residual,
         "max_overlap": simulation.max_overlap(),
         "peak_memory_bytes": peak_memory(),
@@ -265,6 +267,12 @@ fn tell(outcome: &Outcome, context: &Context) {
         ledger.residual,
         simulation.max_overlap()
     ));
+    if ledger.rest != 0.0 {
+        output::tell(format_args!(
+            "{} times at rest, {} times woken; rest has taken the energy {:.3e}",
+            counters.rests, counters.wakes, ledger.rest
+        ));
+    }
     if let Some(file) = &context.file {
         output::tell(format_args!("wrote {}", file.display()));
         if !outcome.ending.is_final() {

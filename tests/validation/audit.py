@@ -228,6 +228,33 @@ def audit(file: haff.File) -> list[Finding]:
     return findings
 
 
+def audit_without_events(file: haff.File) -> list[Finding]:
+    """What must hold of a run without event log: no overlaps, energies that balance with what is said to be lost."""
+    scene = Scene(file)
+    frames = list(file.frames)
+    numbers = [array for frame in frames for array in (frame.position, frame.velocity)]
+    reach = max(float(np.abs(frame.position).max()) for frame in frames)
+    limit = max(LEAST, 4 * np.spacing(reach) / (2 * min(scene.radius)))
+    deepest = max(overlap(scene, frame.position, frame.time) for frame in frames)
+    table = file.observables
+    rows = np.searchsorted(table["time"], [frame.time for frame in frames])
+    gone = table["dissipated_energy"] + table["rest_energy"] - table["wall_work"]
+    m = scene.mass[scene.finite]
+    residual, start = 0.0, (0.0, 0.0)
+    for k, (frame, row) in enumerate(zip(frames, rows)):
+        v, x = frame.velocity[scene.finite], frame.unwrapped[scene.finite]
+        energies = exact(0.5 * m[:, None] * v * v), exact(-m[:, None] * scene.gravity * x)
+        start = start if k else energies
+        terms = [*energies, -start[0], -start[1], float(gone[row])]
+        residual = worse(residual, abs(math.fsum(terms)) / max(map(abs, terms)))
+    walk = 4 * EPS * math.sqrt(float(table["collisions"].iloc[-1] + table["wall_collisions"].iloc[-1]) + 1)
+    return [
+        Finding("numbers that are not finite", sum((~np.isfinite(x)).sum() for x in numbers), 0),
+        Finding("overlap [contact distances]", deepest, limit),
+        Finding("energy, relative to the largest term", residual, LEAST + walk),
+    ]
+
+
 def order_of_time(time: Array, particles: int) -> list[Finding]:
     """Time never goes back, and does not stand still."""
     back = float(np.max(-np.diff(time), initial=0))

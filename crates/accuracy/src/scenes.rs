@@ -37,6 +37,7 @@ pub fn empty(size: DVec3, boundary: [Boundary; 3], restitution: f64, wall_restit
             pair: vec![Restitution::Constant(restitution)],
             wall: vec![Restitution::Constant(wall_restitution); walls.len()],
             tc: 0.0,
+            rest_speed: 0.0,
         },
         walls,
     }

@@ -23,6 +23,7 @@ fn bookkeeping(before: Counters, after: Counters) -> Map<String, Value> {
         collisions: _,
         wall_collisions: _,
         rests,
+        wakes,
         predictions,
         dropped,
         stale,
@@ -39,6 +40,7 @@ fn bookkeeping(before: Counters, after: Counters) -> Map<String, Value> {
         ("candidates", candidates - before.candidates),
         ("windows", windows - before.windows),
         ("rests", rests - before.rests),
+        ("wakes", wakes - before.wakes),
         ("epochs", epochs - before.epochs),
     ];
     counts.into_iter().map(|(name, count)| (name.to_owned(), json!(count))).collect()

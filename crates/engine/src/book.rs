@@ -11,6 +11,8 @@ pub(crate) struct Book {
     pub dissipated: Sum,
     pub carnot: Sum,
     pub wall_work: Sum,
+    /// Σ ½ m v² that putting particles to rest has taken.
+    pub rest: Sum,
     /// Impulse of walls and bodies of infinite mass on the particles, and of the support of resting ones.
     pub impulse: [Sum; 3],
     pub counters: Counters,

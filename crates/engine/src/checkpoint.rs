@@ -11,10 +11,15 @@ use crate::{
     model::{Options, System},
     particles::{Support, World},
     report::Checkpoint,
+    rest::Heap,
     simulation::Simulation,
     stall::Stall,
     sum::Sum,
 };
+
+/// Flags above the walls in [`Checkpoint::resting`]: the particle is held; it was last among grains.
+const HELD: u32 = 1 << 31;
+const JOSTLED: u32 = 1 << 30;
 
 /// Reads and writes the named scalars of a checkpoint in one and the same order, so that the two cannot disagree.
 struct Scalars<'a> {
@@ -46,7 +51,7 @@ impl Scalars<'_> {
 impl Simulation {
     /// The exact state now.
     pub fn checkpoint(&self) -> Checkpoint {
-        let State { world, book, pending, .. } = &self.state;
+        let State { world, book, pending, heap, .. } = &self.state;
         let mut scalars: Vec<(String, u64)> = Vec::new();
         let mut put = |name: &str, bits: u64| scalars.push((name.to_owned(), bits));
         put("clock.exponent", i64::from(world.clock.exponent) as u64);
@@ -102,14 +107,23 @@ impl Simulation {
             put(&format!("rest.{i}.energy_loss"), rest.energy_loss.to_bits());
             put(&format!("rest.{i}.carnot_energy"), rest.carnot_energy.to_bits());
         }
-        // Up to three walls a particle rests on, as digits.
+        if world.thresholds.is_some() {
+            put("put_to_rest.high", book.rest.high.to_bits());
+            put("put_to_rest.low", book.rest.low.to_bits());
+            put("wakes", counters.wakes);
+            put("census.next", heap.next as u64);
+            put("census.events", heap.events);
+            put("census.waited", heap.waited);
+            put("census.crowd", heap.crowd);
+            put("census.crowd_since", heap.crowd_since as u64);
+        }
+        // Up to three walls a particle rests on, as digits, below the flags.
         let base = world.walls.len() as u32 + 1;
         let resting = |i: u32| {
-            world
-                .support(i)
-                .into_iter()
-                .flatten()
-                .fold(0, |code: u32, wall| code * base + u32::from(wall) + 1)
+            let walls = world.support(i).into_iter().flatten();
+            let code = walls.fold(0, |code: u32, wall| code * base + u32::from(wall) + 1);
+            let flags = [(HELD, world.is_held(i)), (JOSTLED, world.particles[i as usize].is_jostled())];
+            flags.into_iter().filter(|(_, set)| *set).fold(code, |code, (flag, _)| code | flag)
         };
         Checkpoint {
             position: world.particles.iter().map(|particle| particle.position).collect(),
@@ -158,8 +172,15 @@ impl Simulation {
         world.images.clone_from(&checkpoint.image);
         let base = world.walls.len() as u32 + 1;
         for (i, &code) in checkpoint.resting.iter().enumerate().filter(|(_, code)| **code != 0) {
+            if code & HELD != 0 && world.thresholds.is_some() {
+                world.replace_held(i as u32, true);
+            }
+            world.particles[i].set_jostled(code & JOSTLED != 0);
             let mut support: Support = [None; 3];
-            let mut digits = code;
+            let mut digits = code & !(HELD | JOSTLED);
+            if digits == 0 {
+                continue;
+            }
             for place in &mut support {
                 if digits != 0 {
                     *place = (digits % base).checked_sub(1).map(|wall| wall as u16);
@@ -195,6 +216,16 @@ impl Simulation {
         counters.stale = scalars.take("stale");
         counters.transfers = scalars.take("transfers");
         counters.epochs = scalars.take("epochs");
+        let mut heap = Heap::default();
+        if world.thresholds.is_some() {
+            book.rest = scalars.sum("put_to_rest");
+            book.counters.wakes = scalars.take("wakes");
+            heap.next = scalars.take("census.next") as i64;
+            heap.events = scalars.take("census.events");
+            heap.waited = scalars.take("census.waited");
+            heap.crowd = scalars.take("census.crowd");
+            heap.crowd_since = scalars.take("census.crowd_since") as i64;
+        }
         let predictions = scalars.take("predictions");
         let candidates = scalars.take("candidates");
         let windows = scalars.take("windows");
@@ -223,8 +254,9 @@ impl Simulation {
                 "{name} is unknown; it was written by another version"
             )));
         }
-        let mut simulation =
-            Self::start(system, options, State { world, book, pending, stall: Stall::default() })?;
+        let state = State { world, book, pending, heap, stall: Stall::default() };
+        let mut simulation = Self::start(system, options, state)?;
+        simulation.find_contacts_of_held();
         // Predicting everything afresh is no part of the run.
         let counters = &mut simulation.state.book.counters;
         (counters.predictions, counters.candidates, counters.windows) = (predictions, candidates, windows);

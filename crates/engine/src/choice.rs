@@ -10,6 +10,7 @@ use crate::{
     model::{Dimension, NeighborChoice, System},
     nearby::{self, Nearby},
     particles::World,
+    rest::Thresholds,
     windows::{self, Windows},
 };
 
@@ -154,11 +155,27 @@ impl Choice {
                 }
             }};
         }
+        if Thresholds::of(system).is_some() {
+            return self.compile_for_rest(geometry);
+        }
         match (system.domain.gravity != DVec3::ZERO, census.uniform) {
             (false, false) => machine!(false, false),
             (false, true) => machine!(false, true),
             (true, false) => machine!(true, false),
             (true, true) => machine!(true, true),
+        }
+    }
+
+    /// The engine for a system whose grains are put to rest.
+    fn compile_for_rest(&self, geometry: &Geometry) -> Box<dyn Engine> {
+        type Resting = With<true, false, true>;
+        let (kernel, count) = (self.kernel, self.census.count);
+        match self.neighbors {
+            NeighborChoice::AllPairs => Box::new(Machine::<Resting, AllPairs>::new(geometry, kernel, count)),
+            NeighborChoice::Lists => Box::new(Machine::<Resting, Lists>::new(geometry, kernel, count)),
+            NeighborChoice::Auto | NeighborChoice::Cells | NeighborChoice::Windows => {
+                Box::new(Machine::<Resting, Cells>::new(geometry, kernel, count))
+            }
         }
     }
 }

@@ -17,9 +17,10 @@ pub enum EngineError {
     /// Infinitely many collisions in a finite time.
     #[error(
         "inelastic collapse at t = {time} around {}: {events} events within {span:e} time units among {}; \
-         set contact.tc, or a restitution that tends to 1 at low speed (model = \"cutoff\" or \"viscoelastic\")",
+         set contact.tc, a restitution that tends to 1 at low speed (model = \"cutoff\" or \"viscoelastic\"){}",
         place(position),
-        listed(particles, walls)
+        listed(particles, walls),
+        if *could_rest { ", or contact.rest_speed" } else { "" }
     )]
     Collapse {
         /// When [time].
@@ -34,6 +35,8 @@ pub enum EngineError {
         walls: Vec<String>,
         /// Mean of their positions \[length\], wrapped into the box along periodic axes.
         position: [f64; 3],
+        /// Whether grains could be put to rest: gravity acts, and it has not been asked for.
+        could_rest: bool,
     },
     /// A velocity or position has left the range of numbers.
     #[error("particle {i} has a velocity beyond the range of numbers at t = {time}: {velocity:?}")]

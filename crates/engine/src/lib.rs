@@ -17,6 +17,7 @@ mod choice;
 mod clock;
 mod entry;
 mod error;
+mod grid;
 mod machine;
 mod measure;
 mod nearby;
@@ -26,6 +27,7 @@ mod particles;
 mod predict;
 mod queue;
 mod resolve;
+mod rest;
 mod simulation;
 mod stall;
 mod sum;
@@ -38,7 +40,8 @@ pub use model::{
 };
 pub use overlap::Overlap;
 pub use report::{
-    Checkpoint, Counters, EventColumn, EventKind, EventRecord, Frame, Ledger, Observer, Sample, Silent, Stop,
+    Checkpoint, Counters, EventColumn, EventKind, EventRecord, Frame, Ledger, NOBODY, Observer, Sample,
+    Silent, Stop,
 };
 pub use simulation::{Simulation, Until};
 

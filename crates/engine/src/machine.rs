@@ -16,6 +16,7 @@ use crate::{
     queue::{Prophet, Queue},
     report::{Observer, Stop},
     resolve,
+    rest::{self, Heap},
     stall::Stall,
 };
 
@@ -25,14 +26,17 @@ pub(crate) trait Features: Send + Sync + 'static {
     const GRAVITY: bool;
     /// All particles share one radius and one finite mass.
     const UNIFORM: bool;
+    /// Grains may be put to rest; never where they are `UNIFORM`, as those at rest count as of infinite mass.
+    const REST: bool;
 }
 
 /// A combination of features.
-pub(crate) struct With<const GRAVITY: bool, const UNIFORM: bool>;
+pub(crate) struct With<const GRAVITY: bool, const UNIFORM: bool, const REST: bool = false>;
 
-impl<const GRAVITY: bool, const UNIFORM: bool> Features for With<GRAVITY, UNIFORM> {
+impl<const GRAVITY: bool, const UNIFORM: bool, const REST: bool> Features for With<GRAVITY, UNIFORM, REST> {
     const GRAVITY: bool = GRAVITY;
     const UNIFORM: bool = UNIFORM;
+    const REST: bool = REST;
 }
 
 /// A completed series of bounces, up to its end.
@@ -71,6 +75,8 @@ const NEARLY_DUE: usize = 4;
 pub(crate) trait Engine: Send {
     /// Searches and predicts everything afresh.
     fn rebuild(&mut self, state: &mut State, geometry: &Geometry);
+    /// Predicts afresh these particles, which have been put to rest. Engines without gravity put nobody to rest.
+    fn reschedule(&mut self, _state: &mut State, _bodies: &[u32]) {}
     /// Whether no event is due at any time.
     fn is_idle(&self) -> bool;
     /// Whether it cannot go on, because it does not serve what the state has become.
@@ -93,6 +99,7 @@ pub(crate) struct State {
     pub book: Book,
     pub pending: BTreeMap<u32, Pending>,
     pub stall: Stall,
+    pub heap: Heap,
 }
 
 /// The engine for one set of features and one search.
@@ -236,6 +243,7 @@ impl<F: Features, S: Search + 'static> Machine<F, S> {
             let i = entry.owner;
             match entry.target.kind() {
                 Kind::Collision(j) => {
+                    let woken = if F::REST { rest::strike(state, i, j, entry.time) } else { Vec::new() };
                     resolve::collision::<F, EVENTS>(state, i, j, entry.time, observer)?;
                     // Both anchors are in place before either is looked at.
                     let bodies = [i.min(j), i.max(j)];
@@ -248,11 +256,25 @@ impl<F: Features, S: Search + 'static> Machine<F, S> {
                             self.schedule(state, body, Scope::All);
                         }
                     }
+                    if F::REST {
+                        self.schedule_woken(state, &woken, bodies);
+                        if state.heap.watch(&state.world, entry.time) {
+                            break Stop::Slice;
+                        }
+                    }
                 }
                 Kind::Wall(wall) => {
+                    let held = F::REST && state.world.is_held(i);
+                    let woken = if held { rest::wake(state, i, entry.time) } else { Vec::new() };
                     resolve::wall::<F, EVENTS>(state, i, wall, entry.time, observer)?;
                     self.sight.follow(state, i);
                     self.schedule(state, i, Scope::All);
+                    if F::REST {
+                        self.schedule_woken(state, &woken, [i, i]);
+                        if state.heap.watch(&state.world, entry.time) {
+                            break Stop::Slice;
+                        }
+                    }
                 }
                 Kind::Rest => {
                     resolve::end_of_rest::<EVENTS>(state, i, entry.time, observer);
@@ -275,6 +297,13 @@ impl<F: Features, S: Search + 'static> Machine<F, S> {
         };
         state.book.counters.predictions += self.sight.scratch.predictions - predictions;
         Ok(stop)
+    }
+
+    /// Predicts those that have woken, without the two whose turn it has been.
+    fn schedule_woken(&mut self, state: &State, woken: &[u32], done: [u32; 2]) {
+        for &body in woken.iter().filter(|body| !done.contains(body)) {
+            self.schedule(state, body, Scope::All);
+        }
     }
 }
 
@@ -307,6 +336,15 @@ impl<F: Features, S: Search + 'static> Engine for Machine<F, S> {
                 self.sight.memory[entry.owner as usize] = memory;
             }
             self.queue.push(entry);
+        }
+    }
+
+    fn reschedule(&mut self, state: &mut State, bodies: &[u32]) {
+        for &body in bodies {
+            self.sight.follow(state, body);
+        }
+        for &body in bodies {
+            self.schedule(state, body, Scope::All);
         }
     }
 

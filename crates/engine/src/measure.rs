@@ -58,7 +58,7 @@ pub(crate) struct Totals {
 impl Totals {
     pub fn of(world: &World) -> Self {
         let [bodies, mass, kinetic, potential, px, py, pz, hx, hy, hz] = total(world.particles.len(), |i| {
-            let class = world.class(i);
+            let class = world.body(i);
             if class.inverse_mass == 0.0 {
                 return [0.0; 10];
             }
@@ -88,7 +88,8 @@ impl Totals {
 pub(crate) fn ledger(totals: &Totals, book: &Book) -> Ledger {
     let [kinetic, potential] = book.initial_energy;
     let (dissipated, work) = (book.dissipated.value(), book.wall_work.value());
-    let terms = [totals.kinetic, totals.potential, -kinetic, -potential, dissipated, -work];
+    let rest = book.rest.value();
+    let terms = [totals.kinetic, totals.potential, -kinetic, -potential, dissipated, rest, -work];
     let scale = terms.iter().fold(0.0, |scale: f64, term| scale.max(term.abs()));
     let balance: Sum = terms.into_iter().collect();
     Ledger {
@@ -97,6 +98,7 @@ pub(crate) fn ledger(totals: &Totals, book: &Book) -> Ledger {
         spring: 0.0,
         dissipated,
         carnot: book.carnot.value(),
+        rest,
         wall_work: work,
         residual: if scale > 0.0 { balance.value() / scale } else { 0.0 },
     }
@@ -111,7 +113,7 @@ pub(crate) fn sample(system: &System, of: &Species, state: &mut State, time: f64
 
     // Over all: Σ m|v − V|² and its second moment.
     let [second, fourth] = total(world.particles.len(), |i| {
-        let class = world.class(i);
+        let class = world.body(i);
         if class.inverse_mass == 0.0 {
             return [0.0; 2];
         }
@@ -127,7 +129,7 @@ pub(crate) fn sample(system: &System, of: &Species, state: &mut State, time: f64
     } else {
         let of_one = |species: u32| {
             total(world.particles.len(), |i| {
-                let class = world.class(i);
+                let class = world.body(i);
                 if of.of(world, i) != species || class.inverse_mass == 0.0 {
                     return [0.0; 2];
                 }
@@ -240,7 +242,7 @@ impl Species {
 
     fn of(&self, world: &World, i: u32) -> u32 {
         match self {
-            Self::OfClass(species) => species[world.particles[i as usize].class()],
+            Self::OfClass(species) => species[world.kind(i)],
             Self::OfRow(species) => species[i as usize],
         }
     }

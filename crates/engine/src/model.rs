@@ -100,6 +100,8 @@ pub struct Contacts {
     /// Contact duration of the TC model [time]: a contact within `tc` of the last contact of either body is
     /// elastic. 0 turns the model off.
     pub tc: f64,
+    /// Speed below which a supported particle is put to rest, where gravity acts [length/time]. 0: never.
+    pub rest_speed: f64,
 }
 
 /// Everything the engine needs to know, already validated.

@@ -1,13 +1,16 @@
 //! The deepest overlap of all close pairs and of particles with walls, found with grids of its own, independent of what
-//! the engine tracks: one grid for every octave of radius, so that a few large bodies cost little.
+//! the engine tracks.
 
-use std::{collections::BTreeMap, ops::Range};
+use std::ops::Range;
 
 use glam::DVec3;
-use haff_neighbors::{Axis, Geometry};
+use haff_neighbors::Geometry;
 use rayon::prelude::*;
 
-use crate::particles::World;
+use crate::{
+    grid::{Level, Sphere, levels, meet, place},
+    particles::World,
+};
 
 /// Cells looked at by one task; there are about as many as particles.
 const BLOCK: usize = 4096;
@@ -34,129 +37,6 @@ impl Overlap {
         let equal = other.depth == self.depth && other.pair.is_some() && other.pair < self.pair;
         if other.depth > self.depth || equal { other } else { self }
     }
-}
-
-/// A sphere where it is now, wrapped into the box.
-#[derive(Debug, Clone, Copy, Default)]
-struct Sphere {
-    position: DVec3,
-    radius: f64,
-}
-
-/// Particles of one octave of radius, sorted by cell. Cells are at least a largest diameter wide; along axes that do not
-/// repeat the grid is folded onto itself.
-struct Level {
-    /// Cells per axis and per length.
-    cells: [usize; 3],
-    density: [f64; 3],
-    /// Where each cell's particles begin, and where the last one's end.
-    start: Vec<u32>,
-    rows: Vec<u32>,
-    /// Spheres of `rows`.
-    spheres: Vec<Coarse>,
-}
-
-/// A sphere in single precision: who is not near needs no more, and a million of them find room in 16 MB.
-#[derive(Debug, Clone, Copy, Default)]
-struct Coarse {
-    position: [f32; 3],
-    radius: f32,
-}
-
-impl Level {
-    fn new(world: &World, geometry: &Geometry, unsorted: &[u32]) -> Self {
-        let largest = unsorted.iter().map(|&i| world.class(i).radius).fold(0.0, f64::max);
-        // One part in 10⁹ more, so that the rounding of a coordinate cannot lose a pair.
-        let width = 2.0 * largest * (1.0 + 1e-9);
-        let mut cells = [0, 1, 2].map(|axis| match geometry.axes[axis] {
-            Axis::Flat => 1,
-            _ => ((geometry.size[axis] / width).floor() as usize).max(1),
-        });
-        // No more cells than particles, or nearly.
-        while cells.iter().map(|&n| n as f64).product::<f64>() > unsorted.len() as f64 + 64.0 {
-            if let Some(most) = cells.iter_mut().max() {
-                *most = (*most / 2).max(1);
-            }
-        }
-        let density = std::array::from_fn(|axis| match geometry.axes[axis] {
-            Axis::Periodic => cells[axis] as f64 / geometry.size[axis],
-            _ => 1.0 / width,
-        });
-        let count = cells.iter().product::<usize>();
-        let mut level =
-            Self { cells, density, start: vec![0; count + 1], rows: Vec::new(), spheres: Vec::new() };
-        let homes: Vec<u32> =
-            unsorted.par_iter().map(|&i| level.index(level.home(place(world, i))) as u32).collect();
-        for &cell in &homes {
-            level.start[cell as usize + 1] += 1;
-        }
-        for cell in 0..count {
-            level.start[cell + 1] += level.start[cell];
-        }
-        let mut fill = level.start.clone();
-        level.rows = vec![0; unsorted.len()];
-        for (&i, cell) in unsorted.iter().zip(homes) {
-            let next = &mut fill[cell as usize];
-            level.rows[*next as usize] = i;
-            *next += 1;
-        }
-        drop(fill);
-        let coarse = |&i: &u32| Coarse {
-            position: place(world, i).as_vec3().to_array(),
-            radius: world.class(i).radius as f32,
-        };
-        level.rows.par_iter().map(coarse).collect_into_vec(&mut level.spheres);
-        level
-    }
-
-    /// Coordinates of the cell of a position.
-    fn home(&self, position: DVec3) -> [usize; 3] {
-        std::array::from_fn(|axis| {
-            let cell = (position[axis] * self.density[axis]).floor() as i64;
-            cell.rem_euclid(self.cells[axis] as i64) as usize
-        })
-    }
-
-    fn index(&self, [x, y, z]: [usize; 3]) -> usize {
-        (x * self.cells[1] + y) * self.cells[2] + z
-    }
-
-    /// Coordinates of the cell of this index.
-    fn coordinates(&self, index: usize) -> [usize; 3] {
-        let row = index / self.cells[2];
-        [row / self.cells[1], row % self.cells[1], index % self.cells[2]]
-    }
-
-    /// Places in `rows` of the particles of a cell.
-    fn within(&self, cell: usize) -> Range<usize> {
-        self.start[cell] as usize..self.start[cell + 1] as usize
-    }
-
-    /// Calls `visit` for a cell and those around it, each once.
-    #[inline]
-    fn around(&self, cell: [usize; 3], mut visit: impl FnMut(usize)) {
-        // Along an axis of one or two cells all of them are near.
-        let near = |axis: usize| {
-            let (at, cells) = (cell[axis], self.cells[axis]);
-            let before = if at == 0 { cells - 1 } else { at - 1 };
-            let after = if at + 1 == cells { 0 } else { at + 1 };
-            ([at, after, before], cells.min(3))
-        };
-        let ((xs, nx), (ys, ny), (zs, nz)) = (near(0), near(1), near(2));
-        for &x in &xs[..nx] {
-            for &y in &ys[..ny] {
-                let row = self.index([x, y, 0]);
-                for &z in &zs[..nz] {
-                    visit(row + z);
-                }
-            }
-        }
-    }
-}
-
-/// Where particle i is now, in the box.
-fn place(world: &World, i: u32) -> DVec3 {
-    world.wrap(world.state(i, world.now).0).0
 }
 
 /// The deepest overlap that has been met, and how it is measured.
@@ -212,7 +92,7 @@ impl<'a> Meter<'a> {
 
     #[cold]
     fn touch(&mut self, i: u32, j: u32, distance: f64, sigma: f64) {
-        let movable = |i: u32| self.world.class(i).inverse_mass != 0.0;
+        let movable = |i: u32| self.world.body(i).inverse_mass != 0.0;
         let depth = 1.0 - distance / sigma;
         if depth > 0.0 && (movable(i) || movable(j)) {
             self.deepest = self.deepest.or(Overlap { depth, pair: Some((i.min(j), Some(i.max(j)))) });
@@ -224,7 +104,7 @@ impl<'a> Meter<'a> {
         for wall in 0..self.world.walls.len() as u32 {
             let (gap, _) =
                 self.world.wall_approach(wall, sphere.radius, sphere.position, DVec3::ZERO, self.world.now);
-            if gap < 0.0 && self.world.class(i).inverse_mass != 0.0 {
+            if gap < 0.0 && self.world.body(i).inverse_mass != 0.0 {
                 self.deepest =
                     self.deepest.or(Overlap { depth: -gap / sphere.radius, pair: Some((i, None)) });
             }
@@ -234,46 +114,20 @@ impl<'a> Meter<'a> {
     /// The particles of a cell of the first level against each other, those around them, those of greater levels, and walls.
     fn search(&mut self, levels: &[Level], cell: usize) {
         let own = &levels[0];
-        let within = own.within(cell);
-        if within.is_empty() {
-            return;
-        }
-        for k in within.clone() {
-            let i = own.rows[k];
+        for &i in &own.rows[own.within(cell)] {
             let sphere = Sphere { position: place(self.world, i), radius: self.world.class(i).radius };
-            self.meet(i, sphere, own, k + 1..within.end);
             self.meet_walls(i, sphere);
-            own.around(own.coordinates(cell), |other| {
-                // Two cells are looked at once, from the first.
-                if other > cell {
-                    self.meet(i, sphere, own, own.within(other));
-                }
-            });
-            for level in &levels[1..] {
-                level.around(level.home(sphere.position), |other| {
-                    self.meet(i, sphere, level, level.within(other));
-                });
-            }
         }
+        meet(self.world, levels, cell, |i, sphere, level, others| self.meet(i, sphere, level, others));
     }
 }
 
 /// Finds the deepest overlap now.
 pub(crate) fn deepest(world: &World, geometry: &Geometry) -> Overlap {
-    let mut octaves: BTreeMap<u64, Vec<u32>> = BTreeMap::new();
-    let octave = |i: u32| world.class(i).radius.to_bits() >> 52;
-    let count = world.particles.len() as u32;
-    let mut first = 0;
-    while first < count {
-        let end = (first..count).find(|&i| octave(i) != octave(first)).unwrap_or(count);
-        octaves.entry(octave(first)).or_default().extend(first..end);
-        first = end;
-    }
-    // Smallest first: a pair of two levels is found from the smaller one.
-    let levels: Vec<Level> = octaves.into_values().map(|rows| Level::new(world, geometry, &rows)).collect();
+    let levels = levels(world, geometry, &(0..world.particles.len() as u32), 0.0);
     let mut found = Overlap::NONE;
     for k in 0..levels.len() {
-        let cells = levels[k].start.len() - 1;
+        let cells = levels[k].len();
         let blocks = (0..cells.div_ceil(BLOCK)).into_par_iter().map(|block| {
             let mut meter = Meter::new(world);
             for cell in block * BLOCK..((block + 1) * BLOCK).min(cells) {
@@ -343,6 +197,7 @@ mod tests {
                 pair: vec![Restitution::Constant(1.0)],
                 wall: vec![Restitution::Constant(1.0)],
                 tc: 0.0,
+                rest_speed: 0.0,
             },
         }
     }

@@ -7,6 +7,7 @@ use crate::{
     clock::Clock,
     machine::{Features, With},
     model::{Body, Boundary, Restitution, System, Wall},
+    rest::Thresholds,
 };
 
 /// The hot record, one cache line: the *anchor* of a particle, which is its state at its last own event.
@@ -19,11 +20,15 @@ pub(crate) struct Particle {
     pub time: i64,
     /// Own events so far; marks calendar entries as void or stale.
     pub count: u32,
-    /// Class; [`RESTING`] is set when walls hold the particle.
+    /// Class, and flags above it.
     class: u32,
 }
 
+/// Walls hold the particle.
 const RESTING: u32 = 1 << 31;
+/// The particle's last contact was with another one, or followed such a contact soon.
+const JOSTLED: u32 = 1 << 30;
+const FLAGS: u32 = RESTING | JOSTLED;
 
 impl Particle {
     /// A particle that rests on nothing and has had no events, as of `time` [ticks].
@@ -33,12 +38,21 @@ impl Particle {
 
     #[inline(always)]
     pub fn class(&self) -> usize {
-        (self.class & !RESTING) as usize
+        (self.class & !FLAGS) as usize
     }
 
     #[inline(always)]
     pub fn rests(&self) -> bool {
         self.class & RESTING != 0
+    }
+
+    #[inline(always)]
+    pub fn is_jostled(&self) -> bool {
+        self.class & JOSTLED != 0
+    }
+
+    pub fn set_jostled(&mut self, jostled: bool) {
+        self.class = if jostled { self.class | JOSTLED } else { self.class & !JOSTLED };
     }
 }
 
@@ -86,7 +100,16 @@ pub(crate) struct World {
     pub clock: Clock,
     pub particles: Vec<Particle>,
     pub images: Vec<[i32; 3]>,
+    /// Radius, mass and group by class. Where grains are put to rest, the classes follow once more, with infinite mass: those
+    /// of particles that are held.
     pub classes: Vec<ClassData>,
+    /// Number of classes of the system, without those of held particles.
+    pub kinds: usize,
+    /// When grains are put to rest, if ever.
+    pub thresholds: Option<Thresholds>,
+    /// Particles of finite mass, and those of them that are held.
+    pub movable: usize,
+    pub held: usize,
     pub walls: Vec<Wall>,
     /// Walls that particles rest on; empty as long as none ever has.
     pub support: Vec<Support>,
@@ -114,20 +137,32 @@ impl World {
         let mut particles = roomy(system.bodies.len());
         let anchor = |body: &Body| Particle::at(body.position, body.velocity, 0, body.class);
         particles.extend(system.bodies.iter().map(anchor));
+        let thresholds = Thresholds::of(system);
+        let mut classes: Vec<ClassData> = system
+            .classes
+            .iter()
+            .map(|class| ClassData {
+                radius: class.radius,
+                mass: class.mass,
+                inverse_mass: 1.0 / class.mass,
+                group: class.group as usize,
+            })
+            .collect();
+        let kinds = classes.len();
+        if thresholds.is_some() {
+            let held = |class: &ClassData| ClassData { mass: f64::INFINITY, inverse_mass: 0.0, ..*class };
+            classes.extend_from_within(..);
+            classes[kinds..].iter_mut().for_each(|class| *class = held(class));
+        }
         let mut world = Self {
             clock: Clock::new(exponent),
             particles,
             images: system.bodies.iter().map(|body| body.image).collect(),
-            classes: system
-                .classes
-                .iter()
-                .map(|class| ClassData {
-                    radius: class.radius,
-                    mass: class.mass,
-                    inverse_mass: 1.0 / class.mass,
-                    group: class.group as usize,
-                })
-                .collect(),
+            classes,
+            kinds,
+            thresholds,
+            movable: 0,
+            held: 0,
             walls: system.walls.clone(),
             support: Vec::new(),
             size: system.domain.size,
@@ -154,6 +189,7 @@ impl World {
             let class = world.class(i);
             if class.inverse_mass != 0.0 {
                 world.force += class.mass * world.gravity;
+                world.movable += 1;
             }
         }
         world
@@ -167,6 +203,67 @@ impl World {
     #[inline(always)]
     pub fn class(&self, i: u32) -> &ClassData {
         &self.classes[self.particles[i as usize].class()]
+    }
+
+    /// Radius, mass and group that particle i has of its own, whether it is held or not.
+    #[inline(always)]
+    pub fn body(&self, i: u32) -> &ClassData {
+        let class = self.particles[i as usize].class();
+        &self.classes[if class < self.kinds { class } else { class - self.kinds }]
+    }
+
+    /// The system's class of particle i.
+    pub fn kind(&self, i: u32) -> usize {
+        self.particles[i as usize].class() % self.kinds
+    }
+
+    /// Whether particle i has been put to rest: it is held like a body of infinite mass until it is hit.
+    #[inline(always)]
+    pub fn is_held(&self, i: u32) -> bool {
+        self.particles[i as usize].class() >= self.kinds
+    }
+
+    /// Puts particle i to rest where it is at `ticks`, or lets go of it. Velocity and support by walls are lost.
+    pub fn set_held(&mut self, i: u32, held: bool, ticks: i64) {
+        let (position, _) = self.state(i, ticks);
+        if self.particles[i as usize].rests() {
+            self.set_support(i, [None; 3], ticks);
+        }
+        let mass = self.body(i).mass;
+        let before = mass * self.acceleration(i);
+        self.replace_held(i, held);
+        self.change_force(mass * self.acceleration(i) - before, ticks);
+        let particle = &mut self.particles[i as usize];
+        particle.position = position;
+        particle.velocity = DVec3::ZERO;
+        particle.time = ticks;
+        particle.count = particle.count.wrapping_add(1);
+    }
+
+    /// [`Self::set_held`] without its account and without anchor.
+    pub fn replace_held(&mut self, i: u32, held: bool) {
+        let kinds = self.kinds as u32;
+        if held == self.is_held(i) {
+            return;
+        }
+        let class = &mut self.particles[i as usize].class;
+        if held {
+            *class += kinds;
+            self.held += 1;
+        } else {
+            *class -= kinds;
+            self.held -= 1;
+        }
+    }
+
+    /// From `ticks` on the force of gravity and of what holds particles is another one.
+    fn change_force(&mut self, change: DVec3, ticks: i64) {
+        if change != DVec3::ZERO {
+            let time = self.clock.time(ticks);
+            self.force_impulse = self.impulse_of_force(time);
+            self.force_until = time;
+            self.force += change;
+        }
     }
 
     /// Acceleration of a particle in its flight [length/time²].
@@ -299,14 +396,10 @@ impl World {
 
     /// Sets the walls that particle i rests on from `ticks` on.
     pub fn set_support(&mut self, i: u32, support: Support, ticks: i64) {
-        let (before, time) = (self.acceleration(i), self.clock.time(ticks));
+        let before = self.acceleration(i);
         self.replace_support(i, support);
         let change = self.acceleration(i) - before;
-        if change != DVec3::ZERO {
-            self.force_impulse = self.impulse_of_force(time);
-            self.force_until = time;
-            self.force += self.class(i).mass * change;
-        }
+        self.change_force(self.class(i).mass * change, ticks);
     }
 
     /// [`Self::set_support`] without its account.
@@ -341,7 +434,7 @@ impl World {
     /// Whether nothing moves and nothing will.
     pub fn is_at_rest(&self) -> bool {
         let free = self.classes.iter().any(|class| class.inverse_mass != 0.0);
-        (self.gravity == DVec3::ZERO || self.resting > 0 || !free)
+        (self.gravity == DVec3::ZERO || self.resting + self.held > 0 || !free)
             && self.walls.iter().all(|wall| wall.velocity == DVec3::ZERO)
             && (0..self.particles.len() as u32).all(|i| {
                 self.particles[i as usize].velocity == DVec3::ZERO && self.acceleration(i) == DVec3::ZERO
@@ -376,7 +469,7 @@ impl World {
 
 /// The part of `gravity` that the walls with these inward normals do not take up: the vector nearest to it that points
 /// into none of them.
-fn supported(gravity: DVec3, normals: &(impl Iterator<Item = DVec3> + Clone)) -> DVec3 {
+pub(crate) fn supported(gravity: DVec3, normals: &(impl Iterator<Item = DVec3> + Clone)) -> DVec3 {
     let bound = -1e-12 * gravity.length();
     let mut best = DVec3::ZERO; // allowed by any walls
     let mut offer = |a: DVec3| {

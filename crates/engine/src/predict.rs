@@ -203,7 +203,7 @@ fn gather<F: Features>(
         a.radius + a.radius
     } else {
         let class = &world.classes[b.class()];
-        if !a.movable && class.inverse_mass == 0.0 {
+        if !a.movable && class.inverse_mass == 0.0 && !(F::REST && strikes(world, a.i, j)) {
             return; // Two bodies of infinite mass pass through each other.
         }
         a.radius + class.radius
@@ -216,11 +216,13 @@ fn gather<F: Features>(
         va = haff_mechanics::free_flight_velocity(a.velocity, a.acceleration, dt_a);
         vb = haff_mechanics::free_flight_velocity(b.velocity, acceleration, dt_b);
         if acceleration != a.acceleration {
-            let r = imaged(world, rb - ra, shift);
+            let (r, v, pull) = (imaged(world, rb - ra, shift), vb - va, acceleration - a.acceleration);
             scratch.predictions += 1;
-            if let Some(delay) = time_to_contact_accelerated(r, vb - va, acceleration - a.acceleration, sigma)
-            {
-                let from = a.time.max(b.time);
+            let from = a.time.max(b.time);
+            if is_beyond(r, v, pull, sigma, (earliest.entry.time.saturating_sub(from)) as f64 * tick) {
+                return;
+            }
+            if let Some(delay) = time_to_contact_accelerated(r, v, pull, sigma) {
                 earliest.offer_after(from, delay * world.clock.per_time, Kind::Collision(j), b.count);
             }
             return;
@@ -247,6 +249,20 @@ fn gather<F: Features>(
     batch.offset[k] = (-behind).max(0);
     batch.id[k] = j;
     batch.len = k + 1;
+}
+
+/// Whether a particle at rest and the other body, which no impact moves, may meet: a driven one comes along.
+fn strikes(world: &World, i: u32, j: u32) -> bool {
+    let moves = |k: u32| world.particles[k as usize].velocity != DVec3::ZERO;
+    world.is_held(i) != world.is_held(j) && (moves(i) || moves(j))
+}
+
+/// Whether bodies cannot touch within a time, and a little more, as far as their relative speed and acceleration go.
+#[inline]
+fn is_beyond(r: DVec3, v: DVec3, a: DVec3, sigma: f64, time: f64) -> bool {
+    let way = (v.length() + 0.5 * a.length() * time) * time;
+    let reach = sigma + way * (1.0 + 1e-6) + 1e-9 * sigma;
+    r.length_squared() > reach * reach
 }
 
 /// The separation of the image of the partner that is meant.
@@ -407,13 +423,17 @@ fn is_echo<F: Features>(world: &World, i: u32, batch: &Batch, k: usize) -> bool 
 fn predict_walls<F: Features>(world: &World, i: u32, walls: &[u16], earliest: &mut Earliest) {
     let particle = &world.particles[i as usize];
     let class = world.class(i);
-    if class.inverse_mass == 0.0 {
+    let held = F::REST && world.is_held(i);
+    if class.inverse_mass == 0.0 && !held {
         return;
     }
     let acceleration = if F::GRAVITY { world.acceleration(i) } else { DVec3::ZERO };
     let support = if F::GRAVITY { world.support(i) } else { [None; 3] };
     for &wall in walls {
         if F::GRAVITY && support.contains(&Some(wall)) {
+            continue;
+        }
+        if held && world.walls[usize::from(wall)].velocity == DVec3::ZERO {
             continue;
         }
         let (distance, speed) = world.wall_approach(

@@ -10,7 +10,8 @@ pub enum EventKind {
     Collision = 0,
     /// A particle and a wall.
     Wall = 1,
-    /// End of a completed (Zeno) series of bounces: the particle rests on the wall.
+    /// A particle comes to rest: at the end of a completed (Zeno) series of bounces, on the wall, or slow and supported, where it
+    /// is.
     Rest = 2,
     /// A pendulum's string goes slack: bob and pendulum.
     Slack = 3,
@@ -56,6 +57,9 @@ impl EventKind {
     }
 }
 
+/// Stands for no wall in [`EventRecord::j`].
+pub const NOBODY: u32 = u32::MAX;
+
 /// One row of the event log.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct EventRecord {
@@ -65,7 +69,8 @@ pub struct EventRecord {
     pub kind: EventKind,
     /// Particle row.
     pub i: u32,
-    /// Partner's row (> `i`), or the wall's or pendulum's index.
+    /// Partner's row (> `i`), or the wall's or pendulum's index; [`NOBODY`] for a particle that is put to rest and touches no
+    /// wall.
     pub j: u32,
     /// v_n = (w_i − w_j)·n > 0 [length/time].
     pub approach_speed: f64,
@@ -184,7 +189,9 @@ pub struct Ledger {
     pub carnot: f64,
     /// Work done on the particles by moving walls and driven bodies so far [energy].
     pub wall_work: f64,
-    /// T + V − (T₀ + V₀ − Σ ΔT + W), relative to the largest |term|.
+    /// Kinetic energy that putting grains to rest has taken so far [energy].
+    pub rest: f64,
+    /// T + V − (T₀ + V₀ − Σ ΔT − rest + W), relative to the largest |term|.
     pub residual: f64,
 }
 
@@ -229,8 +236,10 @@ pub struct Counters {
     pub collisions: u64,
     /// Sphere–wall collisions.
     pub wall_collisions: u64,
-    /// Completed series of bounces.
+    /// Completed series of bounces, and particles put to rest.
     pub rests: u64,
+    /// Particles at rest that were set free again.
+    pub wakes: u64,
     /// Pair predictions.
     pub predictions: u64,
     /// Events dropped because their own particle had collided since.
@@ -273,7 +282,7 @@ pub struct Checkpoint {
     pub image: Vec<[i32; 3]>,
     /// Own-collision counters.
     pub count: Vec<u32>,
-    /// Wall a particle rests on, plus one; 0 if it flies.
+    /// Walls a particle rests on, as digits that are their numbers plus one, and flags of what holds it; 0 if it flies.
     pub resting: Vec<u32>,
     /// Scalars as (name, bits): clock, sums, counters. Names are stable; unknown ones are an error.
     pub scalars: Vec<(String, u64)>,

@@ -9,6 +9,7 @@ use crate::{
     machine::{Features, Pending, State},
     particles::{ClassData, Support, World},
     report::{EventKind, EventRecord, Observer},
+    rest,
 };
 
 /// A series of bounces is completed in closed form once the next one would rise by less than this part of the radius:
@@ -80,6 +81,22 @@ impl Contact {
     }
 }
 
+/// The impact of two bodies whose law says `e`, and who part at the speed `parting`. `r` points from the first to the second.
+fn meet(
+    [wi, wj]: [DVec3; 2],
+    inverse: [f64; 2],
+    r: DVec3,
+    e: f64,
+    speed: f64,
+    parting: f64,
+) -> (DVec3, DVec3, Impact) {
+    if parting > speed {
+        return rest::push_apart(inverse, [wi, wj], r.normalize(), speed, parting);
+    }
+    let e = if parting > e * speed { parting / speed } else { e };
+    resolve_contact(wi, wj, inverse[0], inverse[1], r, e)
+}
+
 /// Two particles collide at `time`, as far as they themselves are concerned: their anchors are set.
 #[inline(always)]
 pub(crate) fn collide<F: Features>(
@@ -96,16 +113,37 @@ pub(crate) fn collide<F: Features>(
     let distance = r.length();
     let n = r / distance;
     let (a, b) = (*world.class(i), *world.class(j));
+    let (mut ri, mut rj) = (ri, rj);
+    if F::REST {
+        // Hops on a body that cannot give way are many, and each would leave the rounding of its time behind.
+        let depth = (a.radius + b.radius - distance).max(0.0);
+        if a.inverse_mass == 0.0 {
+            rj += n * depth;
+        } else if b.inverse_mass == 0.0 {
+            ri -= n * depth;
+        }
+    }
     let law = world.pair_law(&a, &b);
     let speed = (wi - wj).dot(r) / distance;
     let e = coefficient(world, law, speed, time, [(i, &a), (j, &b)]);
-    let (ui, uj, impact) = resolve_contact(wi, wj, a.inverse_mass, b.inverse_mass, r, e);
+    let bodies = [a.inverse_mass, b.inverse_mass];
+    let (ui, uj, impact) = if F::REST {
+        let pull = (world.acceleration(i) - world.acceleration(j)).dot(n);
+        let many = rest::is_one_of_many(world, [i, j], time);
+        meet([wi, wj], bodies, r, e, speed, rest::parting(world, e, speed, pull, many))
+    } else {
+        resolve_contact(wi, wj, a.inverse_mass, b.inverse_mass, r, e)
+    };
     // A body of infinite mass keeps its anchor: its flight has not changed, and neither have predictions with it.
     if a.inverse_mass != 0.0 {
         anchor(world, i, ri, ui, time)?;
     }
     if b.inverse_mass != 0.0 {
         anchor(world, j, rj, uj, time)?;
+    }
+    if F::REST {
+        world.particles[i as usize].set_jostled(true);
+        world.particles[j as usize].set_jostled(true);
     }
     Ok(Contact {
         pair: [i, j],
@@ -140,7 +178,12 @@ pub(crate) fn collision<F: Features, const EVENTS: bool>(
     }
     let Contact { now, distance, normal, impact, velocities: [wi, wj], inverse_masses, .. } = contact;
     let book = &mut state.book;
-    book.add_collision(now, impact.impulse * distance, impact.energy_loss, impact.carnot_energy);
+    // A hop of what rests on each other takes no energy but gives some.
+    let loss = if F::REST { impact.energy_loss.max(0.0) } else { impact.energy_loss };
+    book.add_collision(now, impact.impulse * distance, loss, impact.carnot_energy);
+    if F::REST {
+        book.rest.add(impact.energy_loss.min(0.0));
+    }
     if !F::UNIFORM {
         // The impulse on i is −J n, on j +J n.
         if inverse_masses[0] == 0.0 {
@@ -178,14 +221,29 @@ pub(crate) fn wall<F: Features, const EVENTS: bool>(
     let law = world.wall_law(&class, wall);
     let speed = haff_mechanics::approach_speed(velocity, wall_velocity, n);
     let e = coefficient(world, law, speed, time, [(i, &class), (i, &class)]);
+    let mut among_grains = false;
     // As for two spheres: a tilted normal is a unit vector only to rounding, and always off the same way.
-    let (after, _, impact) = resolve_contact(velocity, wall_velocity, class.inverse_mass, 0.0, n, e);
+    let (after, _, impact) = if F::REST {
+        let pull = world.acceleration(i).dot(n);
+        among_grains = rest::is_among_grains(world, i, speed, pull, time);
+        let parting = if among_grains { rest::parting(world, e, speed, pull, true) } else { e * speed };
+        meet([velocity, wall_velocity], [class.inverse_mass, 0.0], n, e, speed, parting)
+    } else {
+        resolve_contact(velocity, wall_velocity, class.inverse_mass, 0.0, n, e)
+    };
     anchor(world, i, position, after, time)?;
+    if F::REST {
+        world.particles[i as usize].set_jostled(among_grains);
+    }
 
     let now = world.clock.time(time);
     let book = &mut state.book;
     book.counters.wall_collisions += 1;
-    book.add_losses(now, impact.energy_loss, impact.carnot_energy);
+    let loss = if F::REST { impact.energy_loss.max(0.0) } else { impact.energy_loss };
+    book.add_losses(now, loss, impact.carnot_energy);
+    if F::REST {
+        book.rest.add(impact.energy_loss.min(0.0));
+    }
     book.add_impulse(n * -impact.impulse);
     if wall_velocity != DVec3::ZERO {
         book.add_work(now, work_of_moving_body(impact.impulse, n, wall_velocity));
@@ -196,17 +254,19 @@ pub(crate) fn wall<F: Features, const EVENTS: bool>(
     }
     if F::GRAVITY {
         keep_support(world, i, time);
-        if let Restitution::Constant(e) = law
+        if !among_grains
+            && let Restitution::Constant(e) = law
             && wall_velocity == DVec3::ZERO
             && world.tc == 0.0
+            && let Some(rest) = come_to_rest(state, i, wall, e, before, time)
         {
-            come_to_rest(state, i, wall, e, before, time);
+            state.pending.insert(i, rest);
         }
     }
     Ok(())
 }
 
-/// Completes the series of bounces of particle i on a wall if it is over but for its tail.
+/// Completes the series of bounces of particle i on a wall if it is over but for its tail, which is still to be booked.
 ///
 /// From the outgoing speed u under the pull a towards the wall, bounces follow at u, eu, e²u, … and take 2u/a,
 /// 2eu/a, …: together 2u/(a(1 − e)). Their impulses add up to (1 + e) m u/(1 − e), their losses to all that is left,
@@ -215,7 +275,14 @@ pub(crate) fn wall<F: Features, const EVENTS: bool>(
 /// A particle that slides along other walls into this one is thrown off those by the bounce, falls back on them, and so
 /// on: that series is complete when it is over as seen along the slide. `before` is the support and acceleration of
 /// the slide.
-fn come_to_rest(state: &mut State, i: u32, wall: u32, e: f64, before: (Support, DVec3), time: i64) {
+fn come_to_rest(
+    state: &mut State,
+    i: u32,
+    wall: u32,
+    e: f64,
+    before: (Support, DVec3),
+    time: i64,
+) -> Option<Pending> {
     let world = &mut state.world;
     let normal = world.walls[wall as usize].normal;
     let (slid_on, slide) = before;
@@ -223,19 +290,19 @@ fn come_to_rest(state: &mut State, i: u32, wall: u32, e: f64, before: (Support, 
     let sliding = slid_on != [None; 3] && pull_of_slide > 0.0;
     let pull = if sliding { pull_of_slide } else { pull };
     if e >= 1.0 || pull <= 0.0 {
-        return;
+        return None;
     }
     let class = *world.class(i);
     let velocity = world.particles[i as usize].velocity;
     let u = velocity.dot(normal).max(0.0);
     if u * u > 2.0 * pull * REST_HEIGHT * class.radius {
-        return;
+        return None;
     }
     let mut support = if sliding { slid_on } else { world.support(i) };
-    let Some(free) = support.iter_mut().find(|place| place.is_none()) else { return };
+    let free = support.iter_mut().find(|place| place.is_none())?;
     let ticks = 2.0 * u / (pull * (1.0 - e)) * world.clock.per_time;
     if ticks > HORIZON {
-        return;
+        return None;
     }
     *free = Some(wall as u16);
     let normals = support.into_iter().flatten().map(|wall| world.walls[usize::from(wall)].normal);
@@ -254,7 +321,7 @@ fn come_to_rest(state: &mut State, i: u32, wall: u32, e: f64, before: (Support, 
     };
     // From here on the support balances gravity; what the tail does beyond that is to take the last of the velocity.
     state.book.add_impulse(lost * -class.mass);
-    state.pending.insert(i, rest);
+    Some(rest)
 }
 
 /// The part of a velocity along walls with these normals.
@@ -275,7 +342,7 @@ fn along(velocity: DVec3, mut normals: impl Iterator<Item = DVec3>) -> DVec3 {
 }
 
 /// Lets go of the supporting walls that particle i now moves away from, or into: it flies again.
-fn keep_support(world: &mut World, i: u32, time: i64) {
+pub(crate) fn keep_support(world: &mut World, i: u32, time: i64) {
     if !world.particles[i as usize].rests() {
         return;
     }

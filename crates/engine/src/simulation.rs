@@ -16,6 +16,7 @@ use crate::{
     overlap::{self, Overlap},
     particles::World,
     report::{Counters, Frame, Ledger, Observer, Sample, Stop},
+    rest::{self, Heap},
     stall::Stall,
     windows,
 };
@@ -75,7 +76,9 @@ impl Simulation {
             sampled_collisions: u64::MAX,
             ..Book::default()
         };
-        Self::start(system, options, State { world, book, pending: BTreeMap::new(), stall: Stall::default() })
+        let state =
+            State { world, book, pending: BTreeMap::new(), heap: Heap::default(), stall: Stall::default() };
+        Self::start(system, options, state)
     }
 
     /// Builds the engine for a state.
@@ -134,16 +137,31 @@ impl Simulation {
         let mut entries = until.entries;
         loop {
             let target = self.state.world.clock.ticks(until.time);
+            let census = self.next_census();
             let slice = entries.min(self.choice.patience);
             let mut limit = Limit {
                 // Events at the very end of an epoch belong to the next.
-                ticks: target.min(EPOCH - 1),
+                ticks: target.min(EPOCH - 1).min(census),
                 collisions: until.collisions.min(self.choice.review),
                 entries: slice,
             };
             let stop = self.engine.advance(&mut self.state, &mut limit, observer)?;
             entries -= slice - limit.entries;
             self.choice.patience -= slice - limit.entries;
+            if self.state.heap.is_jammed || (stop == Stop::Time && limit.ticks == census) {
+                let idle = self.engine.is_idle();
+                if self.take_census(observer) {
+                    return Ok(Stop::Rest);
+                }
+                entries = entries.saturating_sub(1);
+                if entries == 0 {
+                    return Ok(Stop::Slice);
+                }
+                if until.time == f64::INFINITY && idle && self.engine.is_idle() {
+                    return Ok(Stop::Rest);
+                }
+                continue;
+            }
             let reviewed = match stop {
                 Stop::Collisions => self.state.book.counters.collisions < until.collisions,
                 Stop::Slice => self.choice.patience == 0 || self.engine.is_outgrown(),
@@ -176,6 +194,23 @@ impl Simulation {
         }
     }
 
+    /// When the next census is due \[ticks\]: never, where nobody is put to rest.
+    fn next_census(&self) -> i64 {
+        if self.state.world.thresholds.is_some() { self.state.heap.next } else { i64::MAX }
+    }
+
+    /// Finds again who leans on whom of a state with particles at rest.
+    pub(crate) fn find_contacts_of_held(&mut self) {
+        self.state.heap.near = rest::contacts_of_held(&self.state.world, &self.geometry);
+    }
+
+    /// Puts to rest who may be; whether nothing moves then.
+    fn take_census(&mut self, observer: &mut dyn Observer) -> bool {
+        let settled = rest::census(&mut self.state, &self.geometry, observer);
+        self.engine.reschedule(&mut self.state, &settled);
+        !settled.is_empty() && self.state.pending.is_empty() && self.state.world.is_at_rest()
+    }
+
     /// Re-bases the clock by one epoch; chooses a new tick if the system has become much slower or faster.
     fn next_epoch(&mut self) {
         let world = &mut self.state.world;
@@ -202,11 +237,12 @@ impl Simulation {
             particle.time = -(ticks as i64);
             world.wrap_anchor(i);
         }
-        for rest in self.state.pending.values_mut() {
-            rest.end -= EPOCH;
+        let due = self.state.pending.values_mut().map(|rest| &mut rest.end);
+        for time in due.chain([&mut self.state.heap.next, &mut self.state.heap.crowd_since]) {
+            *time = time.saturating_sub(EPOCH);
             if retune {
                 let scale = (i64::from(old.exponent) - i64::from(exponent)) as i32;
-                rest.end = (rest.end as f64 * libm::ldexp(1.0, scale)).round_ties_even() as i64;
+                *time = (*time as f64 * libm::ldexp(1.0, scale)).round_ties_even() as i64;
             }
         }
         world.clock.next_epoch();

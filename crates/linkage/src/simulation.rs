@@ -295,6 +295,7 @@ impl Simulation {
             spring,
             dissipated,
             carnot: world.book.carnot.value(),
+            rest: 0.0,
             wall_work: work.value(),
             residual: if scale > 0.0 { balance.value() / scale } else { 0.0 },
         }

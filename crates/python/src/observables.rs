@@ -45,6 +45,7 @@ pub fn counters(py: Python<'_>, counters: Counters) -> PyResult<Bound<'_, PyDict
         ("collisions", counters.collisions),
         ("wall_collisions", counters.wall_collisions),
         ("rests", counters.rests),
+        ("wakes", counters.wakes),
         ("predictions", counters.predictions),
         ("stale", counters.stale),
         ("dropped", counters.dropped),

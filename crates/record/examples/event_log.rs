@@ -107,6 +107,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
         has_pressure: true,
         has_angular_momentum: false,
         has_springs: false,
+        has_rest: false,
     };
     // The same rows again and again: longer than deflate's window, so that it does not notice.
     let made = events(64 * BATCH);

@@ -56,6 +56,8 @@ pub struct Header {
     pub has_angular_momentum: bool,
     /// Whether samples tell the energies of gravity and of springs apart: there are springs.
     pub has_springs: bool,
+    /// Whether samples carry the energy that putting grains to rest has taken.
+    pub has_rest: bool,
 }
 
 impl Header {
@@ -100,6 +102,7 @@ impl Header {
             has_pressure: !boundary[..axes].contains(&Boundary::Open),
             has_angular_momentum: !boundary[..axes].contains(&Boundary::Periodic),
             has_springs: false,
+            has_rest: system.contacts.rest_speed > 0.0,
         }
     }
 }

@@ -41,7 +41,7 @@ pub(crate) enum Quantity {
 const NAN: DVec3 = DVec3::NAN;
 
 /// Names and values of all observables, in the order of the file.
-pub(crate) const QUANTITIES: [(&str, Quantity); 19] = [
+pub(crate) const QUANTITIES: [(&str, Quantity); 20] = [
     ("kinetic_energy", Quantity::Real(|s| s.ledger.kinetic)),
     ("potential_energy", Quantity::Real(|s| s.ledger.potential)),
     ("gravity_energy", Quantity::Real(|s| s.ledger.potential - s.ledger.spring)),
@@ -49,6 +49,7 @@ pub(crate) const QUANTITIES: [(&str, Quantity); 19] = [
     ("dissipated_energy", Quantity::Real(|s| s.ledger.dissipated)),
     ("carnot_energy", Quantity::Real(|s| s.ledger.carnot)),
     ("wall_work", Quantity::Real(|s| s.ledger.wall_work)),
+    ("rest_energy", Quantity::Real(|s| s.ledger.rest)),
     ("ledger_residual", Quantity::Real(|s| s.ledger.residual)),
     ("temperature", Quantity::Real(|s| s.temperature)),
     ("species_temperature", Quantity::PerSpecies),
@@ -175,6 +176,7 @@ impl Observables {
                 "pressure" => header.has_pressure,
                 "gravity_energy" | "spring_energy" => header.has_springs,
                 "angular_momentum" => header.has_angular_momentum,
+                "rest_energy" => header.has_rest,
                 "species_temperature" => !header.species_names.is_empty(),
                 _ => true,
             };

@@ -82,6 +82,7 @@ fn check(path: &std::path::Path, particles: usize, frames: u64, samples: u64, ev
         ("dissipated_energy", reals(|s| s.ledger.dissipated)),
         ("carnot_energy", reals(|s| s.ledger.carnot)),
         ("wall_work", reals(|s| s.ledger.wall_work)),
+        ("rest_energy", reals(|s| s.ledger.rest)),
         ("ledger_residual", reals(|s| s.ledger.residual)),
         ("temperature", reals(|s| s.temperature)),
         ("sonine_a2", reals(|s| s.sonine_a2)),

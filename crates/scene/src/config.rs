@@ -222,6 +222,11 @@ pub struct ContactConfig {
     /// 0, the default, turns it off.
     #[schemars(range(min = 0.0))]
     pub tc: Option<f64>,
+    /// Speed v of grains that come to rest, where gravity g acts [length/time]. A grain slower than v/2 that stands on walls and other
+    /// grains is put to rest, and wakes when it is hit faster than v; of contacts that follow another within 10 v/g, those
+    /// slower than v/8 are elastic. 0, the default: never. Try 0.05 √(g d), d the smallest diameter.
+    #[schemars(range(min = 0.0))]
+    pub rest_speed: Option<f64>,
     /// Rules for two names.
     pub pair: Option<Vec<PairConfig>>,
 }

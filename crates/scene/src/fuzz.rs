@@ -111,6 +111,7 @@ const KEYS: &[&str] = &[
     "contact.restitution",
     "contact.wall_restitution",
     "contact.tc",
+    "contact.rest_speed",
     "contact.pair",
     "contact.pair.0.between",
     "contact.pair.0.restitution",

@@ -27,6 +27,7 @@ def draw(file: File) -> Figure:
     t = table["time"].to_numpy()
     kinetic, potential, lost = (table[n].to_numpy() for n in needed)
     work = table["wall_work"].to_numpy() if "wall_work" in table else np.zeros_like(t)
+    rest = table["rest_energy"].to_numpy() if "rest_energy" in table else np.zeros_like(t)
     scale = max(np.max(np.abs(kinetic)), np.max(np.abs(potential)), np.max(np.abs(lost)))
     if not scale > 0:
         raise NotApplicableError("there is no energy in this scene")
@@ -40,7 +41,7 @@ def draw(file: File) -> Figure:
         layers.append((name + (" (from its lowest)" if shift < 0 else ""), SKY, gravity - shift))
     if springs.max() > 1e-12 * scale:
         layers.append(("springs", GREEN, springs))
-    for name, color, values in _dissipated(file, t, lost):
+    for name, color, values in _dissipated(file, t, lost, rest):
         if values.max() > 1e-12 * scale:
             layers.append((name, color, values))
 
@@ -93,9 +94,9 @@ def _log_time(t: np.ndarray, kinetic: np.ndarray, file: File) -> bool:
     return decades and len(file) >= 100 and 0 < kinetic[-1] < 0.1 * kinetic[0]
 
 
-def _dissipated(file: File, t: np.ndarray, lost: np.ndarray) -> list[tuple[str, str, np.ndarray]]:
+def _dissipated(file: File, t: np.ndarray, lost: np.ndarray, rest: np.ndarray) -> list[tuple[str, str, np.ndarray]]:
     """Σ ΔT at the sample times, split by what the particles hit if there is an event log that knows."""
-    whole = [("dissipated in collisions", RED, lost)]
+    whole = [("dissipated in collisions", RED, lost), ("taken in putting to rest", GREEN, rest)]
     if "events" not in file or len(file.events) == 0:
         return whole
     events = file.events
@@ -111,7 +112,7 @@ def _dissipated(file: File, t: np.ndarray, lost: np.ndarray) -> list[tuple[str, 
             parts[str(name)] += np.bincount(index[inside], some.to_numpy()[inside], len(t))
     parts = {name: np.cumsum(v) for name, v in parts.items() if v.any()}
     total = sum(parts.values(), np.zeros(len(t)))
-    if not np.allclose(total, lost, rtol=1e-6, atol=1e-9 * max(lost.max(), 1e-300)):
+    if not np.allclose(total, lost + rest, rtol=1e-6, atol=1e-9 * max(lost.max(), 1e-300)):
         return whole  # the log covers a part of the run only
     names = {
         "collision": ("dissipated, sphere–sphere", RED),

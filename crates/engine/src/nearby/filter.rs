@@ -273,7 +273,7 @@ mod tests {
             groups: Vec::new(),
             species: Vec::new(),
             walls: Vec::new(),
-            contacts: crate::model::Contacts { pair: Vec::new(), wall: Vec::new(), tc: 0.0 },
+            contacts: crate::model::Contacts { pair: Vec::new(), wall: Vec::new(), tc: 0.0, rest_speed: 0.0 },
         };
         let world = World::new(&system, -52);
         let mut frame = Frame::new(&geometry, 2.2).expect("the box is large enough");

@@ -38,6 +38,7 @@ use crate::{
     particles::World,
     report::{Observer, Stop},
     resolve,
+    rest::Thresholds,
 };
 use cells::{Block, Cells, Near};
 use due::Due;
@@ -118,6 +119,9 @@ pub(crate) fn unsuitable(system: &System, census: &Census) -> Option<String> {
     let gravity = system.domain.gravity;
     if gravity != DVec3::ZERO && !census.movable {
         return Some("there are gravity and bodies of infinite mass, which do not fall".to_owned());
+    }
+    if Thresholds::of(system).is_some() {
+        return Some("grains may come to rest on each other (contact.rest_speed)".to_owned());
     }
     for axis in 0..axes {
         match system.domain.boundary[axis] {

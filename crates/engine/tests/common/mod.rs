@@ -57,7 +57,12 @@ pub fn system(dimension: Dimension, size: DVec3, boundary: [Boundary; 3]) -> Sys
         groups: vec![Group { name: "grain".into() }],
         species: vec!["grain".into()],
         walls,
-        contacts: Contacts { pair: vec![Restitution::Constant(1.0)], wall: wall_rules, tc: 0.0 },
+        contacts: Contacts {
+            pair: vec![Restitution::Constant(1.0)],
+            wall: wall_rules,
+            tc: 0.0,
+            rest_speed: 0.0,
+        },
     }
 }
 

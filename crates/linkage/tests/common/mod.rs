@@ -92,6 +92,7 @@ impl Scene {
                 pair,
                 wall: vec![Restitution::Constant(self.wall_restitution); n * self.walls.len()],
                 tc: 0.0,
+                rest_speed: 0.0,
             },
         };
         (system, self.joints.clone())

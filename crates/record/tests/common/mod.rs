@@ -43,6 +43,7 @@ pub fn header(particles: usize) -> Header {
         has_pressure: false,
         has_angular_momentum: false,
         has_springs: false,
+        has_rest: true,
     }
 }
 
@@ -69,6 +70,7 @@ pub fn sample(k: u64) -> Sample {
             dissipated: x(3),
             carnot: x(4),
             wall_work: x(5),
+            rest: x(21),
             residual: x(6),
         },
         temperature: x(7),

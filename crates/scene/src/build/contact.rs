@@ -254,7 +254,23 @@ impl Builder<'_> {
                 wall[i * walls.len() + j - names.all.len()] = rule;
             }
         }
-        Contacts { pair, wall, tc }
+        Contacts { pair, wall, tc, rest_speed: self.rest_speed() }
+    }
+
+    /// `contact.rest_speed`, for scenes in which something could rest on something.
+    fn rest_speed(&mut self) -> f64 {
+        let path = at(["contact", "rest_speed"]);
+        let speed = *self.config.contact.get_or_insert_default().rest_speed.get_or_insert(0.0);
+        if !not_negative(&mut self.document, &path, speed) || speed == 0.0 {
+            return 0.0;
+        }
+        let gravity = self.config.domain.as_ref().and_then(|domain| domain.gravity.as_ref());
+        if gravity.is_none_or(|gravity| gravity.iter().all(|g| *g == 0.0)) {
+            let why =
+                "needs gravity: without it nothing holds a grain; set domain.gravity, or contact.tc instead";
+            self.document.report(&path, why);
+        }
+        speed
     }
 
     /// A law of restitution, if there is one and it is sound.

@@ -1,0 +1,162 @@
+//! Grains jammed without any room, which would hop without end.
+
+use std::iter;
+
+use glam::DVec3;
+use haff_neighbors::Geometry;
+
+use crate::{
+    machine::State,
+    particles::World,
+    report::Observer,
+    resolve,
+    rest::{
+        MOMENT, ROOM, Thresholds, normals,
+        standing::{book, contacts, end_series},
+    },
+};
+
+/// The impact is solved for when all impulses change speeds by less than this part of those that are none, …
+const ACCURACY: f64 = 0.1;
+/// … or after this many rounds.
+const ROUNDS: usize = 2000;
+
+/// A contact of a jam: of a grain with another one of the jam, or with what cannot give way.
+struct Contact {
+    grain: usize,
+    other: Option<usize>,
+    /// Unit vector towards the grain.
+    normal: DVec3,
+    /// Effective mass.
+    mass: f64,
+    impulse: f64,
+}
+
+/// Takes from grains that have just had contacts the velocity with which they press on each other and on bodies and walls that cannot
+/// give way: one plastic impact on all these contacts at once. It leaves the velocities nearest to theirs, in kinetic energy, at which
+/// nothing approaches. Who has changed.
+pub(super) fn unwedge(
+    state: &mut State,
+    geometry: &Geometry,
+    thresholds: &Thresholds,
+    observer: &mut dyn Observer,
+) -> Vec<u32> {
+    let world = &state.world;
+    let (now, tight) = (world.now, Thresholds { gap: ROOM * thresholds.gap, ..*thresholds });
+    let recent: Vec<u32> = (0..world.particles.len() as u32)
+        .filter(|&i| {
+            world.class(i).inverse_mass != 0.0
+                && world.particles[i as usize].count > 0
+                && world.age(i, now) <= MOMENT * thresholds.period
+        })
+        .collect();
+    let mut jam = jam(world, geometry, &tight, &recent);
+    let mut velocities: Vec<DVec3> = recent.iter().map(|&i| world.state(i, now).1).collect();
+    let inverse: Vec<f64> = recent.iter().map(|&i| world.class(i).inverse_mass).collect();
+    solve(&mut jam, &mut velocities, &inverse, ACCURACY * thresholds.nothing);
+    let mut changed = Vec::new();
+    for (&i, after) in recent.iter().zip(velocities) {
+        let (position, before) = state.world.state(i, now);
+        if after == before {
+            continue;
+        }
+        end_series(state, i, observer);
+        let mass = state.world.class(i).mass;
+        let energy = 0.5 * mass * (before - after).dot(before + after);
+        book(state, i, mass * (before - after), energy, thresholds, observer);
+        let particle = &mut state.world.particles[i as usize];
+        (particle.position, particle.velocity, particle.time) = (position, after, now);
+        particle.count = particle.count.wrapping_add(1);
+        particle.set_jostled(true);
+        resolve::keep_support(&mut state.world, i, now);
+        changed.push(i);
+    }
+    changed
+}
+
+/// All contacts of these grains, in order.
+fn jam(world: &World, geometry: &Geometry, tight: &Thresholds, recent: &[u32]) -> Vec<Contact> {
+    let mut jam = Vec::new();
+    for (grain, (&i, near)) in recent.iter().zip(contacts(world, geometry, tight, recent)).enumerate() {
+        let position = world.state(i, world.now).0;
+        let inverse = world.class(i).inverse_mass;
+        for j in near {
+            let other = recent.binary_search(&j).ok();
+            // A pair is met twice.
+            if other.is_some_and(|other| other < grain) {
+                continue;
+            }
+            let r = world.nearest_image(position - world.state(j, world.now).0);
+            let mass = 1.0 / (inverse + world.class(j).inverse_mass);
+            jam.push(Contact { grain, other, normal: r.normalize_or_zero(), mass, impulse: 0.0 });
+        }
+        let walls = normals(world, tight.gap, i, iter::empty()).into_iter();
+        let mass = 1.0 / inverse;
+        jam.extend(walls.map(|normal| Contact { grain, other: None, normal, mass, impulse: 0.0 }));
+    }
+    jam
+}
+
+/// Projected Gauss–Seidel: one contact after the other is given the impulse that stops its approach, but never pulls. Where that does
+/// not come to an end, because normals are all but opposite, the grains stop.
+fn solve(jam: &mut [Contact], velocities: &mut [DVec3], inverse: &[f64], accuracy: f64) {
+    let mut unsolved = Vec::new();
+    for _ in 0..ROUNDS {
+        unsolved.clear();
+        for contact in &mut *jam {
+            let &mut Contact { grain, other, normal, mass, .. } = contact;
+            let parting = velocities[grain] - other.map_or(DVec3::ZERO, |other| velocities[other]);
+            let impulse = (contact.impulse - mass * parting.dot(normal)).max(0.0);
+            let change = impulse - contact.impulse;
+            contact.impulse = impulse;
+            velocities[grain] += normal * (change * inverse[grain]);
+            if let Some(other) = other {
+                velocities[other] -= normal * (change * inverse[other]);
+            }
+            if change.abs() > accuracy * mass {
+                unsolved.extend([Some(grain), other].into_iter().flatten());
+            }
+        }
+        if unsolved.is_empty() {
+            break;
+        }
+    }
+    for grain in unsolved {
+        velocities[grain] = DVec3::ZERO;
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// A light grain between a heavy one and a wall: one after the other they would collide without end.
+    #[test]
+    fn a_jam_is_stopped_at_once_and_nothing_is_pulled() {
+        let contact = |grain, other, normal, mass| Contact { grain, other, normal, mass, impulse: 0.0 };
+        let inverse = [1.0, 0.1, 1.0];
+        let tilted = DVec3::new(0.6, 0.8, 0.0);
+        let mut jam = [
+            contact(0, None, DVec3::X, 1.0),
+            contact(0, Some(1), -tilted, 1.0 / 1.1),
+            contact(1, Some(2), -DVec3::Y, 1.0 / 1.1),
+        ];
+        // The third flies off.
+        let start = [DVec3::ZERO, DVec3::new(-1.0, -0.2, 0.3), DVec3::Y];
+        let mut velocities = start;
+        solve(&mut jam, &mut velocities, &inverse, 1e-16);
+        assert_eq!((velocities[2], jam[2].impulse), (start[2], 0.0));
+        assert!(jam[0].impulse > 0.0 && jam[1].impulse > 0.0);
+        for Contact { grain, other, normal, .. } in &jam[..2] {
+            let parting = velocities[*grain] - other.map_or(DVec3::ZERO, |other| velocities[other]);
+            assert!(parting.dot(*normal).abs() < 1e-15);
+        }
+        // Closed form of the two impulses: [1, −0.6; −0.6, 1.1] (J₀, J₁) = (0, −u·n).
+        let press = -(start[1].dot(tilted));
+        let expected = press / (1.1 - 0.36);
+        assert!((jam[1].impulse / expected - 1.0).abs() < 1e-13);
+        assert!((jam[0].impulse / (0.6 * expected) - 1.0).abs() < 1e-13);
+        let energy = |v: &[DVec3; 3]| (0..3).map(|k| 0.5 * v[k].length_squared() / inverse[k]).sum::<f64>();
+        assert!(energy(&velocities) < energy(&start));
+    }
+}
