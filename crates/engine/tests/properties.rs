@@ -180,7 +180,6 @@ fn keeps_its_laws(
     let allowed = f64::max(1e-12, 4.0 * f64::EPSILON * reach / (2.0 * least));
     prop_assert!(depth <= allowed, "overlap {depth:e}, allowed {allowed:e}");
     let sample = simulation.sample();
-    prop_assert!(sample.ledger.residual.abs() < 1e-12, "ledger {:e}", sample.ledger.residual);
     let pace: Vec<f64> = system
         .bodies
         .iter()
@@ -189,7 +188,7 @@ fn keeps_its_laws(
         .map(|(mass, speed)| if mass.is_finite() { mass * speed } else { 0.0 })
         .collect();
     // A flight in gravity rounds each component of the velocity by half an ulp, and the same way each time where flights are alike,
-    // as between thousands of bounces of the TC model.
+    // as between thousands of bounces of the TC model: momentum and energy are off by so much an event.
     let rounded: f64 = log
         .0
         .iter()
@@ -198,6 +197,16 @@ fn keeps_its_laws(
             pace[event.i as usize] + other
         })
         .sum();
+    let ledger = &sample.ledger;
+    let largest = [ledger.kinetic, ledger.potential, ledger.dissipated, ledger.wall_work]
+        .iter()
+        .fold(0.0, |a: f64, b| a.max(b.abs()));
+    let allowed = 1e-12 + f64::EPSILON * rounded * fastest / largest;
+    prop_assert!(
+        ledger.residual.abs() < allowed || largest == 0.0,
+        "ledger {:e}, allowed {allowed:e}",
+        ledger.residual
+    );
     let off = (sample.momentum - start - sample.external_impulse).length();
     let scale = pace.iter().sum::<f64>().max(sample.external_impulse.length());
     let allowed = 1e-12 * scale + f64::EPSILON * rounded;
