@@ -94,8 +94,9 @@ def source_copy(folder: Path) -> Path:
 
 
 def features() -> dict[str, list[dict[str, str]]]:
-    """The features that can be left out, each with what is replaced in which file."""
-    return tomllib.loads(WITHOUT.read_text())
+    """The features that can be left out, all of them first, each with what is replaced in which file."""
+    known = tomllib.loads(WITHOUT.read_text())
+    return {"all of these": [edit for edits in known.values() for edit in edits]} | known
 
 
 def leave_out(copy: Path, edits: list[dict[str, str]]) -> None:
@@ -126,9 +127,7 @@ def engine(copy: Path, name: str, edits: list[dict[str, str]], folder: Path) -> 
 def absent(only: list[str], counted: int, folder: Path) -> list[str]:
     """Table of the plain scene with and without what it does not use."""
     copy = source_copy(folder)
-    absent = features()
-    everything = {"all of these": [edit for edits in absent.values() for edit in edits]}
-    chosen = {name: edits for name, edits in (everything | absent).items() if not only or name in only}
+    chosen = {name: edits for name, edits in features().items() if not only or name in only}
     found: dict[str, list[float]] = {}
     hashes: dict[str, list[str]] = {}
     for name, edits in ({"nothing": []} | chosen).items():

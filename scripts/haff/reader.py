@@ -324,7 +324,14 @@ class File:
             for name in ("collisions", "wall_collisions"):
                 if name in last:
                     found[name] = int(last[name])
-            for name in ("temperature", "kinetic_energy", "potential_energy", "spring_energy", "dissipated_energy"):
+            for name in (
+                "temperature",
+                "kinetic_energy",
+                "potential_energy",
+                "spring_energy",
+                "dissipated_energy",
+                "rest_energy",
+            ):
                 if name in last:
                     found[name] = float(last[name])
             if "ledger_residual" in self.observables:

@@ -31,8 +31,8 @@ __all__ = ["sweep"]
 # Totals that are text; all others are numbers.
 _TEXTS = ("status", "stopped", "state_hash", "file", "error")
 _NUMBERS = (
-    "index particles collisions wall_collisions events rests simulated_time kinetic_energy potential_energy "
-    "dissipated_energy carnot_energy wall_work ledger_residual max_overlap wall_seconds"
+    "index particles collisions wall_collisions events rests wakes simulated_time kinetic_energy potential_energy "
+    "dissipated_energy carnot_energy rest_energy wall_work ledger_residual max_overlap wall_seconds"
 ).split()
 
 

@@ -104,6 +104,14 @@ def test_the_columns_are_those_of_files(command):
         assert live.box.boundary == file.box.boundary
 
 
+def test_what_rest_takes_is_told_where_grains_may_rest(command):
+    overrides = {"species__0__count": 50, "run__until": 0.5, "contact__rest_speed": 0.01}
+    live = haff.Simulation(CONFIGS / "gravity_box.toml", **overrides)
+    assert live.sample()["rest_energy"] == 0.0
+    with command.run("gravity_box", **overrides).open() as file:
+        assert "rest_energy" in file.observables
+
+
 def test_linkages_run_as_well(command):
     pendulums = haff.Simulation(CONFIGS / "textbook" / "pendulums.toml")
     assert pendulums.run() in ("until", "collisions", "rest")

@@ -17,7 +17,7 @@ from .runs import SCENES
 
 STOPS = 20
 """How often a run is looked at, beside its start."""
-ENERGY, MOMENTUM = 12.0, 3.0
+ENERGY, MOMENTUM = 12.0, 2.4
 """Four standard deviations of the walks, in ε T and ε √(mT) by √collisions: a collision rounds by up to 3 and 0.6."""
 PACKING = 0.1
 

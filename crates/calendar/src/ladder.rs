@@ -139,7 +139,8 @@ impl<E: Event> Ladder<E> {
         self.buckets = 0;
     }
 
-    /// Keeps at least so many events sorted, as far as there are, so that those [upcoming](Calendar::upcoming) are told in their order.
+    /// Keeps at least so many events sorted, up to half of [`SHORT`] and as far as there are, so that those [upcoming](Calendar::upcoming) are
+    /// known.
     pub fn keep_sorted(&mut self, events: usize) {
         self.lead = events.min(SHORT / 2);
     }
@@ -320,20 +321,8 @@ impl<E: Event> Calendar<E> for Ladder<E> {
     }
 
     #[inline(always)]
-    fn upcoming(&self, mut ahead: usize) -> Option<&E> {
-        if let Some(at) = self.run.len().checked_sub(ahead + 1) {
-            return Some(&self.run[at]);
-        }
-        ahead -= self.run.len();
-        // The next buckets are not sorted yet, but they come in this order.
-        for bucket in 1..4 {
-            let bucket = &self.fine[((self.fine_now + bucket) & ((1 << self.fine_bits) - 1)) as usize];
-            if let Some(event) = bucket.get(ahead) {
-                return Some(event);
-            }
-            ahead -= bucket.len();
-        }
-        None
+    fn upcoming(&self, ahead: usize) -> Option<&E> {
+        self.run.get(self.run.len().checked_sub(ahead + 1)?)
     }
 
     fn clear(&mut self) {

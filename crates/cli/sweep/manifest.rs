@@ -30,17 +30,19 @@ pub const NAME: &str = "manifest.json";
 const LAYOUT: u32 = 1;
 
 /// What of a run's report a row keeps.
-const TOTALS: [&str; 17] = [
+const TOTALS: [&str; 19] = [
     "particles",
     "collisions",
     "wall_collisions",
     "events",
     "rests",
+    "wakes",
     "simulated_time",
     "kinetic_energy",
     "potential_energy",
     "dissipated_energy",
     "carnot_energy",
+    "rest_energy",
     "wall_work",
     "ledger_residual",
     "max_overlap",

@@ -186,7 +186,7 @@ impl<F: Features, S: Search + 'static> Machine<F, S> {
     /// A machine for a state; it has to be [built](Engine::rebuild) before it runs.
     pub fn new(geometry: &Geometry, kernel: Kernel, particles: usize) -> Self {
         Self {
-            queue: Queue::new(particles),
+            queue: Queue::new(particles, FAR_AHEAD),
             sight: Sight {
                 search: S::new(geometry, &[]),
                 memory: vec![NO_MEMORY; particles],

@@ -56,32 +56,6 @@ impl Particle {
     }
 }
 
-/// A particle's anchor without its alignment, for records that hold more than it.
-#[derive(Debug, Clone, Copy)]
-pub(crate) struct Anchor {
-    position: DVec3,
-    velocity: DVec3,
-    pub time: i64,
-    pub count: u32,
-    class: u32,
-}
-
-impl From<Particle> for Anchor {
-    #[inline(always)]
-    fn from(particle: Particle) -> Self {
-        let Particle { position, velocity, time, count, class } = particle;
-        Self { position, velocity, time, count, class }
-    }
-}
-
-impl From<Anchor> for Particle {
-    #[inline(always)]
-    fn from(anchor: Anchor) -> Self {
-        let Anchor { position, velocity, time, count, class } = anchor;
-        Self { position, velocity, time, count, class }
-    }
-}
-
 /// Radius, mass and contact group of a class.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct ClassData {

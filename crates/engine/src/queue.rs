@@ -31,13 +31,11 @@ pub(crate) struct Queue {
 }
 
 impl Queue {
-    pub fn new(particles: usize) -> Self {
-        Self { calendar: Ladder::with_capacity(particles), ties: Vec::new() }
-    }
-
-    /// Keeps so many entries in their order, for [`Prophet::look_ahead`].
-    pub fn keep_sorted(&mut self, entries: usize) {
-        self.calendar.keep_sorted(entries);
+    /// An empty queue, of which the entries up to `ahead` from the next can be [looked at](Prophet::look_ahead).
+    pub fn new(particles: usize, ahead: usize) -> Self {
+        let mut calendar = Ladder::with_capacity(particles);
+        calendar.keep_sorted(ahead + 1);
+        Self { calendar, ties: Vec::new() }
     }
 
     pub fn clear(&mut self) {

@@ -173,8 +173,8 @@ pub(crate) fn collision<F: Features, const EVENTS: bool>(
     let contact = collide::<F>(&mut state.world, i, j, time)?;
     if F::GRAVITY {
         let [i, j] = contact.pair;
-        keep_support(&mut state.world, i, time);
-        keep_support(&mut state.world, j, time);
+        keep_support(state, i, time);
+        keep_support(state, j, time);
     }
     let Contact { now, distance, normal, impact, velocities: [wi, wj], inverse_masses, .. } = contact;
     let book = &mut state.book;
@@ -253,11 +253,10 @@ pub(crate) fn wall<F: Features, const EVENTS: bool>(
         observer.event(&row(now, EventKind::Wall, [i, wall], &impact, n, contact));
     }
     if F::GRAVITY {
-        keep_support(world, i, time);
+        keep_support(state, i, time);
         if !among_grains
             && let Restitution::Constant(e) = law
             && wall_velocity == DVec3::ZERO
-            && world.tc == 0.0
             && let Some(rest) = come_to_rest(state, i, wall, e, before, time)
         {
             state.pending.insert(i, rest);
@@ -341,12 +340,15 @@ fn along(velocity: DVec3, mut normals: impl Iterator<Item = DVec3>) -> DVec3 {
     }
 }
 
-/// Lets go of the supporting walls that particle i now moves away from, or into: it flies again.
-pub(crate) fn keep_support(world: &mut World, i: u32, time: i64) {
+/// Lets go of the supporting walls that particle i now moves away from, or into: it flies again. Those that keep it push back what
+/// rounding has left of its speed towards them.
+pub(crate) fn keep_support(state: &mut State, i: u32, time: i64) {
+    let world = &mut state.world;
     if !world.particles[i as usize].rests() {
         return;
     }
-    let mut velocity = world.particles[i as usize].velocity;
+    let before = world.particles[i as usize].velocity;
+    let mut velocity = before;
     let noise = SUPPORT_NOISE * velocity.length();
     let mut support: Support = [None; 3];
     let mut kept = 0;
@@ -361,6 +363,8 @@ pub(crate) fn keep_support(world: &mut World, i: u32, time: i64) {
     }
     world.particles[i as usize].velocity = velocity;
     world.set_support(i, support, time);
+    let mass = world.class(i).mass;
+    state.book.add_impulse((velocity - before) * mass);
 }
 
 /// The completed series of particle i has come to its end.

@@ -188,20 +188,20 @@ fn keeps_its_laws(
         .map(|(mass, speed)| if mass.is_finite() { mass * speed } else { 0.0 })
         .collect();
     // A flight in gravity rounds each component of the velocity by half an ulp, and the same way each time where flights are alike,
-    // as between thousands of bounces of the TC model: momentum and energy are off by so much an event.
-    let rounded: f64 = log
-        .0
-        .iter()
-        .map(|event| {
-            let other = if event.kind == EventKind::Collision { pace[event.j as usize] } else { 0.0 };
-            pace[event.i as usize] + other
-        })
+    // as between thousands of bounces of the TC model: momentum and energy are off by so much an event, and otherwise by a few roundings of sums.
+    let bodies = log.0.iter().flat_map(|event| {
+        let other = (event.kind == EventKind::Collision).then_some(event.j);
+        [Some(event.i), other].into_iter().flatten().map(|body| body as usize)
+    });
+    let rounded: f64 = bodies.clone().map(|body| pace[body]).sum();
+    let rounded_energy: f64 = bodies
+        .map(|body| pace[body] * frame.velocity[body].length().max(system.bodies[body].velocity.length()))
         .sum();
     let ledger = &sample.ledger;
     let largest = [ledger.kinetic, ledger.potential, ledger.dissipated, ledger.wall_work]
         .iter()
         .fold(0.0, |a: f64, b| a.max(b.abs()));
-    let allowed = 1e-12 + f64::EPSILON * rounded * fastest / largest;
+    let allowed = 1e-13 + f64::EPSILON * rounded_energy / largest;
     prop_assert!(
         ledger.residual.abs() < allowed || largest == 0.0,
         "ledger {:e}, allowed {allowed:e}",
@@ -209,7 +209,7 @@ fn keeps_its_laws(
     );
     let off = (sample.momentum - start - sample.external_impulse).length();
     let scale = pace.iter().sum::<f64>().max(sample.external_impulse.length());
-    let allowed = 1e-12 * scale + f64::EPSILON * rounded;
+    let allowed = 1e-13 * scale + f64::EPSILON * rounded;
     prop_assert!(off <= allowed, "momentum is off by {off:e} of {scale:e}, allowed {allowed:e}");
     Ok(())
 }
@@ -280,6 +280,20 @@ fn scenes_once_at_fault_keep_their_laws() {
             tc: true,
             fast: false,
             seed: 9_642_959_682_629_271_077,
+        },
+        // A grain that the contact duration kept from coming to rest on a ramp: it sank into it.
+        Recipe {
+            flat: false,
+            boundary: [0, 1, 2],
+            particles: 161,
+            species: 2,
+            restitution: 5,
+            gravity: true,
+            ramp: 2,
+            fixed: true,
+            tc: true,
+            fast: false,
+            seed: 9_321_853_567_428_357_864,
         },
     ];
     for recipe in found {

@@ -13,7 +13,7 @@ mod common;
 use common::{Random, class, gas, scatter, set_restitution, system};
 use glam::DVec3;
 use haff_engine::{
-    Boundary, Dimension, NeighborChoice, Options, Silent, SimdChoice, Simulation, System, Until,
+    Boundary, Dimension, EngineError, NeighborChoice, Options, Silent, SimdChoice, Simulation, System, Until,
 };
 
 /// A hundred times fewer under Miri, which is a thousand times slower.
@@ -35,9 +35,11 @@ fn assert_alike(name: &str, system: &System) {
     };
     let expected = end(NeighborChoice::Cells, SimdChoice::Portable, false);
     for neighbors in [NeighborChoice::Cells, NeighborChoice::Lists, NeighborChoice::Windows] {
-        for (simd, events) in
-            [(SimdChoice::Portable, true), (SimdChoice::Auto, false), (SimdChoice::Auto, true)]
-        {
+        let avx2 = Options { neighbors, simd: SimdChoice::Avx2 };
+        let has_avx2 = !matches!(Simulation::new(system.clone(), avx2), Err(EngineError::NoAvx2));
+        let between = has_avx2.then_some((SimdChoice::Avx2, true));
+        let choices = [(SimdChoice::Portable, true), (SimdChoice::Auto, false), (SimdChoice::Auto, true)];
+        for (simd, events) in choices.into_iter().chain(between) {
             let found = end(neighbors, simd, events);
             assert_eq!(found, expected, "{name}: {neighbors:?}, {simd:?}, with a log: {events}");
         }

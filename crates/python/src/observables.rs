@@ -5,19 +5,31 @@ use pyo3::{prelude::*, types::PyDict};
 
 use crate::arrays::{column, vector};
 
-/// A row of observables. What makes no sense for the scene is left out, as in files; `springs`: whether it has any.
-pub fn sample(py: Python<'_>, sample: Sample, springs: bool) -> PyResult<Bound<'_, PyDict>> {
+/// What of a scene decides which observables make sense.
+#[derive(Debug, Clone, Copy)]
+pub struct Shown {
+    /// Whether it has springs.
+    pub springs: bool,
+    /// Whether grains may be put to rest.
+    pub rest: bool,
+}
+
+/// A row of observables. What makes no sense for the scene is left out, as in files.
+pub fn sample(py: Python<'_>, sample: Sample, shown: Shown) -> PyResult<Bound<'_, PyDict>> {
     let row = PyDict::new(py);
     row.set_item("time", sample.time)?;
     row.set_item("step", sample.step)?;
     row.set_item("kinetic_energy", sample.ledger.kinetic)?;
     row.set_item("potential_energy", sample.ledger.potential)?;
-    if springs {
+    if shown.springs {
         row.set_item("gravity_energy", sample.ledger.potential - sample.ledger.spring)?;
         row.set_item("spring_energy", sample.ledger.spring)?;
     }
     row.set_item("dissipated_energy", sample.ledger.dissipated)?;
     row.set_item("carnot_energy", sample.ledger.carnot)?;
+    if shown.rest {
+        row.set_item("rest_energy", sample.ledger.rest)?;
+    }
     row.set_item("wall_work", sample.ledger.wall_work)?;
     row.set_item("ledger_residual", sample.ledger.residual)?;
     row.set_item("temperature", sample.temperature)?;

@@ -9,7 +9,8 @@ use pyo3::{exceptions::PyValueError, prelude::*, types::PyDict};
 
 use crate::{
     arrays::{column, triples, vector, vectors},
-    errors, events, observables,
+    errors, events,
+    observables::{self, Shown},
     scenes::Source,
 };
 
@@ -33,7 +34,7 @@ pub struct Simulation {
     pool: Option<rayon::ThreadPool>,
     name: String,
     dimension: usize,
-    has_springs: bool,
+    shown: Shown,
     domain: Domain,
     #[pyo3(get)]
     species_names: Vec<String>,
@@ -103,7 +104,7 @@ impl Simulation {
         let (dimension, domain, species_names) =
             (system.dimension.count(), system.domain, system.species.clone());
         let wall_names = system.walls.iter().map(|wall| wall.name.clone()).collect();
-        let has_springs = !joints.springs.is_empty();
+        let shown = Shown { springs: !joints.springs.is_empty(), rest: system.contacts.rest_speed > 0.0 };
         let start = || Machine::new(system, joints, options);
         let machine = py
             .detach(|| match &pool {
@@ -116,7 +117,7 @@ impl Simulation {
             pool,
             name: source.name().to_owned(),
             dimension,
-            has_springs,
+            shown,
             domain,
             species_names,
             wall_names,
@@ -166,7 +167,7 @@ impl Simulation {
 
     fn sample<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
         let sample = self.read(py, |moving| moving.machine.sample());
-        observables::sample(py, sample, self.has_springs)
+        observables::sample(py, sample, self.shown)
     }
 
     fn counters<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {

@@ -32,6 +32,7 @@ def find(file: File) -> dict[str, Any] | None:
             ("kinetic", "kinetic_energy"),
             ("potential", "potential_energy"),
             ("dissipated", "dissipated_energy"),
+            ("taken by rest", "rest_energy"),
         )
         if name in table and np.ptp(table[name].to_numpy()) > 0
     ]

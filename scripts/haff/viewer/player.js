@@ -18,6 +18,8 @@ class Player {
   async start() {
     const [radius, species, held] = await unpack(header.bodies);
     this.bodies = { radius, species, held };
+    // Not spread into arguments, of which there may be a hundred thousand.
+    this.largest = radius.reduce((a, b) => Math.max(a, b), 0);
     this.frames = new Frames(header.frames);
     await Promise.all([this.frames.load(0), this.frames.load(Math.min(1, this.frames.count - 1))]);
     this.events = null;
@@ -195,7 +197,7 @@ class Player {
   // The room, and what reaches through its periodic faces.
   get seen() {
     const { low, high } = this.surroundings.space;
-    const reach = 2 * Math.max(...this.bodies.radius);
+    const reach = 2 * this.largest;
     const more = high.map((value, k) => (header.periodic[k] ? Math.min(reach, 0.1 * (value - low[k])) : 0));
     return { low: low.map((value, k) => value - more[k]), high: high.map((value, k) => value + more[k]) };
   }
@@ -215,7 +217,7 @@ class Player {
       const pull = header.gravity.findIndex((value) => value !== 0);
       const up = pull < 0 ? 2 : pull;
       const sign = pull >= 0 && header.gravity[up] > 0 ? -1 : 1;
-      const reach = 2.5 * Math.max(...this.bodies.radius);
+      const reach = 2.5 * this.largest;
       const thin = header.room.size.findIndex((value, k) => k !== up && value <= reach && !header.room.bounded[k]);
       const direction = [0.62, -1, 0.42];
       const view = [0, 0, 0];

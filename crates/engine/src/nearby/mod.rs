@@ -143,11 +143,9 @@ impl<F: Features> Nearby<F> {
     ) -> Option<Self> {
         let plan = Plan::new(geometry, system, census, crowd)?;
         let count = census.count;
-        let mut queue = Queue::new(count);
-        queue.keep_sorted(FAR_AHEAD + 1);
         Some(Self {
             kernel,
-            queue,
+            queue: Queue::new(count, FAR_AHEAD),
             sight: Sight {
                 plan,
                 records: Vec::new(),

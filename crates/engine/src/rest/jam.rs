@@ -68,7 +68,7 @@ pub(super) fn unwedge(
         (particle.position, particle.velocity, particle.time) = (position, after, now);
         particle.count = particle.count.wrapping_add(1);
         particle.set_jostled(true);
-        resolve::keep_support(&mut state.world, i, now);
+        resolve::keep_support(state, i, now);
         changed.push(i);
     }
     changed

@@ -1,4 +1,4 @@
-//! How fast the writer thread is: `cargo run --release -p haff-record --example throughput [DIRECTORY]`.
+//! How fast the writer thread is: `cargo run --release -p haff-record --example writer [DIRECTORY]`.
 
 #[path = "../tests/common/mod.rs"]
 mod common;
