@@ -11,7 +11,7 @@ import numpy as np
 import pandas as pd
 
 from .errors import MissingDataError
-from .layout import Array, complete, component
+from .layout import Array, complete, component, reading
 
 if TYPE_CHECKING:
     from .reader import File
@@ -40,7 +40,8 @@ class Events:
         self._columns = [n for n in _EVENT_COLUMNS if n in group]
         self._columns += [n for n in group if n not in self._columns and isinstance(group[n], h5py.Dataset)]
         length = min((group[n].shape[0] for n in self._columns), default=0)
-        self._length = complete(group["time"], length)
+        with reading(file.path):
+            self._length = complete(group["time"], length)
 
     @property
     def columns(self) -> list[str]:
@@ -63,7 +64,8 @@ class Events:
     def __getitem__(self, key: str | slice) -> Array | pd.DataFrame:
         if isinstance(key, str):
             self._require(key)
-            return self._group[key][: self._length]
+            with reading(self._file.path):
+                return self._group[key][: self._length]
         start, stop, step = key.indices(self._length)
         if step != 1:
             return self.to_pandas().iloc[key]
@@ -94,7 +96,8 @@ class Events:
         stop = max(start, stop)
         for name in names:
             self._require(name)
-            values = self._group[name][start:stop]
+            with reading(self._file.path):
+                values = self._group[name][start:stop]
             if name == "kind" and self.kinds:
                 position = {code: k for k, code in enumerate(self.kinds)}
                 lookup = np.full(256, -1, np.int8)

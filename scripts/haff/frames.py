@@ -4,14 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from functools import cached_property
-from typing import TYPE_CHECKING, overload
+from typing import TYPE_CHECKING, Any, overload
 
 import h5py
 import numpy as np
 from numpy.typing import NDArray
 
 from .errors import MissingDataError
-from .layout import Array, complete
+from .layout import Array, complete, reading
 
 if TYPE_CHECKING:
     from .reader import File
@@ -77,12 +77,12 @@ class Frame:
     @cached_property
     def time(self) -> float:
         """Simulated time [time]."""
-        return float(self._frames._group["position/time"][self._row])
+        return float(self._frames._item(self._frames._group["position/time"], self._row))
 
     @cached_property
     def step(self) -> int:
         """Collisions and wall collisions so far."""
-        return int(self._frames._group["position/step"][self._row])
+        return int(self._frames._item(self._frames._group["position/step"], self._row))
 
     @cached_property
     def position(self) -> NDArray[np.float64]:
@@ -125,7 +125,7 @@ class Frame:
         return self.file.species
 
     def _read(self, name: str) -> Array:
-        return self._frames._dataset(name)[self._row]
+        return self._frames._item(self._frames._dataset(name), self._row)
 
     def __repr__(self) -> str:
         return f"<Frame {self._row}: t = {self.time:g}, step = {self.step}, N = {len(self.mass)}>"
@@ -145,7 +145,8 @@ class Frames(Sequence["Frame"]):
             names = [n for n in ("position", "velocity", "image") if n in self._group]
             columns = [f"{n}/{part}" for n in names for part in ("value", "step", "time")]
             length = min(self._group[c].shape[0] for c in columns if c in self._group)
-            rows = range(complete(self._group["position/time"], length))
+            with reading(file.path):
+                rows = range(complete(self._group["position/time"], length))
         self._rows = rows
 
     @property
@@ -156,14 +157,18 @@ class Frames(Sequence["Frame"]):
     def _dataset(self, name: str) -> h5py.Dataset:
         return self._group[f"{name}/value"]
 
+    def _item(self, dataset: h5py.Dataset, key: int | slice) -> Any:
+        with reading(self._file.path):
+            return dataset[key]
+
     def _take(self, dataset: h5py.Dataset) -> Array:
         # h5py wants increasing selections: read the span, then stride in memory.
         if not self._rows:
             return dataset[:0]
         low, high = min(self._rows[0], self._rows[-1]), max(self._rows[0], self._rows[-1])
         if self._rows.step > 0:
-            return dataset[low : high + 1 : self._rows.step]
-        return dataset[low : high + 1][np.array(self._rows) - low]
+            return self._item(dataset, slice(low, high + 1, self._rows.step))
+        return self._item(dataset, slice(low, high + 1))[np.array(self._rows) - low]
 
     @property
     def time(self) -> NDArray[np.float64]:

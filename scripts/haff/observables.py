@@ -8,7 +8,7 @@ import h5py
 import pandas as pd
 
 from .errors import MissingDataError
-from .layout import Array, complete, component
+from .layout import Array, complete, component, reading
 
 if TYPE_CHECKING:
     import xarray
@@ -31,8 +31,9 @@ def arrays(file: File) -> tuple[Array, Array, dict[str, Array]]:
     group = file.hdf["observables"]
     length = min(group[n][part].shape[0] for n in columns for part in ("value", "step", "time"))
     clock = group[columns[0]]
-    length = complete(clock["time"], length)
-    return clock["time"][:length], clock["step"][:length], {n: group[n]["value"][:length] for n in columns}
+    with reading(file.path):
+        length = complete(clock["time"], length)
+        return clock["time"][:length], clock["step"][:length], {n: group[n]["value"][:length] for n in columns}
 
 
 def table(file: File) -> pd.DataFrame:

@@ -2,9 +2,12 @@
 
 import itertools
 import os
+import re
 import subprocess
 import sys
+from pathlib import Path
 
+import h5py
 import numpy as np
 import pytest
 from matplotlib.backends.backend_agg import FigureCanvasAgg
@@ -14,7 +17,7 @@ from PIL import Image, ImageSequence
 import haff
 from haff import figures
 from haff.__main__ import _KINDS, main
-from haff.figures import render, trajectories
+from haff.figures import movie, render, trajectories
 
 GAS = {"temperature", "energy", "velocity", "structure", "snapshot", "losses"}
 DRAWN = {
@@ -185,6 +188,62 @@ def _pictures(path):
     assert information["fps"] == pytest.approx(10)
     width, height = information["size"]
     return [np.frombuffer(p, np.uint8).reshape(height, width, 3).mean(axis=2).astype(int) for p in read]
+
+
+@pytest.fixture
+def damaged(files, tmp_path):
+    """A file whose third frame cannot be read."""
+    path = tmp_path / "damaged.h5"
+    path.write_bytes(files["ball"].read_bytes())
+    with h5py.File(path, "a") as file:
+        group = file["particles/all/position"]
+        value = group["value"][:]
+        del group["value"]
+        dataset = group.create_dataset("value", data=value, chunks=(1, *value.shape[1:]), compression="gzip")
+        place = dataset.id.get_chunk_info(2)
+    with open(path, "r+b") as file:
+        file.seek(place.byte_offset)
+        file.write(bytes(place.size))
+    return path
+
+
+@pytest.mark.parametrize("extension", ["mp4", "gif"])
+def test_a_frame_that_cannot_be_read_is_told_of_the_file_that_holds_it(damaged, extension, tmp_path, capsys):
+    if extension == "mp4":
+        pytest.importorskip("imageio_ffmpeg", reason="no imageio-ffmpeg: pip install 'haff[movie]'")
+    target = tmp_path / f"movie.{extension}"
+    assert main(["plot", str(damaged), "--movie", str(target), "--frames", "1:4"]) == 4
+    told = capsys.readouterr().err
+    assert told.startswith(f"haff: error: {damaged}: cannot read: ") and told.count("\n") == 1, told
+    assert list(tmp_path.iterdir()) == [damaged]
+
+
+@pytest.mark.skipif(not Path("/proc/self/fd").exists(), reason="descriptors of open files cannot be found")
+def test_a_disk_that_fails_while_it_is_read_is_no_disk_that_cannot_be_written(files, tmp_path):
+    path = tmp_path / "ball.h5"
+    path.write_bytes(files["ball"].read_bytes())
+    with haff.open(path) as file:
+        assert file.frames[0].position is not None
+        for descriptor in Path("/proc/self/fd").iterdir():
+            if descriptor.exists() and descriptor.samefile(path):
+                # A directory cannot be read: HDF5 tells a number of the system's, as of a broken disk.
+                folder = os.open(tmp_path, os.O_RDONLY)
+                os.dup2(folder, int(descriptor.name))
+                os.close(folder)
+        with pytest.raises(haff.FileError, match=f"^{re.escape(str(path))}: cannot read: Is a directory$"):
+            movie.save(file, tmp_path / "movie.gif")
+
+
+def test_an_encoder_that_fails_is_told_of_the_movie(files, tmp_path, monkeypatch, capsys):
+    ffmpeg = pytest.importorskip("imageio_ffmpeg", reason="no imageio-ffmpeg: pip install 'haff[movie]'")
+    monkeypatch.setattr(ffmpeg._io, "get_ffmpeg_exe", lambda: "false")
+    target = tmp_path / "movie.mp4"
+    assert main(["plot", str(files["ball"]), "--movie", str(target), "--frames", ":3"]) == 4
+    told = capsys.readouterr().err
+    assert re.fullmatch(
+        rf"haff: error: {re.escape(str(target))}: ffmpeg has failed: pictures drawn [123], in the file 0\n", told
+    ), told
+    assert not list(tmp_path.iterdir())
 
 
 def test_all_pictures_of_a_movie_show_the_same_room(files):

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Iterator
+from contextlib import suppress
 from pathlib import Path
 
 import numpy as np
@@ -62,7 +63,9 @@ def save(
             notes.append(f"{len(chosen[::every])} of {len(chosen)} frames, one in {every}")
         chosen = chosen[::every]
     with replacing(target, source=file.path, overwrite=overwrite) as part:
-        writers[target.suffix](_pictures(file, chosen, extent(chosen)), part, fps)
+        wrong = writers[target.suffix](_pictures(file, chosen, extent(chosen)), part, fps)
+        if wrong:
+            raise FileError(f"{target}: {wrong}")
     return target
 
 
@@ -78,31 +81,35 @@ def _pictures(file: File, frames: Frames, room: Extent) -> Iterator[np.ndarray]:
         yield np.ascontiguousarray(picture[: picture.shape[0] // 2 * 2, : picture.shape[1] // 2 * 2])
 
 
-def _mp4(pictures: Iterator[np.ndarray], path: Path, fps: float) -> None:
+def _mp4(pictures: Iterator[np.ndarray], path: Path, fps: float) -> str | None:
+    """Writes the file; what is wrong with it, if anything."""
     ffmpeg = library("imageio_ffmpeg", "movie")
     writer, drawn, found = None, 0, None
     try:
         for picture in pictures:
-            if writer is None:
-                size = (picture.shape[1], picture.shape[0])
-                options = {"fps": fps, "quality": 7, "macro_block_size": 2, "ffmpeg_log_level": "quiet"}
-                writer = ffmpeg.write_frames(str(path), size, **options)
-                writer.send(None)
-            writer.send(picture)
             drawn += 1
-        writer.close()
-        found, _ = ffmpeg.count_frames_and_secs(str(path))
-    except (OSError, RuntimeError):
-        # ffmpeg has gone, or left what is no movie.
-        pass
+            # What fails from here on is ffmpeg's; what fails to be read has been told by the pictures.
+            try:
+                if writer is None:
+                    size = (picture.shape[1], picture.shape[0])
+                    options = {"fps": fps, "quality": 7, "macro_block_size": 2, "ffmpeg_log_level": "quiet"}
+                    writer = ffmpeg.write_frames(str(path), size, **options)
+                    writer.send(None)
+                writer.send(picture)
+            except OSError:
+                break
     finally:
         if writer is not None:
             writer.close()
+    # It may have gone, or left what is no movie.
+    with suppress(RuntimeError, OSError):
+        found, _ = ffmpeg.count_frames_and_secs(str(path))
     if found != drawn:
         # ffmpeg does not tell why. If the disk is full, it is so for others, too.
         with open(path, "ab", buffering=0) as file:
             file.write(bytes(1 << 16))
-        raise FileError(f"{path}: ffmpeg has written {found or 'none'} of {drawn} pictures")
+        return f"ffmpeg has failed: pictures drawn {drawn}, in the file {found or 0}"
+    return None
 
 
 def _gif(pictures: Iterator[np.ndarray], path: Path, fps: float) -> None:
