@@ -1,15 +1,17 @@
-"""What must hold of any run, found from its frames and its event log by a computation of its own.
+"""What must hold of any run, found from what it records by a computation of its own.
 
-Nothing here is taken from the program's report. Positions, velocities and events are compared with each other and with
-the scene: overlaps with all periodic images and walls in extended precision, energy and momentum by exact sums, each
-event's impulse and loss from its law, and each flight between two events of a particle from the velocity that the
-impulses give it.
+Positions, velocities and events are compared with each other and with the scene: overlaps with all periodic images and
+walls in extended precision, energy and momentum by exact sums, each event's impulse and loss from its law, and each
+flight between two events of a particle from the velocity that the impulses give it. Nothing of this is taken from the
+program's sums. Only where a run has no event log are losses and the number of events those of its observables
+(:func:`audit_without_events`): energies of the frames must then balance with them.
 """
 
 from __future__ import annotations
 
 import itertools
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -196,6 +198,12 @@ def exact(terms: Any) -> float:
     return math.fsum(np.ravel(terms))
 
 
+def walk(events: int, scene: Scene) -> float:
+    """What rounding may leave of the sum of all energies, or momenta, as a part of it: an event takes up to some 4 ε of
+    what its pair has, either way, and a pair has two of N parts."""
+    return 4 * EPS * math.sqrt(events + 1) * min(1.0, 2 / scene.finite.sum())
+
+
 def audit(file: haff.File) -> list[Finding]:
     """Everything that must hold of a run with frames and a complete event log."""
     scene = Scene(file)
@@ -203,26 +211,11 @@ def audit(file: haff.File) -> list[Finding]:
     frames = list(file.frames)
     position = [frame.position for frame in frames]
     velocity = [frame.velocity for frame in frames]
-    unwrapped = [frame.unwrapped for frame in frames]
-    numbers = [
-        *position,
-        *velocity,
-        events.time,
-        events.speed,
-        events.impulse,
-        events.loss,
-        events.normal,
-        events.position,
-    ]
-    findings = [Finding("numbers that are not finite", sum((~np.isfinite(x)).sum() for x in numbers), 0)]
-    findings += order_of_time(events.time, len(file))
-    reach = longest(scene, events, position, velocity, frames)
-    smallest = min(scene.radius) + min(scene.radius)
-    limit = max(LEAST, 4 * np.spacing(reach) / smallest)
-    deepest = max(overlap(scene, x, frame.time) for x, frame in zip(position, frames))
-    findings.append(Finding("overlap [contact distances]", deepest, limit))
+    logged = [events.time, events.speed, events.impulse, events.loss, events.normal, events.position]
+    findings = order_of_time(events.time, len(file))
+    findings += places(scene, frames, longest(scene, events, position, velocity, frames), logged)
     findings += laws(scene, events)
-    findings += balances(scene, events, frames, velocity, unwrapped)
+    findings += balances(scene, events, frames)
     if "rest" not in events.kind:
         findings += flights(scene, events, velocity[0], position[0], float(frames[0].time))
     return findings
@@ -232,27 +225,43 @@ def audit_without_events(file: haff.File) -> list[Finding]:
     """What must hold of a run without event log: no overlaps, energies that balance with what is said to be lost."""
     scene = Scene(file)
     frames = list(file.frames)
-    numbers = [array for frame in frames for array in (frame.position, frame.velocity)]
-    reach = max(float(np.abs(frame.position).max()) for frame in frames)
-    limit = max(LEAST, 4 * np.spacing(reach) / (2 * min(scene.radius)))
-    deepest = max(overlap(scene, frame.position, frame.time) for frame in frames)
     table = file.observables
     rows = np.searchsorted(table["time"], [frame.time for frame in frames])
-    gone = table["dissipated_energy"] + table["rest_energy"] - table["wall_work"]
-    m = scene.mass[scene.finite]
-    residual, start = 0.0, (0.0, 0.0)
-    for k, (frame, row) in enumerate(zip(frames, rows)):
-        v, x = frame.velocity[scene.finite], frame.unwrapped[scene.finite]
-        energies = exact(0.5 * m[:, None] * v * v), exact(-m[:, None] * scene.gravity * x)
-        start = start if k else energies
-        terms = [*energies, -start[0], -start[1], float(gone[row])]
-        residual = worse(residual, abs(math.fsum(terms)) / max(map(abs, terms)))
-    walk = 4 * EPS * math.sqrt(float(table["collisions"].iloc[-1] + table["wall_collisions"].iloc[-1]) + 1)
+    gone = (table["dissipated_energy"] + table["rest_energy"] - table["wall_work"]).to_numpy()
+    count = int(table["collisions"].iloc[-1] + table["wall_collisions"].iloc[-1])
+    reach = max(float(np.abs(frame.position).max()) for frame in frames)
+    return [
+        *places(scene, frames, reach),
+        energy_balance(scene, frames, [[float(gone[row])] for row in rows], count),
+    ]
+
+
+def places(scene: Scene, frames: list[Any], reach: float, logged: Sequence[Array] = ()) -> list[Finding]:
+    """Numbers are finite, and nobody overlaps by more than rounds; `reach` is the largest coordinate or free path."""
+    numbers = [*(frame.position for frame in frames), *(frame.velocity for frame in frames), *logged]
+    limit = max(LEAST, 4 * np.spacing(reach) / (2 * min(scene.radius)))
+    deepest = max(overlap(scene, frame.position, frame.time) for frame in frames)
     return [
         Finding("numbers that are not finite", sum((~np.isfinite(x)).sum() for x in numbers), 0),
         Finding("overlap [contact distances]", deepest, limit),
-        Finding("energy, relative to the largest term", residual, LEAST + walk),
     ]
+
+
+def energy_balance(scene: Scene, frames: list[Any], gone: list[list[float]], events: int) -> Finding:
+    """Kinetic and potential energy of every frame from its particles, against the first frame and the parts of what has
+    gone since."""
+    m = scene.mass[scene.finite]
+
+    def energies(frame: Any) -> tuple[float, float]:
+        v, x = frame.velocity[scene.finite], frame.unwrapped[scene.finite]
+        return exact(0.5 * m[:, None] * v * v), exact(-m[:, None] * scene.gravity * x)
+
+    kinetic, potential = energies(frames[0])
+    residual = 0.0
+    for frame, parts in zip(frames, gone):
+        terms = [*energies(frame), -kinetic, -potential, *parts]
+        residual = worse(residual, abs(math.fsum(terms)) / max(map(abs, terms)))
+    return Finding("energy, relative to the largest term", residual, LEAST + walk(events, scene))
 
 
 def order_of_time(time: Array, particles: int) -> list[Finding]:
@@ -321,11 +330,10 @@ def laws(scene: Scene, events: Log) -> list[Finding]:
     return [Finding(f"law: {name}", value, limits.get(name, 16 * EPS)) for name, value in error.items()]
 
 
-def balances(
-    scene: Scene, events: Log, frames: list[Any], velocity: list[Array], unwrapped: list[Array]
-) -> list[Finding]:
+def balances(scene: Scene, events: Log, frames: list[Any]) -> list[Finding]:
     """Energy and momentum of every frame from its particles, against the first frame and the log."""
     m = scene.mass[scene.finite]
+    velocity = [frame.velocity for frame in frames]
     outer, work = np.zeros((len(events), 3)), np.zeros(len(events))
     for row, (kind, i, j) in enumerate(zip(events.kind, events.i, events.j)):
         if kind in ("wall", "rest"):
@@ -334,30 +342,22 @@ def balances(
         elif kind == "collision" and not (scene.finite[i] and scene.finite[j]):
             outer[row] = events.impulse[row] * events.normal[row] * (1 if scene.finite[j] else -1)
             work[row] = outer[row] @ velocity[0][i if scene.finite[j] else j]
-
-    def energies(k: int) -> tuple[float, float]:
-        v, x = velocity[k][scene.finite], unwrapped[k][scene.finite]
-        return exact(0.5 * m[:, None] * v * v), exact(-m[:, None] * scene.gravity * x)
-
-    start = energies(0)
+    until = [int(np.searchsorted(events.time, frame.time, side="right")) for frame in frames]
+    gone = [[exact(events.loss[:end]), -exact(work[:end])] for end in until]
+    findings = [energy_balance(scene, frames, gone, len(events))]
+    if "rest" in events.kind:
+        # What holds up a grain at rest is not in the log.
+        return findings
     before = [exact(m * velocity[0][scene.finite, axis]) for axis in range(3)]
-    residual = push = scale = 0.0
-    for k, frame in enumerate(frames):
-        until = np.searchsorted(events.time, frame.time, side="right")
-        kinetic, potential = energies(k)
-        terms = [kinetic, potential, -start[0], -start[1], exact(events.loss[:until]), -exact(work[:until])]
-        residual = worse(residual, abs(math.fsum(terms)) / max(map(abs, terms)))
-        scale = max(scale, exact(m * np.linalg.norm(velocity[k][scene.finite], axis=1)))
+    push = scale = 0.0
+    for frame, v, end in zip(frames, velocity, until):
+        scale = max(scale, exact(m * np.linalg.norm(v[scene.finite], axis=1)))
         for axis in range(3):
-            given = [*outer[:until, axis], exact(m) * scene.gravity[axis] * (frame.time - frames[0].time)]
-            change = exact(m * velocity[k][scene.finite, axis]) - before[axis]
-            size = max(scale, exact(np.abs(outer[:until, axis])))
+            given = [*outer[:end, axis], exact(m) * scene.gravity[axis] * (frame.time - frames[0].time)]
+            change = exact(m * v[scene.finite, axis]) - before[axis]
+            size = max(scale, exact(np.abs(outer[:end, axis])))
             push = worse(push, abs(change - exact(given)) / size) if size > 0 else push
-    # Rounding walks at random: an ε of the collision's energy each time.
-    walk = 4 * EPS * math.sqrt(len(events) + 1)
-    findings = [Finding("energy, relative to the largest term", residual, LEAST + walk)]
-    # What holds up a grain at rest is not in the log.
-    return findings if "rest" in events.kind else [*findings, Finding("momentum, relative", push, LEAST + walk)]
+    return [*findings, Finding("momentum, relative", push, LEAST + walk(len(events), scene))]
 
 
 def flights(scene: Scene, events: Log, velocity: Array, position: Array, start: float) -> list[Finding]:

@@ -38,6 +38,10 @@ ENDS: Mapping[str, tuple[int, tuple[str, ...]]] = {
 """Exit status and parts of the message of the runs that cannot go on."""
 
 
+SLOPE = 1e-3
+"""A grain stands on a slope below this as on none: docs/rest.md."""
+
+
 def stays(file: haff.File) -> list[Finding]:
     """Nobody leaves the cage of its neighbors."""
     first, last = file.frames[0].unwrapped, file.frames[-1].unwrapped
@@ -139,8 +143,7 @@ def stands(file: haff.File) -> list[Finding]:
     taken = file.observables["rest_energy"].iloc[-1]
     return [
         Finding("grains that move in the end", float(np.sum(file.frames[-1].velocity.any(axis=1))), 0),
-        # A slope of 10⁻³ counts as none.
-        Finding("part of a weight that nothing bears", float(unsupported(file, speed**2 / (4 * g)).max()), 2e-3),
+        Finding("part of a weight that nothing bears", float(unsupported(file, speed**2 / (4 * g)).max()), SLOPE),
         Finding("energy that rest has given, not taken", max(0.0, -float(taken)), 0),
     ]
 
