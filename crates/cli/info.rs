@@ -5,17 +5,11 @@ use std::{
     time::Duration,
 };
 
+use console::Term;
 use haff_scene::{State, StateSource};
 use serde_json::{Value, json};
 
-use crate::{
-    arguments::Info,
-    check::bytes,
-    failure::Failure,
-    output,
-    run::file_failure,
-    watch::{self, Watch},
-};
+use crate::{arguments::Info, check::bytes, failure::Failure, output, run::file_failure, watch::Watch};
 
 /// Reads the states that scenes start from.
 pub struct States;
@@ -49,8 +43,7 @@ const LOOK_EVERY: Duration = Duration::from_secs(1);
 
 /// Prints each new sample of a file, until its run is complete.
 fn watch(path: &Path) -> Result<u8, Failure> {
-    output::line(watch::HEAD)?;
-    let mut watch = Watch::new();
+    let mut watch = Watch::on(Term::stdout());
     let mut seen = None;
     loop {
         let info = haff_record::info(path).map_err(|error| file_failure(&error))?;

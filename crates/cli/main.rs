@@ -20,6 +20,7 @@ mod session;
 mod signals;
 mod single;
 mod sweep;
+mod terminal;
 mod watch;
 
 use std::process::ExitCode;

@@ -10,7 +10,7 @@ use indicatif::{
     HumanDuration, MultiProgress, ProgressBar, ProgressDrawTarget, ProgressState, ProgressStyle,
 };
 
-use crate::output;
+use crate::{output, terminal};
 
 /// Steps of the bar; its unit is a part of the whole run.
 const STEPS: u64 = 10_000;
@@ -58,7 +58,7 @@ impl Progress {
         self.started = Instant::now();
         self.collisions_before = collisions;
         if let (Some(bar), None) = (&self.bar, &self.name) {
-            bar.set_draw_target(ProgressDrawTarget::stderr_with_hz(10));
+            bar.set_draw_target(terminal::bars());
             bar.enable_steady_tick(Duration::from_millis(200));
         }
     }

@@ -2,17 +2,13 @@
 
 use std::time::{Duration, Instant};
 
+use console::Term;
 use haff_engine::{EngineError, EventRecord, Observer, Sample, Stop, Until};
 use haff_linkage::{LinkageError, Machine, MachineError};
 use haff_record::{RecordError, Recorder};
 use haff_scene::{OutputPlan, RunPlan};
 
-use crate::{
-    progress::Progress,
-    schedule::Times,
-    single::Company,
-    watch::{self, Watch},
-};
+use crate::{progress::Progress, schedule::Times, single::Company, watch::Watch};
 
 /// Calendar entries between two looks at signals, the wall clock and the progress bar: some tens of milliseconds.
 const SLICE: u64 = 1 << 15;
@@ -161,10 +157,7 @@ impl Session<'_> {
             plan(self.output.checkpoint.map_or(haff_scene::Schedule::Off, haff_scene::Schedule::Every));
         let mut progress = self.company.progress.clone();
         progress.begin(self.simulation.counters().collisions);
-        if self.company.watch {
-            progress.line(watch::HEAD);
-        }
-        let mut watch = self.company.watch.then(Watch::new);
+        let mut watch = self.company.watch.then(|| Watch::on(Term::stderr()));
         if !resumed {
             self.record(true, true, &mut |sample| show(&mut watch, &progress, sample))?;
             self.checkpoint()?;

@@ -1,32 +1,47 @@
-//! A long run's observables while it goes on: a line for a sample, at most some a second.
+//! A long run's observables while it goes on: a line for a sample, at most some a second, no longer than the terminal's.
 
-use std::time::{Duration, Instant};
+use std::{
+    fmt::Display,
+    time::{Duration, Instant},
+};
 
+use console::Term;
 use haff_engine::Sample;
+
+use crate::terminal;
 
 /// Shortest time between two lines: nobody reads faster.
 const PAUSE: Duration = Duration::from_millis(500);
 
-/// The columns of [`Watch::line`].
-pub const HEAD: &str = "          time     collisions    temperature  ledger residual    collisions/s";
+/// Heads and widths of the columns; those at the end are left out where they do not fit. Three fit into 40.
+const COLUMNS: [(&str, usize); 5] =
+    [("time", 12), ("collisions", 11), ("temperature", 11), ("ledger residual", 15), ("collisions/s", 12)];
+
+/// Between two columns.
+const GAP: &str = "  ";
 
 /// Makes lines of samples.
 pub struct Watch {
-    /// When the last line was made, and the collisions it told.
+    terminal: Term,
+    /// When the last sample was shown, and the collisions it told.
     last: Option<(Instant, u64)>,
+    /// Columns of the last line.
+    columns: usize,
 }
 
 impl Watch {
-    pub fn new() -> Self {
-        Self { last: None }
+    /// Lines for whatever this leads to.
+    pub fn on(terminal: Term) -> Self {
+        Self { terminal, last: None, columns: 0 }
     }
 
-    /// The sample as a line; `None` if the last one is too recent.
+    /// The sample as a line, below a line of heads if it is the first or if the terminal's width has changed them; `None`
+    /// if the last one is too recent.
     pub fn line(&mut self, sample: &Sample) -> Option<String> {
-        self.line_at(sample, Instant::now())
+        self.line_at(sample, Instant::now(), terminal::width(&self.terminal))
     }
 
-    fn line_at(&mut self, sample: &Sample, now: Instant) -> Option<String> {
+    fn line_at(&mut self, sample: &Sample, now: Instant, width: Option<usize>) -> Option<String> {
         let rate = match self.last {
             Some((before, _)) if now.duration_since(before) < PAUSE => return None,
             Some((before, collisions)) => {
@@ -36,11 +51,39 @@ impl Watch {
             None => "–".to_owned(),
         };
         self.last = Some((now, sample.collisions));
-        Some(format!(
-            "{:>14.6} {:>14} {:>14.6e} {:>16.1e} {rate:>15}",
-            sample.time, sample.collisions, sample.temperature, sample.ledger.residual
-        ))
+        let columns = fitting(width);
+        let heads = (columns != self.columns).then(|| row(&COLUMNS.map(|(head, _)| head), columns));
+        self.columns = columns;
+        let cells = [
+            short(format!("{:.6}", sample.time), sample.time, 0),
+            short(sample.collisions.to_string(), sample.collisions as f64, 1),
+            format!("{:.4e}", sample.temperature),
+            format!("{:.1e}", sample.ledger.residual),
+            rate,
+        ];
+        Some(heads.map_or_else(String::new, |heads| heads + "\n") + &row(&cells, columns))
     }
+}
+
+/// How many columns fit into a width; the first one always stands.
+fn fitting(width: Option<usize>) -> usize {
+    let Some(width) = width else { return COLUMNS.len() };
+    let mut used = 0;
+    let fit = COLUMNS.iter().take_while(|(_, column)| {
+        used += column + if used > 0 { GAP.len() } else { 0 };
+        used <= width
+    });
+    fit.count().max(1)
+}
+
+/// The text of a number, or the number in short where that is wider than its column.
+fn short(text: String, number: f64, column: usize) -> String {
+    if text.len() <= COLUMNS[column].1 { text } else { format!("{number:.5e}") }
+}
+
+fn row(cells: &[impl Display; COLUMNS.len()], columns: usize) -> String {
+    let padded = cells.iter().zip(COLUMNS).take(columns).map(|(cell, (_, width))| format!("{cell:>width$}"));
+    padded.collect::<Vec<_>>().join(GAP)
 }
 
 #[cfg(test)]
@@ -49,14 +92,38 @@ mod tests {
 
     #[test]
     fn lines_tell_the_rate_since_the_last_and_do_not_flood() {
-        let mut watch = Watch::new();
+        let mut watch = Watch::on(Term::stderr());
         let start = Instant::now();
         let sample = |collisions| Sample { time: 1.5, collisions, temperature: 0.25, ..Sample::default() };
-        let first = watch.line_at(&sample(100), start).unwrap();
+        let first = watch.line_at(&sample(100), start, None).unwrap();
+        let (heads, first) = first.split_once('\n').expect("heads above the first line");
         assert!(first.ends_with('–') && first.contains("1.500000") && first.contains("2.5"), "{first}");
-        assert_eq!(watch.line_at(&sample(200), start + PAUSE / 2), None);
-        let next = watch.line_at(&sample(1100), start + 2 * PAUSE).unwrap();
+        assert_eq!(watch.line_at(&sample(200), start + PAUSE / 2, None), None);
+        let next = watch.line_at(&sample(1100), start + 2 * PAUSE, None).unwrap();
         assert!(next.ends_with("1.000e3"), "1000 collisions in a second: {next}");
-        assert_eq!(HEAD.chars().count(), next.chars().count(), "{HEAD}\n{next}");
+        assert_eq!(heads.chars().count(), next.chars().count(), "{heads}\n{next}");
+    }
+
+    #[test]
+    fn lines_are_no_longer_than_those_of_the_terminal() {
+        // As wide as numbers get.
+        let ledger = haff_engine::Ledger { residual: -1e-300, ..haff_engine::Ledger::default() };
+        let sample = Sample {
+            time: 1.0 / 3.0 * 1e300,
+            collisions: u64::MAX,
+            temperature: 1e-300,
+            ledger,
+            ..Sample::default()
+        };
+        let mut now = Instant::now();
+        let mut watch = Watch::on(Term::stderr());
+        for (width, heads) in [(12, 1), (38, 3), (40, 3), (54, 3), (55, 4), (69, 5), (80, 5)] {
+            now += PAUSE;
+            let changed = heads != watch.columns;
+            let lines = watch.line_at(&sample, now, Some(width)).unwrap();
+            assert_eq!(lines.lines().count(), 1 + usize::from(changed), "{lines}");
+            assert!(lines.lines().all(|line| line.chars().count() <= width), "{width}:\n{lines}");
+            assert_eq!(watch.columns, heads, "{width}");
+        }
     }
 }

@@ -5,7 +5,10 @@ use std::{io::IsTerminal, time::Duration};
 use indicatif::{MultiProgress, ProgressBar};
 
 use super::manifest::Row;
-use crate::progress::{Progress, style};
+use crate::{
+    progress::{Progress, style},
+    terminal,
+};
 
 /// The view; nothing if nobody looks.
 pub struct View(Option<(MultiProgress, ProgressBar)>);
@@ -15,7 +18,7 @@ impl View {
     pub fn new(quiet: bool, runs: usize, complete: usize) -> Self {
         let shown = !quiet && std::io::stderr().is_terminal();
         Self(shown.then(|| {
-            let lines = MultiProgress::new();
+            let lines = MultiProgress::with_draw_target(terminal::bars());
             let whole = lines.add(ProgressBar::new(runs as u64).with_position(complete as u64));
             whole.set_style(style("{pos}/{len} runs  {elapsed} gone  {left}  {wide_bar}"));
             whole.reset_eta();
