@@ -17,7 +17,7 @@ use tempfile::NamedTempFile;
 
 use super::{
     plan::{Member, Plan},
-    values::{Axis, canonical},
+    values::{Axis, same_scene},
 };
 use crate::{
     arguments::VERSION,
@@ -234,12 +234,11 @@ impl Manifest {
 
     fn temporary(&self) -> Result<NamedTempFile, Failure> {
         let write = || {
-            let mut builder = tempfile::Builder::new();
-            // As readable as any other file.
-            #[cfg(unix)]
-            builder.permissions(std::os::unix::fs::PermissionsExt::from_mode(0o666));
-            let file = builder.prefix(".manifest").tempfile_in(self.folder())?;
-            let mut out = BufWriter::new(&file);
+            // As readable as any other file, which temporary ones are not by themselves. Made and written by `fs`, its errors
+            // do not tell its own name.
+            let create = |path: &Path| fs::File::create_new(path);
+            let file = tempfile::Builder::new().prefix(".manifest").make_in(self.folder(), create)?;
+            let mut out = BufWriter::new(file.as_file());
             serde_json::to_writer_pretty(&mut out, &self.content)?;
             out.write_all(b"\n")?;
             out.flush()?;
@@ -292,7 +291,7 @@ fn difference(known: &Content, wanted: &Content) -> Option<String> {
             known.trajectory_version, known.version, wanted.trajectory_version
         ));
     }
-    // A number may be written in another way: 2, 2.0 or 2e0.
+    // A value may be written in another way: 2, 2.0 or 2e0.
     let values =
         |set: &[String]| set.iter().map(|text| Axis::parse(text).map(|axis| axis.canonical())).collect();
     let [had, has]: [Result<Vec<_>, _>; 2] = [&known.set, &wanted.set].map(|set| values(set));
@@ -307,17 +306,12 @@ fn difference(known: &Content, wanted: &Content) -> Option<String> {
         let text = |seeds: Option<u32>| seeds.map_or("no --seeds".to_owned(), |n| format!("--seeds {n}"));
         return Some(format!("it has {}, not {}", text(known.seeds), text(wanted.seeds)));
     }
-    // Neither do comments and layout matter.
-    let scene = |text: &str| text.parse::<toml::Table>().ok().map(|table| canonical(&table.into()));
-    if known.scene_toml != wanted.scene_toml && scene(&known.scene_toml) != scene(&wanted.scene_toml) {
+    if !same_scene(&known.scene_toml, &wanted.scene_toml) {
         return Some(format!("its scene is not that of {}", wanted.scene.display()));
     }
     None
 }
 
 fn unwritable(path: &Path, error: &io::Error) -> Failure {
-    // `tempfile` adds the name of its own file, which tells nobody anything.
-    let text = error.to_string();
-    let reason = text.split(" at path ").next().unwrap_or(&text);
-    Failure::new(Status::File, format!("{}: cannot write: {reason}", path.display()))
+    Failure::new(Status::File, format!("{}: cannot write: {error}", path.display()))
 }

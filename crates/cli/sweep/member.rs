@@ -8,6 +8,7 @@ use serde_json::Value;
 use super::{
     manifest::{Row, State},
     plan::{Member, Plan},
+    values::same_scene,
 };
 use crate::{
     failure::{Failure, Status},
@@ -57,7 +58,7 @@ fn go(path: &Path, plan: &Plan, member: &Member, company: Company) -> Result<Fin
         return single::start(scene, false, company);
     }
     let info = haff_record::info(path).map_err(|error| file_failure(&error))?;
-    if info.scene_toml != scene.resolved {
+    if !same_scene(&info.scene_toml, &scene.resolved) {
         let message = format!(
             "{} holds another run, or one of another version of haff: remove it, or take another folder (-o)",
             path.display()

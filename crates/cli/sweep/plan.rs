@@ -168,7 +168,7 @@ fn derived_seed(base: u64, replica: u32, parameters: &[(String, Value)]) -> u64 
     let mut lines: Vec<String> = parameters
         .iter()
         .filter(|(key, _)| key != "seed")
-        .map(|(key, value)| format!("{key}={}\n", canonical(value)))
+        .map(|(key, value)| format!("{key}={}\n", canonical(key, value)))
         .collect();
     lines.sort_unstable();
     // Seeds are TOML integers, so below 2^63.

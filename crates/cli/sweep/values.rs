@@ -2,6 +2,7 @@
 
 use std::fmt;
 
+use haff_scene::config::WallTimeConfig;
 use toml::Value;
 
 /// More values of one key than this are a slip of the pen.
@@ -43,7 +44,7 @@ impl Axis {
                 return Err(error(&format!("more than {MAX_VALUES} values")));
             }
         }
-        let mut texts: Vec<String> = values.iter().map(canonical).collect();
+        let mut texts: Vec<String> = values.iter().map(|value| canonical(key, value)).collect();
         texts.sort_unstable();
         if let Some([twice, ..]) = texts.windows(2).find(|pair| pair[0] == pair[1]) {
             return Err(error(&format!("{twice} stands there twice")));
@@ -51,9 +52,9 @@ impl Axis {
         Ok(Self { key: key.to_owned(), values })
     }
 
-    /// Key and values as text in which equal numbers look equal.
+    /// Key and values as text in which equal values look equal.
     pub fn canonical(&self) -> String {
-        let values: Vec<String> = self.values.iter().map(canonical).collect();
+        let values: Vec<String> = self.values.iter().map(|value| canonical(&self.key, value)).collect();
         format!("{}={}", self.key, values.join(","))
     }
 }
@@ -65,23 +66,40 @@ impl fmt::Display for Axis {
     }
 }
 
-/// A value as text in which equal numbers look equal, whether written as 1, 1.0 or 1e0.
-pub fn canonical(value: &Value) -> String {
+/// The value of a key, or of the whole scene if `key` is empty, as text in which equal values look equal: numbers written as
+/// 1, 1.0 or 1e0, durations as `"2h"`, `"7200s"` or 7200.
+pub fn canonical(key: &str, value: &Value) -> String {
+    let inner = |name: &str| if key.is_empty() { name.to_owned() } else { format!("{key}.{name}") };
     match value {
         // Every whole number below 2^53 is a float.
         Value::Float(number) if number.fract() == 0.0 && number.abs() < 9e15 => (*number as i64).to_string(),
         Value::Array(items) => {
-            let items: Vec<String> = items.iter().map(canonical).collect();
+            let items: Vec<String> =
+                items.iter().enumerate().map(|(k, item)| canonical(&inner(&k.to_string()), item)).collect();
             format!("[{}]", items.join(", "))
         }
         Value::Table(table) => {
-            let mut items: Vec<String> =
-                table.iter().map(|(key, value)| format!("{key} = {}", canonical(value))).collect();
+            let mut items: Vec<String> = table
+                .iter()
+                .map(|(name, value)| format!("{name} = {}", canonical(&inner(name), value)))
+                .collect();
             items.sort_unstable();
             format!("{{ {} }}", items.join(", "))
         }
+        Value::String(text) if key == "run.wall_time" => {
+            match WallTimeConfig::Text(text.clone()).duration() {
+                Some(time) => canonical(key, &Value::Float(time.as_secs_f64())),
+                None => value.to_string(),
+            }
+        }
         other => other.to_string(),
     }
+}
+
+/// Whether two scenes say the same, however their values are written; comments and layout do not matter.
+pub fn same_scene(one: &str, other: &str) -> bool {
+    let said = |text: &str| text.parse::<toml::Table>().ok().map(|table| canonical("", &table.into()));
+    one == other || said(one).is_some_and(|one| Some(one) == said(other))
 }
 
 /// One value, as `haff run --set` reads it.
@@ -190,6 +208,19 @@ mod tests {
     }
 
     #[test]
+    fn durations_are_compared_by_value() {
+        let told = |text: &str| Axis::parse(text).expect(text).canonical();
+        let expected = told("run.wall_time=7200,0.5");
+        for same in ["\"2h\",0.5", "7200s,500ms", "120 min,5e-1", "1h 60m,\"500 ms\"", "7200.0,500000us"] {
+            assert_eq!(told(&format!("run.wall_time={same}")), expected);
+        }
+        assert_eq!(told("run={wall_time=\"2h\",until=1.0}"), told("run={until=1,wall_time=7200}"));
+        assert_ne!(told("run.wall_time=2h"), told("run.wall_time=2m"));
+        assert_ne!(told("title=2h"), told("title=7200"), "a title is text");
+        assert_ne!(told("run.wall_time=soon"), told("run.wall_time=late"), "no durations");
+    }
+
+    #[test]
     fn what_cannot_be_meant_is_refused() {
         for (text, why) in [
             ("contact.restitution", "must read KEY=V1,V2"),
@@ -198,6 +229,7 @@ mod tests {
             ("a=1,,2", "a value is missing"),
             ("a=1,2,", "a value is missing"),
             ("a=1,1.0", "1 stands there twice"),
+            ("run.wall_time=2h,7200s", "7200 stands there twice"),
             ("a=[1,2", "not a TOML value"),
             ("a=lin(1,2)", "must read lin(from, to, number of values)"),
             ("a=log(0,2,3)", "both ends must be positive"),

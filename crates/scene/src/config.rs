@@ -4,7 +4,7 @@
 //! written for people who write scenes. What is missing, out of range or contradictory is found in
 //! the module `build`, where every error is collected and located; serde only knows shapes.
 
-use std::fmt;
+use std::{fmt, time::Duration};
 
 use schemars::JsonSchema;
 use serde::de::{self, Deserializer, MapAccess, Visitor, value::MapAccessDeserializer};
@@ -383,6 +383,16 @@ pub enum WallTimeConfig {
     Seconds(#[schemars(extend("exclusiveMinimum" = 0))] f64),
     /// Such as `2h 30m`.
     Text(String),
+}
+
+impl WallTimeConfig {
+    /// The duration, however it is written; `None` if it is none.
+    pub fn duration(&self) -> Option<Duration> {
+        match self {
+            Self::Seconds(seconds) => Duration::try_from_secs_f64(*seconds).ok(),
+            Self::Text(text) => humantime::parse_duration(text).ok(),
+        }
+    }
 }
 
 /// What to record.

@@ -1,11 +1,9 @@
 //! How long to run and what to record.
 
-use std::f64::consts::PI;
-use std::path::PathBuf;
-use std::time::Duration;
-
 use haff_engine::{Boundary, Dimension, EventColumn, System};
 use haff_mechanics::Restitution;
+use std::f64::consts::PI;
+use std::path::PathBuf;
 
 use super::Builder;
 use super::particles::volume;
@@ -141,10 +139,7 @@ impl Builder<'_> {
             let key = if run.collisions.is_some() { "collisions" } else { "collisions_per_particle" };
             self.document.report(&at(["run", key]), "one particle alone never collides: give run.until");
         }
-        let wall_time = run.wall_time.and_then(|time| match time {
-            WallTimeConfig::Seconds(seconds) => Duration::try_from_secs_f64(seconds).ok(),
-            WallTimeConfig::Text(text) => humantime::parse_duration(&text).ok(),
-        });
+        let wall_time = run.wall_time.and_then(|time| time.duration());
         RunPlan { until: run.until, collisions, wall_time }
     }
 
