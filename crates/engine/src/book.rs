@@ -2,7 +2,11 @@
 
 use glam::DVec3;
 
-use crate::{report::Counters, sum::Sum};
+use crate::{
+    force::{self, Total},
+    report::Counters,
+    sum::Sum,
+};
 
 /// Sums over events. The pressure's sums cover the time since the previous sample.
 #[derive(Debug, Clone, Default, PartialEq)]
@@ -14,7 +18,7 @@ pub(crate) struct Book {
     /// Σ ½ m v² that putting particles to rest has taken.
     pub rest: Sum,
     /// Impulse of walls and bodies of infinite mass on the particles, and of the support of resting ones.
-    pub impulse: [Sum; 3],
+    pub impulse: Total,
     pub counters: Counters,
     /// Σ J |r₁₂| since the previous sample.
     pub virial: Sum,
@@ -34,9 +38,7 @@ impl Book {
     /// Adds an impulse of the outer world.
     #[inline]
     pub fn add_impulse(&mut self, impulse: DVec3) {
-        for (sum, term) in self.impulse.iter_mut().zip(impulse.to_array()) {
-            sum.add(term);
-        }
+        force::add(&mut self.impulse, impulse);
     }
 
     /// Books a collision at `time`, its J |r₁₂| and its losses.

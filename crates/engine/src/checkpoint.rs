@@ -2,11 +2,10 @@
 
 use std::collections::BTreeMap;
 
-use glam::DVec3;
-
 use crate::{
     book::Book,
     error::EngineError,
+    force::{Force, Total},
     machine::{Pending, State},
     model::{Options, System},
     particles::{Support, World},
@@ -20,6 +19,9 @@ use crate::{
 /// Flags above the walls in [`Checkpoint::resting`]: the particle is held; it was last among grains.
 const HELD: u32 = 1 << 31;
 const JOSTLED: u32 = 1 << 30;
+
+/// Parts of the names of vectors.
+const AXES: [&str; 3] = ["x", "y", "z"];
 
 /// Reads and writes the named scalars of a checkpoint in one and the same order, so that the two cannot disagree.
 struct Scalars<'a> {
@@ -43,8 +45,8 @@ impl Scalars<'_> {
         Sum { high: self.real(&format!("{name}.high")), low: self.real(&format!("{name}.low")) }
     }
 
-    fn vector(&mut self, name: &str) -> DVec3 {
-        DVec3::from_array(["x", "y", "z"].map(|axis| self.real(&format!("{name}.{axis}"))))
+    fn total(&mut self, name: &str) -> Total {
+        AXES.map(|axis| self.sum(&format!("{name}.{axis}")))
     }
 }
 
@@ -63,21 +65,23 @@ impl Simulation {
             ("dissipated", book.dissipated),
             ("carnot", book.carnot),
             ("wall_work", book.wall_work),
-            ("impulse.x", book.impulse[0]),
-            ("impulse.y", book.impulse[1]),
-            ("impulse.z", book.impulse[2]),
             ("virial", book.virial),
             ("loss_moment", book.loss_moment),
         ] {
             put(&format!("{name}.high"), sum.high.to_bits());
             put(&format!("{name}.low"), sum.low.to_bits());
         }
-        for (name, vector) in [("force", world.force), ("force_impulse", world.force_impulse)] {
-            for (axis, value) in ["x", "y", "z"].into_iter().zip(vector.to_array()) {
-                put(&format!("{name}.{axis}"), value.to_bits());
+        for (name, total) in [
+            ("impulse", &book.impulse),
+            ("force", &world.force.total),
+            ("force_impulse", &world.force.impulse),
+        ] {
+            for (axis, sum) in AXES.into_iter().zip(total) {
+                put(&format!("{name}.{axis}.high"), sum.high.to_bits());
+                put(&format!("{name}.{axis}.low"), sum.low.to_bits());
             }
         }
-        put("force_until", world.force_until.to_bits());
+        put("force_until", world.force.until.to_bits());
         put("sampled_at", book.sampled_at.to_bits());
         put("sampled_collisions", book.sampled_collisions);
         put("sampled_kinetic", book.sampled_kinetic.to_bits());
@@ -195,14 +199,16 @@ impl Simulation {
             dissipated: scalars.sum("dissipated"),
             carnot: scalars.sum("carnot"),
             wall_work: scalars.sum("wall_work"),
-            impulse: ["impulse.x", "impulse.y", "impulse.z"].map(|name| scalars.sum(name)),
+            impulse: scalars.total("impulse"),
             virial: scalars.sum("virial"),
             loss_moment: scalars.sum("loss_moment"),
             ..Book::default()
         };
-        world.force = scalars.vector("force");
-        world.force_impulse = scalars.vector("force_impulse");
-        world.force_until = scalars.real("force_until");
+        world.force = Force {
+            total: scalars.total("force"),
+            impulse: scalars.total("force_impulse"),
+            until: scalars.real("force_until"),
+        };
         book.sampled_at = scalars.real("sampled_at");
         book.sampled_collisions = scalars.take("sampled_collisions");
         book.sampled_kinetic = scalars.real("sampled_kinetic");

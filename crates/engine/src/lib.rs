@@ -17,6 +17,7 @@ mod choice;
 mod clock;
 mod entry;
 mod error;
+mod force;
 mod grid;
 mod machine;
 mod measure;

@@ -8,6 +8,7 @@ use xxhash_rust::xxh3::Xxh3;
 
 use crate::{
     book::Book,
+    force,
     machine::State,
     model::{Boundary, Dimension, System},
     particles::World,
@@ -162,8 +163,8 @@ pub(crate) fn sample(system: &System, of: &Species, state: &mut State, time: f64
         (2.0 * thermal + book.virial.value() / span) / (d * volume)
     });
     let periodic = world.periodic.contains(&true);
-    let gravity_impulse = world.impulse_of_force(time);
-    let impulse = DVec3::from_array([0, 1, 2].map(|axis| book.impulse[axis].value()));
+    let gravity_impulse = world.force.impulse_until(time);
+    let impulse = force::value(&book.impulse);
     let rate = if first || span <= 0.0 { f64::NAN } else { counted as f64 / span };
     let sample = Sample {
         time,

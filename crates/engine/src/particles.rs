@@ -5,6 +5,7 @@ use haff_neighbors::roomy;
 
 use crate::{
     clock::Clock,
+    force::Force,
     machine::{Features, With},
     model::{Body, Boundary, Restitution, System, Wall},
     rest::Thresholds,
@@ -100,10 +101,8 @@ pub(crate) struct World {
     pub now: i64,
     /// Particles that rest on walls.
     pub resting: usize,
-    /// Σ m a of gravity and of the walls that hold particles [force], and its impulse until a time [time].
-    pub force: DVec3,
-    pub force_impulse: DVec3,
-    pub force_until: f64,
+    /// Of gravity and of the walls that hold particles.
+    pub force: Force,
 }
 
 impl World {
@@ -155,23 +154,17 @@ impl World {
             tc: system.contacts.tc,
             now: 0,
             resting: 0,
-            force: DVec3::ZERO,
-            force_impulse: DVec3::ZERO,
-            force_until: 0.0,
+            force: Force::default(),
         };
         for i in 0..world.particles.len() as u32 {
             let class = world.class(i);
             if class.inverse_mass != 0.0 {
-                world.force += class.mass * world.gravity;
+                let weight = class.mass * world.gravity;
+                world.force.change(weight, 0.0);
                 world.movable += 1;
             }
         }
         world
-    }
-
-    /// Impulse of gravity and supports until `time` [mass·length/time].
-    pub fn impulse_of_force(&self, time: f64) -> DVec3 {
-        self.force_impulse + self.force * (time - self.force_until)
     }
 
     #[inline(always)]
@@ -233,10 +226,7 @@ impl World {
     /// From `ticks` on the force of gravity and of what holds particles is another one.
     fn change_force(&mut self, change: DVec3, ticks: i64) {
         if change != DVec3::ZERO {
-            let time = self.clock.time(ticks);
-            self.force_impulse = self.impulse_of_force(time);
-            self.force_until = time;
-            self.force += change;
+            self.force.change(change, self.clock.time(ticks));
         }
     }
 
