@@ -106,7 +106,10 @@ def test_ctrl_c_ends_a_run_with_a_checkpoint(tmp_path):
     # Elastic, so that it does not slow down: some seconds of work.
     gas = GAS | {"contact": {"restitution": 1.0}, "run": {"until": 3000.0}}
     program = f"""
+import signal
 import haff
+# Tests that run in the background would inherit that it is ignored.
+signal.signal(signal.SIGINT, signal.default_int_handler)
 try:
     haff.run({gas!r}, file={os.fspath(tmp_path / "long.h5")!r}, output__frames=False)
 except KeyboardInterrupt:
