@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import os
 import re
+import select
+import signal
 import struct
 import time
 from dataclasses import dataclass
@@ -42,9 +44,11 @@ def look(*arguments: str, columns: int, interrupt: str = "") -> Seen:
             os._exit(127)
     screen = pyte.Screen(columns, LINES)
     stream = pyte.ByteStream(screen)
-    give_up = time.monotonic() + 120
+    give_up = time.monotonic() + 60
     try:
         while time.monotonic() < give_up:
+            if not select.select([terminal], [], [], 1.0)[0]:
+                continue
             try:
                 stream.feed(os.read(terminal, 1 << 16))
             except OSError:  # The command has gone.
@@ -52,6 +56,8 @@ def look(*arguments: str, columns: int, interrupt: str = "") -> Seen:
             if interrupt and re.search(interrupt, "\n".join(screen.display)):
                 os.write(terminal, INTERRUPT)
                 interrupt = ""
+        else:
+            os.kill(child, signal.SIGKILL)
     finally:
         os.close(terminal)
         status = os.waitstatus_to_exitcode(os.waitpid(child, 0)[1])
