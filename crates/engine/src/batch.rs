@@ -47,8 +47,8 @@ impl Batch {
         match kernel {
             Kernel::Portable => predict(self),
             #[cfg(target_arch = "x86_64")]
-            // SAFETY: both are made by `Kernel::choose` alone, after it has found the feature.
-            Kernel::Avx2 | Kernel::Avx512 => unsafe { predict_avx2(self) },
+            // SAFETY: made by `Kernel::choose` alone, after it has found the features.
+            Kernel::Avx2 { .. } => unsafe { predict_avx2(self) },
         }
     }
 }
@@ -57,11 +57,11 @@ impl Batch {
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) enum Kernel {
     Portable,
+    /// Vectors of 256 bits; `wide`: filters use those of 512.
     #[cfg(target_arch = "x86_64")]
-    Avx2,
-    /// As `Avx2`, but filters look at sixteen candidates at a time.
-    #[cfg(target_arch = "x86_64")]
-    Avx512,
+    Avx2 {
+        wide: bool,
+    },
 }
 
 impl Kernel {
@@ -74,17 +74,16 @@ impl Kernel {
             && std::is_x86_feature_detected!("bmi2")
             && std::is_x86_feature_detected!("lzcnt")
             && std::is_x86_feature_detected!("popcnt"))
-        .then_some(Self::Avx2);
-        #[cfg(target_arch = "x86_64")]
-        let avx512 = (avx2.is_some()
-            && std::is_x86_feature_detected!("avx512f")
-            && std::is_x86_feature_detected!("avx512dq")
-            && std::is_x86_feature_detected!("avx512vl"))
-        .then_some(Self::Avx512);
+        .then(|| Self::Avx2 {
+            wide: choice == SimdChoice::Auto
+                && std::is_x86_feature_detected!("avx512f")
+                && std::is_x86_feature_detected!("avx512dq")
+                && std::is_x86_feature_detected!("avx512vl"),
+        });
         #[cfg(not(target_arch = "x86_64"))]
-        let (avx2, avx512) = (None, None);
+        let avx2 = None;
         match choice {
-            SimdChoice::Auto => avx512.or(avx2).or(Some(Self::Portable)),
+            SimdChoice::Auto => avx2.or(Some(Self::Portable)),
             SimdChoice::Avx2 => avx2,
             SimdChoice::Portable => Some(Self::Portable),
         }
@@ -92,12 +91,11 @@ impl Kernel {
 
     /// Whether filters may use vectors of 512 bits.
     pub fn is_wide(self) -> bool {
-        #[cfg(target_arch = "x86_64")]
-        {
-            self == Self::Avx512
+        match self {
+            Self::Portable => false,
+            #[cfg(target_arch = "x86_64")]
+            Self::Avx2 { wide } => wide,
         }
-        #[cfg(not(target_arch = "x86_64"))]
-        false
     }
 }
 

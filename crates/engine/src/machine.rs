@@ -362,10 +362,8 @@ impl<F: Features, S: Search + 'static> Engine for Machine<F, S> {
             (true, _) => self.run::<true>(state, limit, observer),
             (false, Kernel::Portable) => self.run::<false>(state, limit, observer),
             #[cfg(target_arch = "x86_64")]
-            // SAFETY: both are made by `Kernel::choose` alone, after it has found the feature.
-            (false, Kernel::Avx2 | Kernel::Avx512) => unsafe {
-                self.run_avx2::<false>(state, limit, observer)
-            },
+            // SAFETY: made by `Kernel::choose` alone, after it has found the features.
+            (false, Kernel::Avx2 { .. }) => unsafe { self.run_avx2::<false>(state, limit, observer) },
         }
     }
 }

@@ -70,8 +70,8 @@ pub(crate) fn predict<const UNIFORM: bool, const LATEST: bool>(
     match kernel {
         Kernel::Portable => portable::<UNIFORM>(query, out),
         #[cfg(target_arch = "x86_64")]
-        // SAFETY: both are made by `Kernel::choose` alone, after it has found the feature.
-        Kernel::Avx2 | Kernel::Avx512 => unsafe { avx2::predict::<UNIFORM, LATEST>(query, out) },
+        // SAFETY: made by `Kernel::choose` alone, after it has found the features.
+        Kernel::Avx2 { .. } => unsafe { avx2::predict::<UNIFORM, LATEST>(query, out) },
     }
 }
 

@@ -552,13 +552,11 @@ impl<F: Features> Engine for Nearby<F> {
             (Kernel::Portable, false) => self.run::<false, false>(state, limit, observer),
             (Kernel::Portable, true) => self.run::<true, false>(state, limit, observer),
             #[cfg(target_arch = "x86_64")]
-            // SAFETY: both are made by `Kernel::choose` alone, after it has found the features.
-            (Kernel::Avx2 | Kernel::Avx512, false) => unsafe {
-                self.run_avx2::<false>(state, limit, observer)
-            },
+            // SAFETY: made by `Kernel::choose` alone, after it has found the features.
+            (Kernel::Avx2 { .. }, false) => unsafe { self.run_avx2::<false>(state, limit, observer) },
             #[cfg(target_arch = "x86_64")]
             // SAFETY: as above.
-            (Kernel::Avx2 | Kernel::Avx512, true) => unsafe { self.run_avx2::<true>(state, limit, observer) },
+            (Kernel::Avx2 { .. }, true) => unsafe { self.run_avx2::<true>(state, limit, observer) },
         }
     }
 }

@@ -190,8 +190,8 @@ impl<F: Features> Windows<F> {
         match self.kernel {
             Kernel::Portable => self.look_ahead::<false>(world),
             #[cfg(target_arch = "x86_64")]
-            // SAFETY: both are made by `Kernel::choose` alone, after it has found the features.
-            Kernel::Avx2 | Kernel::Avx512 => unsafe { self.look_ahead_avx2(world) },
+            // SAFETY: made by `Kernel::choose` alone, after it has found the features.
+            Kernel::Avx2 { .. } => unsafe { self.look_ahead_avx2(world) },
         }
     }
 

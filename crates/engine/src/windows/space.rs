@@ -63,8 +63,8 @@ impl<F: Features> Space<F> {
             self.records.par_chunks_mut(TASK).for_each(|records| match kernel {
                 Kernel::Portable => stream::<F>(&axes, fall, records),
                 #[cfg(target_arch = "x86_64")]
-                // SAFETY: both are made by `Kernel::choose` alone, after it has found the features.
-                Kernel::Avx2 | Kernel::Avx512 => unsafe { stream_avx2::<F>(&axes, fall, records) },
+                // SAFETY: made by `Kernel::choose` alone, after it has found the features.
+                Kernel::Avx2 { .. } => unsafe { stream_avx2::<F>(&axes, fall, records) },
             });
         }
     }
@@ -89,7 +89,7 @@ impl<F: Features> Space<F> {
                         Kernel::Portable => fill::<F>(part, &axes, records, common_radius, &mut left),
                         #[cfg(target_arch = "x86_64")]
                         // SAFETY: as above.
-                        Kernel::Avx2 | Kernel::Avx512 => unsafe {
+                        Kernel::Avx2 { .. } => unsafe {
                             fill_avx2::<F>(part, &axes, records, common_radius, &mut left);
                         },
                     }
@@ -129,8 +129,8 @@ impl<F: Features> Space<F> {
         match kernel {
             Kernel::Portable => self.scan::<false>(world, slots, scratch, found),
             #[cfg(target_arch = "x86_64")]
-            // SAFETY: both are made by `Kernel::choose` alone, after it has found the features.
-            Kernel::Avx2 | Kernel::Avx512 => unsafe { self.scan_avx2(world, slots, scratch, found) },
+            // SAFETY: made by `Kernel::choose` alone, after it has found the features.
+            Kernel::Avx2 { .. } => unsafe { self.scan_avx2(world, slots, scratch, found) },
         }
     }
 

@@ -111,7 +111,7 @@ fn pass_vectors<F: Features>(other: &Record, unit: [f32; 3], probe: &Probe, plac
             unsafe { avx2::filter::<F>(&records, unit, &probes, &mut scratch) };
             found.push(scratch.hits.contains(&(0, 1)));
         }
-        if kernel == Some(Kernel::Avx512) {
+        if kernel.is_some_and(Kernel::is_wide) {
             for groups in [1, 2] {
                 let mut scratch = scratch(groups);
                 // SAFETY: as above.
