@@ -41,12 +41,11 @@ impl Book {
         force::add(&mut self.impulse, impulse);
     }
 
-    /// Books a collision at `time`, its J |r₁₂| and its losses.
+    /// Books a collision and its J |r₁₂|.
     #[inline(always)]
-    pub fn add_collision(&mut self, time: f64, virial: f64, energy_loss: f64, carnot_energy: f64) {
+    pub fn add_collision(&mut self, virial: f64) {
         self.counters.collisions += 1;
         self.virial.add(virial);
-        self.add_losses(time, energy_loss, carnot_energy);
     }
 
     /// Books losses of one event at `time`.

@@ -85,7 +85,7 @@ impl Totals {
     }
 }
 
-/// The balance of energies, T + V = T₀ + V₀ − Σ ΔT + W.
+/// The balance of energies, T + V = T₀ + V₀ − Σ ΔT − R + W, where R is what putting to rest has taken.
 pub(crate) fn ledger(totals: &Totals, book: &Book) -> Ledger {
     let [kinetic, potential] = book.initial_energy;
     let (dissipated, work) = (book.dissipated.value(), book.wall_work.value());

@@ -37,6 +37,13 @@ impl Particle {
         Self { position, velocity, time, count: 0, class }
     }
 
+    /// Sets the anchor at `time` [ticks]: an event of its own.
+    #[inline(always)]
+    pub fn set_anchor(&mut self, position: DVec3, velocity: DVec3, time: i64) {
+        (self.position, self.velocity, self.time) = (position, velocity, time);
+        self.count = self.count.wrapping_add(1);
+    }
+
     #[inline(always)]
     pub fn class(&self) -> usize {
         (self.class & !FLAGS) as usize
@@ -200,11 +207,7 @@ impl World {
         let before = mass * self.acceleration(i);
         self.replace_held(i, held);
         self.change_force(mass * self.acceleration(i) - before, ticks);
-        let particle = &mut self.particles[i as usize];
-        particle.position = position;
-        particle.velocity = DVec3::ZERO;
-        particle.time = ticks;
-        particle.count = particle.count.wrapping_add(1);
+        self.particles[i as usize].set_anchor(position, DVec3::ZERO, ticks);
     }
 
     /// [`Self::set_held`] without its account and without anchor.
@@ -444,7 +447,9 @@ pub(crate) fn supported(gravity: DVec3, normals: &(impl Iterator<Item = DVec3> +
     };
     offer(gravity);
     for (k, n) in normals.clone().enumerate() {
-        offer(gravity - n * gravity.dot(n));
+        let slide = gravity - n * gravity.dot(n);
+        // Once more: a tilted wall would leave as much as gravity is rounded by, and a grain at rest on it would fall into it.
+        offer(slide - n * slide.dot(n));
         for m in normals.clone().skip(k + 1) {
             let edge = n.cross(m);
             if edge != DVec3::ZERO {

@@ -4,6 +4,7 @@ use glam::DVec3;
 use haff_mechanics::{Impact, Restitution, resolve_contact, work_of_moving_body};
 
 use crate::{
+    book::Book,
     clock::HORIZON,
     error::EngineError,
     machine::{Features, Pending, State},
@@ -17,6 +18,9 @@ use crate::{
 const REST_HEIGHT: f64 = 1e-13;
 /// A velocity along the normal of a supporting wall below this part of the speed is rounding, not motion.
 const SUPPORT_NOISE: f64 = 8.0 * f64::EPSILON;
+
+/// A grain that has sunk into a wall or a body that cannot give way, by more than this part of its coordinates, is put back.
+const SUNK: f64 = 2.0 * f64::EPSILON;
 
 /// Restitution of a contact now, or 1 within the contact duration of the TC model.
 #[inline(always)]
@@ -40,45 +44,24 @@ fn coefficient(
     law.coefficient(speed)
 }
 
+/// How far a grain has to be put back that is `depth` deep in what it bounces on: not at all, unless that is more than coordinates of
+/// this size resolve.
+///
+/// A bounce under gravity returns to the level that it has set out from, and like bounces are rounded the same way each time: a million
+/// of them would be a million roundings deep. What sinking has taken of the potential energy, this gives back.
+#[inline(always)]
+fn sunk(depth: f64, coordinates: DVec3, reach: f64) -> f64 {
+    if depth > SUNK * (coordinates.max_element() + reach) { depth } else { 0.0 }
+}
+
 /// Sets the anchor of particle i.
 #[inline(always)]
 fn anchor(world: &mut World, i: u32, position: DVec3, velocity: DVec3, time: i64) -> Result<(), EngineError> {
-    let particle = &mut world.particles[i as usize];
-    particle.position = position;
-    particle.velocity = velocity;
-    particle.time = time;
-    particle.count = particle.count.wrapping_add(1);
+    world.particles[i as usize].set_anchor(position, velocity, time);
     if velocity.is_finite() {
         return Ok(());
     }
     Err(EngineError::Overflow { time: world.clock.time(time), i, velocity: velocity.to_array() })
-}
-
-/// What a collision of two particles comes to.
-#[derive(Debug, Clone, Copy)]
-pub(crate) struct Contact {
-    /// The lesser first.
-    pub pair: [u32; 2],
-    /// When [time].
-    pub now: f64,
-    /// Distance of the centers [length].
-    pub distance: f64,
-    /// From the first to the second.
-    pub normal: DVec3,
-    /// Where they touch, not yet wrapped [length].
-    pub place: DVec3,
-    pub impact: Impact,
-    /// Velocities before.
-    velocities: [DVec3; 2],
-    inverse_masses: [f64; 2],
-}
-
-impl Contact {
-    /// Its row in the event log.
-    pub fn row(&self, world: &World) -> EventRecord {
-        let Self { pair, now, normal, place, impact, .. } = self;
-        row(*now, EventKind::Collision, *pair, impact, *normal, world.wrap(*place).0)
-    }
 }
 
 /// The impact of two bodies whose law says `e`, and who part at the speed `parting`. `r` points from the first to the second.
@@ -90,33 +73,48 @@ fn meet(
     speed: f64,
     parting: f64,
 ) -> (DVec3, DVec3, Impact) {
-    if parting > speed {
+    // Rounding may have bodies meet that no longer approach: then even e · speed is more than their speed, and would pull.
+    if parting > speed.max(0.0) {
         return rest::push_apart(inverse, [wi, wj], r.normalize(), speed, parting);
     }
     let e = if parting > e * speed { parting / speed } else { e };
     resolve_contact(wi, wj, inverse[0], inverse[1], r, e)
 }
 
-/// Two particles collide at `time`, as far as they themselves are concerned: their anchors are set.
+/// Books what an impact at `now` takes. A hop of what rests on each other takes no energy but gives some.
 #[inline(always)]
-pub(crate) fn collide<F: Features>(
-    world: &mut World,
+fn book_losses<F: Features>(book: &mut Book, now: f64, impact: &Impact) {
+    let taken = if F::REST { impact.energy_loss.max(0.0) } else { impact.energy_loss };
+    book.add_losses(now, taken, impact.carnot_energy);
+    if F::REST {
+        book.rest.add(impact.energy_loss.min(0.0));
+    }
+}
+
+/// Two particles collide at `time`.
+#[inline(always)]
+pub(crate) fn collision<F: Features, const EVENTS: bool>(
+    state: &mut State,
     i: u32,
     j: u32,
     time: i64,
-) -> Result<Contact, EngineError> {
+    observer: &mut dyn Observer,
+) -> Result<(), EngineError> {
     // The lesser first, so that the bits do not depend on who predicted whom.
     let (i, j) = (i.min(j), i.max(j));
-    let (ri, wi) = world.flight::<F>(i, time);
-    let (rj, wj) = world.flight::<F>(j, time);
+    if F::GRAVITY {
+        end_early::<EVENTS>(state, i, time, observer);
+        end_early::<EVENTS>(state, j, time, observer);
+    }
+    let world = &mut state.world;
+    let (mut ri, wi) = world.flight::<F>(i, time);
+    let (mut rj, wj) = world.flight::<F>(j, time);
     let r = world.nearest_image(rj - ri);
     let distance = r.length();
     let n = r / distance;
     let (a, b) = (*world.class(i), *world.class(j));
-    let (mut ri, mut rj) = (ri, rj);
-    if F::REST {
-        // Hops on a body that cannot give way are many, and each would leave the rounding of its time behind.
-        let depth = (a.radius + b.radius - distance).max(0.0);
+    if F::GRAVITY && !F::UNIFORM {
+        let depth = sunk(a.radius + b.radius - distance, ri.abs().max(rj.abs()), a.radius + b.radius);
         if a.inverse_mass == 0.0 {
             rj += n * depth;
         } else if b.inverse_mass == 0.0 {
@@ -145,57 +143,28 @@ pub(crate) fn collide<F: Features>(
         world.particles[i as usize].set_jostled(true);
         world.particles[j as usize].set_jostled(true);
     }
-    Ok(Contact {
-        pair: [i, j],
-        now: world.clock.time(time),
-        distance,
-        normal: n,
-        place: ri + n * a.radius,
-        impact,
-        velocities: [wi, wj],
-        inverse_masses: [a.inverse_mass, b.inverse_mass],
-    })
-}
-
-/// Two particles collide at `time`, and it is booked.
-#[inline(always)]
-pub(crate) fn collision<F: Features, const EVENTS: bool>(
-    state: &mut State,
-    i: u32,
-    j: u32,
-    time: i64,
-    observer: &mut dyn Observer,
-) -> Result<(), EngineError> {
+    let now = world.clock.time(time);
     if F::GRAVITY {
-        end_early::<EVENTS>(state, i.min(j), time, observer);
-        end_early::<EVENTS>(state, i.max(j), time, observer);
-    }
-    let contact = collide::<F>(&mut state.world, i, j, time)?;
-    if F::GRAVITY {
-        let [i, j] = contact.pair;
         keep_support(state, i, time);
         keep_support(state, j, time);
     }
-    let Contact { now, distance, normal, impact, velocities: [wi, wj], inverse_masses, .. } = contact;
+
     let book = &mut state.book;
-    // A hop of what rests on each other takes no energy but gives some.
-    let loss = if F::REST { impact.energy_loss.max(0.0) } else { impact.energy_loss };
-    book.add_collision(now, impact.impulse * distance, loss, impact.carnot_energy);
-    if F::REST {
-        book.rest.add(impact.energy_loss.min(0.0));
-    }
+    book.add_collision(impact.impulse * distance);
+    book_losses::<F>(book, now, &impact);
     if !F::UNIFORM {
         // The impulse on i is −J n, on j +J n.
-        if inverse_masses[0] == 0.0 {
-            book.add_impulse(normal * impact.impulse);
-            book.add_work(now, work_of_moving_body(impact.impulse, -normal, wi));
-        } else if inverse_masses[1] == 0.0 {
-            book.add_impulse(normal * -impact.impulse);
-            book.add_work(now, work_of_moving_body(impact.impulse, normal, wj));
+        if a.inverse_mass == 0.0 {
+            book.add_impulse(n * impact.impulse);
+            book.add_work(now, work_of_moving_body(impact.impulse, -n, wi));
+        } else if b.inverse_mass == 0.0 {
+            book.add_impulse(n * -impact.impulse);
+            book.add_work(now, work_of_moving_body(impact.impulse, n, wj));
         }
     }
     if EVENTS {
-        observer.event(&contact.row(&state.world));
+        let contact = state.world.wrap(ri + n * a.radius).0;
+        observer.event(&row(now, EventKind::Collision, [i, j], &impact, n, contact));
     }
     Ok(())
 }
@@ -213,8 +182,12 @@ pub(crate) fn wall<F: Features, const EVENTS: bool>(
         end_early::<EVENTS>(state, i, time, observer);
     }
     let world = &mut state.world;
-    let (position, velocity) = world.flight::<F>(i, time);
+    let (mut position, velocity) = world.flight::<F>(i, time);
     let class = *world.class(i);
+    if F::GRAVITY {
+        let (gap, _) = world.wall_approach(wall, class.radius, position, velocity, time);
+        position += world.walls[wall as usize].normal * sunk(-gap, position.abs(), class.radius);
+    }
     let before = if F::GRAVITY { (world.support(i), world.acceleration(i)) } else { Default::default() };
     let (inward, wall_velocity) = (world.walls[wall as usize].normal, world.walls[wall as usize].velocity);
     let n = -inward;
@@ -239,11 +212,7 @@ pub(crate) fn wall<F: Features, const EVENTS: bool>(
     let now = world.clock.time(time);
     let book = &mut state.book;
     book.counters.wall_collisions += 1;
-    let loss = if F::REST { impact.energy_loss.max(0.0) } else { impact.energy_loss };
-    book.add_losses(now, loss, impact.carnot_energy);
-    if F::REST {
-        book.rest.add(impact.energy_loss.min(0.0));
-    }
+    book_losses::<F>(book, now, &impact);
     book.add_impulse(n * -impact.impulse);
     if wall_velocity != DVec3::ZERO {
         book.add_work(now, work_of_moving_body(impact.impulse, n, wall_velocity));
@@ -421,5 +390,27 @@ fn row(
         carnot_energy: impact.carnot_energy,
         normal,
         position,
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Rounding may bring bodies to their contact when they already part: the law of rest must not pull them back.
+    #[test]
+    fn bodies_that_part_are_not_pulled_together() {
+        let e = 0.5;
+        for speed in [-1e-17, -0.0, 0.0] {
+            let velocities = [DVec3::new(speed, 0.3, 0.0), DVec3::ZERO];
+            for parting in [e * speed, 0.0] {
+                let (wi, wj, impact) = meet(velocities, [1.0, 1.0], DVec3::X, e, speed, parting);
+                assert_eq!(([wi, wj], impact.impulse), (velocities, 0.0), "{speed}, {parting}");
+            }
+            // What gravity presses together hops.
+            let (wi, wj, impact) = meet(velocities, [1.0, 1.0], DVec3::X, e, speed, 0.25);
+            assert_eq!(wj.x - wi.x, 0.25);
+            assert!(impact.impulse > 0.0 && impact.energy_loss < 0.0, "{impact:?}");
+        }
     }
 }

@@ -332,11 +332,7 @@ impl Simulation {
         let world = &mut self.state.world;
         for i in 0..world.particles.len() as u32 {
             let (position, velocity) = world.state(i, world.now);
-            let particle = &mut world.particles[i as usize];
-            particle.position = position;
-            particle.velocity = -velocity;
-            particle.time = world.now;
-            particle.count = particle.count.wrapping_add(1);
+            world.particles[i as usize].set_anchor(position, -velocity, world.now);
             world.wrap_anchor(i);
         }
         self.rebuild();

@@ -309,6 +309,86 @@ fn the_tc_model_makes_repeated_contacts_elastic() {
     }
 }
 
+/// Rounding errs the same way in bounces that are alike. Walls, level or tilted, at rest or moving, a corner of walls, and a driven
+/// sphere: a grain that bounces on them for ever, on its own or within the contact duration, never sinks into them.
+#[test]
+fn bounces_without_end_do_not_sink() {
+    let mut random = Random(5);
+    let (tilted, other) = (DVec3::new(0.3, 0.1, 1.0).normalize(), DVec3::new(-0.7, 0.2, 1.0).normalize());
+    let third = DVec3::new(0.1, -0.8, 1.0).normalize();
+    for (e, tc) in [(1.0, 0.0), (0.5, 0.1), (0.9, 1e-3), (0.9, 1e-9)] {
+        for (normals, speed) in [
+            (vec![tilted], 0.0),
+            (vec![DVec3::Z], 1e-3),
+            (vec![DVec3::Z], -1e-3),
+            (vec![tilted, other, third], 1e-3),
+            (vec![], 1e-3),
+        ] {
+            let mut scene = system(Dimension::Three, DVec3::ONE, [Boundary::Open; 3]);
+            let (radius, height) = (random.uniform(0.1, 1.0), random.uniform(0.5, 1.5));
+            let grain = class(&mut scene, radius, 2.0);
+            // A single wall has gravity along its normal, so that the grain stays where it is.
+            let up = if normals.len() == 1 { normals[0] } else { DVec3::Z };
+            scene.domain.gravity = -up;
+            let velocity = up * speed;
+            for &normal in &normals {
+                scene.walls.push(Wall { name: "floor".into(), point: DVec3::ZERO, normal, velocity });
+                scene.contacts.wall.push(Restitution::Constant(1.0));
+            }
+            let mut clear = radius;
+            if normals.is_empty() {
+                let driven = class(&mut scene, 0.5, f64::INFINITY);
+                add(&mut scene, driven, DVec3::ZERO, velocity);
+                clear += 0.5;
+            }
+            set_restitution(&mut scene, e);
+            scene.contacts.tc = tc;
+            let clear = normals.iter().map(|n| clear / n.dot(up)).fold(clear, f64::max);
+            add(&mut scene, grain, up * (clear + height), DVec3::ZERO);
+            let mut simulation = start(scene);
+            let mut stop = Stop::Slice;
+            for _ in 0..10 {
+                stop = simulation.advance(Until { entries: 2000, ..Until::default() }, &mut Silent).unwrap();
+                let place = simulation.frame().position[usize::from(normals.is_empty())];
+                let depth = simulation.measure_overlap().depth * radius;
+                let allowed = 8.0 * f64::EPSILON * (place.abs().max_element() + radius + 0.5);
+                assert!(
+                    depth <= allowed,
+                    "e = {e}, tc = {tc}, {normals:?} at {speed}: {depth:e}, allowed {allowed:e}"
+                );
+            }
+            let counters = simulation.counters();
+            let bounces = counters.collisions + counters.wall_collisions;
+            assert!(stop == Stop::Rest || bounces > 10_000, "{stop:?}, {counters:?}");
+            let residual = simulation.ledger().residual;
+            assert!(
+                residual.abs() < 20_000.0 * f64::EPSILON,
+                "e = {e}, tc = {tc}, {normals:?}: {residual:e}"
+            );
+        }
+    }
+}
+
+/// Where gravity is all but along a tilted normal, it is its rounding that slides a ball that has come to rest, or lets it fall into the
+/// floor.
+#[test]
+fn a_ball_at_rest_on_a_tilted_plane_stays_on_it() {
+    for slope in [0.0, 1e-3] {
+        let normal = DVec3::new(0.3, 0.1, 1.0).normalize();
+        let mut scene = system(Dimension::Three, DVec3::ONE, [Boundary::Open; 3]);
+        scene.domain.gravity = -(normal + DVec3::X * slope).normalize();
+        scene.walls.push(Wall { name: "floor".into(), point: DVec3::ZERO, normal, velocity: DVec3::ZERO });
+        scene.contacts.wall.push(Restitution::Constant(0.5));
+        let ball = class(&mut scene, 0.5, 1.0);
+        add(&mut scene, ball, normal * 0.75, DVec3::ZERO);
+        let mut simulation = start(scene);
+        simulation.advance(Until { time: 1e6, ..Until::default() }, &mut Silent).unwrap();
+        let depth = simulation.measure_overlap().depth * 0.5;
+        let path = simulation.frame().position[0].abs().max_element();
+        assert!(depth <= 8.0 * f64::EPSILON * path, "slope {slope}: {depth:e} after {path}");
+    }
+}
+
 /// One ball above another on a floor, not put to rest: between them and the floor, infinitely many impacts in finite time.
 #[test]
 fn an_inelastic_collapse_is_reported_not_endured() {

@@ -65,8 +65,7 @@ pub(super) fn unwedge(
         let energy = 0.5 * mass * (before - after).dot(before + after);
         book(state, i, mass * (before - after), energy, thresholds, observer);
         let particle = &mut state.world.particles[i as usize];
-        (particle.position, particle.velocity, particle.time) = (position, after, now);
-        particle.count = particle.count.wrapping_add(1);
+        particle.set_anchor(position, after, now);
         particle.set_jostled(true);
         resolve::keep_support(state, i, now);
         changed.push(i);

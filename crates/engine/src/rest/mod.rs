@@ -138,17 +138,17 @@ impl Heap {
     }
 
     /// Whether the census that is due has something to look at, with these events so far and grains not at rest.
-    fn is_worth_it(&mut self, events: u64, free: usize) -> bool {
-        self.waited += 1;
-        let jammed = std::mem::take(&mut self.is_jammed);
-        let first = self.events == u64::MAX || jammed;
+    fn is_worth_it(&self, events: u64, free: usize) -> bool {
+        let first = self.events == u64::MAX || self.is_jammed;
         let new = events.wrapping_sub(self.events);
-        let enough = new as f64 >= EVENTS_PER_GRAIN * free as f64 || self.waited >= PATIENCE;
-        if first || (new > 0 && enough) {
-            (self.events, self.waited) = (events, 0);
-            return true;
-        }
-        false
+        let enough = new as f64 >= EVENTS_PER_GRAIN * free as f64 || self.waited + 1 >= PATIENCE;
+        first || (new > 0 && enough)
+    }
+
+    /// The census that was due, with these events so far, has been taken or put off.
+    fn after_census(&mut self, events: u64, taken: bool) {
+        self.is_jammed = false;
+        (self.events, self.waited) = if taken { (events, 0) } else { (self.events, self.waited + 1) };
     }
 }
 

@@ -22,7 +22,9 @@ pub(crate) fn census(state: &mut State, geometry: &Geometry, observer: &mut dyn 
     let happened = events(state);
     let stopped =
         if state.heap.is_jammed { unwedge(state, geometry, &thresholds, observer) } else { Vec::new() };
-    if !state.heap.is_worth_it(happened, free) {
+    let worth_it = state.heap.is_worth_it(happened, free);
+    state.heap.after_census(happened, worth_it);
+    if !worth_it {
         return stopped;
     }
     let world = &state.world;
