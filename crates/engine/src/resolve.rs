@@ -198,7 +198,7 @@ pub(crate) fn wall<F: Features, const EVENTS: bool>(
     // As for two spheres: a tilted normal is a unit vector only to rounding, and always off the same way.
     let (after, _, impact) = if F::REST {
         let pull = world.acceleration(i).dot(n);
-        among_grains = rest::is_among_grains(world, i, speed, pull, time);
+        among_grains = rest::is_among_grains(world, i, wall, speed, pull, time);
         let parting = if among_grains { rest::parting(world, e, speed, pull, true) } else { e * speed };
         meet([velocity, wall_velocity], [class.inverse_mass, 0.0], n, e, speed, parting)
     } else {

@@ -21,12 +21,14 @@ pub(crate) fn is_one_of_many(world: &World, pair: [u32; 2], time: i64) -> bool {
 }
 
 /// Whether the contact of particle i with a wall is one of many: its last one, a short while before `time`, was with a grain, or one of
-/// many. A grain that has come back from this wall undisturbed is alone with it.
-pub(crate) fn is_among_grains(world: &World, i: u32, speed: f64, pull: f64, time: i64) -> bool {
+/// many. A grain that has come back from this wall undisturbed is alone with it, unless the wall moves: on that no series of bounces is
+/// completed in closed form.
+pub(crate) fn is_among_grains(world: &World, i: u32, wall: u32, speed: f64, pull: f64, time: i64) -> bool {
     let Some(thresholds) = &world.thresholds else { return false };
-    world.particles[i as usize].is_jostled()
-        && is_soon(world, thresholds, i, time)
-        && world.age(i, time) * pull < 2.0 * speed * UNDISTURBED
+    let moves = world.walls[wall as usize].velocity != DVec3::ZERO;
+    let jostled =
+        world.particles[i as usize].is_jostled() && world.age(i, time) * pull < 2.0 * speed * UNDISTURBED;
+    is_soon(world, thresholds, i, time) && (moves || jostled)
 }
 
 /// The speed at which two bodies part that approach at `speed`, where the law says `e`.
