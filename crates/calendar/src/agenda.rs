@@ -6,7 +6,7 @@ order in which they will be taken. Events that arrive later wait in lists, one p
 comes soon can be [seen](Agenda::soon) beforehand.
 */
 
-use crate::Event;
+use crate::{Event, few::sort_to};
 
 /// Events per bucket that the width is chosen for: the sort of a run stays within two cache lines or three.
 const TARGET: usize = 4;
@@ -29,6 +29,8 @@ pub struct Agenda<E: Event> {
     nodes: Vec<(E, u32)>,
     /// The last bucket that the run holds, −1 before the first.
     current: i64,
+    /// Those of a bucket, before they are sorted.
+    unsorted: Vec<E>,
     /// The next events in their order, from `head` on.
     run: Vec<E>,
     head: usize,
@@ -47,6 +49,7 @@ impl<E: Event> Default for Agenda<E> {
             heads: Vec::new(),
             nodes: Vec::new(),
             current: -1,
+            unsorted: Vec::new(),
             run: Vec::new(),
             head: 0,
             lead: 1,
@@ -152,25 +155,30 @@ impl<E: Event> Agenda<E> {
     }
 
     /// Lengthens the run by the next buckets, until it holds as many as it shall or all.
-    #[inline(never)]
+    #[inline(always)]
     fn lengthen(&mut self) {
         if self.head >= TAKEN {
             self.run.drain(..self.head);
             self.head = 0;
         }
         while self.run.len() < self.head + self.lead && self.run.len() - self.head < self.len {
-            let start = self.run.len();
             self.current += 1;
             let bucket = self.current as usize;
             let first = if bucket == 0 { 0 } else { self.ends[bucket - 1] };
-            self.run.extend_from_slice(&self.known[first as usize..self.ends[bucket] as usize]);
+            let known = &self.known[first as usize..self.ends[bucket] as usize];
+            self.unsorted.clear();
+            self.unsorted.extend_from_slice(known);
             let mut node = self.heads[bucket];
             while node != NONE {
                 let (event, next) = self.nodes[node as usize];
-                self.run.push(event);
+                self.unsorted.push(event);
                 node = next;
             }
-            self.run[start..].sort_unstable();
+            if let Some(&any) = self.unsorted.first() {
+                let start = self.run.len();
+                self.run.resize(start + self.unsorted.len(), any);
+                sort_to(&self.unsorted, &mut self.run[start..]);
+            }
         }
     }
 

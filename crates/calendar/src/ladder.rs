@@ -17,7 +17,7 @@ otherwise. So each event is touched three times, twice by an append. The fine wi
 
 use std::{cmp::Reverse, collections::BinaryHeap, mem};
 
-use crate::{Calendar, Event};
+use crate::{Calendar, Event, few::sort_times_to};
 
 /// Events per fine bucket that the width is tuned for: the sort stays within two cache lines of 24-byte events
 /// and the scan over empty buckets stays short.
@@ -146,6 +146,7 @@ impl<E: Event> Ladder<E> {
     }
 
     /// Adds the next non-empty fine bucket to the run. False if no bucket has any.
+    #[inline(always)]
     fn advance(&mut self) -> bool {
         if self.len == self.run.len() + self.late.len() {
             return false;
@@ -158,13 +159,12 @@ impl<E: Event> Ladder<E> {
                 let slot = (self.fine_now & ((1 << self.fine_bits) - 1)) as usize;
                 let bucket = &mut self.fine[slot];
                 if !bucket.is_empty() {
-                    bucket.sort_unstable_by(|a, b| b.cmp(a));
-                    if !self.run.is_empty() {
-                        // All that the run holds comes before.
-                        bucket.extend_from_slice(&self.run);
-                        self.run.clear();
-                    }
-                    mem::swap(&mut self.run, bucket);
+                    // All that the run holds comes before, so it stands behind.
+                    let (held, more) = (self.run.len(), bucket.len());
+                    self.run.resize(held + more, bucket[0]);
+                    self.run.copy_within(..held, more);
+                    sort_times_to(bucket, &mut self.run[..more], self.fine_now << self.shift);
+                    bucket.clear();
                     return true;
                 }
             }
@@ -206,6 +206,7 @@ impl<E: Event> Ladder<E> {
     }
 
     /// Moves the next non-empty coarse bucket down into the fine ones.
+    #[inline(never)]
     fn next_coarse(&mut self) {
         loop {
             let end = (self.year_now + 1) << self.coarse_bits;
@@ -286,6 +287,7 @@ impl<E: Event> Calendar<E> for Ladder<E> {
         self.place(event);
     }
 
+    #[inline(always)]
     fn pop_until(&mut self, limit: i64) -> Option<E> {
         if self.taken >= self.patience {
             self.review();

@@ -1,8 +1,8 @@
 /*!
 Event calendars: priority queues of events in integer time.
 
-A [`Calendar`] hands out events in their total order, [`Ord`], the first key of which is [`Event::time`] in integer
-ticks. It knows no physics: events that have become void stay in it until they surface, and the caller
+A [`Calendar`] hands out events in the order of [`Event::time`], in integer ticks; those of one time in any order, which is the same
+whenever it has been used in the same way. It knows no physics: events that have become void stay in it until they surface, and the caller
 drops them then.
 
 [`Ladder`] is the calendar for production, [`Agenda`] that of a single window of time, [`Heap`] their plain twin; every test
@@ -10,6 +10,7 @@ drives them side by side.
 */
 
 mod agenda;
+mod few;
 mod heap;
 mod ladder;
 
@@ -29,11 +30,11 @@ pub trait Calendar<E: Event> {
     fn with_capacity(events: usize) -> Self;
     /// Adds an event; it may lie before the last one taken.
     fn push(&mut self, event: E);
-    /// Takes the least event if its time is at most `limit`.
+    /// Takes the first event if its time is at most `limit`.
     fn pop_until(&mut self, limit: i64) -> Option<E>;
-    /// The least event.
+    /// The first event.
     fn peek(&mut self) -> Option<&E>;
-    /// Time of the least event.
+    /// Time of the first event.
     fn next_time(&mut self) -> Option<i64> {
         self.peek().map(Event::time)
     }
