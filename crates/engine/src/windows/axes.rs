@@ -162,9 +162,11 @@ impl Axes {
     pub fn cells(&self, places: [f32; 4]) -> [i32; 4] {
         let mut cells = [0; 4];
         for k in 0..4 {
-            let place = places[k].max(self.low[k]).min(self.high[k]).floor();
-            // SAFETY: the bounds are small numbers, and `max` and `min` leave no NaN.
-            cells[k] = unsafe { place.to_int_unchecked::<i32>() };
+            // One instruction each, as `max` and `min` are not: those care for NaN, of which here comparisons make the lower bound.
+            let place = if places[k] > self.low[k] { places[k] } else { self.low[k] };
+            let place = if place < self.high[k] { place } else { self.high[k] };
+            // SAFETY: the bounds are small numbers, and no NaN is left.
+            cells[k] = unsafe { place.floor().to_int_unchecked::<i32>() };
         }
         cells
     }
@@ -174,9 +176,10 @@ impl Axes {
     pub fn fold(&self, cells: [i32; 4]) -> [i32; 4] {
         let mut folded = [0; 4];
         for k in 0..4 {
+            // By their signs, so that it is done for all axes at once.
             let (c, n) = (cells[k], self.n[k]);
-            let c = if c < 0 { c + n } else { c };
-            folded[k] = if c >= n { c - n } else { c };
+            let c = c + (n & (c >> 31));
+            folded[k] = c - (n & ((n - 1 - c) >> 31));
         }
         folded
     }

@@ -304,8 +304,10 @@ impl Cells {
                 }
                 candidates.blocks += steps.len() as u64;
                 for &Step { inside, .. } in steps {
-                    // SAFETY: as above.
-                    links |= unsafe { candidates.push(&self.blocks[first + inside as usize], true) };
+                    let cell = first + inside as usize;
+                    debug_assert!(cell < self.count);
+                    // SAFETY: as above; nothing of the block of cells is outside the grid.
+                    links |= unsafe { candidates.push(self.blocks.get_unchecked(cell), true) };
                 }
             }
         }
@@ -425,8 +427,8 @@ impl PathBox {
         let (mut low, mut high) = ([0.0; 4], [0.0; 4]);
         for k in 0..4 {
             let way = v[k] * part * axes.cells[k];
-            low[k] = place[k] + way.min(0.0);
-            high[k] = place[k] + way.max(0.0);
+            low[k] = place[k] + if way < 0.0 { way } else { 0.0 };
+            high[k] = place[k] + if way > 0.0 { way } else { 0.0 };
         }
         Self { low, high }
     }

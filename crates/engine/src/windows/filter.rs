@@ -83,16 +83,25 @@ impl Scratch {
     #[cfg(target_arch = "x86_64")]
     #[inline(always)]
     fn collect(&mut self, vectors: usize) {
-        let Self { candidates, masks, hits, .. } = self;
+        let Self { candidates: Candidates { slots, owner, .. }, masks, hits, .. } = self;
+        let (slots, owner) = (&slots[..vectors * LANES], &owner[..vectors]);
+        hits.reserve(slots.len());
+        let (to, mut count) = (hits.as_mut_ptr(), hits.len());
         for (word, bytes) in masks[..vectors.next_multiple_of(LANES)].chunks_exact(LANES).enumerate() {
             let mut bits = bytes.iter().rev().fold(0_u64, |bits, &byte| bits << 8 | u64::from(byte));
-            hits.reserve(64);
             while bits != 0 {
                 let k = word * 64 + bits.trailing_zeros() as usize;
                 bits &= bits - 1;
-                hits.push((candidates.owner[k / LANES], candidates.slots[k]));
+                debug_assert!(k < slots.len() && count < hits.capacity());
+                // SAFETY: no vector beyond those counted has a bit, and there is room for a hit of every slot.
+                unsafe {
+                    to.add(count).write((*owner.get_unchecked(k / LANES), *slots.get_unchecked(k)));
+                }
+                count += 1;
             }
         }
+        // SAFETY: so many have been written.
+        unsafe { hits.set_len(count) };
     }
 }
 
