@@ -158,11 +158,35 @@ impl Choice {
         if Thresholds::of(system).is_some() {
             return self.compile_for_rest(geometry);
         }
-        match (system.domain.gravity != DVec3::ZERO, census.uniform) {
+        let gravity = system.domain.gravity != DVec3::ZERO;
+        if !gravity
+            && census.uniform
+            && system.contacts.are_elastic()
+            && let Some(engine) = self.compile_for_elastic(system, geometry)
+        {
+            return engine;
+        }
+        match (gravity, census.uniform) {
             (false, false) => machine!(false, false),
             (false, true) => machine!(false, true),
             (true, false) => machine!(true, false),
             (true, true) => machine!(true, true),
+        }
+    }
+
+    /// The engine for the elastic fluid of one size: there are some for the fastest searches.
+    fn compile_for_elastic(&self, system: &System, geometry: &Geometry) -> Option<Box<dyn Engine>> {
+        type Elastic = With<false, true, false, true>;
+        let Self { census, kernel, crowd, .. } = self;
+        match self.neighbors {
+            NeighborChoice::Windows => {
+                Some(Box::new(Windows::<Elastic>::new(geometry, *kernel, system, census, crowd)))
+            }
+            NeighborChoice::Lists => {
+                let engine = Nearby::<Elastic>::new(geometry, *kernel, system, census, crowd)?;
+                Some(Box::new(engine))
+            }
+            NeighborChoice::Auto | NeighborChoice::Cells | NeighborChoice::AllPairs => None,
         }
     }
 

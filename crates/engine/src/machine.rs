@@ -3,7 +3,7 @@
 use std::{collections::BTreeMap, marker::PhantomData};
 
 use haff_calendar::{Calendar, Ladder};
-use haff_neighbors::{Geometry, Search, prefetch};
+use haff_neighbors::{Geometry, Search, prefetch_at};
 use rayon::prelude::*;
 
 use crate::{
@@ -28,15 +28,25 @@ pub(crate) trait Features: Send + Sync + 'static {
     const UNIFORM: bool;
     /// Grains may be put to rest; never where they are `UNIFORM`, as those at rest count as of infinite mass.
     const REST: bool;
+    /// No contact loses energy: all laws are e = 1.
+    const ELASTIC: bool;
 }
 
 /// A combination of features.
-pub(crate) struct With<const GRAVITY: bool, const UNIFORM: bool, const REST: bool = false>;
+pub(crate) struct With<
+    const GRAVITY: bool,
+    const UNIFORM: bool,
+    const REST: bool = false,
+    const ELASTIC: bool = false,
+>;
 
-impl<const GRAVITY: bool, const UNIFORM: bool, const REST: bool> Features for With<GRAVITY, UNIFORM, REST> {
+impl<const GRAVITY: bool, const UNIFORM: bool, const REST: bool, const ELASTIC: bool> Features
+    for With<GRAVITY, UNIFORM, REST, ELASTIC>
+{
     const GRAVITY: bool = GRAVITY;
     const UNIFORM: bool = UNIFORM;
     const REST: bool = REST;
+    const ELASTIC: bool = ELASTIC;
 }
 
 /// A completed series of bounces, up to its end.
@@ -159,17 +169,17 @@ impl<F: Features, S: Search + 'static> Prophet for Sight<F, S> {
             return;
         }
         if let Some(entry) = calendar.upcoming(FAR_AHEAD) {
-            prefetch(&state.world.particles[entry.owner as usize]);
+            prefetch_at(&state.world.particles, entry.owner as usize);
             self.search.prefetch(entry.owner);
             if let Kind::Collision(j) = entry.target.kind() {
-                prefetch(&state.world.particles[j as usize]);
+                prefetch_at(&state.world.particles, j as usize);
                 self.search.prefetch(j);
             }
         }
         if let Some(entry) = calendar.upcoming(NEARLY_DUE) {
             let neighbors = |i: u32| {
                 for entry in self.search.packed(i).unwrap_or_default() {
-                    prefetch(&state.world.particles[entry.id() as usize]);
+                    prefetch_at(&state.world.particles, entry.id() as usize);
                 }
             };
             neighbors(entry.owner);

@@ -104,6 +104,14 @@ pub struct Contacts {
     pub rest_speed: f64,
 }
 
+impl Contacts {
+    /// Whether no contact ever loses energy.
+    #[must_use]
+    pub fn are_elastic(&self) -> bool {
+        self.pair.iter().chain(&self.wall).all(|&law| law == Restitution::Constant(1.0))
+    }
+}
+
 /// Everything the engine needs to know, already validated.
 #[derive(Debug, Clone, PartialEq)]
 pub struct System {

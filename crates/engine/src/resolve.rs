@@ -24,13 +24,16 @@ const SUNK: f64 = 2.0 * f64::EPSILON;
 
 /// Restitution of a contact now, or 1 within the contact duration of the TC model.
 #[inline(always)]
-fn coefficient(
+fn coefficient<F: Features>(
     world: &World,
     law: Restitution,
     speed: f64,
     time: i64,
     bodies: [(u32, &ClassData); 2],
 ) -> f64 {
+    if F::ELASTIC {
+        return 1.0;
+    }
     if world.tc > 0.0 {
         let recent = bodies.iter().any(|&(i, class)| {
             class.inverse_mass != 0.0
@@ -84,6 +87,10 @@ fn meet(
 /// Books what an impact at `now` takes. A hop of what rests on each other takes no energy but gives some.
 #[inline(always)]
 fn book_losses<F: Features>(book: &mut Book, now: f64, impact: &Impact) {
+    if F::ELASTIC {
+        book.carnot.add(impact.carnot_energy);
+        return;
+    }
     let taken = if F::REST { impact.energy_loss.max(0.0) } else { impact.energy_loss };
     book.add_losses(now, taken, impact.carnot_energy);
     if F::REST {
@@ -123,7 +130,7 @@ pub(crate) fn collision<F: Features, const EVENTS: bool>(
     }
     let law = world.pair_law(&a, &b);
     let speed = (wi - wj).dot(r) / distance;
-    let e = coefficient(world, law, speed, time, [(i, &a), (j, &b)]);
+    let e = coefficient::<F>(world, law, speed, time, [(i, &a), (j, &b)]);
     let bodies = [a.inverse_mass, b.inverse_mass];
     let (ui, uj, impact) = if F::REST {
         let pull = (world.acceleration(i) - world.acceleration(j)).dot(n);
@@ -193,7 +200,7 @@ pub(crate) fn wall<F: Features, const EVENTS: bool>(
     let n = -inward;
     let law = world.wall_law(&class, wall);
     let speed = haff_mechanics::approach_speed(velocity, wall_velocity, n);
-    let e = coefficient(world, law, speed, time, [(i, &class), (i, &class)]);
+    let e = coefficient::<F>(world, law, speed, time, [(i, &class), (i, &class)]);
     let mut among_grains = false;
     // As for two spheres: a tilted normal is a unit vector only to rounding, and always off the same way.
     let (after, _, impact) = if F::REST {

@@ -38,7 +38,9 @@ fn has_windows(system: &System) -> bool {
 }
 
 fn assert_twins(name: &str, system: &System, until: Until) -> usize {
-    let (reference, hash, _) = run(system, options(NeighborChoice::AllPairs, SimdChoice::Portable), until);
+    let (reference, hash, mut plain) =
+        run(system, options(NeighborChoice::AllPairs, SimdChoice::Portable), until);
+    let sample = format!("{:?}", plain.sample());
     let mut choices = vec![
         options(NeighborChoice::Cells, SimdChoice::Portable),
         options(NeighborChoice::Cells, SimdChoice::Auto),
@@ -62,6 +64,11 @@ fn assert_twins(name: &str, system: &System, until: Until) -> usize {
         }
         assert_eq!(reference.0.len(), log.0.len(), "{name}, {choice:?}: number of events");
         assert_eq!(hash, other, "{name}, {choice:?}: state hash");
+        assert_eq!(
+            sample,
+            format!("{:?}", simulation.sample()),
+            "{name}, {choice:?}: observables and ledger"
+        );
         simulation.validate(1e-12).unwrap_or_else(|error| panic!("{name}, {choice:?}: {error}"));
     }
     reference.0.len()

@@ -145,7 +145,7 @@ pub fn resolve_pair(
 /// let (u1, u2, _) = resolve_contact(w1, w2, 1.0, 1.0, DVec3::X * 0.125, 0.5);
 /// assert_eq!((u1, u2), (DVec3::new(0.0, 10.0, 0.0), DVec3::new(20.0, -30.0, 0.0)));
 /// ```
-#[inline]
+#[inline(always)]
 #[must_use]
 pub fn resolve_contact(
     w1: DVec3,

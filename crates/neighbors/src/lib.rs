@@ -28,7 +28,7 @@ pub use all_pairs::AllPairs;
 pub use cells::Cells;
 pub use geometry::{Axis, Geometry, Plane};
 pub use lists::Lists;
-pub use memory::{prefetch, roomy};
+pub use memory::{prefetch, prefetch_at, roomy};
 pub use packed::{Offsets, Packed};
 
 use glam::DVec3;

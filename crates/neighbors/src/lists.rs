@@ -6,7 +6,7 @@ use rayon::prelude::*;
 use crate::{
     Axis, Flight, Geometry, Offsets, Packed, Search, Shift, Transfer,
     bins::{Bins, Point},
-    memory::{prefetch, roomy},
+    memory::{prefetch_at, roomy},
     shell::{half_skin, words_per_list},
     walls::WallTable,
 };
@@ -390,10 +390,10 @@ impl Search for Lists {
     #[inline(always)]
     fn prefetch(&self, i: u32) {
         let place = self.place(i);
-        prefetch(&self.words[place]);
-        prefetch(&self.words[place + self.stride / 2]);
-        prefetch(&self.words[place + self.stride - 1]);
-        prefetch(&self.bins.points[i as usize]);
+        prefetch_at(&self.words, place);
+        prefetch_at(&self.words, place + self.stride / 2);
+        prefetch_at(&self.words, place + self.stride - 1);
+        prefetch_at(&self.bins.points, i as usize);
     }
 
     #[inline(always)]

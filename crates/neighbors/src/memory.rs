@@ -30,11 +30,22 @@ pub fn roomy<T>(capacity: usize) -> Vec<T> {
 /// benchmark record; on other processors than x86-64 it is nothing at all.
 #[inline(always)]
 pub fn prefetch<T>(place: &T) {
+    prefetch_address(place);
+}
+
+/// [`prefetch`] of an element, whether there is one or not: nobody has to look whether the index is within bounds.
+#[inline(always)]
+pub fn prefetch_at<T>(elements: &[T], index: usize) {
+    prefetch_address(elements.as_ptr().wrapping_add(index));
+}
+
+#[inline(always)]
+fn prefetch_address<T>(place: *const T) {
     #[cfg(target_arch = "x86_64")]
-    // SAFETY: a prefetch reads nothing that the program could see and cannot fault; SSE is part of x86-64.
+    // SAFETY: a prefetch reads nothing that the program could see and cannot fault at any address; SSE is part of x86-64.
     unsafe {
         use std::arch::x86_64::{_MM_HINT_T0, _mm_prefetch};
-        _mm_prefetch::<_MM_HINT_T0>(std::ptr::from_ref(place).cast());
+        _mm_prefetch::<_MM_HINT_T0>(place.cast());
     }
     #[cfg(not(target_arch = "x86_64"))]
     let _ = place;

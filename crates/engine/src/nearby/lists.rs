@@ -9,7 +9,7 @@ Who is near whom is decided by integer differences, so no periodic image is ever
 wrapped into the box.
 */
 
-use haff_neighbors::{prefetch, roomy};
+use haff_neighbors::{prefetch_at, roomy};
 use rayon::prelude::*;
 
 use super::{Plan, bins::Bins, frame::Record};
@@ -120,9 +120,9 @@ impl Lists {
     #[inline(always)]
     pub fn prefetch(&self, i: u32) {
         let place = i as usize * self.stride;
-        prefetch(&self.words[place]);
-        prefetch(&self.words[place + self.stride - 1]);
-        prefetch(&self.centers[i as usize]);
+        prefetch_at(&self.words, place);
+        prefetch_at(&self.words, place + self.stride - 1);
+        prefetch_at(&self.centers, i as usize);
     }
 
     /// Where a particle is relative to its center [largest contact distances].
@@ -219,6 +219,7 @@ impl Lists {
     }
 
     /// Makes `new` the list of i, and puts right the lists of the partners lost and won.
+    #[inline(always)]
     fn replace(&mut self, i: u32, new: &[u32]) {
         let before = self.centers[i as usize].members as usize;
         let mut old = [0; MOST_WORDS];

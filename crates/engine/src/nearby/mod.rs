@@ -16,7 +16,7 @@ use std::marker::PhantomData;
 
 use glam::DVec3;
 use haff_calendar::{Calendar, Ladder};
-use haff_neighbors::{Axis, Geometry, prefetch, roomy};
+use haff_neighbors::{Axis, Geometry, prefetch_at, roomy};
 use rayon::prelude::*;
 
 use crate::{
@@ -465,8 +465,8 @@ impl<F: Features, const VECTORS: bool> Prophet for Seer<'_, F, VECTORS> {
         if let Some(entry) = calendar.upcoming(FAR_AHEAD) {
             let partner = if let Kind::Collision(j) = entry.target.kind() { j } else { entry.owner };
             for i in [entry.owner, partner] {
-                prefetch(&state.world.particles[i as usize]);
-                prefetch(&records[i as usize]);
+                prefetch_at(&state.world.particles, i as usize);
+                prefetch_at(records, i as usize);
                 lists.prefetch(i);
             }
         }
@@ -478,10 +478,8 @@ impl<F: Features, const VECTORS: bool> Prophet for Seer<'_, F, VECTORS> {
         {
             let neighbors = |i: u32| {
                 for &j in lists.of(i) {
-                    prefetch(&records[j as usize]);
-                    if let Some(anchor) = state.world.particles.get(j as usize) {
-                        prefetch(anchor);
-                    }
+                    prefetch_at(records, j as usize);
+                    prefetch_at(&state.world.particles, j as usize);
                 }
             };
             neighbors(entry.owner);

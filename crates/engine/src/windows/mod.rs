@@ -26,7 +26,7 @@ use std::marker::PhantomData;
 
 use glam::DVec3;
 use haff_calendar::Agenda;
-use haff_neighbors::{Geometry, prefetch};
+use haff_neighbors::{Geometry, prefetch, prefetch_at};
 
 use crate::{
     batch::Kernel,
@@ -293,15 +293,15 @@ impl<F: Features> Windows<F> {
     fn prefetch_soon(&self, world: &World) {
         if let Some((bodies, _)) = self.soon(PARTICLES) {
             for body in bodies {
-                prefetch(&world.particles[body as usize]);
-                prefetch(&self.slot_of[body as usize]);
+                prefetch_at(&world.particles, body as usize);
+                prefetch_at(&self.slot_of, body as usize);
             }
         }
         if let Some((bodies, _)) = self.soon(SLOTS) {
             for body in bodies {
                 let slot = self.slot_of[body as usize] as usize;
-                prefetch(&self.space.records[slot]);
-                prefetch(&self.space.anchors[slot]);
+                prefetch_at(&self.space.records, slot);
+                prefetch_at(&self.space.anchors, slot);
             }
         }
     }
@@ -326,9 +326,7 @@ impl<F: Features> Windows<F> {
         // Those of the event that was so far ahead `TURNS` events ago; others may have come between, which does no harm.
         cells.visit(&self.around[self.turn], |row| {
             for slot in row.into_iter().flat_map(Block::first) {
-                if let Some(record) = records.get(slot as usize) {
-                    prefetch(record);
-                }
+                prefetch_at(records, slot as usize);
             }
         });
     }

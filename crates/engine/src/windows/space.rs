@@ -9,7 +9,7 @@ use super::{
     exact,
     filter::{self, Probe, Record, Scratch},
 };
-use haff_neighbors::prefetch;
+use haff_neighbors::prefetch_at;
 use rayon::prelude::*;
 
 use crate::{
@@ -167,7 +167,7 @@ impl<F: Features> Space<F> {
         filter::search::<F, HALF, VECTORS>(records, cells, lowest, *common_radius, *wide, probes, scratch);
         scratch.work.exact += scratch.hits.len() as u64;
         for &(_, slot) in &scratch.hits {
-            prefetch(&self.anchors[slot as usize]);
+            prefetch_at(&self.anchors, slot as usize);
         }
         for &(search, slot) in &scratch.hits {
             let probe = &probes[search as usize];
