@@ -51,7 +51,8 @@ fn coefficient<F: Features>(
 /// this size resolve.
 ///
 /// A bounce under gravity returns to the level that it has set out from, and like bounces are rounded the same way each time: a million
-/// of them would be a million roundings deep. What sinking has taken of the potential energy, this gives back.
+/// of them would be a million roundings deep. What sinking has taken of the potential energy, this gives back. In a wedge there are as
+/// many without gravity, and ever shorter ones.
 #[inline(always)]
 fn sunk(depth: f64, coordinates: DVec3, reach: f64) -> f64 {
     if depth > SUNK * (coordinates.max_element() + reach) { depth } else { 0.0 }
@@ -120,7 +121,7 @@ pub(crate) fn collision<F: Features, const EVENTS: bool>(
     let distance = r.length();
     let n = r / distance;
     let (a, b) = (*world.class(i), *world.class(j));
-    if F::GRAVITY && !F::UNIFORM {
+    if !F::UNIFORM {
         let depth = sunk(a.radius + b.radius - distance, ri.abs().max(rj.abs()), a.radius + b.radius);
         if a.inverse_mass == 0.0 {
             rj += n * depth;
@@ -191,10 +192,8 @@ pub(crate) fn wall<F: Features, const EVENTS: bool>(
     let world = &mut state.world;
     let (mut position, velocity) = world.flight::<F>(i, time);
     let class = *world.class(i);
-    if F::GRAVITY {
-        let (gap, _) = world.wall_approach(wall, class.radius, position, velocity, time);
-        position += world.walls[wall as usize].normal * sunk(-gap, position.abs(), class.radius);
-    }
+    let (gap, _) = world.wall_approach(wall, class.radius, position, velocity, time);
+    position += world.walls[wall as usize].normal * sunk(-gap, position.abs(), class.radius);
     let before = if F::GRAVITY { (world.support(i), world.acceleration(i)) } else { Default::default() };
     let (inward, wall_velocity) = (world.walls[wall as usize].normal, world.walls[wall as usize].velocity);
     let n = -inward;

@@ -315,6 +315,20 @@ fn scenes_once_at_fault_keep_their_laws() {
             fast: false,
             seed: 7_128_820_349_724_052_757,
         },
+        // A grain between a wall and a ramp, both of e = 0, that touches one after the other until its speed is gone: it sank into both.
+        Recipe {
+            flat: false,
+            boundary: [1, 0, 2],
+            particles: 14,
+            species: 3,
+            restitution: 2,
+            gravity: false,
+            ramp: 2,
+            fixed: false,
+            tc: false,
+            fast: false,
+            seed: 9_776_165_189_665_064_590,
+        },
     ];
     for recipe in found {
         if let Err(error) = check(&recipe) {
