@@ -8,8 +8,8 @@ mod common;
 use common::{Log, Random, add, class, scatter, system};
 use glam::DVec3;
 use haff_engine::{
-    Boundary, Dimension, EngineError, EventKind, Group, NeighborChoice, Options, SimdChoice, Simulation,
-    Stop, System, Until, Wall,
+    Boundary, Dimension, EngineError, EventKind, EventRecord, Group, NeighborChoice, Options, SimdChoice,
+    Simulation, Stop, System, Until, Wall,
 };
 use haff_mechanics::Restitution;
 use proptest::prelude::*;
@@ -176,9 +176,19 @@ fn keeps_its_laws(
         prop_assert!(event.energy_loss >= -rounding, "gains energy: {:?}", event);
     }
     let reach = frame.position.iter().map(|x| x.abs().max_element()).fold(fastest * frame.time, f64::max);
-    let depth = simulation.measure_overlap().depth;
-    let allowed = f64::max(1e-12, 4.0 * f64::EPSILON * reach / (2.0 * least));
-    prop_assert!(depth <= allowed, "overlap {depth:e}, allowed {allowed:e}");
+    let overlap = simulation.measure_overlap();
+    // Each event rounds a coordinate by half an ulp, the same way each time where bounces are alike: a grain that bounces ten thousands
+    // of times on a wall, each time shorter than times resolve, lags behind those that fly on.
+    let met = |event: &&EventRecord| {
+        overlap.pair.is_some_and(|(i, j)| {
+            let is_one = |body| body == i || Some(body) == j;
+            is_one(event.i) || event.kind == EventKind::Collision && is_one(event.j)
+        })
+    };
+    let events = log.0.iter().filter(met).count() as f64;
+    let allowed = f64::max(1e-12, 4.0 * f64::EPSILON * reach / (2.0 * least))
+        + 0.5 * f64::EPSILON * events * reach / (2.0 * least);
+    prop_assert!(overlap.depth <= allowed, "overlap {:e}, allowed {allowed:e}", overlap.depth);
     let sample = simulation.sample();
     let pace: Vec<f64> = system
         .bodies
@@ -328,6 +338,20 @@ fn scenes_once_at_fault_keep_their_laws() {
             tc: false,
             fast: false,
             seed: 9_776_165_189_665_064_590,
+        },
+        // A grain between another one and a viscoelastic wall that it bounces on ever lower: ten thousands of roundings of its place.
+        Recipe {
+            flat: true,
+            boundary: [1, 1, 0],
+            particles: 24,
+            species: 3,
+            restitution: 5,
+            gravity: true,
+            ramp: 2,
+            fixed: false,
+            tc: false,
+            fast: false,
+            seed: 137_403_965_237_544_513,
         },
     ];
     for recipe in found {
