@@ -21,8 +21,10 @@ const ENTRIES: usize = 7;
 const SLACK: f32 = 2e-3;
 /// Cells per axis of the blocks of cells that searches have tables for.
 const TABLED: usize = 4;
-/// Cells per part of the grid that is filled in parallel, at least.
+/// Cells per part of the grid that is filled in parallel, at least, and parts at most, about: paths that leave a part are registered
+/// afterwards, one by one.
 const PART: usize = 4096;
+const PARTS: usize = 20;
 
 /// Up to seven entries, and what follows: the number of entries in three bits, the next block above.
 #[derive(Debug, Clone, Copy)]
@@ -203,7 +205,7 @@ impl Cells {
         self.blocks.truncate(self.count);
         let across = self.axes.n[0] as usize;
         let rows_in_all = self.count / across;
-        let deep = PART.div_ceil(across);
+        let deep = PART.max(self.count / PARTS).div_ceil(across);
         let mut parts = Vec::with_capacity(rows_in_all.div_ceil(deep));
         for (part, blocks) in self.blocks.chunks_mut(deep * across).enumerate() {
             let slots = rows[part * deep]..rows[((part + 1) * deep).min(rows_in_all)];
