@@ -16,30 +16,31 @@ const LANES: usize = 8;
 /// Copies events in their order to as many places, the earliest first.
 #[inline(always)]
 pub(crate) fn sort_to<E: Event>(events: &[E], places: &mut [E]) {
-    let counted = match events.len() {
-        0..=LANES => count::<E, 1, false>(events, places, |_, event| event.time()),
-        9..=FEW => count::<E, 2, false>(events, places, |_, event| event.time()),
-        _ => false,
-    };
-    if !counted {
-        sort_many(events, places);
-    }
+    sort_by::<E, false>(events, places, |_, event| event.time());
 }
 
-/// Copies events of a short span of time from `begin` on to as many places in the order of their times, the latest first; those of one
-/// time in any order.
+/// Copies events of a short span of time from `begin` on, below 2^58 ticks, to as many places in the order of their times, the latest first;
+/// those of one time in any order.
 #[inline(always)]
 pub(crate) fn sort_times_to<E: Event>(events: &[E], places: &mut [E], begin: i64) {
     // So that no two have the same.
-    let key = |k: i64, event: &E| (event.time() - begin) * FEW as i64 + k;
-    let counted = match events.len() {
-        0..=LANES => count::<E, 1, true>(events, places, key),
-        9..=FEW => count::<E, 2, true>(events, places, key),
-        _ => false,
+    sort_by::<E, true>(events, places, |k, event| (event.time() - begin) * FEW as i64 + k);
+}
+
+#[inline(always)]
+fn sort_by<E: Event, const REVERSED: bool>(events: &[E], places: &mut [E], key: impl Fn(i64, &E) -> i64) {
+    let counted = if events.len() <= LANES {
+        count::<E, 1, REVERSED>(events, places, key)
+    } else if events.len() <= FEW {
+        count::<E, { FEW / LANES }, REVERSED>(events, places, key)
+    } else {
+        false
     };
     if !counted {
         sort_many(events, places);
-        places.reverse();
+        if REVERSED {
+            places.reverse();
+        }
     }
 }
 
