@@ -167,7 +167,9 @@ impl World {
             let class = world.class(i);
             if class.inverse_mass != 0.0 {
                 let weight = class.mass * world.gravity;
-                world.force.change(weight, 0.0);
+                if weight != DVec3::ZERO {
+                    world.force.change(weight, 0.0);
+                }
                 world.movable += 1;
             }
         }
