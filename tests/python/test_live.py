@@ -165,7 +165,9 @@ def test_other_threads_run_and_read_while_it_advances():
 
 def test_ctrl_c_stops_between_events_and_the_way_goes_on():
     program = f"""
-import haff, sys
+import haff, signal, sys
+# Who starts tests in the background may have them ignore it.
+signal.signal(signal.SIGINT, signal.default_int_handler)
 gas = haff.Simulation({GAS!r}, contact__restitution=1.0, species__0__count=2000)
 try:
     print("on", flush=True)
@@ -181,7 +183,10 @@ except KeyboardInterrupt:
     assert process.stdout.readline() == "on\n"
     time.sleep(0.3)
     process.send_signal(signal.SIGINT)
-    out, _ = process.communicate(timeout=60)
+    try:
+        out, _ = process.communicate(timeout=60)
+    finally:
+        process.kill()
     assert (process.returncode, out) == (0, "went on\n")
 
 

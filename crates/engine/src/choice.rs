@@ -6,7 +6,7 @@ use haff_neighbors::{AllPairs, Cells, Geometry, Lists};
 use crate::{
     batch::Kernel,
     census::{Census, Crowd},
-    machine::{Engine, Machine, With},
+    machine::{Engine, Features, Machine, With},
     model::{Dimension, NeighborChoice, System},
     nearby::{self, Nearby},
     particles::World,
@@ -132,25 +132,25 @@ impl Choice {
             "engine"
         );
         macro_rules! machine {
-            ($gravity:literal, $uniform:literal) => {{
-                type Features = With<$gravity, $uniform>;
+            ($features:ty) => {{
                 let (kernel, count) = (*kernel, census.count);
                 match neighbors {
                     NeighborChoice::Windows => {
-                        Box::new(Windows::<Features>::new(geometry, kernel, system, census, crowd))
+                        Box::new(Windows::<$features>::new(geometry, kernel, system, census, crowd))
                             as Box<dyn Engine>
                     }
+                    // For a few, one engine does for all sizes.
+                    NeighborChoice::AllPairs if <$features>::GRAVITY => {
+                        Box::new(Machine::<With<true, false>, AllPairs>::new(geometry, kernel, count))
+                    }
                     NeighborChoice::AllPairs => {
-                        Box::new(Machine::<Features, AllPairs>::new(geometry, kernel, count))
+                        Box::new(Machine::<With<false, false>, AllPairs>::new(geometry, kernel, count))
                     }
                     NeighborChoice::Lists => {
-                        match Nearby::<Features>::new(geometry, kernel, system, census, crowd) {
-                            Some(engine) => Box::new(engine),
-                            None => Box::new(Machine::<Features, Lists>::new(geometry, kernel, count)),
-                        }
+                        Box::new(Machine::<$features, Lists>::new(geometry, kernel, count))
                     }
                     NeighborChoice::Auto | NeighborChoice::Cells => {
-                        Box::new(Machine::<Features, Cells>::new(geometry, kernel, count))
+                        Box::new(Machine::<$features, Cells>::new(geometry, kernel, count))
                     }
                 }
             }};
@@ -158,36 +158,42 @@ impl Choice {
         if Thresholds::of(system).is_some() {
             return self.compile_for_rest(geometry);
         }
-        let gravity = system.domain.gravity != DVec3::ZERO;
-        if !gravity
-            && census.uniform
-            && system.contacts.are_elastic()
-            && let Some(engine) = self.compile_for_elastic(system, geometry)
-        {
-            return engine;
+        if system.domain.gravity != DVec3::ZERO {
+            return if census.uniform { machine!(With<true, true>) } else { machine!(With<true, false>) };
         }
-        match (gravity, census.uniform) {
-            (false, false) => machine!(false, false),
-            (false, true) => machine!(false, true),
-            (true, false) => machine!(true, false),
-            (true, true) => machine!(true, true),
+        if census.uniform && system.contacts.are_elastic() {
+            type Elastic = With<false, true, false, true>;
+            if *neighbors == NeighborChoice::Windows {
+                return Box::new(Windows::<Elastic>::new(geometry, *kernel, system, census, crowd));
+            }
+            if let Some(engine) = self.compile_for_lists::<Elastic>(system, geometry) {
+                return engine;
+            }
+        }
+        if census.uniform {
+            type Uniform = With<false, true>;
+            return match self.compile_for_lists::<Uniform>(system, geometry) {
+                Some(engine) => engine,
+                None => machine!(Uniform),
+            };
+        }
+        match self.compile_for_lists::<With<false, false>>(system, geometry) {
+            Some(engine) => engine,
+            None => machine!(With<false, false>),
         }
     }
 
-    /// The engine for the elastic fluid of one size: there are some for the fastest searches.
-    fn compile_for_elastic(&self, system: &System, geometry: &Geometry) -> Option<Box<dyn Engine>> {
-        type Elastic = With<false, true, false, true>;
-        let Self { census, kernel, crowd, .. } = self;
-        match self.neighbors {
-            NeighborChoice::Windows => {
-                Some(Box::new(Windows::<Elastic>::new(geometry, *kernel, system, census, crowd)))
-            }
-            NeighborChoice::Lists => {
-                let engine = Nearby::<Elastic>::new(geometry, *kernel, system, census, crowd)?;
-                Some(Box::new(engine))
-            }
-            NeighborChoice::Auto | NeighborChoice::Cells | NeighborChoice::AllPairs => None,
+    /// The engine of [`nearby`], where lists are chosen and it serves the system.
+    fn compile_for_lists<F: Features>(
+        &self,
+        system: &System,
+        geometry: &Geometry,
+    ) -> Option<Box<dyn Engine>> {
+        if self.neighbors != NeighborChoice::Lists {
+            return None;
         }
+        let engine = Nearby::<F>::new(geometry, self.kernel, system, &self.census, &self.crowd)?;
+        Some(Box::new(engine))
     }
 
     /// The engine for a system whose grains are put to rest.

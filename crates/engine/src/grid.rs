@@ -36,14 +36,74 @@ pub(crate) struct Coarse {
     pub radius: f32,
 }
 
+/// Widths of the widest cells that a slab is thick, at least.
+const THICK: f64 = 4.0;
+/// Particle that the slab after its own has to know, too.
+const NEAR_NEXT: u8 = 1 << 7;
+
+/// The box in slabs across an axis. Grids of one after the other need less memory than a grid of all.
+pub(crate) struct Slabs {
+    axis: usize,
+    count: usize,
+    /// Slab of every particle, and whether it is [`NEAR_NEXT`]; empty if there is one slab.
+    homes: Vec<u8>,
+}
+
+impl Slabs {
+    /// One slab: the box.
+    pub const BOX: Self = Self { axis: 0, count: 1, homes: Vec::new() };
+
+    /// At most `most` slabs, 128 at most, such that of two particles that touch one slab knows both.
+    pub fn new(world: &World, geometry: &Geometry, most: usize) -> Self {
+        let length = |axis: usize| match geometry.axes[axis] {
+            Axis::Flat => 0.0,
+            _ => geometry.size[axis],
+        };
+        let axis = (0..3).max_by(|&a, &b| length(a).total_cmp(&length(b))).unwrap_or(0);
+        let largest = world.classes.iter().map(|class| class.radius).fold(0.0, f64::max);
+        let width = width(largest, 0.0);
+        let count = ((length(axis) / (THICK * width)) as usize).min(most);
+        if count < 2 {
+            return Self::BOX;
+        }
+        let per_length = count as f64 / length(axis);
+        let home = |i: u32| {
+            let x = place(world, i)[axis] * per_length;
+            // What is outside of the box, too, is in a slab.
+            let home = x.floor().clamp(0.0, (count - 1) as f64);
+            home as u8 | if home + 1.0 - x <= width * per_length { NEAR_NEXT } else { 0 }
+        };
+        let homes = (0..world.particles.len() as u32).into_par_iter().map(home).collect();
+        Self { axis, count, homes }
+    }
+
+    /// Number of slabs.
+    pub fn len(&self) -> usize {
+        self.count
+    }
+
+    /// Whether a slab knows particle i.
+    pub fn knows(&self, slab: usize, i: u32) -> bool {
+        let Some(&home) = self.homes.get(i as usize) else { return true };
+        let own = usize::from(home & !NEAR_NEXT);
+        own == slab || home & NEAR_NEXT != 0 && (own + 1) % self.count == slab
+    }
+}
+
+/// How wide cells are in which no pair of spheres of at most this radius is lost: one part in 10⁹ is for the rounding of coordinates.
+fn width(largest: f64, gap: f64) -> f64 {
+    (2.0 * largest + gap) * (1.0 + 1e-9)
+}
+
 impl Level {
-    fn new(world: &World, geometry: &Geometry, unsorted: &[u32], gap: f64) -> Self {
+    /// The grid goes round as often as there are slabs.
+    fn new(world: &World, geometry: &Geometry, unsorted: &[u32], gap: f64, slabs: &Slabs) -> Self {
         let largest = unsorted.iter().map(|&i| world.class(i).radius).fold(0.0, f64::max);
-        // One part in 10⁹ more, so that the rounding of a coordinate cannot lose a pair.
-        let width = (2.0 * largest + gap) * (1.0 + 1e-9);
+        let width = width(largest, gap);
+        let turns = [0, 1, 2].map(|axis| if axis == slabs.axis { slabs.count } else { 1 });
         let mut cells = [0, 1, 2].map(|axis| match geometry.axes[axis] {
             Axis::Flat => 1,
-            _ => ((geometry.size[axis] / width).floor() as usize).max(1),
+            _ => ((geometry.size[axis] / turns[axis] as f64 / width).floor() as usize).max(1),
         });
         // No more cells than particles, or nearly.
         while cells.iter().map(|&n| n as f64).product::<f64>() > unsorted.len() as f64 + 64.0 {
@@ -52,7 +112,7 @@ impl Level {
             }
         }
         let density = std::array::from_fn(|axis| match geometry.axes[axis] {
-            Axis::Periodic => cells[axis] as f64 / geometry.size[axis],
+            Axis::Periodic => (turns[axis] * cells[axis]) as f64 / geometry.size[axis],
             _ => 1.0 / width,
         });
         let count = cells.iter().product::<usize>();
@@ -137,12 +197,14 @@ pub(crate) fn place(world: &World, i: u32) -> DVec3 {
     world.wrap(world.state(i, world.now).0).0
 }
 
-/// The grids of some particles for finding pairs whose surfaces are no further apart than `gap`; the smallest first.
+/// The grids of some particles, all or those that one of the `slabs` knows, for finding pairs whose surfaces are no further apart than `gap`; the
+/// smallest first.
 pub(crate) fn levels(
     world: &World,
     geometry: &Geometry,
     rows: &(impl Iterator<Item = u32> + Clone),
     gap: f64,
+    slabs: &Slabs,
 ) -> Vec<Level> {
     let octave = |i: u32| world.class(i).radius.to_bits() >> 52;
     let mut counts: BTreeMap<u64, usize> = BTreeMap::new();
@@ -150,7 +212,7 @@ pub(crate) fn levels(
     let levels = counts.into_iter().map(|(wanted, count)| {
         let mut some = Vec::with_capacity(count);
         some.extend(rows.clone().filter(|&i| octave(i) == wanted));
-        Level::new(world, geometry, &some, gap)
+        Level::new(world, geometry, &some, gap, slabs)
     });
     levels.collect()
 }

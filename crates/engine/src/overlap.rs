@@ -8,12 +8,15 @@ use haff_neighbors::Geometry;
 use rayon::prelude::*;
 
 use crate::{
-    grid::{Level, Sphere, levels, meet, place},
+    grid::{Level, Slabs, Sphere, levels, meet, place},
     particles::World,
 };
 
 /// Cells looked at by one task; there are about as many as particles.
 const BLOCK: usize = 4096;
+/// From this many particles on grids are made of one slab of the box after the other, of at most so many.
+const MANY: usize = 200_000;
+const SLABS: usize = 8;
 /// A pair further apart than this part beyond contact does not overlap, however squares are rounded.
 const ROUNDING: f64 = 1e-14;
 /// What places lose in single precision, in units of the largest coordinate or length, and what sums of radii lose of themselves: both
@@ -124,18 +127,26 @@ impl<'a> Meter<'a> {
 
 /// Finds the deepest overlap now.
 pub(crate) fn deepest(world: &World, geometry: &Geometry) -> Overlap {
-    let levels = levels(world, geometry, &(0..world.particles.len() as u32), 0.0);
+    let slabs = if world.particles.len() < MANY { 1 } else { SLABS };
+    deepest_by_slabs(world, geometry, &Slabs::new(world, geometry, slabs))
+}
+
+fn deepest_by_slabs(world: &World, geometry: &Geometry, slabs: &Slabs) -> Overlap {
     let mut found = Overlap::NONE;
-    for k in 0..levels.len() {
-        let cells = levels[k].len();
-        let blocks = (0..cells.div_ceil(BLOCK)).into_par_iter().map(|block| {
-            let mut meter = Meter::new(world);
-            for cell in block * BLOCK..((block + 1) * BLOCK).min(cells) {
-                meter.search(&levels[k..], cell);
-            }
-            meter.deepest
-        });
-        found = found.or(blocks.reduce(|| Overlap::NONE, Overlap::or));
+    for slab in 0..slabs.len() {
+        let rows = (0..world.particles.len() as u32).filter(|&i| slabs.knows(slab, i));
+        let levels = levels(world, geometry, &rows, 0.0, slabs);
+        for k in 0..levels.len() {
+            let cells = levels[k].len();
+            let blocks = (0..cells.div_ceil(BLOCK)).into_par_iter().map(|block| {
+                let mut meter = Meter::new(world);
+                for cell in block * BLOCK..((block + 1) * BLOCK).min(cells) {
+                    meter.search(&levels[k..], cell);
+                }
+                meter.deepest
+            });
+            found = found.or(blocks.reduce(|| Overlap::NONE, Overlap::or));
+        }
     }
     found
 }
@@ -228,12 +239,15 @@ mod tests {
 
     #[test]
     fn grids_and_all_pairs_find_the_same_deepest_overlap_at_any_size_ratio() {
-        let (mut pairs, mut walls, mut none) = (0, 0, 0);
+        let (mut pairs, mut walls, mut none, mut slabbed) = (0, 0, 0, 0);
         for seed in 0..400 {
             let system = strewn(seed, [2, 9, 80][seed as usize % 3], [0.0, 1.5, 9.0][seed as usize / 3 % 3]);
             let world = World::new(&system, -50);
-            let (found, expected) =
-                (deepest(&world, &geometry(&system, &world, f64::INFINITY)), by_all_pairs(&world));
+            let geometry = geometry(&system, &world, f64::INFINITY);
+            let (found, expected) = (deepest(&world, &geometry), by_all_pairs(&world));
+            let slabs = Slabs::new(&world, &geometry, SLABS);
+            slabbed += usize::from(slabs.len() > 1);
+            assert_eq!(deepest_by_slabs(&world, &geometry, &slabs), found, "system {seed} by slabs");
             assert_eq!(found.pair, expected.pair, "system {seed}: {found:?}, {expected:?}");
             // The sum of a distance from a plane is rounded in two ways.
             assert!(
@@ -247,8 +261,8 @@ mod tests {
             }
         }
         assert!(
-            pairs > 60 && walls > 20 && none > 60,
-            "{pairs} pairs, {walls} at walls, {none} without overlap"
+            pairs > 60 && walls > 20 && none > 60 && slabbed > 200,
+            "{pairs} pairs, {walls} at walls, {none} without overlap; {slabbed} by slabs"
         );
     }
 }

@@ -306,11 +306,11 @@ fn a_resumed_run_is_the_run_that_never_stopped() {
     }
 }
 
-/// Windows search in parallel from 8192 particles on.
+/// Windows are opened in parallel from 65,536 particles on, or from 16,384 where events are rare.
 #[test]
 fn the_thread_count_changes_nothing() {
     for (system, neighbors) in
-        [(gas(12, 0.2, 0.95, 9), NeighborChoice::Lists), (gas(22, 0.1, 0.95, 9), NeighborChoice::Windows)]
+        [(gas(12, 0.2, 0.95, 9), NeighborChoice::Lists), (gas(26, 0.01, 0.95, 9), NeighborChoice::Windows)]
     {
         let until = Until { collisions: 5000, ..Until::default() };
         let hashes: Vec<String> = [1, 2, 3]

@@ -5,7 +5,7 @@ use haff_neighbors::Geometry;
 
 use crate::{
     clock::whole,
-    grid::{levels, meet, place},
+    grid::{Slabs, levels, meet, place},
     machine::State,
     particles::World,
     report::{EventKind, EventRecord, NOBODY, Observer},
@@ -121,7 +121,7 @@ pub(super) fn contacts(
     let solid = (0..world.particles.len() as u32)
         .filter(|&i| slot[i as usize] != u32::MAX || world.is_held(i) || is_fixed(world, i));
     let mut near = vec![Vec::new(); some.len()];
-    let levels = levels(world, geometry, &solid, thresholds.gap);
+    let levels = levels(world, geometry, &solid, thresholds.gap, &Slabs::BOX);
     for first in 0..levels.len() {
         for cell in 0..levels[first].len() {
             meet(world, &levels[first..], cell, |i, sphere, level, others| {

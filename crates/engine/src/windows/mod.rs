@@ -184,6 +184,7 @@ impl<F: Features> Windows<F> {
                 anchors: Vec::new(),
                 end: 0,
                 common_radius: 0.0,
+                contacts: 0,
                 wide: kernel.is_wide(),
                 features: PhantomData,
             },

@@ -202,7 +202,7 @@ impl<F: Features> Windows<F> {
         let mut found = std::mem::take(&mut self.found);
         found.clear();
         let strips = self.space.strips();
-        if rayon::current_num_threads() == 1 || self.space.records.len() < 2 * TASK {
+        if !self.space.shares() {
             for slots in strips {
                 self.space.scan::<VECTORS>(world, slots, &mut self.scratch, &mut found);
             }
@@ -224,6 +224,7 @@ impl<F: Features> Windows<F> {
         }
         self.scratch.work.windows += 1;
         self.scratch.work.entries += found.len() as u64;
+        self.space.contacts = found.len();
         self.agenda.open(self.begin, self.space.end, &found);
         // Of very large systems they are not kept: they are in the agenda now, and nobody asks how many there were.
         if self.space.records.len() <= VERY_LARGE {

@@ -23,6 +23,12 @@ use crate::{
 const BLOCK: usize = 32;
 /// Slots per parallel task.
 pub(super) const TASK: usize = 4096;
+/// Windows are opened on all cores from this many particles on, …
+const MANY: usize = 1 << 16;
+/// … or from this many, if fewer than one in so many meets another within a window: what one core has written the other has to fetch, and where
+/// events are most of the work this costs more than it gains.
+const SOME: usize = 1 << 14;
+const RARE: usize = 8;
 /// Cells of a strip in a plane, about.
 const STRIP: usize = 512;
 
@@ -41,6 +47,8 @@ pub(super) struct Space<F> {
     pub end: i64,
     /// Least radius, widened [length]: what searches look for around their paths, besides their own radius.
     pub common_radius: f32,
+    /// Contacts found when the last window was opened.
+    pub contacts: usize,
     /// Whether the filter may use vectors of 512 bits.
     pub wide: bool,
     pub features: PhantomData<F>,
@@ -53,11 +61,18 @@ impl<F: Features> Space<F> {
         if F::UNIFORM { 0.0 } else { radius - self.common_radius }
     }
 
+    /// Whether opening a window is for all cores.
+    pub fn shares(&self) -> bool {
+        let count = self.records.len();
+        let much = count >= MANY || count >= SOME && self.contacts < count / RARE;
+        much && rayon::current_num_threads() > 1
+    }
+
     /// Moves everybody on by one window, in parallel if that is worth while.
     #[inline(always)]
     pub fn stream(&mut self, kernel: Kernel, fall: Fall) {
         let axes = self.cells.axes;
-        if rayon::current_num_threads() == 1 || self.records.len() < 2 * TASK {
+        if !self.shares() {
             stream::<F>(&axes, fall, &mut self.records);
         } else {
             self.records.par_chunks_mut(TASK).for_each(|records| match kernel {
@@ -72,11 +87,12 @@ impl<F: Features> Space<F> {
     /// Registers everybody along the paths of the window that begins, in parallel if that is worth while.
     #[inline(always)]
     pub fn register_all(&mut self, kernel: Kernel) {
+        let shares = self.shares();
         let Self { cells, records, lowest, rows, common_radius, .. } = self;
         let (axes, records, common_radius) = (cells.axes, &*records, *common_radius);
         let parts = cells.parts(rows, lowest);
         let mut left = Vec::new();
-        if rayon::current_num_threads() == 1 || records.len() < 2 * TASK {
+        if !shares {
             for part in parts {
                 fill::<F>(part, &axes, records, common_radius, &mut left);
             }
