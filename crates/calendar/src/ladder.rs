@@ -1,11 +1,12 @@
 /*!
 A two-level ladder queue with lazy deletion.
 
-Time is cut into *fine* buckets of 2^s ticks and *coarse* buckets of 2^m fine ones; a *year* is 2^k coarse buckets.
+Time is cut into *fine* buckets of 2^s ticks and *coarse* buckets of 2^m fine ones; a *year* is 2^k coarse buckets, which
+stand in a ring.
 
 ```text
- heap + run  |  fine buckets of the    |  coarse buckets of   |  everything
- (sorted)    |  current coarse bucket  |  the current year    |  later
+ heap + run  |  fine buckets of the    |  coarse buckets of    |  everything
+ (sorted)    |  current coarse bucket  |  a year from now on   |  later
 ```
 
 An event is appended, unsorted, to the bucket its time falls into, moves down one level when its coarse bucket
@@ -44,7 +45,7 @@ pub struct Ladder<E: Event> {
     late: BinaryHeap<Reverse<E>>,
     fine: Vec<Vec<E>>,
     coarse: Vec<Vec<E>>,
-    /// Events beyond the current year.
+    /// Events that were more than a year ahead when the calendar year began, or when they were entered in it.
     later: Vec<E>,
     /// log₂ of the fine bucket's width in ticks.
     shift: u32,
@@ -87,7 +88,8 @@ impl<E: Event> Ladder<E> {
         if coarse == self.coarse_now {
             let slot = (fine & ((1 << self.fine_bits) - 1)) as usize;
             self.fine[slot].push(event);
-        } else if coarse >> self.coarse_bits == self.year_now {
+        } else if coarse.wrapping_sub(self.coarse_now) as u64 <= 1 << self.coarse_bits {
+            // A year ahead to the bucket, too: the current bucket's place in the ring is empty.
             let slot = (coarse & ((1 << self.coarse_bits) - 1)) as usize;
             let bucket = &mut self.coarse[slot];
             if bucket.len() == bucket.capacity() {
@@ -218,18 +220,25 @@ impl<E: Event> Ladder<E> {
                     return;
                 }
             }
-            // The year is over: jump to that of the first event left.
-            let Some(first) = self.later.iter().map(Event::time).min() else {
-                unreachable!("the caller has checked that events are left")
-            };
-            let first_coarse = first >> (self.shift + self.fine_bits);
-            self.coarse_now = first_coarse - 1;
-            self.year_now = first_coarse >> self.coarse_bits;
-            self.fine_now = (first_coarse << self.fine_bits) - 1;
+            // The year is over. What was more than a year ahead is not due before the next one, but may be in it: all that is goes into the
+            // ring now, whose last bucket is a year ahead to the bucket.
+            let elsewhere = self.run.len() + self.late.len() + self.later.len();
+            if self.len > elsewhere {
+                self.year_now += 1;
+            } else {
+                // The ring is empty: jump to the year of the first event left.
+                let Some(first) = self.later.iter().map(Event::time).min() else {
+                    unreachable!("the caller has checked that events are left")
+                };
+                let first_coarse = first >> (self.shift + self.fine_bits);
+                self.coarse_now = first_coarse - 1;
+                self.year_now = first_coarse >> self.coarse_bits;
+                self.fine_now = (first_coarse << self.fine_bits) - 1;
+                // `first` comes into the ring: `coarse_now` stands just before its bucket.
+            }
             for event in mem::take(&mut self.later) {
                 self.place(event);
             }
-            // `first` is now in the coarse ring: `coarse_now` stands just before its bucket.
         }
     }
 

@@ -115,6 +115,36 @@ proptest! {
     }
 }
 
+/// The width suits the many that come soon; a few are years ahead, some of them by whole years to the bucket.
+#[test]
+fn twins_agree_on_events_years_ahead() {
+    let (mut heap, mut ladder) = (Heap::with_capacity(16), Ladder::with_capacity(16));
+    let mut state = 1_u64;
+    let mut random = |n: u64| {
+        state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
+        (state >> 33) % n
+    };
+    let (mut held, mut id) = (Held::default(), 0);
+    let mut push =
+        |now: i64, ahead: u64, held: &mut Held, heap: &mut Heap<Item>, ladder: &mut Ladder<Item>| {
+            let item = Item { time: now + ahead as i64, id };
+            id += 1;
+            held.push(item);
+            heap.push(item);
+            ladder.push(item);
+        };
+    for k in 0..200 {
+        push(0, k, &mut held, &mut heap, &mut ladder);
+    }
+    for _ in 0..200_000 {
+        let taken = [heap.pop_until(i64::MAX), ladder.pop_until(i64::MAX)];
+        held.take(taken);
+        let now = taken[0].unwrap().time;
+        let ahead = if random(500) > 0 { 1 + random(64) } else { 1 + random(1 << 13) };
+        push(now, ahead, &mut held, &mut heap, &mut ladder);
+    }
+}
+
 /// A hold model: each event taken schedules another, with a rate that drifts over twelve binary orders, so
 /// that the ladder re-tunes its width up and down.
 #[test]

@@ -13,6 +13,10 @@ use crate::{
     particles::World,
 };
 
+/// Entries per particle in the long run, with those that are void. A calendar made for less has to be made anew, which for a
+/// moment takes twice the memory.
+const ENTRIES: f64 = 1.75;
+
 /// What predicts for a [`Queue`].
 pub(crate) trait Prophet {
     /// What the particles are like.
@@ -47,10 +51,10 @@ impl Queue {
         self.calendar.is_empty() && self.ties.is_empty()
     }
 
-    /// Makes ready for the events of `len` particles, of which these are some; nothing may have been entered.
-    pub fn prepare(&mut self, some: &[Entry], len: usize) {
+    /// Makes ready for the events of `particles`, of which these are some; nothing may have been entered.
+    pub fn prepare(&mut self, some: &[Entry], particles: usize) {
         let due: Vec<Entry> = some.iter().copied().filter(|entry| entry.time < i64::MAX).collect();
-        self.calendar.prepare(&due, len);
+        self.calendar.prepare(&due, (ENTRIES * particles as f64) as usize);
     }
 
     /// Enters an event, unless it is at no time.
