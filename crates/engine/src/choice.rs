@@ -158,10 +158,8 @@ impl Choice {
         if Thresholds::of(system).is_some() {
             return self.compile_for_rest(geometry);
         }
-        if system.domain.gravity != DVec3::ZERO {
-            return if census.uniform { machine!(With<true, true>) } else { machine!(With<true, false>) };
-        }
-        if census.uniform && system.contacts.are_elastic() {
+        let gravity = system.domain.gravity != DVec3::ZERO;
+        if !gravity && census.uniform && system.contacts.are_elastic() {
             type Elastic = With<false, true, false, true>;
             if *neighbors == NeighborChoice::Windows {
                 return Box::new(Windows::<Elastic>::new(geometry, *kernel, system, census, crowd));
@@ -170,16 +168,15 @@ impl Choice {
                 return engine;
             }
         }
-        if census.uniform {
-            type Uniform = With<false, true>;
-            return match self.compile_for_lists::<Uniform>(system, geometry) {
-                Some(engine) => engine,
-                None => machine!(Uniform),
-            };
-        }
-        match self.compile_for_lists::<With<false, false>>(system, geometry) {
-            Some(engine) => engine,
-            None => machine!(With<false, false>),
+        match (gravity, census.uniform) {
+            (true, true) => machine!(With<true, true>),
+            (true, false) => machine!(With<true, false>),
+            (false, true) => self
+                .compile_for_lists::<With<false, true>>(system, geometry)
+                .unwrap_or_else(|| machine!(With<false, true>)),
+            (false, false) => self
+                .compile_for_lists::<With<false, false>>(system, geometry)
+                .unwrap_or_else(|| machine!(With<false, false>)),
         }
     }
 
