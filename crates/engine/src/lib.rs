@@ -47,4 +47,4 @@ pub use report::{
 pub use simulation::{Simulation, Until};
 
 /// Version of the trajectories: raised by a release that changes what any scene computes.
-pub const TRAJECTORY_VERSION: u32 = 3;
+pub const TRAJECTORY_VERSION: u32 = 4;

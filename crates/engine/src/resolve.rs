@@ -1,7 +1,7 @@
 //! Events happen: velocities change, anchors are set, losses are booked.
 
 use glam::DVec3;
-use haff_mechanics::{Impact, Restitution, resolve_contact, work_of_moving_body};
+use haff_mechanics::{Bounces, Impact, Restitution, resolve_contact, work_of_moving_body};
 
 use crate::{
     book::Book,
@@ -16,6 +16,8 @@ use crate::{
 /// A series of bounces is completed in closed form once the next one would rise by less than this part of the radius:
 /// far below what a coordinate resolves at the size of a system, and far above what rounding does to a bounce.
 const REST_HEIGHT: f64 = 1e-13;
+/// A series that ends with a plastic impact.
+const LAST: Bounces = Bounces { speeds: 1.0, squares: 1.0 };
 /// A velocity along the normal of a supporting wall below this part of the speed is rounding, not motion.
 const SUPPORT_NOISE: f64 = 8.0 * f64::EPSILON;
 
@@ -230,9 +232,8 @@ pub(crate) fn wall<F: Features, const EVENTS: bool>(
     if F::GRAVITY {
         keep_support(state, i, time);
         if !among_grains
-            && let Restitution::Constant(e) = law
             && wall_velocity == DVec3::ZERO
-            && let Some(rest) = come_to_rest(state, i, wall, e, before, time)
+            && let Some(rest) = come_to_rest(state, i, wall, law, before, time)
         {
             state.pending.insert(i, rest);
         }
@@ -244,7 +245,9 @@ pub(crate) fn wall<F: Features, const EVENTS: bool>(
 ///
 /// From the outgoing speed u under the pull a towards the wall, bounces follow at u, eu, e²u, … and take 2u/a,
 /// 2eu/a, …: together 2u/(a(1 − e)). Their impulses add up to (1 + e) m u/(1 − e), their losses to all that is left,
-/// ½ m u², and their Carnot energies to ½ m u² (1 + e)/(1 − e).
+/// ½ m u², and their Carnot energies to ½ m u² (1 + e)/(1 − e). Where e depends on the speed, v₀ = u, v₁ = e(v₀) v₀, …, the sums
+/// are 2 Σ vₖ/a, m (2 Σ vₖ − u), ½ m u² and ½ m Σ (vₖ + vₖ₊₁)². Where e tends to 1 so soon that bounces never end, the next one is
+/// the last: the tick of no clock could tell what would follow.
 ///
 /// A particle that slides along other walls into this one is thrown off those by the bounce, falls back on them, and so
 /// on: that series is complete when it is over as seen along the slide. `before` is the support and acceleration of
@@ -253,7 +256,7 @@ fn come_to_rest(
     state: &mut State,
     i: u32,
     wall: u32,
-    e: f64,
+    law: Restitution,
     before: (Support, DVec3),
     time: i64,
 ) -> Option<Pending> {
@@ -263,7 +266,7 @@ fn come_to_rest(
     let (pull, pull_of_slide) = (-world.acceleration(i).dot(normal), -slide.dot(normal));
     let sliding = slid_on != [None; 3] && pull_of_slide > 0.0;
     let pull = if sliding { pull_of_slide } else { pull };
-    if e >= 1.0 || pull <= 0.0 {
+    if law.is_elastic() || pull <= 0.0 {
         return None;
     }
     let class = *world.class(i);
@@ -274,7 +277,8 @@ fn come_to_rest(
     }
     let mut support = if sliding { slid_on } else { world.support(i) };
     let free = support.iter_mut().find(|place| place.is_none())?;
-    let ticks = 2.0 * u / (pull * (1.0 - e)) * world.clock.per_time;
+    let bounces = law.bounces(u).unwrap_or(LAST);
+    let ticks = 2.0 * u * bounces.speeds / pull * world.clock.per_time;
     if ticks > HORIZON {
         return None;
     }
@@ -289,9 +293,9 @@ fn come_to_rest(
         end: time + crate::clock::whole(ticks),
         wall,
         speed: u,
-        impulse: (1.0 + e) * class.mass * u / (1.0 - e),
+        impulse: class.mass * u * (2.0 * bounces.speeds - 1.0),
         energy_loss: energy,
-        carnot_energy: energy * (1.0 + e) / (1.0 - e),
+        carnot_energy: energy * bounces.squares,
     };
     // From here on the support balances gravity; what the tail does beyond that is to take the last of the velocity.
     state.book.add_impulse(lost * -class.mass);

@@ -79,6 +79,46 @@ fn rebound_height_is_e_squared_and_rest_comes_in_finite_time() {
     }
 }
 
+/// Bounces become more elastic as they become slower, but their times add up.
+#[test]
+fn a_ball_comes_to_rest_under_laws_that_depend_on_the_speed() {
+    let cutoff = |restitution, speed, exponent| Restitution::Cutoff { restitution, speed, exponent };
+    for (law, p) in [
+        (Restitution::Viscoelastic { coefficient: 0.1 }, 0.2),
+        (Restitution::Viscoelastic { coefficient: 0.4 }, 0.2),
+        (cutoff(0.5, 1.0, 0.5), 0.5),
+        (cutoff(0.3, 0.2, 0.75), 0.75),
+    ] {
+        let (height, g) = (1.0, 1.0);
+        let mut scene = bouncing_ball(height, 0.5, g, 1.0);
+        scene.contacts.wall = vec![law];
+        let mut simulation = start(scene);
+        let mut log = Log::default();
+        assert_eq!(simulation.advance(Until::default(), &mut log).unwrap(), Stop::Rest, "{law:?}");
+        // Bounce by bounce, and at last the integral of what is left, a millionth part or less.
+        let fall = (2.0 * height / g).sqrt();
+        let (mut w, mut speeds) = (g * fall, 0.0);
+        for _ in 0..3_000_000 {
+            w *= law.coefficient(w);
+            speeds += w;
+        }
+        speeds += w / ((1.0 - law.coefficient(w)) * (1.0 - p)) - w;
+        let expected = fall + 2.0 * speeds / g;
+        let found = simulation.time();
+        assert!((found / expected - 1.0).abs() < 1e-8, "{law:?}: {found} s, not {expected}");
+        let lost: f64 = log.0.iter().map(|event| event.energy_loss).sum();
+        assert!((lost / (2.0 * g * height) - 1.0).abs() < 1e-11, "{law:?}: {lost} lost");
+        assert!(simulation.ledger().residual.abs() < 1e-12, "{law:?}: {:?}", simulation.ledger());
+        assert!(simulation.sample().external_impulse.length() < 1e-11, "{law:?}");
+    }
+    // These bounces never end, but some time they are too low for any number.
+    let mut scene = bouncing_ball(1e-6, 0.5, 1.0, 1.0);
+    scene.contacts.wall = vec![cutoff(0.0, 1e-3, 1.0)];
+    let mut simulation = start(scene);
+    assert_eq!(simulation.advance(Until::default(), &mut Silent).unwrap(), Stop::Rest);
+    assert!(simulation.ledger().residual.abs() < 1e-12);
+}
+
 #[test]
 fn a_ball_at_rest_on_the_floor_stays_and_wakes_when_hit() {
     let mut scene = bouncing_ball(0.0, 0.5, 1.0, 0.5);

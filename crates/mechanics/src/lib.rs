@@ -30,6 +30,7 @@ from either side.
 
 #![forbid(unsafe_code)]
 
+pub mod bounces;
 pub mod contact;
 pub mod curved;
 pub mod flight;
@@ -39,6 +40,7 @@ pub mod restitution;
 mod roots;
 mod scale;
 
+pub use bounces::Bounces;
 pub use contact::{is_rounding_noise, time_to_contact};
 pub use curved::time_to_contact_accelerated;
 pub use flight::{drift, free_flight, free_flight_velocity};
