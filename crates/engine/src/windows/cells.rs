@@ -42,9 +42,9 @@ impl Block {
     }
 }
 
-/// The cells before, of and after a place along each axis.
+/// The cell of a place along each axis, and the one beside it that the place is nearer to.
 #[derive(Debug, Clone, Copy, Default)]
-pub(super) struct Near([[i32; 4]; 3]);
+pub(super) struct Near([[i32; 4]; 2]);
 
 const EMPTY: Block = Block { entries: [0; ENTRIES], link: 0 };
 
@@ -332,25 +332,32 @@ impl Cells {
         for k in 0..4 {
             place[k] += v[k] * part * axes.cells[k];
         }
-        let home = axes.fold(axes.cells(place));
-        let mut near = [home; 3];
+        let cells = axes.cells(place);
+        let home = axes.fold(cells);
+        let mut near = [home; 2];
         for k in 0..3 {
             let (c, n) = (home[k], axes.n[k]);
-            near[0][k] = if c == 0 { n - 1 } else { c - 1 };
-            near[2][k] = if c == n - 1 { 0 } else { c + 1 };
+            near[1][k] = if place[k] - (cells[k] as f32) < 0.5 {
+                if c == 0 { n - 1 } else { c - 1 }
+            } else if c == n - 1 {
+                0
+            } else {
+                c + 1
+            };
         }
         Near(near)
     }
 
-    /// Visits the first blocks of these cells, row by row.
+    /// Visits the first blocks of these cells.
     #[inline(always)]
-    pub fn visit(&self, near: &Near, mut visit: impl FnMut([&Block; 3])) {
+    pub fn visit(&self, near: &Near, mut visit: impl FnMut(&Block)) {
         for [_, _, z, _] in near.0 {
             for [_, y, _, _] in near.0 {
                 let row = (z * self.axes.n[1] + y) * self.axes.n[0];
-                // There may be less cells than when these were found.
-                let block = |x: usize| &self.blocks[((row + near.0[x][0]) as usize).min(self.count - 1)];
-                visit([block(0), block(1), block(2)]);
+                for [x, ..] in near.0 {
+                    // There may be less cells than when these were found.
+                    visit(&self.blocks[((row + x) as usize).min(self.count - 1)]);
+                }
             }
         }
     }

@@ -40,7 +40,7 @@ use crate::{
     resolve,
     rest::Thresholds,
 };
-use cells::{Block, Cells, Near};
+use cells::{Cells, Near};
 use due::Due;
 use filter::{Probe, Record, Scratch};
 use space::Space;
@@ -317,16 +317,12 @@ impl<F: Features> Windows<F> {
             let record = &records[self.slot_of[body as usize] as usize];
             let part = ((time - self.begin) as f64 * (world.clock.tick / self.step)) as f32;
             let block = cells.around(record.x, record.v, part);
-            cells.visit(&block, |[first, _, last]| {
-                // What is between lies on the same lines.
-                prefetch(first);
-                prefetch(last);
-            });
+            cells.visit(&block, prefetch);
             self.around[turn] = block;
         }
         // Those of the event that was so far ahead `TURNS` events ago; others may have come between, which does no harm.
-        cells.visit(&self.around[self.turn], |row| {
-            for slot in row.into_iter().flat_map(Block::first) {
+        cells.visit(&self.around[self.turn], |cell| {
+            for slot in cell.first() {
                 prefetch_at(records, slot as usize);
             }
         });
