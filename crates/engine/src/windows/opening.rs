@@ -202,11 +202,7 @@ impl<F: Features> Windows<F> {
         let mut found = std::mem::take(&mut self.found);
         found.clear();
         let strips = self.space.strips();
-        if !self.space.shares() {
-            for slots in strips {
-                self.space.scan::<VECTORS>(world, slots, &mut self.scratch, &mut found);
-            }
-        } else {
+        if self.space.shares() {
             let (space, kernel) = (&self.space, self.kernel);
             let parts: Vec<(Vec<Due>, Work)> = strips
                 .into_par_iter()
@@ -220,6 +216,10 @@ impl<F: Features> Windows<F> {
             for (mut part, work) in parts {
                 found.append(&mut part);
                 self.scratch.work.add(&work);
+            }
+        } else {
+            for slots in strips {
+                self.space.scan::<VECTORS>(world, slots, &mut self.scratch, &mut found);
             }
         }
         self.scratch.work.windows += 1;

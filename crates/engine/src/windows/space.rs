@@ -72,15 +72,15 @@ impl<F: Features> Space<F> {
     #[inline(always)]
     pub fn stream(&mut self, kernel: Kernel, fall: Fall) {
         let axes = self.cells.axes;
-        if !self.shares() {
-            stream::<F>(&axes, fall, &mut self.records);
-        } else {
+        if self.shares() {
             self.records.par_chunks_mut(TASK).for_each(|records| match kernel {
                 Kernel::Portable => stream::<F>(&axes, fall, records),
                 #[cfg(target_arch = "x86_64")]
                 // SAFETY: made by `Kernel::choose` alone, after it has found the features.
                 Kernel::Avx2 { .. } => unsafe { stream_avx2::<F>(&axes, fall, records) },
             });
+        } else {
+            stream::<F>(&axes, fall, &mut self.records);
         }
     }
 
@@ -92,11 +92,7 @@ impl<F: Features> Space<F> {
         let (axes, records, common_radius) = (cells.axes, &*records, *common_radius);
         let parts = cells.parts(rows, lowest);
         let mut left = Vec::new();
-        if !shares {
-            for part in parts {
-                fill::<F>(part, &axes, records, common_radius, &mut left);
-            }
-        } else {
+        if shares {
             let lefts: Vec<Vec<(u32, u32)>> = parts
                 .into_par_iter()
                 .map(|part| {
@@ -113,6 +109,10 @@ impl<F: Features> Space<F> {
                 })
                 .collect();
             left = lefts.concat();
+        } else {
+            for part in parts {
+                fill::<F>(part, &axes, records, common_radius, &mut left);
+            }
         }
         cells.complete(&left);
     }
