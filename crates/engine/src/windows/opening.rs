@@ -36,6 +36,8 @@ impl<F: Features> Windows<F> {
         let [path, width] = self.tuner.values;
         if self.width != width {
             self.width = width;
+            // The old ones go first: they are a tenth of all memory.
+            self.space.cells = Cells::default();
             self.space.cells = Cells::new(&self.geometry, width * self.spacing, count);
         }
         // By blocks, so that the sum does not depend on the number of threads.
