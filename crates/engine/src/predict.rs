@@ -1,6 +1,6 @@
 //! Predictions: what will happen to one particle next. Nothing here changes anything.
 
-use haff_mechanics::{is_rounding_noise, time_to_contact_accelerated, time_to_plane};
+use haff_mechanics::{contact::CONTACT_NOISE, is_rounding_noise, time_to_contact_accelerated, time_to_plane};
 use haff_neighbors::{Flight, Offsets, Packed, Search, Shift};
 
 use crate::{
@@ -222,8 +222,11 @@ fn gather<F: Features>(
             if is_beyond(r, v, pull, sigma, (earliest.entry.time.saturating_sub(from)) as f64 * tick) {
                 return;
             }
+            let parted = part_by_pull(r, v, pull, sigma, va.length().max(vb.length()));
+            let (r, v) = (r + (v + pull * (0.5 * parted)) * parted, v + pull * parted);
             if let Some(delay) = time_to_contact_accelerated(r, v, pull, sigma) {
-                earliest.offer_after(from, delay * world.clock.per_time, Kind::Collision(j), b.count);
+                let delay = (parted + delay) * world.clock.per_time;
+                earliest.offer_after(from, delay, Kind::Collision(j), b.count);
             }
             return;
         }
@@ -255,6 +258,27 @@ fn gather<F: Features>(
 fn strikes(world: &World, i: u32, j: u32) -> bool {
     let moves = |k: u32| world.particles[k as usize].velocity != DVec3::ZERO;
     world.is_held(i) != world.is_held(j) && (moves(i) || moves(j))
+}
+
+/// Time after which a pair that the pull takes apart has parted, if it touches and approaches no faster than the rounding of its velocities; else
+/// 0.
+///
+/// Whether such a pair is an ulp apart or an ulp too near is for rounding to say: its times, too, are rounded anew when the clock's tick changes, and a
+/// contact found only then would be in the past.
+#[inline]
+fn part_by_pull(r: DVec3, v: DVec3, pull: DVec3, sigma: f64, speed: f64) -> f64 {
+    let outward = v.length_squared() + r.dot(pull);
+    let echo = outward > 0.0
+        && r.dot(v) < 0.0
+        && r.length_squared() <= sigma * sigma * (1.0 + TOUCHING)
+        && is_rounding_noise(r, v, speed);
+    if !echo {
+        return 0.0;
+    }
+    // Then the rate r·v has turned from its noise to as much outwards.
+    let time = 2.0 * CONTACT_NOISE * r.length() * speed / outward;
+    // Where the pull is too weak for that, it is the contact that matters.
+    if speed * time <= PARTED * sigma { time } else { 0.0 }
 }
 
 /// Whether bodies cannot touch within a time, and a little more, as far as their relative speed and acceleration go.
@@ -401,6 +425,8 @@ fn is_packed_echo<F: Features>(
     is_rounding_noise(r, partner.velocity - owner.velocity, speed)
 }
 
+/// Parting by a pull may take bodies no further than this [contact distances].
+const PARTED: f64 = 1e-13;
 /// A pair closer than this, relative to σ², touches as far as positions can tell.
 pub(crate) const TOUCHING: f64 = 64.0 * f64::EPSILON;
 
