@@ -95,7 +95,7 @@ fn a_ball_comes_to_rest_under_laws_that_depend_on_the_speed() {
         let mut simulation = start(scene);
         let mut log = Log::default();
         assert_eq!(simulation.advance(Until::default(), &mut log).unwrap(), Stop::Rest, "{law:?}");
-        // Bounce by bounce, and at last the integral of what is left, a millionth part or less.
+        // Bounce by bounce, and at last the integral of what is left, some 10⁻⁶ of itself off.
         let fall = (2.0 * height / g).sqrt();
         let (mut w, mut speeds) = (g * fall, 0.0);
         for _ in 0..3_000_000 {

@@ -39,6 +39,24 @@ struct Recipe {
     seed: u64,
 }
 
+/// Nothing but what each scene has to say.
+const PLAIN: Recipe = Recipe {
+    flat: false,
+    boundary: [0; 3],
+    particles: 2,
+    species: 1,
+    restitution: 0,
+    gravity: false,
+    ramp: 0,
+    fixed: false,
+    tc: false,
+    fast: false,
+    speeds: false,
+    ratios: false,
+    rest: false,
+    seed: 0,
+};
+
 fn recipe() -> impl Strategy<Value = Recipe> {
     let few_or_many = prop_oneof![6 => 2..16_usize, 3 => 16..60_usize, 1 => 60..=200_usize];
     let shape = (any::<bool>(), [0..3_usize, 0..3, 0..3], few_or_many, 1..=3_usize, 0..6_usize);
@@ -346,18 +364,13 @@ fn scenes_once_at_fault_keep_their_laws() {
             species: 3,
             restitution: 5,
             gravity: true,
-            ramp: 0,
             fixed: true,
             tc: true,
-            fast: false,
-            speeds: false,
-            ratios: false,
-            rest: false,
             seed: 9_642_959_682_629_271_077,
+            ..PLAIN
         },
         // A grain that the contact duration kept from coming to rest on a ramp: it sank into it.
         Recipe {
-            flat: false,
             boundary: [0, 1, 2],
             particles: 161,
             species: 2,
@@ -366,15 +379,11 @@ fn scenes_once_at_fault_keep_their_laws() {
             ramp: 2,
             fixed: true,
             tc: true,
-            fast: false,
-            speeds: false,
-            ratios: false,
-            rest: false,
             seed: 9_321_853_567_428_357_864,
+            ..PLAIN
         },
         // A grain that rests on a ramp and is thrown off it by a wall ten thousands of times: the impulse of the weight of all.
         Recipe {
-            flat: false,
             boundary: [1, 0, 2],
             particles: 33,
             species: 3,
@@ -382,29 +391,18 @@ fn scenes_once_at_fault_keep_their_laws() {
             gravity: true,
             ramp: 2,
             fixed: true,
-            tc: false,
-            fast: false,
-            speeds: false,
-            ratios: false,
-            rest: false,
             seed: 7_128_820_349_724_052_757,
+            ..PLAIN
         },
         // A grain between a wall and a ramp, both of e = 0, that touches one after the other until its speed is gone: it sank into both.
         Recipe {
-            flat: false,
             boundary: [1, 0, 2],
             particles: 14,
             species: 3,
             restitution: 2,
-            gravity: false,
             ramp: 2,
-            fixed: false,
-            tc: false,
-            fast: false,
-            speeds: false,
-            ratios: false,
-            rest: false,
             seed: 9_776_165_189_665_064_590,
+            ..PLAIN
         },
         // A grain between another one and a viscoelastic wall that it bounces on ever lower: ten thousands of roundings of its place.
         Recipe {
@@ -415,47 +413,33 @@ fn scenes_once_at_fault_keep_their_laws() {
             restitution: 5,
             gravity: true,
             ramp: 2,
-            fixed: false,
-            tc: false,
-            fast: false,
-            speeds: false,
-            ratios: false,
-            rest: false,
             seed: 137_403_965_237_544_513,
+            ..PLAIN
         },
         // A grain stopped on a driven body, whom gravity takes off it: their contact was found again, in the past, when the tick changed.
         Recipe {
-            flat: false,
             boundary: [2, 1, 2],
             particles: 47,
             species: 1,
             restitution: 5,
             gravity: true,
-            ramp: 0,
             fixed: true,
             tc: true,
-            fast: false,
             speeds: true,
-            ratios: false,
-            rest: false,
             seed: 12_947_446_997_481_944_515,
+            ..PLAIN
         },
         // A jam is one impact of many: one of its grains gains what others lose.
         Recipe {
-            flat: false,
             boundary: [0, 1, 2],
             particles: 6,
             species: 1,
             restitution: 2,
             gravity: true,
             ramp: 3,
-            fixed: false,
-            tc: false,
-            fast: false,
-            speeds: false,
-            ratios: false,
             rest: true,
             seed: 14_981_057_028_972_551_245,
+            ..PLAIN
         },
     ];
     for recipe in found {

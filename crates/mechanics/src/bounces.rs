@@ -73,7 +73,7 @@ impl Restitution {
 mod tests {
     use super::*;
 
-    /// Bounce by bounce, until what is left, the integral alone, is a 10⁻³ of the sums or less, wrong by a 10⁻³ of itself or less.
+    /// Bounce by bounce; what is left then is its integral alone, less than 10⁻⁵ of itself off.
     fn one_by_one(law: Restitution, p: f64, u: f64) -> Bounces {
         let (mut v, mut speeds, mut squares) = (u, 0.0, 0.0);
         for _ in 0..1_000_000 {
