@@ -11,7 +11,7 @@ searches reach a little further ([`SLACK`]) than contacts do.
 
 use std::ops::Range;
 
-use haff_neighbors::{Geometry, roomy};
+use haff_neighbors::{Geometry, prefetch_at, roomy};
 
 use super::axes::Axes;
 
@@ -25,6 +25,9 @@ const TABLED: usize = 4;
 /// afterwards, one by one.
 const PART: usize = 4096;
 const PARTS: usize = 20;
+
+/// Of those registered one by one the cells are asked for so many ahead.
+const AHEAD: usize = 16;
 
 /// Up to seven entries, and what follows: the number of entries in three bits, the next block above.
 #[derive(Debug, Clone, Copy)]
@@ -218,7 +221,10 @@ impl Cells {
 
     /// Registers those who have found no room in their part.
     pub fn complete(&mut self, left: &[(u32, u32)]) {
-        for &(cell, slot) in left {
+        for (k, &(cell, slot)) in left.iter().enumerate() {
+            if let Some(&(cell, _)) = left.get(k + AHEAD) {
+                prefetch_at(&self.blocks, cell as usize);
+            }
             self.add(cell as usize, slot);
         }
     }

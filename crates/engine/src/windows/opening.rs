@@ -1,6 +1,6 @@
 //! How windows are opened: streaming, registration and the batch phase, on all cores.
 
-use haff_neighbors::{Axis, roomy};
+use haff_neighbors::{Axis, prefetch_at, roomy};
 use rayon::prelude::*;
 
 use super::{
@@ -26,6 +26,8 @@ const TRIAL: u64 = 200_000;
 const HEADROOM: f64 = 1.5;
 /// Contacts found are kept beside the agenda for up to so many particles: more would be too much memory.
 const VERY_LARGE: usize = 800_000;
+/// While slots are filled, particles are asked for so many slots ahead.
+const AHEAD: usize = 16;
 /// Longest window [ticks].
 const LONGEST: f64 = (1_u64 << 59) as f64;
 
@@ -148,8 +150,13 @@ impl<F: Features> Windows<F> {
             records.resize(count, Record::default());
             anchors.resize(count, world.particles[0]);
         }
-        records.par_iter_mut().zip(anchors).zip(&*ids).for_each(|((slot, anchor), &i)| {
-            *slot = record(i);
+        let ids = &*ids;
+        records.par_iter_mut().zip(anchors).enumerate().for_each(|(slot, (own, anchor))| {
+            if let Some(&later) = ids.get(slot + AHEAD) {
+                prefetch_at(&world.particles, later as usize);
+            }
+            let i = ids[slot];
+            *own = record(i);
             *anchor = world.particles[i as usize];
         });
     }

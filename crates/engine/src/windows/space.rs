@@ -184,6 +184,7 @@ impl<F: Features> Space<F> {
         scratch.work.exact += scratch.hits.len() as u64;
         for &(_, slot) in &scratch.hits {
             prefetch_at(&self.anchors, slot as usize);
+            prefetch_at(&self.ids, slot as usize);
         }
         for &(search, slot) in &scratch.hits {
             let probe = &probes[search as usize];
