@@ -236,19 +236,23 @@ impl World {
     }
 
     /// Acceleration of a particle in its flight [length/time²].
-    #[inline]
+    #[inline(always)]
     pub fn acceleration(&self, i: u32) -> DVec3 {
         let particle = &self.particles[i as usize];
         if self.classes[particle.class()].inverse_mass == 0.0 {
             DVec3::ZERO
         } else if particle.rests() {
-            supported(
-                self.gravity,
-                &self.support[i as usize].iter().flatten().map(|&w| self.walls[w as usize].normal),
-            )
+            self.supported_acceleration(i)
         } else {
             self.gravity
         }
+    }
+
+    /// The part of gravity along the walls that a particle rests on.
+    #[inline(never)]
+    fn supported_acceleration(&self, i: u32) -> DVec3 {
+        let walls = self.support[i as usize].iter().flatten();
+        supported(self.gravity, &walls.map(|&wall| self.walls[wall as usize].normal))
     }
 
     /// Time since the anchor of particle i [time].
