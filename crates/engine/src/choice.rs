@@ -21,10 +21,11 @@ const DENSE: [f64; 2] = [0.18, 0.42];
 /// … and if they have not: the cells' width follows the largest, that of the lists' shell the mean.
 const DENSE_MIXED: [f64; 2] = [0.26, 0.5];
 /// The same where windows compete (benches/record/2026-11-21/windows.md): with the lists of [`nearby`], with those for all systems, and with
-/// these under gravity (benches/record/2026-11-22).
+/// these under gravity and where sizes differ too much for [`nearby`] (benches/record/2026-11-22).
 const DENSE_FOR_WINDOWS: [f64; 2] = [0.32, 0.42];
 const DENSE_FOR_WINDOWS_ELSE: [f64; 2] = [0.38, 0.7];
 const DENSE_FOR_WINDOWS_FALLING: [f64; 2] = [0.55, 0.7];
+const DENSE_FOR_WINDOWS_WIDE: [f64; 2] = [0.46, 0.7];
 /// An engine is given up for another when the density is beyond the bound by this factor: to and fro costs more than it gains.
 const RELUCTANCE: f64 = 1.15;
 /// An engine is laid out anew when the density around the particles has changed by this factor.
@@ -103,6 +104,7 @@ impl Choice {
         let limits = match (windows, mixed) {
             (true, _) if nearby::serves(system, &self.census) => DENSE_FOR_WINDOWS,
             (true, _) if system.domain.gravity != DVec3::ZERO => DENSE_FOR_WINDOWS_FALLING,
+            (true, _) if nearby::is_wide(&self.census) => DENSE_FOR_WINDOWS_WIDE,
             (true, _) => DENSE_FOR_WINDOWS_ELSE,
             (false, true) => DENSE_MIXED,
             (false, false) => DENSE,

@@ -66,7 +66,12 @@ pub(crate) fn serves(system: &System, census: &Census) -> bool {
         && census.movable
         && system.domain.gravity == DVec3::ZERO
         && system.walls.is_empty()
-        && census.largest <= SIZE_RATIO * census.least
+        && !is_wide(census)
+}
+
+/// Whether sizes differ too much for its bins.
+pub(crate) fn is_wide(census: &Census) -> bool {
+    census.largest > SIZE_RATIO * census.least
 }
 
 /// What this engine knows of a system before it starts.
