@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from validation import report
+from validation import boltzmann, report
 from validation.parts import atmosphere, cooling, equilibrium, mixtures, transport
 from validation.registry import Part, discover
 from validation.rows import Row, at_most, chi_square, compare
@@ -183,3 +183,36 @@ def test_share_of_a_momentum_that_is_kept_zero():
     mixture = mixtures.Mixture((3, 1), 10.0, 1.0, 0.01, 1.0)
     # T_i = T(1 − m_i/M) of each, M = 13.
     assert mixture.ratio(1 - 1 / 13, 1 - 10 / 13) == pytest.approx(1)
+
+
+def test_pairs_of_the_boltzmann_equation_are_strangers():
+    rng = np.random.default_rng(1)
+    lengths = []
+    for _ in range(200):
+        pairs = boltzmann.draw_pairs(rng, 1000)
+        assert len(np.unique(pairs)) == pairs.size
+        lengths.append(len(pairs))
+    assert 10 < np.mean(lengths) < 18 and max(lengths) == 18
+
+
+@pytest.mark.parametrize("e", [1.0, 0.6])
+def test_collisions_of_the_boltzmann_equation_keep_momentum_and_lose_energy(e):
+    rng = np.random.default_rng(2)
+    v = rng.standard_normal((2000, 3))
+    before, momentum = v.copy(), v.sum(axis=0)
+    done = sum(boltzmann.collide(rng, v, e, 20.0) for _ in range(200))
+    assert 100 < done < np.count_nonzero(np.any(v != before, axis=1))
+    assert np.allclose(v.sum(axis=0), momentum, atol=1e-11)
+    lost = 1 - np.sum(v**2) / np.sum(before**2)
+    # Each collision takes (1 − e²) g_n²/4, ⟨g_n²⟩ = 4T among those that collide, of 3T/2 a particle.
+    expected = done * (1 - e**2) / (1.5 * len(v))
+    assert lost == pytest.approx(expected, rel=4 / done**0.5, abs=1e-12)
+
+
+@pytest.mark.parametrize("e", [1.0, 0.8, 0.5])
+def test_tabulated_velocity_distributions_are_those_of_the_boltzmann_equation(e):
+    expected, error = boltzmann.A2.get(e, (0.0, 0.0))
+    value, scatter = boltzmann.sonine_a2(e, particles=2000, collisions=20, seed=3)
+    # Of the few collisions the scatter is known to a fifth only.
+    assert abs(value - expected) < 4 * math.hypot(error, scatter)
+    assert scatter < 0.01
