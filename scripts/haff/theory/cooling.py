@@ -18,8 +18,9 @@ def sonine_a2(e: ArrayLike, d: int = 3, approximation: str = "van-noije-ernst") 
 
     (van Noije–Ernst 1998), defined by :math:`a_2 = d\langle v^4\rangle/[(d + 2)\langle v^2\rangle^2] - 1`. The other
     ``approximation``, ``"montanero-santos"`` (2000), has the denominator
-    :math:`25 + 24d - (57 - 8d)e - 2(1 - e)e^2` and is the better one below e = 0.6, where the first is high by some
-    percent.
+    :math:`25 + 24d - (57 - 8d)e - 2(1 - e)e^2` and is the better one below e = 0.6. Both leave out the higher
+    coefficients: in three dimensions the Boltzmann equation itself has 0.0478 at e = 0.5, where they have 0.0525 and
+    0.0498, and -0.0146 at e = 0.8 instead of -0.0126 and -0.0127 (docs/validation.md).
     """
     e, d = np.asarray(e, float), check_dimension(d)
     if approximation == "van-noije-ernst":
