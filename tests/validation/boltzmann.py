@@ -1,8 +1,9 @@
-"""The velocity distribution of the homogeneous cooling state from the Boltzmann equation alone, by direct simulation Monte Carlo.
+"""The velocity distribution of the homogeneous cooling state from the Boltzmann equation alone, by direct Monte Carlo.
 
-Two of N particles are drawn, wherever they are, and a direction for the line of centers; they collide with a probability in proportion
-to their approach speed (Kac's process). No code is haff's, and nothing is assumed but molecular chaos: no expansion, no step of time. So
-it tells which of the two is off where haff and a formula do not agree.
+Two of N particles are drawn, wherever they are, and a direction for the line of centers; they collide with a
+probability in proportion to their approach speed (Bird's direct simulation Monte Carlo as Kac's process). No code is
+haff's, and nothing is assumed but molecular chaos: no expansion, no step of time. So it tells which of the two is off
+where haff and a formula do not agree.
 
     PYTHONPATH=tests python -m validation.boltzmann      # prints A2 below; half an hour on one core
 """
@@ -32,7 +33,7 @@ BLOCKS = 25
 
 
 def draw_pairs(rng: np.random.Generator, particles: int) -> NDArray[np.int64]:
-    """Independent pairs ``[M, 2]`` up to the first in which somebody comes again, so that they can collide at once as they would in turn."""
+    """Independent pairs ``[M, 2]`` up to the first in which somebody comes again: at once they collide as in turn."""
     pairs = rng.integers(particles, size=(max(int(0.6 * particles**0.5), 1), 2))
     drawn = pairs.ravel()
     order = np.argsort(drawn, kind="stable")
@@ -41,7 +42,7 @@ def draw_pairs(rng: np.random.Generator, particles: int) -> NDArray[np.int64]:
 
 
 def collide(rng: np.random.Generator, v: NDArray[np.float64], e: float, bound: float) -> int:
-    """Lets pairs of `v` ``[N, 3]`` collide, in place, with approach speed g · n, and tells how many; `bound` is at least every |g · n|."""
+    """Lets pairs of `v` ``[N, 3]`` collide, in place, and tells how many; no approach speed is above `bound`."""
     i, j = draw_pairs(rng, len(v)).T
     n = rng.standard_normal((len(i), 3))
     n /= np.linalg.norm(n, axis=1)[:, None]
