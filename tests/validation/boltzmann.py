@@ -47,6 +47,7 @@ def collide(rng: np.random.Generator, v: NDArray[np.float64], e: float, bound: f
     n = rng.standard_normal((len(i), 3))
     n /= np.linalg.norm(n, axis=1)[:, None]
     approach = np.einsum("ij,ij->i", v[i] - v[j], n)
+    assert np.all(np.abs(approach) <= bound)
     hit = rng.random(len(i)) * bound < np.abs(approach)
     impulse = 0.5 * (1 + e) * approach[hit, None] * n[hit]
     v[i[hit]] -= impulse
