@@ -22,7 +22,7 @@ const DENSE: [f64; 2] = [0.18, 0.42];
 const DENSE_MIXED: [f64; 2] = [0.26, 0.5];
 /// The same where windows compete (benches/record/2026-11-21/windows.md): with the lists of [`nearby`], with those for all systems, and with
 /// these under gravity and where sizes differ too much for [`nearby`] (benches/record/2026-11-22).
-const DENSE_FOR_WINDOWS: [f64; 2] = [0.32, 0.42];
+const DENSE_FOR_WINDOWS: [f64; 2] = [0.25, 0.32];
 const DENSE_FOR_WINDOWS_ELSE: [f64; 2] = [0.38, 0.7];
 const DENSE_FOR_WINDOWS_FALLING: [f64; 2] = [0.55, 0.7];
 const DENSE_FOR_WINDOWS_WIDE: [f64; 2] = [0.46, 0.7];

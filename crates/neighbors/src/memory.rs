@@ -1,25 +1,39 @@
 //! Memory at its best: huge pages for large arrays, and cache lines asked for ahead of their use.
 
-/// Arrays of at least this size are given huge pages \[bytes\]: a few of them must fit.
-const HUGE: usize = 1 << 22;
+/// Arrays of at least this size are given huge pages \[bytes\], …
+const LARGE: usize = 1 << 20;
+/// … which are of this size, as a rule; arrays of up to so many of them get whole ones.
+const HUGE: usize = 1 << 21;
+const FEW: usize = 8;
+/// Size of other pages: an allocator needs a little room for itself.
+const PAGE: usize = 4096;
 
-/// An empty vector with room for `capacity` elements, on huge pages if it is large and the system has them.
+/// An empty vector with room for `capacity` elements or a few more, on huge pages if it is large and the system has them.
 ///
-/// Random access to hundreds of megabytes otherwise costs a walk through the page tables each time. What this gains
+/// Random access to more than a few megabytes otherwise costs a walk through the page tables each time. What this gains
 /// stands in the benchmark record.
 pub fn roomy<T>(capacity: usize) -> Vec<T> {
+    let bytes = capacity.saturating_mul(size_of::<T>());
+    let few = cfg!(target_os = "linux") && (LARGE..FEW * HUGE - PAGE).contains(&bytes);
+    // A mapping of whole huge pages is put where these begin.
+    let capacity =
+        if few { ((bytes + PAGE).next_multiple_of(HUGE) - PAGE) / size_of::<T>() } else { capacity };
     let mut vector: Vec<T> = Vec::with_capacity(capacity);
     #[cfg(target_os = "linux")]
     {
-        const PAGE: usize = 4096;
         let room = vector.spare_capacity_mut();
         let (start, bytes) = (room.as_mut_ptr().cast::<u8>(), size_of_val(room));
-        let skip = start.align_offset(PAGE);
-        if bytes >= HUGE && skip < bytes {
-            // SAFETY: whole pages inside an allocation that is ours alone; the advice changes nothing but how they are
-            // backed, and whether it is taken does not matter.
+        if bytes >= LARGE {
+            // With what the allocator keeps before it.
+            let before = start as usize % PAGE;
+            // SAFETY: the pages of an allocation; the advice changes nothing but how they are backed, for whoever else has a part of
+            // them too, and whether it is taken does not matter.
             unsafe {
-                libc::madvise(start.add(skip).cast(), (bytes - skip) / PAGE * PAGE, libc::MADV_HUGEPAGE);
+                libc::madvise(
+                    start.wrapping_sub(before).cast(),
+                    (before + bytes).next_multiple_of(PAGE),
+                    libc::MADV_HUGEPAGE,
+                );
             }
         }
     }
@@ -57,7 +71,17 @@ mod tests {
 
     #[test]
     fn large_and_small_vectors_are_vectors() {
-        for capacity in [0, 5, HUGE / 8 - 1, HUGE / 8, HUGE + 3] {
+        for capacity in [
+            0,
+            5,
+            LARGE / 8 - 1,
+            LARGE / 8,
+            HUGE / 8 - 512,
+            HUGE / 8,
+            FEW * HUGE / 8 - 512,
+            FEW * HUGE / 8,
+            4 * HUGE + 3,
+        ] {
             let mut vector: Vec<u64> = roomy(capacity);
             assert!(vector.is_empty() && vector.capacity() >= capacity);
             vector.extend((0..capacity as u64).map(|k| k * k));

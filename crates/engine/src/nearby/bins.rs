@@ -7,7 +7,7 @@ is a chain of blocks of eight places, with the coordinates of the centers in the
 
 use haff_neighbors::roomy;
 
-use super::lists::LANES;
+use super::sets::{LANES, place_of};
 
 /// No particle, and no block.
 const NONE: u32 = u32::MAX;
@@ -29,6 +29,10 @@ struct Block {
 }
 
 const EMPTY: Block = Block { x: [[0; LANES]; 3], id: [NONE; LANES] };
+
+/// Bins that a search looks at, at most, and the room for whom it may find in their first blocks.
+const AROUND: usize = 27;
+const ROOM: usize = (AROUND + 1) * LANES;
 
 /// Bins of centers.
 #[derive(Debug, Clone, Default)]
@@ -82,12 +86,13 @@ impl Bins {
         ((cz * self.n[1] + cy) * self.n[0] + cx) as usize
     }
 
-    /// Enters a center.
-    pub fn enter(&mut self, i: u32, x: [i32; 3]) {
+    /// Enters a center. Of `VECTORS` here and below the same holds as of [`Self::near`].
+    #[inline(always)]
+    pub fn enter<const VECTORS: bool>(&mut self, i: u32, x: [i32; 3]) {
         let mut at = self.bin(x);
         loop {
             let block = &mut self.blocks[at];
-            if let Some(place) = block.id.iter().position(|&id| id == NONE) {
+            if let Some(place) = place_of::<VECTORS>(&block.id, NONE) {
                 block.id[place] = i;
                 for axis in 0..3 {
                     block.x[axis][place] = x[axis];
@@ -104,11 +109,12 @@ impl Bins {
     }
 
     /// Takes a center out.
-    pub fn leave(&mut self, i: u32, x: [i32; 3]) {
+    #[inline(always)]
+    pub fn leave<const VECTORS: bool>(&mut self, i: u32, x: [i32; 3]) {
         let mut at = self.bin(x);
         loop {
             let block = &mut self.blocks[at];
-            if let Some(place) = block.id.iter().position(|&id| id == i) {
+            if let Some(place) = place_of::<VECTORS>(&block.id, i) {
                 block.id[place] = NONE;
                 return;
             }
@@ -132,50 +138,69 @@ impl Bins {
             let after = if home == n - 1 { 0 } else { home + 1 };
             cells[axis] = if n == 2 { [home, 1 - home, home] } else { [home, before, after] };
         }
-        let mut count = 0;
+        if found.len() < ROOM {
+            found.resize(ROOM, 0);
+        }
+        let here = Here { x, unit: self.unit, reach2 };
+        let mut longer = [NONE; AROUND + 1];
+        let (mut count, mut chains) = (0, 0);
+        let (blocks, next) = (&self.blocks[..], &self.next[..]);
         for &z in &cells[2][..self.span[2]] {
             for &y in &cells[1][..self.span[1]] {
                 let row = (z * self.n[1] + y) * self.n[0];
                 for &cell in &cells[0][..self.span[0]] {
-                    let mut at = (row + cell) as usize;
-                    loop {
-                        if found.len() < count + LANES {
-                            found.resize(2 * found.len() + 8 * LANES, 0);
-                        }
-                        if let Some(room) = found[count..].first_chunk_mut() {
-                            count += self.pick::<VECTORS>(at, x, reach2, room);
-                        }
-                        let next = self.next[at];
-                        if next == NONE {
-                            break;
-                        }
-                        at = next as usize;
+                    let at = (row + cell) as usize;
+                    debug_assert!(at < next.len() && count + LANES <= found.len() && chains < longer.len());
+                    // SAFETY: cells along each axis are fewer than `n`, of whose product there are blocks; there is room for all of `AROUND` blocks, and one
+                    // more chain than these.
+                    unsafe {
+                        let room = &mut *found.as_mut_ptr().add(count).cast::<[u32; LANES]>();
+                        count += here.pick::<VECTORS>(blocks.get_unchecked(at), room);
+                        // Counted without a branch: nobody can foresee it.
+                        let next = *next.get_unchecked(at);
+                        *longer.get_unchecked_mut(chains) = next;
+                        chains += usize::from(next != NONE);
                     }
                 }
             }
         }
+        for &first in &longer[..chains] {
+            let mut at = first;
+            while at != NONE {
+                if found.len() < count + LANES {
+                    found.resize(2 * found.len(), 0);
+                }
+                if let Some(room) = found[count..].first_chunk_mut() {
+                    count += here.pick::<VECTORS>(&blocks[at as usize], room);
+                }
+                at = next[at as usize];
+            }
+        }
         count
     }
+}
 
-    /// Copies those of a block that are near enough into `room`, which has eight places; their number.
+/// What bins are searched for.
+#[derive(Clone, Copy)]
+struct Here {
+    x: [i32; 3],
+    unit: [f32; 3],
+    reach2: f32,
+}
+
+impl Here {
+    /// Copies those of a block that are near enough into `room`; their number.
     #[inline(always)]
-    fn pick<const VECTORS: bool>(
-        &self,
-        at: usize,
-        x: [i32; 3],
-        reach2: f32,
-        room: &mut [u32; LANES],
-    ) -> usize {
-        let block = &self.blocks[at];
+    fn pick<const VECTORS: bool>(&self, block: &Block, room: &mut [u32; LANES]) -> usize {
         #[cfg(target_arch = "x86_64")]
         if VECTORS {
             // SAFETY: the caller has the features.
-            return unsafe { avx2::pick(block, x, self.unit, reach2, room) };
+            return unsafe { avx2::pick(block, self, room) };
         }
         let mut count = 0;
         for k in 0..LANES {
-            if block.id[k] != NONE && distance2([0, 1, 2].map(|axis| block.x[axis][k]), x, self.unit) < reach2
-            {
+            let there = [0, 1, 2].map(|axis| block.x[axis][k]);
+            if block.id[k] != NONE && distance2(there, self.x, self.unit) < self.reach2 {
                 room[count] = block.id[k];
                 count += 1;
             }
@@ -204,7 +229,7 @@ mod avx2 {
         _mm256_sub_epi32,
     };
 
-    use super::{Block, LANES};
+    use super::{Block, Here, LANES};
 
     /// Per mask of lanes the lanes that are set, first.
     static FIRST: [[u8; LANES]; 256] = {
@@ -227,25 +252,19 @@ mod avx2 {
     /// The arithmetic of `super::distance2`, eight centers at a time; nothing depends on a branch.
     #[target_feature(enable = "avx2,fma")]
     #[inline]
-    pub(super) fn pick(
-        block: &Block,
-        x: [i32; 3],
-        unit: [f32; 3],
-        reach2: f32,
-        room: &mut [u32; LANES],
-    ) -> usize {
+    pub(super) fn pick(block: &Block, here: &Here, room: &mut [u32; LANES]) -> usize {
         let square = |axis: usize| {
             // SAFETY: eight words; blocks are aligned to 64 bytes.
             let there = unsafe { _mm256_load_si256(block.x[axis].as_ptr().cast()) };
-            let d = _mm256_cvtepi32_ps(_mm256_sub_epi32(there, _mm256_set1_epi32(x[axis])));
-            let d = _mm256_mul_ps(d, _mm256_set1_ps(unit[axis]));
+            let d = _mm256_cvtepi32_ps(_mm256_sub_epi32(there, _mm256_set1_epi32(here.x[axis])));
+            let d = _mm256_mul_ps(d, _mm256_set1_ps(here.unit[axis]));
             _mm256_mul_ps(d, d)
         };
         let d2 = _mm256_add_ps(_mm256_add_ps(square(0), square(1)), square(2));
         // SAFETY: as above.
         let id = unsafe { _mm256_load_si256(block.id.as_ptr().cast()) };
         let nobody = _mm256_castsi256_ps(_mm256_cmpeq_epi32(id, _mm256_set1_epi32(-1)));
-        let near = _mm256_cmp_ps::<_CMP_LT_OQ>(d2, _mm256_set1_ps(reach2));
+        let near = _mm256_cmp_ps::<_CMP_LT_OQ>(d2, _mm256_set1_ps(here.reach2));
         let mask = _mm256_movemask_ps(_mm256_andnot_ps(nobody, near)) as usize;
         // SAFETY: eight bytes of the table.
         let first = unsafe { _mm_loadl_epi64(FIRST[mask].as_ptr().cast()) };
@@ -284,13 +303,13 @@ mod tests {
             };
             let mut centers: Vec<[i32; 3]> = (0..600).map(|_| [0, 1, 2].map(&mut place)).collect();
             for (i, x) in centers.iter().enumerate() {
-                bins.enter(i as u32, *x);
+                bins.enter::<false>(i as u32, *x);
             }
             let mut total = 0;
             for i in 0..centers.len() {
-                bins.leave(i as u32, centers[i]);
+                bins.leave::<false>(i as u32, centers[i]);
                 centers[i] = [0, 1, 2].map(&mut place);
-                bins.enter(i as u32, centers[i]);
+                bins.enter::<false>(i as u32, centers[i]);
                 let x = centers[i];
                 let mut expected: Vec<u32> =
                     (0..600).filter(|&j| distance2(centers[j as usize], x, unit) < reach * reach).collect();

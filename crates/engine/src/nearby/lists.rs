@@ -12,11 +12,16 @@ wrapped into the box.
 use haff_neighbors::{prefetch_at, roomy};
 use rayon::prelude::*;
 
-use super::{Plan, bins::Bins, frame::Record};
+use super::{
+    Plan,
+    bins::Bins,
+    frame::Record,
+    sets::{self, all, members, place_of},
+};
 use crate::machine::Features;
 
 /// Lists are whole groups of so many words, which the filter looks at at a time.
-pub(super) const LANES: usize = 8;
+pub(super) const LANES: usize = sets::LANES;
 /// Pairs are listed this much further away than they need be, for all that single precision rounds [largest contact
 /// distances].
 const SLACK: f32 = 1e-3;
@@ -64,12 +69,12 @@ impl Lists {
         };
         for (i, record) in records[..count].iter().enumerate() {
             lists.centers.push(Center { x: record.x, members: 0 });
-            lists.bins.enter(i as u32, record.x);
+            lists.bins.enter::<false>(i as u32, record.x);
         }
         let mut sample = Vec::new();
         let mut lengths: Vec<usize> = (0..count)
             .step_by((count / 1000).max(1))
-            .map(|i| lists.find::<F, false>(i as u32, records, &mut sample))
+            .map(|i| lists.find::<F, false, false>(i as u32, records, &mut sample))
             .collect();
         lengths.sort_unstable();
         // A start on a lattice has no fluctuations yet.
@@ -82,7 +87,7 @@ impl Lists {
             .par_chunks_mut(stride)
             .enumerate()
             .map_init(Vec::new, |found, (i, words)| {
-                let length = lists.find::<F, false>(i as u32, records, found);
+                let length = lists.find::<F, false, false>(i as u32, records, found);
                 let list = &found[..length];
                 if length > words.len() {
                     return (length as u32, Some(list.to_vec()));
@@ -174,7 +179,7 @@ impl Lists {
         let record = &records[i as usize];
         let speed = dot(record.v, record.v).sqrt();
         let ahead = if speed > 0.0 { ahead * self.half / speed } else { 0.0 };
-        self.bins.leave(i, self.centers[i as usize].x);
+        self.bins.leave::<VECTORS>(i, self.centers[i as usize].x);
         let mut place = [0; 3];
         for axis in 0..3 {
             let way = f64::from(record.v[axis] * (part + ahead)) / f64::from(self.unit[axis]);
@@ -182,15 +187,16 @@ impl Lists {
         }
         self.centers[i as usize].x = place;
         let mut found = std::mem::take(&mut self.found);
-        let length = self.find::<F, VECTORS>(i, records, &mut found);
-        self.bins.enter(i, place);
-        self.replace(i, &found[..length]);
+        let length = self.find::<F, VECTORS, true>(i, records, &mut found);
+        self.bins.enter::<VECTORS>(i, place);
+        self.replace::<VECTORS>(i, &found, length);
         self.found = found;
     }
 
-    /// Looks for the neighbors of i among the centers. They are the first in `found`; returns their number.
+    /// Looks for the neighbors of i among the centers, of which its own is not one if it is `OUT`. They are the first in `found`, which is
+    /// longer by whole groups; returns their number.
     #[inline(always)]
-    fn find<F: Features, const VECTORS: bool>(
+    fn find<F: Features, const VECTORS: bool, const OUT: bool>(
         &self,
         i: u32,
         records: &[Record],
@@ -200,6 +206,9 @@ impl Lists {
         let skin = 2.0 * self.half + SLACK;
         let reach = if F::UNIFORM { 1.0 } else { records[i as usize].radius + 0.5 } + skin;
         let count = self.bins.near::<VECTORS>(place, reach * reach, found);
+        if F::UNIFORM && OUT {
+            return count;
+        }
         let mut kept = 0;
         for k in 0..count {
             let j = found[k];
@@ -218,34 +227,33 @@ impl Lists {
         kept
     }
 
-    /// Makes `new` the list of i, and puts right the lists of the partners lost and won.
+    /// Makes the first `length` of `new` the list of i, and puts right the lists of the partners lost and won.
     #[inline(always)]
-    fn replace(&mut self, i: u32, new: &[u32]) {
+    fn replace<const VECTORS: bool>(&mut self, i: u32, new: &[u32], length: usize) {
         let before = self.centers[i as usize].members as usize;
-        let mut old = [0; MOST_WORDS];
-        if before.max(new.len()) > self.stride || self.stride > old.len() {
-            self.replace_long(i, new);
+        if before.max(length) > self.stride || self.stride > sets::MOST {
+            self.replace_long(i, &new[..length]);
             return;
         }
         let place = i as usize * self.stride;
+        let mut old = [0; sets::MOST];
         old[..self.stride].copy_from_slice(&self.words[place..place + self.stride]);
-        let old = &old[..before];
-        for &j in old {
-            if !contains(new, j) {
-                self.remove(j, i);
-            }
+        let mut lost = all(before) & !members::<VECTORS>(&old, before, &new[..length]);
+        let mut won = all(length) & !members::<VECTORS>(new, length, &old[..before]);
+        while lost != 0 {
+            self.remove::<VECTORS>(old[lost.trailing_zeros() as usize], i);
+            lost &= lost - 1;
         }
         let mut spilled = false;
-        for &j in new {
-            if !contains(old, j) {
-                spilled |= self.add(j, i);
-            }
+        while won != 0 {
+            spilled |= self.add(new[won.trailing_zeros() as usize], i);
+            won &= won - 1;
         }
         let nobody = self.nobody();
-        let (own, rest) = self.words[place..place + self.stride].split_at_mut(new.len());
-        own.copy_from_slice(new);
+        let (own, rest) = self.words[place..place + self.stride].split_at_mut(length);
+        own.copy_from_slice(&new[..length]);
         rest.fill(nobody);
-        self.centers[i as usize].members = new.len() as u32;
+        self.centers[i as usize].members = length as u32;
         if spilled {
             self.grow();
         }
@@ -255,10 +263,10 @@ impl Lists {
     #[cold]
     fn replace_long(&mut self, i: u32, new: &[u32]) {
         let old = self.of(i)[..self.centers[i as usize].members as usize].to_vec();
-        for j in old.iter().filter(|j| !contains(new, **j)) {
-            self.remove(*j, i);
+        for j in old.iter().filter(|j| !new.contains(j)) {
+            self.remove::<false>(*j, i);
         }
-        for j in new.iter().filter(|j| !contains(&old, **j)) {
+        for j in new.iter().filter(|j| !old.contains(j)) {
             self.add(*j, i);
         }
         self.set(i, new);
@@ -328,16 +336,16 @@ impl Lists {
     }
 
     /// Takes j out of the list of i.
-    #[inline]
-    fn remove(&mut self, i: u32, j: u32) {
+    #[inline(always)]
+    fn remove<const VECTORS: bool>(&mut self, i: u32, j: u32) {
         let (nobody, place) = (self.nobody(), i as usize * self.stride);
         let length = self.centers[i as usize].members as usize;
         if length > self.stride {
             self.remove_from_spilled(i, j);
             return;
         }
-        let list = &mut self.words[place..place + length];
-        if let Some(at) = list.iter().position(|&other| other == j) {
+        let list = &mut self.words[place..place + self.stride];
+        if let Some(at) = place_of::<VECTORS>(list, j) {
             list[at] = list[length - 1];
             list[length - 1] = nobody;
             self.centers[i as usize].members -= 1;
@@ -379,16 +387,6 @@ impl Lists {
             self.set(i, &list);
         }
     }
-}
-
-/// Longest list whose changes are found without looking for room.
-const MOST_WORDS: usize = 64;
-
-/// Whether a list names j; without an early end, so that whole vectors are compared.
-#[expect(clippy::needless_bitwise_bool, reason = "whole vectors")]
-#[inline(always)]
-fn contains(list: &[u32], j: u32) -> bool {
-    list.iter().fold(false, |found, &other| found | (other == j))
 }
 
 #[inline(always)]

@@ -11,6 +11,7 @@ mod exact;
 mod filter;
 mod frame;
 mod lists;
+mod sets;
 
 use std::marker::PhantomData;
 
@@ -45,8 +46,10 @@ const SHELL: [f64; 2] = [1.3, 2.5];
 const AHEAD: f32 = 0.5;
 /// Radii may differ by this factor: the bins are made for the largest.
 const SIZE_RATIO: f64 = 2.0;
-/// Of events to come the records and anchors of those in the lists are asked for from this many particles on: they come from memory.
+/// From this many particles on lists are shorter: members come from memory.
 const MANY: usize = 40_000;
+/// From this many particles on the records and anchors of those in the lists of events to come are asked for: the nearest caches do not hold all.
+const AWAY: usize = 15_000;
 /// Of the event so many entries ahead, particles, records and lists are asked for, …
 const FAR_AHEAD: usize = 8;
 /// … and of this nearer one the records of those in the lists.
@@ -155,7 +158,7 @@ impl<F: Features> Nearby<F> {
                 plan,
                 records: Vec::new(),
                 lists: Lists::default(),
-                looks_ahead: count >= MANY,
+                looks_ahead: count >= AWAY,
                 features: PhantomData,
             },
             bounds: [Bounds::new(); 2],
