@@ -48,7 +48,7 @@ impl Batch {
             Kernel::Portable => predict(self),
             #[cfg(target_arch = "x86_64")]
             // SAFETY: made by `Kernel::choose` alone, after it has found the features.
-            Kernel::Avx2 { .. } => unsafe { predict_avx2(self) },
+            Kernel::Avx2 => unsafe { predict_avx2(self) },
         }
     }
 }
@@ -57,11 +57,9 @@ impl Batch {
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) enum Kernel {
     Portable,
-    /// Vectors of 256 bits; `wide`: filters use those of 512.
+    /// Vectors of 256 bits. Those of 512 were no gain in all (benches/record/2026-11-22).
     #[cfg(target_arch = "x86_64")]
-    Avx2 {
-        wide: bool,
-    },
+    Avx2,
 }
 
 impl Kernel {
@@ -74,27 +72,13 @@ impl Kernel {
             && std::is_x86_feature_detected!("bmi2")
             && std::is_x86_feature_detected!("lzcnt")
             && std::is_x86_feature_detected!("popcnt"))
-        .then(|| Self::Avx2 {
-            wide: choice == SimdChoice::Auto
-                && std::is_x86_feature_detected!("avx512f")
-                && std::is_x86_feature_detected!("avx512dq")
-                && std::is_x86_feature_detected!("avx512vl"),
-        });
+        .then_some(Self::Avx2);
         #[cfg(not(target_arch = "x86_64"))]
         let avx2 = None;
         match choice {
             SimdChoice::Auto => avx2.or(Some(Self::Portable)),
             SimdChoice::Avx2 => avx2,
             SimdChoice::Portable => Some(Self::Portable),
-        }
-    }
-
-    /// Whether filters may use vectors of 512 bits.
-    pub fn is_wide(self) -> bool {
-        match self {
-            Self::Portable => false,
-            #[cfg(target_arch = "x86_64")]
-            Self::Avx2 { wide } => wide,
         }
     }
 }

@@ -373,7 +373,7 @@ impl<F: Features, S: Search + 'static> Engine for Machine<F, S> {
             (false, Kernel::Portable) => self.run::<false>(state, limit, observer),
             #[cfg(target_arch = "x86_64")]
             // SAFETY: made by `Kernel::choose` alone, after it has found the features.
-            (false, Kernel::Avx2 { .. }) => unsafe { self.run_avx2::<false>(state, limit, observer) },
+            (false, Kernel::Avx2) => unsafe { self.run_avx2::<false>(state, limit, observer) },
         }
     }
 }

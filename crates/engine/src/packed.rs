@@ -71,7 +71,7 @@ pub(crate) fn predict<const UNIFORM: bool, const LATEST: bool>(
         Kernel::Portable => portable::<UNIFORM>(query, out),
         #[cfg(target_arch = "x86_64")]
         // SAFETY: made by `Kernel::choose` alone, after it has found the features.
-        Kernel::Avx2 { .. } => unsafe { avx2::predict::<UNIFORM, LATEST>(query, out) },
+        Kernel::Avx2 => unsafe { avx2::predict::<UNIFORM, LATEST>(query, out) },
     }
 }
 

@@ -559,10 +559,10 @@ impl<F: Features> Engine for Nearby<F> {
             (Kernel::Portable, true) => self.run::<true, false>(state, limit, observer),
             #[cfg(target_arch = "x86_64")]
             // SAFETY: made by `Kernel::choose` alone, after it has found the features.
-            (Kernel::Avx2 { .. }, false) => unsafe { self.run_avx2::<false>(state, limit, observer) },
+            (Kernel::Avx2, false) => unsafe { self.run_avx2::<false>(state, limit, observer) },
             #[cfg(target_arch = "x86_64")]
             // SAFETY: as above.
-            (Kernel::Avx2 { .. }, true) => unsafe { self.run_avx2::<true>(state, limit, observer) },
+            (Kernel::Avx2, true) => unsafe { self.run_avx2::<true>(state, limit, observer) },
         }
     }
 }

@@ -108,15 +108,13 @@ impl Scratch {
 /// Finds all whom the probes may touch in what is left of the window, each once per probe. With the `lowest` cell of every slot
 /// and `HALF` set, of two that may touch the one whose lowest cell comes first finds the other, which is enough if all are searched.
 ///
-/// With `VECTORS` set the caller must be compiled for AVX2 and FMA, and run where they exist; `wide` only where there is AVX-512 (F, DQ, VL) as
-/// well.
+/// With `VECTORS` set the caller must be compiled for AVX2 and FMA, and run where they exist.
 #[inline(always)]
 pub(super) fn search<F: Features, const HALF: bool, const VECTORS: bool>(
     records: &[Record],
     cells: &Cells,
     lowest: &[u32],
     common_radius: f32,
-    wide: bool,
     probes: &[Probe],
     scratch: &mut Scratch,
 ) {
@@ -136,11 +134,7 @@ pub(super) fn search<F: Features, const HALF: bool, const VECTORS: bool>(
         #[cfg(target_arch = "x86_64")]
         // SAFETY: the caller has the features.
         unsafe {
-            if wide {
-                avx512::filter::<F, HALF>(records, cells.axes.unit, probes, scratch);
-            } else {
-                avx2::filter::<F>(records, cells.axes.unit, probes, scratch);
-            }
+            avx2::filter::<F>(records, cells.axes.unit, probes, scratch);
         }
     } else {
         let Candidates { slots, owner, len, .. } = &scratch.candidates;
@@ -279,9 +273,9 @@ mod avx2 {
         let c = _mm256_fnmadd_ps(sigma, sigma, rr);
         let two = _mm256_add_ps(b, b);
         let end = _mm256_add_ps(c, _mm256_add_ps(two, vv));
-        let begin = _mm256_fmadd_ps(from, _mm256_fmadd_ps(from, vv, two), c);
         let minus = _mm256_sub_ps(zero, _mm256_add_ps(b, vv));
         let first = _mm256_min_ps(minus, end);
+        let begin = _mm256_fmadd_ps(from, _mm256_fmadd_ps(from, vv, two), c);
         let second = _mm256_min_ps(_mm256_fmadd_ps(from, vv, b), begin);
         let none = _mm256_fmsub_ps(c, vv, _mm256_mul_ps(b, b));
         let worst = _mm256_max_ps(_mm256_max_ps(first, second), none);
@@ -290,133 +284,6 @@ mod avx2 {
         let slots = unsafe { _mm256_loadu_si256(slots.as_ptr().cast()) };
         let me = _mm256_castsi256_ps(_mm256_cmpeq_epi32(slots, _mm256_set1_epi32(probe.slot as i32)));
         _mm256_movemask_ps(_mm256_andnot_ps(me, pass)) as u8
-    }
-}
-
-#[cfg(target_arch = "x86_64")]
-mod avx512 {
-    use std::arch::x86_64::{
-        __m512, _CMP_NGT_UQ, _mm256_load_ps, _mm512_add_ps, _mm512_castps_si512, _mm512_castps256_ps512,
-        _mm512_castsi512_ps, _mm512_cmp_ps_mask, _mm512_cmpneq_epi32_mask, _mm512_cvtepi32_ps,
-        _mm512_fmadd_ps, _mm512_fmsub_ps, _mm512_fnmadd_ps, _mm512_insertf32x8, _mm512_loadu_si512,
-        _mm512_mask_set1_epi32, _mm512_max_ps, _mm512_min_ps, _mm512_mul_ps, _mm512_permute_ps,
-        _mm512_set1_epi32, _mm512_set1_ps, _mm512_setzero_ps, _mm512_shuffle_f32x4, _mm512_shuffle_ps,
-        _mm512_sub_epi32, _mm512_sub_ps, _mm512_unpackhi_ps, _mm512_unpacklo_ps,
-    };
-
-    use super::{Features, LANES, Probe, Record, Scratch};
-
-    /// The lanes of the second of two groups of eight.
-    const SECOND: u16 = 0xff00;
-
-    /// Sixteen candidates at a time, of one or two searches; else as for 256 bits. `BATCH`: all searches are from the start of the
-    /// window.
-    #[target_feature(enable = "avx512f,avx512dq,avx512vl,avx2,fma,bmi1,bmi2,lzcnt,popcnt")]
-    pub(super) fn filter<F: Features, const BATCH: bool>(
-        records: &[Record],
-        unit: [f32; 3],
-        probes: &[Probe],
-        scratch: &mut Scratch,
-    ) {
-        let candidates = &mut scratch.candidates;
-        let vectors = candidates.len / LANES;
-        let Some(last) = vectors.checked_sub(1) else { return };
-        if vectors % 2 == 1 {
-            // Another group, of the last search, that meets nobody.
-            let owner = candidates.owner[last];
-            candidates.owner[vectors] = owner;
-            candidates.slots[candidates.len..candidates.len + LANES].fill(probes[owner as usize].slot);
-        }
-        let pairs = vectors.div_ceil(2);
-        let masks = &mut scratch.masks;
-        if masks.len() < 2 * pairs + LANES {
-            masks.resize(4 * pairs + LANES, 0);
-        }
-        let unit = unit.map(|unit| _mm512_set1_ps(unit));
-        let slots = candidates.slots[..2 * LANES * pairs].chunks_exact(2 * LANES);
-        let owners = candidates.owner[..2 * pairs].chunks_exact(2);
-        for ((slots, owner), mask) in slots.zip(owners).zip(masks.chunks_exact_mut(2)) {
-            let probes = [&probes[owner[0] as usize], &probes[owner[1] as usize]];
-            mask.copy_from_slice(&test::<F, BATCH>(records, unit, probes, slots).to_le_bytes());
-        }
-        masks[2 * pairs..2 * pairs + LANES].fill(0);
-        scratch.collect(vectors);
-    }
-
-    /// Which of eight slots of each of two probes pass.
-    #[target_feature(enable = "avx512f,avx512dq,avx512vl,avx2,fma")]
-    #[inline]
-    fn test<F: Features, const BATCH: bool>(
-        records: &[Record],
-        unit: [__m512; 3],
-        probes: [&Probe; 2],
-        slots: &[u32],
-    ) -> u16 {
-        // SAFETY: a record is 32 bytes, aligned to 32.
-        let load = |record: &Record| unsafe { _mm256_load_ps(std::ptr::from_ref(record).cast()) };
-        // Two records, one behind the other.
-        let two = |a: &Record, b: &Record| _mm512_insertf32x8::<1>(_mm512_castps256_ps512(load(a)), load(b));
-        let slot = |k: usize| {
-            debug_assert!((slots[k] as usize) < records.len());
-            // SAFETY: what is registered in cells is a slot.
-            unsafe { records.get_unchecked(slots[k] as usize) }
-        };
-        let row = |k: usize| two(slot(k), slot(k + 4));
-        // Of rows k to k + 3 and k + 4 to k + 7: x beside u, y beside v, z beside w, radius beside nothing.
-        let columns = |k: usize| {
-            let (r0, r1, r2, r3) = (row(k), row(k + 1), row(k + 2), row(k + 3));
-            let (t0, t1) = (_mm512_unpacklo_ps(r0, r1), _mm512_unpacklo_ps(r2, r3));
-            let (t2, t3) = (_mm512_unpackhi_ps(r0, r1), _mm512_unpackhi_ps(r2, r3));
-            [
-                _mm512_shuffle_ps::<0x44>(t0, t1),
-                _mm512_shuffle_ps::<0xee>(t0, t1),
-                _mm512_shuffle_ps::<0x44>(t2, t3),
-                _mm512_shuffle_ps::<0xee>(t2, t3),
-            ]
-        };
-        let (a, b) = (columns(0), columns(8));
-        // The first and third quarters, or the second and fourth, of both.
-        let place = |k: usize| _mm512_shuffle_f32x4::<0b10_00_10_00>(a[k], b[k]);
-        let way = |k: usize| _mm512_shuffle_f32x4::<0b11_01_11_01>(a[k], b[k]);
-        // The probes' own, each in the lanes of its eight candidates.
-        let own = two(&probes[0].record, &probes[1].record);
-        let own_place = _mm512_shuffle_f32x4::<0b10_10_00_00>(own, own);
-        let own_way = _mm512_shuffle_f32x4::<0b11_11_01_01>(own, own);
-        let difference = |there: __m512, here: __m512, axis: usize| {
-            let r = _mm512_sub_epi32(_mm512_castps_si512(there), _mm512_castps_si512(here));
-            _mm512_mul_ps(_mm512_cvtepi32_ps(r), unit[axis])
-        };
-        let x = difference(place(0), _mm512_permute_ps::<0x00>(own_place), 0);
-        let y = difference(place(1), _mm512_permute_ps::<0x55>(own_place), 1);
-        let z = difference(place(2), _mm512_permute_ps::<0xaa>(own_place), 2);
-        let u = _mm512_sub_ps(way(0), _mm512_permute_ps::<0x00>(own_way));
-        let v = _mm512_sub_ps(way(1), _mm512_permute_ps::<0x55>(own_way));
-        let w = _mm512_sub_ps(way(2), _mm512_permute_ps::<0xaa>(own_way));
-        let radius = _mm512_permute_ps::<0xff>(own_place);
-        let sigma = _mm512_add_ps(if F::UNIFORM { radius } else { place(3) }, radius);
-        let zero = _mm512_setzero_ps();
-        let b = _mm512_fmadd_ps(z, w, _mm512_fmadd_ps(y, v, _mm512_mul_ps(x, u)));
-        let vv = _mm512_fmadd_ps(w, w, _mm512_fmadd_ps(v, v, _mm512_mul_ps(u, u)));
-        let rr = _mm512_fmadd_ps(z, z, _mm512_fmadd_ps(y, y, _mm512_mul_ps(x, x)));
-        let c = _mm512_fnmadd_ps(sigma, sigma, rr);
-        let end = _mm512_add_ps(c, _mm512_add_ps(_mm512_add_ps(b, b), vv));
-        let first = _mm512_min_ps(_mm512_sub_ps(zero, _mm512_add_ps(b, vv)), end);
-        let second = if BATCH {
-            _mm512_min_ps(b, c)
-        } else {
-            let from = [0, 1].map(|k| probes[k].from.to_bits() as i32);
-            let from =
-                _mm512_castsi512_ps(_mm512_mask_set1_epi32(_mm512_set1_epi32(from[0]), SECOND, from[1]));
-            let begin = _mm512_fmadd_ps(from, _mm512_fmadd_ps(from, vv, _mm512_add_ps(b, b)), c);
-            _mm512_min_ps(_mm512_fmadd_ps(from, vv, b), begin)
-        };
-        let none = _mm512_fmsub_ps(c, vv, _mm512_mul_ps(b, b));
-        let worst = _mm512_max_ps(_mm512_max_ps(first, second), none);
-        // SAFETY: `slots` are sixteen.
-        let slots = unsafe { _mm512_loadu_si512(slots.as_ptr().cast()) };
-        let own = [0, 1].map(|k| probes[k].slot as i32);
-        let own = _mm512_mask_set1_epi32(_mm512_set1_epi32(own[0]), SECOND, own[1]);
-        _mm512_cmp_ps_mask::<_CMP_NGT_UQ>(worst, zero) & _mm512_cmpneq_epi32_mask(slots, own)
     }
 }
 

@@ -185,7 +185,6 @@ impl<F: Features> Windows<F> {
                 end: 0,
                 common_radius: 0.0,
                 contacts: 0,
-                wide: kernel.is_wide(),
                 features: PhantomData,
             },
             slot_of: vec![0; count],
@@ -462,10 +461,10 @@ impl<F: Features> Engine for Windows<F> {
             (Kernel::Portable, true) => self.run::<true, false>(state, limit, observer),
             #[cfg(target_arch = "x86_64")]
             // SAFETY: made by `Kernel::choose` alone, after it has found the features.
-            (Kernel::Avx2 { .. }, false) => unsafe { self.run_avx2::<false>(state, limit, observer) },
+            (Kernel::Avx2, false) => unsafe { self.run_avx2::<false>(state, limit, observer) },
             #[cfg(target_arch = "x86_64")]
             // SAFETY: as above.
-            (Kernel::Avx2 { .. }, true) => unsafe { self.run_avx2::<true>(state, limit, observer) },
+            (Kernel::Avx2, true) => unsafe { self.run_avx2::<true>(state, limit, observer) },
         }
     }
 }

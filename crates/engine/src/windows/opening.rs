@@ -200,7 +200,7 @@ impl<F: Features> Windows<F> {
             Kernel::Portable => self.look_ahead::<false>(world),
             #[cfg(target_arch = "x86_64")]
             // SAFETY: made by `Kernel::choose` alone, after it has found the features.
-            Kernel::Avx2 { .. } => unsafe { self.look_ahead_avx2(world) },
+            Kernel::Avx2 => unsafe { self.look_ahead_avx2(world) },
         }
     }
 

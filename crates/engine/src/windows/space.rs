@@ -49,8 +49,6 @@ pub(super) struct Space<F> {
     pub common_radius: f32,
     /// Contacts found when the last window was opened.
     pub contacts: usize,
-    /// Whether the filter may use vectors of 512 bits.
-    pub wide: bool,
     pub features: PhantomData<F>,
 }
 
@@ -77,7 +75,7 @@ impl<F: Features> Space<F> {
                 Kernel::Portable => stream::<F>(&axes, fall, records),
                 #[cfg(target_arch = "x86_64")]
                 // SAFETY: made by `Kernel::choose` alone, after it has found the features.
-                Kernel::Avx2 { .. } => unsafe { stream_avx2::<F>(&axes, fall, records) },
+                Kernel::Avx2 => unsafe { stream_avx2::<F>(&axes, fall, records) },
             });
         } else {
             stream::<F>(&axes, fall, &mut self.records);
@@ -101,7 +99,7 @@ impl<F: Features> Space<F> {
                         Kernel::Portable => fill::<F>(part, &axes, records, common_radius, &mut left),
                         #[cfg(target_arch = "x86_64")]
                         // SAFETY: as above.
-                        Kernel::Avx2 { .. } => unsafe {
+                        Kernel::Avx2 => unsafe {
                             fill_avx2::<F>(part, &axes, records, common_radius, &mut left);
                         },
                     }
@@ -146,7 +144,7 @@ impl<F: Features> Space<F> {
             Kernel::Portable => self.scan::<false>(world, slots, scratch, found),
             #[cfg(target_arch = "x86_64")]
             // SAFETY: made by `Kernel::choose` alone, after it has found the features.
-            Kernel::Avx2 { .. } => unsafe { self.scan_avx2(world, slots, scratch, found) },
+            Kernel::Avx2 => unsafe { self.scan_avx2(world, slots, scratch, found) },
         }
     }
 
@@ -179,8 +177,8 @@ impl<F: Features> Space<F> {
         scratch: &mut Scratch,
         mut tell: impl FnMut(Due),
     ) {
-        let Self { records, cells, lowest, common_radius, wide, .. } = self;
-        filter::search::<F, HALF, VECTORS>(records, cells, lowest, *common_radius, *wide, probes, scratch);
+        let Self { records, cells, lowest, common_radius, .. } = self;
+        filter::search::<F, HALF, VECTORS>(records, cells, lowest, *common_radius, probes, scratch);
         scratch.work.exact += scratch.hits.len() as u64;
         for &(_, slot) in &scratch.hits {
             prefetch_at(&self.anchors, slot as usize);

@@ -106,23 +106,11 @@ fn pass_vectors<F: Features>(other: &Record, unit: [f32; 3], probe: &Probe, plac
         // Of another particle, which meets everybody.
         let probes = [*probe, Probe { slot: 2, ..*probe }];
         if kernel != Some(Kernel::Portable) {
-            let mut scratch = scratch(1);
-            // SAFETY: the features have just been found.
-            unsafe { avx2::filter::<F>(&records, unit, &probes, &mut scratch) };
-            found.push(scratch.hits.contains(&(0, 1)));
-        }
-        if kernel.is_some_and(Kernel::is_wide) {
             for groups in [1, 2] {
                 let mut scratch = scratch(groups);
-                // SAFETY: as above.
-                unsafe { avx512::filter::<F, false>(&records, unit, &probes, &mut scratch) };
+                // SAFETY: the features have just been found.
+                unsafe { avx2::filter::<F>(&records, unit, &probes, &mut scratch) };
                 found.push(scratch.hits.contains(&(0, 1)));
-                if probe.from == 0.0 {
-                    scratch.hits.clear();
-                    // SAFETY: as above.
-                    unsafe { avx512::filter::<F, true>(&records, unit, &probes, &mut scratch) };
-                    found.push(scratch.hits.contains(&(0, 1)));
-                }
             }
         }
     }
