@@ -20,9 +20,12 @@ const FEW: usize = 12;
 const DENSE: [f64; 2] = [0.18, 0.42];
 /// … and if they have not: the cells' width follows the largest, that of the lists' shell the mean.
 const DENSE_MIXED: [f64; 2] = [0.26, 0.5];
-/// The same where windows compete (benches/record/2026-11-21/windows.md): with the lists of [`nearby`], with those for all systems, and with
-/// these under gravity and where sizes differ too much for [`nearby`] (benches/record/2026-11-22).
-const DENSE_FOR_WINDOWS: [f64; 2] = [0.25, 0.32];
+/// The same where windows compete (benches/record/2026-11-21/windows.md and 2026-11-22): with the lists of [`nearby`], …
+const DENSE_FOR_WINDOWS: [f64; 2] = [0.24, 0.3];
+/// … from so many particles on, whose lists are in no near cache, …
+const AWAY: usize = 20_000;
+const DENSE_FOR_WINDOWS_AWAY: [f64; 2] = [0.29, 0.34];
+/// … with those for all systems, and with these under gravity and where sizes differ too much for [`nearby`].
 const DENSE_FOR_WINDOWS_ELSE: [f64; 2] = [0.38, 0.7];
 const DENSE_FOR_WINDOWS_FALLING: [f64; 2] = [0.55, 0.7];
 const DENSE_FOR_WINDOWS_WIDE: [f64; 2] = [0.46, 0.7];
@@ -102,7 +105,13 @@ impl Choice {
         let windows = windows_serve && windows::suit(system, &self.census, crowd);
         let mixed = self.census.least != self.census.largest;
         let limits = match (windows, mixed) {
-            (true, _) if nearby::serves(system, &self.census) => DENSE_FOR_WINDOWS,
+            (true, _) if nearby::serves(system, &self.census) => {
+                if self.census.count < AWAY {
+                    DENSE_FOR_WINDOWS
+                } else {
+                    DENSE_FOR_WINDOWS_AWAY
+                }
+            }
             (true, _) if system.domain.gravity != DVec3::ZERO => DENSE_FOR_WINDOWS_FALLING,
             (true, _) if nearby::is_wide(&self.census) => DENSE_FOR_WINDOWS_WIDE,
             (true, _) => DENSE_FOR_WINDOWS_ELSE,
