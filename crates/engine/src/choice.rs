@@ -22,8 +22,7 @@ const DENSE: [f64; 2] = [0.18, 0.42];
 const DENSE_MIXED: [f64; 2] = [0.26, 0.5];
 /// The same where windows compete (benches/record/2026-11-21/windows.md and 2026-11-22): with the lists of [`nearby`], …
 const DENSE_FOR_WINDOWS: [f64; 2] = [0.24, 0.3];
-/// … from so many particles on, whose lists are in no near cache, …
-const AWAY: usize = 20_000;
+/// … from [`nearby::AWAY`] on, when their members are in no near cache, …
 const DENSE_FOR_WINDOWS_AWAY: [f64; 2] = [0.29, 0.34];
 /// … with those for all systems, and with these under gravity and where sizes differ too much for [`nearby`].
 const DENSE_FOR_WINDOWS_ELSE: [f64; 2] = [0.38, 0.7];
@@ -106,7 +105,7 @@ impl Choice {
         let mixed = self.census.least != self.census.largest;
         let limits = match (windows, mixed) {
             (true, _) if nearby::serves(system, &self.census) => {
-                if self.census.count < AWAY {
+                if self.census.count < nearby::AWAY {
                     DENSE_FOR_WINDOWS
                 } else {
                     DENSE_FOR_WINDOWS_AWAY

@@ -14,12 +14,10 @@ r·v of a pair within σ: whether a touching pair approaches is for the exact pr
 
 use super::{
     frame::{Frame, Record},
-    lists::LANES,
+    sets::{LANES, MOST},
 };
 use crate::machine::Features;
 
-/// Members of a list that are looked at at a time.
-pub(super) const MOST: usize = 64;
 /// The bound of a member that is not met at all; the greatest number whose last bits can name a lane.
 pub(super) const NEVER: f32 = f32::from_bits(0x7f7f_ffff & !LANE);
 /// The last bits of a bound name its lane, so that the least bound tells whose it is: they are far below the margin.

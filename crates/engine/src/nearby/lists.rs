@@ -16,12 +16,9 @@ use super::{
     Plan,
     bins::Bins,
     frame::Record,
-    sets::{self, all, members, place_of},
+    sets::{LANES, MOST, all, members, place_of},
 };
 use crate::machine::Features;
-
-/// Lists are whole groups of so many words, which the filter looks at at a time.
-pub(super) const LANES: usize = sets::LANES;
 /// Pairs are listed this much further away than they need be, for all that single precision rounds [largest contact
 /// distances].
 const SLACK: f32 = 1e-3;
@@ -231,12 +228,12 @@ impl Lists {
     #[inline(always)]
     fn replace<const VECTORS: bool>(&mut self, i: u32, new: &[u32], length: usize) {
         let before = self.centers[i as usize].members as usize;
-        if before.max(length) > self.stride || self.stride > sets::MOST {
+        if before.max(length) > self.stride || self.stride > MOST {
             self.replace_long(i, &new[..length]);
             return;
         }
         let place = i as usize * self.stride;
-        let mut old = [0; sets::MOST];
+        let mut old = [0; MOST];
         old[..self.stride].copy_from_slice(&self.words[place..place + self.stride]);
         let mut lost = all(before) & !members::<VECTORS>(&old, before, &new[..length]);
         let mut won = all(length) & !members::<VECTORS>(new, length, &old[..before]);

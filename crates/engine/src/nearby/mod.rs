@@ -34,9 +34,10 @@ use crate::{
     report::{Observer, Stop},
     resolve,
 };
-use filter::{Bounds, MOST};
+use filter::Bounds;
 use frame::{Frame, Record};
 use lists::Lists;
+use sets::MOST;
 
 /// Members that a list shall have: with what it fluctuates, two groups of the filter hold it. Where members come from memory ([`MANY`]), fewer.
 const MEMBERS: [f64; 2] = [14.5, 10.0];
@@ -49,7 +50,7 @@ const SIZE_RATIO: f64 = 2.0;
 /// From this many particles on lists are shorter: members come from memory.
 const MANY: usize = 40_000;
 /// From this many particles on the records and anchors of those in the lists of events to come are asked for: the nearest caches do not hold all.
-const AWAY: usize = 15_000;
+pub(crate) const AWAY: usize = 15_000;
 /// Of the event so many entries ahead, particles, records and lists are asked for, …
 const FAR_AHEAD: usize = 8;
 /// … and of this nearer one the records of those in the lists.

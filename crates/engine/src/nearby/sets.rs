@@ -1,12 +1,12 @@
 /*!
 Short lists of particles: where in one somebody stands, and who of one stands in another.
 
-Every element is compared, without a branch on what is found on the way: nobody could foresee it.
+Whole vectors are compared, without a branch on each element: nobody could foresee it.
 */
 
-/// Elements that are compared at a time.
+/// Elements that are compared at a time, and by the filter looked at: lists are whole groups of so many.
 pub(super) const LANES: usize = 8;
-/// Most elements of a list whose members are told as bits.
+/// Most elements of a list that are told as bits.
 pub(super) const MOST: usize = u64::BITS as usize;
 
 /// The first place of `j` in a list of whole vectors.
