@@ -60,7 +60,9 @@ pub fn run(options: &Run, logs: bool) -> Result<u8, Failure> {
 
 /// The number of threads of everything that rayon does.
 pub fn set_threads(threads: Option<u16>) -> Result<(), Failure> {
-    let mut pool = rayon::ThreadPoolBuilder::new();
+    // This thread, which runs the events, is one of them: it does its part instead of waiting for two others to wake up
+    // beside a writer that may hold a core.
+    let mut pool = rayon::ThreadPoolBuilder::new().use_current_thread();
     if let Some(threads) = threads {
         pool = pool.num_threads(threads.into());
     }

@@ -1,20 +1,13 @@
 //! Grids of places, made afresh from where particles are, independent of what the engine tracks: one grid for every octave of
 //! radius, so that a few large bodies cost little.
 
-use std::{collections::BTreeMap, ops::Range};
+use std::{collections::BTreeSet, ops::Range};
 
-use glam::DVec3;
+use glam::{DVec3, Vec4};
 use haff_neighbors::{Axis, Geometry};
 use rayon::prelude::*;
 
-use crate::particles::World;
-
-/// A sphere where it is now, wrapped into the box.
-#[derive(Debug, Clone, Copy, Default)]
-pub(crate) struct Sphere {
-    pub position: DVec3,
-    pub radius: f64,
-}
+use crate::particles::{ClassData, World};
 
 /// Particles of one octave of radius, sorted by cell. Cells are at least a largest diameter, and the asked gap, wide; along axes that do not
 /// repeat the grid is folded onto itself.
@@ -25,16 +18,16 @@ pub(crate) struct Level {
     /// Where each cell's particles begin, and where the last one's end.
     start: Vec<u32>,
     pub rows: Vec<u32>,
-    /// Spheres of `rows`.
+    /// Spheres of `rows`, where they are now.
     pub spheres: Vec<Coarse>,
 }
 
-/// A sphere in single precision: who is not near needs no more, and a million of them find room in 16 MB.
-#[derive(Debug, Clone, Copy, Default)]
-pub(crate) struct Coarse {
-    pub position: [f32; 3],
-    pub radius: f32,
-}
+/// A sphere in single precision, wrapped into the box, its radius last: who is not near needs no more, and a million of them find room in
+/// 16 MB.
+pub(crate) type Coarse = Vec4;
+
+/// Cells of a level for each of its particles, at most: more of them cost more to go through than they spare.
+const CELLS: f64 = 1.0;
 
 /// Widths of the widest cells that a slab is thick, at least.
 const THICK: f64 = 4.0;
@@ -101,16 +94,11 @@ impl Level {
         let largest = unsorted.iter().map(|&i| world.class(i).radius).fold(0.0, f64::max);
         let width = width(largest, gap);
         let turns = [0, 1, 2].map(|axis| if axis == slabs.axis { slabs.count } else { 1 });
-        let mut cells = [0, 1, 2].map(|axis| match geometry.axes[axis] {
-            Axis::Flat => 1,
-            _ => ((geometry.size[axis] / turns[axis] as f64 / width).floor() as usize).max(1),
+        let fitting = [0, 1, 2].map(|axis| match geometry.axes[axis] {
+            Axis::Flat => 1.0,
+            _ => (geometry.size[axis] / turns[axis] as f64 / width).floor().max(1.0),
         });
-        // No more cells than particles, or nearly.
-        while cells.iter().map(|&n| n as f64).product::<f64>() > unsorted.len() as f64 + 64.0 {
-            if let Some(most) = cells.iter_mut().max() {
-                *most = (*most / 2).max(1);
-            }
-        }
+        let cells = no_more(fitting, CELLS * unsorted.len() as f64 + 64.0);
         let density = std::array::from_fn(|axis| match geometry.axes[axis] {
             Axis::Periodic => (turns[axis] * cells[axis]) as f64 / geometry.size[axis],
             _ => 1.0 / width,
@@ -118,35 +106,41 @@ impl Level {
         let count = cells.iter().product::<usize>();
         let mut level =
             Self { cells, density, start: vec![0; count + 1], rows: Vec::new(), spheres: Vec::new() };
-        let homes: Vec<u32> =
-            unsorted.par_iter().map(|&i| level.index(level.home(place(world, i))) as u32).collect();
-        for &cell in &homes {
-            level.start[cell as usize + 1] += 1;
-        }
-        for cell in 0..count {
-            level.start[cell + 1] += level.start[cell];
-        }
-        let mut fill = level.start.clone();
-        level.rows = vec![0; unsorted.len()];
-        for (&i, cell) in unsorted.iter().zip(homes) {
-            let next = &mut fill[cell as usize];
-            level.rows[*next as usize] = i;
-            *next += 1;
-        }
-        drop(fill);
-        let coarse = |&i: &u32| Coarse {
-            position: place(world, i).as_vec3().to_array(),
-            radius: world.class(i).radius as f32,
+        let sphere = |&i: &u32| {
+            let position = place(world, i);
+            let coarse = position.as_vec3().extend(world.class(i).radius as f32);
+            (level.index(level.home(position)) as u32, coarse)
         };
-        level.rows.par_iter().map(coarse).collect_into_vec(&mut level.spheres);
+        let found: Vec<(u32, Coarse)> = unsorted.par_iter().map(sphere).collect();
+        // Counted one further on, so that a cell's start can serve to fill it and is then where its particles begin.
+        for &(cell, _) in &found {
+            level.start[cell as usize] += 1;
+        }
+        let mut end = 0;
+        for start in &mut level.start {
+            end += *start;
+            *start = end;
+        }
+        level.rows = vec![0; unsorted.len()];
+        level.spheres = vec![Coarse::ZERO; unsorted.len()];
+        // From behind, so that the particles of a cell keep their order.
+        for (&i, (cell, coarse)) in unsorted.iter().zip(found).rev() {
+            let next = &mut level.start[cell as usize];
+            *next -= 1;
+            level.rows[*next as usize] = i;
+            level.spheres[*next as usize] = coarse;
+        }
         level
     }
 
     /// Coordinates of the cell of a position.
     fn home(&self, position: DVec3) -> [usize; 3] {
         std::array::from_fn(|axis| {
-            let cell = (position[axis] * self.density[axis]).floor() as i64;
-            cell.rem_euclid(self.cells[axis] as i64) as usize
+            let (x, cells) = (position[axis] * self.density[axis], self.cells[axis] as i64);
+            // The floor, for which some processors have no instruction.
+            let cell = x as i64 - i64::from(x < (x as i64) as f64);
+            let inside = 0 <= cell && cell < cells;
+            (if inside { cell } else { cell.rem_euclid(cells) }) as usize
         })
     }
 
@@ -166,30 +160,63 @@ impl Level {
     }
 
     /// Places in `rows` of the particles of a cell.
-    pub fn within(&self, cell: usize) -> Range<usize> {
+    fn within(&self, cell: usize) -> Range<usize> {
         self.start[cell] as usize..self.start[cell + 1] as usize
     }
 
-    /// Calls `visit` for a cell and those around it, each once.
+    /// Calls `visit` with the places in `rows` of the particles of a cell and of those around it, as far as cells are not before
+    /// `first`: each particle once, cells in a row together.
     #[inline]
-    fn around(&self, cell: [usize; 3], mut visit: impl FnMut(usize)) {
-        // Along an axis of one or two cells all of them are near.
-        let near = |axis: usize| {
-            let (at, cells) = (cell[axis], self.cells[axis]);
-            let before = if at == 0 { cells - 1 } else { at - 1 };
-            let after = if at + 1 == cells { 0 } else { at + 1 };
-            ([at, after, before], cells.min(3))
+    fn around(&self, cell: [usize; 3], first: usize, mut visit: impl FnMut(Range<usize>)) {
+        let ((xs, nx), (ys, ny)) = (self.near(cell, 0), self.near(cell, 1));
+        let (z, depth) = (cell[2], self.cells[2]);
+        let mut some = |from: usize, to: usize| {
+            let from = from.max(first);
+            if from < to && self.start[from] < self.start[to] {
+                visit(self.start[from] as usize..self.start[to] as usize);
+            }
         };
-        let ((xs, nx), (ys, ny), (zs, nz)) = (near(0), near(1), near(2));
         for &x in &xs[..nx] {
             for &y in &ys[..ny] {
                 let row = self.index([x, y, 0]);
-                for &z in &zs[..nz] {
-                    visit(row + z);
+                if depth < 3 {
+                    some(row, row + depth);
+                    continue;
+                }
+                some(row + z.max(1) - 1, row + (z + 2).min(depth));
+                if z == 0 {
+                    some(row + depth - 1, row + depth);
+                } else if z + 1 == depth {
+                    some(row, row + 1);
                 }
             }
         }
     }
+
+    /// A cell's coordinate along an axis and those next to it, and how many they are: of one or two cells all are near.
+    #[inline]
+    fn near(&self, cell: [usize; 3], axis: usize) -> ([usize; 3], usize) {
+        let (at, cells) = (cell[axis], self.cells[axis]);
+        let before = if at == 0 { cells - 1 } else { at - 1 };
+        let after = if at + 1 == cells { 0 } else { at + 1 };
+        ([at, after, before], cells.min(3))
+    }
+}
+
+/// As many cells per axis as fit, but at most so many in all, or nearly: wider by as much along all axes, as far as an axis has them.
+fn no_more(mut fitting: [f64; 3], most: f64) -> [usize; 3] {
+    let mut wide = [false; 3];
+    while fitting.iter().product::<f64>() > most {
+        let open = wide.iter().filter(|&&wide| !wide).count();
+        let part = (most / fitting.iter().product::<f64>()).powf(1.0 / open.max(1) as f64);
+        for axis in 0..3 {
+            if !wide[axis] {
+                fitting[axis] = (part * fitting[axis]).floor().max(1.0);
+                wide[axis] = fitting[axis] == 1.0;
+            }
+        }
+    }
+    fitting.map(|cells| cells as usize)
 }
 
 /// Where particle i is now, in the box.
@@ -206,39 +233,66 @@ pub(crate) fn levels(
     gap: f64,
     slabs: &Slabs,
 ) -> Vec<Level> {
-    let octave = |i: u32| world.class(i).radius.to_bits() >> 52;
-    let mut counts: BTreeMap<u64, usize> = BTreeMap::new();
-    rows.clone().for_each(|i| *counts.entry(octave(i)).or_default() += 1);
-    let levels = counts.into_iter().map(|(wanted, count)| {
-        let mut some = Vec::with_capacity(count);
-        some.extend(rows.clone().filter(|&i| octave(i) == wanted));
-        Level::new(world, geometry, &some, gap, slabs)
+    let octave = |class: &ClassData| class.radius.to_bits() >> 52;
+    let octaves: BTreeSet<u64> = world.classes.iter().map(octave).collect();
+    let levels = octaves.iter().filter_map(|&wanted| {
+        let alone = octaves.len() == 1;
+        let some: Vec<u32> = rows.clone().filter(|&i| alone || octave(world.class(i)) == wanted).collect();
+        (!some.is_empty()).then(|| Level::new(world, geometry, &some, gap, slabs))
     });
     levels.collect()
 }
 
-/// Calls `visit` for each particle of a cell of the first level with those of its own level that have not met it yet, and
-/// with those of greater levels: a pair of two levels is found from the smaller one.
+/// Calls `visit` for each particle of a cell of the first level, told by its place in `rows`, with those of its own level that have not met it
+/// yet, and with those of greater levels: a pair of two levels is found from the smaller one.
+#[inline]
 pub(crate) fn meet(
     world: &World,
     levels: &[Level],
     cell: usize,
-    mut visit: impl FnMut(u32, Sphere, &Level, Range<usize>),
+    mut visit: impl FnMut(usize, &Level, Range<usize>),
 ) {
     let own = &levels[0];
     let within = own.within(cell);
+    if within.is_empty() {
+        return;
+    }
+    // Nine rows, two runs in each where the grid begins again.
+    let mut runs = [const { 0..0 }; 18];
+    let mut count = 0;
+    own.around(own.coordinates(cell), cell + 1, |run| {
+        runs[count] = run;
+        count += 1;
+    });
     for k in within.clone() {
-        let i = own.rows[k];
-        let sphere = Sphere { position: place(world, i), radius: world.class(i).radius };
-        visit(i, sphere, own, k + 1..within.end);
-        own.around(own.coordinates(cell), |other| {
-            // Two cells are looked at once, from the first.
-            if other > cell {
-                visit(i, sphere, own, own.within(other));
-            }
-        });
+        visit(k, own, k + 1..within.end);
+        for run in &runs[..count] {
+            visit(k, own, run.clone());
+        }
         for level in &levels[1..] {
-            level.around(level.home(sphere.position), |other| visit(i, sphere, level, level.within(other)));
+            level.around(level.home(place(world, own.rows[k])), 0, |run| visit(k, level, run));
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn cells_are_no_more_than_asked_and_no_fewer_than_they_need_be() {
+        for (fitting, most) in [
+            ([32.0, 32.0, 32.0], 32_000.0),
+            ([1e6, 3.0, 1.0], 100.0),
+            ([5.0, 1.0, 1.0], 64.0),
+            ([1e9, 1e9, 1e9], 64.0),
+            ([2.0, 2.0, 1e5], 1000.0),
+            ([1.0, 1.0, 1.0], 64.0),
+        ] {
+            let cells = no_more(fitting, most).map(|cells| cells as f64);
+            let (count, wanted) = (cells.iter().product::<f64>(), fitting.iter().product::<f64>().min(most));
+            assert!(count <= most && count > 0.4 * wanted, "{fitting:?}, {most}: {cells:?}");
+            assert!((0..3).all(|axis| 1.0 <= cells[axis] && cells[axis] <= fitting[axis]));
         }
     }
 }

@@ -13,7 +13,7 @@ use crate::{
     model::{Boundary, Dimension, System},
     particles::World,
     report::{Frame, Ledger, Sample},
-    sum::Sum,
+    sum::{Sum, Sums},
 };
 
 /// Particles per block of a parallel sum. Blocks do not depend on the number of threads, and their sums are
@@ -22,26 +22,21 @@ const BLOCK: usize = 4096;
 
 /// Sums `terms(i)` over all particles, in an order that no thread count changes.
 pub(crate) fn total<const K: usize>(count: usize, terms: impl Fn(u32) -> [f64; K] + Sync) -> [f64; K] {
-    let blocks: Vec<[Sum; K]> = (0..count.div_ceil(BLOCK))
+    let blocks: Vec<Sums<K>> = (0..count.div_ceil(BLOCK))
         .into_par_iter()
         .map(|block| {
-            let mut sums = [Sum::default(); K];
+            let mut sums = Sums::ZERO;
             for i in block * BLOCK..((block + 1) * BLOCK).min(count) {
-                for (sum, term) in sums.iter_mut().zip(terms(i as u32)) {
-                    sum.add(term);
-                }
+                sums.add(terms(i as u32));
             }
             sums
         })
         .collect();
-    let mut sums = [Sum::default(); K];
-    for block in blocks {
-        for (sum, part) in sums.iter_mut().zip(block) {
-            sum.add(part.high);
-            sum.add(part.low);
-        }
+    let mut sums = Sums::ZERO;
+    for block in &blocks {
+        sums.join(block);
     }
-    sums.map(|sum| sum.value())
+    sums.values()
 }
 
 /// Energies and momenta of the bodies of finite mass.

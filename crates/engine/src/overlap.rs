@@ -3,16 +3,16 @@
 
 use std::ops::Range;
 
-use glam::DVec3;
+use glam::{DVec3, Vec3, Vec4};
 use haff_neighbors::Geometry;
 use rayon::prelude::*;
 
 use crate::{
-    grid::{Level, Slabs, Sphere, levels, meet, place},
+    grid::{Level, Slabs, levels, meet, place},
     particles::World,
 };
 
-/// Cells looked at by one task; there are about as many as particles.
+/// Cells, or particles, looked at by one task.
 const BLOCK: usize = 4096;
 /// From this many particles on grids are made of one slab of the box after the other, of at most so many.
 const MANY: usize = 200_000;
@@ -45,49 +45,44 @@ impl Overlap {
 /// The deepest overlap that has been met, and how it is measured.
 struct Meter<'a> {
     world: &'a World,
-    /// Lengths along periodic axes, 0 along others [length].
-    edges: [f32; 3],
+    /// Lengths along periodic axes, infinite along others and beside a radius [length].
+    edges: Vec4,
     deepest: Overlap,
 }
 
 impl<'a> Meter<'a> {
     fn new(world: &'a World) -> Self {
-        let edges = [0, 1, 2].map(|axis| if world.periodic[axis] { world.size[axis] as f32 } else { 0.0 });
-        Self { world, edges, deepest: Overlap::NONE }
+        let edges =
+            [0, 1, 2].map(|axis| if world.periodic[axis] { world.size[axis] as f32 } else { f32::INFINITY });
+        Self { world, edges: Vec3::from(edges).extend(f32::INFINITY), deepest: Overlap::NONE }
     }
 
-    /// A sphere against some others of a level.
+    /// The sphere at `k` in a level against some others of that or another level.
     #[inline]
-    fn meet(&mut self, i: u32, sphere: Sphere, level: &Level, others: Range<usize>) {
-        let place = sphere.position.as_vec3().to_array();
-        let [mut largest, mut slack] = [0.0_f32; 2];
-        for axis in 0..3 {
-            largest = largest.max(place[axis].abs()).max(self.edges[axis]);
-        }
-        slack += COARSE * largest;
-        let radius = sphere.radius as f32 * (1.0 + COARSE);
-        for (&j, other) in level.rows[others.clone()].iter().zip(&level.spheres[others]) {
-            let mut square = 0.0;
-            for axis in 0..3 {
-                let mut d = (other.position[axis] - place[axis]).abs();
-                if 2.0 * d > self.edges[axis] && self.edges[axis] > 0.0 {
-                    d = (d - self.edges[axis]).abs();
-                }
-                square += d * d;
-            }
+    fn meet(&mut self, own: &Level, k: usize, level: &Level, others: Range<usize>) {
+        let sphere = own.spheres[k];
+        let place = sphere.truncate().abs();
+        let edges = self.edges.truncate();
+        let edges = Vec3::select(edges.cmplt(Vec3::INFINITY), edges, Vec3::ZERO);
+        let slack = COARSE * place.max(edges).max_element();
+        // The difference of last components is the sum of radii.
+        let sphere = sphere * Vec4::new(1.0, 1.0, 1.0, -1.0);
+        for (&j, &other) in level.rows[others.clone()].iter().zip(&level.spheres[others]) {
+            let d = (other - sphere).abs();
+            let nearest = d.min((d - self.edges).abs());
             // The other may be further out than this one, but no further than it is near.
-            let near = (radius + other.radius * (1.0 + COARSE)) * (1.0 + COARSE) + slack;
-            if square < near * near {
-                self.look_closely(i, sphere, j);
+            let near = nearest.w * (1.0 + 4.0 * COARSE) + slack;
+            if nearest.truncate().length_squared() < near * near {
+                self.look_closely(own.rows[k], j);
             }
         }
     }
 
     /// [`Self::meet`] for one that is near.
     #[inline(never)]
-    fn look_closely(&mut self, i: u32, sphere: Sphere, j: u32) {
-        let r = self.world.nearest_image(place(self.world, j) - sphere.position);
-        let sigma = sphere.radius + self.world.class(j).radius;
+    fn look_closely(&mut self, i: u32, j: u32) {
+        let r = self.world.nearest_image(place(self.world, j) - place(self.world, i));
+        let sigma = self.world.class(i).radius + self.world.class(j).radius;
         if r.length_squared() < sigma * sigma * (1.0 + ROUNDING) {
             self.touch(i, j, r.length(), sigma);
         }
@@ -102,27 +97,28 @@ impl<'a> Meter<'a> {
         }
     }
 
-    /// A sphere against all walls.
-    fn meet_walls(&mut self, i: u32, sphere: Sphere) {
+    /// A particle against all walls.
+    fn meet_walls(&mut self, i: u32) {
+        let (position, radius) = (place(self.world, i), self.world.class(i).radius);
         for wall in 0..self.world.walls.len() as u32 {
-            let (gap, _) =
-                self.world.wall_approach(wall, sphere.radius, sphere.position, DVec3::ZERO, self.world.now);
+            let (gap, _) = self.world.wall_approach(wall, radius, position, DVec3::ZERO, self.world.now);
             if gap < 0.0 && self.world.body(i).inverse_mass != 0.0 {
-                self.deepest =
-                    self.deepest.or(Overlap { depth: -gap / sphere.radius, pair: Some((i, None)) });
+                self.deepest = self.deepest.or(Overlap { depth: -gap / radius, pair: Some((i, None)) });
             }
         }
     }
+}
 
-    /// The particles of a cell of the first level against each other, those around them, those of greater levels, and walls.
-    fn search(&mut self, levels: &[Level], cell: usize) {
-        let own = &levels[0];
-        for &i in &own.rows[own.within(cell)] {
-            let sphere = Sphere { position: place(self.world, i), radius: self.world.class(i).radius };
-            self.meet_walls(i, sphere);
+/// The deepest overlap of all the blocks that there are for `count` cells or particles.
+fn deepest_of_blocks(world: &World, count: usize, search: impl Fn(&mut Meter<'_>, usize) + Sync) -> Overlap {
+    let blocks = (0..count.div_ceil(BLOCK)).into_par_iter().map(|block| {
+        let mut meter = Meter::new(world);
+        for k in block * BLOCK..((block + 1) * BLOCK).min(count) {
+            search(&mut meter, k);
         }
-        meet(self.world, levels, cell, |i, sphere, level, others| self.meet(i, sphere, level, others));
-    }
+        meter.deepest
+    });
+    blocks.reduce(|| Overlap::NONE, Overlap::or)
 }
 
 /// Finds the deepest overlap now.
@@ -132,20 +128,20 @@ pub(crate) fn deepest(world: &World, geometry: &Geometry) -> Overlap {
 }
 
 fn deepest_by_slabs(world: &World, geometry: &Geometry, slabs: &Slabs) -> Overlap {
+    let count = world.particles.len();
     let mut found = Overlap::NONE;
+    if !world.walls.is_empty() {
+        found = deepest_of_blocks(world, count, |meter, i| meter.meet_walls(i as u32));
+    }
     for slab in 0..slabs.len() {
-        let rows = (0..world.particles.len() as u32).filter(|&i| slabs.knows(slab, i));
+        let rows = (0..count as u32).filter(|&i| slabs.knows(slab, i));
         let levels = levels(world, geometry, &rows, 0.0, slabs);
         for k in 0..levels.len() {
-            let cells = levels[k].len();
-            let blocks = (0..cells.div_ceil(BLOCK)).into_par_iter().map(|block| {
-                let mut meter = Meter::new(world);
-                for cell in block * BLOCK..((block + 1) * BLOCK).min(cells) {
-                    meter.search(&levels[k..], cell);
-                }
-                meter.deepest
-            });
-            found = found.or(blocks.reduce(|| Overlap::NONE, Overlap::or));
+            // The particles of a cell against each other, those around them, and those of greater levels.
+            let (own, greater) = (&levels[k], &levels[k..]);
+            found = found.or(deepest_of_blocks(world, own.len(), |meter, cell| {
+                meet(world, greater, cell, |k, level, others| meter.meet(own, k, level, others));
+            }));
         }
     }
     found

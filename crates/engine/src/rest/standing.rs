@@ -124,14 +124,15 @@ pub(super) fn contacts(
     let levels = levels(world, geometry, &solid, thresholds.gap, &Slabs::BOX);
     for first in 0..levels.len() {
         for cell in 0..levels[first].len() {
-            meet(world, &levels[first..], cell, |i, sphere, level, others| {
+            meet(world, &levels[first..], cell, |k, level, others| {
+                let i = levels[first].rows[k];
                 for &j in &level.rows[others] {
                     let slots = [slot[i as usize], slot[j as usize]];
-                    let reach = sphere.radius + world.class(j).radius + thresholds.gap;
+                    let reach = world.class(i).radius + world.class(j).radius + thresholds.gap;
                     if slots == [u32::MAX; 2] {
                         continue;
                     }
-                    let r = world.nearest_image(place(world, j) - sphere.position);
+                    let r = world.nearest_image(place(world, j) - place(world, i));
                     if r.length_squared() <= reach * reach {
                         for (slot, partner) in slots.into_iter().zip([j, i]) {
                             if slot != u32::MAX {
