@@ -1,13 +1,14 @@
 //! Collisions per second of whole scenes, through the public interfaces: scene text, scene, simulation.
 //!
 //! `cargo bench --bench scenes`; `-- fluid` picks a scene. An element is a collision. `haff bench` measures the same
-//! scenes at any size and density.
+//! scenes at any size and density. `-- observing` times what a frame, a row of observables and the search for overlaps take; an
+//! element is a particle, and `RAYON_NUM_THREADS` is the number of threads.
 
 #[path = "../crates/cli/bench/scenes.rs"]
 #[allow(dead_code)]
 mod scenes;
 
-use std::time::Duration;
+use std::{hint::black_box, time::Duration};
 
 use criterion::{BenchmarkId, Criterion, Throughput, criterion_group, criterion_main};
 use haff_engine::{Silent, Simulation, Until};
@@ -19,14 +20,17 @@ const STRETCH: u64 = 4000;
 /// Size ratio 10 needs a thousand small grains for each large one, and its collisions cost more.
 const MIXTURE: &str = "mixture";
 
+/// Particles that are observed.
+const OBSERVED: u64 = 32_000;
+
 /// The scene after twenty collisions a particle.
-fn melted(name: &str, phi: f64) -> Simulation {
+fn melted(name: &str, particles: u64, phi: f64) -> Simulation {
     let standard = scenes::find(name).expect("a standard scene");
-    let text = standard.scene(PARTICLES, phi, 1, u64::MAX >> 1);
+    let text = standard.scene(particles, phi, 1, u64::MAX >> 1);
     let scene = haff_scene::parse(name, &text, &[], &haff_scene::NoStates).expect("a valid scene");
     let mut simulation = Simulation::new(scene.system, scene.options).expect("an engine for it");
     let per_particle = if name == MIXTURE { 1 } else { 10 };
-    advance(&mut simulation, per_particle * PARTICLES);
+    advance(&mut simulation, per_particle * particles);
     simulation
 }
 
@@ -49,7 +53,7 @@ fn whole_scenes(criterion: &mut Criterion) {
             let mut simulation = None;
             group.bench_function(BenchmarkId::new("phi", phi), |b| {
                 // Melted when it is its turn: a filter on the command line skips it.
-                let simulation = simulation.get_or_insert_with(|| melted(standard.name, phi));
+                let simulation = simulation.get_or_insert_with(|| melted(standard.name, PARTICLES, phi));
                 b.iter(|| advance(simulation, stretch));
             });
         }
@@ -57,5 +61,29 @@ fn whole_scenes(criterion: &mut Criterion) {
     }
 }
 
-criterion_group!(benches, whole_scenes);
+fn observing(criterion: &mut Criterion) {
+    let mut group = criterion.benchmark_group("observing");
+    group.throughput(Throughput::Elements(OBSERVED));
+    for phi in [0.05, 0.49] {
+        let mut melted_gas = None;
+        let mut observe = |what: &str, look: fn(&mut Simulation)| {
+            group.bench_function(BenchmarkId::new(what, phi), |b| {
+                let simulation = melted_gas.get_or_insert_with(|| melted("fluid", OBSERVED, phi));
+                b.iter(|| look(simulation));
+            });
+        };
+        observe("overlaps", |simulation| {
+            black_box(simulation.measure_overlap());
+        });
+        observe("observables", |simulation| {
+            black_box(simulation.sample());
+        });
+        observe("frame", |simulation| {
+            black_box(simulation.frame());
+        });
+    }
+    group.finish();
+}
+
+criterion_group!(benches, whole_scenes, observing);
 criterion_main!(benches);

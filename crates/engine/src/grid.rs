@@ -26,9 +26,6 @@ pub(crate) struct Level {
 /// 16 MB.
 pub(crate) type Coarse = Vec4;
 
-/// Cells of a level for each of its particles, at most: more of them cost more to go through than they spare.
-const CELLS: f64 = 1.0;
-
 /// Widths of the widest cells that a slab is thick, at least.
 const THICK: f64 = 4.0;
 /// Particle that the slab after its own has to know, too.
@@ -98,7 +95,8 @@ impl Level {
             Axis::Flat => 1.0,
             _ => (geometry.size[axis] / turns[axis] as f64 / width).floor().max(1.0),
         });
-        let cells = no_more(fitting, CELLS * unsorted.len() as f64 + 64.0);
+        // No more cells than particles, or nearly: half and twice as many are no better.
+        let cells = no_more(fitting, unsorted.len() as f64 + 64.0);
         let density = std::array::from_fn(|axis| match geometry.axes[axis] {
             Axis::Periodic => (turns[axis] * cells[axis]) as f64 / geometry.size[axis],
             _ => 1.0 / width,
@@ -112,7 +110,7 @@ impl Level {
             (level.index(level.home(position)) as u32, coarse)
         };
         let found: Vec<(u32, Coarse)> = unsorted.par_iter().map(sphere).collect();
-        // Counted one further on, so that a cell's start can serve to fill it and is then where its particles begin.
+        // First how many a cell has, then where they end; filled from there, where they begin.
         for &(cell, _) in &found {
             level.start[cell as usize] += 1;
         }
@@ -203,20 +201,17 @@ impl Level {
     }
 }
 
-/// As many cells per axis as fit, but at most so many in all, or nearly: wider by as much along all axes, as far as an axis has them.
+/// As many cells per axis as fit, but at most `most` (≥ 1) in all: wider by the same factor along all axes that have several.
 fn no_more(mut fitting: [f64; 3], most: f64) -> [usize; 3] {
-    let mut wide = [false; 3];
-    while fitting.iter().product::<f64>() > most {
-        let open = wide.iter().filter(|&&wide| !wide).count();
-        let part = (most / fitting.iter().product::<f64>()).powf(1.0 / open.max(1) as f64);
-        for axis in 0..3 {
-            if !wide[axis] {
-                fitting[axis] = (part * fitting[axis]).floor().max(1.0);
-                wide[axis] = fitting[axis] == 1.0;
-            }
+    loop {
+        let count = fitting.iter().product::<f64>();
+        if count <= most {
+            return fitting.map(|cells| cells as usize);
         }
+        let several = fitting.iter().filter(|&&cells| cells > 1.0).count();
+        let part = (most / count).powf(1.0 / several as f64);
+        fitting = fitting.map(|cells| (part * cells).floor().max(1.0));
     }
-    fitting.map(|cells| cells as usize)
 }
 
 /// Where particle i is now, in the box.
@@ -234,9 +229,11 @@ pub(crate) fn levels(
     slabs: &Slabs,
 ) -> Vec<Level> {
     let octave = |class: &ClassData| class.radius.to_bits() >> 52;
-    let octaves: BTreeSet<u64> = world.classes.iter().map(octave).collect();
+    let mut octaves = BTreeSet::new();
+    // One by one: there may be as many classes as particles, and collecting would copy all of them.
+    octaves.extend(world.classes.iter().map(octave));
+    let alone = octaves.len() == 1;
     let levels = octaves.iter().filter_map(|&wanted| {
-        let alone = octaves.len() == 1;
         let some: Vec<u32> = rows.clone().filter(|&i| alone || octave(world.class(i)) == wanted).collect();
         (!some.is_empty()).then(|| Level::new(world, geometry, &some, gap, slabs))
     });

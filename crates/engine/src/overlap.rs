@@ -47,6 +47,8 @@ struct Meter<'a> {
     world: &'a World,
     /// Lengths along periodic axes, infinite along others and beside a radius [length].
     edges: Vec4,
+    /// The longest of the finite ones [length].
+    longest: f32,
     deepest: Overlap,
 }
 
@@ -54,17 +56,15 @@ impl<'a> Meter<'a> {
     fn new(world: &'a World) -> Self {
         let edges =
             [0, 1, 2].map(|axis| if world.periodic[axis] { world.size[axis] as f32 } else { f32::INFINITY });
-        Self { world, edges: Vec3::from(edges).extend(f32::INFINITY), deepest: Overlap::NONE }
+        let longest = edges.into_iter().filter(|edge| edge.is_finite()).fold(0.0, f32::max);
+        Self { world, edges: Vec3::from(edges).extend(f32::INFINITY), longest, deepest: Overlap::NONE }
     }
 
     /// The sphere at `k` in a level against some others of that or another level.
     #[inline]
     fn meet(&mut self, own: &Level, k: usize, level: &Level, others: Range<usize>) {
         let sphere = own.spheres[k];
-        let place = sphere.truncate().abs();
-        let edges = self.edges.truncate();
-        let edges = Vec3::select(edges.cmplt(Vec3::INFINITY), edges, Vec3::ZERO);
-        let slack = COARSE * place.max(edges).max_element();
+        let slack = COARSE * sphere.truncate().abs().max_element().max(self.longest);
         // The difference of last components is the sum of radii.
         let sphere = sphere * Vec4::new(1.0, 1.0, 1.0, -1.0);
         for (&j, &other) in level.rows[others.clone()].iter().zip(&level.spheres[others]) {

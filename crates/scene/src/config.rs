@@ -4,10 +4,11 @@
 //! written for people who write scenes. What is missing, out of range or contradictory is found in
 //! the module `build`, where every error is collected and located; serde only knows shapes.
 
-use std::{fmt, time::Duration};
+mod shapes;
+
+use std::time::Duration;
 
 use schemars::JsonSchema;
-use serde::de::{self, Deserializer, MapAccess, Visitor, value::MapAccessDeserializer};
 use serde::{Deserialize, Serialize};
 
 use crate::joints::{PendulumConfig, RodConfig, SpringConfig};
@@ -23,7 +24,7 @@ pub struct SceneConfig {
     /// One line that says what the scene is.
     pub title: Option<String>,
     /// Seed of all random numbers; default 0.
-    #[serde(deserialize_with = "whole")]
+    #[serde(deserialize_with = "shapes::whole")]
     #[schemars(range(min = 0))]
     pub seed: Option<i64>,
     /// 3: spheres in space (default). 2: disks in the plane z = 0.
@@ -94,7 +95,7 @@ pub struct SpeciesConfig {
     #[schemars(required)]
     pub name: Option<String>,
     /// Number of particles.
-    #[serde(deserialize_with = "whole")]
+    #[serde(deserialize_with = "shapes::whole")]
     #[schemars(required, range(min = 1))]
     pub count: Option<i64>,
     /// Radius [length]: a number or a distribution.
@@ -365,7 +366,7 @@ pub struct RunConfig {
     #[schemars(extend("exclusiveMinimum" = 0))]
     pub until: Option<f64>,
     /// Number of sphere–sphere collisions.
-    #[serde(deserialize_with = "whole")]
+    #[serde(deserialize_with = "shapes::whole")]
     #[schemars(range(min = 1))]
     pub collisions: Option<i64>,
     /// Collisions per particle: C of them are N·C/2 collisions, since each involves two particles.
@@ -501,108 +502,3 @@ pub struct LogConfig {
     #[schemars(required, length(equal = 2))]
     pub log: Option<Vec<f64>>,
 }
-
-/// An integer, also written as a float with an integer value such as `1e6`.
-fn whole<'de, D: Deserializer<'de>>(deserializer: D) -> Result<Option<i64>, D::Error> {
-    struct Whole;
-    impl Visitor<'_> for Whole {
-        type Value = i64;
-        fn expecting(&self, f: &mut fmt::Formatter) -> fmt::Result {
-            f.write_str("an integer")
-        }
-        fn visit_i64<E: de::Error>(self, value: i64) -> Result<i64, E> {
-            Ok(value)
-        }
-        fn visit_f64<E: de::Error>(self, value: f64) -> Result<i64, E> {
-            // Beyond 2^53 not every integer is a float: such a value is a slip, or meant as infinity.
-            if value == value.trunc() && value.abs() <= 9_007_199_254_740_992.0 {
-                Ok(value as i64)
-            } else {
-                Err(E::invalid_type(de::Unexpected::Float(value), &self))
-            }
-        }
-    }
-    deserializer.deserialize_any(Whole).map(Some)
-}
-
-/// Deserialises one of several shapes by looking at the shape, so that an error inside a table is found where it
-/// stands. serde's `untagged` tries all variants and can only say that none fits.
-macro_rules! by_shape {
-    ($type:ident, $expecting:literal $(, number $number:expr)? $(, text $text:expr)? $(, boolean $boolean:expr)?
-     $(, table $table:expr)?) => {
-        impl<'de> Deserialize<'de> for $type {
-            fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
-                struct Shapes;
-                impl<'de> Visitor<'de> for Shapes {
-                    type Value = $type;
-                    fn expecting(&self, f: &mut fmt::Formatter) -> fmt::Result {
-                        f.write_str($expecting)
-                    }
-                    $(fn visit_f64<E: de::Error>(self, value: f64) -> Result<$type, E> {
-                        Ok($number(value))
-                    }
-                    fn visit_i64<E: de::Error>(self, value: i64) -> Result<$type, E> {
-                        Ok($number(value as f64))
-                    })?
-                    $(fn visit_str<E: de::Error>(self, value: &str) -> Result<$type, E> {
-                        $text(value)
-                    })?
-                    $(fn visit_bool<E: de::Error>(self, value: bool) -> Result<$type, E> {
-                        $boolean(value)
-                    })?
-                    $(fn visit_map<A: MapAccess<'de>>(self, map: A) -> Result<$type, A::Error> {
-                        Ok($table(Deserialize::deserialize(MapAccessDeserializer::new(map))?))
-                    })?
-                }
-                deserializer.deserialize_any(Shapes)
-            }
-        }
-    };
-}
-
-by_shape!(
-    RadiusConfig, "a number, { uniform = [a, b] } or { normal = [mean, sd] }",
-    number RadiusConfig::Fixed,
-    table RadiusConfig::Distribution
-);
-by_shape!(
-    PositionsConfig, "\"lattice\", \"fcc\", \"hexagonal\", \"random\" or { file = \"…\" }",
-    text |text: &str| {
-        PackingConfig::deserialize(de::value::StrDeserializer::<E>::new(text)).map(PositionsConfig::Packing)
-    },
-    table PositionsConfig::File
-);
-by_shape!(
-    RestitutionConfig, "a number in [0, 1] or a table { model = … }",
-    number RestitutionConfig::Constant,
-    table RestitutionConfig::Model
-);
-by_shape!(
-    WallTimeConfig, "a duration such as \"2h\" or a number of seconds",
-    number WallTimeConfig::Seconds,
-    text |text: &str| Ok(WallTimeConfig::Text(text.to_owned()))
-);
-by_shape!(
-    OutputFileConfig, "a path or false",
-    text |text: &str| Ok(OutputFileConfig::Path(text.to_owned())),
-    boolean |value: bool| if value {
-        Err(E::invalid_value(de::Unexpected::Bool(true), &"a path or false"))
-    } else {
-        Ok(OutputFileConfig::Off(false))
-    }
-);
-by_shape!(
-    EventsConfig, "true, false or { columns = […] }",
-    boolean |value: bool| Ok(EventsConfig::All(value)),
-    table EventsConfig::Some
-);
-by_shape!(
-    ScheduleConfig, "a number, { log = [first, factor] } or false",
-    number ScheduleConfig::Every,
-    boolean |value: bool| if value {
-        Err(E::invalid_value(de::Unexpected::Bool(true), &"a number, { log = [first, factor] } or false"))
-    } else {
-        Ok(ScheduleConfig::Off(false))
-    },
-    table ScheduleConfig::Log
-);

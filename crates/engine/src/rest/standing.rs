@@ -126,13 +126,14 @@ pub(super) fn contacts(
         for cell in 0..levels[first].len() {
             meet(world, &levels[first..], cell, |k, level, others| {
                 let i = levels[first].rows[k];
+                let (position, radius) = (place(world, i), world.class(i).radius);
                 for &j in &level.rows[others] {
                     let slots = [slot[i as usize], slot[j as usize]];
-                    let reach = world.class(i).radius + world.class(j).radius + thresholds.gap;
+                    let reach = radius + world.class(j).radius + thresholds.gap;
                     if slots == [u32::MAX; 2] {
                         continue;
                     }
-                    let r = world.nearest_image(place(world, j) - place(world, i));
+                    let r = world.nearest_image(place(world, j) - position);
                     if r.length_squared() <= reach * reach {
                         for (slot, partner) in slots.into_iter().zip([j, i]) {
                             if slot != u32::MAX {
