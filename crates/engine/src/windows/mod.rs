@@ -106,8 +106,10 @@ pub(crate) struct Windows<F> {
     around: [Near; TURNS],
     turn: usize,
     scratch: Scratch,
-    /// Work since the copies were made, before the present window's.
-    judged: Work,
+    /// Work since the copies were made, before the present window's: all of it, and what opening windows took.
+    judged: [Work; 2],
+    /// Work that opening windows has taken.
+    opening: Work,
     /// Whether somebody no longer falls, so that windows serve no more.
     outgrown: bool,
 }
@@ -196,13 +198,14 @@ impl<F: Features> Windows<F> {
             path: 0.0,
             width: 0.0,
             farthest: 0.0,
-            tuner: Tuner::new(crowd.packing),
+            tuner: Tuner::new(crowd.packing, system.dimension.count(), count),
             opened: 0,
             last_window: 0,
             around: [Near::default(); TURNS],
             turn: 0,
             scratch: Scratch::new(),
-            judged: Work::default(),
+            judged: [Work::default(); 2],
+            opening: Work::default(),
             outgrown: false,
         }
     }

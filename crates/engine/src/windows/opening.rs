@@ -166,8 +166,9 @@ impl<F: Features> Windows<F> {
         state.world.now = self.space.end;
         self.opened += 1;
         if self.opened >= self.last_window {
-            let work = self.scratch.work;
-            self.tuner.judge(&work.since(&self.judged), self.path * self.opened as f64);
+            let work = [self.scratch.work, self.opening];
+            let [all, opening] = [0, 1].map(|k| work[k].since(&self.judged[k]));
+            self.tuner.judge(&opening, &all.since(&opening), self.path * self.opened as f64);
             self.judged = work;
             let [path, width] = self.tuner.values;
             tracing::debug!(path, width, "next lengths of windows and widths of cells");
@@ -207,6 +208,7 @@ impl<F: Features> Windows<F> {
     /// The batch phase: all contacts of the window, as things stand.
     #[inline(always)]
     fn look_ahead<const VECTORS: bool>(&mut self, world: &World) {
+        let before = self.scratch.work;
         self.space.register_all(self.kernel);
         let mut found = std::mem::take(&mut self.found);
         found.clear();
@@ -233,6 +235,7 @@ impl<F: Features> Windows<F> {
         }
         self.scratch.work.windows += 1;
         self.scratch.work.entries += found.len() as u64;
+        self.opening.add(&self.scratch.work.since(&before));
         self.space.contacts = found.len();
         self.agenda.open(self.begin, self.space.end, &found);
         // Of very large systems they are not kept: they are in the agenda now, and nobody asks how many there were.
