@@ -6,12 +6,17 @@ order in which they will be taken. Events that arrive later wait in lists, one p
 comes soon can be [seen](Agenda::soon) beforehand.
 */
 
+use std::{cmp::Reverse, collections::BinaryHeap};
+
 use crate::{Event, few::sort_to};
 
 /// Events per bucket that the width is chosen for: the sort of a run stays within two cache lines or three.
 const TARGET: usize = 4;
 /// Events that have been taken before the room that they stood in is used again.
 const TAKEN: usize = 64;
+/// Longest run: what comes later of the same bucket waits in a heap. Insertion into a run takes time in proportion to its
+/// length, and very many events may fall into one bucket, where a particle is caught in a wedge.
+const LONGEST_RUN: usize = 256;
 /// End of a list.
 const NONE: u32 = u32::MAX;
 
@@ -34,6 +39,8 @@ pub struct Agenda<E: Event> {
     /// The next events in their order, from `head` on.
     run: Vec<E>,
     head: usize,
+    /// Events of the run's buckets that are too many for it, all later than those in it.
+    crowd: BinaryHeap<Reverse<E>>,
     /// How many the run shall hold.
     lead: usize,
     len: usize,
@@ -52,6 +59,7 @@ impl<E: Event> Default for Agenda<E> {
             unsorted: Vec::new(),
             run: Vec::new(),
             head: 0,
+            crowd: BinaryHeap::new(),
             lead: 1,
             len: 0,
         }
@@ -81,6 +89,7 @@ impl<E: Event> Agenda<E> {
         self.nodes.clear();
         self.run.clear();
         self.head = 0;
+        self.crowd.clear();
         self.current = -1;
         self.len = events.len();
         for event in events {
@@ -128,6 +137,28 @@ impl<E: Event> Agenda<E> {
     /// Inserts an event into the run.
     #[inline(always)]
     fn insert(&mut self, event: E) {
+        if self.run.len() - self.head >= LONGEST_RUN || !self.crowd.is_empty() {
+            return self.insert_into_crowd(event);
+        }
+        self.insert_into_run(event);
+    }
+
+    /// Inserts an event where there are too many for the run.
+    #[cold]
+    fn insert_into_crowd(&mut self, event: E) {
+        if self.run.len() - self.head >= LONGEST_RUN {
+            let kept = self.head + LONGEST_RUN / 2;
+            self.crowd.extend(self.run.drain(kept..).map(Reverse));
+        }
+        if self.run[self.head..].last().is_some_and(|last| event < *last) {
+            self.insert_into_run(event);
+        } else {
+            self.crowd.push(Reverse(event));
+        }
+    }
+
+    #[inline(always)]
+    fn insert_into_run(&mut self, event: E) {
         let ahead = self.run[self.head..].iter().position(|later| *later > event);
         let place = ahead.map_or(self.run.len(), |ahead| self.head + ahead);
         if self.head > 0 {
@@ -162,6 +193,10 @@ impl<E: Event> Agenda<E> {
             self.head = 0;
         }
         while self.run.len() < self.head + self.lead && self.run.len() - self.head < self.len {
+            if let Some(Reverse(event)) = self.crowd.pop() {
+                self.run.push(event);
+                continue;
+            }
             self.current += 1;
             let bucket = self.current as usize;
             let first = if bucket == 0 { 0 } else { self.ends[bucket - 1] };

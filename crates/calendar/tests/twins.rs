@@ -227,3 +227,61 @@ proptest! {
         prop_assert!(agenda.is_empty() && agenda.pop_until(i64::MAX).is_none());
     }
 }
+
+thread_local! {
+    static COMPARISONS: std::cell::Cell<u64> = const { std::cell::Cell::new(0) };
+}
+
+/// An item that counts how often it is compared.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+struct Counted(Item);
+
+impl Ord for Counted {
+    fn cmp(&self, other: &Self) -> std::cmp::Ordering {
+        COMPARISONS.set(COMPARISONS.get() + 1);
+        self.0.cmp(&other.0)
+    }
+}
+
+impl PartialOrd for Counted {
+    fn partial_cmp(&self, other: &Self) -> Option<std::cmp::Ordering> {
+        Some(self.cmp(other))
+    }
+}
+
+impl Event for Counted {
+    fn time(&self) -> i64 {
+        self.0.time
+    }
+}
+
+/// A particle in a wedge has a hundred thousand events in one bucket, and each leaves entries for later in that bucket.
+#[test]
+fn very_many_events_in_one_bucket_of_an_agenda_take_logarithmic_time() {
+    const EVENTS: u32 = 30_000;
+    let (mut heap, mut agenda) = (Heap::with_capacity(16), Agenda::default());
+    agenda.keep_sorted(20);
+    let first = Counted(Item { time: 0, id: 0 });
+    agenda.open(0, 1 << 50, &[first]);
+    heap.push(first.0);
+    let mut random = 1_u64;
+    for k in 1..=EVENTS {
+        let (a, b) = (heap.pop_until(i64::MAX).unwrap(), agenda.pop_until(i64::MAX).unwrap());
+        assert_eq!(a, b.0);
+        // The next one at once, and one that waits.
+        random = random.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
+        let later = 1_000_000 + (random >> 44) as i64;
+        for (ahead, id) in [(1, 2 * k), (later, 2 * k + 1)] {
+            let item = Item { time: a.time + ahead, id };
+            heap.push(item);
+            agenda.push(Counted(item));
+        }
+        assert_eq!(heap.len(), agenda.len());
+    }
+    while let Some(item) = heap.pop_until(i64::MAX) {
+        assert_eq!(Some(Counted(item)), agenda.pop_until(i64::MAX));
+    }
+    // 60,000 events, 16 binary orders; in a single sorted run it were 60,000²/4.
+    let comparisons = COMPARISONS.get();
+    assert!(comparisons < 60_000 * 100, "{comparisons} comparisons");
+}
