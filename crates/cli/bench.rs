@@ -56,6 +56,7 @@ pub fn bench(options: &Bench) -> Result<u8, Failure> {
         return print_scene(options, &cells);
     }
     let signals = Signals::watch()?;
+    signals.begin();
     match cells[..] {
         [cell] => here(options, cell, &signals),
         _ => apart(options, &cells, &signals),

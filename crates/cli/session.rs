@@ -10,8 +10,11 @@ use haff_scene::{OutputPlan, RunPlan};
 
 use crate::{progress::Progress, schedule::Times, single::Company, watch::Watch};
 
-/// Calendar entries between two looks at signals, the wall clock and the progress bar: some tens of milliseconds.
+/// Most calendar entries between two checks of signals, of the wall clock and of the progress bar: some tens of milliseconds
+/// in most scenes, …
 const SLICE: u64 = 1 << 15;
+/// … and fewer where they take longer than this, so that a signal is answered at once whatever the scene does.
+const SLICE_TIME: Duration = Duration::from_millis(100);
 /// Longest wall time between checkpoints, whatever the scene asks for; and for large systems that of each particle, such that
 /// checkpoints write 1.3 MB/s.
 const CHECKPOINT_EVERY: Duration = Duration::from_secs(3);
@@ -51,6 +54,10 @@ impl Ending {
                 MachineError::Granular(EngineError::Collapse { .. })
                 | MachineError::Linkage(LinkageError::Collapse { .. }),
             ) => "collapse",
+            Self::Failed(
+                MachineError::Granular(EngineError::Overlap { .. })
+                | MachineError::Linkage(LinkageError::Overlap(_)),
+            ) => "overlap",
             Self::Failed(_) => "error",
             Self::Unwritable(_) => "output",
         }
@@ -59,6 +66,12 @@ impl Ending {
     /// Whether the run has come to the end its scene asks for, so that nothing is left to resume.
     pub fn is_final(&self) -> bool {
         matches!(self, Self::Until | Self::Collisions | Self::Rest)
+    }
+}
+
+impl From<RecordError> for Ending {
+    fn from(error: RecordError) -> Self {
+        Self::Unwritable(error)
     }
 }
 
@@ -133,16 +146,21 @@ impl Session<'_> {
     /// Runs to an end. `resumed` tells that the state has been recorded before.
     pub fn run(mut self, resumed: bool) -> Outcome {
         let started = Instant::now();
-        let ending = self
-            .events_and_records(resumed, started)
-            .and_then(|ending| self.last_records(&ending).map(|()| ending))
-            .unwrap_or_else(Ending::Unwritable);
+        let mut ending = self.events_and_records(resumed, started).unwrap_or_else(|ending| ending);
+        if !matches!(ending, Ending::Unwritable(_)) {
+            match self.last_records(&ending) {
+                Ok(()) => {}
+                // What has ended the run before is the cause.
+                Err(Ending::Failed(_)) if matches!(ending, Ending::Failed(_)) => {}
+                Err(worse) => ending = worse,
+            }
+        }
         tracing::info!(ending = ending.word(), time = self.simulation.time(), "end of the run");
         Outcome { simulation: self.simulation, ending, wall: started.elapsed() }
     }
 
-    /// Runs events, and records what falls due on the way.
-    fn events_and_records(&mut self, resumed: bool, started: Instant) -> Result<Ending, RecordError> {
+    /// Runs events, and records what falls due on the way. `Err` if a record ends the run.
+    fn events_and_records(&mut self, resumed: bool, started: Instant) -> Result<Ending, Ending> {
         let from = if resumed { self.simulation.time() } else { 0.0 };
         let recording = self.recorder.is_some();
         let plan =
@@ -165,6 +183,7 @@ impl Session<'_> {
         let until = self.run.until.unwrap_or(f64::INFINITY);
         let collisions = self.run.collisions.unwrap_or(u64::MAX);
         let patience = CHECKPOINT_EVERY.max(CHECKPOINT_PARTICLE * self.simulation.particles() as u32);
+        let mut slice = SLICE;
         let mut saved = Instant::now();
         let mut log = EventLog {
             recorder: self.recorder,
@@ -175,8 +194,15 @@ impl Session<'_> {
 
         let ending = loop {
             let due = frames.next().min(samples.next()).min(checkpoints.next());
-            let target = Until { time: due.min(until), collisions, entries: SLICE };
+            let target = Until { time: due.min(until), collisions, entries: slice };
+            let began = Instant::now();
             let stop = self.simulation.advance(target, &mut log);
+            // The length of a slice changes no result: it is only where the run may be stopped.
+            slice = match began.elapsed() {
+                long if long > SLICE_TIME => (slice / 4).max(1),
+                short if short < SLICE_TIME / 4 => (2 * slice).min(SLICE),
+                _ => slice,
+            };
             log.check()?;
             match stop {
                 Err(error) => break Ending::Failed(error),
@@ -219,7 +245,7 @@ impl Session<'_> {
     }
 
     /// Records the end, and the state to go on from.
-    fn last_records(&mut self, ending: &Ending) -> Result<(), RecordError> {
+    fn last_records(&mut self, ending: &Ending) -> Result<(), Ending> {
         // A run that is to be resumed goes on from before its last rows, which it would not have written had it not
         // been stopped.
         if !ending.is_final() {
@@ -235,12 +261,7 @@ impl Session<'_> {
     }
 
     /// Records a frame and a row of observables, and measures the overlap of all close pairs. `show` sees the row.
-    fn record(
-        &mut self,
-        frame: bool,
-        sample: bool,
-        show: &mut dyn FnMut(&Sample),
-    ) -> Result<(), RecordError> {
+    fn record(&mut self, frame: bool, sample: bool, show: &mut dyn FnMut(&Sample)) -> Result<(), Ending> {
         if sample && (self.recorder.is_some() || self.company.watch) {
             let row = self.simulation.sample();
             show(&row);
@@ -250,12 +271,13 @@ impl Session<'_> {
         }
         if frame {
             self.recorded = Some((self.simulation.time(), self.step()));
-            self.simulation.measure_overlap();
+            let overlap = self.simulation.measure_overlap();
             if let Some(recorder) = self.recorder
                 && self.output.frames != haff_scene::Schedule::Off
             {
                 recorder.frame_with(|| self.simulation.frame())?;
             }
+            overlap.map_err(Ending::Failed)?;
         }
         Ok(())
     }

@@ -1,4 +1,4 @@
-//! SIGINT and SIGTERM end a run cleanly; a second one ends it at once.
+//! SIGINT and SIGTERM end the command at once as long as nothing could be lost, and a run cleanly; a second one ends it at once.
 
 use std::sync::{
     Arc,
@@ -13,31 +13,41 @@ use signal_hook::{
 use crate::failure::{Failure, Status};
 
 /// Watches for signals.
-pub struct Signals(Arc<AtomicUsize>);
+pub struct Signals {
+    received: Arc<AtomicUsize>,
+    /// Whether a signal ends the command at once.
+    at_once: Arc<AtomicBool>,
+}
 
 impl Signals {
-    /// Starts watching.
+    /// Starts watching. A signal ends the command at once until a run [begins](Self::begin): packings of many particles take
+    /// minutes.
     pub fn watch() -> Result<Self, Failure> {
         Self::register()
             .map_err(|error| Failure::new(Status::File, format!("cannot watch for signals: {error}")))
     }
 
     fn register() -> std::io::Result<Self> {
-        let received = Arc::new(AtomicUsize::new(0));
+        let (received, at_once) = (Arc::new(AtomicUsize::new(0)), Arc::new(AtomicBool::new(true)));
         for signal in [SIGINT, SIGTERM] {
-            // Armed by the first signal, the conditional shutdown lets the second one through. The order matters: the
-            // shutdown is looked at first.
-            let armed = Arc::new(AtomicBool::new(false));
-            flag::register_conditional_shutdown(signal, 128 + signal, Arc::clone(&armed))?;
-            flag::register(signal, armed)?;
+            // Actions run in this order: the first signal of a run sets the flag after the shutdown has read it.
+            flag::register_conditional_shutdown(signal, 128 + signal, Arc::clone(&at_once))?;
+            flag::register(signal, Arc::clone(&at_once))?;
             flag::register_usize(signal, Arc::clone(&received), signal as usize)?;
         }
-        Ok(Self(received))
+        Ok(Self { received, at_once })
+    }
+
+    /// From now on a signal ends the run cleanly.
+    pub fn begin(&self) {
+        if self.received().is_none() {
+            self.at_once.store(false, Ordering::Relaxed);
+        }
     }
 
     /// The signal received, if any.
     pub fn received(&self) -> Option<i32> {
-        match self.0.load(Ordering::Relaxed) {
+        match self.received.load(Ordering::Relaxed) {
             0 => None,
             signal => Some(signal as i32),
         }

@@ -54,6 +54,7 @@ struct Context {
 
 /// Runs a scene; `overwrite` replaces its output file.
 pub fn start(scene: Scene, overwrite: bool, company: Company) -> Result<Finished, Failure> {
+    company.signals.begin();
     let Scene { system, joints, title, seed, run, output, resolved, .. } = scene;
     let recorder = match &output.file {
         Some(path) => {
@@ -115,6 +116,7 @@ pub fn resume(path: PathBuf, company: Company) -> Result<Finished, Failure> {
     let simulation = Machine::restore(system, joints, machinery, &resumed.checkpoint)
         .map_err(|error| Failure::new(Status::File, format!("{}: {error}", path.display())))?;
     tracing::info!(file = %path.display(), from = resumed.last_frame, "resumed");
+    company.signals.begin();
     let (recorder, appended) = Recorder::append(&path).map_err(|error| file_failure(&error))?;
     if (appended.finished, &appended.checkpoint) != (resumed.finished, &resumed.checkpoint) {
         // Between the two looks another process has gone on with it.

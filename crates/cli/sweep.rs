@@ -63,6 +63,8 @@ pub fn sweep(options: &Sweep) -> Result<u8, Failure> {
         return Err(Failure::new(Status::Invalid, "a folder for the runs is needed: -o DIR"));
     };
     let signals = Signals::watch()?;
+    // Members are made while others run.
+    signals.begin();
     manifest.begin()?;
     match options.index {
         Some(index) => one(options, &plan, &manifest, index, &signals),

@@ -162,7 +162,11 @@ impl Plan<'_> {
                 break;
             }
         }
-        simulation.measure_overlap();
+        if let Err(error) = simulation.measure_overlap()
+            && !matches!(ending, Ending::Failed(_))
+        {
+            ending = Ending::Failed(error.into());
+        }
         let measured = Measured {
             simulation,
             ending,
