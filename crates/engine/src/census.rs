@@ -74,28 +74,27 @@ impl Census {
 pub(crate) struct Crowd {
     /// Packing fraction around the average particle; in a uniform gas, that of the box.
     pub packing: f64,
-    /// Mean square of the speeds, and the largest [(length/time)²].
-    pub mean_square: f64,
-    pub largest_square: f64,
+    /// Mean of the speeds, and the largest [length/time].
+    mean_speed: f64,
+    largest_speed: f64,
 }
 
 impl Crowd {
     /// Measures the present state.
     pub fn of(system: &System, census: &Census, world: &World) -> Self {
         let states = |i: u32| world.state(i, world.now);
-        let [squares] = total(census.count, |i| [states(i).1.length_squared()]);
-        let largest_square = (0..census.count as u32)
-            .into_par_iter()
-            .map(|i| states(i).1.length_squared())
-            .reduce(|| 0.0, f64::max);
-        let mean_square = squares / census.count.max(1) as f64;
+        let [speeds] = total(census.count, |i| [states(i).1.length()]);
+        let largest_speed =
+            (0..census.count as u32).into_par_iter().map(|i| states(i).1.length()).reduce(|| 0.0, f64::max);
+        // Not the root mean square: one very fast particle would make that as large as the others' number allows.
+        let mean_speed = speeds / census.count.max(1) as f64;
         let packing = packing(system, census, |i| states(i).0.to_array());
-        Self { packing, mean_square, largest_square }
+        Self { packing, mean_speed, largest_speed }
     }
 
     /// Whether nobody is faster than the mean by more than this factor.
     pub fn is_even(&self, outlier: f64) -> bool {
-        self.largest_square <= outlier * outlier * self.mean_square
+        self.largest_speed <= outlier * self.mean_speed
     }
 }
 

@@ -1,6 +1,6 @@
 //! Checkpoints: the exact state as plain data, and back.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 
 use crate::{
     book::Book,
@@ -45,6 +45,17 @@ impl Scalars<'_> {
         Sum { high: self.real(&format!("{name}.high")), low: self.real(&format!("{name}.low")) }
     }
 
+    /// The numbers that end the names with this prefix.
+    fn members(&mut self, prefix: &str) -> BTreeSet<u32> {
+        let mut members = BTreeSet::new();
+        self.values.retain(|name, _| {
+            let number: Option<u32> = name.strip_prefix(prefix).and_then(|number| number.parse().ok());
+            members.extend(number);
+            number.is_none()
+        });
+        members
+    }
+
     fn total(&mut self, name: &str) -> Total {
         AXES.map(|axis| self.sum(&format!("{name}.{axis}")))
     }
@@ -53,7 +64,7 @@ impl Scalars<'_> {
 impl Simulation {
     /// The exact state now.
     pub fn checkpoint(&self) -> Checkpoint {
-        let State { world, book, pending, heap, .. } = &self.state;
+        let State { world, book, pending, heap, stall } = &self.state;
         let mut scalars: Vec<(String, u64)> = Vec::new();
         let mut put = |name: &str, bits: u64| scalars.push((name.to_owned(), bits));
         put("clock.exponent", i64::from(world.clock.exponent) as u64);
@@ -102,6 +113,14 @@ impl Simulation {
             ("epochs", counters.epochs),
         ] {
             put(name, count);
+        }
+        put("stall.since", stall.since as u64);
+        put("stall.events", stall.events);
+        for i in &stall.particles {
+            put(&format!("stall.particle.{i}"), 1);
+        }
+        for wall in &stall.walls {
+            put(&format!("stall.wall.{wall}"), 1);
         }
         for (i, rest) in pending {
             put(&format!("rest.{i}.end"), rest.end as u64);
@@ -252,6 +271,12 @@ impl Simulation {
             };
             pending.insert(i, rest);
         }
+        let stall = Stall {
+            since: scalars.take("stall.since") as i64,
+            events: scalars.take("stall.events"),
+            particles: scalars.members("stall.particle."),
+            walls: scalars.members("stall.wall."),
+        };
         if let Some(name) = scalars.missing {
             return Err(EngineError::Checkpoint(format!("it lacks {name}")));
         }
@@ -260,7 +285,7 @@ impl Simulation {
                 "{name} is unknown; it was written by another version"
             )));
         }
-        let state = State { world, book, pending, heap, stall: Stall::default() };
+        let state = State { world, book, pending, heap, stall };
         let mut simulation = Self::start(system, options, state)?;
         simulation.find_contacts_of_held();
         // Predicting everything afresh is no part of the run.

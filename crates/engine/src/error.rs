@@ -48,6 +48,22 @@ pub enum EngineError {
         /// Its velocity [length/time].
         velocity: [f64; 3],
     },
+    /// Particles overlap by more than rounding comes to.
+    #[error(
+        "particle {i} overlaps with {} by {depth:.1e} contact distances at t = {time}, which is more than rounding: \
+         what was recorded before is right, what would follow is not",
+        partner.map_or("a wall".to_owned(), |j| format!("particle {j}"))
+    )]
+    Overlap {
+        /// When [time].
+        time: f64,
+        /// The particle.
+        i: u32,
+        /// The other particle, or none at a wall.
+        partner: Option<u32>,
+        /// How deep [contact distances; radii at a wall].
+        depth: f64,
+    },
     /// The processor does not have the asked instructions.
     #[error("engine.simd = \"avx2\": this processor does not have AVX2; use \"auto\" or \"portable\"")]
     NoAvx2,
@@ -88,7 +104,10 @@ impl EngineError {
         match self {
             Self::NoAvx2 | Self::TooMany { .. } | Self::Unsuitable { .. } => Fault::Invalid,
             Self::Checkpoint(_) => Fault::Checkpoint,
-            Self::Collapse { .. } | Self::Overflow { .. } | Self::Inconsistent { .. } => Fault::Stopped,
+            Self::Collapse { .. }
+            | Self::Overflow { .. }
+            | Self::Overlap { .. }
+            | Self::Inconsistent { .. } => Fault::Stopped,
         }
     }
 }

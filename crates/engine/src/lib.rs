@@ -39,7 +39,7 @@ pub use model::{
     Body, Boundary, Class, Contacts, Dimension, Domain, Group, NeighborChoice, Options, SimdChoice, System,
     Wall,
 };
-pub use overlap::Overlap;
+pub use overlap::{Overlap, allowed_overlap};
 pub use report::{
     Checkpoint, Counters, EventColumn, EventKind, EventRecord, Frame, Ledger, NOBODY, Observer, Sample,
     Silent, Stop,
@@ -47,4 +47,4 @@ pub use report::{
 pub use simulation::{Simulation, Until};
 
 /// Version of the trajectories: raised by a release that changes what any scene computes.
-pub const TRAJECTORY_VERSION: u32 = 4;
+pub const TRAJECTORY_VERSION: u32 = 5;

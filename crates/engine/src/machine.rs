@@ -249,10 +249,10 @@ impl<F: Features, S: Search + 'static> Machine<F, S> {
             };
             limit.entries -= 1;
             state.world.now = state.world.now.max(entry.time);
-            state.stall.watch(&state.world, &entry)?;
             let i = entry.owner;
             match entry.target.kind() {
                 Kind::Collision(j) => {
+                    state.stall.watch(&state.world, &entry)?;
                     let woken = if F::REST { rest::strike(state, i, j, entry.time) } else { Vec::new() };
                     resolve::collision::<F, EVENTS>(state, i, j, entry.time, observer)?;
                     // Both anchors are in place before either is looked at.
@@ -274,6 +274,7 @@ impl<F: Features, S: Search + 'static> Machine<F, S> {
                     }
                 }
                 Kind::Wall(wall) => {
+                    state.stall.watch(&state.world, &entry)?;
                     let held = F::REST && state.world.is_held(i);
                     let woken = if held { rest::wake(state, i, entry.time) } else { Vec::new() };
                     resolve::wall::<F, EVENTS>(state, i, wall, entry.time, observer)?;
@@ -287,6 +288,7 @@ impl<F: Features, S: Search + 'static> Machine<F, S> {
                     }
                 }
                 Kind::Rest => {
+                    state.stall.watch(&state.world, &entry)?;
                     resolve::end_of_rest::<EVENTS>(state, i, entry.time, observer);
                     self.schedule(state, i, Scope::All);
                     if state.pending.is_empty() && state.world.is_at_rest() {

@@ -23,6 +23,17 @@ const ROUNDING: f64 = 1e-14;
 /// several times what they can.
 const COARSE: f32 = 1e-6;
 
+/// Largest overlap that a run goes on with [contact distances], …
+const ALLOWED: f64 = 1e-12;
+/// … or this many roundings of the coordinates, or of the free path where that is longer, if that is more.
+const ROUNDINGS: f64 = 16.0;
+
+/// Largest overlap \[length\] that a run goes on with: of bodies whose contact distance is `sigma` \[length\] and whose
+/// largest coordinate, with the way since their last own events, is `reach` \[length\].
+pub fn allowed_overlap(sigma: f64, reach: f64) -> f64 {
+    f64::max(ALLOWED * sigma, ROUNDINGS * f64::EPSILON * reach)
+}
+
 /// The deepest overlap of all close pairs and of particles with walls.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Overlap {
@@ -33,12 +44,36 @@ pub struct Overlap {
 }
 
 impl Overlap {
-    const NONE: Self = Self { depth: 0.0, pair: None };
+    pub(crate) const NONE: Self = Self { depth: 0.0, pair: None };
 
     /// The deeper of two; of equal ones that of the first rows, so that the order of work does not show.
     fn or(self, other: Self) -> Self {
         let equal = other.depth == self.depth && other.pair.is_some() && other.pair < self.pair;
         if other.depth > self.depth || equal { other } else { self }
+    }
+}
+
+/// What a search for overlaps has found.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(crate) struct Found {
+    pub deepest: Overlap,
+    /// The deepest of those that are more than rounding.
+    pub beyond: Overlap,
+}
+
+impl Found {
+    const NONE: Self = Self { deepest: Overlap::NONE, beyond: Overlap::NONE };
+
+    fn or(self, other: Self) -> Self {
+        Self { deepest: self.deepest.or(other.deepest), beyond: self.beyond.or(other.beyond) }
+    }
+
+    /// Adds an overlap of bodies with this contact distance and these coordinates.
+    fn add(&mut self, overlap: Overlap, sigma: f64, places: DVec3) {
+        self.deepest = self.deepest.or(overlap);
+        if overlap.depth * sigma > allowed_overlap(sigma, places.max_element() + sigma) {
+            self.beyond = self.beyond.or(overlap);
+        }
     }
 }
 
@@ -49,7 +84,7 @@ struct Meter<'a> {
     edges: Vec4,
     /// The longest of the finite ones [length].
     longest: f32,
-    deepest: Overlap,
+    found: Found,
 }
 
 impl<'a> Meter<'a> {
@@ -57,7 +92,7 @@ impl<'a> Meter<'a> {
         let edges =
             [0, 1, 2].map(|axis| if world.periodic[axis] { world.size[axis] as f32 } else { f32::INFINITY });
         let longest = edges.into_iter().filter(|edge| edge.is_finite()).fold(0.0, f32::max);
-        Self { world, edges: Vec3::from(edges).extend(f32::INFINITY), longest, deepest: Overlap::NONE }
+        Self { world, edges: Vec3::from(edges).extend(f32::INFINITY), longest, found: Found::NONE }
     }
 
     /// The sphere at `k` in a level against some others of that or another level.
@@ -93,7 +128,8 @@ impl<'a> Meter<'a> {
         let movable = |i: u32| self.world.body(i).inverse_mass != 0.0;
         let depth = 1.0 - distance / sigma;
         if depth > 0.0 && (movable(i) || movable(j)) {
-            self.deepest = self.deepest.or(Overlap { depth, pair: Some((i.min(j), Some(i.max(j)))) });
+            let overlap = Overlap { depth, pair: Some((i.min(j), Some(i.max(j)))) };
+            self.found.add(overlap, sigma, self.coordinates(i).max(self.coordinates(j)));
         }
     }
 
@@ -103,33 +139,39 @@ impl<'a> Meter<'a> {
         for wall in 0..self.world.walls.len() as u32 {
             let (gap, _) = self.world.wall_approach(wall, radius, position, DVec3::ZERO, self.world.now);
             if gap < 0.0 && self.world.body(i).inverse_mass != 0.0 {
-                self.deepest = self.deepest.or(Overlap { depth: -gap / radius, pair: Some((i, None)) });
+                let overlap = Overlap { depth: -gap / radius, pair: Some((i, None)) };
+                self.found.add(overlap, radius, self.coordinates(i));
             }
         }
+    }
+
+    /// Sizes of the coordinates of particle i, with the way since its last own event \[length\].
+    fn coordinates(&self, i: u32) -> DVec3 {
+        self.world.state(i, self.world.now).0.abs()
     }
 }
 
 /// The deepest overlap of all the blocks that there are for `count` cells or particles.
-fn deepest_of_blocks(world: &World, count: usize, search: impl Fn(&mut Meter<'_>, usize) + Sync) -> Overlap {
+fn deepest_of_blocks(world: &World, count: usize, search: impl Fn(&mut Meter<'_>, usize) + Sync) -> Found {
     let blocks = (0..count.div_ceil(BLOCK)).into_par_iter().map(|block| {
         let mut meter = Meter::new(world);
         for k in block * BLOCK..((block + 1) * BLOCK).min(count) {
             search(&mut meter, k);
         }
-        meter.deepest
+        meter.found
     });
-    blocks.reduce(|| Overlap::NONE, Overlap::or)
+    blocks.reduce(|| Found::NONE, Found::or)
 }
 
 /// Finds the deepest overlap now.
-pub(crate) fn deepest(world: &World, geometry: &Geometry) -> Overlap {
+pub(crate) fn deepest(world: &World, geometry: &Geometry) -> Found {
     let slabs = if world.particles.len() < MANY { 1 } else { SLABS };
     deepest_by_slabs(world, geometry, &Slabs::new(world, geometry, slabs))
 }
 
-fn deepest_by_slabs(world: &World, geometry: &Geometry, slabs: &Slabs) -> Overlap {
+fn deepest_by_slabs(world: &World, geometry: &Geometry, slabs: &Slabs) -> Found {
     let count = world.particles.len();
-    let mut found = Overlap::NONE;
+    let mut found = Found::NONE;
     if !world.walls.is_empty() {
         found = deepest_of_blocks(world, count, |meter, i| meter.meet_walls(i as u32));
     }
@@ -240,10 +282,10 @@ mod tests {
             let system = strewn(seed, [2, 9, 80][seed as usize % 3], [0.0, 1.5, 9.0][seed as usize / 3 % 3]);
             let world = World::new(&system, -50);
             let geometry = geometry(&system, &world, f64::INFINITY);
-            let (found, expected) = (deepest(&world, &geometry), by_all_pairs(&world));
+            let (found, expected) = (deepest(&world, &geometry).deepest, by_all_pairs(&world));
             let slabs = Slabs::new(&world, &geometry, SLABS);
             slabbed += usize::from(slabs.len() > 1);
-            assert_eq!(deepest_by_slabs(&world, &geometry, &slabs), found, "system {seed} by slabs");
+            assert_eq!(deepest_by_slabs(&world, &geometry, &slabs).deepest, found, "system {seed} by slabs");
             assert_eq!(found.pair, expected.pair, "system {seed}: {found:?}, {expected:?}");
             // The sum of a distance from a plane is rounded in two ways.
             assert!(

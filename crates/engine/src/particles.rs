@@ -92,6 +92,9 @@ pub(crate) struct World {
     /// Particles of finite mass, and those of them that are held.
     pub movable: usize,
     pub held: usize,
+    /// Whether particles that have sunk into each other are put back: where gravity, sizes or masses can press them together.
+    /// What a scene has, not what an engine is compiled for, so that all engines do the same.
+    pub puts_back: bool,
     pub walls: Vec<Wall>,
     /// Walls that particles rest on; empty as long as none ever has.
     pub support: Vec<Support>,
@@ -143,6 +146,7 @@ impl World {
             thresholds,
             movable: 0,
             held: 0,
+            puts_back: false,
             walls: system.walls.clone(),
             support: Vec::new(),
             size: system.domain.size,
@@ -163,6 +167,11 @@ impl World {
             resting: 0,
             force: Force::default(),
         };
+        let alike = |class: &ClassData| {
+            class.inverse_mass != 0.0
+                && (class.radius, class.mass) == (world.classes[0].radius, world.classes[0].mass)
+        };
+        world.puts_back = world.gravity != DVec3::ZERO || !world.classes.iter().all(alike);
         for i in 0..world.particles.len() as u32 {
             let class = world.class(i);
             if class.inverse_mass != 0.0 {
@@ -359,12 +368,25 @@ impl World {
         velocity: DVec3,
         ticks: i64,
     ) -> (f64, f64) {
+        if self.is_level(wall) {
+            let wall = &self.walls[wall as usize];
+            let contact = wall.point.dot(wall.normal) + radius;
+            return (position.dot(wall.normal) - contact, velocity.dot(wall.normal));
+        }
         let wall = &self.walls[wall as usize];
         let mut point = wall.point;
         if wall.velocity != DVec3::ZERO {
             point += wall.velocity * self.clock.time(ticks);
         }
         ((position - point).dot(wall.normal) - radius, (velocity - wall.velocity).dot(wall.normal))
+    }
+
+    /// Whether a wall, at rest under gravity, is perpendicular to an axis. The coordinate of a contact with it is a number: bounces
+    /// return to the very level that they have set out from, and rounding takes and gives no energy.
+    #[inline]
+    pub fn is_level(&self, wall: u32) -> bool {
+        let wall = &self.walls[wall as usize];
+        self.gravity != DVec3::ZERO && wall.velocity == DVec3::ZERO && wall.normal.abs().max_element() == 1.0
     }
 
     /// Sets the walls that particle i rests on from `ticks` on.

@@ -8,7 +8,8 @@ use crate::{
     clock::HORIZON,
     error::EngineError,
     machine::{Features, Pending, State},
-    particles::{ClassData, Support, World},
+    overlap::allowed_overlap,
+    particles::{ClassData, Particle, Support, World},
     report::{EventKind, EventRecord, Observer},
     rest,
 };
@@ -58,6 +59,50 @@ fn coefficient<F: Features>(
 #[inline(always)]
 fn sunk(depth: f64, coordinates: DVec3, reach: f64) -> f64 {
     if depth > SUNK * (coordinates.max_element() + reach) { depth } else { 0.0 }
+}
+
+/// Position and velocity of particle i in its own event at `time`, from which it sets out anew.
+#[inline(always)]
+fn state_at_event<F: Features>(world: &World, i: u32, time: i64) -> (DVec3, DVec3) {
+    if !F::GRAVITY {
+        return world.flight::<F>(i, time);
+    }
+    let particle = &world.particles[i as usize];
+    // A function of the particle and of the time: no search, no schedule and no resumed run rounds otherwise.
+    let random =
+        mixed(time as u64 ^ u64::from(i).rotate_left(32) ^ u64::from(particle.count).rotate_right(16));
+    haff_mechanics::free_flight_without_preference(
+        particle.position,
+        particle.velocity,
+        world.acceleration(i),
+        world.age(i, time),
+        random,
+    )
+}
+
+/// Stops where bodies are `depth` deep in each other, with the contact distance `sigma` and these coordinates, and that is more than
+/// rounding.
+#[cold]
+fn check_depth(
+    world: &World,
+    depth: f64,
+    sigma: f64,
+    coordinates: DVec3,
+    (i, partner): (u32, Option<u32>),
+    time: i64,
+) -> Result<(), EngineError> {
+    if depth <= allowed_overlap(sigma, coordinates.max_element() + sigma) {
+        return Ok(());
+    }
+    Err(EngineError::Overlap { time: world.clock.time(time), i, partner, depth: depth / sigma })
+}
+
+/// A number whose bits all depend on all bits of `x` (finalizer of SplitMix64).
+#[inline(always)]
+fn mixed(x: u64) -> u64 {
+    let x = (x ^ (x >> 30)).wrapping_mul(0xBF58_476D_1CE4_E5B9);
+    let x = (x ^ (x >> 27)).wrapping_mul(0x94D0_49BB_1331_11EB);
+    x ^ (x >> 31)
 }
 
 /// Sets the anchor of particle i.
@@ -117,18 +162,26 @@ pub(crate) fn collision<F: Features, const EVENTS: bool>(
         end_early::<EVENTS>(state, j, time, observer);
     }
     let world = &mut state.world;
-    let (mut ri, wi) = world.flight::<F>(i, time);
-    let (mut rj, wj) = world.flight::<F>(j, time);
+    let (mut ri, wi) = state_at_event::<F>(world, i, time);
+    let (mut rj, wj) = state_at_event::<F>(world, j, time);
     let r = world.nearest_image(rj - ri);
     let distance = r.length();
     let n = r / distance;
     let (a, b) = (*world.class(i), *world.class(j));
-    if !F::UNIFORM {
-        let depth = sunk(a.radius + b.radius - distance, ri.abs().max(rj.abs()), a.radius + b.radius);
-        if a.inverse_mass == 0.0 {
-            rj += n * depth;
-        } else if b.inverse_mass == 0.0 {
-            ri -= n * depth;
+    if (!F::UNIFORM || F::GRAVITY) && world.puts_back {
+        let sigma = a.radius + b.radius;
+        let depth = sunk(sigma - distance, ri.abs().max(rj.abs()), sigma);
+        if depth > 0.0 {
+            check_depth(world, depth, sigma, ri.abs().max(rj.abs()), (i, Some(j)), time)?;
+            // By halves, whatever the masses: a light grain that a heavy one presses against a wall cannot move the heavy
+            // one by its share of their momentum, and would be pressed into the wall ever deeper.
+            let [back, on] = match (a.inverse_mass == 0.0, b.inverse_mass == 0.0) {
+                (false, false) => [0.5 * depth; 2],
+                (false, true) => [depth, 0.0],
+                (true, _) => [0.0, depth],
+            };
+            ri -= n * back;
+            rj += n * on;
         }
     }
     let law = world.pair_law(&a, &b);
@@ -192,10 +245,16 @@ pub(crate) fn wall<F: Features, const EVENTS: bool>(
         end_early::<EVENTS>(state, i, time, observer);
     }
     let world = &mut state.world;
-    let (mut position, velocity) = world.flight::<F>(i, time);
+    let (mut position, velocity) = state_at_event::<F>(world, i, time);
     let class = *world.class(i);
     let (gap, _) = world.wall_approach(wall, class.radius, position, velocity, time);
-    position += world.walls[wall as usize].normal * sunk(-gap, position.abs(), class.radius);
+    let depth = sunk(-gap, position.abs(), class.radius);
+    if depth > 0.0 {
+        check_depth(world, depth, class.radius, position.abs(), (i, None), time)?;
+    }
+    if depth > 0.0 || world.is_level(wall) {
+        position -= world.walls[wall as usize].normal * gap;
+    }
     let before = if F::GRAVITY { (world.support(i), world.acceleration(i)) } else { Default::default() };
     let (inward, wall_velocity) = (world.walls[wall as usize].normal, world.walls[wall as usize].velocity);
     let n = -inward;
@@ -270,9 +329,11 @@ fn come_to_rest(
         return None;
     }
     let class = *world.class(i);
-    let velocity = world.particles[i as usize].velocity;
+    let Particle { position, velocity, .. } = world.particles[i as usize];
     let u = velocity.dot(normal).max(0.0);
-    if u * u > 2.0 * pull * REST_HEIGHT * class.radius {
+    let rises = u * u > 2.0 * pull * REST_HEIGHT * class.radius;
+    if rises && !is_rounding_of_bounces(&law, u, pull, velocity, position.abs().max_element() + class.radius)
+    {
         return None;
     }
     let mut support = if sliding { slid_on } else { world.support(i) };
@@ -300,6 +361,16 @@ fn come_to_rest(
     // From here on the support balances gravity; what the tail does beyond that is to take the last of the velocity.
     state.book.add_impulse(lost * -class.mass);
     Some(rest)
+}
+
+/// Whether the next bounce, from the outgoing speed `u` under the `pull` towards the wall, takes no more energy than
+/// half an ulp of the velocity and of coordinates up to `reach` are worth.
+///
+/// A law that tends to 1 at low speed takes ever less. Further bounces would then be as high as rounding makes them, and
+/// never end.
+fn is_rounding_of_bounces(law: &Restitution, u: f64, pull: f64, velocity: DVec3, reach: f64) -> bool {
+    let e = law.coefficient(u);
+    (1.0 - e) * (1.0 + e) * u * u <= f64::EPSILON * (pull * reach + u * velocity.abs().max_element())
 }
 
 /// The part of a velocity along walls with these normals.

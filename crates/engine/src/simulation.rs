@@ -145,7 +145,11 @@ impl Simulation {
                 collisions: until.collisions.min(self.choice.review),
                 entries: slice,
             };
-            let stop = self.engine.advance(&mut self.state, &mut limit, observer)?;
+            let stop = self.engine.advance(&mut self.state, &mut limit, observer).inspect_err(|error| {
+                if let EngineError::Overlap { depth, .. } = error {
+                    self.state.book.max_overlap = self.state.book.max_overlap.max(*depth);
+                }
+            })?;
             entries -= slice - limit.entries;
             self.choice.patience -= slice - limit.entries;
             if self.state.heap.is_jammed || (stop == Stop::Time && limit.ticks == census) {
@@ -295,11 +299,16 @@ impl Simulation {
     }
 
     /// Finds the deepest overlap now over all close pairs and walls, and keeps the largest for
-    /// [`Self::max_overlap`].
-    pub fn measure_overlap(&mut self) -> Overlap {
-        let overlap = overlap::deepest(&self.state.world, &self.geometry);
-        self.state.book.max_overlap = self.state.book.max_overlap.max(overlap.depth);
-        overlap
+    /// [`Self::max_overlap`]. An error, if it is more than rounding (see [`allowed_overlap`](crate::allowed_overlap)).
+    pub fn measure_overlap(&mut self) -> Result<Overlap, EngineError> {
+        let found = overlap::deepest(&self.state.world, &self.geometry);
+        self.state.book.max_overlap = self.state.book.max_overlap.max(found.deepest.depth);
+        match found.beyond.pair {
+            Some((i, partner)) => {
+                Err(EngineError::Overlap { time: self.time(), i, partner, depth: found.beyond.depth })
+            }
+            None => Ok(found.deepest),
+        }
     }
 
     /// Largest overlap that [`Self::measure_overlap`] has found so far [contact distances].
@@ -346,7 +355,7 @@ impl Simulation {
         if let Some(i) = frame.velocity.iter().position(|velocity| !velocity.is_finite()) {
             return Err(EngineError::Overflow { time, i: i as u32, velocity: frame.velocity[i].to_array() });
         }
-        let overlap = self.measure_overlap();
+        let overlap = self.measure_overlap()?;
         if overlap.depth > tolerance {
             let (i, partner) = overlap.pair.unwrap_or_default();
             let partner = partner.map_or("a wall".to_owned(), |j| format!("particle {j}"));

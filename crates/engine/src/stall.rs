@@ -18,13 +18,16 @@ const EVENTS_PER_PARTICLE: u64 = 10;
 /// Of so many events after that it is noted who takes part.
 const NOTED: u64 = 10_000;
 
-/// The run of events in progress.
-#[derive(Debug, Clone)]
+/// The run of events in progress. Only collisions, wall collisions and ends of rests count, which all engines have in
+/// common; checkpoints keep it. So a collapse is reported at the same event by every engine and after every resume.
+#[derive(Debug, Clone, PartialEq)]
 pub(crate) struct Stall {
-    since: i64,
-    events: u64,
-    particles: BTreeSet<u32>,
-    walls: BTreeSet<u32>,
+    /// When it began \[ticks\], and events since then.
+    pub since: i64,
+    pub events: u64,
+    /// Who took part in the last of very many events.
+    pub particles: BTreeSet<u32>,
+    pub walls: BTreeSet<u32>,
 }
 
 impl Default for Stall {
@@ -64,13 +67,21 @@ impl Stall {
             Kind::Wall(wall) => {
                 self.walls.insert(wall);
             }
+            // The others are not counted.
             Kind::Rest | Kind::Transfer(_) | Kind::Renewal => {}
         }
-        if self.events >= enough { Err(self.collapse(world, entry)) } else { Ok(()) }
+        if self.events < enough {
+            return Ok(());
+        }
+        let error = self.collapse(world, entry);
+        // The event does not happen: from a checkpoint made now it is counted again.
+        self.events -= 1;
+        Err(error)
     }
 
     fn collapse(&self, world: &World, entry: &Entry) -> EngineError {
-        let first = world.state(entry.owner, entry.time).0;
+        let least = self.particles.first().copied().unwrap_or(entry.owner);
+        let first = world.state(least, entry.time).0;
         let among: DVec3 =
             self.particles.iter().map(|&i| world.nearest_image(world.state(i, entry.time).0 - first)).sum();
         // Who rests on a wall has no events with it any more.

@@ -239,7 +239,7 @@ fn moving_walls_and_driven_bodies_do_the_work_that_the_energy_shows() {
     let frame = simulation.frame();
     assert_eq!(frame.velocity[0], DVec3::new(0.5, 0.0, 0.0));
     assert_eq!(frame.position[0], DVec3::new(11.0, 3.0, 3.0));
-    assert!(simulation.measure_overlap().depth < 1e-12);
+    assert!(simulation.measure_overlap().unwrap().depth < 1e-12);
 }
 
 /// Reversing all velocities of an elastic fluid retraces it, up to the growth of rounding errors.
@@ -319,7 +319,7 @@ fn a_plastic_impact_happens_once() {
         simulation.advance(Until { time: 1e6, ..Until::default() }, &mut Silent).unwrap();
         assert_eq!(simulation.counters().collisions, 1);
         let frame = simulation.frame();
-        let depth = simulation.measure_overlap().depth;
+        let depth = simulation.measure_overlap().unwrap().depth;
         let reach = frame.position.iter().map(|p| p.abs().max_element()).fold(0.0, f64::max);
         // Four ulp of the largest coordinate, in contact distances.
         let bound = 4.0 * f64::EPSILON * reach / 0.8;
@@ -390,7 +390,7 @@ fn bounces_without_end_do_not_sink() {
             for _ in 0..10 {
                 stop = simulation.advance(Until { entries: 2000, ..Until::default() }, &mut Silent).unwrap();
                 let place = simulation.frame().position[usize::from(normals.is_empty())];
-                let depth = simulation.measure_overlap().depth * radius;
+                let depth = simulation.measure_overlap().unwrap().depth * radius;
                 let allowed = 8.0 * f64::EPSILON * (place.abs().max_element() + radius + 0.5);
                 assert!(
                     depth <= allowed,
@@ -423,7 +423,7 @@ fn a_ball_at_rest_on_a_tilted_plane_stays_on_it() {
         add(&mut scene, ball, normal * 0.75, DVec3::ZERO);
         let mut simulation = start(scene);
         simulation.advance(Until { time: 1e6, ..Until::default() }, &mut Silent).unwrap();
-        let depth = simulation.measure_overlap().depth * 0.5;
+        let depth = simulation.measure_overlap().unwrap().depth * 0.5;
         let path = simulation.frame().position[0].abs().max_element();
         assert!(depth <= 8.0 * f64::EPSILON * path, "slope {slope}: {depth:e} after {path}");
     }

@@ -66,7 +66,7 @@ fn heaps_come_to_rest_after_finitely_many_events() {
             for k in 1..=3000 {
                 stop =
                     simulation.advance(Until { time: f64::from(k), ..Until::default() }, &mut log).unwrap();
-                let depth = simulation.measure_overlap().depth;
+                let depth = simulation.measure_overlap().unwrap().depth;
                 assert!(depth <= 1e-12, "{dimension:?}, e = {e}, t = {k}: overlap {depth:e}");
                 if stop == Stop::Rest {
                     break;
@@ -235,7 +235,7 @@ fn a_piston_pushes_grains_at_rest() {
     // At t = 60 it stands at x = 1.
     for k in 1..=60 {
         simulation.advance(Until { time: f64::from(k), ..Until::default() }, &mut Silent).unwrap();
-        let depth = simulation.measure_overlap().depth;
+        let depth = simulation.measure_overlap().unwrap().depth;
         assert!(depth <= 1e-12, "t = {k}: overlap {depth:e}");
     }
     assert!(simulation.counters().wakes > 0, "{:?}", simulation.counters());

@@ -1,6 +1,6 @@
 //! What can be wrong with a linkage, and what can stop its run.
 
-use haff_engine::Fault;
+use haff_engine::{EngineError, Fault};
 
 /// A linkage that cannot be, or a run that cannot go on. Indices are rows of [`crate::Joints`] and of the particles.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
@@ -95,6 +95,9 @@ pub enum LinkageError {
         /// A particle taking part.
         particle: usize,
     },
+    /// Particles overlap by more than rounding comes to: as in the granular engine.
+    #[error(transparent)]
+    Overlap(EngineError),
     /// No step of the integrator meets its tolerance.
     #[error("the motion of particle {particle} cannot be integrated at t = {time}: it is singular there")]
     Singular {
@@ -112,7 +115,7 @@ impl LinkageError {
     /// What the error means for whoever asked.
     pub fn fault(&self) -> Fault {
         match self {
-            Self::Collapse { .. } | Self::Singular { .. } => Fault::Stopped,
+            Self::Collapse { .. } | Self::Overlap(_) | Self::Singular { .. } => Fault::Stopped,
             Self::Checkpoint(_) => Fault::Checkpoint,
             Self::Parameter { .. }
             | Self::NoParticle { .. }

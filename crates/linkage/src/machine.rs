@@ -114,14 +114,15 @@ impl Machine {
         either!(self, simulation => simulation.particles())
     }
 
-    /// Finds the deepest overlap now and keeps the largest.
-    pub fn measure_overlap(&mut self) {
+    /// Finds the deepest overlap now and keeps the largest. An error, if it is more than rounding.
+    pub fn measure_overlap(&mut self) -> Result<(), MachineError> {
         match self {
             Self::Granular(simulation) => {
-                simulation.measure_overlap();
+                simulation.measure_overlap()?;
             }
-            Self::Linkage(simulation) => simulation.measure_overlap(),
+            Self::Linkage(simulation) => simulation.measure_overlap()?,
         }
+        Ok(())
     }
 
     /// Largest overlap found so far [contact distances].

@@ -3,7 +3,7 @@
 use std::collections::BTreeMap;
 
 use glam::DVec3;
-use haff_engine::{Counters, Frame, Ledger, Observer, Sample, Stop, System, Until};
+use haff_engine::{Counters, EngineError, Frame, Ledger, Observer, Sample, Stop, System, Until};
 use xxhash_rust::xxh3::Xxh3;
 
 use crate::{
@@ -392,9 +392,16 @@ impl Simulation {
     }
 
     /// Finds the deepest overlap now and keeps the largest for [`Self::max_overlap`].
-    pub fn measure_overlap(&mut self) {
-        let deepest = self.world.deepest_overlap();
+    /// An error, if one is more than rounding (see [`haff_engine::allowed_overlap`]).
+    pub fn measure_overlap(&mut self) -> Result<(), LinkageError> {
+        let (deepest, beyond) = self.world.overlaps();
         self.world.book.max_overlap = self.world.book.max_overlap.max(deepest);
+        match beyond.and_then(|overlap| Some((overlap.depth, overlap.pair?))) {
+            Some((depth, (i, partner))) => {
+                Err(LinkageError::Overlap(EngineError::Overlap { time: self.time(), i, partner, depth }))
+            }
+            None => Ok(()),
+        }
     }
 
     /// Largest overlap that [`Self::measure_overlap`] has found so far [contact distances]; particles on one rod or stuck together

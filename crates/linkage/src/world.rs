@@ -3,7 +3,7 @@
 use std::collections::{BTreeMap, BTreeSet};
 
 use glam::DVec3;
-use haff_engine::{System, model::Restitution};
+use haff_engine::{Overlap, System, allowed_overlap, model::Restitution};
 
 use crate::{
     book::Book,
@@ -404,26 +404,34 @@ impl World {
         parts.into_values().collect()
     }
 
-    /// Deepest overlap now [contact distances, with walls radii], 0 without.
-    pub fn deepest_overlap(&self) -> f64 {
+    /// Overlaps now [contact distances, with walls radii]: the deepest, 0 without, and one that is more than rounding.
+    pub fn overlaps(&self) -> (f64, Option<Overlap>) {
         let n = self.count();
         let states: Vec<DVec3> = (0..n).map(|i| self.state(i, self.now).0).collect();
-        let mut deepest = 0.0_f64;
+        let (mut deepest, mut beyond) = (0.0_f64, None);
+        let mut add = |depth: f64, sigma: f64, places: DVec3, pair| {
+            deepest = deepest.max(depth);
+            if depth * sigma > allowed_overlap(sigma, places.max_element() + sigma) {
+                beyond = Some(Overlap { depth, pair: Some(pair) });
+            }
+        };
         for i in 0..n {
             for j in i + 1..n {
                 if self.can_meet(i, j) && self.radius[i] + self.radius[j] > 0.0 {
                     let sigma = self.contact_distance(i, j);
-                    deepest = deepest.max(1.0 - (states[j] - states[i]).length() / sigma);
+                    let depth = 1.0 - (states[j] - states[i]).length() / sigma;
+                    let places = states[i].abs().max(states[j].abs());
+                    add(depth, sigma, places, (i as u32, Some(j as u32)));
                 }
             }
             for (w, wall) in self.system.walls.iter().enumerate() {
                 if self.radius[i] > 0.0 && !self.immovable(self.body[i]) {
                     let gap = wall.normal.dot(states[i] - self.wall_point(w, self.now)) - self.radius[i];
-                    deepest = deepest.max(-gap / self.radius[i]);
+                    add(-gap / self.radius[i], self.radius[i], states[i].abs(), (i as u32, None));
                 }
             }
         }
-        deepest
+        (deepest, beyond)
     }
 
     /// Energy of gravity and of the springs at an instant.

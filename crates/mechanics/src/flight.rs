@@ -47,6 +47,46 @@ pub fn free_flight_velocity(velocity: DVec3, acceleration: DVec3, dt: f64) -> DV
     velocity + acceleration * dt
 }
 
+/// State after flight over `dt` \[time\] under a constant `acceleration` [length/time²]: position \[length\] and
+/// velocity [length/time], where the rounding of neither has a preferred sign.
+///
+/// [`free_flight`] and [`free_flight_velocity`] round to the nearest number. The error is then the same in each of many
+/// like flights, such as those between the bounces of one grain, and a million of them are off by a million errors.
+/// Here `random` bits move each sum by up to half an ulp before it is rounded, so that the error has mean zero and
+/// many of them grow as their root. A sum that is exact stays exact, and so does flight along axes without acceleration.
+#[inline]
+#[must_use]
+pub fn free_flight_without_preference(
+    position: DVec3,
+    velocity: DVec3,
+    acceleration: DVec3,
+    dt: f64,
+    random: u64,
+) -> (DVec3, DVec3) {
+    let way = (velocity + acceleration * (0.5 * dt)) * dt;
+    let gain = acceleration * dt;
+    let (mut after, mut faster) = (position + way, velocity + gain);
+    for axis in 0..3 {
+        if acceleration[axis] != 0.0 {
+            let bits = random >> (20 * axis);
+            after[axis] = sum_without_preference(position[axis], way[axis], bits);
+            faster[axis] = sum_without_preference(velocity[axis], gain[axis], bits >> 10);
+        }
+    }
+    (after, faster)
+}
+
+/// `x + change`, rounded up or down with probabilities that make its mean exact. Of `random` the last ten bits count.
+#[inline]
+fn sum_without_preference(x: f64, change: f64, random: u64) -> f64 {
+    const STEPS: u64 = 1 << 10;
+    let sum = x + change;
+    let ulp = f64::from_bits(sum.to_bits() & f64::INFINITY.to_bits()) * f64::EPSILON;
+    // In the open interval (−½, ½), without a mean.
+    let part = ((random % STEPS) as f64 + 0.5) / STEPS as f64 - 0.5;
+    x + (change + part * ulp)
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;

@@ -43,7 +43,7 @@ mod scale;
 pub use bounces::Bounces;
 pub use contact::{is_rounding_noise, time_to_contact};
 pub use curved::time_to_contact_accelerated;
-pub use flight::{drift, free_flight, free_flight_velocity};
+pub use flight::{drift, free_flight, free_flight_velocity, free_flight_without_preference};
 pub use impact::{
     Impact, StickingImpact, approach_speed, impact, reduced_mass, resolve_contact, resolve_pair,
     resolve_sticking, resolve_wall, work_of_moving_body,

@@ -21,8 +21,8 @@ use crate::scale::{exponent, scaled};
 /// `acceleration` a [length/time²], all positive towards the inside. The smallest t ≥ 0 with
 /// `d + s t + ½ a t² = 0` at which the sphere moves towards the wall; an apex that just grazes the wall counts.
 ///
-/// * Touching, d ≤ 0: at once if s < 0, or s = 0 and a < 0. If s > 0, when a < 0 brings it back, at −2 s/a: a
-///   distance below zero by rounding counts as zero, so that the smallest bounce returns.
+/// * Touching, d ≤ 0: at once if s < 0, or s = 0 and a < 0. If s > 0, when a < 0 brings it back through zero. A bounce
+///   too small to reach zero from a distance below it by rounding returns to its own level, at −2 s/a.
 /// * Not reached, in the past, beyond the f64 range, or an argument that is not finite: `None`.
 ///
 /// ```
@@ -36,10 +36,14 @@ use crate::scale::{exponent, scaled};
 #[inline]
 #[must_use]
 pub fn time_to_plane(distance: f64, speed: f64, acceleration: f64) -> Option<f64> {
-    // Not `max`, which would turn NaN into a contact.
-    let (d, s, a) = (if distance < 0.0 { 0.0 } else { distance }, speed, acceleration);
-    if d == 0.0 && (s < 0.0 || (s == 0.0 && a < 0.0)) {
+    let (mut d, s, a) = (distance, speed, acceleration);
+    if d <= 0.0 && (s < 0.0 || (s == 0.0 && a < 0.0)) {
         return Some(0.0);
+    }
+    // To count every distance below zero as zero would give back the energy that rounding has taken, but not take what
+    // it has given. Not `max`, which would turn NaN into a contact.
+    if d < 0.0 && !(s * s > 2.0 * a * d) {
+        d = 0.0;
     }
     if a == 0.0 {
         return (s < 0.0).then(|| d / -s).filter(|t| t.is_finite());

@@ -202,10 +202,10 @@ impl<F: Features> Nearby<F> {
             };
             limit.entries -= 1;
             state.world.now = state.world.now.max(entry.time);
-            state.stall.watch(&state.world, &entry)?;
             let i = entry.owner;
             match entry.target.kind() {
                 Kind::Collision(j) => {
+                    state.stall.watch(&state.world, &entry)?;
                     resolve::collision::<F, EVENTS>(state, i, j, entry.time, observer)?;
                     // Both are in place before either looks.
                     let bodies = [i.min(j), i.max(j)];

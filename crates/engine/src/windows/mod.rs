@@ -68,6 +68,11 @@ const OUTLIER: f64 = 30.0;
 /// … and where the nearest image allows ways of so many mean distances of particles, so that the fastest do not make windows short.
 const ROOM: f64 = 0.5;
 
+/// A window ends early after so many searches for each particle, and so many more: each event adds a particle to the cells along
+/// its new path, and a few particles that collide very often would fill theirs with copies of themselves.
+const SEARCHES_PER_PARTICLE: u64 = 4;
+const SEARCHES: u64 = 1000;
+
 /// Who is on a new path after an event.
 enum Renewed {
     Pair([u32; 2]),
@@ -99,6 +104,8 @@ pub(crate) struct Windows<F> {
     /// Displacement in the window beyond which the nearest image may be the wrong one, or the margin too small [length].
     farthest: f32,
     tuner: Tuner,
+    /// Searches after which the present window ends early.
+    last_search: u64,
     /// Windows since the copies were made, and how many there shall be.
     opened: u64,
     last_window: u64,
@@ -106,9 +113,9 @@ pub(crate) struct Windows<F> {
     around: [Near; TURNS],
     turn: usize,
     scratch: Scratch,
-    /// Work since the copies were made, before the present window's: all of it, and what opening windows took.
-    judged: [Work; 2],
-    /// Work that opening windows has taken.
+    /// Work up to when the copies were made, before the present window's.
+    judged: Work,
+    /// Work since then that opening windows has taken.
     opening: Work,
     /// Whether somebody no longer falls, so that windows serve no more.
     outgrown: bool,
@@ -199,12 +206,13 @@ impl<F: Features> Windows<F> {
             width: 0.0,
             farthest: 0.0,
             tuner: Tuner::new(crowd.packing, system.dimension.count(), count),
+            last_search: 0,
             opened: 0,
             last_window: 0,
             around: [Near::default(); TURNS],
             turn: 0,
             scratch: Scratch::new(),
-            judged: [Work::default(); 2],
+            judged: Work::default(),
             opening: Work::default(),
             outgrown: false,
         }
@@ -330,6 +338,11 @@ impl<F: Features> Windows<F> {
         });
     }
 
+    /// Entries that opening a window counts as: it takes time, and the caller watches for signals.
+    fn entries_of_opening(&self) -> u64 {
+        1 + self.space.records.len() as u64 / 16
+    }
+
     /// Books the work done since `before`.
     fn count(&self, state: &mut State, before: &Work) {
         let work = self.scratch.work.since(before);
@@ -372,8 +385,7 @@ impl<F: Features> Windows<F> {
                     state.world.now = state.world.now.max(limit.ticks);
                     return Ok(Stop::Time);
                 }
-                // Windows take time, too: the caller wants to look after signals.
-                limit.entries = limit.entries.saturating_sub(1 + self.space.records.len() as u64 / 16);
+                limit.entries = limit.entries.saturating_sub(self.entries_of_opening());
                 self.next_window(state);
                 continue;
             };
@@ -428,7 +440,8 @@ impl<F: Features> Windows<F> {
                 Renewed::Pair(pair) => self.renew::<2, VECTORS>(&state.world, pair),
                 Renewed::One(body) => self.renew::<1, VECTORS>(&state.world, [body]),
             };
-            if !in_time {
+            if !in_time || self.scratch.work.searches > self.last_search {
+                limit.entries = limit.entries.saturating_sub(self.entries_of_opening());
                 self.start_afresh(&state.world);
                 self.open(&state.world);
             }

@@ -4,7 +4,7 @@ use haff_neighbors::{Axis, prefetch_at, roomy};
 use rayon::prelude::*;
 
 use super::{
-    NEAREST, Windows, axes,
+    NEAREST, SEARCHES, SEARCHES_PER_PARTICLE, Windows, axes,
     cells::Cells,
     due::Due,
     filter::{FARTHEST, NEAR, Record, Scratch, margin},
@@ -166,9 +166,10 @@ impl<F: Features> Windows<F> {
         state.world.now = self.space.end;
         self.opened += 1;
         if self.opened >= self.last_window {
-            let work = [self.scratch.work, self.opening];
-            let [all, opening] = [0, 1].map(|k| work[k].since(&self.judged[k]));
-            self.tuner.judge(&opening, &all.since(&opening), self.path * self.opened as f64);
+            let work = self.scratch.work;
+            let opening = std::mem::take(&mut self.opening);
+            let events = work.since(&self.judged).since(&opening);
+            self.tuner.judge(&opening, &events, self.path * self.opened as f64);
             self.judged = work;
             let [path, width] = self.tuner.values;
             tracing::debug!(path, width, "next lengths of windows and widths of cells");
@@ -234,6 +235,8 @@ impl<F: Features> Windows<F> {
             }
         }
         self.scratch.work.windows += 1;
+        self.last_search =
+            self.scratch.work.searches + SEARCHES + SEARCHES_PER_PARTICLE * self.space.records.len() as u64;
         self.scratch.work.entries += found.len() as u64;
         self.opening.add(&self.scratch.work.since(&before));
         self.space.contacts = found.len();

@@ -230,6 +230,7 @@ impl Builder<'_> {
             LinkageError::Twice(..) => at(["contact", "pair"]),
             LinkageError::Unsupported(_)
             | LinkageError::Collapse { .. }
+            | LinkageError::Overlap(_)
             | LinkageError::Singular { .. }
             | LinkageError::Checkpoint(_) => Vec::new(),
         };

@@ -1,0 +1,204 @@
+//! The event log replayed: every particle's last position and velocity follow from its rows.
+//!
+//! Nothing here is shared with the engine: a particle flies on from row to row, and each row changes its velocity by the
+//! impulse that it states. A missed, doubled or misplaced event shows as a particle that is somewhere else.
+
+use glam::DVec3;
+use haff_engine::{EventKind, EventRecord, Frame, NOBODY, System};
+
+/// Roundings of a row, of its velocities and of its place.
+const ROUNDINGS: f64 = 32.0;
+
+/// A particle on its way, and how far rounding may have taken it.
+#[derive(Clone)]
+struct Flier {
+    time: f64,
+    position: DVec3,
+    velocity: DVec3,
+    /// Walls that hold it.
+    support: Vec<usize>,
+    /// Walls that held it before its last bounce.
+    slid_on: Vec<usize>,
+    /// Bounds of the errors of velocity and position.
+    off: [f64; 2],
+}
+
+impl Flier {
+    fn acceleration(&self, system: &System, mass: f64) -> DVec3 {
+        if mass.is_infinite() {
+            return DVec3::ZERO;
+        }
+        let normals: Vec<DVec3> = self.support.iter().map(|&wall| system.walls[wall].normal).collect();
+        along(system.domain.gravity, &normals)
+    }
+
+    fn fly(&mut self, system: &System, mass: f64, time: f64) {
+        let dt = (time - self.time).max(0.0);
+        let a = self.acceleration(system, mass);
+        let way = (self.velocity + a * (0.5 * dt)) * dt;
+        let pace = self.velocity.length() + a.length() * dt;
+        self.position += way;
+        self.velocity += a * dt;
+        // Times are rounded, too.
+        self.off[1] += self.off[0] * dt
+            + ROUNDINGS * f64::EPSILON * (self.position.length() + way.length() + pace * time);
+        self.off[0] += ROUNDINGS * f64::EPSILON * pace;
+        self.time = time;
+    }
+
+    /// Changes the velocity, where something moves at `speed`.
+    fn kick(&mut self, change: DVec3, speed: f64) {
+        self.velocity += change;
+        self.off[0] += ROUNDINGS * f64::EPSILON * (self.velocity.length() + speed + change.length());
+    }
+}
+
+/// The vector nearest to `gravity` that points into none of the walls with these normals.
+fn along(gravity: DVec3, normals: &[DVec3]) -> DVec3 {
+    let mut best = DVec3::ZERO;
+    let mut offer = |a: DVec3| {
+        let allowed = normals.iter().all(|n| a.dot(*n) >= -1e-12 * gravity.length());
+        if allowed && (a - gravity).length_squared() < (best - gravity).length_squared() {
+            best = a;
+        }
+    };
+    offer(gravity);
+    for (k, n) in normals.iter().enumerate() {
+        offer(gravity - *n * gravity.dot(*n));
+        for m in &normals[k + 1..] {
+            let edge = n.cross(*m);
+            if edge != DVec3::ZERO {
+                offer(edge * (gravity.dot(edge) / edge.length_squared()));
+            }
+        }
+    }
+    best
+}
+
+/// Replays a log from the start and compares with the last frame.
+pub fn check(system: &System, rows: &[EventRecord], last: &Frame) -> Result<(), String> {
+    let mass = |i: usize| system.classes[system.bodies[i].class as usize].mass;
+    let mut fliers: Vec<Flier> = system
+        .bodies
+        .iter()
+        .map(|body| Flier {
+            time: 0.0,
+            position: body.position + images(body.image) * system.domain.size,
+            velocity: body.velocity,
+            support: Vec::new(),
+            slid_on: Vec::new(),
+            off: [0.0; 2],
+        })
+        .collect();
+    for row in rows {
+        let i = row.i as usize;
+        let change = row.normal * row.impulse;
+        match row.kind {
+            EventKind::Collision => {
+                let j = row.j as usize;
+                for k in [i, j] {
+                    fliers[k].fly(system, mass(k), row.time);
+                }
+                let speed = fliers[i].velocity.length() + fliers[j].velocity.length();
+                for (k, sign) in [(i, -1.0), (j, 1.0)] {
+                    if mass(k).is_finite() {
+                        fliers[k].kick(change * (sign / mass(k)), speed);
+                        release(system, &mut fliers[k]);
+                        fliers[k].slid_on.clear();
+                    }
+                }
+            }
+            EventKind::Wall => {
+                let wall = &system.walls[row.j as usize];
+                fliers[i].fly(system, mass(i), row.time);
+                let speed = fliers[i].velocity.length() + wall.velocity.length();
+                fliers[i].kick(change * (-1.0 / mass(i)), speed);
+                fliers[i].slid_on = fliers[i].support.clone();
+                release(system, &mut fliers[i]);
+            }
+            EventKind::Rest if row.j != NOBODY => {
+                settle(system, &mut fliers[i], row.j as usize, row.time, mass(i));
+            }
+            other => return Err(format!("a row of kind {other:?} in a scene without rest")),
+        }
+    }
+    for (i, flier) in fliers.iter().enumerate() {
+        let ends = |mut flier: Flier| {
+            flier.fly(system, mass(i), last.time);
+            let position = last.position[i] + images(last.image[i]) * system.domain.size;
+            let off = [(flier.velocity - last.velocity[i]).length(), (flier.position - position).length()];
+            for (what, off, allowed) in
+                [("velocity", off[0], flier.off[0]), ("position", off[1], flier.off[1])]
+            {
+                // NaN is off, too.
+                if !(off <= allowed) {
+                    return Err(format!("{what} of particle {i} is off by {off:e}, allowed {allowed:e}"));
+                }
+            }
+            Ok(())
+        };
+        // A series of bounces may be completed, and its row, at its end, still to come.
+        let series = (0..system.walls.len()).filter(|_| mass(i).is_finite()).map(|wall| {
+            let mut flier = flier.clone();
+            settle(system, &mut flier, wall, last.time, mass(i));
+            flier
+        });
+        let free = ends(flier.clone());
+        if free.is_err() && !series.map(ends).any(|end| end.is_ok()) {
+            return free;
+        }
+    }
+    Ok(())
+}
+
+/// A completed series of bounces: the grain has been at the wall, near enough, since its last row, and is held by it.
+fn settle(system: &System, flier: &mut Flier, wall: usize, time: f64, mass: f64) {
+    let normal = system.walls[wall].normal;
+    let before = flier.velocity;
+    let dt = (time - flier.time).max(0.0);
+    let pace = before.length() + system.domain.gravity.length() * dt;
+    // A grain that slides on walls into another one bounces on them all; it comes to rest on all of them at once.
+    let slid_on = std::mem::take(&mut flier.slid_on);
+    let normals: Vec<DVec3> = slid_on.iter().map(|&wall| system.walls[wall].normal).collect();
+    if !slid_on.is_empty() && along(system.domain.gravity, &normals).dot(normal) < 0.0 {
+        flier.support = slid_on;
+    }
+    if !flier.support.contains(&wall) {
+        flier.support.push(wall);
+    }
+    // The velocity that it keeps is the one along all the walls that hold it.
+    let normals: Vec<DVec3> = flier.support.iter().map(|&wall| system.walls[wall].normal).collect();
+    flier.velocity = along_all(before, &normals);
+    flier.fly(system, mass, time);
+    // A bounce is as low as 10⁻¹³ of a radius, or as rounding makes it.
+    flier.off[1] += before.dot(normal).abs() * dt + 1e-12 * (1.0 + flier.position.length());
+    flier.off[0] += ROUNDINGS * f64::EPSILON * pace;
+}
+
+/// The part of a velocity along walls with these normals.
+fn along_all(velocity: DVec3, normals: &[DVec3]) -> DVec3 {
+    match *normals {
+        [n] => velocity - n * velocity.dot(n),
+        [n, m] if n.cross(m) != DVec3::ZERO => {
+            let edge = n.cross(m);
+            edge * (velocity.dot(edge) / edge.length_squared())
+        }
+        [n, _] => velocity - n * velocity.dot(n),
+        _ => DVec3::ZERO,
+    }
+}
+
+/// Lets go of the walls that the particle moves away from.
+fn release(system: &System, flier: &mut Flier) {
+    let (velocity, off) = (flier.velocity, flier.off[0]);
+    flier.support.retain(|&wall| velocity.dot(system.walls[wall].normal).abs() <= off);
+    let normals: Vec<DVec3> = flier.support.iter().map(|&wall| system.walls[wall].normal).collect();
+    for normal in normals {
+        flier.velocity -= normal * flier.velocity.dot(normal);
+    }
+}
+
+/// Numbers of box images as a vector.
+fn images(image: [i32; 3]) -> DVec3 {
+    DVec3::from_array(image.map(f64::from))
+}
