@@ -11,6 +11,7 @@ use crate::random::{Purpose, Stream};
 use crate::state::{State, StateSource};
 use crate::text;
 use glam::DVec3;
+use haff_engine::{Boundary, Domain, Wall};
 
 /// Few particles, so that one input takes little time.
 const LIMITS: Limits = Limits { particles: 300, memory: 1 << 28 };
@@ -335,6 +336,22 @@ fn check(case: u64) -> Result<bool, String> {
                 || scene.run.until.is_none() && scene.run.collisions.is_none()
             {
                 return Err(format!("accepted nonsense: {}", show()));
+            }
+            let Domain { size, boundary, .. } = system.domain;
+            let tilted =
+                |wall: &Wall| (0..3).any(|k| boundary[k] == Boundary::Periodic && wall.normal[k] != 0.0);
+            if system.walls.iter().any(tilted) {
+                return Err(format!("accepted a wall that is not its own image: {}", show()));
+            }
+            let names = system.species.iter().chain(system.walls.iter().map(|wall| &wall.name));
+            if names.chain([&scene.title]).any(|name| name.contains('\0')) {
+                return Err(format!("accepted what files cannot store: {}", show()));
+            }
+            let axes = 0..system.dimension.count();
+            let largest =
+                axes.filter(|&k| boundary[k] != Boundary::Open).map(|k| size[k]).fold(0.0, f64::max);
+            if system.classes.iter().any(|class| class.radius < 1e-13 * largest) {
+                return Err(format!("accepted a radius below the rounding of coordinates: {}", show()));
             }
             let position: Vec<DVec3> = system.bodies.iter().map(|body| body.position).collect();
             let radius: Vec<f64> =

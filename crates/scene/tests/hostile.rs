@@ -245,3 +245,114 @@ fn an_integer_that_does_not_fit_is_one_error() {
     let told = read(SOUND, &["seed=99999999999999999999".to_owned()]).expect_err("refused").to_string();
     assert_eq!(told, "--set seed=99999999999999999999: must be in 0..=9223372036854775807");
 }
+
+#[test]
+fn what_files_cannot_store_is_refused() {
+    let more = "title = \"T\"\n[output]\nfile = \"F\"\n[[wall]]\nname = \"W\"\nplane = { point = [0, 0, 0], normal = [0, 0, 1] }\n\
+                [[species]]\nname = \"S\"\ncount = 1\nradius = 0.1\nmass = 1\n";
+    let scene = |name: &str, by: &str| {
+        let text = format!("{more}{SOUND}")
+            .replace("[10, 10, 10]", "[10, 10, 10]\nboundary = [\"wall\", \"wall\", \"wall\"]");
+        text.replace(&format!("\"{name}\""), &format!("\"{by}\""))
+    };
+    for (name, key) in [
+        ("T", "title"),
+        ("F", "output.file"),
+        ("W", "wall.0.name"),
+        ("S", "species.0.name"),
+        ("ball", "particle.0.name"),
+    ] {
+        let told = told(&scene(name, "a\\u0000b"));
+        assert!(told.ends_with(&format!(": {key} = \"a\\u{{0}}b\": must not contain the character NUL (U+0000), which files cannot store")), "{told}");
+    }
+    let joints = "domain.boundary = [\"open\", \"open\", \"open\"]\n[run]\nuntil = 1\n\
+                  [[particle]]\nname = \"a\"\nposition = [0, 0, 0]\nradius = 0.1\nmass = 1\n\
+                  [[particle]]\nname = \"b\"\nposition = [1, 0, 0]\nradius = 0.1\nmass = 1\n";
+    for (list, keys) in [
+        ("pendulum", "pivot = [0, 0, 1]\nbob = \"a\""),
+        ("spring", "between = [\"a\", \"b\"]\nstiffness = 1"),
+        ("rod", "between = [\"a\", \"b\"]"),
+    ] {
+        let told = told(&format!("{joints}[[{list}]]\nname = \"\\u0000\"\n{keys}\n"));
+        assert!(told.contains(&format!("{list}.0.name = \"\\u{{0}}\": must not contain")), "{told}");
+    }
+}
+
+#[test]
+fn radii_below_the_rounding_of_coordinates_are_refused() {
+    let radius = |radius: f64| SOUND.replace("radius = 0.5", &format!("radius = {radius:e}"));
+    let least = 10.0 * 0.5_f64.powi(42);
+    assert!(read(&radius(1.001 * least), &[]).is_ok());
+    let told_below = told(&radius(0.999 * least));
+    assert!(
+        told_below.contains("particle.0.radius = ") && told_below.contains("must be at least 2.3e-12"),
+        "{told_below}"
+    );
+    assert!(
+        told(&radius(1e-30))
+            .contains("particle.0.radius = 1e-30: must be at least 2.3e-12: coordinates up to 10 are")
+    );
+    // Along open axes coordinates are as large as particles are far out.
+    let open = |x: f64| {
+        let boundary = "boundary = [\"open\", \"open\", \"open\"]";
+        radius(1e-6).replace("size = [10, 10, 10]", boundary).replace("[5, 5, 5]", &format!("[{x:e}, 0, 0]"))
+    };
+    assert!(read(&open(-1e6), &[]).is_ok());
+    assert!(told(&open(-1e7)).contains("coordinates up to 10000000 are"), "{}", told(&open(-1e7)));
+    let species = "[domain]\nsize = [1, 1, 1]\n[run]\nuntil = 1\n[[species]]\nname = \"a\"\ncount = 3\nmass = 1\n\
+                   radius = { uniform = [1e-20, 0.1] }\n[initial]\npositions = \"random\"\n";
+    assert!(
+        told(species).contains("species.0.radius = { uniform … }: must be at least 2.3e-13"),
+        "{}",
+        told(species)
+    );
+}
+
+#[test]
+fn planes_are_their_own_images_along_periodic_axes() {
+    let scene = |boundary: [&str; 3], normal: &str| {
+        format!(
+            "[domain]\nsize = [10, 10, 10]\nboundary = {boundary:?}\n[run]\nuntil = 1\n\
+             [[particle]]\nposition = [5, 5, 5]\nradius = 0.5\nmass = 1\n\
+             [[wall]]\nname = \"w\"\nvelocity = [0, 1, 0]\nplane = {{ point = [0, 0, 0], normal = {normal} }}\n"
+        )
+    };
+    for (boundary, normal, axis) in [
+        (["wall", "periodic", "wall"], "[0.8, 0.6, 0]", "y"),
+        (["wall", "periodic", "wall"], "[1, 1e-17, 0]", "y"),
+        (["wall", "periodic", "wall"], "[1, 1e-300, 0]", "y"),
+        (["wall", "wall", "periodic"], "[0, 0, 1]", "z"),
+        (["periodic", "wall", "open"], "[-1e-9, 2, 0]", "x"),
+    ] {
+        let told = told(&scene(boundary, normal));
+        let expected = format!("must be exactly 0 along {axis}, which is periodic");
+        assert!(told.contains("wall.0.plane.normal = [") && told.contains(&expected), "{told}");
+        assert!(told.contains(&format!("make {axis} \"wall\" or \"open\"")), "{told}");
+        assert!(
+            read(
+                &scene(boundary.map(|kind| if kind == "periodic" { "wall" } else { kind }), "[1, 1, 1]"),
+                &[]
+            )
+            .is_ok()
+        );
+    }
+    for (boundary, normal) in [
+        (["wall", "periodic", "wall"], "[3, 0, -0.0]"),
+        (["periodic", "periodic", "open"], "[0, 0, 7]"),
+        (["open", "periodic", "open"], "[1, 0, 1e-300]"),
+    ] {
+        let result = read(&scene(boundary, normal), &[]);
+        assert!(result.is_ok(), "{boundary:?} {normal}: {result:?}");
+    }
+    // In two dimensions z is no axis of the box.
+    let flat = "dimension = 2\n[domain]\nsize = [10, 10]\nboundary = [\"wall\", \"periodic\"]\n[run]\nuntil = 1\n\
+                [[particle]]\nposition = [8, 1]\nradius = 0.5\nmass = 1\n\
+                [[wall]]\nname = \"tilted\"\nplane = { point = [8, 5], normal = [-0.8, -0.6] }\n";
+    assert!(
+        told(flat).contains("wall.0.plane.normal = [-0.8, -0.6]: must be exactly 0 along y"),
+        "{}",
+        told(flat)
+    );
+    assert!(read(&flat.replace("-0.6", "0"), &[]).is_err(), "the particle stands in that wall");
+    assert!(read(&flat.replace("-0.8, -0.6", "1, 0, 0").replace("[8, 5]", "[0, 5]"), &[]).is_ok());
+}

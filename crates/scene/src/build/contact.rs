@@ -2,11 +2,12 @@
 
 use std::collections::{BTreeMap, HashMap, HashSet};
 
-use haff_engine::{Contacts, Wall};
+use haff_engine::{Boundary, Contacts, Wall};
 use haff_mechanics::Restitution;
 
 use super::Builder;
-use super::values::{at, item, not_negative, positive};
+use super::domain::DomainPlan;
+use super::values::{at, item, not_negative, positive, storable};
 use crate::config::{ContactConfig, RestitutionConfig, RestitutionLaw};
 use crate::document::Path;
 use crate::text::{LONGEST, cut, nearest, some_of};
@@ -94,6 +95,7 @@ impl Builder<'_> {
                 }
                 continue;
             }
+            storable(&mut self.document, &path, &name);
             if let Some(other) = taken.get(&name) {
                 let message = format!("the name \"{name}\" is taken by {other}; names must differ");
                 self.document.report(&path, message);
@@ -111,7 +113,7 @@ impl Builder<'_> {
     }
 
     /// The walls of `[[wall]]`.
-    pub(super) fn extra_walls(&mut self) -> Vec<Wall> {
+    pub(super) fn extra_walls(&mut self, domain: &DomainPlan) -> Vec<Wall> {
         let configs = self.config.wall.clone().unwrap_or_default();
         if configs.len() > MAX_WALLS {
             self.document.report(&at(["wall"]), format!("at most {MAX_WALLS} walls are possible"));
@@ -141,12 +143,31 @@ impl Builder<'_> {
             // Scaling by the largest component first keeps tiny and huge normals from under- and overflow.
             let normal = given / given.abs().max_element();
             let normal = normal / normal.length();
-            if given == glam::DVec3::ZERO && plane.normal.is_some() && self.document.count() == errors {
-                self.document.report(&item("wall", k, "plane.normal"), "must not be zero");
+            if plane.normal.is_some() && self.document.count() == errors {
+                self.check_normal(&item("wall", k, "plane.normal"), normal, domain);
             }
             walls.push(Wall { name: config.name.clone().unwrap_or_default(), point, normal, velocity });
         }
         walls
+    }
+
+    /// A plane must have a direction, and be its own image along every periodic axis: a particle that leaves through the one
+    /// face comes back through the other, and the plane must be where it was. No component is too small to matter, since
+    /// images go on without end.
+    fn check_normal(&mut self, path: &[String], normal: glam::DVec3, domain: &DomainPlan) {
+        if !normal.is_finite() {
+            self.document.report(path, "must not be zero");
+            return;
+        }
+        let repeats = |axis: &usize| normal[*axis] != 0.0 && domain.boundary[*axis] == Boundary::Periodic;
+        if let Some(axis) = (0..self.dimension.count()).find(repeats) {
+            let name = ["x", "y", "z"][axis];
+            let message = format!(
+                "must be exactly 0 along {name}, which is periodic: the plane would not repeat with the box; make {name} \
+                 \"wall\" or \"open\" in domain.boundary"
+            );
+            self.document.report(path, message);
+        }
     }
 
     /// Rules for all pairs of groups and all groups with all walls.

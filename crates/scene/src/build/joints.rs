@@ -8,7 +8,7 @@ use haff_linkage::{Joints, LinkageError, Pendulum, Rod, Spring, SpringEnd, Tethe
 
 use super::Builder;
 use super::contact::among;
-use super::values::{at, item, not_negative, positive};
+use super::values::{at, item, not_negative, positive, storable};
 use crate::document::Path;
 use crate::joints::TetherConfig;
 
@@ -141,6 +141,7 @@ impl Builder<'_> {
     /// The joints of the scene; `species`: number of particles before the first `[[particle]]`.
     pub(super) fn joints(&mut self, species: usize, position: &dyn Fn(usize) -> DVec3) -> Joints {
         let rows = self.rows_by_name(species);
+        self.check_joint_names();
         let mut joints =
             Joints { sticking: self.sticking.clone(), clinging: self.clinging.clone(), ..Joints::default() };
         for (k, config) in self.config.pendulum.clone().unwrap_or_default().into_iter().enumerate() {
@@ -223,6 +224,19 @@ impl Builder<'_> {
             joints.rods.push(Rod { name, ends, length });
         }
         joints
+    }
+
+    /// Names of joints go into messages and files.
+    fn check_joint_names(&mut self) {
+        let config = &self.config;
+        let pendulums = config.pendulum.iter().flatten().map(|joint| &joint.name).enumerate();
+        let springs = config.spring.iter().flatten().map(|joint| &joint.name).enumerate();
+        let rods = config.rod.iter().flatten().map(|joint| &joint.name).enumerate();
+        let all = pendulums.map(|(k, name)| ("pendulum", k, name));
+        let all = all.chain(springs.map(|(k, name)| ("spring", k, name)));
+        for (list, k, name) in all.chain(rods.map(|(k, name)| ("rod", k, name))) {
+            storable(&mut self.document, &item(list, k, "name"), name.as_deref().unwrap_or_default());
+        }
     }
 
     /// Whether the joints fit together and fit the system.

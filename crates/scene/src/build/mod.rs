@@ -19,7 +19,7 @@ use crate::document::Document;
 use crate::error::{ErrorKind, Place, SceneError, SceneErrors};
 use crate::scene::Scene;
 use crate::state::StateSource;
-use values::at;
+use values::{at, storable};
 
 /// Bytes that a run needs per particle, for refusing what cannot fit: the most that was measured, in making a dense
 /// random packing; the run itself takes about 250.
@@ -136,7 +136,7 @@ impl Builder<'_> {
         let explicit = self.particle_plans();
         let names = self.names();
         let mut domain = self.domain_plan(!species.is_empty(), !explicit.is_empty());
-        let extra_walls = self.extra_walls();
+        let extra_walls = self.extra_walls(&domain);
         let wall_names: Vec<String> =
             domain.wall_names().into_iter().chain(extra_walls.iter().map(|wall| wall.name.clone())).collect();
         self.check_names(&names, &wall_names);
@@ -156,6 +156,7 @@ impl Builder<'_> {
         let system_domain = domain.finish(self.dimension, &rows);
         let walls = domain.walls(&system_domain, extra_walls);
         self.check_box(&system_domain, &rows, initial.positions.as_ref());
+        self.check_resolution(&system_domain, &species, &rows, initial.positions.as_ref());
         self.gate()?;
         self.check_places(&system_domain, &walls, &mut rows, state.as_ref());
         self.gate()?;
@@ -220,6 +221,9 @@ impl Builder<'_> {
             Err(_) => self.document.report(&at(["seed"]), "must be in 0..=9223372036854775807"),
         }
         self.config.seed = Some(self.seed as i64);
+        if let Some(title) = &self.config.title {
+            storable(&mut self.document, &at(["title"]), title);
+        }
         self.config.title.get_or_insert_with(|| {
             std::path::Path::new(name)
                 .file_stem()

@@ -8,7 +8,7 @@ use haff_engine::{Body, Class, Dimension};
 
 use super::Builder;
 use super::contact::Names;
-use super::values::{at, item, mass, not_negative, positive};
+use super::values::{at, item, mass, not_negative, positive, storable};
 use crate::config::{InitialConfig, PackingConfig, PositionsConfig, RadiusConfig};
 use crate::random::{Purpose, Stream};
 
@@ -290,6 +290,7 @@ impl Builder<'_> {
                 if file.file.as_ref().is_none_or(String::is_empty) {
                     self.document.report_missing(&path, "must name a file: { file = \"state.h5\" }");
                 }
+                storable(&mut self.document, &path, file.file.as_deref().unwrap_or_default());
             }
             PositionsConfig::Packing(packing) => {
                 initial.temperature.get_or_insert(1.0);
