@@ -25,11 +25,10 @@ mod watch;
 
 use std::process::ExitCode;
 
-use arguments::{Arguments, Command};
-use clap::Parser;
+use arguments::Command;
 
 fn main() -> ExitCode {
-    let arguments = Arguments::parse();
+    let arguments = arguments::parse();
     log::start(arguments.verbose);
     let result = match arguments.command {
         Command::Run(options) => run::run(&options, arguments.verbose > 0),

@@ -9,7 +9,7 @@ use crate::{
     arguments::Run,
     failure::{Failure, Status},
     info::States,
-    output,
+    output::{self, shown},
     progress::Progress,
     signals::Signals,
     single::{self, Company},
@@ -26,7 +26,7 @@ pub fn scene_failure(errors: &SceneErrors) -> Failure {
 
 /// A file's error as a failure of the command.
 pub fn file_failure(error: &RecordError) -> Failure {
-    Failure::new(Status::File, error)
+    Failure::new(Status::File, shown(error))
 }
 
 /// Runs a scene, or goes on with one. `logs` tells that lines are told on standard error, where a bar would be in their way.
@@ -76,7 +76,7 @@ pub fn machine_failure(error: &MachineError) -> Failure {
         Fault::Checkpoint => Status::File,
         Fault::Stopped => Status::Stopped,
     };
-    Failure::new(status, error)
+    Failure::new(status, shown(error))
 }
 
 /// Largest resident memory so far [bytes].
