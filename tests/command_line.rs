@@ -240,8 +240,68 @@ fn an_output_is_never_replaced_unasked() {
     assert_eq!(status, 4, "{err}");
     assert!(err.contains("gas.h5") && err.contains("--overwrite"), "{err}");
     assert_eq!(std::fs::read_to_string(haff.path("gas.h5")).unwrap(), "precious");
-    assert_eq!(haff.run(&["run", &scene, "--overwrite", "-q"]).0, 0);
-    assert_eq!(haff.run(&["info", "gas.h5"]).0, 0);
+    // What is no output of a run is not replaced at all, unless it is empty.
+    for text in ["precious", "precious, and longer than a signature"] {
+        haff.write("gas.h5", text);
+        let (status, _, err) = haff.run(&["run", &scene, "--overwrite", "-q"]);
+        assert!(status == 4 && err.contains("gas.h5") && err.contains("it is not an HDF5 file"), "{err}");
+        assert_eq!(std::fs::read_to_string(haff.path("gas.h5")).unwrap(), text);
+    }
+    haff.write("gas.h5", "");
+    for _ in 0..2 {
+        assert_eq!(haff.run(&["run", &scene, "--overwrite", "-q"]).0, 0);
+        assert_eq!(haff.run(&["info", "gas.h5"]).0, 0);
+    }
+}
+
+#[test]
+fn no_run_replaces_what_it_starts_from() {
+    let haff = Haff::new();
+    let link = |from: &str, to: &str| std::fs::hard_link(haff.path(from), haff.path(to)).unwrap();
+    let symlink = |from: &str, to: &str| std::os::unix::fs::symlink(from, haff.path(to)).unwrap();
+    haff.write("gas.toml", GAS);
+    haff.report(&["run", "gas.toml", "-o", "state.h5"]);
+    let again = GAS.replace("temperature = 1.0", "positions = { file = \"state.h5\" }");
+    haff.write("again.toml", &again);
+    for input in ["again.toml", "state.h5"] {
+        link(input, &format!("hard-{input}"));
+        symlink(input, &format!("soft-{input}"));
+        symlink(&format!("hard-{input}"), &format!("both-{input}"));
+    }
+    let content = |name: &str| std::fs::read(haff.path(name)).unwrap();
+    let before = [content("again.toml"), content("state.h5")];
+    for (input, what) in
+        [("again.toml", "is the scene"), ("state.h5", "is the state that the scene starts from")]
+    {
+        for name in [
+            input.to_owned(),
+            format!("./{input}"),
+            format!("hard-{input}"),
+            format!("soft-{input}"),
+            format!("both-{input}"),
+        ] {
+            for overwrite in [&["--overwrite"][..], &[]] {
+                let by_key = format!("output.file=\"{name}\"");
+                for how in [["-o", &name], ["--set", &by_key]] {
+                    let (status, _, err) = haff.run(&[&["run", "again.toml"], &how[..], overwrite].concat());
+                    assert_eq!(status, 2, "{name}: {err}");
+                    assert!(
+                        err.contains(&format!("output {name}: {what}")) && err.contains("-o"),
+                        "{name}: {err}"
+                    );
+                }
+            }
+        }
+    }
+    // Nor does a sweep write over its scene, or a member over what the sweep starts from.
+    let (status, _, err) = haff.run(&["sweep", "again.toml", "--set", "run.until=1,2", "-o", "again.toml"]);
+    assert!(status == 4 && err.contains("again.toml is not a folder"), "{err}");
+    std::fs::create_dir(haff.path("study")).unwrap();
+    link("state.h5", "study/run-0000.h5");
+    let (status, _, err) = haff.run(&["sweep", "again.toml", "--set", "run.until=1,2", "-o", "study", "-q"]);
+    assert!(status == 4 && err.contains("holds another run"), "{err}");
+    assert_eq!([content("again.toml"), content("state.h5")], before, "nothing has been written");
+    assert_eq!(haff.run(&["run", "again.toml", "-o", "new.h5", "-q"]).0, 0);
 }
 
 /// Whether a terminal shows each line of the text as it is.

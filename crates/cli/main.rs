@@ -12,6 +12,7 @@ mod init;
 mod log;
 mod manual;
 mod output;
+mod overwrite;
 mod progress;
 mod python;
 mod run;

@@ -10,6 +10,7 @@ use crate::{
     failure::{Failure, Status},
     info::States,
     output::{self, shown},
+    overwrite,
     progress::Progress,
     signals::Signals,
     single::{self, Company},
@@ -38,10 +39,14 @@ pub fn run(options: &Run, logs: bool) -> Result<u8, Failure> {
     let finished = match (&options.resume, &options.scene) {
         (Some(file), _) => single::resume(file.clone(), company)?,
         (None, Some(scene)) => {
+            let file = scene;
             let mut scene =
-                haff_scene::load(scene, &options.set, &States).map_err(|errors| scene_failure(&errors))?;
+                haff_scene::load(file, &options.set, &States).map_err(|errors| scene_failure(&errors))?;
             if let Some(output) = &options.output {
                 scene.output.file = Some(output.clone());
+            }
+            if let Some(output) = &scene.output.file {
+                overwrite::check(output, file, scene.state_file.as_deref(), options.overwrite)?;
             }
             single::start(scene, options.overwrite, company)?
         }

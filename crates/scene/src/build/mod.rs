@@ -187,6 +187,7 @@ impl Builder<'_> {
         Ok(Scene {
             title: self.config.title.clone().unwrap_or_default(),
             seed: self.seed,
+            state_file: initial.state_file(),
             packing_fraction: plan::packing_fraction(&system),
             collision_rate: rate,
             system,

@@ -2,6 +2,7 @@
 
 use std::collections::HashMap;
 use std::f64::consts::PI;
+use std::path::PathBuf;
 
 use glam::DVec3;
 use haff_engine::{Body, Class, Dimension};
@@ -79,6 +80,16 @@ pub(super) struct ParticlePlan {
 pub(super) struct Initial {
     pub(super) positions: Option<PositionsConfig>,
     pub(super) temperature: Option<f64>,
+}
+
+impl Initial {
+    /// The state file that the species start from.
+    pub(super) fn state_file(&self) -> Option<PathBuf> {
+        match &self.positions {
+            Some(PositionsConfig::File(file)) => file.file.as_ref().map(PathBuf::from),
+            _ => None,
+        }
+    }
 }
 
 /// Bodies under construction, species first.
