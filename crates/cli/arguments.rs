@@ -91,8 +91,8 @@ pub struct Run {
     /// Threads; all processors by default. No result depends on it.
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=1024))]
     pub threads: Option<u16>,
-    /// Replace an existing output file. A file that is not HDF5, the scene itself and the state file it starts from are never
-    /// replaced.
+    /// Replace an existing output file. A file that is not HDF5, the scene itself and the state file it
+    /// starts from are never replaced.
     #[arg(long, conflicts_with = "resume")]
     pub overwrite: bool,
     /// Print nothing but errors.

@@ -1,7 +1,8 @@
 //! What the command prints: results to standard output, words for people to standard error.
 //!
-//! Whatever comes from outside — titles, names, keys, values, paths, errors of libraries — goes into words for people
-//! through [`shown`] or [`path`], so that it stays on its line; what is printed is held to that once more, but for its line ends.
+//! Whatever comes from outside — titles, names, keys, values, paths, errors of libraries — goes into words
+//! for people through [`shown`] or [`path`], so that it stays on its line; what is printed is held to that
+//! once more, but for its line ends.
 //!
 //! `println!` panics when nobody reads any more, as in `haff schema | head -1`; these do not, and clippy holds the command
 //! to them.
@@ -27,7 +28,8 @@ pub fn lines(text: impl Display) -> Result<(), Failure> {
     line(escaped_lines(&text.to_string()))
 }
 
-/// Writes to standard output, as it is: JSON, scenes, completions. A reader that has gone ends the command, quietly; any other error is told.
+/// Writes to standard output, as it is: JSON, scenes, completions. A reader that has gone ends the command,
+/// quietly; any other error is told.
 pub fn print(text: impl Display) -> Result<(), Failure> {
     let mut output = io::stdout().lock();
     match output.write_all(text.to_string().as_bytes()).and_then(|()| output.flush()) {

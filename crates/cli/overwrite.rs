@@ -15,8 +15,8 @@ use crate::{
 /// First bytes of an HDF5 file.
 const SIGNATURE: [u8; 8] = *b"\x89HDF\r\n\x1a\n";
 
-/// Refuses an output that is the scene file or the state file itself, by whatever name or link; and, if a file there may be
-/// overwritten, one that is something else than HDF5.
+/// Refuses an output that is the scene file or the state file itself, by whatever name or link; and, if a
+/// file there may be overwritten, one that is something else than HDF5.
 pub fn check(file: &Path, scene: &Path, state: Option<&Path>, overwrite: bool) -> Result<(), Failure> {
     let inputs = [("the scene", Some(scene)), ("the state that the scene starts from", state)];
     for (what, input) in inputs {
@@ -34,7 +34,8 @@ fn is_same(one: &Path, other: &Path) -> bool {
     matches!((identity(one), identity(other)), (Ok(one), Ok(other)) if one == other)
 }
 
-/// Refuses a file that is there and not HDF5. An empty one loses nothing; what is no file is refused by whoever writes.
+/// Refuses a file that is there and not HDF5. An empty one loses nothing; a folder or a device is
+/// refused where the file is begun.
 fn check_kind(path: &Path) -> Result<(), Failure> {
     if !fs::metadata(path).is_ok_and(|metadata| metadata.is_file() && metadata.len() > 0) {
         return Ok(());

@@ -1,8 +1,8 @@
-//! A scene file as a tree of values in which every key remembers where it stands, with overrides applied; and the errors
-//! found in it.
+//! A scene file as a tree of values in which every key remembers where it stands, with overrides applied; and
+//! the errors found in it.
 //!
-//! All of it takes time in proportion to the length of the text, and to the number of errors, of which only the first are
-//! kept.
+//! All of it takes time in proportion to the length of the text, and to the number of errors, of which only
+//! the first are kept.
 
 use std::collections::{HashMap, HashSet};
 
@@ -20,8 +20,8 @@ use crate::weight::Weight;
 /// Keys nest at most four deep; deeper overrides only cost stack.
 const MAX_DEPTH: usize = 16;
 
-/// Arrays of any length, each element of which is read by itself, so that one which does not fit costs no other a second
-/// reading.
+/// Arrays of any length, each element of which is read by itself, so that one which does not fit costs no
+/// other a second reading.
 const LISTS: [&[&str]; 7] =
     [&["species"], &["particle"], &["wall"], &["pendulum"], &["spring"], &["rod"], &["contact", "pair"]];
 
@@ -33,12 +33,13 @@ pub(crate) struct Document {
     root: Node,
     errors: Errors,
     reported: Reported,
-    /// Whether the text or an override could not be read at all, so that keys are missing which may well be written.
+    /// Whether the text or an override could not be read at all, so that keys are missing which may well be
+    /// written.
     garbled: bool,
 }
 
-/// Where errors stand in the list: those of the file as a whole, those in the file by place, those of overrides; and then in
-/// the order found.
+/// Where errors stand in the list: those of the file as a whole, those in the file by place, those of
+/// overrides; and then in the order found.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
 enum Rank {
     Whole,
@@ -205,8 +206,8 @@ impl Document {
         config
     }
 
-    /// Reads the elements of an array one by one. One that does not fit is reported, and stands as if nothing were written
-    /// in it.
+    /// Reads the elements of an array one by one. One that does not fit is reported, and stands as if nothing
+    /// were written in it.
     fn list<T: DeserializeOwned + Default>(&mut self, path: &[&str]) -> Option<Vec<T>> {
         let mut path: Path = path.iter().map(|&segment| segment.to_owned()).collect();
         let Value::Array(array) = &self.root.get(&path)?.value else { return None };
@@ -220,8 +221,9 @@ impl Document {
         Some(out)
     }
 
-    /// Reads what stands at `path`. A key that does not fit is reported, taken out, and the rest read again, so that every
-    /// error is found: at most as often as the structure has keys, since those it does not know are taken out all at once.
+    /// Reads what stands at `path`. A key that does not fit is reported, taken out, and the rest read again,
+    /// so that every error is found: at most as often as the structure has keys, since those it does not know
+    /// are taken out all at once.
     fn read<T: DeserializeOwned + Default>(&mut self, path: &[String], skipped: &[&[&str]]) -> T {
         loop {
             let Some(node) = self.root.get(path) else { return T::default() };
@@ -405,7 +407,8 @@ impl Names {
         }
     }
 
-    /// Turns names of array elements into indices; a name that several particles share stands for all of them.
+    /// Turns names of array elements into indices; a name that several particles share stands for all of
+    /// them.
     fn expand(&mut self, root: &Node, path: &[String]) -> Result<Vec<Path>, String> {
         let mut targets: Vec<Path> = vec![Vec::new()];
         for segment in path {

@@ -23,7 +23,8 @@ pub enum Place {
     Whole,
 }
 
-/// One error of a scene. The fields hold text as it stands in the file; [`fmt::Display`] gives one line fit for a terminal.
+/// One error of a scene. The fields hold text as it stands in the file; [`fmt::Display`] gives one line fit
+/// for a terminal.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct SceneError {
     /// Name of the scene file.

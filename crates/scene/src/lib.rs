@@ -2,8 +2,9 @@
 //!
 //! [`load`] and [`parse`] take a scene file, overrides by dotted path and a source of recorded states, and return
 //! a [`Scene`]: particles placed and moving, walls, contact rules, and plans of the run and its output. Or they return
-//! [`SceneErrors`]: *all* errors found, each with its line, key, value and what is allowed; the first twenty are told, the
-//! others counted. No input makes them panic, and the time they take is in proportion to the length of the text.
+//! [`SceneErrors`]: *all* errors found, each with its line, key, value and what is allowed; the first twenty
+//! are told, the others counted. No input makes them panic, and the time they take is in proportion to the
+//! length of the text.
 //!
 //! The way of the data: text → a tree that knows its lines → [`config::SceneConfig`] (serde, unknown keys
 //! refused) → checks, defaults, packings and velocities → [`Scene`]. Every random number comes from a stream of its own
@@ -70,7 +71,7 @@ pub fn load(path: &Path, overrides: &[String], states: &dyn StateSource) -> Resu
     parse(&path.display().to_string(), &text, overrides, states)
 }
 
-/// The text of the scene file at `path`, for whoever parses it otherwise than by [`parse`].
+/// The text of the scene file at `path`, for use by other parsers than [`parse`].
 ///
 /// # Errors
 /// If it cannot be read, is not text or is too long, or if its reading might not fit into the free memory.
@@ -90,7 +91,8 @@ pub fn check_weight(text: &str) -> Result<(), String> {
     weight::Weight::of_document(text).check(build::Limits::of_this_machine().memory)
 }
 
-/// The text of a file, pipe or device; of one that gives more than [`LONGEST_FILE`] bytes, no more than that is read.
+/// The text of a file, pipe or device; of one that gives more than [`LONGEST_FILE`] bytes, no more than that
+/// is read.
 fn read_text(path: &Path) -> Result<String, SceneErrors> {
     let name = path.display().to_string();
     let unreadable = |why: &io::Error| build::unreadable(&name, why);
@@ -113,8 +115,8 @@ fn read_text(path: &Path) -> Result<String, SceneErrors> {
 /// Validates the text of a scene; `name` stands for the file in errors. See [`load`].
 ///
 /// # Errors
-/// All errors found. A text of more than [`LONGEST_FILE`] bytes, or one whose reading might not fit into the free memory, is
-/// refused.
+/// All errors found. A text of more than [`LONGEST_FILE`] bytes, or one whose reading might not fit into the
+/// free memory, is refused.
 pub fn parse(
     name: &str,
     text: &str,

@@ -1,7 +1,8 @@
-//! Reads structures from a tree of values: every key that a structure does not know is noted on the way, and an error knows
-//! the path of the value that does not fit.
+//! Reads structures from a tree of values: every key that a structure does not know is noted on the way, and
+//! an error knows the path of the value that does not fit.
 //!
-//! serde's own way to refuse unknown keys ends at the first one. Here a structure sees only the keys it knows.
+//! serde's own way to refuse unknown keys ends at the first one. Here a structure sees only the keys it
+//! knows.
 
 use std::cell::{Cell, RefCell};
 use std::fmt;

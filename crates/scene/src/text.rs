@@ -1,8 +1,8 @@
 //! Text from outside, made fit for a line of a terminal or a log.
 //!
-//! Titles, names, keys, values and paths come from files that somebody else may have written. Printed as they are, control
-//! characters in them move the cursor, change colors or begin a line that looks like a message of haff; and characters that
-//! reverse the direction of writing make a text look like another.
+//! Titles, names, keys, values and paths may come from a file that was received. Printed as they are, control
+//! characters in them move the cursor, change colors or begin a line that looks like a message of haff; and
+//! characters that reverse the direction of writing make a text look like another.
 
 use std::borrow::Cow;
 use std::fmt::Display;
@@ -10,8 +10,8 @@ use std::fmt::Display;
 /// Longest piece of a message [characters]: longer ones are cut.
 pub const LONGEST: usize = 1000;
 
-/// Whether a character is shown as an escape: control characters (C0, DEL, C1), the separators of lines and paragraphs, and
-/// those that change the direction of writing.
+/// Whether a character is shown as an escape: control characters (C0, DEL, C1), the separators of lines and
+/// paragraphs, and those that change the direction of writing.
 fn is_hidden(c: char) -> bool {
     c.is_control()
         || matches!(c, '\u{61c}' | '\u{200e}' | '\u{200f}' | '\u{2028}'..='\u{202e}' | '\u{2066}'..='\u{2069}')

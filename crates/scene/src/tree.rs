@@ -87,7 +87,8 @@ pub(crate) struct Oversized {
     pub(crate) text: String,
 }
 
-/// Makes trees of what the TOML parser gives, and takes note of integers that do not fit; their keys are left out.
+/// Makes trees of what the TOML parser gives, and takes note of integers that do not fit; their keys are left
+/// out.
 #[derive(Default)]
 pub(crate) struct Converter {
     path: Path,
@@ -205,8 +206,8 @@ impl Node {
         Ok(())
     }
 
-    /// Takes out the key at `path`; of an array, all of it, so that no other index changes. Nothing above the first
-    /// `fixed` segments is taken out.
+    /// Takes out the key at `path`; of an array, all of it, so that no other index changes. Nothing above the
+    /// first `fixed` segments is taken out.
     pub(crate) fn take_out(&mut self, path: &[String], fixed: usize) -> bool {
         for k in (fixed..path.len()).rev() {
             if let Some(Self { value: Value::Table(table), .. }) = self.get_mut(&path[..k]) {
@@ -285,7 +286,8 @@ impl Value {
     }
 }
 
-/// The text as a TOML string, or as much of it as is shown. Control characters are left to whatever prints it.
+/// The text as a TOML string, or as much of it as is shown. Control characters are escaped where
+/// it is printed.
 fn quoted(text: &str) -> String {
     let text = crate::text::cut(text, SHOWN);
     if text.contains(char::is_control) {

@@ -1,20 +1,23 @@
 //! What it takes to read a TOML text, told before it is parsed.
 //!
-//! The parser takes some hundred bytes for every byte of a text, and 600 for those of a key with many dots; and it calls
-//! itself for every level of nesting. The tokens alone, read one after the other, tell how much that will be.
+//! The parser takes some hundred bytes for every byte of a text, and 600 for those of a key with many dots;
+//! and it calls itself for every level of nesting. The tokens alone, read one after the other, tell how much
+//! that will be.
 
 use toml_parser::Source;
 use toml_parser::lexer::TokenKind;
 
-/// Longest scene file [bytes]: a million `[[particle]]` with positions and velocities to the last digit have 182 MB. Larger
-/// systems start from a state file.
+/// Longest scene file [bytes]: a million `[[particle]]` with positions and velocities to the last digit have
+/// 182 MB. Larger systems start from a state file.
 pub const LONGEST_FILE: u64 = 256 << 20;
 
-/// Deepest nesting of tables and arrays. Keys of a scene nest four deep, and the parser gives up at 80 levels of one kind.
+/// Deepest nesting of tables and arrays. Keys of a scene nest four deep, and the parser gives up at 80 levels
+/// of one kind.
 const DEEPEST: u32 = 80;
 
-/// Bytes that the parser needs for each token; for each table, of which a short one takes a whole node of a tree; and for
-/// each key and each value of an array. Measured, and rounded up: it is 1.1 to 1.5 times what reading takes in the end.
+/// Bytes that the parser needs for each token; for each table, of which a short one takes a whole node of a
+/// tree; and for each key and each value of an array. Measured, and rounded up: it is 1.1 to 1.5 times what
+/// reading takes in the end.
 const TOKEN: u64 = 52;
 const TABLE: u64 = 1250;
 const VALUE: u64 = 150;

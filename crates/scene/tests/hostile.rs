@@ -1,4 +1,4 @@
-//! Files that somebody else has written: long ones, many errors, and text that would forge a message.
+//! Files from outside: long ones, ones with many errors, and text that would forge a message.
 
 use std::fmt::Write;
 use std::io::Write as _;

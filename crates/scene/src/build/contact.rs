@@ -151,9 +151,9 @@ impl Builder<'_> {
         walls
     }
 
-    /// A plane must have a direction, and be its own image along every periodic axis: a particle that leaves through the one
-    /// face comes back through the other, and the plane must be where it was. No component is too small to matter, since
-    /// images go on without end.
+    /// A plane must have a direction, and be its own image along every periodic axis: a particle that leaves
+    /// through the one face comes back through the other, and the plane must be where it was. No component is
+    /// too small to matter, since the number of images is not limited.
     fn check_normal(&mut self, path: &[String], normal: glam::DVec3, domain: &DomainPlan) {
         if !normal.is_finite() {
             self.document.report(path, "must not be zero");

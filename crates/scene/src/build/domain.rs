@@ -17,8 +17,9 @@ const DENSEST_2D: f64 = 0.906_899_682_117_109;
 const RANDOM_3D: f64 = 0.58;
 const RANDOM_2D: f64 = 0.78;
 
-/// Smallest radius, as a part of the largest coordinate: 2⁻⁴². A coordinate is a multiple of 2⁻⁵² of that or less, so a contact
-/// is placed to a thousandth of the radius. Below, rounding decides whether particles touch.
+/// Smallest radius, as a part of the largest coordinate: 2⁻⁴². A coordinate is a multiple of 2⁻⁵² of that or
+/// less, so a contact is placed to a thousandth of the radius. Below, rounding decides whether particles
+/// touch.
 const FINEST: f64 = 1.0 / (1_u64 << 42) as f64;
 
 /// A slack for rounding in comparisons of lengths.
@@ -210,7 +211,8 @@ impl Builder<'_> {
         }
     }
 
-    /// Radii against the rounding of coordinates. Along open axes the largest coordinate is that of the start.
+    /// Radii against the rounding of coordinates. Along open axes the largest coordinate is that of the
+    /// start.
     pub(super) fn check_resolution(
         &mut self,
         domain: &Domain,

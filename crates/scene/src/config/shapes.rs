@@ -67,7 +67,7 @@ macro_rules! by_shape {
                         Ok($table(Deserialize::deserialize(MapAccessDeserializer::new(map))?))
                     })?
                 }
-                // As a structure, where one of the shapes is one: its keys are then known to whoever reads the table.
+                // As a structure, where one of the shapes is one, so that the deserializer knows its keys.
                 $(return deserializer.deserialize_struct(stringify!($type), keys_of::<$keys>(), Shapes);)?
                 #[allow(unreachable_code)]
                 deserializer.deserialize_any(Shapes)
