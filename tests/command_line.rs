@@ -240,8 +240,161 @@ fn an_output_is_never_replaced_unasked() {
     assert_eq!(status, 4, "{err}");
     assert!(err.contains("gas.h5") && err.contains("--overwrite"), "{err}");
     assert_eq!(std::fs::read_to_string(haff.path("gas.h5")).unwrap(), "precious");
-    assert_eq!(haff.run(&["run", &scene, "--overwrite", "-q"]).0, 0);
-    assert_eq!(haff.run(&["info", "gas.h5"]).0, 0);
+    // What is no output of a run is not replaced at all, unless it is empty.
+    for text in ["precious", "precious, and longer than a signature"] {
+        haff.write("gas.h5", text);
+        let (status, _, err) = haff.run(&["run", &scene, "--overwrite", "-q"]);
+        assert!(status == 4 && err.contains("gas.h5") && err.contains("it is not an HDF5 file"), "{err}");
+        assert_eq!(std::fs::read_to_string(haff.path("gas.h5")).unwrap(), text);
+    }
+    haff.write("gas.h5", "");
+    for _ in 0..2 {
+        assert_eq!(haff.run(&["run", &scene, "--overwrite", "-q"]).0, 0);
+        assert_eq!(haff.run(&["info", "gas.h5"]).0, 0);
+    }
+}
+
+#[test]
+fn no_run_replaces_what_it_starts_from() {
+    let haff = Haff::new();
+    let link = |from: &str, to: &str| std::fs::hard_link(haff.path(from), haff.path(to)).unwrap();
+    let symlink = |from: &str, to: &str| std::os::unix::fs::symlink(from, haff.path(to)).unwrap();
+    haff.write("gas.toml", GAS);
+    haff.report(&["run", "gas.toml", "-o", "state.h5"]);
+    let again = GAS.replace("temperature = 1.0", "positions = { file = \"state.h5\" }");
+    haff.write("again.toml", &again);
+    for input in ["again.toml", "state.h5"] {
+        link(input, &format!("hard-{input}"));
+        symlink(input, &format!("soft-{input}"));
+        symlink(&format!("hard-{input}"), &format!("both-{input}"));
+    }
+    let content = |name: &str| std::fs::read(haff.path(name)).unwrap();
+    let before = [content("again.toml"), content("state.h5")];
+    for (input, what) in
+        [("again.toml", "is the scene"), ("state.h5", "is the state that the scene starts from")]
+    {
+        for name in [
+            input.to_owned(),
+            format!("./{input}"),
+            format!("hard-{input}"),
+            format!("soft-{input}"),
+            format!("both-{input}"),
+        ] {
+            for overwrite in [&["--overwrite"][..], &[]] {
+                let by_key = format!("output.file=\"{name}\"");
+                for how in [["-o", &name], ["--set", &by_key]] {
+                    let (status, _, err) = haff.run(&[&["run", "again.toml"], &how[..], overwrite].concat());
+                    assert_eq!(status, 2, "{name}: {err}");
+                    assert!(
+                        err.contains(&format!("output {name}: {what}")) && err.contains("-o"),
+                        "{name}: {err}"
+                    );
+                }
+            }
+        }
+    }
+    // Nor does a sweep write over its scene, or a member over what the sweep starts from.
+    let (status, _, err) = haff.run(&["sweep", "again.toml", "--set", "run.until=1,2", "-o", "again.toml"]);
+    assert!(status == 4 && err.contains("again.toml is not a folder"), "{err}");
+    std::fs::create_dir(haff.path("study")).unwrap();
+    link("state.h5", "study/run-0000.h5");
+    let (status, _, err) = haff.run(&["sweep", "again.toml", "--set", "run.until=1,2", "-o", "study", "-q"]);
+    assert!(status == 4 && err.contains("holds another run"), "{err}");
+    assert_eq!([content("again.toml"), content("state.h5")], before, "nothing has been written");
+    assert_eq!(haff.run(&["run", "again.toml", "-o", "new.h5", "-q"]).0, 0);
+}
+
+/// Whether a terminal shows each line of the text as it is.
+fn is_plain(text: &str) -> bool {
+    let moves = |c: char| c.is_control() || matches!(c, '\u{2028}'..='\u{202e}' | '\u{2066}'..='\u{2069}');
+    text.chars().all(|c| c == '\n' || !moves(c))
+        && !text.lines().any(|line| line.starts_with("error: forged"))
+}
+
+#[test]
+fn text_of_files_forges_no_line_and_moves_no_cursor() {
+    let haff = Haff::new();
+    let evil = "\u{1b}[2J\r\nerror: forged\u{202e}\u{9b}31m";
+    let toml = r"\u001b[2J\r\nerror: forged\u202e\u009b31m";
+    let scene = format!("{evil}.toml");
+    let file = format!("{evil}.h5");
+    let text = GAS.replace("Small gas", toml).replace("\"grain\"", &format!("\"{toml}\""));
+    assert!(text.matches("forged").count() >= 2, "{text}");
+    haff.write(&scene, &text);
+    haff.write("broken.toml", &format!("\"{toml}\" = 1\n{}", text.replace("radius = 0.5", "radius = -1")));
+    haff.write("text.h5", "text");
+    let set = format!("{evil}=1");
+    for (expected, arguments) in [
+        (0, &["check", &scene][..]),
+        (0, &["-vv", "run", &scene, "-o", &file]),
+        (4, &["run", &scene, "-o", &file]),
+        (0, &["info", &file]),
+        (0, &["run", "--resume", &file]),
+        (4, &["info", &scene]),
+        (4, &["run", "--resume", &scene]),
+        (4, &["run", &file]),
+        (2, &["check", "broken.toml"]),
+        (2, &["check", &scene, "--set", &set]),
+        (2, &["run", &scene, &scene]),
+        (2, &["run", &scene, "--threads", evil]),
+        (2, &[evil]),
+        (4, &["check", evil]),
+        (0, &["bench", "--scene", &scene, "--collisions", "100"]),
+        (2, &["bench", "--scene", evil]),
+        (2, &["init", evil]),
+        (4, &["man", &format!("text.h5/{evil}")]),
+        (0, &["sweep", &scene, "--set", &format!("title={evil},b"), "--set", "run.until=0.1", "-o", evil]),
+        (
+            0,
+            &[
+                "sweep",
+                &scene,
+                "--set",
+                &format!("title={evil},b"),
+                "--set",
+                "run.until=0.1",
+                "-o",
+                evil,
+                "--list",
+            ],
+        ),
+        (4, &["sweep", &scene, "--set", &format!("title={evil},c"), "-o", evil]),
+        (2, &["sweep", &scene, "--set", &format!("{evil}=1,2"), "-o", "other"]),
+        (2, &["sweep", &scene, "--set", &format!("contact.restitution={evil},{evil}"), "-o", "other"]),
+    ] {
+        let (status, out, err) = haff.run(arguments);
+        assert_eq!(status, expected, "{arguments:?}: {out}{err}");
+        assert!(is_plain(&out) && is_plain(&err), "{arguments:?}:\n{out:?}\n{err:?}");
+        assert!(
+            out.contains("forged") || err.contains("forged"),
+            "{arguments:?} shows what was given: {out}{err}"
+        );
+    }
+}
+
+#[test]
+fn a_scene_from_a_pipe_is_read_once() {
+    let haff = Haff::new();
+    let run = |arguments: &[&str]| {
+        use std::io::Write;
+        let mut child = haff.command(arguments).stdin(Stdio::piped()).stdout(Stdio::piped()).spawn().unwrap();
+        child.stdin.take().unwrap().write_all(GAS.as_bytes()).unwrap();
+        let output = child.wait_with_output().unwrap();
+        assert!(output.status.success(), "{arguments:?}");
+        String::from_utf8(output.stdout).unwrap()
+    };
+    assert!(run(&["check", "/dev/stdin"]).contains("is valid"));
+    let report: Value = serde_json::from_str(&run(&[
+        "bench",
+        "--scene",
+        "/dev/stdin",
+        "--collisions",
+        "100",
+        "--json",
+        "-q",
+    ]))
+    .unwrap();
+    assert_eq!(report["collisions"], 100);
 }
 
 #[test]

@@ -2,8 +2,10 @@
 
 use std::{ffi::OsString, path::PathBuf};
 
-use clap::{ArgAction, Args, Parser, Subcommand};
+use clap::{ArgAction, Args, Parser, Subcommand, error::ContextValue};
 use clap_complete::Shell;
+
+use crate::output::shown;
 
 /// Version and git revision.
 pub const VERSION: &str = concat!(env!("CARGO_PKG_VERSION"), " (", env!("HAFF_GIT_REVISION"), ")");
@@ -89,7 +91,8 @@ pub struct Run {
     /// Threads; all processors by default. No result depends on it.
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=1024))]
     pub threads: Option<u16>,
-    /// Replace an existing output file.
+    /// Replace an existing output file. A file that is not HDF5, the scene itself and the state file it
+    /// starts from are never replaced.
     #[arg(long, conflicts_with = "resume")]
     pub overwrite: bool,
     /// Print nothing but errors.
@@ -282,6 +285,23 @@ pub struct Sweep {
     /// Print the result as one JSON object on standard output.
     #[arg(long)]
     pub json: bool,
+}
+
+/// The command line; an error of it, or help, ends the process.
+pub fn parse() -> Arguments {
+    Arguments::try_parse().unwrap_or_else(|mut error| {
+        // What was given is shown as every other text from outside.
+        let given: Vec<_> = error.context().map(|(kind, value)| (kind, value.clone())).collect();
+        for (kind, value) in given {
+            let value = match value {
+                ContextValue::String(text) => ContextValue::String(shown(text)),
+                ContextValue::Strings(texts) => ContextValue::Strings(texts.iter().map(shown).collect()),
+                _ => continue,
+            };
+            error.insert(kind, value);
+        }
+        error.exit()
+    })
 }
 
 /// A whole number, also written as 4_000 or 1e6.

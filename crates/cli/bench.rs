@@ -25,7 +25,7 @@ use serde_json::Value;
 use crate::{
     arguments::Bench,
     failure::{Failure, Status},
-    output,
+    output::{self, shown},
     run::{machine_failure, set_threads},
     session::Ending,
     signals::Signals,
@@ -72,7 +72,7 @@ fn check(options: &Bench) -> Result<(), Failure> {
     if !Path::new(&options.scene).exists() && !options.scene.contains(['/', '.']) {
         return invalid(format!(
             "--scene {}: no such scene or file; the standard scenes are\n{}",
-            options.scene,
+            shown(&options.scene),
             scenes::list()
         ));
     }
@@ -149,7 +149,7 @@ fn here(options: &Bench, cell: Cell, signals: &Signals) -> Result<u8, Failure> {
     if options.json {
         output::line(report)?;
     } else {
-        output::line(format_args!("{}\n{}", report::head(), report::line(&report)))?;
+        output::lines(format_args!("{}\n{}", report::head(), report::line(&report)))?;
     }
     match &measured.ending {
         Ending::Signal(signal) => Ok(128 + *signal as u8),
@@ -160,7 +160,7 @@ fn here(options: &Bench, cell: Cell, signals: &Signals) -> Result<u8, Failure> {
 
 /// A cell in words.
 fn name(options: &Bench, cell: Cell) -> String {
-    let mut parts = vec![options.scene.clone()];
+    let mut parts = vec![shown(&options.scene)];
     if let Some(standard) = scenes::find(&options.scene) {
         parts.push(format!("N = {}", cell.n.unwrap_or(PARTICLES)));
         parts.push(format!("φ = {}", cell.phi.unwrap_or(standard.phi)));
@@ -180,7 +180,7 @@ fn apart(options: &Bench, cells: &[Cell], signals: &Signals) -> Result<u8, Failu
                 if reports.is_empty() {
                     output::line(report::head())?;
                 }
-                output::line(report::line(&report))?;
+                output::lines(report::line(&report))?;
             }
             reports.push(report);
         }

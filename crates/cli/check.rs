@@ -6,7 +6,12 @@ use haff_scene::{Scene, Schedule};
 use serde_json::json;
 
 use crate::{
-    arguments::Check, estimate, failure::Failure, info::States, output::line, run::scene_failure,
+    arguments::Check,
+    estimate,
+    failure::Failure,
+    info::States,
+    output::{self, shown},
+    run::scene_failure,
     schedule::Times,
 };
 
@@ -67,10 +72,10 @@ pub fn check(options: &Check) -> Result<u8, Failure> {
             "collision_rate": rate, "mean_free_time": rate.map(|rate| particles as f64 / (2.0 * rate)),
             "memory_bytes": memory, "file_bytes": size, "file": scene.output.file,
         });
-        return line(report).map(|()| 0);
+        return output::line(report).map(|()| 0);
     }
-    let named = if scene.title.is_empty() { String::new() } else { format!(": {}", scene.title) };
-    let mut text = vec![format!("{} is valid{named}", options.scene.display())];
+    let named = if scene.title.is_empty() { String::new() } else { format!(": {}", shown(&scene.title)) };
+    let mut text = vec![format!("{} is valid{named}", output::path(&options.scene))];
     let kind = if system.dimension == Dimension::Two { "disks" } else { "spheres" };
     text.push(format!("particles           {particles} {kind}, {} walls", system.walls.len()));
     text.push(if open {
@@ -89,10 +94,12 @@ pub fn check(options: &Check) -> Result<u8, Failure> {
     });
     text.push(format!("memory              about {}", bytes(memory)));
     text.push(match (&scene.output.file, size) {
-        (Some(file), Some(size)) => format!("output              {}, about {}", file.display(), bytes(size)),
+        (Some(file), Some(size)) => {
+            format!("output              {}, about {}", output::path(file), bytes(size))
+        }
         _ => "output              none".to_owned(),
     });
-    line(text.join("\n")).map(|()| 0)
+    output::lines(text.join("\n")).map(|()| 0)
 }
 
 /// A size for people.

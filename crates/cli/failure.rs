@@ -31,7 +31,8 @@ impl Status {
 pub struct Failure {
     /// Exit status.
     pub status: Status,
-    /// One line or more, without "error:".
+    /// One line or more, without "error:"; each piece that comes from outside went through
+    /// [`crate::output::shown`].
     pub message: String,
 }
 

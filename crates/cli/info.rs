@@ -9,7 +9,14 @@ use console::Term;
 use haff_scene::{State, StateSource};
 use serde_json::{Value, json};
 
-use crate::{arguments::Info, check::bytes, failure::Failure, output, run::file_failure, watch::Watch};
+use crate::{
+    arguments::Info,
+    check::bytes,
+    failure::Failure,
+    output::{self, shown},
+    run::file_failure,
+    watch::Watch,
+};
 
 /// Reads the states that scenes start from.
 pub struct States;
@@ -97,8 +104,8 @@ pub fn info(options: &Info) -> Result<u8, Failure> {
         });
         return output::line(report).map(|()| 0);
     }
-    let mut lines = vec![format!("{}: {}", options.file.display(), info.title)];
-    let mut line = |name: &str, text: String| lines.push(format!("{name:<18}{text}"));
+    let mut lines = vec![format!("{}: {}", output::path(&options.file), shown(&info.title))];
+    let mut line = |name: &str, text: String| lines.push(format!("{name:<18}{}", shown(text)));
     line("written by", format!("haff {} {}, schema {}", info.version, info.git_revision, info.schema));
     line("progress", progress.to_owned());
     let names: Vec<String> = info.species.iter().map(|(name, count)| format!("{count} {name}")).collect();
@@ -152,5 +159,5 @@ pub fn info(options: &Info) -> Result<u8, Failure> {
         }
     }
     line("file size", bytes(info.file_size));
-    output::line(lines.join("\n")).map(|()| 0)
+    output::lines(lines.join("\n")).map(|()| 0)
 }

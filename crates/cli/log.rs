@@ -1,7 +1,12 @@
 //! `-v`: what the machinery decides, on standard error.
 
 use tracing::Level;
-use tracing_subscriber::fmt;
+use tracing_subscriber::{
+    field::MakeExt,
+    fmt::{self, format},
+};
+
+use crate::output::shown;
 
 /// Starts telling: nothing, decisions (`-v`), or everything that happens now and then (`-vv`).
 pub fn start(verbosity: u8) {
@@ -11,10 +16,16 @@ pub fn start(verbosity: u8) {
         _ => Level::DEBUG,
     };
     let color = std::io::IsTerminal::is_terminal(&std::io::stderr());
-    fmt()
+    // Values such as names of files are shown as every other text from outside.
+    let fields = format::debug_fn(|out, field, value| {
+        let value = shown(format_args!("{value:?}"));
+        if field.name() == "message" { write!(out, "{value}") } else { write!(out, "{field}={value}") }
+    });
+    fmt::fmt()
         .with_max_level(level)
         .with_writer(std::io::stderr)
         .with_ansi(color)
         .with_timer(fmt::time::uptime())
+        .fmt_fields(fields.delimited(" "))
         .init();
 }

@@ -12,6 +12,7 @@ mod init;
 mod log;
 mod manual;
 mod output;
+mod overwrite;
 mod progress;
 mod python;
 mod run;
@@ -25,11 +26,10 @@ mod watch;
 
 use std::process::ExitCode;
 
-use arguments::{Arguments, Command};
-use clap::Parser;
+use arguments::Command;
 
 fn main() -> ExitCode {
-    let arguments = Arguments::parse();
+    let arguments = arguments::parse();
     log::start(arguments.verbose);
     let result = match arguments.command {
         Command::Run(options) => run::run(&options, arguments.verbose > 0),

@@ -15,7 +15,9 @@ pub fn man(options: &Man) -> Result<u8, Failure> {
     let folder: &Path = &options.folder;
     fs::create_dir_all(folder)
         .and_then(|()| clap_mangen::generate_to(Arguments::command(), folder))
-        .map_err(|error| Failure::new(Status::File, format!("{}: {error}", folder.display())))?;
+        .map_err(|error| {
+            Failure::new(Status::File, format!("{}: {}", output::path(folder), output::shown(error)))
+        })?;
     Ok(0)
 }
 

@@ -35,7 +35,7 @@ pub fn run(command: &str, arguments: &[OsString]) -> Result<u8, Failure> {
     let missing = |reason: String| {
         let needs =
             format!("`haff {command}` needs the Python package haff: pip install . in the sources of haff");
-        Failure::new(Status::File, format!("{}: {reason}; {needs}", python.display()))
+        Failure::new(Status::File, format!("{}: {}; {needs}", output::path(&python), output::shown(reason)))
     };
     let done = Command::new(&python).args(["-c", PROGRAM, command]).args(arguments).status();
     let failure = match done.map(|status| status.code()) {

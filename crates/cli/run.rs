@@ -9,7 +9,8 @@ use crate::{
     arguments::Run,
     failure::{Failure, Status},
     info::States,
-    output,
+    output::{self, shown},
+    overwrite,
     progress::Progress,
     signals::Signals,
     single::{self, Company},
@@ -26,7 +27,7 @@ pub fn scene_failure(errors: &SceneErrors) -> Failure {
 
 /// A file's error as a failure of the command.
 pub fn file_failure(error: &RecordError) -> Failure {
-    Failure::new(Status::File, error)
+    Failure::new(Status::File, shown(error))
 }
 
 /// Runs a scene, or goes on with one. `logs` tells that lines are told on standard error, where a bar would be in their way.
@@ -38,10 +39,14 @@ pub fn run(options: &Run, logs: bool) -> Result<u8, Failure> {
     let finished = match (&options.resume, &options.scene) {
         (Some(file), _) => single::resume(file.clone(), company)?,
         (None, Some(scene)) => {
+            let file = scene;
             let mut scene =
-                haff_scene::load(scene, &options.set, &States).map_err(|errors| scene_failure(&errors))?;
+                haff_scene::load(file, &options.set, &States).map_err(|errors| scene_failure(&errors))?;
             if let Some(output) = &options.output {
                 scene.output.file = Some(output.clone());
+            }
+            if let Some(output) = &scene.output.file {
+                overwrite::check(output, file, scene.state_file.as_deref(), options.overwrite)?;
             }
             single::start(scene, options.overwrite, company)?
         }
@@ -76,7 +81,7 @@ pub fn machine_failure(error: &MachineError) -> Failure {
         Fault::Checkpoint => Status::File,
         Fault::Stopped => Status::Stopped,
     };
-    Failure::new(status, error)
+    Failure::new(status, shown(error))
 }
 
 /// Largest resident memory so far [bytes].

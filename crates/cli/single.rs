@@ -12,7 +12,7 @@ use crate::{
     arguments::VERSION,
     failure::{Failure, Status},
     info::OwnStates,
-    output,
+    output::{self, shown},
     progress::Progress,
     run::{file_failure, machine_failure, peak_memory, scene_failure},
     session::{Ending, Outcome, Session},
@@ -91,8 +91,9 @@ pub fn start(scene: Scene, overwrite: bool, company: Company) -> Result<Finished
 pub fn resume(path: PathBuf, company: Company) -> Result<Finished, Failure> {
     let info = haff_record::info(&path).map_err(|error| file_failure(&error))?;
     if let (true, Some(summary)) = (info.finished, &info.summary) {
-        let mut report: Value = serde_json::from_str(summary)
-            .map_err(|error| Failure::new(Status::File, format!("{}: summary: {error}", path.display())))?;
+        let mut report: Value = serde_json::from_str(summary).map_err(|error| {
+            Failure::new(Status::File, format!("{}: summary: {}", output::path(&path), shown(error)))
+        })?;
         report["resumed_from"] = report["simulated_time"].clone();
         return Ok(Finished { report, end: End::Complete(path) });
     }
@@ -100,8 +101,8 @@ pub fn resume(path: PathBuf, company: Company) -> Result<Finished, Failure> {
         let message = format!(
             "{} was written by haff {} with trajectory version {}, this is version {TRAJECTORY_VERSION}: \
              use that release to go on",
-            path.display(),
-            info.version,
+            output::path(&path),
+            shown(&info.version),
             info.trajectory_version
         );
         return Err(Failure::new(Status::File, message));
@@ -114,7 +115,7 @@ pub fn resume(path: PathBuf, company: Company) -> Result<Finished, Failure> {
     // Nothing is cut off from a file that cannot be gone on with.
     let resumed = haff_record::resumable(&path).map_err(|error| file_failure(&error))?;
     let simulation = Machine::restore(system, joints, machinery, &resumed.checkpoint)
-        .map_err(|error| Failure::new(Status::File, format!("{}: {error}", path.display())))?;
+        .map_err(|error| Failure::new(Status::File, format!("{}: {}", output::path(&path), shown(error))))?;
     tracing::info!(file = %path.display(), from = resumed.last_frame, "resumed");
     company.signals.begin();
     let (recorder, appended) = Recorder::append(&path).map_err(|error| file_failure(&error))?;
@@ -167,7 +168,8 @@ impl Finished {
             Ending::Signal(signal) => Ok(128 + *signal as u8),
             Ending::Failed(error) => {
                 let failure = machine_failure(error);
-                let kept = context.file.as_ref().map(|file| format!("\nrecorded so far: {}", file.display()));
+                let kept =
+                    context.file.as_ref().map(|file| format!("\nrecorded so far: {}", output::path(file)));
                 Err(Failure { message: failure.message + &kept.unwrap_or_default(), ..failure })
             }
             Ending::Unwritable(error) => Err(file_failure(error)),
@@ -180,7 +182,7 @@ impl Finished {
             End::Ran { outcome, context, unwritten: None } => tell(outcome, context),
             End::Ran { .. } => {}
             End::Complete(path) => {
-                output::tell(format_args!("{} is complete: nothing to resume", path.display()));
+                output::tell(format_args!("{} is complete: nothing to resume", output::path(path)));
             }
         }
     }
@@ -253,7 +255,7 @@ fn tell(outcome: &Outcome, context: &Context) {
         Ending::Unwritable(_) => "the output cannot be written".to_owned(),
     };
     if !context.title.is_empty() {
-        output::tell(&context.title);
+        output::tell(shown(&context.title));
     }
     output::tell(format_args!(
         "{} particles to t = {} in {:.2?}: {why}",
@@ -276,9 +278,10 @@ fn tell(outcome: &Outcome, context: &Context) {
         ));
     }
     if let Some(file) = &context.file {
-        output::tell(format_args!("wrote {}", file.display()));
+        let file = output::path(file);
+        output::tell(format_args!("wrote {file}"));
         if !outcome.ending.is_final() {
-            output::tell(format_args!("go on with: haff run --resume {}", file.display()));
+            output::tell(format_args!("go on with: haff run --resume {file}"));
         }
     }
 }

@@ -107,7 +107,7 @@ fn list(options: &Sweep, manifest: &mut Manifest, folder: Option<&Path>) -> Resu
     if options.json {
         output::line(report::summary(&rows, folder))?;
     } else {
-        output::print(report::table(&rows))?;
+        output::lines(report::table(&rows).trim_end())?;
     }
     Ok(0)
 }

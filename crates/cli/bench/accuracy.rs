@@ -30,7 +30,7 @@ pub fn accuracy(options: &Bench) -> Result<u8, Failure> {
     let unprinted = RefCell::new(None);
     let tell = |text: &str| match (options.json, options.quiet) {
         (false, _) => {
-            if let Err(failure) = output::line(text) {
+            if let Err(failure) = output::lines(text) {
                 unprinted.replace(Some(failure));
             }
         }
@@ -78,7 +78,7 @@ fn failure(error: &Error) -> Failure {
     match error {
         Error::Engine(error) => machine_failure(&error.clone().into()),
         Error::Peer { .. } | Error::Unsupported { .. } | Error::Interrupted => {
-            Failure::new(Status::Invalid, error)
+            Failure::new(Status::Invalid, output::shown(error))
         }
     }
 }

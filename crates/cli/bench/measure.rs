@@ -89,23 +89,26 @@ impl Plan<'_> {
 
     /// The scene, packed and moving, that ends where the measurement does.
     pub fn scene(&self) -> Result<Scene, Failure> {
-        let scene = match self.source {
+        let parse = |name: &str, text: &str, set: &[String]| {
+            haff_scene::parse(name, text, set, &States).map_err(|errors| scene_failure(&errors))
+        };
+        match self.source {
             Source::Standard { scene, n, phi, seed } => {
                 let (.., total) = self.counts(n);
                 let text = scene.scene(n, phi, seed, total.unwrap_or(u64::MAX));
-                haff_scene::parse(&format!("haff bench --scene {}", scene.name), &text, &self.set, &States)
+                parse(&format!("haff bench --scene {}", scene.name), &text, &self.set)
             }
-            Source::File(path) => haff_scene::load(path, &self.set, &States),
-        };
-        let mut scene = scene.map_err(|errors| scene_failure(&errors))?;
-        if let Source::File(path) = self.source
-            && let (.., Some(total)) = self.counts(scene.system.bodies.len() as u64)
-        {
-            // Read once more, so that the resolved text says it too.
-            let set = [&self.set[..], &[format!("run.collisions={total}")]].concat();
-            scene = haff_scene::load(path, &set, &States).map_err(|errors| scene_failure(&errors))?;
+            Source::File(path) => {
+                let name = path.display().to_string();
+                let text = haff_scene::read(path).map_err(|errors| scene_failure(&errors))?;
+                let scene = parse(&name, &text, &self.set)?;
+                let (.., Some(total)) = self.counts(scene.system.bodies.len() as u64) else {
+                    return Ok(scene);
+                };
+                // Once more, so that the resolved text says it too.
+                parse(&name, &text, &[&self.set[..], &[format!("run.collisions={total}")]].concat())
+            }
         }
-        Ok(scene)
     }
 
     /// Melts and times the cell. `tell` hears what is being done.

@@ -4,7 +4,7 @@ use haff_engine::{Counters, TRAJECTORY_VERSION};
 use serde_json::{Map, Value, json};
 
 use super::measure::{Measured, Stretch};
-use crate::{arguments::VERSION, run::peak_memory, session::Ending};
+use crate::{arguments::VERSION, output::shown, run::peak_memory, session::Ending};
 
 /// Middle of the rates, and the least and the largest [1/s].
 fn rates(stretches: &[Stretch]) -> (f64, [f64; 2], Vec<f64>) {
@@ -148,7 +148,7 @@ pub fn line(report: &Value) -> String {
     };
     let per = &report["per_collision"];
     // A path shows its end.
-    let name = text("scene").rsplit('/').next().unwrap_or_default();
+    let name = shown(text("scene").rsplit('/').next().unwrap_or_default());
     format!(
         "{name:<10} {:>9} {} {:>3} {:<9} {} {} {}  {} {} {} {}  {} {}",
         report["n"],

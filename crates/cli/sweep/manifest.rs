@@ -22,6 +22,7 @@ use super::{
 use crate::{
     arguments::VERSION,
     failure::{Failure, Status},
+    output::{self, shown},
 };
 
 /// Name of the manifest in the sweep's folder.
@@ -192,8 +193,9 @@ impl Manifest {
                 return Err(Failure::new(
                     Status::File,
                     format!(
-                        "{} belongs to another sweep: {difference}; take another folder (-o)",
-                        path.display()
+                        "{} belongs to another sweep: {}; take another folder (-o)",
+                        output::path(&path),
+                        shown(difference)
                     ),
                 ));
             }
@@ -271,12 +273,13 @@ fn read(path: &Path) -> Result<Option<Content>, Failure> {
         Err(error) if error.kind() == ErrorKind::NotFound => return Ok(None),
         Err(error) if error.kind() == ErrorKind::NotADirectory => {
             let folder = path.parent().unwrap_or(path);
-            return Err(Failure::new(Status::File, format!("{} is not a folder", folder.display())));
+            return Err(Failure::new(Status::File, format!("{} is not a folder", output::path(folder))));
         }
-        Err(error) => return Err(Failure::new(Status::File, format!("{}: {error}", path.display()))),
+        Err(error) => return Err(Failure::new(Status::File, format!("{}: {error}", output::path(path)))),
     };
     serde_json::from_reader(BufReader::new(file)).map(Some).map_err(|error| {
-        Failure::new(Status::File, format!("{} is not the manifest of a sweep: {error}", path.display()))
+        let message = format!("{} is not the manifest of a sweep: {}", output::path(path), shown(error));
+        Failure::new(Status::File, message)
     })
 }
 
@@ -313,5 +316,5 @@ fn difference(known: &Content, wanted: &Content) -> Option<String> {
 }
 
 fn unwritable(path: &Path, error: &io::Error) -> Failure {
-    Failure::new(Status::File, format!("{}: cannot write: {error}", path.display()))
+    Failure::new(Status::File, format!("{}: cannot write: {error}", output::path(path)))
 }

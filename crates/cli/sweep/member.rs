@@ -13,6 +13,7 @@ use super::{
 use crate::{
     failure::{Failure, Status},
     info::States,
+    output,
     progress::Progress,
     run::{file_failure, scene_failure},
     signals::Signals,
@@ -61,7 +62,7 @@ fn go(path: &Path, plan: &Plan, member: &Member, company: Company) -> Result<Fin
     if !same_scene(&info.scene_toml, &scene.resolved) {
         let message = format!(
             "{} holds another run, or one of another version of haff: remove it, or take another folder (-o)",
-            path.display()
+            output::path(path)
         );
         return Err(Failure::new(Status::File, message));
     }

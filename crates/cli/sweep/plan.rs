@@ -1,6 +1,6 @@
 //! What a sweep consists of: every combination of the values, each as often as seeds are asked for.
 
-use std::{fs, path::PathBuf};
+use std::path::PathBuf;
 
 use toml::{Table, Value};
 use xxhash_rust::xxh3::xxh3_64;
@@ -9,6 +9,8 @@ use super::values::{Axis, canonical};
 use crate::{
     arguments::Sweep,
     failure::{Failure, Status},
+    output::shown,
+    run::scene_failure,
 };
 
 /// More members than this do not fit into one folder.
@@ -52,7 +54,7 @@ impl Plan {
             options.set.iter().map(|text| Axis::parse(text).map_err(invalid)).collect::<Result<_, _>>()?;
         for (k, axis) in axes.iter().enumerate() {
             if axes[..k].iter().any(|other| other.key == axis.key) {
-                let key = &axis.key;
+                let key = shown(&axis.key);
                 return Err(invalid(format!(
                     "--set {key}: given twice; separate its values by commas: {key}=V1,V2"
                 )));
@@ -69,8 +71,7 @@ impl Plan {
                 "--seeds derives seeds from one; give either --seeds N or --set seed=S1,S2".to_owned(),
             ));
         }
-        let text = fs::read_to_string(&options.scene)
-            .map_err(|error| Failure::new(Status::File, format!("{}: {error}", options.scene.display())))?;
+        let text = haff_scene::read(&options.scene).map_err(|errors| scene_failure(&errors))?;
         // An error of syntax is told by whoever builds the scene.
         let seed = text.parse::<Table>().ok().map_or(Some(0), |table| match table.get("seed") {
             None => Some(0),
@@ -132,7 +133,7 @@ impl Plan {
             .parameters
             .iter()
             .filter(|(key, _)| varying.contains(&key.as_str()))
-            .map(|(key, value)| format!("{}={value}", tail(key, &varying)))
+            .map(|(key, value)| shown(format_args!("{}={value}", tail(key, &varying))))
             .collect();
         words.extend(member.replica.map(|replica| format!("seed {replica}")));
         if words.is_empty() { format!("run {}", member.index) } else { words.join("  ") }

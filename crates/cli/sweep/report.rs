@@ -5,7 +5,7 @@ use std::{fmt::Write, path::Path};
 use serde_json::{Value, json};
 
 use super::manifest::{NAME, Row, State};
-use crate::output;
+use crate::output::{self, shown};
 
 /// Totals of a summary that are sums over its runs.
 const SUMS: [&str; 4] = ["collisions", "wall_collisions", "events", "wall_seconds"];
@@ -44,7 +44,7 @@ pub fn member(row: &Row, report: Option<&Value>) -> Value {
 pub fn table(rows: &[&Row]) -> String {
     let mut cells: Vec<Vec<String>> = Vec::new();
     if let Some(first) = rows.first() {
-        let keys = first.parameters.keys().cloned();
+        let keys = first.parameters.keys().map(shown);
         cells.push(["run".to_owned()].into_iter().chain(keys).collect());
         cells[0].extend(["seed", "status", "file"].map(str::to_owned));
     }
@@ -53,7 +53,7 @@ pub fn table(rows: &[&Row]) -> String {
         let seed = row.seed.map_or_else(|| "?".to_owned(), |seed| seed.to_string());
         let mut line: Vec<String> = [row.index.to_string()].into_iter().chain(values).collect();
         line.extend([seed, row.status.word().to_owned(), row.file.clone()]);
-        cells.push(line);
+        cells.push(line.iter().map(shown).collect());
     }
     let columns = cells.first().map_or(0, Vec::len);
     let widths: Vec<usize> = (0..columns)
@@ -74,14 +74,15 @@ pub fn line(row: &Row) -> String {
     let mut text = format!("run {}", row.index);
     for (key, value) in &row.parameters {
         // Writing to a string cannot fail.
-        let _ = write!(text, "  {key}={}", plain(value));
+        let _ = write!(text, "  {}", shown(format_args!("{key}={}", plain(value))));
     }
     if let Some(replica) = row.replica {
         let _ = write!(text, "  seed {replica}");
     }
     match &row.error {
+        // Composed of lines already.
         Some(error) => text + ": " + error,
-        None => text + ": " + row.status.word() + ", " + &row.file,
+        None => text + ": " + row.status.word() + ", " + &shown(&row.file),
     }
 }
 
@@ -102,7 +103,7 @@ pub fn tell(rows: &[&Row], run: usize, folder: Option<&Path>) {
     }
     output::tell(text);
     if let Some(folder) = folder {
-        output::tell(format_args!("wrote {}", folder.join(NAME).display()));
+        output::tell(format_args!("wrote {}", output::path(&folder.join(NAME))));
     }
     if count(rows, State::Complete) < rows.len() {
         output::tell(format_args!("go on with the same command"));

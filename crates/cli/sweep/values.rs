@@ -5,6 +5,8 @@ use std::fmt;
 use haff_scene::config::WallTimeConfig;
 use toml::Value;
 
+use crate::output::shown;
+
 /// More values of one key than this are a slip of the pen.
 const MAX_VALUES: usize = 1_000_000;
 
@@ -21,7 +23,7 @@ impl Axis {
     /// Reads `KEY=V1,V2,…`. Values are TOML, separated by commas outside of brackets and quotes; a bare word is text;
     /// `lin(a, b, n)` and `log(a, b, n)` stand for n values from a to b, equally spaced or in equal ratios.
     pub fn parse(text: &str) -> Result<Self, String> {
-        let error = |message: &str| format!("--set {text}: {message}");
+        let error = |message: &str| format!("--set {}: {}", shown(text), shown(message));
         let Some((key, list)) = text.split_once('=') else {
             return Err(error("must read KEY=V1,V2,…, for example contact.restitution=0.8,0.9"));
         };
@@ -98,7 +100,10 @@ pub fn canonical(key: &str, value: &Value) -> String {
 
 /// Whether two scenes say the same, however their values are written; comments and layout do not matter.
 pub fn same_scene(one: &str, other: &str) -> bool {
-    let said = |text: &str| text.parse::<toml::Table>().ok().map(|table| canonical("", &table.into()));
+    let said = |text: &str| {
+        haff_scene::check_weight(text).ok()?;
+        text.parse::<toml::Table>().ok().map(|table| canonical("", &table.into()))
+    };
     one == other || said(one).is_some_and(|one| Some(one) == said(other))
 }
 

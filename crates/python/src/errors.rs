@@ -18,7 +18,16 @@ pub fn scene(py: Python<'_>, errors: &SceneErrors, has_file: bool) -> PyErr {
     if errors.kind() == ErrorKind::Unreadable {
         return python::FileError::new_err(errors.to_string());
     }
-    let problems: PyResult<Vec<_>> = errors.errors.iter().map(|error| problem(py, error, has_file)).collect();
+    // Those beyond the first are only counted: one more says how many.
+    let rest = (errors.more > 0).then(|| SceneError {
+        file: errors.errors.first().map_or_else(String::new, |error| error.file.clone()),
+        place: Place::Whole,
+        path: String::new(),
+        value: None,
+        message: format!("and {} more", errors.more),
+    });
+    let all = errors.errors.iter().chain(&rest);
+    let problems: PyResult<Vec<_>> = all.map(|error| problem(py, error, has_file)).collect();
     match problems {
         Ok(problems) => python::SceneError::new_err((problems,)),
         Err(error) => error,

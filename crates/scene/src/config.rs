@@ -98,7 +98,8 @@ pub struct SpeciesConfig {
     #[serde(deserialize_with = "shapes::whole")]
     #[schemars(required, range(min = 1))]
     pub count: Option<i64>,
-    /// Radius [length]: a number or a distribution.
+    /// Radius [length]: a number or a distribution. At least 2⁻⁴² of the largest coordinate: below that,
+    /// rounding would decide which particles touch.
     #[schemars(required)]
     pub radius: Option<RadiusConfig>,
     /// Mass [mass]; `inf` for fixed bodies. Either this or `density`.
@@ -199,7 +200,7 @@ pub struct ParticleConfig {
     /// Velocity [length/time]; default 0.
     #[schemars(length(min = 2, max = 3))]
     pub velocity: Option<Vec<f64>>,
-    /// Radius [length].
+    /// Radius [length]; at least 2⁻⁴² of the largest coordinate.
     #[schemars(required, extend("exclusiveMinimum" = 0))]
     pub radius: Option<f64>,
     /// Mass [mass]; `inf` for a body that is fixed or, with a velocity, driven. Either this or `density`.
@@ -315,7 +316,8 @@ pub struct PlaneConfig {
     /// A point of the plane at time 0 [length].
     #[schemars(required, length(min = 2, max = 3))]
     pub point: Option<Vec<f64>>,
-    /// Normal to the inside, where the particles are; need not have unit length.
+    /// Normal to the inside, where the particles are; need not have unit length. Its components along
+    /// periodic axes must be exactly 0, so that the plane repeats with the box.
     #[schemars(required, length(min = 2, max = 3))]
     pub normal: Option<Vec<f64>>,
 }
@@ -400,7 +402,8 @@ impl WallTimeConfig {
 #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct OutputConfig {
-    /// Path of the HDF5 file, relative to the current directory; `false` or left out: none.
+    /// Path of the HDF5 file, relative to the current directory; `false` or left out: none. Not that of the
+    /// scene, nor of the state file it starts from.
     pub file: Option<OutputFileConfig>,
     /// Simulated time between trajectory frames, or `{ log = [first, factor] }`, or `false`. Default: `until`/100.
     pub frames: Option<ScheduleConfig>,

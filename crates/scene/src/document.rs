@@ -1,434 +1,467 @@
-//! A scene file as a tree of values in which every key remembers where it stands, with overrides applied.
+//! A scene file as a tree of values in which every key remembers where it stands, with overrides applied; and
+//! the errors found in it.
+//!
+//! All of it takes time in proportion to the length of the text, and to the number of errors, of which only
+//! the first are kept.
 
-use std::collections::BTreeMap;
-use std::ops::Range;
+use std::collections::{HashMap, HashSet};
 
+use serde::de::DeserializeOwned;
 use toml::de::{DeTable, DeValue};
-use toml::{Spanned, Table, Value};
 
-use crate::config::SceneConfig;
-use crate::error::{Place, SceneError};
-
-/// Dotted path of a key, array elements by index.
-pub(crate) type Path = Vec<String>;
-
-/// More errors than this help nobody; reading stops there.
-const MAX_ERRORS: usize = 100;
+use crate::config::{PairConfig, ParticleConfig, SceneConfig, SpeciesConfig, WallConfig};
+use crate::error::{Place, SceneError, SceneErrors};
+use crate::joints::{PendulumConfig, RodConfig, SpringConfig};
+use crate::read::{Reading, Unknown, read};
+pub(crate) use crate::tree::Path;
+use crate::tree::{Converter, Node, Origin, Table, Value};
+use crate::weight::Weight;
 
 /// Keys nest at most four deep; deeper overrides only cost stack.
 const MAX_DEPTH: usize = 16;
 
-#[derive(Debug, Clone, Default)]
-struct Origin {
-    span: Option<Range<usize>>,
-    overridden_by: Option<usize>,
-    children: BTreeMap<String, Origin>,
-}
+/// Arrays of any length, each element of which is read by itself, so that one which does not fit costs no
+/// other a second reading.
+const LISTS: [&[&str]; 7] =
+    [&["species"], &["particle"], &["wall"], &["pendulum"], &["spring"], &["rod"], &["contact", "pair"]];
 
-/// Values, their origins, and the errors found so far.
+/// Values, where they come from, and the errors found so far.
 pub(crate) struct Document {
     file: String,
     source: String,
     overrides: Vec<String>,
-    root: Value,
-    origins: Origin,
-    /// Errors of syntax and shape.
-    pub(crate) errors: Vec<SceneError>,
-    /// Paths that were reported and taken out; what is missing there is not missing by the user's fault.
-    reported: Vec<Path>,
+    root: Node,
+    errors: Errors,
+    reported: Reported,
+    /// Whether the text or an override could not be read at all, so that keys are missing which may well be
+    /// written.
+    garbled: bool,
+}
+
+/// Where errors stand in the list: those of the file as a whole, those in the file by place, those of
+/// overrides; and then in the order found.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
+enum Rank {
+    Whole,
+    File { start: u32, end: u32 },
+    Override(u32),
+}
+
+/// The first errors in the order of [`Rank`], and how many there are.
+#[derive(Default)]
+struct Errors {
+    first: Vec<(Rank, Draft)>,
+    count: usize,
+}
+
+/// An error before its line has been looked up.
+#[derive(PartialEq, Eq)]
+struct Draft {
+    path: Path,
+    value: Option<String>,
+    message: String,
+}
+
+impl Errors {
+    /// Counts an error; it is only made if it is among the first.
+    fn add(&mut self, rank: Rank, make: impl FnOnce() -> Draft) {
+        self.count += 1;
+        if self.first.len() == SceneErrors::MOST && self.first.last().is_some_and(|(last, _)| *last <= rank) {
+            return;
+        }
+        let place = self.first.partition_point(|(other, _)| *other <= rank);
+        let draft = make();
+        // What two checks find in the same words is one error.
+        if self.first.iter().any(|(other, known)| (*other, known) == (rank, &draft)) {
+            self.count -= 1;
+            return;
+        }
+        self.first.insert(place, (rank, draft));
+        self.first.truncate(SceneErrors::MOST);
+    }
+}
+
+/// Paths that were reported and taken out; what is missing there is not missing by the user's fault.
+#[derive(Default)]
+struct Reported {
+    themselves: HashSet<Path>,
+    /// Everything above them.
+    above: HashSet<Path>,
+}
+
+impl Reported {
+    /// A path that was taken out.
+    fn add(&mut self, path: &[String]) {
+        self.add_above(path);
+        self.themselves.insert(path.to_vec());
+    }
+
+    /// A path above which, or at which, something was taken out.
+    fn add_above(&mut self, path: &[String]) {
+        for k in (0..=path.len()).rev() {
+            if !self.above.insert(path[..k].to_vec()) {
+                break;
+            }
+        }
+    }
+
+    /// Whether `path`, something in it or something around it is among them.
+    fn touch(&self, path: &[String]) -> bool {
+        !self.above.is_empty()
+            && (self.above.contains(path) || (0..=path.len()).any(|k| self.themselves.contains(&path[..k])))
+    }
 }
 
 impl Document {
-    /// Parses `text` and applies `overrides` in order. Errors are collected in `errors`.
-    pub(crate) fn new(file: &str, text: &str, overrides: &[String]) -> Self {
+    /// Parses `text` and applies `overrides` in order; `memory` is what reading them may take [bytes].
+    pub(crate) fn new(file: &str, text: &str, overrides: &[String], memory: u64) -> Self {
         let mut document = Self {
             file: file.to_owned(),
-            source: text.to_owned(),
+            source: String::new(),
             overrides: overrides.to_vec(),
-            root: Value::Table(Table::new()),
-            origins: Origin::default(),
-            errors: Vec::new(),
-            reported: Vec::new(),
+            root: Node { origin: Origin::Implied, value: Value::Table(Table::default()) },
+            errors: Errors::default(),
+            reported: Reported::default(),
+            garbled: false,
         };
+        if let Err(message) = Weight::of_document(text).check(memory) {
+            document.whole(message);
+            return document;
+        }
+        text.clone_into(&mut document.source);
         match DeTable::parse(text) {
             Ok(table) => {
-                let mut origins = Origin::default();
-                let converted = document.table(table.get_ref(), &mut origins, &mut Vec::new());
-                document.root = Value::Table(converted);
-                document.origins = origins;
+                let mut converter = Converter::default();
+                document.root.value = Value::Table(converter.table(table.into_inner()));
+                document.oversized(converter);
             }
             Err(error) => {
-                let place = error.span().map_or(Place::Whole, |span| document.place_of(span));
-                document.push(place, &[], None, one_line(error.message()));
+                let message = one_line(error.message());
+                match error.span() {
+                    Some(span) => {
+                        let rank = Rank::File { start: span.start as u32, end: span.end as u32 };
+                        document.garble(rank, message);
+                    }
+                    None => document.whole(message),
+                }
                 return document;
             }
         }
-        for (k, given) in overrides.iter().enumerate() {
-            if let Err(message) = document.apply(k) {
-                document.push(Place::Override(given.clone()), &[], None, message);
-            }
-        }
+        document.apply_all(memory);
         document
     }
 
-    /// Reads the tree as a [`SceneConfig`]. A key that does not fit is reported, taken out, and the rest read
-    /// again, so that every error is found.
-    pub(crate) fn config(&mut self) -> SceneConfig {
-        loop {
-            let error = match serde_path_to_error::deserialize::<_, SceneConfig>(self.root.clone()) {
-                Ok(config) => return config,
-                Err(error) => error,
+    /// An error of a text that cannot be read.
+    fn garble(&mut self, rank: Rank, message: String) {
+        self.garbled = true;
+        self.errors.add(rank, || Draft { path: Vec::new(), value: None, message });
+    }
+
+    /// Adds an error of the file as a whole.
+    fn whole(&mut self, message: String) {
+        self.garble(Rank::Whole, message);
+    }
+
+    /// Reports integers that do not fit, and whose keys have been left out.
+    fn oversized(&mut self, converter: Converter) {
+        for integer in converter.oversized {
+            let allowed = match integer.path.as_slice() {
+                [key] if key == "seed" => "must be in 0..=9223372036854775807",
+                _ => "must be in -9223372036854775808..=9223372036854775807, as every integer of TOML",
             };
-            let path: Path = error
-                .path()
-                .iter()
-                .map_while(|segment| match segment {
-                    serde_path_to_error::Segment::Seq { index } => Some(index.to_string()),
-                    serde_path_to_error::Segment::Map { key } => Some(key.clone()),
-                    serde_path_to_error::Segment::Enum { .. } | serde_path_to_error::Segment::Unknown => None,
-                })
-                .collect();
-            let path = self.existing(path);
-            self.report(&path, shape_message(error.inner().message(), path.last()));
-            self.reported.push(path.clone());
-            if self.errors.len() >= MAX_ERRORS || !self.remove(path) {
-                return SceneConfig::default();
+            self.reported.add(&integer.path);
+            let rank = Rank::of(integer.origin).unwrap_or(Rank::Whole);
+            let (path, value) = (integer.path, Some(crate::text::cut(&integer.text, 60).into_owned()));
+            self.errors.add(rank, || Draft { path, value, message: allowed.to_owned() });
+        }
+    }
+
+    /// Whether no error has been found.
+    pub(crate) fn is_sound(&self) -> bool {
+        self.errors.count == 0
+    }
+
+    /// Number of errors found so far.
+    pub(crate) fn count(&self) -> usize {
+        self.errors.count
+    }
+
+    /// Whether there is no use in looking for what is missing.
+    pub(crate) fn is_garbled(&self) -> bool {
+        self.garbled
+    }
+
+    /// Reads the tree as a [`SceneConfig`]. Keys that do not fit are reported and taken out.
+    pub(crate) fn config(&mut self) -> SceneConfig {
+        let mut config: SceneConfig = self.read(&[], &LISTS);
+        config.species = self.list::<SpeciesConfig>(LISTS[0]).or(config.species);
+        config.particle = self.list::<ParticleConfig>(LISTS[1]).or(config.particle);
+        config.wall = self.list::<WallConfig>(LISTS[2]).or(config.wall);
+        config.pendulum = self.list::<PendulumConfig>(LISTS[3]).or(config.pendulum);
+        config.spring = self.list::<SpringConfig>(LISTS[4]).or(config.spring);
+        config.rod = self.list::<RodConfig>(LISTS[5]).or(config.rod);
+        if let Some(pairs) = self.list::<PairConfig>(LISTS[6]) {
+            config.contact.get_or_insert_default().pair = Some(pairs);
+        }
+        config
+    }
+
+    /// Reads the elements of an array one by one. One that does not fit is reported, and stands as if nothing
+    /// were written in it.
+    fn list<T: DeserializeOwned + Default>(&mut self, path: &[&str]) -> Option<Vec<T>> {
+        let mut path: Path = path.iter().map(|&segment| segment.to_owned()).collect();
+        let Value::Array(array) = &self.root.get(&path)?.value else { return None };
+        let count = array.len();
+        let mut out = Vec::with_capacity(count);
+        for k in 0..count {
+            path.push(k.to_string());
+            out.push(self.read(&path, &[]));
+            path.pop();
+        }
+        Some(out)
+    }
+
+    /// Reads what stands at `path`. A key that does not fit is reported, taken out, and the rest read again,
+    /// so that every error is found: at most as often as the structure has keys, since those it does not know
+    /// are taken out all at once.
+    fn read<T: DeserializeOwned + Default>(&mut self, path: &[String], skipped: &[&[&str]]) -> T {
+        loop {
+            let Some(node) = self.root.get(path) else { return T::default() };
+            let Reading { result, unknown } = read::<T>(node, path, skipped);
+            for unknown in unknown {
+                self.report_unknown(unknown);
             }
+            let misfit = match result {
+                Ok(value) => return value,
+                Err(misfit) => misfit,
+            };
+            let at = misfit.path.unwrap_or_else(|| path.to_vec());
+            self.report(&at, misfit.message);
+            self.reported.add(&at);
+            if !self.root.take_out(&at, path.len()) {
+                return T::default();
+            }
+        }
+    }
+
+    /// Reports keys that a table's structure does not know, and takes them out.
+    fn report_unknown(&mut self, unknown: Unknown) {
+        let Unknown { table: path, keys, known } = unknown;
+        self.reported.add_above(&path);
+        let Some(Node { value: Value::Table(table), .. }) = self.root.get(&path) else { return };
+        let mut found: Vec<(Option<Rank>, &str, &Node)> = keys
+            .iter()
+            .filter_map(|key| table.get(key).map(|node| (Rank::of(node.origin), &**key, node)))
+            .collect();
+        // In the order of the file, so that those beyond the first are only counted.
+        found.sort_by_key(|(rank, ..)| *rank);
+        for (rank, key, node) in found {
+            let rank = rank.unwrap_or_else(|| self.rank(&path));
+            self.errors.add(rank, || Draft {
+                path: [path.as_slice(), &[key.to_owned()]].concat(),
+                value: Some(node.value.show()),
+                message: unknown_key(key, known),
+            });
+        }
+        if let Some(Node { value: Value::Table(table), .. }) = self.root.get_mut(&path) {
+            table.0.retain(|(key, _)| known.contains(&&**key));
         }
     }
 
     /// Adds an error at `path`, placed at the key or at the nearest table above it.
     pub(crate) fn report(&mut self, path: &[String], message: impl Into<String>) {
-        let value = get(&self.root, path).map(show);
-        let place = self.place(path);
-        self.push(place, path, value, message.into());
+        let value = self.root.get(path).map(|node| node.value.show());
+        self.push(path, value, message.into());
     }
 
     /// Adds an error that something at `path` is missing, unless it was there and has been reported.
     pub(crate) fn report_missing(&mut self, path: &[String], message: impl Into<String>) {
         if !self.was_reported(path) {
-            let place = self.place(path);
-            self.push(place, path, None, message.into());
+            self.push(path, None, message.into());
         }
     }
 
     /// Whether `path`, something in it or something around it has been reported for its shape.
     pub(crate) fn was_reported(&self, path: &[String]) -> bool {
-        self.reported.iter().any(|r| r.starts_with(path) || path.starts_with(r))
+        self.reported.touch(path)
     }
 
     /// Whether something is written at `path`.
     pub(crate) fn get_is_some(&self, path: &[String]) -> bool {
-        get(&self.root, path).is_some()
+        self.root.get(path).is_some()
     }
 
-    /// The errors in the order of the file; overrides last.
-    pub(crate) fn into_errors(mut self) -> (Vec<SceneError>, String) {
-        self.errors.sort_by_key(|error| match &error.place {
-            Place::Whole => (0, 0),
-            Place::File { span, .. } => (1, span.start),
-            Place::Override(text) => (2, self.overrides.iter().position(|o| o == text).unwrap_or(0)),
+    /// The first errors in the order of the file, overrides last; how many more there are; and the text.
+    pub(crate) fn into_errors(self) -> (Vec<SceneError>, usize, String) {
+        let more = self.errors.count - self.errors.first.len();
+        let lines = Lines::of(&self.source);
+        let errors = self.errors.first.into_iter().map(|(rank, draft)| SceneError {
+            file: self.file.clone(),
+            place: match rank {
+                Rank::Whole => Place::Whole,
+                Rank::File { start, end } => lines.place(&self.source, start as usize..end as usize),
+                Rank::Override(k) => Place::Override(self.overrides[k as usize].clone()),
+            },
+            path: draft.path.join("."),
+            value: draft.value,
+            message: draft.message,
         });
-        self.errors.dedup();
-        (self.errors, self.source)
+        (errors.collect(), more, self.source)
     }
 
-    fn push(&mut self, place: Place, path: &[String], value: Option<String>, message: String) {
-        if self.errors.len() < MAX_ERRORS {
-            let path = path.join(".");
-            self.errors.push(SceneError { file: self.file.clone(), place, path, value, message });
-        }
+    fn push(&mut self, path: &[String], value: Option<String>, message: String) {
+        let rank = self.rank(path);
+        self.errors.add(rank, || Draft { path: path.to_vec(), value, message });
     }
 
-    fn place(&self, path: &[String]) -> Place {
-        let mut origin = &self.origins;
-        let mut place = Place::Whole;
+    /// The place of a key, or of the nearest table above it that has one.
+    fn rank(&self, path: &[String]) -> Rank {
+        let mut node = &self.root;
+        let mut rank = Rank::Whole;
         for segment in path {
-            let Some(child) = origin.children.get(segment) else { break };
-            if let Some(k) = child.overridden_by {
-                return Place::Override(self.overrides[k].clone());
-            }
-            if let Some(span) = &child.span {
-                place = self.place_of(span.clone());
-            }
-            origin = child;
+            let Some(child) = node.child(segment) else { break };
+            rank = Rank::of(child.origin).unwrap_or(rank);
+            node = child;
         }
-        place
+        rank
     }
 
-    fn place_of(&self, span: Range<usize>) -> Place {
-        let before = self.source.get(..span.start).unwrap_or(&self.source);
-        let line = before.matches('\n').count() + 1;
-        let column = before.rsplit('\n').next().map_or(0, |tail| tail.chars().count()) + 1;
-        Place::File { line, column, span }
-    }
-
-    fn table(&mut self, table: &DeTable, origin: &mut Origin, path: &mut Path) -> Table {
-        let mut out = Table::new();
-        for (key, value) in table {
-            let name = key.get_ref().to_string();
-            let mut child = Origin { span: Some(key.span()), ..Origin::default() };
-            path.push(name.clone());
-            if let Some(value) = self.value(value, &mut child, path) {
-                out.insert(name.clone(), value);
+    fn apply_all(&mut self, memory: u64) {
+        let mut names = Names::default();
+        for k in 0..self.overrides.len() {
+            if let Err(message) = self.apply(k, memory, &mut names) {
+                self.garble(Rank::Override(k as u32), message);
             }
-            path.pop();
-            origin.children.insert(name, child);
         }
-        out
     }
 
-    fn value(&mut self, value: &Spanned<DeValue>, origin: &mut Origin, path: &mut Path) -> Option<Value> {
-        Some(match value.get_ref() {
-            DeValue::String(text) => Value::String(text.to_string()),
-            DeValue::Boolean(value) => Value::Boolean(*value),
-            DeValue::Datetime(value) => Value::Datetime(*value),
-            DeValue::Integer(integer) => {
-                let Ok(integer) = i64::from_str_radix(integer.as_str(), integer.radix()) else {
-                    let place = self.place_of(value.span());
-                    let text = Some(integer.to_string());
-                    self.push(place, path, text, "this integer does not fit into 64 bits".into());
-                    self.reported.push(path.clone());
-                    return None;
-                };
-                Value::Integer(integer)
-            }
-            DeValue::Float(float) => Value::Float(float.as_str().parse().unwrap_or(f64::NAN)),
-            DeValue::Table(table) => Value::Table(self.table(table, origin, path)),
-            DeValue::Array(array) => {
-                let mut out = Vec::with_capacity(array.len());
-                for (k, element) in array.iter().enumerate() {
-                    let mut child = Origin { span: Some(element.span()), ..Origin::default() };
-                    path.push(k.to_string());
-                    out.push(self.value(element, &mut child, path).unwrap_or(Value::Integer(0)));
-                    path.pop();
-                    origin.children.insert(k.to_string(), child);
-                }
-                Value::Array(out)
-            }
-        })
-    }
-
-    fn apply(&mut self, k: usize) -> Result<(), String> {
-        let text = self.overrides[k].clone();
+    fn apply(&mut self, k: usize, memory: u64, names: &mut Names) -> Result<(), String> {
+        let text = &self.overrides[k];
         let (key, value_text) =
             text.split_once('=').ok_or("must read KEY=VALUE, for example contact.restitution=0.8")?;
         let path: Path = key.trim().split('.').map(|s| s.trim().to_owned()).collect();
         if path.len() > MAX_DEPTH || path.iter().any(String::is_empty) {
             return Err(format!("`{}` is not a dotted key such as contact.restitution", key.trim()));
         }
-        let mut origin = Origin { overridden_by: Some(k), ..Origin::default() };
+        Weight::of_value(value_text).check(memory)?;
+        let number = k as u32;
+        let mut converter = Converter::of_override(number, path.clone());
         let value = match DeValue::parse(value_text.trim()) {
-            Ok(value) => self
-                .value(&value, &mut origin, &mut path.clone())
-                .ok_or("this integer does not fit into 64 bits")?,
+            Ok(value) => converter.spanned(value),
             // Shells eat quotes: a bare word is meant as text.
             Err(error) if value_text.trim_start().starts_with(['[', '{', '"', '\'']) => {
                 return Err(format!("not a TOML value: {}", one_line(error.message())));
             }
-            Err(_) => Value::String(value_text.trim().to_owned()),
-        };
-        origin.children.clear();
-        for target in expand(&self.root, &path)? {
-            set(&mut self.root, &target, value.clone())?;
-            let mut place = &mut self.origins;
-            for segment in &target {
-                place = place.children.entry(segment.clone()).or_default();
+            Err(_) => {
+                Some(Node { origin: Origin::Override(number), value: Value::Text(value_text.trim().into()) })
             }
-            *place = origin.clone();
+        };
+        self.oversized(converter);
+        let Some(value) = value else { return Ok(()) };
+        let targets = names.expand(&self.root, &path)?;
+        names.forget(&path);
+        for target in targets {
+            self.root.set(&target, value.clone())?;
         }
         Ok(())
     }
+}
 
-    /// Cuts `path` back to what exists.
-    fn existing(&self, mut path: Path) -> Path {
-        while !path.is_empty() && get(&self.root, &path).is_none() {
-            path.pop();
+impl Rank {
+    fn of(origin: Origin) -> Option<Self> {
+        match origin {
+            Origin::File { start, end } => Some(Self::File { start, end }),
+            Origin::Override(k) => Some(Self::Override(k)),
+            Origin::Implied => None,
         }
-        path
+    }
+}
+
+/// Where the lines of a text begin.
+struct Lines(Vec<usize>);
+
+impl Lines {
+    fn of(text: &str) -> Self {
+        Self(std::iter::once(0).chain(text.match_indices('\n').map(|(k, _)| k + 1)).collect())
     }
 
-    /// Takes out the key at `path`; of an array, all of it, so that no other index changes.
-    fn remove(&mut self, mut path: Path) -> bool {
-        while let Some(last) = path.pop() {
-            if let Some(Value::Table(table)) = get_mut(&mut self.root, &path) {
-                return table.remove(&last).is_some();
-            }
+    fn place(&self, text: &str, span: std::ops::Range<usize>) -> Place {
+        let start = span.start.min(text.len());
+        let line = self.0.partition_point(|&begin| begin <= start);
+        let column = text.get(self.0[line - 1]..start).map_or(0, |before| before.chars().count()) + 1;
+        Place::File { line, column, span }
+    }
+}
+
+/// Elements of arrays by their names, looked up once for all overrides.
+#[derive(Default)]
+struct Names(HashMap<Path, HashMap<String, Vec<usize>>>);
+
+impl Names {
+    /// Drops what an override of `path` may change.
+    fn forget(&mut self, path: &[String]) {
+        // A key of an element other than its name changes no name; everything else may.
+        let deep = self.0.keys().all(|list| path.len() > list.len() + 1);
+        if !deep || path.last().is_some_and(|last| last == "name") {
+            self.0.clear();
         }
-        false
     }
-}
 
-fn get<'v>(mut value: &'v Value, path: &[String]) -> Option<&'v Value> {
-    for segment in path {
-        value = match value {
-            Value::Table(table) => table.get(segment)?,
-            Value::Array(array) => array.get(segment.parse::<usize>().ok()?)?,
-            _ => return None,
-        };
-    }
-    Some(value)
-}
-
-fn get_mut<'v>(mut value: &'v mut Value, path: &[String]) -> Option<&'v mut Value> {
-    for segment in path {
-        value = match value {
-            Value::Table(table) => table.get_mut(segment)?,
-            Value::Array(array) => array.get_mut(segment.parse::<usize>().ok()?)?,
-            _ => return None,
-        };
-    }
-    Some(value)
-}
-
-/// Turns names of array elements into indices; a name that several particles share stands for all of them.
-fn expand(root: &Value, path: &[String]) -> Result<Vec<Path>, String> {
-    let mut targets: Vec<Path> = vec![Vec::new()];
-    for segment in path {
-        let mut next = Vec::new();
-        for target in &targets {
-            let mut step = |segment: String| {
-                let mut longer = target.clone();
-                longer.push(segment);
-                next.push(longer);
-            };
-            let Some(Value::Array(array)) = get(root, target) else {
-                step(segment.clone());
-                continue;
-            };
-            if let Ok(index) = segment.parse::<usize>() {
-                if index >= array.len() {
-                    let (list, len) = (target.join("."), array.len());
-                    return Err(format!("`{list}` has {len} elements, counted from 0"));
+    /// Turns names of array elements into indices; a name that several particles share stands for all of
+    /// them.
+    fn expand(&mut self, root: &Node, path: &[String]) -> Result<Vec<Path>, String> {
+        let mut targets: Vec<Path> = vec![Vec::new()];
+        for segment in path {
+            let mut next = Vec::with_capacity(targets.len());
+            for mut target in targets {
+                let Some(Node { value: Value::Array(array), .. }) = root.get(&target) else {
+                    target.push(segment.clone());
+                    next.push(target);
+                    continue;
+                };
+                if let Ok(index) = segment.parse::<usize>() {
+                    if index >= array.len() {
+                        let (list, len) = (target.join("."), array.len());
+                        return Err(format!("`{list}` has {len} elements, counted from 0"));
+                    }
+                    target.push(index.to_string());
+                    next.push(target);
+                    continue;
                 }
-                step(index.to_string());
-                continue;
+                let names = self.0.entry(target.clone()).or_insert_with(|| by_name(array));
+                let Some(named) = names.get(segment) else {
+                    let list = target.join(".");
+                    let known = crate::text::some_of(array.iter().filter_map(Node::name));
+                    return Err(format!(
+                        "nothing in `{list}` is named `{segment}`; take a name ({known}) or an index"
+                    ));
+                };
+                next.extend(named.iter().map(|k| [target.as_slice(), &[k.to_string()]].concat()));
             }
-            let name = |element: &Value| Some(element.get("name")?.as_str()?.to_owned());
-            let before = next_len(array, &name, segment, &mut step);
-            if before == 0 {
-                let mut names: Vec<String> = array.iter().filter_map(name).collect();
-                names.dedup();
-                names.truncate(10);
-                let list = target.join(".");
-                return Err(format!(
-                    "nothing in `{list}` is named `{segment}`; take a name ({}) or an index",
-                    names.join(", ")
-                ));
-            }
+            targets = next;
         }
-        targets = next;
-    }
-    Ok(targets)
-}
-
-fn next_len(
-    array: &[Value],
-    name: &impl Fn(&Value) -> Option<String>,
-    wanted: &str,
-    step: &mut impl FnMut(String),
-) -> usize {
-    let hits = array.iter().enumerate().filter(|(_, element)| name(element).as_deref() == Some(wanted));
-    hits.map(|(k, _)| step(k.to_string())).count()
-}
-
-fn set(root: &mut Value, path: &[String], value: Value) -> Result<(), String> {
-    let mut here = root;
-    for (k, segment) in path.iter().enumerate() {
-        here = match here {
-            Value::Table(table) => table.entry(segment.clone()).or_insert_with(|| Value::Table(Table::new())),
-            Value::Array(array) => {
-                let index = segment.parse::<usize>().map_err(|_| "not an index".to_owned())?;
-                array.get_mut(index).ok_or("no such element")?
-            }
-            other => {
-                let outer = path[..k].join(".");
-                return Err(format!("`{outer}` is {}, not a table: set it as a whole", a_type(other)));
-            }
-        };
-    }
-    *here = value;
-    Ok(())
-}
-
-fn a_type(value: &Value) -> &'static str {
-    match value {
-        Value::String(_) => "a string",
-        Value::Integer(_) | Value::Float(_) => "a number",
-        Value::Boolean(_) => "a boolean",
-        Value::Datetime(_) => "a date",
-        Value::Array(_) => "an array",
-        Value::Table(_) => "a table",
+        Ok(targets)
     }
 }
 
-/// The value as TOML on one line, cut where it gets long.
-fn show(value: &Value) -> String {
-    let text = match value {
-        Value::Table(table) => {
-            let keys: Vec<&str> = table.keys().take(6).map(String::as_str).collect();
-            format!("{{ {} … }}", keys.join(", "))
+fn by_name(array: &[Node]) -> HashMap<String, Vec<usize>> {
+    let mut names: HashMap<String, Vec<usize>> = HashMap::new();
+    for (k, node) in array.iter().enumerate() {
+        if let Some(name) = node.name() {
+            names.entry(name.to_owned()).or_default().push(k);
         }
-        Value::Array(array) if array.iter().any(Value::is_table) => format!("[{} tables]", array.len()),
-        other => one_line(&other.to_string()),
-    };
-    if text.chars().count() > 60 { text.chars().take(59).chain(['…']).collect() } else { text }
+    }
+    names
 }
 
 fn one_line(text: &str) -> String {
     text.split('\n').map(str::trim).filter(|line| !line.is_empty()).collect::<Vec<_>>().join("; ")
 }
 
-/// serde's words in those of a user.
-fn shape_message(message: &str, key: Option<&String>) -> String {
-    let message = one_line(message);
-    if message.starts_with("unknown field") {
-        let names: Vec<&str> = message.split('`').skip(3).step_by(2).collect();
-        let near = key.and_then(|key| {
-            let score = |name: &str| strsim::jaro_winkler(name, key);
-            names
-                .iter()
-                .copied()
-                .max_by(|a, b| score(a).total_cmp(&score(b)))
-                .filter(|best| score(best) > 0.75)
-        });
-        let allowed = names.join(", ");
-        return match near {
-            Some(near) => format!("unknown key; did you mean `{near}`? (allowed: {allowed})"),
-            None => format!("unknown key (allowed: {allowed})"),
-        };
+fn unknown_key(key: &str, known: &[&str]) -> String {
+    let allowed = known.join(", ");
+    match crate::text::nearest(key, known.iter().copied()) {
+        Some(near) => format!("unknown key; did you mean `{near}`? (allowed: {allowed})"),
+        None => format!("unknown key (allowed: {allowed})"),
     }
-    if message.starts_with("unknown variant") {
-        let names: Vec<String> =
-            message.split('`').skip(3).step_by(2).map(|name| format!("\"{name}\"")).collect();
-        return format!("must be one of {}", names.join(", "));
-    }
-    if let Some((found, expected)) =
-        message.strip_prefix("invalid type: ").and_then(|rest| rest.split_once(", expected "))
-    {
-        let found = match found.split([' ', '`']).next() {
-            Some("string") => "a string",
-            Some("integer") => "an integer",
-            Some("floating") => "a number with a fraction",
-            Some("boolean") => "a boolean",
-            Some("sequence") => "an array",
-            Some("map") => "a table",
-            _ => found,
-        };
-        let expected = match expected {
-            "f64" => "a number",
-            "i64" => "an integer",
-            "a sequence" => "an array",
-            "string or table" => "a string",
-            text if text.starts_with("struct ") => "a table",
-            text => text,
-        };
-        return format!("must be {expected}, not {found}");
-    }
-    if let Some((_, expected)) =
-        message.strip_prefix("invalid value: ").and_then(|rest| rest.split_once(", expected "))
-    {
-        return format!("must be {expected}");
-    }
-    message
 }

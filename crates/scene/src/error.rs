@@ -1,7 +1,9 @@
-//! Errors of a scene: all of them, each where it stands.
+//! Errors of a scene, each where it stands.
 
 use std::fmt;
 use std::ops::Range;
+
+use crate::text::shown;
 
 /// Where the value of a key comes from.
 #[derive(Debug, Clone, PartialEq, Eq)]
@@ -21,7 +23,8 @@ pub enum Place {
     Whole,
 }
 
-/// One error of a scene.
+/// One error of a scene. The fields hold text as it stands in the file; [`fmt::Display`] gives one line fit
+/// for a terminal.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct SceneError {
     /// Name of the scene file.
@@ -40,20 +43,20 @@ impl fmt::Display for SceneError {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let mut show_key = !self.path.is_empty();
         match &self.place {
-            Place::File { line, .. } => write!(f, "{}:{line}: ", self.file)?,
-            Place::Whole => write!(f, "{}: ", self.file)?,
+            Place::File { line, .. } => write!(f, "{}:{line}: ", shown(&self.file))?,
+            Place::Whole => write!(f, "{}: ", shown(&self.file))?,
             Place::Override(text) => {
-                write!(f, "--set {text}: ")?;
+                write!(f, "--set {}: ", shown(text))?;
                 show_key &= text.split('=').next().map(str::trim) != Some(self.path.as_str());
             }
         }
         if show_key {
             match &self.value {
-                Some(value) => write!(f, "{} = {value}: ", self.path)?,
-                None => write!(f, "{}: ", self.path)?,
+                Some(value) => write!(f, "{} = {}: ", shown(&self.path), shown(value))?,
+                None => write!(f, "{}: ", shown(&self.path))?,
             }
         }
-        f.write_str(&self.message)
+        f.write_str(&shown(&self.message))
     }
 }
 
@@ -66,17 +69,22 @@ pub enum ErrorKind {
     Unreadable,
 }
 
-/// All errors found in a scene; never empty.
+/// The errors found in a scene; never empty.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct SceneErrors {
-    /// The errors, in the order of the file where they have a line.
+    /// The first [`SceneErrors::MOST`] errors, in the order of the file where they have a line.
     pub errors: Vec<SceneError>,
+    /// How many more there are.
+    pub more: usize,
     /// Text of the scene file, for pointing into it.
     pub source: String,
     pub(crate) kind: ErrorKind,
 }
 
 impl SceneErrors {
+    /// So many errors are told at most; the others are counted.
+    pub const MOST: usize = 20;
+
     /// Whether the scene is invalid or a file cannot be read. Invalid wins where both hold.
     pub fn kind(&self) -> ErrorKind {
         self.kind
@@ -90,6 +98,9 @@ impl fmt::Display for SceneErrors {
                 f.write_str("\n")?;
             }
             error.fmt(f)?;
+        }
+        if self.more > 0 {
+            write!(f, "\nand {} more", self.more)?;
         }
         Ok(())
     }

@@ -6,12 +6,15 @@
 use std::panic::{AssertUnwindSafe, catch_unwind};
 
 use crate::build::{Limits, build};
+use crate::error::{SceneError, SceneErrors};
 use crate::random::{Purpose, Stream};
 use crate::state::{State, StateSource};
+use crate::text;
 use glam::DVec3;
+use haff_engine::{Boundary, Domain, Wall};
 
 /// Few particles, so that one input takes little time.
-const LIMITS: Limits = Limits { particles: 300 };
+const LIMITS: Limits = Limits { particles: 300, memory: 1 << 28 };
 
 /// A state file with whatever numbers the fuzzer likes.
 struct AnyState(State);
@@ -92,6 +95,18 @@ const VALUES: &[&str] = &[
     "{ point = [0, 0, 1], normal = [0, 0, 1] }",
     "1979-05-27",
     "''",
+    "18446744073709551615",
+    "1e19",
+    "1e-30",
+    "\"a\\u0000b\"",
+    "\"\\u001b[2J\\r\\nerror: forged\\u202e\"",
+    "[\"\\u0007\", \"grain\"]",
+    "[-0.8, -0.6, 0]",
+    "[0, 1e-17, 1]",
+    "{ point = [1, 1, 1], normal = [0.8, 0, 0.6] }",
+    "{ uniform = [0.4, 0.6], b = 1, a = 2 }",
+    "[{ name = \"a\" }, { radius = 1, x = 1, y = 2 }, 5]",
+    "[1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12, 13, 14, 15, 16, 17, 18, 19, 20, 21, 22, 23]",
 ];
 
 const KEYS: &[&str] = &[
@@ -161,6 +176,11 @@ const KEYS: &[&str] = &[
     ".",
     "domain.size.0",
     "domain.size.1",
+    "\"\\u001b[31m\"",
+    "\"a\\nerror: b\".c",
+    "pendulum.0.name",
+    "spring",
+    "rod",
 ];
 
 const SCENES: &[&str] = &[
@@ -174,7 +194,17 @@ const SCENES: &[&str] = &[
     "[domain]\nsize = [6, 6, 6]\nboundary = [\"periodic\", \"wall\", \"open\"]\n[[species]]\nname = \"grain\"\ncount = 3\nradius = 0.5\n\
      mass = 1\n[[species]]\nname = \"dust\"\ncount = 30\nradius = { normal = [0.1, 0.02] }\ndensity = 2\ntemperature = 3\n[initial]\n\
      positions = { file = \"s.h5\" }\n[run]\ncollisions = 50\n[output]\nframes = { log = [0.1, 1.5] }\n",
+    "[domain]\nsize = [8, 8, 8]\nboundary = [\"periodic\", \"wall\", \"open\"]\ngravity = [0, -1, 0]\n[[wall]]\nname = \"slope\"\n\
+     plane = { point = [0, 1, 0], normal = [0, 2, 1] }\n[[particle]]\nname = \"ball\"\nposition = [4, 5, 1]\nradius = 0.5\nmass = 1\n\
+     [[particle]]\nposition = [1, 4, 0]\nradius = 0.25\nmass = 2\n[run]\nuntil = 1\n",
 ];
+
+/// More keys than errors are told.
+fn many_keys(random: &mut Stream) -> String {
+    let lines = (0..random.below(60))
+        .map(|k| [pick(random, KEYS), &k.to_string(), " = ", pick(random, VALUES), "\n"].concat());
+    lines.collect()
+}
 
 fn pick<'t>(random: &mut Stream, from: &[&'t str]) -> &'t str {
     from[random.below(from.len())]
@@ -238,6 +268,9 @@ fn input(case: u64) -> (String, Vec<String>, AnyState) {
         }
         _ => pick(&mut random, SCENES).to_owned(),
     };
+    if random.below(20) == 0 {
+        text = many_keys(&mut random) + &text;
+    }
     for _ in 0..random.below(4) {
         mutate(&mut text, &mut random);
     }
@@ -268,7 +301,32 @@ fn check(case: u64) -> Result<bool, String> {
         Ok(Err(errors)) if errors.errors.is_empty() || errors.to_string().is_empty() => {
             Err(format!("refused without a reason: {}", show()))
         }
-        Ok(Err(_)) => Ok(false),
+        Ok(Err(errors)) => {
+            let told = errors.to_string();
+            let lines: Vec<&str> = told.lines().collect();
+            let expected = errors.errors.len() + usize::from(errors.more > 0);
+            if lines.len() != expected || text::escaped_lines(&told) != told {
+                return Err(format!("text of the scene forges a line: {told:?}: {}", show()));
+            }
+            let mut one_each: Vec<&SceneError> = Vec::new();
+            for error in &errors.errors {
+                if one_each.contains(&error) {
+                    return Err(format!("told twice: {error}: {}", show()));
+                }
+                one_each.push(error);
+            }
+            if errors.errors.len() > SceneErrors::MOST
+                || errors.more > 0 && errors.errors.len() < SceneErrors::MOST
+            {
+                return Err(format!(
+                    "{} errors told, {} counted: {}",
+                    errors.errors.len(),
+                    errors.more,
+                    show()
+                ));
+            }
+            Ok(false)
+        }
         Ok(Ok(scene)) => {
             let system = &scene.system;
             let numbers =
@@ -278,6 +336,22 @@ fn check(case: u64) -> Result<bool, String> {
                 || scene.run.until.is_none() && scene.run.collisions.is_none()
             {
                 return Err(format!("accepted nonsense: {}", show()));
+            }
+            let Domain { size, boundary, .. } = system.domain;
+            let tilted =
+                |wall: &Wall| (0..3).any(|k| boundary[k] == Boundary::Periodic && wall.normal[k] != 0.0);
+            if system.walls.iter().any(tilted) {
+                return Err(format!("accepted a wall that is not its own image: {}", show()));
+            }
+            let names = system.species.iter().chain(system.walls.iter().map(|wall| &wall.name));
+            if names.chain([&scene.title]).any(|name| name.contains('\0')) {
+                return Err(format!("accepted what files cannot store: {}", show()));
+            }
+            let axes = 0..system.dimension.count();
+            let largest =
+                axes.filter(|&k| boundary[k] != Boundary::Open).map(|k| size[k]).fold(0.0, f64::max);
+            if system.classes.iter().any(|class| class.radius < 1e-13 * largest) {
+                return Err(format!("accepted a radius below the rounding of coordinates: {}", show()));
             }
             let position: Vec<DVec3> = system.bodies.iter().map(|body| body.position).collect();
             let radius: Vec<f64> =
@@ -329,7 +403,7 @@ proptest::proptest! {
     #![proptest_config(proptest::test_runner::Config { failure_persistence: None, cases: 2000, ..Default::default() })]
 
     #[test]
-    fn fuzz_any_text_is_refused_or_accepted(text in "\\PC{0,200}", key in "\\PC{0,30}", value in "\\PC{0,30}") {
+    fn fuzz_any_text_is_refused_or_accepted(text in "(?s).{0,200}", key in "(?s).{0,30}", value in "(?s).{0,30}") {
         let state = AnyState(State::default());
         let _ = build("fuzz.toml", &text, &[], &state, LIMITS);
         let _ = build("fuzz.toml", SCENES[0], &[format!("{key}={value}")], &state, LIMITS);

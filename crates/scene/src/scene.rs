@@ -63,6 +63,8 @@ pub struct Scene {
     pub title: String,
     /// Seed of all random numbers.
     pub seed: u64,
+    /// The state file that the species start from, as the scene names it.
+    pub state_file: Option<PathBuf>,
     /// Particles, walls, contact rules and domain.
     pub system: System,
     /// Pendulums, springs, rods and contacts that stick; empty for a scene of the plain engine.

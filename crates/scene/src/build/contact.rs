@@ -1,14 +1,16 @@
 //! Names, walls and contact rules.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, HashMap, HashSet};
 
-use haff_engine::{Contacts, Wall};
+use haff_engine::{Boundary, Contacts, Wall};
 use haff_mechanics::Restitution;
 
 use super::Builder;
-use super::values::{at, item, not_negative, positive};
+use super::domain::DomainPlan;
+use super::values::{at, item, not_negative, positive, storable};
 use crate::config::{ContactConfig, RestitutionConfig, RestitutionLaw};
 use crate::document::Path;
+use crate::text::{LONGEST, cut, nearest, some_of};
 
 /// The table of pair rules has the square of this many entries.
 const MAX_GROUPS: usize = 1000;
@@ -21,10 +23,18 @@ const UNNAMED: &str = "particle";
 /// A key of a table and its value.
 type Key = (&'static str, Option<f64>);
 
+/// A name that is not among those known, with the one that may be meant and the first of those there are.
+pub(super) fn among<'n, I: Iterator<Item = &'n str>>(name: &str, known: impl Fn() -> I) -> String {
+    let near = nearest(name, known()).map_or_else(String::new, |best| format!("; did you mean \"{best}\"?"));
+    format!("\"{}\"{near} (known: {})", cut(name, LONGEST), some_of(known()))
+}
+
 /// Names of contact groups: species, then the distinct names of particles.
 pub(super) struct Names {
     pub(super) all: Vec<String>,
     pub(super) species: usize,
+    /// The first explicit particle of each group beyond the species.
+    first: Vec<usize>,
     /// Group of each explicit particle.
     pub(super) of_particle: Vec<u32>,
 }
@@ -37,17 +47,18 @@ impl Builder<'_> {
         }
         let species = all.len();
         let mut index: BTreeMap<String, u32> = BTreeMap::new();
-        let mut of_particle = Vec::new();
-        for particle in self.config.particle.iter_mut().flatten() {
+        let (mut first, mut of_particle) = (Vec::new(), Vec::new());
+        for (k, particle) in self.config.particle.iter_mut().flatten().enumerate() {
             let name = particle.name.get_or_insert_with(|| UNNAMED.to_owned());
             let next = all.len() as u32;
             let group = *index.entry(name.clone()).or_insert(next);
             if group == next {
                 all.push(name.clone());
+                first.push(k);
             }
             of_particle.push(group);
         }
-        Names { all, species, of_particle }
+        Names { all, species, first, of_particle }
     }
 
     /// Names of species and walls are unique, and no particle is called like one.
@@ -63,7 +74,7 @@ impl Builder<'_> {
             }
         }
         for (group, name) in names.all.iter().enumerate().skip(names.species) {
-            let first = names.of_particle.iter().position(|&g| g as usize == group).unwrap_or(0);
+            let first = names.first[group - names.species];
             uses.push((name.clone(), item("particle", first, "name"), format!("particle.{first}")));
         }
         let listed = self.config.wall.as_ref().map_or(0, Vec::len);
@@ -84,6 +95,7 @@ impl Builder<'_> {
                 }
                 continue;
             }
+            storable(&mut self.document, &path, &name);
             if let Some(other) = taken.get(&name) {
                 let message = format!("the name \"{name}\" is taken by {other}; names must differ");
                 self.document.report(&path, message);
@@ -101,7 +113,7 @@ impl Builder<'_> {
     }
 
     /// The walls of `[[wall]]`.
-    pub(super) fn extra_walls(&mut self) -> Vec<Wall> {
+    pub(super) fn extra_walls(&mut self, domain: &DomainPlan) -> Vec<Wall> {
         let configs = self.config.wall.clone().unwrap_or_default();
         if configs.len() > MAX_WALLS {
             self.document.report(&at(["wall"]), format!("at most {MAX_WALLS} walls are possible"));
@@ -113,6 +125,7 @@ impl Builder<'_> {
                 self.document.report_missing(&item("wall", k, "name"), "missing: a wall needs a name");
             }
             let plane = config.plane.clone().unwrap_or_default();
+            let errors = self.document.count();
             let mut vector = |key: &str, value: &Option<Vec<f64>>, required: bool| {
                 let path = item("wall", k, key);
                 if let Some(value) = value {
@@ -130,17 +143,31 @@ impl Builder<'_> {
             // Scaling by the largest component first keeps tiny and huge normals from under- and overflow.
             let normal = given / given.abs().max_element();
             let normal = normal / normal.length();
-            if plane.normal.is_some() && given == glam::DVec3::ZERO && !self.reported_under("wall", k) {
-                self.document.report(&item("wall", k, "plane.normal"), "must not be zero");
+            if plane.normal.is_some() && self.document.count() == errors {
+                self.check_normal(&item("wall", k, "plane.normal"), normal, domain);
             }
             walls.push(Wall { name: config.name.clone().unwrap_or_default(), point, normal, velocity });
         }
         walls
     }
 
-    fn reported_under(&self, list: &str, k: usize) -> bool {
-        let prefix = format!("{list}.{k}.plane.normal");
-        self.document.errors.iter().any(|error| error.path.starts_with(&prefix))
+    /// A plane must have a direction, and be its own image along every periodic axis: a particle that leaves
+    /// through the one face comes back through the other, and the plane must be where it was. No component is
+    /// too small to matter, since the number of images is not limited.
+    fn check_normal(&mut self, path: &[String], normal: glam::DVec3, domain: &DomainPlan) {
+        if !normal.is_finite() {
+            self.document.report(path, "must not be zero");
+            return;
+        }
+        let repeats = |axis: &usize| normal[*axis] != 0.0 && domain.boundary[*axis] == Boundary::Periodic;
+        if let Some(axis) = (0..self.dimension.count()).find(repeats) {
+            let name = ["x", "y", "z"][axis];
+            let message = format!(
+                "must be exactly 0 along {name}, which is periodic: the plane would not repeat with the box; make {name} \
+                 \"wall\" or \"open\" in domain.boundary"
+            );
+            self.document.report(path, message);
+        }
     }
 
     /// Rules for all pairs of groups and all groups with all walls.
@@ -180,6 +207,13 @@ impl Builder<'_> {
             self.clinging.extend((0..groups).map(|group| [group as u32, (first_own + k) as u32]));
         }
         let mut seen: BTreeMap<(usize, usize), usize> = BTreeMap::new();
+        // What pairs say of groups and walls replaces what the walls themselves say.
+        let mut ruled: HashSet<[u32; 2]> = HashSet::new();
+        let mut clinging: Vec<[u32; 2]> = Vec::new();
+        let mut places: HashMap<&str, usize> = HashMap::new();
+        for (position, name) in names.all.iter().chain(walls).enumerate() {
+            places.entry(name).or_insert(position);
+        }
         for (k, config) in contact.pair.iter().flatten().enumerate() {
             let path = |key: &str| {
                 let mut path = at(["contact", "pair"]);
@@ -205,25 +239,16 @@ impl Builder<'_> {
                 continue;
             };
             let mut find = |name: &String| -> Option<usize> {
-                let position = names.all.iter().chain(walls).position(|known| known == name);
+                let position = places.get(name.as_str());
                 if position.is_none() {
-                    let mut known: Vec<&str> = names.all.iter().chain(walls).map(String::as_str).collect();
-                    let more = if known.len() > 12 { ", …" } else { "" };
-                    known.truncate(12);
-                    let near = known
-                        .iter()
-                        .max_by(|x, y| {
-                            strsim::jaro_winkler(x, name).total_cmp(&strsim::jaro_winkler(y, name))
-                        })
-                        .filter(|best| strsim::jaro_winkler(best, name) > 0.75)
-                        .map_or_else(String::new, |best| format!("; did you mean \"{best}\"?"));
-                    let message =
-                        format!("nothing is named \"{name}\"{near} (known: {}{more})", known.join(", "));
+                    let known = || names.all.iter().chain(walls).map(String::as_str);
+                    let message = format!("nothing is named {}", among(name, known));
                     self.document.report(&path("between"), message);
                 }
-                position
+                position.copied()
             };
-            let (Some(i), Some(j)) = (find(a), find(b)) else { continue };
+            let i = find(a);
+            let (Some(i), Some(j)) = (i, if a == b { i } else { find(b) }) else { continue };
             let (i, j) = (i.min(j), i.max(j));
             if i >= names.all.len() {
                 self.document
@@ -236,9 +261,9 @@ impl Builder<'_> {
             }
             if j >= names.all.len() {
                 let entry = [i as u32, (j - names.all.len()) as u32];
-                self.clinging.retain(|other| *other != entry);
-                if sticks {
-                    self.clinging.push(entry);
+                // A second rule for the same two is an error, which has been reported.
+                if ruled.insert(entry) && sticks {
+                    clinging.push(entry);
                 }
             } else if sticks {
                 self.sticking.push([i as u32, j as u32]);
@@ -254,6 +279,8 @@ impl Builder<'_> {
                 wall[i * walls.len() + j - names.all.len()] = rule;
             }
         }
+        self.clinging.retain(|entry| !ruled.contains(entry));
+        self.clinging.extend(clinging);
         Contacts { pair, wall, tc, rest_speed: self.rest_speed() }
     }
 

@@ -5,7 +5,7 @@ use haff_engine::{Boundary, Dimension, Domain, Wall};
 
 use super::Builder;
 use super::particles::{Rows, SpeciesPlan};
-use super::values::{LARGEST, SMALLEST, at, positive};
+use super::values::{LARGEST, SMALLEST, at, item, positive};
 use crate::config::{BoundaryConfig, DomainConfig, PackingConfig, PositionsConfig};
 use crate::state::State;
 
@@ -17,13 +17,18 @@ const DENSEST_2D: f64 = 0.906_899_682_117_109;
 const RANDOM_3D: f64 = 0.58;
 const RANDOM_2D: f64 = 0.78;
 
+/// Smallest radius, as a part of the largest coordinate: 2⁻⁴². A coordinate is a multiple of 2⁻⁵² of that or
+/// less, so a contact is placed to a thousandth of the radius. Below, rounding decides whether particles
+/// touch.
+const FINEST: f64 = 1.0 / (1_u64 << 42) as f64;
+
 /// A slack for rounding in comparisons of lengths.
 pub(super) const TOLERANCE: f64 = 1e-12;
 
 /// The domain before its size is known.
 pub(super) struct DomainPlan {
     pub(super) size: Option<DVec3>,
-    boundary: [Boundary; 3],
+    pub(super) boundary: [Boundary; 3],
     gravity: DVec3,
 }
 
@@ -203,6 +208,41 @@ impl Builder<'_> {
         if let Some(resolved) = &mut self.config.domain {
             resolved.size = components;
             resolved.packing_fraction = None;
+        }
+    }
+
+    /// Radii against the rounding of coordinates. Along open axes the largest coordinate is that of the
+    /// start.
+    pub(super) fn check_resolution(
+        &mut self,
+        domain: &Domain,
+        species: &[SpeciesPlan],
+        rows: &Rows,
+        positions: Option<&PositionsConfig>,
+    ) {
+        let packed = matches!(positions, Some(PositionsConfig::Packing(_)));
+        let mut extent = 0.0_f64;
+        for axis in 0..self.dimension.count() {
+            if packed || domain.boundary[axis] != Boundary::Open {
+                extent = extent.max(domain.size[axis]);
+            }
+            extent = rows.bodies.iter().map(|body| body.position[axis].abs()).fold(extent, f64::max);
+        }
+        let least = FINEST * extent;
+        let why = format!(
+            "must be at least {least:.1e}: coordinates up to {extent} are rounded to about {:.1e}, and it takes a thousand times \
+             that to tell whether particles touch",
+            f64::EPSILON * extent
+        );
+        for (k, plan) in species.iter().enumerate() {
+            if plan.radius.range()[0] < least {
+                self.document.report(&item("species", k, "radius"), why.as_str());
+            }
+        }
+        for row in rows.species..rows.bodies.len() {
+            if rows.radius(row) < least {
+                self.document.report(&item("particle", row - rows.species, "radius"), why.as_str());
+            }
         }
     }
 

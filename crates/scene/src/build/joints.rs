@@ -1,11 +1,14 @@
 //! Pendulums, springs and rods: places that follow from their angles, and the joints themselves.
 
+use std::collections::HashMap;
+
 use glam::DVec3;
 use haff_engine::System;
 use haff_linkage::{Joints, LinkageError, Pendulum, Rod, Spring, SpringEnd, Tether};
 
 use super::Builder;
-use super::values::{at, item, not_negative, positive};
+use super::contact::among;
+use super::values::{at, item, not_negative, positive, storable};
 use crate::document::Path;
 use crate::joints::TetherConfig;
 
@@ -38,6 +41,13 @@ impl Builder<'_> {
         let aside = |axis: DVec3| axis - down * axis.dot(down);
         let side = if aside(DVec3::X).length() > 1e-9 { aside(DVec3::X) } else { aside(DVec3::Y) };
         let side = side / side.length();
+        // Of several particles of a name, the first.
+        let mut rows: HashMap<String, usize> = HashMap::new();
+        for (row, particle) in self.config.particle.iter().flatten().enumerate() {
+            if let Some(name) = &particle.name {
+                rows.entry(name.clone()).or_insert(row);
+            }
+        }
         for (k, pendulum) in self.config.pendulum.clone().unwrap_or_default().into_iter().enumerate() {
             let Some(angle) = pendulum.angle else { continue };
             let path = item("pendulum", k, "angle");
@@ -53,7 +63,7 @@ impl Builder<'_> {
             let (Some(pivot), Some(bob)) = (&pendulum.pivot, &pendulum.bob) else { continue };
             let (sin, cos) = libm::sincos(angle);
             let place = vector(pivot) + (down * cos + side * sin) * length;
-            self.place(bob, place, length, &path);
+            self.place(rows.get(bob), place, length, &path);
         }
         for (k, rod) in self.config.rod.clone().unwrap_or_default().into_iter().enumerate() {
             let Some(angle) = rod.angle else { continue };
@@ -68,23 +78,20 @@ impl Builder<'_> {
             };
             let Some([first, second]) = rod.between.as_deref() else { continue };
             let particles = self.config.particle.as_deref().unwrap_or_default();
-            let from = particles.iter().find(|particle| particle.name.as_ref() == Some(first));
-            let Some(from) = from.and_then(|particle| particle.position.as_ref()) else { continue };
+            let from = rows.get(first).and_then(|&row| particles[row].position.as_ref());
+            let Some(from) = from else { continue };
             let (sin, cos) = libm::sincos(angle);
             let place = vector(from) + DVec3::new(cos, sin, 0.0) * length;
-            self.place(second, place, length, &path);
+            self.place(rows.get(second), place, length, &path);
         }
     }
 
     /// Gives a particle its place, or compares it with the one it has.
-    fn place(&mut self, name: &str, place: DVec3, length: f64, path: &[String]) {
+    fn place(&mut self, row: Option<&usize>, place: DVec3, length: f64, path: &[String]) {
         let components = self.components(place);
-        let particles = self.config.particle.as_mut();
-        let Some(particle) = particles.and_then(|particles| {
-            particles.iter_mut().find(|particle| particle.name.as_deref() == Some(name))
-        }) else {
-            return;
-        };
+        let (Some(&row), Some(particles)) = (row, &mut self.config.particle) else { return };
+        let particle = &mut particles[row];
+        let name = particle.name.as_deref().unwrap_or_default();
         match &particle.position {
             None => particle.position = Some(components),
             Some(given) => {
@@ -99,29 +106,32 @@ impl Builder<'_> {
         }
     }
 
+    /// Rows of explicit particles by their names, beginning at `species`; `None` of a name that several have.
+    fn rows_by_name(&self, species: usize) -> HashMap<String, Option<usize>> {
+        let mut rows: HashMap<String, Option<usize>> = HashMap::new();
+        for (k, particle) in self.config.particle.iter().flatten().enumerate() {
+            if let Some(name) = &particle.name {
+                let known = rows.contains_key(name);
+                rows.insert(name.clone(), (!known).then_some(species + k));
+            }
+        }
+        rows
+    }
+
     /// The row of the one particle of a name.
-    fn row_of(&mut self, path: &Path, name: &str, species: usize) -> Option<usize> {
-        let particles = self.config.particle.as_deref().unwrap_or_default();
-        let mut rows =
-            particles.iter().enumerate().filter(|(_, particle)| particle.name.as_deref() == Some(name));
-        match (rows.next(), rows.next()) {
-            (Some((row, _)), None) => return Some(species + row),
-            (Some(_), Some(_)) => {
+    fn row_of(&mut self, path: &Path, name: &str, rows: &HashMap<String, Option<usize>>) -> Option<usize> {
+        match rows.get(name) {
+            Some(Some(row)) => return Some(*row),
+            Some(None) => {
                 let message = format!(
                     "several particles are named \"{name}\": the one that is meant needs a name of its own"
                 );
                 self.document.report(path, message);
             }
-            (None, _) => {
-                let known: Vec<&str> =
-                    particles.iter().filter_map(|particle| particle.name.as_deref()).collect();
-                let near = known
-                    .iter()
-                    .max_by(|x, y| strsim::jaro_winkler(x, name).total_cmp(&strsim::jaro_winkler(y, name)))
-                    .filter(|best| strsim::jaro_winkler(best, name) > 0.75)
-                    .map_or_else(String::new, |best| format!("; did you mean \"{best}\"?"));
-                let message =
-                    format!("no [[particle]] is named \"{name}\"{near} (known: {})", known.join(", "));
+            None => {
+                let particles = self.config.particle.as_deref().unwrap_or_default();
+                let known = || particles.iter().filter_map(|particle| particle.name.as_deref());
+                let message = format!("no [[particle]] is named {}", among(name, known));
                 self.document.report(path, message);
             }
         }
@@ -130,6 +140,8 @@ impl Builder<'_> {
 
     /// The joints of the scene; `species`: number of particles before the first `[[particle]]`.
     pub(super) fn joints(&mut self, species: usize, position: &dyn Fn(usize) -> DVec3) -> Joints {
+        let rows = self.rows_by_name(species);
+        self.check_joint_names();
         let mut joints =
             Joints { sticking: self.sticking.clone(), clinging: self.clinging.clone(), ..Joints::default() };
         for (k, config) in self.config.pendulum.clone().unwrap_or_default().into_iter().enumerate() {
@@ -144,7 +156,7 @@ impl Builder<'_> {
                     .report_missing(&path("bob"), "missing: the name of the particle that hangs on it");
                 continue;
             };
-            let Some(bob) = self.row_of(&path("bob"), bob, species) else { continue };
+            let Some(bob) = self.row_of(&path("bob"), bob, &rows) else { continue };
             let length = config.length.unwrap_or_else(|| (position(bob) - pivot).length());
             if !positive(&mut self.document, &path("length"), length) {
                 continue;
@@ -172,7 +184,7 @@ impl Builder<'_> {
             }
             let mut ends = Vec::new();
             for name in &names {
-                ends.extend(self.row_of(&path("between"), name, species).map(SpringEnd::Particle));
+                ends.extend(self.row_of(&path("between"), name, &rows).map(SpringEnd::Particle));
             }
             if let Some(point) = &config.point {
                 ends.push(SpringEnd::Point(self.vector(&path("point"), point)));
@@ -202,7 +214,7 @@ impl Builder<'_> {
                 continue;
             }
             let ends: Vec<usize> =
-                names.iter().filter_map(|name| self.row_of(&path("between"), name, species)).collect();
+                names.iter().filter_map(|name| self.row_of(&path("between"), name, &rows)).collect();
             let Ok(ends) = <[usize; 2]>::try_from(ends) else { continue };
             let length = config.length.unwrap_or_else(|| (position(ends[1]) - position(ends[0])).length());
             if !positive(&mut self.document, &path("length"), length) {
@@ -212,6 +224,19 @@ impl Builder<'_> {
             joints.rods.push(Rod { name, ends, length });
         }
         joints
+    }
+
+    /// Names of joints go into messages and files.
+    fn check_joint_names(&mut self) {
+        let config = &self.config;
+        let pendulums = config.pendulum.iter().flatten().map(|joint| &joint.name).enumerate();
+        let springs = config.spring.iter().flatten().map(|joint| &joint.name).enumerate();
+        let rods = config.rod.iter().flatten().map(|joint| &joint.name).enumerate();
+        let all = pendulums.map(|(k, name)| ("pendulum", k, name));
+        let all = all.chain(springs.map(|(k, name)| ("spring", k, name)));
+        for (list, k, name) in all.chain(rods.map(|(k, name)| ("rod", k, name))) {
+            storable(&mut self.document, &item(list, k, "name"), name.as_deref().unwrap_or_default());
+        }
     }
 
     /// Whether the joints fit together and fit the system.

@@ -19,11 +19,14 @@ use crate::document::Document;
 use crate::error::{ErrorKind, Place, SceneError, SceneErrors};
 use crate::scene::Scene;
 use crate::state::StateSource;
-use values::at;
+use values::{at, storable};
 
 /// Bytes that a run needs per particle, for refusing what cannot fit: the most that was measured, in making a dense
 /// random packing; the run itself takes about 250.
 const BYTES_PER_PARTICLE: f64 = 420.0;
+
+/// Reading a text may always take this much [bytes], whatever the system says is free.
+const LEAST_MEMORY: u64 = 256 << 20;
 
 /// Rows are 32-bit numbers in the engine and in files.
 const MAX_PARTICLES: u64 = 1 << 31;
@@ -32,13 +35,17 @@ const MAX_PARTICLES: u64 = 1 << 31;
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Limits {
     pub(crate) particles: u64,
+    /// For reading the text [bytes].
+    pub(crate) memory: u64,
 }
 
 impl Limits {
     /// As many particles as the free memory holds, where the system tells.
     pub(crate) fn of_this_machine() -> Self {
-        let fits = available_memory().map_or(u64::MAX, |bytes| (bytes / BYTES_PER_PARTICLE) as u64);
-        Self { particles: fits.clamp(10_000, MAX_PARTICLES) }
+        let free = available_memory();
+        let fits = free.map_or(u64::MAX, |bytes| (bytes / BYTES_PER_PARTICLE) as u64);
+        let memory = free.map_or(u64::MAX, |bytes| bytes as u64).max(LEAST_MEMORY);
+        Self { particles: fits.clamp(10_000, MAX_PARTICLES), memory }
     }
 }
 
@@ -74,8 +81,9 @@ pub(crate) fn build(
     states: &dyn StateSource,
     limits: Limits,
 ) -> Result<Scene, SceneErrors> {
-    let mut document = Document::new(name, text, overrides);
-    let config = if document.errors.is_empty() { document.config() } else { SceneConfig::default() };
+    let mut document = Document::new(name, text, overrides, limits.memory);
+    let garbled = document.is_garbled();
+    let config = if garbled { SceneConfig::default() } else { document.config() };
     let mut builder = Builder {
         document,
         config,
@@ -87,14 +95,18 @@ pub(crate) fn build(
         clinging: Vec::new(),
         unreadable: false,
     };
-    let overrides_failed = builder.document.errors.iter().any(|error| error.path.is_empty());
-    let result = if overrides_failed { Err(Refused) } else { builder.scene(name) };
-    if let (Ok(scene), true) = (result, builder.document.errors.is_empty()) {
+    let result = if garbled { Err(Refused) } else { builder.scene(name) };
+    if let (Ok(scene), true) = (result, builder.document.is_sound()) {
         return Ok(scene);
     }
     let kind = if builder.unreadable { ErrorKind::Unreadable } else { ErrorKind::Invalid };
-    let (errors, source) = builder.document.into_errors();
-    Err(SceneErrors { errors, source, kind })
+    let (errors, more, source) = builder.document.into_errors();
+    Err(SceneErrors { errors, more, source, kind })
+}
+
+/// The error of a scene file that is too long.
+pub(crate) fn too_long(name: &str) -> SceneErrors {
+    whole(name, crate::weight::too_long(), ErrorKind::Invalid)
 }
 
 /// The error of a scene file that cannot be read.
@@ -105,14 +117,14 @@ pub(crate) fn unreadable(name: &str, why: &std::io::Error) -> SceneErrors {
         }
         _ => why.to_string(),
     };
-    let error = SceneError {
-        file: name.to_owned(),
-        place: Place::Whole,
-        path: String::new(),
-        value: None,
-        message: format!("cannot read the scene: {why}"),
-    };
-    SceneErrors { errors: vec![error], source: String::new(), kind: ErrorKind::Unreadable }
+    whole(name, format!("cannot read the scene: {why}"), ErrorKind::Unreadable)
+}
+
+/// An error of a scene file as a whole.
+pub(crate) fn whole(name: &str, message: String, kind: ErrorKind) -> SceneErrors {
+    let file = name.to_owned();
+    let error = SceneError { file, place: Place::Whole, path: String::new(), value: None, message };
+    SceneErrors { errors: vec![error], more: 0, source: String::new(), kind }
 }
 
 impl Builder<'_> {
@@ -124,7 +136,7 @@ impl Builder<'_> {
         let explicit = self.particle_plans();
         let names = self.names();
         let mut domain = self.domain_plan(!species.is_empty(), !explicit.is_empty());
-        let extra_walls = self.extra_walls();
+        let extra_walls = self.extra_walls(&domain);
         let wall_names: Vec<String> =
             domain.wall_names().into_iter().chain(extra_walls.iter().map(|wall| wall.name.clone())).collect();
         self.check_names(&names, &wall_names);
@@ -144,6 +156,7 @@ impl Builder<'_> {
         let system_domain = domain.finish(self.dimension, &rows);
         let walls = domain.walls(&system_domain, extra_walls);
         self.check_box(&system_domain, &rows, initial.positions.as_ref());
+        self.check_resolution(&system_domain, &species, &rows, initial.positions.as_ref());
         self.gate()?;
         self.check_places(&system_domain, &walls, &mut rows, state.as_ref());
         self.gate()?;
@@ -174,6 +187,7 @@ impl Builder<'_> {
         Ok(Scene {
             title: self.config.title.clone().unwrap_or_default(),
             seed: self.seed,
+            state_file: initial.state_file(),
             packing_fraction: plan::packing_fraction(&system),
             collision_rate: rate,
             system,
@@ -187,7 +201,7 @@ impl Builder<'_> {
 
     /// Stops where an error has been found.
     fn gate(&self) -> Result<(), Refused> {
-        if self.document.errors.is_empty() { Ok(()) } else { Err(Refused) }
+        if self.document.is_sound() { Ok(()) } else { Err(Refused) }
     }
 
     fn header(&mut self, name: &str) {
@@ -205,9 +219,12 @@ impl Builder<'_> {
         self.config.dimension = Some(self.dimension.count() as i64);
         match u64::try_from(self.config.seed.unwrap_or(0)) {
             Ok(seed) => self.seed = seed,
-            Err(_) => self.document.report(&at(["seed"]), "must be 0 or more"),
+            Err(_) => self.document.report(&at(["seed"]), "must be in 0..=9223372036854775807"),
         }
         self.config.seed = Some(self.seed as i64);
+        if let Some(title) = &self.config.title {
+            storable(&mut self.document, &at(["title"]), title);
+        }
         self.config.title.get_or_insert_with(|| {
             std::path::Path::new(name)
                 .file_stem()

@@ -2,13 +2,14 @@
 
 use std::collections::HashMap;
 use std::f64::consts::PI;
+use std::path::PathBuf;
 
 use glam::DVec3;
 use haff_engine::{Body, Class, Dimension};
 
 use super::Builder;
 use super::contact::Names;
-use super::values::{at, item, mass, not_negative, positive};
+use super::values::{at, item, mass, not_negative, positive, storable};
 use crate::config::{InitialConfig, PackingConfig, PositionsConfig, RadiusConfig};
 use crate::random::{Purpose, Stream};
 
@@ -79,6 +80,16 @@ pub(super) struct ParticlePlan {
 pub(super) struct Initial {
     pub(super) positions: Option<PositionsConfig>,
     pub(super) temperature: Option<f64>,
+}
+
+impl Initial {
+    /// The state file that the species start from.
+    pub(super) fn state_file(&self) -> Option<PathBuf> {
+        match &self.positions {
+            Some(PositionsConfig::File(file)) => file.file.as_ref().map(PathBuf::from),
+            _ => None,
+        }
+    }
 }
 
 /// Bodies under construction, species first.
@@ -290,6 +301,7 @@ impl Builder<'_> {
                 if file.file.as_ref().is_none_or(String::is_empty) {
                     self.document.report_missing(&path, "must name a file: { file = \"state.h5\" }");
                 }
+                storable(&mut self.document, &path, file.file.as_deref().unwrap_or_default());
             }
             PositionsConfig::Packing(packing) => {
                 initial.temperature.get_or_insert(1.0);

@@ -156,7 +156,7 @@ impl Builder<'_> {
                 }
             }
         }
-        if !self.document.errors.is_empty() {
+        if !self.document.is_sound() {
             return;
         }
         let position: Vec<DVec3> = rows.bodies[first..].iter().map(|body| body.position).collect();

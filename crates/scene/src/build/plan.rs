@@ -7,7 +7,7 @@ use std::path::PathBuf;
 
 use super::Builder;
 use super::particles::volume;
-use super::values::{SMALLEST, at, positive};
+use super::values::{SMALLEST, at, positive, storable};
 use crate::config::{
     CompressionConfig, EventColumnConfig, EventsConfig, LogConfig, OutputConfig, OutputFileConfig,
     ScheduleConfig, WallTimeConfig,
@@ -83,6 +83,7 @@ impl Builder<'_> {
             Some(OutputFileConfig::Path(path)) if path.trim().is_empty() => {
                 self.document.report(&at(["output", "file"]), "must be a path or false");
             }
+            Some(OutputFileConfig::Path(path)) => storable(&mut self.document, &at(["output", "file"]), path),
             _ => {}
         }
         if let Some(EventsConfig::Some(events)) = &output.events {

@@ -44,6 +44,13 @@ pub(super) fn not_negative(document: &mut Document, path: &[String], value: f64)
     fine
 }
 
+/// Reports a text that HDF5 files and the system's file names cannot hold.
+pub(super) fn storable(document: &mut Document, path: &[String], text: &str) {
+    if text.contains('\0') {
+        document.report(path, "must not contain the character NUL (U+0000), which files cannot store");
+    }
+}
+
 /// Reports a mass that is neither positive and finite nor infinite.
 pub(super) fn mass(document: &mut Document, path: &[String], value: f64) -> bool {
     let fine = value == f64::INFINITY || (SMALLEST..=LARGEST).contains(&value);

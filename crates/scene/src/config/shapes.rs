@@ -6,9 +6,11 @@ use serde::Deserialize;
 use serde::de::{self, Deserializer, MapAccess, Visitor, value::MapAccessDeserializer};
 
 use super::{
-    EventsConfig, OutputFileConfig, PackingConfig, PositionsConfig, RadiusConfig, RestitutionConfig,
+    EventColumnsConfig, EventsConfig, FileConfig, LogConfig, OutputFileConfig, PackingConfig,
+    PositionsConfig, RadiusConfig, RadiusDistribution, RestitutionConfig, RestitutionModelConfig,
     ScheduleConfig, WallTimeConfig,
 };
+use crate::read::keys_of;
 
 /// An integer, also written as a float with an integer value such as `1e6`.
 pub(super) fn whole<'de, D: Deserializer<'de>>(deserializer: D) -> Result<Option<i64>, D::Error> {
@@ -25,6 +27,9 @@ pub(super) fn whole<'de, D: Deserializer<'de>>(deserializer: D) -> Result<Option
             // Beyond 2^53 not every integer is a float: such a value is a slip, or meant as infinity.
             if value == value.trunc() && value.abs() <= 9_007_199_254_740_992.0 {
                 Ok(value as i64)
+            } else if value == value.trunc() && value.is_finite() {
+                let allowed = "an integer; written as a float, at most 2^53 = 9007199254740992 in size";
+                Err(E::invalid_value(de::Unexpected::Float(value), &allowed))
             } else {
                 Err(E::invalid_type(de::Unexpected::Float(value), &self))
             }
@@ -37,7 +42,7 @@ pub(super) fn whole<'de, D: Deserializer<'de>>(deserializer: D) -> Result<Option
 /// stands. serde's `untagged` tries all variants and can only say that none fits.
 macro_rules! by_shape {
     ($type:ident, $expecting:literal $(, number $number:expr)? $(, text $text:expr)? $(, boolean $boolean:expr)?
-     $(, table $table:expr)?) => {
+     $(, table $table:expr, of $keys:ty)?) => {
         impl<'de> Deserialize<'de> for $type {
             fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
                 struct Shapes;
@@ -62,6 +67,9 @@ macro_rules! by_shape {
                         Ok($table(Deserialize::deserialize(MapAccessDeserializer::new(map))?))
                     })?
                 }
+                // As a structure, where one of the shapes is one, so that the deserializer knows its keys.
+                $(return deserializer.deserialize_struct(stringify!($type), keys_of::<$keys>(), Shapes);)?
+                #[allow(unreachable_code)]
                 deserializer.deserialize_any(Shapes)
             }
         }
@@ -71,19 +79,19 @@ macro_rules! by_shape {
 by_shape!(
     RadiusConfig, "a number, { uniform = [a, b] } or { normal = [mean, sd] }",
     number RadiusConfig::Fixed,
-    table RadiusConfig::Distribution
+    table RadiusConfig::Distribution, of RadiusDistribution
 );
 by_shape!(
     PositionsConfig, "\"lattice\", \"fcc\", \"hexagonal\", \"random\" or { file = \"…\" }",
     text |text: &str| {
         PackingConfig::deserialize(de::value::StrDeserializer::<E>::new(text)).map(PositionsConfig::Packing)
     },
-    table PositionsConfig::File
+    table PositionsConfig::File, of FileConfig
 );
 by_shape!(
     RestitutionConfig, "a number in [0, 1] or a table { model = … }",
     number RestitutionConfig::Constant,
-    table RestitutionConfig::Model
+    table RestitutionConfig::Model, of RestitutionModelConfig
 );
 by_shape!(
     WallTimeConfig, "a duration such as \"2h\" or a number of seconds",
@@ -102,7 +110,7 @@ by_shape!(
 by_shape!(
     EventsConfig, "true, false or { columns = […] }",
     boolean |value: bool| Ok(EventsConfig::All(value)),
-    table EventsConfig::Some
+    table EventsConfig::Some, of EventColumnsConfig
 );
 by_shape!(
     ScheduleConfig, "a number, { log = [first, factor] } or false",
@@ -112,5 +120,5 @@ by_shape!(
     } else {
         Ok(ScheduleConfig::Off(false))
     },
-    table ScheduleConfig::Log
+    table ScheduleConfig::Log, of LogConfig
 );

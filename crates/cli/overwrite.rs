@@ -1,0 +1,55 @@
+//! What no run replaces: what it starts from, and files that are no outputs of simulations.
+
+use std::{
+    fs::{self, File},
+    io::{ErrorKind, Read},
+    os::unix::fs::MetadataExt,
+    path::Path,
+};
+
+use crate::{
+    failure::{Failure, Status},
+    output,
+};
+
+/// First bytes of an HDF5 file.
+const SIGNATURE: [u8; 8] = *b"\x89HDF\r\n\x1a\n";
+
+/// Refuses an output that is the scene file or the state file itself, by whatever name or link; and, if a
+/// file there may be overwritten, one that is something else than HDF5.
+pub fn check(file: &Path, scene: &Path, state: Option<&Path>, overwrite: bool) -> Result<(), Failure> {
+    let inputs = [("the scene", Some(scene)), ("the state that the scene starts from", state)];
+    for (what, input) in inputs {
+        if input.is_some_and(|input| is_same(file, input)) {
+            let message = format!("output {}: is {what}; name another file (-o)", output::path(file));
+            return Err(Failure::new(Status::Invalid, message));
+        }
+    }
+    if overwrite { check_kind(file) } else { Ok(()) }
+}
+
+/// Whether two paths lead to one file, also by links.
+fn is_same(one: &Path, other: &Path) -> bool {
+    let identity = |path| fs::metadata(path).map(|metadata| (metadata.dev(), metadata.ino()));
+    matches!((identity(one), identity(other)), (Ok(one), Ok(other)) if one == other)
+}
+
+/// Refuses a file that is there and not HDF5. An empty one loses nothing; a folder or a device is
+/// refused where the file is begun.
+fn check_kind(path: &Path) -> Result<(), Failure> {
+    if !fs::metadata(path).is_ok_and(|metadata| metadata.is_file() && metadata.len() > 0) {
+        return Ok(());
+    }
+    let mut start = [0; SIGNATURE.len()];
+    let why = match File::open(path).and_then(|mut file| file.read_exact(&mut start)) {
+        Ok(()) if start == SIGNATURE => return Ok(()),
+        Ok(()) => "it is not an HDF5 file".to_owned(),
+        Err(error) if error.kind() == ErrorKind::UnexpectedEof => "it is not an HDF5 file".to_owned(),
+        Err(error) => error.to_string(),
+    };
+    let path = output::path(path);
+    let message = format!(
+        "{path}: --overwrite replaces outputs of runs only: {why}; remove it, or name another file (-o)"
+    );
+    Err(Failure::new(Status::File, message))
+}
