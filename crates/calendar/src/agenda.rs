@@ -41,6 +41,8 @@ pub struct Agenda<E: Event> {
     head: usize,
     /// Events of the run's buckets that are too many for it, all later than those in it.
     crowd: BinaryHeap<Reverse<E>>,
+    /// Length of the run, with what has been taken of it, from which on it is not simply inserted into: none while there is a crowd.
+    longest: usize,
     /// How many the run shall hold.
     lead: usize,
     len: usize,
@@ -60,6 +62,7 @@ impl<E: Event> Default for Agenda<E> {
             run: Vec::new(),
             head: 0,
             crowd: BinaryHeap::new(),
+            longest: LONGEST_RUN,
             lead: 1,
             len: 0,
         }
@@ -90,6 +93,7 @@ impl<E: Event> Agenda<E> {
         self.run.clear();
         self.head = 0;
         self.crowd.clear();
+        self.longest = LONGEST_RUN;
         self.current = -1;
         self.len = events.len();
         for event in events {
@@ -137,7 +141,7 @@ impl<E: Event> Agenda<E> {
     /// Inserts an event into the run.
     #[inline(always)]
     fn insert(&mut self, event: E) {
-        if self.run.len() - self.head >= LONGEST_RUN || !self.crowd.is_empty() {
+        if self.run.len() >= self.longest {
             return self.insert_into_crowd(event);
         }
         self.insert_into_run(event);
@@ -146,15 +150,17 @@ impl<E: Event> Agenda<E> {
     /// Inserts an event where there are too many for the run.
     #[cold]
     fn insert_into_crowd(&mut self, event: E) {
-        if self.run.len() - self.head >= LONGEST_RUN {
-            let kept = self.head + LONGEST_RUN / 2;
-            self.crowd.extend(self.run.drain(kept..).map(Reverse));
+        self.run.drain(..self.head);
+        self.head = 0;
+        if self.run.len() >= LONGEST_RUN {
+            self.crowd.extend(self.run.drain(LONGEST_RUN / 2..).map(Reverse));
         }
-        if self.run[self.head..].last().is_some_and(|last| event < *last) {
+        if self.crowd.is_empty() || self.run.last().is_some_and(|last| event < *last) {
             self.insert_into_run(event);
         } else {
             self.crowd.push(Reverse(event));
         }
+        self.longest = if self.crowd.is_empty() { LONGEST_RUN } else { 0 };
     }
 
     #[inline(always)]
