@@ -99,7 +99,11 @@ def _all_pairs(count: int) -> Iterator[NDArray[np.intp]]:
 def kinetic_energy(frame: Frame) -> float:
     """Σ ½ m v² over bodies of finite mass [energy], summed exactly and rounded once."""
     mobile = np.isfinite(frame.mass)
-    return math.fsum(0.5 * frame.mass[mobile] * np.einsum("ij,ij->i", frame.velocity[mobile], frame.velocity[mobile]))
+    energies = 0.5 * frame.mass[mobile] * np.einsum("ij,ij->i", frame.velocity[mobile], frame.velocity[mobile])
+    try:
+        return math.fsum(energies)
+    except OverflowError:
+        raise NotApplicableError("the kinetic energy is too large for a number") from None
 
 
 def temperature(frame: Frame, species: int | None = None) -> float:
@@ -120,8 +124,13 @@ def temperature(frame: Frame, species: int | None = None) -> float:
 
 
 def scaled_velocities(frame: Frame) -> Array:
-    """``[M, d]`` velocities c = (v − V)/√(2T/m) of the bodies of finite mass, T the temperature of the frame."""
+    """``[M, d]`` velocities c = (v − V)/√(2T/m) of the bodies of finite mass, T the temperature of the frame.
+
+    Raises :class:`NotApplicableError` if there is no such body.
+    """
     mobile = np.isfinite(frame.mass)
+    if not mobile.any():
+        raise NotApplicableError("no body of finite mass: there is no distribution of velocities")
     mass, velocity = frame.mass[mobile], frame.velocity[mobile, : frame.box.dimension]
     velocity = velocity - np.average(velocity, axis=0, weights=mass)
     return velocity / np.sqrt(2 * temperature(frame) / mass)[:, None]
