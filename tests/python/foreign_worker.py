@@ -166,7 +166,9 @@ def answer(path: Path, folder: Path, seed: int, all_of_it: bool = False) -> dict
 def loop(warm_up: list[Path], folder: Path) -> None:
     warnings.simplefilter("ignore")
     np.seterr(all="ignore")
-    # Libraries that are loaded when they are needed take memory, too.
+    # Sound files first, without a limit: libraries that are loaded when they are needed take memory, too.
+    hard = resource.getrlimit(resource.RLIMIT_AS)[1]
+    resource.setrlimit(resource.RLIMIT_AS, (hard, hard))
     for path in warm_up[:2]:
         answer(path, folder, 0, all_of_it=True)
     size = int(Path("/proc/self/statm").read_text().split()[0]) * resource.getpagesize()

@@ -6,6 +6,7 @@ import random
 import re
 from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 import h5py
 import numpy as np
@@ -20,6 +21,8 @@ VALUES = (
     '["a"]', '""', "[0, 0, 0]", "[nan, 1, 1]", "99999999999999999999", "1979-05-27", "{ model = 5 }", "[{}]",
     '["a", "b"]', "[1, 2]",
 )  # fmt: skip
+MOST = 1 << 20
+"""Numbers of a dataset that a change reads, and bytes of a chunk that it writes: changes take no memory to speak of."""
 MARKS = re.compile(rb"TREE|HEAP|SNOD|GCOL|OHDR|OCHK|FRHP|BTHD|\x89HDF")
 
 
@@ -35,8 +38,8 @@ def mutate(source: Path, target: Path, seed: int) -> str:
             change = rng.choice(CHANGES)
             try:
                 done.append(f"{change.__name__[1:]} {change(file, rng)}")
-            except (KeyError, ValueError, TypeError, OSError, RuntimeError, IndexError, OverflowError) as error:
-                # An earlier change may have taken what this one needs.
+            except Exception as error:
+                # An earlier change may have taken what this one needs; what it has done so far stays.
                 done.append(f"{change.__name__[1:]} failed: {error}")
     return ascii("; ".join(done))
 
@@ -77,6 +80,13 @@ def _place(file: h5py.File, rng: random.Random, kind: type = h5py.Dataset) -> st
     return rng.choice(read if read and rng.random() < 0.95 else found)
 
 
+def _data(file: h5py.File, place: str) -> Any:
+    """All of a dataset, unless an earlier change has declared it to be large."""
+    if (file[place].size or 0) > MOST:
+        raise ValueError(f"{place} is large")
+    return file[place][()]
+
+
 def _delete(file: h5py.File, rng: random.Random) -> str:
     place = _place(file, rng, rng.choice((h5py.Dataset, h5py.Dataset, h5py.Group)))
     del file[place]
@@ -90,7 +100,7 @@ def _replace(file: h5py.File, place: str, **options) -> None:
 
 def _retype(file: h5py.File, rng: random.Random) -> str:
     place = _place(file, rng)
-    data = file[place][()]
+    data = _data(file, place)
     kinds: list = [
         "f2",
         "f4",
@@ -128,7 +138,7 @@ def _retype(file: h5py.File, rng: random.Random) -> str:
 
 def _reshape(file: h5py.File, rng: random.Random) -> str:
     place = _place(file, rng)
-    data = np.asarray(file[place][()])
+    data = np.asarray(_data(file, place))
     shapes = [
         data[None], data[..., None], data.ravel(), data[:1], data[:-1], data[..., :2], data[()], data.T, data[:0],
         np.concatenate([data, data]), data.reshape(-1)[0], np.broadcast_to(data.reshape(-1)[:1], (1,) * 32),
@@ -153,7 +163,8 @@ def _declare(file: h5py.File, rng: random.Random) -> str:
     if way == "resize" and data.maxshape and data.maxshape[0] is None:
         data.resize(rows, axis=0)
     elif way == "filtered":
-        chunk = (1 << rng.randrange(10, 22), *width)
+        most = max(1, MOST // max(1, dtype.itemsize * int(np.prod(width))))
+        chunk = (rng.randrange(1, most + 1), *width)
         _replace(file, place, shape=(rows, *width), dtype=dtype, chunks=chunk, compression="gzip", shuffle=True)
         file[place][:1] = np.zeros((1, *width), dtype)
     elif way == "wide":
@@ -166,7 +177,7 @@ def _declare(file: h5py.File, rng: random.Random) -> str:
 def _value(file: h5py.File, rng: random.Random) -> str:
     place = _place(file, rng)
     data = file[place]
-    values = np.asarray(data[()])
+    values = np.asarray(_data(file, place))
     flat = values.reshape(-1)
     count = rng.choice((1, 1, 3, flat.size))
     at = [rng.randrange(flat.size) for _ in range(min(count, 200))] if count < flat.size else slice(None)
@@ -187,7 +198,7 @@ def _value(file: h5py.File, rng: random.Random) -> str:
 
 def _order(file: h5py.File, rng: random.Random) -> str:
     place = _place(file, rng)
-    values = np.asarray(file[place][()])
+    values = np.asarray(_data(file, place))
     way = rng.choice(("reverse", "shuffle", "noise", "scale"))
     if way == "reverse":
         values = values[::-1]
@@ -252,7 +263,7 @@ def _elsewhere(file: h5py.File, rng: random.Random) -> str:
 def _storage(file: h5py.File, rng: random.Random) -> str:
     """Other ways to store the same, which are sound."""
     place = _place(file, rng)
-    values = file[place][()]
+    values = _data(file, place)
     way = rng.choice(("lzf", "gzip", "scaleoffset", "fletcher", "holes"))
     options: dict = {
         "lzf": {"compression": "lzf"},
@@ -302,7 +313,7 @@ def _attribute(file: h5py.File, rng: random.Random) -> str:
 
 def _scene(file: h5py.File, rng: random.Random) -> str:
     """Another value for a key, another key, another title, or no TOML at all."""
-    text = file["parameters/scene"][()].decode()
+    text = _data(file, "parameters/scene").decode()
     lines = text.splitlines()
     way = rng.choice(
         ("value", "value", "value", "value", "title", "names", "drop", "twice", "text", "bytes", "deep", "add")

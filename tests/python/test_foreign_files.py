@@ -22,6 +22,8 @@ from mutations import mutate
 
 resource = pytest.importorskip("resource", reason="memory can be limited on Unix only")
 
+pytestmark = pytest.mark.usefixtures("bounded")
+
 COUNT = int(os.environ.get("HAFF_MUTATIONS", "300"))
 SEED = int(os.environ.get("HAFF_MUTATIONS_SEED", "0"))
 SECONDS = 30

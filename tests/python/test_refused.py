@@ -15,6 +15,8 @@ import synthetic
 from haff import analysis
 from haff.__main__ import main
 
+pytestmark = pytest.mark.usefixtures("bounded")
+
 FRAME = "particles/all/position/value"
 Change = Callable[[h5py.File], None]
 
