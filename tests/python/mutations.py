@@ -207,7 +207,8 @@ def _order(file: h5py.File, rng: random.Random) -> str:
     elif way == "noise":
         values = np.frombuffer(rng.randbytes(values.nbytes), values.dtype).reshape(values.shape)
     else:
-        values = (values * rng.choice((-1, 1e9, 1e-9, 1e60, 0))).astype(values.dtype)
+        with np.errstate(all="ignore"):
+            values = (values * rng.choice((-1, 1e9, 1e-9, 1e60, 0))).astype(values.dtype)
     file[place][...] = values
     return f"{place} {way}"
 
