@@ -9,12 +9,19 @@ from __future__ import annotations
 import argparse
 import sys
 from pathlib import Path
+from typing import NoReturn
 
 from .errors import FileError, HaffError, MissingPackageError
+from .text import escaped
+
+
+class _Parser(argparse.ArgumentParser):
+    def error(self, message: str) -> NoReturn:
+        super().error(escaped(message))
 
 
 def _parser() -> argparse.ArgumentParser:
-    parser = argparse.ArgumentParser(prog="haff", description="Figures, exports and pages of the runs of haff.")
+    parser = _Parser(prog="haff", description="Figures, exports and pages of the runs of haff.")
     commands = parser.add_subparsers(dest="command", required=True, metavar="COMMAND")
     for add in (_add_plot, _add_export, _add_view):
         add(commands)
@@ -140,14 +147,14 @@ def main(arguments: list[str] | None = None) -> int:
             parser.error(f"--kind {kind}: must be one of {', '.join(_KINDS)}")
     try:
         return options.run(options)
-    except (FileError, MissingPackageError) as error:
-        return _fail(str(error), 4)
     except HaffError as error:
-        return _fail(str(error), 2)
+        return _fail(*error.lines, status=4 if isinstance(error, (FileError, MissingPackageError)) else 2)
+    except MemoryError:
+        return _fail(f"{options.file}: not enough memory", status=4)
     except OSError as error:
-        return _fail(f"{error.filename or options.file}: {error.strerror or error}", 4)
+        return _fail(f"{error.filename or options.file}: {error.strerror or error}", status=4)
     except KeyboardInterrupt:
-        return _fail("interrupted", 130)
+        return _fail("interrupted", status=130)
 
 
 def _export(options: argparse.Namespace) -> int:
@@ -164,7 +171,7 @@ def _export(options: argparse.Namespace) -> int:
             unwrapped=options.unwrapped,
             overwrite=options.overwrite,
         )
-    print(path)
+    print(escaped(path))
     return 0
 
 
@@ -182,7 +189,7 @@ def _view(options: argparse.Namespace) -> int:
         notes=notes,
     )
     _tell(notes)
-    print(path)
+    print(escaped(path))
     return 0
 
 
@@ -191,27 +198,27 @@ def _plot(options: argparse.Namespace) -> int:
 
     if options.movie is not None:
         if options.kind or options.show or options.output:
-            return _fail("--movie draws no figures: leave out --kind, --show and -o", 2)
+            return _fail("--movie draws no figures: leave out --kind, --show and -o", status=2)
         return _movie(options)
     if options.frames is not None or options.overwrite:
-        return _fail("--frames and --overwrite go with --movie; a snapshot takes --frame", 2)
+        return _fail("--frames and --overwrite go with --movie; a snapshot takes --frame", status=2)
     directory = options.output or Path("figures")
     with reader.open(options.file) as file:
         kinds = options.kind or list(figures.KINDS)
         results = figures.save_all(file, kinds, directory, options.format, options.frame)
         for result in results:
             if result.path is not None:
-                print(result.path)
+                print(escaped(result.path))
             elif options.kind:
                 # A figure that nobody has named and that is not for this file is no news.
-                print(f"skipped {result.kind}: {result.reason}", file=sys.stderr)
+                print(f"skipped {result.kind}: {escaped(result.reason)}", file=sys.stderr)
         drawn = [result for result in results if result.path is not None]
         if options.show:
             _show(drawn, file, options.frame)
     missing = [result for result in results if result.path is None]
     if options.kind and missing:
         return 2
-    return 0 if drawn else _fail(f"{options.file}: no figure applies", 2)
+    return 0 if drawn else _fail(f"{options.file}: no figure applies", status=2)
 
 
 def _movie(options: argparse.Namespace) -> int:
@@ -224,13 +231,13 @@ def _movie(options: argparse.Namespace) -> int:
             file, options.movie, frames=options.frames, fps=options.fps, overwrite=options.overwrite, notes=notes
         )
     _tell(notes)
-    print(path)
+    print(escaped(path))
     return 0
 
 
 def _tell(notes: list[str]) -> None:
     for note in notes:
-        print(f"haff: {note}", file=sys.stderr)
+        print(f"haff: {escaped(note)}", file=sys.stderr)
 
 
 def _show(drawn, file, frame: int) -> None:
@@ -250,8 +257,9 @@ def _show(drawn, file, frame: int) -> None:
     plt.show()
 
 
-def _fail(message: str, status: int) -> int:
-    print(f"haff: error: {message}", file=sys.stderr)
+def _fail(*lines: str, status: int) -> int:
+    for line in lines:
+        print(f"haff: error: {escaped(line)}", file=sys.stderr)
     return status
 
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
@@ -11,7 +11,8 @@ from numpy.typing import ArrayLike, NDArray
 from scipy.spatial import cKDTree
 
 from . import theory
-from .errors import NotApplicableError
+from .errors import ArgumentError, NotApplicableError
+from .layout import computing
 
 if TYPE_CHECKING:
     from .frames import Frame
@@ -70,35 +71,39 @@ def max_overlap(frame: Frame) -> Overlap:
     position = np.where(box.periodic & (position >= box.size), 0.0, position)
     reach = 2 * radius.max() * (1 + 1e-9)
     if np.any(box.periodic & (box.size < 2 * reach)):
-        pairs, gap = _all_pairs(position, sides)
+        blocks = _all_pairs(len(position))
     else:
-        pairs = cKDTree(position, boxsize=sides).query_pairs(reach, output_type="ndarray")
-        gap = position[pairs[:, 1]] - position[pairs[:, 0]]
-        with np.errstate(invalid="ignore", divide="ignore"):
-            gap -= np.where(sides > 0, np.round(gap / np.where(sides > 0, sides, 1.0)) * sides, 0.0)
+        blocks = iter([cKDTree(position, boxsize=sides).query_pairs(reach, output_type="ndarray")])
     heavy = np.isinf(frame.mass)
-    keep = ~(heavy[pairs[:, 0]] & heavy[pairs[:, 1]])
-    pairs, gap = pairs[keep], gap[keep]
-    if len(pairs) == 0:
-        return Overlap(-np.inf, (-1, -1))
-    contact = radius[pairs[:, 0]] + radius[pairs[:, 1]]
-    depth = (contact - np.linalg.norm(gap, axis=1)) / contact
-    worst = int(np.argmax(depth))
-    return Overlap(float(depth[worst]), (int(pairs[worst, 0]), int(pairs[worst, 1])))
+    deepest = Overlap(-np.inf, (-1, -1))
+    for pairs in blocks:
+        pairs = pairs[~(heavy[pairs[:, 0]] & heavy[pairs[:, 1]])]
+        gap = position[pairs[:, 1]] - position[pairs[:, 0]]
+        gap -= np.where(sides > 0, np.round(gap / np.where(sides > 0, sides, 1.0)) * sides, 0.0)
+        contact = radius[pairs[:, 0]] + radius[pairs[:, 1]]
+        depth = (contact - np.linalg.norm(gap, axis=1)) / contact
+        if depth.max(initial=-np.inf) > deepest.depth:
+            worst = int(np.argmax(depth))
+            deepest = Overlap(float(depth[worst]), (int(pairs[worst, 0]), int(pairs[worst, 1])))
+    return deepest
 
 
-def _all_pairs(position: Array, sides: Array) -> tuple[NDArray[np.intp], Array]:
-    """Every pair once, nearest image: for boxes too small for a periodic tree."""
-    i, j = np.triu_indices(len(position), 1)
-    gap = position[j] - position[i]
-    gap -= np.where(sides > 0, np.round(gap / np.where(sides > 0, sides, 1.0)) * sides, 0.0)
-    return np.stack([i, j], axis=1), gap
+def _all_pairs(count: int) -> Iterator[NDArray[np.intp]]:
+    """Every pair once, about a million at a time: for boxes too small for a periodic tree."""
+    rows = max(1, (1 << 20) // count)
+    for first in range(0, count, rows):
+        i, j = np.meshgrid(np.arange(first, min(first + rows, count)), np.arange(count), indexing="ij")
+        yield np.stack([i[i < j], j[i < j]], axis=1)
 
 
 def kinetic_energy(frame: Frame) -> float:
     """Σ ½ m v² over bodies of finite mass [energy], summed exactly and rounded once."""
     mobile = np.isfinite(frame.mass)
-    return math.fsum(0.5 * frame.mass[mobile] * np.einsum("ij,ij->i", frame.velocity[mobile], frame.velocity[mobile]))
+    energies = 0.5 * frame.mass[mobile] * np.einsum("ij,ij->i", frame.velocity[mobile], frame.velocity[mobile])
+    try:
+        return math.fsum(energies)
+    except OverflowError:
+        raise NotApplicableError("the kinetic energy is too large for a number") from None
 
 
 def temperature(frame: Frame, species: int | None = None) -> float:
@@ -119,8 +124,13 @@ def temperature(frame: Frame, species: int | None = None) -> float:
 
 
 def scaled_velocities(frame: Frame) -> Array:
-    """``[M, d]`` velocities c = (v − V)/√(2T/m) of the bodies of finite mass, T the temperature of the frame."""
+    """``[M, d]`` velocities c = (v − V)/√(2T/m) of the bodies of finite mass, T the temperature of the frame.
+
+    Raises :class:`NotApplicableError` if there is no such body.
+    """
     mobile = np.isfinite(frame.mass)
+    if not mobile.any():
+        raise NotApplicableError("no body of finite mass: there is no distribution of velocities")
     mass, velocity = frame.mass[mobile], frame.velocity[mobile, : frame.box.dimension]
     velocity = velocity - np.average(velocity, axis=0, weights=mass)
     return velocity / np.sqrt(2 * temperature(frame) / mass)[:, None]
@@ -141,7 +151,7 @@ def block_average(values: ArrayLike, blocks: int = 20, weights: ArrayLike | None
     """
     series = np.asarray(values, float)
     if len(series) < 2 * blocks:
-        raise ValueError(f"{len(series)} values are too few for {blocks} blocks")
+        raise ArgumentError(f"{len(series)} values are too few for {blocks} blocks")
     weight = np.ones_like(series) if weights is None else np.asarray(weights, float)
     length = len(series) // blocks
     cut = slice(len(series) - blocks * length, None)
@@ -182,8 +192,9 @@ def radial_distribution(frames: Iterable[Frame], r_max: float, bins: int, r_min:
         # freud keeps its box centred at the origin, and single precision.
         points = np.zeros((len(frame.position), 3))
         points[:, : box.dimension] = frame.position[:, : box.dimension] - size / 2
-        cell = freud.box.Box(*size, is2D=box.dimension == 2)
-        rdf.compute((cell, points), reset=first)
+        with computing(frame.file.path, "g(r)"):
+            cell = freud.box.Box(*size, is2D=box.dimension == 2)
+            rdf.compute((cell, points), reset=first)
         first = False
     if first:
         raise NotApplicableError("no frames")
@@ -235,6 +246,8 @@ def cooling_law(file: File) -> CoolingLaw:
     if file.scene.get("wall"):
         raise NotApplicableError("Haff's law does not know walls")
     table = file.observables if "observables" in file else None
+    if table is not None and ("temperature" not in table or len(table) == 0):
+        raise NotApplicableError("Haff's law needs samples of the temperature")
     T0 = float(table["temperature"].iloc[0]) if table is not None else temperature(file.frames[0])
     if not T0 > 0:
         raise NotApplicableError("nothing moves at the start")

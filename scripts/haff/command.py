@@ -43,7 +43,9 @@ def call(arguments: Sequence[str | os.PathLike[str]], *, show: bool = False) -> 
         stdin=subprocess.DEVNULL,
         stdout=subprocess.PIPE,
         stderr=None if show else subprocess.PIPE,
-        text=True,
+        encoding="utf-8",
+        # Names of files need not be UTF-8.
+        errors="surrogateescape",
         # Its own group: a terminal's Ctrl-C reaches it once, by us. The second one would end it at once.
         start_new_session=True,
     )
@@ -60,7 +62,7 @@ def call(arguments: Sequence[str | os.PathLike[str]], *, show: bool = False) -> 
 def failure(done: subprocess.CompletedProcess[str], about: str | None = None) -> HaffError:
     """The error that the command ended with; ``about`` is what it is said to be where nothing was told."""
     told = [line.removeprefix("error: ") for line in done.stderr.splitlines()]
-    message = "\n".join(told) or about or f"haff: exit status {done.returncode}"
+    lines = tuple(told) or (about or f"haff: exit status {done.returncode}",)
     if done.returncode == 2:
-        return SceneError([SceneProblem(line, message=line) for line in message.splitlines()])
-    return {3: SimulationError, 4: FileError}.get(done.returncode, HaffError)(message)
+        return SceneError([SceneProblem(line, message=line) for line in lines])
+    return {3: SimulationError, 4: FileError}.get(done.returncode, HaffError)(lines)

@@ -5,6 +5,8 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 
+from .text import escaped
+
 __all__ = [
     "ArgumentError",
     "FileError",
@@ -19,14 +21,27 @@ __all__ = [
 
 
 class HaffError(Exception):
-    """Base of all errors raised on purpose by this package."""
+    """Base of all errors raised on purpose by this package.
+
+    Its text is one line, or a tuple of lines, without control characters: names and titles of a file cannot add lines
+    to what a terminal shows.
+    """
+
+    @property
+    def lines(self) -> tuple[str, ...]:
+        """The message, line by line."""
+        told = self.args[0] if self.args else ()
+        return tuple(map(escaped, told if isinstance(told, tuple) else (told,)))
+
+    def __str__(self) -> str:
+        return "\n".join(self.lines)
 
 
 class FileError(HaffError, OSError):
-    """A file cannot be opened, is not HDF5, or is not an output file of ``haff``."""
+    """A file cannot be opened or read, is not an output file of ``haff``, or holds what no run can have written.
 
-    def __str__(self) -> str:
-        return str(self.args[0]) if self.args else ""
+    The message names the file, the dataset or attribute, the value, and what is allowed.
+    """
 
 
 class MissingDataError(HaffError, LookupError):
@@ -76,9 +91,6 @@ class SceneError(HaffError, ValueError):
     def problems(self) -> tuple[SceneProblem, ...]:
         """What is wrong, each with its place."""
         return self.args[0]
-
-    def __str__(self) -> str:
-        return "\n".join(map(str, self.problems))
 
 
 class SimulationError(HaffError, RuntimeError):

@@ -11,16 +11,22 @@ import numpy as np
 import pandas as pd
 
 from .errors import MissingDataError
-from .layout import Array, complete, component, reading
+from .layout import Array, complete, component
+from .text import brief, escaped
 
 if TYPE_CHECKING:
+    from .column import Column
     from .reader import File
 
 __all__ = ["Events"]
 
-_EVENT_COLUMNS = (
-    "time", "kind", "i", "j", "approach_speed", "impulse", "energy_loss", "carnot_energy", "normal", "position",
-)  # fmt: skip
+_EVENT_COLUMNS = {
+    "time": ("f", 0), "kind": ("iu", 0), "i": ("iu", 0), "j": ("iu", 0), "approach_speed": ("f", 0),
+    "impulse": ("f", 0), "energy_loss": ("f", 0), "carnot_energy": ("f", 0), "normal": ("f", 3), "position": ("f", 3),
+}  # fmt: skip
+"""What NumPy calls their kind, and components of vectors."""
+_WIDEST = 16
+"""Components of a column of another program."""
 
 
 class Events:
@@ -33,15 +39,26 @@ class Events:
 
     def __init__(self, file: File) -> None:
         self._file = file
-        group = file.hdf.get("events")
-        if not isinstance(group, h5py.Group) or "time" not in group:
+        stored = file.stored
+        found = stored.members("events")
+        if not found:
             raise MissingDataError(f"{file.path}: no event log (set output.events = true in the scene)")
-        self._group = group
-        self._columns = [n for n in _EVENT_COLUMNS if n in group]
-        self._columns += [n for n in group if n not in self._columns and isinstance(group[n], h5py.Dataset)]
-        length = min((group[n].shape[0] for n in self._columns), default=0)
-        with reading(file.path):
-            self._length = complete(group["time"], length)
+        names = ["time", *(n for n in _EVENT_COLUMNS if n in found and n != "time")]
+        names += [n for n in found if n not in names and not stored.is_group(f"events/{n}")]
+        self._data = {name: self._column(name) for name in names}
+        self._columns = names
+        self._length = complete(self._data["time"], min(map(len, self._data.values())))
+
+    def _column(self, name: str) -> Column:
+        stored, place = self._file.stored, f"events/{name}"
+        if name in _EVENT_COLUMNS:
+            kinds, width = _EVENT_COLUMNS[name]
+            return stored.column(place, (None, width) if width else (None,), kinds)
+        rank = stored.rank(place)
+        column = stored.column(place, (None, None) if rank == 2 else (None,))
+        if rank == 2 and column.width[0] > _WIDEST:
+            raise stored.wrong(place, f"has rows of {column.width[0]} numbers; must have up to {_WIDEST}")
+        return column
 
     @property
     def columns(self) -> list[str]:
@@ -51,8 +68,12 @@ class Events:
     @cached_property
     def kinds(self) -> dict[int, str]:
         """Meaning of the codes of column ``kind``."""
-        names = h5py.check_enum_dtype(self._group["kind"].dtype) if "kind" in self._group else None
-        return {code: name for name, code in sorted((names or {}).items(), key=lambda item: item[1])}
+        if "kind" not in self._data:
+            return {}
+        names = h5py.check_enum_dtype(self._data["kind"].dtype)
+        if not names:
+            raise self._file.stored.wrong("events/kind", f"holds {self._data['kind'].dtype}; must hold an enum of HDF5")
+        return {code: name for name, code in sorted(names.items(), key=lambda item: item[1])}
 
     def __len__(self) -> int:
         return self._length
@@ -63,9 +84,7 @@ class Events:
     def __getitem__(self, key: slice) -> pd.DataFrame: ...
     def __getitem__(self, key: str | slice) -> Array | pd.DataFrame:
         if isinstance(key, str):
-            self._require(key)
-            with reading(self._file.path):
-                return self._group[key][: self._length]
+            return self._values(key, 0, self._length)
         start, stop, step = key.indices(self._length)
         if step != 1:
             return self.to_pandas().iloc[key]
@@ -89,21 +108,38 @@ class Events:
             raise MissingDataError(
                 f"{self._file.path}: the event log lacks {name!r}: the scene asked for {found} (output.events)"
             )
-        raise KeyError(f"no event column {name!r}; there are {found}")
+        raise KeyError(f"no event column {brief(repr(name))}; there are {brief(found)}")
+
+    def _values(self, name: str, start: int, stop: int) -> Array:
+        """Some rows of a column, found sound."""
+        self._require(name)
+        column, count = self._data[name], len(self._file)
+        values = column[start:stop]
+        if name == "time":
+            column.require_order(values, start)
+        elif name == "kind":
+            column.require(values, np.isin(values, list(self.kinds)), f"one of {brief(self.kinds)}", start)
+        elif name == "i":
+            column.require(values, (values >= 0) & (values < count), f"in [0, {count})", start)
+        elif name == "j":
+            # Of what is no collision, it may count walls or pendulums, or nothing.
+            sound = values >= 0
+            if "collision" in self.kinds.values():
+                code = next(code for code, kind in self.kinds.items() if kind == "collision")
+                sound &= (values < count) | (self._data["kind"][start:stop] != code)
+            column.require(values, sound, f"in [0, {count})", start)
+        elif name in _EVENT_COLUMNS:
+            column.require_finite(values, start)
+        return values
 
     def _read(self, start: int, stop: int, names: Sequence[str]) -> pd.DataFrame:
         columns: dict[str, Any] = {}
         stop = max(start, stop)
         for name in names:
-            self._require(name)
-            with reading(self._file.path):
-                values = self._group[name][start:stop]
-            if name == "kind" and self.kinds:
-                position = {code: k for k, code in enumerate(self.kinds)}
-                lookup = np.full(256, -1, np.int8)
-                for code, k in position.items():
-                    lookup[code] = k
-                columns[name] = pd.Categorical.from_codes(lookup[values], categories=list(self.kinds.values()))
+            values = self._values(name, start, stop)
+            if name == "kind":
+                codes = np.searchsorted(list(self.kinds), values)
+                columns[name] = pd.Categorical.from_codes(codes, categories=list(self.kinds.values()))
             elif values.ndim == 2:
                 columns |= {f"{name}_{component(c, values.shape[1])}": values[:, c] for c in range(values.shape[1])}
             else:
@@ -111,4 +147,4 @@ class Events:
         return pd.DataFrame(columns, index=pd.RangeIndex(start, stop, name="event"))
 
     def __repr__(self) -> str:
-        return f"<Events: {self._length} rows, columns {', '.join(self._columns)}>"
+        return f"<Events: {self._length} rows, columns {escaped(', '.join(self._columns))}>"

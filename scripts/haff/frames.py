@@ -4,16 +4,16 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from functools import cached_property
-from typing import TYPE_CHECKING, Any, overload
+from typing import TYPE_CHECKING, overload
 
-import h5py
 import numpy as np
 from numpy.typing import NDArray
 
-from .errors import MissingDataError
-from .layout import Array, complete, reading
+from .errors import ArgumentError, MissingDataError
+from .layout import Array, complete
 
 if TYPE_CHECKING:
+    from .column import Column
     from .reader import File
 
 __all__ = ["Box", "Frame", "Frames"]
@@ -77,12 +77,12 @@ class Frame:
     @cached_property
     def time(self) -> float:
         """Simulated time [time]."""
-        return float(self._frames._item(self._frames._group["position/time"], self._row))
+        return float(self._frames._times(range(self._row, self._row + 1))[0])
 
     @cached_property
     def step(self) -> int:
         """Collisions and wall collisions so far."""
-        return int(self._frames._item(self._frames._group["position/step"], self._row))
+        return int(self._frames._steps(range(self._row, self._row + 1))[0])
 
     @cached_property
     def position(self) -> NDArray[np.float64]:
@@ -125,7 +125,7 @@ class Frame:
         return self.file.species
 
     def _read(self, name: str) -> Array:
-        return self._frames._item(self._frames._dataset(name), self._row)
+        return self._frames._values(name, range(self._row, self._row + 1))[0]
 
     def __repr__(self) -> str:
         return f"<Frame {self._row}: t = {self.time:g}, step = {self.step}, N = {len(self.mass)}>"
@@ -136,17 +136,18 @@ class Frames(Sequence["Frame"]):
 
     def __init__(self, file: File, rows: range | None = None) -> None:
         self._file = file
-        try:
-            self._group: h5py.Group = file.hdf["particles/all"]
-            self._dataset("position")
-        except KeyError:
-            raise MissingDataError(f"{file.path}: no frames (output.frames = false in the scene)") from None
+        stored, base = file.stored, "particles/all"
+        if stored.find(f"{base}/position") is None:
+            raise MissingDataError(f"{file.path}: no frames (output.frames = false in the scene)")
+        self._time = stored.column(f"{base}/position/time", (None,), "f")
+        self._step = stored.column(f"{base}/position/step", (None,), "iu")
+        self._columns: dict[str, Column] = {}
+        for name, kinds in (("position", "f"), ("velocity", "f"), ("image", "iu")):
+            if name == "position" or stored.find(f"{base}/{name}") is not None:
+                self._columns[name] = stored.column(f"{base}/{name}/value", (None, len(file), 3), kinds)
         if rows is None:
-            names = [n for n in ("position", "velocity", "image") if n in self._group]
-            columns = [f"{n}/{part}" for n in names for part in ("value", "step", "time")]
-            length = min(self._group[c].shape[0] for c in columns if c in self._group)
-            with reading(file.path):
-                rows = range(complete(self._group["position/time"], length))
+            length = min(map(len, (self._time, self._step, *self._columns.values())))
+            rows = range(complete(self._time, length))
         self._rows = rows
 
     @property
@@ -154,31 +155,40 @@ class Frames(Sequence["Frame"]):
         """The file that the frames belong to."""
         return self._file
 
-    def _dataset(self, name: str) -> h5py.Dataset:
-        return self._group[f"{name}/value"]
+    def _values(self, name: str, rows: range) -> Array:
+        """``[F, N, 3]`` of some frames, found sound."""
+        if name not in self._columns:
+            raise MissingDataError(f"{self._file.path}: no {name} in the frames")
+        column, box = self._columns[name], self._file.box
+        values = _take(column, rows)
+        if name != "image":
+            column.require_finite(values, rows)
+        if name == "position":
+            slack = 1e-9 * box.size
+            inside = (values >= -slack) & (values <= box.size + slack)
+            column.require(values, inside | ~box.periodic, f"in the box, [0, L) along periodic axes of {box!r}", rows)
+        return values
 
-    def _item(self, dataset: h5py.Dataset, key: int | slice) -> Any:
-        with reading(self._file.path):
-            return dataset[key]
+    def _times(self, rows: range) -> Array:
+        time = _take(self._time, rows)
+        self._time.require_order(time[:: _sign(rows)], rows[:: _sign(rows)])
+        return time
 
-    def _take(self, dataset: h5py.Dataset) -> Array:
-        # h5py wants increasing selections: read the span, then stride in memory.
-        if not self._rows:
-            return dataset[:0]
-        low, high = min(self._rows[0], self._rows[-1]), max(self._rows[0], self._rows[-1])
-        if self._rows.step > 0:
-            return self._item(dataset, slice(low, high + 1, self._rows.step))
-        return self._item(dataset, slice(low, high + 1))[np.array(self._rows) - low]
+    def _steps(self, rows: range) -> Array:
+        step = _take(self._step, rows)
+        self._step.require(step, step >= 0, "0 or more", rows)
+        self._step.require_order(step[:: _sign(rows)], rows[:: _sign(rows)])
+        return step
 
     @property
     def time(self) -> NDArray[np.float64]:
         """``[F]`` times of the frames [time]."""
-        return self._take(self._group["position/time"])
+        return self._times(self._rows)
 
     @property
     def step(self) -> NDArray[np.int64]:
         """``[F]`` events before each frame."""
-        return self._take(self._group["position/step"])
+        return self._steps(self._rows)
 
     def array(self, name: str) -> Array:
         """All frames of one quantity at once, ``[F, N, 3]``.
@@ -188,7 +198,9 @@ class Frames(Sequence["Frame"]):
         if name == "unwrapped":
             box = self._file.box
             return self.array("position") + self.array("image") * np.where(box.periodic, box.size, 0.0)
-        return self._take(self._dataset(name))
+        if name not in ("position", "velocity", "image"):
+            raise ArgumentError(f"array {name!r}: must be one of position, velocity, image, unwrapped")
+        return self._values(name, self._rows)
 
     def __len__(self) -> int:
         return len(self._rows)
@@ -212,3 +224,17 @@ class Frames(Sequence["Frame"]):
         if not self:
             return "<Frames: none>"
         return f"<Frames: {len(self)}, t = {self[0].time:g} … {self[-1].time:g}>"
+
+
+def _sign(rows: range) -> int:
+    return 1 if rows.step > 0 else -1
+
+
+def _take(column: Column, rows: range) -> Array:
+    # h5py wants increasing selections: read the span, then stride in memory.
+    if not rows:
+        return column[:0]
+    low, high = min(rows[0], rows[-1]), max(rows[0], rows[-1])
+    if rows.step > 0:
+        return column[low : high + 1 : rows.step]
+    return column[low : high + 1][np.array(rows) - low]

@@ -2,17 +2,19 @@
 
 from __future__ import annotations
 
-import os
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
-import h5py
 import numpy as np
 from numpy.typing import NDArray
 
-from .errors import FileError
+from .errors import HaffError, NotApplicableError
+from .text import brief
+
+if TYPE_CHECKING:
+    from .column import Column
 
 SCHEMA = 1
 """Version of scene and layout, as the command writes it."""
@@ -20,22 +22,30 @@ SCHEMA = 1
 AXES = ("x", "y", "z")
 Array = NDArray[Any]
 
+_BLOCK = 4096  # rows
+
 
 @contextmanager
-def reading(path: Path) -> Iterator[None]:
-    """Names the file where HDF5 cannot read, of which h5py tells no name: whoever reads may be writing another file."""
+def computing(path: Path, what: str) -> Iterator[None]:
+    """Names the file of numbers that are sound one by one, but together cannot be computed with."""
     try:
         yield
-    except OSError as error:
-        reason = os.strerror(error.errno) if error.errno else str(error)
-        raise FileError(f"{path}: cannot read: {reason}") from error
+    except HaffError:
+        raise
+    except (ArithmeticError, ValueError, RuntimeError, MemoryError) as error:
+        reason = brief(str(error).partition("\n")[0] or type(error).__name__)
+        raise NotApplicableError(f"{path}: {what}: the numbers of the file do not allow it ({reason})") from error
 
 
-def complete(time: h5py.Dataset, length: int) -> int:
+def complete(time: Column, length: int) -> int:
     """Rows that are there: a flush cut short by a kill may leave rows without a time at the end."""
-    while length > 0 and np.isnan(time[length - 1]):
-        length -= 1
-    return length
+    while length > 0:
+        start = max(0, length - _BLOCK)
+        known = np.flatnonzero(~np.isnan(time[start:length]))
+        if len(known):
+            return start + int(known[-1]) + 1
+        length = start
+    return 0
 
 
 def component(c: int, width: int) -> str:

@@ -7,7 +7,6 @@ the last frame, sample and event that is complete: where columns differ in lengt
 from __future__ import annotations
 
 import os
-import re
 from functools import cached_property
 from pathlib import Path
 from types import TracebackType
@@ -19,19 +18,19 @@ import pandas as pd
 from numpy.typing import NDArray
 
 from . import observables
-from .errors import FileError, MissingDataError
+from .column import LARGEST, SMALLEST, Column
+from .errors import FileError, HaffError, MissingDataError, NotApplicableError
 from .events import Events
 from .frames import Box, Frames
 from .layout import SCHEMA, Array
+from .output import library
+from .recorded import SceneFault, parsed
+from .stored import Stored, reason
+from .text import brief, escaped
 
 if TYPE_CHECKING:
     import MDAnalysis
     import xarray
-
-try:
-    import tomllib
-except ModuleNotFoundError:  # Python 3.10
-    import tomli as tomllib  # type: ignore[no-redef]
 
 __all__ = ["File", "open"]
 
@@ -50,7 +49,9 @@ def open(path: str | os.PathLike[str], *, locking: bool | None = None) -> File:
     Raises
     ------
     FileError
-        The file is missing, unreadable, locked by a running simulation, not HDF5 or not of ``haff``.
+        The file is missing, unreadable, locked by a running simulation, not HDF5 or not of ``haff``. What is asked
+        of the file later raises it, too, where a dataset is damaged, has another type or shape than it must, declares
+        more than the file can hold, is a link to another file, or holds a number that no run can have written.
 
     Examples
     --------
@@ -72,34 +73,24 @@ class File:
     def __init__(self, path: str | os.PathLike[str], *, locking: bool | None = None) -> None:
         self.path = Path(path)
         """Path of the file."""
-        if not self.path.exists():
-            raise FileError(f"{self.path}: no such file")
-        if self.path.is_dir():
-            raise FileError(f"{self.path}: is a directory, not an HDF5 file")
+        self.stored = Stored(self.path, locking)
+        self.hdf: h5py.File = self.stored.hdf
+        """The open :class:`h5py.File`. What is read through it is not checked."""
         try:
-            self.hdf: h5py.File = h5py.File(self.path, "r", locking=locking)
-            """The open :class:`h5py.File`."""
-        except BlockingIOError:
-            raise FileError(
-                f"{self.path}: in use by a running simulation; wait for it, or haff.open(…, locking=False)"
-            ) from None
-        except PermissionError:
-            raise FileError(f"{self.path}: permission denied") from None
-        except OSError as error:
-            raise FileError(f"{self.path}: {_damage(self.path, error)}") from None
-        if "particles/all" not in self.hdf:
-            self.hdf.close()
-            raise FileError(f"{self.path}: HDF5, but not an output file of haff (no group particles/all)")
-        schema = int(self.hdf["parameters/schema"][()]) if "parameters/schema" in self.hdf else SCHEMA
-        if schema != SCHEMA:
-            self.hdf.close()
-            raise FileError(f"{self.path}: has schema {schema}; this version of haff reads schema {SCHEMA}")
+            if self.stored.find("particles/all") is None:
+                raise FileError(f"{self.path}: HDF5, but not an output file of haff (no group particles/all)")
+            schema = self.stored.integer("parameters/schema")
+            if schema not in (None, SCHEMA):
+                raise FileError(f"{self.path}: has schema {schema}; this version of haff reads schema {SCHEMA}")
+        except HaffError:
+            self.close()
+            raise
 
     # --- life ------------------------------------------------------------------------------------
 
     def close(self) -> None:
         """Close the file; arrays read before stay valid."""
-        self.hdf.close()
+        self.stored.close()
 
     def __enter__(self) -> File:
         return self
@@ -119,15 +110,21 @@ class File:
     def __repr__(self) -> str:
         if not getattr(self, "hdf", None):
             return f"<haff.File {str(self.path)!r}, closed>"
-        lines = [f"<haff.File {str(self.path)!r}: {self.title or 'untitled'}"]
-        lines.append(f"  particles    {len(self):,} ({', '.join(self.species_names)})")
+        try:
+            return self._described()
+        except HaffError as error:
+            return f"<haff.File {str(self.path)!r}, damaged: {error}>"
+
+    def _described(self) -> str:
+        lines = [f"<haff.File {str(self.path)!r}: {escaped(self.title) or 'untitled'}"]
+        lines.append(f"  particles    {len(self):,} ({escaped(', '.join(self.species_names))})")
         lines.append(f"  box          {self.box!r}")
         for part in ("frames", "observables", "events"):
             if part not in self:
                 lines.append(f"  {part:<12} not recorded")
             elif part == "observables":
                 table = self.observables
-                lines.append(f"  {part:<12} {len(table):,} samples of {', '.join(observables.names(self))}")
+                lines.append(f"  {part:<12} {len(table):,} samples of {escaped(', '.join(observables.names(self)))}")
             else:
                 lines.append(f"  {part:<12} {repr(getattr(self, part))[1:-1].split(': ', 1)[1]}")
         return "\n".join(lines) + ">"
@@ -136,114 +133,125 @@ class File:
 
     def __len__(self) -> int:
         """Number of particles N."""
-        return len(self.mass)
+        return len(self._particles("mass", "f"))
 
     def __bool__(self) -> bool:
         return True
 
-    def _particles(self, name: str) -> Array:
-        try:
-            return self.hdf["particles/all"][name][()]
-        except KeyError:
-            raise FileError(f"{self.path}: particles/all/{name} is missing") from None
+    def _particles(self, name: str, kinds: str) -> Column:
+        return self.stored.column(f"particles/all/{name}", (None,), kinds)
+
+    def _one_each(self, name: str, kinds: str) -> tuple[Column, Array]:
+        column = self._particles(name, kinds)
+        if not 0 < len(column) == len(self):
+            raise self.stored.wrong(
+                column.place, f"has {len(column)} rows; must have one for each of {len(self)} particles"
+            )
+        return column, column[:]
 
     @cached_property
     def mass(self) -> NDArray[np.float64]:
         """``[N]`` masses; infinite for fixed and driven bodies."""
-        return self._particles("mass")
+        column, mass = self._one_each("mass", "f")
+        column.require(mass, _positive(mass) | (mass == np.inf), f"in [{SMALLEST:g}, {LARGEST:g}] or infinite")
+        return mass
 
     @cached_property
     def radius(self) -> NDArray[np.float64]:
         """``[N]`` radii [length]."""
-        return self._particles("radius")
+        column, radius = self._one_each("radius", "f")
+        column.require(radius, _positive(radius), f"in [{SMALLEST:g}, {LARGEST:g}]")
+        return radius
 
     @cached_property
     def species(self) -> NDArray[np.int64]:
         """``[N]`` species indices into :attr:`species_names`."""
-        return self._particles("species").astype(np.int64)
+        column, species = self._one_each("species", "iu")
+        most = max(len(self._recorded_names), len(self))
+        column.require(species, (species >= 0) & (species < most), f"in [0, {most})")
+        return species.astype(np.int64)
 
     @cached_property
     def species_names(self) -> list[str]:
         """Names by species index: species in scene order, then named particles."""
-        stored = self._parameter("species_names")
         count = int(np.max(self.species, initial=-1)) + 1
-        if stored is not None:
-            names = [n.decode() if isinstance(n, bytes) else str(n) for n in np.atleast_1d(stored)]
-        else:
-            names = [s.get("name", "") for s in self.scene.get("species", [])]
-            for particle in self.scene.get("particle", []):
-                if (name := particle.get("name", "particle")) not in names:
-                    names.append(name)
-        names = [n or f"species {k}" for k, n in enumerate(names)]
+        names = [n or f"species {k}" for k, n in enumerate(self._recorded_names)]
         return names + [f"species {k}" for k in range(len(names), count)]
+
+    @cached_property
+    def _recorded_names(self) -> list[str]:
+        stored = self.stored.texts("parameters/species_names")
+        if stored is not None:
+            return stored
+        names = [s.get("name", "") for s in self.scene.get("species", [])]
+        for particle in self.scene.get("particle", []):
+            if (name := particle.get("name", "particle")) not in names:
+                names.append(name)
+        return names
 
     @cached_property
     def box(self) -> Box:
         """The simulation box."""
-        group = self.hdf["particles/all/box"]
-        edges = group["edges"]
-        if isinstance(edges, h5py.Group):
-            value = edges["value"]
-            stored = self._parameter("box_size") if value.shape[0] == 0 else value[0]
-            size = np.full(3, np.nan) if stored is None else np.asarray(stored, float)
-        else:
-            size = np.asarray(edges[()], float)
-        size = np.diag(size) if size.ndim == 2 else size
+        size = self._edges()
+        place = "particles/all/box"
+        stored = self.stored.listed(f"{place}@boundary", self.stored.attribute(place, "boundary")) or []
+        if len(stored) > 3 or not set(stored) <= {"periodic", "none"}:
+            raise self.stored.wrong(f"{place}@boundary", f"is {brief(stored)}; must be up to 3 of periodic, none")
         # H5MD knows "periodic" and "none"; the scene tells walls from open sides.
-        declared = list(self.scene.get("domain", {}).get("boundary", ()))
-        boundary = []
-        for axis, stored in enumerate(group.attrs.get("boundary", ())):
-            name = stored.decode() if isinstance(stored, bytes) else str(stored)
-            told = declared[axis] if axis < len(declared) else "open"
-            boundary.append("periodic" if name == "periodic" else "wall" if told == "wall" else "open")
-        boundary += ["open"] * (3 - len(boundary))
-        return Box(size, boundary, self.dimension)
+        declared = self.scene.get("domain", {}).get("boundary", [])
+        told = [*declared, "open", "open", "open"]
+        boundary = [
+            "periodic" if name == "periodic" else "wall" if told[axis] == "wall" else "open"
+            for axis, name in enumerate(stored)
+        ]
+        return Box(size, [*boundary, "open", "open", "open"][:3], self.dimension)
+
+    def _edges(self) -> Array:
+        """``[3]`` edges of the box: of the first frame, or those of the scene if there is none."""
+        place, moving = "particles/all/box/edges", 0
+        if self.stored.is_group(place):
+            place, moving = f"{place}/value", 1
+        rank = self.stored.rank(place) - moving
+        edges = self.stored.column(place, (None,) * moving + (3,) * min(max(rank, 1), 2), "f")
+        if len(edges) == 0:
+            edges, moving = self.stored.column("parameters/box_size", (3,), "f"), 0
+        size = edges[0] if moving else edges[:]
+        size = np.diag(size) if size.ndim == 2 else size
+        edges.require(size, _positive(size), f"in [{SMALLEST:g}, {LARGEST:g}]")
+        return size
 
     @cached_property
     def dimension(self) -> int:
         """2 for disks in the plane z = 0, 3 for spheres."""
-        stored = self._parameter("dimension")
-        return int(self.scene.get("dimension", 3) if stored is None else stored)
+        stored = self.stored.integer("parameters/dimension")
+        if stored not in (None, 2, 3):
+            raise self.stored.wrong("parameters/dimension", f"is {stored}; must be 2 or 3")
+        return self.scene.get("dimension", 3) if stored is None else stored
 
     @cached_property
     def scene_text(self) -> str:
         """The resolved scene as TOML text; empty if the file has none."""
-        return str(self._parameter("scene") or "")
+        return self.stored.text("parameters/scene") or ""
 
     @cached_property
     def scene(self) -> dict[str, Any]:
         """The resolved scene, parsed."""
         try:
-            return tomllib.loads(self.scene_text)
-        except tomllib.TOMLDecodeError as error:
-            raise FileError(f"{self.path}: the recorded scene is not valid TOML: {error}") from None
+            return parsed(self.scene_text)
+        except SceneFault as fault:
+            raise self.stored.wrong("parameters/scene", str(fault)) from None
 
     @property
     def title(self) -> str:
         """Title of the scene."""
-        return str(self.scene.get("title") or self._parameter("title") or "")
-
-    def _parameter(self, name: str) -> Any:
-        """``parameters/name``, dataset or attribute; ``None`` if it is neither."""
-        group = self.hdf.get("parameters")
-        if group is None:
-            return None
-        if name in group and isinstance(group[name], h5py.Dataset):
-            value = group[name][()]
-        elif name in group.attrs:
-            value = group.attrs[name]
-        else:
-            return None
-        return value.decode() if isinstance(value, bytes) else value
+        return self.scene.get("title") or self.stored.text("parameters/title") or ""
 
     @cached_property
     def parameters(self) -> dict[str, Any]:
         """Everything under ``parameters`` but the scene: seed, version, git revision, …"""
-        group = self.hdf.get("parameters")
-        if group is None:
-            return {}
-        names = [n for n in group if isinstance(group[n], h5py.Dataset)] + list(group.attrs)
-        return {n: self._parameter(n) for n in names if n != "scene"}
+        names = [n for n in self.stored.members("parameters") if not self.stored.is_group(f"parameters/{n}")]
+        names += [n for n in self.stored.attributes("parameters") if n not in names]
+        return {n: self.stored.value(f"parameters/{n}") for n in names if n != "scene"}
 
     # --- what happened -----------------------------------------------------------------------------
 
@@ -280,13 +288,21 @@ class File:
         Atoms carry ``masses``, ``radii``, ``types`` (species names) and ids. MDAnalysis must know nothing of
         units here: the file has none, so no conversion takes place.
         """
-        import MDAnalysis
-
-        universe = MDAnalysis.Universe.empty(len(self), trajectory=False, velocities=True)
-        universe.load_new(str(self.path), format="H5MD", convert_units=False)
+        mdanalysis = library("MDAnalysis", "analysis")
+        # MDAnalysis reads the file by itself: what it will read is looked at before.
+        positions, names = self.frames, [self.species_names[s] for s in self.species]
+        if len(positions) == 0:
+            raise NotApplicableError(f"{self.path}: no complete frame yet")
+        if self.stored.find("observables") is not None:
+            observables.columns(self)
+        universe = mdanalysis.Universe.empty(len(self), trajectory=False, velocities=True)
+        try:
+            universe.load_new(str(self.path), format="H5MD", convert_units=False)
+        except Exception as error:
+            raise FileError(f"{self.path}: MDAnalysis cannot read it: {reason(error)}") from error
         universe.add_TopologyAttr("masses", np.where(np.isfinite(self.mass), self.mass, 0.0))
         universe.add_TopologyAttr("radii", self.radius)
-        universe.add_TopologyAttr("types", [self.species_names[s] for s in self.species])
+        universe.add_TopologyAttr("types", names)
         universe.add_TopologyAttr("ids", np.arange(len(self)))
         return universe
 
@@ -312,7 +328,7 @@ class File:
             "particles": len(self),
             "dimension": self.dimension,
             "packing_fraction": packing_fraction(self),
-            "seed": int(self._parameter("seed") or 0),
+            "seed": self.stored.integer("parameters/seed") or 0,
         }
         for part in ("frames", "events"):
             found[part] = len(getattr(self, part)) if part in self else 0
@@ -350,18 +366,5 @@ def packing_fraction(file: File) -> float:
     return float(volume / file.box.volume)
 
 
-def _damage(path: Path, error: OSError) -> str:
-    """Why a file cannot be opened, in the user's words."""
-    try:
-        known = h5py.is_hdf5(path)
-    except OSError:
-        known = False
-    if not known:
-        return "not an HDF5 file"
-    if cut := re.search(r"truncated file: eof = (\d+),.* stored_eof = (\d+)", str(error)):
-        return f"truncated: {cut[1]} of its {cut[2]} bytes are there"
-    return f"damaged HDF5 file ({_first_line(error)})"
-
-
-def _first_line(error: BaseException) -> str:
-    return str(error).splitlines()[0] if str(error) else type(error).__name__
+def _positive(values: Array) -> NDArray[np.bool_]:
+    return (values >= SMALLEST) & (values <= LARGEST)

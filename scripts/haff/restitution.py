@@ -16,6 +16,7 @@ from uncertainties import nominal_value, std_dev, ufloat, wrap
 from . import mechanics, sightings
 from .analysis import Estimate
 from .errors import ArgumentError, FileError, MissingDataError, NotApplicableError
+from .layout import computing
 from .reader import File
 from .reader import open as open_file
 
@@ -115,7 +116,10 @@ def restitution_from(
     index = np.flatnonzero(seen).astype(float)
     if len(index) < way.least:
         raise NotApplicableError(f"{name}: {len(index)} {kind}; e follows from {way.least} or more")
-    return way.estimate(name, index, values[:, seen], None if errors is None else errors[:, seen], masses or (1.0, 1.0))
+    with computing(Path(name), "restitution"):
+        return way.estimate(
+            name, index, values[:, seen], None if errors is None else errors[:, seen], masses or (1.0, 1.0)
+        )
 
 
 def _heights(name: str, k: Array, values: Array, errors: Array | None, _: tuple[Any, Any]) -> Estimate:
@@ -212,8 +216,8 @@ def _table(source: Source) -> tuple[str, pd.DataFrame]:
         return str(source), pd.read_csv(source, skipinitialspace=True, comment="#")
     except OSError as reason:
         raise FileError(f"{source}: {(reason.strerror or str(reason)).lower()}") from None
-    except ValueError as reason:
-        raise FileError(f"{source}: not a table: {str(reason).splitlines()[0]}") from None
+    except (ValueError, ArithmeticError, MemoryError) as reason:
+        raise FileError(f"{source}: not a table: {(str(reason) or type(reason).__name__).splitlines()[0]}") from None
 
 
 def _column(table: pd.DataFrame, column: str, name: str) -> Array:

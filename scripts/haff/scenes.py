@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Any, TypeAlias
 import numpy as np
 
 from . import reader
-from .errors import FileError, HaffError, SceneError, SceneProblem
+from .errors import FileError, HaffError, MissingDataError, SceneError, SceneProblem
 
 if TYPE_CHECKING:
     from types import ModuleType
@@ -92,7 +92,7 @@ def load_scene(path: str | os.PathLike[str]) -> dict[str, Any]:
     given = source(path, {})
     try:
         return tomllib.loads(given["text"])
-    except tomllib.TOMLDecodeError as error:
+    except (ValueError, RecursionError) as error:
         raise SceneError([SceneProblem(f"{path}: {error}", str(path), message=str(error))]) from None
 
 
@@ -132,6 +132,8 @@ def schema() -> dict[str, Any]:
 def last_state(path: str | os.PathLike[str]) -> dict[str, np.ndarray]:
     """The last frame of an output file, for scenes that start from it (``positions = { file = … }``)."""
     with reader.open(path) as file:
+        if len(file.frames) == 0:
+            raise MissingDataError(f"{path}: no complete frame")
         frame = file.frames[-1]
         return {
             "size": np.asarray(file.box.size, np.float64),

@@ -8,11 +8,12 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
-from .errors import MissingDataError, NotApplicableError
+from .errors import FileError, MissingDataError, NotApplicableError
 from .reader import File
 
 __all__ = [
     "angles",
+    "body",
     "count_walls",
     "gravity",
     "heights",
@@ -107,7 +108,7 @@ def restitution(run: File, first: str, second: str) -> float | dict[str, object]
     contact = run.scene.get("contact", {})
     for pair in contact.get("pair", ()):
         if sorted(pair["between"]) == sorted((first, second)):
-            return "sticks" if pair.get("sticks") else pair["restitution"]
+            return "sticks" if pair.get("sticks") else pair.get("restitution", 1.0)
     return contact.get("restitution", 1.0)
 
 
@@ -118,19 +119,28 @@ def wall_restitution(run: File, name: str, wall: int) -> float | dict[str, objec
     called = of.get("name") or "xyz"[_sides(run)[wall // 2]] + "-+"[wall % 2]
     for pair in contact.get("pair", ()):
         if sorted(pair["between"]) == sorted((name, called)):
-            return "sticks" if pair.get("sticks") else pair["restitution"]
+            return "sticks" if pair.get("sticks") else pair.get("restitution", 1.0)
     if of.get("sticks"):
         return "sticks"
     general = contact.get("wall_restitution", contact.get("restitution", 1.0))
     return of.get("restitution", general)
 
 
+def body(run: File, name: str) -> int:
+    """Row of the first particle of a name of the scene. Raises :class:`FileError` if there is none."""
+    if name in run.species_names:
+        rows = np.flatnonzero(run.species == run.species_names.index(name))
+        if len(rows):
+            return int(rows[0])
+    raise FileError(f"{run.path}: parameters/scene: no particle has the name {name!r}")
+
+
 def pendulums(run: File) -> dict[int, tuple[Array, float]]:
     """Pivot ``[3]`` and length [length] of every pendulum by the row of its bob."""
-    start, names = run.frames[0].position, [run.species_names[s] for s in run.species]
+    start = run.frames[0].position
     found = {}
     for one in run.scene.get("pendulum", ()):
-        bob, pivot = names.index(one["bob"]), vector(one["pivot"])
+        bob, pivot = body(run, one["bob"]), vector(one["pivot"])
         found[bob] = pivot, float(one.get("length", np.linalg.norm(start[bob] - pivot)))
     return found
 
@@ -160,6 +170,8 @@ def _bounces(run: File) -> pd.DataFrame:
         raise NotApplicableError(f"{run.path}: nothing bounces on a wall")
     if len(bounces[["i", "j"]].drop_duplicates()) > 1 or (log["kind"] == "collision").any():
         raise NotApplicableError(f"{run.path}: more happens than that one body bounces on one wall")
+    if not int(bounces["j"].iloc[0]) < count_walls(run):
+        raise FileError(f"{run.path}: events/j = {bounces['j'].iloc[0]}: must be one of {count_walls(run)} walls")
     return bounces
 
 

@@ -19,9 +19,10 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from .command import call, failure
-from .errors import ArgumentError, FileError
+from .errors import ArgumentError, FileError, MissingDataError
 from .output import library
 from .scenes import Scene, compiled, scene_text
+from .text import escaped
 
 if TYPE_CHECKING:
     import xarray
@@ -120,7 +121,7 @@ def sweep(
     failed = [row for row in rows if row["status"] == "failed"]
     if failed:
         first = failed[0]
-        message = f"{len(failed)} of {len(rows)} runs failed; run {first['index']}: {first['error']}"
+        message = f"{len(failed)} of {len(rows)} runs failed; run {first['index']}: {escaped(first['error'])}"
         warnings.warn(message, RuntimeWarning, stacklevel=2)
     return _dataset(rows, values, seeds, folder, series)
 
@@ -137,12 +138,20 @@ def _scene_file(scene: Scene, folder: Path) -> Path:
     text = scene_text(scene)
     path = folder / "scene.toml"
     if path.exists():
-        if path.read_text(encoding="utf-8") != text:
+        if not _is_text(path, text):
             raise FileError(f"{path} belongs to another sweep: take another folder")
         return path
     folder.mkdir(parents=True, exist_ok=True)
     path.write_text(text, encoding="utf-8")
     return path
+
+
+def _is_text(path: Path, text: str) -> bool:
+    """Whether a file holds just this text."""
+    try:
+        return path.read_bytes().replace(b"\r\n", b"\n") == text.encode()
+    except OSError as error:
+        raise FileError(f"{path}: {error.strerror or error}") from None
 
 
 def _call(arguments: Sequence[str]) -> dict[str, Any]:
@@ -252,7 +261,10 @@ def _series(rows: Sequence[Mapping[str, Any]], folder: Path, names: Sequence[str
         path = folder / row["file"]
         if row["status"] == "complete":
             with open(path) as file:
-                tables[row["index"]] = file.observables.set_index("time")[list(names)]
+                table = file.observables.set_index("time")
+                if missing := [name for name in names if name not in table]:
+                    raise MissingDataError(f"{path}: no observable {missing[0]!r}; there are {', '.join(table)}")
+                tables[row["index"]] = table[list(names)]
     if not tables:
         return {}
     columns = [row["index"] for row in rows]

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import subprocess
+from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -80,3 +81,17 @@ def files(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Path]:
         "quiet": synthetic.cooling_gas(directory / "quiet.h5", n=500, events=False, frames=4),
         "ball": synthetic.bouncing_ball(directory / "ball.h5"),
     }
+
+
+@pytest.fixture(scope="module")
+def bounded() -> Iterator[None]:
+    """No more than 3 GiB besides what this process has: a mistake must not take the memory of the machine."""
+    resource = pytest.importorskip("resource", reason="memory can be limited on Unix only")
+    status = Path("/proc/self/statm")
+    if not status.exists():
+        pytest.skip("the size of this process is not known")
+    soft, hard = resource.getrlimit(resource.RLIMIT_AS)
+    size = int(status.read_text().split()[0]) * resource.getpagesize()
+    resource.setrlimit(resource.RLIMIT_AS, (size + (3 << 30), hard))
+    yield
+    resource.setrlimit(resource.RLIMIT_AS, (soft, hard))

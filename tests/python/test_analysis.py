@@ -56,6 +56,23 @@ def test_fixed_bodies_may_be_built_into_each_other():
     assert analysis.max_overlap(frame).depth < 0
 
 
+def test_fixed_bodies_have_no_distribution_of_velocities():
+    frame = Particles([[1, 1, 1], [5, 5, 5]], [0.5] * 2, [10, 10, 10], mass=[np.inf, np.inf])
+    for what in (analysis.scaled_velocities, analysis.sonine_a2):
+        with pytest.raises(haff.NotApplicableError, match="no body of finite mass"):
+            what(frame)
+    assert np.isnan(analysis.temperature(frame))
+
+
+def test_an_energy_too_large_for_a_number_is_told():
+    frame = Particles([[1, 1, 1], [5, 5, 5]], [0.5] * 2, [10, 10, 10], mass=[1e100, 1e100])
+    frame.velocity = np.full((2, 3), 1e100)
+    assert analysis.kinetic_energy(frame) == pytest.approx(3e300)
+    frame.velocity *= 1e4
+    with pytest.raises(haff.NotApplicableError, match="too large"):
+        analysis.kinetic_energy(frame)
+
+
 def test_kinetic_energy_and_temperature_of_frames_are_those_of_the_samples(files):
     with haff.open(files["cooling"]) as run:
         table = run.observables.set_index("time")

@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 from ..errors import ArgumentError
+from ..layout import computing
 from ..output import replacing
 from ..reader import File
 from ..selection import choose
@@ -92,7 +93,7 @@ def export(
         raise ArgumentError("gsd holds positions in the box and images beside them; readers unwrap them")
     name = file.path.stem + ("" if format.trajectory else f"-{table}") + format.suffix
     path = Path(name if output is None else output)
-    with replacing(path, source=file.path, overwrite=overwrite) as part:
+    with replacing(path, source=file.path, overwrite=overwrite) as part, computing(file.path, to):
         if format.trajectory:
             format.write(choose(file, frames), part, unwrapped=unwrapped)
         else:

@@ -10,6 +10,7 @@ import pandas as pd
 
 from ..extent import extent
 from ..frames import Frames
+from ..text import escaped
 
 _PROPERTIES = "type:S:1:pos:R:3:velo:R:3:radius:R:1:mass:R:1:id:I:1:image:I:3"
 
@@ -21,11 +22,12 @@ def write(frames: Frames, path: Path, *, unwrapped: bool = False) -> None:
     open axes the lattice is what the particles take up.
     """
     file, room = frames.file, extent(frames)
-    names = np.array([re.sub(r"\s+", "_", name) for name in file.species_names])[file.species]
+    words = [re.sub(r"\s+", "_", escaped(name)).replace('"', "'") for name in file.species_names]
+    names = np.array(words)[file.species]
     lattice = " ".join(f"{edge!r}" for edge in np.diag(room.size).ravel().tolist())
     origin = " ".join(f"{edge!r}" for edge in room.origin.tolist())
     pbc = " ".join("T" if flag else "F" for flag in file.box.periodic & (np.arange(3) < file.dimension))
-    title = re.sub(r'["\\\n]', "'", file.title)
+    title = re.sub(r'["\\]', "'", escaped(file.title))
     # Not translated: the specification wants plain line ends.
     with open(path, "w", encoding="utf-8", newline="\n") as out:
         for frame in frames:

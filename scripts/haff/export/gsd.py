@@ -10,6 +10,7 @@ from ..extent import extent
 from ..frames import Frames
 from ..output import library
 from ..reader import File
+from ..text import escaped
 
 
 def write(frames: Frames, path: Path, *, unwrapped: bool = False) -> None:
@@ -37,7 +38,7 @@ def write(frames: Frames, path: Path, *, unwrapped: bool = False) -> None:
             written.configuration.box = [size[0], size[1], 0 if flat else size[2], 0, 0, 0]
             particles = written.particles
             particles.N = len(file)
-            particles.types = file.species_names
+            particles.types = [escaped(name) for name in file.species_names]
             particles.typeid = file.species
             particles.type_shapes = shapes
             particles.mass = file.mass

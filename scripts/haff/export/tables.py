@@ -13,6 +13,7 @@ from ..layout import AXES
 from ..output import library
 from ..reader import File
 from ..selection import choose
+from ..text import cell
 
 ROWS = 1_000_000
 """Rows that are in memory at once, about."""
@@ -55,11 +56,22 @@ TABLES: dict[str, Callable[..., Iterator[pd.DataFrame]]] = {
 
 
 def write_csv(pieces: Iterator[pd.DataFrame], path: Path, file: File) -> None:
-    """Writes a table as text, with a line of column names and all digits."""
+    """Writes a table as text, with a line of column names and all digits.
+
+    A name that a spreadsheet would compute begins with an apostrophe.
+    """
     del file
     with open(path, "w", encoding="utf-8", newline="") as out:
         for k, piece in enumerate(pieces):
-            piece.to_csv(out, index=False, header=k == 0, lineterminator="\n")
+            _as_text(piece).to_csv(out, index=False, header=k == 0, lineterminator="\n")
+
+
+def _as_text(piece: pd.DataFrame) -> pd.DataFrame:
+    plain = piece.rename(columns=cell)
+    for name in plain.select_dtypes("category"):
+        texts = np.array([cell(text) for text in plain[name].cat.categories], object)
+        plain[name] = texts[plain[name].cat.codes]
+    return plain
 
 
 def write_parquet(pieces: Iterator[pd.DataFrame], path: Path, file: File) -> None:

@@ -10,6 +10,7 @@ import numpy as np
 from ..extent import extent
 from ..frames import Frames
 from ..output import Sink
+from ..text import escaped
 
 _VERSION = (2, 3)
 _CELLS = ("Vertices", "Lines", "Polygons", "Strips")
@@ -64,7 +65,7 @@ def write(frames: Frames, path: Path, *, unwrapped: bool = False) -> None:
             field[name] = edges[None, :]
             places[name], sizes[name] = still, np.tile([3, 1], (len(frames), 1))
         # VTK reads no strings declared as UTF-8.
-        plain = [name.encode("ascii", "replace") for name in file.species_names]
+        plain = [escaped(name).encode("ascii", "replace") for name in file.species_names]
         field["species_names"] = np.array(plain, h5py.string_dtype("ascii"))
         places["species_names"] = still
         sizes["species_names"] = np.tile([1, len(file.species_names)], (len(frames), 1))

@@ -8,9 +8,11 @@ from typing import NamedTuple
 
 from matplotlib.figure import Figure
 
-from ..errors import MissingDataError, NotApplicableError
+from ..errors import ArgumentError, MissingDataError, NotApplicableError
+from ..layout import computing
 from ..output import replacing
 from ..reader import File
+from ..text import escaped
 from . import closed_form, ledger, losses, snapshot, structure, temperature, trajectories, velocity
 from .style import style
 
@@ -63,8 +65,8 @@ def draw(file: File, kind: str, **options: object) -> Figure:
         The figure makes no sense for this file, or the file has not recorded what it needs.
     """
     if kind not in KINDS:
-        raise ValueError(f"no figure {kind!r}; there are {', '.join(KINDS)}")
-    with style():
+        raise ArgumentError(f"no figure {kind!r}; there are {', '.join(KINDS)}")
+    with style(), computing(file.path, f"figure {kind}"):
         figure = KINDS[kind].draw(file, **options)
         # Lay out now: figures are saved outside of this style's context, too.
         figure.draw_without_rendering()
@@ -82,10 +84,10 @@ def save_all(
             options = {"index": frame} if kind == "snapshot" else {}
             figure = draw(file, kind, **options)
         except (NotApplicableError, MissingDataError) as error:
-            results.append(Result(kind, None, str(error).removeprefix(f"{file.path}: ")))
+            results.append(Result(kind, None, str(error).removeprefix(f"{escaped(file.path)}: ")))
             continue
         path = directory / f"{file.path.stem}-{kind}.{extension}"
-        with style(), replacing(path, source=file.path, overwrite=True) as part:
+        with replacing(path, source=file.path, overwrite=True) as part, style(), computing(file.path, f"figure {kind}"):
             # No date inside: the same data give the same file.
             metadata = {"svg": {"Date": None}, "pdf": {"CreationDate": None}}.get(extension)
             figure.savefig(part, metadata=metadata)

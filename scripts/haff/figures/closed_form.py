@@ -9,7 +9,7 @@ from matplotlib.lines import Line2D
 from ..errors import NotApplicableError
 from ..reader import File
 from .ledger import FLOOR, floored_axis
-from .style import CYCLE, GREY, headline, number
+from .style import CYCLE, GREY, headline, label, number
 from .worked import worked
 
 
@@ -22,23 +22,23 @@ def draw(file: File) -> Figure:
     figure = Figure(figsize=(6.8, 4.2 if panels == 1 else 5.8), layout="constrained")
     axes = figure.subplots(panels, 1, sharex=True, squeeze=False, height_ratios=(2.6, 1)[:panels])[:, 0]
     top, last = axes[0], axes[-1]
-    handles, facts = [], [file.title] if file.title else []
+    handles, facts = [], [label(file.title)] if file.title else []
     fine = np.linspace(found.time[0], found.time[-1], 4000)
     law = None if found.law is None else found.law(fine)
     for k, name in enumerate(found.names):
         color = CYCLE[k % len(CYCLE)]
         if law is not None:
             top.plot(fine, law[k], color=color, lw=5, alpha=0.3, solid_capstyle="butt")
-        (line,) = top.plot(found.time, found.seen[k], color=color, lw=1.2, label=name)
+        (line,) = top.plot(found.time, found.seen[k], color=color, lw=1.2, label=label(name))
         handles.append(line)
-    for value, label in found.levels:
+    for value, text in found.levels:
         top.axhline(value, color=GREY, lw=0.9, ls=":", zorder=0)
-        top.annotate(label, (1, value), (-3, 2), xycoords=("axes fraction", "data"), textcoords="offset points",
+        top.annotate(text, (1, value), (-3, 2), xycoords=("axes fraction", "data"), textcoords="offset points",
                      ha="right", va="bottom", color="#444444", fontsize=8.8)  # fmt: skip
     top.set_ylabel(found.unit)
     top.margins(x=0, y=0.1)
     if found.law is None:
-        facts.append(f"no closed form drawn: {found.why}")
+        facts.append(f"no closed form drawn: {label(found.why)}")
     else:
         handles.append(Line2D([], [], color=GREY, lw=5, alpha=0.4, label="closed form"))
         difference = np.abs(found.seen - found.law(found.time))

@@ -9,7 +9,7 @@ from matplotlib.ticker import FuncFormatter, LogLocator, NullLocator
 
 from ..errors import NotApplicableError
 from ..reader import File
-from .style import BLACK, BLUE, GREEN, GREY, ORANGE, PURPLE, RED, SKY, YELLOW, headline, number
+from .style import BLACK, BLUE, GREEN, GREY, ORANGE, PURPLE, RED, SKY, YELLOW, headline, label, number
 from .temperature import facts
 
 # Below this, a residual is zero to the last bit of the sums: drawn on the lowest line.
@@ -52,8 +52,8 @@ def draw(file: File) -> Figure:
     top.stackplot(t[shown], *[v[shown] for _, _, v in layers], colors=[c for _, c, _ in layers], lw=0, alpha=0.85,
                   labels=[n for n, _, _ in layers])  # fmt: skip
     supply = kinetic[0] + potential[0] - shift + work
-    label = r"$E_0$ + work of walls" if np.any(work != 0) else r"initial energy $E_0$"
-    top.plot(t[shown], supply[shown], color=BLACK, lw=1.4, ls=(0, (5, 2)), label=label)
+    supplied = r"$E_0$ + work of walls" if np.any(work != 0) else r"initial energy $E_0$"
+    top.plot(t[shown], supply[shown], color=BLACK, lw=1.4, ls=(0, (5, 2)), label=supplied)
     top.set_ylabel("energy  [mass · length² / time²]")
     top.set_ylim(0, 1.02 * max(float(supply.max()), float(np.sum([v for _, _, v in layers], axis=0).max())))
     handles, labels = top.get_legend_handles_labels()
@@ -122,4 +122,4 @@ def _dissipated(file: File, t: np.ndarray, lost: np.ndarray, rest: np.ndarray) -
         "taut": ("dissipated by strings", PURPLE),
         "stick": ("dissipated by sticking", YELLOW),
     }
-    return [(*names.get(n, (f"dissipated, {n}", GREY)), v) for n, v in parts.items()]
+    return [(*names.get(n, (f"dissipated, {label(n)}", GREY)), v) for n, v in parts.items()]

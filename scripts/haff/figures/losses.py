@@ -8,7 +8,7 @@ from matplotlib.figure import Figure
 from .. import analysis, theory
 from ..errors import NotApplicableError
 from ..reader import File
-from .style import BLUE, GREEN, GREY, ORANGE, RED, headline
+from .style import BLUE, GREEN, GREY, ORANGE, RED, headline, label
 from .temperature import facts
 
 _COLORS = {"collision": BLUE, "wall": ORANGE, "rest": GREEN}
@@ -58,7 +58,7 @@ def draw(file: File) -> Figure:
     raw = axes[0]
     for name, values in counts.items():
         if values.any():
-            raw.stairs(values, edges, color=_COLORS.get(name, GREY), lw=1.4, label=_NAMES.get(name, name))
+            raw.stairs(values, edges, color=_COLORS.get(name, GREY), lw=1.4, label=_NAMES.get(name, label(name)))
             raw.stairs(values, edges, color=_COLORS.get(name, GREY), fill=True, alpha=0.15)
     raw.set_xscale("log")
     raw.set_yscale("log")

@@ -14,6 +14,7 @@ from PIL import Image
 from ..errors import ArgumentError, FileError
 from ..extent import Extent, extent
 from ..frames import Frames
+from ..layout import computing
 from ..output import library, replacing
 from ..reader import File
 from ..selection import choose
@@ -72,7 +73,7 @@ def save(
 def _pictures(file: File, frames: Frames, room: Extent) -> Iterator[np.ndarray]:
     """``[H, W, 3]`` pictures, of even height and width, as video codecs want them."""
     for frame in frames:
-        with style():
+        with style(), computing(file.path, "movie"):
             figure = snapshot.draw(file, frame.index, room=room, pixels=PIXELS)
             figure.set_dpi(DPI)
             canvas = FigureCanvasAgg(figure)

@@ -16,7 +16,7 @@ from ..extent import Extent, extent
 from ..frames import Frame
 from ..reader import File
 from .render import Camera, spheres
-from .style import CYCLE, SPEED_MAP, headline, page
+from .style import CYCLE, SPEED_MAP, headline, label, page
 from .temperature import facts
 
 PIXELS = 1300
@@ -35,7 +35,7 @@ def draw(file: File, index: int = -1, *, room: Extent | None = None, pixels: int
     if not -len(frames) <= index < len(frames):
         raise NotApplicableError(f"frame {index} of {len(frames)}")
     frame = frames[index]
-    color, scale, label = _colors(frame)
+    color, scale, quantity = _colors(frame)
     view = _bounds(frame, room or extent(frames[index : index + 1 or None]))
     low, high, _ = view
     sides = np.ptp(_corners(low, high) @ Camera.looking().axes[:2].T, axis=0) if file.dimension == 3 else high - low
@@ -50,7 +50,7 @@ def draw(file: File, index: int = -1, *, room: Extent | None = None, pixels: int
         _spheres(frame, axes, color, view, pixels)
     if scale is not None:
         bar = figure.colorbar(scale, ax=axes, shrink=0.72, aspect=28, pad=0.02)
-        bar.set_label(label)
+        bar.set_label(quantity)
         bar.outline.set_visible(False)
     elif len(file.species_names) > 1 and len(file) > 1:
         _species_legend(file, axes)
@@ -83,7 +83,7 @@ def _species_legend(file: File, axes) -> None:
 
     present = np.unique(file.species)[:8]
     marks = [Line2D([], [], ls="", marker="o", ms=8, color=CYCLE[s % len(CYCLE)]) for s in present]
-    axes.legend(marks, [file.species_names[s] for s in present], loc="upper left", bbox_to_anchor=(1, 1))
+    axes.legend(marks, [label(file.species_names[s]) for s in present], loc="upper left", bbox_to_anchor=(1, 1))
 
 
 def _bounds(frame: Frame, room: Extent) -> View:

@@ -10,6 +10,8 @@ from cycler import cycler
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
+from ..text import brief
+
 # Okabe–Ito palette, told apart with every common colour vision and in grey.
 BLUE, ORANGE, GREEN, RED, PURPLE, SKY, YELLOW, BLACK = (
     "#0072B2", "#E69F00", "#009E73", "#D55E00", "#CC79A7", "#56B4E9", "#F0E442", "#222222",
@@ -70,6 +72,13 @@ def headline(figure: Figure, title: str, subtitle: str) -> None:
     engine = figure.get_layout_engine()
     if engine is not None:
         engine.set(rect=(0, 0, 1, 1 - 0.56 / height))  # type: ignore[call-arg]
+
+
+def label(text: str, most: int = 100) -> str:
+    """Text of a file as matplotlib takes it: one line, not too long, and no formula."""
+    plain = brief(text, most).replace("$", r"\$")
+    # Legends leave out what begins with an underscore.
+    return "\u2009" + plain if plain.startswith("_") else plain
 
 
 def note(axes: Axes, text: str, *, x: float = 0.02, y: float = 0.04, ha: str = "left", va: str = "bottom") -> None:

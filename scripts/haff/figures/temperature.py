@@ -8,7 +8,7 @@ from matplotlib.figure import Figure
 from .. import analysis, theory
 from ..errors import NotApplicableError
 from ..reader import File
-from .style import BLACK, BLUE, CYCLE, GREY, RED, headline, note, number, zoom
+from .style import BLACK, BLUE, CYCLE, GREY, RED, headline, label, note, number, zoom
 
 # Fewer bodies have velocities, not a distribution of them.
 FEWEST = 30
@@ -24,7 +24,7 @@ def draw(file: File) -> Figure:
     try:
         law = analysis.cooling_law(file)
     except NotApplicableError as reason:
-        return _plain(file, str(reason))
+        return _plain(file, label(str(reason)))
     if law.restitution < 1:
         return _haff(file, law)
     if len(file.species_names) < 2:
@@ -39,14 +39,14 @@ def facts(file: File) -> str:
     if np.isfinite(phi):
         parts.append(f"packing fraction {phi:.3g}")
     parts += _restitutions(file)
-    return f"{file.title + '  ·  ' if file.title else ''}{',  '.join(parts)}"
+    return f"{label(file.title) + '  ·  ' if file.title else ''}{',  '.join(parts)}"
 
 
 def _restitutions(file: File) -> list[str]:
     """Restitution of the contacts that can happen: between particles, and with walls where it differs."""
 
     def name(e: object) -> str:
-        return f"{e:g}" if isinstance(e, (int, float)) else str(e.get("model", "?")) if isinstance(e, dict) else "?"
+        return f"{e:g}" if isinstance(e, (int, float)) else label(e.get("model", "?")) if isinstance(e, dict) else "?"
 
     contact, walls = file.scene.get("contact", {}), file.scene.get("wall", [])
     between = contact.get("restitution", 1.0)
@@ -163,7 +163,7 @@ def _plain(file: File, why: str) -> Figure:
         for color, name in zip(CYCLE, names):
             values = table[name].to_numpy()
             if np.isfinite(values).any():
-                axes.plot(t, values, color=color, lw=1.0, label=name.removeprefix("species_temperature_"))
+                axes.plot(t, values, color=color, lw=1.0, label=label(name.removeprefix("species_temperature_")))
         axes.plot(t, T, color=BLACK, lw=1.8, label="all")
         axes.legend(loc="best", ncols=2)
     else:

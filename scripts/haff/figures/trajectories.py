@@ -9,9 +9,10 @@ import numpy as np
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
+from .. import sightings
 from ..errors import NotApplicableError
 from ..reader import File
-from .style import BLACK, CYCLE, GREY, headline, page
+from .style import BLACK, CYCLE, GREY, headline, label, page
 
 MOST_BODIES = 24
 MOST_MARKS = 4000
@@ -144,7 +145,7 @@ def _subtitle(file: File) -> str:
         if count := counts.get(name):
             words = name.replace("_", " ")
             hits.append(f"{count:,} {words if count > 1 else words.removesuffix('s')}")
-    return "  ·  ".join([s for s in (file.title, ", ".join(hits)) if s])
+    return "  ·  ".join([s for s in (label(file.title), ", ".join(hits)) if s])
 
 
 def draw(file: File) -> Figure:
@@ -160,7 +161,7 @@ def draw(file: File) -> Figure:
         for body, path in enumerate(paths):
             color = CYCLE[body % len(CYCLE)]
             axes.plot(path.time, path.position[:, coordinate], color=color, lw=1.3 if few else 0.9, zorder=2,
-                      label=body_name(file, body))  # fmt: skip
+                      label=label(body_name(file, body)))  # fmt: skip
             if names is None or len(path.hits) > MOST_MARKS:
                 continue
             for kind, (mark, _) in _MARKS.items():
@@ -179,9 +180,9 @@ def draw(file: File) -> Figure:
     bodies = panels[0].get_legend_handles_labels()
     handles = list(bodies[0]) if few and len(paths) > 1 else []
     labels = list(bodies[1]) if few and len(paths) > 1 else []
-    for mark, label in dict.fromkeys(of for kind, of in _MARKS.items() if kind in used):
+    for mark, meaning in dict.fromkeys(of for kind, of in _MARKS.items() if kind in used):
         handles.append(Line2D([], [], ls="", marker=mark, mfc="white", mec=BLACK, ms=5))
-        labels.append(label)
+        labels.append(meaning)
     if floor is not None:
         handles.append(Line2D([], [], color=GREY, lw=1, ls=":"))
         labels.append("touching the floor")
@@ -194,7 +195,7 @@ def draw(file: File) -> Figure:
 def _clearance(file: File, active: list[int]) -> float | None:
     """Height of the centre of a single ball in touch with a horizontal floor at z = 0."""
     floors = [w for w in file.scene.get("wall", []) if w.get("plane", {}).get("normal") == [0, 0, 1]]
-    at = floors[0]["plane"].get("point", [0, 0, 0])[2] if floors else 0.0
+    at = sightings.vector(floors[0]["plane"]["point"])[2] if floors else 0.0
     if len(file) == 1 and active[-1] == 2 and (floors or file.box.boundary[2] == "wall"):
         return float(at + file.radius[0])
     return None
@@ -215,7 +216,9 @@ def draw_paths(file: File) -> Figure:
     for body, path in enumerate(paths):
         color = CYCLE[body % len(CYCLE)]
         track = path.position[:, [a, b]]
-        axes.plot(*track.T, color=color, lw=1.0 if few else 0.8, alpha=0.9, zorder=2, label=body_name(file, body))
+        axes.plot(
+            *track.T, color=color, lw=1.0 if few else 0.8, alpha=0.9, zorder=2, label=label(body_name(file, body))
+        )
         radius = file.radius[body]
         for centre, filled in ((track[0], False), (track[-1], True)):
             axes.add_patch(mpl.patches.Circle(centre, radius, fc=color if filled else "none", ec=color, lw=1.0,

@@ -163,9 +163,11 @@ def _springs(run: File) -> Worked:
     names = [run.species_names[s] for s in run.species]
     seen, labels, natural = [], [], []
     for one in run.scene["spring"]:
-        ends = [x[:, names.index(name)] for name in one["between"]]
+        ends = [x[:, sightings.body(run, name)] for name in one["between"]]
         if "point" in one:
             ends.append(np.broadcast_to(sightings.vector(one["point"]), ends[0].shape))
+        if len(ends) != 2:
+            raise NotApplicableError("a spring has only one end")
         length = np.linalg.norm(ends[1] - ends[0], axis=1)
         natural.append(one.get("length", length[0]))
         seen.append(natural[-1] - length)
@@ -183,7 +185,7 @@ def _spring_law(run: File, names: list[str], natural: float):
     springs = run.scene["spring"]
     if len(run) != 3 or len(springs) != 1 or len(springs[0]["between"]) != 2 or np.any(sightings.gravity(run)):
         raise NotApplicableError("not the three bodies of Problem 2.4")
-    b, c = (names.index(name) for name in springs[0]["between"])
+    b, c = (sightings.body(run, name) for name in springs[0]["between"])
     (a,) = {0, 1, 2} - {b, c}
     x, w = run.frames[0].position, run.frames[0].velocity
     if np.linalg.norm(x[c] - x[a]) < np.linalg.norm(x[b] - x[a]):
@@ -215,7 +217,7 @@ def _rods(run: File) -> Worked:
     ahead = w / v if v > 0 else np.eye(3)[0]
     seen, labels = [], []
     for one in run.scene["rod"]:
-        ends = [names.index(name) for name in one["between"]]
+        ends = [sightings.body(run, name) for name in one["between"]]
         arm = x[:, ends[1]] - x[:, ends[0]]
         if np.any(np.abs(arm[:, 2]) > CLOSE):
             raise NotApplicableError("the rod leaves the xy plane")
@@ -236,7 +238,7 @@ def _rod_law(run: File, names: list[str], flying: int, v: float, ahead: Array, t
     rods = run.scene["rod"]
     if len(run) != 3 or len(rods) != 1 or np.any(sightings.gravity(run)) or not v > 0:
         raise NotApplicableError("not the particle and rod of Sets 2.2 and 2.3")
-    hit, far = (names.index(name) for name in rods[0]["between"])
+    hit, far = (sightings.body(run, name) for name in rods[0]["between"])
     x, w = run.frames[0].position, run.frames[0].velocity
     gap = x[hit] - x[flying]
     if (

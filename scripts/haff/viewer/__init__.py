@@ -4,12 +4,15 @@ from __future__ import annotations
 
 import html
 import os
+import re
 import webbrowser
 from pathlib import Path
 
 from .. import reader
+from ..layout import computing
 from ..output import replacing
 from ..reader import File
+from ..text import escaped
 from .blobs import Blobs
 
 __all__ = ["view"]
@@ -72,15 +75,16 @@ def _write(file: File, path: Path, frames, size: float, notes: list[str]) -> Non
     from . import content
 
     shell = (_HERE / "page.html").read_text(encoding="utf-8")
-    title = html.escape(file.title or file.path.stem)
-    before, after = shell.replace("{{title}}", title).split("{{content}}")
+    before, after = shell.split("{{content}}")
     styles = "\n".join((_HERE / name).read_text(encoding="utf-8") for name in ("vendor/uPlot.min.css", "page.css"))
     libraries = [
         (_HERE / "vendor" / name).read_text(encoding="utf-8") for name in ("three.min.js", "uPlot.iife.min.js")
     ]
     scripts = "\n".join((_HERE / name).read_text(encoding="utf-8") for name in _SCRIPTS)
-    with open(path, "w", encoding="utf-8", newline="\n") as out:
-        out.write(before.replace("{{styles}}", styles))
+    # A title comes from the file: it may look like markup, or like a place of the page's shell.
+    parts = {"title": html.escape(escaped(file.title or file.path.stem)), "styles": styles}
+    with open(path, "w", encoding="utf-8", newline="\n") as out, computing(file.path, "page"):
+        out.write(re.sub(r"\{\{(\w+)\}\}", lambda place: parts[place[1]], before))
         # The header names the blobs by number, so it comes last, and frames are never all in memory.
         content.write(file, Blobs(out), frames, size, notes)
         for library in libraries:

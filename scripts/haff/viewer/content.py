@@ -13,6 +13,7 @@ from ..extent import Extent, extent
 from ..figures.style import CYCLE, SPEED_MAP
 from ..reader import File
 from ..selection import choose
+from ..text import escaped
 from . import collisions, curves, joints
 from .blobs import Blobs
 from .keyframes import Keyframes, along_flights, recorded
@@ -39,14 +40,14 @@ def write(file: File, blobs: Blobs, frames: str | slice | int | None, size: floa
     room = extent(chosen)
     losses = None if log is None else log.losses(keys.time)
     header: dict[str, Any] = {
-        "title": file.title or file.path.stem,
+        "title": escaped(file.title or file.path.stem),
         "count": len(file),
         "dimension": file.dimension,
         "gravity": _vector(file.scene.get("domain", {}).get("gravity", ())),
         "room": {"origin": room.origin.tolist(), "size": room.size.tolist(), "bounded": room.bounded.tolist()},
         "periodic": (file.box.periodic & (np.arange(3) < file.dimension)).tolist(),
         "boundary": list(file.box.boundary),
-        "species": file.species_names,
+        "species": [escaped(name) for name in file.species_names],
         "palette": [mpl.colors.to_hex(color) for color in CYCLE],
         "speed_map": (np.asarray(mpl.colormaps[SPEED_MAP](np.linspace(0, 1, 256)))[:, :3] * 255).astype(int).tolist(),
         "flight": "line" if keys.exact else "arc" if linked else "kink",
@@ -153,11 +154,10 @@ def _vector(values) -> list[float]:
 def _walls(file: File) -> list[dict[str, Any]]:
     return [
         {
-            "name": str(wall.get("name", "")),
+            "name": escaped(wall.get("name", "")),
             "point": _vector(wall["plane"].get("point", ())),
             "normal": _vector(wall["plane"].get("normal", ())),
             "velocity": _vector(wall.get("velocity", ())),
         }
         for wall in file.scene.get("wall", [])
-        if "plane" in wall
     ]

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
+from ..errors import FileError
 from ..reader import File
 
 
@@ -11,6 +12,8 @@ def find(file: File) -> list[dict[str, Any]]:
     """Each joint: ``kind`` (``string``, ``rod`` or ``spring``), its ends (a particle's row or a point), its length."""
     scene = file.scene
     explicit = scene.get("particle", [])
+    if len(explicit) > len(file):
+        raise FileError(f"{file.path}: parameters/scene: has {len(explicit)} particles; the file has {len(file)}")
     rows = {particle.get("name"): len(file) - len(explicit) + k for k, particle in enumerate(explicit)}
 
     def point(values) -> list[float]:

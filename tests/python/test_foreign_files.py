@@ -1,0 +1,151 @@
+"""Damaged and foreign files: whatever is in them, reading them succeeds or ends with one kind of error.
+
+300 changed files are read; ``HAFF_MUTATIONS=10000`` makes it as many.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import select
+import signal
+import subprocess
+import sys
+from collections import Counter
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+from conftest import ROOT, executable
+from mutations import mutate
+
+resource = pytest.importorskip("resource", reason="memory can be limited on Unix only")
+
+pytestmark = pytest.mark.usefixtures("bounded")
+
+COUNT = int(os.environ.get("HAFF_MUTATIONS", "300"))
+SEED = int(os.environ.get("HAFF_MUTATIONS_SEED", "0"))
+SECONDS = 30
+"""That a file may take; a sound one takes less than one."""
+GIB = 1 << 30
+
+
+@pytest.fixture(scope="module")
+def sound(command, tmp_path_factory) -> list[Path]:
+    """Small files of each kind."""
+    few = {"output__events": True, "output__observables": 0.5, "output__frames": 0.5}
+    runs = [
+        command.run(ROOT / "tests" / "gas.toml", **few, species__0__count=250, run__until=3.0),
+        command.run("disks", **few, species__0__count=120, run__until=2.0),
+        command.run("heap", **few, species__0__count=40, run__until=2.0),
+        command.run("breakshot"),
+        command.run("textbook/bouncing_ball"),
+        command.run("textbook/pendulums"),
+        command.run("textbook/spring_impact"),
+        command.run("textbook/stick_to_rod"),
+        command.run("textbook/oblique_wall"),
+    ]
+    study = tmp_path_factory.mktemp("sound") / "study"
+    command("sweep", ROOT / "tests" / "gas.toml", "--set", "contact.restitution=0.8,0.9", "--set", "run.until=2",
+            "--set", "species.grain.count=120", "-o", study, "--quiet")  # fmt: skip
+    return [*(run.path for run in runs if run.path), study / "run-0000.h5"]
+
+
+class Worker:
+    """A process that reads files, begun anew after one that kills it."""
+
+    def __init__(self, folder: Path, sound: list[Path]) -> None:
+        self.folder, self.sound = folder, sound
+        self.process: subprocess.Popen[str] | None = None
+
+    def start(self) -> subprocess.Popen[str]:
+        script = Path(__file__).with_name("foreign_worker.py")
+        words = [sys.executable, str(script), str(self.folder), *map(str, self.sound)]
+        with open(self.folder / "worker.log", "a") as log:
+            process = subprocess.Popen(words, stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=log, text=True)
+        assert process.stdout is not None and process.stdout.readline() == "ready\n", "the worker reads no sound file"
+        return process
+
+    def read(self, path: Path, seed: int, thorough: bool = False) -> dict:
+        """What came out."""
+        self.process = self.process or self.start()
+        stdin, stdout = self.process.stdin, self.process.stdout
+        assert stdin is not None and stdout is not None
+        stdin.write(f"{path}\t{seed}\t{'all' if thorough else ''}\n")
+        stdin.flush()
+        if not select.select([stdout], [], [], SECONDS)[0]:
+            self.stop()
+            return {"died": f"more than {SECONDS} s", "faults": [], "told": {}}
+        line = stdout.readline()
+        if not line:
+            status = self.process.wait()
+            self.process = None
+            return {"died": f"exit {status}", "faults": [], "told": {}}
+        return json.loads(line)
+
+    def stop(self) -> None:
+        if self.process is not None:
+            self.process.kill()
+            self.process.communicate()
+            self.process = None
+
+
+@pytest.fixture(scope="module")
+def worker(sound, tmp_path_factory) -> Iterator[Worker]:
+    found = Worker(tmp_path_factory.mktemp("worker"), sound)
+    yield found
+    found.stop()
+
+
+def test_sound_files_raise_nothing_unexpected(worker, sound):
+    for k, path in enumerate(sound):
+        found = worker.read(path, k, thorough=k % 5 == 2)
+        assert not found["faults"] and "died" not in found, (path, found)
+        # What does not apply may be told, but no damage.
+        assert not any("FileError" in told for told in found["told"].values()), (path, found["told"])
+
+
+def test_changed_files_are_read_or_refused(worker, sound, tmp_path):
+    wrong, outcomes = [], Counter[str]()
+    for seed in range(SEED, SEED + COUNT):
+        source = sound[seed % len(sound)]
+        # Another file each time: HDF5 knows one that is still open again.
+        target = tmp_path / f"changed-{seed}.h5"
+        done = mutate(source, target, seed)
+        found = worker.read(target, seed)
+        if found["faults"] or "died" in found:
+            wrong.append(f"seed {seed}, {source.name}: {done}\n  " + "\n  ".join(found["faults"] or [found["died"]]))
+            if keep := os.environ.get("HAFF_MUTATIONS_KEEP"):
+                Path(keep, f"{seed}.h5").write_bytes(target.read_bytes())
+        if COUNT > 1000 and seed % 500 == 0:
+            print(f"seed {seed}: {len(wrong)} wrong, {dict(outcomes)}", flush=True)
+        target.unlink()
+        outcomes["refused" if any("FileError" in one for one in found["told"].values()) else "read"] += 1
+    print(f"\n{dict(outcomes)}")
+    assert not wrong, f"{len(wrong)} of {COUNT}:\n" + "\n".join(wrong)
+    # Changes that do nothing, or that all end at the first look, would test nothing.
+    assert outcomes["read"] > 0.1 * COUNT and outcomes["refused"] > 0.3 * COUNT, outcomes
+
+
+def _limited() -> None:
+    resource.setrlimit(resource.RLIMIT_AS, (2 * GIB, 2 * GIB))
+    resource.setrlimit(resource.RLIMIT_CORE, (0, 0))
+
+
+@pytest.mark.parametrize("arguments", [["info"], ["info", "--json"]], ids=" ".join)
+def test_the_command_reads_changed_files_or_refuses_them(sound, tmp_path, arguments):
+    wrong = []
+    target = tmp_path / "changed.h5"
+    for seed in range(SEED, SEED + COUNT, 10):
+        done = mutate(sound[seed % len(sound)], target, seed)
+        words = [str(executable()), *arguments, str(target)]
+        try:
+            found = subprocess.run(words, capture_output=True, timeout=SECONDS, preexec_fn=_limited, check=False)
+        except subprocess.TimeoutExpired:
+            wrong.append(f"seed {seed}: {done}: more than {SECONDS} s")
+            continue
+        if found.returncode not in (0, 2, 4) or b"panicked" in found.stderr or b"memory alloc" in found.stderr:
+            reason = signal.Signals(-found.returncode).name if found.returncode < 0 else f"exit {found.returncode}"
+            wrong.append(f"seed {seed}: {done}: {reason} {found.stderr[-300:]!r}")
+    assert not wrong, f"{len(wrong)}:\n" + "\n".join(wrong)
