@@ -99,6 +99,29 @@ fn an_interrupted_run_resumes_to_the_state_of_one_that_was_not() {
     }
 }
 
+/// Exit status of a run that has been sent SIGINT after some time, and how long it took to answer.
+fn answer(haff: &Haff, arguments: &[&str], after: Duration) -> (i32, Duration) {
+    let mut child = haff.command(arguments).stdout(Stdio::null()).stderr(Stdio::null()).spawn().unwrap();
+    std::thread::sleep(after);
+    kill(Pid::from_raw(child.id() as i32), Signal::SIGINT).unwrap();
+    let sent = Instant::now();
+    let status = child.wait().unwrap().code().unwrap_or(-1);
+    (status, sent.elapsed())
+}
+
+#[test]
+fn a_signal_is_answered_while_a_packing_is_made() {
+    let haff = Haff::new();
+    // Growing a dense packing of so many takes far longer than the answer may.
+    let scene = "dimension = 3\n[domain]\npacking_fraction = 0.49\n[[species]]\nname = \"grain\"\ncount = 300000\n\
+                 radius = 0.5\nmass = 1.0\n[initial]\npositions = \"random\"\n[run]\nuntil = 1.0\n";
+    let packing = haff.write("packing.toml", scene);
+    let (status, took) = answer(&haff, &["run", &packing], Duration::from_millis(400));
+    assert_eq!(status, 130);
+    assert!(took < Duration::from_secs(1), "answered after {took:?}");
+    assert!(!haff.path("packing.h5").exists(), "nothing had begun");
+}
+
 /// The part of `haff info` that must not depend on how often a run was stopped.
 fn recorded(haff: &Haff, file: &str) -> Vec<Value> {
     let info: Value = serde_json::from_str(&haff.run(&["info", file, "--json"]).1).unwrap();

@@ -343,6 +343,23 @@ impl<F: Features> Windows<F> {
         1 + self.space.records.len() as u64 / 16
     }
 
+    /// Whether so many events have been in the window that it shall end early.
+    ///
+    /// Tested where an event is dropped and after those of one particle: a few that collide very often have many of these, and the
+    /// others cost nothing by it.
+    #[inline(always)]
+    fn is_crowded(&self) -> bool {
+        self.scratch.work.searches > self.last_search
+    }
+
+    /// Ends the window, and opens another at the present.
+    #[cold]
+    fn reopen(&mut self, world: &World, limit: &mut Limit) {
+        limit.entries = limit.entries.saturating_sub(self.entries_of_opening());
+        self.start_afresh(world);
+        self.open(world);
+    }
+
     /// Books the work done since `before`.
     fn count(&self, state: &mut State, before: &Work) {
         let work = self.scratch.work.since(before);
@@ -405,6 +422,9 @@ impl<F: Features> Windows<F> {
                 || partner.is_some_and(|j| world.particles[j as usize].count != entry.partner_count)
             {
                 state.book.counters.dropped += 1;
+                if self.is_crowded() {
+                    self.reopen(&state.world, limit);
+                }
                 continue;
             }
             limit.entries -= 1;
@@ -438,12 +458,10 @@ impl<F: Features> Windows<F> {
             };
             let in_time = match renewed {
                 Renewed::Pair(pair) => self.renew::<2, VECTORS>(&state.world, pair),
-                Renewed::One(body) => self.renew::<1, VECTORS>(&state.world, [body]),
+                Renewed::One(body) => self.renew::<1, VECTORS>(&state.world, [body]) && !self.is_crowded(),
             };
-            if !in_time || self.scratch.work.searches > self.last_search {
-                limit.entries = limit.entries.saturating_sub(self.entries_of_opening());
-                self.start_afresh(&state.world);
-                self.open(&state.world);
+            if !in_time {
+                self.reopen(&state.world, limit);
             }
         }
     }
