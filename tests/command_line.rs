@@ -211,10 +211,34 @@ fn a_run_reports_what_the_interface_promises() {
     assert_eq!(info["particles"], 500);
     assert_eq!(info["frames"], 21);
     assert_eq!(info["samples"], 41);
-    assert_eq!(info["events"], report["events"]);
+    for key in ["collisions", "wall_collisions", "events"] {
+        assert_eq!(info[key], report[key], "{key}");
+    }
+    assert_eq!(info["event_rows"], report["events"]);
     assert_eq!(info["finished"], true);
     let (status, text, _) = haff.run(&["info", "gas.h5"]);
     assert!(status == 0 && text.contains("ledger residual") && text.contains("Small gas"), "{text}");
+}
+
+/// One number has one name: rows of the log and events are not the same.
+#[test]
+fn events_and_rows_of_the_log_have_names_of_their_own() {
+    let haff = Haff::new();
+    let scene = config("textbook/bouncing_ball.toml");
+    let sets = ["--set", "output.events=true", "-o", "ball.h5"];
+    let report = haff.report(&[&["run", &scene][..], &sets].concat());
+    let info: Value = serde_json::from_str(&haff.run(&["info", "ball.h5", "--json"]).1).unwrap();
+    let number = |of: &Value, key: &str| of[key].as_u64().unwrap_or_else(|| panic!("{key} in {of}"));
+    let events = number(&report, "collisions") + number(&report, "wall_collisions");
+    assert_eq!((number(&report, "events"), number(&info, "events")), (events, events));
+    // The completed series of bounces is a row, and no event.
+    assert_eq!((number(&report, "rests"), number(&info, "event_rows")), (1, events + 1));
+    let text = haff.run(&["info", "ball.h5"]).1;
+    let line = |name: &str| {
+        text.lines().find(|line| line.starts_with(name)).unwrap_or_else(|| panic!("{name}: {text}"))
+    };
+    assert!(line("event rows").contains(&format!(" {} of ", events + 1)), "{text}");
+    assert!(line("events").contains(&format!(" {events}: 0 collisions, {events} wall collisions")), "{text}");
 }
 
 #[test]

@@ -50,8 +50,8 @@ pub struct Info {
     pub frames: Option<u64>,
     /// Rows of observables recorded; `None` if the scene asks for none.
     pub samples: Option<u64>,
-    /// Events recorded, with those that wait in the checkpoint; `None` if the scene asks for none.
-    pub events: Option<u64>,
+    /// Rows of the event log, with those that wait in the checkpoint; `None` if the scene asks for none.
+    pub event_rows: Option<u64>,
     /// Names of the columns of the event log; empty if the scene asks for none.
     pub event_columns: Vec<String>,
     /// Times of the first and the last frame or sample [time].
@@ -238,7 +238,7 @@ fn read_info(file: &hdf5::File, parameters: Parameters, path: &Path) -> Result<I
             range = Some(range.map_or((first, last), |(low, high)| (low.min(first), high.max(last))));
         }
     }
-    let events = match &skeleton.events {
+    let event_rows = match &skeleton.events {
         Some(columns) => {
             let rows = columns.rows().doing(path, READ)?;
             // The checkpoint's are more only while its tail is not in the columns yet.
@@ -290,7 +290,7 @@ fn read_info(file: &hdf5::File, parameters: Parameters, path: &Path) -> Result<I
         periodic,
         frames: frames.map(|(_, rows)| rows as u64),
         samples: samples.map(|(_, rows)| rows as u64),
-        events,
+        event_rows,
         event_columns: skeleton.events.as_ref().map(Columns::names).unwrap_or_default(),
         time_range: range,
         last_sample,

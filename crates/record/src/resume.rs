@@ -34,7 +34,7 @@ pub struct Resumed {
     /// Rows of observables that stay.
     pub samples: u64,
     /// Event rows that stay.
-    pub events: u64,
+    pub event_rows: u64,
     /// Time of the last frame that stays [time].
     pub last_frame: Option<f64>,
     /// Time of the last row of observables that stays [time].
@@ -163,7 +163,7 @@ fn tell(
         checkpoint: saved.state.clone(),
         frames: rows.frames as u64,
         samples: rows.samples as u64,
-        events: rows.events as u64,
+        event_rows: rows.events as u64,
         last_frame: last[0],
         last_sample: last[1],
         finished: parameters.complete,
