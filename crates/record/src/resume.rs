@@ -65,7 +65,8 @@ impl Recorder {
         drop(skeleton);
         let file = WritableFile::append(path)?;
         let prepare = || {
-            let skeleton = Skeleton::open(file.root(), parameters.particles).doing(path, READ)?;
+            let skeleton = Skeleton::open(file.root(), parameters.particles, parameters.species_names.len())
+                .doing(path, READ)?;
             let saved = choose(&skeleton, path)?;
             let resumed = tell(parameters.clone(), &skeleton, &saved, path)?;
             let [first, second] = [&skeleton.slots[0], &skeleton.slots[1]].map(Slot::sequence);
@@ -108,7 +109,8 @@ pub fn resumable(path: impl AsRef<Path>) -> Result<Resumed, RecordError> {
 fn look(path: &Path) -> Result<(Parameters, Skeleton), RecordError> {
     file::read(path, |file| {
         let parameters = Parameters::read(file, path)?;
-        let skeleton = Skeleton::open(file, parameters.particles).doing(path, READ)?;
+        let skeleton =
+            Skeleton::open(file, parameters.particles, parameters.species_names.len()).doing(path, READ)?;
         Ok((parameters, skeleton))
     })
 }
