@@ -1,4 +1,4 @@
-//! SIGINT and SIGTERM end a run cleanly; a second one ends it at once.
+//! SIGINT and SIGTERM end a run cleanly; a second one ends it at once. SIGXFSZ has no effect.
 
 use std::sync::{
     Arc,
@@ -6,11 +6,18 @@ use std::sync::{
 };
 
 use signal_hook::{
-    consts::{SIGINT, SIGTERM},
+    consts::{SIGINT, SIGTERM, SIGXFSZ},
     flag,
 };
 
 use crate::failure::{Failure, Status};
+
+/// Makes a write beyond the file-size limit fail with EFBIG. By default SIGXFSZ ends the process. A handler,
+/// unlike an ignored signal, is not inherited by child processes.
+pub fn handle_file_size_limit() {
+    // Without the handler the signal ends the process.
+    let _ = flag::register(SIGXFSZ, Arc::new(AtomicBool::new(false)));
+}
 
 /// Watches for signals.
 pub struct Signals(Arc<AtomicUsize>);
