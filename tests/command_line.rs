@@ -211,10 +211,34 @@ fn a_run_reports_what_the_interface_promises() {
     assert_eq!(info["particles"], 500);
     assert_eq!(info["frames"], 21);
     assert_eq!(info["samples"], 41);
-    assert_eq!(info["events"], report["events"]);
+    for key in ["collisions", "wall_collisions", "events"] {
+        assert_eq!(info[key], report[key], "{key}");
+    }
+    assert_eq!(info["event_rows"], report["events"]);
     assert_eq!(info["finished"], true);
     let (status, text, _) = haff.run(&["info", "gas.h5"]);
     assert!(status == 0 && text.contains("ledger residual") && text.contains("Small gas"), "{text}");
+}
+
+/// Rows of the event log and events are different numbers with different names.
+#[test]
+fn events_and_rows_of_the_log_have_names_of_their_own() {
+    let haff = Haff::new();
+    let scene = config("textbook/bouncing_ball.toml");
+    let sets = ["--set", "output.events=true", "-o", "ball.h5"];
+    let report = haff.report(&[&["run", &scene][..], &sets].concat());
+    let info: Value = serde_json::from_str(&haff.run(&["info", "ball.h5", "--json"]).1).unwrap();
+    let number = |of: &Value, key: &str| of[key].as_u64().unwrap_or_else(|| panic!("{key} in {of}"));
+    let events = number(&report, "collisions") + number(&report, "wall_collisions");
+    assert_eq!((number(&report, "events"), number(&info, "events")), (events, events));
+    // The completed series of bounces has a row, but is not an event.
+    assert_eq!((number(&report, "rests"), number(&info, "event_rows")), (1, events + 1));
+    let text = haff.run(&["info", "ball.h5"]).1;
+    let line = |name: &str| {
+        text.lines().find(|line| line.starts_with(name)).unwrap_or_else(|| panic!("{name}: {text}"))
+    };
+    assert!(line("event rows").contains(&format!(" {} of ", events + 1)), "{text}");
+    assert!(line("events").contains(&format!(" {events}: 0 collisions, {events} wall collisions")), "{text}");
 }
 
 #[test]
@@ -486,27 +510,49 @@ fn the_bouncing_ball_ends_at_rest() {
 /// A file-size limit stands in for a full disk: writes beyond it fail in the same way.
 #[test]
 fn a_full_disk_ends_the_run_with_4_and_keeps_what_was_written() {
+    // SIGXFSZ, unless it is ignored, is sent at the limit.
+    for signal in ["trap '' XFSZ; ", ""] {
+        let haff = Haff::new();
+        let scene = haff.write("gas.toml", GAS);
+        let arguments = format!("run {scene} --json --set run.until=4000 --set output.checkpoint=2");
+        let (status, out, error) = limited(&haff, &format!("{signal}ulimit -f 6000"), &arguments);
+        assert_eq!(status, Some(4), "{error}");
+        let told = "gas.h5: cannot write: the limit on the size of files is reached";
+        assert!(error.contains(told) && !error.contains("panicked"), "{error}");
+        let report: Value = serde_json::from_str(&out).unwrap();
+        assert_eq!(report["stopped"], "output");
+        let info: Value = serde_json::from_str(&haff.run(&["info", "gas.h5", "--json"]).1).unwrap();
+        assert!(info["frames"].as_u64() > Some(1) && info["resumable"] == true, "{info}");
+        // With room again it goes on from its last checkpoint.
+        let resumed = haff.report(&["run", "--resume", "gas.h5"]);
+        assert_eq!(resumed["stopped"], "until");
+        // Where not even the first flush fits, no file is left.
+        let none = Haff::new();
+        let scene = none.write("gas.toml", GAS);
+        let (status, _, error) = limited(&none, &format!("{signal}ulimit -f 8"), &format!("run {scene}"));
+        assert!(status == Some(4) && error.contains(told), "{status:?}: {error}");
+        assert_eq!(std::fs::read_dir(none.path(".")).unwrap().count(), 1, "{error}");
+    }
+}
+
+#[test]
+fn a_failed_allocation_exits_with_3_and_a_message() {
     let haff = Haff::new();
     let scene = haff.write("gas.toml", GAS);
-    let command = format!(
-        "trap '' XFSZ; ulimit -f 6000; exec {} run {scene} --json --set run.until=4000 --set output.checkpoint=2",
-        env!("CARGO_BIN_EXE_haff")
-    );
-    let output = std::process::Command::new("bash")
-        .args(["-c", &command])
-        .current_dir(haff.path("."))
-        .output()
-        .unwrap();
-    let error = String::from_utf8_lossy(&output.stderr);
-    assert_eq!(output.status.code(), Some(4), "{error}");
-    assert!(error.contains("gas.h5") && !error.contains("panicked"), "{error}");
-    let report: Value = serde_json::from_slice(&output.stdout).unwrap();
-    assert_eq!(report["stopped"], "output");
-    let info: Value = serde_json::from_str(&haff.run(&["info", "gas.h5", "--json"]).1).unwrap();
-    assert!(info["frames"].as_u64() > Some(1) && info["resumable"] == true, "{info}");
-    // With room again it goes on from its last checkpoint.
-    let resumed = haff.report(&["run", "--resume", "gas.h5"]);
-    assert_eq!(resumed["stopped"], "until");
+    let arguments = format!("run {scene} --set species.grain.count=500000");
+    let (status, _, error) = limited(&haff, "ulimit -v 150000", &arguments);
+    assert_eq!(status, Some(3), "{error}");
+    assert!(error.contains("error: out of memory: ") && error.contains("--resume"), "{error}");
+}
+
+/// Runs the command in a shell with limits: exit status, standard output and standard error.
+fn limited(haff: &Haff, limits: &str, arguments: &str) -> (Option<i32>, String, String) {
+    let command = format!("{limits}; exec {} {arguments}", env!("CARGO_BIN_EXE_haff"));
+    let shell =
+        std::process::Command::new("bash").args(["-c", &command]).current_dir(haff.path(".")).output();
+    let output = shell.unwrap();
+    let text = |bytes: &[u8]| String::from_utf8_lossy(bytes).into_owned();
+    (output.status.code(), text(&output.stdout), text(&output.stderr))
 }
 
 #[test]

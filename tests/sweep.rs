@@ -325,3 +325,75 @@ fn more_jobs_than_cores_are_not_run_at_a_time() {
     assert!(status == 0 && err.contains("runs at a time") && err.contains("cores"), "{err}");
     assert!(err.contains("2 of 2 runs are complete"), "{err}");
 }
+
+/// A child process that is killed if its test fails.
+struct Sweeping(std::process::Child);
+
+impl Sweeping {
+    /// Starts it, and waits until it has the lock of this name.
+    fn start(haff: &Haff, arguments: &[&str], lock: &str) -> Self {
+        let child = haff.command(arguments).stdout(Stdio::null()).stderr(Stdio::null()).spawn().unwrap();
+        let (started, process) = (Instant::now(), format!("{}\n", child.id()));
+        while fs::read_to_string(haff.path(lock)).ok().as_ref() != Some(&process) {
+            assert!(started.elapsed() < Duration::from_secs(20), "{lock} is not taken");
+            thread::sleep(Duration::from_millis(5));
+        }
+        Self(child)
+    }
+
+    fn stop(mut self) -> Option<i32> {
+        kill(Pid::from_raw(self.0.id() as i32), Signal::SIGINT).unwrap();
+        self.0.wait().unwrap().code()
+    }
+}
+
+impl Drop for Sweeping {
+    fn drop(&mut self) {
+        let _ = self.0.kill();
+        let _ = self.0.wait();
+    }
+}
+
+#[test]
+fn a_second_sweep_in_the_same_folder_is_refused_and_the_first_goes_on() {
+    let haff = Haff::new();
+    haff.write("gas.toml", GAS);
+    let study = ["sweep", "gas.toml", "--set", "run.until=4000,4001", "-o", "study"];
+    let first = Sweeping::start(&haff, &study, "study/.sweep.lock");
+    while !haff.path("study/run-0000.h5").exists() {
+        thread::sleep(Duration::from_millis(5));
+    }
+    let (status, out, err) = haff.run(&study);
+    let process = first.0.id();
+    assert_eq!((status, out.as_str()), (4, ""), "{err}");
+    let told = format!("error: study: another process ({process}) runs a sweep in this folder: wait");
+    assert!(err.starts_with(&told) && err.lines().count() == 1, "{err}");
+    let listed = haff.report(&[&study[..], &["--list"]].concat());
+    assert!(rows(&listed).iter().any(|row| row["status"] == "running"), "{listed}");
+    assert_eq!(first.stop(), Some(130), "the first one goes on until it is stopped");
+    let rows = manifest(&haff)["runs"].as_array().unwrap().clone();
+    assert!(rows.iter().all(|row| row["error"].is_null()), "{rows:?}");
+    // No lock file is left, and a killed sweep leaves no lock.
+    let killed = Sweeping::start(&haff, &study, "study/.sweep.lock");
+    drop(killed);
+    let again = Sweeping::start(&haff, &study, "study/.sweep.lock");
+    assert_eq!(again.stop(), Some(130));
+    let left = fs::read_dir(haff.path("study")).unwrap().map(|entry| entry.unwrap().file_name());
+    let locks: Vec<_> = left.filter(|name| name.to_string_lossy().ends_with(".lock")).collect();
+    assert!(locks.is_empty(), "{locks:?}");
+}
+
+#[test]
+fn different_members_run_at_the_same_time_and_one_member_only_once() {
+    let haff = Haff::new();
+    haff.write("gas.toml", GAS);
+    let study = ["sweep", "gas.toml", "--set", "run.until=4000,1", "-o", "study", "--index"];
+    let member = |index| [&study[..], &[index]].concat();
+    let first = Sweeping::start(&haff, &member("0"), "study/.run-0000.h5.lock");
+    let (status, _, err) = haff.run(&member("0"));
+    assert_eq!(status, 4, "{err}");
+    let told = format!("study/run-0000.h5: another process ({}) is at work on this run", first.0.id());
+    assert!(err.contains(&told), "{err}");
+    assert_eq!(haff.report(&member("1"))["status"], "complete");
+    assert_eq!(first.stop(), Some(130));
+}

@@ -82,6 +82,12 @@ pub fn info(options: &Info) -> Result<u8, Failure> {
     let summary: Value =
         info.summary.as_deref().and_then(|text| serde_json::from_str(text).ok()).unwrap_or_default();
     let last = info.last_sample.as_ref();
+    // Not the number of rows in the event log, which has other kinds of rows, too, and is optional.
+    let counts = match (last, info.counters) {
+        (Some(last), _) => Some([last.collisions, last.wall_collisions]),
+        (None, Some(counters)) => Some([counters.collisions, counters.wall_collisions]),
+        (None, None) => None,
+    };
     if options.json {
         let ledger = last.map(|last| {
             json!({
@@ -98,7 +104,9 @@ pub fn info(options: &Info) -> Result<u8, Failure> {
             "schema": info.schema, "trajectory_version": info.trajectory_version, "seed": info.seed,
             "dimension": info.dimension, "particles": info.particles, "species": info.species, "walls": info.walls,
             "box": info.box_size.to_array(), "periodic": info.periodic, "frames": info.frames,
-            "samples": info.samples, "events": info.events, "event_columns": info.event_columns, "time_range": info.time_range, "last": ledger,
+            "samples": info.samples, "event_rows": info.event_rows, "event_columns": info.event_columns, "time_range": info.time_range, "last": ledger,
+            "collisions": counts.map(|[pairs, _]| pairs), "wall_collisions": counts.map(|[_, walls]| walls),
+            "events": counts.map(|[pairs, walls]| pairs.saturating_add(walls)),
             "checkpoint_time": info.checkpoint_time, "finished": info.finished, "resumable": info.resumable,
             "file_bytes": info.file_size, "summary": summary, "scene": info.scene_toml,
         });
@@ -127,11 +135,14 @@ pub fn info(options: &Info) -> Result<u8, Failure> {
     let count = |number: Option<u64>| number.map_or("none asked for".to_owned(), |number| number.to_string());
     line("frames", count(info.frames));
     line("samples", count(info.samples));
-    let rows = count(info.events);
+    let rows = count(info.event_rows);
     let columns = info.event_columns.join(", ");
     line("event rows", if columns.is_empty() { rows } else { format!("{rows} of {columns}") });
+    if let Some([pairs, walls]) = counts {
+        let events = pairs.saturating_add(walls);
+        line("events", format!("{events}: {pairs} collisions, {walls} wall collisions"));
+    }
     if let Some(last) = last {
-        line("collisions", format!("{} and {} with walls", last.collisions, last.wall_collisions));
         line("temperature", format!("{:.9e}", last.temperature));
         line("kinetic energy", format!("{:.9e}", last.ledger.kinetic));
         line("potential energy", format!("{:.9e}", last.ledger.potential));

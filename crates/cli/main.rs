@@ -11,6 +11,7 @@ mod info;
 mod init;
 mod log;
 mod manual;
+mod memory;
 mod output;
 mod overwrite;
 mod progress;
@@ -28,7 +29,11 @@ use std::process::ExitCode;
 
 use arguments::Command;
 
+#[global_allocator]
+static ALLOCATOR: memory::ReportingAllocator = memory::ReportingAllocator;
+
 fn main() -> ExitCode {
+    signals::handle_file_size_limit();
     let arguments = arguments::parse();
     log::start(arguments.verbose);
     let result = match arguments.command {

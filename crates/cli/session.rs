@@ -63,6 +63,16 @@ impl Ending {
         }
     }
 
+    /// Whether a checkpoint of the present state can be resumed. After an overflow velocities are not finite.
+    pub fn is_resumable(&self) -> bool {
+        !matches!(
+            self,
+            Self::Failed(MachineError::Granular(
+                EngineError::Overflow { .. } | EngineError::Inconsistent { .. }
+            ))
+        )
+    }
+
     /// Whether the run has come to the end its scene asks for, so that nothing is left to resume.
     pub fn is_final(&self) -> bool {
         matches!(self, Self::Until | Self::Collisions | Self::Rest)
@@ -248,7 +258,7 @@ impl Session<'_> {
     fn last_records(&mut self, ending: &Ending) -> Result<(), Ending> {
         // A run that is to be resumed goes on from before its last rows, which it would not have written had it not
         // been stopped.
-        if !ending.is_final() {
+        if !ending.is_final() && ending.is_resumable() {
             self.checkpoint()?;
         }
         if self.recorded != Some((self.simulation.time(), self.step())) {

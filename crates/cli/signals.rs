@@ -1,4 +1,5 @@
 //! SIGINT and SIGTERM end the command at once as long as nothing could be lost, and a run cleanly; a second one ends it at once.
+//! SIGXFSZ has no effect.
 
 use std::sync::{
     Arc,
@@ -6,11 +7,18 @@ use std::sync::{
 };
 
 use signal_hook::{
-    consts::{SIGINT, SIGTERM},
+    consts::{SIGINT, SIGTERM, SIGXFSZ},
     flag,
 };
 
 use crate::failure::{Failure, Status};
+
+/// Makes a write beyond the file-size limit fail with EFBIG. By default SIGXFSZ ends the process. A handler,
+/// unlike an ignored signal, is not inherited by child processes.
+pub fn handle_file_size_limit() {
+    // Without the handler the signal ends the process.
+    let _ = flag::register(SIGXFSZ, Arc::new(AtomicBool::new(false)));
+}
 
 /// Watches for signals.
 pub struct Signals {

@@ -4,6 +4,7 @@
 //! on their order. What is complete is left alone, what was stopped goes on from its checkpoint, and a run that fails does
 //! not stop the others.
 
+mod lock;
 mod manifest;
 mod member;
 mod plan;
@@ -22,6 +23,7 @@ use std::{
     time::{Duration, Instant},
 };
 
+use lock::{Lock, Refused};
 use manifest::{Manifest, Row};
 use plan::Plan;
 use view::View;
@@ -66,9 +68,25 @@ pub fn sweep(options: &Sweep) -> Result<u8, Failure> {
     // Members are made while others run.
     signals.begin();
     manifest.begin()?;
-    match options.index {
-        Some(index) => one(options, &plan, &manifest, index, &signals),
-        None => all(options, &plan, folder, manifest, &signals),
+    if let Some(index) = options.index {
+        return one(options, &plan, &manifest, index, &signals);
+    }
+    let _lock = Lock::of_sweep(folder).map_err(|refused| locked(folder, &refused))?;
+    // Read again: another sweep may have written it before this one took the lock.
+    all(options, &plan, folder, Manifest::look(folder, &plan)?, &signals)
+}
+
+/// The error of a folder whose lock was not taken.
+fn locked(folder: &Path, refused: &Refused) -> Failure {
+    let folder = folder.display();
+    match refused {
+        Refused::Held(holder) => Failure::new(
+            Status::File,
+            format!(
+                "{folder}: {holder} runs a sweep in this folder: wait for its end, or take another folder (-o)"
+            ),
+        ),
+        Refused::Failed(error) => Failure::new(Status::File, format!("{folder}: cannot write: {error}")),
     }
 }
 
@@ -96,7 +114,9 @@ fn list(options: &Sweep, manifest: &mut Manifest, folder: Option<&Path>) -> Resu
                 member::look(folder, row);
             }
         }
-        if manifest.exists() {
+        // A running sweep writes its own manifest.
+        let lock = if manifest.exists() { Some(Lock::of_sweep(folder)) } else { None };
+        if lock.as_ref().is_some_and(|lock| !matches!(lock, Err(Refused::Held(_)))) {
             manifest.write()?;
         }
     }

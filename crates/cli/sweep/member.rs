@@ -6,6 +6,7 @@ use haff_record::RecordError;
 use serde_json::Value;
 
 use super::{
+    lock::{Lock, Refused},
     manifest::{Row, State},
     plan::{Member, Plan},
     values::same_scene,
@@ -30,6 +31,21 @@ pub fn run(
 ) -> (Row, Option<Value>) {
     let mut row = Row::missing(member);
     let path = folder.join(&member.file);
+    // A new file is moved to its path with its first flush. Before that, only this lock shows a second
+    // process.
+    let _lock = match Lock::of_member(folder, &member.file) {
+        Ok(lock) => lock,
+        Err(Refused::Held(holder)) => {
+            let text = format!("{}: {holder} is at work on this run", path.display());
+            fail(&mut row, &Failure::new(Status::File, text));
+            row.status = State::Running;
+            return (row, None);
+        }
+        Err(Refused::Failed(error)) => {
+            fail(&mut row, &Failure::new(Status::File, format!("{}: cannot write: {error}", path.display())));
+            return (row, None);
+        }
+    };
     let finished = match go(&path, plan, member, Company { signals, progress, watch: false }) {
         Ok(finished) => finished,
         Err(failure) => {
@@ -97,6 +113,8 @@ pub fn look(folder: &Path, row: &mut Row) {
                 row.status = State::Missing;
             }
         }
+        // A file that is being flushed cannot always be read.
+        Err(_) if is_being_written(&path) => row.status = State::Running,
         Err(error) => fail(row, &file_failure(&error)),
     }
 }

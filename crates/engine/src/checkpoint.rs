@@ -14,11 +14,47 @@ use crate::{
     simulation::Simulation,
     stall::Stall,
     sum::Sum,
+    valid,
 };
 
 /// Flags above the walls in [`Checkpoint::resting`]: the particle is held; it was last among grains.
 const HELD: u32 = 1 << 31;
 const JOSTLED: u32 = 1 << 30;
+
+/// The code of the walls that a particle rests on: up to three digits, each a wall's index plus one. It
+/// shares an integer with the flags.
+struct Digits {
+    base: u64,
+}
+
+impl Digits {
+    fn of(world: &World) -> Self {
+        Self { base: world.walls.len() as u64 + 1 }
+    }
+
+    /// Whether three digits do not fit below the flags. Then each particle's code is a scalar of its own.
+    fn are_wide(&self) -> bool {
+        self.base.pow(3) > u64::from(JOSTLED)
+    }
+
+    fn encode(&self, support: Support) -> u64 {
+        support.into_iter().flatten().fold(0, |code, wall| code * self.base + u64::from(wall) + 1)
+    }
+
+    /// The walls of a code; `None` if it is invalid.
+    fn decode(&self, mut code: u64) -> Option<Support> {
+        let mut support: Support = [None; 3];
+        for place in &mut support {
+            if code != 0 {
+                *place = Some((code % self.base).checked_sub(1)? as u16);
+                code /= self.base;
+            }
+        }
+        support.reverse();
+        support.sort_by_key(Option::is_none);
+        (code == 0).then_some(support)
+    }
+}
 
 /// Parts of the names of vectors.
 const AXES: [&str; 3] = ["x", "y", "z"];
@@ -140,11 +176,16 @@ impl Simulation {
             put("census.crowd", heap.crowd);
             put("census.crowd_since", heap.crowd_since as u64);
         }
-        // Up to three walls a particle rests on, as digits, below the flags.
-        let base = world.walls.len() as u32 + 1;
+        let digits = Digits::of(world);
+        if digits.are_wide() {
+            for i in 0..world.particles.len() as u32 {
+                if world.particles[i as usize].rests() {
+                    put(&format!("support.{i}"), digits.encode(world.support(i)));
+                }
+            }
+        }
         let resting = |i: u32| {
-            let walls = world.support(i).into_iter().flatten();
-            let code = walls.fold(0, |code: u32, wall| code * base + u32::from(wall) + 1);
+            let code = if digits.are_wide() { 0 } else { digits.encode(world.support(i)) as u32 };
             let flags = [(HELD, world.is_held(i)), (JOSTLED, world.particles[i as usize].is_jostled())];
             flags.into_iter().filter(|(_, set)| *set).fold(code, |code, (flag, _)| code | flag)
         };
@@ -179,12 +220,18 @@ impl Simulation {
             values: checkpoint.scalars.iter().map(|(name, bits)| (name.as_str(), *bits)).collect(),
             missing: None,
         };
-        let exponent = scalars.take("clock.exponent") as i64 as i32;
+        if scalars.values.len() != checkpoint.scalars.len() {
+            return Err(EngineError::Checkpoint("a scalar stands there twice".to_owned()));
+        }
+        let exponent = valid::exponent(scalars.take("clock.exponent"))?;
         let mut world = World::new(&system, exponent);
         world.clock.base = scalars.real("clock.base");
         world.clock.base_low = scalars.real("clock.base_low");
         world.now = scalars.take("clock.now") as i64;
         let time = scalars.real("clock.time");
+        let epochs = scalars.take("epochs");
+        valid::clock(&world.clock, world.now, time, epochs)?;
+        valid::particles(&system, &world, checkpoint)?;
         for i in 0..count {
             let particle = &mut world.particles[i];
             particle.position = checkpoint.position[i];
@@ -193,26 +240,29 @@ impl Simulation {
             particle.count = checkpoint.count[i];
         }
         world.images.clone_from(&checkpoint.image);
-        let base = world.walls.len() as u32 + 1;
-        for (i, &code) in checkpoint.resting.iter().enumerate().filter(|(_, code)| **code != 0) {
-            if code & HELD != 0 && world.thresholds.is_some() {
-                world.replace_held(i as u32, true);
-            }
-            world.particles[i].set_jostled(code & JOSTLED != 0);
-            let mut support: Support = [None; 3];
-            let mut digits = code & !(HELD | JOSTLED);
-            if digits == 0 {
+        let digits = Digits::of(&world);
+        for (i, &code) in checkpoint.resting.iter().enumerate() {
+            let name = format!("support.{i}");
+            let wide = if digits.are_wide() { scalars.values.remove(name.as_str()) } else { None };
+            if code == 0 && wide.is_none() {
                 continue;
             }
-            for place in &mut support {
-                if digits != 0 {
-                    *place = (digits % base).checked_sub(1).map(|wall| wall as u16);
-                    digits /= base;
-                }
+            let (held, jostled) = (code & HELD != 0, code & JOSTLED != 0);
+            let walls = wide.unwrap_or(u64::from(code & !(HELD | JOSTLED)));
+            let Some(support) = digits.decode(walls) else {
+                let (most, name) = (world.walls.len(), if wide.is_some() { "support" } else { "resting" });
+                return Err(EngineError::Checkpoint(format!(
+                    "{name}[{i}] = {walls} must be up to three numbers of the scene's {most} walls"
+                )));
+            };
+            if held && world.thresholds.is_some() {
+                world.replace_held(i as u32, true);
             }
-            support.reverse();
-            support.sort_by_key(Option::is_none);
-            world.replace_support(i as u32, support);
+            world.particles[i].set_jostled(jostled);
+            if walls != 0 {
+                world.replace_support(i as u32, support);
+            }
+            valid::support(&world, i as u32, u64::from(code), held, jostled)?;
         }
         let mut book = Book {
             dissipated: scalars.sum("dissipated"),
@@ -240,7 +290,7 @@ impl Simulation {
         counters.dropped = scalars.take("dropped");
         counters.stale = scalars.take("stale");
         counters.transfers = scalars.take("transfers");
-        counters.epochs = scalars.take("epochs");
+        counters.epochs = epochs;
         let mut heap = Heap::default();
         if world.thresholds.is_some() {
             book.rest = scalars.sum("put_to_rest");
@@ -285,7 +335,14 @@ impl Simulation {
                 "{name} is unknown; it was written by another version"
             )));
         }
+        for (&i, rest) in &pending {
+            valid::pending(&world, i, rest)?;
+        }
+        (book.counters.predictions, book.counters.candidates, book.counters.windows) =
+            (predictions, candidates, windows);
+        valid::book(&book, &world.clock, time)?;
         let state = State { world, book, pending, heap, stall };
+        valid::whole(&system, &state, time)?;
         let mut simulation = Self::start(system, options, state)?;
         simulation.find_contacts_of_held();
         // Predicting everything afresh is no part of the run.

@@ -135,8 +135,9 @@ impl Level {
     fn home(&self, position: DVec3) -> [usize; 3] {
         std::array::from_fn(|axis| {
             let (x, cells) = (position[axis] * self.density[axis], self.cells[axis] as i64);
-            // The floor, for which some processors have no instruction.
-            let cell = x as i64 - i64::from(x < (x as i64) as f64);
+            // The floor, for which some processors have no instruction. Conversions saturate for coordinates
+            // beyond the range of i64, which open axes allow.
+            let cell = (x as i64).wrapping_sub(i64::from(x < (x as i64) as f64));
             let inside = 0 <= cell && cell < cells;
             (if inside { cell } else { cell.rem_euclid(cells) }) as usize
         })

@@ -32,6 +32,7 @@ mod rest;
 mod simulation;
 mod stall;
 mod sum;
+mod valid;
 mod windows;
 
 pub use error::{EngineError, Fault};

@@ -140,14 +140,15 @@ impl<'a> Meter<'a> {
             let (gap, _) = self.world.wall_approach(wall, radius, position, DVec3::ZERO, self.world.now);
             if gap < 0.0 && self.world.body(i).inverse_mass != 0.0 {
                 let overlap = Overlap { depth: -gap / radius, pair: Some((i, None)) };
-                self.found.add(overlap, radius, self.coordinates(i));
+                let point = self.world.walls[wall as usize].point.abs();
+                self.found.add(overlap, radius, self.coordinates(i).max(point));
             }
         }
     }
 
-    /// Sizes of the coordinates of particle i, with the way since its last own event \[length\].
+    /// Sizes of the coordinates of particle i, at its last own event and now \[length\].
     fn coordinates(&self, i: u32) -> DVec3 {
-        self.world.state(i, self.world.now).0.abs()
+        self.world.coordinates(i).max(self.world.state(i, self.world.now).0.abs())
     }
 }
 

@@ -244,6 +244,11 @@ impl World {
         }
     }
 
+    /// Sizes of the coordinates of particle i at its last own event \[length\]: its flight is rounded to parts of them.
+    pub fn coordinates(&self, i: u32) -> DVec3 {
+        self.particles[i as usize].position.abs()
+    }
+
     /// Acceleration of a particle in its flight [length/time²].
     #[inline(always)]
     pub fn acceleration(&self, i: u32) -> DVec3 {

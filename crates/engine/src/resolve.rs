@@ -172,10 +172,13 @@ pub(crate) fn collision<F: Features, const EVENTS: bool>(
         let sigma = a.radius + b.radius;
         let depth = sunk(sigma - distance, ri.abs().max(rj.abs()), sigma);
         if depth > 0.0 {
-            check_depth(world, depth, sigma, ri.abs().max(rj.abs()), (i, Some(j)), time)?;
+            let places = ri.abs().max(rj.abs()).max(world.coordinates(i)).max(world.coordinates(j));
+            check_depth(world, depth, sigma, places, (i, Some(j)), time)?;
             // By halves, whatever the masses: a light grain that a heavy one presses against a wall cannot move the heavy
             // one by its share of their momentum, and would be pressed into the wall ever deeper.
             let [back, on] = match (a.inverse_mass == 0.0, b.inverse_mass == 0.0) {
+                // Grains that come to rest on each other are no longer in contact once they do.
+                (false, false) if F::REST => [0.0; 2],
                 (false, false) => [0.5 * depth; 2],
                 (false, true) => [depth, 0.0],
                 (true, _) => [0.0, depth],
@@ -250,7 +253,8 @@ pub(crate) fn wall<F: Features, const EVENTS: bool>(
     let (gap, _) = world.wall_approach(wall, class.radius, position, velocity, time);
     let depth = sunk(-gap, position.abs(), class.radius);
     if depth > 0.0 {
-        check_depth(world, depth, class.radius, position.abs(), (i, None), time)?;
+        let places = position.abs().max(world.coordinates(i)).max(world.walls[wall as usize].point.abs());
+        check_depth(world, depth, class.radius, places, (i, None), time)?;
     }
     if depth > 0.0 || world.is_level(wall) {
         position -= world.walls[wall as usize].normal * gap;

@@ -372,7 +372,7 @@ impl Simulation {
 }
 
 /// Axes along which the system has no size of its own.
-fn open_axes(system: &System) -> [bool; 3] {
+pub(crate) fn open_axes(system: &System) -> [bool; 3] {
     let mut open = system.domain.boundary.map(|boundary| boundary == Boundary::Open);
     open[2] |= system.dimension == Dimension::Two;
     open

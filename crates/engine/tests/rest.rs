@@ -83,8 +83,15 @@ fn heaps_come_to_rest_after_finitely_many_events() {
             let lost: f64 = log.0.iter().map(|event| event.energy_loss).sum();
             let booked = ledger.dissipated + ledger.rest;
             assert!((lost / booked - 1.0).abs() < 1e-12, "{dimension:?}, e = {e}: {lost}, {booked}");
-            let rests = log.0.iter().filter(|event| event.kind == EventKind::Rest).count() as u64;
-            assert_eq!(rests, counters.rests);
+            let carnot: f64 = log.0.iter().map(|event| event.carnot_energy).sum();
+            assert!(
+                (carnot / ledger.carnot - 1.0).abs() < 1e-12,
+                "{dimension:?}, e = {e}: {carnot}, {ledger:?}"
+            );
+            let rows = |kind| log.0.iter().filter(|event| event.kind == kind).count() as u64;
+            let rests = rows(EventKind::Rest);
+            let counted = [counters.collisions, counters.wall_collisions, counters.rests];
+            assert_eq!([rows(EventKind::Collision), rows(EventKind::Wall), rests], counted);
             // All lie on each other in the end, so each has been put to rest once more than it has been woken. The other rows are those of
             // completed series of bounces, which have lost more velocity than was left unless e = 0, and of jams.
             let is_series = |event: &&EventRecord| {

@@ -12,11 +12,12 @@ use crate::{
     model::Joints,
     simulation::Simulation,
     sum::Sum,
+    valid,
     world::{Pending, World},
 };
 
 /// Version of the scalars below.
-const VERSION: u64 = 2;
+const VERSION: u64 = 3;
 
 impl Simulation {
     /// The exact state: anchors of all particles, and everything else as named scalars. A simulation that is
@@ -30,6 +31,10 @@ impl Simulation {
         put("now.high".into(), world.now.high.to_bits());
         put("now.low".into(), world.now.low.to_bits());
         put("clock.time".into(), self.time().to_bits());
+        // So that an impact that does not come to an end is given up at the same event after a resume.
+        put("stall.since.high".into(), self.stall.0.high.to_bits());
+        put("stall.since.low".into(), self.stall.0.low.to_bits());
+        put("stall.events".into(), self.stall.1);
         let book = &world.book;
         put("initial_kinetic".into(), book.initial_kinetic.to_bits());
         put("initial_potential".into(), book.initial_potential.to_bits());
@@ -107,16 +112,14 @@ impl Simulation {
         let (system, joints) = crate::check::placed(system, joints)?;
         let mut world = World::new(system, joints);
         let n = world.count();
-        if checkpoint.position.len() != n || checkpoint.velocity.len() != n {
-            return Err(LinkageError::Checkpoint(format!(
-                "it has {} particles, the scene {n}",
-                checkpoint.position.len()
-            )));
-        }
+        valid::arrays(checkpoint, n)?;
         let mut scalars = Scalars {
             values: checkpoint.scalars.iter().map(|(name, bits)| (name.clone(), *bits)).collect(),
-            missing: None,
+            wrong: None,
         };
+        if scalars.values.len() != checkpoint.scalars.len() {
+            return Err(LinkageError::Checkpoint("a scalar stands there twice".into()));
+        }
         if scalars.take("linkage.version") != VERSION {
             return Err(LinkageError::Checkpoint(
                 "it was written by another version, or is of a plain scene".into(),
@@ -128,12 +131,12 @@ impl Simulation {
         scalars.book(&mut world);
         for i in 0..n {
             world.body[i] = scalars.index(&format!("body.{i}"), n);
-            world.clings[i] = scalars.take(&format!("clings.{i}")) != 0;
+            world.clings[i] = scalars.flag(&format!("clings.{i}"));
             world.offset[i] = scalars.vector(&format!("offset.{i}"));
         }
         world.body_mass = (0..n).map(|body| world.mass_of(body)).collect();
         for p in 0..world.taut.len() {
-            world.taut[p] = scalars.take(&format!("taut.{p}")) != 0;
+            world.taut[p] = scalars.flag(&format!("taut.{p}"));
         }
         for code in scalars.codes("closed.", ".x") {
             let axis = scalars.vector(&format!("closed.{code}"));
@@ -151,7 +154,8 @@ impl Simulation {
             world.pending.insert(scalars.link(code, &world), rest);
         }
         let mut flights = Vec::new();
-        for home in scalars.codes("flight.", ".hint") {
+        let homes = scalars.codes("flight.", ".hint");
+        for home in &homes {
             let name = format!("flight.{home}");
             let start = scalars.instant(&format!("{name}.start"));
             let hint = scalars.real(&format!("{name}.hint"));
@@ -166,7 +170,14 @@ impl Simulation {
             }
             flights.push((start, hint, bodies, links));
         }
+        let stall = (scalars.instant("stall.since"), scalars.take("stall.events"));
         scalars.finish()?;
+        valid::state(&world, time)?;
+        valid::stall(stall, world.now)?;
+        for (home, (start, hint, bodies, links)) in homes.into_iter().zip(&flights) {
+            valid::flight(&world, home, [*start, world.now], *hint, bodies, links)?;
+        }
+        valid::bodies_in_flight(&world, flights.iter().flat_map(|(_, _, bodies, _)| bodies))?;
         // Immovable bodies first: the others' rows may end on them.
         flights.sort_by_key(|(_, _, bodies, _)| !bodies.iter().any(|&body| world.immovable(body)));
         let now = world.now;
@@ -178,19 +189,21 @@ impl Simulation {
                 world.launch_immovable(body);
                 continue;
             }
-            if bodies.is_empty() {
-                return Err(LinkageError::Checkpoint("it has a flight without bodies".into()));
-            }
             let mechanism = world.mechanism(&bodies, &links, start);
             let states = world.anchors(&bodies);
-            world.launch(bodies, mechanism, &states, hint)?;
+            let home = bodies[0];
+            world.launch(bodies, mechanism, &states, hint).map_err(|_| {
+                LinkageError::Checkpoint(format!("flight.{home}: the motion is singular from its start on"))
+            })?;
         }
         world.now = now;
+        let world = valid::whole(world)?;
         let predictions = world.book.counters.predictions;
         let mut simulation = Self::of(world);
         // Predicting everything afresh is no part of the run.
         simulation.world.book.counters.predictions = predictions;
         simulation.stopped_at = Some(time);
+        simulation.stall = stall;
         Ok(simulation)
     }
 }
@@ -210,14 +223,14 @@ fn encode(link: Link) -> u64 {
 /// Named numbers, taken one by one.
 struct Scalars {
     values: BTreeMap<String, u64>,
-    /// The first name that was asked for and is not there, or does not fit.
-    missing: Option<String>,
+    /// What is wrong with the first value that is missing or out of range.
+    wrong: Option<String>,
 }
 
 impl Scalars {
     fn take(&mut self, name: &str) -> u64 {
         self.values.remove(name).unwrap_or_else(|| {
-            self.missing.get_or_insert_with(|| name.to_owned());
+            self.wrong.get_or_insert_with(|| format!("it lacks {name}"));
             0
         })
     }
@@ -245,10 +258,14 @@ impl Scalars {
     fn index(&mut self, name: &str, below: usize) -> usize {
         let index = self.take(name) as usize;
         if index >= below {
-            self.missing.get_or_insert_with(|| name.to_owned());
+            self.wrong.get_or_insert_with(|| format!("{name} = {index} must be less than {below}"));
             return 0;
         }
         index
+    }
+
+    fn flag(&mut self, name: &str) -> bool {
+        self.index(name, 2) == 1
     }
 
     /// The numbers in names of this form.
@@ -270,19 +287,21 @@ impl Scalars {
             0 => Link::Tether(i),
             1 => Link::Rod(i),
             2 => Link::Pair(i, j),
-            _ => Link::Wall(i, j),
+            3 => Link::Wall(i, j),
+            _ => Link::Impact,
         };
         let fits = match link {
             Link::Tether(p) => p < world.joints.pendulums.len(),
             Link::Rod(r) => r < world.joints.rods.len(),
-            Link::Pair(i, j) => i < world.count() && j < world.count() && i != j,
+            Link::Pair(i, j) => i < j && j < world.count(),
             Link::Wall(i, w) => i < world.count() && w < world.system.walls.len(),
             Link::Impact => false,
         };
-        if fits {
+        // Each link has exactly one code.
+        if fits && encode(link) == code {
             return link;
         }
-        self.missing.get_or_insert_with(|| format!("link {code}"));
+        self.wrong.get_or_insert_with(|| format!("link {code} must be one of the scene"));
         Link::Impact
     }
 
@@ -308,8 +327,8 @@ impl Scalars {
 
     /// All asked for was there, and nothing else.
     fn finish(self) -> Result<(), LinkageError> {
-        if let Some(name) = self.missing {
-            return Err(LinkageError::Checkpoint(format!("it lacks {name}, or it is out of range")));
+        if let Some(wrong) = self.wrong {
+            return Err(LinkageError::Checkpoint(wrong));
         }
         match self.values.keys().next() {
             Some(name) => {

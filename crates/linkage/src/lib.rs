@@ -55,6 +55,7 @@ mod reform;
 mod resolve;
 mod simulation;
 mod sum;
+mod valid;
 mod world;
 
 pub use check::check;

@@ -44,8 +44,8 @@ impl World {
         // Two points meet along their relative velocity.
         let normal = if point { (v - w).normalize_or_zero() } else { (y - x).normalize_or_zero() };
         let law = self.pair_law(i, j);
-        self.book.counters.collisions += 1;
         if law == Law::Stick {
+            self.book.counters.collisions += 1;
             let impact = self.hold(&bodies, self.row(Link::Pair(i, j), &bodies, self.now), normal);
             self.record(EventKind::Stick, i, j, &impact, normal, observer);
             let bodies = self.merge(self.body[i], self.body[j], bodies);
@@ -63,6 +63,7 @@ impl World {
         let Some(outcome) = self.strike(&bodies, &mut mechanism, row, e) else {
             return self.reform(bodies, None, observer);
         };
+        self.book.counters.collisions += 1;
         self.record(EventKind::Collision, i, j, &outcome.impact, normal, observer);
         if point && e == 0.0 {
             self.closed.insert(link, normal);
@@ -85,11 +86,11 @@ impl World {
         let approach = (self.state(i, self.now).1 - velocity).dot(normal);
         let link = Link::Wall(i, wall);
         let mut row = self.row(link, &bodies, self.now);
-        self.book.counters.wall_collisions += 1;
         let restitution = match self.wall_law(i, wall) {
             Law::Bounce(restitution) => restitution,
             Law::Stick => {
                 let impact = self.hold(&bodies, row, -normal);
+                self.book.counters.wall_collisions += 1;
                 self.record(EventKind::Wall, i, wall, &impact, normal, observer);
                 let bodies = self.cling(self.body[i], velocity, bodies);
                 return self.reform(bodies, None, observer);
@@ -99,6 +100,7 @@ impl World {
         let mut mechanism = self.impact_mechanism(&bodies);
         row.link = Link::Impact;
         if let Some(outcome) = self.strike(&bodies, &mut mechanism, row, e) {
+            self.book.counters.wall_collisions += 1;
             self.record(EventKind::Wall, i, wall, &outcome.impact, normal, observer);
             let size = if self.radius[i] > 0.0 { self.radius[i] } else { self.length };
             self.complete_series(&bodies, &mechanism, row, link, e, &outcome, size);

@@ -27,7 +27,7 @@ pub struct Simulation {
     pub(crate) world: World,
     pub(crate) predictions: BTreeMap<Key, Prediction>,
     /// Time of the last progress, and events since.
-    stall: (Instant, u64),
+    pub(crate) stall: (Instant, u64),
     pub(crate) stopped_at: Option<f64>,
 }
 
@@ -71,10 +71,14 @@ impl Simulation {
         Ok(Self::of(world))
     }
 
+    /// A simulation of a world in flight, without predictions.
+    pub(crate) fn without_predictions(world: World) -> Self {
+        Self { stall: (world.now, 0), world, predictions: BTreeMap::new(), stopped_at: None }
+    }
+
     /// A simulation of a world in flight.
     pub(crate) fn of(world: World) -> Self {
-        let mut simulation =
-            Self { stall: (world.now, 0), world, predictions: BTreeMap::new(), stopped_at: None };
+        let mut simulation = Self::without_predictions(world);
         let all: Vec<usize> = (0..simulation.world.count()).collect();
         simulation.predict(&all);
         simulation

@@ -4,7 +4,7 @@ mod common;
 
 use common::{Scene, close, near, run};
 use glam::DVec3;
-use haff_engine::EventKind;
+use haff_engine::{EventKind, EventRecord};
 use haff_linkage::{LinkageError, Simulation, SpringEnd, Tether};
 
 const G: f64 = 9.81;
@@ -210,4 +210,46 @@ fn what_is_carried_collects_more() {
         .sum();
     close("work", simulation.ledger().wall_work, work, 1e-13);
     assert!(simulation.ledger().residual.abs() < 1e-14, "{:?}", simulation.ledger());
+}
+
+/// Counters and energies are sums over the rows of the log. Contacts of two particles are collisions, whether
+/// they bounce or stick; contacts with walls are wall collisions; ends of completed series are rests.
+#[test]
+fn counters_and_energies_are_those_of_the_rows() {
+    let mut kinds = [0; EventKind::ALL.len()];
+    for e in [0.0, 0.3, 0.8] {
+        let mut scene = falling();
+        scene.restitution = e;
+        scene.wall_restitution = e;
+        let floor = scene.wall([0.0; 3], [0.0, 0.0, 1.0]);
+        let bob = scene.particle([1.0, 0.0, 3.0], [-1.0, 0.2, 0.0], 1.3, 0.1);
+        scene.pendulum(DVec3::new(1.0, 0.0, 3.4), 0.4, bob, Tether::String);
+        scene.joints.pendulums[0].length = 0.6;
+        scene.joints.pendulums[0].slack = true;
+        let balls: Vec<usize> = (0..4)
+            .map(|k| {
+                let x = 0.35 * f64::from(k);
+                scene.particle([x, 0.0, 0.4 + x], [0.3 - 0.2 * f64::from(k), 0.0, 0.0], 1.0 + x, 0.15)
+            })
+            .collect();
+        let clinging = scene.particle([3.0, 0.0, 0.7], [0.4, 0.0, 0.0], 0.8, 0.2);
+        scene.joints.clinging.push([clinging as u32, floor as u32]);
+        scene.joints.sticking.push([balls[0] as u32, balls[1] as u32]);
+        let mut simulation = scene.start();
+        let log = run(&mut simulation, 6.0);
+        let (counters, ledger) = (simulation.counters(), simulation.ledger());
+        let rows = |kind: EventKind| log.of(kind).len() as u64;
+        assert_eq!(rows(EventKind::Collision) + rows(EventKind::Stick), counters.collisions, "e = {e}");
+        assert_eq!(rows(EventKind::Wall), counters.wall_collisions, "e = {e}");
+        assert_eq!(rows(EventKind::Rest) + rows(EventKind::Settle), counters.rests, "e = {e}");
+        assert_eq!(simulation.frame().step, counters.collisions + counters.wall_collisions);
+        let sum = |column: fn(&EventRecord) -> f64| log.0.iter().map(column).sum::<f64>();
+        close("losses", sum(|row| row.energy_loss), ledger.dissipated + ledger.rest, 1e-12);
+        close("Carnot energies", sum(|row| row.carnot_energy), ledger.carnot, 1e-12);
+        EventKind::ALL.into_iter().zip(&mut kinds).for_each(|(kind, seen)| *seen += rows(kind));
+    }
+    let seen = |kind: EventKind| kinds[kind as usize] > 0;
+    for kind in [EventKind::Collision, EventKind::Wall, EventKind::Stick, EventKind::Taut, EventKind::Rest] {
+        assert!(seen(kind), "{kind:?} in {kinds:?}");
+    }
 }

@@ -12,6 +12,7 @@ use ndarray::{ArrayView1, ArrayView2, Ix2};
 use xxhash_rust::xxh3::Xxh3;
 
 use crate::{
+    declared::read_all,
     events::Row,
     series::{Name, Series, Storage},
 };
@@ -105,9 +106,13 @@ impl Slot {
             anchor: dataset("anchor", &[particles])?,
             count: dataset("count", &[particles])?,
             resting: dataset("resting", &[particles])?,
-            names: Series::open(&group, "scalar_names")?,
-            values: Series::open(&group, "scalars")?,
-            tail: if group.link_exists("tail") { Some(Series::open(&group, "tail")?) } else { None },
+            names: Series::open(&group, "scalar_names")?.expect(&[])?,
+            values: Series::open(&group, "scalars")?.expect(&[])?,
+            tail: if group.link_exists("tail") {
+                Some(Series::open(&group, "tail")?.expect(&[])?)
+            } else {
+                None
+            },
         })
     }
 
@@ -143,12 +148,12 @@ impl Slot {
 
     /// The sequence number in the header, whether or not the slot is valid; 0 if it was never used.
     pub fn sequence(&self) -> hdf5::Result<u64> {
-        Ok(self.header.read_raw::<u64>()?.first().copied().unwrap_or(0))
+        Ok(read_all::<u64>(&self.header)?.first().copied().unwrap_or(0))
     }
 
     /// The checkpoint in the slot; `None` if it was never used, or is not whole.
     pub fn read(&self) -> hdf5::Result<Option<Saved>> {
-        let found = self.header.read_raw::<u64>()?;
+        let found = read_all::<u64>(&self.header)?;
         let Ok(found) = <[u64; HEADER.len()]>::try_from(found) else { return Ok(None) };
         let [sequence, frames, samples, events, tail, scalars, resting, _] =
             found.map(|value| value as usize);
@@ -160,7 +165,7 @@ impl Slot {
             return Ok(None);
         }
         let vectors = |dataset: &Dataset| -> hdf5::Result<Vec<DVec3>> {
-            let flat = dataset.read_raw::<f64>()?;
+            let flat = read_all::<f64>(dataset)?;
             Ok(flat.chunks_exact(3).map(DVec3::from_slice).collect())
         };
         let mut names = Vec::new();
@@ -172,14 +177,14 @@ impl Slot {
             None => Vec::new(),
         };
         let Some(tail) = rows.iter().map(Row::event).collect::<Option<Vec<_>>>() else { return Ok(None) };
-        let mut stopped = self.resting.read_raw::<u32>()?;
+        let mut stopped = read_all::<u32>(&self.resting)?;
         stopped.truncate(resting);
         let state = Checkpoint {
             position: vectors(&self.position)?,
             velocity: vectors(&self.velocity)?,
-            anchor: self.anchor.read_raw()?,
-            image: self.image.read_raw::<i32>()?.as_chunks().0.to_vec(),
-            count: self.count.read_raw()?,
+            anchor: read_all(&self.anchor)?,
+            image: read_all::<i32>(&self.image)?.as_chunks().0.to_vec(),
+            count: read_all(&self.count)?,
             resting: stopped,
             scalars: names.into_iter().zip(self.values.read::<u64>(0, scalars)?).collect(),
         };

@@ -119,8 +119,12 @@ impl RecordError {
         let path = path.to_owned();
         match error.kind() {
             io::ErrorKind::NotFound if action == OPEN => Self::NotFound { path },
-            io::ErrorKind::StorageFull | io::ErrorKind::QuotaExceeded | io::ErrorKind::FileTooLarge => {
+            io::ErrorKind::StorageFull | io::ErrorKind::QuotaExceeded => {
                 Self::Full { path, reason: plain(&error.to_string()) }
+            }
+            io::ErrorKind::FileTooLarge => {
+                let reason = "the limit on the size of files is reached (ulimit -f, or the file system's)";
+                Self::Full { path, reason: reason.to_owned() }
             }
             _ => Self::Io { path, action, reason: plain(&error.to_string()) },
         }

@@ -204,11 +204,11 @@ impl Columns {
     pub fn open(group: &Group) -> hdf5::Result<Self> {
         let mut others = Vec::new();
         for field in EventColumn::ALL.into_iter().skip(1).filter(|field| group.link_exists(field.name())) {
-            let series = Series::open(group, field.name())?;
-            series.expect(if is_vector(field) { &[3] } else { &[] })?;
+            let width: &[usize] = if is_vector(field) { &[3] } else { &[] };
+            let series = Series::open(group, field.name())?.expect(width)?;
             others.push(Column { field, series });
         }
-        Ok(Self { time: Series::open(group, "time")?, others, packer: Packer::new() })
+        Ok(Self { time: Series::open(group, "time")?.expect(&[])?, others, packer: Packer::new() })
     }
 
     /// Names of the columns.

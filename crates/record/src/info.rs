@@ -4,14 +4,16 @@ use std::path::Path;
 
 use glam::DVec3;
 use haff_engine::{Checkpoint, Counters, Ledger, Sample};
-use hdf5::{Group, H5Type, types::VarLenUnicode};
+use hdf5::{Dataset, Group, H5Type, types::VarLenUnicode};
 
 use crate::{
     checkpoint::newest,
+    declared::{elements, read_all, read_attribute, read_scalar},
     error::{Context, RecordError},
     events::Columns,
     file,
     header::SCHEMA,
+    heap::check_texts,
     skeleton::{Observables, Skeleton},
 };
 
@@ -50,8 +52,8 @@ pub struct Info {
     pub frames: Option<u64>,
     /// Rows of observables recorded; `None` if the scene asks for none.
     pub samples: Option<u64>,
-    /// Events recorded, with those that wait in the checkpoint; `None` if the scene asks for none.
-    pub events: Option<u64>,
+    /// Rows of the event log, with those that wait in the checkpoint; `None` if the scene asks for none.
+    pub event_rows: Option<u64>,
     /// Names of the columns of the event log; empty if the scene asks for none.
     pub event_columns: Vec<String>,
     /// Times of the first and the last frame or sample [time].
@@ -138,45 +140,53 @@ impl Parameters {
                 return Err(RecordError::NotHaff { path: path.to_owned(), missing: part.to_owned() });
             }
         }
-        Self::read_all(file, &group).doing(path, READ)
+        Self::read_all(file, &group, path).doing(path, READ)
     }
 
-    fn read_all(file: &Group, group: &Group) -> hdf5::Result<Self> {
+    fn read_all(file: &Group, group: &Group, path: &Path) -> hdf5::Result<Self> {
         let summary = if group.link_exists("summary") { Some(group.dataset("summary")?) } else { None };
         let sampled = "observables/species_temperature";
-        let species_names = texts(group, "species_names")?;
-        let particles = file.dataset("particles/all/mass")?.size();
+        let species_names = texts(group, "species_names", path)?;
+        let count = |name: &str| -> hdf5::Result<u64> {
+            Ok(elements(&file.dataset(&format!("particles/all/{name}"))?.get_shape()?))
+        };
+        let particles = count("mass")?;
         // Four fixed columns, uncompressed: a number of particles beyond that is damage, not worth its memory.
         for name in ["species", "radius", "id"] {
-            let found = file.dataset(&format!("particles/all/{name}"))?.size();
+            let found = count(name)?;
             if found != particles {
                 return Err(format!("{particles} masses, but {found} entries of {name}").into());
             }
         }
-        if particles as u64 > file.file()?.size() / 24 {
-            return Err(format!("{particles} particles in a file of {} bytes", file.file()?.size()).into());
+        let size = file.file()?.size();
+        if particles == 0 || particles > size / 24 {
+            return Err(format!(
+                "/particles/all/mass declares {particles} particles in a file of {size} bytes"
+            )
+            .into());
         }
+        let particles = particles as usize;
         Ok(Self {
-            scene_toml: string(group, "scene")?,
-            title: string(group, "title")?,
+            scene_toml: string(group, "scene", path)?,
+            title: string(group, "title", path)?,
             seed: scalar(group, "seed")?,
-            version: string(group, "version")?,
-            git_revision: string(group, "git_revision")?,
+            version: string(group, "version", path)?,
+            git_revision: string(group, "git_revision", path)?,
             schema: scalar(group, "schema")?,
             trajectory_version: scalar(group, "trajectory_version")?,
             dimension: scalar::<u32>(group, "dimension")? as usize,
-            box_size: vectors(&group.dataset("box_size")?.read_raw()?).first().copied().unwrap_or(DVec3::NAN),
+            box_size: vectors(&read_all(&group.dataset("box_size")?)?).first().copied().unwrap_or(DVec3::NAN),
             particles,
             species_sampled: (file.link_exists("observables") && file.link_exists(sampled))
                 .then_some(species_names.len()),
             species_names,
-            wall_names: texts(group, "wall_names")?,
+            wall_names: texts(group, "wall_names", path)?,
             complete: match &summary {
-                Some(summary) => summary.attr("complete")?.read_scalar::<u8>()? != 0,
+                Some(summary) => read_attribute::<u8>(&summary.attr("complete")?, 1)? != [0],
                 None => false,
             },
             summary: match &summary {
-                Some(summary) => Some(summary.read_scalar::<VarLenUnicode>()?.as_str().to_owned()),
+                Some(summary) => Some(text(summary, path)?),
                 None => None,
             },
         })
@@ -184,20 +194,22 @@ impl Parameters {
 }
 
 fn scalar<T: H5Type>(group: &Group, name: &str) -> hdf5::Result<T> {
-    group.dataset(name)?.read_scalar()
+    read_scalar(&group.dataset(name)?)
 }
 
-fn string(group: &Group, name: &str) -> hdf5::Result<String> {
-    Ok(scalar::<VarLenUnicode>(group, name)?.as_str().to_owned())
+fn text(dataset: &Dataset, path: &Path) -> hdf5::Result<String> {
+    check_texts(dataset, path)?;
+    Ok(read_scalar::<VarLenUnicode>(dataset)?.as_str().to_owned())
 }
 
-fn texts(group: &Group, name: &str) -> hdf5::Result<Vec<String>> {
+fn string(group: &Group, name: &str, path: &Path) -> hdf5::Result<String> {
+    text(&group.dataset(name)?, path)
+}
+
+fn texts(group: &Group, name: &str, path: &Path) -> hdf5::Result<Vec<String>> {
     let dataset = group.dataset(name)?;
-    // Each takes 16 bytes in the dataset: more of them than that is damage, not worth its memory.
-    if dataset.size() as u64 > group.file()?.size() / 16 {
-        return Err(format!("{} {name} in a file of {} bytes", dataset.size(), group.file()?.size()).into());
-    }
-    let texts = dataset.read_raw::<VarLenUnicode>()?;
+    check_texts(&dataset, path)?;
+    let texts = read_all::<VarLenUnicode>(&dataset)?;
     Ok(texts.iter().map(|text| text.as_str().to_owned()).collect())
 }
 
@@ -220,7 +232,8 @@ pub fn info(path: impl AsRef<Path>) -> Result<Info, RecordError> {
 }
 
 fn read_info(file: &hdf5::File, parameters: Parameters, path: &Path) -> Result<Info, RecordError> {
-    let skeleton = Skeleton::open(file, parameters.particles).doing(path, READ)?;
+    let skeleton =
+        Skeleton::open(file, parameters.particles, parameters.species_names.len()).doing(path, READ)?;
     let checkpoint = newest(&skeleton.slots, |_| true).doing(path, READ)?;
     let mut range: Option<(f64, f64)> = None;
     let frames = match &skeleton.trajectory {
@@ -238,7 +251,7 @@ fn read_info(file: &hdf5::File, parameters: Parameters, path: &Path) -> Result<I
             range = Some(range.map_or((first, last), |(low, high)| (low.min(first), high.max(last))));
         }
     }
-    let events = match &skeleton.events {
+    let event_rows = match &skeleton.events {
         Some(columns) => {
             let rows = columns.rows().doing(path, READ)?;
             // The checkpoint's are more only while its tail is not in the columns yet.
@@ -258,7 +271,7 @@ fn read_info(file: &hdf5::File, parameters: Parameters, path: &Path) -> Result<I
         _ => None,
     };
     let species: Vec<u32> =
-        file.dataset("particles/all/species").and_then(|dataset| dataset.read_raw()).doing(path, READ)?;
+        file.dataset("particles/all/species").and_then(|dataset| read_all(&dataset)).doing(path, READ)?;
     let mut counts = vec![0_u64; parameters.species_names.len()];
     for index in species {
         if let Some(count) = counts.get_mut(index as usize) {
@@ -267,7 +280,7 @@ fn read_info(file: &hdf5::File, parameters: Parameters, path: &Path) -> Result<I
     }
     let boundary = file
         .group("particles/all/box")
-        .and_then(|group| group.attr("boundary")?.read_raw::<hdf5::types::FixedAscii<8>>())
+        .and_then(|group| read_attribute::<hdf5::types::FixedAscii<8>>(&group.attr("boundary")?, 3))
         .doing(path, READ)?;
     let mut periodic = [false; 3];
     for (periodic, name) in periodic.iter_mut().zip(&boundary) {
@@ -290,7 +303,7 @@ fn read_info(file: &hdf5::File, parameters: Parameters, path: &Path) -> Result<I
         periodic,
         frames: frames.map(|(_, rows)| rows as u64),
         samples: samples.map(|(_, rows)| rows as u64),
-        events,
+        event_rows,
         event_columns: skeleton.events.as_ref().map(Columns::names).unwrap_or_default(),
         time_range: range,
         last_sample,
@@ -375,7 +388,8 @@ pub fn last_state(path: impl AsRef<Path>) -> Result<State, RecordError> {
     let path = path.as_ref();
     file::read(path, |file| {
         let parameters = Parameters::read(file, path)?;
-        let skeleton = Skeleton::open(file, parameters.particles).doing(path, READ)?;
+        let skeleton =
+            Skeleton::open(file, parameters.particles, parameters.species_names.len()).doing(path, READ)?;
         let missing = || RecordError::Missing { path: path.to_owned(), what: "frames" };
         let trajectory = skeleton.trajectory.ok_or_else(missing)?;
         let row = trajectory.rows().doing(path, READ)?.checked_sub(1).ok_or_else(missing)?;
@@ -390,9 +404,9 @@ pub fn last_state(path: impl AsRef<Path>) -> Result<State, RecordError> {
                 position: vectors(&trajectory.position.read(row, row + 1)?),
                 velocity: vectors(&trajectory.velocity.read(row, row + 1)?),
                 image: trajectory.image.read::<i32>(row, row + 1)?.as_chunks().0.to_vec(),
-                radius: all.dataset("radius")?.read_raw()?,
-                mass: all.dataset("mass")?.read_raw()?,
-                species: all.dataset("species")?.read_raw()?,
+                radius: read_all(&all.dataset("radius")?)?,
+                mass: read_all(&all.dataset("mass")?)?,
+                species: read_all(&all.dataset("species")?)?,
                 species_names: parameters.species_names.clone(),
             })
         };

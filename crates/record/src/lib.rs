@@ -57,10 +57,12 @@ dropping the recorder, write them as the last, partial chunk. An event row, too,
 */
 
 mod checkpoint;
+mod declared;
 mod error;
 mod events;
 mod file;
 mod header;
+mod heap;
 mod info;
 mod pack;
 mod queue;

@@ -34,7 +34,7 @@ pub struct Resumed {
     /// Rows of observables that stay.
     pub samples: u64,
     /// Event rows that stay.
-    pub events: u64,
+    pub event_rows: u64,
     /// Time of the last frame that stays [time].
     pub last_frame: Option<f64>,
     /// Time of the last row of observables that stays [time].
@@ -65,7 +65,8 @@ impl Recorder {
         drop(skeleton);
         let file = WritableFile::append(path)?;
         let prepare = || {
-            let skeleton = Skeleton::open(file.root(), parameters.particles).doing(path, READ)?;
+            let skeleton = Skeleton::open(file.root(), parameters.particles, parameters.species_names.len())
+                .doing(path, READ)?;
             let saved = choose(&skeleton, path)?;
             let resumed = tell(parameters.clone(), &skeleton, &saved, path)?;
             let [first, second] = [&skeleton.slots[0], &skeleton.slots[1]].map(Slot::sequence);
@@ -108,7 +109,8 @@ pub fn resumable(path: impl AsRef<Path>) -> Result<Resumed, RecordError> {
 fn look(path: &Path) -> Result<(Parameters, Skeleton), RecordError> {
     file::read(path, |file| {
         let parameters = Parameters::read(file, path)?;
-        let skeleton = Skeleton::open(file, parameters.particles).doing(path, READ)?;
+        let skeleton =
+            Skeleton::open(file, parameters.particles, parameters.species_names.len()).doing(path, READ)?;
         Ok((parameters, skeleton))
     })
 }
@@ -163,7 +165,7 @@ fn tell(
         checkpoint: saved.state.clone(),
         frames: rows.frames as u64,
         samples: rows.samples as u64,
-        events: rows.events as u64,
+        event_rows: rows.events as u64,
         last_frame: last[0],
         last_sample: last[1],
         finished: parameters.complete,

@@ -6,7 +6,10 @@ use hdf5::{
 };
 use ndarray::{ArrayViewD, IxDyn};
 
-use crate::pack::{Number, Packer};
+use crate::{
+    declared::{self, TIMES_AHEAD},
+    pack::{Number, Packer},
+};
 
 /// Rows per chunk of the small time series.
 pub(crate) const SERIES_CHUNK: usize = 512;
@@ -107,15 +110,16 @@ impl Series {
         let Some((&rows, width)) = shape.split_first() else {
             return Err(format!("{} is a scalar", dataset.name()).into());
         };
+        declared::check_growing(&dataset)?;
         let compressed = !dataset.filters().is_empty();
         let chunk = dataset.chunk().unwrap_or_default();
         Ok(Self { rows, width: width.to_vec(), chunk, compressed, dataset })
     }
 
     /// Fails if rows have another shape.
-    pub fn expect(&self, width: &[usize]) -> hdf5::Result<()> {
+    pub fn expect(self, width: &[usize]) -> hdf5::Result<Self> {
         if self.width == width {
-            Ok(())
+            Ok(self)
         } else {
             Err(format!("{} has rows of {:?} instead of {width:?}", self.dataset.name(), self.width).into())
         }
@@ -226,6 +230,7 @@ impl Series {
 
     /// Reads rows `start..end`, flat.
     pub fn read<T: H5Type>(&self, start: usize, end: usize) -> hdf5::Result<Vec<T>> {
+        declared::check_rows(&self.dataset, end.saturating_sub(start), self.width(), None)?;
         let array = self.dataset.read_slice::<T, _, IxDyn>(self.select(start, end))?;
         Ok(array.into_raw_vec_and_offset().0)
     }
@@ -233,6 +238,8 @@ impl Series {
     /// Number of rows up to `rows`, without NaN at the end: for times.
     pub fn known(&self, rows: usize) -> hdf5::Result<usize> {
         let mut end = rows.min(self.rows);
+        // Rows without stored data read as NaN: the search must not go through billions of them.
+        declared::check_rows(&self.dataset, end, self.width(), Some(TIMES_AHEAD))?;
         while end > 0 {
             let start = end.saturating_sub(1 << 12);
             let block = self.read::<f64>(start, end)?;

@@ -38,6 +38,17 @@ pub(crate) enum Quantity {
     PerSpecies,
 }
 
+impl Quantity {
+    /// Shape of a row, for a number of species.
+    fn width(self, species: &[usize; 1]) -> &[usize] {
+        match self {
+            Self::Real(_) | Self::Count(_) => &[],
+            Self::Vector(_) => &[3],
+            Self::PerSpecies => species,
+        }
+    }
+}
+
 const NAN: DVec3 = DVec3::NAN;
 
 /// Names and values of all observables, in the order of the file.
@@ -81,7 +92,10 @@ impl Clock {
     }
 
     fn open(group: &Group) -> hdf5::Result<Self> {
-        Ok(Self { step: Series::open(group, "step")?, time: Series::open(group, "time")? })
+        Ok(Self {
+            step: Series::open(group, "step")?.expect(&[])?,
+            time: Series::open(group, "time")?.expect(&[])?,
+        })
     }
 
     pub fn rows(&self) -> usize {
@@ -131,12 +145,13 @@ impl Trajectory {
         })
     }
 
-    fn open(all: &Group) -> hdf5::Result<Self> {
+    fn open(all: &Group, particles: usize) -> hdf5::Result<Self> {
+        let vectors = |path| Series::open(all, path)?.expect(&[particles, 3]);
         Ok(Self {
-            position: Series::open(all, "position/value")?,
-            velocity: Series::open(all, "velocity/value")?,
-            image: Series::open(all, "image/value")?,
-            edges: Series::open(all, "box/edges/value")?,
+            position: vectors("position/value")?,
+            velocity: vectors("velocity/value")?,
+            image: vectors("image/value")?,
+            edges: Series::open(all, "box/edges/value")?.expect(&[3])?,
             clock: Clock::open(&all.group("position")?)?,
         })
     }
@@ -184,11 +199,8 @@ impl Observables {
                 continue;
             }
             let element = group.create_group(name)?;
-            let width: &[usize] = match quantity {
-                Quantity::Real(_) | Quantity::Count(_) => &[],
-                Quantity::Vector(_) => &[3],
-                Quantity::PerSpecies => &[header.species_names.len()],
-            };
+            let species = [header.species_names.len()];
+            let width = quantity.width(&species);
             let storage = Storage::plain(SERIES_CHUNK.div_ceil(width.iter().product()), width);
             series.push((
                 match quantity {
@@ -209,12 +221,13 @@ impl Observables {
         Ok(Self { series, clock })
     }
 
-    fn open(root: &Group) -> hdf5::Result<Self> {
+    fn open(root: &Group, species: usize) -> hdf5::Result<Self> {
         let group = root.group("observables")?;
         let mut series = Vec::new();
         for (name, quantity) in QUANTITIES {
             if group.link_exists(name) {
-                series.push((Series::open(&group, &format!("{name}/value"))?, quantity));
+                let width = quantity.width(&[species]).to_vec();
+                series.push((Series::open(&group, &format!("{name}/value"))?.expect(&width)?, quantity));
             }
         }
         Ok(Self { series, clock: Clock::open(&group.group(QUANTITIES[0].0)?)? })
@@ -278,21 +291,17 @@ impl Skeleton {
         Ok(Self { trajectory, observables, events, slots: [slot("0")?, slot("1")?] })
     }
 
-    /// Finds all datasets that grow, and checks that those per particle have N rows.
-    pub fn open(root: &Group, particles: usize) -> hdf5::Result<Self> {
+    /// Finds all datasets that grow, and checks the shapes of their rows.
+    pub fn open(root: &Group, particles: usize, species: usize) -> hdf5::Result<Self> {
         let all = root.group("particles/all")?;
-        let trajectory = if all.link_exists("position") { Some(Trajectory::open(&all)?) } else { None };
-        let observables = if root.link_exists("observables") { Some(Observables::open(root)?) } else { None };
+        let trajectory =
+            if all.link_exists("position") { Some(Trajectory::open(&all, particles)?) } else { None };
+        let observables =
+            if root.link_exists("observables") { Some(Observables::open(root, species)?) } else { None };
         let events =
             if root.link_exists("events") { Some(Columns::open(&root.group("events")?)?) } else { None };
         let checkpoint = root.group("checkpoint")?;
         let slots = [Slot::open(&checkpoint, "0", particles)?, Slot::open(&checkpoint, "1", particles)?];
-        if let Some(trajectory) = &trajectory {
-            for series in [&trajectory.position, &trajectory.velocity, &trajectory.image] {
-                series.expect(&[particles, 3])?;
-            }
-            trajectory.edges.expect(&[3])?;
-        }
         Ok(Self { trajectory, observables, events, slots })
     }
 }

@@ -131,14 +131,14 @@ fn resume(path: &Path, particles: usize, flushed: u64) {
         "resumed at {rows}; {flushed} had been flushed"
     );
     assert_eq!(resumed.checkpoint, checkpoint(rows, particles));
-    assert_eq!((resumed.samples, resumed.events), (rows, rows * EVENTS_PER_ROW));
+    assert_eq!((resumed.samples, resumed.event_rows), (rows, rows * EVENTS_PER_ROW));
     for k in rows..rows + 3 {
         record(&recorder, particles, k).expect("a row");
     }
     recorder.finish("{}", true).expect("a finished file");
     assert_eq!(check(path, particles, rows + 3), rows + 3);
     let found = info(path).expect("the file is read");
-    assert_eq!(found.events, Some((rows + 3) * EVENTS_PER_ROW));
+    assert_eq!(found.event_rows, Some((rows + 3) * EVENTS_PER_ROW));
     let file = File::open(path).expect("the file opens");
     let times: Vec<f64> = file.dataset("events/time").expect("times").read_raw().expect("times");
     let expected = (0..(rows + 3) * EVENTS_PER_ROW).map(|k| event(k).time);

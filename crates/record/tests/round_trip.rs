@@ -205,7 +205,7 @@ fn a_log_of_some_columns_holds_these_and_the_time_and_is_gone_on_with() {
         recorder.events(events(kept, 2 * kept)).expect("events");
         drop(recorder);
         let (recorder, resumed) = Recorder::append(&path).expect("the file is resumed");
-        assert_eq!(resumed.events, kept);
+        assert_eq!(resumed.event_rows, kept);
         // Buffers come back from the writer, and are handed over again.
         for k in 0..40 {
             let mut rows = recorder.event_buffer();
@@ -217,7 +217,7 @@ fn a_log_of_some_columns_holds_these_and_the_time_and_is_gone_on_with() {
 
         let found = info(&path).expect("the file is read");
         assert_eq!(found.event_columns, ["time", "i", "energy_loss", "position"]);
-        assert_eq!(found.events, Some(kept + 40_000));
+        assert_eq!(found.event_rows, Some(kept + 40_000));
         let file = File::open(&path).expect("the file opens");
         let mut names = file.group("events").and_then(|group| group.member_names()).expect("columns");
         names.sort();
@@ -256,7 +256,7 @@ fn disks_and_partial_headers_are_read_back() {
     recorder.checkpoint(checkpoint(1, 5)).expect("a checkpoint");
     drop(recorder);
     let found = info(&path).expect("the file is read");
-    assert_eq!((found.frames, found.samples, found.events), (None, None, None));
+    assert_eq!((found.frames, found.samples, found.event_rows), (None, None, None));
     assert!(found.resumable);
     assert!(matches!(last_state(&path), Err(RecordError::Missing { what: "frames", .. })));
     let file = File::open(&path).expect("the file opens");
@@ -274,7 +274,7 @@ fn info_tells_what_the_header_and_the_last_rows_say() {
 
     // While it is being written.
     let running = info(&path).expect("a running file is read");
-    assert_eq!((running.frames, running.samples, running.events), (Some(3), Some(3), Some(300)));
+    assert_eq!((running.frames, running.samples, running.event_rows), (Some(3), Some(3), Some(300)));
     assert!(running.resumable && !running.finished && running.summary.is_none());
 
     recorder.finish(r#"{"stopped":"until"}"#, true).expect("a finished file");
@@ -287,7 +287,7 @@ fn info_tells_what_the_header_and_the_last_rows_say() {
     assert_eq!(found.walls, ["y-", "y+"]);
     assert_eq!((found.box_size, found.periodic), (wanted.box_size, [true, false, false]));
     assert_eq!(
-        (found.particles, found.frames, found.samples, found.events),
+        (found.particles, found.frames, found.samples, found.event_rows),
         (10, Some(3), Some(3), Some(300))
     );
     assert_eq!(found.time_range, Some((0.0, 0.5)));
@@ -319,7 +319,7 @@ fn a_resumed_file_goes_on_from_its_newest_checkpoint() {
         let (recorder, resumed) = Recorder::append(&path).expect("the file is resumed");
         let rows = 5 * round;
         assert_eq!(resumed.checkpoint, checkpoint(round, particles), "round {round}");
-        assert_eq!((resumed.frames, resumed.samples, resumed.events), (rows, rows, rows * per_row));
+        assert_eq!((resumed.frames, resumed.samples, resumed.event_rows), (rows, rows, rows * per_row));
         assert_eq!(resumed.last_frame, Some((rows - 1) as f64 * 0.25));
         assert_eq!(resumed.last_sample, Some((rows - 1) as f64 * 0.125));
         assert!(!resumed.finished);
@@ -378,7 +378,7 @@ fn a_damaged_checkpoint_gives_way_to_the_one_before() {
     }
     let (recorder, resumed) = Recorder::append(&path).expect("the file is resumed");
     assert_eq!(resumed.checkpoint, checkpoint(1, 50));
-    assert_eq!((resumed.frames, resumed.events), (2, 20));
+    assert_eq!((resumed.frames, resumed.event_rows), (2, 20));
     // The next one must replace the damaged one, not the one that was taken.
     record(&recorder, 50, 2..3, 10);
     recorder.checkpoint(checkpoint(9, 50)).expect("a checkpoint");

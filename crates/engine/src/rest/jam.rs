@@ -63,7 +63,8 @@ pub(super) fn unwedge(
         end_series(state, i, observer);
         let mass = state.world.class(i).mass;
         let energy = 0.5 * mass * (before - after).dot(before + after);
-        book(state, i, mass * (before - after), energy, thresholds, observer);
+        let carnot_energy = 0.5 * mass * (before - after).length_squared();
+        book(state, i, mass * (before - after), [energy, carnot_energy], thresholds, observer);
         let particle = &mut state.world.particles[i as usize];
         particle.set_anchor(position, after, now);
         particle.set_jostled(true);

@@ -157,7 +157,9 @@ fn settle(state: &mut State, i: u32, thresholds: &Thresholds, observer: &mut dyn
     let velocity = state.world.state(i, state.world.now).1;
     let momentum = state.world.body(i).mass * velocity;
     state.world.set_held(i, true, state.world.now);
-    book(state, i, momentum, 0.5 * momentum.dot(velocity), thresholds, observer);
+    let energy = 0.5 * momentum.dot(velocity);
+    // A plastic impact on a body at rest: E'_c = J²/(2m) equals the energy loss.
+    book(state, i, momentum, [energy, energy], thresholds, observer);
 }
 
 /// Books the completed series of bounces of particle i, if there is one, before its time.
@@ -170,17 +172,18 @@ pub(super) fn end_series(state: &mut State, i: u32, observer: &mut dyn Observer)
     }
 }
 
-/// Books a momentum and an energy that rest takes from particle i.
+/// Books a momentum, an energy and a Carnot energy that rest takes from particle i.
 pub(super) fn book(
     state: &mut State,
     i: u32,
     momentum: DVec3,
-    energy: f64,
+    [energy, carnot_energy]: [f64; 2],
     thresholds: &Thresholds,
     observer: &mut dyn Observer,
 ) {
     let State { world, book, .. } = state;
     book.rest.add(energy);
+    book.carnot.add(carnot_energy);
     book.add_impulse(-momentum);
     book.counters.rests += 1;
     if observer.wants_events() {
@@ -200,7 +203,7 @@ pub(super) fn book(
             approach_speed: momentum.length() / body.mass,
             impulse: momentum.length(),
             energy_loss: energy,
-            carnot_energy: energy,
+            carnot_energy,
             normal: down,
             position: world.wrap(position + down * body.radius).0,
         });

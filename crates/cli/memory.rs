@@ -1,0 +1,82 @@
+//! A failed allocation ends the command with a message and exit status 3. Rust's default is to abort.
+//!
+//! The process exits at once, without unwinding. Output files are left as after a kill: readable up to the
+//! last flush, and resumable.
+
+use std::{
+    alloc::{GlobalAlloc, Layout, System},
+    fmt::{self, Write},
+    io,
+};
+
+use nix::{libc, unistd};
+
+use crate::failure::Status;
+
+/// The system's allocator, with a message when an allocation fails.
+pub struct ReportingAllocator;
+
+// SAFETY: every call goes to the system's allocator with its arguments unchanged, and the result is returned
+// unchanged. A null result ends the process.
+unsafe impl GlobalAlloc for ReportingAllocator {
+    #[inline]
+    unsafe fn alloc(&self, layout: Layout) -> *mut u8 {
+        // SAFETY: the requirements of `System` are those of this trait, which the caller meets.
+        not_null(unsafe { System.alloc(layout) }, layout.size())
+    }
+
+    #[inline]
+    unsafe fn alloc_zeroed(&self, layout: Layout) -> *mut u8 {
+        // SAFETY: as above.
+        not_null(unsafe { System.alloc_zeroed(layout) }, layout.size())
+    }
+
+    #[inline]
+    unsafe fn realloc(&self, place: *mut u8, layout: Layout, size: usize) -> *mut u8 {
+        // SAFETY: as above.
+        not_null(unsafe { System.realloc(place, layout, size) }, size)
+    }
+
+    #[inline]
+    unsafe fn dealloc(&self, place: *mut u8, layout: Layout) {
+        // SAFETY: as above.
+        unsafe { System.dealloc(place, layout) }
+    }
+}
+
+#[inline]
+fn not_null(place: *mut u8, size: usize) -> *mut u8 {
+    if place.is_null() { report_and_exit(size) } else { place }
+}
+
+/// Writes a message and exits. Neither allocates nor locks.
+#[cold]
+#[inline(never)]
+fn report_and_exit(size: usize) -> ! {
+    let mut line = Line { text: [0; 320], length: 0 };
+    // A message that does not fit is cut off.
+    let _ = writeln!(
+        line,
+        "error: out of memory: an allocation of {size} bytes failed\n\
+         error: an output file is readable up to its last flush; continue from its last checkpoint with: \
+         haff run --resume FILE"
+    );
+    let _ = unistd::write(io::stderr(), &line.text[..line.length]);
+    // SAFETY: always sound. Exit handlers are skipped, because they may allocate.
+    unsafe { libc::_exit(Status::Stopped as i32) }
+}
+
+/// A text of limited length on the stack.
+struct Line {
+    text: [u8; 320],
+    length: usize,
+}
+
+impl Write for Line {
+    fn write_str(&mut self, text: &str) -> fmt::Result {
+        let room = self.text.get_mut(self.length..self.length + text.len()).ok_or(fmt::Error)?;
+        room.copy_from_slice(text.as_bytes());
+        self.length += text.len();
+        Ok(())
+    }
+}

@@ -1,0 +1,301 @@
+//! Checks of a checkpoint before the engine takes it over. A checksum only shows that a file is unchanged
+//! since it was written, not that its values are a possible state.
+//!
+//! Each bound is either one that no run can leave, or far wider than rounding errors. A checkpoint that the
+//! engine has written is never refused.
+
+use glam::DVec3;
+
+use crate::{
+    book::Book,
+    clock::{Clock, EPOCH, OLDEST_ANCHOR},
+    error::EngineError,
+    machine::{Pending, State},
+    measure::{self, Totals},
+    model::{Boundary, Dimension, System},
+    overlap,
+    particles::World,
+    report::Checkpoint,
+    simulation::open_axes,
+    sum::Sum,
+};
+
+/// Largest counter: 146 years of 10⁹ events a second.
+const MOST: u64 = 1 << 62;
+/// Largest coordinate and velocity: their squares must be finite. Scenes allow 1e50.
+const FARTHEST: f64 = 1e150;
+/// How far an image must be from the ends of its type, so that a run can continue.
+const TURNS: u32 = 1 << 24;
+/// Largest overlap [contact distances]. Rounding makes 1e-12.
+const DEPTH: f64 = 1e-3;
+/// Overlap that the rounding of coordinates can make, as a part of the largest coordinate.
+const COORDINATE: f64 = 1e-12;
+/// Largest residual of the energy balance, relative to its largest term. Rounding makes 1e-12.
+const BALANCE: f64 = 1e-3;
+/// Largest excess of the clock's exponent over the one for the present speeds. The exponent is chosen at the
+/// start of an epoch, which is 64 crossing times long; speeds do not grow by 2^100 in that time.
+const COARSER: i32 = 100;
+
+/// An error unless a condition holds.
+fn require(holds: bool, what: impl FnOnce() -> String) -> Result<(), EngineError> {
+    if holds { Ok(()) } else { Err(EngineError::Checkpoint(what())) }
+}
+
+/// Checks that a number is finite and in [low, high].
+fn within(name: &str, value: f64, low: f64, high: f64) -> Result<(), EngineError> {
+    let inside = value.is_finite() && low <= value && value <= high;
+    require(inside, || match (low == f64::MIN, high == f64::MAX) {
+        (true, true) => format!("{name} = {value:?} must be a finite number"),
+        (false, true) => format!("{name} = {value:?} must be a finite number, at least {low:?}"),
+        _ => format!("{name} = {value:?} must be in [{low:?}, {high:?}]"),
+    })
+}
+
+fn finite(name: &str, value: f64) -> Result<(), EngineError> {
+    within(name, value, f64::MIN, f64::MAX)
+}
+
+fn at_least_zero(name: &str, value: f64) -> Result<(), EngineError> {
+    within(name, value, 0.0, f64::MAX)
+}
+
+/// Checks and returns the exponent of the clock.
+pub(crate) fn exponent(bits: u64) -> Result<i32, EngineError> {
+    let found = bits as i64;
+    let exponent = found.clamp(-1000, 900) as i32;
+    require(i64::from(exponent) == found, || format!("clock.exponent = {found} must be in [-1000, 900]"))?;
+    Ok(exponent)
+}
+
+/// Checks the clock, the present tick and the present time after a number of epochs.
+pub(crate) fn clock(clock: &Clock, now: i64, time: f64, epochs: u64) -> Result<(), EngineError> {
+    count("epochs", epochs)?;
+    // The base is zero in the first epoch.
+    let base = if epochs == 0 { 0.0 } else { f64::MAX };
+    within("clock.base", clock.base, 0.0, base)?;
+    // Each epoch adds at most half an ulp.
+    let low = f64::EPSILON * clock.base * epochs as f64;
+    within("clock.base_low", clock.base_low, -low, low)?;
+    require((0..=EPOCH).contains(&now), || format!("clock.now = {now} must be in [0, {EPOCH}] ticks"))?;
+    let expected = clock.time(now);
+    let slack = slack(clock, time);
+    within("clock.time", time, expected - slack, expected + slack)
+}
+
+/// Largest difference between a time and the time of its nearest tick [time].
+fn slack(clock: &Clock, time: f64) -> f64 {
+    clock.tick + 16.0 * f64::EPSILON * (time.abs() + clock.base)
+}
+
+fn count(name: &str, count: u64) -> Result<(), EngineError> {
+    require(count <= MOST, || format!("{name} = {count} must be at most {MOST}"))
+}
+
+/// Checks the values of each particle, one by one, against the scene and the present tick of `world`.
+pub(crate) fn particles(system: &System, world: &World, checkpoint: &Checkpoint) -> Result<(), EngineError> {
+    let now = world.now;
+    let flat = system.dimension == Dimension::Two;
+    for i in 0..system.bodies.len() {
+        let (position, velocity) = (checkpoint.position[i], checkpoint.velocity[i]);
+        for (name, vector) in [("position", position), ("velocity", velocity)] {
+            require(vector.is_finite() && vector.abs().max_element() <= FARTHEST, || {
+                format!("{name}[{i}] = {vector:?} must be finite, at most {FARTHEST:e} in size")
+            })?;
+            require(!flat || vector.z == 0.0, || {
+                format!("{name}[{i}] = {vector:?} must have z = 0 in two dimensions")
+            })?;
+        }
+        let anchor = checkpoint.anchor[i];
+        require((-OLDEST_ANCHOR..=now).contains(&anchor), || {
+            format!("anchor[{i}] = {anchor} must be in [{}, {now}] ticks, now at the latest", -OLDEST_ANCHOR)
+        })?;
+        for axis in 0..3 {
+            let (x, size) = (position[axis], system.domain.size[axis]);
+            let (image, own) = (checkpoint.image[i][axis], system.bodies[i].image[axis]);
+            if system.domain.boundary[axis] == Boundary::Periodic {
+                require((0.0..=size).contains(&x), || {
+                    format!("position[{i}][{axis}] = {x} must be in [0, {size}), a periodic axis")
+                })?;
+                let most = i32::MAX.unsigned_abs() - TURNS;
+                require(image.unsigned_abs() <= most, || {
+                    format!("image[{i}][{axis}] = {image} must be in [-{most}, {most}]")
+                })?;
+            } else {
+                require(image == own, || {
+                    format!("image[{i}][{axis}] = {image} must be {own}: the axis is not periodic")
+                })?;
+            }
+        }
+    }
+    Ok(())
+}
+
+/// Checks the walls and flags that were decoded for a particle from `code`.
+pub(crate) fn support(
+    world: &World,
+    i: u32,
+    code: u64,
+    held: bool,
+    jostled: bool,
+) -> Result<(), EngineError> {
+    let refuse = |what: &str| Err(EngineError::Checkpoint(format!("resting[{i}] = {code}: {what}")));
+    if (held || jostled) && world.thresholds.is_none() {
+        return refuse("the scene has no contact.rest_speed, so no grain can be held");
+    }
+    let body = world.body(i);
+    if held && (body.inverse_mass == 0.0 || world.particles[i as usize].velocity != DVec3::ZERO) {
+        return refuse("only a grain of finite mass and without velocity can be held");
+    }
+    let walls: Vec<u16> = world.support(i).into_iter().flatten().collect();
+    if walls.is_empty() {
+        return Ok(());
+    }
+    if held || body.inverse_mass == 0.0 || world.gravity == DVec3::ZERO {
+        return refuse("what is held, or feels no gravity, rests on no wall");
+    }
+    if walls.iter().any(|&wall| world.walls[usize::from(wall)].velocity != DVec3::ZERO) {
+        return refuse("nothing rests on a wall that moves");
+    }
+    Ok(())
+}
+
+/// Checks a completed series of bounces that has not ended yet.
+pub(crate) fn pending(world: &World, i: u32, rest: &Pending) -> Result<(), EngineError> {
+    let name = |part: &str| format!("rest.{i}.{part}");
+    let particles = world.particles.len();
+    require((i as usize) < particles, || format!("rest.{i}: there are {particles} particles"))?;
+    require(world.support(i).iter().flatten().any(|&wall| u32::from(wall) == rest.wall), || {
+        format!("rest.{i}.wall = {} must be a wall that particle {i} rests on", rest.wall)
+    })?;
+    let (end, now) = (rest.end, world.now);
+    require(end >= now, || format!("{} = {end} must not be before now, {now} ticks", name("end")))?;
+    at_least_zero(&name("speed"), rest.speed)?;
+    at_least_zero(&name("impulse"), rest.impulse)?;
+    finite(&name("energy_loss"), rest.energy_loss)?;
+    finite(&name("carnot_energy"), rest.carnot_energy)
+}
+
+/// Checks sums and counters one by one; `time` is the present.
+pub(crate) fn book(book: &Book, clock: &Clock, time: f64) -> Result<(), EngineError> {
+    let counters = &book.counters;
+    for (name, number) in [
+        ("collisions", counters.collisions),
+        ("wall_collisions", counters.wall_collisions),
+        ("rests", counters.rests),
+        ("wakes", counters.wakes),
+        ("predictions", counters.predictions),
+        ("dropped", counters.dropped),
+        ("stale", counters.stale),
+        ("transfers", counters.transfers),
+        ("candidates", counters.candidates),
+        ("windows", counters.windows),
+    ] {
+        count(name, number)?;
+    }
+    let (sampled, collisions) = (book.sampled_collisions, counters.collisions);
+    require(sampled == u64::MAX || sampled <= collisions, || {
+        format!("sampled_collisions = {sampled} must be at most {collisions}, the collisions so far")
+    })?;
+    let [kinetic, potential] = book.initial_energy;
+    at_least_zero("initial_kinetic", kinetic)?;
+    finite("initial_potential", potential)?;
+    at_least_zero("sampled_kinetic", book.sampled_kinetic)?;
+    at_least_zero("max_overlap", book.max_overlap)?;
+    within("sampled_at", book.sampled_at, 0.0, time + slack(clock, time))?;
+    for (name, sum) in [
+        ("dissipated", &book.dissipated),
+        ("carnot", &book.carnot),
+        ("wall_work", &book.wall_work),
+        ("put_to_rest", &book.rest),
+        ("virial", &book.virial),
+        ("loss_moment", &book.loss_moment),
+    ] {
+        total(name, sum)?;
+    }
+    totals("impulse", &book.impulse)
+}
+
+fn totals(name: &str, sums: &[Sum; 3]) -> Result<(), EngineError> {
+    for (axis, sum) in ["x", "y", "z"].into_iter().zip(sums) {
+        total(&format!("{name}.{axis}"), sum)?;
+    }
+    Ok(())
+}
+
+fn total(name: &str, sum: &Sum) -> Result<(), EngineError> {
+    finite(&format!("{name}.high"), sum.high)?;
+    finite(&format!("{name}.low"), sum.low)?;
+    finite(name, sum.value())
+}
+
+/// Checks the state as a whole, after its parts: positions now, overlaps and the energy balance.
+pub(crate) fn whole(system: &System, state: &State, time: f64) -> Result<(), EngineError> {
+    let State { world, book, heap, .. } = state;
+    let now = world.now;
+    if world.thresholds.is_some() {
+        let next = heap.next;
+        require(next >= now, || format!("census.next = {next} must not be before now, {now} ticks"))?;
+        let since = heap.crowd_since;
+        require(since <= now, || format!("census.crowd_since = {since} must be at most {now} ticks"))?;
+        count("census.waited", heap.waited)?;
+        count("census.crowd", heap.crowd)?;
+        require(heap.events == u64::MAX || heap.events <= MOST, || {
+            format!("census.events = {} must be at most {MOST}", heap.events)
+        })?;
+    }
+    let stall = &state.stall;
+    require(stall.since <= now, || format!("stall.since = {} must be at most {now} ticks", stall.since))?;
+    count("stall.events", stall.events)?;
+    for (what, members, many) in
+        [("particle", &stall.particles, world.particles.len()), ("wall", &stall.walls, world.walls.len())]
+    {
+        require(members.last().is_none_or(|&last| (last as usize) < many), || {
+            format!("stall.{what}.{} is unknown: the scene has {many}", members.last().unwrap_or(&0))
+        })?;
+    }
+    totals("force", &world.force.total)?;
+    totals("force_impulse", &world.force.impulse)?;
+    within("force_until", world.force.until, 0.0, time + slack(&world.clock, time))?;
+
+    let mut farthest: f64 = 0.0;
+    let mut smallest = f64::INFINITY;
+    for i in 0..world.particles.len() as u32 {
+        let (position, velocity) = world.state(i, now);
+        let size = position.abs().max_element();
+        require(position.is_finite() && velocity.is_finite() && size <= FARTHEST, || {
+            format!("particle {i} would be at {position:?} now, at the velocity {velocity:?}")
+        })?;
+        farthest = farthest.max(size);
+        smallest = smallest.min(world.class(i).radius);
+    }
+    let extent = world.extent(open_axes(system));
+    let speed = world.largest_speed(extent);
+    let (found, suited) = (world.clock.exponent, Clock::exponent_for(extent, speed));
+    require(speed == 0.0 || found <= suited.saturating_add(COARSER), || {
+        format!("clock.exponent = {found}: the tick is far too coarse, {suited} would suit these speeds")
+    })?;
+
+    let walls = world.walls.iter().map(|wall| (wall.point + wall.velocity * time).abs().max_element());
+    let farthest = walls.fold(farthest.max(extent), f64::max);
+    let deepest = overlap::deepest(world, &measure::geometry(system, world, f64::INFINITY)).deepest;
+    let depth = deepest.depth;
+    require(depth <= DEPTH + COORDINATE * farthest / smallest, || {
+        let (i, partner) = deepest.pair.unwrap_or_default();
+        let partner = partner.map_or("a wall".to_owned(), |j| format!("particle {j}"));
+        format!("particle {i} and {partner} would overlap by {depth:e} contact distances")
+    })?;
+
+    let ledger = measure::ledger(&Totals::of(world), book);
+    at_least_zero("the kinetic energy", ledger.kinetic)?;
+    finite("the potential energy", ledger.potential)?;
+    let (residual, kinetic) = (ledger.residual, ledger.kinetic);
+    require(residual.abs() <= BALANCE, || {
+        format!("energies do not balance: {residual:e} of them is missing, with the kinetic energy {kinetic}")
+    })?;
+    // Losses are negative only by the rounding of energy differences.
+    let [first, start] = book.initial_energy;
+    let energies = [first, start, kinetic, ledger.potential, ledger.wall_work, ledger.rest];
+    let scale = energies.iter().fold(0.0, |scale: f64, energy| scale.max(energy.abs()));
+    within("dissipated", ledger.dissipated, -1e-6 * scale, f64::MAX)?;
+    within("carnot", ledger.carnot, -1e-6 * scale, f64::MAX)
+}
