@@ -13,12 +13,20 @@ struct Line {
     face: bool,
 }
 
+impl Line {
+    /// Whether a flight from below the wall reaches it on its way up, and falls back through it.
+    fn rises_to_the_wall(&self) -> bool {
+        let (zero, two) = (big(0.0), big(2.0));
+        self.a < zero && self.s > zero && &self.s * &self.s > two * &self.a * &self.d
+    }
+}
+
 impl Exact for Line {
     fn first_contact(&self, shrink: &Big) -> Option<Big> {
         let zero = big(0.0);
         let (s, a) = (&self.s, &self.a);
         let mut d = &self.d + shrink;
-        if d < zero && !self.face {
+        if d < zero && !self.face && !self.rises_to_the_wall() {
             d.clone_from(&zero);
         }
         if d <= zero && (*s < zero || (*s == zero && *a < zero)) {
@@ -39,9 +47,9 @@ impl Exact for Line {
 
     fn gap(&self, t: &Big) -> Big {
         let zero = big(0.0);
-        // A wall counts a start below it as contact, and so the distance of the start; one that is beyond a face and
-        // moves on outward has left where it is.
-        let below = self.d < zero && (!self.face || self.s <= zero);
+        // A wall counts a start below it as contact, and so the distance of the start, unless the flight rises above it;
+        // one that is beyond a face and moves on outward has left where it is.
+        let below = self.d < zero && if self.face { self.s <= zero } else { !self.rises_to_the_wall() };
         let contact = if below { self.d.clone() } else { zero };
         &self.d + &self.s * t + &self.a * t * t / big(2.0) - contact
     }
@@ -126,7 +134,7 @@ fn wall_contacts_are_exact_to_a_few_ulp() {
 }
 
 #[test]
-fn wall_contacts_from_below_by_rounding_return_to_where_they_started() {
+fn wall_contacts_from_below_by_rounding_return_to_the_wall_or_to_where_they_started() {
     let below = lines(10_000, 0x5eed_0012).map(|(d, s, a)| (-d.min(1.0) * f64::EPSILON, s, a));
     run("plane wall, from below by rounding", false, below);
 }
