@@ -59,7 +59,7 @@ fn assert_stands(scene: &System, frame: &Frame, gap: f64) {
 fn heaps_come_to_rest_after_finitely_many_events() {
     for (dimension, count, width) in [(Dimension::Three, 40, 3.3), (Dimension::Two, 30, 5.3)] {
         for e in [0.0, 0.01, 0.3, 0.5, 0.9] {
-            let scene = poured(dimension, count, width, e, 8);
+            let scene = poured(dimension, count, width, e, 10);
             let mut simulation = start(&scene, NeighborChoice::Auto);
             let mut log = Log::default();
             let mut stop = Stop::Time;
