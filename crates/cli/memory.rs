@@ -18,26 +18,28 @@ pub struct ReportingAllocator;
 
 // SAFETY: every call goes to the system's allocator with its arguments unchanged, and the result is returned
 // unchanged. A null result ends the process.
+//
+// Not inlined: with inlined calls the compiler's layout of the event loops changes, by up to 0.2 % of instructions.
 unsafe impl GlobalAlloc for ReportingAllocator {
-    #[inline]
+    #[inline(never)]
     unsafe fn alloc(&self, layout: Layout) -> *mut u8 {
         // SAFETY: the requirements of `System` are those of this trait, which the caller meets.
         not_null(unsafe { System.alloc(layout) }, layout.size())
     }
 
-    #[inline]
+    #[inline(never)]
     unsafe fn alloc_zeroed(&self, layout: Layout) -> *mut u8 {
         // SAFETY: as above.
         not_null(unsafe { System.alloc_zeroed(layout) }, layout.size())
     }
 
-    #[inline]
+    #[inline(never)]
     unsafe fn realloc(&self, place: *mut u8, layout: Layout, size: usize) -> *mut u8 {
         // SAFETY: as above.
         not_null(unsafe { System.realloc(place, layout, size) }, size)
     }
 
-    #[inline]
+    #[inline(never)]
     unsafe fn dealloc(&self, place: *mut u8, layout: Layout) {
         // SAFETY: as above.
         unsafe { System.dealloc(place, layout) }

@@ -205,7 +205,10 @@ fn a_full_disk_is_told_and_what_was_flushed_stays() {
             let text = String::from_utf8_lossy(&output.stdout);
             let errors = String::from_utf8_lossy(&output.stderr);
             assert!(output.status.success(), "{blocks} blocks, {particles} particles: {text}\n{errors}");
-            assert!(text.contains("error ") && text.contains("File too large"), "{text}");
+            assert!(
+                text.contains("error ") && text.contains("the limit on the size of files is reached"),
+                "{text}"
+            );
             assert!(!errors.contains("HDF5"), "the library's own messages: {errors}");
             let flushed = flushed(&*output.stdout);
             if blocks > 5000 {
