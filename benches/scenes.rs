@@ -73,7 +73,7 @@ fn observing(criterion: &mut Criterion) {
             });
         };
         observe("overlaps", |simulation| {
-            black_box(simulation.measure_overlap());
+            black_box(simulation.measure_overlap().is_ok());
         });
         observe("observables", |simulation| {
             black_box(simulation.sample());

@@ -341,7 +341,7 @@ impl Simulation {
         (book.counters.predictions, book.counters.candidates, book.counters.windows) =
             (predictions, candidates, windows);
         valid::book(&book, &world.clock, time)?;
-        let state = State { world, book, pending, heap, stall };
+        let state = State { world, book, pending, stall, heap };
         valid::whole(&system, &state, time)?;
         let mut simulation = Self::start(system, options, state)?;
         simulation.find_contacts_of_held();

@@ -42,7 +42,8 @@ pub fn time_to_plane(distance: f64, speed: f64, acceleration: f64) -> Option<f64
     }
     // To count every distance below zero as zero would give back the energy that rounding has taken, but not take what
     // it has given. Not `max`, which would turn NaN into a contact.
-    if d < 0.0 && !(s * s > 2.0 * a * d) {
+    let rises_above = s * s > 2.0 * a * d;
+    if d < 0.0 && !rises_above {
         d = 0.0;
     }
     if a == 0.0 {

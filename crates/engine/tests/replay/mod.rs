@@ -113,7 +113,8 @@ pub fn check(system: &System, rows: &[EventRecord], last: &Frame) -> Result<(), 
                 fliers[i].fly(system, mass(i), row.time);
                 let speed = fliers[i].velocity.length() + wall.velocity.length();
                 fliers[i].kick(change * (-1.0 / mass(i)), speed);
-                fliers[i].slid_on = fliers[i].support.clone();
+                let support = fliers[i].support.clone();
+                fliers[i].slid_on = support;
                 release(system, &mut fliers[i]);
             }
             EventKind::Rest if row.j != NOBODY => {
@@ -130,8 +131,7 @@ pub fn check(system: &System, rows: &[EventRecord], last: &Frame) -> Result<(), 
             for (what, off, allowed) in
                 [("velocity", off[0], flier.off[0]), ("position", off[1], flier.off[1])]
             {
-                // NaN is off, too.
-                if !(off <= allowed) {
+                if off.is_nan() || off > allowed {
                     return Err(format!("{what} of particle {i} is off by {off:e}, allowed {allowed:e}"));
                 }
             }
@@ -178,12 +178,11 @@ fn settle(system: &System, flier: &mut Flier, wall: usize, time: f64, mass: f64)
 /// The part of a velocity along walls with these normals.
 fn along_all(velocity: DVec3, normals: &[DVec3]) -> DVec3 {
     match *normals {
-        [n] => velocity - n * velocity.dot(n),
         [n, m] if n.cross(m) != DVec3::ZERO => {
             let edge = n.cross(m);
             edge * (velocity.dot(edge) / edge.length_squared())
         }
-        [n, _] => velocity - n * velocity.dot(n),
+        [n] | [n, _] => velocity - n * velocity.dot(n),
         _ => DVec3::ZERO,
     }
 }
