@@ -258,6 +258,7 @@ fn keeps_its_laws(
     log: &Log,
     simulation: &mut Simulation,
     start: DVec3,
+    reported: bool,
 ) -> Result<(), TestCaseError> {
     for pair in log.0.windows(2) {
         prop_assert!(pair[0].time <= pair[1].time, "time goes back: {:?}", pair);
@@ -288,7 +289,8 @@ fn keeps_its_laws(
         prop_assert!(gain <= rounding, "gains energy: {:?}", event);
     }
     let overlap = simulation.measure_overlap();
-    prop_assert!(overlap.is_ok() || squeezes(system), "{}", overlap.unwrap_err());
+    // Only a run that has reported it may end with one.
+    prop_assert!(overlap.is_ok() || reported, "{}", overlap.unwrap_err());
     let sample = simulation.sample();
     // Who falls is faster in between than before and after: no faster than in a free fall of that time, or through the box.
     let pull = system.domain.gravity.length();
@@ -358,7 +360,8 @@ fn check(recipe: &Recipe) -> Result<usize, TestCaseError> {
     let plain = Options { neighbors: NeighborChoice::AllPairs, simd: SimdChoice::Portable };
     let until = if recipe.long { LONG } else { UNTIL };
     let (log, end, mut simulation) = run(&system, until, plain, false);
-    keeps_its_laws(&system, &log, &mut simulation, start)?;
+    let reported = matches!(&end, End::Error(text) if text.contains("overlaps with"));
+    keeps_its_laws(&system, &log, &mut simulation, start, reported)?;
     // Grains at rest on each other wake without a row of their own.
     if !recipe.rest {
         replay::check(&system, &log.0, &simulation.frame()).map_err(TestCaseError::fail)?;
