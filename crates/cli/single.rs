@@ -109,8 +109,9 @@ pub fn resume(path: PathBuf, company: Company) -> Result<Finished, Failure> {
     }
     let name = format!("{} (its scene)", path.display());
     let own = OwnStates(path.clone());
-    let scene =
-        haff_scene::parse(&name, &info.scene_toml, &[], &own).map_err(|errors| scene_failure(&errors))?;
+    // The scene was valid when it was stored, so the file is at fault.
+    let scene = haff_scene::parse(&name, &info.scene_toml, &[], &own)
+        .map_err(|errors| Failure { status: Status::File, ..scene_failure(&errors) })?;
     let Scene { system, joints, title, seed, run, output, options: machinery, .. } = scene;
     // Nothing is cut off from a file that cannot be gone on with.
     let resumed = haff_record::resumable(&path).map_err(|error| file_failure(&error))?;

@@ -166,6 +166,10 @@ fn all(
 ) -> Result<u8, Failure> {
     let todo: Vec<usize> =
         manifest.rows().iter().filter(|row| !member::is_settled(folder, row)).map(|row| row.index).collect();
+    // A killed sweep leaves lock files, also of members that this one may not come to.
+    for &index in &todo {
+        Lock::remove_left(folder, &manifest.rows()[index].file);
+    }
     let (jobs, threads) = share(options, todo.len());
     let view = View::new(options.quiet, plan.len(), plan.len() - todo.len());
     let next = AtomicUsize::new(0);

@@ -137,7 +137,7 @@ def _limited() -> None:
 def test_the_command_reads_changed_files_or_refuses_them(sound, tmp_path, arguments):
     wrong = []
     target = tmp_path / "changed.h5"
-    for seed in range(SEED, SEED + COUNT, 10):
+    for seed in range(SEED, SEED + COUNT, 3):
         done = mutate(sound[seed % len(sound)], target, seed)
         words = [str(executable()), *arguments, str(target)]
         try:
@@ -145,7 +145,7 @@ def test_the_command_reads_changed_files_or_refuses_them(sound, tmp_path, argume
         except subprocess.TimeoutExpired:
             wrong.append(f"seed {seed}: {done}: more than {SECONDS} s")
             continue
-        if found.returncode not in (0, 2, 4) or b"panicked" in found.stderr or b"memory alloc" in found.stderr:
+        if found.returncode not in (0, 4) or b"panicked" in found.stderr or b"memory alloc" in found.stderr:
             reason = signal.Signals(-found.returncode).name if found.returncode < 0 else f"exit {found.returncode}"
             wrong.append(f"seed {seed}: {done}: {reason} {found.stderr[-300:]!r}")
     assert not wrong, f"{len(wrong)}:\n" + "\n".join(wrong)

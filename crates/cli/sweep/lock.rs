@@ -38,7 +38,19 @@ impl Lock {
 
     /// The lock of a member, by the name of its file.
     pub fn of_member(folder: &Path, name: &str) -> Result<Self, Refused> {
-        Self::take(folder.join(format!(".{name}.lock")))
+        Self::take(Self::path_of_member(folder, name))
+    }
+
+    /// Removes the lock file of a member whose process was killed. A lock that is held stays.
+    pub fn remove_left(folder: &Path, name: &str) {
+        let path = Self::path_of_member(folder, name);
+        if path.exists() {
+            drop(Self::take(path));
+        }
+    }
+
+    fn path_of_member(folder: &Path, name: &str) -> PathBuf {
+        folder.join(format!(".{name}.lock"))
     }
 
     fn take(path: PathBuf) -> Result<Self, Refused> {
@@ -116,6 +128,14 @@ mod tests {
         // A killed process leaves its file, but no lock.
         fs::write(folder.path().join(".sweep.lock"), "1234567890").expect("a file");
         drop(Lock::of_sweep(folder.path()).expect("the lock is free"));
+        fs::write(folder.path().join(".run-0001.h5.lock"), "1234567890").expect("a file");
+        let held = Lock::of_member(folder.path(), "run-0000.h5").expect("the lock is free");
+        for name in ["run-0000.h5", "run-0001.h5", "run-0002.h5"] {
+            Lock::remove_left(folder.path(), name);
+        }
+        assert!(matches!(Lock::of_member(folder.path(), "run-0000.h5"), Err(Refused::Held(_))));
+        drop(held);
+        assert_eq!(fs::read_dir(folder.path()).expect("the folder").count(), 0);
         assert!(matches!(Lock::of_sweep(&folder.path().join("none")), Err(Refused::Failed(_))));
     }
 }

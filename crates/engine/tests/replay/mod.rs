@@ -46,10 +46,18 @@ impl Flier {
         self.time = time;
     }
 
-    /// Changes the velocity, where something moves at `speed`.
-    fn kick(&mut self, change: DVec3, speed: f64) {
+    /// Changes the velocity, where something moves at `speed`; and lets go of the walls that the particle moves away from. Its
+    /// velocity was along them, so that only the rounding of this one step is in question.
+    fn kick(&mut self, system: &System, change: DVec3, speed: f64) {
         self.velocity += change;
-        self.off[0] += ROUNDINGS * f64::EPSILON * (self.velocity.length() + speed + change.length());
+        let rounding = ROUNDINGS * f64::EPSILON * (self.velocity.length() + speed + change.length());
+        self.off[0] += rounding;
+        let velocity = self.velocity;
+        self.support.retain(|&wall| velocity.dot(system.walls[wall].normal).abs() <= rounding);
+        for &wall in &self.support {
+            let normal = system.walls[wall].normal;
+            self.velocity -= normal * self.velocity.dot(normal);
+        }
     }
 }
 
@@ -102,8 +110,7 @@ pub fn check(system: &System, rows: &[EventRecord], last: &Frame) -> Result<(), 
                 let speed = fliers[i].velocity.length() + fliers[j].velocity.length();
                 for (k, sign) in [(i, -1.0), (j, 1.0)] {
                     if mass(k).is_finite() {
-                        fliers[k].kick(change * (sign / mass(k)), speed);
-                        release(system, &mut fliers[k]);
+                        fliers[k].kick(system, change * (sign / mass(k)), speed);
                         fliers[k].slid_on.clear();
                     }
                 }
@@ -112,10 +119,8 @@ pub fn check(system: &System, rows: &[EventRecord], last: &Frame) -> Result<(), 
                 let wall = &system.walls[row.j as usize];
                 fliers[i].fly(system, mass(i), row.time);
                 let speed = fliers[i].velocity.length() + wall.velocity.length();
-                fliers[i].kick(change * (-1.0 / mass(i)), speed);
-                let support = fliers[i].support.clone();
-                fliers[i].slid_on = support;
-                release(system, &mut fliers[i]);
+                fliers[i].slid_on = fliers[i].support.clone();
+                fliers[i].kick(system, change * (-1.0 / mass(i)), speed);
             }
             EventKind::Rest if row.j != NOBODY => {
                 settle(system, &mut fliers[i], row.j as usize, row.time, mass(i));
@@ -158,7 +163,9 @@ fn settle(system: &System, flier: &mut Flier, wall: usize, time: f64, mass: f64)
     let dt = (time - flier.time).max(0.0);
     let pace = before.length() + system.domain.gravity.length() * dt;
     // A grain that slides on walls into another one bounces on them all; it comes to rest on all of them at once.
-    let slid_on = std::mem::take(&mut flier.slid_on);
+    let mut slid_on = std::mem::take(&mut flier.slid_on);
+    // Rounding may have thrown it off this very wall before.
+    slid_on.retain(|&other| other != wall);
     let normals: Vec<DVec3> = slid_on.iter().map(|&wall| system.walls[wall].normal).collect();
     if !slid_on.is_empty() && along(system.domain.gravity, &normals).dot(normal) < 0.0 {
         flier.support = slid_on;
@@ -184,16 +191,6 @@ fn along_all(velocity: DVec3, normals: &[DVec3]) -> DVec3 {
         }
         [n] | [n, _] => velocity - n * velocity.dot(n),
         _ => DVec3::ZERO,
-    }
-}
-
-/// Lets go of the walls that the particle moves away from.
-fn release(system: &System, flier: &mut Flier) {
-    let (velocity, off) = (flier.velocity, flier.off[0]);
-    flier.support.retain(|&wall| velocity.dot(system.walls[wall].normal).abs() <= off);
-    let normals: Vec<DVec3> = flier.support.iter().map(|&wall| system.walls[wall].normal).collect();
-    for normal in normals {
-        flier.velocity -= normal * flier.velocity.dot(normal);
     }
 }
 
