@@ -135,6 +135,7 @@ impl Simulation {
         put("initial_kinetic", book.initial_energy[0].to_bits());
         put("initial_potential", book.initial_energy[1].to_bits());
         put("max_overlap", book.max_overlap.to_bits());
+        put("longest_flight", world.longest_flight.to_bits());
         let counters = book.counters;
         for (name, count) in [
             ("collisions", counters.collisions),
@@ -283,6 +284,7 @@ impl Simulation {
         book.sampled_kinetic = scalars.real("sampled_kinetic");
         book.initial_energy = [scalars.real("initial_kinetic"), scalars.real("initial_potential")];
         book.max_overlap = scalars.real("max_overlap");
+        world.longest_flight = scalars.real("longest_flight");
         let counters = &mut book.counters;
         counters.collisions = scalars.take("collisions");
         counters.wall_collisions = scalars.take("wall_collisions");

@@ -1,6 +1,8 @@
 //! What is measured of a state: energies, temperatures, pressure, momenta, overlaps, the hash. Measuring streams copies
 //! of the particles to the present and leaves their anchors alone.
 
+use std::collections::BTreeMap;
+
 use glam::DVec3;
 use haff_neighbors::Geometry;
 use rayon::prelude::*;
@@ -9,7 +11,7 @@ use xxhash_rust::xxh3::Xxh3;
 use crate::{
     book::Book,
     force,
-    machine::State,
+    machine::{Pending, State},
     model::{Boundary, Dimension, System},
     particles::World,
     report::{Frame, Ledger, Sample},
@@ -81,11 +83,14 @@ impl Totals {
 }
 
 /// The balance of energies, T + V = T₀ + V₀ − Σ ΔT − R + W, where R is what putting to rest has taken.
-pub(crate) fn ledger(totals: &Totals, book: &Book) -> Ledger {
+///
+/// A completed series of bounces books its loss at its end: until then the balance counts the energy of the bounces left out.
+pub(crate) fn ledger(totals: &Totals, book: &Book, pending: &BTreeMap<u32, Pending>) -> Ledger {
+    let bounces: f64 = pending.values().map(|series| series.energy_loss).sum();
     let [kinetic, potential] = book.initial_energy;
     let (dissipated, work) = (book.dissipated.value(), book.wall_work.value());
     let rest = book.rest.value();
-    let terms = [totals.kinetic, totals.potential, -kinetic, -potential, dissipated, rest, -work];
+    let terms = [totals.kinetic, totals.potential, -kinetic, -potential, dissipated, bounces, rest, -work];
     let scale = terms.iter().fold(0.0, |scale: f64, term| scale.max(term.abs()));
     let balance: Sum = terms.into_iter().collect();
     Ledger {
@@ -102,7 +107,7 @@ pub(crate) fn ledger(totals: &Totals, book: &Book) -> Ledger {
 
 /// One row of observables at the present; starts the next interval of the pressure.
 pub(crate) fn sample(system: &System, of: &Species, state: &mut State, time: f64) -> Sample {
-    let State { world, book, .. } = state;
+    let State { world, book, pending, .. } = state;
     let totals = Totals::of(world);
     let d = system.dimension.count() as f64;
     let drift = totals.drift();
@@ -164,7 +169,7 @@ pub(crate) fn sample(system: &System, of: &Species, state: &mut State, time: f64
     let sample = Sample {
         time,
         step: book.counters.collisions + book.counters.wall_collisions,
-        ledger: ledger(&totals, book),
+        ledger: ledger(&totals, book, pending),
         temperature,
         species_temperature: species
             .iter()

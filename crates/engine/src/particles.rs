@@ -109,6 +109,9 @@ pub(crate) struct World {
     pub tc: f64,
     /// Time of the latest event or stop [ticks].
     pub now: i64,
+    /// Longest flight so far along a periodic axis, where it was longer than the box [length]. What is at its end has been rounded
+    /// to a part of it, and so may particles be that have been moved by it.
+    pub longest_flight: f64,
     /// Particles that rest on walls.
     pub resting: usize,
     /// Of gravity and of the walls that hold particles.
@@ -164,6 +167,7 @@ impl World {
             groups: system.groups.len(),
             tc: system.contacts.tc,
             now: 0,
+            longest_flight: 0.0,
             resting: 0,
             force: Force::default(),
         };
@@ -244,9 +248,10 @@ impl World {
         }
     }
 
-    /// Sizes of the coordinates of particle i at its last own event \[length\]: its flight is rounded to parts of them.
+    /// Sizes of the coordinates of particle i at its last own event \[length\], or of its longest flight before: its position is
+    /// rounded to parts of them.
     pub fn coordinates(&self, i: u32) -> DVec3 {
-        self.particles[i as usize].position.abs()
+        self.particles[i as usize].position.abs().max(DVec3::splat(self.longest_flight))
     }
 
     /// Acceleration of a particle in its flight [length/time²].
@@ -343,6 +348,9 @@ impl World {
             self.particles[i as usize].position = position;
             for (image, turns) in self.images[i as usize].iter_mut().zip(wraps) {
                 *image += turns;
+            }
+            for (axis, turns) in wraps.into_iter().enumerate().filter(|(_, turns)| turns.abs() > 1) {
+                self.longest_flight = self.longest_flight.max(f64::from(turns).abs() * self.size[axis]);
             }
         }
         wraps

@@ -191,7 +191,8 @@ pub struct Ledger {
     pub wall_work: f64,
     /// Kinetic energy that putting grains to rest has taken so far [energy].
     pub rest: f64,
-    /// T + V − (T₀ + V₀ − Σ ΔT − rest + W), relative to the largest |term|.
+    /// T + V − (T₀ + V₀ − Σ ΔT − rest + W), relative to the largest |term|. T counts here what the bounces of a completed series
+    /// that has not come to its end still have to lose.
     pub residual: f64,
 }
 

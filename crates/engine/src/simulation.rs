@@ -290,7 +290,7 @@ impl Simulation {
 
     /// Energies and their balance now.
     pub fn ledger(&self) -> Ledger {
-        measure::ledger(&Totals::of(&self.state.world), &self.state.book)
+        measure::ledger(&Totals::of(&self.state.world), &self.state.book, &self.state.pending)
     }
 
     /// What has been done so far.

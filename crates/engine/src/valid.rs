@@ -230,6 +230,7 @@ fn total(name: &str, sum: &Sum) -> Result<(), EngineError> {
 
 /// Checks the state as a whole, after its parts: positions now, overlaps and the energy balance.
 pub(crate) fn whole(system: &System, state: &State, time: f64) -> Result<(), EngineError> {
+    at_least_zero("longest_flight", state.world.longest_flight)?;
     let State { world, book, heap, .. } = state;
     let now = world.now;
     if world.thresholds.is_some() {
@@ -285,7 +286,7 @@ pub(crate) fn whole(system: &System, state: &State, time: f64) -> Result<(), Eng
         format!("particle {i} and {partner} would overlap by {depth:e} contact distances")
     })?;
 
-    let ledger = measure::ledger(&Totals::of(world), book);
+    let ledger = measure::ledger(&Totals::of(world), book, &state.pending);
     at_least_zero("the kinetic energy", ledger.kinetic)?;
     finite("the potential energy", ledger.potential)?;
     let (residual, kinetic) = (ledger.residual, ledger.kinetic);
