@@ -5,8 +5,13 @@ use haff_neighbors::{AllPairs, Cells, Geometry, Lists};
 
 use crate::{
     batch::Kernel,
+    calendar_scheduler::CalendarScheduler,
     census::{Census, Crowd},
-    machine::{Engine, Features, Machine, With},
+    event_loop::Engine,
+    features::{
+        ElasticMonodisperse, FallingMonodisperse, FallingPolydisperse, Features, Monodisperse, Polydisperse,
+        Settling,
+    },
     model::{Dimension, NeighborChoice, System},
     nearby::{self, Nearby},
     particles::World,
@@ -92,19 +97,20 @@ impl Choice {
 
     /// The search for a state: windows where they serve and it is not dense, lists where it is, cells otherwise.
     fn best(&self, system: &System, world: &World, crowd: &Crowd) -> NeighborChoice {
-        let windows_serve = windows::unsuitable(system, &self.census).is_none() && windows::serve(world);
+        let windows_possible =
+            windows::unsuitable(system, &self.census).is_none() && windows::supports(world);
         match self.asked {
             NeighborChoice::Auto => {}
-            NeighborChoice::Windows if !windows_serve => return NeighborChoice::Cells,
+            NeighborChoice::Windows if !windows_possible => return NeighborChoice::Cells,
             asked => return asked,
         }
         if self.census.count <= FEW {
             return NeighborChoice::AllPairs;
         }
-        let windows = windows_serve && windows::suit(system, &self.census, crowd);
+        let windows = windows_possible && windows::is_profitable(system, &self.census, crowd);
         let mixed = self.census.least != self.census.largest;
         let limits = match (windows, mixed) {
-            (true, _) if nearby::serves(system, &self.census) => {
+            (true, _) if nearby::supports(system, &self.census) => {
                 if self.census.count < nearby::AWAY {
                     DENSE_FOR_WINDOWS
                 } else {
@@ -144,7 +150,7 @@ impl Choice {
             ?kernel,
             "engine"
         );
-        macro_rules! machine {
+        macro_rules! scheduler {
             ($features:ty) => {{
                 let (kernel, count) = (*kernel, census.count);
                 match neighbors {
@@ -154,16 +160,18 @@ impl Choice {
                     }
                     // For a few, one engine does for all sizes.
                     NeighborChoice::AllPairs if <$features>::GRAVITY => {
-                        Box::new(Machine::<With<true, false>, AllPairs>::new(geometry, kernel, count))
+                        Box::new(CalendarScheduler::<FallingPolydisperse, AllPairs>::new(
+                            geometry, kernel, count,
+                        ))
                     }
                     NeighborChoice::AllPairs => {
-                        Box::new(Machine::<With<false, false>, AllPairs>::new(geometry, kernel, count))
+                        Box::new(CalendarScheduler::<Polydisperse, AllPairs>::new(geometry, kernel, count))
                     }
                     NeighborChoice::Lists => {
-                        Box::new(Machine::<$features, Lists>::new(geometry, kernel, count))
+                        Box::new(CalendarScheduler::<$features, Lists>::new(geometry, kernel, count))
                     }
                     NeighborChoice::Auto | NeighborChoice::Cells => {
-                        Box::new(Machine::<$features, Cells>::new(geometry, kernel, count))
+                        Box::new(CalendarScheduler::<$features, Cells>::new(geometry, kernel, count))
                     }
                 }
             }};
@@ -173,23 +181,24 @@ impl Choice {
         }
         let gravity = system.domain.gravity != DVec3::ZERO;
         if !gravity && census.uniform && system.contacts.are_elastic() {
-            type Elastic = With<false, true, false, true>;
             if *neighbors == NeighborChoice::Windows {
-                return Box::new(Windows::<Elastic>::new(geometry, *kernel, system, census, crowd));
+                return Box::new(Windows::<ElasticMonodisperse>::new(
+                    geometry, *kernel, system, census, crowd,
+                ));
             }
-            if let Some(engine) = self.compile_for_lists::<Elastic>(system, geometry) {
+            if let Some(engine) = self.compile_for_lists::<ElasticMonodisperse>(system, geometry) {
                 return engine;
             }
         }
         match (gravity, census.uniform) {
-            (true, true) => machine!(With<true, true>),
-            (true, false) => machine!(With<true, false>),
+            (true, true) => scheduler!(FallingMonodisperse),
+            (true, false) => scheduler!(FallingPolydisperse),
             (false, true) => self
-                .compile_for_lists::<With<false, true>>(system, geometry)
-                .unwrap_or_else(|| machine!(With<false, true>)),
+                .compile_for_lists::<Monodisperse>(system, geometry)
+                .unwrap_or_else(|| scheduler!(Monodisperse)),
             (false, false) => self
-                .compile_for_lists::<With<false, false>>(system, geometry)
-                .unwrap_or_else(|| machine!(With<false, false>)),
+                .compile_for_lists::<Polydisperse>(system, geometry)
+                .unwrap_or_else(|| scheduler!(Polydisperse)),
         }
     }
 
@@ -208,13 +217,16 @@ impl Choice {
 
     /// The engine for a system whose grains are put to rest.
     fn compile_for_rest(&self, geometry: &Geometry) -> Box<dyn Engine> {
-        type Resting = With<true, false, true>;
         let (kernel, count) = (self.kernel, self.census.count);
         match self.neighbors {
-            NeighborChoice::AllPairs => Box::new(Machine::<Resting, AllPairs>::new(geometry, kernel, count)),
-            NeighborChoice::Lists => Box::new(Machine::<Resting, Lists>::new(geometry, kernel, count)),
+            NeighborChoice::AllPairs => {
+                Box::new(CalendarScheduler::<Settling, AllPairs>::new(geometry, kernel, count))
+            }
+            NeighborChoice::Lists => {
+                Box::new(CalendarScheduler::<Settling, Lists>::new(geometry, kernel, count))
+            }
             NeighborChoice::Auto | NeighborChoice::Cells | NeighborChoice::Windows => {
-                Box::new(Machine::<Resting, Cells>::new(geometry, kernel, count))
+                Box::new(CalendarScheduler::<Settling, Cells>::new(geometry, kernel, count))
             }
         }
     }

@@ -1,85 +1,106 @@
-//! Calendar entries: one per particle, its earliest event.
+//! Calendar entries: one event of one particle.
 
-use std::cmp::Ordering;
+use std::{cmp::Ordering, marker::PhantomData};
 
 use haff_calendar::Event;
 
-/// What an entry announces. The order is that of simultaneous events: impacts first, bookkeeping last.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
-pub(crate) enum Kind {
-    /// Collision with particle `.0`.
-    Collision(u32),
-    /// Collision with wall `.0`.
-    Wall(u32),
-    /// End of a completed series of bounces.
-    Rest,
-    /// The search's transfer `.0`.
-    Transfer(u8),
-    /// Nothing within the horizon: look again.
-    Renewal,
+/// What entries of a calendar announce. The order of the tags is that of simultaneous events: impacts first.
+pub(crate) trait Kind: Copy {
+    /// The tag, below 4, and an index.
+    fn encode(self) -> (u32, u32);
+    /// The inverse.
+    fn decode(tag: u32, index: u32) -> Self;
 }
 
+/// Tags of the events that all calendars may hold; 3 is for updates of a scheduler's own data.
+pub(crate) const COLLISION: u32 = 0;
+pub(crate) const WALL: u32 = 1;
+pub(crate) const END_OF_BOUNCES: u32 = 2;
+pub(crate) const UPDATE: u32 = 3;
+/// Index of an update that is only a prediction at a later time.
+pub(crate) const PREDICTION: u32 = INDEX;
+
 /// Target of an entry, packed: two tag bits above thirty of index.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[derive(Debug)]
 #[repr(transparent)]
-pub(crate) struct Target(u32);
+pub(crate) struct Target<K>(u32, PhantomData<K>);
 
 const TAG: u32 = 30;
 const INDEX: u32 = (1 << TAG) - 1;
-/// Transfer code that stands for a renewal.
-const RENEWAL: u32 = INDEX;
 
-impl Target {
+impl<K> Target<K> {
     /// No event at all.
-    pub const NONE: Self = Self(3 << TAG | RENEWAL);
+    pub const NONE: Self = Self(UPDATE << TAG | PREDICTION, PhantomData);
 
+    /// The partner, if the event is a collision of two particles.
     #[inline]
-    pub fn new(kind: Kind) -> Self {
-        Self(match kind {
-            Kind::Collision(j) => j,
-            Kind::Wall(wall) => 1 << TAG | wall,
-            Kind::Rest => 2 << TAG,
-            Kind::Transfer(code) => 3 << TAG | u32::from(code),
-            Kind::Renewal => 3 << TAG | RENEWAL,
-        })
-    }
-
-    #[inline]
-    pub fn kind(self) -> Kind {
-        let index = self.0 & INDEX;
-        match self.0 >> TAG {
-            0 => Kind::Collision(index),
-            1 => Kind::Wall(index),
-            2 => Kind::Rest,
-            _ if index == RENEWAL => Kind::Renewal,
-            _ => Kind::Transfer(index as u8),
-        }
+    pub fn partner(self) -> Option<u32> {
+        (self.0 >> TAG == COLLISION).then_some(self.0)
     }
 }
 
-/// One calendar entry, 24 bytes. It is void once `owner` has had another event, stale once its partner has.
+impl<K: Kind> Target<K> {
+    #[inline]
+    pub fn new(kind: K) -> Self {
+        let (tag, index) = kind.encode();
+        Self(tag << TAG | index, PhantomData)
+    }
+
+    #[inline]
+    pub fn kind(self) -> K {
+        K::decode(self.0 >> TAG, self.0 & INDEX)
+    }
+}
+
+// Derived ones would require the same of `K`.
+impl<K> Clone for Target<K> {
+    #[inline]
+    fn clone(&self) -> Self {
+        *self
+    }
+}
+
+impl<K> Copy for Target<K> {}
+
+impl<K> PartialEq for Target<K> {
+    #[inline]
+    fn eq(&self, other: &Self) -> bool {
+        self.0 == other.0
+    }
+}
+
+impl<K> Eq for Target<K> {}
+
+/// One calendar entry, 24 bytes. It is invalidated by the next event of `owner`, and has to be predicted again after one of its
+/// partner.
 ///
-/// The small fields are first: they are copied as one half of sixteen bytes then, and no copy is read in other parts than it was
-/// written in, which would have to wait.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+/// The small fields are first: they are then copied as one half of sixteen bytes. A copy that is read in other parts than it was
+/// written in stalls on store forwarding.
+#[derive(Debug)]
 #[repr(C)]
-pub(crate) struct Entry {
+pub(crate) struct Entry<K> {
     pub owner: u32,
-    pub target: Target,
+    pub target: Target<K>,
     /// Event counters of owner and partner when the entry was made.
     pub own_count: u32,
     pub partner_count: u32,
     pub time: i64,
 }
 
-impl Entry {
+impl<K> Entry<K> {
+    /// No event of a particle with this event counter.
+    #[inline]
+    pub fn none(owner: u32, own_count: u32) -> Self {
+        Self { time: i64::MAX, owner, target: Target::NONE, own_count, partner_count: 0 }
+    }
+
     /// Rank among simultaneous events: kind, then the ids of the bodies, lesser first. It does not depend on which of
-    /// two partners made the entry.
+    /// two partners owns the entry.
     #[inline]
     pub fn rank(&self) -> (u32, u32, u32) {
         let tag = self.target.0 >> TAG;
-        if tag == 0 {
-            (0, self.owner.min(self.target.0), self.owner.max(self.target.0))
+        if tag == COLLISION {
+            (COLLISION, self.owner.min(self.target.0), self.owner.max(self.target.0))
         } else {
             (tag, self.owner, self.target.0 & INDEX)
         }
@@ -95,8 +116,26 @@ impl Entry {
     }
 }
 
-/// The order of the calendar: by time alone as far as physics goes. What is first of a tick is for [`Entry::rank`].
-impl Ord for Entry {
+impl<K> Clone for Entry<K> {
+    #[inline]
+    fn clone(&self) -> Self {
+        *self
+    }
+}
+
+impl<K> Copy for Entry<K> {}
+
+impl<K> PartialEq for Entry<K> {
+    #[inline]
+    fn eq(&self, other: &Self) -> bool {
+        self.cmp(other) == Ordering::Equal
+    }
+}
+
+impl<K> Eq for Entry<K> {}
+
+/// The order of the calendar: by time alone as far as physics goes. The order within a tick is [`Entry::rank`].
+impl<K> Ord for Entry<K> {
     #[inline]
     fn cmp(&self, other: &Self) -> Ordering {
         self.time.cmp(&other.time).then_with(|| {
@@ -111,14 +150,14 @@ impl Ord for Entry {
     }
 }
 
-impl PartialOrd for Entry {
+impl<K> PartialOrd for Entry<K> {
     #[inline]
     fn partial_cmp(&self, other: &Self) -> Option<Ordering> {
         Some(self.cmp(other))
     }
 }
 
-impl Event for Entry {
+impl<K> Event for Entry<K> {
     #[inline]
     fn time(&self) -> i64 {
         self.time
@@ -128,47 +167,52 @@ impl Event for Entry {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::calendar_scheduler::SearchEvent;
 
     #[test]
     fn an_entry_is_24_bytes() {
-        assert_eq!(size_of::<Entry>(), 24);
+        assert_eq!(size_of::<Entry<SearchEvent>>(), 24);
     }
 
     #[test]
     fn targets_survive_packing() {
         for kind in [
-            Kind::Collision(0),
-            Kind::Collision(INDEX),
-            Kind::Wall(7),
-            Kind::Rest,
-            Kind::Transfer(5),
-            Kind::Renewal,
+            SearchEvent::Collision(0),
+            SearchEvent::Collision(INDEX),
+            SearchEvent::Wall(7),
+            SearchEvent::EndOfBounces,
+            SearchEvent::Crossing(5),
+            SearchEvent::Prediction,
         ] {
-            assert_eq!(Target::new(kind).kind(), kind);
+            let target = Target::new(kind);
+            assert_eq!(target.kind(), kind);
+            let partner = if let SearchEvent::Collision(j) = kind { Some(j) } else { None };
+            assert_eq!(target.partner(), partner);
         }
+        assert_eq!(Target::<SearchEvent>::NONE.kind(), SearchEvent::Prediction);
     }
 
     #[test]
-    fn simultaneous_events_go_by_kind_then_ids_whoever_made_them() {
+    fn simultaneous_events_are_ordered_by_kind_then_by_ids() {
         let entry =
             |owner, kind| Entry { time: 5, owner, target: Target::new(kind), own_count: 0, partner_count: 0 };
         let mut entries = [
-            entry(0, Kind::Transfer(1)),
-            entry(0, Kind::Wall(2)),
-            entry(9, Kind::Collision(3)),
-            entry(4, Kind::Collision(8)),
-            entry(1, Kind::Rest),
+            entry(0, SearchEvent::Crossing(1)),
+            entry(0, SearchEvent::Wall(2)),
+            entry(9, SearchEvent::Collision(3)),
+            entry(4, SearchEvent::Collision(8)),
+            entry(1, SearchEvent::EndOfBounces),
         ];
         entries.sort_by_key(Entry::rank);
         let kinds: Vec<_> = entries.iter().map(|e| (e.owner, e.target.kind())).collect();
         assert_eq!(
             kinds,
             [
-                (9, Kind::Collision(3)),
-                (4, Kind::Collision(8)),
-                (0, Kind::Wall(2)),
-                (1, Kind::Rest),
-                (0, Kind::Transfer(1))
+                (9, SearchEvent::Collision(3)),
+                (4, SearchEvent::Collision(8)),
+                (0, SearchEvent::Wall(2)),
+                (1, SearchEvent::EndOfBounces),
+                (0, SearchEvent::Crossing(1))
             ]
         );
     }

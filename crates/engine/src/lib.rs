@@ -11,15 +11,18 @@ extern crate self as haff_engine; // the systems of tests/common are made with t
 
 mod batch;
 mod book;
+mod calendar_scheduler;
 mod census;
 mod checkpoint;
 mod choice;
 mod clock;
 mod entry;
 mod error;
+mod event;
+mod event_loop;
+mod features;
 mod force;
 mod grid;
-mod machine;
 mod measure;
 mod nearby;
 mod overlap;
@@ -31,6 +34,7 @@ mod resolve;
 mod rest;
 mod simulation;
 mod stall;
+mod state;
 mod sum;
 mod valid;
 mod windows;

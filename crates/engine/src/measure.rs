@@ -11,10 +11,10 @@ use xxhash_rust::xxh3::Xxh3;
 use crate::{
     book::Book,
     force,
-    machine::{Pending, State},
     model::{Boundary, Dimension, System},
     particles::World,
     report::{Frame, Ledger, Sample},
+    state::{Pending, State},
     sum::{Sum, Sums},
 };
 

@@ -5,8 +5,8 @@ use haff_neighbors::roomy;
 
 use crate::{
     clock::Clock,
+    features::{Features, With},
     force::Force,
-    machine::{Features, With},
     model::{Body, Boundary, Restitution, System, Wall},
     rest::Thresholds,
 };

@@ -5,29 +5,35 @@ use haff_neighbors::{Flight, Offsets, Packed, Search, Shift};
 
 use crate::{
     batch::{Batch, Kernel, LANES},
+    calendar_scheduler::SearchEvent,
     clock::{HORIZON, LONGEST, whole},
     entry::{Entry, Kind, Target},
-    machine::{Features, Pending},
+    features::Features,
     packed::{self, Delays, Query},
     particles::{Particle, World},
+    state::Pending,
 };
 use glam::DVec3;
 use std::collections::BTreeMap;
 
-/// The best event of a particle that waits behind a transfer.
+/// The earliest physical event of a particle that crosses into another cell before.
 #[derive(Debug, Clone, Copy)]
-pub(crate) struct Memory {
-    pub time: i64,
-    pub target: Target,
-    pub partner_count: u32,
+pub(crate) struct BestEvent {
+    time: i64,
+    target: Target<SearchEvent>,
+    partner_count: u32,
 }
 
-/// Which candidates a prediction looks at.
+impl BestEvent {
+    pub const NONE: Self = Self { time: i64::MAX, target: Target::NONE, partner_count: 0 };
+}
+
+/// The candidates of a prediction.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) enum Scope {
     /// All of them.
     All,
-    /// Those that the transfer of this code has brought near; the others' best is remembered.
+    /// Those in the cells that the crossing of this code has brought near; the best of the others is kept.
     New(u8),
 }
 
@@ -51,15 +57,15 @@ impl Scratch {
 }
 
 /// Keeps the earliest of the events of one particle.
-pub(crate) struct Earliest {
-    pub entry: Entry,
+pub(crate) struct Earliest<K> {
+    pub entry: Entry<K>,
     /// Whether something was found beyond the horizon.
     pub far: bool,
 }
 
-impl Earliest {
+impl<K> Earliest<K> {
     #[inline]
-    pub fn offer(&mut self, time: i64, target: Target, partner_count: u32) {
+    pub fn offer(&mut self, time: i64, target: Target<K>, partner_count: u32) {
         if time > self.entry.time {
             return;
         }
@@ -71,7 +77,10 @@ impl Earliest {
 
     /// Offers an event `delay` [ticks] after `from`.
     #[inline]
-    fn offer_after(&mut self, from: i64, delay: f64, kind: Kind, partner_count: u32) {
+    fn offer_after(&mut self, from: i64, delay: f64, kind: K, partner_count: u32)
+    where
+        K: Kind,
+    {
         if delay <= LONGEST {
             self.offer(from + whole(delay), Target::new(kind), partner_count);
         } else {
@@ -80,21 +89,19 @@ impl Earliest {
     }
 }
 
-/// Next event of particle i, as seen at `now`; with the best physical one, if a transfer comes first.
+/// Next event of particle i, predicted at the present; with the earliest physical one, if a crossing comes first.
 #[inline(always)]
-pub(crate) fn foresee<F: Features, S: Search>(
+pub(crate) fn predict<F: Features, S: Search>(
     world: &World,
     search: &S,
     pending: &BTreeMap<u32, Pending>,
     i: u32,
     scope: Scope,
-    memory: Memory,
+    best: BestEvent,
     scratch: &mut Scratch,
-) -> (Entry, Option<Memory>) {
+) -> (Entry<SearchEvent>, Option<BestEvent>) {
     let particle = &world.particles[i as usize];
-    let own_count = particle.count;
-    let nothing =
-        Entry { time: i64::MAX, owner: i, target: Target::new(Kind::Renewal), own_count, partner_count: 0 };
+    let nothing = Entry::none(i, particle.count);
     let mut earliest = Earliest { entry: nothing, far: false };
 
     let movable = F::UNIFORM || world.class(i).inverse_mass != 0.0;
@@ -109,8 +116,8 @@ pub(crate) fn foresee<F: Features, S: Search>(
             Scope::All => search.candidates(i, position, visit),
             Scope::New(code) => {
                 search.new_candidates(i, code, position, visit);
-                if memory.time < i64::MAX {
-                    earliest.offer(memory.time, memory.target, memory.partner_count);
+                if best.time < i64::MAX {
+                    earliest.offer(best.time, best.target, best.partner_count);
                 }
             }
         }
@@ -125,10 +132,10 @@ pub(crate) fn foresee<F: Features, S: Search>(
         && particle.rests()
         && let Some(rest) = pending.get(&i)
     {
-        earliest.offer(rest.end, Target::new(Kind::Rest), 0);
+        earliest.offer(rest.end, Target::new(SearchEvent::EndOfBounces), 0);
     }
 
-    // Of the transfer nothing need be known but whether it comes first.
+    // A later crossing need not be known exactly.
     let within = earliest.entry.time.saturating_sub(world.now) as f64 * world.clock.tick;
     if let Some(transfer) = search.next_transfer(i, &flight::<F>(world, i), within) {
         let delay = transfer.delay * world.clock.per_time;
@@ -138,8 +145,9 @@ pub(crate) fn foresee<F: Features, S: Search>(
             let time = world.now + whole(delay);
             if time < earliest.entry.time {
                 let Entry { time: best, target, partner_count, .. } = earliest.entry;
-                let entry = Entry { time, target: Target::new(Kind::Transfer(transfer.code)), ..nothing };
-                return (entry, Some(Memory { time: best, target, partner_count }));
+                let entry =
+                    Entry { time, target: Target::new(SearchEvent::Crossing(transfer.code)), ..nothing };
+                return (entry, Some(BestEvent { time: best, target, partner_count }));
             }
         }
     }
@@ -193,7 +201,7 @@ fn gather<F: Features>(
     j: u32,
     shift: Shift,
     scratch: &mut Scratch,
-    earliest: &mut Earliest,
+    earliest: &mut Earliest<SearchEvent>,
 ) {
     let b = &world.particles[j as usize];
     let behind = a.time - b.time;
@@ -226,7 +234,7 @@ fn gather<F: Features>(
             let (r, v) = (r + (v + pull * (0.5 * parted)) * parted, v + pull * parted);
             if let Some(delay) = time_to_contact_accelerated(r, v, pull, sigma) {
                 let delay = (parted + delay) * world.clock.per_time;
-                earliest.offer_after(from, delay, Kind::Collision(j), b.count);
+                earliest.offer_after(from, delay, SearchEvent::Collision(j), b.count);
             }
             return;
         }
@@ -300,7 +308,7 @@ fn imaged(world: &World, r: DVec3, shift: Shift) -> DVec3 {
 
 /// Predicts the batch and offers the earliest of it.
 #[inline]
-fn flush<F: Features>(world: &World, i: u32, scratch: &mut Scratch, earliest: &mut Earliest) {
+fn flush<F: Features>(world: &World, i: u32, scratch: &mut Scratch, earliest: &mut Earliest<SearchEvent>) {
     let batch = &mut scratch.batch;
     if batch.len == 0 {
         return;
@@ -337,7 +345,7 @@ fn flush<F: Features>(world: &World, i: u32, scratch: &mut Scratch, earliest: &m
                 earliest.offer_after(
                     from + batch.offset[k],
                     batch.delay[k] * per_time,
-                    Kind::Collision(j),
+                    SearchEvent::Collision(j),
                     count,
                 );
             }
@@ -355,7 +363,7 @@ fn meet_packed<F: Features>(
     list: &[Packed],
     offsets: &Offsets,
     scratch: &mut Scratch,
-    earliest: &mut Earliest,
+    earliest: &mut Earliest<SearchEvent>,
 ) {
     let owner = &world.particles[i as usize];
     let radius = world.classes[if F::UNIFORM { 0 } else { owner.class() }].radius;
@@ -396,7 +404,7 @@ fn meet_packed<F: Features>(
                 continue;
             }
             let time = owner.time.max(partner.time) + whole(delay);
-            earliest.offer(time, Target::new(Kind::Collision(id)), partner.count);
+            earliest.offer(time, Target::new(SearchEvent::Collision(id)), partner.count);
         }
     }
 }
@@ -446,7 +454,7 @@ fn is_echo<F: Features>(world: &World, i: u32, batch: &Batch, k: usize) -> bool 
 
 /// Offers the contacts with walls, from the particle's anchor.
 #[inline]
-fn predict_walls<F: Features>(world: &World, i: u32, walls: &[u16], earliest: &mut Earliest) {
+fn predict_walls<F: Features>(world: &World, i: u32, walls: &[u16], earliest: &mut Earliest<SearchEvent>) {
     let particle = &world.particles[i as usize];
     let class = world.class(i);
     let held = F::REST && world.is_held(i);
@@ -471,7 +479,12 @@ fn predict_walls<F: Features>(world: &World, i: u32, walls: &[u16], earliest: &m
         );
         let pull = acceleration.dot(world.walls[wall as usize].normal);
         if let Some(delay) = time_to_plane(distance, speed, pull) {
-            earliest.offer_after(particle.time, delay * world.clock.per_time, Kind::Wall(u32::from(wall)), 0);
+            earliest.offer_after(
+                particle.time,
+                delay * world.clock.per_time,
+                SearchEvent::Wall(u32::from(wall)),
+                0,
+            );
         }
     }
 }

@@ -7,11 +7,12 @@ use crate::{
     book::Book,
     clock::HORIZON,
     error::EngineError,
-    machine::{Features, Pending, State},
+    features::Features,
     overlap::allowed_overlap,
     particles::{ClassData, Particle, Support, World},
     report::{EventKind, EventRecord, Observer},
     rest,
+    state::{Pending, State},
 };
 
 /// A series of bounces is completed in closed form once the next one would rise by less than this part of the radius:

@@ -10,7 +10,8 @@ use crate::{
     choice::Choice,
     clock::{ANCHOR_AGE, Clock, EPOCH, OLDEST_ANCHOR},
     error::EngineError,
-    machine::{Engine, Limit, State},
+    event::Pause,
+    event_loop::{Engine, Limit},
     measure::{self, Species, Totals},
     model::{Boundary, Dimension, NeighborChoice, Options, System},
     overlap::{self, Overlap},
@@ -18,6 +19,7 @@ use crate::{
     report::{Counters, Frame, Ledger, Observer, Sample, Stop},
     rest::{self, Heap},
     stall::Stall,
+    state::State,
     windows,
 };
 
@@ -131,88 +133,97 @@ impl Simulation {
     /// Runs events until the first of the bounds, or until nothing will move any more.
     pub fn advance(&mut self, until: Until, observer: &mut dyn Observer) -> Result<Stop, EngineError> {
         self.stopped_at = None;
-        if self.state.pending.is_empty() && self.state.world.is_at_rest() {
+        if self.state.is_at_rest() {
             return Ok(Stop::Rest);
         }
         let mut entries = until.entries;
         loop {
             let target = self.state.world.clock.ticks(until.time);
-            let census = self.next_census();
+            let scan = self.next_scan();
             let slice = entries.min(self.choice.patience);
             let mut limit = Limit {
                 // Events at the very end of an epoch belong to the next.
-                ticks: target.min(EPOCH - 1).min(census),
+                ticks: target.min(EPOCH - 1).min(scan),
                 collisions: until.collisions.min(self.choice.review),
                 entries: slice,
             };
-            let stop = self.engine.advance(&mut self.state, &mut limit, observer).inspect_err(|error| {
+            let pause = self.engine.advance(&mut self.state, &mut limit, observer).inspect_err(|error| {
                 if let EngineError::Overlap { depth, .. } = error {
                     self.state.book.max_overlap = self.state.book.max_overlap.max(*depth);
                 }
             })?;
             entries -= slice - limit.entries;
             self.choice.patience -= slice - limit.entries;
-            if self.state.heap.is_jammed || (stop == Stop::Time && limit.ticks == census) {
-                let idle = self.engine.is_idle();
-                if self.take_census(observer) {
-                    return Ok(Stop::Rest);
+            match pause {
+                Pause::Rest => return Ok(Stop::Rest),
+                Pause::Jam => {
+                    if let Some(stop) = self.settle(true, until, &mut entries, observer) {
+                        return Ok(stop);
+                    }
                 }
-                entries = entries.saturating_sub(1);
-                if entries == 0 {
-                    return Ok(Stop::Slice);
+                Pause::Time if limit.ticks == scan => {
+                    if let Some(stop) = self.settle(false, until, &mut entries, observer) {
+                        return Ok(stop);
+                    }
                 }
-                if until.time == f64::INFINITY && idle && self.engine.is_idle() {
-                    return Ok(Stop::Rest);
+                Pause::Time => {
+                    if until.time == f64::INFINITY && self.engine.is_idle() {
+                        return Ok(Stop::Rest);
+                    }
+                    if target < EPOCH {
+                        self.stopped_at = Some(until.time);
+                        return Ok(Stop::Time);
+                    }
+                    self.next_epoch();
+                    // A long flight without events must not keep the caller waiting: an epoch counts as an entry for each
+                    // particle.
+                    entries = entries.saturating_sub(1 + self.particles() as u64);
                 }
-                continue;
-            }
-            let reviewed = match stop {
-                Stop::Collisions => self.state.book.counters.collisions < until.collisions,
-                Stop::Slice => self.choice.patience == 0 || self.engine.is_outgrown(),
-                Stop::Time | Stop::Rest => false,
-            };
-            if reviewed {
-                self.reconsider();
-                if entries == 0 {
-                    return Ok(Stop::Slice);
+                Pause::Collisions => {
+                    if self.state.book.counters.collisions >= until.collisions {
+                        return Ok(Stop::Collisions);
+                    }
+                    self.reconsider();
                 }
-                continue;
+                Pause::Entries if self.choice.patience == 0 => self.reconsider(),
+                Pause::Unsupported => self.reconsider(),
+                Pause::Entries => return Ok(Stop::Slice),
             }
-            if stop == Stop::Time && until.time == f64::INFINITY && self.engine.is_idle() {
-                return Ok(Stop::Rest);
+            if entries == 0 {
+                return Ok(Stop::Slice);
             }
-            if stop == Stop::Time && target >= EPOCH {
-                self.next_epoch();
-                // A long flight without events must not keep the caller waiting: an epoch counts as an entry for each
-                // particle.
-                entries = entries.saturating_sub(1 + self.particles() as u64);
-                if entries == 0 {
-                    return Ok(Stop::Slice);
-                }
-                continue;
-            }
-            if stop == Stop::Time {
-                self.stopped_at = Some(until.time);
-            }
-            return Ok(stop);
         }
     }
 
-    /// When the next census is due \[ticks\]: never, where nobody is put to rest.
-    fn next_census(&self) -> i64 {
+    /// Carries out the settling scan that is due, at once if grains are jammed. A stop, if nothing moves or will move any more.
+    fn settle(
+        &mut self,
+        is_jammed: bool,
+        until: Until,
+        entries: &mut u64,
+        observer: &mut dyn Observer,
+    ) -> Option<Stop> {
+        let idle = self.engine.is_idle();
+        let settled = rest::census(&mut self.state, &self.geometry, is_jammed, observer);
+        self.engine.reschedule(&mut self.state, &settled);
+        if !settled.is_empty() && self.state.is_at_rest() {
+            return Some(Stop::Rest);
+        }
+        *entries = entries.saturating_sub(1);
+        if *entries == 0 {
+            return Some(Stop::Slice);
+        }
+        (until.time == f64::INFINITY && idle && self.engine.is_idle()).then_some(Stop::Rest)
+    }
+
+    /// When the next settling scan is due \[ticks\]; `i64::MAX` without `rest_speed`.
+    fn next_scan(&self) -> i64 {
         if self.state.world.thresholds.is_some() { self.state.heap.next } else { i64::MAX }
     }
 
     /// Finds again who leans on whom of a state with particles at rest.
     pub(crate) fn find_contacts_of_held(&mut self) {
         self.state.heap.near = rest::contacts_of_held(&self.state.world, &self.geometry);
-    }
-
-    /// Puts to rest who may be; whether nothing moves then.
-    fn take_census(&mut self, observer: &mut dyn Observer) -> bool {
-        let settled = rest::census(&mut self.state, &self.geometry, observer);
-        self.engine.reschedule(&mut self.state, &settled);
-        !settled.is_empty() && self.state.pending.is_empty() && self.state.world.is_at_rest()
     }
 
     /// Re-bases the clock by one epoch; chooses a new tick if the system has become much slower or faster.

@@ -1,21 +1,17 @@
-//! Notices when time stands still.
+//! Detects an inelastic collapse: very many events at what is one time.
 
 use std::collections::BTreeSet;
 
 use glam::DVec3;
 
-use crate::{
-    entry::{Entry, Kind},
-    error::EngineError,
-    particles::World,
-};
+use crate::{error::EngineError, event::PhysicalEvent, particles::World};
 
 /// A run of events within this many ticks…
 const SPAN: i64 = 1 << 10;
 /// …of more than this number, and this number per particle, is a collapse.
 const EVENTS: u64 = 100_000;
 const EVENTS_PER_PARTICLE: u64 = 10;
-/// Of so many events after that it is noted who takes part.
+/// Of so many events after that the participants are noted.
 const NOTED: u64 = 10_000;
 
 /// The run of events in progress. Only collisions, wall collisions and ends of rests count, which all engines have in
@@ -25,7 +21,7 @@ pub(crate) struct Stall {
     /// When it began \[ticks\], and events since then.
     pub since: i64,
     pub events: u64,
-    /// Who took part in the last of very many events.
+    /// Participants of the last of very many events.
     pub particles: BTreeSet<u32>,
     pub walls: BTreeSet<u32>,
 }
@@ -37,61 +33,59 @@ impl Default for Stall {
 }
 
 impl Stall {
-    /// Counts an event; an error if there have been too many at what is one time.
-    #[inline]
-    pub fn watch(&mut self, world: &World, entry: &Entry) -> Result<(), EngineError> {
+    /// Counts an event at `time` \[ticks\]; an error if there have been too many at what is one time.
+    #[inline(always)]
+    pub fn watch(&mut self, world: &World, time: i64, event: impl PhysicalEvent) -> Result<(), EngineError> {
         self.events += 1;
-        if entry.time.saturating_sub(self.since) >= SPAN {
-            self.since = entry.time;
+        if time.saturating_sub(self.since) >= SPAN {
+            self.since = time;
             self.events = 0;
         }
         if self.events > EVENTS + EVENTS_PER_PARTICLE * world.particles.len() as u64 {
-            return self.note(world, entry);
+            let (particles, wall) = event.participants();
+            return self.note(world, time, particles, wall);
         }
         Ok(())
     }
 
-    /// Notes who takes part, and gives up when enough is known.
+    /// Notes the particles and the wall of an event, and gives up when enough is known.
     #[cold]
-    fn note(&mut self, world: &World, entry: &Entry) -> Result<(), EngineError> {
+    fn note(
+        &mut self,
+        world: &World,
+        time: i64,
+        particles: [u32; 2],
+        wall: Option<u32>,
+    ) -> Result<(), EngineError> {
         let enough = EVENTS + EVENTS_PER_PARTICLE * world.particles.len() as u64 + NOTED;
         if self.events + NOTED == enough + 1 {
             self.particles.clear();
             self.walls.clear();
         }
-        self.particles.insert(entry.owner);
-        match entry.target.kind() {
-            Kind::Collision(j) => {
-                self.particles.insert(j);
-            }
-            Kind::Wall(wall) => {
-                self.walls.insert(wall);
-            }
-            // The others are not counted.
-            Kind::Rest | Kind::Transfer(_) | Kind::Renewal => {}
-        }
+        self.particles.extend(particles);
+        self.walls.extend(wall);
         if self.events < enough {
             return Ok(());
         }
-        let error = self.collapse(world, entry);
+        let error = self.collapse(world, time, particles[0]);
         // The event does not happen: from a checkpoint made now it is counted again.
         self.events -= 1;
         Err(error)
     }
 
-    fn collapse(&self, world: &World, entry: &Entry) -> EngineError {
-        let least = self.particles.first().copied().unwrap_or(entry.owner);
-        let first = world.state(least, entry.time).0;
+    fn collapse(&self, world: &World, time: i64, particle: u32) -> EngineError {
+        let least = self.particles.first().copied().unwrap_or(particle);
+        let first = world.state(least, time).0;
         let among: DVec3 =
-            self.particles.iter().map(|&i| world.nearest_image(world.state(i, entry.time).0 - first)).sum();
-        // Who rests on a wall has no events with it any more.
+            self.particles.iter().map(|&i| world.nearest_image(world.state(i, time).0 - first)).sum();
+        // A particle at rest on a wall has no events with it any more.
         let supports = self.particles.iter().flat_map(|&i| world.support(i)).flatten().map(u32::from);
         let walls: BTreeSet<u32> = self.walls.iter().copied().chain(supports).collect();
         let position = first + among / self.particles.len() as f64;
         EngineError::Collapse {
-            time: world.clock.time(entry.time),
+            time: world.clock.time(time),
             events: self.events,
-            span: (entry.time - self.since).max(0) as f64 * world.clock.tick,
+            span: (time - self.since).max(0) as f64 * world.clock.tick,
             particles: self.particles.iter().copied().collect(),
             walls: walls.iter().map(|&wall| world.walls[wall as usize].name.clone()).collect(),
             position: world.wrap(position).0.to_array(),

@@ -10,13 +10,13 @@ use crate::{
     book::Book,
     clock::{Clock, EPOCH, OLDEST_ANCHOR},
     error::EngineError,
-    machine::{Pending, State},
     measure::{self, Totals},
     model::{Boundary, Dimension, System},
     overlap,
     particles::World,
     report::Checkpoint,
     simulation::open_axes,
+    state::{Pending, State},
     sum::Sum,
 };
 

@@ -5,7 +5,7 @@ use haff_mechanics::{drift, is_rounding_noise};
 
 use crate::{
     clock::{LONGEST, whole},
-    machine::Features,
+    features::Features,
     particles::{Particle, World},
     predict::TOUCHING,
 };

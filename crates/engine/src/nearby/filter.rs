@@ -16,7 +16,7 @@ use super::{
     frame::{Frame, Record},
     sets::{LANES, MOST},
 };
-use crate::machine::Features;
+use crate::features::Features;
 
 /// The bound of a member that is not met at all; the greatest number whose last bits can name a lane.
 pub(super) const NEVER: f32 = f32::from_bits(0x7f7f_ffff & !LANE);
@@ -220,7 +220,7 @@ mod tests {
     use haff_neighbors::{Axis, Geometry};
 
     use super::*;
-    use crate::{machine::With, model::System, particles::World};
+    use crate::{features::With, model::System, particles::World};
 
     /// SplitMix64, as numbers in −1 … 1.
     struct Random(u64);

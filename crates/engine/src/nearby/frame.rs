@@ -9,7 +9,7 @@ another image of a pair could come to be the nearest, nor further than single pr
 
 use haff_neighbors::{Axis, Geometry};
 
-use crate::{machine::Features, particles::World};
+use crate::{features::Features, particles::World};
 
 /// The farthest that particles may go within a span [largest contact distances]: 10^-6 of that is far below [`MARGIN`].
 const FARTHEST: f64 = 12.0;

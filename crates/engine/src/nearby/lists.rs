@@ -18,7 +18,7 @@ use super::{
     frame::Record,
     sets::{LANES, MOST, all, members, place_of},
 };
-use crate::machine::Features;
+use crate::features::Features;
 /// Pairs are listed this much further away than they need be, for all that single precision rounds [largest contact
 /// distances].
 const SLACK: f32 = 1e-3;

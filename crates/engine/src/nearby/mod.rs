@@ -1,9 +1,10 @@
 /*!
-The engine of neighbor lists, for fluids in periodic boxes without gravity.
+The scheduler with neighbor lists for fluids in periodic boxes without gravity.
 
-Like [`Machine`](crate::machine::Machine), it keeps for every particle its earliest event. But its lists name no periodic images
-([`lists`]), and of the members of a list most are dismissed in single precision, eight at a time ([`filter`]), from records of
-half a cache line ([`frame`]): what cannot touch before the earliest event known needs no exact prediction ([`exact`]).
+Like [`CalendarScheduler`](crate::calendar_scheduler::CalendarScheduler), it keeps for every particle its earliest event. But its
+lists contain no periodic images ([`lists`]), and most members of a list are rejected in single precision, eight at a time
+([`filter`]), from records of half a cache line ([`frame`]): what cannot touch before the earliest event known needs no exact
+prediction ([`exact`]).
 */
 
 mod bins;
@@ -24,15 +25,15 @@ use crate::{
     batch::Kernel,
     census::{Census, Crowd},
     clock::{HORIZON, whole},
-    entry::{Entry, Kind, Target},
-    error::EngineError,
-    machine::{Engine, Features, Limit, State},
+    entry::{self, Kind, Target},
+    event::{Collision, Pause},
+    event_loop::{Limit, Next, Scheduler},
+    features::Features,
     model::System,
     particles::World,
     predict::Earliest,
-    queue::{Prophet, Queue},
-    report::{Observer, Stop},
-    resolve,
+    queue::{Predictor, Queue},
+    state::State,
 };
 use filter::Bounds;
 use frame::{Frame, Record};
@@ -58,14 +59,45 @@ const NEARLY_DUE: usize = 3;
 
 /// No time within reach [spans].
 const NEVER: f32 = 0.5 * filter::NEVER;
-/// No event.
-const NOTHING: Entry =
-    Entry { time: i64::MAX, owner: 0, target: Target::NONE, own_count: 0, partner_count: 0 };
+
+/// What the entries of this calendar announce.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) enum ListEvent {
+    /// Collision with particle `.0`.
+    Collision(u32),
+    /// The particle leaves the range that its list has been made for.
+    ListUpdate,
+    /// Nothing within the horizon: a prediction is due there.
+    Prediction,
+}
+
+impl Kind for ListEvent {
+    #[inline]
+    fn encode(self) -> (u32, u32) {
+        match self {
+            Self::Collision(j) => (entry::COLLISION, j),
+            Self::ListUpdate => (entry::UPDATE, 0),
+            Self::Prediction => (entry::UPDATE, entry::PREDICTION),
+        }
+    }
+
+    #[inline]
+    fn decode(tag: u32, index: u32) -> Self {
+        match (tag, index) {
+            (entry::COLLISION, j) => Self::Collision(j),
+            (_, entry::PREDICTION) => Self::Prediction,
+            _ => Self::ListUpdate,
+        }
+    }
+}
+
+type Entry = entry::Entry<ListEvent>;
+
 /// Particles predicted at a time at the start.
 const BLOCK: usize = 1 << 16;
 
-/// Whether this engine is made for a system, if its box is large enough.
-pub(crate) fn serves(system: &System, census: &Census) -> bool {
+/// Whether this scheduler supports a system, if its box is large enough.
+pub(crate) fn supports(system: &System, census: &Census) -> bool {
     census.count < i32::MAX as usize
         && census.movable
         && system.domain.gravity == DVec3::ZERO
@@ -91,9 +123,9 @@ struct Plan {
 }
 
 impl Plan {
-    /// `None` if this engine does not serve the system.
+    /// `None` if this scheduler does not support the system.
     fn new(geometry: &Geometry, system: &System, census: &Census, crowd: &Crowd) -> Option<Self> {
-        if census.count == 0 || !serves(system, census) {
+        if census.count == 0 || !supports(system, census) {
             return None;
         }
         let sigma = geometry.reach;
@@ -114,23 +146,25 @@ impl Plan {
     }
 }
 
-/// The engine for one set of features.
+/// The scheduler for one set of features.
 pub(crate) struct Nearby<F> {
     kernel: Kernel,
-    queue: Queue,
-    sight: Sight<F>,
+    queue: Queue<ListEvent>,
+    predictor: ListPredictor<F>,
     bounds: [Bounds; 2],
     work: Work,
+    /// Work that has been added to the counters of the state.
+    counted: Work,
 }
 
 /// All that predictions need besides the world.
-struct Sight<F> {
+struct ListPredictor<F> {
     plan: Plan,
-    /// Of every particle, and of nobody.
+    /// Of every particle, and a sentinel.
     records: Vec<Record>,
     lists: Lists,
     /// Whether the particles are too many for the cache.
-    looks_ahead: bool,
+    prefetches: bool,
     features: PhantomData<F>,
 }
 
@@ -142,7 +176,7 @@ struct Work {
 }
 
 impl<F: Features> Nearby<F> {
-    /// An engine for a system; it has to be [built](Engine::rebuild) before it runs. `None` if it does not serve the system.
+    /// A scheduler for a system; it has to be [built](Scheduler::rebuild) before it runs. `None` if it does not support the system.
     pub fn new(
         geometry: &Geometry,
         kernel: Kernel,
@@ -155,83 +189,137 @@ impl<F: Features> Nearby<F> {
         Some(Self {
             kernel,
             queue: Queue::new(count, FAR_AHEAD),
-            sight: Sight {
+            predictor: ListPredictor {
                 plan,
                 records: Vec::new(),
                 lists: Lists::default(),
-                looks_ahead: count >= AWAY,
+                prefetches: count >= AWAY,
                 features: PhantomData,
             },
             bounds: [Bounds::new(); 2],
             work: Work::default(),
+            counted: Work::default(),
         })
     }
 
+    /// The predictor, by vectors or not.
     #[inline(always)]
-    fn run<const EVENTS: bool, const VECTORS: bool>(
-        &mut self,
-        state: &mut State,
-        limit: &mut Limit,
-        observer: &mut dyn Observer,
-    ) -> Result<Stop, EngineError> {
-        let before = self.work;
-        let stop = self.events::<EVENTS, VECTORS>(state, limit, observer);
-        self.work.book_since(before, state);
-        stop
-    }
-
-    #[inline(always)]
-    fn events<const EVENTS: bool, const VECTORS: bool>(
-        &mut self,
-        state: &mut State,
-        limit: &mut Limit,
-        observer: &mut dyn Observer,
-    ) -> Result<Stop, EngineError> {
-        let mut seer =
-            Seer::<F, VECTORS> { sight: &mut self.sight, bounds: &mut self.bounds, work: &mut self.work };
-        loop {
-            if state.book.counters.collisions >= limit.collisions {
-                return Ok(Stop::Collisions);
-            }
-            if limit.entries == 0 {
-                return Ok(Stop::Slice);
-            }
-            let Some(entry) = self.queue.next(state, &mut seer, limit.ticks) else {
-                state.world.now = state.world.now.max(limit.ticks);
-                return Ok(Stop::Time);
-            };
-            limit.entries -= 1;
-            state.world.now = state.world.now.max(entry.time);
-            let i = entry.owner;
-            match entry.target.kind() {
-                Kind::Collision(j) => {
-                    state.stall.watch(&state.world, &entry)?;
-                    resolve::collision::<F, EVENTS>(state, i, j, entry.time, observer)?;
-                    // Both are in place before either looks.
-                    let bodies = [i.min(j), i.max(j)];
-                    for body in bodies {
-                        state.world.wrap_anchor(body);
-                        seer.sight.update(&state.world, body);
-                    }
-                    for entry in seer.foresee_both(&state.world, bodies) {
-                        self.queue.push(entry);
-                    }
-                }
-                Kind::Transfer(_) => {
-                    state.book.counters.transfers += 1;
-                    seer.sight.transfer::<VECTORS>(&state.world, i);
-                    self.queue.push(seer.foresee(state, i));
-                }
-                Kind::Renewal | Kind::Wall(_) | Kind::Rest => {
-                    state.book.counters.transfers += 1;
-                    self.queue.push(seer.foresee(state, i));
-                }
-            }
-        }
+    fn split<const VECTORS: bool>(&mut self) -> (&mut Queue<ListEvent>, VectorPredictor<'_, F, VECTORS>) {
+        let Self { queue, predictor, bounds, work, .. } = self;
+        (queue, VectorPredictor { predictor, bounds, work })
     }
 }
 
-impl<F: Features> Sight<F> {
+impl<F: Features> Scheduler for Nearby<F> {
+    type Features = F;
+    type Event = Collision;
+
+    fn kernel(&self) -> Kernel {
+        self.kernel
+    }
+
+    fn rebuild(&mut self, state: &mut State, _geometry: &Geometry) {
+        let count = state.world.particles.len();
+        self.queue.clear();
+        let predictor = &mut self.predictor;
+        if predictor.records.is_empty() {
+            predictor.records = roomy(count + 1);
+            predictor.records.resize(count + 1, Record::NOBODY);
+        }
+        predictor.begin(&state.world);
+        predictor.lists = Lists::default();
+        predictor.lists = Lists::new::<F>(&predictor.plan, &predictor.records);
+        let (predictor, world) = (&self.predictor, &state.world);
+        let mut block = Vec::with_capacity(BLOCK.min(count));
+        for start in (0..count).step_by(BLOCK) {
+            (start as u32..(start + BLOCK).min(count) as u32)
+                .into_par_iter()
+                .map_init(Bounds::new, |bounds, i| {
+                    let mut work = Work::default();
+                    (predictor.predict::<false>(world, i, bounds, &mut work), work)
+                })
+                .collect_into_vec(&mut block);
+            if start == 0 {
+                let entries: Vec<Entry> = block.iter().map(|(entry, _)| *entry).collect();
+                self.queue.prepare(&entries, count);
+            }
+            for (entry, part) in &block {
+                self.queue.push(*entry);
+                self.work.candidates += part.candidates;
+                self.work.exact += part.exact;
+            }
+        }
+    }
+
+    #[inline(always)]
+    fn next<const VECTORS: bool>(&mut self, state: &mut State, limit: &mut Limit) -> Next<Collision> {
+        let (queue, mut predictor) = self.split::<VECTORS>();
+        loop {
+            let Some(entry) = queue.next(state, &mut predictor, limit.ticks) else { return Next::Nothing };
+            let i = entry.owner;
+            let updates = match entry.target.kind() {
+                ListEvent::Collision(j) => return Next::Event(entry.time, Collision([i, j])),
+                ListEvent::ListUpdate => true,
+                ListEvent::Prediction => false,
+            };
+            limit.entries -= 1;
+            state.world.now = state.world.now.max(entry.time);
+            state.book.counters.transfers += 1;
+            if updates {
+                predictor.predictor.update_list::<VECTORS>(&state.world, i);
+            }
+            queue.push(predictor.predict(state, i));
+            if limit.entries == 0 {
+                return Next::Interrupted;
+            }
+        }
+    }
+
+    #[inline(always)]
+    fn update<const VECTORS: bool>(
+        &mut self,
+        state: &mut State,
+        Collision([i, j]): Collision,
+        _woken: &[u32],
+        _limit: &mut Limit,
+    ) -> Option<Pause> {
+        let (queue, mut predictor) = self.split::<VECTORS>();
+        // Both anchors are in place before either is predicted.
+        let bodies = [i.min(j), i.max(j)];
+        for body in bodies {
+            state.world.wrap_anchor(body);
+            predictor.predictor.update(&state.world, body);
+        }
+        for entry in predictor.predict_both(&state.world, bodies) {
+            queue.push(entry);
+        }
+        None
+    }
+
+    fn reschedule(&mut self, state: &mut State, bodies: &[u32]) {
+        let (queue, mut predictor) = self.split::<false>();
+        for &body in bodies {
+            state.world.wrap_anchor(body);
+            predictor.predictor.update(&state.world, body);
+        }
+        for &body in bodies {
+            queue.push(predictor.predict(state, body));
+        }
+    }
+
+    fn is_idle(&self) -> bool {
+        self.queue.is_empty()
+    }
+
+    fn count_work(&mut self, state: &mut State) {
+        let counters = &mut state.book.counters;
+        counters.predictions += self.work.exact - self.counted.exact;
+        counters.candidates += self.work.candidates - self.counted.candidates;
+        self.counted = self.work;
+    }
+}
+
+impl<F: Features> ListPredictor<F> {
     /// Begins a span at the present: all records are made afresh.
     #[cold]
     fn begin(&mut self, world: &World) {
@@ -252,9 +340,9 @@ impl<F: Features> Sight<F> {
         }
     }
 
-    /// Carries out the transfer of particle i, now.
+    /// Makes the list of particle i anew, now.
     #[inline(always)]
-    fn transfer<const VECTORS: bool>(&mut self, world: &World, i: u32) {
+    fn update_list<const VECTORS: bool>(&mut self, world: &World, i: u32) {
         if world.now > self.plan.frame.end {
             self.begin(world);
         }
@@ -262,11 +350,11 @@ impl<F: Features> Sight<F> {
         self.lists.transfer::<F, VECTORS>(i, &self.records, part, AHEAD);
     }
 
-    /// The next event of particle i, as seen at the world's present, which is within the span.
+    /// The next event of particle i, predicted at the world's present, which is within the span.
     ///
     /// With `VECTORS` set the caller must be compiled for AVX2 and FMA, and run where they exist.
     #[inline(always)]
-    fn foresee<const VECTORS: bool>(
+    fn predict<const VECTORS: bool>(
         &self,
         world: &World,
         i: u32,
@@ -274,15 +362,15 @@ impl<F: Features> Sight<F> {
         work: &mut Work,
     ) -> Entry {
         let part = self.plan.frame.part(world.now);
-        let glance = self.glance::<VECTORS>(i, part, bounds, work);
-        let contact = Self::first(world, &glance, work);
-        self.decide::<VECTORS>(world, &glance, contact, bounds, work)
+        let query = self.query::<VECTORS>(i, part, bounds, work);
+        let contact = Self::first(world, &query, work);
+        self.decide::<VECTORS>(world, &query, contact, bounds, work)
     }
 
     /// The same for two particles, step by step for both: the processor need not wait for one to be done before it begins with
     /// the other.
     #[inline(always)]
-    fn foresee_both<const VECTORS: bool>(
+    fn predict_both<const VECTORS: bool>(
         &self,
         world: &World,
         [i, j]: [u32; 2],
@@ -290,8 +378,8 @@ impl<F: Features> Sight<F> {
         work: &mut Work,
     ) -> [Entry; 2] {
         let part = self.plan.frame.part(world.now);
-        let one = self.glance::<VECTORS>(i, part, a, work);
-        let other = self.glance::<VECTORS>(j, part, b, work);
+        let one = self.query::<VECTORS>(i, part, a, work);
+        let other = self.query::<VECTORS>(j, part, b, work);
         let contacts = [Self::first(world, &one, work), Self::first(world, &other, work)];
         [
             self.decide::<VECTORS>(world, &one, contacts[0], a, work),
@@ -299,29 +387,29 @@ impl<F: Features> Sight<F> {
         ]
     }
 
-    /// Bounds for all whom particle i may meet.
+    /// Bounds for the contacts of particle i.
     #[inline(always)]
-    fn glance<const VECTORS: bool>(
+    fn query<const VECTORS: bool>(
         &self,
         i: u32,
         part: f32,
         bounds: &mut Bounds,
         work: &mut Work,
-    ) -> Glance<'_> {
+    ) -> Query<'_> {
         let (record, list) = (&self.records[i as usize], self.lists.of(i));
         work.candidates += list.len() as u64;
         let least = filter::bounds::<F, VECTORS>(&self.plan.frame, &self.records, record, part, list, bounds);
-        Glance { i, part, record, list, least }
+        Query { i, part, record, list, least }
     }
 
     /// The contact with the first by its bound.
     #[inline(always)]
-    fn first(world: &World, glance: &Glance, work: &mut Work) -> i64 {
-        if glance.least >= filter::NEVER {
+    fn first(world: &World, query: &Query, work: &mut Work) -> i64 {
+        if query.least >= filter::NEVER {
             return exact::NEVER;
         }
         work.exact += 1;
-        let (i, j) = (glance.i as usize, glance.list[Bounds::lane(glance.least)] as usize);
+        let (i, j) = (query.i as usize, query.list[Bounds::lane(query.least)] as usize);
         exact::contact::<F>(world, &world.particles[i], &world.particles[j])
     }
 
@@ -330,15 +418,15 @@ impl<F: Features> Sight<F> {
     fn decide<const VECTORS: bool>(
         &self,
         world: &World,
-        glance: &Glance,
+        query: &Query,
         contact: i64,
         bounds: &mut Bounds,
         work: &mut Work,
     ) -> Entry {
         let frame = &self.plan.frame;
-        let &Glance { i, part, record, list, least } = glance;
+        let &Query { i, part, record, list, least } = query;
         let particle = &world.particles[i as usize];
-        let nothing = Entry { owner: i, own_count: particle.count, ..NOTHING };
+        let nothing = Entry::none(i, particle.count);
         let mut earliest = Earliest { entry: nothing, far: false };
         let mut within = NEVER;
         if least < filter::NEVER {
@@ -357,10 +445,10 @@ impl<F: Features> Sight<F> {
             within = self.until(world, &earliest);
         }
         if list.len() > MOST {
-            self.look_on::<VECTORS>(world, i, part, &mut earliest, bounds, work);
+            self.query_rest::<VECTORS>(world, i, part, &mut earliest, bounds, work);
             within = self.until(world, &earliest);
         }
-        // Of the transfer nothing need be known but whether it comes first.
+        // A later update of the list need not be known exactly.
         if let Some(delay) = self.lists.exit(i, record, part, within) {
             let delay = f64::from(delay) / frame.per_tick;
             if delay > HORIZON {
@@ -368,7 +456,7 @@ impl<F: Features> Sight<F> {
             } else {
                 let time = world.now + whole(delay);
                 if time < earliest.entry.time {
-                    return Entry { time, target: Target::new(Kind::Transfer(0)), ..nothing };
+                    return Entry { time, target: Target::new(ListEvent::ListUpdate), ..nothing };
                 }
             }
         }
@@ -379,10 +467,10 @@ impl<F: Features> Sight<F> {
     }
 
     #[inline(always)]
-    fn offer(world: &World, earliest: &mut Earliest, j: u32, contact: i64) {
+    fn offer(world: &World, earliest: &mut Earliest<ListEvent>, j: u32, contact: i64) {
         if contact < exact::FAR {
             let count = world.particles[j as usize].count;
-            earliest.offer(contact, Target::new(Kind::Collision(j)), count);
+            earliest.offer(contact, Target::new(ListEvent::Collision(j)), count);
         } else {
             earliest.far |= contact == exact::FAR;
         }
@@ -390,19 +478,19 @@ impl<F: Features> Sight<F> {
 
     /// From now to the earliest event known, and a little more [spans].
     #[inline(always)]
-    fn until(&self, world: &World, earliest: &Earliest) -> f32 {
+    fn until(&self, world: &World, earliest: &Earliest<ListEvent>) -> f32 {
         let ticks = earliest.entry.time.saturating_sub(world.now).max(0);
         filter::limit(ticks as f64 * self.plan.frame.per_tick)
     }
 
-    /// Looks at the members of a long list beyond the first.
+    /// Adds the members of a long list beyond the first [`MOST`].
     #[cold]
-    fn look_on<const VECTORS: bool>(
+    fn query_rest<const VECTORS: bool>(
         &self,
         world: &World,
         i: u32,
         part: f32,
-        earliest: &mut Earliest,
+        earliest: &mut Earliest<ListEvent>,
         bounds: &mut Bounds,
         work: &mut Work,
     ) {
@@ -422,8 +510,8 @@ impl<F: Features> Sight<F> {
     }
 }
 
-/// What a first look at the list of particle i has found.
-struct Glance<'a> {
+/// Bounds for the contacts of particle i with the members of its list.
+struct Query<'a> {
     i: u32,
     /// The present, as a part of the span.
     part: f32,
@@ -433,53 +521,54 @@ struct Glance<'a> {
     least: f32,
 }
 
-/// A [`Sight`] that looks by vectors or not.
-struct Seer<'a, F, const VECTORS: bool> {
-    sight: &'a mut Sight<F>,
+/// A [`ListPredictor`] by vectors or not, with its working space.
+struct VectorPredictor<'a, F, const VECTORS: bool> {
+    predictor: &'a mut ListPredictor<F>,
     bounds: &'a mut [Bounds; 2],
     work: &'a mut Work,
 }
 
-impl<F: Features, const VECTORS: bool> Seer<'_, F, VECTORS> {
-    /// The next events of two particles, as seen at the world's present.
+impl<F: Features, const VECTORS: bool> VectorPredictor<'_, F, VECTORS> {
+    /// The next events of two particles, predicted at the world's present.
     #[inline(always)]
-    fn foresee_both(&mut self, world: &World, bodies: [u32; 2]) -> [Entry; 2] {
-        if world.now > self.sight.plan.frame.end {
-            self.sight.begin(world);
+    fn predict_both(&mut self, world: &World, bodies: [u32; 2]) -> [Entry; 2] {
+        if world.now > self.predictor.plan.frame.end {
+            self.predictor.begin(world);
         }
-        self.sight.foresee_both::<VECTORS>(world, bodies, self.bounds, self.work)
+        self.predictor.predict_both::<VECTORS>(world, bodies, self.bounds, self.work)
     }
 }
 
-impl<F: Features, const VECTORS: bool> Prophet for Seer<'_, F, VECTORS> {
+impl<F: Features, const VECTORS: bool> Predictor for VectorPredictor<'_, F, VECTORS> {
     type Features = F;
+    type Kind = ListEvent;
 
     #[inline(always)]
-    fn foresee(&mut self, state: &State, i: u32) -> Entry {
-        if state.world.now > self.sight.plan.frame.end {
-            self.sight.begin(&state.world);
+    fn predict(&mut self, state: &State, i: u32) -> Entry {
+        if state.world.now > self.predictor.plan.frame.end {
+            self.predictor.begin(&state.world);
         }
         #[cfg(target_arch = "x86_64")]
         if VECTORS {
             // SAFETY: the caller has the features.
-            return unsafe { self.sight.foresee_avx2(&state.world, i, &mut self.bounds[0], self.work) };
+            return unsafe { self.predictor.predict_avx2(&state.world, i, &mut self.bounds[0], self.work) };
         }
-        self.sight.foresee::<false>(&state.world, i, &mut self.bounds[0], self.work)
+        self.predictor.predict::<false>(&state.world, i, &mut self.bounds[0], self.work)
     }
 
-    /// First the anchors, records and lists of particles, later those of whoever stands in these (nobody has no anchor).
+    /// First the anchors, records and lists of particles, later those of the members of these (the sentinel has no anchor).
     #[inline(always)]
-    fn look_ahead(&self, calendar: &Ladder<Entry>, state: &State) {
-        let Sight { records, lists, looks_ahead, .. } = &*self.sight;
+    fn prefetch(&self, calendar: &Ladder<Entry>, state: &State) {
+        let ListPredictor { records, lists, prefetches, .. } = &*self.predictor;
         if let Some(entry) = calendar.upcoming(FAR_AHEAD) {
-            let partner = if let Kind::Collision(j) = entry.target.kind() { j } else { entry.owner };
+            let partner = entry.target.partner().unwrap_or(entry.owner);
             for i in [entry.owner, partner] {
                 prefetch_at(&state.world.particles, i as usize);
                 prefetch_at(records, i as usize);
                 lists.prefetch(i);
             }
         }
-        if !looks_ahead {
+        if !prefetches {
             return;
         }
         if let Some(entry) = calendar.upcoming(NEARLY_DUE)
@@ -492,7 +581,7 @@ impl<F: Features, const VECTORS: bool> Prophet for Seer<'_, F, VECTORS> {
                 }
             };
             neighbors(entry.owner);
-            if let Kind::Collision(j) = entry.target.kind()
+            if let Some(j) = entry.target.partner()
                 && !calendar.upcoming(NEARLY_DUE + 1).is_some_and(|next| next.mirrors(entry))
             {
                 neighbors(j);
@@ -501,94 +590,12 @@ impl<F: Features, const VECTORS: bool> Prophet for Seer<'_, F, VECTORS> {
     }
 }
 
-impl Work {
-    /// Books what has been done since `before`.
-    fn book_since(self, before: Self, state: &mut State) {
-        state.book.counters.predictions += self.exact - before.exact;
-        state.book.counters.candidates += self.candidates - before.candidates;
-    }
-}
-
-impl<F: Features> Engine for Nearby<F> {
-    fn rebuild(&mut self, state: &mut State, _geometry: &Geometry) {
-        let count = state.world.particles.len();
-        self.queue.clear();
-        let sight = &mut self.sight;
-        if sight.records.is_empty() {
-            sight.records = roomy(count + 1);
-            sight.records.resize(count + 1, Record::NOBODY);
-        }
-        sight.begin(&state.world);
-        sight.lists = Lists::default();
-        sight.lists = Lists::new::<F>(&sight.plan, &sight.records);
-        let (sight, world, before) = (&self.sight, &state.world, self.work);
-        let mut work = before;
-        let mut block = Vec::with_capacity(BLOCK.min(count));
-        for start in (0..count).step_by(BLOCK) {
-            (start as u32..(start + BLOCK).min(count) as u32)
-                .into_par_iter()
-                .map_init(Bounds::new, |bounds, i| {
-                    let mut work = Work::default();
-                    (sight.foresee::<false>(world, i, bounds, &mut work), work)
-                })
-                .collect_into_vec(&mut block);
-            if start == 0 {
-                let entries: Vec<Entry> = block.iter().map(|(entry, _)| *entry).collect();
-                self.queue.prepare(&entries, count);
-            }
-            for (entry, part) in &block {
-                self.queue.push(*entry);
-                work.candidates += part.candidates;
-                work.exact += part.exact;
-            }
-        }
-        work.book_since(before, state);
-    }
-
-    fn is_idle(&self) -> bool {
-        self.queue.is_empty()
-    }
-
-    fn advance(
-        &mut self,
-        state: &mut State,
-        limit: &mut Limit,
-        observer: &mut dyn Observer,
-    ) -> Result<Stop, EngineError> {
-        match (self.kernel, observer.wants_events()) {
-            (Kernel::Portable, false) => self.run::<false, false>(state, limit, observer),
-            (Kernel::Portable, true) => self.run::<true, false>(state, limit, observer),
-            #[cfg(target_arch = "x86_64")]
-            // SAFETY: made by `Kernel::choose` alone, after it has found the features.
-            (Kernel::Avx2, false) => unsafe { self.run_avx2::<false>(state, limit, observer) },
-            #[cfg(target_arch = "x86_64")]
-            // SAFETY: as above.
-            (Kernel::Avx2, true) => unsafe { self.run_avx2::<true>(state, limit, observer) },
-        }
-    }
-}
-
-/// The same loop, compiled as a whole for processors with 256-bit vectors. Rust neither fuses nor reorders floating-point
-/// operations by itself, so the bits are the same; the filter alone asks for fused ones.
 #[cfg(target_arch = "x86_64")]
-impl<F: Features> Nearby<F> {
-    #[target_feature(enable = "avx2,fma,bmi1,bmi2,lzcnt,popcnt")]
-    fn run_avx2<const EVENTS: bool>(
-        &mut self,
-        state: &mut State,
-        limit: &mut Limit,
-        observer: &mut dyn Observer,
-    ) -> Result<Stop, EngineError> {
-        self.run::<EVENTS, true>(state, limit, observer)
-    }
-}
-
-#[cfg(target_arch = "x86_64")]
-impl<F: Features> Sight<F> {
+impl<F: Features> ListPredictor<F> {
     /// One copy of the code, so that the loop stays short.
     #[target_feature(enable = "avx2,fma,bmi1,bmi2,lzcnt,popcnt")]
     #[inline(never)]
-    fn foresee_avx2(&self, world: &World, i: u32, bounds: &mut Bounds, work: &mut Work) -> Entry {
-        self.foresee::<true>(world, i, bounds, work)
+    fn predict_avx2(&self, world: &World, i: u32, bounds: &mut Bounds, work: &mut Work) -> Entry {
+        self.predict::<true>(world, i, bounds, work)
     }
 }

@@ -4,9 +4,9 @@ use glam::DVec3;
 use haff_mechanics::Impact;
 
 use crate::{
-    machine::State,
     particles::World,
     rest::{Thresholds, UNDISTURBED, stands},
+    state::State,
 };
 
 /// Whether particle i has had a contact a short while before `time` \[ticks\].

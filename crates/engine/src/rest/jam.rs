@@ -6,7 +6,6 @@ use glam::DVec3;
 use haff_neighbors::Geometry;
 
 use crate::{
-    machine::State,
     particles::World,
     report::Observer,
     resolve,
@@ -14,6 +13,7 @@ use crate::{
         MOMENT, ROOM, Thresholds, normals,
         standing::{book, contacts, end_series},
     },
+    state::State,
 };
 
 /// The impact is solved for when all impulses change speeds by less than this part of those that are none, …

@@ -31,9 +31,9 @@ pub(crate) use standing::{census, contacts_of_held};
 use glam::DVec3;
 
 use crate::{
-    machine::State,
     model::System,
     particles::{World, supported},
+    state::State,
 };
 
 /// When grains are put to rest.
@@ -101,23 +101,13 @@ pub(crate) struct Heap {
     /// Contacts since a time \[ticks\] that is a small part of a period ago at most.
     pub crowd: u64,
     pub crowd_since: i64,
-    /// Whether so many that grains must be jammed, and a census is due at once.
-    pub is_jammed: bool,
     /// Of every held grain the held grains and fixed bodies it is in contact with, in order; a function of where they are.
     pub near: Vec<Vec<u32>>,
 }
 
 impl Default for Heap {
     fn default() -> Self {
-        Self {
-            next: 0,
-            events: u64::MAX,
-            waited: 0,
-            crowd: 0,
-            crowd_since: i64::MIN,
-            is_jammed: false,
-            near: Vec::new(),
-        }
+        Self { next: 0, events: u64::MAX, waited: 0, crowd: 0, crowd_since: i64::MIN, near: Vec::new() }
     }
 }
 
@@ -130,16 +120,16 @@ impl Heap {
         if (time.saturating_sub(self.crowd_since)) as f64 * world.clock.tick > thresholds.period * MOMENT {
             (self.crowd, self.crowd_since) = (0, time);
         }
-        self.is_jammed = self.crowd > CROWD + CROWD_PER_GRAIN * (world.movable - world.held) as u64;
-        if self.is_jammed {
+        let is_jammed = self.crowd > CROWD + CROWD_PER_GRAIN * (world.movable - world.held) as u64;
+        if is_jammed {
             self.crowd = 0;
         }
-        self.is_jammed
+        is_jammed
     }
 
     /// Whether the census that is due has something to look at, with these events so far and grains not at rest.
     fn is_worth_it(&self, events: u64, free: usize) -> bool {
-        let first = self.events == u64::MAX || self.is_jammed;
+        let first = self.events == u64::MAX;
         let new = events.wrapping_sub(self.events);
         let enough = new as f64 >= EVENTS_PER_GRAIN * free as f64 || self.waited + 1 >= PATIENCE;
         first || (new > 0 && enough)
@@ -147,7 +137,6 @@ impl Heap {
 
     /// The census that was due, with these events so far, has been taken or put off.
     fn after_census(&mut self, events: u64, taken: bool) {
-        self.is_jammed = false;
         (self.events, self.waited) = if taken { (events, 0) } else { (self.events, self.waited + 1) };
     }
 }

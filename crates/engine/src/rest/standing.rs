@@ -6,23 +6,27 @@ use haff_neighbors::Geometry;
 use crate::{
     clock::whole,
     grid::{Slabs, levels, meet, place},
-    machine::State,
     particles::World,
     report::{EventKind, EventRecord, NOBODY, Observer},
     resolve,
     rest::{Thresholds, events, is_fixed, jam::unwedge, stands},
+    state::State,
 };
 
 /// Puts to rest who stands and is slow, if the census that is due now is worth it; who has been.
-pub(crate) fn census(state: &mut State, geometry: &Geometry, observer: &mut dyn Observer) -> Vec<u32> {
+pub(crate) fn census(
+    state: &mut State,
+    geometry: &Geometry,
+    is_jammed: bool,
+    observer: &mut dyn Observer,
+) -> Vec<u32> {
     let Some(thresholds) = state.world.thresholds else { return Vec::new() };
     let period = (thresholds.period * state.world.clock.per_time).clamp(1.0, crate::clock::HORIZON);
     state.heap.next = state.world.now + whole(period);
     let free = state.world.movable - state.world.held;
     let happened = events(state);
-    let stopped =
-        if state.heap.is_jammed { unwedge(state, geometry, &thresholds, observer) } else { Vec::new() };
-    let worth_it = state.heap.is_worth_it(happened, free);
+    let stopped = if is_jammed { unwedge(state, geometry, &thresholds, observer) } else { Vec::new() };
+    let worth_it = is_jammed || state.heap.is_worth_it(happened, free);
     state.heap.after_census(happened, worth_it);
     if !worth_it {
         return stopped;

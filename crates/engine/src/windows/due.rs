@@ -1,12 +1,39 @@
-//! Events in the order in which they happen, those of one tick among them: a window knows all that are to come.
+//! The contacts of a window in the order of events, ties included: all that can happen in the window is known.
 
 use std::cmp::Ordering;
 
 use haff_calendar::Event;
 
-use crate::entry::Entry;
+use crate::entry::{self, Kind};
 
-/// An entry whose order is that of events, ties by rank.
+/// What a window holds.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum Contact {
+    /// With particle `.0`.
+    Collision(u32),
+    /// With wall `.0`.
+    Wall(u32),
+}
+
+impl Kind for Contact {
+    #[inline]
+    fn encode(self) -> (u32, u32) {
+        match self {
+            Self::Collision(j) => (entry::COLLISION, j),
+            Self::Wall(wall) => (entry::WALL, wall),
+        }
+    }
+
+    #[inline]
+    fn decode(tag: u32, index: u32) -> Self {
+        if tag == entry::COLLISION { Self::Collision(index) } else { Self::Wall(index) }
+    }
+}
+
+/// A contact of a window.
+pub(super) type Entry = entry::Entry<Contact>;
+
+/// An entry in the order of events, ties by rank.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) struct Due(pub Entry);
 
@@ -14,7 +41,7 @@ impl Ord for Due {
     #[inline]
     fn cmp(&self, other: &Self) -> Ordering {
         self.0.time.cmp(&other.0.time).then_with(|| self.0.rank().cmp(&other.0.rank())).then_with(|| {
-            // Only to make the order total: either announces the same event, or one is stale.
+            // Only to make the order total: either announces the same event, or one is invalidated.
             self.0.cmp(&other.0)
         })
     }

@@ -5,7 +5,7 @@ use haff_mechanics::{is_rounding_noise, time_to_plane};
 
 use crate::{
     clock::{LONGEST, whole},
-    machine::Features,
+    features::Features,
     particles::{Particle, World},
     predict::TOUCHING,
 };

@@ -19,7 +19,7 @@ use super::{
     cells::{Candidates, Cells, LANES},
     tune::Work,
 };
-use crate::machine::Features;
+use crate::features::Features;
 
 /// Part by which contact distances are widened at least: 10⁻³ costs 0.3 % more exact predictions.
 const LEAST_MARGIN: f64 = 1e-3;

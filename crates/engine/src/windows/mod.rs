@@ -31,17 +31,16 @@ use haff_neighbors::{Geometry, prefetch, prefetch_at};
 use crate::{
     batch::Kernel,
     census::{Census, Crowd},
-    entry::Kind,
-    error::EngineError,
-    machine::{Engine, Features, Limit, State},
+    event::{Collision, Impact, Pause},
+    event_loop::{Limit, Next, Scheduler},
+    features::Features,
     model::{Boundary, System},
     particles::World,
-    report::{Observer, Stop},
-    resolve,
     rest::Thresholds,
+    state::State,
 };
 use cells::{Cells, Near};
-use due::Due;
+use due::{Contact, Due};
 use filter::{Probe, Record, Scratch};
 use space::Space;
 use tune::{Tuner, Work};
@@ -73,13 +72,7 @@ const ROOM: f64 = 0.5;
 const SEARCHES_PER_PARTICLE: u64 = 4;
 const SEARCHES: u64 = 1000;
 
-/// Who is on a new path after an event.
-enum Renewed {
-    Pair([u32; 2]),
-    One(u32),
-}
-
-/// The engine for one set of features.
+/// The scheduler for one set of features.
 pub(crate) struct Windows<F> {
     kernel: Kernel,
     geometry: Geometry,
@@ -117,11 +110,11 @@ pub(crate) struct Windows<F> {
     judged: Work,
     /// Work since then that opening windows has taken.
     opening: Work,
-    /// Whether somebody no longer falls, so that windows serve no more.
-    outgrown: bool,
+    /// Work that has been added to the counters of the state.
+    counted: Work,
 }
 
-/// Why windows cannot serve a system, or nothing.
+/// Why windows cannot simulate a system, or nothing.
 pub(crate) fn unsuitable(system: &System, census: &Census) -> Option<String> {
     let axes = system.dimension.count();
     let largest = census.largest;
@@ -154,13 +147,13 @@ pub(crate) fn unsuitable(system: &System, census: &Census) -> Option<String> {
     None
 }
 
-/// Whether windows serve a state of a system that is not [unsuitable]: under gravity all have to fall.
-pub(crate) fn serve(world: &World) -> bool {
+/// Whether windows support a state of a system that is not [unsuitable]: under gravity all particles have to fall.
+pub(crate) fn supports(world: &World) -> bool {
     world.gravity == DVec3::ZERO || world.resting == 0
 }
 
-/// Whether windows are likely to be the fastest for a state that they serve and that is not dense.
-pub(crate) fn suit(system: &System, census: &Census, crowd: &Crowd) -> bool {
+/// Whether windows are likely to be the fastest for a state that they support and that is not dense.
+pub(crate) fn is_profitable(system: &System, census: &Census, crowd: &Crowd) -> bool {
     let room = ROOM * census.spacing(crowd.packing);
     let is_roomy = |axis: usize| {
         system.domain.boundary[axis] != Boundary::Periodic
@@ -214,7 +207,7 @@ impl<F: Features> Windows<F> {
             scratch: Scratch::new(),
             judged: Work::default(),
             opening: Work::default(),
-            outgrown: false,
+            counted: Work::default(),
         }
     }
 
@@ -236,8 +229,8 @@ impl<F: Features> Windows<F> {
             agenda.push(entry);
         };
         self.space.predict::<false, VECTORS>(world, &probes, &mut self.scratch, push);
-        // Now that nobody is looking: a search that reads what has just been written in parts has to wait for it. Where the
-        // particles are now they are registered already, since their old paths have brought them there.
+        // Register after searching: a search that reads a line just written in parts stalls on store forwarding. At their present
+        // positions the particles are registered already, because their old paths ended there.
         for probe in &probes {
             self.register(probe);
         }
@@ -269,7 +262,7 @@ impl<F: Features> Windows<F> {
         let from = ((particle.time - self.begin) as f64 * (world.clock.tick / self.step)) as f32;
         let (mut position, mut velocity) = (particle.position, particle.velocity);
         if F::GRAVITY {
-            // As seen by somebody who has been falling since the window began: there all paths are straight.
+            // In the frame that has been falling since the window began all paths are straight.
             let fallen = (particle.time - self.begin) as f64 * world.clock.tick;
             position -= self.gravity * (0.5 * fallen * fallen);
             velocity -= self.gravity * fallen;
@@ -291,24 +284,23 @@ impl<F: Features> Windows<F> {
         Probe { slot, record, place, from }
     }
 
-    /// The bodies of the collision that will be taken `ahead` events from now, as things stand, and its time [ticks].
+    /// The bodies of the collision that is `ahead` events from now in the agenda, and its time [ticks].
     #[inline(always)]
-    fn soon(&self, ahead: usize) -> Option<([u32; 2], i64)> {
+    fn peek(&self, ahead: usize) -> Option<([u32; 2], i64)> {
         let Due(entry) = self.agenda.soon(ahead)?;
-        let Kind::Collision(j) = entry.target.kind() else { return None };
-        Some(([entry.owner, j], entry.time))
+        Some(([entry.owner, entry.target.partner()?], entry.time))
     }
 
-    /// Asks for the particles of the next events, and what their slots hold.
+    /// Prefetches the particles of the next events, and their slots.
     #[inline(always)]
-    fn prefetch_soon(&self, world: &World) {
-        if let Some((bodies, _)) = self.soon(PARTICLES) {
+    fn prefetch_events(&self, world: &World) {
+        if let Some((bodies, _)) = self.peek(PARTICLES) {
             for body in bodies {
                 prefetch_at(&world.particles, body as usize);
                 prefetch_at(&self.slot_of, body as usize);
             }
         }
-        if let Some((bodies, _)) = self.soon(SLOTS) {
+        if let Some((bodies, _)) = self.peek(SLOTS) {
             for body in bodies {
                 let slot = self.slot_of[body as usize] as usize;
                 prefetch_at(&self.space.records, slot);
@@ -317,13 +309,14 @@ impl<F: Features> Windows<F> {
         }
     }
 
-    /// Asks for what the next events will find: the cells around them, later the records of those in these.
+    /// Prefetches what the searches after the next events will read: the cells around them, later the records of the particles in
+    /// these.
     #[inline(always)]
-    fn prefetch_around(&mut self, world: &World) {
+    fn prefetch_cells(&mut self, world: &World) {
         let Space { cells, records, .. } = &self.space;
         let turn = self.turn;
         self.turn = (turn + 1) % TURNS;
-        if let Some(([body, _], time)) = self.soon(CELLS) {
+        if let Some(([body, _], time)) = self.peek(CELLS) {
             let record = &records[self.slot_of[body as usize] as usize];
             let part = ((time - self.begin) as f64 * (world.clock.tick / self.step)) as f32;
             let block = cells.around(record.x, record.v, part);
@@ -359,161 +352,127 @@ impl<F: Features> Windows<F> {
         self.start_afresh(world);
         self.open(world);
     }
+}
 
-    /// Books the work done since `before`.
-    fn count(&self, state: &mut State, before: &Work) {
-        let work = self.scratch.work.since(before);
+impl<F: Features> Scheduler for Windows<F> {
+    type Features = F;
+    type Event = Impact;
+
+    fn kernel(&self) -> Kernel {
+        self.kernel
+    }
+
+    fn rebuild(&mut self, state: &mut State, _geometry: &Geometry) {
+        self.start_afresh(&state.world);
+        self.open(&state.world);
+    }
+
+    #[inline(always)]
+    fn next<const VECTORS: bool>(&mut self, state: &mut State, limit: &mut Limit) -> Next<Impact> {
+        loop {
+            let Some(Due(entry)) = self.agenda.pop_until(limit.ticks.min(self.space.end)) else {
+                if limit.ticks <= self.space.end {
+                    return Next::Nothing;
+                }
+                limit.entries = limit.entries.saturating_sub(self.entries_of_opening());
+                self.next_window(state);
+                if limit.entries == 0 {
+                    return Next::Interrupted;
+                }
+                continue;
+            };
+            if self.space.records.len() > CACHED {
+                self.prefetch_events(&state.world);
+            }
+            if self.space.records.len() > LARGE {
+                self.prefetch_cells(&state.world);
+            }
+            let world = &state.world;
+            let i = entry.owner;
+            let (is_valid, event) = match entry.target.kind() {
+                Contact::Collision(j) => (
+                    world.particles[j as usize].count == entry.partner_count,
+                    Impact::Pair(Collision([i, j])),
+                ),
+                Contact::Wall(wall) => (true, Impact::Wall { i, wall }),
+            };
+            if is_valid && world.particles[i as usize].count == entry.own_count {
+                return Next::Event(entry.time, event);
+            }
+            state.book.counters.dropped += 1;
+            if self.is_crowded() {
+                self.reopen(&state.world, limit);
+                if limit.entries == 0 {
+                    return Next::Interrupted;
+                }
+            }
+        }
+    }
+
+    #[inline(always)]
+    fn update<const VECTORS: bool>(
+        &mut self,
+        state: &mut State,
+        event: Impact,
+        _woken: &[u32],
+        limit: &mut Limit,
+    ) -> Option<Pause> {
+        let one = match event {
+            Impact::Pair(Collision([i, j])) => {
+                state.world.wrap_anchor(i);
+                state.world.wrap_anchor(j);
+                let world = &state.world;
+                // A body of infinite mass has not changed: its entries in the agenda are valid.
+                let movable = |body: u32| F::UNIFORM || world.class(body).inverse_mass != 0.0;
+                match (movable(i), movable(j)) {
+                    (true, true) => {
+                        if !self.renew::<2, VECTORS>(world, [i.min(j), i.max(j)]) {
+                            self.reopen(world, limit);
+                        }
+                        return None;
+                    }
+                    (true, false) => i,
+                    (false, _) => j,
+                }
+            }
+            Impact::Wall { i, .. } => {
+                state.world.wrap_anchor(i);
+                if F::GRAVITY && !supports(&state.world) {
+                    return Some(Pause::Unsupported);
+                }
+                i
+            }
+        };
+        if !self.renew::<1, VECTORS>(&state.world, [one]) || self.is_crowded() {
+            self.reopen(&state.world, limit);
+        }
+        None
+    }
+
+    fn reschedule(&mut self, state: &mut State, bodies: &[u32]) {
+        for &body in bodies {
+            state.world.wrap_anchor(body);
+        }
+        // Each renewed particle is registered once more, so that for many a new window costs less.
+        let few = bodies.len() as u64 <= SEARCHES;
+        let renewed = few && bodies.iter().all(|&body| self.renew::<1, false>(&state.world, [body]));
+        if !renewed || self.is_crowded() {
+            self.start_afresh(&state.world);
+            self.open(&state.world);
+        }
+    }
+
+    fn is_idle(&self) -> bool {
+        // In a closed box there is always a next contact, unless nothing moves, which is tested elsewhere.
+        false
+    }
+
+    fn count_work(&mut self, state: &mut State) {
+        let work = self.scratch.work.since(&self.counted);
+        self.counted = self.scratch.work;
         let counters = &mut state.book.counters;
         counters.predictions += work.exact;
         counters.candidates += work.candidates;
         counters.windows += work.windows;
-    }
-
-    #[inline(always)]
-    fn run<const EVENTS: bool, const VECTORS: bool>(
-        &mut self,
-        state: &mut State,
-        limit: &mut Limit,
-        observer: &mut dyn Observer,
-    ) -> Result<Stop, EngineError> {
-        let before = self.scratch.work;
-        let stop = self.events::<EVENTS, VECTORS>(state, limit, observer);
-        self.count(state, &before);
-        stop
-    }
-
-    #[inline(always)]
-    fn events<const EVENTS: bool, const VECTORS: bool>(
-        &mut self,
-        state: &mut State,
-        limit: &mut Limit,
-        observer: &mut dyn Observer,
-    ) -> Result<Stop, EngineError> {
-        let (prefetches, large) = (self.space.records.len() > CACHED, self.space.records.len() > LARGE);
-        loop {
-            if state.book.counters.collisions >= limit.collisions {
-                return Ok(Stop::Collisions);
-            }
-            if limit.entries == 0 {
-                return Ok(Stop::Slice);
-            }
-            let Some(Due(entry)) = self.agenda.pop_until(limit.ticks.min(self.space.end)) else {
-                if limit.ticks <= self.space.end {
-                    state.world.now = state.world.now.max(limit.ticks);
-                    return Ok(Stop::Time);
-                }
-                limit.entries = limit.entries.saturating_sub(self.entries_of_opening());
-                self.next_window(state);
-                continue;
-            };
-            if prefetches {
-                self.prefetch_soon(&state.world);
-            }
-            if large {
-                self.prefetch_around(&state.world);
-            }
-            let world = &mut state.world;
-            let i = entry.owner;
-            let partner = match entry.target.kind() {
-                Kind::Collision(j) => Some(j),
-                Kind::Wall(_) | Kind::Rest | Kind::Transfer(_) | Kind::Renewal => None,
-            };
-            if world.particles[i as usize].count != entry.own_count
-                || partner.is_some_and(|j| world.particles[j as usize].count != entry.partner_count)
-            {
-                state.book.counters.dropped += 1;
-                if self.is_crowded() {
-                    self.reopen(&state.world, limit);
-                }
-                continue;
-            }
-            limit.entries -= 1;
-            world.now = world.now.max(entry.time);
-            state.stall.watch(world, &entry)?;
-            let renewed = match entry.target.kind() {
-                Kind::Collision(j) => {
-                    resolve::collision::<F, EVENTS>(state, i, j, entry.time, observer)?;
-                    state.world.wrap_anchor(i);
-                    state.world.wrap_anchor(j);
-                    let world = &state.world;
-                    // A body of infinite mass has not changed: what stands in the agenda for it holds.
-                    let movable = |body: u32| F::UNIFORM || world.class(body).inverse_mass != 0.0;
-                    match (movable(i), movable(j)) {
-                        (true, true) => Renewed::Pair([i.min(j), i.max(j)]),
-                        (true, false) => Renewed::One(i),
-                        (false, _) => Renewed::One(j),
-                    }
-                }
-                Kind::Wall(wall) => {
-                    resolve::wall::<F, EVENTS>(state, i, wall, entry.time, observer)?;
-                    state.world.wrap_anchor(i);
-                    if F::GRAVITY && !serve(&state.world) {
-                        self.outgrown = true;
-                        return Ok(Stop::Slice);
-                    }
-                    Renewed::One(i)
-                }
-                // There are none of these.
-                Kind::Rest | Kind::Transfer(_) | Kind::Renewal => continue,
-            };
-            let in_time = match renewed {
-                Renewed::Pair(pair) => self.renew::<2, VECTORS>(&state.world, pair),
-                Renewed::One(body) => self.renew::<1, VECTORS>(&state.world, [body]) && !self.is_crowded(),
-            };
-            if !in_time {
-                self.reopen(&state.world, limit);
-            }
-        }
-    }
-}
-
-impl<F: Features> Engine for Windows<F> {
-    fn rebuild(&mut self, state: &mut State, _geometry: &Geometry) {
-        let before = self.scratch.work;
-        self.start_afresh(&state.world);
-        self.open(&state.world);
-        self.count(state, &before);
-    }
-
-    fn is_outgrown(&self) -> bool {
-        self.outgrown
-    }
-
-    fn is_idle(&self) -> bool {
-        // In a closed box somebody always meets somebody, unless nothing moves, which is looked for elsewhere.
-        false
-    }
-
-    fn advance(
-        &mut self,
-        state: &mut State,
-        limit: &mut Limit,
-        observer: &mut dyn Observer,
-    ) -> Result<Stop, EngineError> {
-        match (self.kernel, observer.wants_events()) {
-            (Kernel::Portable, false) => self.run::<false, false>(state, limit, observer),
-            (Kernel::Portable, true) => self.run::<true, false>(state, limit, observer),
-            #[cfg(target_arch = "x86_64")]
-            // SAFETY: made by `Kernel::choose` alone, after it has found the features.
-            (Kernel::Avx2, false) => unsafe { self.run_avx2::<false>(state, limit, observer) },
-            #[cfg(target_arch = "x86_64")]
-            // SAFETY: as above.
-            (Kernel::Avx2, true) => unsafe { self.run_avx2::<true>(state, limit, observer) },
-        }
-    }
-}
-
-/// The same loops, compiled as a whole for processors with 256-bit vectors. Rust neither fuses nor reorders floating-point
-/// operations by itself, so the bits are the same; the filter alone asks for fused ones.
-#[cfg(target_arch = "x86_64")]
-impl<F: Features> Windows<F> {
-    #[target_feature(enable = "avx2,fma,bmi1,bmi2,lzcnt,popcnt")]
-    fn run_avx2<const EVENTS: bool>(
-        &mut self,
-        state: &mut State,
-        limit: &mut Limit,
-        observer: &mut dyn Observer,
-    ) -> Result<Stop, EngineError> {
-        self.run::<EVENTS, true>(state, limit, observer)
     }
 }

@@ -11,11 +11,7 @@ use super::{
     space::{Fall, Space, TASK},
     tune::Work,
 };
-use crate::{
-    batch::Kernel,
-    machine::{Features, State},
-    particles::World,
-};
+use crate::{batch::Kernel, features::Features, particles::World, state::State};
 
 /// Windows after which the streamed copies are made from the anchors again, at most and at least.
 pub(super) const MOST_WINDOWS: u64 = 16;

@@ -1,11 +1,11 @@
-//! Where everybody is in a window, and what they may meet until its end.
+//! The particles in a window, and their contacts up to its end.
 
 use std::{marker::PhantomData, ops::Range};
 
 use super::{
     axes::Axes,
     cells::{Cells, Part},
-    due::Due,
+    due::{Contact, Due, Entry},
     exact,
     filter::{self, Probe, Record, Scratch},
 };
@@ -14,8 +14,8 @@ use rayon::prelude::*;
 
 use crate::{
     batch::Kernel,
-    entry::{Entry, Kind, Target},
-    machine::Features,
+    entry::Target,
+    features::Features,
     particles::{Particle, World},
 };
 
@@ -32,7 +32,7 @@ const RARE: usize = 8;
 /// Cells of a strip in a plane, about.
 const STRIP: usize = 512;
 
-/// Where everybody is in a window: what searches look at.
+/// The particles in a window, as searches read them.
 pub(super) struct Space<F> {
     pub cells: Cells,
     pub records: Vec<Record>,
@@ -168,14 +168,14 @@ impl<F: Features> Space<F> {
         }
     }
 
-    /// Tells all contacts of the probes up to the window's end.
+    /// Emits all contacts of the probes up to the window's end.
     #[inline(always)]
     pub fn predict<const HALF: bool, const VECTORS: bool>(
         &self,
         world: &World,
         probes: &[Probe],
         scratch: &mut Scratch,
-        mut tell: impl FnMut(Due),
+        mut emit: impl FnMut(Due),
     ) {
         let Self { records, cells, lowest, common_radius, .. } = self;
         filter::search::<F, HALF, VECTORS>(records, cells, lowest, *common_radius, probes, scratch);
@@ -192,22 +192,22 @@ impl<F: Features> Space<F> {
                 let entry = Entry {
                     time,
                     owner: self.ids[probe.slot as usize],
-                    target: Target::new(Kind::Collision(self.ids[slot as usize])),
+                    target: Target::new(Contact::Collision(self.ids[slot as usize])),
                     own_count: a.count,
                     partner_count: b.count,
                 };
-                tell(Due(entry));
+                emit(Due(entry));
             }
         }
         if !world.walls.is_empty() {
             for probe in probes {
-                self.predict_walls(world, probe, &mut tell);
+                self.predict_walls(world, probe, &mut emit);
             }
         }
     }
 
-    /// Tells the contacts of a probe with walls.
-    fn predict_walls(&self, world: &World, probe: &Probe, mut tell: impl FnMut(Due)) {
+    /// Emits the contacts of a probe with walls.
+    fn predict_walls(&self, world: &World, probe: &Probe, mut emit: impl FnMut(Due)) {
         let anchor = &self.anchors[probe.slot as usize];
         let class = &world.classes[anchor.class()];
         if class.inverse_mass == 0.0 {
@@ -216,10 +216,10 @@ impl<F: Features> Space<F> {
         for wall in 0..world.walls.len() as u32 {
             let Some(time) = exact::wall_contact::<F>(world, anchor, class.radius, wall) else { continue };
             if time <= self.end {
-                tell(Due(Entry {
+                emit(Due(Entry {
                     time,
                     owner: self.ids[probe.slot as usize],
-                    target: Target::new(Kind::Wall(wall)),
+                    target: Target::new(Contact::Wall(wall)),
                     own_count: anchor.count,
                     partner_count: 0,
                 }));
@@ -234,7 +234,7 @@ impl<F: Features> Space<F> {
     }
 }
 
-/// How far everybody falls within a window [coordinates], and what the way through a window is then longer by [length].
+/// The fall of all particles within a window [coordinates], and what the displacement in a window is then longer by [length].
 #[derive(Debug, Clone, Copy, Default)]
 pub(super) struct Fall {
     pub way: [i32; 3],

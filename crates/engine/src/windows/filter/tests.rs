@@ -2,7 +2,7 @@ use glam::DVec3;
 use haff_neighbors::{Axis, Geometry};
 
 use super::*;
-use crate::{batch::Kernel, machine::With, model::SimdChoice, windows::random::Random};
+use crate::{batch::Kernel, features::With, model::SimdChoice, windows::random::Random};
 
 /// Edge of the box [length].
 const EDGE: f64 = 2048.0;

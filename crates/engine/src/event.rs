@@ -1,0 +1,147 @@
+//! Physical events. Each scheduler names the type of the events that it can have, so that its event loop contains no others.
+
+use crate::{error::EngineError, features::Features, report::Observer, resolve, rest, state::State};
+
+/// A physical event: what the event loop resolves and the collapse detector counts.
+pub(crate) trait PhysicalEvent: Copy {
+    /// The particles that take part, twice the same if there is only one; and the wall.
+    fn participants(self) -> ([u32; 2], Option<u32>);
+
+    /// Resolves the event at `time` \[ticks\]. Returns the grains at rest that it has woken.
+    fn resolve<F: Features, const EVENTS: bool>(
+        self,
+        state: &mut State,
+        time: i64,
+        observer: &mut dyn Observer,
+    ) -> Result<Vec<u32>, EngineError>;
+
+    /// Why the event loop pauses after this event, if it does.
+    fn pause<F: Features>(self, state: &mut State, time: i64) -> Option<Pause>;
+}
+
+/// Why the event loop has paused.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) enum Pause {
+    /// Every event up to the limit of time has been resolved; the present is that time.
+    Time,
+    /// The limit of collisions is reached.
+    Collisions,
+    /// The limit of calendar entries is reached.
+    Entries,
+    /// Nothing moves, and no series of bounces is still to be booked.
+    Rest,
+    /// Grains without room collide without end: a settling scan is due now.
+    Jam,
+    /// The state has become one that the scheduler does not support.
+    Unsupported,
+}
+
+/// A collision of two particles; the first is the owner of the calendar entry.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Collision(pub [u32; 2]);
+
+/// A collision of two particles, or of a particle with a wall.
+#[derive(Debug, Clone, Copy)]
+pub(crate) enum Impact {
+    Pair(Collision),
+    Wall { i: u32, wall: u32 },
+}
+
+/// An impact, or the end of a completed series of bounces of a particle.
+#[derive(Debug, Clone, Copy)]
+pub(crate) enum AnyEvent {
+    Impact(Impact),
+    EndOfBounces(u32),
+}
+
+impl PhysicalEvent for Collision {
+    #[inline(always)]
+    fn participants(self) -> ([u32; 2], Option<u32>) {
+        (self.0, None)
+    }
+
+    #[inline(always)]
+    fn resolve<F: Features, const EVENTS: bool>(
+        self,
+        state: &mut State,
+        time: i64,
+        observer: &mut dyn Observer,
+    ) -> Result<Vec<u32>, EngineError> {
+        let Self([i, j]) = self;
+        let woken = if F::REST { rest::strike(state, i, j, time) } else { Vec::new() };
+        resolve::collision::<F, EVENTS>(state, i, j, time, observer)?;
+        Ok(woken)
+    }
+
+    #[inline(always)]
+    fn pause<F: Features>(self, state: &mut State, time: i64) -> Option<Pause> {
+        (F::REST && state.heap.watch(&state.world, time)).then_some(Pause::Jam)
+    }
+}
+
+impl PhysicalEvent for Impact {
+    #[inline(always)]
+    fn participants(self) -> ([u32; 2], Option<u32>) {
+        match self {
+            Self::Pair(collision) => collision.participants(),
+            Self::Wall { i, wall } => ([i, i], Some(wall)),
+        }
+    }
+
+    #[inline(always)]
+    fn resolve<F: Features, const EVENTS: bool>(
+        self,
+        state: &mut State,
+        time: i64,
+        observer: &mut dyn Observer,
+    ) -> Result<Vec<u32>, EngineError> {
+        match self {
+            Self::Pair(collision) => collision.resolve::<F, EVENTS>(state, time, observer),
+            Self::Wall { i, wall } => {
+                let held = F::REST && state.world.is_held(i);
+                let woken = if held { rest::wake(state, i, time) } else { Vec::new() };
+                resolve::wall::<F, EVENTS>(state, i, wall, time, observer)?;
+                Ok(woken)
+            }
+        }
+    }
+
+    #[inline(always)]
+    fn pause<F: Features>(self, state: &mut State, time: i64) -> Option<Pause> {
+        (F::REST && state.heap.watch(&state.world, time)).then_some(Pause::Jam)
+    }
+}
+
+impl PhysicalEvent for AnyEvent {
+    #[inline(always)]
+    fn participants(self) -> ([u32; 2], Option<u32>) {
+        match self {
+            Self::Impact(impact) => impact.participants(),
+            Self::EndOfBounces(i) => ([i, i], None),
+        }
+    }
+
+    #[inline(always)]
+    fn resolve<F: Features, const EVENTS: bool>(
+        self,
+        state: &mut State,
+        time: i64,
+        observer: &mut dyn Observer,
+    ) -> Result<Vec<u32>, EngineError> {
+        match self {
+            Self::Impact(impact) => impact.resolve::<F, EVENTS>(state, time, observer),
+            Self::EndOfBounces(i) => {
+                resolve::end_of_rest::<EVENTS>(state, i, time, observer);
+                Ok(Vec::new())
+            }
+        }
+    }
+
+    #[inline(always)]
+    fn pause<F: Features>(self, state: &mut State, time: i64) -> Option<Pause> {
+        match self {
+            Self::Impact(impact) => impact.pause::<F>(state, time),
+            Self::EndOfBounces(_) => state.is_at_rest().then_some(Pause::Rest),
+        }
+    }
+}
