@@ -4,9 +4,10 @@
     cargo build --release
     benches/accuracy.py                                                   # haff and the methods built in
     benches/accuracy.py --peer "LAMMPS=benches/peers/lammps_granular.py"  # another program too; may be given again
-    benches/accuracy.py --replot benches/record/2026-01-31/accuracy.json
+    benches/accuracy.py --replot benches/record/accuracy.json
 
-The record goes to benches/record/<date>/ as accuracy.json (everything that was measured), accuracy.md and accuracy.png.
+The record goes to benches/record/ as accuracy.json (everything that was measured), accuracy.png and accuracy.md, where
+only the part between the lines `<!-- begin accuracy -->` and `<!-- end accuracy -->` is replaced.
 
 Needs matplotlib and numpy.
 """
@@ -28,7 +29,7 @@ matplotlib.use("Agg")
 import matplotlib.pyplot as plt
 import numpy as np
 from matplotlib.lines import Line2D
-from record import ROOT, STYLE, by_name, compiler, machine, revision
+from record import ROOT, STYLE, by_name, compiler, into_page, machine, revision
 
 OURS = "haff"
 MARKERS = {OURS: "o", "fixed step": "s", "soft spheres": "^"}
@@ -64,24 +65,35 @@ def plus_minus(value: dict, digits: int = 2) -> str:
 
 
 def lost(trial: dict) -> str:
-    """Collisions per particle until a trajectory is lost, or a bound."""
+    """Collisions per particle until a trajectory is lost, or a bound, for trials that tell it."""
     if "followed" not in trial:
-        return "–"
+        return ""
     if trial["lost_after"] is not None:
-        return number(trial["lost_after"], 1)
-    return f"> {trial['followed']['collisions_per_particle'][-1]:.1f}"
+        return f", lost after {number(trial['lost_after'], 1)}"
+    return f", followed for {trial['followed']['collisions_per_particle'][-1]:.1f}"
 
 
 # Table
 
 
+def trials(scene: dict) -> list[str]:
+    """A row for each method: the error and the time of every parameter that was tried."""
+    rows = []
+    for method in dict.fromkeys(trial["method"] for trial in scene["trials"]):
+        part = [trial for trial in scene["trials"] if trial["method"] == method]
+        cells = []
+        for trial in part:
+            at = f"{trial['parameter']}: " if trial["parameter"] else ""
+            cells.append(f"{at}{power(trial['error'])} in {power(trial['wall_seconds'])} s{lost(trial)}")
+        rows.append(f"| {scene['name']} | {method} | {'; '.join(cells)} |")
+    return rows
+
+
 def markdown(record: dict) -> str:
+    """The record as a part of a page."""
     report, at = record["report"], record["machine"]
     lines = [
-        "# Run time against error",
-        "",
-        f"{record['date']}, revision `{record['revision']}`, {record['compiler']}, one thread. The machine was"
-        " shared and busy: times are good to a factor of two or three, alike for all methods.",
+        f"{record['date']}, revision `{record['revision']}`, {record['compiler']}, one thread.",
         f"Machine: {at.get('model', 'unknown')} (family {at.get('family', '?')}, model {at.get('number', '?')}),"
         f" {at['processors']} processors; {at['system']}.",
         "",
@@ -94,27 +106,21 @@ def markdown(record: dict) -> str:
         "Methods: haff; hard spheres at fixed time steps dt; soft spheres (spring and dashpot, velocity Verlet, 50"
         " steps in a contact of duration t_c)" + "".join(f"; {name}" for name in report["peers"]) + ".",
         "",
-        "## Scenes with known answers",
+        "Scenes with known answers. Error: distance from the exact position, root mean square over the particles, in"
+        " diameters, and the run time. A gas is lost when it is a tenth of a diameter off; the number is in collisions"
+        " per particle.",
         "",
-        "Error: distance from the exact position, root mean square over the particles, in diameters. A gas is lost when"
-        " it is a tenth of a diameter off; after so many collisions per particle.",
-        "",
-        "| scene | method | parameter | steps or events | seconds | error | lost after |",
-        "|---|---|---|---|---|---|---|",
+        "| scene | method | parameter: error and run time |",
+        "|---|---|---|",
     ]
     for scene in report["scenes"]:
-        for trial in scene["trials"]:
-            lines.append(
-                f"| {scene['name']} | {trial['method']} | {trial['parameter']} | {trial['steps']:,}"
-                f" | {trial['wall_seconds']:.2e} | {power(trial['error'])} | {lost(trial)} |"
-            )
+        lines += trials(scene)
     lines += ["", *(f"- {scene['name']}: {scene['description']}" for scene in report["scenes"])]
     lines += [
         "",
-        "## Pressure and cooling rate from a fixed time",
-        "",
-        "Every method starts from the same states. ± is the standard error of the mean over its runs, in parts of the"
-        " value; theory knows the pressure to 1e-4 of itself, the rate to 5e-4.",
+        "Pressure and cooling rate from a fixed run time. Every method starts from the same states. ± is the standard"
+        " error of the mean over its runs, relative to the value; theory is exact to 1e-4 of the pressure and 5e-4 of"
+        " the rate.",
         "",
         "| quantity | method | parameter | runs | seconds | mean | off by | ± |",
         "|---|---|---|---|---|---|---|---|",
@@ -129,17 +135,14 @@ def markdown(record: dict) -> str:
     lines += ["", *(f"- {q['name']}: {q['description']}; theory {q['expected']:.6f}" for q in report["statistics"])]
     lines += [
         "",
-        "## Growth of errors",
-        "",
-        "Collisions per particle until the deviation from arithmetic of"
+        "Growth of errors: collisions per particle until the deviation from arithmetic of"
         f" {report['growth'][0]['reference_bits']} bits is a tenth of a diameter, mean ± standard error over"
         " starts: of haff, and of exact arithmetic whose states, or flights and states, are rounded to double at each"
-        " collision, or that starts an ulp off. The last column but two: how much earlier haff is lost than exact"
-        " arithmetic on rounded"
-        " flights, start by start.",
+        " collision, or that starts an ulp off. *Earlier by*: how much earlier haff is lost than exact arithmetic on"
+        " rounded flights, start by start.",
         "",
-        "| gas | bits a collision | haff | states rounded | flights rounded | start moved | haff earlier by"
-        " | machineries | epochs |",
+        "| gas | bits a collision | haff | states rounded | flights rounded | start moved | earlier by"
+        " | engine variants compared | clock epochs |",
         "|---|---|---|---|---|---|---|---|---|",
     ]
     for gas in report["growth"]:
@@ -256,7 +259,7 @@ def main() -> None:
     )
     parser.add_argument("--haff", type=Path, default=ROOT / "target/release/haff", help="the command to measure")
     parser.add_argument("--peer", action="append", default=[], metavar="NAME=COMMAND", help="another program")
-    parser.add_argument("-o", "--output", type=Path, help="folder [benches/record/<date>]")
+    parser.add_argument("-o", "--output", type=Path, help="folder [benches/record]")
     parser.add_argument("--replot", type=Path, metavar="JSON", help="draw and tabulate a record again, measure nothing")
     options = parser.parse_args()
     if options.replot:
@@ -264,11 +267,11 @@ def main() -> None:
         folder = options.output or options.replot.parent
     else:
         record = measured(options)
-        folder = options.output or ROOT / "benches/record" / record["date"]
+        folder = options.output or ROOT / "benches/record"
     folder.mkdir(parents=True, exist_ok=True)
     (folder / "accuracy.json").write_text(json.dumps(record, indent=None, ensure_ascii=False) + "\n")
     page = markdown(record)
-    (folder / "accuracy.md").write_text(page)
+    into_page(folder / "accuracy.md", "Accuracy", {"accuracy": page})
     with plt.rc_context(STYLE):
         draw(record, folder / "accuracy.png")
     print(page)

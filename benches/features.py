@@ -1,17 +1,19 @@
 #!/usr/bin/env python3
-"""Counts the instructions that features cost: those a scene does not use, and those it asks for.
+"""Counts the instructions that features cost: those a scene does not use, and those it uses.
 
     cargo build --release
-    benches/features.py                       # everything, into benches/record/<date>/features.md; about an hour
+    benches/features.py                       # everything, into benches/record/features.md; about an hour
     benches/features.py --part prices         # one of: absent, prices, run
     benches/features.py --part absent --only tc walls
 
 absent  The engine of the plain scene (elastic spheres of one size, periodic, nothing recorded) as it is, and once more
         from copies of the sources from which one feature is left out (benches/without.toml), and all of them. What is
-        left must not run a different trajectory, and at most 1 % fewer instructions: nobody pays for what a scene does
-        not use.
-prices  The plain scene, and the same with one feature asked for, by `haff run`.
+        left must not run a different trajectory, and at most 1 % fewer instructions: what a scene does not use must
+        cost nothing.
+prices  The plain scene, and the same with one feature in use, by `haff run`.
 run     `haff run` and `haff bench` of one scene: instructions, and wall times in turn.
+
+Of features.md, each part replaces what stands between its lines `<!-- begin PART -->` and `<!-- end PART -->`.
 
 Counts are those of valgrind's callgrind. Every run is made in two lengths, and the difference is divided by that of the
 collisions, so that packing, melting and the end of a run drop out. Needs valgrind, and matplotlib for record.py.
@@ -38,16 +40,16 @@ if sys.version_info >= (3, 11):
 else:
     import tomli as tomllib
 
-from record import ROOT, compiler, machine, revision
+from record import ROOT, compiler, into_page, machine, revision
 
 WITHOUT = ROOT / "benches" / "without.toml"
-# Where windows serve, and where lists do.
+# One packing fraction for windows, and one for lists.
 PHI = [0.1, 0.49]
 DISKS_PHI = {0.1: 0.1, 0.49: 0.72}
 # N of the engine alone is an edge cubed; that of scenes fills an fcc lattice.
 EDGE = 16
 PARTICLES = 4_000
-# Collisions of the melting, and of what is counted, if nothing is asked for.
+# Collisions of the melting, and of what is counted by default.
 MELT, COUNTED = 20_000, 100_000
 # Collisions of a run whose wall time is taken.
 WALL_COLLISIONS = 2_000_000
@@ -156,7 +158,7 @@ def absent(only: list[str], counted: int, folder: Path) -> list[str]:
     return lines
 
 
-# Features asked for
+# Features in use
 
 
 @dataclass
@@ -275,7 +277,7 @@ def price(
 
 
 def prices(haff: Path, only: list[str], counted: int, folder: Path) -> list[str]:
-    """Table of what features cost that are asked for."""
+    """Table of what features in use cost."""
     lines = ["| scene |" + "".join(f" φ = {phi}: search | instructions | of other threads | factor |" for phi in PHI)]
     lines.append("|---|" + "---|---|---|---|" * len(PHI))
     plain: dict[float, dict[str, object]] = {}
@@ -342,7 +344,7 @@ def main() -> None:
     parser.add_argument("--haff", type=Path, default=built, help="the command to measure")
     parser.add_argument("--repeats", type=int, default=7, help="wall times of run and bench (default 7)")
     parser.add_argument("--collisions", type=int, default=COUNTED, help=f"what is counted (default {COUNTED:,})")
-    parser.add_argument("--output", type=Path, help="file for the tables; default benches/record/<date>/features.md")
+    parser.add_argument("--output", type=Path, help="page for the tables; default benches/record/features.md")
     options = parser.parse_args()
     if not shutil.which("valgrind"):
         raise SystemExit("valgrind is not installed: it counts the instructions")
@@ -350,8 +352,8 @@ def main() -> None:
     if {"prices", "run"} & set(parts) and not options.haff.exists():
         raise SystemExit(f"{options.haff} does not exist: cargo build --release")
     today = datetime.date.today().isoformat()
-    output = options.output or ROOT / "benches" / "record" / today / "features.md"
-    made = {}
+    output = options.output or ROOT / "benches" / "record" / "features.md"
+    made: dict[str, list[str]] = {}
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder)
         if "absent" in parts:
@@ -362,13 +364,14 @@ def main() -> None:
             made["run"] = run_and_bench(options.haff, options.repeats, options.collisions, path)
     found = machine()
     head = f"{found.get('model', '?')}, {found['processors']} processors; {compiler()}; revision {revision()}; {today}"
-    titles = {"absent": "Features left out", "prices": "Features asked for", "run": "`haff run` and `haff bench`"}
-    text = [f"Made by `benches/features.py`; {head}.", ""]
-    for part, lines in made.items():
-        text += [f"## {titles[part]}", "", *lines, ""]
     output.parent.mkdir(parents=True, exist_ok=True)
-    output.write_text("\n".join(text))
+    into_page(output, "Features", {part: page_part(part, options.collisions, head, made[part]) for part in made})
     print(output)
+
+
+def page_part(part: str, counted: int, head: str, lines: list[str]) -> str:
+    """A part of the page: how it was made, and its table."""
+    return f"`benches/features.py --part {part} --collisions {counted}`; {head}.\n\n" + "\n".join(lines) + "\n"
 
 
 if __name__ == "__main__":

@@ -7,9 +7,12 @@
     benches/record.py --scene cooling --n 32000 --phi 0.1    # another scene of `haff bench --list`
     benches/record.py --peers peers.csv                      # figures of other codes beside ours
     benches/record.py --peer "EDMD=./edmd.sh {n} {phi}"      # another code, measured in alternation with ours
-    benches/record.py --replot benches/record/2026-01-31/fluid.json
+    benches/record.py --replot benches/record/throughput.json
 
-The record goes to benches/record/<date>/ as NAME.json (everything that was measured), NAME.md (table) and NAME.png.
+The record goes to benches/record/ as NAME.json (everything that was measured), NAME.png and NAME.md. NAME is
+`throughput` or `growth`, with another scene `throughput_SCENE` or `growth_SCENE`. If NAME.md exists, only the part
+between its lines `<!-- begin NAME -->` and `<!-- end NAME -->` is replaced; the rest of the page is written by hand.
+A trial goes to another folder with -o.
 
 --peers reads a CSV with the columns name,n,phi,collisions_per_second,source; `source` says where a figure comes from
 and how it was measured. A --peer command may contain {n}, {phi}, {collisions}, {melt} and {threads}; it prints one JSON
@@ -51,6 +54,9 @@ GROWTH_PHI = [0.001, 0.003, 0.01, 0.03, 0.1, 0.2, 0.3, 0.4, 0.5, 0.6]
 GROWTH_PHI_N = 32_000
 PEER_COLUMNS = ["name", "n", "phi", "collisions_per_second", "source"]
 COUNTERS = ["candidates", "predictions", "stale", "dropped", "transfers"]
+# What the tables call them: entries that another collision invalidated, entries dropped without a successor, and cell
+# crossings or list updates.
+COUNTER_TITLES = ["candidates", "predictions", "invalidated", "dropped", "crossings, updates"]
 
 
 # Measuring
@@ -92,7 +98,7 @@ def compiler() -> str:
 
 
 def haff_command(options: argparse.Namespace, n: int, phi: float) -> list[str]:
-    """`haff bench` for one cell; what is not asked for is left to it."""
+    """`haff bench` for one cell; what is not set is left to it."""
     command = [str(options.haff), "bench", "--json", "--quiet", "--scene", options.scene]
     command += ["--n", str(n), "--phi", f"{phi:g}", "--threads", str(options.threads)]
     command += ["--melt", f"{options.melt:g}"] if options.melt is not None else []
@@ -208,14 +214,13 @@ def number(value: object, digits: int) -> str:
 
 
 def markdown(record: dict) -> str:
-    """The record as a page: machine, commands, and a table per measurement."""
+    """The record as a part of a page: machine, commands, and a table per measurement."""
     table = summary(record)
     at = record["machine"]
     caches = ", ".join(f"{level.upper()} {at[level]}" for level in ("l2", "l3") if at.get(level))
     lines = [
-        f"# {record['title']}",
-        "",
-        f"{record['date']}, revision `{record['revision']}`, {record['compiler']}, {threads(record)}.",
+        f"{record['title']}. {record['date']}, revision `{record['revision']}`, {record['compiler']},"
+        f" {threads(record)}.",
         f"Machine: {at.get('model', 'unknown')} (family {at.get('family', '?')}, model {at.get('number', '?')}),"
         f" {at['processors']} processors, {caches or 'caches unknown'}; {at['system']}.",
         "",
@@ -226,18 +231,14 @@ def markdown(record: dict) -> str:
         "Rates in millions of collisions between particles per second, median of the repeats, ± half the spread."
         " Packing, building and melting are not timed. Counts are per collision.",
     ]
-    for what, heading in (
-        ("grid", "Rates"),
-        ("growth in n", "Growth with N"),
-        ("growth in phi", "Growth with φ"),
-    ):
+    for what, label in (("grid", []), ("growth in n", ["With N:", ""]), ("growth in phi", ["With φ:", ""])):
         ours = table[(table.what == what) & (table.name == OURS)]
         if ours.empty:
             continue
         peers = what == "grid" and (table.name != OURS).any()
-        head = ["N", "φ", "M/s", "±", "ns a collision", "search", *COUNTERS, "start [s]", "bytes a particle"]
+        head = ["N", "φ", "M/s", "±", "ns a collision", "search", *COUNTER_TITLES, "start [s]", "bytes a particle"]
         head += ["best peer", "its M/s", "ratio"] if peers else []
-        lines += ["", f"## {heading}", "", "| " + " | ".join(head) + " |", "|" + "---|" * len(head)]
+        lines += ["", *label, "| " + " | ".join(head) + " |", "|" + "---|" * len(head)]
         for _, row in ours.iterrows():
             half = 0.5 * (row["most"] - row["least"]) / 1e6 if row["repeats"] > 1 else None
             cells = [f"{row['n']:,}", f"{row['phi']:g}", number(row["rate"] / 1e6, 3), number(half, 3)]
@@ -259,6 +260,25 @@ def markdown(record: dict) -> str:
         lines += [f"- {name}: measured in alternation with ours, such as `{text}`" for name, text in measured.items()]
         lines += [f"- {name}: {source}" for name, source in sorted(sources)]
     return "\n".join(lines) + "\n"
+
+
+def into_page(page: Path, title: str, parts: dict[str, str]) -> None:
+    """Puts measured parts into their places in a page: what is written by hand around them stays.
+
+    A part stands between the lines `<!-- begin NAME -->` and `<!-- end NAME -->`; without them it is added at the end.
+    """
+    text = page.read_text() if page.exists() else f"# {title}\n"
+    for name, made in parts.items():
+        begin, end = f"<!-- begin {name} -->\n", f"<!-- end {name} -->\n"
+        if (begin in text) != (end in text):
+            raise SystemExit(f"{page}: must have both {begin.strip()} and {end.strip()}, or neither")
+        if begin not in text:
+            text += f"\n{begin}{end}"
+        head, rest = text.split(begin, 1)
+        if end not in rest:
+            raise SystemExit(f"{page}: {end.strip()} must come after {begin.strip()}")
+        text = f"{head}{begin}\n{made}\n{end}{rest.split(end, 1)[1]}"
+    page.write_text(text)
 
 
 # Figures
@@ -432,13 +452,18 @@ def arguments(words: list[str] | None = None) -> argparse.Namespace:
     parser.add_argument("--growth-n", type=numbers(int), default=GROWTH_N, help="numbers of particles of the growth")
     parser.add_argument("--growth-phi", type=numbers(float), default=GROWTH_PHI, help="packing fractions of the growth")
     parser.add_argument("--title", help="title of the record")
-    parser.add_argument("--name", help="name of the files [the scene, or SCENE_growth]")
-    parser.add_argument("-o", "--output", type=Path, help="folder [benches/record/<date>]")
+    parser.add_argument("--name", help="name of the files [throughput or growth; _SCENE but for the fluid]")
+    parser.add_argument("-o", "--output", type=Path, help="folder [benches/record]")
     parser.add_argument("--replot", type=Path, metavar="JSON", help="draw and tabulate a record again, measure nothing")
     options = parser.parse_args(words)
     if options.repeats < 1 or options.threads < 1:
         parser.error("--repeats and --threads must be at least 1")
     return options
+
+
+def default_name(options: argparse.Namespace) -> str:
+    """Name of the files of a record."""
+    return ("growth" if options.growth else "throughput") + ("" if options.scene == "fluid" else f"_{options.scene}")
 
 
 def growth_cells(options: argparse.Namespace) -> list[tuple[str, list[tuple[int, float]]]]:
@@ -497,12 +522,12 @@ def main() -> None:
             record["peers"] = read_peers(options.peers).to_dict("records")
     else:
         record = record_of(options)
-        folder = options.output or ROOT / "benches/record" / record["date"]
-        name = options.name or options.scene + ("_growth" if options.growth else "")
+        folder = options.output or ROOT / "benches/record"
+        name = options.name or default_name(options)
     folder.mkdir(parents=True, exist_ok=True)
     (folder / f"{name}.json").write_text(json.dumps(record, indent=1, ensure_ascii=False) + "\n")
     page = markdown(record)
-    (folder / f"{name}.md").write_text(page)
+    into_page(folder / f"{name}.md", record["title"], {name: page})
     with plt.rc_context(STYLE):
         for draw in (draw_rates, draw_growth):
             draw(record, folder / f"{name}.png")

@@ -106,7 +106,7 @@ def test_a_record_has_every_cell_of_ours_and_the_peers_and_its_figure(record, tm
     monkeypatch.setattr(sys, "argv", ["record.py", *words])
     record.main()
     assert "| 2.00 |" in capsys.readouterr().out
-    written = json.loads((tmp_path / "out/fluid.json").read_text())
+    written = json.loads((tmp_path / "out/throughput.json").read_text())
     assert [(c["name"], c["n"], c["phi"]) for c in written["cells"]] == [
         (name, n, phi) for n in (100, 200) for phi in (0.1, 0.3) for name in ("haff", "Other")
     ]
@@ -116,8 +116,8 @@ def test_a_record_has_every_cell_of_ours_and_the_peers_and_its_figure(record, tm
     assert asked[asked.index("--phi") + 1] == "0.3" and asked[asked.index("--collisions") + 1] == "50"
     assert str(tmp_path) not in json.dumps({k: v for k, v in written.items() if k != "cells"})
     assert str(tmp_path) not in "".join(c["command"] for c in written["cells"])
-    assert (tmp_path / "out/fluid.png").stat().st_size > 10_000
-    assert "# haff bench, scene fluid" in (tmp_path / "out/fluid.md").read_text()
+    assert (tmp_path / "out/throughput.png").stat().st_size > 10_000
+    assert "# haff bench, scene fluid" in (tmp_path / "out/throughput.md").read_text()
 
 
 def test_growth_goes_along_n_and_along_phi(record, tmp_path, monkeypatch):
@@ -125,12 +125,43 @@ def test_growth_goes_along_n_and_along_phi(record, tmp_path, monkeypatch):
     words = ["--haff", str(ours), "--growth", "--growth-n", "1e3,1e4", "--growth-phi", "0.01,0.1", "--repeats", "1"]
     monkeypatch.setattr(sys, "argv", ["record.py", *words, "-o", str(tmp_path)])
     record.main()
-    cells = json.loads((tmp_path / "fluid_growth.json").read_text())["cells"]
+    cells = json.loads((tmp_path / "growth.json").read_text())["cells"]
     assert [(c["n"], c["phi"]) for c in cells] == [
         *((n, phi) for phi in (0.05, 0.49) for n in (1000, 10_000)),
         *((32_000, phi) for phi in (0.01, 0.1)),
     ]
-    assert (tmp_path / "fluid_growth.png").stat().st_size > 10_000
+    assert (tmp_path / "growth.png").stat().st_size > 10_000
+
+
+def test_a_measured_part_replaces_its_place_and_leaves_the_rest(record, tmp_path):
+    page = tmp_path / "throughput.md"
+    page.write_text("# By hand\n\n<!-- begin grid -->\nold\n<!-- end grid -->\n\n## Tried and lost\n")
+    record.into_page(page, "Not used", {"grid": "new\n", "other": "more\n"})
+    assert page.read_text() == (
+        "# By hand\n\n<!-- begin grid -->\n\nnew\n\n<!-- end grid -->\n\n## Tried and lost\n"
+        "\n<!-- begin other -->\n\nmore\n\n<!-- end other -->\n"
+    )
+    page.write_text("<!-- begin grid -->\n")
+    with pytest.raises(SystemExit, match="must have both"):
+        record.into_page(page, "T", {"grid": "new\n"})
+
+
+def test_the_pages_in_the_repository_have_the_places_and_at_most_150_lines(record, monkeypatch):
+    folder = RECORD.parent / "record"
+    for name, places in {"throughput": 1, "growth": 1, "accuracy": 1, "features": 3}.items():
+        text = (folder / f"{name}.md").read_text()
+        assert text.count("<!-- begin ") == text.count("<!-- end ") == places, name
+    for page in folder.glob("*.md"):
+        assert page.read_text().count("\n") <= 150, page.name
+    monkeypatch.syspath_prepend(str(RECORD.parent))
+    accuracy = importlib.import_module("accuracy")
+    for name, markdown in (
+        ("throughput", record.markdown),
+        ("growth", record.markdown),
+        ("accuracy", accuracy.markdown),
+    ):
+        made = markdown(json.loads((folder / f"{name}.json").read_text()))
+        assert made in (folder / f"{name}.md").read_text(), f"--replot makes another {name}.md"
 
 
 def test_a_code_that_fails_is_named_with_what_it_said(record, tmp_path):

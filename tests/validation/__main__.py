@@ -19,7 +19,7 @@ from .runs import ROOT, Context, executable
 def arguments(names: list[str]) -> argparse.ArgumentParser:
     parser = argparse.ArgumentParser(
         prog="scripts/validate",
-        description="Holds haff against theory and published simulation, by z-score. Exit status 1 if anything fails.",
+        description="Compares haff with theory and published simulation, by z-score. Exit status 1 if anything fails.",
         epilog="Example: scripts/validate pressure haff_rate --jobs 4",
     )
     parser.add_argument("name", nargs="*", metavar="NAME", help="parts to measure; all of them if none is named")

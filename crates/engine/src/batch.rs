@@ -57,7 +57,7 @@ impl Batch {
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) enum Kernel {
     Portable,
-    /// Vectors of 256 bits. Those of 512 were no gain in all (benches/record/2026-11-22).
+    /// Vectors of 256 bits. Those of 512 were no gain in all (benches/record/throughput.md).
     #[cfg(target_arch = "x86_64")]
     Avx2,
 }

@@ -74,7 +74,7 @@ def barometric(context: Context) -> list[Row]:
     """500 elastic spheres under gravity, scale height 20 diameters, 8 seeds, averaged over all but the first
     quarter. The profile is that of hydrostatic balance, dP/dz = −mgn, with the equation of state of Kolafa,
     Labík and Malijevský, at the temperature of the run; the temperature is the same at all heights. Stated
-    uncertainty: 0.3 % for the layer at the floor, which a local equation of state does not know, and for the
+    uncertainty: 0.3 % for the layer at the floor, which a local equation of state does not describe, and for the
     fixed energy of 500 spheres.
     """
     given = [{"seed": seed, "run.until": context.effort(6000, 1000)} for seed in context.seeds()]

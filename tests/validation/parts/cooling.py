@@ -105,7 +105,7 @@ def velocity_distribution(context: Context) -> list[Row]:
     Carlo (`tests/validation/boltzmann.py`). The formulas of van Noije and Ernst (1998) and of Montanero and
     Santos (2000) leave out higher coefficients, and are off by up to 0.005 and 0.002. Correlated velocities add
     to a₂ in proportion to density, 0.0024 ± 0.0003 at φ = 0.02 and e = 0.7: from there as (0.22 ± 0.02) φ (1 − e²),
-    which the expectation holds. The elastic rows are exact: velocities of N spheres are spread evenly over the
+    which is part of the expectation. The elastic rows are exact: velocities of N spheres are spread evenly over the
     sphere of their energy.
     """
     rows = []
@@ -162,7 +162,7 @@ def viscoelastic(context: Context) -> list[Row]:
     1998; Brilliantov and Pöschel 2000). Against the kinetic equation with Maxwell velocities
     (`haff.theory.cooling_curve`), whose uncertainty is what a₂ ≈ −0.5 δ would change, and against the
     exponent, in a fit to ln(t + 5τ/3); higher orders of δ bend the curve by an amount that the kinetic
-    equation tells.
+    equation gives.
     """
     count = 1000
     rate = omega(count)

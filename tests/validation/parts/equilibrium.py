@@ -72,8 +72,8 @@ def pressure(context: Context) -> list[Row]:
     to 4·10⁻⁵; disks up to φ = 0.5 against the Padé approximant of the ten virial coefficients of Clisby and
     McCoy (2006), whose uncertainty is its difference from the neighboring approximant. Both are corrected for
     the fixed number, energy and momentum of a periodic box (Lebowitz–Percus;
-    `haff.theory.periodic_compressibility`), a shift of the order of 1/N. At φ = 0.648 the series has lost 0.4
-    %; there stands Luding's fit (2001), which has the 8.306 that Erpenbeck and Luban found in 1985.
+    `haff.theory.periodic_compressibility`), a shift of the order of 1/N. At φ = 0.648 the series is off by 0.4 %;
+    Luding's fit (2001) is used there, which agrees with the 8.306 that Erpenbeck and Luban found in 1985.
     """
     count, collisions, rows = 2000, context.effort(600, 60), []
     for d, densities in ((3, SPHERES), (2, DISKS)):

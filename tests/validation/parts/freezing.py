@@ -35,10 +35,10 @@ def fluid_state(file: haff.File, report: dict[str, Any]) -> tuple[float, float]:
 
 def freezing(context: Context) -> list[Row]:
     """At φ = 0.52, between freezing at 0.494 and melting at 0.545, spheres from a random start stay fluid for
-    as long as it takes to measure, and spheres from an fcc lattice stay crystalline; what is stable is a
-    mixture of both. The fluid is held against Kolafa, Labík and Malijevský (2004), fitted into the metastable
-    region; the crystal against Speedy (1998), whose fit ends at melting, with 0.1 % above and 0.5 % below. Q₆
-    of the last frame, by freud, tells which is which: 0.57 for fcc.
+    as long as it takes to measure, and spheres from an fcc lattice stay crystalline; the stable state is a
+    mixture of both. The fluid is compared with Kolafa, Labík and Malijevský (2004), fitted into the metastable
+    region; the crystal with Speedy (1998), whose fit ends at melting, with an uncertainty of 0.1 % above and 0.5 %
+    below. Q₆ of the last frame, by freud, shows which of the two it is: 0.57 for fcc.
     """
     count, rows = 864, []
     for name, start, eta, collisions, melting in (

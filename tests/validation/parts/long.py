@@ -15,8 +15,8 @@ def long(context: Context) -> list[Row]:
     """10⁹ collisions of 4,000 elastic spheres, and 10⁸ mean free times of 2, 3 and 4 + 4 of two masses, φ = 0.1.
     Energy and momentum, summed at 20 moments, drift no faster than a random walk of one rounding a
     collision. At each of these moments 50 collisions are made one by one: the two spheres must be in contact then,
-    to the rounding of coordinates and as well late as early, and no two overlap, all in extended precision. Made in
-    Python, with `haff.Simulation`."""
+    to the rounding of coordinates, late in the run as well as early, and no two overlap, all in extended precision.
+    Run from Python, with `haff.Simulation`."""
     thinned = 1000 if context.quick else 1
     # N particles have N/2 collisions in a mean free time of each.
     gases = [

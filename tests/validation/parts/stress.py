@@ -18,7 +18,7 @@ def one(binary: Path, scene: Path, short: bool) -> tuple[Path, list[tuple[str, f
 
 
 def stress(context: Context) -> list[Row]:
-    """The scenes of configs/stress, judged from their frames and event logs by a computation of its own
+    """The scenes of configs/stress, checked from their frames and event logs by separate code
     (tests/validation/audit.py): extended precision for overlaps, exact sums for energy and momentum, every impulse from
     its law, every flight from the logged impulses, and exact fractions for grazing contacts."""
     rows = []
