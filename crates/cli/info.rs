@@ -90,14 +90,18 @@ pub fn info(options: &Info) -> Result<u8, Failure> {
     };
     if options.json {
         let ledger = last.map(|last| {
-            json!({
+            let mut row = json!({
                 "time": last.time, "step": last.step, "temperature": last.temperature,
                 "kinetic_energy": last.ledger.kinetic, "potential_energy": last.ledger.potential,
                 "spring_energy": (!last.ledger.spring.is_nan()).then_some(last.ledger.spring),
                 "dissipated_energy": last.ledger.dissipated, "carnot_energy": last.ledger.carnot,
-                "wall_work": last.ledger.wall_work, "rest_energy": last.ledger.rest, "ledger_residual": last.ledger.residual,
+                "ledger_residual": last.ledger.residual,
                 "collisions": last.collisions, "wall_collisions": last.wall_collisions,
-            })
+            });
+            for term in haff_engine::Term::ALL {
+                row[term.name()] = json!(last.ledger.term(term));
+            }
+            row
         });
         let report = json!({
             "file": options.file, "title": info.title, "version": info.version, "git_revision": info.git_revision,
@@ -150,9 +154,11 @@ pub fn info(options: &Info) -> Result<u8, Failure> {
             line("  of springs", format!("{:.9e}", last.ledger.spring));
         }
         line("dissipated", format!("{:.9e}, Carnot {:.9e}", last.ledger.dissipated, last.ledger.carnot));
-        line("work of walls", format!("{:.9e}", last.ledger.wall_work));
-        if last.ledger.rest != 0.0 {
-            line("taken by rest", format!("{:.9e}", last.ledger.rest));
+        for term in haff_engine::Term::ALL {
+            let energy = last.ledger.term(term);
+            if energy != 0.0 || term == haff_engine::Term::WallWork {
+                line(term.label(), format!("{energy:.9e}"));
+            }
         }
         line("ledger residual", format!("{:.1e}", last.ledger.residual));
     }

@@ -2,7 +2,7 @@
 
 use std::path::PathBuf;
 
-use haff_engine::TRAJECTORY_VERSION;
+use haff_engine::{Present, TRAJECTORY_VERSION, Term};
 use haff_linkage::Machine;
 use haff_record::{Header, RecordError, Recorder};
 use haff_scene::{Scene, Schedule};
@@ -69,7 +69,7 @@ pub fn start(scene: Scene, overwrite: bool, company: Company) -> Result<Finished
                 observables: output.observables != Schedule::Off,
                 events: output.events.clone(),
                 compressed: output.compressed,
-                has_springs: !joints.springs.is_empty(),
+                present: Present { springs: !joints.springs.is_empty(), ..Present::of(&system) },
                 ..Header::from_system(&system)
             };
             Some(Recorder::create(path, header, overwrite).map_err(|error| file_failure(&error))?)
@@ -211,8 +211,6 @@ fn report(outcome: &Outcome, context: &Context) -> Value {
         "potential_energy": ledger.potential,
         "dissipated_energy": ledger.dissipated,
         "carnot_energy": ledger.carnot,
-        "wall_work": ledger.wall_work,
-        "rest_energy": ledger.rest,
         "ledger_residual": ledger.residual,
         "max_overlap": simulation.max_overlap(),
         "peak_memory_bytes": peak_memory(),
@@ -233,6 +231,9 @@ fn report(outcome: &Outcome, context: &Context) -> Value {
         },
         "file": context.file.as_ref().map(|file| file.display().to_string()),
     });
+    for term in Term::ALL {
+        report[term.name()] = json!(ledger.term(term));
+    }
     if let Some(from) = context.resumed_from {
         report["resumed_from"] = json!(from);
     }
@@ -272,10 +273,11 @@ fn tell(outcome: &Outcome, context: &Context) {
         ledger.residual,
         simulation.max_overlap()
     ));
-    if ledger.rest != 0.0 {
+    let rest = ledger.term(Term::Rest);
+    if rest != 0.0 {
         output::tell(format_args!(
             "{} times at rest, {} times woken; rest has taken the energy {:.3e}",
-            counters.rests, counters.wakes, ledger.rest
+            counters.rests, counters.wakes, rest
         ));
     }
     if let Some(file) = &context.file {

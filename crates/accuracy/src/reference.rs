@@ -11,7 +11,7 @@ The only use of f64 is to dismiss images of a pair that pass each other by a wid
 use std::cmp::Ordering;
 
 use glam::DVec3;
-use haff_engine::{Boundary, System, model::Restitution};
+use haff_engine::{Boundary, System, WallLaw, model::Restitution};
 
 use crate::{
     Error,
@@ -446,8 +446,12 @@ pub(crate) fn one_restitution(system: &System, method: &str) -> Result<(f64, f64
     if system.classes.iter().any(|class| !class.mass.is_finite()) {
         return Err(unsupported("bodies of infinite mass"));
     }
-    if system.walls.iter().any(|wall| wall.velocity != DVec3::ZERO) {
+    if system.walls.iter().any(|wall| wall.motion.is_moving()) {
         return Err(unsupported("moving walls"));
     }
-    Ok((one(&system.contacts.pair)?, one(&system.contacts.wall)?))
+    if !system.drives.is_empty() {
+        return Err(unsupported("drives"));
+    }
+    let walls: Vec<Restitution> = system.contacts.wall.iter().map(WallLaw::restitution).collect();
+    Ok((one(&system.contacts.pair)?, one(&walls)?))
 }

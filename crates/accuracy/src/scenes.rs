@@ -3,7 +3,7 @@
 use glam::DVec3;
 use haff_engine::{
     Body, Boundary, Class, Contacts, Dimension, Domain, Frame, Group, Options, Silent, Simulation, System,
-    Until, Wall, model::Restitution,
+    Until, Wall, WallMotion, model::Restitution,
 };
 use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64Mcg;
@@ -20,7 +20,7 @@ pub fn empty(size: DVec3, boundary: [Boundary; 3], restitution: f64, wall_restit
                 name: format!("{name}{side}"),
                 point,
                 normal,
-                velocity: DVec3::ZERO,
+                motion: WallMotion::Fixed,
             };
             walls.push(wall('-', DVec3::ZERO, unit));
             walls.push(wall('+', unit * size, -unit));
@@ -35,18 +35,20 @@ pub fn empty(size: DVec3, boundary: [Boundary; 3], restitution: f64, wall_restit
         species: vec!["sphere".to_owned()],
         contacts: Contacts {
             pair: vec![Restitution::Constant(restitution)],
-            wall: vec![Restitution::Constant(wall_restitution); walls.len()],
+            wall: vec![(Restitution::Constant(wall_restitution)).into(); walls.len()],
             tc: 0.0,
             rest_speed: 0.0,
         },
         walls,
+        drives: Vec::new(),
+        seed: 0,
     }
 }
 
 /// Adds a plane wall at rest, its unit normal to the inside.
 pub fn add_wall(system: &mut System, name: &str, point: DVec3, normal: DVec3, restitution: f64) {
-    system.walls.push(Wall { name: name.to_owned(), point, normal, velocity: DVec3::ZERO });
-    system.contacts.wall.push(Restitution::Constant(restitution));
+    system.walls.push(Wall { name: name.to_owned(), point, normal, motion: WallMotion::Fixed });
+    system.contacts.wall.push((Restitution::Constant(restitution)).into());
 }
 
 /// Adds a sphere.

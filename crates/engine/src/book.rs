@@ -4,6 +4,7 @@ use glam::DVec3;
 
 use crate::{
     force::{self, Total},
+    ledger::Term,
     report::Counters,
     sum::Sum,
 };
@@ -11,12 +12,11 @@ use crate::{
 /// Sums over events. The pressure's sums cover the time since the previous sample.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub(crate) struct Book {
-    /// Σ ΔT, Σ E'_c, Σ W of moving walls and driven bodies.
+    /// Σ ΔT, Σ E'_c.
     pub dissipated: Sum,
     pub carnot: Sum,
-    pub wall_work: Sum,
-    /// Σ ½ m v² that putting particles to rest has taken.
-    pub rest: Sum,
+    /// The other terms of the balance of energies, by [`Term`].
+    pub terms: [Sum; Term::ALL.len()],
     /// Impulse of walls and bodies of infinite mass on the particles, and of the support of resting ones.
     pub impulse: Total,
     pub counters: Counters,
@@ -56,10 +56,10 @@ impl Book {
         self.loss_moment.add(energy_loss * (time - self.sampled_at));
     }
 
-    /// Books work of a moving wall or driven body at `time`.
+    /// Adds energy that the particles get, or lose by a term of negative sign, at `time`.
     #[inline]
-    pub fn add_work(&mut self, time: f64, work: f64) {
-        self.wall_work.add(work);
-        self.loss_moment.add(-work * (time - self.sampled_at));
+    pub fn add_energy(&mut self, term: Term, time: f64, energy: f64) {
+        self.terms[term as usize].add(energy);
+        self.loss_moment.add(-term.sign() * energy * (time - self.sampled_at));
     }
 }

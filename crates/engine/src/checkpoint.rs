@@ -6,11 +6,12 @@ use crate::{
     book::Book,
     error::EngineError,
     force::{Force, Total},
+    ledger::Term,
     model::{Options, System},
     particles::{Support, World},
     report::Checkpoint,
     rest::Heap,
-    simulation::Simulation,
+    simulation::{Simulation, actions},
     stall::Stall,
     state::{Pending, State},
     sum::Sum,
@@ -108,13 +109,13 @@ impl Simulation {
         put("clock.base_low", world.clock.base_low.to_bits());
         put("clock.now", world.now as u64);
         put("clock.time", self.time().to_bits());
-        for (name, sum) in [
+        let terms = Term::ALL.into_iter().zip(book.terms).map(|(term, sum)| (term.name(), sum));
+        for (name, sum) in terms.chain([
             ("dissipated", book.dissipated),
             ("carnot", book.carnot),
-            ("wall_work", book.wall_work),
             ("virial", book.virial),
             ("loss_moment", book.loss_moment),
-        ] {
+        ]) {
             put(&format!("{name}.high"), sum.high.to_bits());
             put(&format!("{name}.low"), sum.low.to_bits());
         }
@@ -168,8 +169,6 @@ impl Simulation {
             put(&format!("rest.{i}.carnot_energy"), rest.carnot_energy.to_bits());
         }
         if world.thresholds.is_some() {
-            put("put_to_rest.high", book.rest.high.to_bits());
-            put("put_to_rest.low", book.rest.low.to_bits());
             put("wakes", counters.wakes);
             put("census.next", heap.next as u64);
             put("census.events", heap.events);
@@ -177,6 +176,7 @@ impl Simulation {
             put("census.crowd", heap.crowd);
             put("census.crowd_since", heap.crowd_since as u64);
         }
+        self.save_actions(&mut put);
         let digits = Digits::of(world);
         if digits.are_wide() {
             for i in 0..world.particles.len() as u32 {
@@ -268,7 +268,7 @@ impl Simulation {
         let mut book = Book {
             dissipated: scalars.sum("dissipated"),
             carnot: scalars.sum("carnot"),
-            wall_work: scalars.sum("wall_work"),
+            terms: Term::ALL.map(|term| scalars.sum(term.name())),
             impulse: scalars.total("impulse"),
             virial: scalars.sum("virial"),
             loss_moment: scalars.sum("loss_moment"),
@@ -295,7 +295,6 @@ impl Simulation {
         counters.epochs = epochs;
         let mut heap = Heap::default();
         if world.thresholds.is_some() {
-            book.rest = scalars.sum("put_to_rest");
             book.counters.wakes = scalars.take("wakes");
             heap.next = scalars.take("census.next") as i64;
             heap.events = scalars.take("census.events");
@@ -329,6 +328,10 @@ impl Simulation {
             particles: scalars.members("stall.particle."),
             walls: scalars.members("stall.wall."),
         };
+        let mut actions = actions(&system);
+        for action in &mut actions {
+            action.load(&mut |name| scalars.take(name), time)?;
+        }
         if let Some(name) = scalars.missing {
             return Err(EngineError::Checkpoint(format!("it lacks {name}")));
         }
@@ -345,7 +348,7 @@ impl Simulation {
         valid::book(&book, &world.clock, time)?;
         let state = State { world, book, pending, stall, heap };
         valid::whole(&system, &state, time)?;
-        let mut simulation = Self::start(system, options, state)?;
+        let mut simulation = Self::start(system, options, state, actions)?;
         simulation.find_contacts_of_held();
         // Predicting everything afresh is no part of the run.
         let counters = &mut simulation.state.book.counters;

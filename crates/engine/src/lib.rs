@@ -16,6 +16,7 @@ mod census;
 mod checkpoint;
 mod choice;
 mod clock;
+mod drive;
 mod entry;
 mod error;
 mod event;
@@ -23,31 +24,38 @@ mod event_loop;
 mod features;
 mod force;
 mod grid;
+mod ledger;
 mod measure;
 mod nearby;
+mod observables;
 mod overlap;
 mod packed;
 mod particles;
 mod predict;
 mod queue;
+mod random;
 mod resolve;
 mod rest;
 mod simulation;
 mod stall;
 mod state;
 mod sum;
+mod timed;
 mod valid;
+mod wall_law;
+mod wall_motion;
 mod windows;
 
 pub use error::{EngineError, Fault};
+pub use ledger::{Ledger, Term};
 pub use model::{
-    Body, Boundary, Class, Contacts, Dimension, Domain, Group, NeighborChoice, Options, SimdChoice, System,
-    Wall,
+    Body, Boundary, Class, Contacts, Dimension, Domain, Drive, DriveKind, Group, NeighborChoice, Options,
+    SimdChoice, System, Wall, WallLaw, WallMotion,
 };
+pub use observables::{Observable, Present, Quantity, observables};
 pub use overlap::{Overlap, allowed_overlap};
 pub use report::{
-    Checkpoint, Counters, EventColumn, EventKind, EventRecord, Frame, Ledger, NOBODY, Observer, Sample,
-    Silent, Stop,
+    Checkpoint, Counters, EventColumn, EventKind, EventRecord, Frame, NOBODY, Observer, Sample, Silent, Stop,
 };
 pub use simulation::{Simulation, Until};
 

@@ -11,9 +11,10 @@ use xxhash_rust::xxh3::Xxh3;
 use crate::{
     book::Book,
     force,
+    ledger::{Ledger, Term},
     model::{Boundary, Dimension, System},
     particles::World,
-    report::{Frame, Ledger, Sample},
+    report::{Frame, Sample},
     state::{Pending, State},
     sum::{Sum, Sums},
 };
@@ -82,25 +83,26 @@ impl Totals {
     }
 }
 
-/// The balance of energies, T + V = T₀ + V₀ − Σ ΔT − R + W, where R is what putting to rest has taken.
+/// The balance of energies.
 ///
 /// A completed series of bounces books its loss at its end: until then the balance counts the energy of the bounces left out.
 pub(crate) fn ledger(totals: &Totals, book: &Book, pending: &BTreeMap<u32, Pending>) -> Ledger {
     let bounces: f64 = pending.values().map(|series| series.energy_loss).sum();
     let [kinetic, potential] = book.initial_energy;
-    let (dissipated, work) = (book.dissipated.value(), book.wall_work.value());
-    let rest = book.rest.value();
-    let terms = [totals.kinetic, totals.potential, -kinetic, -potential, dissipated, bounces, rest, -work];
-    let scale = terms.iter().fold(0.0, |scale: f64, term| scale.max(term.abs()));
-    let balance: Sum = terms.into_iter().collect();
+    let dissipated = book.dissipated.value();
+    let terms = book.terms.map(|sum| sum.value());
+    let supplied = Term::ALL.map(|term| -term.sign() * terms[term as usize]);
+    let energies = [totals.kinetic, totals.potential, -kinetic, -potential, dissipated, bounces];
+    let energies = || energies.into_iter().chain(supplied);
+    let scale = energies().fold(0.0, |scale: f64, energy| scale.max(energy.abs()));
+    let balance: Sum = energies().collect();
     Ledger {
         kinetic: totals.kinetic,
         potential: totals.potential,
         spring: 0.0,
         dissipated,
         carnot: book.carnot.value(),
-        rest,
-        wall_work: work,
+        terms,
         residual: if scale > 0.0 { balance.value() / scale } else { 0.0 },
     }
 }
@@ -316,11 +318,7 @@ pub(crate) fn geometry(system: &System, world: &World, filled: f64) -> Geometry 
         planes: system
             .walls
             .iter()
-            .map(|wall| Plane {
-                point: wall.point,
-                normal: wall.normal,
-                moving: wall.velocity != DVec3::ZERO,
-            })
+            .map(|wall| Plane { point: wall.point, normal: wall.normal, moving: wall.motion.is_moving() })
             .collect(),
     }
 }

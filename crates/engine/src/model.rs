@@ -3,6 +3,12 @@
 use glam::DVec3;
 pub use haff_mechanics::Restitution;
 
+pub use crate::{
+    drive::{Drive, DriveKind},
+    wall_law::WallLaw,
+    wall_motion::WallMotion,
+};
+
 /// Number of space dimensions.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Dimension {
@@ -86,17 +92,17 @@ pub struct Wall {
     pub point: DVec3,
     /// Unit normal, towards the particles.
     pub normal: DVec3,
-    /// Velocity of the wall [length/time]; only its component along the normal acts on smooth spheres.
-    pub velocity: DVec3,
+    /// How it moves.
+    pub motion: WallMotion,
 }
 
-/// Restitution of every pair of contact groups and of every group with every wall.
+/// Laws of impact of every pair of contact groups and of every group with every wall.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Contacts {
     /// Row-major `groups × groups`, symmetric.
     pub pair: Vec<Restitution>,
     /// Row-major `groups × walls`.
-    pub wall: Vec<Restitution>,
+    pub wall: Vec<WallLaw>,
     /// Contact duration of the TC model [time]: a contact within `tc` of the last contact of either body is
     /// elastic. 0 turns the model off.
     pub tc: f64,
@@ -108,7 +114,8 @@ impl Contacts {
     /// Whether no contact ever loses energy.
     #[must_use]
     pub fn are_elastic(&self) -> bool {
-        self.pair.iter().chain(&self.wall).all(|&law| law == Restitution::Constant(1.0))
+        self.pair.iter().all(|&law| law == Restitution::Constant(1.0))
+            && self.wall.iter().all(WallLaw::is_elastic)
     }
 }
 
@@ -131,6 +138,10 @@ pub struct System {
     pub walls: Vec<Wall>,
     /// Contact rules.
     pub contacts: Contacts,
+    /// What gives energy to the particles, or takes it, at stated times.
+    pub drives: Vec<Drive>,
+    /// Seed of the random numbers of drives and walls.
+    pub seed: u64,
 }
 
 /// How partners are searched for. A choice never changes the trajectory.

@@ -233,9 +233,11 @@ mod tests {
             name: "plane".to_owned(),
             point: 0.1 * size,
             normal: DVec3::ONE.normalize(),
-            velocity: DVec3::ZERO,
+            motion: crate::WallMotion::Fixed,
         };
         System {
+            drives: Vec::new(),
+            seed: 0,
             dimension: Dimension::Three,
             domain: Domain { size, boundary, gravity: DVec3::ZERO },
             bodies,
@@ -245,7 +247,7 @@ mod tests {
             walls: if seed.is_multiple_of(2) { vec![plane] } else { Vec::new() },
             contacts: Contacts {
                 pair: vec![Restitution::Constant(1.0)],
-                wall: vec![Restitution::Constant(1.0)],
+                wall: vec![Restitution::Constant(1.0).into()],
                 tc: 0.0,
                 rest_speed: 0.0,
             },

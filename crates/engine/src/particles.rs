@@ -7,7 +7,7 @@ use crate::{
     clock::Clock,
     features::{Features, With},
     force::Force,
-    model::{Body, Boundary, Restitution, System, Wall},
+    model::{Body, Boundary, Restitution, System, Wall, WallLaw},
     rest::Thresholds,
 };
 
@@ -104,9 +104,13 @@ pub(crate) struct World {
     pub periodic: [bool; 3],
     pub gravity: DVec3,
     pub pair_restitution: Vec<Restitution>,
-    pub wall_restitution: Vec<Restitution>,
+    pub wall_laws: Vec<WallLaw>,
     pub groups: usize,
     pub tc: f64,
+    /// Seed of the random numbers of drives and walls.
+    pub seed: u64,
+    /// 2 or 3.
+    pub dimension: usize,
     /// Time of the latest event or stop [ticks].
     pub now: i64,
     /// Longest flight so far along a periodic axis, where it was longer than the box [length]. What is at its end has been rounded
@@ -163,9 +167,11 @@ impl World {
             periodic: system.domain.boundary.map(|boundary| boundary == Boundary::Periodic),
             gravity: system.domain.gravity,
             pair_restitution: system.contacts.pair.clone(),
-            wall_restitution: system.contacts.wall.clone(),
+            wall_laws: system.contacts.wall.clone(),
             groups: system.groups.len(),
             tc: system.contacts.tc,
+            seed: system.seed,
+            dimension: system.dimension.count(),
             now: 0,
             longest_flight: 0.0,
             resting: 0,
@@ -388,10 +394,26 @@ impl World {
         }
         let wall = &self.walls[wall as usize];
         let mut point = wall.point;
-        if wall.velocity != DVec3::ZERO {
-            point += wall.velocity * self.clock.time(ticks);
+        if wall.motion.is_moving() {
+            point += wall.motion.displacement(self.clock.time(ticks));
         }
-        ((position - point).dot(wall.normal) - radius, (velocity - wall.velocity).dot(wall.normal))
+        ((position - point).dot(wall.normal) - radius, (velocity - wall.motion.velocity()).dot(wall.normal))
+    }
+
+    /// When the flight of an anchor touches a wall \[ticks\]; `None` if it never does.
+    #[inline(always)]
+    pub fn wall_contact(
+        &self,
+        anchor: &Particle,
+        radius: f64,
+        acceleration: DVec3,
+        wall: u32,
+    ) -> Option<f64> {
+        let (distance, rate) =
+            self.wall_approach(wall, radius, anchor.position, anchor.velocity, anchor.time);
+        let wall = &self.walls[wall as usize];
+        let delay = wall.motion.time_to_contact(distance, rate, acceleration.dot(wall.normal))?;
+        Some(delay * self.clock.per_time)
     }
 
     /// Whether a wall, at rest under gravity, is perpendicular to an axis. The coordinate of a contact with it is a number: bounces
@@ -399,7 +421,7 @@ impl World {
     #[inline]
     pub fn is_level(&self, wall: u32) -> bool {
         let wall = &self.walls[wall as usize];
-        self.gravity != DVec3::ZERO && wall.velocity == DVec3::ZERO && wall.normal.abs().max_element() == 1.0
+        self.gravity != DVec3::ZERO && !wall.motion.is_moving() && wall.normal.abs().max_element() == 1.0
     }
 
     /// Sets the walls that particle i rests on from `ticks` on.
@@ -433,17 +455,17 @@ impl World {
         self.pair_restitution[a.group * self.groups + b.group]
     }
 
-    /// Restitution law of a class with a wall.
+    /// Law of impact of a class with a wall.
     #[inline]
-    pub fn wall_law(&self, class: &ClassData, wall: u32) -> Restitution {
-        self.wall_restitution[class.group * self.walls.len() + wall as usize]
+    pub fn wall_law(&self, class: &ClassData, wall: u32) -> WallLaw {
+        self.wall_laws[class.group * self.walls.len() + wall as usize]
     }
 
     /// Whether nothing moves and nothing will.
     pub fn is_at_rest(&self) -> bool {
         let free = self.classes.iter().any(|class| class.inverse_mass != 0.0);
         (self.gravity == DVec3::ZERO || self.resting + self.held > 0 || !free)
-            && self.walls.iter().all(|wall| wall.velocity == DVec3::ZERO)
+            && !self.walls.iter().any(|wall| wall.motion.is_moving())
             && (0..self.particles.len() as u32).all(|i| {
                 self.particles[i as usize].velocity == DVec3::ZERO && self.acceleration(i) == DVec3::ZERO
             })
@@ -453,7 +475,7 @@ impl World {
     pub fn largest_speed(&self, extent: f64) -> f64 {
         let fastest = (0..self.particles.len() as u32)
             .map(|i| self.state(i, self.now).1.length_squared())
-            .chain(self.walls.iter().map(|wall| wall.velocity.length_squared()))
+            .chain(self.walls.iter().map(|wall| wall.motion.velocity().length_squared()))
             .fold(0.0, f64::max);
         (fastest + 2.0 * self.gravity.length() * extent).sqrt()
     }

@@ -1,6 +1,6 @@
 //! Predictions: what will happen to one particle next. Nothing here changes anything.
 
-use haff_mechanics::{contact::CONTACT_NOISE, is_rounding_noise, time_to_contact_accelerated, time_to_plane};
+use haff_mechanics::{contact::CONTACT_NOISE, is_rounding_noise, time_to_contact_accelerated};
 use haff_neighbors::{Flight, Offsets, Packed, Search, Shift};
 
 use crate::{
@@ -467,24 +467,12 @@ fn predict_walls<F: Features>(world: &World, i: u32, walls: &[u16], earliest: &m
         if F::GRAVITY && support.contains(&Some(wall)) {
             continue;
         }
-        if held && world.walls[usize::from(wall)].velocity == DVec3::ZERO {
+        if held && !world.walls[usize::from(wall)].motion.is_moving() {
             continue;
         }
-        let (distance, speed) = world.wall_approach(
-            u32::from(wall),
-            class.radius,
-            particle.position,
-            particle.velocity,
-            particle.time,
-        );
-        let pull = acceleration.dot(world.walls[wall as usize].normal);
-        if let Some(delay) = time_to_plane(distance, speed, pull) {
-            earliest.offer_after(
-                particle.time,
-                delay * world.clock.per_time,
-                SearchEvent::Wall(u32::from(wall)),
-                0,
-            );
+        let wall = u32::from(wall);
+        if let Some(delay) = world.wall_contact(particle, class.radius, acceleration, wall) {
+            earliest.offer_after(particle.time, delay, SearchEvent::Wall(wall), 0);
         }
     }
 }

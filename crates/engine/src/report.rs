@@ -2,6 +2,8 @@
 
 use glam::DVec3;
 
+use crate::ledger::Ledger;
+
 /// What an event of the log was.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
 #[repr(u8)]
@@ -172,28 +174,6 @@ pub struct Frame {
     pub velocity: Vec<DVec3>,
     /// Box images: unwrapped position = position + image · L.
     pub image: Vec<[i32; 3]>,
-}
-
-/// Energies and their balance (Neumaier sums).
-#[derive(Debug, Clone, Copy, PartialEq, Default)]
-pub struct Ledger {
-    /// T [energy], bodies of finite mass.
-    pub kinetic: f64,
-    /// V of gravity, zero at the origin, and of springs [energy].
-    pub potential: f64,
-    /// The part of springs in it, zero without force [energy]; the engine has none.
-    pub spring: f64,
-    /// Σ ΔT so far [energy].
-    pub dissipated: f64,
-    /// Σ E'_c so far [energy].
-    pub carnot: f64,
-    /// Work done on the particles by moving walls and driven bodies so far [energy].
-    pub wall_work: f64,
-    /// Kinetic energy that putting grains to rest has taken so far [energy].
-    pub rest: f64,
-    /// T + V − (T₀ + V₀ − Σ ΔT − rest + W), relative to the largest |term|. T counts here what the bounces of a completed series
-    /// that has not come to its end still have to lose.
-    pub residual: f64,
 }
 
 /// One row of the observables.

@@ -8,11 +8,14 @@ use crate::{
     clock::HORIZON,
     error::EngineError,
     features::Features,
+    ledger::Term,
     overlap::allowed_overlap,
     particles::{ClassData, Particle, Support, World},
+    random::mix,
     report::{EventKind, EventRecord, Observer},
     rest,
     state::{Pending, State},
+    wall_law::WallContact,
 };
 
 /// A series of bounces is completed in closed form once the next one would rise by less than this part of the radius:
@@ -70,8 +73,7 @@ fn state_at_event<F: Features>(world: &World, i: u32, time: i64) -> (DVec3, DVec
     }
     let particle = &world.particles[i as usize];
     // A function of the particle and of the time: no search, no schedule and no resumed run rounds otherwise.
-    let random =
-        mixed(time as u64 ^ u64::from(i).rotate_left(32) ^ u64::from(particle.count).rotate_right(16));
+    let random = mix(time as u64 ^ u64::from(i).rotate_left(32) ^ u64::from(particle.count).rotate_right(16));
     haff_mechanics::free_flight_without_preference(
         particle.position,
         particle.velocity,
@@ -98,17 +100,15 @@ fn check_depth(
     Err(EngineError::Overlap { time: world.clock.time(time), i, partner, depth: depth / sigma })
 }
 
-/// A number whose bits all depend on all bits of `x` (finalizer of SplitMix64).
-#[inline(always)]
-fn mixed(x: u64) -> u64 {
-    let x = (x ^ (x >> 30)).wrapping_mul(0xBF58_476D_1CE4_E5B9);
-    let x = (x ^ (x >> 27)).wrapping_mul(0x94D0_49BB_1331_11EB);
-    x ^ (x >> 31)
-}
-
 /// Sets the anchor of particle i.
 #[inline(always)]
-fn anchor(world: &mut World, i: u32, position: DVec3, velocity: DVec3, time: i64) -> Result<(), EngineError> {
+pub(crate) fn anchor(
+    world: &mut World,
+    i: u32,
+    position: DVec3,
+    velocity: DVec3,
+    time: i64,
+) -> Result<(), EngineError> {
     world.particles[i as usize].set_anchor(position, velocity, time);
     if velocity.is_finite() {
         return Ok(());
@@ -143,7 +143,7 @@ fn book_losses<F: Features>(book: &mut Book, now: f64, impact: &Impact) {
     let taken = if F::REST { impact.energy_loss.max(0.0) } else { impact.energy_loss };
     book.add_losses(now, taken, impact.carnot_energy);
     if F::REST {
-        book.rest.add(impact.energy_loss.min(0.0));
+        book.add_energy(Term::Rest, now, impact.energy_loss.min(0.0));
     }
 }
 
@@ -159,8 +159,8 @@ pub(crate) fn collision<F: Features, const EVENTS: bool>(
     // The lesser first, so that the bits do not depend on who predicted whom.
     let (i, j) = (i.min(j), i.max(j));
     if F::GRAVITY {
-        end_early::<EVENTS>(state, i, time, observer);
-        end_early::<EVENTS>(state, j, time, observer);
+        end_of_bounces_early::<EVENTS>(state, i, time, observer);
+        end_of_bounces_early::<EVENTS>(state, j, time, observer);
     }
     let world = &mut state.world;
     let (mut ri, wi) = state_at_event::<F>(world, i, time);
@@ -223,10 +223,10 @@ pub(crate) fn collision<F: Features, const EVENTS: bool>(
         // The impulse on i is −J n, on j +J n.
         if a.inverse_mass == 0.0 {
             book.add_impulse(n * impact.impulse);
-            book.add_work(now, work_of_moving_body(impact.impulse, -n, wi));
+            book.add_energy(Term::WallWork, now, work_of_moving_body(impact.impulse, -n, wi));
         } else if b.inverse_mass == 0.0 {
             book.add_impulse(n * -impact.impulse);
-            book.add_work(now, work_of_moving_body(impact.impulse, n, wj));
+            book.add_energy(Term::WallWork, now, work_of_moving_body(impact.impulse, n, wj));
         }
     }
     if EVENTS {
@@ -246,7 +246,7 @@ pub(crate) fn wall<F: Features, const EVENTS: bool>(
     observer: &mut dyn Observer,
 ) -> Result<(), EngineError> {
     if F::GRAVITY {
-        end_early::<EVENTS>(state, i, time, observer);
+        end_of_bounces_early::<EVENTS>(state, i, time, observer);
     }
     let world = &mut state.world;
     let (mut position, velocity) = state_at_event::<F>(world, i, time);
@@ -260,10 +260,23 @@ pub(crate) fn wall<F: Features, const EVENTS: bool>(
     if depth > 0.0 || world.is_level(wall) {
         position -= world.walls[wall as usize].normal * gap;
     }
+    let plane = &world.walls[wall as usize];
+    let (n, wall_velocity) = (-plane.normal, plane.motion.velocity());
+    let contact = WallContact { i, wall, time, position, velocity, n, wall_velocity };
+    world.wall_law(&class, wall).resolve::<F, EVENTS>(state, &contact, observer)
+}
+
+/// A particle meets a wall with a law of restitution.
+#[inline(always)]
+pub(crate) fn bounce<F: Features, const EVENTS: bool>(
+    state: &mut State,
+    &WallContact { i, wall, time, position, velocity, n, wall_velocity }: &WallContact,
+    law: Restitution,
+    observer: &mut dyn Observer,
+) -> Result<(), EngineError> {
+    let world = &mut state.world;
+    let class = *world.class(i);
     let before = if F::GRAVITY { (world.support(i), world.acceleration(i)) } else { Default::default() };
-    let (inward, wall_velocity) = (world.walls[wall as usize].normal, world.walls[wall as usize].velocity);
-    let n = -inward;
-    let law = world.wall_law(&class, wall);
     let speed = haff_mechanics::approach_speed(velocity, wall_velocity, n);
     let e = coefficient::<F>(world, law, speed, time, [(i, &class), (i, &class)]);
     let mut among_grains = false;
@@ -287,7 +300,7 @@ pub(crate) fn wall<F: Features, const EVENTS: bool>(
     book_losses::<F>(book, now, &impact);
     book.add_impulse(n * -impact.impulse);
     if wall_velocity != DVec3::ZERO {
-        book.add_work(now, work_of_moving_body(impact.impulse, n, wall_velocity));
+        book.add_energy(Term::WallWork, now, work_of_moving_body(impact.impulse, n, wall_velocity));
     }
     if EVENTS {
         let contact = world.wrap(position + n * class.radius).0;
@@ -451,13 +464,18 @@ pub(crate) fn end_of_rest<const EVENTS: bool>(
 
 /// Another event ends the tail of a series of bounces before its time: the tail is booked now.
 #[inline]
-fn end_early<const EVENTS: bool>(state: &mut State, i: u32, time: i64, observer: &mut dyn Observer) {
+pub(crate) fn end_of_bounces_early<const EVENTS: bool>(
+    state: &mut State,
+    i: u32,
+    time: i64,
+    observer: &mut dyn Observer,
+) {
     if state.world.particles[i as usize].rests() && state.pending.contains_key(&i) {
         end_of_rest::<EVENTS>(state, i, time, observer);
     }
 }
 
-fn row(
+pub(crate) fn row(
     time: f64,
     kind: EventKind,
     [i, j]: [u32; 2],

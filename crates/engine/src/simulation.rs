@@ -9,17 +9,20 @@ use crate::{
     book::Book,
     choice::Choice,
     clock::{ANCHOR_AGE, Clock, EPOCH, OLDEST_ANCHOR},
+    drive,
     error::EngineError,
     event::Pause,
     event_loop::{Engine, Limit},
+    ledger::Ledger,
     measure::{self, Species, Totals},
     model::{Boundary, Dimension, NeighborChoice, Options, System},
     overlap::{self, Overlap},
     particles::World,
-    report::{Counters, Frame, Ledger, Observer, Sample, Stop},
-    rest::{self, Heap},
+    report::{Counters, Frame, Observer, Sample, Stop},
+    rest::{self, Heap, SettlingScan, Thresholds},
     stall::Stall,
     state::State,
+    timed::TimedAction,
     windows,
 };
 
@@ -56,6 +59,7 @@ pub struct Simulation {
     pub(crate) state: State,
     engine: Box<dyn Engine>,
     choice: Choice,
+    actions: Vec<Box<dyn TimedAction>>,
     /// Time of the last stop as it was asked for [time]; the tick is only the nearest.
     stopped_at: Option<f64>,
 }
@@ -80,11 +84,17 @@ impl Simulation {
         };
         let state =
             State { world, book, pending: BTreeMap::new(), heap: Heap::default(), stall: Stall::default() };
-        Self::start(system, options, state)
+        let actions = actions(&system);
+        Self::start(system, options, state, actions)
     }
 
     /// Builds the engine for a state.
-    pub(crate) fn start(mut system: System, options: Options, state: State) -> Result<Self, EngineError> {
+    pub(crate) fn start(
+        mut system: System,
+        options: Options,
+        state: State,
+        actions: Vec<Box<dyn TimedAction>>,
+    ) -> Result<Self, EngineError> {
         for (what, count, limit) in
             [("particles", system.bodies.len(), MAX_PARTICLES), ("walls", system.walls.len(), MAX_WALLS)]
         {
@@ -108,7 +118,8 @@ impl Simulation {
         // The state has them now; a quarter of the memory of a large system.
         system.bodies = Vec::new();
         let engine = choice.compile(&system, &geometry);
-        let mut simulation = Self { system, species, geometry, state, engine, choice, stopped_at: None };
+        let mut simulation =
+            Self { system, species, geometry, state, engine, choice, actions, stopped_at: None };
         simulation.rebuild();
         Ok(simulation)
     }
@@ -133,17 +144,17 @@ impl Simulation {
     /// Runs events until the first of the bounds, or until nothing will move any more.
     pub fn advance(&mut self, until: Until, observer: &mut dyn Observer) -> Result<Stop, EngineError> {
         self.stopped_at = None;
-        if self.state.is_at_rest() {
+        if self.rests() {
             return Ok(Stop::Rest);
         }
         let mut entries = until.entries;
         loop {
             let target = self.state.world.clock.ticks(until.time);
-            let scan = self.next_scan();
+            let action = self.actions.iter().map(|action| action.next(&self.state)).min().unwrap_or(i64::MAX);
             let slice = entries.min(self.choice.patience);
             let mut limit = Limit {
                 // Events at the very end of an epoch belong to the next.
-                ticks: target.min(EPOCH - 1).min(scan),
+                ticks: target.min(EPOCH - 1).min(action),
                 collisions: until.collisions.min(self.choice.review),
                 entries: slice,
             };
@@ -155,19 +166,29 @@ impl Simulation {
             entries -= slice - limit.entries;
             self.choice.patience -= slice - limit.entries;
             match pause {
+                Pause::Rest if self.is_driven() => {}
                 Pause::Rest => return Ok(Stop::Rest),
                 Pause::Jam => {
-                    if let Some(stop) = self.settle(true, until, &mut entries, observer) {
-                        return Ok(stop);
+                    let changed = rest::scan(&mut self.state, &self.geometry, true, observer);
+                    if self.take_over(&changed, until, &mut entries) {
+                        return Ok(Stop::Rest);
                     }
                 }
-                Pause::Time if limit.ticks == scan => {
-                    if let Some(stop) = self.settle(false, until, &mut entries, observer) {
-                        return Ok(stop);
+                Pause::Time if limit.ticks == action => {
+                    let mut changed = Vec::new();
+                    for due in &mut self.actions {
+                        if due.next(&self.state) == action {
+                            changed.extend(due.apply(&mut self.state, &self.geometry, observer)?);
+                        }
+                    }
+                    changed.sort_unstable();
+                    changed.dedup();
+                    if self.take_over(&changed, until, &mut entries) {
+                        return Ok(Stop::Rest);
                     }
                 }
                 Pause::Time => {
-                    if until.time == f64::INFINITY && self.engine.is_idle() {
+                    if until.time == f64::INFINITY && self.engine.is_idle() && !self.is_driven() {
                         return Ok(Stop::Rest);
                     }
                     if target < EPOCH {
@@ -195,33 +216,40 @@ impl Simulation {
         }
     }
 
-    /// Carries out the settling scan that is due, at once if grains are jammed. A stop, if nothing moves or will move any more.
-    fn settle(
-        &mut self,
-        is_jammed: bool,
-        until: Until,
-        entries: &mut u64,
-        observer: &mut dyn Observer,
-    ) -> Option<Stop> {
+    /// Has the scheduler predict what an action has changed. Whether nothing moves or will move any more.
+    ///
+    /// All particles are predicted at once where most have changed.
+    fn take_over(&mut self, changed: &[u32], until: Until, entries: &mut u64) -> bool {
         let idle = self.engine.is_idle();
-        let settled = rest::census(&mut self.state, &self.geometry, is_jammed, observer);
-        self.engine.reschedule(&mut self.state, &settled);
-        if !settled.is_empty() && self.state.is_at_rest() {
-            return Some(Stop::Rest);
+        if 2 * changed.len() > self.particles() {
+            self.engine.rebuild(&mut self.state, &self.geometry);
+        } else {
+            self.engine.reschedule(&mut self.state, changed);
         }
         *entries = entries.saturating_sub(1);
-        if *entries == 0 {
-            return Some(Stop::Slice);
+        if self.is_driven() {
+            return false;
         }
-        (until.time == f64::INFINITY && idle && self.engine.is_idle()).then_some(Stop::Rest)
+        let ended = !changed.is_empty() && self.state.is_at_rest();
+        ended || (until.time == f64::INFINITY && idle && self.engine.is_idle())
     }
 
-    /// When the next settling scan is due \[ticks\]; `i64::MAX` without `rest_speed`.
-    fn next_scan(&self) -> i64 {
-        if self.state.world.thresholds.is_some() { self.state.heap.next } else { i64::MAX }
+    /// Whether drives may set particles in motion that are at rest.
+    fn is_driven(&self) -> bool {
+        !self.system.drives.is_empty()
     }
 
-    /// Finds again who leans on whom of a state with particles at rest.
+    /// Whether nothing moves, nor will.
+    fn rests(&self) -> bool {
+        self.state.is_at_rest() && !self.is_driven()
+    }
+
+    /// Writes what the timed actions of a resumed run need.
+    pub(crate) fn save_actions(&self, put: &mut dyn FnMut(&str, u64)) {
+        self.actions.iter().for_each(|action| action.save(put));
+    }
+
+    /// Finds the contacts of the particles at rest in a state.
     pub(crate) fn find_contacts_of_held(&mut self) {
         self.state.heap.near = rest::contacts_of_held(&self.state.world, &self.geometry);
     }
@@ -380,6 +408,15 @@ impl Simulation {
         }
         Ok(())
     }
+}
+
+/// The timed actions of a system, which still has its bodies.
+pub(crate) fn actions(system: &System) -> Vec<Box<dyn TimedAction>> {
+    let mut actions = drive::actions(system);
+    if Thresholds::of(system).is_some() {
+        actions.push(Box::new(SettlingScan));
+    }
+    actions
 }
 
 /// Axes along which the system has no size of its own.

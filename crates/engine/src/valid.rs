@@ -10,6 +10,7 @@ use crate::{
     book::Book,
     clock::{Clock, EPOCH, OLDEST_ANCHOR},
     error::EngineError,
+    ledger::Term,
     measure::{self, Totals},
     model::{Boundary, Dimension, System},
     overlap,
@@ -153,7 +154,7 @@ pub(crate) fn support(
     if held || body.inverse_mass == 0.0 || world.gravity == DVec3::ZERO {
         return refuse("what is held, or feels no gravity, rests on no wall");
     }
-    if walls.iter().any(|&wall| world.walls[usize::from(wall)].velocity != DVec3::ZERO) {
+    if walls.iter().any(|&wall| world.walls[usize::from(wall)].motion.is_moving()) {
         return refuse("nothing rests on a wall that moves");
     }
     Ok(())
@@ -205,12 +206,13 @@ pub(crate) fn book(book: &Book, clock: &Clock, time: f64) -> Result<(), EngineEr
     for (name, sum) in [
         ("dissipated", &book.dissipated),
         ("carnot", &book.carnot),
-        ("wall_work", &book.wall_work),
-        ("put_to_rest", &book.rest),
         ("virial", &book.virial),
         ("loss_moment", &book.loss_moment),
     ] {
         total(name, sum)?;
+    }
+    for (term, sum) in Term::ALL.into_iter().zip(&book.terms) {
+        total(term.name(), sum)?;
     }
     totals("impulse", &book.impulse)
 }
@@ -276,7 +278,8 @@ pub(crate) fn whole(system: &System, state: &State, time: f64) -> Result<(), Eng
         format!("clock.exponent = {found}: the tick is far too coarse, {suited} would suit these speeds")
     })?;
 
-    let walls = world.walls.iter().map(|wall| (wall.point + wall.velocity * time).abs().max_element());
+    let walls =
+        world.walls.iter().map(|wall| (wall.point + wall.motion.displacement(time)).abs().max_element());
     let farthest = walls.fold(farthest.max(extent), f64::max);
     let deepest = overlap::deepest(world, &measure::geometry(system, world, f64::INFINITY)).deepest;
     let depth = deepest.depth;
@@ -295,8 +298,8 @@ pub(crate) fn whole(system: &System, state: &State, time: f64) -> Result<(), Eng
     })?;
     // Losses are negative only by the rounding of energy differences.
     let [first, start] = book.initial_energy;
-    let energies = [first, start, kinetic, ledger.potential, ledger.wall_work, ledger.rest];
-    let scale = energies.iter().fold(0.0, |scale: f64, energy| scale.max(energy.abs()));
+    let energies = [first, start, kinetic, ledger.potential].into_iter().chain(ledger.terms);
+    let scale = energies.fold(0.0, |scale: f64, energy| scale.max(energy.abs()));
     within("dissipated", ledger.dissipated, -1e-6 * scale, f64::MAX)?;
     within("carnot", ledger.carnot, -1e-6 * scale, f64::MAX)
 }

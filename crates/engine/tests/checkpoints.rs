@@ -19,9 +19,9 @@ fn heap() -> System {
         name: "ramp".into(),
         point: DVec3::ZERO,
         normal: DVec3::new(0.0, 0.6, 0.8),
-        velocity: DVec3::ZERO,
+        motion: haff_engine::WallMotion::Fixed,
     });
-    scene.contacts.wall.push(Restitution::Constant(1.0));
+    scene.contacts.wall.push((Restitution::Constant(1.0)).into());
     set_restitution(&mut scene, 0.4);
     scene.contacts.rest_speed = 0.05;
     let (small, large) = (class(&mut scene, 0.3, 0.5), class(&mut scene, 0.4, 1.0));
@@ -44,7 +44,7 @@ fn disks() -> System {
     let (grain, post) = (class(&mut scene, 0.5, 1.0), class(&mut scene, 1.0, f64::INFINITY));
     add(&mut scene, post, DVec3::new(10.0, 10.0, 0.0), DVec3::ZERO);
     scatter(&mut scene, grain, 40, 1.0, &mut Random(5));
-    scene.walls[0].velocity = DVec3::X * 0.01;
+    scene.walls[0].motion = (DVec3::X * 0.01).into();
     scene
 }
 
@@ -98,9 +98,14 @@ fn grains_in_a_corner_of_the_last_of_many_walls_stay_there() {
     for k in (0..1500).rev() {
         let normal = DVec3::AXES[k % 3];
         let point = -normal * (k / 3) as f64;
-        scene.walls.push(Wall { name: format!("w{k}"), point, normal, velocity: DVec3::ZERO });
+        scene.walls.push(Wall {
+            name: format!("w{k}"),
+            point,
+            normal,
+            motion: haff_engine::WallMotion::Fixed,
+        });
     }
-    scene.contacts.wall = vec![Restitution::Constant(0.0); scene.walls.len()];
+    scene.contacts.wall = vec![(Restitution::Constant(0.0)).into(); scene.walls.len()];
     let ball = class(&mut scene, 0.5, 1.0);
     add(&mut scene, ball, DVec3::splat(0.75), DVec3::ZERO);
     let simulation = advanced(&scene, 10.0);

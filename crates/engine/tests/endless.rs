@@ -18,7 +18,7 @@ fn start(system: System) -> Simulation {
 fn far_from_the_origin(law: Restitution, height: f64) -> System {
     let mut scene = system(Dimension::Three, DVec3::new(160.3, 160.0, 160.0), [Boundary::Wall; 3]);
     scene.domain.gravity = DVec3::X * 0.064;
-    scene.contacts.wall.fill(law);
+    scene.contacts.wall.fill((law).into());
     let grain = class(&mut scene, 2.4, 1.0);
     add(&mut scene, grain, DVec3::new(160.3 - 2.4 - height, 49.0, 59.0), DVec3::ZERO);
     scene
@@ -60,8 +60,13 @@ fn the_ledger_of_like_bounces_walks_at_random() {
         let mut scene = system(Dimension::Three, DVec3::splat(10.0), [Boundary::Open; 3]);
         // Along a wall that moves, elastic within tc: hops as short as tc, which carry the grain along for ever.
         let normal = DVec3::new(random.uniform(-0.2, 0.2), random.uniform(-0.2, 0.2), 1.0).normalize();
-        scene.walls.push(Wall { name: "floor".into(), point: DVec3::ZERO, normal, velocity: normal * 1e-2 });
-        scene.contacts.wall.push(Restitution::Constant(0.3));
+        scene.walls.push(Wall {
+            name: "floor".into(),
+            point: DVec3::ZERO,
+            normal,
+            motion: (normal * 1e-2).into(),
+        });
+        scene.contacts.wall.push((Restitution::Constant(0.3)).into());
         scene.contacts.tc = 1e-4;
         scene.domain.gravity = DVec3::new(0.1, 0.15, -0.2);
         let grain = class(&mut scene, 0.5, random.uniform(1.0, 1e5));
@@ -83,7 +88,7 @@ fn the_ledger_of_like_bounces_walks_at_random() {
 fn pressed(mass: f64, tc: f64, slope: f64, neighbors: NeighborChoice) -> Simulation {
     let mut scene = system(Dimension::Three, DVec3::splat(92.0), [Boundary::Wall; 3]);
     set_restitution(&mut scene, 0.41);
-    scene.contacts.wall.fill(Restitution::Constant(0.99));
+    scene.contacts.wall.fill((Restitution::Constant(0.99)).into());
     scene.contacts.tc = tc;
     scene.domain.gravity = DVec3::new(0.015, 0.2, -0.038);
     let light = class(&mut scene, 0.4, 1.0);
@@ -178,8 +183,8 @@ fn wedge() -> System {
     let normal = DVec3::new(0.55, 0.0, 0.836).normalize();
     let point = DVec3::new(0.15 * edge, 0.5 * edge, 0.0);
     scene.bodies.retain(|body| (body.position - point).dot(normal) > 0.55);
-    scene.walls.push(Wall { name: "plane".into(), point, normal, velocity: normal * 0.24 });
-    scene.contacts.wall = vec![Restitution::Constant(0.3); scene.walls.len()];
+    scene.walls.push(Wall { name: "plane".into(), point, normal, motion: (normal * 0.24).into() });
+    scene.contacts.wall = vec![(Restitution::Constant(0.3)).into(); scene.walls.len()];
     scene
 }
 

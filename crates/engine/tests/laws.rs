@@ -21,9 +21,9 @@ fn bouncing_ball(height: f64, radius: f64, gravity: f64, e: f64) -> System {
         name: "floor".into(),
         point: DVec3::ZERO,
         normal: DVec3::Z,
-        velocity: DVec3::ZERO,
+        motion: haff_engine::WallMotion::Fixed,
     });
-    scene.contacts.wall.push(Restitution::Constant(e));
+    scene.contacts.wall.push((Restitution::Constant(e)).into());
     let ball = class(&mut scene, radius, 2.0);
     add(&mut scene, ball, DVec3::new(0.3, -0.2, radius + height), DVec3::ZERO);
     scene
@@ -91,7 +91,7 @@ fn a_ball_comes_to_rest_under_laws_that_depend_on_the_speed() {
     ] {
         let (height, g) = (1.0, 1.0);
         let mut scene = bouncing_ball(height, 0.5, g, 1.0);
-        scene.contacts.wall = vec![law];
+        scene.contacts.wall = vec![(law).into()];
         let mut simulation = start(scene);
         let mut log = Log::default();
         assert_eq!(simulation.advance(Until::default(), &mut log).unwrap(), Stop::Rest, "{law:?}");
@@ -113,7 +113,7 @@ fn a_ball_comes_to_rest_under_laws_that_depend_on_the_speed() {
     }
     // These bounces never end, but some time they are too low for any number.
     let mut scene = bouncing_ball(1e-6, 0.5, 1.0, 1.0);
-    scene.contacts.wall = vec![cutoff(0.0, 1e-3, 1.0)];
+    scene.contacts.wall = vec![(cutoff(0.0, 1e-3, 1.0)).into()];
     let mut simulation = start(scene);
     assert_eq!(simulation.advance(Until::default(), &mut Silent).unwrap(), Stop::Rest);
     assert!(simulation.ledger().residual.abs() < 1e-12);
@@ -145,8 +145,13 @@ fn a_ball_slides_down_a_tilted_plane_without_friction() {
     let normal = DVec3::new(-angle.sin(), 0.0, angle.cos());
     let mut scene = system(Dimension::Three, DVec3::ONE, [Boundary::Open; 3]);
     scene.domain.gravity = DVec3::new(0.0, 0.0, -g);
-    scene.walls.push(Wall { name: "ramp".into(), point: DVec3::ZERO, normal, velocity: DVec3::ZERO });
-    scene.contacts.wall.push(Restitution::Constant(0.5));
+    scene.walls.push(Wall {
+        name: "ramp".into(),
+        point: DVec3::ZERO,
+        normal,
+        motion: haff_engine::WallMotion::Fixed,
+    });
+    scene.contacts.wall.push((Restitution::Constant(0.5)).into());
     let ball = class(&mut scene, 0.5, 1.0);
     add(&mut scene, ball, normal * 0.5, DVec3::ZERO);
     let mut simulation = start(scene);
@@ -221,9 +226,9 @@ fn moving_walls_and_driven_bodies_do_the_work_that_the_energy_shows() {
         name: "piston".into(),
         point: DVec3::new(1.0, 0.0, 0.0),
         normal: DVec3::X,
-        velocity: DVec3::new(0.2, 0.0, 0.0),
+        motion: DVec3::new(0.2, 0.0, 0.0).into(),
     });
-    scene.contacts.wall.push(Restitution::Constant(1.0));
+    scene.contacts.wall.push((Restitution::Constant(1.0)).into());
     set_restitution(&mut scene, 0.95);
     let grain = class(&mut scene, 0.4, 1.0);
     let driven = class(&mut scene, 0.5, f64::INFINITY);
@@ -234,7 +239,7 @@ fn moving_walls_and_driven_bodies_do_the_work_that_the_energy_shows() {
     let mut simulation = start(scene);
     simulation.advance(Until { time: 10.0, ..Until::default() }, &mut Silent).unwrap();
     let sample = simulation.sample();
-    assert!(sample.ledger.wall_work > 1.0, "{:?}", sample.ledger);
+    assert!(sample.ledger.term(haff_engine::Term::WallWork) > 1.0, "{:?}", sample.ledger);
     assert!(sample.ledger.residual.abs() < 1e-13, "{:?}", sample.ledger);
     let frame = simulation.frame();
     assert_eq!(frame.velocity[0], DVec3::new(0.5, 0.0, 0.0));
@@ -372,8 +377,13 @@ fn bounces_without_end_do_not_sink() {
             scene.domain.gravity = -up;
             let velocity = up * speed;
             for &normal in &normals {
-                scene.walls.push(Wall { name: "floor".into(), point: DVec3::ZERO, normal, velocity });
-                scene.contacts.wall.push(Restitution::Constant(1.0));
+                scene.walls.push(Wall {
+                    name: "floor".into(),
+                    point: DVec3::ZERO,
+                    normal,
+                    motion: velocity.into(),
+                });
+                scene.contacts.wall.push((Restitution::Constant(1.0)).into());
             }
             let mut clear = radius;
             if normals.is_empty() {
@@ -417,8 +427,13 @@ fn a_ball_at_rest_on_a_tilted_plane_stays_on_it() {
         let normal = DVec3::new(0.3, 0.1, 1.0).normalize();
         let mut scene = system(Dimension::Three, DVec3::ONE, [Boundary::Open; 3]);
         scene.domain.gravity = -(normal + DVec3::X * slope).normalize();
-        scene.walls.push(Wall { name: "floor".into(), point: DVec3::ZERO, normal, velocity: DVec3::ZERO });
-        scene.contacts.wall.push(Restitution::Constant(0.5));
+        scene.walls.push(Wall {
+            name: "floor".into(),
+            point: DVec3::ZERO,
+            normal,
+            motion: haff_engine::WallMotion::Fixed,
+        });
+        scene.contacts.wall.push((Restitution::Constant(0.5)).into());
         let ball = class(&mut scene, 0.5, 1.0);
         add(&mut scene, ball, normal * 0.75, DVec3::ZERO);
         let mut simulation = start(scene);

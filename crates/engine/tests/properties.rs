@@ -7,7 +7,7 @@
 mod common;
 mod replay;
 
-use common::{Log, Random, class, scatter, system};
+use common::{Log, Random, class, scatter_within_room, system};
 use glam::DVec3;
 use haff_engine::{
     Boundary, Dimension, EngineError, EventKind, EventRecord, Group, NeighborChoice, Options, SimdChoice,
@@ -145,7 +145,12 @@ impl Recipe {
             }
             let normal = normal.normalize();
             let velocity = if self.ramp == 3 { normal * 0.1 } else { DVec3::ZERO };
-            scene.walls.push(Wall { name: "ramp".into(), point: size * 0.15, normal, velocity });
+            scene.walls.push(Wall {
+                name: "ramp".into(),
+                point: size * 0.15,
+                normal,
+                motion: velocity.into(),
+            });
         }
         if self.wedge
             && let Some(axis) = (0..d).rev().find(|&axis| free(axis))
@@ -156,7 +161,12 @@ impl Recipe {
             }
             let normal = normal.normalize();
             let velocity = normal * [0.0, 0.05, 0.3][random.index(3)];
-            scene.walls.push(Wall { name: "wedge".into(), point: size * 0.9, normal, velocity });
+            scene.walls.push(Wall {
+                name: "wedge".into(),
+                point: size * 0.9,
+                normal,
+                motion: velocity.into(),
+            });
         }
         let (groups, walls) = (self.species + usize::from(self.fixed), scene.walls.len());
         scene.groups = (0..groups).map(|k| Group { name: format!("group {k}") }).collect();
@@ -168,7 +178,8 @@ impl Recipe {
             }
         }
         scene.contacts.pair = pair;
-        scene.contacts.wall = (0..groups * walls).map(|_| law(self.restitution, &mut random)).collect();
+        scene.contacts.wall =
+            (0..groups * walls).map(|_| law(self.restitution, &mut random).into()).collect();
         if self.tc {
             scene.contacts.tc = 10_f64.powf(random.uniform(-6.0, -1.0));
         }
@@ -180,12 +191,13 @@ impl Recipe {
             let kind = class(&mut scene, radius, mass);
             scene.classes[kind as usize].group = k as u32;
             let count = (self.particles / self.species).max(1);
-            scatter(&mut scene, kind, count, 1.0, &mut random);
+            // A wedge may leave too little room for all.
+            scatter_within_room(&mut scene, kind, count, 1.0, &mut random);
         }
         if self.light {
             let [radius, mass] = [random.uniform(0.1, 0.5), 10_f64.powf(random.uniform(-6.0, -1.0))];
             let kind = class(&mut scene, radius, mass);
-            scatter(&mut scene, kind, 1, 1.0, &mut random);
+            scatter_within_room(&mut scene, kind, 1, 1.0, &mut random);
         }
         if self.fast {
             scene.bodies[0].velocity *= 10_f64.powf(random.uniform(0.0, 4.0));
@@ -202,7 +214,7 @@ impl Recipe {
             let kind = class(&mut scene, 0.5, f64::INFINITY);
             scene.classes[kind as usize].group = self.species as u32;
             let speed = if random.index(2) == 0 { 0.0 } else { 0.2 };
-            scatter(&mut scene, kind, 1, speed, &mut random);
+            scatter_within_room(&mut scene, kind, 1, speed, &mut random);
         }
         scene
     }
@@ -245,7 +257,8 @@ fn run(system: &System, until: Until, options: Options, half: bool) -> (Log, End
 /// Whether a wall or a body of infinite mass moves.
 fn squeezes(system: &System) -> bool {
     let driven = system.bodies.iter().filter(|body| system.classes[body.class as usize].mass.is_infinite());
-    let velocities = system.walls.iter().map(|wall| wall.velocity).chain(driven.map(|body| body.velocity));
+    let velocities =
+        system.walls.iter().map(|wall| wall.motion.velocity()).chain(driven.map(|body| body.velocity));
     velocities.into_iter().any(|velocity| velocity != DVec3::ZERO)
 }
 
@@ -335,9 +348,10 @@ fn keeps_its_laws(
         .sum::<f64>()
         .sqrt();
     let ledger = &sample.ledger;
-    let largest = [ledger.kinetic, ledger.potential, ledger.dissipated, ledger.wall_work]
-        .iter()
-        .fold(0.0, |a: f64, b| a.max(b.abs()));
+    let largest =
+        [ledger.kinetic, ledger.potential, ledger.dissipated, ledger.term(haff_engine::Term::WallWork)]
+            .iter()
+            .fold(0.0, |a: f64, b| a.max(b.abs()));
     // In a wedge, and on a wall that moves, impacts are alike, and so is the rounding of the velocities after them, half an ulp of each component at most; and
     // the work of a wall that moves is a product with its normal.
     let tilted: f64 = log
@@ -346,10 +360,11 @@ fn keeps_its_laws(
         .filter(|event| event.kind == EventKind::Wall)
         .map(|event| {
             let (wall, body) = (&system.walls[event.j as usize], event.i as usize);
-            if wall.normal.abs().max_element() == 1.0 && wall.velocity == DVec3::ZERO {
+            if wall.normal.abs().max_element() == 1.0 && !wall.motion.is_moving() {
                 return 0.0;
             }
-            pace_at(body, event) * speed_at(body, event) + 2.0 * event.impulse * wall.velocity.length()
+            pace_at(body, event) * speed_at(body, event)
+                + 2.0 * event.impulse * wall.motion.velocity().length()
         })
         .sum();
     let allowed = 1e-13 + f64::EPSILON * (WALK * rounded_energy + tilted) / largest;

@@ -81,7 +81,7 @@ fn heaps_come_to_rest_after_finitely_many_events() {
             assert!(ledger.residual.abs() < 1e-13, "{dimension:?}, e = {e}: {ledger:?}");
             // The log tells the same losses, those of rest among them: the very terms of the ledger, but for the rounding of this sum.
             let lost: f64 = log.0.iter().map(|event| event.energy_loss).sum();
-            let booked = ledger.dissipated + ledger.rest;
+            let booked = ledger.dissipated + ledger.term(haff_engine::Term::Rest);
             assert!((lost / booked - 1.0).abs() < 1e-12, "{dimension:?}, e = {e}: {lost}, {booked}");
             let carnot: f64 = log.0.iter().map(|event| event.carnot_energy).sum();
             assert!(
@@ -100,7 +100,7 @@ fn heaps_come_to_rest_after_finitely_many_events() {
             let series = log.0.iter().filter(is_series).count() as u64;
             assert!(rests - series >= counters.wakes + count as u64, "{series} series, {counters:?}");
             // What rest has given back to those it has let go is less than what it had taken.
-            assert!(ledger.rest > 0.0, "{dimension:?}, e = {e}: {ledger:?}");
+            assert!(ledger.term(haff_engine::Term::Rest) > 0.0, "{dimension:?}, e = {e}: {ledger:?}");
             // Momentum: gravity, impacts and what holds the grains take together what there was.
             let mass = |body: &haff_engine::Body| scene.classes[body.class as usize].mass;
             let first: DVec3 = scene.bodies.iter().map(|body| mass(body) * body.velocity).sum();
@@ -235,9 +235,9 @@ fn a_piston_pushes_grains_at_rest() {
         name: "piston".into(),
         point: DVec3::new(-2.0, 0.0, 0.0),
         normal: DVec3::X,
-        velocity: push,
+        motion: (push).into(),
     });
-    scene.contacts.wall.push(Restitution::Constant(0.5));
+    scene.contacts.wall.push((Restitution::Constant(0.5)).into());
     let mut simulation = start(&scene, NeighborChoice::Auto);
     // At t = 60 it stands at x = 1.
     for k in 1..=60 {
@@ -259,8 +259,8 @@ fn a_grain_on_a_moving_floor_bounces_on_at_little_cost() {
             scene.domain.gravity = DVec3::NEG_Z;
             let velocity = DVec3::Z * speed;
             let (name, point) = ("floor".to_owned(), DVec3::ZERO);
-            scene.walls.push(haff_engine::Wall { name, point, normal: DVec3::Z, velocity });
-            scene.contacts.wall.push(Restitution::Constant(e));
+            scene.walls.push(haff_engine::Wall { name, point, normal: DVec3::Z, motion: velocity.into() });
+            scene.contacts.wall.push((Restitution::Constant(e)).into());
             let v = 0.05;
             scene.contacts.rest_speed = v;
             let grain = class(&mut scene, 0.5, 1.0);

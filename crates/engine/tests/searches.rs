@@ -141,9 +141,9 @@ fn random_scenes_do_not_know_their_search() {
                 name: "ramp".into(),
                 point: size * 0.2,
                 normal: normal.normalize(),
-                velocity,
+                motion: velocity.into(),
             });
-            scene.contacts.wall.push(scene.contacts.pair[0]);
+            scene.contacts.wall.push((scene.contacts.pair[0]).into());
         }
         set_restitution(&mut scene, [1.0, 0.9, 0.5][random.index(3)]);
         let uniform = random.index(2) == 0;

@@ -31,6 +31,11 @@ pub(crate) fn check_elements(system: &System, joints: &Joints) -> Result<(), Lin
             "pendulums, springs, rods and sticking contacts do not work across periodic boundaries; use walls or open axes",
         ));
     }
+    if !system.drives.is_empty() {
+        return Err(LinkageError::Unsupported(
+            "a drive does not work with pendulums, springs, rods or sticking contacts",
+        ));
+    }
     if system.contacts.rest_speed > 0.0 {
         return Err(LinkageError::Unsupported(
             "contact.rest_speed does not work with pendulums, springs, rods or sticking contacts: these come to rest by themselves",
@@ -182,8 +187,7 @@ fn check_carried(system: &System, joints: &Joints) -> Result<(), LinkageError> {
     let mut carried = vec![false; system.groups.len()];
     let mut spread: Vec<u32> =
         (0..system.bodies.len()).filter(|&i| moves(i)).map(|i| class(i).group).collect();
-    let walls =
-        joints.clinging.iter().filter(|[_, wall]| system.walls[*wall as usize].velocity != DVec3::ZERO);
+    let walls = joints.clinging.iter().filter(|[_, wall]| system.walls[*wall as usize].motion.is_moving());
     for &[group, _] in walls {
         carried[group as usize] = true;
         spread.push(group);

@@ -155,10 +155,13 @@ impl World {
         let point = self.wall_point(wall, start);
         let f = |s: f64| {
             let (x, v) = a.state(s);
-            (of.normal.dot(x - (point + of.velocity * s)) - self.radius[i], of.normal.dot(v - of.velocity))
+            (
+                of.normal.dot(x - (point + of.motion.velocity() * s)) - self.radius[i],
+                of.normal.dot(v - of.motion.velocity()),
+            )
         };
         let (gap, rate) = f(0.0);
-        let slow = self.slow(a.state(0.0).1, of.velocity);
+        let slow = self.slow(a.state(0.0).1, of.motion.velocity());
         let touch = self.touch(self.radius[i]);
         if gap <= touch && rate < -slow {
             return Prediction { at: start, happens: true };

@@ -193,8 +193,8 @@ impl World {
                     let (x, v) = self.state(i, self.now);
                     let of = &self.system.walls[wall];
                     let gap = of.normal.dot(x - self.wall_point(wall, self.now)) - self.radius[i];
-                    let rate = of.normal.dot(v - of.velocity);
-                    if gap <= self.touch(self.radius[i]) && rate.abs() <= self.slow(v, of.velocity) {
+                    let rate = of.normal.dot(v - of.motion.velocity());
+                    if gap <= self.touch(self.radius[i]) && rate.abs() <= self.slow(v, of.motion.velocity()) {
                         links.push(link);
                     }
                 }

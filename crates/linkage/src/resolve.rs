@@ -82,7 +82,7 @@ impl World {
     ) -> Result<Vec<usize>, LinkageError> {
         let bodies = self.take(&[self.body[i]], observer);
         let of = &self.system.walls[wall];
-        let (normal, velocity) = (-of.normal, of.velocity);
+        let (normal, velocity) = (-of.normal, of.motion.velocity());
         let approach = (self.state(i, self.now).1 - velocity).dot(normal);
         let link = Link::Wall(i, wall);
         let mut row = self.row(link, &bodies, self.now);

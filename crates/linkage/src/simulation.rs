@@ -3,7 +3,7 @@
 use std::collections::BTreeMap;
 
 use glam::DVec3;
-use haff_engine::{Counters, EngineError, Frame, Ledger, Observer, Sample, Stop, System, Until};
+use haff_engine::{Counters, EngineError, Frame, Ledger, Observer, Sample, Stop, System, Term, Until};
 use xxhash_rust::xxh3::Xxh3;
 
 use crate::{
@@ -299,8 +299,7 @@ impl Simulation {
             spring,
             dissipated,
             carnot: world.book.carnot.value(),
-            rest: 0.0,
-            wall_work: work.value(),
+            terms: Term::ALL.map(|term| if term == Term::WallWork { work.value() } else { 0.0 }),
             residual: if scale > 0.0 { balance.value() / scale } else { 0.0 },
         }
     }

@@ -265,7 +265,7 @@ pub(crate) fn whole(world: World) -> Result<World, LinkageError> {
         )
     })?;
     let energies =
-        [ledger.kinetic, ledger.potential, ledger.wall_work, simulation.world.book.initial_kinetic];
+        [ledger.kinetic, ledger.potential, ledger.supplied(), simulation.world.book.initial_kinetic];
     let scale = energies.iter().fold(0.0, |scale: f64, energy| scale.max(energy.abs()));
     for (name, sum) in [("dissipated", ledger.dissipated), ("carnot", ledger.carnot)] {
         require(sum.is_finite() && sum >= -1e-6 * scale, || format!("{name} = {sum} must not be negative"))?;

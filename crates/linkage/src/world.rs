@@ -226,7 +226,7 @@ impl World {
         if self.joints.clinging.contains(&[self.group[i] as u32, wall as u32]) {
             return Law::Stick;
         }
-        Law::Bounce(self.system.contacts.wall[self.group[i] * self.system.walls.len() + wall])
+        Law::Bounce(self.system.contacts.wall[self.group[i] * self.system.walls.len() + wall].restitution())
     }
 
     /// Mass of a body by its particles, and by whether it sticks to a wall.
@@ -243,7 +243,7 @@ impl World {
     /// A point of a wall at an instant.
     pub fn wall_point(&self, wall: usize, at: Instant) -> DVec3 {
         let wall = &self.system.walls[wall];
-        wall.point + wall.velocity * at.time()
+        wall.point + wall.motion.velocity() * at.time()
     }
 
     /// Particles of a body.
@@ -304,7 +304,7 @@ impl World {
             },
             Link::Wall(i, w) => Row {
                 link,
-                a: End::Fixed(self.wall_point(w, at), self.system.walls[w].velocity),
+                a: End::Fixed(self.wall_point(w, at), self.system.walls[w].motion.velocity()),
                 b: self.end(i, bodies, at),
                 shape: Shape::Along(self.system.walls[w].normal, self.radius[i]),
                 sign: 1.0,

@@ -348,12 +348,12 @@ fn a_rising_floor_carries_a_resting_body_and_does_the_work() {
     let mut scene = Scene::new(0.0);
     scene.gravity = DVec3::new(0.0, 0.0, -G);
     let floor = scene.wall([0.0; 3], [0.0, 0.0, 1.0]);
-    scene.walls[floor].velocity = DVec3::Z * 2.0;
+    scene.walls[floor].motion = (DVec3::Z * 2.0).into();
     scene.particle([0.0, 0.0, 0.1], [1.0, 0.0, 2.0], 3.0, 0.1);
     let mut simulation = scene.start();
     run(&mut simulation, 5.0);
     near("height", simulation.frame().position[0].z, 10.1, 1e-13);
-    close("work", simulation.ledger().wall_work, 3.0 * G * 10.0, 1e-13);
+    close("work", simulation.ledger().term(haff_engine::Term::WallWork), 3.0 * G * 10.0, 1e-13);
     assert!(simulation.ledger().residual.abs() < 1e-14);
 }
 

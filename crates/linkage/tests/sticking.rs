@@ -49,7 +49,12 @@ fn a_driven_sphere_carries_what_sticks_to_it() {
         near("it rides on top", (seat - DVec3::Z * 0.5).length(), 0.0, 1e-13);
         // The blow's work and the weight's: J V + m g V t.
         let work = m * approach * lift + m * G * lift * (3.0 - hit);
-        near("work", simulation.ledger().wall_work, work, 1e-13 * m * approach * approach);
+        near(
+            "work",
+            simulation.ledger().term(haff_engine::Term::WallWork),
+            work,
+            1e-13 * m * approach * approach,
+        );
         assert!(simulation.ledger().residual.abs() < 1e-14, "{:?}", simulation.ledger());
         let (impulse, _) = simulation.external_impulse();
         near("(2.25)", (impulse - DVec3::Z * (m * (lift + 2.0))).length(), 0.0, 1e-12 * m);
@@ -77,7 +82,7 @@ fn a_moving_wall_carries_what_clings_to_it() {
         let m = 1.7;
         let mut scene = falling();
         let floor = scene.wall([0.0; 3], [0.0, 0.0, 1.0]);
-        scene.walls[floor].velocity = DVec3::new(-0.3, 0.0, lift);
+        scene.walls[floor].motion = (DVec3::new(-0.3, 0.0, lift)).into();
         let ball = scene.particle([0.0, 0.0, 1.1], [0.5, 0.0, 0.0], m, 0.1);
         scene.joints.clinging.push([ball as u32, floor as u32]);
         let mut simulation = scene.start();
@@ -93,14 +98,14 @@ fn a_moving_wall_carries_what_clings_to_it() {
         let frame = simulation.frame();
         near(
             "it moves with the wall",
-            (frame.velocity[ball] - scene.walls[floor].velocity).length(),
+            (frame.velocity[ball] - scene.walls[floor].motion.velocity()).length(),
             0.0,
             0.0,
         );
         near("height", frame.position[ball].z, 0.1 + 2.0 * lift, 1e-13);
         near("along", frame.position[ball].x, 0.5 * hit - 0.3 * (2.0 - hit), 1e-13);
-        let work = m * lost.dot(scene.walls[floor].velocity) + m * G * lift * (2.0 - hit);
-        near("work", simulation.ledger().wall_work, work, 1e-12);
+        let work = m * lost.dot(scene.walls[floor].motion.velocity()) + m * G * lift * (2.0 - hit);
+        near("work", simulation.ledger().term(haff_engine::Term::WallWork), work, 1e-12);
         assert!(simulation.ledger().residual.abs() < 1e-14, "{:?}", simulation.ledger());
     }
 }
@@ -109,7 +114,7 @@ fn a_moving_wall_carries_what_clings_to_it() {
 fn spring_on_a_wall() -> (Scene, f64) {
     let mut scene = Scene::new(0.5);
     let wall = scene.wall([0.0; 3], [-1.0, 0.0, 0.0]);
-    scene.walls[wall].velocity = DVec3::X * -0.5;
+    scene.walls[wall].motion = (DVec3::X * -0.5).into();
     let a = scene.particle([-1.1, 0.0, 0.0], [1.0, 0.0, 0.0], 1.0, 0.1);
     let b = scene.particle([-3.1, 0.0, 0.0], [1.0, 0.0, 0.0], 2.0, 0.1);
     scene.spring(SpringEnd::Particle(a), SpringEnd::Particle(b), 18.0, 2.0);
@@ -176,7 +181,7 @@ fn what_is_held_must_not_stick_to_what_moves_for_good() {
     scene.joints.clinging.push([other as u32, wall as u32]);
     scene.pendulum(DVec3::ZERO, 1.0, bob, Tether::String);
     assert!(scene.try_start().is_ok(), "the wall is at rest");
-    scene.walls[wall].velocity = DVec3::X * -0.1;
+    scene.walls[wall].motion = (DVec3::X * -0.1).into();
     let error = scene.try_start().expect_err("the wall takes the bob along");
     assert!(matches!(error, LinkageError::Ends { element: "pendulum", index: 0, .. }), "{error}");
     scene.joints.pendulums.clear();
@@ -208,7 +213,7 @@ fn what_is_carried_collects_more() {
         .iter()
         .map(|(m, t)| m * lift * ((lift + G * t) + G * (4.0 - t)))
         .sum();
-    close("work", simulation.ledger().wall_work, work, 1e-13);
+    close("work", simulation.ledger().term(haff_engine::Term::WallWork), work, 1e-13);
     assert!(simulation.ledger().residual.abs() < 1e-14, "{:?}", simulation.ledger());
 }
 
@@ -244,7 +249,12 @@ fn counters_and_energies_are_those_of_the_rows() {
         assert_eq!(rows(EventKind::Rest) + rows(EventKind::Settle), counters.rests, "e = {e}");
         assert_eq!(simulation.frame().step, counters.collisions + counters.wall_collisions);
         let sum = |column: fn(&EventRecord) -> f64| log.0.iter().map(column).sum::<f64>();
-        close("losses", sum(|row| row.energy_loss), ledger.dissipated + ledger.rest, 1e-12);
+        close(
+            "losses",
+            sum(|row| row.energy_loss),
+            ledger.dissipated + ledger.term(haff_engine::Term::Rest),
+            1e-12,
+        );
         close("Carnot energies", sum(|row| row.carnot_energy), ledger.carnot, 1e-12);
         EventKind::ALL.into_iter().zip(&mut kinds).for_each(|(kind, seen)| *seen += rows(kind));
     }

@@ -1,52 +1,24 @@
 //! Samples and counters as dicts, named as in files.
 
-use haff_engine::{Counters, Sample};
+use haff_engine::{Counters, Observable, Present, Quantity, Sample, observables};
 use pyo3::{prelude::*, types::PyDict};
 
 use crate::arrays::{column, vector};
 
-/// What of a scene decides which observables make sense.
-#[derive(Debug, Clone, Copy)]
-pub struct Shown {
-    /// Whether it has springs.
-    pub springs: bool,
-    /// Whether grains may be put to rest.
-    pub rest: bool,
-}
-
-/// A row of observables. What makes no sense for the scene is left out, as in files.
-pub fn sample(py: Python<'_>, sample: Sample, shown: Shown) -> PyResult<Bound<'_, PyDict>> {
+/// A row of observables, as in files.
+pub fn sample<'py>(py: Python<'py>, sample: &Sample, present: Present) -> PyResult<Bound<'py, PyDict>> {
     let row = PyDict::new(py);
     row.set_item("time", sample.time)?;
     row.set_item("step", sample.step)?;
-    row.set_item("kinetic_energy", sample.ledger.kinetic)?;
-    row.set_item("potential_energy", sample.ledger.potential)?;
-    if shown.springs {
-        row.set_item("gravity_energy", sample.ledger.potential - sample.ledger.spring)?;
-        row.set_item("spring_energy", sample.ledger.spring)?;
+    for Observable { name, quantity, .. } in observables(&present) {
+        match quantity {
+            Quantity::Real(value) => row.set_item(name, value(sample))?,
+            Quantity::Count(value) => row.set_item(name, value(sample))?,
+            Quantity::Vector(value) => row.set_item(name, vector(py, value(sample)))?,
+            Quantity::PerSpecies(values) => row.set_item(name, column(py, values(sample).to_vec()))?,
+            Quantity::Term(term) => row.set_item(name, sample.ledger.term(term))?,
+        }
     }
-    row.set_item("dissipated_energy", sample.ledger.dissipated)?;
-    row.set_item("carnot_energy", sample.ledger.carnot)?;
-    if shown.rest {
-        row.set_item("rest_energy", sample.ledger.rest)?;
-    }
-    row.set_item("wall_work", sample.ledger.wall_work)?;
-    row.set_item("ledger_residual", sample.ledger.residual)?;
-    row.set_item("temperature", sample.temperature)?;
-    row.set_item("species_temperature", column(py, sample.species_temperature))?;
-    row.set_item("sonine_a2", sample.sonine_a2)?;
-    if let Some(pressure) = sample.pressure {
-        row.set_item("pressure", pressure)?;
-    }
-    row.set_item("momentum", vector(py, sample.momentum))?;
-    row.set_item("external_impulse", vector(py, sample.external_impulse))?;
-    if let Some(momentum) = sample.angular_momentum {
-        row.set_item("angular_momentum", vector(py, momentum))?;
-    }
-    row.set_item("collisions", sample.collisions)?;
-    row.set_item("wall_collisions", sample.wall_collisions)?;
-    row.set_item("collision_rate", sample.collision_rate)?;
-    row.set_item("mean_free_time", sample.mean_free_time)?;
     Ok(row)
 }
 

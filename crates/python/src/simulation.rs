@@ -1,6 +1,6 @@
 //! A simulation that Python advances.
 
-use haff_engine::{Boundary, Domain, EventKind, Stop, Until};
+use haff_engine::{Boundary, Domain, EventKind, Present, Stop, Until};
 use haff_linkage::Machine;
 use haff_scene::Scene;
 use numpy::{PyArray1, PyArray2};
@@ -9,8 +9,7 @@ use pyo3::{exceptions::PyValueError, prelude::*, types::PyDict};
 
 use crate::{
     arrays::{column, triples, vector, vectors},
-    errors, events,
-    observables::{self, Shown},
+    errors, events, observables,
     scenes::Source,
 };
 
@@ -34,7 +33,7 @@ pub struct Simulation {
     pool: Option<rayon::ThreadPool>,
     name: String,
     dimension: usize,
-    shown: Shown,
+    present: Present,
     domain: Domain,
     #[pyo3(get)]
     species_names: Vec<String>,
@@ -104,7 +103,7 @@ impl Simulation {
         let (dimension, domain, species_names) =
             (system.dimension.count(), system.domain, system.species.clone());
         let wall_names = system.walls.iter().map(|wall| wall.name.clone()).collect();
-        let shown = Shown { springs: !joints.springs.is_empty(), rest: system.contacts.rest_speed > 0.0 };
+        let present = Present { springs: !joints.springs.is_empty(), ..Present::of(&system) };
         let start = || Machine::new(system, joints, options);
         let machine = py
             .detach(|| match &pool {
@@ -117,7 +116,7 @@ impl Simulation {
             pool,
             name: source.name().to_owned(),
             dimension,
-            shown,
+            present,
             domain,
             species_names,
             wall_names,
@@ -167,7 +166,7 @@ impl Simulation {
 
     fn sample<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
         let sample = self.read(py, |moving| moving.machine.sample());
-        observables::sample(py, sample, self.shown)
+        observables::sample(py, &sample, self.present)
     }
 
     fn counters<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {

@@ -13,7 +13,7 @@ use std::{
 };
 
 use glam::DVec3;
-use haff_engine::{Boundary, EventColumn, EventKind, EventRecord};
+use haff_engine::{Boundary, EventColumn, EventKind, EventRecord, Present};
 use haff_record::{Header, Recorder};
 
 const BATCH: usize = 1 << 13;
@@ -104,10 +104,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
         observables: false,
         events: columns,
         compressed: !uncompressed,
-        has_pressure: true,
-        has_angular_momentum: false,
-        has_springs: false,
-        has_rest: false,
+        present: Present { springs: false, volume: true, angular_momentum: false, ..Present::all() },
     };
     // The same rows again and again: longer than deflate's window, so that it does not notice.
     let made = events(64 * BATCH);

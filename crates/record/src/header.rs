@@ -1,7 +1,7 @@
 //! What a file says about its run before anything has happened.
 
 use glam::DVec3;
-use haff_engine::{Boundary, EventColumn, System};
+use haff_engine::{Boundary, EventColumn, Present, System};
 
 /// Version of the scene schema and of the file layout that this crate writes and reads.
 pub const SCHEMA: i64 = 1;
@@ -50,14 +50,8 @@ pub struct Header {
     pub events: Vec<EventColumn>,
     /// Whether frames and the event log are compressed (shuffle and deflate).
     pub compressed: bool,
-    /// Whether samples carry a pressure: no axis is open.
-    pub has_pressure: bool,
-    /// Whether samples carry the angular momentum: no axis is periodic.
-    pub has_angular_momentum: bool,
-    /// Whether samples tell the energies of gravity and of springs apart: there are springs.
-    pub has_springs: bool,
-    /// Whether samples carry the energy that putting grains to rest has taken.
-    pub has_rest: bool,
+    /// What the scene has, on which its observables depend.
+    pub present: Present,
 }
 
 impl Header {
@@ -99,10 +93,7 @@ impl Header {
             observables: true,
             events: Vec::new(),
             compressed: true,
-            has_pressure: !boundary[..axes].contains(&Boundary::Open),
-            has_angular_momentum: !boundary[..axes].contains(&Boundary::Periodic),
-            has_springs: false,
-            has_rest: system.contacts.rest_speed > 0.0,
+            present: Present::of(system),
         }
     }
 }

@@ -3,7 +3,7 @@
 use std::path::Path;
 
 use glam::DVec3;
-use haff_engine::{Checkpoint, Counters, Ledger, Sample};
+use haff_engine::{Checkpoint, Counters, Ledger, Sample, Term};
 use hdf5::{Dataset, Group, H5Type, types::VarLenUnicode};
 
 use crate::{
@@ -351,6 +351,12 @@ fn read_sample(file: &Group, observables: &Observables, row: usize) -> hdf5::Res
         let series = crate::series::Series::open(&group, &format!("{name}/value"))?;
         Ok(series.read::<i64>(row, row + 1)?.first().map_or(0, |&count| count as u64))
     };
+    let mut terms = [0.0; Term::ALL.len()];
+    for term in Term::ALL {
+        if group.link_exists(term.name()) {
+            terms[term as usize] = real(term.name())?;
+        }
+    }
     let vector = |name: &str| -> hdf5::Result<Option<DVec3>> { Ok(vectors(&read(name)?).first().copied()) };
     Ok(Sample {
         time: observables.clock.time.read::<f64>(row, row + 1)?[0],
@@ -361,8 +367,7 @@ fn read_sample(file: &Group, observables: &Observables, row: usize) -> hdf5::Res
             spring: real("spring_energy")?,
             dissipated: real("dissipated_energy")?,
             carnot: real("carnot_energy")?,
-            wall_work: real("wall_work")?,
-            rest: if group.link_exists("rest_energy") { real("rest_energy")? } else { 0.0 },
+            terms,
             residual: real("ledger_residual")?,
         },
         temperature: real("temperature")?,

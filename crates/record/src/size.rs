@@ -1,11 +1,8 @@
 //! How large a file will be.
 
-use haff_engine::EventColumn;
+use haff_engine::{EventColumn, Present, observables};
 
-use crate::{
-    events::EVENT_CHUNK,
-    skeleton::{QUANTITIES, Quantity, frame_storage},
-};
+use crate::{events::EVENT_CHUNK, skeleton::frame_storage};
 
 /// What a run is going to record.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
@@ -57,12 +54,9 @@ pub fn estimate_file_size(size: &FileSize) -> u64 {
     let vectors = if compressed { 2.0 * dimension as f64 * PACKED + 3.0 } else { 24.0 + 24.0 + 12.0 };
     let per_frame = 8 + 8 + 24;
     let per_sample = 16
-        + QUANTITIES
+        + observables(&Present::all())
             .iter()
-            .map(|(_, quantity)| match quantity {
-                Quantity::Real(_) | Quantity::Count(_) | Quantity::PerSpecies => 8,
-                Quantity::Vector(_) => 24,
-            })
+            .map(|observable| 8 * observable.quantity.width(1).unwrap_or(1) as u64)
             .sum::<u64>();
     let event: f64 = size.columns.iter().map(|&column| event_row(column, size)).sum();
     // Uncompressed chunks are whole.

@@ -2,8 +2,7 @@
 
 use std::str::FromStr;
 
-use glam::DVec3;
-use haff_engine::{Boundary, Sample};
+use haff_engine::{Boundary, Observable, Present, Quantity, observables};
 use hdf5::{
     Group, H5Type,
     types::{FixedAscii, VarLenUnicode},
@@ -28,52 +27,6 @@ pub(crate) fn frame_storage(particles: usize, compressed: bool) -> Storage {
     let rows = particles.div_ceil(particles.div_ceil(FRAME_BLOCK).max(1)).max(1);
     Storage { chunk: vec![frames, rows, 3], compressed: compressed && frames == 1 }
 }
-
-/// A quantity of the samples.
-#[derive(Debug, Clone, Copy)]
-pub(crate) enum Quantity {
-    Real(fn(&Sample) -> f64),
-    Count(fn(&Sample) -> u64),
-    Vector(fn(&Sample) -> DVec3),
-    PerSpecies,
-}
-
-impl Quantity {
-    /// Shape of a row, for a number of species.
-    fn width(self, species: &[usize; 1]) -> &[usize] {
-        match self {
-            Self::Real(_) | Self::Count(_) => &[],
-            Self::Vector(_) => &[3],
-            Self::PerSpecies => species,
-        }
-    }
-}
-
-const NAN: DVec3 = DVec3::NAN;
-
-/// Names and values of all observables, in the order of the file.
-pub(crate) const QUANTITIES: [(&str, Quantity); 20] = [
-    ("kinetic_energy", Quantity::Real(|s| s.ledger.kinetic)),
-    ("potential_energy", Quantity::Real(|s| s.ledger.potential)),
-    ("gravity_energy", Quantity::Real(|s| s.ledger.potential - s.ledger.spring)),
-    ("spring_energy", Quantity::Real(|s| s.ledger.spring)),
-    ("dissipated_energy", Quantity::Real(|s| s.ledger.dissipated)),
-    ("carnot_energy", Quantity::Real(|s| s.ledger.carnot)),
-    ("wall_work", Quantity::Real(|s| s.ledger.wall_work)),
-    ("rest_energy", Quantity::Real(|s| s.ledger.rest)),
-    ("ledger_residual", Quantity::Real(|s| s.ledger.residual)),
-    ("temperature", Quantity::Real(|s| s.temperature)),
-    ("species_temperature", Quantity::PerSpecies),
-    ("sonine_a2", Quantity::Real(|s| s.sonine_a2)),
-    ("pressure", Quantity::Real(|s| s.pressure.unwrap_or(f64::NAN))),
-    ("momentum", Quantity::Vector(|s| s.momentum)),
-    ("external_impulse", Quantity::Vector(|s| s.external_impulse)),
-    ("angular_momentum", Quantity::Vector(|s| s.angular_momentum.unwrap_or(NAN))),
-    ("collisions", Quantity::Count(|s| s.collisions)),
-    ("wall_collisions", Quantity::Count(|s| s.wall_collisions)),
-    ("collision_rate", Quantity::Real(|s| s.collision_rate)),
-    ("mean_free_time", Quantity::Real(|s| s.mean_free_time)),
-];
 
 /// `step` and `time`, shared by all elements sampled together.
 #[derive(Debug)]
@@ -186,21 +139,16 @@ impl Observables {
         let group = root.create_group("observables")?;
         let mut clock = None;
         let mut series = Vec::new();
-        for (name, quantity) in QUANTITIES {
-            let wanted = match name {
-                "pressure" => header.has_pressure,
-                "gravity_energy" | "spring_energy" => header.has_springs,
-                "angular_momentum" => header.has_angular_momentum,
-                "rest_energy" => header.has_rest,
-                "species_temperature" => !header.species_names.is_empty(),
-                _ => true,
-            };
-            if !wanted {
-                continue;
-            }
+        for observable in observables(&header.present) {
+            let Observable { name, unit, quantity, .. } = observable;
             let element = group.create_group(name)?;
-            let species = [header.species_names.len()];
-            let width = quantity.width(&species);
+            write_text_attribute(&element, "unit", unit)?;
+            if let Quantity::Term(term) = quantity {
+                write_text_attribute(&element, "label", term.label())?;
+                element.new_attr::<f64>().create("balance")?.write_scalar(&term.sign())?;
+            }
+            let width = quantity.width(header.species_names.len());
+            let width = width.as_slice();
             let storage = Storage::plain(SERIES_CHUNK.div_ceil(width.iter().product()), width);
             series.push((
                 match quantity {
@@ -224,13 +172,17 @@ impl Observables {
     fn open(root: &Group, species: usize) -> hdf5::Result<Self> {
         let group = root.group("observables")?;
         let mut series = Vec::new();
-        for (name, quantity) in QUANTITIES {
+        let mut clock = None;
+        for Observable { name, quantity, .. } in observables(&Present::all()) {
             if group.link_exists(name) {
-                let width = quantity.width(&[species]).to_vec();
-                series.push((Series::open(&group, &format!("{name}/value"))?.expect(&width)?, quantity));
+                let width = quantity.width(species);
+                let values = Series::open(&group, &format!("{name}/value"))?.expect(width.as_slice())?;
+                series.push((values, quantity));
+                clock.get_or_insert(name);
             }
         }
-        Ok(Self { series, clock: Clock::open(&group.group(QUANTITIES[0].0)?)? })
+        let Some(first) = clock else { return Err("no observables".into()) };
+        Ok(Self { series, clock: Clock::open(&group.group(first)?)? })
     }
 
     /// Number of samples that are whole.

@@ -6,7 +6,7 @@ use std::{
 };
 
 use glam::DVec3;
-use haff_engine::{Checkpoint, EventRecord, Frame, Sample};
+use haff_engine::{Checkpoint, EventRecord, Frame, Quantity, Sample};
 
 use crate::{
     checkpoint::{Progress, Saved},
@@ -15,7 +15,7 @@ use crate::{
     file::WritableFile,
     pack::Packer,
     queue::{Consumer, Message},
-    skeleton::{Observables, Quantity, Skeleton, text},
+    skeleton::{Observables, Skeleton, text},
 };
 
 /// Time between flushes when no checkpoint asks for one.
@@ -211,18 +211,12 @@ impl Writer {
         let samples = std::mem::take(&mut self.samples);
         let Some(Observables { series, .. }) = &mut self.skeleton.observables else { return Ok(()) };
         for (series, quantity) in series {
-            let reals = |value: fn(&Sample) -> f64| -> Vec<f64> { samples.iter().map(value).collect() };
-            match *quantity {
-                Quantity::Real(value) => series.append(&reals(value)),
-                Quantity::Count(value) => {
-                    series.append(&samples.iter().map(|sample| value(sample) as i64).collect::<Vec<_>>())
-                }
-                Quantity::Vector(value) => series
-                    .append(&samples.iter().flat_map(|sample| value(sample).to_array()).collect::<Vec<_>>()),
-                Quantity::PerSpecies => {
-                    let values = samples.iter().flat_map(|sample| &sample.species_temperature);
-                    series.append(&values.copied().collect::<Vec<f64>>())
-                }
+            if let Quantity::Count(value) = *quantity {
+                series.append(&samples.iter().map(|sample| value(sample) as i64).collect::<Vec<_>>())
+            } else {
+                let mut numbers = Vec::new();
+                samples.iter().for_each(|sample| quantity.append(sample, &mut numbers));
+                series.append(&numbers)
             }
             .doing(self.file.path(), WRITE)?;
         }

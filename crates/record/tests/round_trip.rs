@@ -5,7 +5,7 @@ mod common;
 use std::fs;
 
 use common::{checkpoint, event, events, frame, header, sample};
-use haff_engine::{EventColumn, EventKind, EventRecord};
+use haff_engine::{EventColumn, EventKind, EventRecord, Term};
 use haff_record::{EVENT_CHUNK, Header, RecordError, Recorder, info, last_state};
 use hdf5::{File, H5Type, filters::Filter};
 use tempfile::TempDir;
@@ -81,8 +81,8 @@ fn check(path: &std::path::Path, particles: usize, frames: u64, samples: u64, ev
         ("potential_energy", reals(|s| s.ledger.potential)),
         ("dissipated_energy", reals(|s| s.ledger.dissipated)),
         ("carnot_energy", reals(|s| s.ledger.carnot)),
-        ("wall_work", reals(|s| s.ledger.wall_work)),
-        ("rest_energy", reals(|s| s.ledger.rest)),
+        ("wall_work", reals(|s| s.ledger.term(Term::WallWork))),
+        ("rest_energy", reals(|s| s.ledger.term(Term::Rest))),
         ("ledger_residual", reals(|s| s.ledger.residual)),
         ("temperature", reals(|s| s.temperature)),
         ("sonine_a2", reals(|s| s.sonine_a2)),

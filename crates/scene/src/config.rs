@@ -48,6 +48,8 @@ pub struct SceneConfig {
     pub particle: Option<Vec<ParticleConfig>>,
     /// Plane walls beside those of `domain.boundary`.
     pub wall: Option<Vec<WallConfig>>,
+    /// What gives energy to the particles, or takes it, at stated times.
+    pub drive: Option<Vec<DriveConfig>>,
     /// Particles that hang on strings or rods from fixed points.
     pub pendulum: Option<Vec<PendulumConfig>>,
     /// Springs between particles, or between a particle and a point.
@@ -320,6 +322,42 @@ pub struct PlaneConfig {
     /// periodic axes must be exactly 0, so that the plane repeats with the box.
     #[schemars(required, length(min = 2, max = 3))]
     pub normal: Option<Vec<f64>>,
+}
+
+/// A drive of the particles.
+#[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields, default)]
+pub struct DriveConfig {
+    /// What it does.
+    #[schemars(required)]
+    pub kind: Option<DriveKindConfig>,
+    /// Temperature that it drives to [energy].
+    #[schemars(range(min = 0.0))]
+    pub temperature: Option<f64>,
+    /// Time between actions \[time\].
+    #[schemars(extend("exclusiveMinimum" = 0))]
+    pub interval: Option<f64>,
+    /// Names of the species that it acts on; default all. Bodies of infinite mass are never driven.
+    #[schemars(length(min = 1))]
+    pub species: Option<Vec<String>>,
+}
+
+/// What a drive does.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum DriveKindConfig {
+    /// Every `interval` all velocities relative to the center of mass are multiplied by one factor, such that the granular
+    /// temperature is `temperature`.
+    Rescale,
+}
+
+impl DriveKindConfig {
+    /// The name in scenes.
+    pub(crate) fn name(self) -> &'static str {
+        match self {
+            Self::Rescale => "rescale",
+        }
+    }
 }
 
 /// Choices of machinery; none of them changes the trajectory.

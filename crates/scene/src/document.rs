@@ -9,7 +9,7 @@ use std::collections::{HashMap, HashSet};
 use serde::de::DeserializeOwned;
 use toml::de::{DeTable, DeValue};
 
-use crate::config::{PairConfig, ParticleConfig, SceneConfig, SpeciesConfig, WallConfig};
+use crate::config::{DriveConfig, PairConfig, ParticleConfig, SceneConfig, SpeciesConfig, WallConfig};
 use crate::error::{Place, SceneError, SceneErrors};
 use crate::joints::{PendulumConfig, RodConfig, SpringConfig};
 use crate::read::{Reading, Unknown, read};
@@ -22,8 +22,16 @@ const MAX_DEPTH: usize = 16;
 
 /// Arrays of any length, each element of which is read by itself, so that one which does not fit costs no
 /// other a second reading.
-const LISTS: [&[&str]; 7] =
-    [&["species"], &["particle"], &["wall"], &["pendulum"], &["spring"], &["rod"], &["contact", "pair"]];
+const LISTS: [&[&str]; 8] = [
+    &["species"],
+    &["particle"],
+    &["wall"],
+    &["pendulum"],
+    &["spring"],
+    &["rod"],
+    &["contact", "pair"],
+    &["drive"],
+];
 
 /// Values, where they come from, and the errors found so far.
 pub(crate) struct Document {
@@ -200,6 +208,7 @@ impl Document {
         config.pendulum = self.list::<PendulumConfig>(LISTS[3]).or(config.pendulum);
         config.spring = self.list::<SpringConfig>(LISTS[4]).or(config.spring);
         config.rod = self.list::<RodConfig>(LISTS[5]).or(config.rod);
+        config.drive = self.list::<DriveConfig>(LISTS[7]).or(config.drive);
         if let Some(pairs) = self.list::<PairConfig>(LISTS[6]) {
             config.contact.get_or_insert_default().pair = Some(pairs);
         }

@@ -132,7 +132,7 @@ fn restitution_goes_by_precedence() {
     assert_eq!(names, ["x-", "x+", "y-", "y+", "floor"]);
     let [grain, ball] = [0, 1];
     let pair = |i: usize, j: usize| system.contacts.pair[2 * i + j];
-    let wall = |i: usize, w: usize| system.contacts.wall[5 * i + w];
+    let wall = |i: usize, w: usize| system.contacts.wall[5 * i + w].restitution();
     let e = Restitution::Constant;
     assert_eq!((pair(grain, grain), pair(ball, ball)), (e(0.9), e(0.9)));
     assert_eq!(

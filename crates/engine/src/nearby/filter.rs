@@ -260,6 +260,8 @@ mod tests {
             species: 0,
         };
         let system = System {
+            drives: Vec::new(),
+            seed: 0,
             dimension: crate::model::Dimension::Three,
             domain: crate::model::Domain {
                 size: DVec3::splat(EDGE),

@@ -25,7 +25,7 @@ pub(crate) fn is_one_of_many(world: &World, pair: [u32; 2], time: i64) -> bool {
 /// completed in closed form.
 pub(crate) fn is_among_grains(world: &World, i: u32, wall: u32, speed: f64, pull: f64, time: i64) -> bool {
     let Some(thresholds) = &world.thresholds else { return false };
-    let moves = world.walls[wall as usize].velocity != DVec3::ZERO;
+    let moves = world.walls[wall as usize].motion.is_moving();
     let jostled =
         world.particles[i as usize].is_jostled() && world.age(i, time) * pull < 2.0 * speed * UNDISTURBED;
     is_soon(world, thresholds, i, time) && (moves || jostled)

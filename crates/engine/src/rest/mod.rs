@@ -26,7 +26,7 @@ mod jam;
 mod standing;
 
 pub(crate) use contact::{is_among_grains, is_one_of_many, parting, push_apart, strike, wake};
-pub(crate) use standing::{census, contacts_of_held};
+pub(crate) use standing::{SettlingScan, contacts_of_held, scan};
 
 use glam::DVec3;
 
@@ -149,7 +149,7 @@ fn normals(world: &World, gap: f64, i: u32, near: impl Iterator<Item = u32>) -> 
         .collect();
     let radius = world.body(i).radius;
     for (wall, plane) in world.walls.iter().enumerate() {
-        if plane.velocity == DVec3::ZERO
+        if !plane.motion.is_moving()
             && world.wall_approach(wall as u32, radius, position, DVec3::ZERO, world.now).0 <= gap
         {
             normals.push(plane.normal);

@@ -5,16 +5,38 @@ use haff_neighbors::Geometry;
 
 use crate::{
     clock::whole,
+    error::EngineError,
     grid::{Slabs, levels, meet, place},
+    ledger::Term,
     particles::World,
     report::{EventKind, EventRecord, NOBODY, Observer},
     resolve,
     rest::{Thresholds, events, is_fixed, jam::unwedge, stands},
     state::State,
+    timed::TimedAction,
 };
 
-/// Puts to rest who stands and is slow, if the census that is due now is worth it; who has been.
-pub(crate) fn census(
+/// The settling scan at regular times.
+pub(crate) struct SettlingScan;
+
+impl TimedAction for SettlingScan {
+    fn next(&self, state: &State) -> i64 {
+        state.heap.next
+    }
+
+    fn apply(
+        &mut self,
+        state: &mut State,
+        geometry: &Geometry,
+        observer: &mut dyn Observer,
+    ) -> Result<Vec<u32>, EngineError> {
+        Ok(scan(state, geometry, false, observer))
+    }
+}
+
+/// Puts the grains to rest that are slow and supported, if a settling scan is worth it now; resolves a jam before. Returns the
+/// particles that it has changed.
+pub(crate) fn scan(
     state: &mut State,
     geometry: &Geometry,
     is_jammed: bool,
@@ -186,7 +208,7 @@ pub(super) fn book(
     observer: &mut dyn Observer,
 ) {
     let State { world, book, .. } = state;
-    book.rest.add(energy);
+    book.add_energy(Term::Rest, world.clock.time(world.now), energy);
     book.carnot.add(carnot_energy);
     book.add_impulse(-momentum);
     book.counters.rests += 1;
@@ -194,7 +216,7 @@ pub(super) fn book(
         let (position, _) = world.state(i, world.now);
         let body = world.body(i);
         let wall = world.walls.iter().enumerate().position(|(wall, plane)| {
-            plane.velocity == DVec3::ZERO
+            !plane.motion.is_moving()
                 && world.wall_approach(wall as u32, body.radius, position, DVec3::ZERO, world.now).0
                     <= thresholds.gap
         });

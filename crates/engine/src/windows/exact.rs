@@ -1,7 +1,7 @@
 //! The exact prediction of one pair: the same bits as [`crate::predict`] has for it.
 
 use glam::DVec3;
-use haff_mechanics::{is_rounding_noise, time_to_plane};
+use haff_mechanics::is_rounding_noise;
 
 use crate::{
     clock::{LONGEST, whole},
@@ -67,9 +67,8 @@ pub(super) fn wall_contact<F: Features>(
     radius: f64,
     wall: u32,
 ) -> Option<i64> {
-    let (distance, speed) = world.wall_approach(wall, radius, anchor.position, anchor.velocity, anchor.time);
-    let pull = if F::GRAVITY { world.gravity.dot(world.walls[wall as usize].normal) } else { 0.0 };
-    let ticks = time_to_plane(distance, speed, pull)? * world.clock.per_time;
+    let acceleration = if F::GRAVITY { world.gravity } else { DVec3::ZERO };
+    let ticks = world.wall_contact(anchor, radius, acceleration, wall)?;
     (ticks <= LONGEST).then(|| anchor.time + whole(ticks))
 }
 

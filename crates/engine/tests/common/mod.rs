@@ -43,13 +43,20 @@ pub fn system(dimension: Dimension, size: DVec3, boundary: [Boundary; 3]) -> Sys
     for (axis, name) in ["x", "y", "z"].into_iter().enumerate() {
         if boundary[axis] == Boundary::Wall {
             let unit = DVec3::AXES[axis];
-            let wall = |name: String, point, normal| Wall { name, point, normal, velocity: DVec3::ZERO };
+            let wall = |name: String, point, normal| Wall {
+                name,
+                point,
+                normal,
+                motion: haff_engine::WallMotion::Fixed,
+            };
             walls.push(wall(format!("{name}-"), DVec3::ZERO, unit));
             walls.push(wall(format!("{name}+"), unit * size, -unit));
         }
     }
     let wall_rules = vec![Restitution::Constant(1.0); walls.len()];
     System {
+        drives: Vec::new(),
+        seed: 0,
         dimension,
         domain: Domain { size, boundary, gravity: DVec3::ZERO },
         bodies: Vec::new(),
@@ -59,7 +66,7 @@ pub fn system(dimension: Dimension, size: DVec3, boundary: [Boundary; 3]) -> Sys
         walls,
         contacts: Contacts {
             pair: vec![Restitution::Constant(1.0)],
-            wall: wall_rules,
+            wall: wall_rules.into_iter().map(haff_engine::WallLaw::from).collect(),
             tc: 0.0,
             rest_speed: 0.0,
         },
@@ -69,7 +76,7 @@ pub fn system(dimension: Dimension, size: DVec3, boundary: [Boundary; 3]) -> Sys
 /// Sets one constant restitution for everything.
 pub fn set_restitution(system: &mut System, e: f64) {
     system.contacts.pair.fill(Restitution::Constant(e));
-    system.contacts.wall.fill(Restitution::Constant(e));
+    system.contacts.wall.fill((Restitution::Constant(e)).into());
 }
 
 /// Adds a class and returns its index.
@@ -85,13 +92,26 @@ pub fn add(system: &mut System, class: u32, position: DVec3, velocity: DVec3) {
 
 /// Adds `count` particles at random places where they touch nothing, with normal velocities.
 pub fn scatter(system: &mut System, class: u32, count: usize, speed: f64, random: &mut Random) {
+    assert!(scatter_within_room(system, class, count, speed, random), "no room");
+}
+
+/// [`scatter`], with fewer particles and `false` where walls leave no room.
+pub fn scatter_within_room(
+    system: &mut System,
+    class: u32,
+    count: usize,
+    speed: f64,
+    random: &mut Random,
+) -> bool {
     let radius = system.classes[class as usize].radius;
     let flat = system.dimension == Dimension::Two;
     let mut tries = 0;
     let mut placed = 0;
     while placed < count {
         tries += 1;
-        assert!(tries < 2_000_000, "no room");
+        if tries >= 2_000_000 {
+            return false;
+        }
         let mut position = DVec3::from_array([0, 1, 2].map(|axis| {
             let (low, high) = match system.domain.boundary[axis] {
                 Boundary::Periodic => (0.0, system.domain.size[axis]),
@@ -118,6 +138,7 @@ pub fn scatter(system: &mut System, class: u32, count: usize, speed: f64, random
             placed += 1;
         }
     }
+    true
 }
 
 /// A periodic gas of equal spheres on a simple cubic lattice with random velocities.

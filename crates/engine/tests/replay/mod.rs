@@ -119,7 +119,7 @@ pub fn check(system: &System, rows: &[EventRecord], last: &Frame, epochs: u64) -
             EventKind::Wall => {
                 let wall = &system.walls[row.j as usize];
                 fliers[i].fly(system, mass(i), row.time);
-                let speed = fliers[i].velocity.length() + wall.velocity.length();
+                let speed = fliers[i].velocity.length() + wall.motion.velocity().length();
                 fliers[i].slid_on = fliers[i].support.clone();
                 fliers[i].kick(system, change * (-1.0 / mass(i)), speed);
             }

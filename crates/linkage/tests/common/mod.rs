@@ -43,7 +43,7 @@ impl Scene {
             name: format!("wall {}", self.walls.len()),
             point: DVec3::from_array(point),
             normal: DVec3::from_array(normal).normalize(),
-            velocity: DVec3::ZERO,
+            motion: haff_engine::WallMotion::Fixed,
         });
         self.walls.len() - 1
     }
@@ -71,6 +71,8 @@ impl Scene {
             pair[j * n + i] = Restitution::Constant(e);
         }
         let system = System {
+            drives: Vec::new(),
+            seed: 0,
             dimension: Dimension::Three,
             domain: Domain { size: DVec3::ONE, boundary: [Boundary::Open; 3], gravity: self.gravity },
             bodies: (0..n)
@@ -90,7 +92,7 @@ impl Scene {
             walls: self.walls.clone(),
             contacts: Contacts {
                 pair,
-                wall: vec![Restitution::Constant(self.wall_restitution); n * self.walls.len()],
+                wall: vec![(Restitution::Constant(self.wall_restitution)).into(); n * self.walls.len()],
                 tc: 0.0,
                 rest_speed: 0.0,
             },

@@ -2,7 +2,9 @@
 #![allow(dead_code, missing_docs, reason = "each test file uses a part of it")]
 
 use glam::DVec3;
-use haff_engine::{Boundary, Checkpoint, EventColumn, EventKind, EventRecord, Frame, Ledger, Sample};
+use haff_engine::{
+    Boundary, Checkpoint, EventColumn, EventKind, EventRecord, Frame, Ledger, Present, Sample, Term,
+};
 use haff_record::Header;
 
 /// A number in [0, 1) with a full mantissa.
@@ -40,10 +42,7 @@ pub fn header(particles: usize) -> Header {
         observables: true,
         events: EventColumn::ALL.to_vec(),
         compressed: true,
-        has_pressure: false,
-        has_angular_momentum: false,
-        has_springs: false,
-        has_rest: true,
+        present: Present { springs: false, volume: false, angular_momentum: false, ..Present::all() },
     }
 }
 
@@ -69,8 +68,7 @@ pub fn sample(k: u64) -> Sample {
             spring: f64::NAN,
             dissipated: x(3),
             carnot: x(4),
-            wall_work: x(5),
-            rest: x(21),
+            terms: Term::ALL.map(|term| x(if term == Term::WallWork { 5 } else { 21 })),
             residual: x(6),
         },
         temperature: x(7),

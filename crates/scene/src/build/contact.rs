@@ -2,7 +2,7 @@
 
 use std::collections::{BTreeMap, HashMap, HashSet};
 
-use haff_engine::{Boundary, Contacts, Wall};
+use haff_engine::{Boundary, Contacts, Wall, WallLaw};
 use haff_mechanics::Restitution;
 
 use super::Builder;
@@ -146,7 +146,12 @@ impl Builder<'_> {
             if plane.normal.is_some() && self.document.count() == errors {
                 self.check_normal(&item("wall", k, "plane.normal"), normal, domain);
             }
-            walls.push(Wall { name: config.name.clone().unwrap_or_default(), point, normal, velocity });
+            walls.push(Wall {
+                name: config.name.clone().unwrap_or_default(),
+                point,
+                normal,
+                motion: velocity.into(),
+            });
         }
         walls
     }
@@ -281,6 +286,7 @@ impl Builder<'_> {
         }
         self.clinging.retain(|entry| !ruled.contains(entry));
         self.clinging.extend(clinging);
+        let wall = wall.into_iter().map(WallLaw::from).collect();
         Contacts { pair, wall, tc, rest_speed: self.rest_speed() }
     }
 

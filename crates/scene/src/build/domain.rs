@@ -1,7 +1,7 @@
 //! The box, its faces and gravity.
 
 use glam::DVec3;
-use haff_engine::{Boundary, Dimension, Domain, Wall};
+use haff_engine::{Boundary, Dimension, Domain, Wall, WallMotion};
 
 use super::Builder;
 use super::particles::{Rows, SpeciesPlan};
@@ -57,7 +57,7 @@ impl DomainPlan {
             let normal = DVec3::AXES[axis];
             let upper = normal * domain.size[axis];
             for (name, point, normal) in [(&pair[0], DVec3::ZERO, normal), (&pair[1], upper, -normal)] {
-                walls.push(Wall { name: name.clone(), point, normal, velocity: DVec3::ZERO });
+                walls.push(Wall { name: name.clone(), point, normal, motion: WallMotion::Fixed });
             }
         }
         walls.extend(extra);

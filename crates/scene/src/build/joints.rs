@@ -17,7 +17,7 @@ const AGREES: f64 = 1e-9;
 
 impl Builder<'_> {
     /// Whether the scene has anything that the plain engine does not know.
-    fn has_joints(&self) -> bool {
+    pub(super) fn has_joints(&self) -> bool {
         let config = &self.config;
         config.pendulum.is_some()
             || config.spring.is_some()

@@ -5,6 +5,7 @@
 
 mod contact;
 mod domain;
+mod drive;
 mod joints;
 mod particles;
 mod placement;
@@ -141,6 +142,7 @@ impl Builder<'_> {
             domain.wall_names().into_iter().chain(extra_walls.iter().map(|wall| wall.name.clone())).collect();
         self.check_names(&names, &wall_names);
         let contacts = self.contacts(&names, &wall_names);
+        let drives = self.drives(&names);
         let initial = self.initial(species.len());
         self.run_shape();
         self.output_shape();
@@ -173,6 +175,8 @@ impl Builder<'_> {
             species: names.all.clone(),
             walls,
             contacts,
+            drives,
+            seed: self.seed,
         };
         let first = rows.species;
         let joints = self.joints(first, &|row| system.bodies[row].position);

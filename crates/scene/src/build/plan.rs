@@ -1,7 +1,6 @@
 //! How long to run and what to record.
 
 use haff_engine::{Boundary, Dimension, EventColumn, System};
-use haff_mechanics::Restitution;
 use std::f64::consts::PI;
 use std::path::PathBuf;
 
@@ -146,8 +145,7 @@ impl Builder<'_> {
 
     pub(super) fn output_plan(&mut self, system: &System, run: &RunPlan, rate: f64) -> OutputPlan {
         let n = system.bodies.len() as f64;
-        let elastic = |rules: &[Restitution]| rules.iter().all(|rule| *rule == Restitution::Constant(1.0));
-        let steady = elastic(&system.contacts.pair) && elastic(&system.contacts.wall) && rate > 0.0;
+        let steady = system.contacts.are_elastic() && system.drives.is_empty() && rate > 0.0;
         // The run's length in simulated time, where it can be told beforehand.
         let length = run.until.or_else(|| {
             let collisions = run.collisions.filter(|_| steady)?;

@@ -1,0 +1,90 @@
+/*!
+Drives: what gives energy to the particles, or takes it, at stated times.
+
+A new drive is one more variant of [`DriveKind`] and a [`TimedAction`] in a file of its own.
+*/
+
+mod rescale;
+
+use glam::DVec3;
+
+use crate::{
+    error::EngineError, ledger::Term, model::System, report::Observer, resolve, state::State,
+    timed::TimedAction,
+};
+use rescale::Rescale;
+
+/// A drive of some species.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Drive {
+    /// What it does.
+    pub kind: DriveKind,
+    /// Species that it acts on, as indices into [`System::species`]; bodies of infinite mass never are.
+    pub species: Vec<u32>,
+}
+
+/// What a drive does.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum DriveKind {
+    /// Every `interval` \[time\] all velocities relative to the center of mass are multiplied by one factor, such that the
+    /// temperature is this one \[energy\].
+    Rescale {
+        /// Temperature after each action \[energy\].
+        temperature: f64,
+        /// Time between actions \[time\].
+        interval: f64,
+    },
+}
+
+/// The actions of all drives of a system, which still has its bodies.
+pub(crate) fn actions(system: &System) -> Vec<Box<dyn TimedAction>> {
+    let action = |(index, drive): (usize, &Drive)| -> Box<dyn TimedAction> {
+        let driven = Driven::new(system, drive);
+        match drive.kind {
+            DriveKind::Rescale { temperature, interval } => {
+                Box::new(Rescale::new(index, driven, temperature, interval))
+            }
+        }
+    };
+    system.drives.iter().enumerate().map(action).collect()
+}
+
+/// The particles that a drive acts on.
+#[derive(Debug)]
+struct Driven {
+    particles: Vec<u32>,
+    dimension: usize,
+}
+
+impl Driven {
+    fn new(system: &System, drive: &Drive) -> Self {
+        let is_driven = |&i: &u32| {
+            let body = &system.bodies[i as usize];
+            drive.species.contains(&body.species) && system.classes[body.class as usize].mass.is_finite()
+        };
+        let particles = (0..system.bodies.len() as u32).filter(is_driven).collect();
+        Self { particles, dimension: system.dimension.count() }
+    }
+}
+
+/// Gives particle i another velocity at the present, and books the work and the impulse.
+fn kick(state: &mut State, i: u32, velocity: DVec3, observer: &mut dyn Observer) -> Result<(), EngineError> {
+    let now = state.world.now;
+    if observer.wants_events() {
+        resolve::end_of_bounces_early::<true>(state, i, now, observer);
+    } else {
+        resolve::end_of_bounces_early::<false>(state, i, now, observer);
+    }
+    let time = state.world.clock.time(now);
+    if !velocity.is_finite() {
+        return Err(EngineError::Overflow { time, i, velocity: velocity.to_array() });
+    }
+    let (position, before) = state.world.state(i, now);
+    let mass = state.world.class(i).mass;
+    state.world.particles[i as usize].set_anchor(position, velocity, now);
+    let change = velocity - before;
+    state.book.add_energy(Term::DriveWork, time, 0.5 * mass * change.dot(velocity + before));
+    state.book.add_impulse(change * mass);
+    resolve::keep_support(state, i, now);
+    Ok(())
+}

@@ -1,0 +1,75 @@
+//! Rescaling of velocities to a temperature at regular times.
+
+use glam::DVec3;
+use haff_neighbors::Geometry;
+
+use super::{Driven, kick};
+use crate::{error::EngineError, measure::total, report::Observer, state::State, timed::TimedAction};
+
+#[derive(Debug)]
+pub(super) struct Rescale {
+    name: String,
+    driven: Driven,
+    temperature: f64,
+    interval: f64,
+    /// Actions so far.
+    done: u64,
+}
+
+impl Rescale {
+    pub fn new(index: usize, driven: Driven, temperature: f64, interval: f64) -> Self {
+        Self { name: format!("drive.{index}.done"), driven, temperature, interval, done: 0 }
+    }
+}
+
+impl TimedAction for Rescale {
+    fn next(&self, state: &State) -> i64 {
+        state.world.clock.ticks((self.done + 1) as f64 * self.interval)
+    }
+
+    fn apply(
+        &mut self,
+        state: &mut State,
+        _geometry: &Geometry,
+        observer: &mut dyn Observer,
+    ) -> Result<Vec<u32>, EngineError> {
+        self.done += 1;
+        let world = &state.world;
+        let particles = &self.driven.particles;
+        let velocity = |k: u32| world.state(particles[k as usize], world.now).1;
+        let mass = |k: u32| world.class(particles[k as usize]).mass;
+        let [m, px, py, pz] = total(particles.len(), |k| {
+            let p = mass(k) * velocity(k);
+            [mass(k), p.x, p.y, p.z]
+        });
+        let drift = DVec3::new(px, py, pz) / m;
+        let [twice_thermal] = total(particles.len(), |k| [mass(k) * (velocity(k) - drift).length_squared()]);
+        let wanted = (self.driven.dimension * particles.len()) as f64 * self.temperature;
+        let factor = (wanted / twice_thermal).sqrt();
+        // Particles without motion have no directions in which to move.
+        if !(factor.is_finite() && twice_thermal > 0.0) {
+            return Ok(Vec::new());
+        }
+        for &i in particles {
+            let velocity = state.world.state(i, state.world.now).1;
+            kick(state, i, drift + (velocity - drift) * factor, observer)?;
+        }
+        Ok(particles.clone())
+    }
+
+    fn save(&self, put: &mut dyn FnMut(&str, u64)) {
+        put(&self.name, self.done);
+    }
+
+    fn load(&mut self, take: &mut dyn FnMut(&str) -> u64, time: f64) -> Result<(), EngineError> {
+        self.done = take(&self.name);
+        let last = self.done as f64 * self.interval;
+        if (last - time).abs() <= self.interval * (1.0 + f64::EPSILON * self.done as f64) {
+            return Ok(());
+        }
+        Err(EngineError::Checkpoint(format!(
+            "{} = {} actions every {} do not fit to the time {time}",
+            self.name, self.done, self.interval
+        )))
+    }
+}

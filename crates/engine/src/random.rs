@@ -1,0 +1,75 @@
+//! Random numbers as hashes of (seed, particle, its event count): every search, thread count and resumed run draws the same.
+
+use std::f64::consts::TAU;
+
+/// What a number is drawn for; numbers of one event are independent.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Draw {
+    state: u64,
+}
+
+impl Draw {
+    /// The numbers of a `count`-th event of a `particle`.
+    pub fn new(seed: u64, particle: u32, count: u64) -> Self {
+        Self { state: mix(mix(seed ^ 0x6861_6666_2064_7261).wrapping_add(u64::from(particle)) ^ count) }
+    }
+
+    /// The next number, uniform in the open interval (0, 1).
+    pub fn uniform(&mut self) -> f64 {
+        self.state = self.state.wrapping_add(0x9E37_79B9_7F4A_7C15);
+        ((mix(self.state) >> 12) as f64 + 0.5) / (1_u64 << 52) as f64
+    }
+
+    /// The next index below `count`.
+    pub fn index(&mut self, count: usize) -> usize {
+        ((self.uniform() * count as f64) as usize).min(count - 1)
+    }
+
+    /// The next number of an exponential distribution of mean 1.
+    pub fn exponential(&mut self) -> f64 {
+        -libm::log(self.uniform())
+    }
+
+    /// The next number of a normal distribution of variance 1 (Box and Muller).
+    pub fn normal(&mut self) -> f64 {
+        let (radius, angle) = ((2.0 * self.exponential()).sqrt(), TAU * self.uniform());
+        radius * libm::cos(angle)
+    }
+}
+
+/// A number whose bits all depend on all bits of `x` (finalizer of SplitMix64).
+#[inline(always)]
+pub(crate) fn mix(x: u64) -> u64 {
+    let x = (x ^ (x >> 30)).wrapping_mul(0xBF58_476D_1CE4_E5B9);
+    let x = (x ^ (x >> 27)).wrapping_mul(0x94D0_49BB_1331_11EB);
+    x ^ (x >> 31)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn numbers_have_the_moments_of_their_distributions_and_are_independent() {
+        let n = 100_000;
+        let (mut sums, mut cross) = ([0.0; 4], 0.0);
+        for particle in 0..n {
+            let mut draw = Draw::new(7, particle, 3);
+            let (a, b) = (draw.normal(), draw.normal());
+            let (e, u) = (draw.exponential(), draw.uniform());
+            for (sum, term) in sums.iter_mut().zip([a, a * a, e, u]) {
+                *sum += term;
+            }
+            cross += a * b + a * Draw::new(7, particle, 4).normal() + a * Draw::new(8, particle, 3).normal();
+        }
+        let n = f64::from(n);
+        // Means, variances of one number, expectations.
+        let expected = [(0.0, 1.0), (1.0, 2.0), (1.0, 1.0), (0.5, 1.0 / 12.0)];
+        for (sum, (mean, variance)) in sums.into_iter().zip(expected) {
+            let z = (sum / n - mean) / (variance / n).sqrt();
+            assert!(z.abs() < 4.0, "{mean}: z = {z}");
+        }
+        let z = cross / (3.0 * n).sqrt();
+        assert!(z.abs() < 4.0, "correlation: z = {z}");
+    }
+}
