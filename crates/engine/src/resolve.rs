@@ -310,6 +310,7 @@ pub(crate) fn bounce<F: Features, const EVENTS: bool>(
         keep_support(state, i, time);
         if !among_grains
             && wall_velocity == DVec3::ZERO
+            && state.world.wall_law(&class, wall).has_series()
             && let Some(rest) = come_to_rest(state, i, wall, law, before, time)
         {
             state.pending.insert(i, rest);

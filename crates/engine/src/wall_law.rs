@@ -41,6 +41,13 @@ impl WallLaw {
         }
     }
 
+    /// Whether bounces under gravity may become an infinite series, which is then completed in closed form.
+    pub(crate) fn has_series(&self) -> bool {
+        match self {
+            Self::Restitution(law) => !law.is_elastic(),
+        }
+    }
+
     /// Whether no impact loses energy.
     pub fn is_elastic(&self) -> bool {
         self.restitution() == Restitution::Constant(1.0)

@@ -296,11 +296,11 @@ pub enum RestitutionLaw {
 #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct WallConfig {
-    /// Name, used by `contact.pair`.
+    /// Name, used by `contact.pair`. The name of a wall of `domain.boundary` (`x-`, `x+`, `y-`, …) without a shape sets that
+    /// wall's properties.
     #[schemars(required)]
     pub name: Option<String>,
     /// Where it stands.
-    #[schemars(required)]
     pub plane: Option<PlaneConfig>,
     /// Restitution of contacts with this wall; default `contact.wall_restitution`.
     pub restitution: Option<RestitutionConfig>,
@@ -309,6 +309,14 @@ pub struct WallConfig {
     /// Velocity of the wall [length/time]; default 0.
     #[schemars(length(min = 2, max = 3))]
     pub velocity: Option<Vec<f64>>,
+}
+
+impl WallConfig {
+    /// Whether the entry is for the wall of the boundary that has this name.
+    pub(crate) fn names_boundary(&self, name: &str) -> bool {
+        let is_boundary = name.len() == 2 && "xyz".contains(&name[..1]) && "-+".contains(&name[1..]);
+        self.plane.is_none() && is_boundary && self.name.as_deref() == Some(name)
+    }
 }
 
 /// A plane.

@@ -8,7 +8,7 @@ use haff_mechanics::Restitution;
 use super::Builder;
 use super::domain::DomainPlan;
 use super::values::{at, item, not_negative, positive, storable};
-use crate::config::{ContactConfig, RestitutionConfig, RestitutionLaw};
+use crate::config::{ContactConfig, RestitutionConfig, RestitutionLaw, WallConfig};
 use crate::document::Path;
 use crate::text::{LONGEST, cut, nearest, some_of};
 
@@ -27,6 +27,21 @@ type Key = (&'static str, Option<f64>);
 pub(super) fn among<'n, I: Iterator<Item = &'n str>>(name: &str, known: impl Fn() -> I) -> String {
     let near = nearest(name, known()).map_or_else(String::new, |best| format!("; did you mean \"{best}\"?"));
     format!("\"{}\"{near} (known: {})", cut(name, LONGEST), some_of(known()))
+}
+
+/// Index of the wall of each entry of `[[wall]]` among all walls: those of the boundary, then those with a shape.
+fn wall_places(configs: &[WallConfig], walls: &[String]) -> Vec<Option<usize>> {
+    let boundary = |config: &WallConfig| walls.iter().position(|name| config.names_boundary(name));
+    let shapes = configs.iter().filter(|config| boundary(config).is_none()).count();
+    let mut next = walls.len().saturating_sub(shapes);
+    let mut place = |config: &WallConfig| {
+        let place = boundary(config).or_else(|| {
+            next += 1;
+            Some(next - 1)
+        });
+        place.filter(|&place| place < walls.len())
+    };
+    configs.iter().map(&mut place).collect()
 }
 
 /// Names of contact groups: species, then the distinct names of particles.
@@ -121,6 +136,17 @@ impl Builder<'_> {
         }
         let mut walls = Vec::with_capacity(configs.len());
         for (k, config) in configs.iter().enumerate() {
+            if let Some(name) = domain.wall_names().iter().find(|name| config.names_boundary(name)) {
+                if configs[..k].iter().any(|other| other.names_boundary(name)) {
+                    let why = "is described twice: give all properties of a wall in one entry";
+                    self.document.report(&item("wall", k, "name"), why);
+                }
+                if config.velocity.is_some() {
+                    let why = "a wall of domain.boundary does not move: give a plane, and open that axis";
+                    self.document.report(&item("wall", k, "velocity"), why);
+                }
+                continue;
+            }
             if config.name.is_none() {
                 self.document.report_missing(&item("wall", k, "name"), "missing: a wall needs a name");
             }
@@ -132,7 +158,7 @@ impl Builder<'_> {
                     return self.vector(&path, value);
                 }
                 if required {
-                    let why = "missing: a wall needs plane = { point = […], normal = […] }";
+                    let why = "missing: a wall needs plane = { point = […], normal = […] }, or the name of a wall of domain.boundary";
                     self.document.report_missing(&path, why);
                 }
                 glam::DVec3::ZERO
@@ -193,14 +219,14 @@ impl Builder<'_> {
         let mut pair = vec![general; groups * groups];
         let mut wall = vec![wall_rule; groups * walls.len()];
         let configs = self.config.wall.clone().unwrap_or_default();
-        let first_own = walls.len().saturating_sub(configs.len());
+        let places = wall_places(&configs, walls);
         for (k, config) in configs.iter().enumerate() {
             let path = item("wall", k, "restitution");
-            if let Some(rule) = self.restitution(&path, config.restitution.as_ref())
-                && first_own + k < walls.len()
+            if let (Some(rule), Some(place)) =
+                (self.restitution(&path, config.restitution.as_ref()), places[k])
             {
                 for group in 0..groups {
-                    wall[group * walls.len() + first_own + k] = rule;
+                    wall[group * walls.len() + place] = rule;
                 }
             }
         }
@@ -209,7 +235,9 @@ impl Builder<'_> {
                 self.document
                     .report(&item("wall", k, "sticks"), "contradicts restitution: give one of the two");
             }
-            self.clinging.extend((0..groups).map(|group| [group as u32, (first_own + k) as u32]));
+            if let Some(place) = places[k] {
+                self.clinging.extend((0..groups).map(|group| [group as u32, place as u32]));
+            }
         }
         let mut seen: BTreeMap<(usize, usize), usize> = BTreeMap::new();
         // What pairs say of groups and walls replaces what the walls themselves say.
