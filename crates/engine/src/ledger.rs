@@ -2,7 +2,7 @@
 //!
 //! A new way in which energy comes or goes is one more [`Term`]: files, reports and Python take names and signs from here.
 
-use crate::model::System;
+use crate::model::{System, WallLaw};
 
 /// A term of the balance beside T, V and the losses Σ ΔT of impacts.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -10,6 +10,8 @@ use crate::model::System;
 pub enum Term {
     /// Work of moving walls and driven bodies on the particles.
     WallWork,
+    /// Heat from thermal walls.
+    WallHeat,
     /// Work of drives on the particles.
     DriveWork,
     /// Kinetic energy that putting grains to rest has taken.
@@ -18,12 +20,13 @@ pub enum Term {
 
 impl Term {
     /// Every term, each at the index of its number.
-    pub const ALL: [Self; 3] = [Self::WallWork, Self::DriveWork, Self::Rest];
+    pub const ALL: [Self; 4] = [Self::WallWork, Self::WallHeat, Self::DriveWork, Self::Rest];
 
     /// The name in files and reports.
     pub fn name(self) -> &'static str {
         match self {
             Self::WallWork => "wall_work",
+            Self::WallHeat => "wall_heat",
             Self::DriveWork => "drive_work",
             Self::Rest => "rest_energy",
         }
@@ -33,6 +36,7 @@ impl Term {
     pub fn label(self) -> &'static str {
         match self {
             Self::WallWork => "work of walls",
+            Self::WallHeat => "heat from walls",
             Self::DriveWork => "work of drives",
             Self::Rest => "taken by rest",
         }
@@ -41,7 +45,7 @@ impl Term {
     /// 1 if the term is energy given to the particles, −1 if it is energy taken.
     pub fn sign(self) -> f64 {
         match self {
-            Self::WallWork | Self::DriveWork => 1.0,
+            Self::WallWork | Self::WallHeat | Self::DriveWork => 1.0,
             Self::Rest => -1.0,
         }
     }
@@ -50,6 +54,7 @@ impl Term {
     pub fn exists(self, system: &System) -> bool {
         match self {
             Self::WallWork => true,
+            Self::WallHeat => system.contacts.wall.iter().any(WallLaw::is_thermal),
             Self::DriveWork => !system.drives.is_empty(),
             Self::Rest => system.contacts.rest_speed > 0.0,
         }

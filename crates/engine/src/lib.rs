@@ -40,6 +40,7 @@ mod simulation;
 mod stall;
 mod state;
 mod sum;
+mod thermal;
 mod timed;
 mod valid;
 mod wall_law;
@@ -58,6 +59,7 @@ pub use report::{
     Checkpoint, Counters, EventColumn, EventKind, EventRecord, Frame, NOBODY, Observer, Sample, Silent, Stop,
 };
 pub use simulation::{Simulation, Until};
+pub use thermal::ThermalWall;
 
 /// Version of the trajectories: raised by a release that changes what any scene computes.
 pub const TRAJECTORY_VERSION: u32 = 5;

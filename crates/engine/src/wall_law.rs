@@ -5,13 +5,17 @@
 use glam::DVec3;
 use haff_mechanics::Restitution;
 
-use crate::{error::EngineError, features::Features, report::Observer, resolve, state::State};
+use crate::{
+    error::EngineError, features::Features, report::Observer, resolve, state::State, thermal::ThermalWall,
+};
 
 /// What happens to a particle that touches a wall.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum WallLaw {
     /// The normal component of the relative velocity is reversed and multiplied by the coefficient of restitution.
     Restitution(Restitution),
+    /// The particle leaves with a velocity drawn at the temperature of the wall.
+    Thermal(ThermalWall),
 }
 
 impl From<Restitution> for WallLaw {
@@ -38,6 +42,7 @@ impl WallLaw {
     pub fn restitution(&self) -> Restitution {
         match self {
             Self::Restitution(law) => *law,
+            Self::Thermal(wall) => wall.restitution,
         }
     }
 
@@ -45,7 +50,14 @@ impl WallLaw {
     pub(crate) fn has_series(&self) -> bool {
         match self {
             Self::Restitution(law) => !law.is_elastic(),
+            // A thermal reflection would end it.
+            Self::Thermal(wall) => wall.accommodation == 0.0 && !wall.restitution.is_elastic(),
         }
+    }
+
+    /// Whether impacts exchange heat.
+    pub fn is_thermal(&self) -> bool {
+        matches!(self, Self::Thermal(_))
     }
 
     /// Whether no impact loses energy.
@@ -63,6 +75,10 @@ impl WallLaw {
     ) -> Result<(), EngineError> {
         match self {
             Self::Restitution(law) => resolve::bounce::<F, EVENTS>(state, contact, *law, observer),
+            Self::Thermal(wall) => match wall.velocity(state, contact) {
+                Some(velocity) => ThermalWall::reflect::<EVENTS>(state, contact, velocity, observer),
+                None => resolve::bounce::<F, EVENTS>(state, contact, wall.restitution, observer),
+            },
         }
     }
 }

@@ -306,6 +306,12 @@ pub struct WallConfig {
     pub restitution: Option<RestitutionConfig>,
     /// `true`: all particles stick to this wall, but those whose `contact.pair` says otherwise. Default false.
     pub sticks: Option<bool>,
+    /// Temperature of a thermal wall \[energy\], which particles leave with velocities of that temperature.
+    #[schemars(extend("exclusiveMinimum" = 0))]
+    pub temperature: Option<f64>,
+    /// Probability that a reflection from a thermal wall is thermal; default 1. Otherwise `contact.wall_restitution` applies.
+    #[schemars(range(min = 0.0, max = 1.0))]
+    pub accommodation: Option<f64>,
     /// Velocity of the wall [length/time]; default 0.
     #[schemars(length(min = 2, max = 3))]
     pub velocity: Option<Vec<f64>>,

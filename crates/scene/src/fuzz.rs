@@ -168,6 +168,8 @@ const KEYS: &[&str] = &[
     "wall.0.plane.point",
     "wall.0.velocity",
     "wall.0.restitution",
+    "wall.0.temperature",
+    "wall.0.accommodation",
     "drive",
     "drive.0.kind",
     "drive.0.temperature",

@@ -2,7 +2,7 @@
 
 use std::collections::{BTreeMap, HashMap, HashSet};
 
-use haff_engine::{Boundary, Contacts, Wall, WallLaw};
+use haff_engine::{Boundary, Contacts, ThermalWall, Wall, WallLaw};
 use haff_mechanics::Restitution;
 
 use super::Builder;
@@ -219,11 +219,11 @@ impl Builder<'_> {
         let mut pair = vec![general; groups * groups];
         let mut wall = vec![wall_rule; groups * walls.len()];
         let configs = self.config.wall.clone().unwrap_or_default();
-        let places = wall_places(&configs, walls);
+        let places_of_walls = wall_places(&configs, walls);
         for (k, config) in configs.iter().enumerate() {
             let path = item("wall", k, "restitution");
             if let (Some(rule), Some(place)) =
-                (self.restitution(&path, config.restitution.as_ref()), places[k])
+                (self.restitution(&path, config.restitution.as_ref()), places_of_walls[k])
             {
                 for group in 0..groups {
                     wall[group * walls.len() + place] = rule;
@@ -235,7 +235,7 @@ impl Builder<'_> {
                 self.document
                     .report(&item("wall", k, "sticks"), "contradicts restitution: give one of the two");
             }
-            if let Some(place) = places[k] {
+            if let Some(place) = places_of_walls[k] {
                 self.clinging.extend((0..groups).map(|group| [group as u32, place as u32]));
             }
         }
@@ -314,8 +314,55 @@ impl Builder<'_> {
         }
         self.clinging.retain(|entry| !ruled.contains(entry));
         self.clinging.extend(clinging);
-        let wall = wall.into_iter().map(WallLaw::from).collect();
+        let mut wall: Vec<WallLaw> = wall.into_iter().map(WallLaw::from).collect();
+        for (k, config) in configs.iter().enumerate() {
+            if let (Some([temperature, accommodation]), Some(place)) =
+                (self.thermal(k, config), places_of_walls[k])
+            {
+                for law in wall.iter_mut().skip(place).step_by(walls.len()) {
+                    let restitution = law.restitution();
+                    *law = WallLaw::Thermal(ThermalWall { temperature, accommodation, restitution });
+                }
+            }
+        }
         Contacts { pair, wall, tc, rest_speed: self.rest_speed() }
+    }
+
+    /// Temperature and accommodation of the wall of an entry, if it is thermal.
+    fn thermal(&mut self, k: usize, config: &WallConfig) -> Option<[f64; 2]> {
+        let path = |key: &str| item("wall", k, key);
+        let accommodation = config.accommodation.unwrap_or(1.0);
+        if !(0.0..=1.0).contains(&accommodation) {
+            self.document.report(&path("accommodation"), "must be a probability, from 0 to 1");
+        }
+        let Some(temperature) = config.temperature else {
+            if config.accommodation.is_some() {
+                let why = "only a thermal wall has it: give temperature, too";
+                self.document.report(&path("accommodation"), why);
+            }
+            return None;
+        };
+        positive(&mut self.document, &path("temperature"), temperature);
+        for (key, given) in
+            [("restitution", config.restitution.is_some()), ("sticks", config.sticks == Some(true))]
+        {
+            if given {
+                let why = format!("contradicts wall.{k}.temperature: give one of the two");
+                self.document.report(&path(key), why);
+            }
+        }
+        if self.has_joints() {
+            let why = "a thermal wall does not work with pendulums, springs, rods or sticking contacts";
+            self.document.report(&path("temperature"), why);
+        }
+        if self.config.contact.as_ref().and_then(|contact| contact.rest_speed).is_some_and(|v| v > 0.0) {
+            let why = "a thermal wall does not work with contact.rest_speed: nothing comes to rest on it";
+            self.document.report(&path("temperature"), why);
+        }
+        if let Some(config) = self.config.wall.as_mut().and_then(|walls| walls.get_mut(k)) {
+            config.accommodation = Some(accommodation);
+        }
+        Some([temperature, accommodation])
     }
 
     /// `contact.rest_speed`, for scenes in which something could rest on something.

@@ -1,0 +1,151 @@
+//! Thermal walls: equilibrium, heat flux, the same bits everywhere, and the balance of energies.
+
+mod common;
+
+use std::f64::consts::PI;
+
+use common::{Log, Random, class, scatter, set_restitution, system};
+use glam::DVec3;
+use haff_engine::{
+    Boundary, Dimension, EventKind, EventRecord, NeighborChoice, Options, Silent, SimdChoice, Simulation,
+    Stop, System, Term, ThermalWall, Until, WallLaw,
+};
+use haff_mechanics::Restitution;
+
+fn until(time: f64) -> Until {
+    Until { time, ..Until::default() }
+}
+
+fn thermal(temperature: f64, accommodation: f64) -> WallLaw {
+    WallLaw::Thermal(ThermalWall { temperature, accommodation, restitution: Restitution::Constant(1.0) })
+}
+
+/// A gas between walls along the first axes, at a temperature.
+fn gas(dimension: Dimension, count: usize, edge: f64, radius: f64, walls: [Boundary; 3]) -> System {
+    let mut scene = system(dimension, DVec3::splat(edge), walls);
+    let kind = class(&mut scene, radius, 2.0);
+    scatter(&mut scene, kind, count, 1.0, &mut Random(5));
+    scene.seed = 23;
+    scene
+}
+
+#[test]
+fn trajectory_with_thermal_walls_is_independent_of_search_slices_and_resumption() {
+    let boundary = [Boundary::Wall, Boundary::Periodic, Boundary::Wall];
+    for (dimension, gravity) in [(Dimension::Three, -0.5), (Dimension::Two, 0.0), (Dimension::Three, 0.0)] {
+        let mut scene =
+            gas(dimension, 300, if dimension == Dimension::Two { 40.0 } else { 12.0 }, 0.5, boundary);
+        set_restitution(&mut scene, 0.9);
+        scene.domain.gravity.x = gravity;
+        scene.contacts.wall[0] = thermal(1.5, 1.0);
+        scene.contacts.wall[1] = thermal(0.5, 0.6);
+        let plain = Options { neighbors: NeighborChoice::AllPairs, simd: SimdChoice::Portable };
+        let mut twin = Simulation::new(scene.clone(), plain).unwrap();
+        let times = [0.5, 2.0, 6.0];
+        let expected: Vec<_> = times
+            .iter()
+            .map(|&time| {
+                twin.advance(until(time), &mut Silent).unwrap();
+                (twin.state_hash(), twin.ledger())
+            })
+            .collect();
+        for neighbors in [NeighborChoice::Cells, NeighborChoice::Lists, NeighborChoice::Windows] {
+            let options = Options { neighbors, simd: SimdChoice::Auto };
+            let mut simulation = Simulation::new(scene.clone(), options).unwrap();
+            for (&time, (hash, ledger)) in times.iter().zip(&expected) {
+                let slice = Until { entries: 333, ..until(time) };
+                while simulation.advance(slice, &mut Silent).unwrap() == Stop::Slice {}
+                assert_eq!(&simulation.state_hash(), hash, "{neighbors:?}, t = {time}");
+                assert_eq!(simulation.ledger().terms, ledger.terms, "{neighbors:?}, t = {time}");
+                simulation = Simulation::restore(scene.clone(), options, &simulation.checkpoint()).unwrap();
+            }
+            assert!(simulation.ledger().residual.abs() < 1e-13, "{:?}", simulation.ledger());
+            assert!(simulation.ledger().term(Term::WallHeat) != 0.0);
+        }
+    }
+}
+
+/// All walls at T, elastic: canonical. With V, the velocity of the center of mass, subtracted the temperature is T (N − 1)/N, and the
+/// energy has the mean d N T/2 and the variance d N T²/2.
+#[test]
+fn a_gas_between_walls_of_one_temperature_is_canonical() {
+    for (dimension, edge) in [(Dimension::Three, 3.0), (Dimension::Two, 4.0)] {
+        let (count, temperature, d) = (8, 1.7, dimension.count() as f64);
+        let mut scene = gas(dimension, count, edge, 0.3, [Boundary::Wall; 3]);
+        scene.contacts.wall.fill(thermal(temperature, 1.0));
+        let mut simulation = Simulation::new(scene, Options::default()).unwrap();
+        let (mut energy, mut squares, mut inner) = (Vec::new(), 0.0, Vec::new());
+        let n = count as f64;
+        let mean = 0.5 * d * n * temperature;
+        for k in 1..=3000 {
+            simulation.advance(until(15.0 * f64::from(k)), &mut Silent).unwrap();
+            let sample = simulation.sample();
+            energy.push(sample.ledger.kinetic);
+            inner.push(sample.temperature);
+            squares += (sample.ledger.kinetic - mean).powi(2);
+        }
+        let states = energy.len() as f64;
+        // Each particle meets walls some ten times between states, which are therefore independent.
+        let variance = 0.5 * d * n * temperature * temperature;
+        let z = (energy.iter().sum::<f64>() / states - mean) / (variance / states).sqrt();
+        assert!(z.abs() < 4.0, "d = {d}: mean energy, z = {z}");
+        // Of a gamma distribution of shape k the fourth central moment is 3k(k + 2).
+        let shape = 0.5 * d * n;
+        let fourth = 3.0 * shape * (shape + 2.0) * temperature.powi(4);
+        let z = (squares / states - variance) / ((fourth - variance * variance) / states).sqrt();
+        assert!(z.abs() < 4.0, "d = {d}: variance of the energy, z = {z}");
+        let expected = temperature * (n - 1.0) / n;
+        let error = expected * (2.0 / (d * (n - 1.0) * states)).sqrt();
+        let z = (inner.iter().sum::<f64>() / states - expected) / error;
+        assert!(z.abs() < 4.0, "d = {d}: temperature, z = {z}");
+        assert!(simulation.ledger().residual.abs() < 1e-12, "{:?}", simulation.ledger());
+    }
+}
+
+/// A gas of particles that hardly meet, between plates at T₁ and T₂: T = √(T₁T₂), heat flux 2n√(2T₁T₂/(πm))(√T₁ − √T₂).
+#[test]
+fn a_nearly_collisionless_gas_between_plates_has_the_free_molecular_heat_flux() {
+    let [hot, cold] = [3.0, 1.0];
+    let (count, edge, radius, mass) = (200, 10.0, 1e-4, 2.0);
+    let boundary = [Boundary::Wall, Boundary::Periodic, Boundary::Periodic];
+    let mut scene = gas(Dimension::Three, count, edge, radius, boundary);
+    scene.contacts.wall[0] = thermal(hot, 1.0);
+    scene.contacts.wall[1] = thermal(cold, 1.0);
+    // The slowest particles cross the box only after long times: they start at the temperature expected.
+    let start = (hot * cold).sqrt();
+    scene.bodies.iter_mut().for_each(|body| body.velocity *= (start / mass).sqrt());
+    let mut simulation = Simulation::new(scene, Options::default()).unwrap();
+    simulation.advance(until(300.0), &mut Silent).unwrap();
+    let density = count as f64 / edge.powi(3);
+    let speed = (2.0 * hot * cold / (PI * mass)).sqrt();
+    let flux = 2.0 * density * speed * (hot.sqrt() - cold.sqrt());
+    let (mut temperatures, mut heats, intervals, span) = (Vec::new(), Vec::new(), 40, 250.0);
+    for k in 1..=intervals {
+        let end = 300.0 + span * f64::from(k);
+        // Means over intervals so long that only the slowest particles do not meet a wall in one.
+        let mut mean = 0.0;
+        let mut log = Log::default();
+        for part in (0..50).rev() {
+            simulation.advance(until(end - f64::from(part) * span / 50.0), &mut log).unwrap();
+            mean += 2.0 * simulation.ledger().kinetic / (3.0 * count as f64) / 50.0;
+        }
+        temperatures.push(mean);
+        // From the hot wall. Rows have the normal components, which carry a half: T of 2T for each particle of a flux at T.
+        let normal = |row: &EventRecord| {
+            let after = row.impulse / mass - row.approach_speed;
+            0.5 * mass * (after * after - row.approach_speed * row.approach_speed)
+        };
+        let hot = log.0.iter().filter(|row| row.kind == EventKind::Wall && row.j == 0);
+        heats.push(2.0 * hot.map(normal).sum::<f64>() / (span * edge * edge));
+    }
+    let z = |values: &[f64], expected: f64| {
+        let n = values.len() as f64;
+        let mean = values.iter().sum::<f64>() / n;
+        let variance = values.iter().map(|x| (x - mean).powi(2)).sum::<f64>() / (n - 1.0);
+        (mean - expected) / (variance / n).sqrt()
+    };
+    let of_temperature = z(&temperatures, (hot * cold).sqrt());
+    assert!(of_temperature.abs() < 4.0, "T: z = {of_temperature}");
+    let of_flux = z(&heats, flux);
+    assert!(of_flux.abs() < 4.0, "heat flux: z = {of_flux}");
+}
