@@ -11,7 +11,8 @@ pub(crate) struct Draw {
 impl Draw {
     /// The numbers of a `count`-th event of a `particle`.
     pub fn new(seed: u64, particle: u32, count: u64) -> Self {
-        Self { state: mix(mix(seed ^ 0x6861_6666_2064_7261).wrapping_add(u64::from(particle)) ^ count) }
+        // Mixed after each part, so that no two (particle, count) near each other have the same state.
+        Self { state: mix(mix(mix(seed ^ 0x6861_6666_2064_7261) ^ u64::from(particle)) ^ count) }
     }
 
     /// The next number, uniform in the open interval (0, 1).
@@ -48,6 +49,22 @@ pub(crate) fn mix(x: u64) -> u64 {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn numbers_of_many_events_have_the_variance_of_their_distribution() {
+        let (mut sum, mut n) = (0.0, 0.0);
+        for particle in 0..400 {
+            for count in 0..300 {
+                let mut draw = Draw::new(11, particle, count);
+                for _ in 0..3 {
+                    sum += draw.normal().powi(2);
+                    n += 1.0;
+                }
+            }
+        }
+        let z = (sum / n - 1.0) / (2.0_f64 / n).sqrt();
+        assert!(z.abs() < 4.0, "{}: z = {z}", sum / n);
+    }
 
     #[test]
     fn numbers_have_the_moments_of_their_distributions_and_are_independent() {

@@ -222,6 +222,9 @@ impl Simulation {
     fn take_over(&mut self, changed: &[u32], until: Until, entries: &mut u64) -> bool {
         let idle = self.engine.is_idle();
         if 2 * changed.len() > self.particles() {
+            for &i in changed {
+                self.state.world.wrap_anchor(i);
+            }
             self.engine.rebuild(&mut self.state, &self.geometry);
         } else {
             self.engine.reschedule(&mut self.state, changed);
