@@ -351,6 +351,9 @@ pub struct DriveConfig {
     /// Time between actions \[time\].
     #[schemars(extend("exclusiveMinimum" = 0))]
     pub interval: Option<f64>,
+    /// Mean number of kicks of a particle in a unit of time [1/time].
+    #[schemars(extend("exclusiveMinimum" = 0))]
+    pub rate: Option<f64>,
     /// Names of the species that it acts on; default all. Bodies of infinite mass are never driven.
     #[schemars(length(min = 1))]
     pub species: Option<Vec<String>>,
@@ -363,6 +366,8 @@ pub enum DriveKindConfig {
     /// Every `interval` all velocities relative to the center of mass are multiplied by one factor, such that the granular
     /// temperature is `temperature`.
     Rescale,
+    /// At Poisson times, `rate` for each particle, a particle gets a velocity of the Maxwell distribution of `temperature`.
+    Andersen,
 }
 
 impl DriveKindConfig {
@@ -370,6 +375,7 @@ impl DriveKindConfig {
     pub(crate) fn name(self) -> &'static str {
         match self {
             Self::Rescale => "rescale",
+            Self::Andersen => "andersen",
         }
     }
 }

@@ -174,6 +174,7 @@ const KEYS: &[&str] = &[
     "drive.0.kind",
     "drive.0.temperature",
     "drive.0.interval",
+    "drive.0.rate",
     "drive.0.species",
     "x",
     "a.b.c",

@@ -4,6 +4,7 @@ Drives: what gives energy to the particles, or takes it, at stated times.
 A new drive is one more variant of [`DriveKind`] and a [`TimedAction`] in a file of its own.
 */
 
+mod andersen;
 mod rescale;
 
 use glam::DVec3;
@@ -12,6 +13,7 @@ use crate::{
     error::EngineError, ledger::Term, model::System, report::Observer, resolve, state::State,
     timed::TimedAction,
 };
+use andersen::Andersen;
 use rescale::Rescale;
 
 /// A drive of some species.
@@ -34,6 +36,13 @@ pub enum DriveKind {
         /// Time between actions \[time\].
         interval: f64,
     },
+    /// At Poisson times each particle gets a velocity of the Maxwell distribution.
+    Andersen {
+        /// Temperature of the distribution \[energy\].
+        temperature: f64,
+        /// Mean number of kicks of a particle in a unit of time [1/time].
+        rate: f64,
+    },
 }
 
 /// The actions of all drives of a system, which still has its bodies.
@@ -43,6 +52,9 @@ pub(crate) fn actions(system: &System) -> Vec<Box<dyn TimedAction>> {
         match drive.kind {
             DriveKind::Rescale { temperature, interval } => {
                 Box::new(Rescale::new(index, driven, temperature, interval))
+            }
+            DriveKind::Andersen { temperature, rate } => {
+                Box::new(Andersen::new(index, driven, temperature, rate, system.seed))
             }
         }
     };

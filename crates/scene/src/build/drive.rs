@@ -25,7 +25,10 @@ impl Builder<'_> {
                 self.document.report(&path(""), why);
             }
             let Some(kind) = config.kind else {
-                self.document.report_missing(&path("kind"), "missing: a drive needs a kind: \"rescale\"");
+                self.document.report_missing(
+                    &path("kind"),
+                    "missing: a drive needs a kind: \"rescale\" or \"andersen\"",
+                );
                 continue;
             };
             let mut number = |key: &str, value: Option<f64>, positive_only: bool| {
@@ -39,6 +42,10 @@ impl Builder<'_> {
                 value
             };
             let kind = match kind {
+                DriveKindConfig::Andersen => DriveKind::Andersen {
+                    temperature: number("temperature", config.temperature, false),
+                    rate: number("rate", config.rate, true),
+                },
                 DriveKindConfig::Rescale => DriveKind::Rescale {
                     temperature: number("temperature", config.temperature, false),
                     interval: number("interval", config.interval, true),

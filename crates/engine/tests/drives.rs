@@ -1,0 +1,154 @@
+//! Drives: the temperatures that they keep, the same bits with every search and after every resumption, and the balance of energies.
+
+mod common;
+
+use common::{Random, class, scatter, set_restitution, system};
+use glam::DVec3;
+use haff_engine::{
+    Boundary, Dimension, Drive, DriveKind, EngineError, NeighborChoice, Options, Silent, SimdChoice,
+    Simulation, Stop, System, Term, Until,
+};
+
+fn until(time: f64) -> Until {
+    Until { time, ..Until::default() }
+}
+
+fn gas(dimension: Dimension, count: usize, e: f64, kind: DriveKind) -> System {
+    let mut random = Random(3);
+    let edge = (6.0 * count as f64).powf(1.0 / dimension.count() as f64);
+    let mut scene = system(dimension, DVec3::splat(edge), [Boundary::Periodic; 3]);
+    let (light, heavy) = (class(&mut scene, 0.5, 1.0), class(&mut scene, 0.4, 3.0));
+    scatter(&mut scene, light, count / 2, 1.0, &mut random);
+    scatter(&mut scene, heavy, count - count / 2, 1.0, &mut random);
+    set_restitution(&mut scene, e);
+    scene.drives = vec![Drive { kind, species: vec![0] }];
+    scene.seed = 11;
+    scene
+}
+
+fn kinds() -> [DriveKind; 2] {
+    [
+        DriveKind::Rescale { temperature: 2.5, interval: 0.25 },
+        DriveKind::Andersen { temperature: 2.5, rate: 0.7 },
+    ]
+}
+
+#[test]
+fn trajectory_of_a_driven_gas_is_independent_of_search_threads_slices_and_resumption() {
+    for kind in kinds() {
+        for dimension in [Dimension::Three, Dimension::Two] {
+            let scene = gas(dimension, 300, 0.9, kind);
+            let plain = Options { neighbors: NeighborChoice::AllPairs, simd: SimdChoice::Portable };
+            let mut twin = Simulation::new(scene.clone(), plain).unwrap();
+            let times = [0.1, 1.0, 1.3, 4.0];
+            let expected: Vec<_> = times
+                .iter()
+                .map(|&time| {
+                    twin.advance(until(time), &mut Silent).unwrap();
+                    (twin.state_hash(), twin.ledger())
+                })
+                .collect();
+            for neighbors in [NeighborChoice::Cells, NeighborChoice::Lists, NeighborChoice::Windows] {
+                let options = Options { neighbors, simd: SimdChoice::Auto };
+                let mut simulation = Simulation::new(scene.clone(), options).unwrap();
+                for (&time, (hash, ledger)) in times.iter().zip(&expected) {
+                    let slice = Until { entries: 333, ..until(time) };
+                    while simulation.advance(slice, &mut Silent).unwrap() == Stop::Slice {}
+                    assert_eq!(&simulation.state_hash(), hash, "{kind:?} {neighbors:?}, t = {time}");
+                    assert_eq!(simulation.ledger().terms, ledger.terms, "{kind:?} {neighbors:?}");
+                    let checkpoint = simulation.checkpoint();
+                    simulation = Simulation::restore(scene.clone(), options, &checkpoint).unwrap();
+                    assert_eq!(simulation.checkpoint(), checkpoint, "{kind:?} {neighbors:?}");
+                }
+                assert!(simulation.ledger().residual.abs() < 1e-13, "{:?}", simulation.ledger());
+                assert!(simulation.ledger().term(Term::DriveWork) != 0.0);
+            }
+        }
+    }
+}
+
+#[test]
+fn rescaling_sets_the_temperature_and_keeps_the_momentum() {
+    let kind = DriveKind::Rescale { temperature: 2.5, interval: 0.25 };
+    let mut simulation = Simulation::new(gas(Dimension::Three, 200, 0.8, kind), Options::default()).unwrap();
+    let momentum = simulation.sample().momentum;
+    for k in 1..=20 {
+        simulation.advance(until(0.25 * f64::from(k)), &mut Silent).unwrap();
+        let sample = simulation.sample();
+        assert!((sample.temperature / 2.5 - 1.0).abs() < 1e-13, "{}", sample.temperature);
+        assert!((sample.momentum - momentum).length() < 1e-11, "{}", sample.momentum);
+        assert!(sample.ledger.residual.abs() < 1e-13, "{}", sample.ledger.residual);
+    }
+    // Of a gas of which half is driven, that half.
+    let mut scene = gas(Dimension::Three, 200, 1.0, kind);
+    scene.species.push("other".into());
+    scene.bodies.iter_mut().skip(100).for_each(|body| body.species = 1);
+    let mut simulation = Simulation::new(scene, Options::default()).unwrap();
+    let before = simulation.sample().species_temperature[1];
+    simulation.advance(until(0.25), &mut Silent).unwrap();
+    assert!((simulation.sample().species_temperature[1] / before - 1.0).abs() < 0.2);
+}
+
+/// Velocities of an Andersen gas are Maxwellian: kinetic energies of N particles in one state have the mean d/2 T and the variance
+/// d/2 T², so their mean over independent states has a known error.
+#[test]
+fn an_andersen_gas_has_the_maxwell_distribution_of_its_temperature() {
+    let (count, temperature) = (400, 2.5);
+    let kind = DriveKind::Andersen { temperature, rate: 2.0 };
+    for dimension in [Dimension::Three, Dimension::Two] {
+        let d = dimension.count() as f64;
+        let mut scene = gas(dimension, count, 1.0, kind);
+        scene.bodies.iter_mut().for_each(|body| body.velocity = DVec3::ZERO);
+        let mut simulation = Simulation::new(scene.clone(), Options::default()).unwrap();
+        let (mut energy, mut square, mut states) = (0.0, 0.0, 0.0);
+        // Between states each particle is kicked 6 times on average: what is left of its energy is e⁻⁶ of it.
+        for k in 2..60 {
+            simulation.advance(until(3.0 * f64::from(k)), &mut Silent).unwrap();
+            for (velocity, body) in simulation.frame().velocity.iter().zip(&scene.bodies) {
+                let mass = scene.classes[body.class as usize].mass;
+                let of_one = 0.5 * mass * velocity.length_squared() / temperature;
+                energy += of_one;
+                square += of_one * of_one;
+                states += 1.0;
+            }
+        }
+        let z = (energy / states - d / 2.0) / (d / 2.0 / states).sqrt();
+        assert!(z.abs() < 4.0, "d = {d}: mean energy {}, z = {z}", energy / states);
+        // ⟨E²⟩ = d(d + 2)/4, ⟨E⁴⟩ = d(d + 2)(d + 4)(d + 6)/16 of a gamma distribution.
+        let (second, fourth) = (d * (d + 2.0) / 4.0, d * (d + 2.0) * (d + 4.0) * (d + 6.0) / 16.0);
+        let z = (square / states - second) / ((fourth - second * second) / states).sqrt();
+        assert!(z.abs() < 4.0, "d = {d}: mean square {}, z = {z}", square / states);
+        assert!(simulation.ledger().residual.abs() < 1e-13, "{:?}", simulation.ledger());
+    }
+}
+
+#[test]
+fn a_driven_gas_at_rest_does_not_end_the_run() {
+    let mut scene = gas(Dimension::Three, 100, 0.5, DriveKind::Andersen { temperature: 1.0, rate: 1.0 });
+    scene.bodies.iter_mut().for_each(|body| body.velocity = DVec3::ZERO);
+    let mut simulation = Simulation::new(scene.clone(), Options::default()).unwrap();
+    assert_eq!(simulation.advance(until(2.0), &mut Silent).unwrap(), Stop::Time);
+    assert!(simulation.ledger().kinetic > 0.0);
+    // Without motion there is nothing to rescale.
+    scene.drives[0].kind = DriveKind::Rescale { temperature: 1.0, interval: 0.5 };
+    let mut simulation = Simulation::new(scene, Options::default()).unwrap();
+    assert_eq!(simulation.advance(until(2.0), &mut Silent).unwrap(), Stop::Time);
+    assert_eq!(simulation.ledger().kinetic, 0.0);
+}
+
+#[test]
+fn damaged_states_of_drives_are_refused() {
+    for kind in kinds() {
+        let scene = gas(Dimension::Three, 50, 0.9, kind);
+        let mut simulation = Simulation::new(scene.clone(), Options::default()).unwrap();
+        simulation.advance(until(3.0), &mut Silent).unwrap();
+        let checkpoint = simulation.checkpoint();
+        for bits in [1e300_f64.to_bits(), f64::NAN.to_bits(), u64::MAX] {
+            let mut damaged = checkpoint.clone();
+            let drives = damaged.scalars.iter_mut().filter(|(name, _)| name.starts_with("drive."));
+            drives.last().unwrap().1 = bits;
+            let result = Simulation::restore(scene.clone(), Options::default(), &damaged);
+            assert!(matches!(result, Err(EngineError::Checkpoint(_))), "{kind:?}, {bits:x}");
+        }
+    }
+}
