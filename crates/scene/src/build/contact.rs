@@ -351,7 +351,7 @@ impl Builder<'_> {
                 self.document.report(&path(key), why);
             }
         }
-        if self.has_joints() {
+        if self.has_joints() && config.sticks != Some(true) {
             let why = "a thermal wall does not work with pendulums, springs, rods or sticking contacts";
             self.document.report(&path("temperature"), why);
         }
