@@ -295,7 +295,7 @@ pub struct StickingImpact {
 /// ```
 /// use glam::DVec3;
 /// use haff_mechanics::resolve_sticking;
-/// // Problem 2.4, just after the first impact: equal masses, e = 0, common velocity v/2, half the energy lost.
+/// // Problem 2.4, just after the first impact: equal masses, e = 0: common velocity v/2, ΔT = T/2.
 /// let (w, hit) = resolve_sticking(DVec3::new(6.0, 0.0, 0.0), DVec3::ZERO, 1.0, 1.0);
 /// assert_eq!(w, DVec3::new(3.0, 0.0, 0.0));
 /// assert_eq!(hit.energy_loss, 9.0);

@@ -143,7 +143,7 @@ impl Builder<'_> {
         let rows = self.rows_by_name(species);
         self.check_joint_names();
         let mut joints =
-            Joints { sticking: self.sticking.clone(), clinging: self.clinging.clone(), ..Joints::default() };
+            Joints { sticking: self.sticking.clone(), sticking_to_walls: self.clinging.clone(), ..Joints::default() };
         for (k, config) in self.config.pendulum.clone().unwrap_or_default().into_iter().enumerate() {
             let path = |key: &str| item("pendulum", k, key);
             let Some(pivot) = &config.pivot else {
