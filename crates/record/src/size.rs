@@ -1,13 +1,13 @@
-//! How large a file will be.
+//! Estimate of the size of a file.
 
 use haff_engine::EventColumn;
 
 use crate::{
+    datasets::{QUANTITIES, Quantity, frame_storage},
     events::EVENT_CHUNK,
-    skeleton::{QUANTITIES, Quantity, frame_storage},
 };
 
-/// What a run is going to record.
+/// The amount of data that a run is going to record.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub struct FileSize<'a> {
     /// N.
@@ -29,7 +29,7 @@ pub struct FileSize<'a> {
 /// A double with a random mantissa, compressed [bytes].
 const PACKED: f64 = 6.95;
 
-/// Bytes of an event row: measured where they are compressed, with half a page lost for each chunk.
+/// Bytes of an event row: measured if compressed, plus half a page lost for each chunk.
 fn event_row(column: EventColumn, size: &FileSize) -> f64 {
     let components = size.dimension as f64;
     let (whole, packed) = match column {
