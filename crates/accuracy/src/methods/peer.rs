@@ -6,7 +6,8 @@ and replies with one line of JSON on standard output.
 → {"size": [x, y, z], "boundary": ["periodic" | "wall" | "open", …], "gravity": [x, y, z], "restitution": e,
    "wall_restitution": e, "radius": […], "mass": […], "position": [[x, y, z], …], "velocity": [[x, y, z], …],
    "walls": [{"point": [x, y, z], "normal": [x, y, z]}, …], "times": […], "parameter": p}
-← {"states": [{"position": [[x, y, z], …], "velocity": […]}, …], "seconds": s, "steps": n, "compressibility": Z | null}
+← {"states": [{"position": [[x, y, z], …], "velocity": […]}, …], "seconds": s, "steps": n,
+   "compressibility": Z | null}
 ← {"error": "why the scene cannot be run"}
 ```
 
