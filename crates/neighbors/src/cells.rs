@@ -41,7 +41,7 @@ pub struct Cells {
     coordinate: Vec<[i32; 3]>,
     slots: Vec<[u32; SLOTS]>,
     overflow: Vec<Vec<u32>>,
-    free_lists: Vec<u32>,
+    free_overflow: Vec<u32>,
     walls: WallTable,
     /// Index steps to the cells around one that is inside along every axis: for each code the cells that
     /// become neighbors by the crossing, and last all of them.
@@ -132,7 +132,7 @@ impl Cells {
         } else if let Some(free) = slots.iter_mut().find(|slot| **slot == EMPTY) {
             *free = id;
         } else {
-            let list = self.free_lists.pop().unwrap_or_else(|| {
+            let list = self.free_overflow.pop().unwrap_or_else(|| {
                 self.overflow.push(Vec::with_capacity(4));
                 self.overflow.len() as u32 - 1
             });
@@ -156,7 +156,7 @@ impl Cells {
             if overflow.len() == 1 {
                 slots[SLOTS - 1] = overflow[0];
                 overflow.clear();
-                self.free_lists.push(list as u32);
+                self.free_overflow.push(list as u32);
             }
         } else if let Some(at) = slots.iter().position(|slot| *slot != EMPTY && *slot & !OUTSIDE == i) {
             // Keeps the occupied slots in front.
@@ -296,7 +296,7 @@ impl Search for Cells {
             coordinate,
             slots: vec![[EMPTY; SLOTS]; cells],
             overflow: Vec::new(),
-            free_lists: Vec::new(),
+            free_overflow: Vec::new(),
             walls: WallTable::new(geometry, n, width, geometry.radius),
             stencils: std::array::from_fn(|_| Vec::new()),
         };

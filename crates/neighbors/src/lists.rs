@@ -60,7 +60,7 @@ pub struct Lists {
     base: usize,
     stride: usize,
     overflow: Vec<Vec<(u32, Shift)>>,
-    free_lists: Vec<u32>,
+    free_overflow: Vec<u32>,
     offsets: Offsets,
     /// Candidates that the last crossing has added.
     added: Vec<(u32, Shift)>,
@@ -132,7 +132,7 @@ impl Lists {
         let header = self.words[start].word();
         if header & OVERFLOW != 0 {
             self.overflow[(header & !OVERFLOW) as usize].clear();
-            self.free_lists.push(header & !OVERFLOW);
+            self.free_overflow.push(header & !OVERFLOW);
         }
         let fits = write(&mut self.words[start..start + self.stride], list);
         if !fits {
@@ -143,7 +143,7 @@ impl Lists {
     /// Stores the list of i in `overflow` from now on.
     #[cold]
     fn move_to_overflow(&mut self, i: u32, list: Vec<(u32, Shift)>) {
-        let free = self.free_lists.pop().unwrap_or_else(|| {
+        let free = self.free_overflow.pop().unwrap_or_else(|| {
             self.overflow.push(Vec::new());
             self.overflow.len() as u32 - 1
         });
@@ -239,7 +239,7 @@ impl Lists {
     /// Lengthens all lists if many have overflowed.
     fn grow(&mut self) {
         let count = self.bins.points.len();
-        let overflow = self.overflow.len() - self.free_lists.len();
+        let overflow = self.overflow.len() - self.free_overflow.len();
         if overflow <= count / OVERFLOW_PART + 8 || self.stride >= MAX_WORDS {
             return;
         }
@@ -330,7 +330,7 @@ impl Search for Lists {
             base: 0,
             stride: 0,
             overflow: Vec::new(),
-            free_lists: Vec::new(),
+            free_overflow: Vec::new(),
             offsets: Offsets::new(geometry.size),
             added: Vec::new(),
             found: Vec::new(),

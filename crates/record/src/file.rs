@@ -69,26 +69,26 @@ impl WritableFile {
         let mut name = OsString::from(".");
         name.push(path.file_name().ok_or_else(|| RecordError::NotAFile { path: path.clone() })?);
         name.push(format!(".{}.part", std::process::id()));
-        let temporary = path.with_file_name(name);
+        let part = path.with_file_name(name);
         // The system's own error is clearer than HDF5's.
-        let handle = fs::File::options().read(true).write(true).create(true).truncate(true).open(&temporary);
+        let handle = fs::File::options().read(true).write(true).create(true).truncate(true).open(&part);
         let handle = handle.doing(&path, CREATE)?;
         let file = hdf5::File::with_options()
             .set_fapl(&access(Purpose::Write).doing(&path, CREATE)?)
             .and_then(|builder| {
                 // The bytes of a file must not depend on the time of its creation.
-                builder.with_fcpl(|plist| plist.obj_track_times(false)).create(&temporary)
+                builder.with_fcpl(|plist| plist.obj_track_times(false)).create(&part)
             });
         match file {
             Ok(file) => Ok(Self {
                 file: ManuallyDrop::new(file),
                 handle,
                 path,
-                unpublished: Some((temporary, overwrite)),
+                unpublished: Some((part, overwrite)),
                 reserved: 0,
             }),
             Err(error) => {
-                let _ = fs::remove_file(&temporary);
+                let _ = fs::remove_file(&part);
                 Err(RecordError::hdf5(&path, CREATE, &error))
             }
         }
@@ -187,20 +187,18 @@ impl WritableFile {
 
     /// Moves a flushed new file to its path.
     pub fn publish(&mut self) -> Result<(), RecordError> {
-        let Some((temporary, overwrite)) = &self.unpublished else { return Ok(()) };
+        let Some((part, overwrite)) = &self.unpublished else { return Ok(()) };
         if *overwrite {
-            fs::rename(temporary, &self.path).doing(&self.path, CREATE)?;
+            fs::rename(part, &self.path).doing(&self.path, CREATE)?;
         } else {
             // A link, unlike a rename, fails if another file has been created in the meantime.
-            match fs::hard_link(temporary, &self.path) {
-                Ok(()) => fs::remove_file(temporary).doing(&self.path, CREATE)?,
+            match fs::hard_link(part, &self.path) {
+                Ok(()) => fs::remove_file(part).doing(&self.path, CREATE)?,
                 Err(error) if error.kind() == ErrorKind::AlreadyExists => {
                     return Err(RecordError::Exists { path: self.path.clone() });
                 }
                 // File systems without hard links.
-                Err(_) if !self.path.exists() => {
-                    fs::rename(temporary, &self.path).doing(&self.path, CREATE)?
-                }
+                Err(_) if !self.path.exists() => fs::rename(part, &self.path).doing(&self.path, CREATE)?,
                 Err(error) => return Err(RecordError::io(&self.path, CREATE, &error)),
             }
         }
@@ -225,8 +223,8 @@ impl WritableFile {
 impl Drop for WritableFile {
     fn drop(&mut self) {
         // A file that was never published is removed.
-        if let Some((temporary, _)) = &self.unpublished {
-            let _ = fs::remove_file(temporary);
+        if let Some((part, _)) = &self.unpublished {
+            let _ = fs::remove_file(part);
         }
     }
 }
