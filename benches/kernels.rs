@@ -1,7 +1,7 @@
-//! Times of the parts: contact times, impacts, the calendar and the cells.
+//! Times of single operations: contact times, impacts, the calendar and the cells.
 //!
-//! `cargo bench --bench kernels`; `-- calendar` picks a group. A pair alone is what a dependent step costs, a batch of
-//! independent pairs what a pair costs when the processor can overlap them.
+//! `cargo bench --bench kernels`; `-- calendar` selects a group. The time of one pair is that of dependent
+//! operations; a batch of independent pairs shows the time per pair when the processor overlaps them.
 
 use std::hint::black_box;
 
@@ -13,8 +13,8 @@ use haff_neighbors::{Axis, Cells, Geometry, Search};
 use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64Mcg;
 
-/// Pairs in a batch: their data, 50 kB, stay in the second-level cache. A processor may learn the branches of so few:
-/// what it cannot, the scenes show.
+/// Pairs in a batch: their data, 50 kB, fit in the second-level cache. A processor may learn the branches of
+/// so few; the scenes show the times without that.
 const BATCH: usize = 1024;
 
 fn random() -> Pcg64Mcg {
@@ -26,8 +26,8 @@ fn vector(random: &mut Pcg64Mcg, half_width: f64) -> DVec3 {
     DVec3::new(one(), one(), one())
 }
 
-/// Relative positions and velocities as a search finds them: neighbors up to three diameters away, of which about one in
-/// twenty will be hit.
+/// Relative positions and velocities as a search finds them: neighbors up to three diameters away, of which
+/// about one in twenty collides.
 fn pairs() -> Vec<(DVec3, DVec3)> {
     let mut random = random();
     let mut pairs = Vec::with_capacity(BATCH);
@@ -120,8 +120,8 @@ impl Event for Entry {
     }
 }
 
-/// The hold model: the earliest event is taken and its successor put back, the number of events stays. Delays are
-/// exponential with mean 2^40 ticks, as between the collisions of a gas.
+/// The hold model: the earliest event is taken and its successor added, so the number of events stays
+/// constant. Delays are exponential with mean 2^40 ticks, as between the collisions of a gas.
 fn hold<C: Calendar<Entry>>(events: usize) -> impl FnMut() {
     let mut random = random();
     let delays: Vec<i64> = (0..1 << 12)
@@ -140,7 +140,7 @@ fn hold<C: Calendar<Entry>>(events: usize) -> impl FnMut() {
         let entry = calendar.pop_until(i64::MAX).expect("every event leaves a successor");
         calendar.push(Entry { time: entry.time + delay(), ..entry });
     };
-    // The ladder takes its steady shape within some turnovers.
+    // The ladder reaches its steady state after some turnovers.
     for _ in 0..5 * events {
         step();
     }
@@ -165,7 +165,7 @@ fn cells(criterion: &mut Criterion) {
     let mut group = criterion.benchmark_group("cells");
     group.sample_size(20);
     for count in [32_000, 500_000] {
-        // A tenth full; placing does not mind overlaps.
+        // A tenth full; overlaps do not matter for the construction.
         let edge = (f64::from(count) * std::f64::consts::FRAC_PI_6 / 0.1).cbrt();
         let geometry = Geometry {
             size: DVec3::splat(edge),

@@ -1,8 +1,9 @@
 //! Collisions per second of whole scenes, through the public interfaces: scene text, scene, simulation.
 //!
-//! `cargo bench --bench scenes`; `-- fluid` picks a scene. An element is a collision. `haff bench` measures the same
-//! scenes at any size and density. `-- observing` times what a frame, a row of observables and the search for overlaps take; an
-//! element is a particle, and `RAYON_NUM_THREADS` is the number of threads.
+//! `cargo bench --bench scenes`; `-- fluid` selects a scene. An element is a collision. `haff bench` measures
+//! the same scenes at any size and density. `-- observing` measures the times of a frame, a row of
+//! observables and the search for overlaps; an element is a particle, and `RAYON_NUM_THREADS` is the number
+//! of threads.
 
 #[path = "../crates/cli/bench/scenes.rs"]
 #[allow(dead_code)]
@@ -17,10 +18,10 @@ use haff_engine::{Silent, Simulation, Until};
 const PARTICLES: u64 = 4000;
 /// Collisions of an iteration.
 const STRETCH: u64 = 4000;
-/// Size ratio 10 needs a thousand small grains for each large one, and its collisions cost more.
+/// Size ratio 10 requires a thousand small grains for each large one, and its collisions take more time.
 const MIXTURE: &str = "mixture";
 
-/// Particles that are observed.
+/// Particles of the observed system.
 const OBSERVED: u64 = 32_000;
 
 /// The scene after twenty collisions a particle.
@@ -36,7 +37,9 @@ fn melted(name: &str, particles: u64, phi: f64) -> Simulation {
 
 fn advance(simulation: &mut Simulation, collisions: u64) {
     let goal = simulation.counters().collisions + collisions;
-    simulation.advance(Until { collisions: goal, ..Until::default() }, &mut Silent).expect("a gas goes on");
+    simulation
+        .advance(Until { collisions: goal, ..Until::default() }, &mut Silent)
+        .expect("the run continues");
 }
 
 fn whole_scenes(criterion: &mut Criterion) {
@@ -52,7 +55,7 @@ fn whole_scenes(criterion: &mut Criterion) {
         for &phi in fractions {
             let mut simulation = None;
             group.bench_function(BenchmarkId::new("phi", phi), |b| {
-                // Melted when it is its turn: a filter on the command line skips it.
+                // Melted on demand: a filter on the command line skips it.
                 let simulation = simulation.get_or_insert_with(|| melted(standard.name, PARTICLES, phi));
                 b.iter(|| advance(simulation, stretch));
             });

@@ -1,4 +1,4 @@
-//! `haff bench --accuracy`: the tables and their JSON, and what the command refuses.
+//! `haff bench --accuracy`: the tables and their JSON, and refused options.
 
 mod common;
 
@@ -10,15 +10,15 @@ fn numbers(value: &Value) -> Vec<f64> {
 }
 
 #[test]
-fn quick_look_finds_haff_at_rounding_and_the_steppers_far_off() {
+fn quick_report_shows_haff_at_rounding_and_other_methods_with_larger_errors() {
     let haff = Haff::new();
-    // Beside a peer that refuses every scene: it is told of and left out.
-    let answer = r#"{"error": "I know no spheres"}"#;
+    // With a peer that refuses every scene: this is reported, and the peer is omitted.
+    let answer = r#"{"error": "spheres are not supported"}"#;
     let script = haff.write("peer.sh", &format!("while read -r line; do printf '%s\\n' '{answer}'; done\n"));
     let peer = format!("shell=sh {script}");
     let (status, out, err) = haff.run(&["bench", "--accuracy", "--quick", "--json", "--peer", &peer]);
     assert_eq!(status, 0, "{err}");
-    assert!(err.contains("shell: I know no spheres"), "{err}");
+    assert!(err.contains("shell: spheres are not supported"), "{err}");
     assert!(!out.contains("\"method\":\"shell\""), "{out}");
     let report: Value = serde_json::from_str(&out).expect("one JSON object");
     let scenes = report["scenes"].as_array().unwrap();
@@ -30,19 +30,19 @@ fn quick_look_finds_haff_at_rounding_and_the_steppers_far_off() {
             let errors = trials.iter().filter(|trial| trial["method"] == name).map(|trial| &trial["error"]);
             errors.map(|error| error.as_f64().unwrap()).fold(f64::INFINITY, f64::min)
         };
-        // Four collisions of a gas multiply rounding by some 2^15; nothing else grows.
+        // Four collisions of a gas multiply rounding by some 2^15; other errors do not grow.
         let bound = if scene["name"] == "gas" { 1e-9 } else { 1e-11 };
         assert!(error("haff") < bound, "{}: {}", scene["name"], error("haff"));
         assert!(error("fixed step") > 1e-4, "{}: {}", scene["name"], error("fixed step"));
         assert!(error("soft spheres") > 1e-4, "{}: {}", scene["name"], error("soft spheres"));
-        assert!(err.contains(scene["description"].as_str().unwrap()), "told too: {err}");
+        assert!(err.contains(scene["description"].as_str().unwrap()), "also on standard error: {err}");
     }
     for quantity in report["statistics"].as_array().unwrap() {
         let ours = &quantity["estimates"][0];
         assert_eq!(ours["method"], "haff");
         let [off, error] =
             ["relative_error", "relative_standard_error"].map(|key| ours[key].as_f64().unwrap());
-        // Few runs: their scatter is a poor estimate of itself, so six of it; and 2 % is worth a name.
+        // Few runs: the estimate of their scatter is poor, so six standard errors; and less than 2 %.
         assert!(off.abs() < 6.0 * error + 1e-3 && error < 2e-2, "{}: {off} ± {error}", quantity["name"]);
     }
     for gas in report["growth"].as_array().unwrap() {
@@ -77,10 +77,10 @@ fn options_of_the_other_benchmark_are_refused() {
 #[test]
 fn a_peer_that_cannot_start_is_named() {
     let haff = Haff::new();
-    let (status, _, err) = haff.run(&["bench", "--accuracy", "--peer", "nobody=./no-such-program"]);
+    let (status, _, err) = haff.run(&["bench", "--accuracy", "--peer", "missing=./no-such-program"]);
     assert_eq!(status, 2, "{err}");
-    assert!(err.contains("nobody: cannot start ./no-such-program"), "{err}");
-    let (status, _, err) = haff.run(&["bench", "--accuracy", "--peer", "nobody"]);
+    assert!(err.contains("missing: cannot start ./no-such-program"), "{err}");
+    let (status, _, err) = haff.run(&["bench", "--accuracy", "--peer", "missing"]);
     assert_eq!(status, 2, "{err}");
     assert!(err.contains("NAME=COMMAND"), "{err}");
 }

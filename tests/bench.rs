@@ -1,4 +1,4 @@
-//! `haff bench`: the cells asked for, of the engine that `haff run` uses.
+//! `haff bench`: the requested cells, with the engine of `haff run`.
 
 mod common;
 
@@ -21,7 +21,7 @@ fn bench(haff: &Haff, arguments: &[&str]) -> Value {
 }
 
 #[test]
-fn a_cell_reports_what_the_interface_promises() {
+fn a_cell_reports_all_promised_keys() {
     let haff = Haff::new();
     let report = bench(&haff, &["--n", "500", "--phi", "0.2", "--collisions", "2000", "--threads", "1"]);
     for key in PROMISED {
@@ -31,7 +31,7 @@ fn a_cell_reports_what_the_interface_promises() {
     assert_eq!((&report["collisions"], &report["events"]), (&2000.into(), &2000.into()));
     assert_eq!((&report["scene"], &report["stopped"]), (&"fluid".into(), &"collisions".into()));
     assert_eq!(report["threads"], 1);
-    // Ten collisions for each of 500 particles, twenty per particle, before the clock starts.
+    // Ten collisions for each of 500 particles, twenty per particle, before the timing.
     assert_eq!(report["melt_collisions"], 5000);
     assert_eq!(report["total"]["collisions"], 7000);
     assert_eq!(report["phi"], 0.2);
@@ -44,14 +44,14 @@ fn a_cell_reports_what_the_interface_promises() {
         let (count, each) = (&report["counters"][counter], &report["per_collision"][counter]);
         assert!((count.as_f64().unwrap() / 2000.0 - each.as_f64().unwrap()).abs() < 1e-12, "{counter}");
     }
-    // Each collision takes at least the first predictions of two partners.
+    // Each collision requires at least the first predictions of two partners.
     assert!(report["per_collision"]["predictions"].as_f64().unwrap() > 1.0, "{report}");
     assert!(report["max_overlap"].as_f64().unwrap() <= 1e-12, "{report}");
     assert!(haff.path(".").read_dir().unwrap().next().is_none(), "a benchmark writes no file");
 }
 
 #[test]
-fn a_cell_is_the_run_of_its_printed_scene() {
+fn a_cell_equals_the_run_of_its_printed_scene() {
     let haff = Haff::new();
     for scene in STANDARD {
         let cell = ["--scene", scene, "--n", "200", "--collisions", "300", "--repeats", "2", "--melt", "4"];
@@ -70,7 +70,7 @@ fn a_cell_is_the_run_of_its_printed_scene() {
 }
 
 #[test]
-fn lists_of_values_give_cells_of_their_own_in_order() {
+fn lists_of_values_give_separate_cells_in_order() {
     let haff = Haff::new();
     let all =
         ["--n", "100,1_03", "--phi", "0.1,0.3", "--collisions", "1e2", "--threads", "1,2", "--seed", "9"];
@@ -94,14 +94,14 @@ fn lists_of_values_give_cells_of_their_own_in_order() {
         assert_eq!((&pair[0]["seed"], &pair[0]["collisions"]), (&9.into(), &100.into()));
     }
     assert_ne!(cells[0]["state_hash"], cells[2]["state_hash"]);
-    // A cell in a process of its own is the cell asked for alone.
+    // A cell run in its own process equals the cell requested alone.
     let alone =
         bench(&haff, &["--n", "103", "--phi", "0.3", "--collisions", "100", "--threads", "1", "--seed", "9"]);
     assert_eq!(alone["state_hash"], cells[6]["state_hash"]);
 }
 
 #[test]
-fn machinery_is_chosen_by_option_and_changes_no_bit() {
+fn search_and_kernel_options_change_no_bit() {
     let haff = Haff::new();
     let cell = ["--n", "150", "--collisions", "500"];
     let cells = bench(&haff, &[&cell[..], &["--neighbors", "cells", "--simd", "portable"]].concat());
@@ -113,7 +113,7 @@ fn machinery_is_chosen_by_option_and_changes_no_bit() {
 }
 
 #[test]
-fn a_scene_file_is_timed_as_it_runs() {
+fn the_benchmark_of_a_scene_file_equals_its_run() {
     let haff = Haff::new();
     let scene = haff.write("gas.toml", GAS);
     let run = haff.report(&["run", &scene, "-o", "gas.h5"]);
@@ -127,7 +127,7 @@ fn a_scene_file_is_timed_as_it_runs() {
     assert_eq!((&part["melt_collisions"], &part["collisions"]), (&500.into(), &1000.into()));
     let set = bench(&haff, &["--scene", &scene, "--set", "species.0.count=108", "--collisions", "50"]);
     assert_eq!(set["n"], 108);
-    // No sphere ever meets a sphere here: the walls are all there is.
+    // Spheres never collide here: there are only wall collisions.
     let ball = bench(&haff, &["--scene", &config("textbook/bouncing_ball.toml")]);
     assert!(ball["collisions"] == 0 && ball["events"].as_u64() > Some(0), "{ball}");
 }
@@ -149,7 +149,7 @@ fn the_table_goes_to_standard_output_and_the_progress_to_standard_error() {
 }
 
 #[test]
-fn the_standard_scenes_are_named() {
+fn the_standard_scenes_are_listed() {
     let (status, out, _) = Haff::new().run(&["bench", "--list"]);
     let names: Vec<_> = out.lines().filter_map(|line| line.split_whitespace().next()).collect();
     assert_eq!(status, 0);
@@ -157,7 +157,7 @@ fn the_standard_scenes_are_named() {
 }
 
 #[test]
-fn what_cannot_be_measured_is_said_with_exit_2() {
+fn invalid_cells_are_errors_with_exit_status_2() {
     let haff = Haff::new();
     let gas = haff.write("gas.toml", GAS);
     let cases: [(&[&str], &str); 15] = [
@@ -182,7 +182,7 @@ fn what_cannot_be_measured_is_said_with_exit_2() {
         assert_eq!(status, 2, "{arguments:?}: {err}");
         assert!(
             err.contains(expected) && err.contains("error: "),
-            "{arguments:?}: {err}\nshould have {expected}"
+            "{arguments:?}: {err}\nexpected {expected}"
         );
         assert!(out.is_empty() && !err.contains("panicked"), "{arguments:?}: {out}{err}");
     }
@@ -203,17 +203,17 @@ fn cells_measured_before_a_failure_are_reported() {
 }
 
 #[test]
-fn peak_memory_is_that_of_the_run_whatever_started_it() {
+fn peak_memory_excludes_the_parent_process() {
     let haff = Haff::new();
-    // Written to, so that it is resident while the command is started.
+    // Initialized, so that it is resident while the command is started.
     let ballast = std::hint::black_box(vec![1_u8; 256 << 20]);
     let report = bench(&haff, &["--n", "100", "--collisions", "10"]);
     let peak = report["peak_memory_bytes"].as_u64().unwrap();
-    assert!(peak < 128 << 20, "{peak} bytes for 100 particles beside {} of ours", ballast.len());
+    assert!(peak < 128 << 20, "{peak} bytes for 100 particles beside {} in the parent", ballast.len());
 }
 
 #[test]
-fn a_signal_ends_all_cells_and_reports_what_was_timed() {
+fn a_signal_ends_all_cells_and_finished_cells_are_reported() {
     let haff = Haff::new();
     let endless = ["bench", "--n", "100,200", "--collisions", "1e12", "--json"];
     let mut child = haff
@@ -225,7 +225,7 @@ fn a_signal_ends_all_cells_and_reports_what_was_timed() {
     let progress = BufReader::new(child.stderr.take().unwrap());
     assert!(
         progress.lines().map_while(Result::ok).any(|line| line.contains("timing")),
-        "it never came to timing"
+        "the timing has not started"
     );
     kill(Pid::from_raw(child.id() as i32), Signal::SIGTERM).unwrap();
     let mut out = String::new();

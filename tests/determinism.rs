@@ -1,5 +1,5 @@
-//! The same scene gives the same trajectory: on any number of threads, with any machinery, stopped and resumed or
-//! not, in a debug or a release build.
+//! The same scene gives the same trajectory: on any number of threads, with any search and kernel, with and
+//! without interruptions, in debug and release builds.
 
 mod common;
 
@@ -35,7 +35,7 @@ fn state_hashes_are_pinned_for_every_build() {
 }
 
 #[test]
-fn no_choice_of_machinery_changes_a_trajectory() {
+fn trajectory_is_independent_of_search_kernel_threads_and_output() {
     let haff = Haff::new();
     let scene = haff.write("gas.toml", GAS);
     let short = ["run", &scene, "--overwrite", "--set", "run.until=5"];
@@ -65,7 +65,7 @@ fn interrupt(haff: &Haff, file: &str, arguments: &[&str], signal: Signal, after:
 }
 
 #[test]
-fn an_interrupted_run_resumes_to_the_state_of_one_that_was_not() {
+fn an_interrupted_run_resumes_to_the_state_of_an_uninterrupted_one() {
     let haff = Haff::new();
     let scene = haff.write("gas.toml", GAS);
     let long = [
@@ -99,7 +99,7 @@ fn an_interrupted_run_resumes_to_the_state_of_one_that_was_not() {
     }
 }
 
-/// Exit status of a run that has been sent SIGINT after some time, and how long it took to answer.
+/// Exit status of a run that gets SIGINT after some time, and its response time.
 fn answer(haff: &Haff, arguments: &[&str], after: Duration) -> (i32, Duration) {
     let mut child = haff.command(arguments).stdout(Stdio::null()).stderr(Stdio::null()).spawn().unwrap();
     std::thread::sleep(after);
@@ -110,28 +110,28 @@ fn answer(haff: &Haff, arguments: &[&str], after: Duration) -> (i32, Duration) {
 }
 
 #[test]
-fn a_signal_is_answered_while_a_packing_is_made() {
+fn a_signal_ends_the_generation_of_a_packing() {
     let haff = Haff::new();
-    // Growing a dense packing of so many takes far longer than the answer may.
+    // Growing such a dense packing takes far longer than the response may take.
     let scene = "dimension = 3\n[domain]\npacking_fraction = 0.49\n[[species]]\nname = \"grain\"\ncount = 300000\n\
                  radius = 0.5\nmass = 1.0\n[initial]\npositions = \"random\"\n[run]\nuntil = 1.0\n";
     let packing = haff.write("packing.toml", scene);
     let (status, took) = answer(&haff, &["run", &packing], Duration::from_millis(400));
     assert_eq!(status, 130);
-    assert!(took < Duration::from_secs(1), "answered after {took:?}");
-    assert!(!haff.path("packing.h5").exists(), "nothing had begun");
+    assert!(took < Duration::from_secs(1), "ended after {took:?}");
+    assert!(!haff.path("packing.h5").exists(), "no file has been created");
 }
 
-/// The part of `haff info` that must not depend on how often a run was stopped.
+/// The part of `haff info` that must not depend on interruptions.
 fn recorded(haff: &Haff, file: &str) -> Vec<Value> {
     let info: Value = serde_json::from_str(&haff.run(&["info", file, "--json"]).1).unwrap();
     ["frames", "samples", "events", "event_rows", "last", "finished"].map(|key| info[key].clone()).to_vec()
 }
 
 #[test]
-fn a_linkage_that_is_killed_again_and_again_resumes_to_the_state_of_one_that_was_not() {
+fn a_linkage_killed_repeatedly_resumes_to_the_state_of_an_uninterrupted_one() {
     let haff = Haff::new();
-    // Bobs that meet off the bottom, strings that go slack: thousands of events of every kind.
+    // Bobs that collide away from the bottom, strings that go slack: thousands of events of all kinds.
     let scene = common::config("textbook/pendulums.toml");
     let mut long = vec!["run", &scene];
     for set in ["run.until=3000", "output.frames=10", "output.observables=10", "output.checkpoint=5"] {
@@ -159,14 +159,14 @@ fn a_linkage_that_is_killed_again_and_again_resumes_to_the_state_of_one_that_was
 }
 
 #[test]
-fn wall_time_ends_a_run_cleanly_and_it_resumes() {
+fn wall_time_stops_a_run_that_can_be_resumed() {
     let haff = Haff::new();
     let scene = haff.write("gas.toml", GAS);
     let whole = haff.report(&["run", &scene, "-o", "whole.h5", "--set", "run.until=500"]);
     let report = haff.report(&["run", &scene, "--set", "run.until=500", "--set", "run.wall_time=0.02"]);
     assert_eq!(report["stopped"], "wall_time");
     assert!(report["simulated_time"].as_f64() < Some(500.0));
-    // The scene's own wall_time ends each leg; legs add up to the whole.
+    // The scene's own wall_time ends each part of the run; the parts add up to the whole.
     let mut last = report;
     for _ in 0..1000 {
         if last["stopped"] != "wall_time" {

@@ -1,4 +1,5 @@
-//! Sweeps: every combination once, each run as if alone, and whatever is missing done by the next call.
+//! Sweeps: every combination is run once, each run equals a single run, and the next call runs missing
+//! members.
 
 mod common;
 
@@ -37,7 +38,7 @@ fn hashes(summary: &Value) -> Vec<String> {
 }
 
 #[test]
-fn each_member_is_the_run_that_haff_run_makes() {
+fn each_member_equals_a_run_by_haff_run() {
     let haff = Haff::new();
     haff.write("gas.toml", GAS);
     let summary = sweep(&haff, &["--jobs", "2"]);
@@ -73,7 +74,7 @@ fn each_member_is_the_run_that_haff_run_makes() {
 }
 
 #[test]
-fn derived_seeds_are_all_different_and_depend_on_nothing_else_in_the_sweep() {
+fn derived_seeds_are_distinct_and_independent_of_other_members() {
     let haff = Haff::new();
     haff.write("gas.toml", GAS);
     let list = |sets: &[&str]| -> Value {
@@ -106,7 +107,7 @@ fn derived_seeds_are_all_different_and_depend_on_nothing_else_in_the_sweep() {
 }
 
 #[test]
-fn members_one_by_one_make_the_same_sweep_and_only_what_is_missing_is_run() {
+fn members_run_one_by_one_give_the_same_sweep_and_only_missing_ones_are_run() {
     let haff = Haff::new();
     haff.write("gas.toml", GAS);
     for index in ["2", "0"] {
@@ -126,17 +127,17 @@ fn members_one_by_one_make_the_same_sweep_and_only_what_is_missing_is_run() {
     let before = [modified(0), modified(2)];
     let whole = sweep(&haff, &[]);
     assert_eq!(whole["complete"], 4);
-    assert_eq!([modified(0), modified(2)], before, "complete files are left alone");
+    assert_eq!([modified(0), modified(2)], before, "complete files are not changed");
 
-    // A file that has vanished is made again, and so is a manifest.
+    // A removed file is made again, and so is a manifest.
     fs::remove_file(haff.path("study/run-0001.h5")).unwrap();
     assert_eq!(hashes(&sweep(&haff, &["--jobs", "1"])), hashes(&whole));
     fs::remove_file(haff.path("study/manifest.json")).unwrap();
     assert_eq!(hashes(&sweep(&haff, &[])), hashes(&whole));
-    assert_eq!([modified(0), modified(2)], before, "complete files are left alone");
+    assert_eq!([modified(0), modified(2)], before, "complete files are not changed");
 }
 
-/// Starts a sweep of long runs, and ends it by a signal in the middle.
+/// Starts a sweep of long runs, and ends it by a signal during the runs.
 fn interrupted(haff: &Haff, arguments: &[&str], signal: Signal) -> Option<i32> {
     let mut child = haff.command(arguments).stdout(Stdio::null()).stderr(Stdio::null()).spawn().unwrap();
     let started = Instant::now();
@@ -153,7 +154,7 @@ fn interrupted(haff: &Haff, arguments: &[&str], signal: Signal) -> Option<i32> {
 }
 
 #[test]
-fn a_sweep_that_is_stopped_or_killed_goes_on_where_it_was() {
+fn a_stopped_or_killed_sweep_continues_from_its_checkpoints() {
     let haff = Haff::new();
     haff.write("gas.toml", GAS);
     let long = &[
@@ -207,7 +208,7 @@ fn a_member_that_fails_does_not_stop_the_others() {
     let summary: Value = serde_json::from_str(&out).unwrap();
     assert_eq!((&summary["complete"], &summary["failed"]), (&Value::from(2), &Value::from(1)));
 
-    // A file in the way is neither read as a run nor replaced.
+    // A foreign file at a member's path is neither read as a run nor replaced.
     fs::remove_file(haff.path("study/run-0002.h5")).unwrap();
     haff.write("study/run-0002.h5", "precious");
     let (status, _, err) = haff.run(&arguments);
@@ -220,7 +221,7 @@ fn a_member_that_fails_does_not_stop_the_others() {
 }
 
 #[test]
-fn what_cannot_be_swept_is_refused_before_anything_is_written() {
+fn invalid_sweeps_are_refused_before_any_file_is_written() {
     let haff = Haff::new();
     haff.write("gas.toml", GAS);
     for (arguments, status, why) in [
@@ -257,7 +258,7 @@ fn what_cannot_be_swept_is_refused_before_anything_is_written() {
 }
 
 #[test]
-fn a_folder_with_another_sweep_is_refused_and_left_alone() {
+fn a_folder_with_another_sweep_is_refused_and_not_changed() {
     let haff = Haff::new();
     let gas = GAS.replace("[output]", "wall_time = \"2h\"\n[output]");
     haff.write("gas.toml", &gas);
@@ -282,7 +283,7 @@ fn a_folder_with_another_sweep_is_refused_and_left_alone() {
         );
     }
     assert_eq!(haff.run(&[&["sweep", "comment.toml", "-q", "-o", "study"], SHORT].concat()).0, 0);
-    // Values written in another way are the same values, in the manifest, the scene and the files.
+    // Values in another notation are the same values, in the manifest, the scene and the files.
     let respelled = gas.replace("temperature = 1.0", "temperature = 1").replace("\"2h\"", "7200");
     assert!(respelled.contains("temperature = 1\n") && respelled.contains("wall_time = 7200"));
     haff.write("respelled.toml", &respelled);
@@ -307,7 +308,7 @@ fn a_folder_with_another_sweep_is_refused_and_left_alone() {
 }
 
 #[test]
-fn more_jobs_than_cores_are_not_run_at_a_time() {
+fn the_number_of_simultaneous_runs_is_limited_to_the_cores() {
     let haff = Haff::new();
     haff.write("gas.toml", GAS);
     let (status, _, err) = haff.run(&[
@@ -330,7 +331,7 @@ fn more_jobs_than_cores_are_not_run_at_a_time() {
 struct Sweeping(std::process::Child);
 
 impl Sweeping {
-    /// Starts it, and waits until it has the lock of this name.
+    /// Starts it, and waits until it holds the lock of this name.
     fn start(haff: &Haff, arguments: &[&str], lock: &str) -> Self {
         let child = haff.command(arguments).stdout(Stdio::null()).stderr(Stdio::null()).spawn().unwrap();
         let (started, process) = (Instant::now(), format!("{}\n", child.id()));
@@ -355,7 +356,7 @@ impl Drop for Sweeping {
 }
 
 #[test]
-fn a_second_sweep_in_the_same_folder_is_refused_and_the_first_goes_on() {
+fn a_second_sweep_in_the_same_folder_is_refused_and_the_first_continues() {
     let haff = Haff::new();
     haff.write("gas.toml", GAS);
     let study = ["sweep", "gas.toml", "--set", "run.until=4000,4001", "-o", "study"];
@@ -366,14 +367,14 @@ fn a_second_sweep_in_the_same_folder_is_refused_and_the_first_goes_on() {
     let (status, out, err) = haff.run(&study);
     let process = first.0.id();
     assert_eq!((status, out.as_str()), (4, ""), "{err}");
-    let told = format!("error: study: another process ({process}) runs a sweep in this folder: wait");
-    assert!(err.starts_with(&told) && err.lines().count() == 1, "{err}");
+    let message = format!("error: study: another process ({process}) runs a sweep in this folder: wait");
+    assert!(err.starts_with(&message) && err.lines().count() == 1, "{err}");
     let listed = haff.report(&[&study[..], &["--list"]].concat());
     assert!(rows(&listed).iter().any(|row| row["status"] == "running"), "{listed}");
-    assert_eq!(first.stop(), Some(130), "the first one goes on until it is stopped");
+    assert_eq!(first.stop(), Some(130), "the first one continues until it is stopped");
     let rows = manifest(&haff)["runs"].as_array().unwrap().clone();
     assert!(rows.iter().all(|row| row["error"].is_null()), "{rows:?}");
-    // No lock file is left, and a killed sweep leaves no lock.
+    // No lock file remains, and a killed sweep leaves no lock.
     let killed = Sweeping::start(&haff, &study, "study/.sweep.lock");
     drop(killed);
     let again = Sweeping::start(&haff, &study, "study/.sweep.lock");
@@ -384,7 +385,7 @@ fn a_second_sweep_in_the_same_folder_is_refused_and_the_first_goes_on() {
 }
 
 #[test]
-fn different_members_run_at_the_same_time_and_one_member_only_once() {
+fn different_members_run_simultaneously_but_the_same_member_only_once() {
     let haff = Haff::new();
     haff.write("gas.toml", GAS);
     let study = ["sweep", "gas.toml", "--set", "run.until=4000,1", "-o", "study", "--index"];
@@ -392,8 +393,8 @@ fn different_members_run_at_the_same_time_and_one_member_only_once() {
     let first = Sweeping::start(&haff, &member("0"), "study/.run-0000.h5.lock");
     let (status, _, err) = haff.run(&member("0"));
     assert_eq!(status, 4, "{err}");
-    let told = format!("study/run-0000.h5: another process ({}) is at work on this run", first.0.id());
-    assert!(err.contains(&told), "{err}");
+    let message = format!("study/run-0000.h5: another process ({}) is at work on this run", first.0.id());
+    assert!(err.contains(&message), "{err}");
     assert_eq!(haff.report(&member("1"))["status"], "complete");
     assert_eq!(first.stop(), Some(130));
 }

@@ -1,5 +1,5 @@
-//! The scenes of impacts in `configs/textbook` against their closed forms (physics.md, sections 1, 2 and 5), with parameters
-//! changed from outside.
+//! The scenes of impacts in `configs/textbook` against their closed forms (physics.md, sections 1, 2 and 5),
+//! with changed parameters.
 
 mod common;
 
@@ -7,7 +7,7 @@ use common::textbook::{Log, close, scene};
 use glam::DVec3;
 use haff_engine::{EventKind, EventRecord, Frame, Simulation, Until};
 
-/// Runs a scene to a time; its events and its last frame.
+/// Runs a scene to a time; returns its events and its last frame.
 fn run(name: &str, set: &[String], time: f64) -> (Vec<EventRecord>, Frame) {
     let scene = scene(name, set);
     assert!(scene.joints.is_empty());
@@ -27,7 +27,7 @@ fn masses(m1: f64, m2: f64) -> Vec<String> {
     vec![format!("particle.0.mass={m1:?}"), format!("particle.1.mass={m2:?}")]
 }
 
-/// Velocities afterwards, impulse, loss and Carnot energy by (2.14), (2.16), (2.19), (2.20), (2.31).
+/// Checks velocities afterwards, impulse, loss and Carnot energy by (2.14), (2.16), (2.19), (2.20), (2.31).
 fn check_impact(event: &EventRecord, frame: &Frame, m: [f64; 2], w: [DVec3; 2], n: DVec3, e: f64) {
     let reduced = m[0] * m[1] / (m[0] + m[1]);
     let approach = (w[0] - w[1]).dot(n);
@@ -48,7 +48,7 @@ fn check_impact(event: &EventRecord, frame: &Frame, m: [f64; 2], w: [DVec3; 2], 
 }
 
 #[test]
-fn direct_impact_over_e_and_masses() {
+fn direct_impacts_follow_the_closed_form_over_e_and_masses() {
     for e in [0.0, 0.3, 0.9, 1.0] {
         for (m1, m2) in [(2.0, 1.0), (1.0, 1.0), (1e-3, 7.0), (50.0, 0.2)] {
             for v in [3.0, 0.01] {
@@ -64,12 +64,12 @@ fn direct_impact_over_e_and_masses() {
 }
 
 #[test]
-fn oblique_impact_over_e_masses_and_the_angle_of_the_normal() {
+fn oblique_impacts_follow_the_closed_form_over_e_masses_and_normal_angle() {
     let (w1, w2) = (DVec3::new(30.0, 10.0, 0.0), DVec3::new(-10.0, -30.0, 0.0));
     for e in [0.0, 0.5, 1.0] {
         for (m1, m2) in [(1.0, 1.0), (3.0, 0.4)] {
             for angle in [-0.7_f64, 0.0, 0.5, 1.3] {
-                // Led back from touching with the normal at this angle.
+                // Initial positions from which they touch with the normal at this angle.
                 let n = DVec3::new(angle.cos(), angle.sin(), 0.0);
                 let (x1, x2) = (-n * 0.5 - w1 * 0.05, n * 0.5 - w2 * 0.05);
                 let mut set = masses(m1, m2);
@@ -86,7 +86,7 @@ fn oblique_impact_over_e_masses_and_the_angle_of_the_normal() {
 }
 
 #[test]
-fn oblique_impact_with_a_wall_over_e_and_alpha() {
+fn oblique_wall_impacts_follow_the_closed_form_over_e_and_alpha() {
     for e in [0.0_f64, 0.25, 0.8, 1.0] {
         for alpha in [0.0_f64, 0.4, 1.1, 1.5] {
             for m in [1.0, 40.0] {
@@ -109,7 +109,7 @@ fn oblique_impact_with_a_wall_over_e_and_alpha() {
 }
 
 #[test]
-fn a_bouncing_ball_over_e_height_and_gravity() {
+fn a_bouncing_ball_follows_the_closed_form_over_e_height_and_gravity() {
     for e in [0.1, 0.5, 0.8, 0.95] {
         for (height, g) in [(1.0_f64, 9.81_f64), (0.02, 1.62), (300.0, 274.0)] {
             let set = [
@@ -133,7 +133,7 @@ fn a_bouncing_ball_over_e_height_and_gravity() {
             let last = events.last().expect("it comes to rest");
             assert_eq!(last.kind, EventKind::Rest);
             close("time until rest", last.time, rest, rest);
-            // The series has lost m g times the height before its first impact.
+            // The series loses m g times the height before its first impact.
             path += 2.0 * last.energy_loss / g / (1.0 - e * e);
             close("path", path, height * (1.0 + e * e) / (1.0 - e * e), height);
             assert_eq!(frame.velocity[0], DVec3::ZERO);
@@ -142,7 +142,7 @@ fn a_bouncing_ball_over_e_height_and_gravity() {
 }
 
 #[test]
-fn hammer_and_forging_over_the_ratio_of_masses() {
+fn hammer_and_forging_follow_the_closed_form_over_the_mass_ratio() {
     for ratio in [1e-6, 0.01, 1.0, 20.0, 1e6] {
         for (name, v, gap) in [("hammer_and_nail", 5.0, 0.02), ("forging", 6.0, 0.3)] {
             let set = masses(ratio, 1.0);
@@ -154,7 +154,7 @@ fn hammer_and_forging_over_the_ratio_of_masses() {
             close("Carnot's theorem", events[0].carnot_energy, events[0].energy_loss, initial * share);
             let common = ratio / (1.0 + ratio) * v;
             for velocity in &frame.velocity {
-                close("they go on together", velocity.length(), common, common);
+                close("common velocity", velocity.length(), common, common);
             }
         }
     }

@@ -20,7 +20,7 @@ pub fn config(name: &str) -> String {
     root().join("configs").join(name).display().to_string()
 }
 
-/// The command in a folder of its own.
+/// The command in a temporary folder.
 pub struct Haff {
     folder: tempfile::TempDir,
 }
@@ -66,10 +66,10 @@ impl Haff {
     }
 }
 
-/// A gas small enough for a test.
+/// A small gas for tests.
 pub const GAS: &str = include_str!("../gas.toml");
 
-/// Every key that the interface promises of a report.
+/// All keys that a report must contain.
 pub const PROMISED: [&str; 16] = [
     "particles",
     "collisions",

@@ -1,9 +1,9 @@
-//! What the tests of the chapter's scenes share.
+//! Shared by the tests of the chapter's scenes.
 
 use haff_engine::{EventRecord, Observer};
 use haff_scene::{NoStates, Scene};
 
-/// Keeps all events.
+/// Stores all events.
 #[derive(Default)]
 pub struct Log(pub Vec<EventRecord>);
 
@@ -16,7 +16,7 @@ impl Observer for Log {
     }
 }
 
-/// A scene of `configs/textbook`, with keys set from outside.
+/// A scene of `configs/textbook`, with overridden keys.
 pub fn scene(name: &str, set: &[String]) -> Scene {
     let path = super::root().join(format!("configs/textbook/{name}.toml"));
     haff_scene::load(&path, set, &NoStates).unwrap_or_else(|errors| panic!("{errors}"))

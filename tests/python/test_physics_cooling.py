@@ -132,6 +132,6 @@ def test_what_the_program_reports_is_what_the_file_holds(command, run):
 def test_positions_stay_in_the_box_and_images_count_the_crossings(run):
     frames = run.frames
     assert np.all(frames[-1].position >= 0) and np.all(frames[-1].position < run.box.size)
-    # Nobody flies farther than the fastest particle of the start allows.
+    # No particle flies farther than the fastest particle of the start allows.
     drift = np.linalg.norm(frames[1].unwrapped - frames[0].unwrapped, axis=1)
     assert drift.max() < frames[1].time * 8 and np.any(frames[-1].image != 0)

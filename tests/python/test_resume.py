@@ -178,7 +178,7 @@ def test_a_run_killed_at_any_instant_loses_nothing_that_was_flushed(tmp_path):
 
 
 def test_a_run_without_checkpoints_in_time_has_them_on_the_clock(tmp_path):
-    """Of an inelastic gas that is to make so many collisions, nobody knows how long it takes."""
+    """The simulated time of an inelastic gas up to a number of collisions cannot be predicted."""
     path = tmp_path / "long.h5"
     scene = tmp_path / "long.toml"
     scene.write_text(
@@ -260,7 +260,7 @@ def test_a_folder_that_cannot_be_written_is_told(tmp_path):
     folder.chmod(0o555)
     user = {}
     if os.geteuid() == 0:
-        # The superuser may write everywhere, so somebody else tries.
+        # The superuser may write everywhere, so another user tries.
         for parent in (tmp_path, *tmp_path.parents[:2]):
             parent.chmod(parent.stat().st_mode | 0o055)
         user = {"user": 65534, "group": 65534, "extra_groups": []}

@@ -66,7 +66,7 @@ def test_frames_in_the_page_are_those_of_the_file(name, exact, files, tmp_path, 
         assert np.all(position < size * (1 + 1e-6))
         unit = np.abs(run.frames.array("velocity")).max(axis=(1, 2)) / 32767
         assert np.all(np.abs(velocity - run.frames.array("velocity")[..., :d]).max(axis=(1, 2)) <= 0.51 * unit)
-        # Followed through the faces, nobody jumps.
+        # Followed through the faces, no particle jumps.
         way = np.cumsum(np.stack([np.zeros_like(crossed[0]), *crossed[1:]]), axis=0) * size
         true = run.frames.array("unwrapped")[..., :d]
         assert np.allclose(position + way - position[0], true - true[0], rtol=0, atol=1.1 * step.max())

@@ -153,7 +153,7 @@ def close_pairs(scene: Scene, position: Array) -> Array:
     count = len(position)
     if count <= 320:
         return np.stack(np.triu_indices(count, 1), axis=1)
-    # A grid is of use among equals only: whoever is larger than twice the median is tried with everybody.
+    # A grid works for similar sizes only: particles larger than twice the median are tested with all others.
     large = np.flatnonzero(scene.radius > 2 * np.median(scene.radius))
     small = np.flatnonzero(scene.radius <= 2 * np.median(scene.radius))
     low = position.min(axis=0)
@@ -237,7 +237,7 @@ def audit_without_events(file: haff.File) -> list[Finding]:
 
 
 def places(scene: Scene, frames: list[Any], reach: float, logged: Sequence[Array] = ()) -> list[Finding]:
-    """Numbers are finite, and nobody overlaps by more than rounds; `reach` is the largest coordinate or free path."""
+    """Numbers are finite, and no overlap exceeds rounding; `reach` is the largest coordinate or free path."""
     numbers = [*(frame.position for frame in frames), *(frame.velocity for frame in frames), *logged]
     limit = max(LEAST, 4 * np.spacing(reach) / (2 * min(scene.radius)))
     deepest = max(overlap(scene, frame.position, frame.time) for frame in frames)
@@ -277,7 +277,7 @@ def order_of_time(time: Array, particles: int) -> list[Finding]:
 def longest(scene: Scene, events: Log, position: list[Array], velocity: list[Array], frames: list[Any]) -> float:
     """Largest coordinate or free path [length]."""
     reach = max(float(np.abs(x).max()) for x in position)
-    # Nobody flies longer than from one event to the next, at most as fast as in any frame.
+    # No flight is longer than from one event to the next, at most as fast as in any frame.
     last = np.full(len(scene.mass), float(frames[0].time))
     speed = max(float(np.linalg.norm(v, axis=1).max()) for v in velocity)
     fastest = np.max([np.linalg.norm(v, axis=1) for v in velocity], axis=0)

@@ -33,7 +33,7 @@ BLOCKS = 25
 
 
 def draw_pairs(rng: np.random.Generator, particles: int) -> NDArray[np.int64]:
-    """Independent pairs ``[M, 2]`` up to the first in which somebody comes again: at once they collide as in turn."""
+    """Independent pairs ``[M, 2]`` up to the first with a repeated particle: together they collide as in turn."""
     pairs = rng.integers(particles, size=(max(int(0.6 * particles**0.5), 1), 2))
     drawn = pairs.ravel()
     order = np.argsort(drawn, kind="stable")
@@ -67,7 +67,7 @@ def sonine_a2(e: float, particles: int = 200_000, collisions: float = 300, seed:
         if sample >= SAMPLES * SETTLE:
             found.append(float(np.mean(square**2) / (15 * temperature**2) - 1))
         v /= np.sqrt(temperature)
-        # Until the next sample somebody may become faster than all are now, but not by so much.
+        # Until the next sample a particle may become faster than all are now, but not by so much.
         bound = 2.2 * np.sqrt(square.max() / temperature)
         done = 0
         while done < particles / (2 * SAMPLES):

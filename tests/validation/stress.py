@@ -43,7 +43,7 @@ SLOPE = 1e-3
 
 
 def stays(file: haff.File) -> list[Finding]:
-    """Nobody leaves the cage of its neighbors."""
+    """No particle leaves the cage of its neighbors."""
     first, last = file.frames[0].unwrapped, file.frames[-1].unwrapped
     return [
         Finding("way from the place at the start [diameters]", float(np.linalg.norm(last - first, axis=1).max()), 0.5)

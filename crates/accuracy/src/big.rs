@@ -6,7 +6,7 @@ use glam::DVec3;
 /// A binary floating-point number; a result has the larger precision of its two operands.
 pub type Big = FBig<HalfEven, 2>;
 
-/// The exact value of a finite `x`, to be computed with to `bits` significant bits (≥ 53).
+/// The exact value of a finite `x`, for arithmetic with `bits` significant bits (≥ 53).
 ///
 /// # Panics
 ///

@@ -1,5 +1,6 @@
 /*!
-Scenes whose end is known in closed form, evaluated in high precision from the very numbers that a method starts with.
+Scenes with closed-form solutions, evaluated in high precision from the same numbers that a method starts
+with.
 */
 
 use glam::DVec3;
@@ -12,30 +13,31 @@ use crate::{
     scenes::{add_sphere, add_wall, empty},
 };
 
-/// A scene and where its particles are at one time.
+/// A scene and the exact state of its particles at one time.
 #[derive(Debug, Clone)]
-pub struct Known {
-    /// A word for tables.
+pub struct ClosedForm {
+    /// Short name for tables.
     pub name: &'static str,
-    /// One line.
+    /// Description in one line.
     pub description: String,
-    /// The start.
+    /// The initial state.
     pub system: System,
-    /// When the answer holds [time].
+    /// Time of the solution [time].
     pub time: f64,
     /// Exact centres, unwrapped [length].
     pub position: Vec<BigVec>,
     /// Exact velocities [length/time].
     pub velocity: Vec<BigVec>,
-    /// Time in which the fastest sphere moves by its diameter [time]: the natural unit of a step or a contact.
+    /// Time in which the fastest sphere moves by its diameter [time]: the natural unit of a step or a
+    /// contact.
     pub time_scale: f64,
 }
 
-/// Bits of the answers.
+/// Bits of the solutions.
 pub const BITS: usize = 256;
 
-/// All of them.
-pub fn all() -> Vec<Known> {
+/// All scenes of this module.
+pub fn all() -> Vec<ClosedForm> {
     vec![bouncing_ball(10), billiard(1000), oblique_impact(0.8), chain(10)]
 }
 
@@ -46,12 +48,12 @@ fn number(x: f64) -> Big {
 /// Problem 2.1: a ball dropped on a floor, e = 0.9, halfway between two bounces after `bounces` of them.
 ///
 /// Between the k-th bounce and the next the ball leaves the floor at e^k √(2gH).
-pub fn bouncing_ball(bounces: u32) -> Known {
+pub fn bouncing_ball(bounces: u32) -> ClosedForm {
     let (e, g, radius, height) = (0.9, 1.0, 0.5, 2.0);
     let mut system = empty(DVec3::splat(8.0), [Boundary::Open; 3], 1.0, e);
     system.domain.gravity = DVec3::new(0.0, 0.0, -g);
     add_wall(&mut system, "floor", DVec3::ZERO, DVec3::Z, e);
-    // Shifted to one side: nothing in the way, and the sideways flight is checked too.
+    // Shifted to one side: there is no obstacle, and the sideways flight is checked, too.
     let start = DVec3::new(1.0, 2.0, radius + height);
     let drift = DVec3::new(0.25, -0.125, 0.0);
     add_sphere(&mut system, radius, 1.0, start, drift);
@@ -66,7 +68,7 @@ pub fn bouncing_ball(bounces: u32) -> Known {
     }
     let bounced = &fall * &sum;
     let speed = power * &e * twice(&(&height * &g)).sqrt();
-    // A third of the way to the next bounce, as an f64.
+    // A third of the time to the next bounce, as an f64.
     let time = nearest(&(&bounced + twice(&speed) / &g / number(3.0)));
     let dt = number(time) - bounced;
     let z = number(radius) + &speed * &dt - ((&g * &dt * &dt) >> 1);
@@ -76,7 +78,7 @@ pub fn bouncing_ball(bounces: u32) -> Known {
     position.0[2] = z;
     let mut velocity = BigVec::new(drift, BITS);
     velocity.0[2] = vz;
-    Known {
+    ClosedForm {
         name: "ball",
         description: format!("ball on a floor, e = 0.9, after {bounces} bounces"),
         system,
@@ -87,8 +89,9 @@ pub fn bouncing_ball(bounces: u32) -> Known {
     }
 }
 
-/// One elastic sphere between six walls, after about `bounces` of them. Unfolded, it flies straight.
-pub fn billiard(bounces: u32) -> Known {
+/// One elastic sphere between six walls, after about `bounces` wall collisions. Unfolded, its flight is
+/// straight.
+pub fn billiard(bounces: u32) -> ClosedForm {
     let (radius, size) = (0.5, DVec3::new(3.0, 4.0, 5.0));
     let mut system = empty(size, [Boundary::Wall; 3], 1.0, 1.0);
     let start = DVec3::new(1.1, 1.3, 1.7);
@@ -111,7 +114,7 @@ pub fn billiard(bounces: u32) -> Known {
             velocity.0[axis] = -velocity.0[axis].clone();
         }
     }
-    Known {
+    ClosedForm {
         name: "billiard",
         description: format!("sphere between six elastic walls, after about {bounces} of them"),
         system,
@@ -122,8 +125,9 @@ pub fn billiard(bounces: u32) -> Known {
     }
 }
 
-/// Two unequal spheres that meet off centre with restitution `e`, seen as long after the impact as before it.
-pub fn oblique_impact(e: f64) -> Known {
+/// Two unequal spheres in an off-centre collision with restitution `e`, as long after the impact as before
+/// it.
+pub fn oblique_impact(e: f64) -> ClosedForm {
     let mut system = empty(DVec3::splat(32.0), [Boundary::Open; 3], e, 1.0);
     let (r1, r2) = (DVec3::new(1.0, 2.0, 3.0), DVec3::new(7.3, 3.1, 2.2));
     let (w1, w2) = (DVec3::new(0.9, 0.2, -0.1), DVec3::new(-0.7, -0.1, 0.15));
@@ -146,7 +150,7 @@ pub fn oblique_impact(e: f64) -> Known {
     let (m1, m2) = (number(masses[0]), number(masses[1]));
     let impulse = -(number(1.0) + number(e)) * v.dot(&n) * &m1 * &m2 / (&m1 + &m2);
     let (u1, u2) = (w1.plus(&n, &(-(&impulse / m1))), w2.plus(&n, &(impulse / m2)));
-    Known {
+    ClosedForm {
         name: "oblique",
         description: format!("oblique impact of two unequal spheres, e = {e}"),
         system,
@@ -157,9 +161,10 @@ pub fn oblique_impact(e: f64) -> Known {
     }
 }
 
-/// A chain of elastic collisions on a line: `count` spheres at rest, each 0.9 times the mass of the one before, the first
-/// of them struck by a heavier one. Each is struck once, strikes once, and follows its successor more slowly.
-pub fn chain(count: usize) -> Known {
+/// A chain of elastic collisions on a line: `count` spheres at rest, each 0.9 times the mass of the one
+/// before, the first of them hit by a heavier one. Each is hit once, hits the next once, and then follows it
+/// more slowly.
+pub fn chain(count: usize) -> ClosedForm {
     let (radius, gap, ratio) = (0.5, 0.5, 0.9);
     let masses: Vec<f64> =
         (0..=count).scan(1.0, |mass, _| Some(std::mem::replace(mass, *mass * ratio))).collect();
@@ -169,8 +174,8 @@ pub fn chain(count: usize) -> Known {
         let velocity = if k == 0 { DVec3::X } else { DVec3::ZERO };
         add_sphere(&mut system, radius, mass, place, velocity);
     }
-    // Sphere k moves at v_k from t_{k−1}, when it is struck, to t_k, when it strikes, and at w_k from then on:
-    // v_{k+1} = 2 m_k v_k/(m_k + m_{k+1}), w_k = (m_k − m_{k+1}) v_k/(m_k + m_{k+1})
+    // Sphere k moves at v_k from t_{k−1}, when it is hit, to t_k, when it hits the next, and at w_k from then
+    // on: v_{k+1} = 2 m_k v_k/(m_k + m_{k+1}), w_k = (m_k − m_{k+1}) v_k/(m_k + m_{k+1})
     let gap = number(gap);
     let (mut speed, mut now) = (number(1.0), number(0.0));
     let mut after = Vec::new();
@@ -186,7 +191,7 @@ pub fn chain(count: usize) -> Known {
     for (k, body) in system.bodies.iter().enumerate() {
         let (mut x, mut v) = (BigVec::new(body.position, BITS), BigVec::new(DVec3::ZERO, BITS));
         let (slow, since) = after.get(k).cloned().unwrap_or((speed.clone(), now.clone()));
-        // All but the last have crossed the gap to their successor.
+        // All except the last have crossed the gap to their successor.
         if k < count {
             x.0[0] = &x.0[0] + &gap;
         }
@@ -195,7 +200,7 @@ pub fn chain(count: usize) -> Known {
         position.push(x);
         velocity.push(v);
     }
-    Known {
+    ClosedForm {
         name: "chain",
         description: format!("chain of {count} elastic collisions on a line, masses falling by 0.9"),
         system,
@@ -206,8 +211,8 @@ pub fn chain(count: usize) -> Known {
     }
 }
 
-impl Known {
-    /// Largest distance of the reference run from the closed form [length]; tells that both are right.
+impl ClosedForm {
+    /// Largest distance of the reference run from the closed form [length]; a small value confirms both.
     pub fn reference_error(&self, bits: usize) -> Result<f64, Error> {
         let mut reference = Reference::new(&self.system, bits, Rounding::None)?;
         reference.run_to(&big(self.time, bits));

@@ -1,16 +1,16 @@
-//! What can go wrong in a measurement.
+//! Errors of a measurement.
 
 use haff_engine::EngineError;
 
-/// Why a measurement could not be made.
+/// Reason why a measurement failed.
 #[derive(Debug, thiserror::Error)]
 pub enum Error {
-    /// The method or the reference does not know a feature of the scene.
-    #[error("{method} does not know {feature}")]
+    /// The method or the reference does not support a feature of the scene.
+    #[error("{method} does not support {feature}")]
     Unsupported {
-        /// Who cannot.
+        /// Name of the method.
         method: String,
-        /// What it cannot.
+        /// The unsupported feature.
         feature: &'static str,
     },
     /// The engine has stopped.
@@ -21,10 +21,10 @@ pub enum Error {
     Peer {
         /// The peer's name.
         name: String,
-        /// What it did.
+        /// Description of the failure.
         what: String,
     },
-    /// The caller has asked to stop.
+    /// The caller requested a stop.
     #[error("interrupted")]
     Interrupted,
 }

@@ -1,12 +1,12 @@
 /*!
-How rounding errors grow in a chaotic gas.
+Growth of rounding errors in a chaotic gas.
 
-Two trajectories that differ by δ are 2^{λ c} δ apart after c collisions per particle: λ is the largest Lyapunov exponent in
-bits a collision. Whoever keeps the state in double precision starts with δ of some 2^−53 diameters and adds as much
-at each collision; after about 53/λ collisions nothing is left of the initial state but its statistics. The
-question is how much earlier a program gets there than it must, and the yardstick is exact arithmetic on a state that
-is rounded to double after each collision ([`Rounding::StateToDouble`]), or on flights that are
-([`Rounding::FlightToDouble`]).
+Two trajectories that differ by δ are 2^{λ c} δ apart after c collisions per particle: λ is the largest
+Lyapunov exponent in bits a collision. A program that keeps the state in double precision starts with δ of
+some 2^−53 diameters and adds as much at each collision; after about 53/λ collisions only the statistics of
+the initial state are left. The question is how much earlier a program reaches that point than necessary. The
+standard of comparison is exact arithmetic on a state that is rounded to double after each collision
+([`Rounding::StateToDouble`]), or with flights that are rounded, too ([`Rounding::FlightToDouble`]).
 */
 
 use haff_engine::{Counters, NeighborChoice, Options, Silent, SimdChoice, Simulation, System, Until};
@@ -16,13 +16,13 @@ use crate::{
     big::big,
     methods::State,
     reference::{Reference, Rounding},
-    scenes::nudged,
-    trial::Answer,
+    scenes::perturbed,
+    trial::Solution,
 };
 
 /// Deviation at which a trajectory counts as lost [diameters].
 pub const LOST: f64 = 0.1;
-/// Deviation up to which the growth is fitted [diameters]: beyond it the two gases begin to differ in kind.
+/// Deviation up to which the growth is fitted [diameters]: above it the growth is no longer exponential.
 const LINEAR: f64 = 1e-3;
 
 /// Deviation from the reference against collisions per particle.
@@ -35,8 +35,8 @@ pub struct Series {
 }
 
 impl Series {
-    /// Slope of log₂ deviation against collisions per particle [bits a collision], by least squares, up to a thousandth
-    /// of a diameter. `None` with fewer than three points.
+    /// Slope of log₂ deviation against collisions per particle [bits a collision], by least squares, up to a
+    /// thousandth of a diameter. `None` with fewer than three points.
     pub fn slope(&self) -> Option<f64> {
         let points: Vec<_> = self.linear().collect();
         if points.len() < 3 {
@@ -55,8 +55,8 @@ impl Series {
         pairs.take_while(|(_, d)| **d < LINEAR).filter(|(_, d)| **d > 0.0).map(|(c, d)| (*c, d.log2()))
     }
 
-    /// Collisions per particle at which the deviation reaches [`LOST`], interpolated in its logarithm; `None` if it
-    /// does not.
+    /// Collisions per particle at which the deviation reaches [`LOST`], interpolated in its logarithm; `None`
+    /// if it does not.
     pub fn lost(&self) -> Option<f64> {
         let k = self.deviation.iter().position(|d| *d >= LOST)?;
         if k == 0 {
@@ -74,26 +74,26 @@ impl Series {
     }
 }
 
-/// The error growth of one start.
+/// The error growth of one initial state.
 #[derive(Debug, Clone)]
 pub struct Growth {
-    /// haff's engine, every machinery that takes the scene.
+    /// haff's engine, in every configuration that supports the scene.
     pub engine: Series,
     /// Exact arithmetic on a state that is rounded to double after each collision.
     pub rounded: Series,
     /// Exact arithmetic on states and flights that are rounded to double.
     pub flight: Series,
-    /// Exact arithmetic from a start of which every number is moved to the next double.
-    pub nudged: Series,
-    /// The machineries that were run, as (search, vector instructions).
-    pub machineries: Vec<(NeighborChoice, SimdChoice)>,
+    /// Exact arithmetic from an initial state with every number moved to the next double.
+    pub perturbed: Series,
+    /// The configurations that were run, as (search, vector instructions).
+    pub configurations: Vec<(NeighborChoice, SimdChoice)>,
     /// Whether all of them gave the same bits at every time.
     pub identical: bool,
-    /// What the first of them counted.
+    /// Counters of the first of them.
     pub counters: Counters,
 }
 
-/// A mean over starts and its standard error; without starts not a number.
+/// A mean over initial states and its standard error; NaN without any.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Mean {
     /// Mean.
@@ -103,7 +103,7 @@ pub struct Mean {
 }
 
 impl Mean {
-    /// Of the values there are.
+    /// Mean of the values that are present.
     pub fn of(values: impl Iterator<Item = Option<f64>>) -> Self {
         let values: Vec<f64> = values.flatten().collect();
         let count = values.len() as f64;
@@ -113,19 +113,19 @@ impl Mean {
     }
 }
 
-/// Compares haff's engine, in all its machineries, with the reference from one start.
+/// Compares haff's engine, in all its configurations, with the reference from one initial state.
 ///
-/// `answer` is the unrounded reference's; `seed` that of the nudge.
-pub fn measure(answer: &Answer, bits: usize, seed: u64) -> Result<Growth, Error> {
-    let mut machineries = Vec::new();
+/// `solution` is that of the unrounded reference; `seed` is that of the perturbation.
+pub fn measure(solution: &Solution, bits: usize, seed: u64) -> Result<Growth, Error> {
+    let mut configurations = Vec::new();
     let mut first: Option<(Vec<State>, Counters)> = None;
     let mut identical = true;
     for neighbors in
         [NeighborChoice::AllPairs, NeighborChoice::Cells, NeighborChoice::Lists, NeighborChoice::Windows]
     {
         for simd in [SimdChoice::Portable, SimdChoice::Avx2] {
-            let found = match follow(&answer.system, Options { neighbors, simd }, &answer.times) {
-                // Not this scene, or not this processor.
+            let found = match follow(&solution.system, Options { neighbors, simd }, &solution.times) {
+                // Not supported for this scene, or by this processor.
                 Err(Error::Engine(
                     haff_engine::EngineError::Unsuitable { .. } | haff_engine::EngineError::NoAvx2,
                 )) => {
@@ -133,7 +133,7 @@ pub fn measure(answer: &Answer, bits: usize, seed: u64) -> Result<Growth, Error>
                 }
                 other => other?,
             };
-            machineries.push((neighbors, simd));
+            configurations.push((neighbors, simd));
             match &first {
                 None => first = Some(found),
                 Some((states, _)) => identical &= *states == found.0,
@@ -141,20 +141,25 @@ pub fn measure(answer: &Answer, bits: usize, seed: u64) -> Result<Growth, Error>
         }
     }
     let (states, counters) = first.unwrap_or_default();
-    let series = |deviation: Vec<f64>| Series { collisions: answer.collisions.clone(), deviation };
-    let deviation = states.iter().enumerate().map(|(k, state)| answer.error(k, state)).collect();
+    let series = |deviation: Vec<f64>| Series { collisions: solution.collisions.clone(), deviation };
+    let deviation = states.iter().enumerate().map(|(k, state)| solution.error(k, state)).collect();
     Ok(Growth {
         engine: series(deviation),
-        rounded: series(deviations(answer, &answer.system, bits, Rounding::StateToDouble)?),
-        flight: series(deviations(answer, &answer.system, bits, Rounding::FlightToDouble)?),
-        nudged: series(deviations(answer, &nudged(answer.system.clone(), seed), bits, Rounding::None)?),
-        machineries,
+        rounded: series(deviations(solution, &solution.system, bits, Rounding::StateToDouble)?),
+        flight: series(deviations(solution, &solution.system, bits, Rounding::FlightToDouble)?),
+        perturbed: series(deviations(
+            solution,
+            &perturbed(solution.system.clone(), seed),
+            bits,
+            Rounding::None,
+        )?),
+        configurations,
         identical,
         counters,
     })
 }
 
-/// The engine's states at the times.
+/// The engine's states at the given times.
 fn follow(system: &System, options: Options, times: &[f64]) -> Result<(Vec<State>, Counters), Error> {
     let mut simulation = Simulation::new(system.clone(), options)?;
     let mut states = Vec::new();
@@ -166,19 +171,20 @@ fn follow(system: &System, options: Options, times: &[f64]) -> Result<(Vec<State
     Ok((states, simulation.counters()))
 }
 
-/// Deviations of a reference run from the answer.
+/// Deviations of a reference run from the solution.
 pub fn deviations(
-    answer: &Answer,
+    solution: &Solution,
     system: &System,
     bits: usize,
     rounding: Rounding,
 ) -> Result<Vec<f64>, Error> {
     let mut reference = Reference::new(system, bits, rounding)?;
     let mut found = Vec::new();
-    for (k, &time) in answer.times.iter().enumerate() {
+    for (k, &time) in solution.times.iter().enumerate() {
         reference.run_to(&big(time, bits));
-        found.push(answer.error_of(k, reference.position()));
-        // Once it is lost, the rest tells nothing more; a few points are kept to show where it levels off.
+        found.push(solution.error_of(k, reference.position()));
+        // After the trajectory is lost, the rest has no information; a few points are kept to show the final
+        // level.
         if found.len() > 8 && found[found.len() - 8] > 1.0 {
             break;
         }

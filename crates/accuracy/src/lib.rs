@@ -1,12 +1,13 @@
 /*!
-How accurate the engine is, and what other methods pay for their accuracy.
+Accuracy of the engine, and cost of accuracy in other methods.
 
-* [`reference`]: the same physics in arithmetic of hundreds of bits, all pairs, no cleverness: what every trajectory is
-  judged by. [`closed`] has scenes whose end is known in closed form, by which the reference is judged.
-* [`methods`]: ways to integrate a scene behind one trait: the engine, a fixed-step hard-sphere stepper, a soft-sphere
-  integrator, and other programs.
+* [`reference`]: the same physics in arithmetic of hundreds of bits, for all pairs, as simple as possible: the
+  standard for every trajectory. [`closed`] has scenes with closed-form solutions, which are the standard for
+  the reference.
+* [`methods`]: integration methods behind one trait: the engine, a fixed-step hard-sphere stepper, a
+  soft-sphere integrator, and other programs.
 * [`trial`]: run time against error of one method on one scene.
-* [`growth`]: how fast rounding errors grow in a chaotic gas, and what of them is the engine's own.
+* [`growth`]: growth of rounding errors in a chaotic gas, and the part due to the engine.
 * [`statistics`]: pressure and Haff's cooling rate from a fixed budget of time.
 */
 

@@ -1,11 +1,11 @@
 /*!
-Event-driven hard spheres in arithmetic of hundreds of bits: the simplest code that is right.
+Event-driven hard spheres in arithmetic of hundreds of bits: the simplest correct code.
 
-All particles stand at the present time. After every event the two partners are predicted afresh against
-everybody, and the earliest of all entries is found by looking at each. Chaos costs a dilute gas some three bits a
-collision: after 40 collisions a particle, 256 bits have more than 100 right ones left.
+All particles are at the present time. After every event the two partners are predicted again with all other
+particles, and the earliest of all entries is found by a linear search. By chaos a dilute gas loses some three
+bits a collision: after 40 collisions a particle, more than 100 of 256 bits are correct.
 
-The only use of f64 is to dismiss images of a pair that pass each other by a wide margin.
+f64 is used only to reject images of a pair that pass each other by a wide margin.
 */
 
 use std::cmp::Ordering;
@@ -18,46 +18,47 @@ use crate::{
     big::{Big, BigVec, big, nearest, twice},
 };
 
-/// Relative width of the band around contact within which the f64 filter leaves the answer to high precision. Relative
-/// positions and velocities are rounded from exact ones, so the miss distance is good to some 1e-15 of the distance;
-/// boxes up to 10⁴ diameters are safe by four decimal orders.
+/// Relative width of the band around contact within which the f64 filter does not decide. Relative positions
+/// and velocities are rounded from exact ones, so the miss distance is accurate to some 1e-15 of the
+/// distance; boxes up to 10⁴ diameters have a margin of four decimal orders.
 const UNDECIDED: f64 = 1e-7;
 
-/// What a reference run has to be rounded to.
+/// Rounding of a reference run.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub enum Rounding {
-    /// Nothing but the precision of the arithmetic.
+    /// Only that of the arithmetic.
     #[default]
     None,
-    /// Position and velocity of a particle become f64 numbers after each of its own events: the least that any program
-    /// does that keeps its state in double precision.
+    /// Position and velocity of a particle are rounded to f64 after each of its own events: the least
+    /// rounding of any program that keeps its state in double precision.
     StateToDouble,
-    /// And so do the duration of the flight since its last own event and the place where it ended, before it was wrapped into
-    /// the box: the least that a program does that lets flights cross the box as often as they want and adds v t once.
+    /// In addition, the duration of the flight since its last own event and its end position, before it is
+    /// wrapped into the box, are rounded: the least rounding of a program in which flights cross the box any
+    /// number of times and add v t once.
     FlightToDouble,
 }
 
-/// What will happen next to a pair, or to a particle and the walls.
+/// The next event of a pair, or of a particle and the walls.
 #[derive(Debug, Clone)]
 struct Entry {
     time: Big,
-    /// The time rounded: what is earlier in f64 is earlier.
+    /// The rounded time: an order in f64 is the exact order.
     key: f64,
-    what: What,
+    kind: Kind,
 }
 
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-enum What {
+enum Kind {
     Contact,
-    /// The pair has gone so far that other images of it might come near.
-    Renewal,
+    /// The pair has moved so far that other images of it might come near.
+    NewImages,
     Wall(usize),
 }
 
 impl Entry {
-    fn new(time: Big, what: What) -> Self {
+    fn new(time: Big, kind: Kind) -> Self {
         let key = nearest(&time);
-        Self { time, key, what }
+        Self { time, key, kind }
     }
 
     fn order(&self, other: &Self) -> Ordering {
@@ -65,14 +66,14 @@ impl Entry {
     }
 
     /// Keeps the earlier of the two.
-    fn offer(earliest: &mut Option<Self>, entry: Self) {
+    fn keep_earlier(earliest: &mut Option<Self>, entry: Self) {
         if earliest.as_ref().is_none_or(|best| entry.order(best).is_lt()) {
             *earliest = Some(entry);
         }
     }
 }
 
-/// A plane that particles stay above.
+/// A plane with the particles above it.
 struct Plane {
     point: BigVec,
     normal: BigVec,
@@ -104,9 +105,10 @@ pub struct Reference {
 }
 
 impl Reference {
-    /// A run from the state of `system`, to `bits` significant bits (at least 64).
+    /// A run from the state of `system`, with `bits` significant bits (at least 64).
     ///
-    /// One constant restitution for all pairs and one for all walls, resting walls, finite masses; the TC model is off.
+    /// Supports one constant restitution for all pairs and one for all walls, walls at rest, finite masses,
+    /// no TC model.
     pub fn new(system: &System, bits: usize, rounding: Rounding) -> Result<Self, Error> {
         let bits = bits.max(64);
         let restitutions = one_restitution(system, "the reference")?;
@@ -148,12 +150,12 @@ impl Reference {
         Ok(reference)
     }
 
-    /// Sphere–sphere collisions so far.
+    /// Number of collisions between spheres.
     pub fn collisions(&self) -> u64 {
         self.collisions
     }
 
-    /// Sphere–wall collisions so far.
+    /// Number of collisions with walls.
     pub fn wall_collisions(&self) -> u64 {
         self.wall_collisions
     }
@@ -163,12 +165,12 @@ impl Reference {
         nearest(&self.now)
     }
 
-    /// Centres now [length], unwrapped unless the state is rounded.
+    /// Present centres [length], unwrapped unless the state is rounded.
     pub fn position(&self) -> &[BigVec] {
         &self.position
     }
 
-    /// Velocities now [length/time].
+    /// Present velocities [length/time].
     pub fn velocity(&self) -> &[BigVec] {
         &self.velocity
     }
@@ -179,67 +181,67 @@ impl Reference {
             if at > *time {
                 break;
             }
-            self.take(&at, event);
+            self.process(&at, event);
         }
-        self.stream(time);
+        self.advance_all(time);
     }
 
-    /// Runs until there have been `collisions` between spheres in all, or nothing will happen any more; returns a time
-    /// between the last event and the next one, in the middle of them [time].
+    /// Runs until there have been `collisions` between spheres in all, or no further event exists; returns
+    /// the time halfway between the last event and the next one [time].
     pub fn run_to_collision(&mut self, collisions: u64) -> f64 {
         while self.collisions < collisions {
             let Some((at, event)) = self.next() else { break };
-            self.take(&at, event);
+            self.process(&at, event);
         }
-        // Renewals do not count, and do no harm: they are only earlier.
+        // Predictions of new images are not counted; they only make the time earlier.
         let next = self.next().map_or_else(|| self.now.clone(), |(at, _)| at);
         nearest(&((&self.now + next) >> 1))
     }
 
-    /// The earliest entry: its time, and its place with what it is.
-    fn next(&self) -> Option<(Big, (usize, What))> {
+    /// The earliest entry: its time, and its index and kind.
+    fn next(&self) -> Option<(Big, (usize, Kind))> {
         let n = self.position.len();
         let pairs = self.pairs.iter().enumerate();
         let walls = self.walls.iter().enumerate().map(|(i, entry)| (n * n + i, entry));
         pairs
             .chain(walls)
-            .filter_map(|(place, entry)| entry.as_ref().map(|entry| (place, entry)))
+            .filter_map(|(index, entry)| entry.as_ref().map(|entry| (index, entry)))
             .min_by(|(_, a), (_, b)| a.order(b))
-            .map(|(place, entry)| (entry.time.clone(), (place, entry.what)))
+            .map(|(index, entry)| (entry.time.clone(), (index, entry.kind)))
     }
 
-    fn take(&mut self, at: &Big, (place, what): (usize, What)) {
+    fn process(&mut self, at: &Big, (index, kind): (usize, Kind)) {
         let n = self.position.len();
-        self.stream(at);
-        let (i, j) = (place / n, place % n);
-        match what {
-            What::Renewal => self.predict_pair(i, j),
-            What::Contact => {
+        self.advance_all(at);
+        let (i, j) = (index / n, index % n);
+        match kind {
+            Kind::NewImages => self.predict_pair(i, j),
+            Kind::Contact => {
                 self.end_flight(i);
                 self.end_flight(j);
                 self.collide(i, j);
                 self.collisions += 1;
-                self.renew(i);
-                self.renew(j);
+                self.predict_all(i);
+                self.predict_all(j);
             }
-            What::Wall(wall) => {
-                let i = place - n * n;
+            Kind::Wall(wall) => {
+                let i = index - n * n;
                 self.end_flight(i);
                 self.bounce(i, wall);
                 self.wall_collisions += 1;
-                self.renew(i);
+                self.predict_all(i);
             }
         }
     }
 
-    /// Moves everybody to a time.
-    fn stream(&mut self, time: &Big) {
+    /// Moves all particles to a time.
+    fn advance_all(&mut self, time: &Big) {
         let dt = time - &self.now;
         let fall = (&dt * &dt) >> 1;
-        let falls = self.falls();
+        let has_gravity = self.has_gravity();
         for (position, velocity) in self.position.iter_mut().zip(&mut self.velocity) {
             *position = position.plus(velocity, &dt);
-            if falls {
+            if has_gravity {
                 *position = position.plus(&self.gravity, &fall);
                 *velocity = velocity.plus(&self.gravity, &dt);
             }
@@ -247,11 +249,11 @@ impl Reference {
         self.now.clone_from(time);
     }
 
-    fn falls(&self) -> bool {
+    fn has_gravity(&self) -> bool {
         self.gravity.0.iter().any(|g| *g != Big::ZERO)
     }
 
-    /// Rounds the flight that ends now, if that is asked for.
+    /// Rounds the flight that ends now, if required.
     fn end_flight(&mut self, i: usize) {
         let since = std::mem::replace(&mut self.since[i], self.now.clone());
         if self.rounding == Rounding::FlightToDouble {
@@ -262,7 +264,7 @@ impl Reference {
         }
     }
 
-    /// Rounds one particle's state, in the box, as asked for.
+    /// Wraps one particle into the box and rounds its state, if required.
     fn round(&mut self, i: usize) {
         if self.rounding == Rounding::None {
             return;
@@ -281,7 +283,7 @@ impl Reference {
         let mut r = self.position[j].minus(&self.position[i]);
         for (x, edge) in r.0.iter_mut().zip(&self.edge) {
             if let Some(edge) = edge {
-                // Half an edge away either image is as near as the other: f64 may choose.
+                // At half an edge both images are equally near: f64 may decide.
                 let image = (nearest(x) / nearest(edge)).round();
                 if image != 0.0 {
                     *x = &*x - edge * big(image, self.bits);
@@ -304,7 +306,7 @@ impl Reference {
         self.round(j);
     }
 
-    /// Impact on a resting wall, (2.21).
+    /// Impact on a wall at rest, (2.21).
     fn bounce(&mut self, i: usize, wall: usize) {
         let normal = &self.planes[wall].normal;
         let speed = self.velocity[i].dot(normal);
@@ -313,8 +315,8 @@ impl Reference {
         self.round(i);
     }
 
-    /// Predicts one particle against everybody.
-    fn renew(&mut self, i: usize) {
+    /// Predicts one particle with all others.
+    fn predict_all(&mut self, i: usize) {
         for j in 0..self.position.len() {
             if j != i {
                 self.predict_pair(i.min(j), i.max(j));
@@ -338,17 +340,17 @@ impl Reference {
             }
             if let Some(delay) = contact(&image, &v, &sigma) {
                 let time = &self.now + delay;
-                Entry::offer(&mut earliest, Entry::new(time, What::Contact));
+                Entry::keep_earlier(&mut earliest, Entry::new(time, Kind::Contact));
             }
         }
-        // An image two edges away is one and a half edges off the relative position, and comes within reach of it only
-        // after it has gone more than an edge.
+        // An image two edges away is one and a half edges from the relative position, and comes within
+        // contact distance only after a relative displacement of more than an edge.
         let shortest = self.edge.iter().flatten().map(nearest).reduce(f64::min);
         let speed = v.nearest().length();
         if let (Some(edge), true) = (shortest, speed > 0.0) {
-            // An early renewal does no harm, so that its time may be rounded.
+            // An early prediction is harmless, so its time may be rounded.
             let time = &self.now + big(0.999 * edge / speed, self.bits);
-            Entry::offer(&mut earliest, Entry::new(time, What::Renewal));
+            Entry::keep_earlier(&mut earliest, Entry::new(time, Kind::NewImages));
         }
         let n = self.position.len();
         self.pairs[i * n + j] = earliest;
@@ -370,7 +372,7 @@ impl Reference {
                     );
                     let image = r - offset;
                     let miss = image.cross(v).length_squared();
-                    // Squares: twice the band, and the rounding of a long distance.
+                    // For squares: twice the band, and the rounding of a long distance.
                     let reach =
                         vv * (sigma * sigma * (1.0 + 2.0 * UNDECIDED) + image.length_squared() * 1e-14);
                     if miss <= reach && image.dot(v) <= UNDECIDED * (image.length_squared() * vv).sqrt() {
@@ -390,7 +392,7 @@ impl Reference {
             let a = self.gravity.dot(&plane.normal);
             if let Some(delay) = fall(&d, &s, &a) {
                 let time = &self.now + delay;
-                Entry::offer(&mut earliest, Entry::new(time, What::Wall(wall)));
+                Entry::keep_earlier(&mut earliest, Entry::new(time, Kind::Wall(wall)));
             }
         }
         self.walls[i] = earliest;
@@ -421,11 +423,11 @@ fn fall(d: &Big, s: &Big, a: &Big) -> Option<Big> {
     if *a > Big::ZERO && (*s >= Big::ZERO || disc < Big::ZERO) {
         return None;
     }
-    // The falling root for either sign of a.
+    // The falling root for both signs of a.
     Some((-(s + disc.max(Big::ZERO).sqrt()) / a).max(Big::ZERO))
 }
 
-/// The restitution of all pairs and that of all walls, and a check that `method` knows everything in the scene.
+/// The restitution of all pairs and that of all walls; fails if `method` does not support the scene.
 pub(crate) fn one_restitution(system: &System, method: &str) -> Result<(f64, f64), Error> {
     let unsupported = |feature| Error::Unsupported { method: method.to_owned(), feature };
     let one = |rules: &[Restitution]| {

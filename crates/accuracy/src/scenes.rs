@@ -1,4 +1,5 @@
-//! Systems to measure on: equal spheres of unit diameter and mass, and what else the scenes with known answers need.
+//! Systems for measurements: equal spheres of unit diameter and mass, and parts of the scenes with
+//! closed-form solutions.
 
 use glam::DVec3;
 use haff_engine::{
@@ -45,7 +46,7 @@ pub fn empty(size: DVec3, boundary: [Boundary; 3], restitution: f64, wall_restit
     }
 }
 
-/// Adds a plane wall at rest, its unit normal to the inside.
+/// Adds a plane wall at rest; its unit normal points to the inside.
 pub fn add_wall(system: &mut System, name: &str, point: DVec3, normal: DVec3, restitution: f64) {
     system.walls.push(Wall { name: name.to_owned(), point, normal, motion: WallMotion::Fixed });
     system.contacts.wall.push((Restitution::Constant(restitution)).into());
@@ -62,8 +63,8 @@ pub fn add_sphere(system: &mut System, radius: f64, mass: f64, position: DVec3, 
     system.bodies.push(Body { position, velocity, image: [0; 3], class: class as u32, species: 0 });
 }
 
-/// A gas of `per_edge`³ spheres of unit diameter, mass and temperature on a simple cubic lattice in a cube, with zero
-/// momentum. `boundary`: periodic or walls. Packing fractions up to π/6 = 0.52 have room on the lattice.
+/// A gas of `per_edge`³ spheres of unit diameter, mass and temperature on a simple cubic lattice in a cube,
+/// with zero momentum. `boundary`: periodic or walls. Packing fractions up to π/6 = 0.52 fit on the lattice.
 pub fn gas(
     per_edge: usize,
     packing_fraction: f64,
@@ -73,7 +74,7 @@ pub fn gas(
 ) -> System {
     let count = per_edge.pow(3);
     let edge = (count as f64 * std::f64::consts::FRAC_PI_6 / packing_fraction).cbrt();
-    // Walls keep centres half a diameter away: the lattice has that much less room.
+    // Centres are at least half a diameter from walls: the lattice is smaller by that.
     let (room, margin) = if boundary == Boundary::Wall { (edge - 1.0, 0.5) } else { (edge, 0.0) };
     let mut system = empty(DVec3::splat(edge), [boundary; 3], restitution, 1.0);
     let mut random = Pcg64Mcg::seed_from_u64(seed);
@@ -93,7 +94,7 @@ pub fn gas(
     system
 }
 
-/// The system after `collisions` for each particle; every collision counts for two.
+/// The system after `collisions` for each particle; every collision counts for both partners.
 pub fn melted(system: &System, collisions: f64) -> Result<System, Error> {
     let mut simulation = Simulation::new(system.clone(), Options::default())?;
     let total = (0.5 * collisions * system.bodies.len() as f64).round() as u64;
@@ -101,7 +102,7 @@ pub fn melted(system: &System, collisions: f64) -> Result<System, Error> {
     Ok(with_state(system, &simulation.frame()))
 }
 
-/// The system with its particles where a frame has them.
+/// The system with its particles in the state of a frame.
 pub fn with_state(system: &System, frame: &Frame) -> System {
     let mut system = system.clone();
     for (body, (position, velocity)) in
@@ -112,7 +113,7 @@ pub fn with_state(system: &System, frame: &Frame) -> System {
     system
 }
 
-/// The system with every velocity multiplied by the same number, so that its temperature is 1 again.
+/// The system with all velocities multiplied by the same number, so that its temperature is 1.
 pub fn at_unit_temperature(mut system: System) -> System {
     let n = system.bodies.len() as f64;
     let mean = system.bodies.iter().map(|body| body.velocity).sum::<DVec3>() / n;
@@ -123,8 +124,8 @@ pub fn at_unit_temperature(mut system: System) -> System {
     system
 }
 
-/// Each coordinate and velocity moved to the next f64, up or down at random.
-pub fn nudged(mut system: System, seed: u64) -> System {
+/// Moves each coordinate and velocity to the next f64, up or down at random.
+pub fn perturbed(mut system: System, seed: u64) -> System {
     let mut random = Pcg64Mcg::seed_from_u64(seed);
     for body in &mut system.bodies {
         for vector in [&mut body.position, &mut body.velocity] {

@@ -1,8 +1,9 @@
 /*!
-Pressure and Haff's cooling rate as a fixed budget of time gives them, against theory.
+Pressure and Haff's cooling rate measured in a fixed budget of time, compared with theory.
 
-Every method starts from the same states, one after the other, until its time is used up: a fast method averages over many, and
-its statistical error is small; a slow one sees few. What does not average out is the method's bias.
+Every method starts from the same states, one after the other, until its time is used up: a fast method
+averages over many, so its statistical error is small; a slow one averages over few. The error that does not
+average out is the method's bias.
 */
 
 use std::f64::consts::{FRAC_PI_6, PI};
@@ -15,16 +16,16 @@ use crate::{
     scenes::{at_unit_temperature, gas, with_state},
 };
 
-/// Spheres along each edge of the starting lattice: 512 in all.
+/// Spheres along each edge of the initial lattice: 512 in all.
 const PER_EDGE: usize = 8;
 /// Spheres.
 pub const PARTICLES: usize = PER_EDGE.pow(3);
-/// Collisions per particle from one start to the next: the length of a run.
+/// Collisions per particle from one initial state to the next: the length of a run.
 const STRETCH: f64 = 10.0;
-/// Collisions per particle before the first start.
+/// Collisions per particle before the first initial state.
 const MELT: f64 = 60.0;
 
-/// What is measured.
+/// The measured quantity.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Quantity {
     /// Z = P V/N T of elastic spheres, packing fraction 0.3.
@@ -34,7 +35,7 @@ pub enum Quantity {
 }
 
 impl Quantity {
-    /// A word for tables.
+    /// Short name for tables.
     pub fn name(self) -> &'static str {
         match self {
             Self::Compressibility => "pressure",
@@ -42,7 +43,7 @@ impl Quantity {
         }
     }
 
-    /// One line.
+    /// Description in one line.
     pub fn description(self) -> String {
         let n = PARTICLES;
         match self {
@@ -65,29 +66,31 @@ impl Quantity {
         }
     }
 
-    /// Theory for the very number of particles, good to about 1e-4 (pressure) and 5e-4 (cooling rate) of itself.
+    /// Theory for the given number of particles, with relative errors of about 1e-4 (pressure) and 5e-4
+    /// (cooling rate).
     pub fn expected(self) -> f64 {
         let (n, phi, e) = (PARTICLES as f64, self.packing_fraction(), self.restitution());
         let finite = finite_compressibility(phi, n);
         if self == Self::Compressibility {
             return finite;
         }
-        // ω₀ = 4 n σ² g₀ √(πT/m), 1/τ = (1 − e²) ω₀ (1 + 3a₂/16)/2d; (Z − 1)/4φ is g₀ with the finite number's
-        // corrections. The relative velocities have the temperature per degree of freedom that is left, n/(n − 1).
+        // ω₀ = 4 n σ² g₀ √(πT/m), 1/τ = (1 − e²) ω₀ (1 + 3a₂/16)/2d; (Z − 1)/4φ is g₀ with the corrections
+        // for a finite number. The relative velocities have the temperature per remaining degree of freedom,
+        // n/(n − 1).
         let temperature: f64 = n / (n - 1.0);
         let rate = 4.0 * (phi / FRAC_PI_6) * (finite - 1.0) / (4.0 * phi) * (PI * temperature).sqrt();
         let a2 = 16.0 * (1.0 - e) * (1.0 - 2.0 * e * e) / (81.0 - 17.0 * e + 30.0 * (1.0 - e) * e * e);
         (1.0 - e * e) * rate * (1.0 + 3.0 * a2 / 16.0) / 6.0
     }
 
-    /// Length of a run [time]: that from one start to the next, about.
+    /// Length of a run [time]: about that from one initial state to the next.
     pub fn stretch(self) -> f64 {
         let phi = self.packing_fraction();
         STRETCH / (4.0 * (phi / FRAC_PI_6) * (compressibility(phi) - 1.0) / (4.0 * phi) * PI.sqrt())
     }
 }
 
-/// Z of the hard-sphere fluid by the modified Kolafa–Labík–Malijevský equation; good to some 4e-5.
+/// Z of the hard-sphere fluid by the modified Kolafa–Labík–Malijevský equation, accurate to some 4e-5.
 pub fn compressibility(phi: f64) -> f64 {
     const TERMS: [(i32, f64); 11] = [
         (1, 4.0),
@@ -108,8 +111,9 @@ pub fn compressibility(phi: f64) -> f64 {
 
 /// Z = P V/(⅔ T) of `n` spheres in a periodic box with zero total momentum, to first order in 1/n.
 ///
-/// At fixed number the free energy gains ½ ln χ, χ = ∂n/∂(P/T), so that Z_n = Z + (1/2n) d ln χ/d ln φ; and at fixed momentum
-/// relative velocities are n/(n − 1) as strong as the kinetic energy over n tells: Z − 1 grows by that.
+/// At fixed number the free energy contains ½ ln χ, χ = ∂n/∂(P/T), so that Z_n = Z + (1/2n) d ln χ/d ln φ;
+/// and at fixed momentum relative velocities are larger than the kinetic energy over n by n/(n − 1): Z − 1
+/// grows by that factor.
 pub fn finite_compressibility(phi: f64, n: f64) -> f64 {
     let inverse = |phi: f64| {
         let h = 1e-4 * phi;
@@ -120,7 +124,8 @@ pub fn finite_compressibility(phi: f64, n: f64) -> f64 {
     1.0 + (compressibility(phi) + slope / (2.0 * n) - 1.0) * n / (n - 1.0)
 }
 
-/// Starts in the steady state, each ten collisions per particle after the one before, made as they are asked for.
+/// Initial states in the steady state, each ten collisions per particle after the one before, generated on
+/// demand.
 pub struct Starts {
     quantity: Quantity,
     simulation: Simulation,
@@ -134,7 +139,7 @@ impl Starts {
         let system =
             gas(PER_EDGE, quantity.packing_fraction(), Boundary::Periodic, quantity.restitution(), seed);
         let mut simulation = Simulation::new(system.clone(), Options::default())?;
-        onward(&mut simulation, MELT)?;
+        advance_by(&mut simulation, MELT)?;
         Ok(Self { quantity, simulation, system, made: Vec::new() })
     }
 
@@ -142,29 +147,29 @@ impl Starts {
         while self.made.len() <= k {
             let start = at_unit_temperature(with_state(&self.system, &self.simulation.frame()));
             self.made.push(start);
-            onward(&mut self.simulation, STRETCH)?;
+            advance_by(&mut self.simulation, STRETCH)?;
         }
         Ok(&self.made[k])
     }
 }
 
-fn onward(simulation: &mut Simulation, per_particle: f64) -> Result<(), Error> {
+fn advance_by(simulation: &mut Simulation, per_particle: f64) -> Result<(), Error> {
     let more = (0.5 * per_particle * simulation.particles() as f64).round() as u64;
     let collisions = simulation.counters().collisions + more;
     simulation.advance(Until { collisions, ..Until::default() }, &mut Silent)?;
     Ok(())
 }
 
-/// A mean over runs, beside theory.
+/// A mean over runs, with the value of theory.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Estimate {
     /// The method's name.
     pub method: String,
-    /// Its choice of parameter, in words.
+    /// Its parameter, as text.
     pub parameter: String,
-    /// And as a number.
+    /// Its parameter, as a number.
     pub value: Option<f64>,
-    /// Runs.
+    /// Number of runs.
     pub runs: usize,
     /// Wall time of all of them [s].
     pub seconds: f64,
@@ -188,8 +193,8 @@ impl Estimate {
     }
 }
 
-/// Runs a method from one start after the other for `budget` seconds, but at least from three. `None` if the method does not
-/// tell the quantity.
+/// Runs a method from one initial state after the other for `budget` seconds, but at least three times.
+/// `None` if the method does not provide the quantity.
 pub fn estimate(
     starts: &mut Starts,
     method: &dyn Method,
@@ -232,7 +237,7 @@ pub fn estimate(
     }))
 }
 
-/// T of spheres of unit mass as `at_unit_temperature` sets it: T = Σ|v − V|²/3N.
+/// T of spheres of unit mass, as set by `at_unit_temperature`: T = Σ|v − V|²/3N.
 fn temperature(state: &State) -> f64 {
     let n = state.velocity.len() as f64;
     let mean = state.velocity.iter().sum::<glam::DVec3>() / n;

@@ -1,4 +1,4 @@
-//! Run time against error of one method on one scene with a known answer.
+//! Run time against error of one method on one scene with a known solution.
 
 use std::time::Duration;
 
@@ -8,29 +8,30 @@ use haff_engine::{Boundary, System};
 use crate::{
     Error,
     big::{Big, BigVec, big, nearest},
-    closed::Known,
+    closed::ClosedForm,
     growth::Series,
     methods::{Method, Run, State},
     reference::{Reference, Rounding},
 };
 
-/// Short runs are repeated for at least this long, and the median of their times is taken.
+/// Short runs are repeated for at least this long; the median of their times is used.
 const SHORT: Duration = Duration::from_millis(20);
-/// At most this often.
+/// Largest number of repeats.
 const REPEATS: u32 = 1000;
 
-/// A scene and where its particles are at some times.
+/// A scene and the exact state of its particles at some times.
 #[derive(Debug, Clone)]
-pub struct Answer {
-    /// A word for tables.
+pub struct Solution {
+    /// Short name for tables.
     pub name: String,
-    /// One line.
+    /// Description in one line.
     pub description: String,
-    /// The start.
+    /// The initial state.
     pub system: System,
-    /// Rising times > 0 [time].
+    /// Ascending times > 0 [time].
     pub times: Vec<f64>,
-    /// Collisions per particle up to each time; a collision counts for both partners, one with a wall for its particle.
+    /// Collisions per particle up to each time; a collision counts for both partners, one with a wall for its
+    /// particle.
     pub collisions: Vec<f64>,
     /// Exact centres at each time [length].
     pub position: Vec<Vec<BigVec>>,
@@ -38,41 +39,42 @@ pub struct Answer {
     pub time_scale: f64,
 }
 
-/// What a method cost and missed.
+/// Cost and error of a method.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Trial {
     /// The method's name.
     pub method: String,
-    /// Its choice of parameter, in words.
+    /// Its parameter, as text.
     pub parameter: String,
-    /// And as a number.
+    /// Its parameter, as a number.
     pub value: Option<f64>,
     /// Time steps, or events.
     pub steps: u64,
     /// Wall time of one run to the last time [s].
     pub seconds: f64,
-    /// Root mean square over the particles of the distance from where they should be, at each time [diameters].
+    /// Root mean square over the particles of the distance from the exact positions, at each time
+    /// [diameters].
     pub error: Vec<f64>,
 }
 
-impl From<Known> for Answer {
-    fn from(known: Known) -> Self {
+impl From<ClosedForm> for Solution {
+    fn from(closed_form: ClosedForm) -> Self {
         Self {
-            name: known.name.to_owned(),
-            description: known.description,
-            system: known.system,
-            times: vec![known.time],
+            name: closed_form.name.to_owned(),
+            description: closed_form.description,
+            system: closed_form.system,
+            times: vec![closed_form.time],
             collisions: Vec::new(),
-            position: vec![known.position],
-            time_scale: known.time_scale,
+            position: vec![closed_form.position],
+            time_scale: closed_form.time_scale,
         }
     }
 }
 
-impl Answer {
-    /// The answer of the reference with `bits` at `samples` times per collision and particle, up to `collisions` for each
-    /// particle on average.
-    pub fn followed(
+impl Solution {
+    /// The solution of the reference with `bits` at `samples` times per collision and particle, up to
+    /// `collisions` for each particle on average.
+    pub fn by_reference(
         name: &str,
         description: &str,
         system: System,
@@ -98,14 +100,15 @@ impl Answer {
             times,
             collisions: counts,
             position,
-            // Thermal gases of unit temperature, mass and diameter: the fastest of some dozens move at about 3.
+            // Thermal gases of unit temperature, mass and diameter: the fastest of some dozens moves at about
+            // 3.
             time_scale: 1.0 / 3.0,
         })
     }
 
-    /// The first `samples` times only.
+    /// The solution at the first `samples` times only.
     #[must_use]
-    pub fn until(&self, samples: usize) -> Self {
+    pub fn truncated(&self, samples: usize) -> Self {
         let mut short = self.clone();
         short.times.truncate(samples);
         short.collisions.truncate(samples);
@@ -113,9 +116,13 @@ impl Answer {
         short
     }
 
-    /// Deviation of a method against collisions per particle, as far as it is worth following: to four times as many
-    /// samples as long as it is not lost and `affordable` says yes to the time of the next run [time].
-    pub fn follow(&self, method: &dyn Method, affordable: impl Fn(f64) -> bool) -> Result<Series, Error> {
+    /// Deviation of a method against collisions per particle: with four times as many samples each time, as
+    /// long as the trajectory is not lost and `affordable` is true for the time of the next run [time].
+    pub fn error_growth(
+        &self,
+        method: &dyn Method,
+        affordable: impl Fn(f64) -> bool,
+    ) -> Result<Series, Error> {
         let mut samples = self.times.len().min(4);
         loop {
             let run = method.run(&self.system, &self.times[..samples])?;
@@ -129,12 +136,12 @@ impl Answer {
         }
     }
 
-    /// Root mean square distance of a state from the answer at time number `k` [diameters].
+    /// Root mean square distance of a state from the solution at time number `k` [diameters].
     pub fn error(&self, k: usize, state: &State) -> f64 {
         let bits = self.position[k].first().map_or(64, |first| first.0[0].precision());
         let square = self.position[k].iter().zip(&state.position).map(|(exact, found)| {
             if found.is_finite() {
-                self.off(exact, &BigVec::new(*found, bits)).length_squared()
+                self.difference(exact, &BigVec::new(*found, bits)).length_squared()
             } else {
                 f64::INFINITY
             }
@@ -147,12 +154,12 @@ impl Answer {
         let square = self.position[k]
             .iter()
             .zip(position)
-            .map(|(exact, found)| self.off(exact, found).length_squared());
+            .map(|(exact, found)| self.difference(exact, found).length_squared());
         (square.sum::<f64>() / position.len() as f64).sqrt() / self.diameter()
     }
 
     /// Nearest image of the difference, rounded after it has been formed.
-    fn off(&self, exact: &BigVec, found: &BigVec) -> DVec3 {
+    fn difference(&self, exact: &BigVec, found: &BigVec) -> DVec3 {
         let mut r = found.minus(exact);
         let size = self.system.domain.size;
         for axis in 0..3 {
@@ -174,7 +181,7 @@ impl Answer {
     }
 
     /// Runs a method on the scene.
-    pub fn judge(&self, method: &dyn Method) -> Result<Trial, Error> {
+    pub fn measure(&self, method: &dyn Method) -> Result<Trial, Error> {
         let run = method.run(&self.system, &self.times)?;
         let seconds = timed(run.wall, || method.run(&self.system, &self.times))?;
         Ok(Trial {
@@ -192,7 +199,7 @@ impl Answer {
 fn timed(first: Duration, mut run: impl FnMut() -> Result<Run, Error>) -> Result<f64, Error> {
     let repeats = (SHORT.as_secs_f64() / first.as_secs_f64().max(1e-9)).ceil().min(f64::from(REPEATS)) as u32;
     let mut all = Vec::new();
-    // A long run is its own measurement; the first of short ones has warmed up.
+    // A single long run is sufficient; the first of several short ones is for warm-up.
     for _ in 1..repeats {
         all.push(run()?.wall.as_secs_f64());
     }

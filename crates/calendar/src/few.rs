@@ -1,29 +1,29 @@
 /*!
-Sorting a few events by their ranks.
+Sorts a few events by rank.
 
-Buckets hold some ten events in any order. A sort that compares and moves asks the processor to foresee each comparison, which it
-cannot. Here the place of every event is counted: how many are earlier. That takes more comparisons, none of which is a
-branch, eight in a few vector instructions.
+Buckets hold some ten events in any order. The branches of a comparison sort are unpredictable. Here the rank
+of every event is counted instead: the number of earlier events. That takes more comparisons but no branches;
+vector instructions compare eight events at a time.
 */
 
 use crate::Event;
 
-/// Events that are sorted by counting, at most.
+/// Largest number of events that are sorted by counting.
 const FEW: usize = 16;
-/// Events whose places are counted at a time.
+/// Number of events whose ranks are counted at a time.
 const LANES: usize = 8;
 
-/// Copies events in their order to as many places, the earliest first.
+/// Copies events in order to `places`, a slice of the same length, the earliest first.
 #[inline(always)]
 pub(crate) fn sort_to<E: Event>(events: &[E], places: &mut [E]) {
     sort_by::<E, false>(events, places, |_, event| event.time());
 }
 
-/// Copies events of a short span of time from `begin` on, below 2^58 ticks, to as many places in the order of their times, the latest first;
-/// those of one time in any order.
+/// Copies events within a short span of time from `begin` on, below 2^58 ticks, to `places`, a slice of the
+/// same length, in the order of their times, the latest first; events of one time are in any order.
 #[inline(always)]
 pub(crate) fn sort_times_to<E: Event>(events: &[E], places: &mut [E], begin: i64) {
-    // So that no two have the same.
+    // Makes all keys different.
     sort_by::<E, true>(events, places, |k, event| (event.time() - begin) * FEW as i64 + k);
 }
 
@@ -51,8 +51,8 @@ fn sort_many<E: Event>(events: &[E], places: &mut [E]) {
     places.sort_unstable();
 }
 
-/// Copies up to `GROUPS` times eight events to places in the order of their keys, the last first if `REVERSED`; false if two of them
-/// have one key, which does not happen if `REVERSED`.
+/// Copies up to `GROUPS` times eight events to `places` in the order of their keys, the last first if
+/// `REVERSED`. Returns false if two of them have the same key, which does not happen if `REVERSED`.
 #[inline(always)]
 fn count<E: Event, const GROUPS: usize, const REVERSED: bool>(
     events: &[E],
@@ -73,7 +73,7 @@ fn count<E: Event, const GROUPS: usize, const REVERSED: bool>(
     }
     let before = &before.as_flattened()[..events.len()];
     let last = events.len() as i64 - 1;
-    // Of those with the same key fewer are before.
+    // Events with the same key have fewer predecessors than their ranks in a total order.
     if !REVERSED && 2 * before.iter().sum::<i64>() != (last + 1) * last {
         return false;
     }
@@ -87,18 +87,18 @@ fn count<E: Event, const GROUPS: usize, const REVERSED: bool>(
 mod tests {
     use super::*;
 
-    /// Time, and what else makes the order total.
+    /// Time, and an id that makes the order total.
     #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
-    struct Due(i64, u32);
+    struct Timed(i64, u32);
 
-    impl Event for Due {
+    impl Event for Timed {
         fn time(&self) -> i64 {
             self.0
         }
     }
 
     #[test]
-    fn all_numbers_of_events_come_in_order_those_of_one_time_too() {
+    fn any_number_of_events_is_sorted_equal_times_included() {
         let mut state = 1_u64;
         let mut random = || {
             state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1);
@@ -107,8 +107,8 @@ mod tests {
         for count in 0..40 {
             for range in [2, 20, 1 << 30] {
                 for _ in 0..20 {
-                    let events: Vec<Due> =
-                        (0..count).map(|k| Due(random() as i64 % range - range / 2, 40 - k)).collect();
+                    let events: Vec<Timed> =
+                        (0..count).map(|k| Timed(random() as i64 % range - range / 2, 40 - k)).collect();
                     let mut expected = events.clone();
                     expected.sort_unstable();
                     let mut found = events.clone();
@@ -124,8 +124,8 @@ mod tests {
     }
 
     #[test]
-    fn the_last_times_there_are_come_last() {
-        let events = [Due(i64::MAX, 1), Due(3, 2), Due(i64::MAX - 1, 3), Due(i64::MAX, 0)];
+    fn the_largest_times_are_sorted_last() {
+        let events = [Timed(i64::MAX, 1), Timed(3, 2), Timed(i64::MAX - 1, 3), Timed(i64::MAX, 0)];
         let mut found = events;
         sort_to(&events, &mut found);
         assert_eq!(found, [events[1], events[2], events[3], events[0]]);

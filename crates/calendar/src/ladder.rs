@@ -1,46 +1,46 @@
 /*!
 A two-level ladder queue with lazy deletion.
 
-Time is cut into *fine* buckets of 2^s ticks and *coarse* buckets of 2^m fine ones; a *year* is 2^k coarse buckets, which
-stand in a ring.
+Time is cut into *fine* buckets of 2^s ticks and *coarse* buckets of 2^m fine ones; a *year* is 2^k coarse
+buckets, stored as a ring.
 
 ```text
  heap + run  |  fine buckets of the    |  coarse buckets of    |  everything
  (sorted)    |  current coarse bucket  |  a year from now on   |  later
 ```
 
-An event is appended, unsorted, to the bucket its time falls into, moves down one level when its coarse bucket
-becomes current, and is sorted only with the few others of its fine bucket. Events that arrive for the fine
-bucket in progress, or for the past, are inserted into the sorted run while it is short, and go to a binary heap beside it
-otherwise. So each event is touched three times, twice by an append. The fine width follows the event rate: about
-[`TARGET`] events a bucket.
+An event is appended, unsorted, to the bucket of its time, moves down one level when its coarse bucket becomes
+current, and is sorted only with the few others of its fine bucket. Events that arrive for the current fine
+bucket, or for the past, are inserted into the sorted run while it is short, and into a binary heap beside it
+otherwise. So each event is moved three times, twice by an append. The fine width follows the event rate:
+about [`TARGET`] events a bucket.
 */
 
 use std::{cmp::Reverse, collections::BinaryHeap, mem};
 
 use crate::{Calendar, Event, few::sort_times_to};
 
-/// Events per fine bucket that the width is tuned for: the sort stays within two cache lines of 24-byte events
-/// and the scan over empty buckets stays short.
+/// Events per fine bucket that the width is tuned for: the sort stays within two cache lines of 24-byte
+/// events and the scan over empty buckets stays short.
 const TARGET: usize = 8;
 /// The width is re-tuned when buckets hold this factor more or less than they should.
 const SLACK: usize = 2;
-/// Longest run that events are inserted into.
+/// Longest run into which events are inserted.
 const SHORT: usize = 64;
 /// Number of events that the width is chosen from.
 const SAMPLE: usize = 1 << 14;
-/// Least number of events taken between two looks at the width.
+/// Least number of events taken between two reviews of the width.
 const REVIEW: usize = 64;
 /// Largest exponent of a year's length, so that bucket arithmetic on 64-bit ticks cannot overflow.
 const MAX_YEAR_BITS: u32 = 61;
 
-/// Two-level ladder queue; see the [crate's twin](crate::Heap) for the plain form.
+/// Two-level ladder queue; [`Heap`](crate::Heap) is the plain reference.
 #[derive(Debug, Clone)]
 pub struct Ladder<E: Event> {
     /// Sorted events up to the end of the current fine bucket, latest first.
     run: Vec<E>,
-    /// Length below which the run is lengthened by the next bucket.
-    lead: usize,
+    /// The run is lengthened by the next bucket while it is shorter than this.
+    min_run: usize,
     /// Events pushed into the current fine bucket or before it since it was sorted.
     late: BinaryHeap<Reverse<E>>,
     fine: Vec<Vec<E>>,
@@ -57,12 +57,13 @@ pub struct Ladder<E: Event> {
     coarse_now: i64,
     year_now: i64,
     len: usize,
-    /// Fine buckets passed, and events taken, since the width was last looked at. (`taken` does not stand beside `len`, nor is it
-    /// as wide: the two would be counted by one vector instruction, which has to wait until what was counted alone is in memory.)
+    /// Fine buckets passed, and events taken, since the last review of the width. (`taken` is neither next to
+    /// `len` nor as wide: the compiler would increment both with one vector instruction, which stalls on
+    /// store forwarding after `len` has been written alone.)
     buckets: i64,
     taken: u32,
-    /// Events to be taken before it is looked at again: a change costs O(len) and must be paid for. 0 at the start.
-    patience: u32,
+    /// Number of events to be taken before the next review: a change costs O(len). 0 at the start.
+    review_budget: u32,
 }
 
 impl<E: Event> Ladder<E> {
@@ -70,8 +71,8 @@ impl<E: Event> Ladder<E> {
         self.shift = shift.min(MAX_YEAR_BITS - self.fine_bits - self.coarse_bits);
     }
 
-    /// Points the calendar at the fine bucket of `time`; all buckets must be empty.
-    fn point_at(&mut self, time: i64) {
+    /// Sets the current fine bucket to that of `time`; all buckets must be empty.
+    fn set_current(&mut self, time: i64) {
         self.fine_now = time >> self.shift;
         self.coarse_now = self.fine_now >> self.fine_bits;
         self.year_now = self.coarse_now >> self.coarse_bits;
@@ -89,11 +90,11 @@ impl<E: Event> Ladder<E> {
             let slot = (fine & ((1 << self.fine_bits) - 1)) as usize;
             self.fine[slot].push(event);
         } else if coarse.wrapping_sub(self.coarse_now) as u64 <= 1 << self.coarse_bits {
-            // A year ahead to the bucket, too: the current bucket's place in the ring is empty.
+            // Also exactly a year ahead: the slot of the current bucket in the ring is empty.
             let slot = (coarse & ((1 << self.coarse_bits) - 1)) as usize;
             let bucket = &mut self.coarse[slot];
             if bucket.len() == bucket.capacity() {
-                // By a quarter, not twofold: nearly all events of a large system stand here.
+                // By a quarter, not twofold: nearly all events of a large system are in these buckets.
                 bucket.reserve_exact(bucket.len() / 4 + TARGET);
             }
             bucket.push(event);
@@ -102,7 +103,7 @@ impl<E: Event> Ladder<E> {
         }
     }
 
-    /// Adds an event to the bucket in progress.
+    /// Adds an event to the current fine bucket.
     fn place_late(&mut self, event: E) {
         if self.run.len() < SHORT {
             let at = self.run.iter().rposition(|other| *other > event).map_or(0, |at| at + 1);
@@ -112,8 +113,9 @@ impl<E: Event> Ladder<E> {
         }
     }
 
-    /// Chooses the fine width for `len` live events of which `some` are given: their median distance from the first, in
-    /// `TARGET`s. Then points at the fine bucket before the first, so that nothing starts in the heap; all buckets must be empty.
+    /// Chooses the fine width for `len` live events from `some` of them: by their median distance from the
+    /// first, for `TARGET` events a bucket. The fine bucket before the first event becomes the current one,
+    /// so that no event starts in the heap; all buckets must be empty.
     fn tune_from<'a>(&mut self, some: impl Iterator<Item = &'a E> + Clone, len: usize)
     where
         E: 'a,
@@ -125,29 +127,29 @@ impl<E: Event> Ladder<E> {
         let (_, &mut median, _) = ahead.select_nth_unstable(middle);
         let width = (u128::from(median) * TARGET as u128 / ((len / 2).max(1) as u128)).max(1) as u64;
         self.set_shift(width.ilog2());
-        self.point_at(first.saturating_sub(1 << self.shift));
+        self.set_current(first.saturating_sub(1 << self.shift));
     }
 
-    /// Makes ready for `len` events of which these are some; nothing may be held yet. Without it all that are entered before the
-    /// first is taken are kept in one heap, and moved then.
+    /// Prepares for `len` events, given some of them; the calendar must be empty. Without this call all
+    /// events added before the first is taken go to one heap, and are moved then.
     pub fn prepare(&mut self, some: &[E], len: usize) {
         debug_assert!(self.is_empty());
         if some.is_empty() {
             return;
         }
         self.tune_from(some.iter(), len);
-        self.patience = len.clamp(REVIEW, 1 << 31) as u32;
+        self.review_budget = len.clamp(REVIEW, 1 << 31) as u32;
         self.taken = 0;
         self.buckets = 0;
     }
 
-    /// Keeps at least so many events sorted, up to half of [`SHORT`] and as far as there are, so that those [upcoming](Calendar::upcoming) are
-    /// known.
+    /// Keeps at least `events` events sorted, up to half of [`SHORT`], or all if there are fewer, so that the
+    /// [upcoming](Calendar::upcoming) ones are known.
     pub fn keep_sorted(&mut self, events: usize) {
-        self.lead = events.min(SHORT / 2);
+        self.min_run = events.min(SHORT / 2);
     }
 
-    /// Adds the next non-empty fine bucket to the run. False if no bucket has any.
+    /// Adds the next non-empty fine bucket to the run. False if all buckets are empty.
     #[inline(always)]
     fn advance(&mut self) -> bool {
         if self.len == self.run.len() + self.late.len() {
@@ -161,7 +163,7 @@ impl<E: Event> Ladder<E> {
                 let slot = (self.fine_now & ((1 << self.fine_bits) - 1)) as usize;
                 let bucket = &mut self.fine[slot];
                 if !bucket.is_empty() {
-                    // All that the run holds comes before, so it stands behind.
+                    // The events already in the run are earlier, so they go to its end.
                     let (held, more) = (self.run.len(), bucket.len());
                     self.run.resize(held + more, bucket[0]);
                     self.run.copy_within(..held, more);
@@ -174,14 +176,14 @@ impl<E: Event> Ladder<E> {
         }
     }
 
-    /// Looks whether the width still fits the rate of events.
+    /// Checks whether the width still fits the rate of events.
     #[cold]
     fn review(&mut self) {
         let per_bucket = self.taken as usize / self.buckets.max(1) as usize;
-        if self.patience == 0 || per_bucket > TARGET * SLACK || per_bucket * SLACK < TARGET {
+        if self.review_budget == 0 || per_bucket > TARGET * SLACK || per_bucket * SLACK < TARGET {
             self.retune();
         }
-        self.patience = self.len.clamp(REVIEW, 1 << 31) as u32;
+        self.review_budget = self.len.clamp(REVIEW, 1 << 31) as u32;
         self.taken = 0;
         self.buckets = 0;
     }
@@ -199,7 +201,7 @@ impl<E: Event> Ladder<E> {
         for Reverse(event) in late {
             self.place(event);
         }
-        // Bucket by bucket, whose memory goes as the others' grows.
+        // Bucket by bucket: the memory of each is freed while that of others grows.
         for bucket in fine.into_iter().chain(coarse).chain([run, later]) {
             for event in bucket {
                 self.place(event);
@@ -220,8 +222,8 @@ impl<E: Event> Ladder<E> {
                     return;
                 }
             }
-            // The year is over. What was more than a year ahead is not due before the next one, but may be in it: all that is goes into the
-            // ring now, whose last bucket is a year ahead to the bucket.
+            // The year is over. Events that were more than a year ahead may be due in the next one, but not
+            // before: those that are go into the ring now, whose last bucket is exactly a year ahead.
             let elsewhere = self.run.len() + self.late.len() + self.later.len();
             if self.len > elsewhere {
                 self.year_now += 1;
@@ -234,7 +236,7 @@ impl<E: Event> Ladder<E> {
                 self.coarse_now = first_coarse - 1;
                 self.year_now = first_coarse >> self.coarse_bits;
                 self.fine_now = (first_coarse << self.fine_bits) - 1;
-                // `first` comes into the ring: `coarse_now` stands just before its bucket.
+                // `first` goes into the ring: `coarse_now` is just before its bucket.
             }
             for event in mem::take(&mut self.later) {
                 self.place(event);
@@ -259,7 +261,8 @@ impl<E: Event> Ladder<E> {
 
     fn open_coarse(&mut self, slot: usize) {
         self.fine_now = (self.coarse_now << self.fine_bits) - 1;
-        // Its memory goes, too: every bucket is the fullest for a while, so that in time all would be as large as that.
+        // Its memory is freed, too: each bucket is the fullest for some time, so that all would grow to the
+        // largest size.
         for event in mem::take(&mut self.coarse[slot]) {
             let fine = event.time() >> self.shift;
             self.fine[(fine & ((1 << self.fine_bits) - 1)) as usize].push(event);
@@ -273,7 +276,7 @@ impl<E: Event> Calendar<E> for Ladder<E> {
         let bits = (2 * events.max(1)).ilog2().div_ceil(2).clamp(4, 12);
         Self {
             run: Vec::new(),
-            lead: 0,
+            min_run: 0,
             late: BinaryHeap::new(),
             fine: vec![Vec::new(); 1 << bits],
             coarse: vec![Vec::new(); 1 << bits],
@@ -287,7 +290,7 @@ impl<E: Event> Calendar<E> for Ladder<E> {
             len: 0,
             taken: 0,
             buckets: 0,
-            patience: 0,
+            review_budget: 0,
         }
     }
 
@@ -298,12 +301,12 @@ impl<E: Event> Calendar<E> for Ladder<E> {
 
     #[inline(always)]
     fn pop_until(&mut self, limit: i64) -> Option<E> {
-        if self.taken >= self.patience {
+        if self.taken >= self.review_budget {
             self.review();
         }
         if self.late.is_empty() {
             // The usual case.
-            if self.run.len() <= self.lead {
+            if self.run.len() <= self.min_run {
                 self.advance();
             }
             let last = self.run.len().checked_sub(1)?;
@@ -342,7 +345,7 @@ impl<E: Event> Calendar<E> for Ladder<E> {
         self.later.clear();
         self.fine.iter_mut().chain(&mut self.coarse).for_each(Vec::clear);
         self.len = 0;
-        self.patience = 0;
+        self.review_budget = 0;
     }
 
     fn len(&self) -> usize {

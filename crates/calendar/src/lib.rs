@@ -1,26 +1,26 @@
 /*!
 Event calendars: priority queues of events in integer time.
 
-A [`Calendar`] hands out events in the order of [`Event::time`], in integer ticks; those of one time in any order, which is the same
-whenever it has been used in the same way. It knows no physics: events that have become void stay in it until they surface, and the caller
-drops them then.
+A [`Calendar`] returns events in the order of [`Event::time`], in integer ticks. Events of one time come in an
+order that depends only on the sequence of calls. It contains no physics: invalidated events stay in it until
+they are returned, and the caller drops them then.
 
-[`Ladder`] is the calendar for production, [`Agenda`] that of a single window of time, [`Heap`] their plain twin; every test
-drives them side by side.
+[`Ladder`] is the calendar for production, [`WindowQueue`] that for one window of time, [`Heap`] their plain
+reference; every test runs them side by side.
 */
 
-mod agenda;
 mod few;
 mod heap;
 mod ladder;
+mod window_queue;
 
-pub use agenda::Agenda;
 pub use heap::Heap;
 pub use ladder::Ladder;
+pub use window_queue::WindowQueue;
 
 /// Something that happens at an integer time. `Ord` must have the time as its first key.
 pub trait Event: Copy + Ord {
-    /// When it happens \[ticks\], between −2^62 and 2^62.
+    /// Time of the event \[ticks\], between −2^62 and 2^62.
     fn time(&self) -> i64;
 }
 
@@ -38,11 +38,11 @@ pub trait Calendar<E: Event> {
     fn next_time(&mut self) -> Option<i64> {
         self.peek().map(Event::time)
     }
-    /// An event that will be taken `ahead` events from now or thereabouts; a hint, and `None` where that is not at hand.
+    /// An event that would be taken about `ahead` events from now: a hint, `None` where it is not known.
     fn upcoming(&self, ahead: usize) -> Option<&E>;
     /// Removes every event.
     fn clear(&mut self);
-    /// Number of events held, void ones among them.
+    /// Number of events held, including invalidated ones.
     fn len(&self) -> usize;
     /// Whether no event is held.
     fn is_empty(&self) -> bool {

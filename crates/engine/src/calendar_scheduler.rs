@@ -231,7 +231,7 @@ impl<F: Features, S: Search + 'static> Scheduler for CalendarScheduler<F, S> {
             state.book.counters.transfers += 1;
             if let Scope::New(code) = scope {
                 let flight = flight::<F>(&state.world, i);
-                self.predictor.search.transfer(i, code, &flight);
+                self.predictor.search.cross(i, code, &flight);
             }
             self.schedule(state, i, scope);
             if limit.entries == 0 {

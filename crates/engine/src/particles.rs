@@ -1,7 +1,7 @@
 //! Particles as the engine keeps them: one cache line each, and tables of what they have in common.
 
 use glam::DVec3;
-use haff_neighbors::roomy;
+use haff_neighbors::with_huge_pages;
 
 use crate::{
     clock::Clock,
@@ -124,7 +124,7 @@ pub(crate) struct World {
 
 impl World {
     pub fn new(system: &System, exponent: i32) -> Self {
-        let mut particles = roomy(system.bodies.len());
+        let mut particles = with_huge_pages(system.bodies.len());
         let anchor = |body: &Body| Particle::at(body.position, body.velocity, 0, body.class);
         particles.extend(system.bodies.iter().map(anchor));
         let thresholds = Thresholds::of(system);

@@ -137,7 +137,7 @@ pub(crate) fn predict<F: Features, S: Search>(
 
     // A later crossing need not be known exactly.
     let within = earliest.entry.time.saturating_sub(world.now) as f64 * world.clock.tick;
-    if let Some(transfer) = search.next_transfer(i, &flight::<F>(world, i), within) {
+    if let Some(transfer) = search.next_crossing(i, &flight::<F>(world, i), within) {
         let delay = transfer.delay * world.clock.per_time;
         if delay > HORIZON {
             earliest.far = true;

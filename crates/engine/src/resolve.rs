@@ -74,7 +74,7 @@ fn state_at_event<F: Features>(world: &World, i: u32, time: i64) -> (DVec3, DVec
     let particle = &world.particles[i as usize];
     // A function of the particle and of the time: no search, no schedule and no resumed run rounds otherwise.
     let random = mix(time as u64 ^ u64::from(i).rotate_left(32) ^ u64::from(particle.count).rotate_right(16));
-    haff_mechanics::free_flight_without_preference(
+    haff_mechanics::free_flight_stochastic(
         particle.position,
         particle.velocity,
         world.acceleration(i),

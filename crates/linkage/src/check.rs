@@ -1,4 +1,4 @@
-//! Whether joints fit together and fit their system.
+//! Checks of joints against each other and against their system.
 
 use glam::DVec3;
 use haff_engine::{Boundary, System};
@@ -12,19 +12,20 @@ use crate::{
     world::World,
 };
 
-/// Distances may deviate by this part of a length, and rates by this part of the speeds, as numbers in a file do.
+/// Tolerance of distances, relative to the length, and of rates, relative to the speeds: numbers in a file
+/// are rounded.
 const FITS: f64 = 1e-9;
 
 /// Checks joints against their system, as [`crate::Simulation::new`] does.
 ///
 /// # Errors
-/// The first thing that is wrong, with the row of its element.
+/// The first error found, with the row of its element.
 pub fn check(system: &System, joints: &Joints) -> Result<(), LinkageError> {
     check_elements(system, joints)?;
-    placed(system.clone(), joints.clone()).map(|_| ())
+    with_exact_lengths(system.clone(), joints.clone()).map(|_| ())
 }
 
-/// Checks every element by itself.
+/// Checks every element separately.
 pub(crate) fn check_elements(system: &System, joints: &Joints) -> Result<(), LinkageError> {
     if system.domain.boundary.contains(&Boundary::Periodic) {
         return Err(LinkageError::Unsupported(
@@ -180,14 +181,16 @@ pub(crate) fn check_elements(system: &System, joints: &Joints) -> Result<(), Lin
     check_carried(system, joints)
 }
 
-/// What sticks to a moving wall or a moving body of infinite mass is carried along for good; nothing that it hangs on may stay.
+/// Particles that stick to a moving wall or a moving body of infinite mass move with it permanently; their
+/// joints must not be fixed to anything else.
 fn check_carried(system: &System, joints: &Joints) -> Result<(), LinkageError> {
     let class = |i: usize| system.classes[system.bodies[i].class as usize];
     let moves = |i: usize| class(i).mass == f64::INFINITY && system.bodies[i].velocity != DVec3::ZERO;
     let mut carried = vec![false; system.groups.len()];
     let mut spread: Vec<u32> =
         (0..system.bodies.len()).filter(|&i| moves(i)).map(|i| class(i).group).collect();
-    let walls = joints.clinging.iter().filter(|[_, wall]| system.walls[*wall as usize].motion.is_moving());
+    let walls =
+        joints.sticking_to_walls.iter().filter(|[_, wall]| system.walls[*wall as usize].motion.is_moving());
     for &[group, _] in walls {
         carried[group as usize] = true;
         spread.push(group);
@@ -200,31 +203,34 @@ fn check_carried(system: &System, joints: &Joints) -> Result<(), LinkageError> {
             }
         }
     }
-    let rides = |i: usize| class(i).mass.is_finite() && carried[class(i).group as usize];
-    let stays = |end: SpringEnd| match end {
-        SpringEnd::Particle(i) => class(i).mass == f64::INFINITY || rides(i),
+    let is_carried = |i: usize| class(i).mass.is_finite() && carried[class(i).group as usize];
+    let is_fixed_or_carried = |end: SpringEnd| match end {
+        SpringEnd::Particle(i) => class(i).mass == f64::INFINITY || is_carried(i),
         SpringEnd::Point(_) => true,
     };
     let what = "it holds a particle that may stick to a wall or body in motion, which would carry it off; that one must rest";
-    let torn = |element, index| Err(LinkageError::Ends { element, index, what });
-    if let Some(index) = joints.pendulums.iter().position(|pendulum| rides(pendulum.bob)) {
-        return torn("pendulum", index);
+    let error = |element, index| Err(LinkageError::Ends { element, index, what });
+    if let Some(index) = joints.pendulums.iter().position(|pendulum| is_carried(pendulum.bob)) {
+        return error("pendulum", index);
     }
     let pulls = |[a, b]: [SpringEnd; 2]| {
-        let rides = |end| matches!(end, SpringEnd::Particle(i) if rides(i));
-        (rides(a) && stays(b)) || (rides(b) && stays(a))
+        let is_carried = |end| matches!(end, SpringEnd::Particle(i) if is_carried(i));
+        (is_carried(a) && is_fixed_or_carried(b)) || (is_carried(b) && is_fixed_or_carried(a))
     };
     if let Some(index) = joints.springs.iter().position(|spring| pulls(spring.ends)) {
-        return torn("spring", index);
+        return error("spring", index);
     }
     match joints.rods.iter().position(|rod| pulls(rod.ends.map(SpringEnd::Particle))) {
-        Some(index) => torn("rod", index),
+        Some(index) => error("rod", index),
         None => Ok(()),
     }
 }
 
-/// Brings bobs and ends of rods exactly to their lengths, and their velocities along.
-pub(crate) fn placed(mut system: System, joints: Joints) -> Result<(System, Joints), LinkageError> {
+/// Moves bobs and ends of rods exactly to their lengths, and projects their velocities accordingly.
+pub(crate) fn with_exact_lengths(
+    mut system: System,
+    joints: Joints,
+) -> Result<(System, Joints), LinkageError> {
     let mut world = World::new(system.clone(), joints);
     let element = |link: Link| match link {
         Link::Tether(p) => ("pendulum", p),
@@ -235,7 +241,7 @@ pub(crate) fn placed(mut system: System, joints: Joints) -> Result<(System, Join
         world.taut[p] = !world.joints.pendulums[p].slack;
     }
     let bodies: Vec<usize> = (0..world.count()).filter(|&i| !world.immovable(i)).collect();
-    let links = world.standing_links(&bodies);
+    let links = world.rigid_links(&bodies);
     let mut mechanism = world.mechanism(&bodies, &links, Instant::ZERO);
     let mut states = world.anchors(&bodies);
     let rows = mechanism.row_states(0.0, &states);
@@ -244,7 +250,7 @@ pub(crate) fn placed(mut system: System, joints: Joints) -> Result<(System, Join
         let (v, w) = (row.a.state(0.0, &states).1, row.b.state(0.0, &states).1);
         let rate = row.sign * state.rate;
         if rate.abs() > FITS * (v.length() + w.length()) {
-            // A string may be pushed together, but not stretched.
+            // A string may be shortened, but not stretched.
             if row.unilateral && state.rate > 0.0 {
                 *keep = false;
             } else {
@@ -256,7 +262,7 @@ pub(crate) fn placed(mut system: System, joints: Joints) -> Result<(System, Join
     let mut kept = keep.iter();
     mechanism.rows.retain(|_| kept.next() == Some(&true));
     check_independence(&mechanism, &states, element)?;
-    // What is right to the last bit stays as it is: where two bodies will touch may hang on it.
+    // States that are exact to the last bit are not changed: the order of contacts may depend on it.
     let exact = mechanism.rows.iter().zip(mechanism.row_states(0.0, &states)).all(|(row, state)| {
         let (r, v) = (row.b.state(0.0, &states), row.a.state(0.0, &states));
         state.gap.abs() <= 4.0 * f64::EPSILON * (r.0 - v.0).length()
@@ -276,7 +282,7 @@ pub(crate) fn placed(mut system: System, joints: Joints) -> Result<(System, Join
     Ok((system, world.joints))
 }
 
-/// Two-sided constraints must not repeat each other.
+/// Two-sided constraints must be independent.
 fn check_independence(
     mechanism: &Mechanism,
     states: &[(DVec3, DVec3)],

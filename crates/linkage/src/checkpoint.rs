@@ -1,4 +1,4 @@
-//! The exact state as plain data, in the engine's own type, so that what records the one records the other.
+//! The exact state as plain data, in the engine's own type, so that the same code records both.
 
 use std::collections::BTreeMap;
 
@@ -20,8 +20,8 @@ use crate::{
 const VERSION: u64 = 3;
 
 impl Simulation {
-    /// The exact state: anchors of all particles, and everything else as named scalars. A simulation that is
-    /// [restored](Self::restore) from it goes on with the same bits.
+    /// The exact state: anchors of all particles, and everything else as named scalars. A simulation
+    /// [restored](Self::restore) from it continues with the same bits.
     pub fn checkpoint(&self) -> Checkpoint {
         let world = &self.world;
         let n = world.count();
@@ -31,48 +31,48 @@ impl Simulation {
         put("now.high".into(), world.now.high.to_bits());
         put("now.low".into(), world.now.low.to_bits());
         put("clock.time".into(), self.time().to_bits());
-        // So that an impact that does not come to an end is given up at the same event after a resume.
+        // An impact that does not end is then given up at the same event after a resume.
         put("stall.since.high".into(), self.stall.0.high.to_bits());
         put("stall.since.low".into(), self.stall.0.low.to_bits());
         put("stall.events".into(), self.stall.1);
-        let book = &world.book;
-        put("initial_kinetic".into(), book.initial_kinetic.to_bits());
-        put("initial_potential".into(), book.initial_potential.to_bits());
-        put("max_overlap".into(), book.max_overlap.to_bits());
-        put("sampled_at".into(), book.sampled_at.to_bits());
-        put("sampled_collisions".into(), book.sampled_collisions);
-        put("collisions".into(), book.counters.collisions);
-        put("wall_collisions".into(), book.counters.wall_collisions);
-        put("rests".into(), book.counters.rests);
-        put("predictions".into(), book.counters.predictions);
+        let accumulators = &world.accumulators;
+        put("initial_kinetic".into(), accumulators.initial_kinetic.to_bits());
+        put("initial_potential".into(), accumulators.initial_potential.to_bits());
+        put("max_overlap".into(), accumulators.max_overlap.to_bits());
+        put("sampled_at".into(), accumulators.sampled_at.to_bits());
+        put("sampled_collisions".into(), accumulators.sampled_collisions);
+        put("collisions".into(), accumulators.counters.collisions);
+        put("wall_collisions".into(), accumulators.counters.wall_collisions);
+        put("rests".into(), accumulators.counters.rests);
+        put("predictions".into(), accumulators.counters.predictions);
         let mut sum = |name: &str, sum: &Sum| {
             scalars.push((format!("{name}.high"), sum.high.to_bits()));
             scalars.push((format!("{name}.low"), sum.low.to_bits()));
         };
-        sum("dissipated", &book.dissipated);
-        sum("carnot", &book.carnot);
-        sum("work", &book.work);
+        sum("dissipated", &accumulators.dissipated);
+        sum("carnot", &accumulators.carnot);
+        sum("work", &accumulators.work);
         for axis in 0..3 {
-            sum(&format!("impulse.{axis}"), &book.impulse[axis]);
-            sum(&format!("moment.{axis}"), &book.moment[axis]);
+            sum(&format!("impulse.{axis}"), &accumulators.impulse[axis]);
+            sum(&format!("moment.{axis}"), &accumulators.moment[axis]);
         }
         let mut put = |name: String, bits: u64| scalars.push((name, bits));
         for i in 0..n {
             put(format!("body.{i}"), world.body[i] as u64);
-            put(format!("clings.{i}"), u64::from(world.clings[i]));
+            put(format!("clings.{i}"), u64::from(world.sticks_to_wall[i]));
             for (axis, x) in ["x", "y", "z"].into_iter().zip(world.offset[i].to_array()) {
                 put(format!("offset.{i}.{axis}"), x.to_bits());
             }
         }
-        for (home, flight) in &world.flights {
-            put(format!("flight.{home}.start.high"), flight.start.high.to_bits());
-            put(format!("flight.{home}.start.low"), flight.start.low.to_bits());
-            put(format!("flight.{home}.hint"), flight.hint.to_bits());
+        for (flight_key, flight) in &world.flights {
+            put(format!("flight.{flight_key}.start.high"), flight.start.high.to_bits());
+            put(format!("flight.{flight_key}.start.low"), flight.start.low.to_bits());
+            put(format!("flight.{flight_key}.hint"), flight.hint.to_bits());
             for (k, &body) in flight.bodies.iter().enumerate() {
-                put(format!("flight.{home}.body.{k}"), body as u64);
+                put(format!("flight.{flight_key}.body.{k}"), body as u64);
             }
             for (k, row) in flight.mechanism.rows.iter().enumerate() {
-                put(format!("flight.{home}.row.{k}"), encode(row.link));
+                put(format!("flight.{flight_key}.row.{k}"), encode(row.link));
             }
         }
         for (p, &taut) in world.taut.iter().enumerate() {
@@ -103,13 +103,13 @@ impl Simulation {
         }
     }
 
-    /// Goes on from a checkpoint of the same system and joints.
+    /// Continues from a checkpoint of the same system and joints.
     ///
     /// # Errors
-    /// [`LinkageError::Checkpoint`] if it is another's, besides the errors of [`Self::new`].
+    /// [`LinkageError::Checkpoint`] if it belongs to another system, and the errors of [`Self::new`].
     pub fn restore(system: System, joints: Joints, checkpoint: &Checkpoint) -> Result<Self, LinkageError> {
         crate::check::check_elements(&system, &joints)?;
-        let (system, joints) = crate::check::placed(system, joints)?;
+        let (system, joints) = crate::check::with_exact_lengths(system, joints)?;
         let mut world = World::new(system, joints);
         let n = world.count();
         valid::arrays(checkpoint, n)?;
@@ -118,20 +118,20 @@ impl Simulation {
             wrong: None,
         };
         if scalars.values.len() != checkpoint.scalars.len() {
-            return Err(LinkageError::Checkpoint("a scalar stands there twice".into()));
+            return Err(LinkageError::Checkpoint("a scalar occurs twice".into()));
         }
         if scalars.take("linkage.version") != VERSION {
             return Err(LinkageError::Checkpoint(
-                "it was written by another version, or is of a plain scene".into(),
+                "it was written by another version, or belongs to a scene without joints".into(),
             ));
         }
         world.anchor = checkpoint.position.iter().copied().zip(checkpoint.velocity.iter().copied()).collect();
         world.now = scalars.instant("now");
         let time = scalars.real("clock.time");
-        scalars.book(&mut world);
+        scalars.accumulators(&mut world);
         for i in 0..n {
             world.body[i] = scalars.index(&format!("body.{i}"), n);
-            world.clings[i] = scalars.flag(&format!("clings.{i}"));
+            world.sticks_to_wall[i] = scalars.flag(&format!("clings.{i}"));
             world.offset[i] = scalars.vector(&format!("offset.{i}"));
         }
         world.body_mass = (0..n).map(|body| world.mass_of(body)).collect();
@@ -154,9 +154,9 @@ impl Simulation {
             world.pending.insert(scalars.link(code, &world), rest);
         }
         let mut flights = Vec::new();
-        let homes = scalars.codes("flight.", ".hint");
-        for home in &homes {
-            let name = format!("flight.{home}");
+        let flight_keys = scalars.codes("flight.", ".hint");
+        for flight_key in &flight_keys {
+            let name = format!("flight.{flight_key}");
             let start = scalars.instant(&format!("{name}.start"));
             let hint = scalars.real(&format!("{name}.hint"));
             let mut bodies = Vec::new();
@@ -174,11 +174,11 @@ impl Simulation {
         scalars.finish()?;
         valid::state(&world, time)?;
         valid::stall(stall, world.now)?;
-        for (home, (start, hint, bodies, links)) in homes.into_iter().zip(&flights) {
-            valid::flight(&world, home, [*start, world.now], *hint, bodies, links)?;
+        for (flight_key, (start, hint, bodies, links)) in flight_keys.into_iter().zip(&flights) {
+            valid::flight(&world, flight_key, [*start, world.now], *hint, bodies, links)?;
         }
         valid::bodies_in_flight(&world, flights.iter().flat_map(|(_, _, bodies, _)| bodies))?;
-        // Immovable bodies first: the others' rows may end on them.
+        // Immovable bodies first: rows of the others may end on them.
         flights.sort_by_key(|(_, _, bodies, _)| !bodies.iter().any(|&body| world.immovable(body)));
         let now = world.now;
         for (start, hint, bodies, links) in flights {
@@ -186,22 +186,24 @@ impl Simulation {
             if let [body] = bodies[..]
                 && world.immovable(body)
             {
-                world.launch_immovable(body);
+                world.start_immovable_flight(body);
                 continue;
             }
             let mechanism = world.mechanism(&bodies, &links, start);
             let states = world.anchors(&bodies);
-            let home = bodies[0];
-            world.launch(bodies, mechanism, &states, hint).map_err(|_| {
-                LinkageError::Checkpoint(format!("flight.{home}: the motion is singular from its start on"))
+            let flight_key = bodies[0];
+            world.start_flight(bodies, mechanism, &states, hint).map_err(|_| {
+                LinkageError::Checkpoint(format!(
+                    "flight.{flight_key}: the motion is singular from its start on"
+                ))
             })?;
         }
         world.now = now;
         let world = valid::whole(world)?;
-        let predictions = world.book.counters.predictions;
+        let predictions = world.accumulators.counters.predictions;
         let mut simulation = Self::of(world);
-        // Predicting everything afresh is no part of the run.
-        simulation.world.book.counters.predictions = predictions;
+        // Predictions made here are not counted in the run.
+        simulation.world.accumulators.counters.predictions = predictions;
         simulation.stopped_at = Some(time);
         simulation.stall = stall;
         Ok(simulation)
@@ -220,10 +222,10 @@ fn encode(link: Link) -> u64 {
     }
 }
 
-/// Named numbers, taken one by one.
+/// Named numbers, removed one by one.
 struct Scalars {
     values: BTreeMap<String, u64>,
-    /// What is wrong with the first value that is missing or out of range.
+    /// The error of the first value that is missing or out of range.
     wrong: Option<String>,
 }
 
@@ -305,27 +307,27 @@ impl Scalars {
         Link::Impact
     }
 
-    fn book(&mut self, world: &mut World) {
-        let book = &mut world.book;
-        book.initial_kinetic = self.real("initial_kinetic");
-        book.initial_potential = self.real("initial_potential");
-        book.max_overlap = self.real("max_overlap");
-        book.sampled_at = self.real("sampled_at");
-        book.sampled_collisions = self.take("sampled_collisions");
-        book.counters.collisions = self.take("collisions");
-        book.counters.wall_collisions = self.take("wall_collisions");
-        book.counters.rests = self.take("rests");
-        book.counters.predictions = self.take("predictions");
-        book.dissipated = self.sum("dissipated");
-        book.carnot = self.sum("carnot");
-        book.work = self.sum("work");
+    fn accumulators(&mut self, world: &mut World) {
+        let accumulators = &mut world.accumulators;
+        accumulators.initial_kinetic = self.real("initial_kinetic");
+        accumulators.initial_potential = self.real("initial_potential");
+        accumulators.max_overlap = self.real("max_overlap");
+        accumulators.sampled_at = self.real("sampled_at");
+        accumulators.sampled_collisions = self.take("sampled_collisions");
+        accumulators.counters.collisions = self.take("collisions");
+        accumulators.counters.wall_collisions = self.take("wall_collisions");
+        accumulators.counters.rests = self.take("rests");
+        accumulators.counters.predictions = self.take("predictions");
+        accumulators.dissipated = self.sum("dissipated");
+        accumulators.carnot = self.sum("carnot");
+        accumulators.work = self.sum("work");
         for axis in 0..3 {
-            book.impulse[axis] = self.sum(&format!("impulse.{axis}"));
-            book.moment[axis] = self.sum(&format!("moment.{axis}"));
+            accumulators.impulse[axis] = self.sum(&format!("impulse.{axis}"));
+            accumulators.moment[axis] = self.sum(&format!("moment.{axis}"));
         }
     }
 
-    /// All asked for was there, and nothing else.
+    /// Succeeds if no value was missing, and none is left.
     fn finish(self) -> Result<(), LinkageError> {
         if let Some(wrong) = self.wrong {
             return Err(LinkageError::Checkpoint(wrong));

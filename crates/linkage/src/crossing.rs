@@ -1,29 +1,30 @@
 /*!
-The first zero of a function that starts positive, and no later one.
+The first zero of a function that is positive at the start, never a later one.
 
-Conservative advancement: with f, f' at a point and a bound B ≥ −f'' ahead of it, f stays above the parabola
-f + f' s − ½ B s², so it has no zero before the parabola's. Stepping there again and again approaches the first zero from
-below: quadratically if it is crossed, linearly if it is touched, and never past it.
+Conservative advancement: with f, f' at a point and a bound B ≥ −f'' ahead of it, f is above the parabola f +
+f' s − ½ B s², so it has no zero before the parabola's. Repeated steps to that zero approach the first zero of
+f from below: quadratically if f crosses it, linearly if f touches it, and never beyond it.
 */
 
-/// What a search came to.
+/// Result of a search.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) enum Search {
-    /// The first zero, polished.
+    /// The first zero, refined.
     At(f64),
-    /// None up to here; the rest of the range was not looked at.
+    /// None up to here; the rest of the range has not been searched.
     Unfinished(f64),
     /// None in the range.
     None,
 }
 
-/// Steps after which a search hands back, so that the caller can go on later.
+/// Steps after which a search returns, to be continued later.
 const MAX_STEPS: usize = 4096;
 
-/// Looks for the first zero in (`from`, `to`] of a function with `f(s)` = (value, slope) and `bound(a, b)` ≥ −f'' on [a, b].
+/// Finds the first zero in (`from`, `to`] of a function with `f(s)` = (value, slope) and `bound(a, b)` ≥ −f''
+/// on [a, b].
 ///
-/// Values within ±`touch` of zero that do not fall faster than `slow` are no crossing: what has just parted, and what
-/// grazes. A start at or below zero that falls is a crossing there.
+/// Values within ±`touch` of zero that do not fall faster than `slow` are no crossing: contacts that have
+/// just separated, and grazing ones. A start at or below zero with a falling value is a crossing there.
 pub(crate) fn first_crossing(
     f: &dyn Fn(f64) -> (f64, f64),
     bound: &dyn Fn(f64, f64) -> f64,
@@ -50,7 +51,7 @@ pub(crate) fn first_crossing(
             }
             continue;
         }
-        // The bound may grow with the range it is asked for.
+        // The bound may grow with its range.
         if !horizon.is_finite() {
             let b = bound(s, to);
             if b.is_finite() {
@@ -68,7 +69,7 @@ pub(crate) fn first_crossing(
                     horizon *= 2.0;
                     break reach;
                 }
-                // Much shorter than the range: ask for a tighter bound next time.
+                // Much shorter than the range: use a shorter range, with a tighter bound, next time.
                 horizon = if step < 0.25 * reach { 4.0 * step } else { horizon };
                 break step;
             }
@@ -98,15 +99,15 @@ fn safe_step(v: f64, s: f64, b: f64) -> f64 {
 }
 
 enum Departure {
-    /// Above the touch again, from here on.
+    /// Above `touch` again, from here on.
     Clear(f64),
-    /// Comes back without having left.
+    /// Returns to zero before it has left.
     Returns(f64),
-    /// Stays within the touch up to the end.
+    /// Within `touch` up to the end.
     Never,
 }
 
-/// Leaves a touch: out of the range where rounding decides.
+/// Leaves the range within `touch` of zero, where rounding decides.
 fn depart(
     f: &dyn Fn(f64) -> (f64, f64),
     bound: &dyn Fn(f64, f64) -> f64,
@@ -120,7 +121,7 @@ fn depart(
     let mut reach = if slope > slow { 2.0 * touch / slope } else { 0.0 };
     let b = bound(s, s + reach.max((to - s).min(1.0)));
     if reach == 0.0 || reach * b > slope {
-        // A parabola bends through the touch in this time.
+        // In this time the parabola changes by `touch`.
         reach = if b > 0.0 { (touch / b).sqrt() } else { touch };
     }
     for _ in 0..2100 {
@@ -140,7 +141,7 @@ fn depart(
     Departure::Never
 }
 
-/// Newton's method from a point next to a crossing; keeps the best.
+/// Newton's method from a point next to a crossing; returns the best point.
 fn polish(f: &dyn Fn(f64) -> (f64, f64), s: f64, from: f64, to: f64) -> f64 {
     let mut best = (s, f(s));
     let mut at = s;
@@ -170,17 +171,17 @@ mod tests {
     }
 
     #[test]
-    fn finds_the_first_of_two_close_crossings() {
-        // Dips below zero for 2e-6 only.
+    fn the_first_of_two_close_crossings_is_found() {
+        // Below zero for 2e-6 only.
         let dip = 1e-12;
         let f = |s: f64| ((s - 1.0).powi(2) - dip, 2.0 * (s - 1.0));
-        // −f'' = −2 is known no better than 5.
+        // A loose bound: −f'' = −2 ≤ 5.
         let Search::At(at) = search(f, 5.0, 10.0) else { panic!("missed") };
         assert!((at - (1.0 - 1e-6)).abs() < 1e-9, "{at}");
     }
 
     #[test]
-    fn passes_a_near_miss_and_finds_what_comes_after() {
+    fn a_near_miss_is_passed_and_the_next_crossing_found() {
         let f = |s: f64| {
             (s.cos() + 1.0 + 1e-11 - 0.01 * (s - 5.0).max(0.0).powi(2), -s.sin() - 0.02 * (s - 5.0).max(0.0))
         };
@@ -190,19 +191,19 @@ mod tests {
     }
 
     #[test]
-    fn what_has_just_parted_is_no_crossing_until_it_returns() {
+    fn a_function_that_starts_at_zero_crosses_only_when_it_returns() {
         let f = |s: f64| (s - 0.5 * s * s, 1.0 - s);
         assert_eq!(search(f, 1.0, 10.0), Search::At(2.0));
-        // Leaves with the third power of time, as a contact does whose force has faded.
+        // Leaves with the third power of time, as a contact does when its force has fallen to zero.
         let f = |s: f64| (s.powi(3) - s.powi(4), 3.0 * s * s - 4.0 * s.powi(3));
         let Search::At(at) = search(f, 12.0, 3.0) else { panic!("missed") };
         assert!((at - 1.0).abs() < 1e-15, "{at}");
     }
 
     #[test]
-    fn nothing_is_found_where_nothing_is() {
+    fn a_positive_function_has_no_crossing() {
         assert_eq!(search(|s| (2.0 + s.sin(), s.cos()), 1.0, 100.0), Search::None);
-        // Far ranges are handed back in parts.
+        // Long ranges are searched in parts.
         let Search::Unfinished(at) = search(|s| (2.0 + s.sin(), s.cos()), 1.0, 1e9) else { panic!() };
         assert!(at > 1000.0);
     }

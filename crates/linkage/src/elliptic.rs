@@ -1,14 +1,15 @@
 /*!
 Jacobi's elliptic functions, and the complete integral K.
 
-Own code, since crates at hand take the parameter m alone: near the separatrix of a pendulum m is 1 within rounding and all
-digits of the period are in 1 − m. Here both are arguments.
+Not from a crate, because those available take only the parameter m: near the separatrix of a pendulum m is 1
+within rounding, and all digits of the period are in 1 − m. Here both are arguments.
 */
 
-/// sn, cn and dn of `u` for the parameter `m` = k² in [0, 1], with its complement `m1` = 1 − m ≥ 0 given separately.
+/// sn, cn and dn of `u` for the parameter `m` = k² in [0, 1], with its complement `m1` = 1 − m ≥ 0 given
+/// separately.
 ///
-/// Descending Landen transformation over the arithmetic-geometric mean (Abramowitz and Stegun 16.4). Its angles are
-/// formed with `atan2`, which loses nothing near m = 1 where their sines are near 1.
+/// Descending Landen transformation over the arithmetic-geometric mean (Abramowitz and Stegun 16.4). Its
+/// angles are computed with `atan2`, which is accurate near m = 1, where their sines are near 1.
 pub(crate) fn jacobi(u: f64, m: f64, m1: f64) -> (f64, f64, f64) {
     if m1 <= 0.0 {
         let cn = 1.0 / libm::cosh(u);
@@ -30,15 +31,15 @@ pub(crate) fn jacobi(u: f64, m: f64, m1: f64) -> (f64, f64, f64) {
     let mut phi = libm::ldexp(a, steps as i32) * u;
     for &(k, k1) in ladder[..steps].iter().rev() {
         let (sin, cos) = libm::sincos(phi);
-        // sin(2φ' − φ) = k sin φ, on the branch that goes with φ.
+        // sin(2φ' − φ) = k sin φ, on the branch of φ.
         phi = 0.5 * (phi + libm::atan2(k * sin, (cos * cos + k1 * k1 * sin * sin).sqrt()));
     }
     let (sn, cn) = libm::sincos(phi);
     (sn, cn, (cn * cn + m1 * sn * sn).sqrt())
 }
 
-/// Complete elliptic integral of the first kind K from the complement `m1` = 1 − m of its parameter: the quarter period of a
-/// pendulum of amplitude α is √(l/g) K, m = sin²(α/2).
+/// Complete elliptic integral of the first kind K from the complement `m1` = 1 − m of its parameter: the
+/// quarter period of a pendulum of amplitude α is √(l/g) K, m = sin²(α/2).
 ///
 /// ```
 /// use haff_linkage::complete_elliptic_integral;
@@ -61,7 +62,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn derivatives_are_those_of_the_definition() {
+    fn jacobi_functions_satisfy_their_definition() {
         // sn' = cn dn, sn(K) = 1, sn odd, and sn² + cn² = 1, dn² + m sn² = 1 over the whole range of m.
         for m1 in [1.0, 0.9, 0.5, 0.1, 1e-3, 1e-9, 1e-15] {
             let m = 1.0 - m1;
@@ -89,7 +90,7 @@ mod tests {
     }
 
     #[test]
-    fn sn_matches_tabulated_values() {
+    fn jacobi_functions_match_tabulated_values() {
         // scipy.special.ellipj(0.7, 0.3)
         let (sn, cn, dn) = jacobi(0.7, 0.3, 0.7);
         assert!((sn - 0.632_304_776_310_864_6).abs() < 2e-16, "{sn}");

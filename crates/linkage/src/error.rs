@@ -1,8 +1,9 @@
-//! What can be wrong with a linkage, and what can stop its run.
+//! Errors of a linkage, and of its run.
 
 use haff_engine::{EngineError, Fault};
 
-/// A linkage that cannot be, or a run that cannot go on. Indices are rows of [`crate::Joints`] and of the particles.
+/// An invalid linkage, or a run that cannot continue. Indices are rows of [`crate::Joints`] and of the
+/// particles.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 pub enum LinkageError {
     /// A parameter out of its range.
@@ -26,9 +27,9 @@ pub enum LinkageError {
         element: &'static str,
         /// Row among its kind.
         index: usize,
-        /// The row that was asked for.
+        /// The row that was given.
         particle: usize,
-        /// How many there are.
+        /// Number of particles.
         particles: usize,
     },
     /// An element between a particle and itself, or between two points.
@@ -41,23 +42,23 @@ pub enum LinkageError {
         /// What is wrong.
         what: &'static str,
     },
-    /// Bodies that are not where their pendulum or rod would hold them.
+    /// Bodies that do not satisfy the constraint of their pendulum or rod.
     #[error("{element} {index}: its ends are {distance} apart, its length is {length}; {allowed}")]
     Distance {
         /// `pendulum` or `rod`.
         element: &'static str,
         /// Row among its kind.
         index: usize,
-        /// How far its ends are apart \[length\].
+        /// Distance of its ends \[length\].
         distance: f64,
         /// Its length \[length\].
         length: f64,
         /// What is allowed.
         allowed: &'static str,
     },
-    /// Velocities that a pendulum or rod does not allow.
+    /// Velocities that violate the constraint of a pendulum or rod.
     #[error(
-        "{element} {index}: its ends part at {rate} [length/time]; the velocities must keep their distance"
+        "{element} {index}: its ends separate at {rate} [length/time]; the velocities must keep their distance"
     )]
     Stretching {
         /// `pendulum` or `rod`.
@@ -67,7 +68,7 @@ pub enum LinkageError {
         /// d(distance)/dt [length/time].
         rate: f64,
     },
-    /// More constraints than the bodies have freedom.
+    /// More constraints than the bodies have degrees of freedom.
     #[error(
         "{element} {index} holds what other pendulums and rods hold already: its bodies are over-constrained"
     )]
@@ -80,7 +81,7 @@ pub enum LinkageError {
     /// A pair of groups that is declared to stick twice.
     #[error("the contact of groups {0} and {1} is declared to stick twice")]
     Twice(u32, u32),
-    /// Something of the system that linkages do not know.
+    /// A property of the system that linkages do not support.
     #[error("{0}")]
     Unsupported(&'static str),
     /// Infinitely many events in a finite time that no closed form completes.
@@ -88,20 +89,20 @@ pub enum LinkageError {
         "{events} events at t = {time}, the last of particle {particle}: an impact among several bodies that does not come to an end"
     )]
     Collapse {
-        /// When [time].
+        /// Time of the last event [time].
         time: f64,
-        /// How many events.
+        /// Number of events.
         events: u64,
         /// A particle taking part.
         particle: usize,
     },
-    /// Particles overlap by more than rounding comes to: as in the granular engine.
+    /// Particles overlap by more than rounding: as in the granular engine.
     #[error(transparent)]
     Overlap(EngineError),
-    /// No step of the integrator meets its tolerance.
+    /// No step of the integrator satisfies its tolerance.
     #[error("the motion of particle {particle} cannot be integrated at t = {time}: it is singular there")]
     Singular {
-        /// When [time].
+        /// Time of the failure [time].
         time: f64,
         /// A particle taking part.
         particle: usize,
@@ -112,7 +113,7 @@ pub enum LinkageError {
 }
 
 impl LinkageError {
-    /// What the error means for whoever asked.
+    /// The class of the error, for the caller.
     pub fn fault(&self) -> Fault {
         match self {
             Self::Collapse { .. } | Self::Overlap(_) | Self::Singular { .. } => Fault::Stopped,

@@ -1,4 +1,5 @@
-//! Time as an unevaluated sum of two numbers, so that durations keep all their digits however long a run has been.
+//! Time as an unevaluated sum of two numbers, so that durations keep all their digits however long the run
+//! is.
 
 /// An instant \[time\]: `high + low` with |low| at most half an ulp of `high`.
 #[derive(Debug, Clone, Copy, PartialEq, PartialOrd, Default)]

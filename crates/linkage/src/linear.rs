@@ -1,11 +1,13 @@
-//! Small dense linear algebra, row-major: few constraints, few modes. Written out because a redundant constraint must be
-//! told from a small pivot, and because the order of the operations decides the bits.
+//! Small dense linear algebra, row-major: few constraints, few modes. Written out because a redundant
+//! constraint must be distinguished from a small pivot, and because the order of the operations determines
+//! the bits.
 
-/// Pivots below this, relative to the diagonal they started from, mark a redundant row.
+/// Pivots below this, relative to the original diagonal, mark a redundant row.
 const REDUNDANT: f64 = 1e-12;
 
-/// Solves A x = b for the `active` rows of a symmetric positive semidefinite A, n × n; the others, and those that depend on
-/// earlier ones, get x = 0. Returns the solution and whether all active rows were independent.
+/// Solves A x = b for the `active` rows of a symmetric positive semidefinite A, n × n; the other rows, and
+/// those that depend on earlier ones, get x = 0. Returns the solution and whether all active rows were
+/// independent.
 pub(crate) fn solve(a: &[f64], b: &[f64], active: &[bool]) -> (Vec<f64>, bool) {
     let n = b.len();
     let rows: Vec<usize> = (0..n).filter(|&i| active[i]).collect();
@@ -53,10 +55,11 @@ pub(crate) fn solve(a: &[f64], b: &[f64], active: &[bool]) -> (Vec<f64>, bool) {
     (x, independent)
 }
 
-/// Solves the mixed complementarity problem w = A x + q: w = 0 for bilateral rows; x ≥ 0, w ≥ 0, x w = 0 for `unilateral`
-/// ones. Violations of w below `tolerance` do not count, so that a tie (x = 0 and w = 0) stays active.
+/// Solves the mixed complementarity problem w = A x + q: w = 0 for bilateral rows; x ≥ 0, w ≥ 0, x w = 0 for
+/// `unilateral` ones. Violations of w below `tolerance` are ignored, so that a tie (x = 0 and w = 0) stays
+/// active.
 ///
-/// Murty's least-index pivoting, from all rows active; it ends for every positive definite A.
+/// Murty's least-index pivoting, started with all rows active; it terminates for every positive definite A.
 pub(crate) fn complementarity(
     a: &[f64],
     q: &[f64],
@@ -67,7 +70,7 @@ pub(crate) fn complementarity(
     let mut active = vec![true; n];
     let minus_q: Vec<f64> = q.iter().map(|q| -q).collect();
     let mut x = Vec::new();
-    // Redundant rows could make it cycle; n rows have at most 2^n sets.
+    // Redundant rows could make it cycle; n rows have at most 2^n active sets.
     for _ in 0..(1 << n.min(12)) {
         x = solve(a, &minus_q, &active).0;
         let wrong = (0..n).filter(|&i| unilateral[i]).find(|&i| {
@@ -86,8 +89,9 @@ pub(crate) fn complementarity(
     (x, active)
 }
 
-/// Eigenvalues and orthonormal eigenvectors (columns of a row-major matrix) of a symmetric n × n matrix, by cyclic Jacobi
-/// rotations: the most accurate method for small matrices, and free of library calls whose bits differ.
+/// Eigenvalues and orthonormal eigenvectors (columns of a row-major matrix) of a symmetric n × n matrix, by
+/// cyclic Jacobi rotations: the most accurate method for small matrices, and without library calls whose bits
+/// differ.
 pub(crate) fn eigen(matrix: &[f64], n: usize) -> (Vec<f64>, Vec<f64>) {
     let mut a = matrix.to_vec();
     let mut v = vec![0.0; n * n];
@@ -135,7 +139,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn redundant_rows_carry_nothing() {
+    fn redundant_rows_carry_no_force() {
         let a = [2.0, 1.0, 1.0, 1.0, 3.0, 3.0, 1.0, 3.0, 3.0];
         let (x, independent) = solve(&a, &[1.0, 2.0, 2.0], &[true; 3]);
         assert!(!independent);
@@ -144,8 +148,8 @@ mod tests {
     }
 
     #[test]
-    fn unilateral_rows_only_push() {
-        // The second would have to pull.
+    fn unilateral_rows_never_pull() {
+        // The second row would have to pull.
         let (x, active) = complementarity(&[1.0, 0.5, 0.5, 1.0], &[-1.0, 0.7], &[true, true], 1e-14);
         assert_eq!((x, active), (vec![1.0, 0.0], vec![true, false]));
     }

@@ -1,22 +1,23 @@
 /*!
-A few bodies, what holds them and what pulls them: accelerations and constraint forces.
+A few bodies, their constraints and springs: accelerations and constraint forces.
 
-Every ideal constraint is a *row*: a unit direction `d` along which the relative velocity of its two ends, d·(v_b − v_a), must
-vanish, or must not be negative. With G the rows and M the masses, forces λ and impulses follow from the same matrix,
+Every ideal constraint is a *row*: a unit direction `d` along which the relative velocity of its two ends,
+d·(v_b − v_a), must vanish, or must not be negative. With the matrix G of the rows and the masses M, forces λ
+and impulses J follow from the same matrix,
 
 ```text
-(G M⁻¹ Gᵀ) λ = −(G a_free + κ)          κ: what the turning of the directions adds
+(G M⁻¹ Gᵀ) λ = −(G a_free + κ)          κ: contribution of the turning of the directions
 (G M⁻¹ Gᵀ) J = Δ(G v)
 ```
 
-and n·M⁻¹·n of physics.md is what is left of 1/m after the rows have answered.
+and n·M⁻¹·n of physics.md is 1/m reduced by the reaction of the rows.
 */
 
 use glam::DVec3;
 
 use crate::linear;
 
-/// What a row stands for. The order is that of ties.
+/// The origin of a row. The order is that of ties.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub(crate) enum Link {
     /// Pendulum.
@@ -34,9 +35,9 @@ pub(crate) enum Link {
 /// One end of a row or spring.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) enum End {
-    /// A body of the mechanism, and where on it \[length\].
+    /// A body of the mechanism, and the offset from it \[length\].
     Body(usize, DVec3),
-    /// A point that moves uniformly: where it is at τ = 0, and its velocity.
+    /// A point that moves uniformly: its position at τ = 0, and its velocity.
     Fixed(DVec3, DVec3),
 }
 
@@ -76,7 +77,7 @@ pub(crate) struct Coil {
 pub(crate) struct RowState {
     /// Direction of its force on end b.
     pub direction: DVec3,
-    /// Slack of the constraint ≥ 0 \[length\].
+    /// Gap of the constraint ≥ 0 \[length\].
     pub gap: f64,
     /// d(gap)/dt.
     pub rate: f64,
@@ -84,7 +85,7 @@ pub(crate) struct RowState {
     pub turning: f64,
 }
 
-/// Bodies with their rows and springs, numbered among themselves.
+/// Bodies with their rows and springs; rows and springs refer to bodies by their index here.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub(crate) struct Mechanism {
     pub mass: Vec<f64>,
@@ -105,7 +106,7 @@ impl End {
         }
     }
 
-    /// The body, if it is one.
+    /// The index of the body, if it is one.
     pub fn body(&self) -> Option<usize> {
         match *self {
             Self::Body(k, _) => Some(k),
@@ -113,7 +114,7 @@ impl End {
         }
     }
 
-    /// Whether it is a point that moves.
+    /// Whether it is a moving point.
     pub fn is_driven(&self) -> bool {
         matches!(*self, Self::Fixed(_, velocity) if velocity != DVec3::ZERO)
     }
@@ -148,8 +149,8 @@ impl Row {
 }
 
 impl Coil {
-    /// Unit vector from a to b and the length; for ends that coincide, the direction of their relative velocity, along
-    /// which they will have parted next.
+    /// Unit vector from a to b and the length; for ends that coincide, the direction of their relative
+    /// velocity, along which they are about to separate.
     pub fn direction(&self, tau: f64, bodies: &[(DVec3, DVec3)]) -> (DVec3, f64) {
         let ((ra, va), (rb, vb)) = (self.a.state(tau, bodies), self.b.state(tau, bodies));
         let r = rb - ra;
@@ -168,12 +169,12 @@ impl Mechanism {
         let mut a = vec![self.gravity; self.mass.len()];
         for coil in &self.coils {
             let (direction, length) = coil.direction(tau, bodies);
-            let pull = direction * (coil.stiffness * (length - coil.natural_length));
+            let force = direction * (coil.stiffness * (length - coil.natural_length));
             if let Some(k) = coil.a.body() {
-                a[k] += pull / self.mass[k];
+                a[k] += force / self.mass[k];
             }
             if let Some(k) = coil.b.body() {
-                a[k] -= pull / self.mass[k];
+                a[k] -= force / self.mass[k];
             }
         }
         a
@@ -208,7 +209,7 @@ impl Mechanism {
         matrix
     }
 
-    /// Adds what forces or impulses along the rows give to accelerations or velocities.
+    /// Adds the effect of forces or impulses along the rows to accelerations or velocities.
     pub fn apply(&self, states: &[RowState], strengths: &[f64], to: &mut [DVec3]) {
         for ((row, state), &strength) in self.rows.iter().zip(states).zip(strengths) {
             if strength == 0.0 {
@@ -223,7 +224,7 @@ impl Mechanism {
         }
     }
 
-    /// d(rate)/dt of a row for given accelerations; points at the ends do not accelerate.
+    /// d(rate)/dt of a row for given accelerations; points do not accelerate.
     pub fn row_acceleration(row: &Row, state: &RowState, a: &[DVec3]) -> f64 {
         let of = |end: End| end.body().map_or(DVec3::ZERO, |k| a[k]);
         state.direction.dot(of(row.b) - of(row.a)) + state.turning
@@ -248,8 +249,9 @@ impl Mechanism {
         (a, forces)
     }
 
-    /// Which rows carry force, so that no one-sided one pulls the wrong way and none is violated; with accelerations and
-    /// forces. A row whose force and acceleration are both zero within `tolerance` [length/time²] stays.
+    /// Determines the rows that carry force, so that no one-sided force has the wrong sign and no row is
+    /// violated; also returns accelerations and forces. A row whose force and acceleration are both zero
+    /// within `tolerance` [length/time²] stays active.
     pub fn active_rows(
         &self,
         bodies: &[(DVec3, DVec3)],
@@ -290,7 +292,8 @@ impl Mechanism {
         scale
     }
 
-    /// Brings positions and velocities back onto the rows, by the smallest change in the metric of the masses.
+    /// Projects positions and velocities onto the constraints, by the smallest change in the metric of the
+    /// masses.
     pub fn project(&self, tau: f64, bodies: &mut [(DVec3, DVec3)]) {
         if self.rows.is_empty() {
             return;
@@ -312,27 +315,27 @@ impl Mechanism {
         bodies.iter_mut().zip(&kicks).for_each(|(body, by)| body.1 += *by);
     }
 
-    /// Power of the driven points on the bodies, and their force on them, for given row forces [energy/time], \[force\].
+    /// Power of the moving points on the bodies, for given row forces [energy/time].
     pub fn power_of_points(&self, tau: f64, bodies: &[(DVec3, DVec3)], forces: &[f64]) -> f64 {
         let mut power = 0.0;
         for ((row, state), force) in self.rows.iter().zip(self.row_states(tau, bodies)).zip(forces) {
-            let push = state.direction * *force;
+            let force_b = state.direction * *force;
             if let End::Fixed(_, velocity) = row.a {
-                power += push.dot(velocity);
+                power += force_b.dot(velocity);
             }
             if let End::Fixed(_, velocity) = row.b {
-                power -= push.dot(velocity);
+                power -= force_b.dot(velocity);
             }
         }
         for coil in &self.coils {
             let (direction, length) = coil.direction(tau, bodies);
-            let pull = direction * (coil.stiffness * (length - coil.natural_length));
-            // On a: +pull, on b: −pull; the point at the other end bears the opposite.
+            let force = direction * (coil.stiffness * (length - coil.natural_length));
+            // Force on a: +force, on b: −force; the point at the other end carries the opposite.
             if let End::Fixed(_, velocity) = coil.a {
-                power -= pull.dot(velocity);
+                power -= force.dot(velocity);
             }
             if let End::Fixed(_, velocity) = coil.b {
-                power += pull.dot(velocity);
+                power += force.dot(velocity);
             }
         }
         power

@@ -1,11 +1,11 @@
-//! What holds particles together, as plain data beside the engine's [`System`](haff_engine::System).
+//! Joints between particles, as plain data beside the engine's [`System`](haff_engine::System).
 
 use glam::DVec3;
 
-/// How a pendulum holds its bob.
+/// The kind of a pendulum's joint.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub enum Tether {
-    /// A massless inextensible string: it pulls, and goes slack rather than push.
+    /// A massless inextensible string: it pulls, but never pushes; it goes slack instead.
     #[default]
     String,
     /// A massless rigid rod, free to turn about the pivot in every direction.
@@ -62,7 +62,7 @@ pub struct Rod {
     pub length: f64,
 }
 
-/// Everything that joins particles.
+/// All joints of a system.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct Joints {
     /// Pendulums.
@@ -71,19 +71,20 @@ pub struct Joints {
     pub springs: Vec<Spring>,
     /// Rods.
     pub rods: Vec<Rod>,
-    /// Pairs of contact groups that stick: after an impact all components of their relative velocity are gone for good.
+    /// Pairs of contact groups that stick: an impact removes all components of their relative velocity
+    /// permanently.
     pub sticking: Vec<[u32; 2]>,
     /// Contact groups, and rows of walls that they stick to.
-    pub clinging: Vec<[u32; 2]>,
+    pub sticking_to_walls: Vec<[u32; 2]>,
 }
 
 impl Joints {
-    /// Whether there is nothing that the plain engine could not do.
+    /// Whether there are no joints, so that the granular engine can simulate the system.
     pub fn is_empty(&self) -> bool {
         self.pendulums.is_empty()
             && self.springs.is_empty()
             && self.rods.is_empty()
             && self.sticking.is_empty()
-            && self.clinging.is_empty()
+            && self.sticking_to_walls.is_empty()
     }
 }

@@ -1,4 +1,5 @@
-//! What happens next: every contact, string, force and flight has one prediction, a pure function of the flights it is about.
+//! Predictions of events: every contact, string, force and flight has one prediction, a pure function of its
+//! flights.
 
 use glam::DVec3;
 use haff_mechanics::{time_to_contact, time_to_contact_accelerated, time_to_plane};
@@ -7,34 +8,34 @@ use crate::{
     crossing::{Search, first_crossing},
     instant::Instant,
     mechanism::Link,
-    motion::{Motion, Watched},
+    motion::{Monitored, Motion},
     world::{Flight, World},
 };
 
-/// A search looks this many timescales of the motions ahead at a time.
+/// A search covers this many timescales of the motions at a time.
 const AHEAD: f64 = 12.0;
-/// Forces within this part of their scale are none.
+/// Forces below this part of their scale count as zero.
 const NO_FORCE: f64 = 1e-12;
 
-/// What a prediction is about. Simultaneous events are taken in this order, and by rows within a kind: impacts of a chain of
-/// touching bodies are resolved one after the other.
+/// The event that a prediction belongs to. Simultaneous events are taken in this order, and by rows within a
+/// kind: impacts of a chain of touching bodies are resolved one after the other.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub(crate) enum Key {
-    /// Two particles meet.
+    /// Two particles collide.
     Pair(usize, usize),
-    /// A particle meets a wall.
+    /// A particle collides with a wall.
     Wall(usize, usize),
     /// A slack string becomes taut.
     Taut(usize),
-    /// Something watched of a flight falls to zero.
-    Watch(usize, usize),
-    /// A flight is known no further.
+    /// A monitored quantity of a flight falls to zero.
+    Monitored(usize, usize),
+    /// The range of a numerical motion ends.
     Renew(usize),
     /// A completed series of bounces ends.
     Settle(Link),
 }
 
-/// When, and whether it happens then or is to be searched further from there.
+/// Time of a prediction, and whether the event happens then or the search is to be continued from there.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) struct Prediction {
     pub at: Instant,
@@ -44,12 +45,12 @@ pub(crate) struct Prediction {
 impl Prediction {
     const NEVER: Self = Self { at: Instant::NEVER, happens: false };
 
-    /// From a search that started at `start`; `to`: where it would have ended, and whether the range goes on there.
-    fn from_search(search: Search, start: Instant, to: f64, goes_on: bool) -> Self {
+    /// From a search that started at `start`; `to`: its end, and whether the range continues beyond it.
+    fn from_search(search: Search, start: Instant, to: f64, continues: bool) -> Self {
         match search {
             Search::At(s) => Self { at: start.after(s), happens: true },
             Search::Unfinished(s) => Self { at: start.after(s), happens: false },
-            Search::None if goes_on => Self { at: start.after(to), happens: false },
+            Search::None if continues => Self { at: start.after(to), happens: false },
             Search::None => Self::NEVER,
         }
     }
@@ -60,7 +61,7 @@ struct Path<'a> {
     motion: &'a Motion,
     k: usize,
     offset: DVec3,
-    /// Since the flight's start, at the beginning of the search.
+    /// Time since the flight's start at the beginning of the search.
     from: f64,
 }
 
@@ -74,7 +75,7 @@ impl Path<'_> {
 impl World {
     fn path(&self, particle: usize, start: Instant) -> Option<(&Flight, Path<'_>)> {
         let body = self.body[particle];
-        let flight = self.flights.get(&self.home[body])?;
+        let flight = self.flights.get(&self.flight_key[body])?;
         let k = flight.bodies.iter().position(|&b| b == body)?;
         let from = start.since(flight.start);
         Some((flight, Path { motion: &flight.motion, k, offset: self.offset[particle], from }))
@@ -82,10 +83,10 @@ impl World {
 
     /// Start of the flight of a particle.
     fn since(&self, particle: usize) -> Instant {
-        self.flights.get(&self.home[self.body[particle]]).map_or(self.now, |flight| flight.start)
+        self.flights.get(&self.flight_key[self.body[particle]]).map_or(self.now, |flight| flight.start)
     }
 
-    /// The range of a search over these motions from `start`: its length, and whether it goes on after it.
+    /// The range of a search over these motions from `start`: its length, and whether it continues beyond.
     fn range(start: Instant, flights: &[&Flight]) -> (f64, bool) {
         let end = flights.iter().map(|flight| flight.end()).fold(Instant::NEVER, Instant::min);
         let ahead =
@@ -94,9 +95,9 @@ impl World {
         if ahead < left { (ahead, true) } else { (left, false) }
     }
 
-    /// When two particles meet, looking from `from` on.
+    /// Collision of two particles, searched from `from` on.
     pub fn predict_pair(&self, i: usize, j: usize, from: Instant) -> Prediction {
-        if !self.can_meet(i, j) || self.closed.contains_key(&Link::Pair(i, j)) {
+        if !self.can_collide(i, j) || self.closed.contains_key(&Link::Pair(i, j)) {
             return Prediction::NEVER;
         }
         let start = from.max(self.since(i)).max(self.since(j));
@@ -104,8 +105,9 @@ impl World {
             return Prediction::NEVER;
         };
         let sigma = self.contact_distance(i, j);
-        // What stays in two balls apart never meets.
-        if let (Some((ca, ra)), Some((cb, rb))) = (a.motion.ball(a.k), b.motion.ball(b.k))
+        // Bodies that stay within two separate spheres never collide.
+        if let (Some((ca, ra)), Some((cb, rb))) =
+            (a.motion.enclosing_sphere(a.k), b.motion.enclosing_sphere(b.k))
             && ((ca + a.offset) - (cb + b.offset)).length() > (ra + rb + sigma) * (1.0 + 1e-9)
         {
             return Prediction::NEVER;
@@ -122,7 +124,7 @@ impl World {
         let (gap, rate) = f(0.0);
         let touches = gap <= touch;
         if touches && rate < -slow {
-            // The rest of the gap is rounding; a heap would go on falling through it for ever.
+            // The remaining gap is rounding; a heap would fall through it without end.
             return Prediction { at: start, happens: true };
         }
         let grazes = touches && rate.abs() <= slow;
@@ -137,14 +139,14 @@ impl World {
             };
             return time.map_or(Prediction::NEVER, |s| Prediction { at: start.after(s), happens: true });
         }
-        let (to, goes_on) = Self::range(start, &[fa, fb]);
-        // gap'' ≥ −|relative acceleration|: the turning of the line of centers only parts them.
+        let (to, continues) = Self::range(start, &[fa, fb]);
+        // gap'' ≥ −|relative acceleration|: the turning of the line of centers only increases the gap.
         let bound = a.motion.acceleration_bound(a.k) + b.motion.acceleration_bound(b.k);
         let search = first_crossing(&f, &|_, _| bound, 0.0, to, touch, slow);
-        Prediction::from_search(search, start, to, goes_on)
+        Prediction::from_search(search, start, to, continues)
     }
 
-    /// When a particle meets a wall.
+    /// Collision of a particle with a wall.
     pub fn predict_wall(&self, i: usize, wall: usize, from: Instant) -> Prediction {
         if self.immovable(self.body[i]) || self.closed.contains_key(&Link::Wall(i, wall)) {
             return Prediction::NEVER;
@@ -172,13 +174,13 @@ impl World {
             let time = time_to_plane(gap, rate, of.normal.dot(acceleration));
             return time.map_or(Prediction::NEVER, |s| Prediction { at: start.after(s), happens: true });
         }
-        let (to, goes_on) = Self::range(start, &[flight]);
+        let (to, continues) = Self::range(start, &[flight]);
         let bound = a.motion.acceleration_bound(a.k);
         let search = first_crossing(&f, &|_, _| bound, 0.0, to, touch, slow);
-        Prediction::from_search(search, start, to, goes_on)
+        Prediction::from_search(search, start, to, continues)
     }
 
-    /// When a slack string becomes taut.
+    /// Time at which a slack string becomes taut.
     pub fn predict_taut(&self, p: usize, from: Instant) -> Prediction {
         let pendulum = &self.joints.pendulums[p];
         if self.taut[p] || self.immovable(self.body[pendulum.bob]) {
@@ -187,7 +189,7 @@ impl World {
         let start = from.max(self.since(pendulum.bob));
         let Some((flight, a)) = self.path(pendulum.bob, start) else { return Prediction::NEVER };
         let (pivot, length) = (pendulum.pivot, pendulum.length);
-        // (l² − r²)/2l, since the distance itself has no bounded second derivative at the pivot.
+        // (l² − r²)/2l, because the second derivative of the distance itself is unbounded at the pivot.
         let f = |s: f64| {
             let (x, v) = a.state(s);
             let r = x - pivot;
@@ -200,39 +202,39 @@ impl World {
             let speed = a.motion.speed_bound(a.k, a.from + s, a.from + t);
             speed * speed / length + acceleration
         };
-        let (to, goes_on) = Self::range(start, &[flight]);
+        let (to, continues) = Self::range(start, &[flight]);
         let search = first_crossing(&f, &bound, 0.0, to, self.touch(length), slow);
-        Prediction::from_search(search, start, to, goes_on)
+        Prediction::from_search(search, start, to, continues)
     }
 
-    /// When something watched of a flight falls to zero.
-    pub fn predict_watch(&self, flight: usize, index: usize, from: Instant) -> Prediction {
+    /// Time at which a monitored quantity of a flight falls to zero.
+    pub fn predict_monitored(&self, flight: usize, index: usize, from: Instant) -> Prediction {
         let Some(flight) = self.flights.get(&flight) else { return Prediction::NEVER };
-        let Some(what) = Self::watched(flight, index) else { return Prediction::NEVER };
+        let Some(what) = Self::monitored(flight, index) else { return Prediction::NEVER };
         let start = from.max(flight.start);
         let offset = start.since(flight.start);
-        let f = |s: f64| flight.motion.watch(&flight.mechanism, what, offset + s);
-        let bound = flight.motion.watch_bound(&flight.mechanism, what);
-        let (to, goes_on) = Self::range(start, &[flight]);
+        let f = |s: f64| flight.motion.monitored_value(&flight.mechanism, what, offset + s);
+        let bound = flight.motion.monitored_bound(&flight.mechanism, what);
+        let (to, continues) = Self::range(start, &[flight]);
         let scale = match what {
-            Watched::Row(i) => {
+            Monitored::Row(i) => {
                 let row = &flight.mechanism.rows[i];
                 let mass = |k: Option<usize>| k.map_or(0.0, |k| flight.mechanism.mass[k]);
                 let states = flight.states(flight.start);
                 (mass(row.a.body()) + mass(row.b.body())) * flight.mechanism.acceleration_scale(&states)
             }
-            Watched::Coil(i) => flight.mechanism.coils[i].natural_length,
+            Monitored::Coil(i) => flight.mechanism.coils[i].natural_length,
         };
         let touch = NO_FORCE * scale;
-        // Slopes that take it through the touch in no less than a hundred ranges are none.
+        // Slopes that cross the tolerance in no less than a hundred ranges count as zero.
         let slow = 0.01 * touch / to.min(1e300);
         let search = first_crossing(&f, &|_, _| bound, 0.0, to, touch, slow);
-        Prediction::from_search(search, start, to, goes_on)
+        Prediction::from_search(search, start, to, continues)
     }
 
-    /// The n-th thing that is watched of a flight.
-    pub fn watched(flight: &Flight, index: usize) -> Option<Watched> {
-        flight.motion.watched(&flight.mechanism).get(index).copied()
+    /// The monitored quantity of a flight with this index.
+    pub fn monitored(flight: &Flight, index: usize) -> Option<Monitored> {
+        flight.motion.monitored(&flight.mechanism).get(index).copied()
     }
 
     /// The prediction of a key.
@@ -241,7 +243,7 @@ impl World {
             Key::Pair(i, j) => self.predict_pair(i, j, from),
             Key::Wall(i, wall) => self.predict_wall(i, wall, from),
             Key::Taut(p) => self.predict_taut(p, from),
-            Key::Watch(flight, index) => self.predict_watch(flight, index, from),
+            Key::Monitored(flight, index) => self.predict_monitored(flight, index, from),
             Key::Renew(flight) => self
                 .flights
                 .get(&flight)
@@ -251,18 +253,18 @@ impl World {
                 .get(&link)
                 .map_or(Prediction::NEVER, |rest| Prediction { at: rest.end, happens: true }),
         };
-        // Nothing waits for what rounding has put an ulp into the past.
+        // Rounding may put a prediction an ulp into the past: it is due now.
         Prediction { at: prediction.at.max(self.now), ..prediction }
     }
 
-    /// All keys that are about these bodies and their flights.
+    /// All keys that concern these bodies and their flights.
     pub fn keys_of(&self, bodies: &[usize]) -> Vec<Key> {
         let mine = |i: usize| bodies.contains(&self.body[i]);
         let n = self.count();
         let mut keys = Vec::new();
         for i in 0..n {
             for j in i + 1..n {
-                if (mine(i) || mine(j)) && self.can_meet(i, j) {
+                if (mine(i) || mine(j)) && self.can_collide(i, j) {
                     keys.push(Key::Pair(i, j));
                 }
             }
@@ -275,15 +277,16 @@ impl World {
                 keys.push(Key::Taut(p));
             }
         }
-        let mut homes: Vec<usize> = bodies.iter().map(|&body| self.home[body]).collect();
-        homes.sort_unstable();
-        homes.dedup();
-        for home in homes {
-            let Some(flight) = self.flights.get(&home) else { continue };
+        let mut flight_keys: Vec<usize> = bodies.iter().map(|&body| self.flight_key[body]).collect();
+        flight_keys.sort_unstable();
+        flight_keys.dedup();
+        for flight_key in flight_keys {
+            let Some(flight) = self.flights.get(&flight_key) else { continue };
             keys.extend(
-                (0..flight.motion.watched(&flight.mechanism).len()).map(|index| Key::Watch(home, index)),
+                (0..flight.motion.monitored(&flight.mechanism).len())
+                    .map(|index| Key::Monitored(flight_key, index)),
             );
-            keys.push(Key::Renew(home));
+            keys.push(Key::Renew(flight_key));
         }
         keys.extend(
             self.pending

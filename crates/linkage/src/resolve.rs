@@ -1,4 +1,4 @@
-//! Impacts: the laws of physics.md 4, with every rod and taut string answering.
+//! Impacts: the laws of physics.md 4, with the reactions of all rods and taut strings.
 
 use glam::DVec3;
 use haff_engine::{EventKind, EventRecord, Observer, model::Restitution};
@@ -14,10 +14,10 @@ use crate::{
 /// A bounce that would rise by less than this part of the contact's size is the first of a completed series.
 const REST_HEIGHT: f64 = 1e-13;
 
-/// Velocities within this part of the approach speed are none in an impact.
+/// Velocities below this part of the approach speed count as zero in an impact.
 const SQUARE: f64 = 1e-13;
 
-/// What an impact did.
+/// Result of an impact.
 struct Outcome {
     impact: Impact,
     /// Velocity change per impulse at the contact, n·M⁻¹·n of both sides [1/mass].
@@ -25,33 +25,34 @@ struct Outcome {
 }
 
 impl World {
-    /// The mechanism of bodies in an impact: rods, and strings that are taut.
+    /// The mechanism of bodies in an impact: rods, and taut strings.
     fn impact_mechanism(&self, bodies: &[usize]) -> Mechanism {
-        let links = self.standing_links(bodies);
+        let links = self.rigid_links(bodies);
         self.mechanism(bodies, &links, self.now)
     }
 
     /// Impact of particles i and j.
-    pub fn strike_pair(
+    pub fn collide_pair(
         &mut self,
         i: usize,
         j: usize,
         observer: &mut dyn Observer,
     ) -> Result<Vec<usize>, LinkageError> {
-        let bodies = self.take(&[self.body[i], self.body[j]], observer);
+        let bodies = self.end_flights(&[self.body[i], self.body[j]], observer);
         let ((x, v), (y, w)) = (self.state(i, self.now), self.state(j, self.now));
         let point = self.radius[i] + self.radius[j] == 0.0;
-        // Two points meet along their relative velocity.
+        // Two points collide along their relative velocity.
         let normal = if point { (v - w).normalize_or_zero() } else { (y - x).normalize_or_zero() };
         let law = self.pair_law(i, j);
         if law == Law::Stick {
-            self.book.counters.collisions += 1;
-            let impact = self.hold(&bodies, self.row(Link::Pair(i, j), &bodies, self.now), normal);
+            self.accumulators.counters.collisions += 1;
+            let impact =
+                self.stop_relative_motion(&bodies, self.row(Link::Pair(i, j), &bodies, self.now), normal);
             self.record(EventKind::Stick, i, j, &impact, normal, observer);
             let bodies = self.merge(self.body[i], self.body[j], bodies);
-            return self.reform(bodies, None, observer);
+            return self.regroup(bodies, None, observer);
         }
-        let Law::Bounce(restitution) = law else { return self.reform(bodies, None, observer) };
+        let Law::Bounce(restitution) = law else { return self.regroup(bodies, None, observer) };
         let link = Link::Pair(i, j);
         let e = self.restitution_at(restitution, (v - w).dot(normal), self.contact_distance(i, j));
         let mut mechanism = self.impact_mechanism(&bodies);
@@ -60,27 +61,27 @@ impl World {
             row.shape = Shape::Along(normal, normal.dot(y - x));
         }
         row.link = Link::Impact;
-        let Some(outcome) = self.strike(&bodies, &mut mechanism, row, e) else {
-            return self.reform(bodies, None, observer);
+        let Some(outcome) = self.collide(&bodies, &mut mechanism, row, e) else {
+            return self.regroup(bodies, None, observer);
         };
-        self.book.counters.collisions += 1;
+        self.accumulators.counters.collisions += 1;
         self.record(EventKind::Collision, i, j, &outcome.impact, normal, observer);
         if point && e == 0.0 {
             self.closed.insert(link, normal);
         }
         let size = self.contact_distance(i, j);
         self.complete_series(&bodies, &mechanism, row, link, e, &outcome, size);
-        self.reform(bodies, None, observer)
+        self.regroup(bodies, None, observer)
     }
 
     /// Impact of a particle on a wall.
-    pub fn strike_wall(
+    pub fn collide_wall(
         &mut self,
         i: usize,
         wall: usize,
         observer: &mut dyn Observer,
     ) -> Result<Vec<usize>, LinkageError> {
-        let bodies = self.take(&[self.body[i]], observer);
+        let bodies = self.end_flights(&[self.body[i]], observer);
         let of = &self.system.walls[wall];
         let (normal, velocity) = (-of.normal, of.motion.velocity());
         let approach = (self.state(i, self.now).1 - velocity).dot(normal);
@@ -89,27 +90,27 @@ impl World {
         let restitution = match self.wall_law(i, wall) {
             Law::Bounce(restitution) => restitution,
             Law::Stick => {
-                let impact = self.hold(&bodies, row, -normal);
-                self.book.counters.wall_collisions += 1;
+                let impact = self.stop_relative_motion(&bodies, row, -normal);
+                self.accumulators.counters.wall_collisions += 1;
                 self.record(EventKind::Wall, i, wall, &impact, normal, observer);
-                let bodies = self.cling(self.body[i], velocity, bodies);
-                return self.reform(bodies, None, observer);
+                let bodies = self.stick_to_wall(self.body[i], velocity, bodies);
+                return self.regroup(bodies, None, observer);
             }
         };
         let e = self.restitution_at(restitution, approach, self.radius[i]);
         let mut mechanism = self.impact_mechanism(&bodies);
         row.link = Link::Impact;
-        if let Some(outcome) = self.strike(&bodies, &mut mechanism, row, e) {
-            self.book.counters.wall_collisions += 1;
+        if let Some(outcome) = self.collide(&bodies, &mut mechanism, row, e) {
+            self.accumulators.counters.wall_collisions += 1;
             self.record(EventKind::Wall, i, wall, &outcome.impact, normal, observer);
             let size = if self.radius[i] > 0.0 { self.radius[i] } else { self.length };
             self.complete_series(&bodies, &mechanism, row, link, e, &outcome, size);
         }
-        self.reform(bodies, None, observer)
+        self.regroup(bodies, None, observer)
     }
 
-    /// Restitution at an approach speed. In gravity, inelastic bodies that are too slow to rise visibly do not bounce: so a heap,
-    /// of which no contact stands alone, comes to rest.
+    /// Restitution at an approach speed. In gravity, inelastic bodies that would rise by less than
+    /// `REST_HEIGHT` do not bounce: so a heap, whose contacts are coupled, comes to rest.
     fn restitution_at(&self, law: Restitution, approach: f64, size: f64) -> f64 {
         let e = law.coefficient(approach);
         let size = if size > 0.0 { size } else { self.length };
@@ -118,23 +119,24 @@ impl World {
     }
 
     /// A string becomes taut: the velocity along it is lost.
-    pub fn catch(&mut self, p: usize, observer: &mut dyn Observer) -> Result<Vec<usize>, LinkageError> {
+    pub fn string_taut(&mut self, p: usize, observer: &mut dyn Observer) -> Result<Vec<usize>, LinkageError> {
         let bob = self.joints.pendulums[p].bob;
-        let bodies = self.take(&[self.body[bob]], observer);
+        let bodies = self.end_flights(&[self.body[bob]], observer);
         let mut mechanism = self.impact_mechanism(&bodies);
         let mut row = self.row(Link::Tether(p), &bodies, self.now);
         row.link = Link::Impact;
         let normal = -row.state(0.0, &self.anchors(&bodies)).direction;
-        if let Some(outcome) = self.strike(&bodies, &mut mechanism, row, 0.0) {
+        if let Some(outcome) = self.collide(&bodies, &mut mechanism, row, 0.0) {
             self.record(EventKind::Taut, bob, p, &outcome.impact, normal, observer);
         }
         self.taut[p] = true;
-        self.reform(bodies, None, observer)
+        self.regroup(bodies, None, observer)
     }
 
-    /// Gives the impulse along `row` to the bodies: J = (1 + e) v_n/Λ, while rods and taut strings answer and strings that
-    /// would have to push go slack. `None` if nothing approaches or nothing gives way.
-    fn strike(&mut self, bodies: &[usize], mechanism: &mut Mechanism, row: Row, e: f64) -> Option<Outcome> {
+    /// Applies the impulse along `row` to the bodies, J = (1 + e) v_n/Λ, with the reactions of rods and taut
+    /// strings; strings that would have to push go slack. `None` if the ends do not approach, or nothing can
+    /// move.
+    fn collide(&mut self, bodies: &[usize], mechanism: &mut Mechanism, row: Row, e: f64) -> Option<Outcome> {
         mechanism.rows.push(row);
         let contact = mechanism.rows.len() - 1;
         let mut states = self.anchors(bodies);
@@ -145,8 +147,8 @@ impl World {
         q[contact] = -(1.0 + e) * approach;
         let one_sided: Vec<bool> =
             mechanism.rows.iter().map(|row| row.unilateral && row.link != Link::Impact).collect();
-        // The normal is as uncertain as the places are rounded, over the distance of the centers; within that a string
-        // that is hit squarely stays taut.
+        // The normal has the rounding error of the positions over the distance of the centers; within that, a
+        // string hit at a right angle stays taut.
         let size = match row.shape {
             Shape::Distance(length) => length,
             Shape::Along(..) => self.length,
@@ -160,26 +162,27 @@ impl World {
             return None;
         }
         let lambda = (1.0 + e) * approach / hit;
-        self.push(bodies, mechanism, &rows, &impulses, &mut states);
-        // Once more for what rounding has left, which has a preferred sign: v_n' = −e v_n, and the others not at all.
+        self.apply_impulses(bodies, mechanism, &rows, &impulses, &mut states);
+        // A correction for rounding, which would have a preferred sign: v_n' = −e v_n, and zero for the other
+        // rows.
         let after = mechanism.row_states(0.0, &states);
         let rest: Vec<f64> = (0..after.len())
             .map(|k| if k == contact { e * approach - after[k].rate } else { -after[k].rate })
             .collect();
         (impulses, _) = linear::solve(&matrix, &rest, &active);
-        self.push(bodies, mechanism, &rows, &impulses, &mut states);
+        self.apply_impulses(bodies, mechanism, &rows, &impulses, &mut states);
         for (&body, state) in bodies.iter().zip(&states) {
             self.anchor[body] = *state;
         }
         let impact = impact(approach, e, lambda);
-        self.book.dissipated.add(impact.energy_loss);
-        self.book.carnot.add(impact.carnot_energy);
+        self.accumulators.dissipated.add(impact.energy_loss);
+        self.accumulators.carnot.add(impact.carnot_energy);
         mechanism.rows.pop();
         Some(Outcome { impact, lambda })
     }
 
-    /// Applies impulses along rows to bodies and books what comes from outside.
-    fn push(
+    /// Applies impulses along rows to bodies and adds the external ones to the sums.
+    fn apply_impulses(
         &mut self,
         bodies: &[usize],
         mechanism: &Mechanism,
@@ -195,8 +198,8 @@ impl World {
                 if let (End::Fixed(_, velocity), Some(_)) = (fixed, other.body()) {
                     let push = state.direction * (sign * impulse);
                     let at = other.state(0.0, states).0;
-                    self.book.add_impulse(at, push);
-                    self.book.work.add(push.dot(velocity));
+                    self.accumulators.add_impulse(at, push);
+                    self.accumulators.work.add(push.dot(velocity));
                 }
             };
             outside(row.a, row.b, 1.0);
@@ -204,8 +207,9 @@ impl World {
         }
     }
 
-    /// Takes all of the relative velocity of the ends of a contact, whose normal points from the first to the second.
-    fn hold(&mut self, bodies: &[usize], of: Row, normal: DVec3) -> Impact {
+    /// Removes all relative velocity of the ends of a contact, whose normal points from the first to the
+    /// second.
+    fn stop_relative_motion(&mut self, bodies: &[usize], of: Row, normal: DVec3) -> Impact {
         let mut mechanism = self.impact_mechanism(bodies);
         let held = mechanism.rows.len();
         for axis in [DVec3::X, DVec3::Y, DVec3::Z] {
@@ -224,18 +228,19 @@ impl World {
             rows.iter().enumerate().map(|(k, row)| if k < held { 0.0 } else { row.rate }).collect();
         let one_sided: Vec<bool> = mechanism.rows.iter().map(|row| row.unilateral).collect();
         let (impulses, active) = linear::complementarity(&matrix, &q, &one_sided, SQUARE * relative.length());
-        self.push(bodies, &mechanism, &rows, &impulses, &mut states);
+        self.apply_impulses(bodies, &mechanism, &rows, &impulses, &mut states);
         let rest: Vec<f64> = mechanism.row_states(0.0, &states).iter().map(|row| -row.rate).collect();
         let (correction, _) = linear::solve(&matrix, &rest, &active);
-        self.push(bodies, &mechanism, &rows, &correction, &mut states);
+        self.apply_impulses(bodies, &mechanism, &rows, &correction, &mut states);
         for (&body, state) in bodies.iter().zip(&states) {
             self.anchor[body] = *state;
         }
         let impulse = DVec3::from_slice(&impulses[held..]);
-        // Carnot's theorem for bodies that do not part, (2.32): ½ P·(w1 − w2), since no other row does work.
+        // Carnot's theorem for bodies that do not separate, (2.32): ½ P·(w1 − w2), since no other row does
+        // work.
         let loss = -0.5 * impulse.dot(relative);
-        self.book.dissipated.add(loss);
-        self.book.carnot.add(loss);
+        self.accumulators.dissipated.add(loss);
+        self.accumulators.carnot.add(loss);
         Impact {
             approach_speed: -normal.dot(relative),
             impulse: impulse.length(),
@@ -245,9 +250,9 @@ impl World {
         }
     }
 
-    /// A body moves with a wall from now on; returns the movable bodies that remain.
-    fn cling(&mut self, body: usize, velocity: DVec3, mut bodies: Vec<usize>) -> Vec<usize> {
-        self.clings[body] = true;
+    /// Makes a body move with a wall from now on; returns the movable bodies that remain.
+    fn stick_to_wall(&mut self, body: usize, velocity: DVec3, mut bodies: Vec<usize>) -> Vec<usize> {
+        self.sticks_to_wall[body] = true;
         self.body_mass[body] = f64::INFINITY;
         self.anchor[body].1 = velocity;
         let own: Vec<Link> = self
@@ -260,11 +265,11 @@ impl World {
             self.closed.remove(&link);
         }
         bodies.retain(|&other| other != body);
-        self.launch_immovable(body);
+        self.start_immovable_flight(body);
         bodies
     }
 
-    /// Makes one body of two; returns the movable bodies that remain.
+    /// Merges two bodies; returns the movable bodies that remain.
     fn merge(&mut self, a: usize, b: usize, mut bodies: Vec<usize>) -> Vec<usize> {
         let (keep, gone) = (a.min(b), a.max(b));
         for body in [keep, gone] {
@@ -272,8 +277,8 @@ impl World {
                 continue;
             }
             self.anchor[body] = self.body_state(body, self.now);
-            if let Some(flight) = self.flights.remove(&self.home[body]) {
-                self.book.work.add(flight.motion.work(self.now.since(flight.start)));
+            if let Some(flight) = self.flights.remove(&self.flight_key[body]) {
+                self.accumulators.work.add(flight.motion.work(self.now.since(flight.start)));
             }
         }
         let shift = self.anchor[gone].0 - self.anchor[keep].0;
@@ -286,7 +291,7 @@ impl World {
             }
         }
         self.body_mass[keep] += self.body_mass[gone];
-        self.clings[keep] |= self.clings[gone];
+        self.sticks_to_wall[keep] |= self.sticks_to_wall[gone];
         let inside: Vec<Link> = self
             .closed
             .keys()
@@ -298,7 +303,7 @@ impl World {
         }
         bodies.retain(|&body| body != gone && body != keep);
         if self.immovable(keep) {
-            self.launch_immovable(keep);
+            self.start_immovable_flight(keep);
         } else {
             bodies.push(keep);
         }
@@ -306,8 +311,9 @@ impl World {
         bodies
     }
 
-    /// Completes a series of bounces too small to resolve: takes the last of the velocity, to be booked when the series
-    /// would have ended, 2u/(p (1 − e)) from now under the acceleration p that presses.
+    /// Completes a series of bounces too small to resolve: removes the remaining velocity, whose loss is
+    /// counted when the series would have ended, 2u/(p (1 − e)) from now under the acceleration p towards the
+    /// contact.
     #[allow(clippy::too_many_arguments)]
     fn complete_series(
         &mut self,
@@ -323,7 +329,7 @@ impl World {
         if e >= 1.0 || speed == 0.0 {
             return;
         }
-        // What presses: the acceleration along the contact while everything else holds.
+        // The acceleration towards the contact while all other rows hold.
         let mut links: Vec<Link> = held.rows.iter().map(|row| row.link).collect();
         let closed = self.closed.keys().copied().filter(|&other| {
             other != link && self.particles_of(other).iter().any(|&i| bodies.contains(&self.body[i]))
@@ -334,8 +340,8 @@ impl World {
         let tolerance = 1e-12 * mechanism.acceleration_scale(&states);
         let (_, a, _) = mechanism.active_rows(&states, tolerance);
         let state = row.state(0.0, &states);
-        let press = -Mechanism::row_acceleration(&row, &state, &a);
-        if press <= tolerance || speed * speed > 2.0 * press * REST_HEIGHT * size {
+        let acceleration = -Mechanism::row_acceleration(&row, &state, &a);
+        if acceleration <= tolerance || speed * speed > 2.0 * acceleration * REST_HEIGHT * size {
             return;
         }
         let mut held = held.clone();
@@ -345,13 +351,13 @@ impl World {
         let mut wanted = vec![0.0; rows.len()];
         wanted[contact] = -rows[contact].rate;
         let (impulses, _) = linear::solve(&held.compliance(&rows), &wanted, &vec![true; rows.len()]);
-        self.push(bodies, &held, &rows, &impulses, &mut states);
+        self.apply_impulses(bodies, &held, &rows, &impulses, &mut states);
         for (&body, state) in bodies.iter().zip(&states) {
             self.anchor[body] = *state;
         }
         let energy = 0.5 * speed * speed / outcome.lambda;
         let rest = Pending {
-            end: self.now.after(2.0 * speed / (press * (1.0 - e))),
+            end: self.now.after(2.0 * speed / (acceleration * (1.0 - e))),
             speed,
             impulse: (1.0 + e) * speed / (outcome.lambda * (1.0 - e)),
             energy_loss: energy,

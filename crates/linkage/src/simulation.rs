@@ -12,7 +12,7 @@ use crate::{
     instant::Instant,
     mechanism::Link,
     model::{Joints, Tether},
-    motion::{Motion, Watched},
+    motion::{Monitored, Motion},
     predict::{Key, Prediction},
     sum::Sum,
     world::World,
@@ -26,12 +26,12 @@ const COLLAPSE: u64 = 100_000;
 pub struct Simulation {
     pub(crate) world: World,
     pub(crate) predictions: BTreeMap<Key, Prediction>,
-    /// Time of the last progress, and events since.
+    /// Time of the last progress, and number of events since.
     pub(crate) stall: (Instant, u64),
     pub(crate) stopped_at: Option<f64>,
 }
 
-/// Energies that a [`Ledger`] has as one.
+/// The two parts of a [`Ledger`]'s potential energy.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Potential {
     /// Of gravity \[energy\], zero at the origin.
@@ -43,40 +43,40 @@ pub struct Potential {
 impl Simulation {
     /// Starts a simulation at time 0.
     ///
-    /// The system must be valid as for [`haff_engine::Simulation::new`]. Bobs and ends of rods whose distance is right to
-    /// 10⁻⁹ are moved to where it is exact.
+    /// The system must be valid as for [`haff_engine::Simulation::new`]. Bobs and ends of rods whose distance
+    /// is correct to 10⁻⁹ are moved to the exact distance.
     ///
     /// # Errors
     /// Joints that contradict each other or the system: see [`LinkageError`].
     pub fn new(system: System, joints: Joints) -> Result<Self, LinkageError> {
         check::check_elements(&system, &joints)?;
-        let (system, joints) = check::placed(system, joints)?;
+        let (system, joints) = check::with_exact_lengths(system, joints)?;
         let mut world = World::new(system, joints);
         for p in 0..world.taut.len() {
             let pendulum = &world.joints.pendulums[p];
             world.taut[p] = pendulum.tether == Tether::Rod || !pendulum.slack;
         }
         let (gravity, spring) = world.potential(Instant::ZERO);
-        world.book.initial_potential = gravity + spring;
-        world.book.initial_kinetic = kinetic(&world, Instant::ZERO);
-        world.book.sampled_collisions = u64::MAX;
+        world.accumulators.initial_potential = gravity + spring;
+        world.accumulators.initial_kinetic = kinetic(&world, Instant::ZERO);
+        world.accumulators.sampled_collisions = u64::MAX;
         for body in 0..world.count() {
             if world.immovable(body) {
-                world.launch_immovable(body);
+                world.start_immovable_flight(body);
             }
         }
         let bodies: Vec<usize> = (0..world.count()).filter(|&body| !world.immovable(body)).collect();
-        // Strings that are not taut at once have been slack all the time.
-        world.reform(bodies, None, &mut haff_engine::Silent)?;
+        // Strings that are not taut at the start have been slack before: they are not reported.
+        world.regroup(bodies, None, &mut haff_engine::Silent)?;
         Ok(Self::of(world))
     }
 
-    /// A simulation of a world in flight, without predictions.
+    /// A simulation of a world with flights, without predictions.
     pub(crate) fn without_predictions(world: World) -> Self {
         Self { stall: (world.now, 0), world, predictions: BTreeMap::new(), stopped_at: None }
     }
 
-    /// A simulation of a world in flight.
+    /// A simulation of a world with flights.
     pub(crate) fn of(world: World) -> Self {
         let mut simulation = Self::without_predictions(world);
         let all: Vec<usize> = (0..simulation.world.count()).collect();
@@ -84,26 +84,26 @@ impl Simulation {
         simulation
     }
 
-    /// Makes all predictions of these bodies anew.
+    /// Renews all predictions of these bodies.
     fn predict(&mut self, bodies: &[usize]) {
         let world = &self.world;
         self.predictions.retain(|key, _| match *key {
             Key::Pair(i, j) => !bodies.contains(&world.body[i]) && !bodies.contains(&world.body[j]),
             Key::Wall(i, _) => !bodies.contains(&world.body[i]),
             Key::Taut(p) => !bodies.contains(&world.body[world.joints.pendulums[p].bob]),
-            Key::Watch(flight, _) | Key::Renew(flight) => {
+            Key::Monitored(flight, _) | Key::Renew(flight) => {
                 !bodies.contains(&flight) && world.flights.contains_key(&flight)
             }
             Key::Settle(link) => world.pending.contains_key(&link),
         });
         for key in self.world.keys_of(bodies) {
-            self.look(key, Instant::ZERO);
+            self.update_prediction(key, Instant::ZERO);
         }
     }
 
-    /// Makes one prediction, looking from `from` on.
-    fn look(&mut self, key: Key, from: Instant) {
-        self.world.book.counters.predictions += 1;
+    /// Makes one prediction, searched from `from` on.
+    fn update_prediction(&mut self, key: Key, from: Instant) {
+        self.world.accumulators.counters.predictions += 1;
         let prediction = self.world.predict(key, from);
         if prediction.at == Instant::NEVER {
             self.predictions.remove(&key);
@@ -112,8 +112,8 @@ impl Simulation {
         }
     }
 
-    /// Runs events until the first of the bounds, or until nothing will happen any more. An entry is an event, or a part of a
-    /// search.
+    /// Runs events until the first of the bounds, or until no further event exists. An entry is an event, or
+    /// a part of a search.
     ///
     /// # Errors
     /// [`LinkageError::Collapse`] and [`LinkageError::Singular`].
@@ -122,7 +122,7 @@ impl Simulation {
         let target = Instant::at(until.time);
         let mut entries = until.entries;
         loop {
-            if self.world.book.counters.collisions >= until.collisions {
+            if self.world.accumulators.counters.collisions >= until.collisions {
                 return Ok(Stop::Collisions);
             }
             let next = self.predictions.iter().min_by(|(k, p), (l, q)| {
@@ -143,11 +143,11 @@ impl Simulation {
             entries -= 1;
             self.world.now = prediction.at;
             if !prediction.happens {
-                self.look(key, prediction.at);
+                self.update_prediction(key, prediction.at);
                 continue;
             }
-            self.watch_progress(key)?;
-            let changed = self.happen(key, observer)?;
+            self.check_progress(key)?;
+            let changed = self.resolve(key, observer)?;
             self.predict(&changed);
         }
     }
@@ -158,7 +158,7 @@ impl Simulation {
         if self.is_at_rest() { Stop::Rest } else { Stop::Time }
     }
 
-    /// Whether nothing moves and nothing will.
+    /// Whether nothing moves and no event is predicted.
     fn is_at_rest(&self) -> bool {
         self.predictions.is_empty()
             && self.world.flights.values().all(|flight| match &flight.motion {
@@ -170,8 +170,8 @@ impl Simulation {
             })
     }
 
-    /// Gives up where infinitely many events share an instant.
-    fn watch_progress(&mut self, key: Key) -> Result<(), LinkageError> {
+    /// Gives up if infinitely many events share an instant.
+    fn check_progress(&mut self, key: Key) -> Result<(), LinkageError> {
         let now = self.world.now;
         let resolution =
             4.0 * f64::EPSILON * now.time() + 1e-15 * self.world.length / self.world.speed.max(1e-300);
@@ -185,53 +185,53 @@ impl Simulation {
         let particle = match key {
             Key::Pair(i, _) | Key::Wall(i, _) => i,
             Key::Taut(p) => self.world.joints.pendulums[p].bob,
-            Key::Watch(body, _) | Key::Renew(body) => body,
+            Key::Monitored(body, _) | Key::Renew(body) => body,
             Key::Settle(link) => self.world.particles_of(link).first().copied().unwrap_or(0),
         };
         Err(LinkageError::Collapse { time: now.time(), events: COLLAPSE, particle })
     }
 
     /// Resolves an event; returns the bodies that have new flights.
-    fn happen(&mut self, key: Key, observer: &mut dyn Observer) -> Result<Vec<usize>, LinkageError> {
+    fn resolve(&mut self, key: Key, observer: &mut dyn Observer) -> Result<Vec<usize>, LinkageError> {
         let world = &mut self.world;
         match key {
             Key::Pair(i, j) => {
-                // After a merger the partner's flight may have changed its name, too.
-                let mut changed = world.strike_pair(i, j, observer)?;
+                // After a merger the key of the partner's flight may have changed, too.
+                let mut changed = world.collide_pair(i, j, observer)?;
                 changed.push(world.body[i]);
                 Ok(changed)
             }
             Key::Wall(i, wall) => {
-                // What clings to the wall is movable no longer.
-                let mut changed = world.strike_wall(i, wall, observer)?;
+                // A body that sticks to the wall is no longer movable.
+                let mut changed = world.collide_wall(i, wall, observer)?;
                 changed.push(world.body[i]);
                 Ok(changed)
             }
-            Key::Taut(p) => world.catch(p, observer),
-            Key::Watch(home, index) => {
-                let Some(flight) = world.flights.get(&home) else { return Ok(Vec::new()) };
-                let link = match World::watched(flight, index) {
-                    Some(Watched::Row(row)) => Some(flight.mechanism.rows[row].link),
-                    Some(Watched::Coil(_)) | None => None,
+            Key::Taut(p) => world.string_taut(p, observer),
+            Key::Monitored(flight_key, index) => {
+                let Some(flight) = world.flights.get(&flight_key) else { return Ok(Vec::new()) };
+                let link = match World::monitored(flight, index) {
+                    Some(Monitored::Row(row)) => Some(flight.mechanism.rows[row].link),
+                    Some(Monitored::Coil(_)) | None => None,
                 };
-                let bodies = world.take(&[home], observer);
+                let bodies = world.end_flights(&[flight_key], observer);
                 if let Some(link) = link {
                     world.report_end(link, observer);
                 }
-                world.reform(bodies, link, observer)
+                world.regroup(bodies, link, observer)
             }
-            Key::Renew(home) => {
-                let Some(flight) = world.flights.get(&home) else { return Ok(Vec::new()) };
+            Key::Renew(flight_key) => {
+                let Some(flight) = world.flights.get(&flight_key) else { return Ok(Vec::new()) };
                 let (end, hint) = match &flight.motion {
                     Motion::Numeric(step) => (step.end.clone(), step.next),
                     _ => return Ok(Vec::new()),
                 };
                 let links: Vec<Link> = flight.mechanism.rows.iter().map(|row| row.link).collect();
                 let pending = std::mem::take(&mut world.pending);
-                let bodies = world.take(&[home], observer);
+                let bodies = world.end_flights(&[flight_key], observer);
                 world.pending = pending;
                 let mechanism = world.mechanism(&bodies, &links, world.now);
-                world.launch(bodies.clone(), mechanism, &end, hint)?;
+                world.start_flight(bodies.clone(), mechanism, &end, hint)?;
                 Ok(bodies)
             }
             Key::Settle(link) => {
@@ -261,7 +261,7 @@ impl Simulation {
     }
 
     fn step(&self) -> u64 {
-        let counters = &self.world.book.counters;
+        let counters = &self.world.accumulators.counters;
         counters.collisions + counters.wall_collisions
     }
 
@@ -277,17 +277,17 @@ impl Simulation {
         let now = world.now;
         let kinetic = kinetic(world, now);
         let (gravity, spring) = world.potential(now);
-        let mut work = world.book.work;
+        let mut work = world.accumulators.work;
         for flight in world.flights.values() {
             work.add(flight.motion.work(now.since(flight.start)));
         }
-        let dissipated = world.book.dissipated.value();
+        let dissipated = world.accumulators.dissipated.value();
         let terms = [
             kinetic,
             gravity,
             spring,
-            -world.book.initial_kinetic,
-            -world.book.initial_potential,
+            -world.accumulators.initial_kinetic,
+            -world.accumulators.initial_potential,
             dissipated,
             -work.value(),
         ];
@@ -298,31 +298,33 @@ impl Simulation {
             potential: gravity + spring,
             spring,
             dissipated,
-            carnot: world.book.carnot.value(),
+            carnot: world.accumulators.carnot.value(),
             terms: Term::ALL.map(|term| if term == Term::WallWork { work.value() } else { 0.0 }),
             residual: if scale > 0.0 { balance.value() / scale } else { 0.0 },
         }
     }
 
-    /// Impulse from outside (walls, pivots, fixed points and bodies, gravity) so far, and its moment about the origin
-    /// [mass·length/time], [mass·length²/time]: what (2.25) and (2.26) say that momentum and angular momentum have gained.
+    /// External impulse (of walls, pivots, fixed points and bodies, gravity) since the start, and its moment
+    /// about the origin [mass·length/time], [mass·length²/time]: the changes of momentum and angular momentum
+    /// by (2.25) and (2.26).
     pub fn external_impulse(&self) -> (DVec3, DVec3) {
         let world = &self.world;
-        let mut book = world.book;
+        let mut accumulators = world.accumulators;
         for flight in world.flights.values() {
             let states = flight.states(world.now);
             for (k, &body) in flight.bodies.iter().enumerate() {
                 if !world.immovable(body) {
                     let (momentum, moment) =
                         world.momentum_change(body, flight.motion.state(k, 0.0), states[k]);
-                    book.add_momentum(momentum, moment);
+                    accumulators.add_momentum(momentum, moment);
                 }
             }
         }
-        (book.impulse(), book.moment())
+        (accumulators.impulse(), accumulators.moment())
     }
 
-    /// One row of observables; the rates are those since the previous call. There is no pressure: a linkage is in open space.
+    /// One row of observables; rates are since the previous call. There is no pressure: a linkage is in open
+    /// space.
     pub fn sample(&mut self) -> Sample {
         let time = self.time();
         let ledger = self.ledger();
@@ -366,15 +368,15 @@ impl Simulation {
             fourth += u2 * u2;
         }
         let n = movable.len() as f64;
-        let collisions = world.book.counters.collisions;
-        let first = world.book.sampled_collisions == u64::MAX;
-        let elapsed = time - world.book.sampled_at;
-        let new = collisions.wrapping_sub(world.book.sampled_collisions) as f64;
-        world.book.sampled_at = time;
-        world.book.sampled_collisions = collisions;
+        let collisions = world.accumulators.counters.collisions;
+        let first = world.accumulators.sampled_collisions == u64::MAX;
+        let elapsed = time - world.accumulators.sampled_at;
+        let new = collisions.wrapping_sub(world.accumulators.sampled_collisions) as f64;
+        world.accumulators.sampled_at = time;
+        world.accumulators.sampled_collisions = collisions;
         Sample {
             time,
-            step: collisions + world.book.counters.wall_collisions,
+            step: collisions + world.accumulators.counters.wall_collisions,
             ledger,
             temperature,
             species_temperature,
@@ -388,17 +390,17 @@ impl Simulation {
             external_impulse,
             angular_momentum: Some(DVec3::from_array(moment.map(|sum| sum.value()))),
             collisions,
-            wall_collisions: world.book.counters.wall_collisions,
+            wall_collisions: world.accumulators.counters.wall_collisions,
             collision_rate: if first { f64::NAN } else { new / elapsed },
             mean_free_time: if first { f64::NAN } else { n * elapsed / (2.0 * new) },
         }
     }
 
-    /// Finds the deepest overlap now and keeps the largest for [`Self::max_overlap`].
-    /// An error, if one is more than rounding (see [`haff_engine::allowed_overlap`]).
+    /// Determines the deepest overlap now and keeps the largest for [`Self::max_overlap`]. An error, if one
+    /// is more than rounding (see [`haff_engine::allowed_overlap`]).
     pub fn measure_overlap(&mut self) -> Result<(), LinkageError> {
         let (deepest, beyond) = self.world.overlaps();
-        self.world.book.max_overlap = self.world.book.max_overlap.max(deepest);
+        self.world.accumulators.max_overlap = self.world.accumulators.max_overlap.max(deepest);
         match beyond.and_then(|overlap| Some((overlap.depth, overlap.pair?))) {
             Some((depth, (i, partner))) => {
                 Err(LinkageError::Overlap(EngineError::Overlap { time: self.time(), i, partner, depth }))
@@ -407,15 +409,15 @@ impl Simulation {
         }
     }
 
-    /// Largest overlap that [`Self::measure_overlap`] has found so far [contact distances]; particles on one rod or stuck together
-    /// do not count.
+    /// Largest overlap that [`Self::measure_overlap`] has found so far [contact distances]; particles on one
+    /// rod or stuck together are not counted.
     pub fn max_overlap(&self) -> f64 {
-        self.world.book.max_overlap
+        self.world.accumulators.max_overlap
     }
 
-    /// What has been done so far.
+    /// Counts of events since the start.
     pub fn counters(&self) -> Counters {
-        self.world.book.counters
+        self.world.accumulators.counters
     }
 
     /// Hash of every particle's position and velocity now, as 32 hexadecimal digits.
@@ -424,7 +426,7 @@ impl Simulation {
         for i in 0..self.world.count() {
             let (x, v) = self.world.state(i, self.world.now);
             for number in x.to_array().into_iter().chain(v.to_array()) {
-                // −0 and 0 are the same place.
+                // −0 and 0 are the same coordinate.
                 hasher.update(&(number + 0.0).to_bits().to_le_bytes());
             }
         }
@@ -441,7 +443,7 @@ impl Simulation {
         &self.world.system
     }
 
-    /// What joins its particles.
+    /// The joints of its particles.
     pub fn joints(&self) -> &Joints {
         &self.world.joints
     }
@@ -458,11 +460,11 @@ impl Simulation {
             || (j < self.world.count() && self.world.body[i] == self.world.body[j])
     }
 
-    /// What kind of flight a particle is on, in words: `free flight`, `pendulum`, `circle`, `rod`, `normal modes`, `rest` or
+    /// The kind of a particle's flight: `free flight`, `pendulum`, `circle`, `rod`, `normal modes`, `rest` or
     /// `numerical`.
     pub fn flight_of(&self, particle: usize) -> Option<&'static str> {
         let body = *self.world.body.get(particle)?;
-        Some(self.world.flights.get(&self.world.home[body])?.motion.name())
+        Some(self.world.flights.get(&self.world.flight_key[body])?.motion.name())
     }
 }
 

@@ -1,7 +1,7 @@
-//! Checks of a checkpoint before the simulation takes it over, as in the granular engine.
+//! Checks of a checkpoint before a simulation is restored from it, as in the granular engine.
 //!
-//! Each bound is either one that no run can leave, or far wider than rounding errors. A checkpoint that the
-//! simulation has written is never refused.
+//! Each bound is either one that no run can violate, or far wider than rounding errors. A checkpoint written
+//! by the simulation always passes.
 
 use glam::DVec3;
 use haff_engine::{Checkpoint, Dimension};
@@ -16,12 +16,12 @@ const MOST: u64 = 1 << 62;
 /// Largest coordinate and velocity: their squares must be finite. Scenes allow 1e50.
 const FARTHEST: f64 = 1e150;
 /// Largest relative deviation of lengths of strings and rods, of contact distances and of the energy balance.
-/// Rounding makes 1e-12.
+/// Rounding causes 1e-12.
 const PART: f64 = 1e-3;
-/// Deviation that the rounding of coordinates can make, as a part of the largest coordinate.
+/// Deviation due to the rounding of coordinates, as a part of the largest coordinate.
 const COORDINATE: f64 = 1e-12;
 
-/// An error unless a condition holds.
+/// An error unless the condition is true.
 fn require(holds: bool, what: impl FnOnce() -> String) -> Result<(), LinkageError> {
     if holds { Ok(()) } else { Err(LinkageError::Checkpoint(what())) }
 }
@@ -40,7 +40,7 @@ fn vector(name: impl Fn() -> String, vector: DVec3) -> Result<(), LinkageError> 
     })
 }
 
-/// Checks that an instant is in [from, to], and its low part a rounding error.
+/// Checks that an instant is in [from, to], and that its low part is a rounding error.
 fn instant(name: &str, at: Instant, [from, to]: [Instant; 2]) -> Result<(), LinkageError> {
     let rounding = f64::EPSILON * at.high.abs();
     require(at.low.is_finite() && at.low.abs() <= rounding, || {
@@ -57,7 +57,7 @@ pub(crate) fn stall((since, events): (Instant, u64), now: Instant) -> Result<(),
     require(events <= MOST, || format!("stall.events = {events} must be at most {MOST}"))
 }
 
-/// Checks the arrays: their lengths, and each value. Those that only the granular engine uses are zero.
+/// Checks the arrays: their lengths, and each value. Those used only by the granular engine are zero.
 pub(crate) fn arrays(checkpoint: &Checkpoint, n: usize) -> Result<(), LinkageError> {
     let Checkpoint { position, velocity, anchor, image, count, resting, .. } = checkpoint;
     let lengths = [position.len(), velocity.len(), anchor.len(), image.len(), count.len(), resting.len()];
@@ -80,17 +80,17 @@ pub(crate) fn arrays(checkpoint: &Checkpoint, n: usize) -> Result<(), LinkageErr
 /// links.
 pub(crate) fn flight(
     world: &World,
-    home: u64,
+    flight_key: u64,
     [start, now]: [Instant; 2],
     hint: f64,
     bodies: &[usize],
     links: &[Link],
 ) -> Result<(), LinkageError> {
-    let name = format!("flight.{home}");
+    let name = format!("flight.{flight_key}");
     instant(&format!("{name}.start"), start, [Instant::ZERO, now])?;
     at_least_zero(&format!("{name}.hint"), hint)?;
-    require(bodies.first().is_some_and(|&first| first as u64 == home), || {
-        format!("{name}.body = {bodies:?} must begin with {home}")
+    require(bodies.first().is_some_and(|&first| first as u64 == flight_key), || {
+        format!("{name}.body = {bodies:?} must begin with {flight_key}")
     })?;
     for &link in links {
         // All movable bodies of a link are on the same flight.
@@ -102,7 +102,7 @@ pub(crate) fn flight(
     }
     let immovable = bodies.iter().any(|&body| world.immovable(body));
     require(!immovable || (bodies.len() == 1 && links.is_empty()), || {
-        format!("{name}.body = {bodies:?}: what has infinite mass flies alone")
+        format!("{name}.body = {bodies:?}: a body of infinite mass has a flight of its own")
     })
 }
 
@@ -149,11 +149,13 @@ pub(crate) fn state(world: &World, time: f64) -> Result<(), LinkageError> {
             format!("closed: the normal of {link:?} = {axis:?} must be a unit vector or zero")
         })?;
         require(matches!(link, Link::Pair(..) | Link::Wall(..)), || {
-            format!("closed: {link:?} is no contact")
+            format!("closed: {link:?} is not a contact")
         })?;
     }
     for (link, rest) in &world.pending {
-        require(matches!(link, Link::Pair(..) | Link::Wall(..)), || format!("rest: {link:?} is no contact"))?;
+        require(matches!(link, Link::Pair(..) | Link::Wall(..)), || {
+            format!("rest: {link:?} is not a contact")
+        })?;
         let name = format!("rest of {link:?}");
         instant(&format!("{name}, end"), rest.end, [now, Instant::at(f64::MAX)])?;
         at_least_zero(&format!("{name}, speed"), rest.speed)?;
@@ -161,12 +163,12 @@ pub(crate) fn state(world: &World, time: f64) -> Result<(), LinkageError> {
         finite(&format!("{name}, energy_loss"), rest.energy_loss)?;
         finite(&format!("{name}, carnot_energy"), rest.carnot_energy)?;
     }
-    book(world, time)
+    accumulators(world, time)
 }
 
-fn book(world: &World, time: f64) -> Result<(), LinkageError> {
-    let book = &world.book;
-    let counters = book.counters;
+fn accumulators(world: &World, time: f64) -> Result<(), LinkageError> {
+    let accumulators = &world.accumulators;
+    let counters = accumulators.counters;
     for (name, count) in [
         ("collisions", counters.collisions),
         ("wall_collisions", counters.wall_collisions),
@@ -175,38 +177,38 @@ fn book(world: &World, time: f64) -> Result<(), LinkageError> {
     ] {
         require(count <= MOST, || format!("{name} = {count} must be at most {MOST}"))?;
     }
-    let (sampled, collisions) = (book.sampled_collisions, counters.collisions);
+    let (sampled, collisions) = (accumulators.sampled_collisions, counters.collisions);
     require(sampled == u64::MAX || sampled <= collisions, || {
         format!("sampled_collisions = {sampled} must be at most {collisions}, the collisions so far")
     })?;
-    let at = book.sampled_at;
+    let at = accumulators.sampled_at;
     require(0.0 <= at && at <= time * (1.0 + 16.0 * f64::EPSILON), || {
         format!("sampled_at = {at} must be in [0, {time}]")
     })?;
-    at_least_zero("initial_kinetic", book.initial_kinetic)?;
-    finite("initial_potential", book.initial_potential)?;
-    at_least_zero("max_overlap", book.max_overlap)?;
+    at_least_zero("initial_kinetic", accumulators.initial_kinetic)?;
+    finite("initial_potential", accumulators.initial_potential)?;
+    at_least_zero("max_overlap", accumulators.max_overlap)?;
     let total = |name: &str, sum: &Sum| {
         finite(&format!("{name}.high"), sum.high)?;
         finite(&format!("{name}.low"), sum.low)
     };
-    total("dissipated", &book.dissipated)?;
-    total("carnot", &book.carnot)?;
-    total("work", &book.work)?;
+    total("dissipated", &accumulators.dissipated)?;
+    total("carnot", &accumulators.carnot)?;
+    total("work", &accumulators.work)?;
     for axis in 0..3 {
-        total(&format!("impulse.{axis}"), &book.impulse[axis])?;
-        total(&format!("moment.{axis}"), &book.moment[axis])?;
+        total(&format!("impulse.{axis}"), &accumulators.impulse[axis])?;
+        total(&format!("moment.{axis}"), &accumulators.moment[axis])?;
     }
     Ok(())
 }
 
-/// Checks the world as a whole, after its parts: positions now, lengths, overlaps and the energy balance.
+/// Checks the world as a whole, after its parts: present positions, lengths, overlaps and the energy balance.
 pub(crate) fn whole(world: World) -> Result<World, LinkageError> {
     let now = world.now;
-    for (home, flight) in &world.flights {
+    for (flight_key, flight) in &world.flights {
         let end = flight.end();
         require(end >= now, || {
-            format!("flight.{home} would have ended at {}, and now is {}", end.high, now.high)
+            format!("flight.{flight_key} would have ended at {}, and now is {}", end.high, now.high)
         })?;
     }
     let mut farthest = world.length;
@@ -223,7 +225,7 @@ pub(crate) fn whole(world: World) -> Result<World, LinkageError> {
         farthest = farthest.max(size);
     }
     let rounding = COORDINATE * farthest;
-    // At the start of a flight as now: motions along an arc keep the length, whatever their start.
+    // At the start of a flight and now: motions along an arc keep the length, whatever their start.
     let start = |i: usize| world.anchor[world.body[i]].0 + world.offset[i];
     let present = |i: usize| world.state(i, now).0;
     for (p, pendulum) in world.joints.pendulums.iter().enumerate() {
@@ -239,7 +241,7 @@ pub(crate) fn whole(world: World) -> Result<World, LinkageError> {
     }
     for (r, rod) in world.joints.rods.iter().enumerate() {
         let [a, b] = rod.ends;
-        let together = world.home[world.body[a]] == world.home[world.body[b]];
+        let together = world.flight_key[world.body[a]] == world.flight_key[world.body[b]];
         let starts = together.then(|| start(a) - start(b));
         for apart in [present(a) - present(b)].into_iter().chain(starts) {
             let (distance, length) = (apart.length(), rod.length);
@@ -265,7 +267,7 @@ pub(crate) fn whole(world: World) -> Result<World, LinkageError> {
         )
     })?;
     let energies =
-        [ledger.kinetic, ledger.potential, ledger.supplied(), simulation.world.book.initial_kinetic];
+        [ledger.kinetic, ledger.potential, ledger.supplied(), simulation.world.accumulators.initial_kinetic];
     let scale = energies.iter().fold(0.0, |scale: f64, energy| scale.max(energy.abs()));
     for (name, sum) in [("dissipated", ledger.dissipated), ("carnot", ledger.carnot)] {
         require(sum.is_finite() && sum >= -1e-6 * scale, || format!("{name} = {sum} must not be negative"))?;

@@ -1,4 +1,4 @@
-//! The state: particles, the bodies they form, the flights of these, and what is in contact.
+//! The state: particles, the bodies they form, the flights of these, and the contacts.
 
 use std::collections::{BTreeMap, BTreeSet};
 
@@ -6,22 +6,22 @@ use glam::DVec3;
 use haff_engine::{Overlap, System, allowed_overlap, model::Restitution};
 
 use crate::{
-    book::Book,
+    accumulators::Accumulators,
     instant::Instant,
     mechanism::{Coil, End, Link, Mechanism, Motions, Row, Shape},
     model::{Joints, SpringEnd, Tether},
     motion::Motion,
 };
 
-/// Two bodies count as touching within this part of the scene's length…
+/// Two bodies count as touching if their gap is below this part of the scene's length…
 const TOUCH: f64 = 2e-14;
 /// … and of their contact distance.
 const TOUCH_OWN: f64 = 1e-13;
-/// Relative speeds below this part of the bodies' own speeds are none…
+/// Relative speeds below this part of the bodies' own speeds count as zero…
 const SLOW: f64 = 1e-13;
-/// … nor those below this part of the scene's speed.
+/// … and so do those below this part of the scene's speed.
 const SLOW_SCENE: f64 = 1e-15;
-/// Contact distance of two points, as a part of the scene's length: what they may miss each other by.
+/// Contact distance of two points, as a part of the scene's length.
 const POINT: f64 = 1e-12;
 
 /// Bodies that move together, from one event to the next.
@@ -32,12 +32,12 @@ pub(crate) struct Flight {
     pub bodies: Vec<usize>,
     pub mechanism: Mechanism,
     pub motion: Motion,
-    /// Step that a numerical motion began with; 0 for its first.
+    /// Initial step of a numerical motion; 0 for the first one.
     pub hint: f64,
 }
 
 impl Flight {
-    /// When it ends by itself.
+    /// End of the range of its motion.
     pub fn end(&self) -> Instant {
         self.start.after(self.motion.length())
     }
@@ -66,7 +66,7 @@ pub(crate) enum Law {
     Stick,
 }
 
-/// Everything that changes in a run, and what it is about.
+/// Everything that changes in a run, and its parameters.
 #[derive(Debug, Clone)]
 pub(crate) struct World {
     pub system: System,
@@ -76,32 +76,32 @@ pub(crate) struct World {
     pub group: Vec<usize>,
     /// Body of every particle: the first particle that is part of it.
     pub body: Vec<usize>,
-    /// Where on its body a particle sits \[length\].
+    /// Position of a particle relative to its body \[length\].
     pub offset: Vec<DVec3>,
     /// By body: whether it sticks to a wall, and moves with it.
-    pub clings: Vec<bool>,
+    pub sticks_to_wall: Vec<bool>,
     /// By body: mass, and state at the start of its flight.
     pub body_mass: Vec<f64>,
     pub anchor: Motions,
     /// By body: key of its flight, which is its first body.
-    pub home: Vec<usize>,
+    pub flight_key: Vec<usize>,
     pub flights: BTreeMap<usize, Flight>,
-    /// By pendulum: whether it pulls, or could.
+    /// By pendulum: whether its string or rod carries force, or could.
     pub taut: Vec<bool>,
-    /// Persistent contacts; for points the direction in which they met.
+    /// Persistent contacts; for points the direction in which they collided.
     pub closed: BTreeMap<Link, DVec3>,
     pub pending: BTreeMap<Link, Pending>,
-    /// Pairs that never meet: those on one rod.
+    /// Pairs that never collide: those on one rod.
     pub joined: BTreeSet<(usize, usize)>,
     pub now: Instant,
     /// The scene's length and speed, for tolerances.
     pub length: f64,
     pub speed: f64,
-    pub book: Book,
+    pub accumulators: Accumulators,
 }
 
 impl World {
-    /// Particles at their starting places, without flights.
+    /// Particles at their initial positions, without flights.
     pub fn new(system: System, joints: Joints) -> Self {
         let n = system.bodies.len();
         let class = |i: usize| system.classes[system.bodies[i].class as usize];
@@ -143,10 +143,10 @@ impl World {
         Self {
             body: (0..n).collect(),
             offset: vec![DVec3::ZERO; n],
-            clings: vec![false; n],
+            sticks_to_wall: vec![false; n],
             body_mass: mass.clone(),
             anchor,
-            home: (0..n).collect(),
+            flight_key: (0..n).collect(),
             flights: BTreeMap::new(),
             taut: vec![false; joints.pendulums.len()],
             closed: BTreeMap::new(),
@@ -155,7 +155,7 @@ impl World {
             now: Instant::ZERO,
             length: if length > 0.0 { length } else { 1.0 },
             speed,
-            book: Book::default(),
+            accumulators: Accumulators::default(),
             mass,
             radius,
             group,
@@ -174,9 +174,9 @@ impl World {
         self.body_mass[body] == f64::INFINITY
     }
 
-    /// State of a body, from its flight or, if it has none at the moment, from its anchor.
+    /// State of a body, from its flight or, if it has none at present, from its anchor.
     pub fn body_state(&self, body: usize, at: Instant) -> (DVec3, DVec3) {
-        match self.flights.get(&self.home[body]) {
+        match self.flights.get(&self.flight_key[body]) {
             Some(flight) => {
                 let k = flight.bodies.iter().position(|&b| b == body);
                 k.map_or(self.anchor[body], |k| flight.motion.state(k, at.since(flight.start)))
@@ -197,12 +197,12 @@ impl World {
         if sigma > 0.0 { sigma } else { POINT * self.length }
     }
 
-    /// Gaps within this are none \[length\].
+    /// Gaps below this count as contact \[length\].
     pub fn touch(&self, own: f64) -> f64 {
         TOUCH * self.length + TOUCH_OWN * own
     }
 
-    /// Relative speeds of bodies at these velocities within this are none [length/time].
+    /// Relative speeds of bodies at these velocities below this count as zero [length/time].
     pub fn slow(&self, v: DVec3, w: DVec3) -> f64 {
         SLOW * (v.length() + w.length()) + SLOW_SCENE * self.speed
     }
@@ -223,7 +223,7 @@ impl World {
 
     /// The law of a particle with a wall.
     pub fn wall_law(&self, i: usize, wall: usize) -> Law {
-        if self.joints.clinging.contains(&[self.group[i] as u32, wall as u32]) {
+        if self.joints.sticking_to_walls.contains(&[self.group[i] as u32, wall as u32]) {
             return Law::Stick;
         }
         Law::Bounce(self.system.contacts.wall[self.group[i] * self.system.walls.len() + wall].restitution())
@@ -231,11 +231,11 @@ impl World {
 
     /// Mass of a body by its particles, and by whether it sticks to a wall.
     pub fn mass_of(&self, body: usize) -> f64 {
-        if self.clings[body] { f64::INFINITY } else { self.members(body).map(|i| self.mass[i]).sum() }
+        if self.sticks_to_wall[body] { f64::INFINITY } else { self.members(body).map(|i| self.mass[i]).sum() }
     }
 
-    /// Whether two particles can meet.
-    pub fn can_meet(&self, i: usize, j: usize) -> bool {
+    /// Whether two particles can collide.
+    pub fn can_collide(&self, i: usize, j: usize) -> bool {
         let (a, b) = (self.body[i], self.body[j]);
         a != b && !(self.immovable(a) && self.immovable(b)) && !self.joined.contains(&(i.min(j), i.max(j)))
     }
@@ -251,7 +251,7 @@ impl World {
         (0..self.count()).filter(move |&i| self.body[i] == body)
     }
 
-    /// A particle as an end, for bodies numbered by their place in `bodies`, at an instant.
+    /// A particle as an end, for bodies numbered by their index in `bodies`, at an instant.
     fn end(&self, particle: usize, bodies: &[usize], at: Instant) -> End {
         let body = self.body[particle];
         match bodies.iter().position(|&b| b == body) {
@@ -310,7 +310,7 @@ impl World {
                 sign: 1.0,
                 unilateral: true,
             },
-            Link::Impact => unreachable!("an impact is no link of a flight"),
+            Link::Impact => unreachable!("an impact is not a link of a flight"),
         }
     }
 
@@ -335,7 +335,7 @@ impl World {
         };
         for &link in links {
             let row = self.row(link, bodies, at);
-            // Ends that have become one body, or hold nothing that moves, are no constraint.
+            // Ends that have become one body, or between which nothing can move, are no constraint.
             if row.a.body() != row.b.body() {
                 of.rows.push(row);
             }
@@ -357,8 +357,8 @@ impl World {
         of
     }
 
-    /// Two-sided links, and strings that are taut, that hold any of these bodies.
-    pub fn standing_links(&self, bodies: &[usize]) -> Vec<Link> {
+    /// Rods, and taut strings, that hold any of these bodies.
+    pub fn rigid_links(&self, bodies: &[usize]) -> Vec<Link> {
         let mine = |i: usize| bodies.contains(&self.body[i]) && !self.immovable(self.body[i]);
         let tethers = (0..self.joints.pendulums.len())
             .filter(|&p| mine(self.joints.pendulums[p].bob) && self.taut[p])
@@ -369,12 +369,12 @@ impl World {
         tethers.chain(rods).collect()
     }
 
-    /// States of bodies now, of which none is in flight.
+    /// Present states of bodies without flights.
     pub fn anchors(&self, bodies: &[usize]) -> Motions {
         bodies.iter().map(|&b| self.anchor[b]).collect()
     }
 
-    /// Every flight's bodies are told apart by what couples them.
+    /// Groups bodies by the links and springs that couple them.
     pub fn parts(&self, bodies: &[usize], links: &[Link]) -> Vec<Vec<usize>> {
         let mut label: BTreeMap<usize, usize> = bodies.iter().map(|&b| (b, b)).collect();
         let mut join = |i: usize, j: usize| {
@@ -404,7 +404,8 @@ impl World {
         parts.into_values().collect()
     }
 
-    /// Overlaps now [contact distances, with walls radii]: the deepest, 0 without, and one that is more than rounding.
+    /// Present overlaps [contact distances, for walls radii]: the deepest, 0 if there is none, and one that
+    /// exceeds rounding.
     pub fn overlaps(&self) -> (f64, Option<Overlap>) {
         let n = self.count();
         let states: Vec<DVec3> = (0..n).map(|i| self.state(i, self.now).0).collect();
@@ -417,7 +418,7 @@ impl World {
         };
         for i in 0..n {
             for j in i + 1..n {
-                if self.can_meet(i, j) && self.radius[i] + self.radius[j] > 0.0 {
+                if self.can_collide(i, j) && self.radius[i] + self.radius[j] > 0.0 {
                     let sigma = self.contact_distance(i, j);
                     let depth = 1.0 - (states[j] - states[i]).length() / sigma;
                     let places = states[i].abs().max(states[j].abs());

@@ -1,4 +1,5 @@
-//! The worked systems of the chapter against their closed forms (physics.md, section 5), over grids of their parameters.
+//! The worked systems of the chapter against their closed forms (physics.md, section 5), over grids of their
+//! parameters.
 
 mod common;
 
@@ -27,7 +28,7 @@ fn pendulums(e: f64, alpha: f64, m: [f64; 2], length: f64, g: f64, radius: f64, 
 }
 
 #[test]
-fn problem_2_3_two_pendulum_spheres() {
+fn problem_2_3_two_pendulums_collide() {
     for e in [0.0, 0.3, 0.8, 1.0] {
         for alpha in [0.01_f64, 0.5, 1.2, 1.57, 2.9] {
             for (length, g, radius) in [(1.0, G, 0.05), (0.37, 1.62, 0.1), (40.0, 274.0, 0.001)] {
@@ -51,7 +52,7 @@ fn problem_2_3_two_pendulum_spheres() {
                     near("loss", hits[0].energy_loss, 0.5 * (1.0 - e * e) * v * v, 1e-12 * v * v);
                     close("Carnot", hits[0].carnot_energy, 0.5 * (1.0 + e).powi(2) * v * v, 1e-12);
                     let frame = simulation.frame();
-                    // At the very bottom; the run went on for 1e-9 of a quarter period.
+                    // At the lowest point, after another 1e-9 of a quarter period.
                     let speed = 0.5 * (1.0 + e) * v;
                     close("v2'", frame.velocity[1].length(), speed, 1e-7);
                     // Highest point of the second bob: β, at its own quarter period after the impact.
@@ -72,7 +73,7 @@ fn problem_2_3_two_pendulum_spheres() {
 }
 
 #[test]
-fn set_2_1_restitution_from_the_angles_of_unequal_pendulums() {
+fn set_2_1_restitution_follows_from_the_angles_of_unequal_pendulums() {
     for e in [0.0, 0.55, 1.0] {
         for (ma, mb) in [(1.0, 3.0), (0.2, 0.1), (5.0, 0.01)] {
             for alpha in [0.2_f64, 0.9] {
@@ -85,7 +86,7 @@ fn set_2_1_restitution_from_the_angles_of_unequal_pendulums() {
                 let one_minus_cos_beta = factor * factor * (1.0 - alpha.cos());
                 let m1 = 1.0 - 0.5 * one_minus_cos_beta;
                 if m1 <= 0.0 {
-                    continue; // goes over the top
+                    continue; // full rotation
                 }
                 run(&mut simulation, quarter + (1.3 / G).sqrt() * complete_elliptic_integral(m1));
                 let cos_beta = -simulation.frame().position[1].z / 1.3;
@@ -97,7 +98,7 @@ fn set_2_1_restitution_from_the_angles_of_unequal_pendulums() {
 }
 
 #[test]
-fn problem_2_4_three_bodies_and_a_spring() {
+fn problem_2_4_three_bodies_and_a_spring_follow_the_closed_form() {
     for (m, v, k, natural, radius) in
         [(1.0, 3.0, 50.0, 1.0, 0.1), (0.02, 0.5, 7.0, 0.4, 0.05), (300.0, 11.0, 4e4, 10.0, 0.5)]
     {
@@ -118,7 +119,7 @@ fn problem_2_4_three_bodies_and_a_spring() {
         close("v2", frame.velocity[1].x, 0.5 * v, 1e-14);
         assert!(simulation.in_contact(0, 1));
         assert_eq!(simulation.flight_of(2), Some("normal modes"));
-        // 12 moves against 3 with the reduced mass 2m/3.
+        // Bodies 1 and 2 move against 3 with the reduced mass 2m/3.
         let omega = (1.5 * k / m).sqrt();
         run(&mut simulation, hit + 0.5 * std::f64::consts::PI / omega);
         let frame = simulation.frame();
@@ -134,7 +135,8 @@ fn problem_2_4_three_bodies_and_a_spring() {
         close("v1 after", frame.velocity[0].x, v / 6.0, 1e-12);
         let centre = |frame: &haff_engine::Frame| 0.5 * (frame.velocity[1].x + frame.velocity[2].x);
         close("centre of 2-3", centre(&frame), 5.0 / 12.0 * v, 1e-12);
-        // T3 is largest at the release; T2 smallest half a period of 2-3 later, as it is when the spring is unstressed.
+        // T3 is largest at the release; T2 smallest half a period of 2-3 later, as it is when the spring is
+        // unstressed.
         let free = (2.0 * k / m).sqrt();
         let half = std::f64::consts::PI / free;
         run(&mut simulation, leave + half);
@@ -150,7 +152,7 @@ fn problem_2_4_three_bodies_and_a_spring() {
     }
 }
 
-/// A particle that flies along x at the end of a rod at angle θ to x.
+/// A particle that moves along x towards the end of a rod at angle θ to x.
 fn rod_target(e: f64, theta: f64, v: f64, m: f64, length: f64, radius: f64) -> Scene {
     let mut scene = Scene::new(e);
     let end = DVec3::ZERO;
@@ -190,7 +192,7 @@ fn set_2_2_a_particle_sticks_to_the_end_of_a_rod() {
                 let expected = v * theta.sin() / (2.0 * length) * (turn / v);
                 near("angle", (0.5 * (angle - expected)).sin(), 0.0, 1e-10);
             }
-            // ΔT = E'_c: all of the energy that the closed form has not.
+            // ΔT = E'_c: all of the energy missing in the closed form.
             let (cm, spin) = (v / 3.0, v * theta.sin() / (2.0 * length));
             // Masses 2m and m at l/3 and 2l/3 from the center.
             let after = 1.5 * m * cm * cm + 0.5 * spin * spin * m * length * length * (2.0 / 9.0 + 4.0 / 9.0);
@@ -203,7 +205,7 @@ fn set_2_2_a_particle_sticks_to_the_end_of_a_rod() {
 }
 
 #[test]
-fn set_2_3_elastic_impact_on_the_end_of_a_rod() {
+fn set_2_3_elastic_impact_on_the_end_of_a_rod_follows_the_closed_form() {
     for theta in [0.0_f64, 0.4, 1.1, std::f64::consts::FRAC_PI_2] {
         for (v, m, length, radius) in [(1.0, 1.0, 1.0, 0.01), (7.0, 0.3, 2.5, 0.2), (0.01, 40.0, 0.3, 1e-6)] {
             let mut simulation = rod_target(1.0, theta, v, m, length, radius).start();
@@ -220,7 +222,7 @@ fn set_2_3_elastic_impact_on_the_end_of_a_rod() {
             let arm = frame.position[2] - frame.position[1];
             let spin = arm.cross(frame.velocity[2] - frame.velocity[1]).z / (length * length);
             near("ω", spin.abs(), impulse * theta.sin() / (m * length), 1e-12 * v / length);
-            // Energy is kept, and momentum and angular momentum (2.25), (2.26) of all three.
+            // Energy is conserved, and so are momentum and angular momentum (2.25), (2.26) of all three.
             assert!(simulation.ledger().residual.abs() < 1e-15);
             let momentum: DVec3 = frame.velocity.iter().map(|w| *w * m).sum();
             near("momentum", (momentum - DVec3::X * m * v).length(), 0.0, 1e-15 * m * v * 4.0);
@@ -232,7 +234,7 @@ fn set_2_3_elastic_impact_on_the_end_of_a_rod() {
 }
 
 #[test]
-fn oblique_impacts_of_spheres_and_with_a_wall() {
+fn problem_2_2_and_oblique_wall_impacts_follow_the_closed_form() {
     // Problem 2.2.
     let mut scene = Scene::new(0.5);
     scene.particle([-30.5, -10.0, 0.0], [30.0, 10.0, 0.0], 1.0, 0.5);
@@ -280,19 +282,19 @@ fn problem_2_1_a_bouncing_sphere_comes_to_rest_in_finite_time() {
             let log = run(&mut simulation, rest * 2.0);
             assert_eq!(simulation.flight_of(0), Some("rest"));
             if e > 0.0 {
-                let end = log.0.last().expect("comes to rest after what was seen");
+                let end = log.0.last().expect("the event log is not empty");
                 assert_eq!(end.kind, EventKind::Rest);
                 close("time of rest", end.time, rest, 1e-12);
             }
             let ledger = simulation.ledger();
-            close("all is lost", ledger.dissipated, 2.0 * g * height, 1e-12);
+            close("all energy is dissipated", ledger.dissipated, 2.0 * g * height, 1e-12);
             assert!(ledger.residual.abs() < 1e-14, "{ledger:?}");
         }
     }
 }
 
 #[test]
-fn newtons_cradle_of_five_hands_the_impulse_on() {
+fn newtons_cradle_of_five_raises_as_many_balls_as_were_released() {
     for swung in 1..5 {
         for tether in [Tether::String, Tether::Rod] {
             let (radius, length, alpha) = (0.05, 1.0, 0.6_f64);
@@ -307,7 +309,7 @@ fn newtons_cradle_of_five_hands_the_impulse_on() {
             }
             let mut simulation = scene.start();
             let quarter = (length / G).sqrt() * complete_elliptic_integral((0.5 * alpha).cos().powi(2));
-            // As many come out on the other side, to the same height, and back again.
+            // As many move out on the other side, to the same height, and back again.
             for (half, mirrored) in [(2.0, true), (4.0, false), (6.0, true)] {
                 run(&mut simulation, half * quarter);
                 let frame = simulation.frame();
@@ -324,7 +326,7 @@ fn newtons_cradle_of_five_hands_the_impulse_on() {
 }
 
 #[test]
-fn direct_central_impact_of_free_spheres_and_its_limits() {
+fn direct_central_impacts_of_free_spheres_follow_the_closed_form() {
     for (m1, m2) in [(1.0, 1.0), (1000.0, 1.0), (1.0, 1e6)] {
         for e in [0.0, 0.4, 1.0] {
             let mut scene = Scene::new(e);

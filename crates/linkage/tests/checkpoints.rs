@@ -1,4 +1,5 @@
-//! Checkpoints with impossible values are refused with a message that names the value; true checkpoints are accepted.
+//! Checkpoints with impossible values are refused with a message that names the value; valid checkpoints are
+//! accepted.
 
 mod common;
 
@@ -7,7 +8,8 @@ use glam::DVec3;
 use haff_engine::{Checkpoint, Silent, Until};
 use haff_linkage::{LinkageError, Simulation, SpringEnd, Tether};
 
-/// Pendulums on a string and a rod, a dumbbell, a spring, balls that stick together, and one that bounces to rest.
+/// Pendulums on a string and a rod, a dumbbell, a spring, balls that stick together, and one that bounces to
+/// rest.
 fn scene() -> Scene {
     let mut scene = Scene::new(0.6);
     scene.gravity = -DVec3::Z * 9.81;
@@ -31,14 +33,14 @@ fn scene() -> Scene {
     ];
     scene.joints.sticking.push(sticky.map(|i| i as u32));
     scene.particle([20.0, 0.0, 0.6], [0.0; 3], 1.0, 0.1);
-    let clinging = scene.particle([22.0, 0.0, 0.6], [0.3, 0.0, 0.0], 1.0, 0.1);
-    scene.joints.clinging.push([clinging as u32, floor as u32]);
+    let sticking = scene.particle([22.0, 0.0, 0.6], [0.3, 0.0, 0.0], 1.0, 0.1);
+    scene.joints.sticking_to_walls.push([sticking as u32, floor as u32]);
     scene
 }
 
 fn advanced(time: f64) -> Simulation {
     let mut simulation = scene().start();
-    simulation.advance(Until { time, ..Until::default() }, &mut Silent).expect("it goes on");
+    simulation.advance(Until { time, ..Until::default() }, &mut Silent).expect("the run continues");
     simulation.sample();
     simulation.measure_overlap().unwrap();
     simulation
@@ -55,18 +57,18 @@ fn scalar<'a>(checkpoint: &'a mut Checkpoint, name: &str) -> &'a mut u64 {
 }
 
 #[test]
-fn true_checkpoints_are_accepted_at_any_time() {
+fn valid_checkpoints_are_accepted_at_any_time() {
     for time in [0.0, 0.1, 0.35, 0.5, 1.0, 2.5, 7.0, 20.0, 60.0] {
         let simulation = advanced(time);
         let checkpoint = simulation.checkpoint();
         let restored = restore(&checkpoint).unwrap_or_else(|error| panic!("t = {time}: {error}"));
         assert_eq!((restored.checkpoint(), restored.state_hash()), (checkpoint, simulation.state_hash()));
     }
-    // A step at a time, so that some are taken while a series of bounces is pending.
+    // One entry at a time, so that some checkpoints are taken while a series of bounces is pending.
     let mut simulation = scene().start();
     let mut pending = 0;
     for _ in 0..400 {
-        simulation.advance(Until { entries: 1, ..Until::default() }, &mut Silent).expect("it goes on");
+        simulation.advance(Until { entries: 1, ..Until::default() }, &mut Silent).expect("the run continues");
         let checkpoint = simulation.checkpoint();
         pending += usize::from(checkpoint.scalars.iter().any(|(name, _)| name.starts_with("rest.")));
         let time = simulation.time();
@@ -80,7 +82,7 @@ fn true_checkpoints_are_accepted_at_any_time() {
 type Damage = (&'static str, fn(&mut Checkpoint));
 
 #[test]
-fn impossible_states_are_refused_by_name() {
+fn errors_name_the_impossible_value() {
     let real = |name: &'static str, value: f64| (name, value.to_bits());
     let damages: [Damage; 17] = [
         ("position[4] = DVec3(1e300", |c| c.position[4].x = 1e300),
@@ -102,17 +104,17 @@ fn impossible_states_are_refused_by_name() {
         ("link", |c| *scalar(c, "flight.0.row.0") = 5 << 60),
     ];
     let good = advanced(0.3).checkpoint();
-    restore(&good).expect("a true checkpoint");
-    let message = |bad: &Checkpoint, told: &str| {
-        let error = restore(bad).map(|_| ()).expect_err(told);
-        assert!(matches!(error, LinkageError::Checkpoint(_)), "{told}: {error}");
+    restore(&good).expect("a valid checkpoint");
+    let message = |bad: &Checkpoint, expected: &str| {
+        let error = restore(bad).map(|_| ()).expect_err(expected);
+        assert!(matches!(error, LinkageError::Checkpoint(_)), "{expected}: {error}");
         error.to_string()
     };
-    for (told, damage) in damages {
+    for (expected, damage) in damages {
         let mut bad = good.clone();
         damage(&mut bad);
-        let error = message(&bad, told);
-        assert!(error.contains(told), "{told}: {error}");
+        let error = message(&bad, expected);
+        assert!(error.contains(expected), "{expected}: {error}");
     }
     for (name, bits) in [
         real("now.high", f64::NAN),
@@ -165,10 +167,10 @@ impl Random {
     }
 }
 
-/// Random changes of one to three values: the checkpoint is refused, or the simulation continues without a panic.
-/// `HAFF_MUTATIONS` sets their number.
+/// Random changes of one to three values: the checkpoint is refused, or the simulation continues without a
+/// panic. `HAFF_MUTATIONS` sets their number.
 #[test]
-fn random_changes_of_a_checkpoint_never_panic() {
+fn randomly_changed_checkpoints_never_panic() {
     let mutations: usize =
         std::env::var("HAFF_MUTATIONS").ok().and_then(|text| text.parse().ok()).unwrap_or(300);
     let mut random = Random(4);

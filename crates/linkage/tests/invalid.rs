@@ -1,4 +1,4 @@
-//! What cannot be is an error that says so.
+//! Invalid joints are refused with a message that describes the error.
 
 mod common;
 
@@ -17,14 +17,14 @@ fn pair() -> Scene {
 #[track_caller]
 fn refused(scene: &Scene, with: &str) {
     let message = match scene.try_start() {
-        Ok(_) => panic!("accepted, but should say: {with}"),
+        Ok(_) => panic!("accepted, expected an error with: {with}"),
         Err(error) => error.to_string(),
     };
-    assert!(message.contains(with), "{message:?} does not say {with:?}");
+    assert!(message.contains(with), "{message:?} does not contain {with:?}");
 }
 
 #[test]
-fn joints_that_cannot_be_are_refused() {
+fn invalid_joints_are_refused_with_their_error() {
     let mut scene = pair();
     scene.pendulum(DVec3::new(0.0, 0.0, 2.0), 1.5, 0, Tether::String);
     refused(&scene, "pendulum 0: its ends are 2 apart, its length is 1.5");
@@ -45,7 +45,7 @@ fn joints_that_cannot_be_are_refused() {
     refused(&scene, "rod 0: its ends are 3 apart, its length is 2");
     scene.joints.rods[0].length = 3.0;
     scene.particles[0].1 = DVec3::X;
-    refused(&scene, "rod 0: its ends part at -1");
+    refused(&scene, "rod 0: its ends separate at -1");
     scene.particles[0].1 = DVec3::ZERO;
     scene.rod(1, 0, 3.0);
     refused(&scene, "rod 1 holds what other pendulums and rods hold already");
@@ -69,8 +69,8 @@ fn joints_that_cannot_be_are_refused() {
     let mut scene = pair();
     scene.pendulum(DVec3::new(0.0, 0.0, 2.0), 2.0, 0, Tether::String);
     scene.particles[0].1 = DVec3::new(0.0, 0.0, -1.0);
-    refused(&scene, "pendulum 0: its ends part at 1");
-    // Towards the pivot a string just goes slack.
+    refused(&scene, "pendulum 0: its ends separate at 1");
+    // A string goes slack if its bob moves towards the pivot.
     scene.particles[0].1 = DVec3::new(0.0, 0.0, 1.0);
     assert!(!scene.start().is_taut(0));
 }

@@ -1,4 +1,5 @@
-//! Flights beyond the chapter: strings that go slack, rotation, coupled linkages, contacts that slide and open.
+//! Flights beyond the chapter: strings that go slack, rotation, coupled linkages, contacts that slide and
+//! open.
 
 mod common;
 
@@ -20,21 +21,22 @@ fn single(angle: f64, speed: f64, tether: Tether) -> Scene {
 }
 
 #[test]
-fn a_string_goes_slack_where_its_tension_ends_and_is_caught_with_its_radial_velocity_lost() {
-    // From the bottom with v² between 2gl and 5gl it leaves the circle at cos θ = −(v²/gl − 2)/3 and flies a parabola.
+fn a_string_goes_slack_at_zero_tension_and_loses_the_radial_velocity_when_taut() {
+    // From the bottom with v² between 2gl and 5gl it leaves the circle at cos θ = −(v²/gl − 2)/3 and follows
+    // a parabola.
     for ratio in [2.1_f64, 3.0, 4.0, 4.9] {
         let v = (ratio * G).sqrt();
         let mut simulation = single(0.0, v, Tether::String).start();
         let log = run(&mut simulation, 3.0);
         let slack = log.of(EventKind::Slack)[0];
         let up = (ratio - 2.0) / 3.0;
-        // Where it was then.
+        // The state at that time.
         let mut again = single(0.0, v, Tether::String).start();
         run(&mut again, slack.time);
         let frame = again.frame();
         near("height", frame.position[0].z, up, 1e-12);
         close("speed² = g l up", frame.velocity[0].length_squared(), G * up, 1e-11);
-        // The parabola meets the circle again; independent bisection.
+        // Intersection of parabola and circle, by independent bisection.
         let (x, w) = (frame.position[0], frame.velocity[0]);
         let at = |t: f64| x + w * t - DVec3::Z * (0.5 * G * t * t);
         let outside = |t: f64| at(t).length_squared() - 1.0;
@@ -47,18 +49,18 @@ fn a_string_goes_slack_where_its_tension_ends_and_is_caught_with_its_radial_velo
             if outside(middle) < 0.0 { low = middle } else { high = middle }
         }
         let catch = log.of(EventKind::Taut)[0];
-        close("caught", catch.time - slack.time, high, 1e-10);
+        close("taut", catch.time - slack.time, high, 1e-10);
         let velocity = w - DVec3::Z * (G * high);
         let radial = velocity.dot(at(high));
         close("radial speed", catch.approach_speed, radial, 1e-9);
         close("loss", catch.energy_loss, 0.75 * radial * radial, 1e-9);
         assert_eq!(catch.energy_loss, catch.carnot_energy);
         assert!(simulation.ledger().residual.abs() < 1e-13, "{:?}", simulation.ledger());
-        // A rod would not have let go.
+        // A rod carries the opposite force.
         let mut rod = single(0.0, v, Tether::Rod).start();
         assert!(run(&mut rod, 3.0).0.is_empty());
     }
-    // Above 5gl it goes round and round; below 2gl it swings.
+    // Above 5gl it rotates; below 2gl it swings.
     for ratio in [5.001_f64, 30.0, 1.999, 0.3] {
         let mut simulation = single(0.0, (ratio * G).sqrt(), Tether::String).start();
         assert!(run(&mut simulation, 20.0).0.is_empty());
@@ -67,7 +69,7 @@ fn a_string_goes_slack_where_its_tension_ends_and_is_caught_with_its_radial_velo
 }
 
 #[test]
-fn full_rotation_has_its_period() {
+fn period_of_full_rotation_is_that_of_the_elliptic_integral() {
     // T = 2 K(1/m)/(√m ω₀) for a whole turn, m = v²/(4 g l) > 1.
     for m in [1.000_001_f64, 1.5, 40.0] {
         let v = (4.0 * G * m).sqrt();
@@ -81,7 +83,7 @@ fn full_rotation_has_its_period() {
 }
 
 #[test]
-fn a_body_slides_off_a_fixed_sphere_at_two_thirds_of_its_height() {
+fn a_body_leaves_a_fixed_sphere_at_two_thirds_of_its_height() {
     let mut scene = Scene::new(0.0);
     scene.gravity = DVec3::new(0.0, 0.0, -G);
     scene.particle([0.0; 3], [0.0; 3], f64::INFINITY, 0.9);
@@ -97,7 +99,7 @@ fn a_body_slides_off_a_fixed_sphere_at_two_thirds_of_its_height() {
     assert!(simulation.ledger().residual.abs() < 1e-13);
 }
 
-/// Fourth-order Runge–Kutta with many steps, the independent twin of everything numerical here.
+/// Fourth-order Runge–Kutta with many steps, the independent reference of all numerical motions here.
 fn rk4(state: &mut [f64], time: f64, steps: usize, f: impl Fn(&[f64]) -> Vec<f64>) {
     let h = time / steps as f64;
     let at = |y: &[f64], k: &[f64], s: f64| -> Vec<f64> { y.iter().zip(k).map(|(y, k)| y + s * k).collect() };
@@ -152,7 +154,8 @@ fn a_double_pendulum_agrees_with_its_equations_in_angles() {
     let (m1, m2, l1, l2) = (1.0, 0.5, 1.0, 0.8);
     rk4(&mut y, 3.0, 40_000, |y| {
         let (d, w1, w2) = (y[0] - y[1], y[2], y[3]);
-        // (m1 + m2) l1 α1 + m2 l2 α2 cos d = −m2 l2 w2² sin d − (m1 + m2) g sin θ1, and l1 α1 cos d + l2 α2 = l1 w1² sin d − g sin θ2.
+        // The equations of motion: (m1 + m2) l1 α1 + m2 l2 α2 cos d = −m2 l2 w2² sin d − (m1 + m2) g sin θ1,
+        // and l1 α1 cos d + l2 α2 = l1 w1² sin d − g sin θ2.
         let (c, s) = (d.cos(), d.sin());
         let p = -m2 * l2 * w2 * w2 * s - (m1 + m2) * G * y[0].sin();
         let q = l1 * w1 * w1 * s - G * y[1].sin();
@@ -169,7 +172,7 @@ fn a_double_pendulum_agrees_with_its_equations_in_angles() {
 
 #[test]
 fn a_numerical_pendulum_agrees_with_the_closed_form() {
-    // An almost planar swing is integrated; its motion in the plane is that of the closed form.
+    // An almost planar swing is integrated numerically; its motion in the plane is that of the closed form.
     let mut closed = single(2.0, 0.0, Tether::Rod).start();
     let mut scene = single(2.0, 0.0, Tether::Rod);
     scene.particles[0].1.y = 1e-9;
@@ -182,13 +185,13 @@ fn a_numerical_pendulum_agrees_with_the_closed_form() {
 }
 
 #[test]
-fn springs_on_a_line_in_gravity_move_in_their_modes() {
+fn springs_on_a_line_in_gravity_follow_their_normal_modes() {
     // A mass hung on a spring: z = −(mg/k)(1 − cos ωt) below its natural length.
     let mut scene = Scene::new(0.5);
     scene.gravity = DVec3::new(0.0, 0.0, -G);
     let a = scene.particle([0.3, 0.0, -1.0], [0.0; 3], 0.4, 0.05);
     scene.spring(SpringEnd::Point(DVec3::new(0.3, 0.0, 0.0)), SpringEnd::Particle(a), 80.0, 1.0);
-    // And two in free fall with a spring between, one of them thrown.
+    // And two in free fall with a spring between them, one with an initial velocity.
     let b = scene.particle([5.0, 0.0, 0.0], [0.0, 0.0, 1.0], 1.0, 0.05);
     let c = scene.particle([5.0, 0.0, 1.5], [0.0; 3], 3.0, 0.05);
     scene.spring(SpringEnd::Particle(b), SpringEnd::Particle(c), 25.0, 1.5);
@@ -209,8 +212,8 @@ fn springs_on_a_line_in_gravity_move_in_their_modes() {
 }
 
 #[test]
-fn a_spring_that_passes_through_its_own_end_turns_round() {
-    // One mass on a spring to a point, shot through it: the force is k(|x| − l) on both sides.
+fn a_spring_whose_ends_pass_through_each_other_reverses() {
+    // One mass on a spring to a point, moving through the point: the force is k(|x| − l) on both sides.
     let mut scene = Scene::new(0.5);
     let a = scene.particle([-1.0, 0.0, 0.0], [20.0, 0.0, 0.0], 1.0, 0.05);
     scene.spring(SpringEnd::Point(DVec3::ZERO), SpringEnd::Particle(a), 30.0, 1.0);
@@ -221,7 +224,7 @@ fn a_spring_that_passes_through_its_own_end_turns_round() {
     near("place", simulation.frame().position[0].x, y[0], 1e-4);
     run(&mut simulation, 40.0);
     assert!(simulation.ledger().residual.abs() < 1e-13, "{:?}", simulation.ledger());
-    // By symmetry the extremes are alike on both sides: ½ 400 + 0 = ½ 30 (x − 1)².
+    // By symmetry the extremes are equal on both sides: ½ 400 + 0 = ½ 30 (x − 1)².
     let reach = 1.0 + (400.0_f64 / 30.0).sqrt();
     let mut farthest = 0.0_f64;
     for k in 0..20_000 {
@@ -232,7 +235,7 @@ fn a_spring_that_passes_through_its_own_end_turns_round() {
 }
 
 #[test]
-fn a_spinning_rod_in_gravity_bounces_on_a_floor_and_keeps_its_books() {
+fn a_spinning_rod_bouncing_on_a_floor_conserves_energy_and_length() {
     let mut scene = Scene::new(1.0);
     scene.gravity = DVec3::new(0.0, 0.0, -G);
     scene.wall([0.0; 3], [0.0, 0.0, 1.0]);
@@ -256,7 +259,7 @@ fn a_spinning_rod_in_gravity_bounces_on_a_floor_and_keeps_its_books() {
 }
 
 #[test]
-fn energy_momentum_and_angular_momentum_hold_over_many_events() {
+fn energy_momentum_and_angular_momentum_balance_over_many_events() {
     // Pendulums, a rod and free spheres in a box, elastic: 10⁴ events and more, mostly closed forms.
     let mut scene = Scene::new(1.0);
     for axis in 0..3 {
@@ -290,7 +293,7 @@ fn energy_momentum_and_angular_momentum_hold_over_many_events() {
 }
 
 #[test]
-fn a_run_goes_on_from_a_checkpoint_with_the_same_bits() {
+fn a_run_continues_from_a_checkpoint_with_the_same_bits() {
     let mut scene = Scene::new(0.8);
     scene.gravity = DVec3::new(0.0, 0.0, -G);
     scene.wall([0.0, 0.0, -2.0], [0.1, 0.0, 1.0]);
@@ -314,7 +317,7 @@ fn a_run_goes_on_from_a_checkpoint_with_the_same_bits() {
         simulation = haff_linkage::Simulation::restore(system, joints, &checkpoint).expect("its own");
         assert_eq!(simulation.checkpoint(), checkpoint);
     }
-    // Frames between are only looked at; the last is at the same time.
+    // Intermediate frames were not at the same times; the last one is.
     run(&mut through, 6.0);
     run(&mut simulation, 6.0);
     assert_eq!(through.state_hash(), simulation.state_hash());
@@ -323,7 +326,7 @@ fn a_run_goes_on_from_a_checkpoint_with_the_same_bits() {
 }
 
 #[test]
-fn spheres_stack_on_a_floor_and_lie_still() {
+fn stacked_spheres_on_a_floor_come_to_rest() {
     let mut scene = Scene::new(0.6);
     scene.gravity = DVec3::new(0.0, 0.0, -G);
     scene.wall([0.0; 3], [0.0, 0.0, 1.0]);
@@ -344,7 +347,7 @@ fn spheres_stack_on_a_floor_and_lie_still() {
 }
 
 #[test]
-fn a_rising_floor_carries_a_resting_body_and_does_the_work() {
+fn a_rising_floor_carries_a_body_at_rest_and_does_the_work() {
     let mut scene = Scene::new(0.0);
     scene.gravity = DVec3::new(0.0, 0.0, -G);
     let floor = scene.wall([0.0; 3], [0.0, 0.0, 1.0]);
@@ -359,7 +362,7 @@ fn a_rising_floor_carries_a_resting_body_and_does_the_work() {
 
 #[test]
 fn a_contact_that_opens_closes_again() {
-    // A mass on a floor, another above it on a spring, pushed down so far that its rebound lifts the first.
+    // A mass on a floor, another above it on a spring, compressed so far that its rebound lifts the first.
     let (k, natural, amplitude) = (400.0, 1.0, 0.08);
     let mut scene = Scene::new(0.0);
     scene.gravity = DVec3::new(0.0, 0.0, -G);
@@ -368,7 +371,7 @@ fn a_contact_that_opens_closes_again() {
     let high = scene.particle([0.0, 0.0, 0.1 + natural - G / k - amplitude], [0.0; 3], 1.0, 0.1);
     scene.spring(SpringEnd::Particle(low), SpringEnd::Particle(high), k, natural);
     let mut simulation = scene.start();
-    // It lifts where the spring pulls with the weight: compression G/k + A cos ωt = −G/k.
+    // It lifts where the force of the spring equals the weight: compression G/k + A cos ωt = −G/k.
     let omega = k.sqrt();
     let phase = (-2.0 * G / (k * amplitude)).acos();
     let lift = phase / omega;
@@ -376,7 +379,7 @@ fn a_contact_that_opens_closes_again() {
     assert_eq!(log.0.len(), 1);
     assert_eq!(log.0[0].kind, EventKind::Lift);
     close("lifts", log.0[0].time, lift, 1e-12);
-    // Then the center flies at half of the speed, and the stretch swings about 0 at √(2k/m).
+    // Then the center of mass moves at half of the speed, and the stretch oscillates about 0 at √(2k/m).
     let (speed, fast) = (amplitude * omega * phase.sin(), (2.0 * k).sqrt());
     let stretch = |t: f64| G / k * (fast * t).cos() + speed / fast * (fast * t).sin();
     let height = |t: f64| 0.5 * speed * t - 0.5 * G * t * t - 0.5 * (stretch(t) - G / k);
@@ -393,7 +396,7 @@ fn a_contact_that_opens_closes_again() {
     assert_eq!(log.of(EventKind::Wall).len(), 1, "{:?}", log.0);
     close("lands", log.0[0].time, lift + early, 1e-11);
     assert_eq!(log.0[0].energy_loss, log.0[0].carnot_energy);
-    // Closed: it stays down as long as it is pressed.
+    // Closed: it stays on the floor as long as it is pressed.
     near("down", simulation.frame().position[low].z, 0.1, 1e-14);
     near("at rest", simulation.frame().velocity[low].length(), 0.0, 1e-14);
     run(&mut simulation, 60.0);

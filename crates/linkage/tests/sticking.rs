@@ -1,4 +1,5 @@
-//! Particles that stick to what moves for good: bodies of infinite mass and walls. Both carry them, and do the work.
+//! Particles that stick to bodies of infinite mass and walls that move: they are carried, and the carrier
+//! does the work.
 
 mod common;
 
@@ -15,13 +16,13 @@ fn falling() -> Scene {
     scene
 }
 
-/// When a body falls through a clear height, towards what rises at this speed.
+/// Time in which a body falls through a height, towards an obstacle that rises at this speed.
 fn meeting(gap: f64, closing: f64) -> f64 {
     2.0 * gap / (closing + (closing * closing + 2.0 * G * gap).sqrt())
 }
 
 #[test]
-fn a_driven_sphere_carries_what_sticks_to_it() {
+fn a_driven_sphere_carries_a_particle_that_sticks_to_it() {
     for (m, lift) in [(2.0, 1.5), (0.3, -0.7), (40.0, 0.0)] {
         let mut scene = falling();
         let driver = scene.particle([0.0; 3], [0.4, 0.0, lift], f64::INFINITY, 0.3);
@@ -46,8 +47,8 @@ fn a_driven_sphere_carries_what_sticks_to_it() {
             1e-14 * 10.0,
         );
         let seat = frame.position[ball] - frame.position[driver];
-        near("it rides on top", (seat - DVec3::Z * 0.5).length(), 0.0, 1e-13);
-        // The blow's work and the weight's: J V + m g V t.
+        near("it is carried on top", (seat - DVec3::Z * 0.5).length(), 0.0, 1e-13);
+        // Work of the impact and of the weight: J V + m g V t.
         let work = m * approach * lift + m * G * lift * (3.0 - hit);
         near(
             "work",
@@ -62,7 +63,7 @@ fn a_driven_sphere_carries_what_sticks_to_it() {
 }
 
 #[test]
-fn a_driven_sphere_goes_on_after_an_impact() {
+fn a_driven_sphere_keeps_its_velocity_in_an_impact() {
     let mut scene = Scene::new(1.0);
     scene.particle([0.0; 3], [1.0, 0.0, 0.0], f64::INFINITY, 0.5);
     scene.particle([2.0, 0.0, 0.0], [0.0; 3], 1.0, 0.5);
@@ -73,18 +74,18 @@ fn a_driven_sphere_goes_on_after_an_impact() {
     close("hit", log.0[0].time, 1.0, 1e-14);
     let frame = simulation.frame();
     near("driver", frame.position[0].x, 4.0, 1e-14);
-    near("driven off at twice its speed", frame.velocity[1].x, 2.0, 1e-14);
+    near("leaves at twice its speed", frame.velocity[1].x, 2.0, 1e-14);
 }
 
 #[test]
-fn a_moving_wall_carries_what_clings_to_it() {
+fn a_moving_wall_carries_a_particle_that_sticks_to_it() {
     for lift in [0.8, 0.0, -1.1] {
         let m = 1.7;
         let mut scene = falling();
         let floor = scene.wall([0.0; 3], [0.0, 0.0, 1.0]);
         scene.walls[floor].motion = (DVec3::new(-0.3, 0.0, lift)).into();
         let ball = scene.particle([0.0, 0.0, 1.1], [0.5, 0.0, 0.0], m, 0.1);
-        scene.joints.clinging.push([ball as u32, floor as u32]);
+        scene.joints.sticking_to_walls.push([ball as u32, floor as u32]);
         let mut simulation = scene.start();
         let hit = meeting(1.0, lift);
         let log = run(&mut simulation, 2.0);
@@ -110,7 +111,7 @@ fn a_moving_wall_carries_what_clings_to_it() {
     }
 }
 
-/// A dumbbell on a spring flies at a moving wall; its first body clings.
+/// A dumbbell on a spring moves towards a moving wall; its first body sticks to it.
 fn spring_on_a_wall() -> (Scene, f64) {
     let mut scene = Scene::new(0.5);
     let wall = scene.wall([0.0; 3], [-1.0, 0.0, 0.0]);
@@ -118,20 +119,20 @@ fn spring_on_a_wall() -> (Scene, f64) {
     let a = scene.particle([-1.1, 0.0, 0.0], [1.0, 0.0, 0.0], 1.0, 0.1);
     let b = scene.particle([-3.1, 0.0, 0.0], [1.0, 0.0, 0.0], 2.0, 0.1);
     scene.spring(SpringEnd::Particle(a), SpringEnd::Particle(b), 18.0, 2.0);
-    scene.joints.clinging.push([a as u32, wall as u32]);
+    scene.joints.sticking_to_walls.push([a as u32, wall as u32]);
     (scene, 1.0 / 1.5)
 }
 
 #[test]
-fn a_spring_swings_on_what_clings() {
+fn a_spring_oscillates_on_a_body_that_sticks_to_a_wall() {
     let (scene, hit) = spring_on_a_wall();
     let mut simulation = scene.start();
     for t in [0.3, 1.0, 7.0] {
         let log = run(&mut simulation, hit + t);
         assert!(log.0.len() <= 1);
         let frame = simulation.frame();
-        near("clings", frame.position[0].x, -0.1 - 0.5 * (hit + t), 1e-13);
-        // In the frame of the wall: a mass of 2 on k = 18, ω = 3, thrown at 1.5.
+        near("sticks", frame.position[0].x, -0.1 - 0.5 * (hit + t), 1e-13);
+        // In the frame of the wall: a mass of 2 on k = 18, ω = 3, with the initial speed 1.5.
         let stretch = frame.position[0].x - frame.position[1].x - 2.0;
         near("stretch", stretch, -0.5 * (3.0 * t).sin(), 1e-12);
         assert!(simulation.ledger().residual.abs() < 1e-12, "{:?}", simulation.ledger());
@@ -139,7 +140,7 @@ fn a_spring_swings_on_what_clings() {
 }
 
 #[test]
-fn what_clings_comes_back_from_a_checkpoint() {
+fn a_body_that_sticks_to_a_wall_is_restored_from_a_checkpoint() {
     let (scene, hit) = spring_on_a_wall();
     let mut through = scene.start();
     run(&mut through, hit + 3.0);
@@ -155,16 +156,16 @@ fn what_clings_comes_back_from_a_checkpoint() {
 }
 
 #[test]
-fn a_pendulum_stops_at_a_wall_that_it_clings_to() {
+fn a_pendulum_stops_at_a_wall_that_it_sticks_to() {
     let mut scene = falling();
     let wall = scene.wall([0.1, 0.0, 0.0], [-1.0, 0.0, 0.0]);
     let bob = scene.particle([-1.0, 0.0, 0.0], [0.0; 3], 1.0, 0.1);
     scene.pendulum(DVec3::ZERO, 1.0, bob, Tether::Rod);
-    scene.joints.clinging.push([bob as u32, wall as u32]);
+    scene.joints.sticking_to_walls.push([bob as u32, wall as u32]);
     let mut simulation = scene.start();
     let log = run(&mut simulation, 5.0);
     assert_eq!(log.0.len(), 1);
-    // All of the fall of one length.
+    // The potential energy of a fall of one length.
     close("loss", log.0[0].energy_loss, G, 1e-12);
     let frame = simulation.frame();
     near("it hangs", (frame.position[bob] + DVec3::Z).length(), 0.0, 1e-12);
@@ -172,17 +173,17 @@ fn a_pendulum_stops_at_a_wall_that_it_clings_to() {
 }
 
 #[test]
-fn what_is_held_must_not_stick_to_what_moves_for_good() {
+fn particles_with_fixed_joints_must_not_stick_to_moving_walls() {
     let mut scene = falling();
     let wall = scene.wall([2.0, 0.0, 0.0], [-1.0, 0.0, 0.0]);
     let bob = scene.particle([-1.0, 0.0, 0.0], [0.0; 3], 1.0, 0.1);
     let other = scene.particle([-1.0, 3.0, 0.0], [0.0; 3], 1.0, 0.1);
     scene.joints.sticking.push([bob as u32, other as u32]);
-    scene.joints.clinging.push([other as u32, wall as u32]);
+    scene.joints.sticking_to_walls.push([other as u32, wall as u32]);
     scene.pendulum(DVec3::ZERO, 1.0, bob, Tether::String);
     assert!(scene.try_start().is_ok(), "the wall is at rest");
     scene.walls[wall].motion = (DVec3::X * -0.1).into();
-    let error = scene.try_start().expect_err("the wall takes the bob along");
+    let error = scene.try_start().expect_err("the wall carries the bob");
     assert!(matches!(error, LinkageError::Ends { element: "pendulum", index: 0, .. }), "{error}");
     scene.joints.pendulums.clear();
     scene.spring(SpringEnd::Particle(bob), SpringEnd::Point(DVec3::ZERO), 1.0, 1.0);
@@ -191,8 +192,8 @@ fn what_is_held_must_not_stick_to_what_moves_for_good() {
 }
 
 #[test]
-fn what_is_carried_collects_more() {
-    // A driven sphere picks up one ball from above, and that one the next.
+fn particles_stick_to_a_carried_particle() {
+    // A ball sticks to a driven sphere from above, and another ball to the first.
     let (m, lift) = (1.5, 0.6);
     let mut scene = falling();
     let driver = scene.particle([0.0; 3], [0.0, 0.0, lift], f64::INFINITY, 0.3);
@@ -204,7 +205,7 @@ fn what_is_carried_collects_more() {
     let times: Vec<f64> = log.of(EventKind::Stick).iter().map(|event| event.time).collect();
     assert_eq!(times.len(), 2, "{:?}", log.0);
     close("first", times[0], meeting(1.0, lift), 1e-13);
-    // Its clear height over the seat of the first, 0.5 + 0.2 + 0.1 over the driver.
+    // Its height above its final position on the first, 0.5 + 0.2 + 0.1 above the driver.
     close("second", times[1], meeting(5.0 - 0.8, lift), 1e-13);
     let frame = simulation.frame();
     near("first", frame.position[first].z, 0.5 + 4.0 * lift, 1e-13);
@@ -220,7 +221,7 @@ fn what_is_carried_collects_more() {
 /// Counters and energies are sums over the rows of the log. Contacts of two particles are collisions, whether
 /// they bounce or stick; contacts with walls are wall collisions; ends of completed series are rests.
 #[test]
-fn counters_and_energies_are_those_of_the_rows() {
+fn counters_and_energies_are_sums_over_the_event_log() {
     let mut kinds = [0; EventKind::ALL.len()];
     for e in [0.0, 0.3, 0.8] {
         let mut scene = falling();
@@ -237,8 +238,8 @@ fn counters_and_energies_are_those_of_the_rows() {
                 scene.particle([x, 0.0, 0.4 + x], [0.3 - 0.2 * f64::from(k), 0.0, 0.0], 1.0 + x, 0.15)
             })
             .collect();
-        let clinging = scene.particle([3.0, 0.0, 0.7], [0.4, 0.0, 0.0], 0.8, 0.2);
-        scene.joints.clinging.push([clinging as u32, floor as u32]);
+        let sticking = scene.particle([3.0, 0.0, 0.7], [0.4, 0.0, 0.0], 0.8, 0.2);
+        scene.joints.sticking_to_walls.push([sticking as u32, floor as u32]);
         scene.joints.sticking.push([balls[0] as u32, balls[1] as u32]);
         let mut simulation = scene.start();
         let log = run(&mut simulation, 6.0);

@@ -1,27 +1,28 @@
-//! Series of bounces under a constant pull, summed to their end.
+//! Series of bounces under a constant acceleration, summed to their limit.
 
 use crate::Restitution;
 
-/// From this little loss on, `1 − e`, a series is summed as a power law, and after so many bounces at the latest: then the sums are
-/// good to a part in 10⁵, and far better where the loss falls fast.
-const LITTLE: f64 = 1e-3;
-const BOUNCES: usize = 1000;
+/// Below this loss `1 − e`, or after so many bounces, the rest of a series is summed as a power law: the sums
+/// are then accurate to a part in 10⁵, and far better where the loss falls fast.
+const SMALL_LOSS: f64 = 1e-3;
+const MAX_BOUNCES: usize = 1000;
 
-/// Sums over an endless series of bounces with the approach speeds v₀ = u, v₁ = e(v₀) v₀, …
+/// Sums over an infinite series of bounces with the approach speeds v₀ = u, v₁ = e(v₀) v₀, …
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Bounces {
-    /// Σ vₖ/u: bounces under the pull a take 2u/a times that, with vₖ the speed at which each flight begins.
+    /// Σ vₖ/u: under the acceleration a the bounces take 2u/a times that, with vₖ the speed at which each
+    /// flight begins.
     pub speeds: f64,
     /// Σ (vₖ + vₖ₊₁)²/u²: ½ m u² times that is the sum of the energies of lost velocities.
     pub squares: f64,
 }
 
 impl Restitution {
-    /// The sums over all bounces that follow when a body sets out from its support with the speed `u` \[length/time\] and is pulled back
-    /// all the time.
+    /// The sums over all bounces that follow when a body leaves its support at the speed `u` \[length/time\]
+    /// and a constant acceleration returns it.
     ///
-    /// `None` if they have no end: if contacts are elastic, or become so too soon. With `1 − e` ∝ v^p the speeds fall as k^{−1/p},
-    /// and their sum is finite for p < 1 alone. The constant law has Σ vₖ = u/(1 − e).
+    /// `None` if they diverge: if contacts are elastic, or become so too fast. With `1 − e` ∝ v^p the speeds
+    /// fall as k^{−1/p}, and their sum is finite only for p < 1. The constant law has Σ vₖ = u/(1 − e).
     ///
     /// ```
     /// use haff_mechanics::Restitution;
@@ -47,9 +48,9 @@ impl Restitution {
         }
         // In units of u.
         let (mut v, mut speeds, mut squares) = (1.0, 0.0, 0.0);
-        for _ in 0..BOUNCES {
+        for _ in 0..MAX_BOUNCES {
             let e = self.coefficient(v * u);
-            if 1.0 - e < LITTLE {
+            if 1.0 - e < SMALL_LOSS {
                 break;
             }
             let next = e * v;
@@ -57,14 +58,15 @@ impl Restitution {
             squares += (v + next) * (v + next);
             v = next;
         }
-        // Euler and Maclaurin's sum over the flow whose step by 1 is the bounce: dv/dk = −c v^{1+p} + (d − ½ (1 + p) c²) v^{1+2p}.
+        // Euler–Maclaurin sum over the flow whose unit step is the bounce: dv/dk = −c v^{1+p} + (d − ½ (1 +
+        // p) c²) v^{1+2p}.
         let loss = 1.0 - self.coefficient(v * u);
         if loss > 0.0 {
             speeds += v * (1.0 / (loss * (1.0 - p)) - second * p / (1.0 - p) - 0.5 * p);
             let square = (1.0 / loss - second) / (2.0 - p) + 0.5 * second - 0.25 * (1.0 + p) + 0.5;
             squares += v * v * (4.0 * square - 2.0 - loss / (2.0 + p));
         }
-        // Otherwise numbers cannot tell what is left from rest.
+        // Otherwise the remaining speed is zero in floating point.
         Some(Bounces { speeds, squares })
     }
 }
@@ -73,7 +75,7 @@ impl Restitution {
 mod tests {
     use super::*;
 
-    /// Bounce by bounce; what is left then is its integral alone, less than 10⁻⁵ of itself off.
+    /// Bounce by bounce; the remainder is then its leading integral, with a relative error below 10⁻⁵.
     fn one_by_one(law: Restitution, p: f64, u: f64) -> Bounces {
         let (mut v, mut speeds, mut squares) = (u, 0.0, 0.0);
         for _ in 0..1_000_000 {
@@ -93,7 +95,7 @@ mod tests {
     }
 
     #[test]
-    fn series_are_summed_to_their_end() {
+    fn sums_of_velocity_dependent_laws_agree_with_bounce_by_bounce_sums() {
         let viscoelastic = |coefficient| (Restitution::Viscoelastic { coefficient }, 0.2);
         let cutoff =
             |restitution, speed, exponent| (Restitution::Cutoff { restitution, speed, exponent }, exponent);
@@ -118,7 +120,7 @@ mod tests {
     }
 
     #[test]
-    fn a_series_of_a_constant_law_is_geometric() {
+    fn sums_of_the_constant_law_are_geometric() {
         for e in [0.0, 0.3, 0.99] {
             let sums = Restitution::Constant(e).bounces(2.0).unwrap();
             let (mut v, mut speeds, mut squares) = (1.0, 0.0, 0.0);
@@ -134,7 +136,7 @@ mod tests {
     }
 
     #[test]
-    fn laws_that_become_elastic_too_soon_have_no_end() {
+    fn sums_diverge_for_laws_that_become_elastic_too_fast() {
         for exponent in [1.0, 1.5] {
             let law = Restitution::Cutoff { restitution: 0.5, speed: 1.0, exponent };
             assert_eq!(law.bounces(0.1), None);

@@ -1,31 +1,33 @@
 /*!
 Contact of two spheres in straight relative flight.
 
-The time is the smaller root of `|r + v t| = σ`. Written as usual, `b² − v² (r² − σ²)` with `b = r·v` cancels where
-the spheres start many diameters apart; `v²σ² − |r × v|²` is the same number and does not. The root `gap/(−b + √disc)`,
-`gap = r² − σ²`, is `(−b − √disc)/v²` without its cancellation. It is held to `t ≤ −b/v²`, the closest approach: where
-spheres touch and slide along each other, rounding in the three numbers of the quotient is all that is left of them.
+The time is the smaller root of `|r + v t| = σ`. The usual discriminant `b² − v² (r² − σ²)`, with `b = r·v`,
+cancels where the spheres start many diameters apart; the equal expression `v²σ² − |r × v|²` does not. The
+root `gap/(−b + √disc)`, `gap = r² − σ²`, is `(−b − √disc)/v²` without its cancellation. It is limited to
+`t ≤ −b/v²`, the closest approach: where spheres touch and slide along each other, the three numbers of the
+quotient are only rounding errors.
 */
 
 use crate::scale::{exponent, magnitude, scaled, scaled_vector};
 use glam::DVec3;
 
-/// Between these, squares of speeds and their products with squares of lengths stay far from overflow and underflow.
+/// Between these, squares of speeds and their products with squares of lengths stay far from overflow and
+/// underflow.
 const SMALL: f64 = 1e-140;
 const LARGE: f64 = 1e140;
 
 /// Time until two spheres in straight relative flight touch \[time\], or `None`.
 ///
-/// `r = r_j − r_i` \[length\] and `v = v_j − v_i` [length/time] at the start; `sigma = R_i + R_j` > 0 \[length\]. Equal
-/// accelerations cancel. Smaller root of `|r + v t| = σ`.
+/// `r = r_j − r_i` \[length\] and `v = v_j − v_i` [length/time] at the start; `sigma = R_i + R_j` > 0
+/// \[length\]. Equal accelerations cancel. Smaller root of `|r + v t| = σ`.
 ///
 /// * Only approaching spheres, `r·v < 0`, touch.
 /// * Touching or overlapping and approaching: `Some(0.0)`. See [`is_rounding_noise`].
 /// * Touching or overlapping and not approaching: `None`.
 /// * A time beyond the f64 range, or an argument that is not finite: `None`.
 ///
-/// Even: `(−r, −v)` gives the same bits. Powers of two as units of length and time scale the result exactly. The
-/// error is that of moving the arguments by a few ulp (table in the crate's README).
+/// Even: `(−r, −v)` gives the same bits. Powers of two as units of length and time scale the result exactly.
+/// The error is that of moving the arguments by a few ulp (table in the crate's README).
 ///
 /// ```
 /// use glam::DVec3;
@@ -56,7 +58,8 @@ fn root(r: DVec3, v: DVec3, b: f64, rr: f64, vv: f64, ss: f64) -> Option<f64> {
     if b >= 0.0 {
         return None;
     }
-    // (|r| − σ)(|r| + σ) costs a root more and errs half as much again: at most 2.1 ε (r² + σ²) against 1.4.
+    // (|r| − σ)(|r| + σ) takes one square root more and has a larger error: at most 2.1 ε (r² + σ²) against
+    // 1.4.
     let gap = rr - ss;
     if gap <= 0.0 {
         // Before the discriminant, which may round below zero in a grazing contact.
@@ -67,8 +70,8 @@ fn root(r: DVec3, v: DVec3, b: f64, rr: f64, vv: f64, ss: f64) -> Option<f64> {
         return None;
     }
     let denominator = disc.sqrt() - b;
-    // No contact lies beyond the closest approach, at −b/v². A pair that touches and slides along has b, gap and disc
-    // all near zero, each with a rounding error of its own: their quotient could be any time at all.
+    // No contact is later than the closest approach, at −b/v². For a pair that touches and slides along, b,
+    // gap and disc are near zero, each with its own rounding error: their quotient could be any time.
     if gap * vv > -b * denominator {
         return Some(-b / vv);
     }
@@ -77,7 +80,8 @@ fn root(r: DVec3, v: DVec3, b: f64, rr: f64, vv: f64, ss: f64) -> Option<f64> {
 
 /// [`time_to_contact`] in units of length and time that are powers of two near |r|, σ and |v|.
 ///
-/// Scalars, because vectors would go by pointer and the caller would keep them in memory: 20 ns a pair instead of 9.
+/// Scalars, because vectors would be passed by pointer and the caller would keep them in memory: 20 ns a pair
+/// instead of 9.
 #[cold]
 #[inline(never)]
 fn time_to_contact_rescaled(x: f64, y: f64, z: f64, vx: f64, vy: f64, vz: f64, sigma: f64) -> Option<f64> {
@@ -93,23 +97,24 @@ fn time_to_contact_rescaled(x: f64, y: f64, z: f64, vx: f64, vy: f64, vz: f64, s
         .filter(|t| t.is_finite())
 }
 
-/// Whether the approach of a touching pair is nothing but rounding.
+/// Whether the approach of a touching pair is only rounding error.
 ///
-/// `r = r_j − r_i` \[length\], `v = v_j − v_i`, `speed_scale` = the larger of `|v_i|` and `|v_j|` [length/time]. True if
-/// the pair approaches no faster than `4 ε speed_scale`, ε = 2⁻⁵², or does not approach at all.
+/// `r = r_j − r_i` \[length\], `v = v_j − v_i`, `speed_scale` = the larger of `|v_i|` and `|v_j|`
+/// [length/time]. True if the pair approaches no faster than `4 ε speed_scale`, ε = 2⁻⁵², or does not
+/// approach at all.
 ///
 /// An impact with e = 0 should leave no normal velocity, but velocities are stored with an error of half an
-/// ulp each, so that a few ulp of approach may remain; [`time_to_contact`] of a pair that then overlaps by
-/// rounding is `Some(0.0)`, and resolving that contact leaves the same few ulp, for ever. An engine that predicts a
-/// contact **at zero time** should therefore drop it when this function says true: the pair rests in
-/// contact, and until another contact moves one of them it can overlap by at most 4 ε times the path flown.
-/// A contact at a positive time needs no such care, for time then goes on.
+/// ulp each, so that an approach of a few ulp may remain; [`time_to_contact`] of a pair that then overlaps by
+/// rounding is `Some(0.0)`, and resolving that contact leaves the same few ulp, without end. An engine that
+/// predicts a contact **at zero time** should therefore drop it when this function returns true: the pair is
+/// at rest in contact, and until another contact moves one of them it can overlap by at most 4 ε times the
+/// path flown. A contact at a positive time needs no such check, because time advances.
 ///
 /// ```
 /// use glam::DVec3;
 /// use haff_mechanics::{is_rounding_noise, time_to_contact};
 /// let r = DVec3::new(1.0 - 2e-16, 0.0, 0.0);
-/// let residue = DVec3::new(-2e-16, 0.0, 0.0); // both bodies fly on at speed 1
+/// let residue = DVec3::new(-2e-16, 0.0, 0.0); // both bodies move at speed 1
 /// assert_eq!(time_to_contact(r, residue, 1.0), Some(0.0));
 /// assert!(is_rounding_noise(r, residue, 1.0));
 /// assert!(!is_rounding_noise(r, residue, 1e-6)); // for slow bodies the same approach is motion
@@ -120,6 +125,6 @@ pub fn is_rounding_noise(r: DVec3, v: DVec3, speed_scale: f64) -> bool {
     -r.dot(v) <= CONTACT_NOISE * r.length() * speed_scale
 }
 
-/// Approach speeds up to this fraction of the bodies' speeds are rounding: 4 ε, one ε for each stored velocity, its
-/// normal component and their difference.
+/// Approach speeds up to this fraction of the bodies' speeds are rounding: 4 ε, one ε for each stored
+/// velocity, its normal component and their difference.
 pub const CONTACT_NOISE: f64 = 4.0 * f64::EPSILON;

@@ -1,8 +1,8 @@
 /*!
 Contact of two spheres under a constant relative acceleration: a sphere in gravity and a fixed or driven one.
 
-The distance `|q(t)|`, `q = r + v t + ½ a t²`, meets σ at the roots of a quartic. Its coefficients are never formed:
-for |r| ≫ σ they cancel as the usual quadratic does. Instead
+The distance `|q(t)|`, `q = r + v t + ½ a t²`, equals σ at the roots of a quartic. Its coefficients are never
+formed: for |r| ≫ σ they cancel like those of the usual quadratic. Instead
 
 ```text
 f(t)   = |q|² − σ²                                falls where the spheres approach
@@ -10,9 +10,9 @@ f'/2   = g(t) = q·w,      w = v + a t             a cubic: its zeros cut f into
 g'     = |w|² + q·a                               a quadratic: its zeros cut g into monotone pieces
 ```
 
-are evaluated from the vectors, which is exact for arguments moved by a few ulp, and every monotone piece on which
-`f` falls through zero is known before a root is looked for. No root can be missed, however close to
-another it lies: of two that merge, the deepest point between them is evaluated itself.
+are evaluated from the vectors, which is exact for arguments moved by a few ulp, and every monotone piece on
+which `f` falls through zero is found before a root is computed. No root can be missed, however close to
+another it is: of two that merge, the minimum between them is evaluated itself.
 */
 
 use crate::contact::time_to_contact;
@@ -22,17 +22,18 @@ use glam::DVec3;
 
 /// Time until two spheres touch whose relative acceleration is constant \[time\], or `None`.
 ///
-/// `r = r_j − r_i` \[length\], `v = v_j − v_i` [length/time], `a = a_j − a_i` [length/time²]; `sigma = R_i + R_j` > 0
-/// \[length\]. The smallest t ≥ 0 with `|r + v t + ½ a t²| = σ` at which the distance falls.
+/// `r = r_j − r_i` \[length\], `v = v_j − v_i` [length/time], `a = a_j − a_i` [length/time²];
+/// `sigma = R_i + R_j` > 0 \[length\]. The smallest t ≥ 0 with `|r + v t + ½ a t²| = σ` at which the distance
+/// falls.
 ///
 /// * Touching or overlapping at the start, and approaching in the next instant: `Some(0.0)`.
-/// * Touching or overlapping, and separating: the time at which the acceleration has brought them back, to σ or,
-///   where they overlap, to the distance of the start. So the smallest bounce returns, and an overlap by rounding
-///   neither grows nor lets a sphere through.
+/// * Touching or overlapping, and separating: the time at which the acceleration has brought them back, to σ
+///   or, where they overlap, to the distance of the start. So the smallest bounce returns, and an overlap by
+///   rounding neither grows nor lets a sphere through.
 /// * Not reached, beyond the f64 range, or an argument that is not finite: `None`.
 ///
-/// With `a = 0` the result is that of [`time_to_contact`]. Even: `(−r, −v, −a)` gives the same bits. Powers of two as
-/// units of length and time scale the result exactly.
+/// With `a = 0` the result is that of [`time_to_contact`]. Even: `(−r, −v, −a)` gives the same bits. Powers
+/// of two as units of length and time scale the result exactly.
 ///
 /// ```
 /// use glam::DVec3;
@@ -47,7 +48,7 @@ use glam::DVec3;
 /// ```
 #[must_use]
 pub fn time_to_contact_accelerated(r: DVec3, v: DVec3, a: DVec3, sigma: f64) -> Option<f64> {
-    // In the units below: 10⁹⁰ times slower to act than the flight takes over one length.
+    // In the units below: the acceleration takes 10⁹⁰ times longer to act than the flight over one length.
     const NEGLIGIBLE: f64 = 1e-90;
     if a == DVec3::ZERO {
         return time_to_contact(r, v, sigma);
@@ -119,7 +120,7 @@ impl Flight {
         if approaching && self.gap <= 0.0 {
             return Some(0.0);
         }
-        // Beyond `end` g is positive (Fujiwara's bound on the zeros of a polynomial, with a little to spare).
+        // Beyond `end` g is positive (Fujiwara's bound on the zeros of a polynomial, with a small margin).
         let bound =
             (3.0 * va.abs() / aa).max((2.0 * c.abs() / aa).sqrt()).max(libm::cbrt(2.0 * b.abs() / aa));
         let turns = quadratic_roots(1.5 * aa, 3.0 * va, c);
@@ -139,7 +140,7 @@ impl Flight {
                         return Some(bracketed_root(descent, extremum, false, |t| self.distance(t)));
                     }
                 } else if f <= 0.0 {
-                    // Back before rounding has seen it leave.
+                    // Back before the distance has grown by more than rounding.
                     return Some(extremum);
                 }
                 descent = extremum;

@@ -47,42 +47,44 @@ pub fn free_flight_velocity(velocity: DVec3, acceleration: DVec3, dt: f64) -> DV
     velocity + acceleration * dt
 }
 
-/// State after flight over `dt` \[time\] under a constant `acceleration` [length/time²]: position \[length\] and
-/// velocity [length/time], where the rounding of neither has a preferred sign.
+/// State after flight over `dt` \[time\] under a constant `acceleration` [length/time²]: position \[length\]
+/// and velocity [length/time], rounded stochastically.
 ///
-/// [`free_flight`] and [`free_flight_velocity`] round to the nearest number. The error is then the same in each of many
-/// like flights, such as those between the bounces of one grain, and a million of them are off by a million errors.
-/// Here `random` bits move each sum by up to half an ulp before it is rounded, so that the error has mean zero and
-/// many of them grow as their root. A sum that is exact stays exact, and so does flight along axes without acceleration.
+/// [`free_flight`] and [`free_flight_velocity`] round to the nearest number. In many equal flights, such as
+/// those between the bounces of one grain, the rounding error is the same each time, and grows in proportion
+/// to their number. Here `random` bits move each sum by up to half an ulp before it is rounded, so that the
+/// error has mean zero and grows as the square root of their number. A sum that is exact stays exact, and so
+/// does flight along axes without acceleration.
 #[inline]
 #[must_use]
-pub fn free_flight_without_preference(
+pub fn free_flight_stochastic(
     position: DVec3,
     velocity: DVec3,
     acceleration: DVec3,
     dt: f64,
     random: u64,
 ) -> (DVec3, DVec3) {
-    let way = (velocity + acceleration * (0.5 * dt)) * dt;
+    let displacement = (velocity + acceleration * (0.5 * dt)) * dt;
     let gain = acceleration * dt;
-    let (mut after, mut faster) = (position + way, velocity + gain);
+    let (mut after, mut faster) = (position + displacement, velocity + gain);
     for axis in 0..3 {
         if acceleration[axis] != 0.0 {
             let bits = random >> (20 * axis);
-            after[axis] = sum_without_preference(position[axis], way[axis], bits);
-            faster[axis] = sum_without_preference(velocity[axis], gain[axis], bits >> 10);
+            after[axis] = stochastically_rounded_sum(position[axis], displacement[axis], bits);
+            faster[axis] = stochastically_rounded_sum(velocity[axis], gain[axis], bits >> 10);
         }
     }
     (after, faster)
 }
 
-/// `x + change`, rounded up or down with probabilities that make its mean exact. Of `random` the last ten bits count.
+/// `x + change`, rounded up or down at random, with probabilities that make its mean exact. Only the last ten
+/// bits of `random` are used.
 #[inline]
-fn sum_without_preference(x: f64, change: f64, random: u64) -> f64 {
+fn stochastically_rounded_sum(x: f64, change: f64, random: u64) -> f64 {
     const STEPS: u64 = 1 << 10;
     let sum = x + change;
     let ulp = f64::from_bits(sum.to_bits() & f64::INFINITY.to_bits()) * f64::EPSILON;
-    // In the open interval (−½, ½), without a mean.
+    // In the open interval (−½, ½), with mean zero.
     let part = ((random % STEPS) as f64 + 0.5) / STEPS as f64 - 0.5;
     x + (change + part * ulp)
 }

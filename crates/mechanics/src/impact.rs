@@ -1,8 +1,8 @@
 /*!
-Impact of smooth bodies: impulse, velocities after it, energy lost.
+Impact of smooth bodies: impulse, velocities after it, energy loss.
 
-With the approach speed `v_n = (w1 − w2)·n > 0` and the inverse effective mass `Λ = 1/m1 + 1/m2` (1/m against a
-wall or a fixed body; `Σ n·M⁻¹·n` for constrained bodies), every impact follows from
+With the approach speed `v_n = (w1 − w2)·n > 0` and the inverse effective mass `Λ = 1/m1 + 1/m2` (1/m against
+a wall or a fixed body; `Σ n·M⁻¹·n` for constrained bodies), every impact follows from
 
 ```text
 J  = (1 + e) v_n / Λ             impulse                                       (2.11), (2.14)
@@ -11,22 +11,22 @@ E' = ½ (1 + e)² v_n² / Λ         energy of the lost velocities, Σ ½ m |Δw
 ΔT = E' (1 − e)/(1 + e)          Carnot's theorem for any e
 ```
 
-These closed forms are used throughout: an energy loss found as a difference of kinetic energies has lost its
-digits where the loss is small.
+These closed forms are used throughout: an energy loss computed as a difference of kinetic energies would lose
+its digits where the loss is small.
 */
 
 use glam::DVec3;
 
-/// What one impact does: its impulse with the two parts, and its two energies.
+/// Result of one impact: its impulse with the two parts, and its two energies.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct Impact {
     /// Approach speed `v_n` = (w1 − w2)·n ≥ 0 [length/time].
     pub approach_speed: f64,
     /// J = (1 + e) `v_n` / Λ = `compression_impulse` + `restitution_impulse` [mass·length/time], (2.14).
     pub impulse: f64,
-    /// `J_c` = `v_n` / Λ, up to the moment of equal normal velocities [mass·length/time], (2.7).
+    /// `J_c` = `v_n` / Λ, until the normal velocities are equal [mass·length/time], (2.7).
     pub compression_impulse: f64,
-    /// `J_r` = e `J_c`, from then on [mass·length/time], (2.11).
+    /// `J_r` = e `J_c`, after that [mass·length/time], (2.11).
     pub restitution_impulse: f64,
     /// `ΔT = ½ (1 − e²) v_n² / Λ` ≥ 0, kinetic energy lost \[energy\], (2.16).
     pub energy_loss: f64,
@@ -34,10 +34,11 @@ pub struct Impact {
     pub carnot_energy: f64,
 }
 
-/// The impact of two bodies that approach at `approach_speed` = (w1 − w2)·n [length/time] with restitution `e`,
-/// `inverse_effective_mass` Λ = 1/m1 + 1/m2 [1/mass].
+/// The impact of two bodies that approach at `approach_speed` = (w1 − w2)·n [length/time] with restitution
+/// `e`, `inverse_effective_mass` Λ = 1/m1 + 1/m2 [1/mass].
 ///
-/// Bodies that do not approach, and two bodies of infinite mass (Λ = 0), exert no impulse: all fields are zero.
+/// Bodies that do not approach, and two bodies of infinite mass (Λ = 0), exert no impulse: all fields are
+/// zero.
 ///
 /// ```
 /// use haff_mechanics::impact;
@@ -76,7 +77,7 @@ pub fn approach_speed(w1: DVec3, w2: DVec3, n: DVec3) -> f64 {
     (w1 - w2).dot(n)
 }
 
-/// Reduced mass μ = m1 m2/(m1 + m2) \[mass\]; an infinite mass leaves the other one.
+/// Reduced mass μ = m1 m2/(m1 + m2) \[mass\]; with an infinite mass, the other one.
 ///
 /// ```
 /// use haff_mechanics::reduced_mass;
@@ -129,12 +130,14 @@ pub fn resolve_pair(
     (w1 - change * (inv_m1 / lambda), w2 + change * (inv_m2 / lambda), impact)
 }
 
-/// [`resolve_pair`] for the vector `r` from centre 1 to centre 2 \[length\], of any length, in place of the unit normal.
+/// [`resolve_pair`] for the vector `r` from centre 1 to centre 2 \[length\], of any length, in place of the
+/// unit normal.
 ///
-/// By rounding the kinetic energy and the momentum of many impacts walk at random; they do not drift. For that no operation may
-/// err one way more often than the other. Close to a power of two each does, and |r| is always close to a contact distance, often
-/// 1; and the shares of two masses would be rounded the same way each time. So `r` is first given a length that nothing prefers,
-/// and inverse masses a unit. An impact along an axis is left as it is, so that it is exact where the numbers are.
+/// By rounding, the kinetic energy and the momentum of many impacts perform a random walk; they do not drift.
+/// For that, the rounding error of every operation must have mean zero. Near a power of two it does not, and
+/// |r| is always near a contact distance, often 1; and the quotients of two masses would be rounded in the
+/// same way each time. So `r` is first given a random length, and the inverse masses a random unit. An impact
+/// along an axis is left unchanged, so that it is exact where the numbers are.
 ///
 /// The bodies do not approach each other afterwards, not even by rounding.
 ///
@@ -162,47 +165,49 @@ pub fn resolve_contact(
     if impact.impulse == 0.0 {
         return (w1, w2, impact);
     }
-    let scale = scale_without_preference(parts);
+    let scale = random_scale(parts);
     let p = r * scale;
     let pp = p.length_squared();
-    let [unit1, unit2, both] = inverse_masses_without_preference(inv_m1, inv_m2, scale);
-    let strike = |u1: DVec3, u2: DVec3, speed: f64| {
+    let [unit1, unit2, both] = inverse_masses_in_random_unit(inv_m1, inv_m2, scale);
+    let collide = |u1: DVec3, u2: DVec3, speed: f64| {
         let change = speed / (pp * both);
         (u1 - p * (change * unit1), u2 + p * (change * unit2))
     };
     let approach = approach * scale;
-    // Not (1 + e) v, for 1 + e is rounded the same way each time.
-    let (mut u1, mut u2) = strike(w1, w2, approach + e * approach);
-    // What rounding has left of Newton's law, (u2 − u1)·p = e (w1 − w2)·p, is much of what remains where e is small, and
-    // has a preferred sign along an axis. One step brings it down to the rounding of the velocities.
+    // Not (1 + e) v, because 1 + e is rounded in the same way each time.
+    let (mut u1, mut u2) = collide(w1, w2, approach + e * approach);
+    // The rounding error of Newton's law, (u2 − u1)·p = e (w1 − w2)·p, is a large part of the total error
+    // where e is small, and is biased along an axis. One correction reduces it to the rounding of the
+    // velocities.
     if e < 1.0 || scale == 1.0 {
-        (u1, u2) = strike(u1, u2, (u1 - u2).dot(p) + e * approach);
+        (u1, u2) = collide(u1, u2, (u1 - u2).dot(p) + e * approach);
     }
-    // With e = 0 that may be a few ulp of approach, and the pair would meet again, and again.
+    // With e = 0 an approach of a few ulp may remain, and the pair would collide again without end.
     let mut excess = 1.0;
     while (u1 - u2).dot(r) > 0.0 && excess < 1e3 {
         excess *= 2.0;
-        (u1, u2) = strike(u1, u2, excess * (u1 - u2).dot(r));
+        (u1, u2) = collide(u1, u2, excess * (u1 - u2).dot(r));
     }
     (u1, u2, impact)
 }
 
-/// A factor from 1 to 2 that is as good as random, made of the last bits of the `parts` of an approach, the products by
+/// A factor from 1 to 2, in effect random, made of the last bits of `parts`, the products of an approach by
 /// component; 1 if only one of them is not zero.
 #[inline(always)]
-fn scale_without_preference(parts: DVec3) -> f64 {
+fn random_scale(parts: DVec3) -> f64 {
     const SIGNIFICAND: u64 = (1 << 52) - 1;
     let mixed = parts.x * (parts.y + parts.z) + parts.y * parts.z;
     // The last 32 bits become the first of the significand.
     f64::from_bits(((mixed.to_bits() << 20) & SIGNIFICAND) | 1f64.to_bits())
 }
 
-/// Two inverse masses and their sum in a unit of mass that follows from `scale`, a random number: then no rounding of theirs is
-/// the same each time, and that of the sum errs either way as often.
+/// Two inverse masses and their sum in a unit of mass that depends on `scale`, a random number: their
+/// rounding errors then differ from impact to impact, and that of the sum has mean zero.
 ///
-/// Exact for equal masses, and where one is infinite. A `scale` of 1 asks for the shares of the masses, whose sum is 1.
+/// Exact for equal masses, and where one is infinite. A `scale` of 1 gives the mass fractions, whose sum is
+/// 1.
 #[inline(always)]
-fn inverse_masses_without_preference(inv_m1: f64, inv_m2: f64, scale: f64) -> [f64; 3] {
+fn inverse_masses_in_random_unit(inv_m1: f64, inv_m2: f64, scale: f64) -> [f64; 3] {
     if inv_m1 == inv_m2 {
         return [1.0, 1.0, 2.0];
     }
@@ -210,11 +215,12 @@ fn inverse_masses_without_preference(inv_m1: f64, inv_m2: f64, scale: f64) -> [f
     if scale == 1.0 || inv_m1 == 0.0 || inv_m2 == 0.0 {
         return [inv_m1 / sum, inv_m2 / sum, 1.0];
     }
-    // What the sum lacks, exactly (Knuth, TAOCP 2, 4.2.2, theorem B), and half an ulp up or down at random before it is rounded.
+    // The exact rounding error of the sum (Knuth, TAOCP 2, 4.2.2, theorem B), and up to half an ulp at random
+    // before the sum is rounded.
     let second = sum - inv_m1;
     let lost = (inv_m1 - (sum - second)) + (inv_m2 - second);
     let ulp = f64::from_bits(sum.to_bits() & f64::INFINITY.to_bits()) * f64::EPSILON;
-    // Not that of length once more; and about as large as the sum, so that nothing overflows.
+    // Independent of the unit of length; and about as large as the sum, so that nothing overflows.
     let unit = sum * (3.0 - scale);
     [inv_m1 / unit, inv_m2 / unit, (sum + (lost + ulp * (scale - 1.5))) / unit]
 }
@@ -222,8 +228,9 @@ fn inverse_masses_without_preference(inv_m1: f64, inv_m2: f64, scale: f64) -> [f
 /// Velocity after the impact of a smooth sphere on a wall, (2.21), and the impact itself.
 ///
 /// `w`, `w_wall`: velocities of sphere and wall [length/time]; `inv_m`: the sphere's inverse mass [1/mass];
-/// `n`: unit vector **into the wall** (from body 1, the sphere, to body 2, the wall), the negative of a wall's
-/// inward normal; `e`: restitution. Bits are those of [`resolve_pair`] with a second body of infinite mass.
+/// `n`: unit vector **into the wall** (from body 1, the sphere, to body 2, the wall), the negative of a
+/// wall's inward normal; `e`: restitution. Bits are those of [`resolve_pair`] with a second body of infinite
+/// mass.
 ///
 /// ```
 /// use glam::DVec3;
@@ -240,16 +247,17 @@ pub fn resolve_wall(w: DVec3, w_wall: DVec3, inv_m: f64, n: DVec3, e: f64) -> (D
     (after, impact)
 }
 
-/// Work \[energy\] that a body of infinite mass, moving at `w_body` [length/time], does on a particle in an impact of
-/// magnitude `impulse` along `n` (unit vector from the particle into the body).
+/// Work \[energy\] that a body of infinite mass, moving at `w_body` [length/time], does on a particle in an
+/// impact of magnitude `impulse` along `n` (unit vector from the particle into the body).
 ///
-/// The particle receives the impulse `P = −J n`, so the work is `P·w_body`, and the particle's energy balance is
-/// `T' − T = W − energy_loss` with `energy_loss = ½ m v_n² (1 − e²)`:
+/// The particle receives the impulse `P = −J n`, so the work is `P·w_body`, and the particle's energy balance
+/// is `T' − T = W − energy_loss` with `energy_loss = ½ m v_n² (1 − e²)`:
 ///
 /// ```text
-/// T' − T = P·(w + w')/2                                       since m (w' − w) = P
-/// n·(w + w')/2 = n·w_body + (1 − e) v_n / 2                    since n·(w − w_body) = v_n, n·(w' − w_body) = −e v_n
-/// T' − T = −J n·w_body − ½ J (1 − e) v_n = W − ½ m v_n² (1 − e²)       since J = (1 + e) m v_n
+/// T' − T = P·(w + w')/2                                             m (w' − w) = P
+/// n·(w + w')/2 = n·w_body + (1 − e) v_n / 2                         n·(w − w_body) = v_n
+///                                                                   n·(w' − w_body) = −e v_n
+/// T' − T = −J n·w_body − ½ J (1 − e) v_n = W − ½ m v_n² (1 − e²)    J = (1 + e) m v_n
 /// ```
 ///
 /// ```
@@ -272,12 +280,13 @@ pub fn work_of_moving_body(impulse: f64, n: DVec3, w_body: DVec3) -> f64 {
 pub struct StickingImpact {
     /// P = (w1 − w2)/Λ, impulse on body 2; body 1 receives −P [mass·length/time].
     pub impulse: DVec3,
-    /// ΔT = ½ |w1 − w2|² / Λ, kinetic energy lost \[energy\]; equal to the energy of the lost velocities (2.31),
-    /// which is Carnot's theorem (2.32) for bodies that do not separate.
+    /// ΔT = ½ |w1 − w2|² / Λ, kinetic energy lost \[energy\]; equal to the energy of the lost velocities
+    /// (2.31), which is Carnot's theorem (2.32) for bodies that do not separate.
     pub energy_loss: f64,
 }
 
-/// Common velocity after an adhesive impact, in which all components of the relative velocity vanish, and the impact.
+/// Common velocity after an adhesive impact, in which all components of the relative velocity vanish, and the
+/// impact.
 ///
 /// Meant for point particles: for finite radii equal centre velocities break the balance of angular momentum
 /// (2.26) unless spin is modelled. Two bodies of infinite mass (Λ = 0) keep their velocities; that of the
@@ -286,7 +295,7 @@ pub struct StickingImpact {
 /// ```
 /// use glam::DVec3;
 /// use haff_mechanics::resolve_sticking;
-/// // Problem 2.4, just after the first impact: equal masses, e = 0, go on at v/2 and half the energy is lost.
+/// // Problem 2.4, just after the first impact: equal masses, e = 0: common velocity v/2, ΔT = T/2.
 /// let (w, hit) = resolve_sticking(DVec3::new(6.0, 0.0, 0.0), DVec3::ZERO, 1.0, 1.0);
 /// assert_eq!(w, DVec3::new(3.0, 0.0, 0.0));
 /// assert_eq!(hit.energy_loss, 9.0);
@@ -299,15 +308,15 @@ pub fn resolve_sticking(w1: DVec3, w2: DVec3, inv_m1: f64, inv_m2: f64) -> (DVec
         return (w1, StickingImpact::default());
     }
     let relative = w1 - w2;
-    // Measured from the heavier body: its own small change is then rounded at its own size.
+    // Relative to the heavier body: its own small change is then rounded at its own size.
     let common =
         if inv_m1 <= inv_m2 { w1 - relative * (inv_m1 / lambda) } else { w2 + relative * (inv_m2 / lambda) };
     let impulse = relative / lambda;
     (common, StickingImpact { impulse, energy_loss: 0.5 * impulse.dot(relative) })
 }
 
-/// Fraction ΔT/T of the kinetic energy lost when `m1` strikes `m2` at rest, with restitution `e`, (2.16), (2.18):
-/// `(1 − e²)/(1 + m1/m2)`.
+/// Fraction ΔT/T of the kinetic energy lost when `m1` collides with `m2` at rest, with restitution `e`,
+/// (2.16), (2.18): `(1 − e²)/(1 + m1/m2)`.
 ///
 /// ```
 /// use haff_mechanics::impact::energy_fraction_lost_at_rest;
@@ -325,8 +334,8 @@ pub fn energy_fraction_lost_at_rest(m1: f64, m2: f64, e: f64) -> f64 {
 /// Speed and angle after an oblique impact at `speed` [length/time] on a wall at rest, (2.21), (2.22).
 ///
 /// `alpha` \[rad\] is the angle between the velocity and the wall's normal before the impact. Returns
-/// `|w'| = |w| √(sin²α + e² cos²α)` and the angle β \[rad\] after it, `tan β = tan α / e`: a right angle, gliding
-/// along the wall, for e = 0.
+/// `|w'| = |w| √(sin²α + e² cos²α)` and the angle β \[rad\] after it, `tan β = tan α / e`: a right angle,
+/// sliding along the wall, for e = 0.
 ///
 /// ```
 /// use haff_mechanics::impact::oblique_wall;

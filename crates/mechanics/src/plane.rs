@@ -1,8 +1,8 @@
 /*!
 A sphere and a plane, a centre and a cell face: one coordinate under constant acceleration.
 
-`d(t) = d + s t + ½ a t²` with the distance `d`, its rate `s` and its acceleration `a`, all along the normal that
-points to the inside. `d` falls through zero once at most for t in all of ℝ: at
+`d(t) = d + s t + ½ a t²` with the distance `d`, its rate `s` and its acceleration `a`, all along the normal
+that points to the inside. For t in ℝ, `d` falls through zero at most once: at
 
 ```text
 a < 0    (s + √disc)/|a|  =  2 d/(√disc − s)          disc = s² − 2 a d
@@ -10,19 +10,21 @@ a = 0     d/(−s)                                     if s < 0
 a > 0     2 d/(√disc − s)                             if s < 0 and disc ≥ 0
 ```
 
-Of the two forms for a < 0 the one without cancellation is taken: the first if s ≥ 0, the second if s < 0.
+Of the two forms for a < 0 the one without cancellation is used: the first if s ≥ 0, the second if s < 0.
 */
 
 use crate::scale::{exponent, scaled};
 
 /// Time until a sphere touches a plane wall \[time\], or `None`.
 ///
-/// `distance` d of the sphere's surface from the plane \[length\], its rate `speed` s [length/time] and its constant
-/// `acceleration` a [length/time²], all positive towards the inside. The smallest t ≥ 0 with
-/// `d + s t + ½ a t² = 0` at which the sphere moves towards the wall; an apex that just grazes the wall counts.
+/// `distance` d of the sphere's surface from the plane \[length\], its rate `speed` s [length/time] and its
+/// constant `acceleration` a [length/time²], all positive towards the inside. The smallest t ≥ 0 with
+/// `d + s t + ½ a t² = 0` at which the sphere moves towards the wall; an apex that just grazes the wall
+/// counts.
 ///
-/// * Touching, d ≤ 0: at once if s < 0, or s = 0 and a < 0. If s > 0, when a < 0 brings it back through zero. A bounce
-///   too small to reach zero from a distance below it by rounding returns to its own level, at −2 s/a.
+/// * Touching, d ≤ 0: at once if s < 0, or s = 0 and a < 0. If s > 0, when a < 0 brings it back through zero.
+///   A bounce too small to reach zero from a distance below it by rounding returns to its own level, at −2
+///   s/a.
 /// * Not reached, in the past, beyond the f64 range, or an argument that is not finite: `None`.
 ///
 /// ```
@@ -40,8 +42,8 @@ pub fn time_to_plane(distance: f64, speed: f64, acceleration: f64) -> Option<f64
     if d <= 0.0 && (s < 0.0 || (s == 0.0 && a < 0.0)) {
         return Some(0.0);
     }
-    // To count every distance below zero as zero would give back the energy that rounding has taken, but not take what
-    // it has given. Not `max`, which would turn NaN into a contact.
+    // To treat every distance below zero as zero would restore energy that rounding has removed, but not
+    // remove energy that it has added. Not `max`, which would turn NaN into a contact.
     let rises_above = s * s > 2.0 * a * d;
     if d < 0.0 && !rises_above {
         d = 0.0;
@@ -58,11 +60,12 @@ pub fn time_to_plane(distance: f64, speed: f64, acceleration: f64) -> Option<f64
 /// `acceleration` a [length/time²], all positive towards the cell's inside. The time t ≥ 0 at which
 /// `d + s t + ½ a t²` falls through zero.
 ///
-/// The start need not lie in the cell: with d < 0 and s > 0 the coordinate enters the cell first, and the time is
-/// that of its later exit. Cell exits may therefore be computed from one start for a flight through many cells.
+/// The start need not lie in the cell: with d < 0 and s > 0 the coordinate enters the cell first, and the
+/// time is that of its later exit. Cell exits may therefore be computed from one start for a flight through
+/// many cells.
 ///
-/// * Beyond the face and not coming back through it, d ≤ 0 with s < 0 (or s = 0 and a < 0): `Some(0.0)`, never a
-///   time in the past.
+/// * Beyond the face without coming back through it, d ≤ 0 with s < 0 (or s = 0 and a < 0): `Some(0.0)`,
+///   never a time in the past.
 /// * Below the face by rounding, with an apex that rounds to just below it: the time of the apex.
 /// * A flight that only grazes the face from inside (a > 0, `s² = 2 a d`) does not leave: `None`.
 /// * Not reached, beyond the f64 range, or an argument that is not finite: `None`.
@@ -136,7 +139,7 @@ fn rescaled(d: f64, s: f64, a: f64, grazing: bool) -> Option<f64> {
     let (d1, s1, a1) = (scaled(d, -kd), scaled(s, -ks), scaled(a, kd - 2 * ks));
     let disc = s1 * s1 - 2.0 * a1 * d1;
     let t = if a < 0.0 && s >= 0.0 {
-        // a1 may have vanished beside s1, but it is a that brings the flight back.
+        // a1 may have underflowed beside s1, but the return is due to a.
         Some(scaled((s1 + disc.max(0.0).sqrt()) / scaled(-a, -ka), ks - ka))
     } else {
         root(d1, s1, a1, disc, grazing).map(|t| scaled(t, kd - ks))

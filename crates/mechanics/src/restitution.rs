@@ -85,7 +85,7 @@ impl Restitution {
     /// Checks every parameter against its range.
     ///
     /// # Errors
-    /// The first parameter out of range (NaN and infinities are), its value and what is allowed.
+    /// The first parameter out of range (also NaN and infinities), its value and the allowed range.
     ///
     /// ```
     /// use haff_mechanics::Restitution;
@@ -130,7 +130,8 @@ impl Restitution {
 
 /// `e` of viscoelastic spheres with `δ = coefficient · v^{1/5}`.
 fn viscoelastic(coefficient: f64, speed: f64) -> f64 {
-    // √δ = √coefficient · v^{1/10}; `libm`, because the system's power function differs between machines.
+    // √δ = √coefficient · v^{1/10}; `libm`, because the power function of the system library differs between
+    // machines.
     let x = coefficient.sqrt() * libm::pow(speed, 0.1);
     let linear = 1.0 + B1 * x;
     // e = 1 / (1 + rest/linear) cannot exceed 1 by rounding, and is exactly 1 at rest.
@@ -159,9 +160,10 @@ mod tests {
     }
 
     #[test]
-    fn viscoelastic_law_starts_as_its_series() {
-        // e = 1 − 1.15344 δ + 0.79826 δ² + O(δ^{5/2}) at v = 1, where δ = coefficient. In x = √δ the approximant has the
-        // terms −4.4e-6 x³, 0.798248 x⁴ and 0.27 x⁵, from its printed digits; they bound the difference.
+    fn viscoelastic_law_agrees_with_its_series_at_low_speed() {
+        // e = 1 − 1.15344 δ + 0.79826 δ² + O(δ^{5/2}) at v = 1, where δ = coefficient. In x = √δ the
+        // approximant has the terms −4.4e-6 x³, 0.798248 x⁴ and 0.27 x⁵, from its printed digits; they bound
+        // the difference.
         for delta in [1e-6, 1e-5, 1e-4, 1e-3, 1e-2] {
             let e = Restitution::Viscoelastic { coefficient: delta }.coefficient(1.0);
             let series = 1.0 - 1.15344 * delta + 0.79826 * delta * delta;
@@ -172,7 +174,7 @@ mod tests {
     }
 
     #[test]
-    fn slow_contacts_are_elastic_and_fast_ones_are_not() {
+    fn coefficient_tends_to_one_at_low_speed_and_falls_at_high_speed() {
         let law = Restitution::Viscoelastic { coefficient: 0.5 };
         assert_eq!(law.coefficient(0.0), 1.0);
         assert_eq!(law.coefficient(-1.0), 1.0);
@@ -184,7 +186,7 @@ mod tests {
     }
 
     #[test]
-    fn elastic_laws_are_known_as_such() {
+    fn is_elastic_is_true_for_laws_without_loss_only() {
         let cutoff = |restitution| Restitution::Cutoff { restitution, speed: 1.0, exponent: 0.75 };
         let elastic =
             [Restitution::Constant(1.0), Restitution::Viscoelastic { coefficient: 0.0 }, cutoff(1.0)];
@@ -202,7 +204,7 @@ mod tests {
     }
 
     #[test]
-    fn parameters_out_of_range_are_named() {
+    fn errors_name_the_parameter_out_of_range() {
         let cutoff = |restitution, speed, exponent| Restitution::Cutoff { restitution, speed, exponent };
         let bad = [
             (Restitution::Constant(-0.1), "restitution"),

@@ -1,13 +1,15 @@
 //! Bracketed root finding on monotone pieces.
 
-/// The zero of a function that is monotone between `low` and `high`, 0 ≤ `low` < `high`, and changes sign there.
+/// The zero of a function that is monotone between `low` and `high`, 0 ≤ `low` < `high`, and changes sign
+/// there.
 ///
-/// `function` gives value and slope. `rises` says whether it is negative at `low` and positive at `high` (the
-/// values there are not asked for). Newton's method; where a step leaves the bracket or does not halve the one
-/// before, the bracket is cut instead, in the middle *of its bit patterns*: numbers that differ by hundreds of
-/// orders of magnitude are then 64 cuts apart at most.
+/// `function` returns value and slope. `rises` is whether it is negative at `low` and positive at `high` (it
+/// is not evaluated there). Newton's method; where a step leaves the bracket or does not halve the previous
+/// one, the bracket is bisected instead, in the middle *of its bit patterns*: numbers that differ by hundreds
+/// of orders of magnitude are then at most 64 bisections apart.
 pub(crate) fn bracketed_root(low: f64, high: f64, rises: bool, function: impl Fn(f64) -> (f64, f64)) -> f64 {
-    // A hundred would do: each cut halves the distance in bits, each Newton step kept halves the step.
+    // A hundred would suffice: each bisection halves the distance in bits, each accepted Newton step halves
+    // the step.
     const MAX_STEPS: u32 = 256;
     let (mut low, mut high) = (low, high);
     let mut t = low;

@@ -1,4 +1,4 @@
-//! Powers of two for units: scaling by them is exact, so kernels can leave the edges of the f64 range.
+//! Powers of two as units: scaling by them is exact, so that kernels can avoid the limits of the f64 range.
 
 use glam::DVec3;
 
@@ -12,7 +12,7 @@ pub(crate) fn exponent(x: f64) -> i32 {
     libm::ilogb(x)
 }
 
-/// `x · 2^k`, exact short of overflow and underflow.
+/// `x · 2^k`, exact except for overflow and underflow.
 pub(crate) fn scaled(x: f64, k: i32) -> f64 {
     libm::scalbn(x, k)
 }

@@ -1,4 +1,5 @@
-//! Truths about contact times that need no reference: symmetries, limits, contacts that must not repeat for ever.
+//! Properties of contact times that need no reference: symmetries, limits, and contacts that must not repeat
+//! without end.
 
 use glam::DVec3;
 use haff_mechanics::{
@@ -50,7 +51,7 @@ proptest! {
     }
 
     #[test]
-    fn head_on_spheres_meet_as_a_sphere_and_a_plane_do(
+    fn head_on_spheres_touch_at_the_time_of_a_sphere_and_a_plane(
         gap in decades(-12.0, 3.0), s in -3.0..3.0f64, a in prop_oneof![Just(0.0), -3.0..3.0f64],
     ) {
         // Along an axis the quartic is the plane's quadratic.
@@ -63,7 +64,7 @@ proptest! {
         prop_assume!(!near_grazing);
         match (plane, sphere) {
             (Some(x), Some(y)) => {
-                // Condition: an ulp of r moves the contact by an ulp over the closing speed.
+                // Condition number: an ulp of r moves the contact by an ulp over the closing speed.
                 let closing = (s + a * x).abs();
                 let bound = 16.0 * EPS * (x + (r.z + sigma + (s * x).abs() + (a * x * x).abs()) / closing);
                 prop_assert!((x - y).abs() <= bound, "plane {x}, sphere {y}, bound {bound:e}");
@@ -73,26 +74,26 @@ proptest! {
     }
 
     #[test]
-    fn a_bounce_of_any_size_returns_after_twice_its_rise(
+    fn a_bounce_of_any_size_lasts_twice_its_rise(
         s in decades(-150.0, 1.0), g in decades(-2.0, 2.0), axis in 0..3usize,
     ) {
         let up = DVec3::AXES[axis];
         let expected = 2.0 * s / g;
-        let floor = time_to_plane(0.0, s, -g).expect("comes back");
+        let floor = time_to_plane(0.0, s, -g).expect("returns");
         prop_assert!((floor - expected).abs() <= 2.0 * EPS * expected, "plane: {floor:e} against {expected:e}");
-        let ball = time_to_contact_accelerated(up, up * s, up * -g, 1.0).expect("comes back");
+        let ball = time_to_contact_accelerated(up, up * s, up * -g, 1.0).expect("returns");
         prop_assert!((ball - expected).abs() <= 8.0 * EPS * expected, "sphere: {ball:e} against {expected:e}");
     }
 
     #[test]
-    fn a_crossing_into_a_cell_has_its_crossing_back(
+    fn a_crossing_into_a_cell_is_followed_by_the_crossing_back(
         d in decades(-16.0, 1.0), s in decades(-8.0, 1.0), turn in -1e-14..1.0f64,
     ) {
-        // From the lower cell the face is d ahead; gravity brings the flight back within the upper cell, or just not
-        // into it. The upper cell sees the same numbers with the other sign.
+        // From the lower cell the face is at distance d; gravity returns the flight inside the upper cell, or
+        // just before it. In the upper cell the numbers have the opposite sign.
         let g = s * s / (2.0 * d) * (1.0 - turn);
         let up = time_to_face(d, -s, g);
-        let back = time_to_face(-d, s, -g).expect("gravity ends every climb");
+        let back = time_to_face(-d, s, -g).expect("gravity ends every rise");
         if let Some(up) = up {
             prop_assert!(back >= up * (1.0 - 4.0 * EPS), "up at {up:e}, back at {back:e}");
         }
@@ -108,10 +109,10 @@ proptest! {
     }
 
     #[test]
-    fn plastic_contacts_come_to_rest(
+    fn repeated_plastic_contacts_end(
         w1 in vector(), w2 in vector(), n in vector(), log_ratio in -6.0..6.0f64, depth in 0.0..4.0f64,
     ) {
-        // Resolved, then predicted and resolved again for as long as the pair is said to touch at once.
+        // Resolved, then predicted and resolved again as long as the predicted contact time is zero.
         prop_assume!(n.length() > 0.1);
         let n = n.normalize();
         let r = n * (1.0 - depth * EPS);
@@ -122,17 +123,18 @@ proptest! {
         {
             (w1, w2, _) = resolve_pair(w1, w2, 1.0, 10f64.powf(log_ratio), n, 0.0);
             contacts += 1;
-            // A pair at rest in common leaves 2⁻⁵² of its speed each time, until f64 ends at 2⁻¹⁰⁷⁴.
+            // A pair with a common velocity keeps 2⁻⁵² of its approach speed each time, until f64 ends at
+            // 2⁻¹⁰⁷⁴.
             prop_assert!(contacts <= 22, "{contacts} contacts, {w1} against {w2}");
         }
     }
 
     #[test]
-    fn motion_is_not_taken_for_noise(r in vector(), w in vector(), log in -14.0..0.0f64) {
+    fn approach_faster_than_rounding_is_not_noise(r in vector(), w in vector(), log in -14.0..0.0f64) {
         prop_assume!(r.length() > 0.1 && w.length() > 0.1);
         let v = -r.normalize() * (w.length() * 10f64.powf(log));
         prop_assert!(!is_rounding_noise(r, v, w.length()));
-        prop_assert!(is_rounding_noise(r, -v, w.length()), "separating pairs have no approach at all");
+        prop_assert!(is_rounding_noise(r, -v, w.length()), "separating pairs do not approach");
     }
 
     #[test]
@@ -185,13 +187,14 @@ fn resting_pairs_and_separating_pairs_never_touch() {
     assert_eq!(time_to_contact_accelerated(DVec3::X * 2.0, DVec3::ZERO, DVec3::X, 1.0), None);
     // At rest in contact on top of a fixed sphere, gravity downwards: in contact at once.
     assert_eq!(time_to_contact_accelerated(DVec3::Z, DVec3::ZERO, DVec3::NEG_Z, 1.0), Some(0.0));
-    // At rest in contact below it: falls away.
+    // At rest in contact below it: falls off.
     assert_eq!(time_to_contact_accelerated(DVec3::NEG_Z, DVec3::ZERO, DVec3::NEG_Z, 1.0), None);
 }
 
 #[test]
-fn a_ball_slides_off_a_fixed_sphere_only_where_it_is_fast_enough() {
-    // Horizontal speed s at the top: the parabola leaves the sphere for s² ≥ g σ, else it dips in at once.
+fn a_ball_leaves_the_top_of_a_fixed_sphere_above_the_critical_speed() {
+    // Horizontal speed s at the top: the parabola leaves the sphere for s² ≥ g σ, otherwise it enters it at
+    // once.
     let g = DVec3::new(0.0, 0.0, -1.0);
     assert_eq!(time_to_contact_accelerated(DVec3::Z, DVec3::X * 0.99, g, 1.0), Some(0.0));
     assert_eq!(time_to_contact_accelerated(DVec3::Z, DVec3::X * 1.01, g, 1.0), None);
@@ -218,8 +221,8 @@ fn bouncing_ball_follows_its_geometric_series() {
             "bounce {bounces}: {} {expected}",
             w.z
         );
-        assert!(bounces < 200, "time does not go on: {total}");
+        assert!(bounces < 200, "time does not advance: {total}");
     }
-    // e^k < 1e-12 of the series is left.
+    // e^k < 1e-12 of the series remains.
     assert!((110..140).contains(&bounces), "{bounces}");
 }

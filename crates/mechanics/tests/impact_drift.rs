@@ -1,4 +1,4 @@
-//! Rounding of many impacts: the energy and the momentum of a gas walk at random, they do not drift.
+//! Rounding of many impacts: the energy and the momentum of a gas perform a random walk without drift.
 
 use glam::DVec3;
 use haff_mechanics::resolve_contact;
@@ -8,12 +8,12 @@ use rand_pcg::Pcg64Mcg;
 const EPS: f64 = f64::EPSILON;
 
 fn vector(random: &mut Pcg64Mcg, flat: bool) -> DVec3 {
-    // Twelve uniform numbers make a normal one, near enough.
+    // The sum of twelve uniform numbers is nearly normal.
     let mut normal = || (0..12).map(|_| random.random::<f64>() - 0.5).sum::<f64>();
     DVec3::new(normal(), normal(), if flat { 0.0 } else { normal() })
 }
 
-/// Sums that are exact to far below the walk that is looked for.
+/// Compensated sums, exact far below the expected walk.
 fn sum(terms: impl Iterator<Item = f64>) -> f64 {
     let (mut high, mut low) = (0.0, 0.0);
     for term in terms {
@@ -25,7 +25,8 @@ fn sum(terms: impl Iterator<Item = f64>) -> f64 {
     high + low
 }
 
-/// Energy [ε T] and momentum [ε √(mT)] after `impacts` of random pairs, from a gas of 64 with two `masses`, relative to √impacts.
+/// Energy [ε T] and momentum [ε √(mT)] after `impacts` of random pairs, from a gas of 64 with two `masses`,
+/// relative to √impacts.
 fn walk(masses: [f64; 2], sigma: f64, flat: bool, impacts: u32) -> (f64, f64) {
     let mut random = Pcg64Mcg::seed_from_u64(5);
     let mass: Vec<f64> = (0..64).map(|i| masses[i % 2]).collect();
@@ -37,7 +38,7 @@ fn walk(masses: [f64; 2], sigma: f64, flat: bool, impacts: u32) -> (f64, f64) {
     let mut done = 0;
     while done < impacts {
         let (i, j) = (random.random_range(0..64), random.random_range(0..64));
-        // The difference of two places in a box: what contacts have, and |r| within a few ulp of σ.
+        // The difference of two positions in a box: as in contacts, |r| is within a few ulp of σ.
         let normal = vector(&mut random, flat).normalize() * sigma;
         let place = DVec3::new(random.random(), random.random(), random.random()) * 7.0;
         let r = (place + normal) - place;
@@ -56,9 +57,9 @@ fn walk(masses: [f64; 2], sigma: f64, flat: bool, impacts: u32) -> (f64, f64) {
     (heat, push)
 }
 
-/// A bias of 0.01 ε T an impact, which a correction of Newton's law alone leaves, would be seen.
+/// A bias of 0.01 ε T an impact, which a correction of Newton's law alone leaves, would be detected.
 #[test]
-fn the_energy_and_the_momentum_of_an_elastic_gas_walk_at_random() {
+fn energy_and_momentum_of_an_elastic_gas_do_not_drift() {
     for (masses, sigma, flat) in [
         ([1.0, 1.0], 1.0, false),
         ([1.0, 1.0], 1.0, true),
@@ -75,7 +76,7 @@ fn the_energy_and_the_momentum_of_an_elastic_gas_walk_at_random() {
     }
 }
 
-/// What an impact along an axis does is as exact as its numbers are.
+/// An impact along an axis is as exact as its arguments.
 #[test]
 fn impacts_along_an_axis_are_exact() {
     let mut random = Pcg64Mcg::seed_from_u64(6);
@@ -83,11 +84,11 @@ fn impacts_along_an_axis_are_exact() {
         for _ in 0..1000 {
             let velocity = vector(&mut random, false);
             let w = if velocity.dot(axis) > 0.0 { velocity } else { -velocity };
-            // A wall turns the velocity round, and keeps its other components.
+            // A wall reverses the normal velocity, and leaves the other components.
             let inverse_mass = random.random_range(0.01..100.0);
             let (after, _, _) = resolve_contact(w, DVec3::ZERO, inverse_mass, 0.0, axis, 1.0);
             assert_eq!(after, w - axis * (2.0 * w.dot(axis)));
-            // Equal masses: one that is hit at rest takes the velocity over.
+            // Equal masses: the body hit at rest takes over the velocity.
             let (u1, u2, _) = resolve_contact(axis * 0.7, DVec3::ZERO, inverse_mass, inverse_mass, axis, 1.0);
             assert_eq!((u1, u2), (DVec3::ZERO, axis * 0.7));
         }

@@ -1,4 +1,4 @@
-//! What every impact of smooth bodies obeys, on random bodies of mass ratios up to 10¹².
+//! Laws of every impact of smooth bodies, for random bodies with mass ratios up to 10¹².
 
 use glam::DVec3;
 use haff_mechanics::{
@@ -23,7 +23,7 @@ fn vector() -> impl Strategy<Value = DVec3> {
 }
 
 fn normal() -> impl Strategy<Value = DVec3> {
-    vector().prop_filter("too short to point anywhere", |v| v.length() > 0.1).prop_map(DVec3::normalize)
+    vector().prop_filter("too short for a direction", |v| v.length() > 0.1).prop_map(DVec3::normalize)
 }
 
 fn mass() -> impl Strategy<Value = f64> {
@@ -42,7 +42,7 @@ proptest! {
     #![proptest_config(config())]
 
     #[test]
-    fn a_pair_keeps_momentum_and_separates_at_e_times_the_approach_speed(
+    fn a_pair_conserves_momentum_and_separates_at_e_times_the_approach_speed(
         w1 in vector(), w2 in vector(), m1 in mass(), m2 in mass(), n in normal(), e in restitution(),
     ) {
         let (u1, u2, hit) = resolve_pair(w1, w2, 1.0 / m1, 1.0 / m2, n, e);
@@ -66,7 +66,7 @@ proptest! {
     }
 
     #[test]
-    fn energy_lost_and_lost_velocities_match_their_definitions(
+    fn energy_loss_and_carnot_energy_match_their_definitions(
         w1 in vector(), w2 in vector(), m1 in mass(), m2 in mass(), n in normal(), e in restitution(),
     ) {
         let (u1, u2, hit) = resolve_pair(w1, w2, 1.0 / m1, 1.0 / m2, n, e);
@@ -77,7 +77,7 @@ proptest! {
             (lost - hit.energy_loss).abs() <= 32.0 * EPS * largest,
             "T − T' = {lost}, ΔT = {} (2.16)", hit.energy_loss
         );
-        // Velocities of 17 are rounded to 17 ε, whatever the change.
+        // Velocities up to 17 are rounded to 17 ε, whatever the change.
         let (d1, d2) = (u1 - w1, u2 - w2);
         let of_changes = kinetic(m1, d1) + kinetic(m2, d2);
         let rounding = 64.0 * EPS * 17.4 * (m1 * d1.length() + m2 * d2.length()) + 64.0 * EPS * hit.carnot_energy
@@ -100,7 +100,7 @@ proptest! {
     }
 
     #[test]
-    fn impacts_do_not_depend_on_which_body_is_called_first(
+    fn impacts_do_not_depend_on_the_order_of_the_bodies(
         w1 in vector(), w2 in vector(), m1 in mass(), m2 in mass(), n in normal(), e in restitution(),
     ) {
         let (u1, u2, hit) = resolve_pair(w1, w2, 1.0 / m1, 1.0 / m2, n, e);
@@ -109,7 +109,7 @@ proptest! {
     }
 
     #[test]
-    fn a_smooth_pair_keeps_its_angular_momentum(
+    fn a_smooth_pair_conserves_angular_momentum(
         w1 in vector(), w2 in vector(), m1 in 0.1..10.0f64, m2 in 0.1..10.0f64, n in normal(), e in restitution(),
         r1 in vector(), sigma in 0.1..3.0f64,
     ) {
@@ -122,21 +122,21 @@ proptest! {
     }
 
     #[test]
-    fn a_moving_wall_does_the_work_that_the_ledger_books(
+    fn work_of_a_moving_wall_closes_the_energy_balance(
         w in vector(), wall in vector(), m in mass(), n in normal(), e in restitution(),
     ) {
         let (after, hit) = resolve_wall(w, wall, 1.0 / m, n, e);
         let gain = kinetic(m, after) - kinetic(m, w);
-        let booked = work_of_moving_body(hit.impulse, n, wall) - hit.energy_loss;
+        let balance = work_of_moving_body(hit.impulse, n, wall) - hit.energy_loss;
         let size = m * (w.length() + 2.0 * wall.length()).powi(2);
-        prop_assert!((gain - booked).abs() <= 32.0 * EPS * size, "T' − T = {gain}, W − ΔT = {booked}");
+        prop_assert!((gain - balance).abs() <= 32.0 * EPS * size, "T' − T = {gain}, W − ΔT = {balance}");
         // A wall is a body of infinite mass.
         let (pair, unmoved, same) = resolve_pair(w, wall, 1.0 / m, 0.0, n, e);
         prop_assert_eq!((pair, unmoved, same), (after, wall, hit));
     }
 
     #[test]
-    fn sticking_bodies_share_their_momentum_and_lose_the_whole_relative_motion(
+    fn sticking_bodies_conserve_momentum_and_lose_all_relative_motion(
         w1 in vector(), w2 in vector(), m1 in mass(), m2 in mass(),
     ) {
         let (common, hit) = resolve_sticking(w1, w2, 1.0 / m1, 1.0 / m2);
@@ -160,7 +160,7 @@ fn equal_elastic_spheres_exchange_their_normal_velocities() {
 }
 
 #[test]
-fn heavy_hammer_drives_the_nail_and_heavy_anvil_takes_the_blow() {
+fn energy_loss_against_a_body_at_rest_follows_the_mass_ratio() {
     // (2.18): ΔT/T = 1/(1 + m1/m2) for m2 at rest and e = 0, from the impact itself.
     for (m1, m2, fraction) in [(99.0, 1.0, 0.01), (1.0, 99.0, 0.99), (1.0, 1.0, 0.5)] {
         let hit = impact(3.0, 0.0, 1.0 / m1 + 1.0 / m2);
@@ -180,8 +180,8 @@ fn two_fixed_bodies_exert_no_impulse() {
 }
 
 #[test]
-fn nearly_elastic_losses_keep_their_digits() {
-    // 1 − e² = 2⁻⁴⁹ (1 − 2⁻⁵¹): a difference of squares would be left with three bits.
+fn losses_of_nearly_elastic_impacts_are_accurate() {
+    // 1 − e² = 2⁻⁴⁹ (1 − 2⁻⁵¹): a difference of squares would keep only three bits.
     let e = 1.0 - 2f64.powi(-50);
     let exact = 0.5 * 0.5 * (2f64.powi(-49) - 2f64.powi(-100));
     let loss = impact(1.0, e, 2.0).energy_loss;
@@ -189,7 +189,7 @@ fn nearly_elastic_losses_keep_their_digits() {
 }
 
 #[test]
-fn a_heavy_body_at_rest_keeps_the_digits_of_its_small_common_velocity() {
+fn the_small_common_velocity_with_a_heavy_body_at_rest_is_accurate() {
     let (heavy, w) = (3e12, DVec3::new(0.7, -0.3, 0.1));
     for (common, _) in [
         resolve_sticking(DVec3::ZERO, w, 1.0 / heavy, 1.0),

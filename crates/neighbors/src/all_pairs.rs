@@ -1,22 +1,22 @@
-//! Every particle is everybody's candidate.
+//! Every particle is a candidate of every other.
 
 use glam::DVec3;
 
-use crate::{Axis, Flight, Geometry, Search, Shift, Transfer};
+use crate::{Axis, Crossing, Flight, Geometry, Search, Shift};
 
 /**
-All pairs: O(N) candidates, for a handful of particles and as the twin of every other search.
+All pairs: O(N) candidates, for a handful of particles and as the reference for every other search.
 
-Along a periodic axis each pair is given with its two nearest images, at distances d and L − d. A third could touch
-only after the two have moved L − reach relative to each other. So every particle is *renewed* (its candidates
-searched afresh) when it has moved a third of that since it was last searched: of two particles, the one searched
-last has moved at most one third since, and the other at most two.
+Along a periodic axis each pair is given with its two nearest images, at distances d and L − d. A third could
+touch only after the two have moved L − reach relative to each other. So the candidates of every particle are
+searched again (its *crossing*) when it has moved a third of that since its last search: of two particles, the
+one searched last has moved at most one third since then, and the other at most two.
 */
 #[derive(Debug, Clone)]
 pub struct AllPairs {
     lengths: [f64; 3],
     periodic: [bool; 3],
-    /// Distance along a periodic axis after which a particle is renewed [length].
+    /// Distance along a periodic axis after which the candidates are searched again [length].
     stride: [f64; 3],
     count: u32,
     walls: Vec<u16>,
@@ -81,17 +81,17 @@ impl Search for AllPairs {
         &self.walls
     }
 
-    fn next_transfer(&self, _i: u32, flight: &Flight, _within: f64) -> Option<Transfer> {
-        // Nothing accelerates along a periodic axis.
+    fn next_crossing(&self, _i: u32, flight: &Flight, _within: f64) -> Option<Crossing> {
+        // There is no acceleration along a periodic axis.
         let speed = flight.velocity.to_array();
         let delay = (0..3)
             .filter(|&axis| self.periodic[axis] && speed[axis] != 0.0)
             .map(|axis| self.stride[axis] / speed[axis].abs())
             .reduce(f64::min)?;
-        Some(Transfer { delay, code: 0 })
+        Some(Crossing { delay, code: 0 })
     }
 
-    fn transfer(&mut self, _i: u32, _code: u8, _flight: &Flight) {}
+    fn cross(&mut self, _i: u32, _code: u8, _flight: &Flight) {}
 
     fn rewrap(&mut self, _i: u32, _wraps: [i32; 3]) {}
 }

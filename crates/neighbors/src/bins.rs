@@ -1,6 +1,6 @@
-//! Points on grids, one grid per range of sizes: who is within a distance of a point.
+//! Points on grids, one grid per range of sizes: finds the points within a distance of a position.
 
-use crate::{Axis, Geometry, Shift, cells::grid, memory::roomy};
+use crate::{Axis, Geometry, Shift, cells::grid, memory::with_huge_pages};
 
 /// No particle.
 const NONE: u32 = u32::MAX;
@@ -9,7 +9,7 @@ const SIZE_STEP: f64 = 2.0;
 /// Largest number of grids.
 const MAX_LEVELS: usize = 32;
 
-/// A point: within the box along periodic axes, and the image of the box it stands for in anchor coordinates.
+/// A point: its position, inside the box along periodic axes, and its image in anchor coordinates.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Point {
     pub position: [f64; 3],
@@ -35,8 +35,8 @@ pub(crate) struct Level {
 /**
 Points in linked bins. A bin holds any number of them, in four bytes each.
 
-Particles of very different sizes go to grids of different widths, so that a small one need not search among thousands
-of its like because somewhere there is a large one.
+Particles of very different sizes go to grids of different widths: with one grid, a single large particle
+would make the search of a small one visit thousands of small ones.
 */
 #[derive(Debug, Clone)]
 pub(crate) struct Bins {
@@ -49,7 +49,7 @@ pub(crate) struct Bins {
 }
 
 impl Bins {
-    /// Bins for particles at `positions`, which are not entered yet. `skin` is what a search reaches beyond the radii.
+    /// Bins for particles at `positions`. `skin` is the range of a search beyond the radii \[length\].
     pub fn new(geometry: &Geometry, positions: &[glam::DVec3], skin: f64) -> Self {
         let mut bins = Self {
             axes: geometry.axes,
@@ -69,20 +69,20 @@ impl Bins {
             }
             let used: Vec<usize> = (0..MAX_LEVELS).filter(|&level| found[level].1 > 0).collect();
             if used.len() > 1 {
-                let place = |radius| used.partition_point(|&other| other < level(radius)) as u8;
-                bins.level = geometry.radii.iter().map(|&radius| place(radius)).collect();
+                let rank = |radius| used.partition_point(|&other| other < level(radius)) as u8;
+                bins.level = geometry.radii.iter().map(|&radius| rank(radius)).collect();
             }
             radii = used.into_iter().map(|level| found[level]).collect();
         }
         for (radius, count) in radii {
-            // About one point a bin: a search then visits fewer of those out of range than with wider ones.
+            // About one point a bin: a search then visits fewer points out of range than with wider bins.
             let least = 0.25 * (2.0 * radius + skin);
             let (n, width) = grid(&Geometry { reach: least, ..geometry.without_planes() }, count / 2);
             let bins_of_level = n.iter().map(|&n| n as usize).product();
             let inverse = width.map(|width| 1.0 / width);
             bins.levels.push(Level { n, width, inverse, head: vec![NONE; bins_of_level], radius });
         }
-        let mut points = roomy(positions.len());
+        let mut points = with_huge_pages(positions.len());
         points.extend(positions.iter().map(|position| bins.point(*position)));
         bins.points = points;
         for i in 0..positions.len() as u32 {
@@ -168,8 +168,9 @@ impl Bins {
         self.insert(i);
     }
 
-    /// Calls `visit(j, point, d, d·L)` for every image d of every point that may be within `range(radius)` of a place, where
-    /// `radius` is the largest radius of a grid: the image stands at its position + d·L.
+    /// Calls `visit(j, point, d, d·L)` for every image d of every point that may be within `range(radius)` of
+    /// the position `from`, where `radius` is the largest radius of a grid: the image is at its position +
+    /// d·L.
     #[inline]
     pub fn near(
         &self,
@@ -200,18 +201,20 @@ impl Bins {
                     }
                 }
             }
-            // Bins that the search runs through along x and y are folded once; most searches need no more than this.
+            // Bins that the search visits along x and y are folded once; most searches need no more than
+            // this.
             let reach2 = range * range;
             let fold = |axis: usize, c: i64| -> Bin {
-                let (width, place) = (level.width[axis], from[axis]);
-                // Along an open axis a bin stands for others too, and the outermost ones for all beyond.
+                let (width, position) = (level.width[axis], from[axis]);
+                // Along an open axis a bin represents its folded images too, and along a bounded one the
+                // outermost bins hold the points outside.
                 let exact = match self.axes[axis] {
                     Axis::Periodic => true,
                     Axis::Bounded => c > 0 && c < i64::from(level.n[axis]) - 1,
                     Axis::Open | Axis::Flat => false,
                 };
                 let gap = if exact {
-                    (c as f64 * width - place).max(place - (c + 1) as f64 * width).max(0.0)
+                    (c as f64 * width - position).max(position - (c + 1) as f64 * width).max(0.0)
                 } else {
                     0.0
                 };
@@ -236,8 +239,8 @@ impl Bins {
                 }
             }
             let bin = |axis: usize, c: i64| {
-                let place = (c - low[axis]) as usize;
-                if place < FOLDED { folded[axis][place] } else { fold(axis, c) }
+                let slot = (c - low[axis]) as usize;
+                if slot < FOLDED { folded[axis][slot] } else { fold(axis, c) }
             };
             for z in low[2]..=high[2] {
                 let z = fold(2, z);
@@ -263,20 +266,20 @@ impl Bins {
     }
 }
 
-/// Bins along an axis that are folded in advance.
+/// Number of bins along an axis that are folded in advance.
 const FOLDED: usize = 8;
 
-/// A bin along one axis: its place in the grid, and what leads to its image.
+/// A bin along one axis: its coordinate in the grid, and its image.
 #[derive(Debug, Clone, Copy, Default)]
 struct Bin {
     cell: usize,
     image: i32,
     offset: f64,
-    /// Square of its distance from the place that is searched from.
+    /// Square of its distance from the position that is searched from.
     gap2: f64,
 }
 
-/// ⌊x⌋; the baseline of x86-64 has no instruction for it, and the library's function is a call.
+/// ⌊x⌋; the baseline of x86-64 has no instruction for it, and the library function is a call.
 #[inline]
 fn floor(x: f64) -> i64 {
     let whole = x as i64;

@@ -4,30 +4,32 @@ use glam::DVec3;
 use haff_mechanics::time_to_face;
 use rayon::prelude::*;
 
-use crate::{Axis, Flight, Geometry, Search, Shift, Transfer, walls::WallTable};
+use crate::{Axis, Crossing, Flight, Geometry, Search, Shift, walls::WallTable};
 
-/// Cells are this factor wider than the largest contact distance, so that the rounding of a crossing time can never
-/// bring two particles into contact before they are neighbors.
+/// Cells are this factor wider than the largest contact distance, so that rounding of a crossing time can
+/// never bring two particles into contact before they are in neighboring cells.
 const MARGIN: f64 = 1.0 + 1e-9;
-/// Particles per cell aimed at where the contact distance leaves the choice.
+/// Mean number of particles per cell, unless the contact distance makes cells wider.
 const OCCUPANCY: f64 = 1.0;
-/// Cells per particle at most, times that.
-const MOST_CROWDING: f64 = 8.0;
-/// Particle ids are tagged with this bit when the particle has left the box since its anchor was set.
-const AWAY: u32 = 1 << 31;
-/// An id with this bit is not a particle but a list in `Cells::spilled` that goes on where the cell is full.
-const SPILL: u32 = 1 << 30;
+/// Largest crowding for which more cells are made.
+const MAX_CROWDING: f64 = 8.0;
+/// Bit of an id: the particle has left the box since its anchor was set.
+const OUTSIDE: u32 = 1 << 31;
+/// Bit of an id: it is not a particle but the index of a list in `Cells::overflow` that continues a full
+/// cell.
+const OVERFLOW: u32 = 1 << 30;
 /// No particle.
 const EMPTY: u32 = u32::MAX;
-/// Ids that fit into a cell: 16 bytes, a quarter of a cache line.
+/// Number of ids in a cell: 16 bytes, a quarter of a cache line.
 const SLOTS: usize = 4;
 
 /**
-Cell grid. A particle sits in the cell that it was last tracked to, never in one recomputed from its position.
+Cell grid. A particle is in the cell given by its tracked crossings; the cell is never recomputed from its
+position.
 
-A particle's cell is known by its coordinates in the anchor frame: along a periodic axis, coordinate c means cell
-c mod n in image ⌊c/n⌋. Along an open axis the grid is folded onto itself: cells n apart share their slot, which can only
-add candidates, never lose one.
+A particle's cell is given by coordinates in the anchor frame: along a periodic axis, coordinate c is cell c
+mod n in image ⌊c/n⌋. Along an open axis the grid is folded onto itself: cells n apart share their slot, which
+can only add candidates, never lose one.
 */
 #[derive(Debug, Clone)]
 pub struct Cells {
@@ -38,23 +40,23 @@ pub struct Cells {
     width: [f64; 3],
     coordinate: Vec<[i32; 3]>,
     slots: Vec<[u32; SLOTS]>,
-    spilled: Vec<Vec<u32>>,
-    spare: Vec<u32>,
+    overflow: Vec<Vec<u32>>,
+    free_overflow: Vec<u32>,
     walls: WallTable,
-    /// Index steps to the cells around one that lies inside on every axis: those that a transfer of each code brings
-    /// near, and last all of them.
+    /// Index steps to the cells around one that is inside along every axis: for each code the cells that
+    /// become neighbors by the crossing, and last all of them.
     stencils: [Vec<isize>; 7],
 }
 
-/// Place of the whole block in `Cells::stencils`.
+/// Index of the whole block in `Cells::stencils`.
 const ALL: usize = 6;
 
 /// Cells per axis and their widths for `count` particles.
 pub(crate) fn grid(geometry: &Geometry, count: usize) -> ([i32; 3], [f64; 3]) {
     let lengths = geometry.lengths();
     let least = geometry.reach * MARGIN;
-    // Where particles crowd together, more of the cells may be empty.
-    let wanted = (count as f64 / OCCUPANCY).max(1.0) * geometry.crowding.clamp(1.0, MOST_CROWDING);
+    // A clustered system has more empty cells.
+    let wanted = (count as f64 / OCCUPANCY).max(1.0) * geometry.crowding.clamp(1.0, MAX_CROWDING);
     // The width that gives the wanted number of cells, over the axes that can be cut at all.
     let mut cut = geometry.axes.map(|axis| axis != Axis::Flat);
     let mut width = least;
@@ -114,65 +116,66 @@ impl Cells {
 
     /// Cell index and image of particle i.
     #[inline]
-    fn place(&self, i: u32) -> (usize, [i32; 3]) {
+    fn cell_and_image(&self, i: u32) -> (usize, [i32; 3]) {
         let c = self.coordinate[i as usize];
         let folded = [self.fold(0, c[0]), self.fold(1, c[1]), self.fold(2, c[2])];
         (self.index(folded.map(|f| f.0)), folded.map(|f| f.1))
     }
 
     fn insert(&mut self, i: u32) {
-        let (cell, image) = self.place(i);
-        let id = if image == [0; 3] { i } else { i | AWAY };
+        let (cell, image) = self.cell_and_image(i);
+        let id = if image == [0; 3] { i } else { i | OUTSIDE };
         let slots = &mut self.slots[cell];
         let last = slots[SLOTS - 1];
-        if last != EMPTY && last & SPILL != 0 {
-            self.spilled[(last & !SPILL) as usize].push(id);
+        if last != EMPTY && last & OVERFLOW != 0 {
+            self.overflow[(last & !OVERFLOW) as usize].push(id);
         } else if let Some(free) = slots.iter_mut().find(|slot| **slot == EMPTY) {
             *free = id;
         } else {
-            let list = self.spare.pop().unwrap_or_else(|| {
-                self.spilled.push(Vec::with_capacity(4));
-                self.spilled.len() as u32 - 1
+            let list = self.free_overflow.pop().unwrap_or_else(|| {
+                self.overflow.push(Vec::with_capacity(4));
+                self.overflow.len() as u32 - 1
             });
-            self.spilled[list as usize].extend([last, id]);
-            slots[SLOTS - 1] = list | SPILL;
+            self.overflow[list as usize].extend([last, id]);
+            slots[SLOTS - 1] = list | OVERFLOW;
         }
     }
 
     fn remove(&mut self, i: u32) {
-        let (cell, _) = self.place(i);
+        let (cell, _) = self.cell_and_image(i);
         let slots = &mut self.slots[cell];
         let last = slots[SLOTS - 1];
-        let list = (last != EMPTY && last & SPILL != 0).then_some((last & !SPILL) as usize);
+        let list = (last != EMPTY && last & OVERFLOW != 0).then_some((last & !OVERFLOW) as usize);
         if let Some(list) = list {
-            let spilled = &mut self.spilled[list];
-            if let Some(at) = spilled.iter().position(|id| id & !AWAY == i) {
-                spilled.swap_remove(at);
-            } else if let Some(slot) = slots[..SLOTS - 1].iter_mut().find(|slot| **slot & !AWAY == i) {
-                *slot = spilled.pop().unwrap_or(EMPTY);
+            let overflow = &mut self.overflow[list];
+            if let Some(at) = overflow.iter().position(|id| id & !OUTSIDE == i) {
+                overflow.swap_remove(at);
+            } else if let Some(slot) = slots[..SLOTS - 1].iter_mut().find(|slot| **slot & !OUTSIDE == i) {
+                *slot = overflow.pop().unwrap_or(EMPTY);
             }
-            if spilled.len() == 1 {
-                slots[SLOTS - 1] = spilled[0];
-                spilled.clear();
-                self.spare.push(list as u32);
+            if overflow.len() == 1 {
+                slots[SLOTS - 1] = overflow[0];
+                overflow.clear();
+                self.free_overflow.push(list as u32);
             }
-        } else if let Some(at) = slots.iter().position(|slot| *slot != EMPTY && *slot & !AWAY == i) {
-            // Keeps the taken slots in front.
+        } else if let Some(at) = slots.iter().position(|slot| *slot != EMPTY && *slot & !OUTSIDE == i) {
+            // Keeps the occupied slots in front.
             let end = slots.iter().position(|slot| *slot == EMPTY).unwrap_or(SLOTS);
             slots[at] = slots[end - 1];
             slots[end - 1] = EMPTY;
         }
     }
 
-    /// Visits the particles of one cell, whose image as seen from i's own is `shift` without j's own.
+    /// Visits the particles of one cell; `shift` is the cell's image relative to i, without the image of j
+    /// itself.
     #[inline(always)]
     fn visit_cell<V: FnMut(u32, Shift)>(&self, i: u32, cell: usize, shift: Shift, visit: &mut V) {
         for &id in &self.slots[cell] {
             if id == EMPTY {
                 return;
             }
-            if id & SPILL != 0 {
-                for &id in &self.spilled[(id & !SPILL) as usize] {
+            if id & OVERFLOW != 0 {
+                for &id in &self.overflow[(id & !OVERFLOW) as usize] {
                     self.visit_id(i, id, shift, visit);
                 }
                 return;
@@ -183,19 +186,20 @@ impl Cells {
 
     #[inline(always)]
     fn visit_id<V: FnMut(u32, Shift)>(&self, i: u32, id: u32, shift: Shift, visit: &mut V) {
-        let j = id & !AWAY;
+        let j = id & !OUTSIDE;
         if j == i {
             return;
         }
-        if id & AWAY == 0 {
+        if id & OUTSIDE == 0 {
             visit(j, shift);
         } else {
-            let (_, image) = self.place(j);
+            let (_, image) = self.cell_and_image(j);
             visit(j, [shift[0] - image[0], shift[1] - image[1], shift[2] - image[2]]);
         }
     }
 
-    /// Steps along each axis of the block of cells around one, or of its face that the transfer `code` brings near.
+    /// Range of steps along each axis of the block of cells around one, or of its face that becomes a
+    /// neighbor by the crossing `code`.
     fn steps(&self, code: usize) -> [(i32, i32); 3] {
         let mut steps = self.axes.map(|axis| if axis == Axis::Flat { (0, 0) } else { (-1, 1) });
         if code != ALL {
@@ -220,16 +224,16 @@ impl Cells {
         offsets
     }
 
-    /// Visits the cells around i, or those that the transfer `code` has brought near.
+    /// Visits the cells around i, or those that have become neighbors by the crossing `code`.
     #[inline]
     fn visit<V: FnMut(u32, Shift)>(&self, i: u32, code: usize, visit: &mut V) {
         let c = self.coordinate[i as usize];
         let inside =
             (0..3).all(|axis| self.axes[axis] == Axis::Flat || (c[axis] > 0 && c[axis] < self.n[axis] - 1));
         if inside {
-            let home = self.index(c) as isize;
+            let own = self.index(c) as isize;
             for &offset in &self.stencils[code] {
-                self.visit_cell(i, (home + offset) as usize, [0; 3], visit);
+                self.visit_cell(i, (own + offset) as usize, [0; 3], visit);
             }
         } else {
             self.visit_block(i, self.steps(code), visit);
@@ -239,10 +243,10 @@ impl Cells {
     /// Visits the block of cells around i, of which some may lie beyond a face of the box.
     fn visit_block<V: FnMut(u32, Shift)>(&self, i: u32, steps: [(i32, i32); 3], visit: &mut V) {
         let c = self.coordinate[i as usize];
-        let home = [self.fold(0, c[0]), self.fold(1, c[1]), self.fold(2, c[2])];
+        let own = [self.fold(0, c[0]), self.fold(1, c[1]), self.fold(2, c[2])];
         // The neighbor `step` away along an axis: (cell, shift), or nothing beyond a bounded edge.
         let neighbor = |axis: usize, step: i32| -> Option<(i32, i32)> {
-            let (cell, image) = home[axis];
+            let (cell, image) = own[axis];
             let next = cell + step;
             if (0..self.n[axis]).contains(&next) {
                 return Some((next, image));
@@ -291,8 +295,8 @@ impl Search for Cells {
             width,
             coordinate,
             slots: vec![[EMPTY; SLOTS]; cells],
-            spilled: Vec::new(),
-            spare: Vec::new(),
+            overflow: Vec::new(),
+            free_overflow: Vec::new(),
             walls: WallTable::new(geometry, n, width, geometry.radius),
             stencils: std::array::from_fn(|_| Vec::new()),
         };
@@ -321,15 +325,15 @@ impl Search for Cells {
 
     #[inline]
     fn walls(&self, i: u32) -> &[u16] {
-        if self.walls.is_empty() { &[] } else { self.walls.of(self.place(i).0) }
+        if self.walls.is_empty() { &[] } else { self.walls.of(self.cell_and_image(i).0) }
     }
 
     #[inline]
-    fn next_transfer(&self, i: u32, flight: &Flight, _within: f64) -> Option<Transfer> {
+    fn next_crossing(&self, i: u32, flight: &Flight, _within: f64) -> Option<Crossing> {
         let coordinate = self.coordinate[i as usize];
         let (position, velocity, acceleration) =
             (flight.position.to_array(), flight.velocity.to_array(), flight.acceleration.to_array());
-        let mut best: Option<Transfer> = None;
+        let mut best: Option<Crossing> = None;
         for axis in 0..3 {
             let (c, width) = (coordinate[axis], self.width[axis]);
             for side in 0..2_u8 {
@@ -344,14 +348,14 @@ impl Search for Cells {
                 let gap = (face - position[axis]) * outward;
                 let delay = time_to_face(gap, -outward * velocity[axis], -outward * acceleration[axis]);
                 if let Some(delay) = delay.filter(|&delay| best.is_none_or(|best| delay < best.delay)) {
-                    best = Some(Transfer { delay, code: axis as u8 * 2 + side });
+                    best = Some(Crossing { delay, code: axis as u8 * 2 + side });
                 }
             }
         }
         best
     }
 
-    fn transfer(&mut self, i: u32, code: u8, _flight: &Flight) {
+    fn cross(&mut self, i: u32, code: u8, _flight: &Flight) {
         self.remove(i);
         let c = &mut self.coordinate[i as usize][usize::from(code >> 1)];
         *c += if code & 1 == 0 { -1 } else { 1 };

@@ -1,41 +1,41 @@
-//! What a search knows of the box, the walls and the sizes.
+//! Input of a search: the box, the walls and the sizes.
 
 use glam::DVec3;
 
-/// How an axis looks to the search.
+/// Boundary along an axis.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Axis {
     /// Repeats with the box length.
     Periodic,
     /// Particles stay within [0, L].
     Bounded,
-    /// Particles go anywhere.
+    /// Particles are not confined.
     Open,
-    /// Nothing ever moves along it (z of a plane system).
+    /// No motion along this axis (z of a plane system).
     Flat,
 }
 
-/// A wall, as far as the search cares.
+/// A wall.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Plane {
-    /// A point of it [length].
+    /// A point on it [length].
     pub point: DVec3,
     /// Unit normal towards the particles.
     pub normal: DVec3,
-    /// Whether it moves; then every particle has to mind it.
+    /// Whether it moves; then every particle may touch it.
     pub moving: bool,
 }
 
 /// The box, its walls and the largest sizes.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Geometry {
-    /// Edge lengths L [length]; a scale for the cells only along open axes.
+    /// Edge lengths L [length]; along open axes only a scale for the cells.
     pub size: DVec3,
     /// Kind of each axis.
     pub axes: [Axis; 3],
-    /// How many times denser than in the box particles stand around the average one; 1 if they fill it evenly.
+    /// Density around the average particle in units of the mean density; 1 if particles fill the box evenly.
     pub crowding: f64,
-    /// Largest distance of centres at which a pair touches [length].
+    /// Largest contact distance of a pair: largest distance of centres at which two particles touch [length].
     pub reach: f64,
     /// Largest radius [length].
     pub radius: f64,
@@ -51,7 +51,7 @@ impl Geometry {
         self.size.to_array()
     }
 
-    /// The same box, with neither walls nor sizes of its own.
+    /// The same box, with neither walls nor radii.
     pub(crate) fn without_planes(&self) -> Self {
         Self { radii: Vec::new(), planes: Vec::new(), ..*self }
     }

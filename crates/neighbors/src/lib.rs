@@ -1,17 +1,17 @@
 /*!
-Who may meet whom next: the search for partners.
+The search for partners: which particles may collide with which.
 
-A [`Search`] keeps, for every particle, a coarse *place* that is exact about what it promises: two particles whose
-surfaces could touch before either of them changes its place or collides are [candidates](Search::candidates) of
-each other. A change of place is a *transfer*: it is predicted and carried out by the search, and never touches
-the particle's anchor (position, velocity and time of its last own event). So the kind of search cannot change
-a trajectory.
+A [`Search`] keeps a coarse *cell* for every particle (a grid cell, or a sphere around a reference position)
+with one guarantee: two particles whose surfaces could touch before either of them leaves its cell or collides
+are [candidates](Search::candidates) of each other. Leaving a cell is a *crossing*: the search predicts it and
+carries it out, and never changes the particle's anchor (position, velocity and time of its last own event).
+So trajectories are independent of the search.
 
-Coordinates are *anchor coordinates*: where the anchor's free flight leads without wrapping. The periodic image of a
-pair is given as an integer shift s per axis: the partner's image meant is at r_j + s·L.
+Coordinates are *anchor coordinates*: those of the anchor's free flight, without wrapping. The periodic image
+of a pair is given as an integer shift s per axis: the partner's image is at r_j + s·L.
 
-[`Cells`] is the search where particles are far apart, [`Lists`] where they are close, [`AllPairs`] the plain twin of
-both and the choice for a handful of particles.
+[`Cells`] is the search for particles that are far apart, [`Lists`] for those that are close, [`AllPairs`] the
+plain reference for both and the choice for a handful of particles.
 */
 
 mod all_pairs;
@@ -28,43 +28,44 @@ pub use all_pairs::AllPairs;
 pub use cells::Cells;
 pub use geometry::{Axis, Geometry, Plane};
 pub use lists::Lists;
-pub use memory::{prefetch, prefetch_at, roomy};
+pub use memory::{prefetch, prefetch_at, with_huge_pages};
 pub use packed::{Offsets, Packed};
 
 use glam::DVec3;
 
-/// Periodic image of a pair: the partner's image stands at r_j + shift · L.
+/// Periodic image of a pair: the partner's image is at r_j + shift · L.
 pub type Shift = [i32; 3];
 
-/// Free flight of a particle from where it is now, in anchor coordinates.
+/// Free flight of a particle from its present state, in anchor coordinates.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Flight {
-    /// Where it is now [length].
+    /// Present position [length].
     pub position: DVec3,
-    /// Its velocity now [length/time].
+    /// Present velocity [length/time].
     pub velocity: DVec3,
-    /// Its acceleration [length/time²].
+    /// Acceleration [length/time²].
     pub acceleration: DVec3,
 }
 
-/// A predicted change of place.
+/// A predicted crossing into another cell, or update of a list.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Transfer {
+pub struct Crossing {
     /// Time from now [time], ≥ 0.
     pub delay: f64,
-    /// What changes; meaningful to the search that made it.
+    /// Which face is crossed, or what is updated; its meaning belongs to the search that returned it.
     pub code: u8,
 }
 
-/// The search for partners; see the [module's page](self).
+/// The search for partners; see the [module documentation](self).
 pub trait Search: Sync + Send + Sized {
-    /// Places all particles. `positions` are in anchor coordinates, now.
+    /// Assigns cells to all particles. `positions` are the present ones, in anchor coordinates.
     fn new(geometry: &Geometry, positions: &[DVec3]) -> Self;
 
-    /// Calls `visit(j, shift)` for every candidate j of particle i. `position(k)` tells where k is now.
+    /// Calls `visit(j, shift)` for every candidate j of particle i. `position(k)` is the present position of
+    /// k.
     fn candidates<P: Fn(u32) -> DVec3, V: FnMut(u32, Shift)>(&self, i: u32, position: P, visit: V);
 
-    /// The same for those alone that the transfer `code`, just carried out, has brought near.
+    /// The same, only for the candidates that are new after the crossing `code`, just carried out.
     fn new_candidates<P: Fn(u32) -> DVec3, V: FnMut(u32, Shift)>(
         &self,
         i: u32,
@@ -73,33 +74,34 @@ pub trait Search: Sync + Send + Sized {
         visit: V,
     );
 
-    /// All candidates of particle i as one slice, if this search keeps them so, and those of i are.
+    /// All candidates of particle i as one slice, if this search stores them so, and those of i fit.
     #[inline(always)]
     fn packed(&self, i: u32) -> Option<&[Packed]> {
         let _ = i;
         None
     }
 
-    /// Asks for what [`Self::packed`] of particle i will read.
+    /// Prefetches what [`Self::packed`] of particle i will read.
     #[inline(always)]
     fn prefetch(&self, i: u32) {
         let _ = i;
     }
 
-    /// What the images in [`Self::packed`] mean.
+    /// The shift vectors of the image codes in [`Self::packed`].
     fn offsets(&self) -> Option<&Offsets> {
         None
     }
 
-    /// Indices of the walls that particle i may touch before its next transfer.
+    /// Indices of the walls that particle i may touch before its next crossing.
     fn walls(&self, i: u32) -> &[u16];
 
-    /// The next transfer of particle i, `None` if it will never need one, or none `within` this time from now [time].
-    fn next_transfer(&self, i: u32, flight: &Flight, within: f64) -> Option<Transfer>;
+    /// The next crossing of particle i: `None` if there is none, or none `within` this time from now [time].
+    fn next_crossing(&self, i: u32, flight: &Flight, within: f64) -> Option<Crossing>;
 
-    /// Carries out the transfer. `flight` is that of the particle, now.
-    fn transfer(&mut self, i: u32, code: u8, flight: &Flight);
+    /// Carries out the crossing `code`. `flight` is the present one of the particle.
+    fn cross(&mut self, i: u32, code: u8, flight: &Flight);
 
-    /// The anchor of particle i has been moved by −wraps · L: its anchor coordinates change, its place does not.
+    /// The anchor of particle i has been moved by −wraps · L: its anchor coordinates change, its cell does
+    /// not.
     fn rewrap(&mut self, i: u32, wraps: [i32; 3]);
 }

@@ -1,67 +1,69 @@
-//! Neighbor lists: every particle knows those within a shell around it.
+//! Neighbor lists: for every particle those within a shell around it.
 
 use glam::DVec3;
 use rayon::prelude::*;
 
 use crate::{
-    Axis, Flight, Geometry, Offsets, Packed, Search, Shift, Transfer,
+    Axis, Crossing, Flight, Geometry, Offsets, Packed, Search, Shift,
     bins::{Bins, Point},
-    memory::{prefetch_at, roomy},
+    memory::{prefetch_at, with_huge_pages},
     shell::{half_skin, words_per_list},
     walls::WallTable,
 };
 
-/// Pairs are listed this factor further away than they need be, so that the rounding of an exit can never bring two
-/// particles into contact before they are neighbors.
+/// Pairs are listed at distances larger by this factor than needed, so that rounding of an exit time can
+/// never bring two particles into contact before they are neighbors.
 const MARGIN: f64 = 1.0 + 1e-9;
-/// A header with this bit is the index of a list in `Lists::spilled`.
-const SPILLED: u32 = 1 << 31;
-/// Lists grow when more than one in this many has spilled.
-const SPILLED_PART: usize = 32;
-/// Largest number of words of a list that is kept in place.
+/// Bit of a header: it is the index of a list in `Lists::overflow`.
+const OVERFLOW: u32 = 1 << 31;
+/// Lists are lengthened when more than one in this many has overflowed.
+const OVERFLOW_PART: usize = 32;
+/// Largest number of words of a list in the table.
 const MAX_WORDS: usize = 64;
-/// Above this many entries two lists are compared by sorting them.
+/// Lists with more entries than this are compared by sorting.
 const MANY: usize = 256;
-/// A new center lies this part of the ball's radius ahead of its particle: where mean free paths are longer than the radius
-/// a stay is then longer, and where they are short it is hardly shorter.
+/// A new reference position is ahead of its particle by this part of half of the skin: this delays the exit
+/// where mean free paths are longer than half of the skin, and hardly advances it where they are short.
 const AHEAD: f64 = 0.5;
-/// Steps of the search for the end of a curved flight's stay in its ball.
+/// Steps of the iteration for the exit of a curved flight.
 const STEPS: usize = 8;
 
 /**
 Neighbor lists.
 
-A particle's place is a ball around its *center*, where it was when its list was made. Two particles are in each other's
-list if their centers are closer than contact distance and two ball radii: they cannot touch before one of them has
-left its ball. A transfer is this exit. It moves the center to the particle, and puts right its own list and
-those of the partners lost and won; all others stand.
+The cell of a particle is a sphere around its *reference position*, where it was when its list was made; the
+radius is half of the skin. Two particles are in each other's lists if their reference positions are closer
+than contact distance and skin: they cannot touch before one of them has left its sphere. A crossing is this
+exit. It moves the reference position to the particle, and updates its own list and those of the partners lost
+and gained; all others remain.
 
-Lists have a fixed number of words each; one that outgrows it, or names an image far from the box, goes on elsewhere.
+All lists have the same number of words; one that needs more, or contains an image far from the box, is stored
+in `overflow`.
 */
 #[derive(Debug, Clone)]
 pub struct Lists {
     axes: [Axis; 3],
     lengths: [f64; 3],
-    /// Radius of the balls, and its square [length].
-    half: f64,
-    half2: f64,
-    /// Slack for the rounding of coordinates [length].
+    /// Half of the skin, and its square [length], [length²].
+    half_skin: f64,
+    half_skin2: f64,
+    /// Margin for the rounding of coordinates [length].
     slack: f64,
-    /// Contact distance if all radii are equal, and else the radii [length].
+    /// Contact distance if all radii are equal, otherwise the radii [length].
     reach: f64,
     radii: Vec<f64>,
-    /// The centers.
+    /// The reference positions.
     bins: Bins,
-    /// Per particle a header (its number of entries, or the place of a spilled list) and its entries.
+    /// Per particle a header (its number of entries, or the index of a list in `overflow`) and its entries.
     words: Vec<Packed>,
-    /// Place of the first list, at the start of a cache line, and words of each.
+    /// Index of the first list, at the start of a cache line, and words of each.
     base: usize,
     stride: usize,
-    spilled: Vec<Vec<(u32, Shift)>>,
-    spare: Vec<u32>,
+    overflow: Vec<Vec<(u32, Shift)>>,
+    free_overflow: Vec<u32>,
     offsets: Offsets,
-    /// What the last transfer has brought near.
-    fresh: Vec<(u32, Shift)>,
+    /// Candidates that the last crossing has added.
+    added: Vec<(u32, Shift)>,
     found: Vec<(u32, Shift)>,
     walls: WallTable,
 }
@@ -71,24 +73,24 @@ impl Lists {
     pub const MAX_PARTICLES: usize = Packed::MAX_PARTICLES;
 
     #[inline]
-    fn place(&self, i: u32) -> usize {
+    fn list_start(&self, i: u32) -> usize {
         self.base + i as usize * self.stride
     }
 
-    /// Square of the distance of centers up to which i and j are neighbors.
+    /// Square of the distance of reference positions below which i and j are neighbors.
     #[inline]
     fn cutoff2(&self, i: u32, j: u32) -> f64 {
         let sigma =
             if self.radii.is_empty() { self.reach } else { self.radii[i as usize] + self.radii[j as usize] };
-        let cutoff = (sigma + 2.0 * self.half) * MARGIN + self.slack;
+        let cutoff = (sigma + 2.0 * self.half_skin) * MARGIN + self.slack;
         cutoff * cutoff
     }
 
-    /// Looks for the neighbors of i among the centers.
+    /// Finds the neighbors of i by the reference positions.
     fn find(&self, i: u32, found: &mut Vec<(u32, Shift)>) {
         found.clear();
         let own = self.bins.points[i as usize];
-        let margin = |sigma: f64| (sigma + 2.0 * self.half) * MARGIN * MARGIN + 2.0 * self.slack;
+        let margin = |sigma: f64| (sigma + 2.0 * self.half_skin) * MARGIN * MARGIN + 2.0 * self.slack;
         if self.radii.is_empty() {
             let cutoff2 = self.cutoff2(i, i);
             self.bins.near(
@@ -110,107 +112,107 @@ impl Lists {
         }
     }
 
-    /// The list of i, wherever it is.
+    /// The list of i, in the table or in `overflow`.
     #[inline]
     fn visit(&self, i: u32, mut visit: impl FnMut(u32, Shift)) {
         match self.packed(i) {
             Some(list) => list.iter().for_each(|entry| visit(entry.id(), entry.shift())),
-            None => self.spilled_list(i).iter().for_each(|&(j, shift)| visit(j, shift)),
+            None => self.overflow_list(i).iter().for_each(|&(j, shift)| visit(j, shift)),
         }
     }
 
-    fn spilled_list(&self, i: u32) -> &[(u32, Shift)] {
-        let header = self.words[self.place(i)].word();
-        if header & SPILLED == 0 { &[] } else { &self.spilled[(header & !SPILLED) as usize] }
+    fn overflow_list(&self, i: u32) -> &[(u32, Shift)] {
+        let header = self.words[self.list_start(i)].word();
+        if header & OVERFLOW == 0 { &[] } else { &self.overflow[(header & !OVERFLOW) as usize] }
     }
 
     /// Makes `list` the list of i.
     fn set(&mut self, i: u32, list: &[(u32, Shift)]) {
-        let place = self.place(i);
-        let header = self.words[place].word();
-        if header & SPILLED != 0 {
-            self.spilled[(header & !SPILLED) as usize].clear();
-            self.spare.push(header & !SPILLED);
+        let start = self.list_start(i);
+        let header = self.words[start].word();
+        if header & OVERFLOW != 0 {
+            self.overflow[(header & !OVERFLOW) as usize].clear();
+            self.free_overflow.push(header & !OVERFLOW);
         }
-        let fits = write(&mut self.words[place..place + self.stride], list);
+        let fits = write(&mut self.words[start..start + self.stride], list);
         if !fits {
-            self.spill(i, list.to_vec());
+            self.move_to_overflow(i, list.to_vec());
         }
     }
 
-    /// Keeps the list of i elsewhere from now on.
+    /// Stores the list of i in `overflow` from now on.
     #[cold]
-    fn spill(&mut self, i: u32, list: Vec<(u32, Shift)>) {
-        let free = self.spare.pop().unwrap_or_else(|| {
-            self.spilled.push(Vec::new());
-            self.spilled.len() as u32 - 1
+    fn move_to_overflow(&mut self, i: u32, list: Vec<(u32, Shift)>) {
+        let free = self.free_overflow.pop().unwrap_or_else(|| {
+            self.overflow.push(Vec::new());
+            self.overflow.len() as u32 - 1
         });
-        self.spilled[free as usize] = list;
-        let place = self.place(i);
-        self.words[place] = Packed::from_word(free | SPILLED);
+        self.overflow[free as usize] = list;
+        let start = self.list_start(i);
+        self.words[start] = Packed::from_word(free | OVERFLOW);
     }
 
-    /// Adds an entry to the list of i; true if the list has spilled because of it.
+    /// Adds an entry to the list of i; true if the list has moved to `overflow` because of it.
     fn add(&mut self, i: u32, j: u32, shift: Shift) -> bool {
-        let place = self.place(i);
-        let header = self.words[place].word();
-        if header & SPILLED != 0 {
-            self.spilled[(header & !SPILLED) as usize].push((j, shift));
+        let start = self.list_start(i);
+        let header = self.words[start].word();
+        if header & OVERFLOW != 0 {
+            self.overflow[(header & !OVERFLOW) as usize].push((j, shift));
             return false;
         }
         match Packed::new(j, shift) {
             Some(entry) if (header as usize) < self.stride - 1 => {
-                self.words[place + 1 + header as usize] = entry;
-                self.words[place] = Packed::from_word(header + 1);
+                self.words[start + 1 + header as usize] = entry;
+                self.words[start] = Packed::from_word(header + 1);
                 false
             }
             _ => {
                 let mut list = Vec::with_capacity(header as usize + 8);
                 self.visit(i, |j, shift| list.push((j, shift)));
                 list.push((j, shift));
-                self.spill(i, list);
+                self.move_to_overflow(i, list);
                 true
             }
         }
     }
 
-    /// Takes an entry out of the list of i.
+    /// Removes an entry from the list of i.
     fn remove(&mut self, i: u32, j: u32, shift: Shift) {
-        let place = self.place(i);
-        let header = self.words[place].word();
-        if header & SPILLED != 0 {
-            let list = &mut self.spilled[(header & !SPILLED) as usize];
+        let start = self.list_start(i);
+        let header = self.words[start].word();
+        if header & OVERFLOW != 0 {
+            let list = &mut self.overflow[(header & !OVERFLOW) as usize];
             if let Some(at) = list.iter().position(|entry| *entry == (j, shift)) {
                 list.swap_remove(at);
             }
             return;
         }
         let Some(entry) = Packed::new(j, shift) else { return };
-        let list = &mut self.words[place + 1..=place + header as usize];
+        let list = &mut self.words[start + 1..=start + header as usize];
         if let Some(at) = list.iter().position(|other| *other == entry) {
             list[at] = list[list.len() - 1];
-            self.words[place] = Packed::from_word(header - 1);
+            self.words[start] = Packed::from_word(header - 1);
         }
     }
 
-    /// Makes `new`, header and entries, the list of i, and puts right the lists of the partners lost and won.
+    /// Makes `new`, header and entries, the list of i, and updates the lists of the partners lost and gained.
     fn replace_packed(&mut self, i: u32, new: &[Packed; MAX_WORDS]) {
-        let place = self.place(i);
+        let start = self.list_start(i);
         let mut old = [Packed::default(); MAX_WORDS];
         let (old, new) = (&mut old[..self.stride], &new[..self.stride]);
-        old.copy_from_slice(&self.words[place..place + self.stride]);
-        self.words[place..place + self.stride].copy_from_slice(new);
+        old.copy_from_slice(&self.words[start..start + self.stride]);
+        self.words[start..start + self.stride].copy_from_slice(new);
         let (old, new) = (&old[1..=old[0].word() as usize], &new[1..=new[0].word() as usize]);
         for entry in old.iter().filter(|entry| !contains(new, **entry)) {
             self.remove(entry.id(), i, entry.shift().map(|s| -s));
         }
-        self.fresh.clear();
-        let mut spilled = false;
+        self.added.clear();
+        let mut overflow = false;
         for entry in new.iter().filter(|entry| !contains(old, **entry)) {
-            self.fresh.push((entry.id(), entry.shift()));
-            spilled |= self.add(entry.id(), i, entry.shift().map(|s| -s));
+            self.added.push((entry.id(), entry.shift()));
+            overflow |= self.add(entry.id(), i, entry.shift().map(|s| -s));
         }
-        if spilled {
+        if overflow {
             self.grow();
         }
     }
@@ -223,32 +225,32 @@ impl Lists {
         difference(&mut old, new, |(j, shift)| {
             self.remove(j, i, shift.map(|s| -s));
         });
-        let mut fresh = std::mem::take(&mut self.fresh);
-        fresh.clear();
-        difference(new, &mut old, |entry| fresh.push(entry));
-        for &(j, shift) in &fresh {
+        let mut added = std::mem::take(&mut self.added);
+        added.clear();
+        difference(new, &mut old, |entry| added.push(entry));
+        for &(j, shift) in &added {
             self.add(j, i, shift.map(|s| -s));
         }
-        self.fresh = fresh;
+        self.added = added;
         self.set(i, new);
         self.grow();
     }
 
-    /// Gives every list more room if many have spilled.
+    /// Lengthens all lists if many have overflowed.
     fn grow(&mut self) {
         let count = self.bins.points.len();
-        let spilled = self.spilled.len() - self.spare.len();
-        if spilled <= count / SPILLED_PART + 8 || self.stride >= MAX_WORDS {
+        let overflow = self.overflow.len() - self.free_overflow.len();
+        if overflow <= count / OVERFLOW_PART + 8 || self.stride >= MAX_WORDS {
             return;
         }
         let old = (std::mem::take(&mut self.words), self.base, self.stride);
         self.allocate(count, self.stride + 8);
         for i in 0..count {
-            let (from, to) = (old.1 + i * old.2, self.place(i as u32));
+            let (from, to) = (old.1 + i * old.2, self.list_start(i as u32));
             self.words[to..to + old.2].copy_from_slice(&old.0[from..from + old.2]);
         }
         for i in 0..count as u32 {
-            let list = self.spilled_list(i);
+            let list = self.overflow_list(i);
             if !list.is_empty() {
                 let list = list.to_vec();
                 self.set(i, &list);
@@ -259,26 +261,28 @@ impl Lists {
     fn allocate(&mut self, count: usize, stride: usize) {
         const LINE: usize = 16; // words
         self.stride = stride;
-        self.words = roomy(count * stride + LINE);
+        self.words = with_huge_pages(count * stride + LINE);
         self.words.resize(count * stride + LINE, Packed::default());
         self.base = self.words.as_ptr().align_offset(64).min(LINE);
     }
 }
 
-/// Square of the distance from a center to an image of another; the same bits from either side, as negation is exact.
+/// Square of the distance from a reference position to an image of another; the same bits for both orders, as
+/// negation is exact.
 #[inline(always)]
 fn distance2(own: &Point, other: &Point, offset: [f64; 3]) -> f64 {
     let r = [0, 1, 2].map(|axis| other.position[axis] - own.position[axis] + offset[axis]);
     r[0] * r[0] + r[1] * r[1] + r[2] * r[2]
 }
 
-/// Shift between the anchor coordinates of two particles for image d of the other's center.
+/// Shift between the anchor coordinates of two particles for image d of the other's reference position.
 #[inline]
 fn shift(own: &Point, other: &Point, d: Shift) -> Shift {
     [0, 1, 2].map(|axis| d[axis] + own.image[axis] - other.image[axis])
 }
 
-/// Writes a list into its words. False if it does not fit; the header is then left for the place of a spilled one.
+/// Writes a list into its words. False if it does not fit; the caller then sets the header to the index of an
+/// overflow list.
 fn write(words: &mut [Packed], list: &[(u32, Shift)]) -> bool {
     if list.len() >= words.len() {
         return false;
@@ -293,13 +297,13 @@ fn write(words: &mut [Packed], list: &[(u32, Shift)]) -> bool {
     true
 }
 
-/// Whether a list has this entry; without an early end, so that whole vectors are compared.
+/// Whether a list has this entry; without an early exit, so that whole vectors are compared.
 #[inline]
 fn contains(list: &[Packed], entry: Packed) -> bool {
     list.iter().fold(false, |found, other| found | (other.word() == entry.word()))
 }
 
-/// Calls `visit` for every entry of `list` that is not in `other`. Both may be put into another order.
+/// Calls `visit` for every entry of `list` that is not in `other`. Both may be reordered.
 fn difference(list: &mut [(u32, Shift)], other: &mut [(u32, Shift)], mut visit: impl FnMut((u32, Shift))) {
     if list.len().max(other.len()) <= MANY {
         list.iter().filter(|entry| !other.contains(entry)).for_each(|entry| visit(*entry));
@@ -311,30 +315,30 @@ fn difference(list: &mut [(u32, Shift)], other: &mut [(u32, Shift)], mut visit: 
 
 impl Search for Lists {
     fn new(geometry: &Geometry, positions: &[DVec3]) -> Self {
-        let half = half_skin(geometry);
+        let half_skin = half_skin(geometry);
         let extent = geometry.lengths().into_iter().fold(0.0, f64::max);
         let mut lists = Self {
             axes: geometry.axes,
             lengths: geometry.lengths(),
-            half,
-            half2: half * half,
+            half_skin,
+            half_skin2: half_skin * half_skin,
             slack: 16.0 * f64::EPSILON * extent,
             reach: geometry.reach,
             radii: geometry.radii.clone(),
-            bins: Bins::new(geometry, positions, 2.0 * half),
+            bins: Bins::new(geometry, positions, 2.0 * half_skin),
             words: Vec::new(),
             base: 0,
             stride: 0,
-            spilled: Vec::new(),
-            spare: Vec::new(),
+            overflow: Vec::new(),
+            free_overflow: Vec::new(),
             offsets: Offsets::new(geometry.size),
-            fresh: Vec::new(),
+            added: Vec::new(),
             found: Vec::new(),
             walls: WallTable::default(),
         };
         if let Some(level) = lists.bins.levels.last() {
-            // A center may lie beyond the wall that its particle cannot pass.
-            lists.walls = WallTable::new(geometry, level.n, level.width, geometry.radius + 2.0 * half);
+            // A reference position may be beyond a wall that its particle cannot pass.
+            lists.walls = WallTable::new(geometry, level.n, level.width, geometry.radius + 2.0 * half_skin);
         }
         let count = positions.len();
         let mut sample = Vec::new();
@@ -348,7 +352,7 @@ impl Search for Lists {
         lists.allocate(count, words_per_list(lengths).min(MAX_WORDS));
         let (base, stride) = (lists.base, lists.stride);
         let mut words = std::mem::take(&mut lists.words);
-        let spilled: Vec<(u32, Vec<(u32, Shift)>)> = words[base..base + count * stride]
+        let overflow: Vec<(u32, Vec<(u32, Shift)>)> = words[base..base + count * stride]
             .par_chunks_mut(stride)
             .enumerate()
             .map_init(Vec::new, |found, (i, words)| {
@@ -358,8 +362,8 @@ impl Search for Lists {
             .flatten()
             .collect();
         lists.words = words;
-        for (i, list) in spilled {
-            lists.spill(i, list);
+        for (i, list) in overflow {
+            lists.move_to_overflow(i, list);
         }
         lists
     }
@@ -377,22 +381,22 @@ impl Search for Lists {
         _position: P,
         mut visit: V,
     ) {
-        self.fresh.iter().for_each(|&(j, shift)| visit(j, shift));
+        self.added.iter().for_each(|&(j, shift)| visit(j, shift));
     }
 
     #[inline(always)]
     fn packed(&self, i: u32) -> Option<&[Packed]> {
-        let place = self.place(i);
-        let header = self.words[place].word();
-        (header & SPILLED == 0).then(|| &self.words[place + 1..=place + header as usize])
+        let start = self.list_start(i);
+        let header = self.words[start].word();
+        (header & OVERFLOW == 0).then(|| &self.words[start + 1..=start + header as usize])
     }
 
     #[inline(always)]
     fn prefetch(&self, i: u32) {
-        let place = self.place(i);
-        prefetch_at(&self.words, place);
-        prefetch_at(&self.words, place + self.stride / 2);
-        prefetch_at(&self.words, place + self.stride - 1);
+        let start = self.list_start(i);
+        prefetch_at(&self.words, start);
+        prefetch_at(&self.words, start + self.stride / 2);
+        prefetch_at(&self.words, start + self.stride - 1);
         prefetch_at(&self.bins.points, i as usize);
     }
 
@@ -411,26 +415,26 @@ impl Search for Lists {
     }
 
     #[inline(always)]
-    fn next_transfer(&self, i: u32, flight: &Flight, within: f64) -> Option<Transfer> {
-        let center = &self.bins.points[i as usize];
-        let image = DVec3::from_array(center.image.map(f64::from)) * DVec3::from_array(self.lengths);
-        let d = flight.position - (DVec3::from_array(center.position) + image);
+    fn next_crossing(&self, i: u32, flight: &Flight, within: f64) -> Option<Crossing> {
+        let reference = &self.bins.points[i as usize];
+        let image = DVec3::from_array(reference.image.map(f64::from)) * DVec3::from_array(self.lengths);
+        let d = flight.position - (DVec3::from_array(reference.position) + image);
         let v = flight.velocity;
         let delay = if flight.acceleration == DVec3::ZERO {
-            // A ball is convex: who is inside now and then is inside all the time.
-            if (d + v * within).length_squared() <= self.half2 && d.length_squared() <= self.half2 {
+            // A sphere is convex: a straight flight between two points inside stays inside.
+            if (d + v * within).length_squared() <= self.half_skin2 && d.length_squared() <= self.half_skin2 {
                 return None;
             }
-            straight_exit(d, v, self.half2)?
+            straight_exit(d, v, self.half_skin2)?
         } else {
-            curved_exit(d, v, flight.acceleration, self.half, within)
+            curved_exit(d, v, flight.acceleration, self.half_skin, within)
         };
-        (delay <= within).then_some(Transfer { delay, code: 0 })
+        (delay <= within).then_some(Crossing { delay, code: 0 })
     }
 
-    fn transfer(&mut self, i: u32, _code: u8, flight: &Flight) {
+    fn cross(&mut self, i: u32, _code: u8, flight: &Flight) {
         let mut found = std::mem::take(&mut self.found);
-        self.bins.set(i, flight.position + flight.velocity.normalize_or_zero() * (AHEAD * self.half));
+        self.bins.set(i, flight.position + flight.velocity.normalize_or_zero() * (AHEAD * self.half_skin));
         self.find(i, &mut found);
         let mut new = [Packed::default(); MAX_WORDS];
         if self.packed(i).is_some() && write(&mut new[..self.stride], &found) {
@@ -460,34 +464,36 @@ impl Search for Lists {
     }
 }
 
-/// When a straight flight from d leaves the ball of radius² `half2` around the origin; `None` if it stands.
+/// Time at which a straight flight from d leaves the sphere of radius² `half_skin2` around the origin; `None`
+/// at rest.
 #[inline]
-fn straight_exit(d: DVec3, v: DVec3, half2: f64) -> Option<f64> {
+fn straight_exit(d: DVec3, v: DVec3, half_skin2: f64) -> Option<f64> {
     let (speed2, along) = (v.length_squared(), d.dot(v));
     if speed2 == 0.0 {
         return None;
     }
-    let gap = (half2 - d.length_squared()).max(0.0);
+    let gap = (half_skin2 - d.length_squared()).max(0.0);
     let root = (along * along + speed2 * gap).sqrt();
-    // No difference of numbers of one sign.
+    // No difference of numbers of the same sign.
     Some(if along > 0.0 { gap / (root + along) } else { (root - along) / speed2 })
 }
 
-/// A time before which an accelerated flight from d cannot have left the ball of radius `half`, near the exit itself.
+/// A lower bound, close to the exit itself, of the time at which an accelerated flight from d leaves the
+/// sphere of radius `half_skin`.
 ///
-/// In every step the distance to the surface is used up by speed and acceleration at most.
-fn curved_exit(d: DVec3, v: DVec3, a: DVec3, half: f64, within: f64) -> f64 {
-    let pull = a.length();
+/// In every step the distance to the surface bounds what speed and acceleration can cover.
+fn curved_exit(d: DVec3, v: DVec3, a: DVec3, half_skin: f64, within: f64) -> f64 {
+    let acceleration = a.length();
     let mut time = 0.0;
     for _ in 0..STEPS {
         let position = haff_mechanics::free_flight(d, v, a, time);
         let speed = haff_mechanics::free_flight_velocity(v, a, time).length();
-        let gap = half - position.length();
-        if gap <= 1e-3 * half || time > within {
+        let gap = half_skin - position.length();
+        if gap <= 1e-3 * half_skin || time > within {
             break;
         }
         // Root of gap = speed t + a t²/2.
-        time += 2.0 * gap / (speed + (speed * speed + 2.0 * pull * gap).sqrt());
+        time += 2.0 * gap / (speed + (speed * speed + 2.0 * acceleration * gap).sqrt());
     }
     time
 }

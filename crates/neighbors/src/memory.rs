@@ -1,21 +1,22 @@
-//! Memory at its best: huge pages for large arrays, and cache lines asked for ahead of their use.
+//! Huge pages for large arrays, and prefetching of cache lines.
 
-/// Arrays of at least this size are given huge pages \[bytes\], …
+/// Arrays of at least this size are allocated on huge pages \[bytes\], …
 const LARGE: usize = 1 << 20;
-/// … which are of this size, as a rule; arrays of up to so many of them get whole ones.
+/// … which usually have this size; an array that needs at most `FEW` of them gets whole ones.
 const HUGE: usize = 1 << 21;
 const FEW: usize = 8;
-/// Size of other pages: an allocator needs a little room for itself.
+/// Size of other pages: an allocator stores its own header before the array.
 const PAGE: usize = 4096;
 
-/// An empty vector with room for `capacity` elements or a few more, on huge pages if it is large and the system has them.
+/// An empty vector with room for `capacity` elements or a few more, on huge pages if it is large and the
+/// system has them.
 ///
-/// Random access to more than a few megabytes otherwise costs a walk through the page tables each time. What this gains
-/// stands in the benchmark record.
-pub fn roomy<T>(capacity: usize) -> Vec<T> {
+/// Without them, each random access to more than a few megabytes costs a walk through the page tables. The
+/// gain is in the benchmark record.
+pub fn with_huge_pages<T>(capacity: usize) -> Vec<T> {
     let bytes = capacity.saturating_mul(size_of::<T>());
     let few = cfg!(target_os = "linux") && (LARGE..FEW * HUGE - PAGE).contains(&bytes);
-    // A mapping of whole huge pages is put where these begin.
+    // A mapping of whole huge pages is aligned to them.
     let capacity =
         if few { ((bytes + PAGE).next_multiple_of(HUGE) - PAGE) / size_of::<T>() } else { capacity };
     let mut vector: Vec<T> = Vec::with_capacity(capacity);
@@ -24,10 +25,10 @@ pub fn roomy<T>(capacity: usize) -> Vec<T> {
         let room = vector.spare_capacity_mut();
         let (start, bytes) = (room.as_mut_ptr().cast::<u8>(), size_of_val(room));
         if bytes >= LARGE {
-            // With what the allocator keeps before it.
+            // Including the allocator's header.
             let before = start as usize % PAGE;
-            // SAFETY: the pages of an allocation; the advice changes nothing but how they are backed, for whoever else has a part of
-            // them too, and whether it is taken does not matter.
+            // SAFETY: the pages belong to an allocation; the advice changes only how they are backed, also
+            // for other allocations on the same pages, and it may fail without consequence.
             unsafe {
                 libc::madvise(
                     start.wrapping_sub(before).cast(),
@@ -40,14 +41,14 @@ pub fn roomy<T>(capacity: usize) -> Vec<T> {
     vector
 }
 
-/// Asks the processor to bring the cache line of `place` near; nothing else happens. What this gains stands in the
-/// benchmark record; on other processors than x86-64 it is nothing at all.
+/// Prefetches the cache line of `place`, with no other effect. The gain is in the benchmark record; on
+/// processors other than x86-64 nothing happens.
 #[inline(always)]
 pub fn prefetch<T>(place: &T) {
     prefetch_address(place);
 }
 
-/// [`prefetch`] of an element, whether there is one or not: nobody has to look whether the index is within bounds.
+/// [`prefetch`] of an element, whether it exists or not: the index is not checked against the bounds.
 #[inline(always)]
 pub fn prefetch_at<T>(elements: &[T], index: usize) {
     prefetch_address(elements.as_ptr().wrapping_add(index));
@@ -56,7 +57,7 @@ pub fn prefetch_at<T>(elements: &[T], index: usize) {
 #[inline(always)]
 fn prefetch_address<T>(place: *const T) {
     #[cfg(target_arch = "x86_64")]
-    // SAFETY: a prefetch reads nothing that the program could see and cannot fault at any address; SSE is part of x86-64.
+    // SAFETY: a prefetch has no visible effect and cannot fault at any address; SSE is part of x86-64.
     unsafe {
         use std::arch::x86_64::{_MM_HINT_T0, _mm_prefetch};
         _mm_prefetch::<_MM_HINT_T0>(place.cast());
@@ -70,7 +71,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn large_and_small_vectors_are_vectors() {
+    fn vectors_of_all_sizes_have_room_and_keep_their_elements() {
         for capacity in [
             0,
             5,
@@ -82,7 +83,7 @@ mod tests {
             FEW * HUGE / 8,
             4 * HUGE + 3,
         ] {
-            let mut vector: Vec<u64> = roomy(capacity);
+            let mut vector: Vec<u64> = with_huge_pages(capacity);
             assert!(vector.is_empty() && vector.capacity() >= capacity);
             vector.extend((0..capacity as u64).map(|k| k * k));
             assert!((0..capacity).all(|k| vector[k] == (k * k) as u64));

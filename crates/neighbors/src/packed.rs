@@ -17,7 +17,7 @@ The image code is `sx + 3 sy + 9 sz`, −13 … 13, in two's complement: the ima
 pub struct Packed(u32);
 
 impl Packed {
-    /// Number of particles that can be told apart.
+    /// Number of particles that an index can distinguish.
     pub const MAX_PARTICLES: usize = 1 << ID_BITS;
 
     /// Packs a candidate; `None` if its image is not among the 27 nearest to the box.
@@ -37,13 +37,13 @@ impl Packed {
         self.0 & ((1 << ID_BITS) - 1)
     }
 
-    /// Place of its image in [`Offsets`]; 0 for the particle itself.
+    /// Index of its image in [`Offsets`]; 0 for the particle itself.
     #[inline(always)]
     pub fn code(self) -> usize {
         (self.0 >> ID_BITS) as usize
     }
 
-    /// Whether one of four is not the particle itself but an image.
+    /// Whether any of four candidates is an image, not the particle itself.
     #[inline(always)]
     pub fn any_image([a, b, c, d]: [Self; 4]) -> bool {
         (a.0 | b.0 | c.0 | d.0) >> ID_BITS != 0
@@ -72,7 +72,8 @@ impl Packed {
     }
 }
 
-/// Shift vectors s·L of the image codes [length]; a fourth component of zero makes each a whole vector register.
+/// Shift vectors s·L of the image codes [length]; a fourth component of zero makes each a whole vector
+/// register.
 #[derive(Debug, Clone, PartialEq)]
 #[repr(C, align(32))]
 pub struct Offsets(pub [[f64; 4]; 32]);
@@ -99,7 +100,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn images_survive_packing() {
+    fn unpacking_inverts_packing() {
         let size = DVec3::new(2.0, 3.0, 5.0);
         let offsets = Offsets::new(size);
         for x in -2..=2 {

@@ -1,12 +1,13 @@
-//! How far neighbor lists reach.
+//! Range of the neighbor lists.
 
 use crate::Geometry;
 
-/// Distance at which two particles of the mean diameter become neighbors [mean diameters]. From 1.5 to 1.8 the cost of
-/// a collision differs by less than a tenth at every density where lists pay at all.
+/// Distance at which two particles of the mean diameter become neighbors [mean diameters]. Between 1.5 and
+/// 1.8 the cost of a collision differs by less than a tenth at every density where lists are profitable.
 const SHELL: f64 = 1.6;
 
-/// Radius of the balls that particles stay in between two searches [length].
+/// Half of the skin: radius of the sphere around the reference position that a particle leaves by a crossing
+/// [length].
 pub(crate) fn half_skin(geometry: &Geometry) -> f64 {
     let count = geometry.radii.len();
     let diameter =

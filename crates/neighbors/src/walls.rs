@@ -1,10 +1,10 @@
-//! Which walls a particle in a cell may touch.
+//! The walls that a particle in a cell may touch.
 
 use rayon::prelude::*;
 
 use crate::{Axis, Geometry, Plane};
 
-/// For every cell of a grid the walls that a particle with its place in it may touch; empty without walls.
+/// For every cell of a grid the walls that a particle assigned to it may touch; empty without walls.
 #[derive(Debug, Clone, Default)]
 pub(crate) struct WallTable {
     /// Walls of cell c: `ids[start[c]..start[c + 1]]`.
@@ -13,8 +13,8 @@ pub(crate) struct WallTable {
 }
 
 impl WallTable {
-    /// The table of a grid of `n` cells per axis of these widths. `radius` is how far from its cell a particle may
-    /// touch \[length\].
+    /// The table of a grid of `n` cells per axis of these widths. `radius` is how far beyond its cell a
+    /// particle may touch \[length\].
     pub fn new(geometry: &Geometry, n: [i32; 3], width: [f64; 3], radius: f64) -> Self {
         if geometry.planes.is_empty() {
             return Self::default();
@@ -65,7 +65,7 @@ fn is_near(axes: [Axis; 3], width: [f64; 3], cell: [usize; 3], plane: &Plane, ra
             continue;
         }
         if matches!(axes[axis], Axis::Open | Axis::Periodic) {
-            // The cell stands for all its images.
+            // The cell represents all its images.
             return true;
         }
         let width = width[axis];

@@ -1,11 +1,11 @@
-//! What an event log costs: made-up events of a gas of 32,000 particles go to a recorder as fast as they can, or at a
-//! rate, and the time, the share of it spent waiting, the processor time of all threads and the size are told.
+//! Cost of an event log: made-up events of a gas of 32,000 particles go to a recorder at full speed, or at a
+//! given rate. Prints the time, the part of it spent waiting, the processor time of all threads and the size.
 //!
 //! ```sh
 //! cargo run --release -p haff-record --example event_log -- FILE ROWS [MILLIONS_PER_SECOND [COLUMNS [none]]]
 //! ```
 //!
-//! A rate of 0: as fast as they can. COLUMNS: `all`, or names with commas; `none`: uncompressed.
+//! A rate of 0: full speed. COLUMNS: `all`, or names separated by commas; `none`: uncompressed.
 
 use std::{
     env, fs,
@@ -106,7 +106,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
         compressed: !uncompressed,
         present: Present { springs: false, volume: true, angular_momentum: false, ..Present::all() },
     };
-    // The same rows again and again: longer than deflate's window, so that it does not notice.
+    // The same rows repeatedly: longer than deflate's window, so that it cannot use the repetition.
     let made = events(64 * BATCH);
     let recorder = Recorder::create(&path, header, true)?;
     let (started, processor) = (Instant::now(), processor_seconds());
@@ -118,7 +118,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
         let mut batch = recorder.event_buffer();
         batch.extend_from_slice(&made[from..from + BATCH]);
         if rate > 0.0 {
-            // The processor is kept busy, as by a simulation.
+            // A busy loop, as if a simulation were running.
             while started.elapsed().as_secs_f64() - waited.as_secs_f64() < (done + BATCH) as f64 / rate {
                 std::hint::spin_loop();
             }
@@ -135,7 +135,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     let total = started.elapsed();
     let size = fs::metadata(&path)?.len();
     println!(
-        "{:.3} M rows/s to the last hand-over, {:.3} to the end; waited {:.3} of {:.3} s, at most {:.0} ms; processor {:.2} s; \
+        "{:.3} M rows/s to the last call, {:.3} to the end; waited {:.3} of {:.3} s, at most {:.0} ms; processor {:.2} s; \
          {:.1} bytes a row",
         done as f64 / producing.as_secs_f64() / 1e6,
         done as f64 / total.as_secs_f64() / 1e6,

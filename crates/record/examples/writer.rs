@@ -1,4 +1,4 @@
-//! How fast the writer thread is: `cargo run --release -p haff-record --example writer [DIRECTORY]`.
+//! Speed of the writer thread: `cargo run --release -p haff-record --example writer [DIRECTORY]`.
 
 #[path = "../tests/common/mod.rs"]
 mod common;
@@ -17,7 +17,7 @@ fn main() -> Result<(), Box<dyn Error>> {
         let frames: Vec<_> = (0..100)
             .map(|k| {
                 let mut frame = frame(k, particles);
-                // Images as they are in a run: small numbers.
+                // Images as in a run: small numbers.
                 frame.image.iter_mut().for_each(|image| *image = image.map(|n| n % 3));
                 if dimension == 2 {
                     frame.position.iter_mut().chain(&mut frame.velocity).for_each(|vector| vector.z = 0.0);
@@ -36,7 +36,7 @@ fn main() -> Result<(), Box<dyn Error>> {
         drop(recorder);
         let bytes = fs::metadata(&path)?.len() as f64;
         println!(
-            "frames, N = {particles}, {dimension}D: {:.0} frames/s, {:.0} MB/s handed over, {:.1} MB/frame in the file",
+            "frames, N = {particles}, {dimension}D: {:.0} frames/s, {:.0} MB/s passed, {:.1} MB/frame in the file",
             count / seconds,
             count * 60e-6 * particles as f64 / seconds,
             bytes / count / 1e6

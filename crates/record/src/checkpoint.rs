@@ -1,9 +1,10 @@
-//! Checkpoints: two slots, written in turn, so that one of them is whole at any instant.
+//! Checkpoints: two slots, written alternately, so that one of them is complete at any instant.
 //!
 //! A slot is valid when the checksum in its `header`, which is written last, fits its content. The header is
-//! `[sequence, frames, samples, events, tail, scalars, resting, checksum]`: a running number that tells which slot is
-//! newer, the rows that trajectory, observables and event log have at that moment (the event log's with its `tail`
-//! rows that do not fill a chunk and are kept here), the number of scalars, the number of entries of `resting`.
+//! `[sequence, frames, samples, events, tail, scalars, resting, checksum]`: a running number that shows which
+//! slot is newer, the rows that trajectory, observables and event log have at that moment (those of the event
+//! log including its `tail` rows that do not fill a chunk and are stored here), the number of scalars, the
+//! number of entries of `resting`.
 
 use glam::DVec3;
 use haff_engine::{Checkpoint, EventRecord};
@@ -20,19 +21,19 @@ use crate::{
 /// Names of the entries of a slot's header, in order.
 const HEADER: [&str; 8] =
     ["sequence", "frames", "samples", "events", "tail", "scalars", "resting", "checksum"];
-/// Rows per chunk of what varies in length.
+/// Rows per chunk of data of variable length.
 const CHUNK: usize = 1024;
-/// Vectors written at once.
+/// Vectors written at a time.
 const VECTORS: usize = 1 << 15;
 
-/// How many rows a file has when a checkpoint is taken.
+/// Number of rows in a file when a checkpoint is taken.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub(crate) struct Progress {
     /// Frames.
     pub frames: usize,
     /// Rows of the observables.
     pub samples: usize,
-    /// Event rows, those in `tail` among them.
+    /// Event rows, including those in `tail`.
     pub events: usize,
 }
 
@@ -85,7 +86,7 @@ impl Slot {
         })
     }
 
-    /// A slot of a file.
+    /// A slot of an existing file.
     pub fn open(parent: &Group, name: &str, particles: usize) -> hdf5::Result<Self> {
         let group = parent.group(name)?;
         let dataset = |name: &str, shape: &[usize]| -> hdf5::Result<Dataset> {
@@ -116,8 +117,7 @@ impl Slot {
         })
     }
 
-    /// Writes the content of the slot; [`Slot::seal`] makes it valid when this has been flushed.
-    /// Returns the header.
+    /// Writes the content of the slot; after a flush, [`Slot::seal`] makes it valid. Returns the header.
     pub fn fill(&mut self, saved: &Saved) -> hdf5::Result<[u64; HEADER.len()]> {
         let state = &saved.state;
         write_vectors(&self.position, &state.position)?;
@@ -146,12 +146,12 @@ impl Slot {
         self.header.write(ArrayView1::from(&header[..]))
     }
 
-    /// The sequence number in the header, whether or not the slot is valid; 0 if it was never used.
+    /// The sequence number in the header, whether the slot is valid or not; 0 if it was never used.
     pub fn sequence(&self) -> hdf5::Result<u64> {
         Ok(read_all::<u64>(&self.header)?.first().copied().unwrap_or(0))
     }
 
-    /// The checkpoint in the slot; `None` if it was never used, or is not whole.
+    /// The checkpoint in the slot; `None` if it was never used, or is not complete.
     pub fn read(&self) -> hdf5::Result<Option<Saved>> {
         let found = read_all::<u64>(&self.header)?;
         let Ok(found) = <[u64; HEADER.len()]>::try_from(found) else { return Ok(None) };
@@ -193,8 +193,8 @@ impl Slot {
     }
 }
 
-/// Says what of a checkpoint does not fit N particles, if anything.
-pub(crate) fn misfit(state: &Checkpoint, particles: usize) -> Option<String> {
+/// The part of a checkpoint that does not fit N particles, if there is one.
+pub(crate) fn mismatch(state: &Checkpoint, particles: usize) -> Option<String> {
     let lengths = [
         ("positions", state.position.len()),
         ("velocities", state.velocity.len()),
@@ -216,7 +216,7 @@ pub(crate) fn misfit(state: &Checkpoint, particles: usize) -> Option<String> {
     Some(format!("a checkpoint with a scalar named {name:?}: names are ASCII of up to 63 characters"))
 }
 
-/// The valid checkpoint with the greatest sequence number that `accept` takes.
+/// The valid checkpoint with the greatest sequence number that satisfies `accept`.
 pub(crate) fn newest(slots: &[Slot; 2], accept: impl Fn(&Saved) -> bool) -> hdf5::Result<Option<Saved>> {
     let mut best: Option<Saved> = None;
     for slot in slots {
@@ -230,7 +230,7 @@ pub(crate) fn newest(slots: &[Slot; 2], accept: impl Fn(&Saved) -> bool) -> hdf5
     Ok(best)
 }
 
-/// A dataset of fixed size whose place in the file is fixed at once.
+/// A dataset of fixed size whose space in the file is allocated at once.
 fn fixed<T: H5Type>(group: &Group, name: &str, shape: &[usize]) -> hdf5::Result<Dataset> {
     group
         .new_dataset::<T>()
@@ -250,7 +250,8 @@ fn overwrite<T: H5Type>(series: &mut Series, data: &[T]) -> hdf5::Result<()> {
     if data.is_empty() { Ok(()) } else { series.write(0, data) }
 }
 
-/// Writes [N][3], in parts: a flat copy of everything would be a third of what a checkpoint takes already.
+/// Writes [N][3], in parts: a flat copy of everything would add a third of the memory that a checkpoint
+/// takes.
 fn write_vectors(dataset: &Dataset, vectors: &[DVec3]) -> hdf5::Result<()> {
     let mut start = 0;
     for part in vectors.chunks(VECTORS) {
@@ -279,7 +280,7 @@ fn header(saved: &Saved) -> [u64; HEADER.len()] {
         0,
     ];
     let mut sum = Xxh3::new();
-    // In blocks: the hash takes a few bytes at a time slowly.
+    // In blocks: the hash is slow for a few bytes at a time.
     let mut block: Vec<u8> = Vec::with_capacity(1 << 16);
     let mut put = |bytes: &mut dyn Iterator<Item = u8>| {
         block.clear();

@@ -1,5 +1,5 @@
-//! Checks that a file can hold what its datasets declare, before memory is allocated for it. A damaged file
-//! may declare any shape; the stored data cannot be larger than the file.
+//! Checks that a file can contain what its datasets declare, before memory is allocated for it. A damaged
+//! file may declare any shape; the stored data cannot be larger than the file.
 
 use hdf5::{Attribute, Container, Dataset, H5Type};
 
@@ -7,7 +7,7 @@ use hdf5::{Attribute, Container, Dataset, H5Type};
 const EXPANSION: u64 = 1032;
 /// Reads up to this size are not checked [bytes].
 const SMALL: u64 = 1 << 20;
-/// How much a dataset may declare beyond its stored data [bytes]. A kill during a flush leaves such a shape;
+/// Size that a dataset may declare beyond its stored data [bytes]. A kill during a flush leaves such a shape;
 /// the bound is far more than is written between two flushes.
 const AHEAD: u64 = 4 << 30;
 /// The same for a column of times [bytes].
@@ -62,8 +62,8 @@ pub(crate) fn check_growing(dataset: &Dataset) -> hdf5::Result<()> {
     check_elements(dataset, elements(&dataset.get_shape()?), AHEAD)
 }
 
-/// Fails if a dataset cannot hold `rows` rows of `width` elements, which are about to be read. `slack`: bytes
-/// that may be missing, by default those of a small read.
+/// Fails if a dataset cannot hold `rows` rows of `width` elements, before they are read. `slack`: bytes that
+/// may be missing, by default those of a small read.
 pub(crate) fn check_rows(
     dataset: &Dataset,
     rows: usize,

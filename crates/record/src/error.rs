@@ -1,15 +1,15 @@
-//! What can go wrong with a file.
+//! Errors of output files.
 
 use std::{
     io,
     path::{Path, PathBuf},
 };
 
-/// Why a file could not be written or read. Every variant names the file.
+/// Error of writing or reading a file. Every variant names the file.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
 #[non_exhaustive]
 pub enum RecordError {
-    /// The output file is there already and may not be replaced.
+    /// The output file exists and may not be replaced.
     #[error("{path} exists: name another output file, or allow it to be overwritten (--overwrite)")]
     Exists {
         /// The file.
@@ -44,15 +44,15 @@ pub enum RecordError {
     NotHaff {
         /// The file.
         path: PathBuf,
-        /// What every file of haff has and this one lacks.
+        /// A part that every file of haff has and this one lacks.
         missing: String,
     },
-    /// The file ends before its own records say.
+    /// The file ends before the end that it declares.
     #[error("{path} is truncated: {reason}")]
     Truncated {
         /// The file.
         path: PathBuf,
-        /// What HDF5 says.
+        /// The message of HDF5.
         reason: String,
     },
     /// Written with another version of the file layout or scene schema.
@@ -65,26 +65,26 @@ pub enum RecordError {
         /// Version of this program.
         expected: i64,
     },
-    /// The file holds nothing of what is asked for.
+    /// The file does not contain the requested data.
     #[error("{path} holds no {what}")]
     Missing {
         /// The file.
         path: PathBuf,
-        /// What is asked for.
+        /// The requested data.
         what: &'static str,
     },
-    /// The run in the file has come to its end; nothing can be added.
+    /// The run in the file is complete; nothing can be added.
     #[error("{path} holds a complete run: nothing can be added")]
     Complete {
         /// The file.
         path: PathBuf,
     },
-    /// The data handed over do not fit the file.
+    /// The given data do not fit the file.
     #[error("{path}: cannot record {reason}")]
     Unfit {
         /// The file.
         path: PathBuf,
-        /// What does not fit: counts, wanted and found.
+        /// The mismatch: expected and found counts.
         reason: String,
     },
     /// The disk is full, or a quota or size limit is reached.
@@ -92,10 +92,10 @@ pub enum RecordError {
     Full {
         /// The file.
         path: PathBuf,
-        /// What the system says.
+        /// The system's message.
         reason: String,
     },
-    /// The file is no longer where it was begun.
+    /// The file is no longer at its path.
     #[error("{path} was removed or replaced while it was being written")]
     Vanished {
         /// The file.
@@ -106,15 +106,15 @@ pub enum RecordError {
     Io {
         /// The file.
         path: PathBuf,
-        /// What was being done.
+        /// The failed action.
         action: &'static str,
-        /// What the system or HDF5 says.
+        /// The message of the system or of HDF5.
         reason: String,
     },
 }
 
 impl RecordError {
-    /// An error of the system while doing `action`.
+    /// An error of the system during `action`.
     pub(crate) fn io(path: &Path, action: &'static str, error: &io::Error) -> Self {
         let path = path.to_owned();
         match error.kind() {
@@ -130,11 +130,11 @@ impl RecordError {
         }
     }
 
-    /// An error of HDF5 while doing `action`.
+    /// An error of HDF5 during `action`.
     pub(crate) fn hdf5(path: &Path, action: &'static str, error: &hdf5::Error) -> Self {
         let path = path.to_owned();
         let text = error.to_string();
-        // HDF5 tells of failed system calls as `… errno = 28, error message = 'No space left on device', …`.
+        // HDF5 reports failed system calls as `… errno = 28, error message = 'No space left on device', …`.
         let system = text.split_once("errno = ").and_then(|(_, rest)| {
             let code: i32 = rest.split(',').next()?.trim().parse().ok()?;
             Some(io::Error::from_raw_os_error(code))
@@ -145,7 +145,8 @@ impl RecordError {
                 _ => Self::io(&path, action, &error),
             };
         }
-        // … and of a file that ends too early as `truncated file: eof = 9, sblock->base_addr = 0, stored_eof = 99`.
+        // … and a file that ends too early as `truncated file: eof = 9, sblock->base_addr = 0, stored_eof =
+        // 99`.
         if let Some((_, rest)) = text.rsplit_once("truncated file: ") {
             let number = |key| rest.split_once(key)?.1.split(',').next()?.trim().parse::<u64>().ok();
             let reason = match (number("eof = "), number("stored_eof = ")) {
@@ -158,7 +159,7 @@ impl RecordError {
     }
 }
 
-/// The action of opening a file to read it: a missing file is an error of its own then.
+/// The action of opening a file to read it: a missing file then has its own error.
 pub(crate) const OPEN: &str = "open the file";
 
 /// The system's message without `(os error 28)`.
@@ -166,7 +167,7 @@ fn plain(message: &str) -> String {
     message.split(" (os error").next().unwrap_or(message).to_owned()
 }
 
-/// Adds the path and what was being done to errors of HDF5.
+/// Adds the path and the action to errors of HDF5.
 pub(crate) trait Context<T> {
     /// The error with its context.
     fn doing(self, path: &Path, action: &'static str) -> Result<T, RecordError>;

@@ -8,11 +8,11 @@ use crate::{
     series::{Series, Storage},
 };
 
-/// Rows per chunk of the event log's columns. Half as many waste 2 bytes a row more at the ends of pages; twice as many
-/// are no faster, and make checkpoints and short logs larger.
+/// Rows per chunk of the event log's columns. Half as many waste 2 bytes a row more at the ends of pages;
+/// twice as many are no faster, and make checkpoints and short logs larger.
 pub const EVENT_CHUNK: usize = 1 << 13;
 
-/// [`EventKind`] as it is written.
+/// [`EventKind`] as stored in the file.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, H5Type)]
 #[repr(u8)]
 pub(crate) enum Kind {
@@ -68,7 +68,7 @@ impl From<Kind> for EventKind {
     }
 }
 
-/// An event as one compound row: how a checkpoint keeps the rows that do not fill a chunk.
+/// An event as one compound row, for the rows of a checkpoint that do not fill a chunk.
 #[derive(Debug, Clone, Copy, PartialEq, H5Type)]
 #[repr(C)]
 pub(crate) struct Row {
@@ -148,7 +148,7 @@ impl Column {
         Ok(Self { field, series })
     }
 
-    /// Adds the column's values of some rows: a whole chunk, or the last rows of the file.
+    /// Appends the column's values of some rows: a whole chunk, or the last rows of the file.
     fn append(&mut self, events: &[EventRecord], packer: &mut Packer) -> hdf5::Result<()> {
         let (count, rows) = (events.len(), events.iter());
         let series = &mut self.series;
@@ -190,7 +190,7 @@ pub(crate) struct Columns {
 }
 
 impl Columns {
-    /// New, empty columns: those of `fields`, and the time in any case.
+    /// New, empty columns: those of `fields`, and always the time.
     pub fn create(group: &Group, fields: &[EventColumn], compressed: bool) -> hdf5::Result<Self> {
         let time = Column::create(group, EventColumn::Time, compressed)?.series;
         let mut others = Vec::new();
@@ -200,7 +200,7 @@ impl Columns {
         Ok(Self { time, others, packer: Packer::new() })
     }
 
-    /// The columns of a file.
+    /// The columns of an existing file.
     pub fn open(group: &Group) -> hdf5::Result<Self> {
         let mut others = Vec::new();
         for field in EventColumn::ALL.into_iter().skip(1).filter(|field| group.link_exists(field.name())) {
@@ -217,10 +217,10 @@ impl Columns {
         [EventColumn::Time].into_iter().chain(others).map(|field| field.name().to_owned()).collect()
     }
 
-    /// Number of rows that all columns have.
+    /// Number of rows present in all columns.
     pub fn rows(&self) -> hdf5::Result<usize> {
         let rows = self.others.iter().map(|column| column.series.rows()).fold(self.time.rows(), usize::min);
-        self.time.known(rows)
+        self.time.without_trailing_nan(rows)
     }
 
     /// Sets the number of rows of all columns.
@@ -229,12 +229,12 @@ impl Columns {
         self.others.iter_mut().try_for_each(|column| column.series.resize(rows))
     }
 
-    /// Adds rows, but for their times: a whole chunk, or the last ones of the file.
+    /// Appends rows, except for their times: a whole chunk, or the last ones of the file.
     pub fn append(&mut self, events: &[EventRecord]) -> hdf5::Result<()> {
         self.others.iter_mut().try_for_each(|column| column.append(events, &mut self.packer))
     }
 
-    /// Adds the times of rows that are there, chunk by chunk: this makes them count.
+    /// Appends the times of rows that are already written, chunk by chunk: only then do these rows exist.
     pub fn append_times(&mut self, times: &[f64]) -> hdf5::Result<()> {
         for chunk in times.chunks(EVENT_CHUNK) {
             self.time.append_chunk(chunk.len(), chunk.iter().copied(), &mut self.packer)?;
@@ -255,7 +255,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_row_keeps_the_kind_of_its_event() {
+    fn rows_preserve_the_kinds_of_events() {
         for (number, kind) in EventKind::ALL.into_iter().enumerate() {
             assert_eq!((kind as usize, Kind::from(kind) as usize), (number, number), "{kind:?}");
             assert_eq!(EventKind::from(Kind::from(kind)), kind);
@@ -277,6 +277,6 @@ mod tests {
         };
         let kind = |kind: usize| Row { kind: kind as u32, ..row }.event().map(|event| event.kind);
         assert_eq!(EventKind::ALL.map(|each| kind(each as usize)), EventKind::ALL.map(Some));
-        assert_eq!(kind(EventKind::ALL.len()), None, "an unknown kind is no event");
+        assert_eq!(kind(EventKind::ALL.len()), None, "an unknown kind is not an event");
     }
 }

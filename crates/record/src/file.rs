@@ -1,4 +1,5 @@
-//! Opening, beginning and flushing files so that a killed or starved process leaves something readable.
+//! Opening, creating and flushing files so that they stay readable if the process is killed or the disk is
+//! full.
 
 use std::{
     ffi::OsString,
@@ -16,37 +17,38 @@ use crate::error::{Context, OPEN, RecordError};
 
 /// First bytes of every HDF5 file without a user block.
 const SIGNATURE: [u8; 8] = *b"\x89HDF\r\n\x1a\n";
-/// Start of a superblock of version 0 with addresses of 8 bytes, as library version bounds `earliest` give it.
+/// Start of a superblock of version 0 with addresses of 8 bytes, as written with library version bounds
+/// `earliest`.
 const SUPERBLOCK: [u8; 14] = *b"\x89HDF\r\n\x1a\n\0\0\0\0\0\x08";
-/// Where such a superblock has the end-of-file address (little-endian).
+/// Position of the end-of-file address (little-endian) in such a superblock.
 const END_ADDRESS: u64 = 40;
-/// A page of memory [bytes], which the kernel writes whole. An index node has 2 to 3 KiB.
+/// A page of memory [bytes], which the kernel writes as a whole. An index node has 2 to 3 KiB.
 const PAGE: u64 = 4096;
 const WRITE: &str = "write";
 const CREATE: &str = "create the file";
 
 /// An HDF5 file open for writing.
 ///
-/// It is never closed by dropping: a close writes whatever the library still holds, which after an error (a full
-/// disk) would damage what is on disk. [`WritableFile::close`] closes, after a flush.
+/// It is never closed by dropping: a close writes all data that the library still holds, which after an error
+/// (a full disk) would damage the file on disk. [`WritableFile::close`] closes, after a flush.
 #[derive(Debug)]
 pub(crate) struct WritableFile {
     file: ManuallyDrop<hdf5::File>,
-    /// The same file as the system knows it.
+    /// The same file as opened by the system.
     handle: fs::File,
-    /// Where it will be when the first flush is done.
+    /// Path of the file after the first flush.
     path: PathBuf,
-    /// Where it is until then, and whether it may replace a file.
+    /// Path of the file until then, and whether it may replace a file.
     unpublished: Option<(PathBuf, bool)>,
-    /// Bytes of the file for which space is known to be reserved.
+    /// Bytes of the file for which disk space is reserved.
     reserved: u64,
 }
 
 impl WritableFile {
-    /// Begins a file under a name of its own, beside `path`. The first flush moves it to `path`, so that a file
-    /// which is to be replaced stays until its successor can be read and resumed.
+    /// Creates a file under a temporary name, beside `path`. The first flush moves it to `path`, so that a
+    /// file to be replaced stays until the new one can be read and resumed.
     pub fn create(path: &Path, overwrite: bool) -> Result<Self, RecordError> {
-        // A symbolic link stays a link: what it points to is replaced.
+        // A symbolic link stays a link: its target is replaced.
         let path =
             if path.is_symlink() { fs::canonicalize(path).doing(path, CREATE)? } else { path.to_owned() };
         match fs::metadata(&path) {
@@ -67,32 +69,32 @@ impl WritableFile {
         let mut name = OsString::from(".");
         name.push(path.file_name().ok_or_else(|| RecordError::NotAFile { path: path.clone() })?);
         name.push(format!(".{}.part", std::process::id()));
-        let begun = path.with_file_name(name);
-        // The system's own error is plainer than HDF5's.
-        let handle = fs::File::options().read(true).write(true).create(true).truncate(true).open(&begun);
+        let part = path.with_file_name(name);
+        // The system's own error is clearer than HDF5's.
+        let handle = fs::File::options().read(true).write(true).create(true).truncate(true).open(&part);
         let handle = handle.doing(&path, CREATE)?;
         let file = hdf5::File::with_options()
             .set_fapl(&access(Purpose::Write).doing(&path, CREATE)?)
             .and_then(|builder| {
-                // An image of a file must not depend on when it was made.
-                builder.with_fcpl(|plist| plist.obj_track_times(false)).create(&begun)
+                // The bytes of a file must not depend on the time of its creation.
+                builder.with_fcpl(|plist| plist.obj_track_times(false)).create(&part)
             });
         match file {
             Ok(file) => Ok(Self {
                 file: ManuallyDrop::new(file),
                 handle,
                 path,
-                unpublished: Some((begun, overwrite)),
+                unpublished: Some((part, overwrite)),
                 reserved: 0,
             }),
             Err(error) => {
-                let _ = fs::remove_file(&begun);
+                let _ = fs::remove_file(&part);
                 Err(RecordError::hdf5(&path, CREATE, &error))
             }
         }
     }
 
-    /// Opens a file to go on writing it.
+    /// Opens a file to continue it.
     pub fn append(path: &Path) -> Result<Self, RecordError> {
         check_signature(path)?;
         let handle = fs::File::options().read(true).write(true).open(path).doing(path, OPEN)?;
@@ -108,26 +110,27 @@ impl WritableFile {
         &self.file
     }
 
-    /// The path the file has or will have.
+    /// The path that the file has or will have.
     pub fn path(&self) -> &Path {
         &self.path
     }
 
-    /// Writes all that HDF5 holds in memory.
+    /// Writes all data that HDF5 holds in memory.
     pub fn flush(&mut self) -> Result<(), RecordError> {
         self.reserve()?;
-        self.announce_end()?;
+        self.write_end_address()?;
         self.file.flush().doing(&self.path, WRITE)?;
         self.reserved = self.file.size();
-        // HDF5 may have given back space at the end, and does not know that the file had been extended for it.
+        // HDF5 may have freed space at the end, without shortening the file, which had been extended for it.
         if self.handle.metadata().doing(&self.path, WRITE)?.len() > self.reserved {
             self.handle.set_len(self.reserved).doing(&self.path, WRITE)?;
         }
-        self.check_place()
+        self.check_path()
     }
 
-    /// Tells a file that somebody has removed or replaced: the system would go on writing what nobody can open.
-    fn check_place(&self) -> Result<(), RecordError> {
+    /// Fails if the file has been removed or replaced by another process: the system would continue to write
+    /// a file that cannot be opened.
+    fn check_path(&self) -> Result<(), RecordError> {
         #[cfg(unix)]
         if self.is_published() {
             use std::os::unix::fs::MetadataExt;
@@ -143,8 +146,8 @@ impl WritableFile {
         Ok(())
     }
 
-    /// Makes sure that the disk has room for everything HDF5 has placed in the file, before its bookkeeping on disk
-    /// is touched. All chunks are written through, so what is missing is bookkeeping, whose places are fixed.
+    /// Reserves disk space for everything that HDF5 has allocated in the file, before its metadata on disk
+    /// are changed. All chunks are written through, so only metadata are missing, whose addresses are fixed.
     fn reserve(&self) -> Result<(), RecordError> {
         let end = self.file.size();
         #[cfg(target_os = "linux")]
@@ -155,7 +158,7 @@ impl WritableFile {
             };
             let flags = FallocateFlags::empty();
             match fallocate(&self.handle, flags, self.reserved, end - self.reserved) {
-                // Some file systems cannot, and then a full disk is noticed by the flush itself.
+                // Some file systems do not support this; a full disk is then detected by the flush itself.
                 Ok(()) | Err(Errno::OPNOTSUPP | Errno::NOSYS | Errno::INTR) => {}
                 Err(error) => return Err(RecordError::io(&self.path, WRITE, &error.into())),
             }
@@ -167,9 +170,10 @@ impl WritableFile {
         Ok(())
     }
 
-    /// Writes the end of the file's space into the superblock before anything that lies there is pointed to. HDF5
-    /// itself does so at the end of a flush, and until then refuses to read what is beyond the end it knows.
-    fn announce_end(&mut self) -> Result<(), RecordError> {
+    /// Writes the end of the file's space into the superblock before any pointer to data there is written.
+    /// HDF5 itself does so at the end of a flush, and until then refuses to read beyond the end in the
+    /// superblock.
+    fn write_end_address(&mut self) -> Result<(), RecordError> {
         let end = self.file.size();
         let mut start = [0; SUPERBLOCK.len()];
         self.handle.seek(SeekFrom::Start(0)).doing(&self.path, WRITE)?;
@@ -181,20 +185,20 @@ impl WritableFile {
         Ok(())
     }
 
-    /// Moves a flushed new file to its place.
+    /// Moves a flushed new file to its path.
     pub fn publish(&mut self) -> Result<(), RecordError> {
-        let Some((begun, overwrite)) = &self.unpublished else { return Ok(()) };
+        let Some((part, overwrite)) = &self.unpublished else { return Ok(()) };
         if *overwrite {
-            fs::rename(begun, &self.path).doing(&self.path, CREATE)?;
+            fs::rename(part, &self.path).doing(&self.path, CREATE)?;
         } else {
-            // A link, unlike a rename, fails if another file has appeared meanwhile.
-            match fs::hard_link(begun, &self.path) {
-                Ok(()) => fs::remove_file(begun).doing(&self.path, CREATE)?,
+            // A link, unlike a rename, fails if another file has been created in the meantime.
+            match fs::hard_link(part, &self.path) {
+                Ok(()) => fs::remove_file(part).doing(&self.path, CREATE)?,
                 Err(error) if error.kind() == ErrorKind::AlreadyExists => {
                     return Err(RecordError::Exists { path: self.path.clone() });
                 }
                 // File systems without hard links.
-                Err(_) if !self.path.exists() => fs::rename(begun, &self.path).doing(&self.path, CREATE)?,
+                Err(_) if !self.path.exists() => fs::rename(part, &self.path).doing(&self.path, CREATE)?,
                 Err(error) => return Err(RecordError::io(&self.path, CREATE, &error)),
             }
         }
@@ -202,12 +206,12 @@ impl WritableFile {
         Ok(())
     }
 
-    /// Whether the file is at its place.
+    /// Whether the file is at its path.
     pub fn is_published(&self) -> bool {
         self.unpublished.is_none()
     }
 
-    /// Closes the flushed file. `durable`: only after the disk has it.
+    /// Closes the flushed file. `durable`: only after it is stored on the disk.
     pub fn close(mut self, durable: bool) -> Result<(), RecordError> {
         // SAFETY: `self.file` is not used again: `self` is consumed, and its drop does not touch the field.
         let file = unsafe { ManuallyDrop::take(&mut self.file) };
@@ -218,20 +222,20 @@ impl WritableFile {
 
 impl Drop for WritableFile {
     fn drop(&mut self) {
-        // Nobody will miss a file that never came to its place.
-        if let Some((begun, _)) = &self.unpublished {
-            let _ = fs::remove_file(begun);
+        // A file that was never published is removed.
+        if let Some((part, _)) = &self.unpublished {
+            let _ = fs::remove_file(part);
         }
     }
 }
 
-/// What a file is opened for.
+/// Purpose of opening a file.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 enum Purpose {
     Write,
-    /// A run in progress may be looked at.
+    /// A run in progress may be read.
     Read,
-    /// The same within the process that writes it, where HDF5 wants equal locking.
+    /// The same within the process that writes it, where HDF5 requires equal locking.
     ReadOwn,
 }
 
@@ -241,15 +245,16 @@ fn access(purpose: Purpose) -> hdf5::Result<hdf5::plist::FileAccess> {
     if purpose == Purpose::Write {
         builder
             .libver_bounds(LibraryVersion::Earliest, LibraryVersion::latest())
-            // Bookkeeping in pages of the system: a process can be killed within a write, but not within a page.
+            // Metadata in pages of the system: a process can be killed during a write, but not during the
+            // write of a page.
             .alignment(PAGE / 2, PAGE)
             .meta_block_size(PAGE)
-            // No chunk cache: each write is a whole chunk, or goes in place into an uncompressed one, and nothing
-            // but bookkeeping is left to a flush.
+            // No chunk cache: each write is a whole chunk, or goes in place into an uncompressed one, and a
+            // flush only writes metadata.
             .chunk_cache(1, 0, 1.0)
             .mdc_config(&MetadataCacheConfig {
                 evictions_enabled: false,
-                // The library asks for these when evictions are off.
+                // The library requires these when evictions are off.
                 incr_mode: hdf5::file::CacheIncreaseMode::Off,
                 flash_incr_mode: hdf5::file::FlashIncreaseMode::Off,
                 decr_mode: hdf5::file::CacheDecreaseMode::Off,
@@ -259,7 +264,7 @@ fn access(purpose: Purpose) -> hdf5::Result<hdf5::plist::FileAccess> {
     builder.finish()
 }
 
-/// Tells files that are missing, unreadable or something else than HDF5.
+/// Fails for files that are missing, unreadable or not HDF5.
 fn check_signature(path: &Path) -> Result<(), RecordError> {
     let mut file = fs::File::open(path).doing(path, OPEN)?;
     if !file.metadata().doing(path, OPEN)?.is_file() {
@@ -278,12 +283,12 @@ fn check_signature(path: &Path) -> Result<(), RecordError> {
 
 /// Whether a process has the file open for writing; `false` if there is no such file.
 pub fn is_being_written(path: &Path) -> bool {
-    // HDF5 holds a lock on files it writes; it ends with its process.
+    // HDF5 holds a lock on files that it writes, until its process ends.
     fs::File::open(path).is_ok_and(|file| matches!(file.try_lock_shared(), Err(fs::TryLockError::WouldBlock)))
 }
 
-/// Opens a file and reads it by `read`. A file in the middle of being flushed by a running simulation can fail to be
-/// read; it is tried again a few times.
+/// Opens a file and reads it by `read`. Reading can fail while a running simulation flushes the file; it is
+/// tried again a few times.
 pub(crate) fn read<T>(
     path: &Path,
     read: impl Fn(&hdf5::File) -> Result<T, RecordError>,

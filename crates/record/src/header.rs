@@ -1,4 +1,4 @@
-//! What a file says about its run before anything has happened.
+//! The description of a run, written to a file before it starts.
 
 use glam::DVec3;
 use haff_engine::{Boundary, EventColumn, Present, System};
@@ -6,13 +6,13 @@ use haff_engine::{Boundary, EventColumn, Present, System};
 /// Version of the scene schema and of the file layout that this crate writes and reads.
 pub const SCHEMA: i64 = 1;
 
-/// Everything that is known of a run before it starts.
+/// Everything that is known about a run before it starts.
 #[derive(Debug, Clone, PartialEq)]
 #[expect(clippy::struct_excessive_bools, reason = "independent facts, each read on its own")]
 pub struct Header {
     /// Title of the scene.
     pub title: String,
-    /// The resolved scene as TOML text: all that is needed to build the same system again.
+    /// The resolved scene as TOML text, sufficient to build the same system again.
     pub scene_toml: String,
     /// Seed of all random numbers.
     pub seed: u64,
@@ -40,28 +40,33 @@ pub struct Header {
     pub mass: Vec<f64>,
     /// [N] radii [length].
     pub radius: Vec<f64>,
-    /// Names of the walls by the index that event rows use.
+    /// Names of the walls; event rows refer to walls by their index here.
     pub wall_names: Vec<String>,
     /// Whether frames are recorded.
     pub frames: bool,
     /// Whether observables are recorded.
     pub observables: bool,
-    /// Columns of the event log, the time always among them; empty: events are not recorded.
+    /// Columns of the event log, always including the time; empty: events are not recorded.
     pub events: Vec<EventColumn>,
     /// Whether frames and the event log are compressed (shuffle and deflate).
     pub compressed: bool,
-    /// What the scene has, on which its observables depend.
+    /// The parts of the scene that its observables depend on.
     pub present: Present,
 }
 
 impl Header {
-    /// The part of the header that follows from the system: everything but the texts, the seed and the versions,
-    /// which are empty or zero, with frames, observables and compression on and events off.
+    /// The part of the header that follows from the system: everything except the texts, the seed and the
+    /// versions, which are empty or zero, with frames, observables and compression on and events off.
     ///
     /// ```
     /// # use haff_engine::*;
     /// # fn example(system: &System) -> haff_record::Header {
-    /// haff_record::Header { title: "gas".into(), seed: 7, events: EventColumn::ALL.to_vec(), ..haff_record::Header::from_system(system) }
+    /// haff_record::Header {
+    ///     title: "gas".into(),
+    ///     seed: 7,
+    ///     events: EventColumn::ALL.to_vec(),
+    ///     ..haff_record::Header::from_system(system)
+    /// }
     /// # }
     /// ```
     pub fn from_system(system: &System) -> Self {

@@ -17,7 +17,7 @@ const REFERENCE: usize = 16;
 /// Size of the header of a heap, and of an object in it [bytes].
 const HEAD: usize = 16;
 
-/// Fails if a heap with texts of a dataset is damaged; the file is at `path`.
+/// Fails if a heap with texts of a dataset is damaged; `path` is that of the file.
 pub(crate) fn check_texts(dataset: &Dataset, path: &Path) -> hdf5::Result<()> {
     let count = elements(&dataset.get_shape()?);
     if count == 0 {
@@ -46,7 +46,7 @@ pub(crate) fn check_texts(dataset: &Dataset, path: &Path) -> hdf5::Result<()> {
             let head = part(&mut file, size, heap, HEAD as u64)?;
             let bytes = number(&head[8..]);
             let heap = part(&mut file, size, heap, bytes)?;
-            Ok(head.starts_with(b"GCOL") && is_sound(&heap))
+            Ok(head.starts_with(b"GCOL") && is_consistent(&heap))
         };
         if !check().map_err(|error| fail(&error))? {
             return Err(fail(&format_args!("the heap of texts at {heap} is damaged")));
@@ -56,7 +56,7 @@ pub(crate) fn check_texts(dataset: &Dataset, path: &Path) -> hdf5::Result<()> {
 }
 
 /// Whether each object of a heap ends where the next one begins.
-fn is_sound(heap: &[u8]) -> bool {
+fn is_consistent(heap: &[u8]) -> bool {
     let mut rest = heap.get(HEAD..).unwrap_or_default();
     while let Some(head) = rest.get(..HEAD) {
         let size = number(&head[8..]);
@@ -94,7 +94,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_heap_is_sound_if_its_objects_fill_it() {
+    fn a_heap_is_consistent_if_its_objects_fill_it() {
         let heap = |objects: &[(u16, u64)], length: usize| {
             let mut bytes = b"GCOL\x01\0\0\0".to_vec();
             bytes.extend((length as u64).to_le_bytes());
@@ -107,16 +107,16 @@ mod tests {
                 bytes.extend(vec![7; content as usize]);
             }
             bytes.resize(length, 0);
-            is_sound(&bytes)
+            is_consistent(&bytes)
         };
         assert!(heap(&[(1, 5), (2, 8), (0, 24)], 16 + 24 + 24 + 24));
-        // The rest is too small for the head of an object.
+        // The remaining space is too small for the header of an object.
         assert!(heap(&[(1, 5)], 16 + 24 + 8));
         for damaged in
             [&[(1, 5), (0, 0)][..], &[(1, u64::MAX)], &[(1, u64::MAX - 15)], &[(1, 90), (2, 900)], &[(0, 8)]]
         {
             assert!(!heap(damaged, 200), "{damaged:?}");
         }
-        assert!(!is_sound(b"GCOL"));
+        assert!(!is_consistent(b"GCOL"));
     }
 }

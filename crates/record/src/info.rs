@@ -1,4 +1,4 @@
-//! Reading what a file holds.
+//! Reading the content of a file.
 
 use std::path::Path;
 
@@ -8,18 +8,18 @@ use hdf5::{Dataset, Group, H5Type, types::VarLenUnicode};
 
 use crate::{
     checkpoint::newest,
+    datasets::{Datasets, Observables},
     declared::{elements, read_all, read_attribute, read_scalar},
     error::{Context, RecordError},
     events::Columns,
     file,
     header::SCHEMA,
     heap::check_texts,
-    skeleton::{Observables, Skeleton},
 };
 
 pub(crate) const READ: &str = "read";
 
-/// A file in a few numbers.
+/// Summary of a file.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Info {
     /// Title of the scene.
@@ -28,7 +28,7 @@ pub struct Info {
     pub scene_toml: String,
     /// Seed of all random numbers.
     pub seed: u64,
-    /// Version of haff that began the file.
+    /// Version of haff that created the file.
     pub version: String,
     /// Git revision it was built from; empty if unknown.
     pub git_revision: String,
@@ -40,7 +40,7 @@ pub struct Info {
     pub dimension: usize,
     /// N.
     pub particles: u64,
-    /// Names of the species, and how many particles each has.
+    /// Names of the species, and the number of particles of each.
     pub species: Vec<(String, u64)>,
     /// Names of the walls.
     pub walls: Vec<String>,
@@ -48,17 +48,17 @@ pub struct Info {
     pub box_size: DVec3,
     /// Whether each axis is periodic.
     pub periodic: [bool; 3],
-    /// Frames recorded; `None` if the scene asks for none.
+    /// Frames recorded; `None` if the scene records none.
     pub frames: Option<u64>,
-    /// Rows of observables recorded; `None` if the scene asks for none.
+    /// Rows of observables recorded; `None` if the scene records none.
     pub samples: Option<u64>,
-    /// Rows of the event log, with those that wait in the checkpoint; `None` if the scene asks for none.
+    /// Rows of the event log, including those stored in the checkpoint; `None` if the scene records none.
     pub event_rows: Option<u64>,
-    /// Names of the columns of the event log; empty if the scene asks for none.
+    /// Names of the columns of the event log; empty if the scene records none.
     pub event_columns: Vec<String>,
     /// Times of the first and the last frame or sample [time].
     pub time_range: Option<(f64, f64)>,
-    /// The last row of the observables, with the ledger. NaN where the file has no such observable.
+    /// The last row of the observables, with the ledger. NaN where the file does not contain the observable.
     pub last_sample: Option<Sample>,
     /// Counters at the last checkpoint.
     pub counters: Option<Counters>,
@@ -123,7 +123,7 @@ pub(crate) struct Parameters {
 }
 
 impl Parameters {
-    /// Reads them, and tells files that haff has not written, or not this version of it.
+    /// Reads them; fails for files that haff has not written, or not this version of it.
     pub fn read(file: &Group, path: &Path) -> Result<Self, RecordError> {
         for part in ["h5md", "parameters", "parameters/schema"] {
             if !file.link_exists(part) {
@@ -151,7 +151,7 @@ impl Parameters {
             Ok(elements(&file.dataset(&format!("particles/all/{name}"))?.get_shape()?))
         };
         let particles = count("mass")?;
-        // Four fixed columns, uncompressed: a number of particles beyond that is damage, not worth its memory.
+        // Four fixed columns, uncompressed: a larger number of particles is damage.
         for name in ["species", "radius", "id"] {
             let found = count(name)?;
             if found != particles {
@@ -217,12 +217,12 @@ fn vectors(flat: &[f64]) -> Vec<DVec3> {
     flat.chunks_exact(3).map(DVec3::from_slice).collect()
 }
 
-/// Tells what a file holds. Works on files of runs in progress, too: they show what was flushed.
+/// Summary of the content of a file. Also works for runs in progress: it shows the data flushed so far.
 ///
 /// # Errors
 ///
 /// [`RecordError::NotFound`], [`RecordError::NotAFile`], [`RecordError::NotHdf5`], [`RecordError::NotHaff`],
-/// [`RecordError::Truncated`], [`RecordError::Schema`], or [`RecordError::Io`] with what HDF5 says.
+/// [`RecordError::Truncated`], [`RecordError::Schema`], or [`RecordError::Io`] with the message of HDF5.
 pub fn info(path: impl AsRef<Path>) -> Result<Info, RecordError> {
     let path = path.as_ref();
     file::read(path, |file| {
@@ -232,15 +232,15 @@ pub fn info(path: impl AsRef<Path>) -> Result<Info, RecordError> {
 }
 
 fn read_info(file: &hdf5::File, parameters: Parameters, path: &Path) -> Result<Info, RecordError> {
-    let skeleton =
-        Skeleton::open(file, parameters.particles, parameters.species_names.len()).doing(path, READ)?;
-    let checkpoint = newest(&skeleton.slots, |_| true).doing(path, READ)?;
+    let datasets =
+        Datasets::open(file, parameters.particles, parameters.species_names.len()).doing(path, READ)?;
+    let checkpoint = newest(&datasets.slots, |_| true).doing(path, READ)?;
     let mut range: Option<(f64, f64)> = None;
-    let frames = match &skeleton.trajectory {
+    let frames = match &datasets.trajectory {
         Some(trajectory) => Some((&trajectory.clock, trajectory.rows().doing(path, READ)?)),
         None => None,
     };
-    let samples = match &skeleton.observables {
+    let samples = match &datasets.observables {
         Some(observables) => Some((&observables.clock, observables.rows().doing(path, READ)?)),
         None => None,
     };
@@ -251,10 +251,10 @@ fn read_info(file: &hdf5::File, parameters: Parameters, path: &Path) -> Result<I
             range = Some(range.map_or((first, last), |(low, high)| (low.min(first), high.max(last))));
         }
     }
-    let event_rows = match &skeleton.events {
+    let event_rows = match &datasets.events {
         Some(columns) => {
             let rows = columns.rows().doing(path, READ)?;
-            // The checkpoint's are more only while its tail is not in the columns yet.
+            // The checkpoint's count is larger only as long as its tail is not in the columns.
             let counted = checkpoint.as_ref().map_or(0, |saved| saved.progress.events).max(rows);
             if rows > 0 {
                 let last = columns.time(rows - 1).doing(path, READ)?;
@@ -264,7 +264,7 @@ fn read_info(file: &hdf5::File, parameters: Parameters, path: &Path) -> Result<I
         }
         None => None,
     };
-    let last_sample = match (&skeleton.observables, samples) {
+    let last_sample = match (&datasets.observables, samples) {
         (Some(observables), Some((_, rows))) if rows > 0 => {
             Some(read_sample(file, observables, rows - 1).doing(path, READ)?)
         }
@@ -304,7 +304,7 @@ fn read_info(file: &hdf5::File, parameters: Parameters, path: &Path) -> Result<I
         frames: frames.map(|(_, rows)| rows as u64),
         samples: samples.map(|(_, rows)| rows as u64),
         event_rows,
-        event_columns: skeleton.events.as_ref().map(Columns::names).unwrap_or_default(),
+        event_columns: datasets.events.as_ref().map(Columns::names).unwrap_or_default(),
         time_range: range,
         last_sample,
         counters: state.map(counters),
@@ -393,10 +393,10 @@ pub fn last_state(path: impl AsRef<Path>) -> Result<State, RecordError> {
     let path = path.as_ref();
     file::read(path, |file| {
         let parameters = Parameters::read(file, path)?;
-        let skeleton =
-            Skeleton::open(file, parameters.particles, parameters.species_names.len()).doing(path, READ)?;
+        let datasets =
+            Datasets::open(file, parameters.particles, parameters.species_names.len()).doing(path, READ)?;
         let missing = || RecordError::Missing { path: path.to_owned(), what: "frames" };
-        let trajectory = skeleton.trajectory.ok_or_else(missing)?;
+        let trajectory = datasets.trajectory.ok_or_else(missing)?;
         let row = trajectory.rows().doing(path, READ)?.checked_sub(1).ok_or_else(missing)?;
         let read = || -> hdf5::Result<State> {
             let all = file.group("particles/all")?;

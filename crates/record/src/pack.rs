@@ -1,9 +1,9 @@
-//! Compression of chunks, outside HDF5 and its lock: what HDF5's own filters shuffle and deflate undo.
+//! Compression of chunks, outside HDF5 and its lock, in the format of HDF5's own shuffle and deflate filters.
 //!
-//! Shuffled, a chunk of numbers is a sequence of planes, the lowest byte of every number first. In measured data the
-//! low bytes are noise, which deflate takes most of its time to find incompressible; the high ones (exponents, the
-//! leading digits of a time, of an index) are not. So the low planes go into the stream as stored blocks, and only the
-//! rest is deflated. Any inflater reads the result.
+//! A shuffled chunk of numbers is a sequence of planes, the lowest byte of every number first. In measured
+//! data the low bytes are noise, and deflate spends most of its time on them without compressing them; the
+//! high ones (exponents, the leading digits of a time, of an index) are not. So the low planes go into the
+//! stream as stored blocks, and only the rest is deflated. Any inflater reads the result.
 
 use hdf5::H5Type;
 use libdeflater::{CompressionLvl, Compressor, adler32};
@@ -14,14 +14,14 @@ use crate::events::Kind;
 const LEVEL: i32 = 1;
 /// Start of a zlib stream: deflate with a window of 32 KiB.
 const ZLIB: [u8; 2] = [0x78, 0x01];
-/// Most bytes in a stored block.
+/// Largest number of bytes in a stored block.
 const STORED: usize = 0xFFFF;
-/// Bytes of a plane that are looked at.
+/// Bytes of a plane that are sampled.
 const SAMPLE: usize = 1024;
 
-/// A number as chunks hold it.
+/// A number that chunks can contain.
 pub(crate) trait Number: H5Type + Copy {
-    /// Bytes of one.
+    /// Size of a number [bytes].
     const SIZE: usize;
     /// Its bytes, the lowest first, and zeros.
     fn bytes(self) -> [u8; 8];
@@ -44,7 +44,7 @@ number!(u32, 4, u64::from);
 number!(i32, 4, |value| u64::from(value as u32));
 number!(Kind, 1, |kind| kind as u64);
 
-/// Compresses chunks; keeps its buffers.
+/// Compresses chunks; reuses its buffers.
 pub(crate) struct Packer {
     compressor: Compressor,
     planes: Vec<u8>,
@@ -63,10 +63,11 @@ impl Packer {
         Self { compressor: Compressor::new(level), planes: Vec::new(), stream: Vec::new() }
     }
 
-    /// A chunk of `volume` numbers, of which `values` are the first and the rest are zero, shuffled and compressed.
+    /// A shuffled and compressed chunk of `volume` numbers, of which `values` are the first and the rest are
+    /// zero.
     pub fn pack<T: Number>(&mut self, values: impl Iterator<Item = T>, volume: usize) -> hdf5::Result<&[u8]> {
         let count = self.shuffle(values, volume);
-        // A chunk that is not full is the last one: zeros are not to be stored.
+        // A chunk that is not full is the last one: its zeros are compressed, too.
         let stored = if count == volume { self.noise(T::SIZE, volume) } else { 0 } * volume;
         let (low, high) = self.planes.split_at(stored);
         let stream = &mut self.stream;
@@ -79,7 +80,7 @@ impl Packer {
             stream.extend((!length).to_le_bytes());
             stream.extend_from_slice(block);
         }
-        // The last block, which ends the stream, is libdeflate's; of no bytes, too, if nothing is left.
+        // The last block, which ends the stream, comes from libdeflate, also if no bytes are left.
         let start = stream.len();
         stream.resize(start + self.compressor.deflate_compress_bound(high.len()), 0);
         let length = self
@@ -91,7 +92,7 @@ impl Packer {
         Ok(stream)
     }
 
-    /// Brings numbers into planes; returns how many there were.
+    /// Splits numbers into planes; returns their number.
     fn shuffle<T: Number>(&mut self, values: impl Iterator<Item = T>, volume: usize) -> usize {
         self.planes.clear();
         self.planes.resize(T::SIZE * volume, 0);
@@ -117,8 +118,9 @@ impl Packer {
     }
 }
 
-/// Whether deflate would gain little on these bytes: their values are nearly equally frequent. Found by pairs of equal
-/// bytes among a sample: one in 256 of random ones; one in 170, or more, is taken to be worth it.
+/// Whether deflate would gain little on these bytes: their values are nearly equally frequent. Estimated from
+/// pairs of equal bytes in a sample: one pair in 256 for random bytes; bytes with one in 170 or more are
+/// compressed.
 fn is_noise(plane: &[u8]) -> bool {
     let mut counts = [0_u32; 256];
     let mut sample = 0_u32;
@@ -144,7 +146,7 @@ mod tests {
         ((z ^ (z >> 31)) >> 11) as f64 / (1_u64 << 53) as f64
     }
 
-    /// What zlib and HDF5's shuffle make of a packed chunk.
+    /// The bytes of a packed chunk after zlib and HDF5's shuffle.
     fn unpack(stream: &[u8], size: usize, volume: usize) -> Vec<u8> {
         let mut planes = vec![0; size * volume];
         let length = Decompressor::new().zlib_decompress(stream, &mut planes).expect("a zlib stream");
@@ -166,7 +168,7 @@ mod tests {
     }
 
     #[test]
-    fn inflating_and_unshuffling_gives_back_every_chunk() {
+    fn inflating_and_unshuffling_restores_every_chunk() {
         // Lengths beyond a stored block, and chunks that are not full.
         for (count, volume) in [(1, 1), (0, 7), (5, 7), (4096, 4096), (4000, 4096), (3 * 65_536, 3 * 65_536)]
         {
@@ -186,11 +188,11 @@ mod tests {
     }
 
     #[test]
-    fn exponents_and_repetitions_are_compressed_and_mantissas_cost_next_to_nothing() {
+    fn exponents_and_repetitions_are_compressed_and_mantissas_are_stored_without_overhead() {
         let n = 8192;
         let reals: Vec<f64> = (0..n).map(|k| number(k) - 0.5).collect();
         let size = check(&reals, n as usize) as f64 / n as f64;
-        // Of 64 bits, 52 and a sign are random, and 2 bits tell the exponent: 55 of 64 can be had at best.
+        // Of 64 bits, 52 and a sign are random, and the exponent has 2 bits of information: 55 of 64 at best.
         assert!((6.8..7.3).contains(&size), "{size} bytes a random real");
         let times: Vec<f64> = (0..n).map(|k| 1000.0 + k as f64 * 1e-5 + 1e-5 * number(k)).collect();
         let size = check(&times, n as usize) as f64 / n as f64;

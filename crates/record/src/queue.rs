@@ -1,5 +1,5 @@
-//! The queue to the writer thread: bounded in bytes, so that a slow disk slows the simulation instead of filling the
-//! memory, and the place where the writer's error waits to be told.
+//! The queue to the writer thread: bounded in bytes, so that a slow disk slows the simulation instead of
+//! filling the memory, and the error of the writer until it is returned.
 
 use std::{
     path::Path,
@@ -13,24 +13,24 @@ use haff_engine::{Checkpoint, EventRecord, Frame, Sample};
 
 use crate::error::RecordError;
 
-/// Most bytes in the queue; one message may be larger than that if it is alone.
+/// Largest number of bytes in the queue; a single message may be larger.
 pub(crate) const LIMIT: usize = 64 << 20;
-/// Most messages in the queue.
+/// Largest number of messages in the queue.
 const MESSAGES: usize = 4096;
 /// Bytes of a particle in a frame, and in a checkpoint.
 pub(crate) const FRAME_BYTES: usize = 24 + 24 + 12;
 pub(crate) const CHECKPOINT_BYTES: usize = 24 + 24 + 12 + 8 + 4 + 4;
-/// Most buffers of event rows kept to be filled again.
-const SPARE: usize = 4;
+/// Largest number of free buffers for event rows.
+const MAX_FREE_BUFFERS: usize = 4;
 
-/// What the writer is asked to do.
+/// A task of the writer.
 #[derive(Debug)]
 pub(crate) enum Message {
     Frame(Frame),
     Sample(Sample),
     Events(Vec<EventRecord>),
     Checkpoint(Box<Checkpoint>),
-    /// Bring everything so far to the file, and answer.
+    /// Write everything so far to the file, and reply.
     Flush(SyncSender<()>),
     Finish {
         summary: String,
@@ -39,7 +39,7 @@ pub(crate) enum Message {
 }
 
 impl Message {
-    /// Bytes that the message holds, nearly.
+    /// Approximate size of the message [bytes].
     fn bytes(&self) -> usize {
         match self {
             Self::Frame(frame) => frame.position.len() * FRAME_BYTES,
@@ -57,15 +57,15 @@ struct State {
     bytes: usize,
     closed: bool,
     error: Option<RecordError>,
-    /// Buffers of event rows to be filled again: fresh ones would cost the simulation a page fault every 40 rows.
-    spare: Vec<Vec<EventRecord>>,
+    /// Free buffers for event rows: new ones would cost the simulation a page fault every 40 rows.
+    free_buffers: Vec<Vec<EventRecord>>,
 }
 
-/// What both ends share.
+/// State shared by both ends.
 #[derive(Debug, Default)]
 pub(crate) struct Shared {
     state: Mutex<State>,
-    room: Condvar,
+    space: Condvar,
 }
 
 impl Shared {
@@ -73,32 +73,32 @@ impl Shared {
         self.state.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
-    /// The writer's error, if it had one.
+    /// The writer's error, if there was one.
     pub fn error(&self) -> Option<RecordError> {
         self.lock().error.clone()
     }
 
     /// An empty buffer for event rows.
-    pub fn spare(&self) -> Vec<EventRecord> {
-        self.lock().spare.pop().unwrap_or_default()
+    pub fn buffer(&self) -> Vec<EventRecord> {
+        self.lock().free_buffers.pop().unwrap_or_default()
     }
 
-    /// Takes back a buffer of event rows that are written.
+    /// Returns a buffer of event rows that have been written.
     pub fn recycle(&self, mut events: Vec<EventRecord>) {
         events.clear();
         let mut state = self.lock();
-        if state.spare.len() < SPARE {
-            state.spare.push(events);
+        if state.free_buffers.len() < MAX_FREE_BUFFERS {
+            state.free_buffers.push(events);
         }
     }
 
-    /// Notes the writer's first error.
+    /// Stores the writer's first error.
     pub fn fail(&self, error: RecordError) {
         self.lock().error.get_or_insert(error);
     }
 }
 
-/// The end of the queue that the simulation holds.
+/// The end of the queue for the simulation.
 #[derive(Debug)]
 pub(crate) struct Producer {
     sender: SyncSender<(Message, usize)>,
@@ -106,37 +106,39 @@ pub(crate) struct Producer {
 }
 
 impl Producer {
-    /// Hands over a message, and waits while the queue is full. Tells an error of the writer, of any message before.
+    /// Sends a message; waits while the queue is full. Returns the writer's error, if there was one in any
+    /// earlier message.
     pub fn send(&self, message: Message, path: &Path) -> Result<(), RecordError> {
         let bytes = message.bytes();
-        self.room(bytes)?.bytes += bytes;
+        self.wait_for_space(bytes)?.bytes += bytes;
         self.sender.send((message, bytes)).map_err(|_| self.ended(path))
     }
 
-    /// An empty buffer for event rows, one that the writer has dealt with if there is one.
-    pub fn spare(&self) -> Vec<EventRecord> {
-        self.shared.spare()
+    /// An empty buffer for event rows, reused if possible.
+    pub fn buffer(&self) -> Vec<EventRecord> {
+        self.shared.buffer()
     }
 
-    /// Waits until a message of so many bytes has room. Tells an error of the writer, of any message before.
+    /// Waits until the queue has space for a message of so many bytes. Returns the writer's error, if there
+    /// was one in any earlier message.
     pub fn wait(&self, bytes: usize) -> Result<(), RecordError> {
-        self.room(bytes).map(drop)
+        self.wait_for_space(bytes).map(drop)
     }
 
-    fn room(&self, bytes: usize) -> Result<MutexGuard<'_, State>, RecordError> {
+    fn wait_for_space(&self, bytes: usize) -> Result<MutexGuard<'_, State>, RecordError> {
         let mut state = self.shared.lock();
         while state.bytes > 0 && state.bytes + bytes > LIMIT && !state.closed {
-            state = self.shared.room.wait(state).unwrap_or_else(PoisonError::into_inner);
+            state = self.shared.space.wait(state).unwrap_or_else(PoisonError::into_inner);
         }
         state.error.clone().map_or(Ok(state), Err)
     }
 
-    /// Drops this end, which lets the writer end; what both share stays.
+    /// Drops this end, so that the writer ends; returns the shared state.
     pub fn close(self) -> Arc<Shared> {
         self.shared
     }
 
-    /// The error to tell when the writer is gone.
+    /// The error to return when the writer has ended.
     pub fn ended(&self, path: &Path) -> RecordError {
         self.shared.error().unwrap_or_else(|| RecordError::Io {
             path: path.to_owned(),
@@ -146,7 +148,7 @@ impl Producer {
     }
 }
 
-/// The end of the queue that the writer holds; dropping it lets nobody wait any longer.
+/// The end of the queue for the writer; dropping it wakes all waiting threads.
 #[derive(Debug)]
 pub(crate) struct Consumer {
     pub receiver: Receiver<(Message, usize)>,
@@ -154,17 +156,17 @@ pub(crate) struct Consumer {
 }
 
 impl Consumer {
-    /// Makes room: a message of so many bytes is dealt with.
+    /// Frees the space of a message that has been processed.
     pub fn done(&self, bytes: usize) {
         self.shared.lock().bytes -= bytes;
-        self.shared.room.notify_one();
+        self.shared.space.notify_one();
     }
 }
 
 impl Drop for Consumer {
     fn drop(&mut self) {
         self.shared.lock().closed = true;
-        self.shared.room.notify_all();
+        self.shared.space.notify_all();
     }
 }
 
@@ -198,7 +200,7 @@ mod tests {
     }
 
     #[test]
-    fn a_slow_writer_holds_back_whoever_hands_over() {
+    fn a_slow_writer_blocks_the_sender() {
         let (producer, consumer) = queue();
         let writer = thread::spawn(move || {
             let mut most = 0;
@@ -212,17 +214,17 @@ mod tests {
             (most, count)
         });
         for _ in 0..40 {
-            producer.send(batch(LIMIT / 8), Path::new("x")).expect("the writer lives");
+            producer.send(batch(LIMIT / 8), Path::new("x")).expect("the writer runs");
         }
         drop(producer);
         let (most, count) = writer.join().expect("the writer ends");
         assert_eq!(count, 40);
         assert!(most <= LIMIT, "{most} bytes waited; the limit is {LIMIT}");
-        assert!(most > LIMIT / 2, "{most} bytes waited: the queue was never full, so this showed nothing");
+        assert!(most > LIMIT / 2, "{most} bytes waited: the queue was never full, the test is inconclusive");
     }
 
     #[test]
-    fn a_message_above_the_limit_passes_alone() {
+    fn a_message_above_the_limit_is_sent_alone() {
         let (producer, consumer) = queue();
         let writer = thread::spawn(move || {
             let mut sizes = Vec::new();
@@ -233,21 +235,21 @@ mod tests {
             sizes
         });
         for size in [LIMIT * 2, 1000, LIMIT * 2] {
-            producer.send(batch(size), Path::new("x")).expect("the writer lives");
+            producer.send(batch(size), Path::new("x")).expect("the writer runs");
         }
         drop(producer);
         assert_eq!(writer.join().expect("the writer ends").len(), 3);
     }
 
     #[test]
-    fn nobody_waits_for_a_writer_that_is_gone() {
+    fn senders_do_not_wait_for_a_writer_that_has_ended() {
         let (producer, consumer) = queue();
         producer.send(batch(LIMIT), Path::new("x")).expect("room for one");
         let killer = thread::spawn(move || {
             thread::sleep(Duration::from_millis(50));
             drop(consumer);
         });
-        let error = producer.send(batch(LIMIT), Path::new("x")).expect_err("nobody writes");
+        let error = producer.send(batch(LIMIT), Path::new("x")).expect_err("the writer has ended");
         assert!(matches!(error, RecordError::Io { .. }), "{error}");
         killer.join().expect("the thread ends");
     }

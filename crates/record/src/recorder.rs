@@ -9,34 +9,35 @@ use std::{
 use haff_engine::{Checkpoint, EventRecord, Frame, Sample};
 
 use crate::{
-    checkpoint::misfit,
+    checkpoint::mismatch,
+    datasets::Datasets,
     error::{Context, RecordError},
     file::WritableFile,
     header::Header,
     queue::{CHECKPOINT_BYTES, FRAME_BYTES, Message, Producer, queue},
-    skeleton::Skeleton,
     writer::Writer,
 };
 
 /// Writes a run to a file, on a thread of its own.
 ///
-/// Every call hands its data over and returns; it waits only while the queue to the disk is full (64 MiB). Errors of
-/// the disk show at the next call, and at the latest in [`Recorder::finish`]; after one, nothing more is written, and
-/// what had been flushed stays readable. The file is flushed about once a second, with every checkpoint, and on
-/// request. Rows that the [`Header`] does not ask for are dropped.
+/// Every call passes its data to the writer and returns; it waits only while the queue to the disk is full
+/// (64 MiB). Errors of the disk are returned by the next call, at the latest by [`Recorder::finish`]; after
+/// one, nothing more is written, and data flushed before stay readable. The file is flushed about once a
+/// second, with every checkpoint, and on request. Rows that the [`Header`] does not include are dropped.
 ///
-/// Dropping a recorder writes everything handed over and closes the file, without a summary; the run can be resumed.
+/// Dropping a recorder writes all data passed to it and closes the file, without a summary; the run can be
+/// resumed.
 #[derive(Debug)]
 pub struct Recorder {
     producer: Option<Producer>,
     thread: Option<JoinHandle<()>>,
     path: PathBuf,
-    wants: Wants,
+    contents: Contents,
 }
 
-/// What the file has a place for.
+/// The data that the file contains.
 #[derive(Debug, Clone, Copy, Default)]
-pub(crate) struct Wants {
+pub(crate) struct Contents {
     /// N.
     pub particles: usize,
     /// Number of species; `None` if their temperatures are not recorded.
@@ -47,51 +48,48 @@ pub(crate) struct Wants {
 }
 
 impl Recorder {
-    /// Begins a file.
+    /// Creates a file.
     ///
-    /// The new file is begun beside `path` and moved there with its first flush, which the first checkpoint causes:
-    /// with `overwrite`, an old file stays until then.
+    /// The new file is created beside `path` and moved there with its first flush, which the first checkpoint
+    /// causes: with `overwrite`, an old file stays until then.
     ///
     /// # Errors
     ///
-    /// [`RecordError::Exists`] if there is a file and `overwrite` is false, [`RecordError::InUse`] if another process
-    /// is writing it, [`RecordError::NotAFile`] if `path` is something else, [`RecordError::Unfit`] if the header
-    /// names no particles or its arrays differ in length, [`RecordError::Io`] and [`RecordError::Full`] if the
-    /// system refuses.
-    #[expect(
-        clippy::needless_pass_by_value,
-        reason = "made for this one call, like the other data handed over"
-    )]
+    /// [`RecordError::Exists`] if there is a file and `overwrite` is false, [`RecordError::InUse`] if another
+    /// process is writing it, [`RecordError::NotAFile`] if `path` is not a file, [`RecordError::Unfit`] if
+    /// the header has no particles or its arrays differ in length, [`RecordError::Io`] and
+    /// [`RecordError::Full`] for errors of the system.
+    #[expect(clippy::needless_pass_by_value, reason = "created for this call, like the other data passed")]
     pub fn create(path: impl AsRef<Path>, header: Header, overwrite: bool) -> Result<Self, RecordError> {
         let path = path.as_ref();
         check(path, &header)?;
         let mut file = WritableFile::create(path, overwrite)?;
-        let skeleton = Skeleton::create(file.root(), &header).doing(path, "create the file")?;
-        // Also before space that the making of the datasets has freed is used again.
+        let datasets = Datasets::create(file.root(), &header).doing(path, "create the file")?;
+        // Also before space freed by the creation of the datasets is reused.
         file.flush()?;
-        let wants = Wants {
+        let contents = Contents {
             particles: header.species.len(),
             species: Some(header.species_names.len()).filter(|&count| header.observables && count > 0),
             frames: header.frames,
             observables: header.observables,
             events: !header.events.is_empty(),
         };
-        Self::start(path, Writer::new(file, skeleton, header.box_size), wants)
+        Self::start(path, Writer::new(file, datasets, header.box_size), contents)
     }
 
-    /// A recorder whose writer works.
-    pub(crate) fn start(path: &Path, writer: Writer, wants: Wants) -> Result<Self, RecordError> {
+    /// A recorder with a running writer.
+    pub(crate) fn start(path: &Path, writer: Writer, contents: Contents) -> Result<Self, RecordError> {
         let (producer, consumer) = queue();
         let thread = thread::Builder::new()
             .name("haff-record".to_owned())
-            .spawn(move || writer.work(&consumer))
+            .spawn(move || writer.run(&consumer))
             .doing(path, "start the writer")?;
-        Ok(Self { producer: Some(producer), thread: Some(thread), path: path.to_owned(), wants })
+        Ok(Self { producer: Some(producer), thread: Some(thread), path: path.to_owned(), contents })
     }
 
     /// A recorder of a complete run, to which nothing can be added.
     pub(crate) fn closed(path: &Path) -> Self {
-        Self { producer: None, thread: None, path: path.to_owned(), wants: Wants::default() }
+        Self { producer: None, thread: None, path: path.to_owned(), contents: Contents::default() }
     }
 
     /// The path of the file.
@@ -113,23 +111,27 @@ impl Recorder {
     /// Adds a frame of all N particles.
     pub fn frame(&self, frame: Frame) -> Result<(), RecordError> {
         let lengths = [frame.position.len(), frame.velocity.len(), frame.image.len()];
-        if self.producer.is_some() && lengths != [self.wants.particles; 3] {
+        if self.producer.is_some() && lengths != [self.contents.particles; 3] {
             let [positions, velocities, images] = lengths;
             return Err(self.unfit(format!(
                 "a frame of {positions} positions, {velocities} velocities and {images} images; the file has {} \
                  particles",
-                self.wants.particles
+                self.contents.particles
             )));
         }
-        if self.wants.frames || self.producer.is_none() { self.send(Message::Frame(frame)) } else { Ok(()) }
+        if self.contents.frames || self.producer.is_none() {
+            self.send(Message::Frame(frame))
+        } else {
+            Ok(())
+        }
     }
 
-    /// Adds the frame that `take` makes, when there is room for it: a large system then has no more than one frame in
-    /// memory at a time. It is not made if frames are not recorded.
+    /// Adds the frame returned by `take`, when there is space for it: a large system then has no more than
+    /// one frame in memory at a time. `take` is not called if frames are not recorded.
     pub fn frame_with(&self, take: impl FnOnce() -> Frame) -> Result<(), RecordError> {
         match &self.producer {
-            Some(producer) if self.wants.frames => {
-                producer.wait(FRAME_BYTES * self.wants.particles)?;
+            Some(producer) if self.contents.frames => {
+                producer.wait(FRAME_BYTES * self.contents.particles)?;
                 self.frame(take())
             }
             Some(_) => Ok(()),
@@ -140,47 +142,50 @@ impl Recorder {
     /// Adds a row of observables.
     pub fn sample(&self, sample: Sample) -> Result<(), RecordError> {
         let found = sample.species_temperature.len();
-        if let Some(species) = self.wants.species.filter(|&species| species != found) {
+        if let Some(species) = self.contents.species.filter(|&species| species != found) {
             return Err(self.unfit(format!("temperatures of {found} species; the file has {species}")));
         }
-        if self.wants.observables || self.producer.is_none() {
+        if self.contents.observables || self.producer.is_none() {
             self.send(Message::Sample(sample))
         } else {
             Ok(())
         }
     }
 
-    /// An empty buffer for rows of [`Recorder::events`]: one that has been written before, where there is one, so that
-    /// its memory is warm.
+    /// An empty buffer for rows of [`Recorder::events`], reused if possible, so that its memory is mapped.
     pub fn event_buffer(&self) -> Vec<EventRecord> {
-        self.producer.as_ref().map_or_else(Vec::new, Producer::spare)
+        self.producer.as_ref().map_or_else(Vec::new, Producer::buffer)
     }
 
     /// Adds rows to the event log.
     pub fn events(&self, events: Vec<EventRecord>) -> Result<(), RecordError> {
-        if self.wants.events || self.producer.is_none() { self.send(Message::Events(events)) } else { Ok(()) }
+        if self.contents.events || self.producer.is_none() {
+            self.send(Message::Events(events))
+        } else {
+            Ok(())
+        }
     }
 
-    /// Keeps a checkpoint beside the one before it, and flushes the file. A resumed run goes on from here: frames,
-    /// samples and events handed over before this call stay, later ones are dropped then.
+    /// Stores a checkpoint beside the previous one, and flushes the file. A resumed run continues from here:
+    /// frames, samples and events passed before this call stay, later ones are dropped.
     pub fn checkpoint(&self, state: Checkpoint) -> Result<(), RecordError> {
         if self.producer.is_some()
-            && let Some(reason) = misfit(&state, self.wants.particles)
+            && let Some(reason) = mismatch(&state, self.contents.particles)
         {
             return Err(self.unfit(reason));
         }
         self.send(Message::Checkpoint(Box::new(state)))
     }
 
-    /// Keeps the checkpoint that `take` makes, when there is room for it; see [`Recorder::checkpoint`].
+    /// Stores the checkpoint returned by `take`, when there is space for it; see [`Recorder::checkpoint`].
     pub fn checkpoint_with(&self, take: impl FnOnce() -> Checkpoint) -> Result<(), RecordError> {
         if let Some(producer) = &self.producer {
-            producer.wait(CHECKPOINT_BYTES * self.wants.particles)?;
+            producer.wait(CHECKPOINT_BYTES * self.contents.particles)?;
         }
         self.checkpoint(take())
     }
 
-    /// Returns when everything handed over so far is in the file, but for events that do not fill a chunk.
+    /// Returns when all data passed so far are in the file, except for events that do not fill a chunk.
     pub fn flush(&self) -> Result<(), RecordError> {
         let (answer, done) = sync_channel(1);
         self.send(Message::Flush(answer))?;
@@ -190,9 +195,11 @@ impl Recorder {
         })
     }
 
-    /// Writes everything, with a summary of the run (JSON text), and closes the file once the disk has it.
+    /// Writes everything, with a summary of the run (JSON text), and closes the file after it is stored on
+    /// the disk.
     ///
-    /// `complete`: the run has come to its end; otherwise it was stopped and can be resumed from its last checkpoint.
+    /// `complete`: the run has reached its end; otherwise it was stopped and can be resumed from its last
+    /// checkpoint.
     pub fn finish(mut self, summary: &str, complete: bool) -> Result<(), RecordError> {
         self.send(Message::Finish { summary: summary.to_owned(), complete })?;
         self.join()
@@ -218,7 +225,7 @@ impl Recorder {
 
 impl Drop for Recorder {
     fn drop(&mut self) {
-        // Whoever wants to know of errors calls `finish`.
+        // Errors are returned only by `finish`.
         let _ = self.join();
     }
 }

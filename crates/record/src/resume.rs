@@ -1,4 +1,4 @@
-//! Going on with a file.
+//! Continuing a file.
 
 use std::path::Path;
 
@@ -6,50 +6,50 @@ use haff_engine::Checkpoint;
 
 use crate::{
     checkpoint::{Saved, Slot, newest},
+    datasets::{Datasets, Observables, Trajectory},
     error::{Context, RecordError},
     events::Columns,
     file::{self, WritableFile},
     info::{Parameters, READ},
-    recorder::{Recorder, Wants},
-    skeleton::{Observables, Skeleton, Trajectory},
+    recorder::{Contents, Recorder},
     writer::Writer,
 };
 
-/// What a file tells whoever goes on with its run.
+/// The data of a file needed to continue its run.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Resumed {
     /// The resolved scene as TOML text.
     pub scene_toml: String,
     /// Seed of all random numbers.
     pub seed: u64,
-    /// Version of haff that began the file.
+    /// Version of haff that created the file.
     pub version: String,
-    /// Version of its trajectory: if it is not [`haff_engine::TRAJECTORY_VERSION`], the bits after the checkpoint
-    /// may differ from those of an uninterrupted run.
+    /// Version of its trajectory: if it is not [`haff_engine::TRAJECTORY_VERSION`], the bits after the
+    /// checkpoint may differ from those of an uninterrupted run.
     pub trajectory_version: u32,
-    /// The state to go on from.
+    /// The state to continue from.
     pub checkpoint: Checkpoint,
-    /// Frames that stay.
+    /// Frames that are kept.
     pub frames: u64,
-    /// Rows of observables that stay.
+    /// Rows of observables that are kept.
     pub samples: u64,
-    /// Event rows that stay.
+    /// Event rows that are kept.
     pub event_rows: u64,
-    /// Time of the last frame that stays [time].
+    /// Time of the last frame that is kept [time].
     pub last_frame: Option<f64>,
-    /// Time of the last row of observables that stays [time].
+    /// Time of the last row of observables that is kept [time].
     pub last_sample: Option<f64>,
-    /// Whether the run is complete: then the file is left as it is, and nothing can be added.
+    /// Whether the run is complete: then the file is not changed, and nothing can be added.
     pub finished: bool,
     /// The summary (JSON text), if one was written.
     pub summary: Option<String>,
 }
 
 impl Recorder {
-    /// Goes on with the file of a run that was stopped, killed, or failed.
+    /// Continues the file of a run that was stopped, killed, or failed.
     ///
-    /// Takes the newest valid checkpoint and drops the frames, samples and events recorded after it. The file of a
-    /// complete run is not touched, and the recorder takes nothing then.
+    /// Uses the newest valid checkpoint and drops the frames, samples and events recorded after it. The file
+    /// of a complete run is not changed, and the recorder accepts no data then.
     ///
     /// # Errors
     ///
@@ -57,76 +57,76 @@ impl Recorder {
     /// [`RecordError::Missing`] if it holds no valid checkpoint.
     pub fn append(path: impl AsRef<Path>) -> Result<(Self, Resumed), RecordError> {
         let path = path.as_ref();
-        let (parameters, skeleton) = look(path)?;
+        let (parameters, datasets) = open(path)?;
         if parameters.complete {
-            return Ok((Self::closed(path), resumed(parameters, &skeleton, path)?));
+            return Ok((Self::closed(path), resumed(parameters, &datasets, path)?));
         }
         // The file is not opened for writing while it is open for reading.
-        drop(skeleton);
+        drop(datasets);
         let file = WritableFile::append(path)?;
         let prepare = || {
-            let skeleton = Skeleton::open(file.root(), parameters.particles, parameters.species_names.len())
+            let datasets = Datasets::open(file.root(), parameters.particles, parameters.species_names.len())
                 .doing(path, READ)?;
-            let saved = choose(&skeleton, path)?;
-            let resumed = tell(parameters.clone(), &skeleton, &saved, path)?;
-            let [first, second] = [&skeleton.slots[0], &skeleton.slots[1]].map(Slot::sequence);
-            Ok((skeleton, saved, resumed, [first.doing(path, READ)?, second.doing(path, READ)?]))
+            let saved = newest_complete(&datasets, path)?;
+            let resumed = describe(parameters.clone(), &datasets, &saved, path)?;
+            let [first, second] = [&datasets.slots[0], &datasets.slots[1]].map(Slot::sequence);
+            Ok((datasets, saved, resumed, [first.doing(path, READ)?, second.doing(path, READ)?]))
         };
-        let (skeleton, saved, resumed, [first, second]) = match prepare() {
+        let (datasets, saved, resumed, [first, second]) = match prepare() {
             Ok(prepared) => prepared,
             Err(error) => {
-                // Nothing has been changed, so closing is safe, and frees the lock.
+                // Nothing has been changed, so closing is safe, and releases the lock.
                 file.close(false)?;
                 return Err(error);
             }
         };
-        let wants = Wants {
+        let contents = Contents {
             particles: parameters.particles,
             species: parameters.species_sampled,
-            frames: skeleton.trajectory.is_some(),
-            observables: skeleton.observables.is_some(),
-            events: skeleton.events.is_some(),
+            frames: datasets.trajectory.is_some(),
+            observables: datasets.observables.is_some(),
+            events: datasets.events.is_some(),
         };
-        // The slot of the checkpoint that was taken stays; the other one is next.
+        // The slot of the checkpoint that is used stays; the other one is written next.
         let next_slot = usize::from(first == saved.sequence);
-        let mut writer = Writer::new(file, skeleton, parameters.box_size);
+        let mut writer = Writer::new(file, datasets, parameters.box_size);
         writer.resume(&saved, next_slot, first.max(second))?;
-        Ok((Self::start(path, writer, wants)?, resumed))
+        Ok((Self::start(path, writer, contents)?, resumed))
     }
 }
 
-/// What [`Recorder::append`] would go on with; the file is left as it is.
+/// What [`Recorder::append`] would continue from; the file is not changed.
 ///
 /// # Errors
 ///
 /// Those of [`crate::info`]; [`RecordError::Missing`] if it holds no valid checkpoint.
 pub fn resumable(path: impl AsRef<Path>) -> Result<Resumed, RecordError> {
     let path = path.as_ref();
-    let (parameters, skeleton) = look(path)?;
-    resumed(parameters, &skeleton, path)
+    let (parameters, datasets) = open(path)?;
+    resumed(parameters, &datasets, path)
 }
 
-fn look(path: &Path) -> Result<(Parameters, Skeleton), RecordError> {
+fn open(path: &Path) -> Result<(Parameters, Datasets), RecordError> {
     file::read(path, |file| {
         let parameters = Parameters::read(file, path)?;
-        let skeleton =
-            Skeleton::open(file, parameters.particles, parameters.species_names.len()).doing(path, READ)?;
-        Ok((parameters, skeleton))
+        let datasets =
+            Datasets::open(file, parameters.particles, parameters.species_names.len()).doing(path, READ)?;
+        Ok((parameters, datasets))
     })
 }
 
-fn resumed(parameters: Parameters, skeleton: &Skeleton, path: &Path) -> Result<Resumed, RecordError> {
-    let saved = choose(skeleton, path)?;
-    tell(parameters, skeleton, &saved, path)
+fn resumed(parameters: Parameters, datasets: &Datasets, path: &Path) -> Result<Resumed, RecordError> {
+    let saved = newest_complete(datasets, path)?;
+    describe(parameters, datasets, &saved, path)
 }
 
-/// The newest checkpoint all of whose rows are in the file.
-fn choose(skeleton: &Skeleton, path: &Path) -> Result<Saved, RecordError> {
+/// The newest checkpoint whose rows are all in the file.
+fn newest_complete(datasets: &Datasets, path: &Path) -> Result<Saved, RecordError> {
     let rows = || -> hdf5::Result<[usize; 3]> {
         Ok([
-            skeleton.trajectory.as_ref().map_or(Ok(usize::MAX), Trajectory::rows)?,
-            skeleton.observables.as_ref().map_or(Ok(usize::MAX), Observables::rows)?,
-            skeleton.events.as_ref().map_or(Ok(usize::MAX), Columns::rows)?,
+            datasets.trajectory.as_ref().map_or(Ok(usize::MAX), Trajectory::rows)?,
+            datasets.observables.as_ref().map_or(Ok(usize::MAX), Observables::rows)?,
+            datasets.events.as_ref().map_or(Ok(usize::MAX), Columns::rows)?,
         ])
     };
     let [frames, samples, events] = rows().doing(path, READ)?;
@@ -135,21 +135,21 @@ fn choose(skeleton: &Skeleton, path: &Path) -> Result<Saved, RecordError> {
             && saved.progress.samples <= samples
             && saved.progress.events - saved.tail.len() <= events
     };
-    newest(&skeleton.slots, accept)
+    newest(&datasets.slots, accept)
         .doing(path, READ)?
         .ok_or_else(|| RecordError::Missing { path: path.to_owned(), what: "valid checkpoint" })
 }
 
-fn tell(
+fn describe(
     parameters: Parameters,
-    skeleton: &Skeleton,
+    datasets: &Datasets,
     saved: &Saved,
     path: &Path,
 ) -> Result<Resumed, RecordError> {
     let rows = saved.progress;
     let clocks = [
-        (skeleton.trajectory.as_ref().map(|trajectory| &trajectory.clock), rows.frames),
-        (skeleton.observables.as_ref().map(|observables| &observables.clock), rows.samples),
+        (datasets.trajectory.as_ref().map(|trajectory| &trajectory.clock), rows.frames),
+        (datasets.observables.as_ref().map(|observables| &observables.clock), rows.samples),
     ];
     let mut last = [None; 2];
     for ((clock, rows), last) in clocks.into_iter().zip(&mut last) {

@@ -57,8 +57,8 @@ impl Series {
         Self::build::<T>(group, name, width, storage, None)
     }
 
-    /// A new, empty dataset of reals. Rows that a kill in the middle of a flush has made part of it, but whose chunk
-    /// the index on disk does not know yet, read as NaN.
+    /// A new, empty dataset of reals. Rows that a kill during a flush has added to its extent, but whose
+    /// chunk is not in the index on disk, read as NaN.
     pub fn create_real(group: &Group, name: &str, width: &[usize], storage: &Storage) -> hdf5::Result<Self> {
         Self::build::<f64>(group, name, width, storage, Some(OwnedDynValue::new(f64::NAN)))
     }
@@ -75,7 +75,7 @@ impl Series {
             .collect();
         let mut builder = group.new_dataset::<T>().chunk(storage.chunk.clone()).obj_track_times(false);
         if storage.compressed {
-            // Chunks are compressed by `Packer`; the level is for the record.
+            // Chunks are compressed by `Packer`; the level is for information.
             builder = builder.shuffle().deflate(1);
         }
         if let Some(fill) = fill {
@@ -89,13 +89,13 @@ impl Series {
             chunk: storage.chunk.clone(),
             compressed: storage.compressed,
         };
-        series.prime::<T>()?;
+        series.create_index::<T>()?;
         Ok(series)
     }
 
-    /// Makes the index of the chunks, by a chunk that is taken back. A later flush then need not write both a new
-    /// index and the header that points to it, between which a process could be killed.
-    fn prime<T: H5Type>(&mut self) -> hdf5::Result<()> {
+    /// Creates the index of the chunks, by writing a chunk and removing it. A later flush then need not write
+    /// both a new index and the header that points to it, between which a process could be killed.
+    fn create_index<T: H5Type>(&mut self) -> hdf5::Result<()> {
         self.resize(1)?;
         let corner = || Hyperslab::from(vec![SliceOrIndex::from(0..1); 1 + self.width.len()]);
         let element = self.dataset.read_slice::<T, _, IxDyn>(corner())?;
@@ -116,7 +116,7 @@ impl Series {
         Ok(Self { rows, width: width.to_vec(), chunk, compressed, dataset })
     }
 
-    /// Fails if rows have another shape.
+    /// Fails if the rows have another shape.
     pub fn expect(self, width: &[usize]) -> hdf5::Result<Self> {
         if self.width == width {
             Ok(self)
@@ -135,7 +135,7 @@ impl Series {
         self.width.iter().product()
     }
 
-    /// Adds rows; `data` holds whole rows.
+    /// Appends rows; `data` contains whole rows.
     pub fn append<T: H5Type>(&mut self, data: &[T]) -> hdf5::Result<()> {
         let count = data.len() / self.width();
         if count * self.width() != data.len() {
@@ -148,7 +148,8 @@ impl Series {
         self.write(self.rows - count, data)
     }
 
-    /// Adds `count` rows, at most a chunk, from the start of a chunk on: all of one, or the last of the dataset.
+    /// Appends `count` rows, at most a chunk, at the start of a chunk: a whole one, or the last of the
+    /// dataset.
     pub fn append_chunk<T: Number>(
         &mut self,
         count: usize,
@@ -165,7 +166,7 @@ impl Series {
         self.write_chunk(&corner, chunk)
     }
 
-    /// Adds rows of N vectors each.
+    /// Appends rows of N vectors each.
     pub fn append_vectors<'a, V: Copy + 'a, T: Number>(
         &mut self,
         rows: impl Iterator<Item = &'a [V]>,
@@ -190,7 +191,7 @@ impl Series {
         Ok(())
     }
 
-    /// Writes a chunk as it is to stand in the file, past HDF5's filters.
+    /// Writes a chunk as it is to be stored in the file, bypassing HDF5's filters.
     fn write_chunk(&self, corner: &[usize], chunk: &[u8]) -> hdf5::Result<()> {
         if corner.iter().zip(&self.chunk).any(|(corner, size)| !corner.is_multiple_of(*size)) {
             return Err(format!(
@@ -201,11 +202,12 @@ impl Series {
             .into());
         }
         let corner: Vec<u64> = corner.iter().map(|&corner| corner as u64).collect();
-        // HDF5's safe interface has no such call, and its own filters take eight times as long (see `pack`). Tests
-        // read the chunks back through these filters.
+        // HDF5's safe interface has no such call, and its own filters take eight times as long (see `pack`).
+        // Tests read the chunks back through these filters.
         let write = || {
-            // SAFETY: the dataset is open as long as `self`; `corner` has an entry for each of its axes, as `chunk` has;
-            // HDF5 reads `chunk.len()` bytes and keeps neither pointer; `sync` holds the library's lock.
+            // SAFETY: the dataset is open as long as `self`; `corner` has an entry for each of its axes, as
+            // `chunk` has; HDF5 reads `chunk.len()` bytes and keeps neither pointer; `sync` holds the
+            // library's lock.
             unsafe {
                 hdf5_sys::h5d::H5Dwrite_chunk(
                     self.dataset.id(),
@@ -221,7 +223,7 @@ impl Series {
         Ok(())
     }
 
-    /// Replaces whole rows that are there, from row `start`.
+    /// Replaces whole existing rows, from row `start`.
     pub fn write<T: H5Type>(&self, start: usize, data: &[T]) -> hdf5::Result<()> {
         let count = data.len() / self.width();
         let view = ArrayViewD::from_shape(IxDyn(&shape(count, &self.width)), data)?;
@@ -236,9 +238,9 @@ impl Series {
     }
 
     /// Number of rows up to `rows`, without NaN at the end: for times.
-    pub fn known(&self, rows: usize) -> hdf5::Result<usize> {
+    pub fn without_trailing_nan(&self, rows: usize) -> hdf5::Result<usize> {
         let mut end = rows.min(self.rows);
-        // Rows without stored data read as NaN: the search must not go through billions of them.
+        // Rows without stored data read as NaN: the search must not read billions of them.
         declared::check_rows(&self.dataset, end, self.width(), Some(TIMES_AHEAD))?;
         while end > 0 {
             let start = end.saturating_sub(1 << 12);
@@ -268,5 +270,5 @@ impl Series {
     }
 }
 
-/// A name of fixed length, as datasets of names need it.
+/// A name of fixed length, for datasets of names.
 pub(crate) type Name = FixedAscii<64>;

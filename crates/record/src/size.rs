@@ -1,10 +1,10 @@
-//! How large a file will be.
+//! Estimate of the size of a file.
 
 use haff_engine::{EventColumn, Present, observables};
 
-use crate::{events::EVENT_CHUNK, skeleton::frame_storage};
+use crate::{datasets::frame_storage, events::EVENT_CHUNK};
 
-/// What a run is going to record.
+/// The amount of data that a run is going to record.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub struct FileSize<'a> {
     /// N.
@@ -26,7 +26,7 @@ pub struct FileSize<'a> {
 /// A double with a random mantissa, compressed [bytes].
 const PACKED: f64 = 6.95;
 
-/// Bytes of an event row: measured where they are compressed, with half a page lost for each chunk.
+/// Bytes of an event row: measured if compressed, plus half a page lost for each chunk.
 fn event_row(column: EventColumn, size: &FileSize) -> f64 {
     let components = size.dimension as f64;
     let (whole, packed) = match column {

@@ -1,4 +1,4 @@
-//! The writer thread: it alone owns the file.
+//! The writer thread: the only owner of the file.
 
 use std::{
     sync::mpsc::RecvTimeoutError,
@@ -10,26 +10,26 @@ use haff_engine::{Checkpoint, EventRecord, Frame, Quantity, Sample};
 
 use crate::{
     checkpoint::{Progress, Saved},
+    datasets::{Datasets, Observables, text},
     error::{Context, RecordError},
     events::EVENT_CHUNK,
     file::WritableFile,
     pack::Packer,
     queue::{Consumer, Message},
-    skeleton::{Observables, Skeleton, text},
 };
 
-/// Time between flushes when no checkpoint asks for one.
+/// Time between flushes without a checkpoint.
 const FLUSH_EVERY: Duration = Duration::from_secs(1);
-/// Frames wait for each other up to this many bytes: many small ones are written at once.
+/// Frames are collected up to this many bytes: many small ones are written at once.
 const FRAME_BATCH: usize = 1 << 20;
-/// Samples wait for each other, or for a flush, up to this many.
+/// Largest number of samples collected before they are written; a flush writes them earlier.
 const SAMPLE_BATCH: usize = 4096;
 const WRITE: &str = "write";
 
-/// What the writer thread works on.
+/// State of the writer thread.
 #[derive(Debug)]
 pub(crate) struct Writer {
-    skeleton: Skeleton,
+    datasets: Datasets,
     file: WritableFile,
     box_size: DVec3,
     progress: Progress,
@@ -38,23 +38,23 @@ pub(crate) struct Writer {
     /// Events that do not fill a chunk.
     events: Vec<EventRecord>,
     packer: Packer,
-    /// Steps and times whose values are written, but not yet known to have reached the file.
+    /// Steps and times of rows whose values have been written, but not flushed.
     frame_clock: Vec<(i64, f64)>,
     sample_clock: Vec<(i64, f64)>,
     event_times: Vec<f64>,
     /// Number of the last checkpoint, and the slot of the next.
     sequence: u64,
     next_slot: usize,
-    /// Something was recorded since the last flush.
+    /// Whether data have been recorded since the last flush.
     dirty: bool,
     flushed: Instant,
 }
 
 impl Writer {
     /// A writer at the beginning of a file.
-    pub fn new(file: WritableFile, skeleton: Skeleton, box_size: DVec3) -> Self {
+    pub fn new(file: WritableFile, datasets: Datasets, box_size: DVec3) -> Self {
         Self {
-            skeleton,
+            datasets,
             file,
             box_size,
             progress: Progress::default(),
@@ -72,26 +72,26 @@ impl Writer {
         }
     }
 
-    /// Goes on after a checkpoint: cuts everything to what was there when it was taken.
+    /// Continues after a checkpoint: truncates everything to its length when it was taken.
     pub fn resume(&mut self, saved: &Saved, next_slot: usize, sequence: u64) -> Result<(), RecordError> {
         let rows = saved.progress;
         let path = self.file.path().to_owned();
-        let skeleton = &mut self.skeleton;
-        if let Some(trajectory) = &mut skeleton.trajectory {
+        let datasets = &mut self.datasets;
+        if let Some(trajectory) = &mut datasets.trajectory {
             trajectory.truncate(rows.frames).doing(&path, WRITE)?;
         }
-        if let Some(observables) = &mut skeleton.observables {
+        if let Some(observables) = &mut datasets.observables {
             observables.truncate(rows.samples).doing(&path, WRITE)?;
         }
-        if let Some(events) = &mut skeleton.events {
-            // Back to whole chunks; the rest of the rows is in the checkpoint.
+        if let Some(events) = &mut datasets.events {
+            // Back to whole chunks; the remaining rows are in the checkpoint.
             events.truncate(rows.events - saved.tail.len()).doing(&path, WRITE)?;
         }
         let parameters = self.file.root().group("parameters").doing(&path, WRITE)?;
         if parameters.link_exists("summary") {
             parameters.unlink("summary").doing(&path, WRITE)?;
         }
-        // Freed space must not be used again while the index on disk still points to it.
+        // Freed space must not be reused while the index on disk still points to it.
         self.file.flush()?;
         self.progress = rows;
         self.events.clone_from(&saved.tail);
@@ -100,9 +100,9 @@ impl Writer {
         Ok(())
     }
 
-    /// Works until the other end is dropped, the run is finished, or an error.
-    pub fn work(mut self, queue: &Consumer) {
-        let end = self.serve(queue);
+    /// Runs until the other end is dropped, the run is finished, or an error occurs.
+    pub fn run(mut self, queue: &Consumer) {
+        let end = self.process_messages(queue);
         match end {
             Ok(Some((summary, complete))) => {
                 if let Err(error) = self.finish(Some(&summary), complete) {
@@ -117,7 +117,7 @@ impl Writer {
             Err(error) => {
                 queue.shared.fail(error);
                 drop(self);
-                // Whoever hands over learns of the error next time; until then nothing may block.
+                // The sender gets the error with its next call; until then it must not block.
                 while let Ok((_, bytes)) = queue.receiver.recv() {
                     queue.done(bytes);
                 }
@@ -125,7 +125,7 @@ impl Writer {
         }
     }
 
-    fn serve(&mut self, queue: &Consumer) -> Result<Option<(String, bool)>, RecordError> {
+    fn process_messages(&mut self, queue: &Consumer) -> Result<Option<(String, bool)>, RecordError> {
         loop {
             let wait =
                 if self.dirty { FLUSH_EVERY.saturating_sub(self.flushed.elapsed()) } else { FLUSH_EVERY };
@@ -136,19 +136,19 @@ impl Writer {
                         Message::Flush(answer) => {
                             let result = self.flush().and_then(|()| self.file.publish());
                             match &result {
-                                // Whoever asked may have stopped waiting.
+                                // The receiver may have stopped waiting.
                                 Ok(()) => drop(answer.send(())),
-                                // The error must be there to be found when the answer fails to come.
+                                // The error must be stored before the missing reply is noticed.
                                 Err(error) => queue.shared.fail(error.clone()),
                             }
                             result
                         }
                         Message::Events(events) => {
-                            let result = self.take_events(&events);
+                            let result = self.add_events(&events);
                             queue.shared.recycle(events);
                             result
                         }
-                        message => self.take(message),
+                        message => self.process(message),
                     };
                     queue.done(bytes);
                     result?;
@@ -163,7 +163,7 @@ impl Writer {
         }
     }
 
-    fn take(&mut self, message: Message) -> Result<(), RecordError> {
+    fn process(&mut self, message: Message) -> Result<(), RecordError> {
         match message {
             Message::Frame(frame) => {
                 self.dirty = true;
@@ -182,14 +182,14 @@ impl Writer {
                 self.checkpoint(*state)?;
                 self.file.publish()
             }
-            // Dealt with by `serve`.
+            // Handled by `process_messages`.
             Message::Events(_) | Message::Flush(_) | Message::Finish { .. } => Ok(()),
         }
     }
 
     fn write_frames(&mut self) -> Result<(), RecordError> {
         let frames = std::mem::take(&mut self.frames);
-        let Some(trajectory) = &mut self.skeleton.trajectory else { return Ok(()) };
+        let Some(trajectory) = &mut self.datasets.trajectory else { return Ok(()) };
         if frames.is_empty() {
             return Ok(());
         }
@@ -209,7 +209,7 @@ impl Writer {
 
     fn write_samples(&mut self) -> Result<(), RecordError> {
         let samples = std::mem::take(&mut self.samples);
-        let Some(Observables { series, .. }) = &mut self.skeleton.observables else { return Ok(()) };
+        let Some(Observables { series, .. }) = &mut self.datasets.observables else { return Ok(()) };
         for (series, quantity) in series {
             if let Quantity::Count(value) = *quantity {
                 series.append(&samples.iter().map(|sample| value(sample) as i64).collect::<Vec<_>>())
@@ -224,8 +224,8 @@ impl Writer {
         Ok(())
     }
 
-    /// Writes whole chunks of events, and keeps the rest.
-    fn take_events(&mut self, mut events: &[EventRecord]) -> Result<(), RecordError> {
+    /// Writes whole chunks of events, and stores the rest.
+    fn add_events(&mut self, mut events: &[EventRecord]) -> Result<(), RecordError> {
         self.dirty = true;
         self.progress.events += events.len();
         if !self.events.is_empty() {
@@ -250,38 +250,38 @@ impl Writer {
 
     /// Writes a chunk of events, or the last ones.
     fn write_events(&mut self, events: &[EventRecord]) -> Result<(), RecordError> {
-        if let Some(columns) = &mut self.skeleton.events {
+        if let Some(columns) = &mut self.datasets.events {
             columns.append(events).doing(self.file.path(), WRITE)?;
             self.event_times.extend(events.iter().map(|event| event.time));
         }
         Ok(())
     }
 
-    /// Brings everything but events that do not fill a chunk to the file: values first, then the times that make
-    /// them rows.
+    /// Writes everything except events that do not fill a chunk to the file: values first, then the times
+    /// that complete the rows.
     fn flush(&mut self) -> Result<(), RecordError> {
         self.write_frames()?;
         self.write_samples()?;
         self.file.flush()?;
-        let mut ticked = false;
-        let frames = self.skeleton.trajectory.as_mut().map(|trajectory| &mut trajectory.clock);
-        let samples = self.skeleton.observables.as_mut().map(|observables| &mut observables.clock);
-        // Samples first: MDAnalysis wants at least as many as frames.
+        let mut appended = false;
+        let frames = self.datasets.trajectory.as_mut().map(|trajectory| &mut trajectory.clock);
+        let samples = self.datasets.observables.as_mut().map(|observables| &mut observables.clock);
+        // Samples first: MDAnalysis requires at least as many as frames.
         for (clock, rows) in [(samples, &mut self.sample_clock), (frames, &mut self.frame_clock)] {
             let Some(clock) = clock.filter(|_| !rows.is_empty()) else { continue };
             let (steps, times): (Vec<i64>, Vec<f64>) = rows.drain(..).unzip();
             clock.step.append(&steps).doing(self.file.path(), WRITE)?;
             clock.time.append(&times).doing(self.file.path(), WRITE)?;
-            ticked = true;
+            appended = true;
         }
-        if let Some(columns) = &mut self.skeleton.events
+        if let Some(columns) = &mut self.datasets.events
             && !self.event_times.is_empty()
         {
             columns.append_times(&self.event_times).doing(self.file.path(), WRITE)?;
             self.event_times.clear();
-            ticked = true;
+            appended = true;
         }
-        if ticked {
+        if appended {
             self.file.flush()?;
         }
         self.dirty = false;
@@ -291,12 +291,12 @@ impl Writer {
     }
 
     fn checkpoint(&mut self, state: Checkpoint) -> Result<(), RecordError> {
-        // A checkpoint must not count rows that the file does not have.
+        // A checkpoint must not count rows that are not in the file.
         self.flush()?;
         self.sequence += 1;
         let saved =
             Saved { sequence: self.sequence, progress: self.progress, state, tail: self.events.clone() };
-        let slot = &mut self.skeleton.slots[self.next_slot];
+        let slot = &mut self.datasets.slots[self.next_slot];
         let header = slot.fill(&saved).doing(self.file.path(), WRITE)?;
         self.file.flush()?;
         slot.seal(header).doing(self.file.path(), WRITE)?;
@@ -306,10 +306,10 @@ impl Writer {
         Ok(())
     }
 
-    /// Writes all that is left, and closes the file.
+    /// Writes all remaining data, and closes the file.
     fn finish(mut self, summary: Option<&str>, complete: bool) -> Result<(), RecordError> {
         if summary.is_none() && !self.file.is_published() && !self.dirty {
-            // Nothing was recorded: the file never comes to its place.
+            // Nothing was recorded: the file is never published.
             return Ok(());
         }
         let events = std::mem::take(&mut self.events);
@@ -322,8 +322,8 @@ impl Writer {
             self.file.flush()?;
         }
         self.file.publish()?;
-        let Self { skeleton, file, .. } = self;
-        drop(skeleton);
+        let Self { datasets, file, .. } = self;
+        drop(datasets);
         file.close(summary.is_some())
     }
 }

@@ -23,10 +23,10 @@ use hdf5::{Dataset, File, H5Type};
 const CHILD: &str = "HAFF_RECORD_TEST_DAMAGE";
 /// Files per child process.
 const BATCH: u64 = 75;
-/// Limit on the memory of a child [KiB], its libraries and threads included.
+/// Limit on the memory of a child [KiB], including its libraries and threads.
 const MEMORY: u64 = 1 << 20;
-/// A file that takes longer is a hang: most take some milliseconds.
-const PATIENCE: Duration = Duration::from_secs(30);
+/// A file that takes longer counts as a hang: most take some milliseconds.
+const TIMEOUT: Duration = Duration::from_secs(30);
 
 /// The original files: name, particles, whether the run is complete. Frames of 1,500 particles are
 /// compressed.
@@ -60,7 +60,7 @@ fn datasets(file: &File) -> Vec<Dataset> {
     found
 }
 
-/// A number below `bound`, as a function of a seed and of the choice it is for.
+/// A number below `bound`, as a function of a seed and of the choice.
 fn choose(seed: u64, choice: u64, bound: usize) -> usize {
     ((number(seed, choice) * bound as f64) as usize).min(bound - 1)
 }
@@ -138,7 +138,7 @@ fn damage_content(path: &Path, seed: u64) -> hdf5::Result<()> {
     }
 }
 
-/// Reads a file in every way, and continues its run. Errors must name the file.
+/// Reads a file with all functions, and continues its run. Errors must name the file.
 fn read(path: &Path) {
     fn check<T: Debug>(path: &Path, result: &Result<T, RecordError>) {
         if let Err(error) = result {
@@ -152,7 +152,7 @@ fn read(path: &Path) {
     check(path, &Recorder::append(path).map(|(_, resumed)| resumed));
 }
 
-/// In the child: damages and reads one file after the other, and prints the seed of each.
+/// In the child: damages and reads files one after the other, and prints the seed of each.
 fn child(task: &str) {
     let words: Vec<&str> = task.split(' ').collect();
     let [folder, from, to] = words[..] else { panic!("{task}") };
@@ -174,7 +174,7 @@ fn child(task: &str) {
     println!("done");
 }
 
-/// Runs this test in a child process with limited memory. The error has the last line it printed.
+/// Runs this test in a child process with limited memory. The error contains the last line it printed.
 fn run(test: &str, task: &str) -> Result<(), String> {
     let program = env::current_exe().expect("the test program");
     let mut command = Command::new("sh");
@@ -184,14 +184,14 @@ fn run(test: &str, task: &str) -> Result<(), String> {
         .env(CHILD, task)
         .env("RUST_BACKTRACE", "0");
     let mut child = command.stdout(Stdio::piped()).stderr(Stdio::piped()).spawn().expect("the child starts");
-    // The last line that the child has printed, and when.
-    let told = Arc::new(Mutex::new(("none".to_owned(), Instant::now())));
+    // The last line that the child has printed, and its time.
+    let last_line = Arc::new(Mutex::new(("none".to_owned(), Instant::now())));
     let lines = BufReader::new(child.stdout.take().expect("a pipe")).lines().map_while(Result::ok);
     let out = thread::spawn({
-        let told = Arc::clone(&told);
+        let last_line = Arc::clone(&last_line);
         move || {
             for line in lines.filter(|line| line.starts_with("damage") || line == "done") {
-                *told.lock().unwrap_or_else(PoisonError::into_inner) = (line, Instant::now());
+                *last_line.lock().unwrap_or_else(PoisonError::into_inner) = (line, Instant::now());
             }
         }
     });
@@ -200,11 +200,11 @@ fn run(test: &str, task: &str) -> Result<(), String> {
         let mut text = Vec::new();
         pipe.read_to_end(&mut text).map(|_| String::from_utf8_lossy(&text).into_owned())
     });
-    let last = || told.lock().unwrap_or_else(PoisonError::into_inner).clone();
+    let last = || last_line.lock().unwrap_or_else(PoisonError::into_inner).clone();
     let status = loop {
         match child.try_wait().expect("the child is ours") {
             Some(status) => break status,
-            None if last().1.elapsed() > PATIENCE => {
+            None if last().1.elapsed() > TIMEOUT => {
                 child.kill().expect("the child is ours");
                 break child.wait().expect("the child is ours");
             }
@@ -248,9 +248,9 @@ fn damaged_files_give_errors() {
     assert!(failures.is_empty(), "{} of {count}:\n{}", failures.len(), failures.join("\n"));
 }
 
-/// One dataset at a time declares 2^34 rows, 128 GiB of numbers, and stores none. The error names it.
+/// One dataset at a time declares 2^34 rows, 128 GiB of numbers, and contains none. The error names it.
 #[test]
-fn a_shape_without_data_is_refused_before_memory_is_allocated() {
+fn shapes_without_data_are_refused_before_memory_is_allocated() {
     let enlarge = |path: &Path, name: &str| -> hdf5::Result<()> {
         let file = File::open_rw(path)?;
         let dataset = file.dataset(name)?;
@@ -313,6 +313,6 @@ fn a_shape_without_data_is_refused_before_memory_is_allocated() {
     let directory = tempfile::tempdir().expect("a directory for the test");
     write(&directory.path().join("open.h5"), 5, false).expect("a file");
     let path = directory.path().join("damaged.h5");
-    let done = run("a_shape_without_data_is_refused_before_memory_is_allocated", &path.display().to_string());
+    let done = run("shapes_without_data_are_refused_before_memory_is_allocated", &path.display().to_string());
     done.unwrap_or_else(|failure| panic!("{failure}"));
 }

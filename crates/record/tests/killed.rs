@@ -1,4 +1,4 @@
-//! Writers that are killed, or whose disk is full, leave files that open, are right, and can be gone on with.
+//! Writers that are killed, or whose disk is full, leave files that open, are correct, and can be continued.
 #![cfg(unix)]
 
 mod common;
@@ -25,7 +25,7 @@ const EVENTS_PER_ROW: u64 = 700;
 /// HDF5 leaves its files open to child processes, which then hold their locks: one test at a time.
 static ALONE: Mutex<()> = Mutex::new(());
 
-/// Records row `k` of the made-up run.
+/// Records row `k` of the synthetic run.
 fn record(recorder: &Recorder, particles: usize, k: u64) -> Result<(), RecordError> {
     recorder.frame(frame(k, particles))?;
     recorder.sample(sample(k))?;
@@ -33,7 +33,7 @@ fn record(recorder: &Recorder, particles: usize, k: u64) -> Result<(), RecordErr
     if k % 5 == 4 { recorder.checkpoint(checkpoint(k + 1, particles)) } else { Ok(()) }
 }
 
-/// Writes rows until it is killed or fails, with a pause after each, and tells what has been flushed.
+/// Writes rows until it is killed or fails, with a pause after each, and prints the number of flushed rows.
 fn write(path: &Path, particles: usize, pause: Duration) -> Result<(), RecordError> {
     let recorder = Recorder::create(path, header(particles), false)?;
     recorder.checkpoint(checkpoint(0, particles))?;
@@ -54,7 +54,7 @@ fn child() -> Option<(std::path::PathBuf, usize)> {
     Some((path.into(), particles))
 }
 
-/// This test program once more, to run one test as a child.
+/// Starts this test program again, to run one test as a child.
 fn spawn(test: &str, path: &Path, particles: usize, shell: Option<&str>) -> std::process::Child {
     let program = env::current_exe().expect("the test program");
     let mut command = match shell {
@@ -69,13 +69,14 @@ fn spawn(test: &str, path: &Path, particles: usize, shell: Option<&str>) -> std:
     command.stdout(Stdio::piped()).stderr(Stdio::piped()).spawn().expect("the child starts")
 }
 
-/// The greatest number of rows that the child has told to be flushed.
+/// The largest number of flushed rows that the child has printed.
 fn flushed(output: impl std::io::Read) -> u64 {
     let lines = BufReader::new(output).lines().map_while(Result::ok);
     lines.filter_map(|line| line.strip_prefix("flushed ")?.parse().ok()).max().unwrap_or(0)
 }
 
-/// Checks every frame and sample in a file, and that there are at least so many. Returns how many frames there are.
+/// Checks every frame and sample in a file, and that there are at least so many. Returns the number of
+/// frames.
 fn check(path: &Path, particles: usize, at_least: u64) -> u64 {
     let file = File::open(path).expect("the file opens");
     let all = "particles/all";
@@ -122,7 +123,7 @@ fn check(path: &Path, particles: usize, at_least: u64) -> u64 {
     frames
 }
 
-/// Resumes a file, checks where it goes on, and brings it to an end.
+/// Resumes a file, checks the row from which it continues, and finishes it.
 fn resume(path: &Path, particles: usize, flushed: u64) {
     let (recorder, resumed) = Recorder::append(path).expect("the file is resumed");
     let rows = resumed.frames;
@@ -146,30 +147,30 @@ fn resume(path: &Path, particles: usize, flushed: u64) {
 }
 
 #[test]
-fn a_writer_killed_at_any_instant_leaves_a_readable_file() {
+fn a_killed_writer_leaves_a_file_that_is_readable_and_resumable() {
     if let Some((path, particles)) = child() {
-        // Forty checkpoints, each with its flushes, a second: far more than any run takes.
+        // Forty checkpoints, each with its flushes, a second: far more than in any run.
         write(&path, particles, Duration::from_millis(5)).expect("the child is killed before it fails");
         return;
     }
     let _alone = ALONE.lock().unwrap_or_else(PoisonError::into_inner);
     let directory = tempfile::tempdir().expect("a directory for the test");
     let kills = env::var("HAFF_RECORD_KILLS").ok().and_then(|count| count.parse().ok()).unwrap_or(60);
-    let (mut most, mut unborn) = (0, 0);
+    let (mut most, mut too_early) = (0, 0);
     for kill in 0..kills {
-        // Small frames in shared chunks, and large ones of their own.
+        // Small frames that share chunks, and large ones with their own.
         let particles = if kill % 2 == 0 { 60 } else { 3000 };
         let path = directory.path().join(format!("{kill}.h5"));
         let mut child =
-            spawn("a_writer_killed_at_any_instant_leaves_a_readable_file", &path, particles, None);
+            spawn("a_killed_writer_leaves_a_file_that_is_readable_and_resumable", &path, particles, None);
         thread::sleep(Duration::from_secs_f64(0.02 + 0.3 * number(kill, 1)));
         child.kill().expect("the child is killed");
         let flushed = flushed(child.stdout.take().expect("its output"));
         child.wait().expect("the child ends");
         if !path.exists() {
-            // Killed before the file was begun: then nothing is at its place.
+            // Killed before the file was created: then there is no file at its path.
             assert_eq!(flushed, 0);
-            unborn += 1;
+            too_early += 1;
             continue;
         }
         most = most.max(check(&path, particles, flushed));
@@ -177,15 +178,17 @@ fn a_writer_killed_at_any_instant_leaves_a_readable_file() {
         resume(&path, particles, flushed);
         fs::remove_file(&path).expect("the file is removed");
     }
-    assert!(unborn < kills / 2, "{unborn} of {kills} were killed too early to show anything");
-    assert!(most > 10, "at most {most} frames were written: too few to show anything");
-    let _ =
-        writeln!(std::io::stderr(), "{kills} kills, {unborn} before the file was there, up to {most} frames");
+    assert!(too_early < kills / 2, "{too_early} of {kills} were killed too early: the test is inconclusive");
+    assert!(most > 10, "at most {most} frames were written: the test is inconclusive");
+    let _ = writeln!(
+        std::io::stderr(),
+        "{kills} kills, {too_early} before the file existed, up to {most} frames"
+    );
 }
 
 #[test]
 #[cfg(target_os = "linux")]
-fn a_full_disk_is_told_and_what_was_flushed_stays() {
+fn a_full_disk_is_an_error_and_flushed_rows_stay() {
     if let Some((path, particles)) = child() {
         let error = write(&path, particles, Duration::ZERO).expect_err("the limit is reached");
         println!("error {error}");
@@ -200,7 +203,7 @@ fn a_full_disk_is_told_and_what_was_flushed_stays() {
             let path = directory.path().join(format!("{k}-{particles}.h5"));
             let limits = format!("trap '' XFSZ; ulimit -f {blocks}");
             let child =
-                spawn("a_full_disk_is_told_and_what_was_flushed_stays", &path, particles, Some(&limits));
+                spawn("a_full_disk_is_an_error_and_flushed_rows_stay", &path, particles, Some(&limits));
             let output = child.wait_with_output().expect("the child ends");
             let text = String::from_utf8_lossy(&output.stdout);
             let errors = String::from_utf8_lossy(&output.stderr);

@@ -1,4 +1,4 @@
-//! What cannot be written or read is told, by name, and nothing is lost.
+//! Invalid writes and reads are refused with an error that names the reason, and no data are lost.
 
 mod common;
 
@@ -33,7 +33,7 @@ fn write(path: &Path, overwrite: bool) -> Result<(), RecordError> {
 }
 
 #[test]
-fn an_existing_file_stays_unless_it_may_be_replaced() {
+fn an_existing_file_is_replaced_only_with_overwrite() {
     let directory = directory();
     let path = directory.path().join("run.h5");
     fs::write(&path, "precious").expect("a file");
@@ -54,7 +54,7 @@ fn the_old_file_stays_until_the_new_one_can_be_resumed() {
     fs::write(&path, "precious").expect("a file");
     let recorder = Recorder::create(&path, header(3), true).expect("it may be replaced");
     assert_eq!(fs::read_to_string(&path).expect("the file is there"), "precious");
-    // A run that fails before it has recorded anything leaves no trace.
+    // A run that fails before it has recorded anything leaves no file.
     drop(recorder);
     assert_eq!(fs::read_to_string(&path).expect("the file is there"), "precious");
     assert_eq!(names(directory.path()), [PathBuf::from("run.h5")]);
@@ -66,7 +66,7 @@ fn the_old_file_stays_until_the_new_one_can_be_resumed() {
 }
 
 #[test]
-fn a_file_that_appears_meanwhile_is_not_replaced() {
+fn a_file_created_by_another_process_is_not_replaced() {
     let directory = directory();
     let path = directory.path().join("run.h5");
     let recorder = Recorder::create(&path, header(3), false).expect("nothing is there");
@@ -80,7 +80,7 @@ fn a_file_that_appears_meanwhile_is_not_replaced() {
 
 #[test]
 #[cfg(unix)]
-fn a_link_stays_a_link_and_a_device_is_refused() {
+fn links_are_kept_and_devices_and_directories_refused() {
     let directory = directory();
     let (target, link) = (directory.path().join("target.h5"), directory.path().join("link.h5"));
     write(&target, false).expect("a file");
@@ -101,7 +101,7 @@ fn a_link_stays_a_link_and_a_device_is_refused() {
 }
 
 #[test]
-fn a_file_that_is_being_written_is_neither_replaced_nor_resumed() {
+fn a_file_being_written_is_neither_replaced_nor_resumed() {
     let directory = directory();
     let path = directory.path().join("run.h5");
     let recorder = Recorder::create(&path, header(3), false).expect("a new file");
@@ -114,7 +114,7 @@ fn a_file_that_is_being_written_is_neither_replaced_nor_resumed() {
 }
 
 #[test]
-fn unreadable_files_are_told_apart() {
+fn unreadable_files_have_distinct_errors() {
     let directory = directory();
     let at = |name: &str| directory.path().join(name);
     assert_eq!(info(at("none.h5")), Err(RecordError::NotFound { path: at("none.h5") }));
@@ -149,16 +149,16 @@ fn unreadable_files_are_told_apart() {
             Recorder::append(at("cut.h5")).map(|_| ()),
         ] {
             let error = refused.expect_err("the file is cut");
-            let told = matches!(error, RecordError::Truncated { .. });
-            // With less than its superblock, HDF5 cannot tell what is missing.
-            assert!(told || length <= 100, "{length} of {} bytes: {error:?}", whole.len());
+            let truncated = matches!(error, RecordError::Truncated { .. });
+            // With less than its superblock, HDF5 cannot determine what is missing.
+            assert!(truncated || length <= 100, "{length} of {} bytes: {error:?}", whole.len());
             assert!(error.to_string().contains("cut.h5"), "{error}");
         }
     }
 }
 
 #[test]
-fn garbled_files_give_errors_not_panics() {
+fn corrupted_files_give_errors_not_panics() {
     let directory = directory();
     let path = directory.path().join("whole.h5");
     write(&path, false).expect("a file");
@@ -167,21 +167,21 @@ fn garbled_files_give_errors_not_panics() {
     for seed in 0..70 {
         let path = directory.path().join(format!("{seed}.h5"));
         let mut bytes = whole.clone();
-        // The start holds the bookkeeping; further on there is more data and less to break.
+        // The start contains the metadata; later there are more data, where damage has less effect.
         for k in 0..20 {
             let place = (common::number(seed, k) * 12_000.0) as usize;
             bytes[place % whole.len()] = (common::number(seed, k + 100) * 256.0) as u8;
         }
-        fs::write(&path, &bytes).expect("a garbled file");
+        fs::write(&path, &bytes).expect("a corrupted file");
         refused += u32::from(info(&path).is_err());
         let _ = last_state(&path);
         let _ = Recorder::append(&path);
     }
-    assert!(refused > 20, "{refused} of 70 were refused: too little was broken to show anything");
+    assert!(refused > 20, "{refused} of 70 were refused: too little damage, the test is inconclusive");
 }
 
 #[test]
-fn data_that_do_not_fit_are_refused_and_the_file_goes_on() {
+fn data_that_do_not_fit_are_refused_and_recording_continues() {
     let directory = directory();
     let path = directory.path().join("run.h5");
     for (wrong, word) in [

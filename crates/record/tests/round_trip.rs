@@ -1,4 +1,4 @@
-//! What is recorded is what is read.
+//! All recorded data are read back unchanged.
 
 mod common;
 
@@ -47,7 +47,7 @@ fn shape(file: &File, path: &str) -> Vec<usize> {
     file.dataset(path).unwrap_or_else(|error| panic!("{path}: {error}")).shape()
 }
 
-/// Checks frames, samples and events of a made-up run against their rows.
+/// Checks frames, samples and events of a synthetic run against their rows.
 fn check(path: &std::path::Path, particles: usize, frames: u64, samples: u64, events: u64) {
     let file = File::open(path).expect("the file opens");
     let expected: Vec<_> = (0..frames).map(|k| frame(k, particles)).collect();
@@ -147,9 +147,9 @@ fn record(recorder: &Recorder, particles: usize, rows: std::ops::Range<u64>, eve
 }
 
 #[test]
-fn everything_recorded_is_read_back_bit_by_bit() {
+fn recorded_data_are_read_back_bit_by_bit() {
     let directory = directory();
-    // Small frames share chunks; larger ones have their own; the largest are cut into blocks.
+    // Small frames share chunks; larger ones have their own; the largest are divided into blocks.
     for (particles, frames, per_frame) in [(1, 3000, 7), (700, 40, 1000), (1400, 9, 1), (70_000, 3, 20_000)] {
         let path = directory.path().join(format!("{particles}.h5"));
         let recorder = Recorder::create(&path, header(particles), false).expect("a new file");
@@ -169,7 +169,7 @@ fn everything_recorded_is_read_back_bit_by_bit() {
 }
 
 #[test]
-fn uncompressed_files_hold_the_same_numbers() {
+fn uncompressed_files_contain_the_same_numbers() {
     let directory = directory();
     let path = |name: &str| directory.path().join(name);
     for (name, compressed) in [("packed.h5", true), ("plain.h5", false)] {
@@ -190,15 +190,15 @@ fn uncompressed_files_hold_the_same_numbers() {
 }
 
 #[test]
-fn a_log_of_some_columns_holds_these_and_the_time_and_is_gone_on_with() {
+fn a_log_of_selected_columns_contains_these_and_the_time_and_is_continued() {
     use EventColumn::{EnergyLoss, I, Position};
     let directory = directory();
     for (name, compressed) in [("packed.h5", true), ("plain.h5", false)] {
         let path = directory.path().join(name);
-        // The time comes along, asked for or not.
+        // The time is always included.
         let wanted = Header { events: vec![Position, EnergyLoss, I], compressed, ..header(20) };
         let recorder = Recorder::create(&path, wanted, false).expect("a new file");
-        // Two chunks and a half, and what is dropped because it came after the checkpoint.
+        // Two and a half chunks, and rows after the checkpoint, which are dropped.
         let kept = 5 * EVENT_CHUNK as u64 / 2;
         recorder.events(events(0, kept)).expect("events");
         recorder.checkpoint(checkpoint(1, 20)).expect("a checkpoint");
@@ -206,7 +206,7 @@ fn a_log_of_some_columns_holds_these_and_the_time_and_is_gone_on_with() {
         drop(recorder);
         let (recorder, resumed) = Recorder::append(&path).expect("the file is resumed");
         assert_eq!(resumed.event_rows, kept);
-        // Buffers come back from the writer, and are handed over again.
+        // Buffers are reused by the writer.
         for k in 0..40 {
             let mut rows = recorder.event_buffer();
             assert!(rows.is_empty());
@@ -233,7 +233,7 @@ fn a_log_of_some_columns_holds_these_and_the_time_and_is_gone_on_with() {
 }
 
 #[test]
-fn disks_and_partial_headers_are_read_back() {
+fn disks_and_files_with_few_datasets_are_read_back() {
     let directory = directory();
     let path = directory.path().join("disks.h5");
     let particles = 2000;
@@ -248,7 +248,7 @@ fn disks_and_partial_headers_are_read_back() {
     drop(file);
     assert_eq!(info(&path).expect("the file is read").dimension, 2);
 
-    // Only what the header asks for has a place; the rest is dropped.
+    // Only data included in the header are stored; the rest is dropped.
     let path = directory.path().join("bare.h5");
     let bare = Header { frames: false, observables: false, events: Vec::new(), ..header(5) };
     let recorder = Recorder::create(&path, bare, false).expect("a new file");
@@ -264,7 +264,7 @@ fn disks_and_partial_headers_are_read_back() {
 }
 
 #[test]
-fn info_tells_what_the_header_and_the_last_rows_say() {
+fn info_agrees_with_the_header_and_the_last_rows() {
     let directory = directory();
     let path = directory.path().join("run.h5");
     let recorder = Recorder::create(&path, header(10), false).expect("a new file");
@@ -291,7 +291,7 @@ fn info_tells_what_the_header_and_the_last_rows_say() {
         (10, Some(3), Some(3), Some(300))
     );
     assert_eq!(found.time_range, Some((0.0, 0.5)));
-    // There are no springs, whose energy is then no number, which equals nothing.
+    // There are no springs, so their energy is NaN, which equals nothing.
     assert_eq!(format!("{:?}", found.last_sample), format!("{:?}", Some(sample(2))));
     assert_eq!(found.checkpoint_time, Some(5.0));
     assert_eq!(found.counters.map(|counters| counters.collisions), Some(20));
@@ -301,7 +301,7 @@ fn info_tells_what_the_header_and_the_last_rows_say() {
 }
 
 #[test]
-fn a_resumed_file_goes_on_from_its_newest_checkpoint() {
+fn a_resumed_file_continues_from_its_newest_checkpoint() {
     let directory = directory();
     let path = directory.path().join("run.h5");
     let particles = 900;
@@ -310,7 +310,7 @@ fn a_resumed_file_goes_on_from_its_newest_checkpoint() {
     recorder.checkpoint(checkpoint(0, particles)).expect("a checkpoint");
     record(&recorder, particles, 0..5, per_row);
     recorder.checkpoint(checkpoint(1, particles)).expect("a checkpoint");
-    // These must go: they come after the checkpoint.
+    // These must be dropped: they come after the checkpoint.
     record(&recorder, particles, 7..12, per_row);
     recorder.finish("{\"stopped\":\"signal\"}", false).expect("a stopped file");
     assert_eq!(info(&path).expect("the file is read").frames, Some(10));
@@ -323,12 +323,12 @@ fn a_resumed_file_goes_on_from_its_newest_checkpoint() {
         assert_eq!(resumed.last_frame, Some((rows - 1) as f64 * 0.25));
         assert_eq!(resumed.last_sample, Some((rows - 1) as f64 * 0.125));
         assert!(!resumed.finished);
-        // The summary of the part before is kept only for whoever asks now.
+        // The summary of the previous part is available only until new rows are recorded.
         assert_eq!(resumed.summary.is_some(), round == 1);
         record(&recorder, particles, rows..rows + 5, per_row);
         recorder.checkpoint(checkpoint(round + 1, particles)).expect("a checkpoint");
         record(&recorder, particles, 100..102, per_row);
-        // Dropped, not finished: as if the run had failed.
+        // Dropped, not finished: as after a failure.
     }
     let (recorder, _) = Recorder::append(&path).expect("the file is resumed");
     record(&recorder, particles, 20..23, per_row);
@@ -337,7 +337,7 @@ fn a_resumed_file_goes_on_from_its_newest_checkpoint() {
 }
 
 #[test]
-fn a_complete_run_is_told_and_not_touched() {
+fn a_complete_run_is_reported_and_not_changed() {
     let directory = directory();
     let path = directory.path().join("run.h5");
     let recorder = Recorder::create(&path, header(4), false).expect("a new file");
@@ -358,7 +358,7 @@ fn a_complete_run_is_told_and_not_touched() {
 }
 
 #[test]
-fn a_damaged_checkpoint_gives_way_to_the_one_before() {
+fn after_damage_the_previous_checkpoint_is_used() {
     let directory = directory();
     let path = directory.path().join("run.h5");
     let recorder = Recorder::create(&path, header(50), false).expect("a new file");
@@ -379,7 +379,7 @@ fn a_damaged_checkpoint_gives_way_to_the_one_before() {
     let (recorder, resumed) = Recorder::append(&path).expect("the file is resumed");
     assert_eq!(resumed.checkpoint, checkpoint(1, 50));
     assert_eq!((resumed.frames, resumed.event_rows), (2, 20));
-    // The next one must replace the damaged one, not the one that was taken.
+    // The next one must replace the damaged one, not the one that was used.
     record(&recorder, 50, 2..3, 10);
     recorder.checkpoint(checkpoint(9, 50)).expect("a checkpoint");
     drop(recorder);
@@ -396,7 +396,7 @@ fn hdf5_view(values: &[f64]) -> ndarray::ArrayView2<'_, f64> {
 }
 
 #[test]
-fn the_estimated_size_is_near_the_size() {
+fn the_estimated_file_size_is_accurate_to_15_percent() {
     use EventColumn::{I, J, Time};
     let directory = directory();
     let all = &EventColumn::ALL[..];

@@ -1,11 +1,11 @@
-//! Rapier, a rigid-body engine for games and robotics, as a peer of `haff bench --accuracy`; docs/accuracy.md has the fields of
-//! the lines of JSON. The parameter is its time step.
+//! Rapier, a rigid-body engine for games and robotics, as a peer of `haff bench --accuracy`; docs/accuracy.md
+//! has the fields of the lines of JSON. The parameter is its time step.
 //!
 //!     cargo build --release --manifest-path benches/peers/rapier/Cargo.toml
 //!     haff bench --accuracy --json --peer "Rapier=benches/peers/rapier/target/release/haff-peer-rapier"
 //!
-//! Double precision, balls without friction and rotation, continuous collision detection off: with it, a step is cut at the
-//! first contact of a body, and restitution is lost.
+//! Double precision, balls without friction and rotation, continuous collision detection off: with it, a step
+//! is cut at the first contact of a body, and restitution is lost.
 
 use std::{
     io::{BufRead, Write},

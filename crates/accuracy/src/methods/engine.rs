@@ -7,7 +7,7 @@ use haff_engine::{Boundary, Options, Silent, Simulation, System, Until};
 use super::{Method, Run, State};
 use crate::Error;
 
-/// haff's engine with its choices of machinery.
+/// haff's engine with its options.
 #[derive(Debug, Clone, Copy, Default)]
 pub struct Engine(pub Options);
 
@@ -31,7 +31,7 @@ impl Method for Engine {
         let mut states = Vec::with_capacity(times.len());
         let start = Instant::now();
         let mut simulation = Simulation::new(system, self.0)?;
-        // The pressure is counted from the last sample on.
+        // The pressure is measured since the previous sample.
         let before = periodic.then(|| simulation.sample());
         for &time in times {
             simulation.advance(Until { time, ..Until::default() }, &mut Silent)?;
@@ -40,7 +40,7 @@ impl Method for Engine {
         }
         let compressibility = before.and_then(|before| {
             let after = simulation.sample();
-            // Exact where no energy is lost; where it is, the mean over time is not that of the two ends.
+            // Exact without energy loss; with loss, the mean over time is not that of the two ends.
             let elastic = after.ledger.dissipated == before.ledger.dissipated;
             let pressure = after.pressure.filter(|_| elastic)?;
             Some(1.5 * pressure * volume / after.ledger.kinetic)

@@ -1,4 +1,4 @@
-//! Ways to integrate a scene, behind one trait.
+//! Integration methods, behind one trait.
 
 mod engine;
 mod pairs;
@@ -27,36 +27,37 @@ pub struct State {
     pub velocity: Vec<DVec3>,
 }
 
-/// What a method made of a scene.
+/// Result of a method on a scene.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct Run {
-    /// One state for each time asked for.
+    /// One state for each requested time.
     pub states: Vec<State>,
-    /// Wall time of the integration, its setting up included.
+    /// Wall time of the integration, including the set-up.
     pub wall: Duration,
     /// Time steps, or events.
     pub steps: u64,
-    /// Z = ⟨P V⟩/⟨⅔ T⟩ with the kinetic energy T, means over the whole run, of a periodic scene; `None` if the method does
-    /// not tell.
+    /// Z = ⟨P V⟩/⟨⅔ T⟩ with the kinetic energy T, means over the whole run, of a periodic scene; `None` if
+    /// the method does not provide it.
     pub compressibility: Option<f64>,
 }
 
-/// A way to integrate a scene from its start, at time 0.
+/// A method that integrates a scene from its initial state, at time 0.
 pub trait Method {
-    /// A word for tables: one for all choices of its parameter.
+    /// Short name for tables: the same for all values of its parameter.
     fn name(&self) -> &str;
 
-    /// What its error depends on, in units of the scene, such as `dt = 0.001`; empty if there is nothing to choose.
+    /// The parameter that determines its error, in units of the scene, such as `dt = 0.001`; empty if there
+    /// is none.
     fn parameter(&self) -> String;
 
     /// The number in [`Self::parameter`].
     fn value(&self) -> Option<f64>;
 
-    /// States at rising times ≥ 0 [time].
+    /// States at ascending times ≥ 0 [time].
     fn run(&self, system: &System, times: &[f64]) -> Result<Run, Error>;
 }
 
-/// The particles of a scene as the time-stepping methods want them: in arrays, positions unwrapped.
+/// The particles of a scene for the time-stepping methods: in arrays, positions unwrapped.
 #[derive(Debug, Clone)]
 struct Spheres {
     position: Vec<DVec3>,
@@ -115,13 +116,13 @@ impl Spheres {
 fn stretches(times: &[f64], dt: f64) -> impl Iterator<Item = (u64, f64)> {
     times.iter().scan(0.0, move |before, &time| {
         let span = time - std::mem::replace(before, time);
-        // A stretch that is a whole number of steps but for rounding gets that number.
+        // A stretch that is a whole number of steps except for rounding gets that number.
         let steps = (span / dt * (1.0 - 1e-9)).ceil().max(0.0);
         Some((steps as u64, if steps > 0.0 { span / steps } else { 0.0 }))
     })
 }
 
-/// Adds up what the compressibility is made of.
+/// Sums for the compressibility.
 #[derive(Debug, Clone, Copy, Default)]
 struct Virial {
     /// ∫ Σ F·r dt, or Σ J |r| over collisions [energy·time].

@@ -1,17 +1,19 @@
 /*!
-Another program as a method: a command that reads a scene as one line of JSON on standard input for each run, and answers with
-one line of JSON on standard output.
+Another program as a method: a command that reads a scene as one line of JSON on standard input for each run,
+and replies with one line of JSON on standard output.
 
 ```text
 → {"size": [x, y, z], "boundary": ["periodic" | "wall" | "open", …], "gravity": [x, y, z], "restitution": e,
    "wall_restitution": e, "radius": […], "mass": […], "position": [[x, y, z], …], "velocity": [[x, y, z], …],
    "walls": [{"point": [x, y, z], "normal": [x, y, z]}, …], "times": […], "parameter": p}
-← {"states": [{"position": [[x, y, z], …], "velocity": […]}, …], "seconds": s, "steps": n, "compressibility": Z | null}
+← {"states": [{"position": [[x, y, z], …], "velocity": […]}, …], "seconds": s, "steps": n,
+   "compressibility": Z | null}
 ← {"error": "why the scene cannot be run"}
 ```
 
-`walls` holds those of the boundary too. `seconds` is the wall time of the setting up and the integration, without that of the
-program's own start. `parameter` is a time that the program's error falls with: a step, or the duration of a contact.
+`walls` includes those of the boundary. `seconds` is the wall time of the set-up and the integration, without
+that of the program's own start. `parameter` is a time that determines the program's error: a step, or the
+duration of a contact.
 */
 
 use std::{
@@ -29,7 +31,7 @@ use serde_json::json;
 use super::{Method, Run, State};
 use crate::Error;
 
-/// A program that runs scenes, with one choice of its parameter.
+/// A program that runs scenes, with one value of its parameter.
 pub struct Peer<'a> {
     /// The program.
     pub program: &'a Program,
@@ -45,7 +47,7 @@ pub struct Program {
 }
 
 #[derive(Deserialize)]
-struct Answer {
+struct Reply {
     error: Option<String>,
     #[serde(default)]
     states: Vec<Frame>,
@@ -63,7 +65,7 @@ struct Frame {
 }
 
 impl Program {
-    /// Starts `command`, its words separated by blanks, under a name for tables.
+    /// Starts `command`, its words separated by blanks, with a name for tables.
     pub fn start(name: &str, command: &str) -> Result<Self, Error> {
         let failed = |what: String| Error::Peer { name: name.to_owned(), what };
         let mut words = command.split_whitespace();
@@ -81,14 +83,14 @@ impl Program {
         Ok(Self { name: name.to_owned(), pipes, child })
     }
 
-    /// The name it was started under.
+    /// The name given at its start.
     pub fn name(&self) -> &str {
         &self.name
     }
 
-    fn ask(&self, question: &str) -> std::io::Result<String> {
+    fn request(&self, scene: &str) -> std::io::Result<String> {
         let (input, output) = &mut *self.pipes.borrow_mut();
-        writeln!(input, "{question}")?;
+        writeln!(input, "{scene}")?;
         input.flush()?;
         let mut line = String::new();
         output.read_line(&mut line)?;
@@ -98,7 +100,7 @@ impl Program {
 
 impl Drop for Program {
     fn drop(&mut self) {
-        // A program that waits for scenes has nothing to lose; it may have ended already.
+        // A program that waits for scenes may be killed; it may have ended already.
         let _ = self.child.kill();
         let _ = self.child.wait();
     }
@@ -119,39 +121,39 @@ impl Method for Peer<'_> {
 
     fn run(&self, system: &System, times: &[f64]) -> Result<Run, Error> {
         let failed = |what: String| Error::Peer { name: self.program.name.clone(), what };
-        let question = question(system, times, self.parameter, &self.program.name)?;
-        let line = self.program.ask(&question).map_err(|error| failed(error.to_string()))?;
-        let answer: Answer = serde_json::from_str(&line)
-            .map_err(|error| failed(format!("answered {:?}: {error}", line.trim())))?;
-        if let Some(what) = answer.error {
+        let scene = scene(system, times, self.parameter, &self.program.name)?;
+        let line = self.program.request(&scene).map_err(|error| failed(error.to_string()))?;
+        let reply: Reply = serde_json::from_str(&line)
+            .map_err(|error| failed(format!("replied {:?}: {error}", line.trim())))?;
+        if let Some(what) = reply.error {
             return Err(failed(what));
         }
         let count = system.bodies.len();
         let whole = |frame: &Frame| frame.position.len() == count && frame.velocity.len() == count;
-        if answer.states.len() != times.len() || !answer.states.iter().all(whole) {
+        if reply.states.len() != times.len() || !reply.states.iter().all(whole) {
             return Err(failed(format!(
-                "answered with {} states for {} times",
-                answer.states.len(),
+                "replied with {} states for {} times",
+                reply.states.len(),
                 times.len()
             )));
         }
-        if !(answer.seconds.is_finite() && answer.seconds >= 0.0) {
-            return Err(failed(format!("answered with {} seconds", answer.seconds)));
+        if !(reply.seconds.is_finite() && reply.seconds >= 0.0) {
+            return Err(failed(format!("replied with {} seconds", reply.seconds)));
         }
         let vectors = |list: Vec<[f64; 3]>| list.into_iter().map(DVec3::from_array).collect();
         let state =
             |frame: Frame| State { position: vectors(frame.position), velocity: vectors(frame.velocity) };
         Ok(Run {
-            states: answer.states.into_iter().map(state).collect(),
-            wall: Duration::from_secs_f64(answer.seconds),
-            steps: answer.steps,
-            compressibility: answer.compressibility,
+            states: reply.states.into_iter().map(state).collect(),
+            wall: Duration::from_secs_f64(reply.seconds),
+            steps: reply.steps,
+            compressibility: reply.compressibility,
         })
     }
 }
 
 /// A scene as a line of JSON.
-fn question(system: &System, times: &[f64], parameter: f64, name: &str) -> Result<String, Error> {
+fn scene(system: &System, times: &[f64], parameter: f64, name: &str) -> Result<String, Error> {
     let (restitution, wall_restitution) = crate::reference::one_restitution(system, name)?;
     let class = |body: &haff_engine::Body| system.classes[body.class as usize];
     let boundary = system.domain.boundary.map(|boundary| match boundary {
@@ -165,7 +167,7 @@ fn question(system: &System, times: &[f64], parameter: f64, name: &str) -> Resul
         .iter()
         .map(|wall| json!({"point": wall.point.to_array(), "normal": wall.normal.to_array()}))
         .collect();
-    let question = json!({
+    let scene = json!({
         "size": system.domain.size.to_array(),
         "boundary": boundary,
         "gravity": system.domain.gravity.to_array(),
@@ -179,5 +181,5 @@ fn question(system: &System, times: &[f64], parameter: f64, name: &str) -> Resul
         "times": times,
         "parameter": parameter,
     });
-    Ok(question.to_string())
+    Ok(scene.to_string())
 }

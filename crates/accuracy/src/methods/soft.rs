@@ -6,9 +6,9 @@ F_n = k δ + γ δ̇,     δ = σ − |r|                                    whi
 t_c = π √(μ/k) / √(1 − ζ²),     e = exp(−π ζ/√(1 − ζ²)),     ζ = γ/(2 √(k μ))
 ```
 
-(Cundall and Strack 1979; Luding 1998). The force may pull shortly before the contact ends: only so is e exact. For a stiffness k
-every pair gets the damping of the scene's restitution. What separates it from hard spheres is t_c: a contact takes
-time, and meanwhile the partners fly on and third ones may join.
+(Cundall and Strack 1979; Luding 1998). The force may be attractive shortly before the contact ends: only then
+is e exact. At a given stiffness k every pair has the damping of the scene's restitution. The difference from
+hard spheres is t_c: a contact takes time, during which the partners move on and third ones may join.
 */
 
 use std::{f64::consts::PI, time::Instant};
@@ -19,8 +19,8 @@ use haff_engine::System;
 use super::{Method, Run, Spheres, Virial, pairs::Pairs, stretches};
 use crate::Error;
 
-/// Steps of a contact of the lightest pair: the usual choice. The dashpot's force jumps where a contact begins and ends within a
-/// step, which makes e wrong by some 1e-3 however short the contact is.
+/// Steps of a contact of the lightest pair: the usual choice. The dashpot's force jumps where a contact
+/// begins and ends within a step, which causes an error of e of some 1e-3 however short the contact is.
 const STEPS_PER_CONTACT: f64 = 50.0;
 
 /// A spring–dashpot integrator.
@@ -70,7 +70,8 @@ impl Method for SoftSpheres {
         let mut spheres = Spheres::new(system, self.name())?;
         let mut run = Run::default();
         let start = Instant::now();
-        // The lightest pair is two of the lightest; a lone sphere meets walls only.
+        // The lightest pair consists of two of the lightest spheres; a single sphere collides only with
+        // walls.
         let heaviest = spheres.inverse_mass.iter().copied().fold(0.0, f64::max);
         let mu = if spheres.position.len() > 1 { 0.5 / heaviest } else { 1.0 / heaviest };
         let e = if spheres.position.len() > 1 { spheres.restitution } else { spheres.wall_restitution };
@@ -91,10 +92,10 @@ impl Method for SoftSpheres {
                     let acceleration = force[i] * spheres.inverse_mass[i] + spheres.gravity;
                     spheres.velocity[i] += acceleration * (0.5 * dt);
                     spheres.position[i] += spheres.velocity[i] * dt;
-                    // Full-step velocity for the dashpots, extrapolated.
+                    // Extrapolated full-step velocity for the dashpots.
                     predicted[i] = spheres.velocity[i] + acceleration * (0.5 * dt);
                 }
-                pairs.keep(&spheres);
+                pairs.update(&spheres);
                 let contacts = forces(&spheres, &pairs, &law, &predicted, &mut force) * dt;
                 for i in 0..force.len() {
                     let acceleration = force[i] * spheres.inverse_mass[i] + spheres.gravity;

@@ -1,8 +1,9 @@
 /*!
-Hard spheres at fixed time steps, as rigid-body programs do it: fly for a step, then give the impulse of the exact law to
-every pair and wall that overlaps and still approaches.
+Hard spheres at fixed time steps, as in rigid-body programs: free flight for a step, then the impulse of the
+exact law for every pair and wall that overlaps and still approaches.
 
-A contact is noticed up to a step late, and what flies on meanwhile is an error of first order in the step.
+A contact is detected up to a step late, and the flight in the meantime is an error of first order in the
+step.
 */
 
 use std::time::Instant;
@@ -16,7 +17,7 @@ use crate::Error;
 /// A fixed-step hard-sphere integrator.
 #[derive(Debug, Clone, Copy)]
 pub struct Stepper {
-    /// Largest step [time]; shortened so that a whole number of steps ends at each time asked for.
+    /// Largest step [time]; shortened so that a whole number of steps ends at each requested time.
     pub dt: f64,
 }
 
@@ -42,7 +43,7 @@ impl Method for Stepper {
         for (steps, dt) in stretches(times, self.dt) {
             for _ in 0..steps {
                 fly(&mut spheres, dt);
-                pairs.keep(&spheres);
+                pairs.update(&spheres);
                 let contacts = collide(&mut spheres, &pairs);
                 bounce(&mut spheres);
                 virial.add(contacts, &spheres, dt);

@@ -6,7 +6,7 @@ use haff_accuracy::{
     methods::{Engine, Method, Peer, Program, SoftSpheres, Stepper},
     scenes::{at_unit_temperature, gas, melted},
     statistics::{PARTICLES, Quantity, Starts, estimate},
-    trial::Answer,
+    trial::Solution,
 };
 use haff_engine::{Boundary, System};
 use serde_json::Value;
@@ -107,9 +107,9 @@ impl Unable {
 }
 
 /// The gas that methods follow: 64 inelastic spheres between walls, where every peer can go.
-fn walled_gas(collisions: u32) -> Result<Answer, Error> {
+fn walled_gas(collisions: u32) -> Result<Solution, Error> {
     let system = at_unit_temperature(melted(&gas(4, 0.05, Boundary::Wall, 0.9, 1), 20.0)?);
-    Answer::followed(
+    Solution::by_reference(
         "gas",
         &format!(
             "64 spheres between elastic walls, packing fraction 0.05, e = 0.9, after {COMPARED} collisions each"
@@ -130,9 +130,9 @@ pub fn scenes(
 ) -> Result<Vec<Value>, Error> {
     tell(&report::trials_head());
     let mut found = Vec::new();
-    let closed: Vec<Answer> = closed::all().into_iter().map(Answer::from).collect();
+    let closed: Vec<Solution> = closed::all().into_iter().map(Solution::from).collect();
     for answer in closed.into_iter().chain([walled_gas(size.followed)?]) {
-        let short = answer.until(COMPARED * SAMPLES as usize);
+        let short = answer.truncated(COMPARED * SAMPLES as usize);
         let span = short.times.last().copied().unwrap_or(0.0);
         tell(&format!("{}: {}", answer.name, answer.description));
         let mut trials = Vec::new();
@@ -144,7 +144,7 @@ pub fn scenes(
             if unable.has(&candidate) || !candidate.affords(&answer.system, span) {
                 continue;
             }
-            let trial = match short.judge(candidate.method.as_ref()) {
+            let trial = match short.measure(candidate.method.as_ref()) {
                 Ok(trial) => trial,
                 Err(error @ (Error::Peer { .. } | Error::Unsupported { .. })) if !stopped() => {
                     unable.note(&candidate, &error, tell);
@@ -155,10 +155,9 @@ pub fn scenes(
             let followed = if answer.collisions.is_empty() {
                 None
             } else {
-                Some(
-                    answer
-                        .follow(candidate.method.as_ref(), |time| candidate.affords(&answer.system, time))?,
-                )
+                Some(answer.error_growth(candidate.method.as_ref(), |time| {
+                    candidate.affords(&answer.system, time)
+                })?)
             };
             tell(&report::trial_line(&trial, followed.as_ref()));
             trials.push(report::trial(&trial, followed.as_ref()));
@@ -217,7 +216,7 @@ pub fn growth(size: &Size, tell: &dyn Fn(&str), stopped: &dyn Fn() -> bool) -> R
                 return Err(Error::Interrupted);
             }
             let system = melted(&gas(per_edge, phi, Boundary::Periodic, 1.0, seed), 20.0)?;
-            let answer = Answer::followed(name, &description, system, collisions, SAMPLES, BITS)?;
+            let answer = Solution::by_reference(name, &description, system, collisions, SAMPLES, BITS)?;
             runs.push(growth::measure(&answer, BITS, seed)?);
         }
         let gas = report::growth(name, &description, per_edge.pow(3), BITS, &runs);

@@ -3,7 +3,7 @@
 use haff_accuracy::{
     growth::{Growth, LOST, Mean, Series},
     statistics::{Estimate, Quantity},
-    trial::{Answer, Trial},
+    trial::{Solution, Trial},
 };
 use serde_json::{Value, json};
 
@@ -29,7 +29,7 @@ fn series(series: &Series) -> Value {
 }
 
 /// A scene with all its trials.
-pub fn scene(answer: &Answer, trials: &[Value]) -> Value {
+pub fn scene(answer: &Solution, trials: &[Value]) -> Value {
     json!({
         "name": answer.name,
         "description": answer.description,
@@ -129,7 +129,7 @@ pub fn growth(name: &str, description: &str, particles: usize, bits: usize, runs
         ("haff", |run| &run.engine),
         ("rounded_state", |run| &run.rounded),
         ("flight_rounded", |run| &run.flight),
-        ("start_nudged", |run| &run.nudged),
+        ("start_nudged", |run| &run.perturbed),
     ];
     let mut kind_values = serde_json::Map::new();
     for (kind, of) in kinds {
@@ -144,7 +144,7 @@ pub fn growth(name: &str, description: &str, particles: usize, bits: usize, runs
         kind_values.insert(kind.to_owned(), value);
     }
     let machineries: Vec<String> = runs.first().map_or(Vec::new(), |run| {
-        run.machineries
+        run.configurations
             .iter()
             .map(|(neighbors, simd)| format!("{} {simd:?}", neighbors.name()).to_lowercase())
             .collect()

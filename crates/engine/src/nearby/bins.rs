@@ -5,7 +5,7 @@ A bin is at least as wide as a search reaches, so that a search looks at a bin a
 is a chain of blocks of eight places, with the coordinates of the centers in them; places without one name nobody.
 */
 
-use haff_neighbors::roomy;
+use haff_neighbors::with_huge_pages;
 
 use super::sets::{LANES, place_of};
 
@@ -69,7 +69,7 @@ impl Bins {
         // Two bins along an axis are both looked at, each once.
         let span = n.map(|n| n.min(3) as usize);
         let count = n.iter().product::<i64>() as usize;
-        let mut blocks = roomy(count + count / 64);
+        let mut blocks = with_huge_pages(count + count / 64);
         blocks.resize(count, EMPTY);
         Self { n, fold, span, unit, blocks, next: vec![NONE; count] }
     }

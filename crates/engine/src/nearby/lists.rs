@@ -9,7 +9,7 @@ Who is near whom is decided by integer differences, so no periodic image is ever
 wrapped into the box.
 */
 
-use haff_neighbors::{prefetch_at, roomy};
+use haff_neighbors::{prefetch_at, with_huge_pages};
 use rayon::prelude::*;
 
 use super::{
@@ -60,7 +60,7 @@ impl Lists {
             half: half as f32,
             half2: (half * half) as f32,
             unit: frame.unit,
-            centers: roomy(count),
+            centers: with_huge_pages(count),
             bins: Bins::new(edges, frame.unit, 1.0 + 2.0 * (half + f64::from(SLACK)), spacing, count),
             ..Self::default()
         };
@@ -77,7 +77,7 @@ impl Lists {
         // A start on a lattice has no fluctuations yet.
         let most = lengths.get(lengths.len() * 99 / 100).copied().unwrap_or(0);
         lists.stride = most.max((members + 1.5 * members.sqrt()) as usize).max(1).next_multiple_of(LANES);
-        lists.words = roomy(count * lists.stride);
+        lists.words = with_huge_pages(count * lists.stride);
         lists.words.resize(count * lists.stride, count as u32);
         let (mut words, stride) = (std::mem::take(&mut lists.words), lists.stride);
         let built: Vec<(u32, Option<Vec<u32>>)> = words

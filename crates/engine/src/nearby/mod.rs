@@ -18,7 +18,7 @@ use std::marker::PhantomData;
 
 use glam::DVec3;
 use haff_calendar::{Calendar, Ladder};
-use haff_neighbors::{Axis, Geometry, prefetch_at, roomy};
+use haff_neighbors::{Axis, Geometry, prefetch_at, with_huge_pages};
 use rayon::prelude::*;
 
 use crate::{
@@ -223,7 +223,7 @@ impl<F: Features> Scheduler for Nearby<F> {
         self.queue.clear();
         let predictor = &mut self.predictor;
         if predictor.records.is_empty() {
-            predictor.records = roomy(count + 1);
+            predictor.records = with_huge_pages(count + 1);
             predictor.records.resize(count + 1, Record::NOBODY);
         }
         predictor.begin(&state.world);

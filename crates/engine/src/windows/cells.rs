@@ -11,7 +11,7 @@ searches reach a little further ([`SLACK`]) than contacts do.
 
 use std::ops::Range;
 
-use haff_neighbors::{Geometry, prefetch_at, roomy};
+use haff_neighbors::{Geometry, prefetch_at, with_huge_pages};
 
 use super::axes::Axes;
 
@@ -163,7 +163,7 @@ impl Cells {
             tables.push(table.into_boxed_slice());
         }
         // Room for full cells to go on.
-        let mut blocks = roomy(cells + cells / 8);
+        let mut blocks = with_huge_pages(cells + cells / 8);
         blocks.resize(cells, EMPTY);
         Self { axes, blocks, count: cells, tables }
     }

@@ -25,7 +25,7 @@ mod tune;
 use std::marker::PhantomData;
 
 use glam::DVec3;
-use haff_calendar::Agenda;
+use haff_calendar::WindowQueue;
 use haff_neighbors::{Geometry, prefetch, prefetch_at};
 
 use crate::{
@@ -83,7 +83,7 @@ pub(crate) struct Windows<F> {
     space: Space<F>,
     /// Slot of every particle.
     slot_of: Vec<u32>,
-    agenda: Agenda<Due>,
+    agenda: WindowQueue<Due>,
     /// Contacts found by the batch phase.
     found: Vec<Due>,
     /// When the window began [ticks], and its length [time].
@@ -168,7 +168,7 @@ pub(crate) fn is_profitable(system: &System, census: &Census, crowd: &Crowd) -> 
 impl<F: Features> Windows<F> {
     pub fn new(geometry: &Geometry, kernel: Kernel, system: &System, census: &Census, crowd: &Crowd) -> Self {
         let count = census.count;
-        let mut agenda = Agenda::default();
+        let mut agenda = WindowQueue::default();
         if count > CACHED {
             agenda.keep_sorted(PARTICLES + 1);
         }
@@ -287,7 +287,7 @@ impl<F: Features> Windows<F> {
     /// The bodies of the collision that is `ahead` events from now in the agenda, and its time [ticks].
     #[inline(always)]
     fn peek(&self, ahead: usize) -> Option<([u32; 2], i64)> {
-        let Due(entry) = self.agenda.soon(ahead)?;
+        let Due(entry) = self.agenda.upcoming(ahead)?;
         Some(([entry.owner, entry.target.partner()?], entry.time))
     }
 

@@ -1,6 +1,6 @@
 //! How windows are opened: streaming, registration and the batch phase, on all cores.
 
-use haff_neighbors::{Axis, prefetch_at, roomy};
+use haff_neighbors::{Axis, prefetch_at, with_huge_pages};
 use rayon::prelude::*;
 
 use super::{
@@ -142,7 +142,7 @@ impl<F: Features> Windows<F> {
         rows.extend(place[..cells.len()].chunks_exact(across).map(|row| row[across - 1]));
         lowest.resize(count, 0);
         if records.is_empty() && count > 0 {
-            (*records, *anchors) = (roomy(count), roomy(count));
+            (*records, *anchors) = (with_huge_pages(count), with_huge_pages(count));
             records.resize(count, Record::default());
             anchors.resize(count, world.particles[0]);
         }

@@ -1,8 +1,8 @@
 /*!
-Flights: how the bodies of one mechanism move until something happens to one of them.
+Motions: states of the bodies of one mechanism until the next event of one of them.
 
-Each motion has its state at any τ since its start, bounds on speed and acceleration for the search for contacts, and the forces of
-its one-sided rows for the search for their end.
+Each motion provides its state at any τ since its start, bounds on speed and acceleration for the search for
+contacts, and the forces of its one-sided rows for the search for their end.
 */
 
 mod modes;
@@ -19,22 +19,22 @@ pub(crate) use numeric::Numeric;
 pub(crate) use spin::Spin;
 pub(crate) use swing::Swing;
 
-/// Relative deviation within which two pendulums swing in step, for contacts as long as the pendulums: the line of centers of
-/// smaller ones is rounded more coarsely…
-const IN_STEP: f64 = 1e-12;
-/// … but no more than this.
-const IN_STEP_AT_MOST: f64 = 1e-9;
-/// Velocities and accelerations below this part of their scale are none.
+/// Relative deviation within which two pendulums swing in phase, for contacts as long as the pendulums: for
+/// smaller ones the line of centers has a larger rounding error…
+const IN_PHASE: f64 = 1e-12;
+/// … but at most this deviation.
+const MAX_IN_PHASE: f64 = 1e-9;
+/// Velocities and accelerations below this part of their scale count as zero.
 const STILL: f64 = 1e-13;
 
-/// A motion, by what it follows from.
+/// A motion, by its kind.
 #[derive(Debug, Clone, PartialEq)]
 pub(crate) enum Motion {
-    /// Nothing moves, and the forces balance.
+    /// At rest, in equilibrium.
     Still(Vec<DVec3>),
     /// Constant acceleration of one body: free, or along walls.
     Ballistic { position: DVec3, velocity: DVec3, acceleration: DVec3, power: f64 },
-    /// Pendulums, several if they swing in step.
+    /// Pendulums, several if they swing in phase.
     Swing(Vec<Swing>),
     /// A circle without gravity.
     Circle { center: DVec3, arm: DVec3, across: DVec3, omega: f64 },
@@ -42,21 +42,22 @@ pub(crate) enum Motion {
     Spin(Spin),
     /// Springs on a line.
     Modes(Modes),
-    /// Anything else.
+    /// All other motions, integrated numerically.
     Numeric(Numeric),
 }
 
-/// What of a motion has to be watched.
+/// A quantity of a motion whose zero is an event.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(crate) enum Watched {
-    /// The force of a one-sided row: it must not change its sign.
+pub(crate) enum Monitored {
+    /// The force of a one-sided row: the row opens where it changes its sign.
     Row(usize),
-    /// The length of a spring: beyond zero its direction turns round.
+    /// The length of a spring: beyond zero its direction reverses.
     Coil(usize),
 }
 
 impl Motion {
-    /// The motion of a mechanism all rows of which are active. `hint`: step of a numerical motion that is continued, or 0.
+    /// The motion of a mechanism with all rows active. `hint`: initial step of a numerical motion that is
+    /// continued, or 0.
     pub fn new(mechanism: &Mechanism, bodies: &Motions, hint: f64) -> Option<Self> {
         if let Some(still) = still_motion(mechanism, bodies) {
             return Some(still);
@@ -67,7 +68,7 @@ impl Motion {
             {
                 return Some(motion);
             }
-            if let Some(swing) = in_step(mechanism, bodies) {
+            if let Some(swing) = in_phase(mechanism, bodies) {
                 return Some(swing);
             }
             if let [row] = &mechanism.rows[..]
@@ -133,7 +134,7 @@ impl Motion {
     pub fn speed_bound(&self, k: usize, from: f64, to: f64) -> f64 {
         match self {
             Self::Still(_) => 0.0,
-            // A convex function is largest at an end.
+            // The maximum of a convex function is at an end.
             Self::Ballistic { velocity, acceleration, .. } => {
                 (*velocity + *acceleration * from).length().max((*velocity + *acceleration * to).length())
             }
@@ -154,17 +155,17 @@ impl Motion {
         }
     }
 
-    /// A ball that body `k` never leaves, if there is one: center and radius.
-    pub fn ball(&self, k: usize) -> Option<(DVec3, f64)> {
+    /// A sphere that body `k` never leaves, if there is one: center and radius.
+    pub fn enclosing_sphere(&self, k: usize) -> Option<(DVec3, f64)> {
         match self {
             Self::Still(positions) => Some((positions[k], 0.0)),
-            Self::Swing(swings) => Some(swings[k].ball()),
+            Self::Swing(swings) => Some(swings[k].enclosing_sphere()),
             Self::Circle { center, arm, .. } => Some((*center, arm.length())),
             Self::Ballistic { .. } | Self::Spin(_) | Self::Modes(_) | Self::Numeric(_) => None,
         }
     }
 
-    /// A time in which the motion changes its character; infinite for those that do not.
+    /// A time over which the motion changes; infinite for motions without a timescale.
     pub fn timescale(&self) -> f64 {
         match self {
             Self::Still(_) | Self::Ballistic { .. } | Self::Numeric(_) => f64::INFINITY,
@@ -175,7 +176,7 @@ impl Motion {
         }
     }
 
-    /// How long the motion is known [time].
+    /// Range of the motion [time].
     pub fn length(&self) -> f64 {
         match self {
             Self::Numeric(step) => step.length,
@@ -183,69 +184,69 @@ impl Motion {
         }
     }
 
-    /// Work of driven points on the bodies since the start \[energy\].
+    /// Work of moving points on the bodies since the start \[energy\].
     pub fn work(&self, tau: f64) -> f64 {
         match self {
-            // Force times the way of what presses.
+            // Power of the force on the moving body.
             Self::Ballistic { power, .. } => power * tau,
             Self::Numeric(step) => step.work(tau),
             _ => 0.0,
         }
     }
 
-    /// Everything to be watched.
-    pub fn watched(&self, mechanism: &Mechanism) -> Vec<Watched> {
+    /// All monitored quantities.
+    pub fn monitored(&self, mechanism: &Mechanism) -> Vec<Monitored> {
         let one_sided = |i: &usize| mechanism.rows[*i].unilateral;
-        let rows = (0..mechanism.rows.len()).filter(one_sided).map(Watched::Row);
+        let rows = (0..mechanism.rows.len()).filter(one_sided).map(Monitored::Row);
         match self {
             Self::Still(_) | Self::Ballistic { .. } | Self::Circle { .. } | Self::Spin(_) => Vec::new(),
-            // The rows between bodies that swing in step carry nothing.
+            // The rows between bodies that swing in phase carry no force.
             Self::Swing(_) => rows
-                .filter(|watched| {
-                    matches!(watched, Watched::Row(i) if mechanism.rows[*i].a.body().is_none()
+                .filter(|monitored| {
+                    matches!(monitored, Monitored::Row(i) if mechanism.rows[*i].a.body().is_none()
                         || mechanism.rows[*i].b.body().is_none())
                 })
                 .collect(),
             Self::Modes(_) => {
                 let turning = |i: &usize| mechanism.coils[*i].natural_length > 0.0;
-                rows.chain((0..mechanism.coils.len()).filter(turning).map(Watched::Coil)).collect()
+                rows.chain((0..mechanism.coils.len()).filter(turning).map(Monitored::Coil)).collect()
             }
             Self::Numeric(_) => rows.collect(),
         }
     }
 
-    /// Value and slope of what is watched; the event is where it falls below zero.
-    pub fn watch(&self, mechanism: &Mechanism, what: Watched, tau: f64) -> (f64, f64) {
+    /// Value and slope of a monitored quantity; the event is where it falls below zero.
+    pub fn monitored_value(&self, mechanism: &Mechanism, what: Monitored, tau: f64) -> (f64, f64) {
         match (self, what) {
-            (Self::Swing(swings), Watched::Row(i)) => {
+            (Self::Swing(swings), Monitored::Row(i)) => {
                 let row = &mechanism.rows[i];
                 let Some(k) = row.a.body().or(row.b.body()) else { return (1.0, 0.0) };
                 let (pull, slope) = swings[k].tension(tau);
                 let inwards = -row.sign * mechanism.mass[k];
                 (inwards * pull, inwards * slope)
             }
-            (Self::Modes(modes), Watched::Row(i)) => modes.row_force(i, tau),
-            (Self::Modes(modes), Watched::Coil(i)) => modes.coil_length(i, tau),
-            (Self::Numeric(step), Watched::Row(i)) => step.row_force(i, tau),
+            (Self::Modes(modes), Monitored::Row(i)) => modes.row_force(i, tau),
+            (Self::Modes(modes), Monitored::Coil(i)) => modes.coil_length(i, tau),
+            (Self::Numeric(step), Monitored::Row(i)) => step.row_force(i, tau),
             _ => (1.0, 0.0),
         }
     }
 
-    /// Bound on the second derivative of what is watched.
-    pub fn watch_bound(&self, mechanism: &Mechanism, what: Watched) -> f64 {
+    /// Bound on the second derivative of a monitored quantity.
+    pub fn monitored_bound(&self, mechanism: &Mechanism, what: Monitored) -> f64 {
         match (self, what) {
-            (Self::Swing(swings), Watched::Row(i)) => {
+            (Self::Swing(swings), Monitored::Row(i)) => {
                 let row = &mechanism.rows[i];
                 row.a.body().or(row.b.body()).map_or(0.0, |k| mechanism.mass[k] * swings[k].tension_bound())
             }
-            (Self::Modes(modes), Watched::Row(i)) => modes.row_bound(i),
-            (Self::Modes(modes), Watched::Coil(i)) => modes.coil_bound(i),
-            (Self::Numeric(step), Watched::Row(i)) => step.row_bound(i),
+            (Self::Modes(modes), Monitored::Row(i)) => modes.row_bound(i),
+            (Self::Modes(modes), Monitored::Coil(i)) => modes.coil_bound(i),
+            (Self::Numeric(step), Monitored::Row(i)) => step.row_bound(i),
             _ => 0.0,
         }
     }
 
-    /// What it is, in words.
+    /// Name of the kind.
     pub fn name(&self) -> &'static str {
         match self {
             Self::Still(_) => "rest",
@@ -302,7 +303,7 @@ fn alone(mechanism: &Mechanism, (position, velocity): (DVec3, DVec3)) -> Option<
     Swing::new(point, length, position, velocity, mechanism.gravity).map(|swing| Motion::Swing(vec![swing]))
 }
 
-/// The point at rest from which a row keeps its body, as the body's own center sees it, and the distance.
+/// The fixed point at a constant distance from the body's own center, by a row, and the distance.
 fn center_of(row: &Row) -> Option<(DVec3, f64)> {
     let Shape::Distance(length) = row.shape else { return None };
     match (row.a, row.b) {
@@ -312,8 +313,8 @@ fn center_of(row: &Row) -> Option<(DVec3, f64)> {
     }
 }
 
-/// Pendulums in contact that swing in step: the contacts carry nothing.
-fn in_step(mechanism: &Mechanism, bodies: &Motions) -> Option<Motion> {
+/// Pendulums in contact that swing in phase: the contacts carry no force.
+fn in_phase(mechanism: &Mechanism, bodies: &Motions) -> Option<Motion> {
     let mut center: Vec<Option<(DVec3, f64)>> = vec![None; bodies.len()];
     for row in &mechanism.rows {
         match (row.a.body(), row.b.body()) {
@@ -339,13 +340,13 @@ fn in_step(mechanism: &Mechanism, bodies: &Motions) -> Option<Motion> {
         .iter()
         .filter(|row| matches!(row.link, Link::Pair(..)))
         .map(|row| match row.shape {
-            Shape::Distance(sigma) => IN_STEP * (1.0 + length / sigma),
-            Shape::Along(..) => IN_STEP,
+            Shape::Distance(sigma) => IN_PHASE * (1.0 + length / sigma),
+            Shape::Along(..) => IN_PHASE,
         })
-        .fold(IN_STEP, f64::max)
-        .min(IN_STEP_AT_MOST);
+        .fold(IN_PHASE, f64::max)
+        .min(MAX_IN_PHASE);
     let same = centers.iter().zip(bodies).all(|(&(point, of), &(x, v))| {
-        (of - length).abs() <= IN_STEP * length
+        (of - length).abs() <= IN_PHASE * length
             && ((x - point) - relative).length() <= tolerance * length
             && (v - bodies[0].1).length() <= tolerance * speed
     });

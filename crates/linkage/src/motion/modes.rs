@@ -1,9 +1,10 @@
 /*!
 Masses and springs on one line in normal modes.
 
-Displacements `d` of the nodes (bodies, or several that are held together) along the line from where they were at the start obey
-M d̈ = F₀ − K d, with F₀ all forces at the start. In the modes c of M^{−1/2} K M^{−1/2} each is an oscillator that starts at
-0: c = f (1 − cos ωt)/ω² + ċ₀ sin(ωt)/ω, or ċ₀ t + ½ f t² where ω = 0. Across the line all bodies fly alike.
+Displacements `d` of the nodes (bodies, or several that are held together) along the line from their initial
+positions satisfy M d̈ = F₀ − K d, with F₀ all forces at the start. Each mode c of M^{−1/2} K M^{−1/2} is an
+oscillator that starts at 0: c = f (1 − cos ωt)/ω² + ċ₀ sin(ωt)/ω, or ċ₀ t + ½ f t² where ω = 0. Across the
+line all bodies have the same motion.
 */
 
 use glam::DVec3;
@@ -16,9 +17,9 @@ use crate::{
 /// Largest deviation from the line, relative to the quantity's own size.
 const ALIGNED: f64 = 1e-12;
 
-/// A part of the motion that may have to be watched: `constant + Σ weight·c`.
+/// A quantity that may be monitored: `constant + Σ weight·c`.
 #[derive(Debug, Clone, PartialEq)]
-struct Watch {
+struct AffineQuantity {
     constant: f64,
     weights: Vec<f64>,
 }
@@ -35,8 +36,8 @@ pub(crate) struct Modes {
     rate: Vec<f64>,
     /// Displacement of every body per mode, row-major: bodies × modes.
     shape: Vec<f64>,
-    rows: Vec<Watch>,
-    coils: Vec<Watch>,
+    rows: Vec<AffineQuantity>,
+    coils: Vec<AffineQuantity>,
 }
 
 /// (1 − cos ωt)/ω², sin(ωt)/ω and their derivatives; limits at ω = 0.
@@ -59,7 +60,7 @@ impl Modes {
         let speeds: f64 = bodies.iter().map(|(_, v)| v.length()).fold(0.0, f64::max);
         let (a, forces) = mechanism.accelerations(0.0, bodies);
         let scale = mechanism.acceleration_scale(bodies);
-        // Nodes: bodies that rows along the line hold together; and what rows hold in place.
+        // Nodes: bodies that rows along the line hold together; and those that rows hold in place.
         let mut node: Vec<usize> = (0..n).collect();
         let mut clamped = vec![false; n];
         let mut anchored = false;
@@ -69,7 +70,7 @@ impl Modes {
             }
             match (row.a.body(), row.b.body()) {
                 _ if state.direction.dot(line).abs() <= ALIGNED => {
-                    // A wall along which the body slides; nothing else leaves its direction alone.
+                    // A wall along which the body slides; any other row would change its direction.
                     if !matches!(row.shape, Shape::Along(..)) || row.a.body().is_some() {
                         return None;
                     }
@@ -97,7 +98,7 @@ impl Modes {
                 return None;
             }
         }
-        // Across the line all fly alike; what is tied to a point of space does not leave the line.
+        // Across the line all bodies move alike; bodies tied to a point of space do not leave the line.
         let perpendicular = |v: DVec3| v - line * v.dot(line);
         let (slide, across) = (perpendicular(bodies[0].1), perpendicular(a[0]));
         let alike = bodies.iter().all(|(_, v)| (perpendicular(*v) - slide).length() <= ALIGNED * speeds)
@@ -159,19 +160,22 @@ impl Modes {
             (0..n).map(|k| (bodies[k].0, slide + line * index(k).map_or(0.0, |i| velocity[i]))).collect();
         let mut of =
             Self { start, line, across, omega, force, rate, shape, rows: Vec::new(), coils: Vec::new() };
-        of.watch(mechanism, &forces);
+        of.set_monitored(mechanism, &forces);
         Some(of)
     }
 
-    /// Row forces and lengths of springs are affine in the displacements: their weights, by displacing each mode.
-    fn watch(&mut self, mechanism: &Mechanism, forces: &[f64]) {
+    /// Row forces and lengths of springs are affine in the displacements: determines their weights by
+    /// displacing each mode.
+    fn set_monitored(&mut self, mechanism: &Mechanism, forces: &[f64]) {
         let count = self.omega.len();
         let at_rest: Motions = self.start.iter().map(|(x, _)| (*x, DVec3::ZERO)).collect();
         let lengths: Vec<f64> = mechanism.coils.iter().map(|coil| coil.direction(0.0, &at_rest).1).collect();
-        // Far enough for the digits, near enough for no spring to turn round.
+        // Large enough for accuracy, small enough that no spring reverses.
         let shortest = lengths.iter().copied().filter(|l| *l > 0.0).fold(1.0, f64::min);
-        self.rows = forces.iter().map(|&constant| Watch { constant, weights: vec![0.0; count] }).collect();
-        self.coils = lengths.iter().map(|&constant| Watch { constant, weights: vec![0.0; count] }).collect();
+        self.rows =
+            forces.iter().map(|&constant| AffineQuantity { constant, weights: vec![0.0; count] }).collect();
+        self.coils =
+            lengths.iter().map(|&constant| AffineQuantity { constant, weights: vec![0.0; count] }).collect();
         let base = mechanism.accelerations(0.0, &at_rest).1;
         for m in 0..count {
             let largest = (0..self.start.len()).map(|k| self.shape[k * count + m].abs()).fold(0.0, f64::max);
@@ -185,11 +189,11 @@ impl Modes {
                 .map(|(k, (x, v))| (*x + self.line * (self.shape[k * count + m] * by), *v))
                 .collect();
             let changed = mechanism.accelerations(0.0, &moved).1;
-            for (watch, (new, old)) in self.rows.iter_mut().zip(changed.iter().zip(&base)) {
-                watch.weights[m] = (new - old) / by;
+            for (quantity, (new, old)) in self.rows.iter_mut().zip(changed.iter().zip(&base)) {
+                quantity.weights[m] = (new - old) / by;
             }
-            for (watch, coil) in self.coils.iter_mut().zip(&mechanism.coils) {
-                watch.weights[m] =
+            for (quantity, coil) in self.coils.iter_mut().zip(&mechanism.coils) {
+                quantity.weights[m] =
                     (coil_length(coil, &moved, self.line) - coil_length(coil, &at_rest, self.line)) / by
                         * coil_sign(coil, &self.start, self.line);
             }
@@ -236,17 +240,18 @@ impl Modes {
 
     /// Force of a row and its slope.
     pub fn row_force(&self, row: usize, tau: f64) -> (f64, f64) {
-        self.watched(&self.rows[row], tau)
+        self.value_of(&self.rows[row], tau)
     }
 
-    /// Length of a spring along the line, negative once it has passed through its own end, and its slope.
+    /// Length of a spring along the line, negative after its ends have passed through each other, and its
+    /// slope.
     pub fn coil_length(&self, coil: usize, tau: f64) -> (f64, f64) {
-        self.watched(&self.coils[coil], tau)
+        self.value_of(&self.coils[coil], tau)
     }
 
-    fn watched(&self, watch: &Watch, tau: f64) -> (f64, f64) {
-        let (mut value, mut slope) = (watch.constant, 0.0);
-        for (m, weight) in watch.weights.iter().enumerate() {
+    fn value_of(&self, quantity: &AffineQuantity, tau: f64) -> (f64, f64) {
+        let (mut value, mut slope) = (quantity.constant, 0.0);
+        for (m, weight) in quantity.weights.iter().enumerate() {
             let (c, rate) = self.mode(m, tau);
             value += weight * c;
             slope += weight * rate;
@@ -264,11 +269,11 @@ impl Modes {
         self.bound_of(&self.coils[coil])
     }
 
-    fn bound_of(&self, watch: &Watch) -> f64 {
-        watch.weights.iter().enumerate().map(|(m, weight)| weight.abs() * self.mode_bound(m)).sum()
+    fn bound_of(&self, quantity: &AffineQuantity) -> f64 {
+        quantity.weights.iter().enumerate().map(|(m, weight)| weight.abs() * self.mode_bound(m)).sum()
     }
 
-    /// A time in which the motion changes.
+    /// A time over which the motion changes.
     pub fn timescale(&self) -> f64 {
         1.0 / self.omega.iter().fold(0.0, |m: f64, w| m.max(*w))
     }
@@ -279,12 +284,13 @@ fn coil_length(coil: &crate::mechanism::Coil, bodies: &Motions, line: DVec3) -> 
     (coil.b.state(0.0, bodies).0 - coil.a.state(0.0, bodies).0).dot(line)
 }
 
-/// Whether a spring runs along the line or against it.
+/// +1 for a spring along the line, −1 for one against it.
 fn coil_sign(coil: &crate::mechanism::Coil, bodies: &Motions, line: DVec3) -> f64 {
     1.0_f64.copysign(coil.direction(0.0, bodies).0.dot(line))
 }
 
-/// The line along which a mechanism may move: that of a spring, a row between bodies, or their relative velocity.
+/// The line along which a mechanism may move: that of a spring, a row between bodies, or their relative
+/// velocity.
 fn line_of(mechanism: &Mechanism, bodies: &Motions) -> Option<DVec3> {
     let of_coil = mechanism.coils.iter().map(|coil| coil.direction(0.0, bodies).0);
     let between = mechanism

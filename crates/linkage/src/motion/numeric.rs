@@ -1,17 +1,18 @@
 /*!
 Motion without a closed form: a few steps of DOP853 at a time, with a continuous extension of degree nine.
 
-Positions and velocities of the bodies are integrated with the constraint forces eliminated ([`Mechanism::accelerations`]); at the
-end of every stretch of [`STEPS`] steps they are brought back onto the constraints. Between, they are the Hermite
-polynomials through places, velocities and accelerations at the ends of the steps, of which the search for events knows rigorous
-bounds. A stretch is taken only if the method's own estimate stays below [`TOLERANCE`] in every step, and if the
-polynomials satisfy the equations of motion in its interior.
+Positions and velocities of the bodies are integrated with the constraint forces eliminated
+([`Mechanism::accelerations`]); at the end of every stretch of [`STEPS`] steps they are projected onto the
+constraints. In between, they are the Hermite polynomials through positions, velocities and accelerations at
+the ends of the steps, with rigorous bounds for the search for events. A stretch is accepted only if the
+method's own estimate is_fixed_or_carried below [`TOLERANCE`] in every step, and if the polynomials satisfy
+the equations of motion in its interior.
 
-The method's own dense output is not used: in version 0.7 of the crate it converges with order 5 instead of 7 (5·10⁻⁸ for an
-oscillator at a step of 0.2/ω, where the steps themselves are right to 3·10⁻¹⁴).
+The method's own dense output is not used: in version 0.7 of the crate it converges with order 5 instead of 7
+(5·10⁻⁸ for an oscillator at a step of 0.2/ω, where the steps themselves are accurate to 3·10⁻¹⁴).
 
-Steps are powers of two. The method's own proposal comes from a power function whose last bits differ between machines; it is
-only compared with twice the step.
+Steps are powers of two. The method's own proposal comes from a power function whose last bits differ between
+machines; it is only compared with twice the step.
 */
 
 use differential_equations::{
@@ -28,9 +29,9 @@ use crate::mechanism::{Mechanism, Motions};
 const TOLERANCE: f64 = 3e-15;
 /// Error of the polynomials: of the velocity against the acceleration, over a stretch.
 const DENSE: f64 = 3e-13;
-/// Attempts, each of half the length, before the tolerances widen, and how far they may.
-const PATIENCE: i32 = 12;
-const WIDEST: f64 = 1e6;
+/// Attempts, each with half the step, before the tolerances are widened, and the largest factor.
+const ATTEMPTS: i32 = 12;
+const MAX_WIDENING: f64 = 1e6;
 /// Steps of a stretch.
 const STEPS: usize = 4;
 /// Nodes of a polynomial of degree 2 (STEPS + 1) − 1.
@@ -43,7 +44,7 @@ const FORCE_NODES: usize = 14;
 pub(crate) struct Numeric {
     /// Its length [time].
     pub length: f64,
-    /// Step proposed for the next.
+    /// Step proposed for the next stretch.
     pub next: f64,
     /// State at the end, on the constraints.
     pub end: Motions,
@@ -51,11 +52,11 @@ pub(crate) struct Numeric {
     paths: Vec<[Polynomial; 6]>,
     /// Row forces; `None` for two-sided rows.
     forces: Vec<Option<Polynomial>>,
-    /// Work of driven points since its start.
+    /// Work of moving points since its start.
     work: Option<Polynomial>,
 }
 
-/// The equations of motion as the method wants them: positions relative to the start, velocities, work.
+/// The equations of motion in the form of the method: positions relative to the start, velocities, work.
 struct Equations<'a> {
     mechanism: &'a Mechanism,
     start: &'a Motions,
@@ -84,7 +85,8 @@ impl ODE<f64, Vec<f64>> for Equations<'_> {
 }
 
 impl Numeric {
-    /// The stretch from `start`; `hint` is the last one's proposal, 0 at the beginning. `None` if no step is short enough.
+    /// The stretch from `start`; `hint` is the proposal of the last stretch, 0 at the beginning. `None` if no
+    /// step is short enough.
     pub fn new(mechanism: &Mechanism, start: &Motions, hint: f64) -> Option<Self> {
         let driven = mechanism.rows.iter().any(|row| row.a.is_driven() || row.b.is_driven())
             || mechanism.coils.iter().any(|coil| coil.a.is_driven() || coil.b.is_driven());
@@ -107,13 +109,13 @@ impl Numeric {
         let mut wider = 1.0;
         for attempt in 0..200 {
             // Where rounding is larger than the tolerance, shorter steps do not help.
-            if attempt > PATIENCE {
+            if attempt > ATTEMPTS {
                 wider *= 2.0;
                 for t in &mut tolerance {
                     *t *= 2.0;
                 }
             }
-            if wider > WIDEST {
+            if wider > MAX_WIDENING {
                 return None;
             }
             let mut method = ExplicitRungeKutta::dop853().rtol(0.0).atol(tolerance.clone()).h0(h);
@@ -176,7 +178,7 @@ impl Numeric {
         (bound(0), bound(3))
     }
 
-    /// Force of a one-sided row, its slope, and a bound on its second derivative.
+    /// Force of a one-sided row and its slope.
     pub fn row_force(&self, row: usize, tau: f64) -> (f64, f64) {
         self.forces[row].as_ref().map_or((0.0, 0.0), |p| p.at(tau))
     }
@@ -186,7 +188,7 @@ impl Numeric {
         self.forces[row].as_ref().map_or(0.0, |p| p.derivative_bounds().1)
     }
 
-    /// Work of driven points since its start \[energy\].
+    /// Work of moving points since its start \[energy\].
     pub fn work(&self, tau: f64) -> f64 {
         self.work.as_ref().map_or(0.0, |p| p.at(tau).0 - p.at(0.0).0)
     }
@@ -233,7 +235,8 @@ fn paths(equations: &Equations<'_>, ends: &[(Vec<f64>, Vec<f64>)], h: f64) -> Ve
     (0..n).map(body).collect()
 }
 
-/// Hermite's polynomial of one component, by divided differences over the doubled ends of the steps, plus an offset.
+/// Hermite interpolation polynomial of one component, by divided differences over the doubled ends of the
+/// steps, plus an offset.
 fn extension(ends: &[(Vec<f64>, Vec<f64>)], index: usize, offset: f64, h: f64) -> Polynomial {
     // In units of a step.
     let at = |k: usize| (k / 2) as f64;
@@ -253,7 +256,7 @@ fn extension(ends: &[(Vec<f64>, Vec<f64>)], index: usize, offset: f64, h: f64) -
     Polynomial::through(&values, STEPS as f64 * h)
 }
 
-/// Whether the polynomials obey the equations of motion inside a stretch.
+/// Whether the polynomials satisfy the equations of motion inside a stretch.
 fn satisfies(mechanism: &Mechanism, paths: &[[Polynomial; 6]], h: f64, speed: f64, length: f64) -> bool {
     [0.1, 0.4, 0.65, 0.9].into_iter().all(|s| {
         let tau = s * h;
@@ -270,7 +273,7 @@ fn satisfies(mechanism: &Mechanism, paths: &[[Polynomial; 6]], h: f64, speed: f6
     })
 }
 
-/// A length that the mechanism's motion changes over \[length\].
+/// A length over which the motion of the mechanism changes \[length\].
 fn length_scale(mechanism: &Mechanism) -> f64 {
     let rows = mechanism.rows.iter().map(|row| match row.shape {
         crate::mechanism::Shape::Distance(length) | crate::mechanism::Shape::Along(_, length) => length.abs(),

@@ -1,4 +1,4 @@
-//! Polynomials on [0, h] in Chebyshev form: they come with rigorous bounds on their derivatives.
+//! Polynomials on [0, h] in Chebyshev form, with rigorous bounds on their derivatives.
 
 /// A polynomial on [0, h].
 #[derive(Debug, Clone, PartialEq)]
@@ -9,7 +9,7 @@ pub(crate) struct Polynomial {
 }
 
 impl Polynomial {
-    /// Where on [0, 1] the values of [`Self::through`] belong.
+    /// Positions on [0, 1] of the values of [`Self::through`].
     pub fn nodes(count: usize) -> Vec<f64> {
         (0..count)
             .map(|k| 0.5 - 0.5 * libm::cos(std::f64::consts::PI * (k as f64 + 0.5) / count as f64))
@@ -67,7 +67,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn passes_through_its_values_within_its_bounds() {
+    fn polynomials_interpolate_within_their_derivative_bounds() {
         let h = 0.7;
         let nodes = Polynomial::nodes(16);
         let p = Polynomial::through(&nodes.iter().map(|s| (3.0 * s * h).sin()).collect::<Vec<_>>(), h);

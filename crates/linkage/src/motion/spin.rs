@@ -10,17 +10,17 @@ pub(crate) struct Spin {
     gravity: DVec3,
     /// From joint a to joint b.
     arm: DVec3,
-    /// Where the arm points a quarter turn later, of the same length.
+    /// The arm after a quarter turn, of the same length.
     across: DVec3,
     omega: f64,
-    /// Distances of the joints from the center of mass, in arms: negative for a.
+    /// Distances of the joints from the center of mass, in units of the arm: negative for a.
     lever: [f64; 2],
     /// From joint to body.
     offset: [DVec3; 2],
 }
 
 impl Spin {
-    /// `bodies` and where on them the joints are, their masses, the rod's length.
+    /// The motion from `bodies`, the offsets of the joints from them, their masses, and the rod's length.
     pub fn new(
         bodies: [(DVec3, DVec3); 2],
         offset: [DVec3; 2],
@@ -71,7 +71,7 @@ impl Spin {
         center + self.omega * self.arm.length() * self.lever[k].abs()
     }
 
-    /// A time in which the motion changes.
+    /// A time over which the motion changes.
     pub fn timescale(&self) -> f64 {
         1.0 / self.omega
     }

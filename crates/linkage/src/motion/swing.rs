@@ -1,16 +1,17 @@
 /*!
-The pendulum in closed form, for every amplitude: libration, rotation and what separates them.
+The pendulum in closed form, for every amplitude: libration, rotation and the separatrix between them.
 
-With half the angle from the vertical, S = sin(θ/2), C = cos(θ/2), and W = θ̇/(2ω₀), ω₀ = √(g/l), the energy is m = S² + W²: the
-parameter of the elliptic functions, below 1 in libration, above in rotation. Then S = √m sn(ω₀t + φ), and the addition
-theorem gives the state after t from the one at the start without φ, that is without any inverse function:
+With half the angle from the vertical, S = sin(θ/2), C = cos(θ/2), and W = θ̇/(2ω₀), ω₀ = √(g/l), the energy
+is m = S² + W²: the parameter of the elliptic functions, below 1 in libration, above in rotation. Then S = √m
+sn(ω₀t + φ), and the addition theorem gives the state after t from the one at the start without φ, that is
+without any inverse function:
 
 ```text
 S' = (S cn dn + W C sn)/D      C' = (C dn − S W sn cn)/D      W' = (W cn − S C sn dn)/D      D = cn² + C² sn²
 ```
 
-with sn, cn, dn of ω₀t. All terms keep their relative accuracy down to the smallest swing, and m1 = 1 − m = C² − W² its own at
-the separatrix. For m > 1: sn(u|m) = sn(√m u|1/m)/√m, cn = dn, dn = cn.
+with sn, cn, dn of ω₀t. All terms keep their relative accuracy down to the smallest amplitude, and so does m1
+= 1 − m = C² − W² at the separatrix. For m > 1: sn(u|m) = sn(√m u|1/m)/√m, cn = dn, dn = cn.
 */
 
 use glam::DVec3;
@@ -23,7 +24,7 @@ pub(crate) struct Swing {
     center: DVec3,
     length: f64,
     gravity: f64,
-    /// Unit vector of gravity, and the one across it in the plane of the motion.
+    /// Unit vector of gravity, and the one perpendicular to it in the plane of the motion.
     down: DVec3,
     side: DVec3,
     frequency: f64,
@@ -35,8 +36,8 @@ pub(crate) struct Swing {
 }
 
 impl Swing {
-    /// A body at `position` about `center` \[length\] with a velocity across; `None` if the motion is not in a plane with
-    /// gravity, or gravity is zero.
+    /// A body at `position` about `center` \[length\] with a perpendicular velocity; `None` if the motion is
+    /// not in a plane with gravity, or gravity is zero.
     pub fn new(center: DVec3, length: f64, position: DVec3, velocity: DVec3, gravity: DVec3) -> Option<Self> {
         let relative = position - center;
         let g = gravity.length();
@@ -46,7 +47,7 @@ impl Swing {
         let (down, u) = (gravity / g, relative.normalize());
         let scale = velocity.length() + (g * length).sqrt();
         let across = u - down * u.dot(down);
-        // Hanging straight down, or standing: the velocity gives the plane.
+        // At the lowest or highest point the velocity determines the plane.
         let side = if across.length() > 1e-12 {
             across.normalize()
         } else if velocity.length() > 1e-14 * scale {
@@ -54,7 +55,7 @@ impl Swing {
         } else {
             down.any_orthonormal_vector()
         };
-        // A normal of exactly one component leaves planar scenes exactly planar.
+        // The component out of the plane is exactly zero in planar scenes.
         let out = velocity - down * velocity.dot(down) - side * velocity.dot(side);
         if out.length() > 1e-13 * scale {
             return None;
@@ -101,14 +102,14 @@ impl Swing {
         let d = cn * cn + c * c * sn * sn;
         let (s1, c1) = ((s * cn * dn + w * c * sn) / d, (c * dn - s * w * sn * cn) / d);
         let w1 = (w * cn - s * c * sn * dn) / d;
-        // S² + W² = m and C² − W² = m1 hold as exactly as the larger of the two can make the smaller.
+        // S² + W² = m and C² − W² = m1 hold as exactly as the larger of the two terms determines the smaller.
         if w1 * w1 >= 0.5 * self.m {
             let norm = libm::hypot(s1, c1);
             let (s1, c1) = (s1 / norm, c1 / norm);
             return (s1, c1, (self.m - s1 * s1).max(0.0).sqrt().copysign(w1));
         }
         let (s2, c2) = (self.m - w1 * w1, self.m1 + w1 * w1);
-        // At the top of a rotation C² is what two large numbers leave.
+        // At the top of a rotation C² is the difference of two large numbers.
         if self.m1 >= 0.0 || c2 >= 0.25 {
             return (s2.sqrt().copysign(s1), c2.sqrt().copysign(c1), w1);
         }
@@ -156,12 +157,12 @@ impl Swing {
         self.gravity * (1.0 + 4.0 * self.m)
     }
 
-    /// Center and length of the string.
-    pub fn ball(&self) -> (DVec3, f64) {
+    /// Center and radius of the circle.
+    pub fn enclosing_sphere(&self) -> (DVec3, f64) {
         (self.center, self.length)
     }
 
-    /// A time in which the motion changes.
+    /// A time over which the motion changes.
     pub fn timescale(&self) -> f64 {
         1.0 / (self.frequency * self.m.sqrt().max(1.0))
     }
@@ -186,7 +187,7 @@ mod tests {
             let quarter = (0.7_f64 / 9.81).sqrt() * complete_elliptic_integral((angle * 0.5).cos().powi(2));
             let (r, v) = of.relative(quarter);
             let speed = 2.0 * (9.81_f64 * 0.7).sqrt() * (0.5 * angle).sin();
-            // Near the top, where a bob's place is rounded is what decides when it falls.
+            // Near the top the rounding of the bob's position determines when it falls.
             let condition = 1.0 + 1.0 / (0.5 * angle).cos();
             assert!(r.x.abs() < 4e-16 * condition * speed * quarter, "{angle}: {r}");
             assert!((v.length() / speed - 1.0).abs() < 4e-15, "{angle}: {v} against {speed}");
@@ -196,7 +197,7 @@ mod tests {
     }
 
     #[test]
-    fn energy_holds_in_libration_rotation_and_between() {
+    fn energy_is_conserved_in_libration_rotation_and_at_the_separatrix() {
         for (angle, rate) in [(0.3, 1.0), (2.5, 3.0), (0.1, 7.0), (3.0, 0.05), (0.0, 2.0), (-2.0, -20.0)] {
             let of = swing(angle, rate, 1.0, 1.0);
             let energy = |(r, v): (DVec3, DVec3)| 0.5 * v.length_squared() + r.y;
@@ -207,14 +208,14 @@ mod tests {
                 assert!(error < 3e-15 * (2.0 + start.abs()), "{angle}, {rate}: {error} at {k}");
             }
         }
-        // The separatrix: from the bottom it takes for ever to the top.
+        // The separatrix: the bob approaches the top without reaching it.
         let of = swing(0.0, 2.0, 1.0, 1.0);
         let (r, v) = of.relative(30.0);
         assert!((r.y - 1.0).abs() < 1e-15 && v.length() < 1e-12, "{r} {v}");
     }
 
     #[test]
-    fn velocity_is_the_derivative_of_position_and_forces_follow() {
+    fn velocity_and_tension_are_derivatives_of_the_motion() {
         for (angle, rate) in [(0.3, 1.0), (1.0, 3.0), (2.9, -0.4)] {
             let of = swing(angle, rate, 1.3, 2.0);
             for k in 1..60 {

@@ -1,4 +1,4 @@
-//! Scenes for tests, and an observer that keeps what happens.
+//! Scenes for tests, and an observer that stores all events.
 #![allow(dead_code)]
 
 use glam::DVec3;
@@ -110,7 +110,7 @@ impl Scene {
     }
 }
 
-/// Keeps all events.
+/// Stores all events.
 #[derive(Default)]
 pub struct Log(pub Vec<EventRecord>);
 
@@ -135,7 +135,7 @@ pub fn run(simulation: &mut Simulation, time: f64) -> Log {
     log
 }
 
-/// Asserts relative agreement, telling both sides.
+/// Asserts relative agreement; the message contains both values.
 #[track_caller]
 pub fn close(what: &str, found: f64, expected: f64, tolerance: f64) {
     let scale = expected.abs().max(1e-300);

@@ -4,8 +4,8 @@ use dashu_float::FBig;
 use dashu_float::round::mode::HalfEven;
 use glam::DVec3;
 
-/// A number of 400 significant bits: products of products of f64 numbers of like size are exact, and what is rounded
-/// is so 340 bits below an f64's last one.
+/// A number of 400 significant bits: products of products of f64 numbers of similar size are exact, and
+/// rounding errors are 340 bits below the last bit of an f64.
 pub type Big = FBig<HalfEven, 2>;
 pub const BITS: usize = 400;
 
@@ -54,7 +54,7 @@ impl BigVec {
     }
 }
 
-/// Value of a polynomial, coefficients from the constant up.
+/// Value of a polynomial, coefficients in ascending order.
 pub fn evaluate(p: &[Big], t: &Big) -> Big {
     p.iter().rev().skip(1).fold(p[p.len() - 1].clone(), |sum, c| sum * t + c)
 }
@@ -63,9 +63,9 @@ pub fn derivative(p: &[Big]) -> Vec<Big> {
     p.iter().enumerate().skip(1).map(|(k, c)| c * Big::from(k)).collect()
 }
 
-/// Positive zeros at which the polynomial changes sign, rising, to 200 bits.
+/// Positive zeros at which the polynomial changes sign, in ascending order, to 200 bits.
 ///
-/// The zeros of the derivative cut the half-line into monotone pieces, and so on down to degree one.
+/// The zeros of the derivative divide the half-line into monotone pieces, recursively down to degree one.
 pub fn positive_zeros(p: &[Big]) -> Vec<Big> {
     let degree = p.iter().rposition(|c| *c != Big::ZERO).unwrap_or(0);
     let p = &p[..=degree];
@@ -105,8 +105,8 @@ fn cauchy_bound(p: &[Big]) -> Big {
     ldexp(&Big::ONE.with_precision(BITS).value(), bound.unwrap_or(0) as i32 + 1)
 }
 
-/// Newton's method within a bracket; a step that leaves it or that does not halve the last one is replaced by a cut, by
-/// orders of magnitude first.
+/// Newton's method within a bracket; a step that leaves it or that does not halve the previous one is
+/// replaced by a bisection, of the order of magnitude first.
 fn refine(p: &[Big], slope: &[Big], mut low: Big, mut high: Big, rises: bool) -> Big {
     let log = |x: &Big| x.repr().exponent() + x.repr().digits() as isize;
     let mut t = (&low + &high) >> 1;

@@ -12,7 +12,7 @@ pub struct Case {
     pub v: DVec3,
     pub a: DVec3,
     pub sigma: f64,
-    /// Drawn with the case, for changes of unit.
+    /// Random units of length and time, for changes of unit.
     pub units: [i32; 2],
 }
 
@@ -40,7 +40,7 @@ impl Draw {
         10f64.powf(self.uniform(low, high))
     }
 
-    /// 0, or 1 ± 10^-k, k up to beyond the last digit, among ordinary numbers in [0, 1.2).
+    /// 1, or 1 ± 10^-k, k up to beyond the last digit, or an ordinary number in [0, 1.2).
     fn near_one(&mut self) -> f64 {
         match self.index(4) {
             0 => 1.0,
@@ -52,7 +52,7 @@ impl Draw {
     fn direction(&mut self) -> DVec3 {
         let (z, phi) = (self.uniform(-1.0, 1.0), self.uniform(0.0, TAU));
         let rho = (1.0 - z * z).sqrt();
-        // Along an axis now and then, as scenes often are.
+        // Sometimes along an axis or in a plane, as scenes often are.
         match self.index(6) {
             0 => DVec3::AXES[self.index(3) as usize] * self.sign(),
             1 => DVec3::new(phi.cos(), phi.sin(), 0.0),
@@ -79,7 +79,8 @@ impl Draw {
     }
 }
 
-/// Straight flights: random, grazing to the last bit, near contact, in contact, overlapping, far, fast and slow.
+/// Straight flights: random, grazing to the last bit, near contact, in contact, overlapping, far, fast and
+/// slow.
 pub fn straight(count: u32) -> impl Iterator<Item = Case> {
     let mut draw = Draw::new(0x5eed_0001);
     (0..count).map(move |k| {
@@ -96,13 +97,13 @@ pub fn straight(count: u32) -> impl Iterator<Item = Case> {
         let impact = draw.near_one().min(distance);
         let r = (across * impact - along * (distance * distance - impact * impact).max(0.0).sqrt()) * sigma;
         let speed = if draw.index(2) == 0 { draw.uniform(0.1, 3.0) } else { draw.decades(-20.0, 20.0) };
-        // One in eight flies away.
+        // One in eight moves away.
         let v = along * speed * if draw.index(8) == 0 { -1.0 } else { 1.0 };
         Case { r, v, a: DVec3::ZERO, sigma, units: draw.units() }
     })
 }
 
-/// Straight flights aimed at a contact from a given distance [σ], grazing ones left out.
+/// Straight flights aimed at a contact from a given distance [σ], without grazing ones.
 pub fn aimed(count: u32, distance: f64) -> impl Iterator<Item = Case> {
     let mut draw = Draw::new(0x5eed_0005);
     (0..count).map(move |_| {
@@ -131,7 +132,7 @@ fn backwards(q: DVec3, w: DVec3, a: DVec3, time: f64) -> (DVec3, DVec3) {
     (q - w * time + a * (0.5 * time * time), w - a * time)
 }
 
-/// Curved flights aimed at a contact at some time, or a little past it, from near to 10⁴ σ away and more.
+/// Curved flights aimed at a contact at some time, or slightly beyond it, from near to 10⁴ σ away and more.
 pub fn curved(count: u32) -> impl Iterator<Item = Case> {
     let mut draw = Draw::new(0x5eed_0002);
     (0..count).map(move |k| {
@@ -181,7 +182,7 @@ pub fn curved_grazing(count: u32) -> impl Iterator<Item = Case> {
     })
 }
 
-/// Starts in contact to a few ulp, with all sizes of bounce, rolling off and sliding along.
+/// Starts in contact to a few ulp: bounces of all sizes, rolling off and sliding along.
 pub fn curved_from_contact(count: u32) -> impl Iterator<Item = Case> {
     let mut draw = Draw::new(0x5eed_0004);
     (0..count).map(move |k| {

@@ -1,32 +1,33 @@
 /*!
-How a contact time is judged against the exact one.
+Criteria for a contact time, compared with the exact one.
 
-Arguments are f64 numbers and an error of half an ulp in each is not the kernel's: it cannot do better than the exact
-answer to arguments a few ulp away. With the length `scale(t)` = sum of the magnitudes of all terms that
-make up the position at the contact, a returned time is right if, in 400-bit arithmetic,
+Arguments are f64 numbers, and an error of half an ulp in each is not an error of the kernel: its best result
+is the exact answer to arguments a few ulp away. With the length `scale(t)` = sum of the magnitudes of all
+terms that make up the position at the contact, a returned time is correct if, in 400-bit arithmetic,
 
 * at that time the distance is σ within K ε scale (contact error), and
-* either the time agrees with the exact first contact within K ε (scale/(closing speed) + t) (time error, condition
-  number included), or with σ smaller by K ε scale the first contact is no earlier (grazing: backward error).
+* either the time agrees with the exact first contact within K ε (scale/(closing speed) + t) (time error,
+  condition number included), or with σ smaller by K ε scale the first contact is no earlier (grazing:
+  backward error).
 
-A returned `None` is right if there is no exact contact, or none with σ smaller by K ε scale.
+A returned `None` is correct if there is no exact contact, or none with σ smaller by K ε scale.
 */
 
 use crate::big::{Big, abs, big, f64_of};
 
-/// What the exact arithmetic knows of one flight.
+/// The exact properties of one flight.
 pub trait Exact {
     /// First contact if the contact distance is reduced by `shrink`.
     fn first_contact(&self, shrink: &Big) -> Option<Big>;
     /// Distance − contact distance at time t.
     fn gap(&self, t: &Big) -> Big;
-    /// Rate at which the distance falls at time t.
+    /// Rate at which the distance decreases at time t.
     fn closing_speed(&self, t: &Big) -> Big;
     /// Sum of the magnitudes of the terms of the position at time t.
     fn scale(&self, t: &Big) -> Big;
-    /// Contact distance, or whatever the contact error is measured in.
+    /// Contact distance, or the unit of the contact error.
     fn unit(&self) -> Big;
-    /// Whether the start is in contact, and its speed along the normal zero, within rounding.
+    /// Whether, within rounding, the start is in contact and its speed along the normal is zero.
     fn undecided_at_start(&self, tolerance: f64) -> bool;
 }
 
@@ -47,7 +48,7 @@ pub struct Worst {
 }
 
 impl Worst {
-    /// Judges one result; the error says what is wrong.
+    /// Checks one result; the error describes the deviation.
     pub fn judge(&mut self, exact: &dyn Exact, result: Option<f64>, k: f64) -> Result<(), String> {
         self.cases += 1;
         let zero = big(0.0);
@@ -86,7 +87,7 @@ impl Worst {
         }
         if let Some(reference) = &reference {
             let closing = exact.closing_speed(reference);
-            // Closing slower than this, rounding of the arguments decides between contact and none.
+            // Below this closing speed, rounding of the arguments decides whether there is a contact.
             if closing > zero {
                 let unit = &epsilon * (exact.scale(reference) / closing + reference);
                 let error = f64_of(&(abs(&(reference - &t)) / unit));

@@ -1,7 +1,7 @@
 //! Contact times against 400-bit arithmetic, on more than 10⁵ random and adversarial flights.
 //!
-//! `cargo test -p haff-mechanics --test reference -- --nocapture` prints the largest errors found; the crate's README
-//! records them.
+//! `cargo test -p haff-mechanics --test reference -- --nocapture` prints the largest errors found; the
+//! crate's README records them.
 
 mod big;
 mod cases;

@@ -14,7 +14,7 @@ struct Line {
 }
 
 impl Line {
-    /// Whether a flight from below the wall reaches it on its way up, and falls back through it.
+    /// Whether a flight from below the wall reaches it upwards, and falls back through it.
     fn rises_to_the_wall(&self) -> bool {
         let (zero, two) = (big(0.0), big(2.0));
         self.a < zero && self.s > zero && &self.s * &self.s > two * &self.a * &self.d
@@ -47,8 +47,8 @@ impl Exact for Line {
 
     fn gap(&self, t: &Big) -> Big {
         let zero = big(0.0);
-        // A wall counts a start below it as contact, and so the distance of the start, unless the flight rises above it;
-        // one that is beyond a face and moves on outward has left where it is.
+        // For a wall a start below it is a contact, at the distance of the start, unless the flight rises
+        // above it; a flight that starts beyond a face and moves outward has left at its start.
         let below = self.d < zero && if self.face { self.s <= zero } else { !self.rises_to_the_wall() };
         let contact = if below { self.d.clone() } else { zero };
         &self.d + &self.s * t + &self.a * t * t / big(2.0) - contact
@@ -67,7 +67,7 @@ impl Exact for Line {
     }
 
     fn undecided_at_start(&self, _: f64) -> bool {
-        // One coordinate is not rounded before it is judged: every start is decided.
+        // One coordinate is not rounded before the check: every start is decided.
         false
     }
 }
@@ -75,7 +75,8 @@ impl Exact for Line {
 /// Two roundings in each term of the discriminant, one in the root, two in sum and quotient.
 const LIMIT: f64 = 4.0;
 
-/// Flights towards and away from the plane, of every strength of gravity; grazing to the last bit; from contact.
+/// Flights towards and away from the plane, with gravity of all strengths; grazing to the last bit; from
+/// contact.
 fn lines(count: u32, seed: u64) -> impl Iterator<Item = (f64, f64, f64)> {
     let mut draw = Draw::new(seed);
     (0..count).map(move |k| {
@@ -124,7 +125,7 @@ fn run(name: &str, face: bool, cases: impl Iterator<Item = (f64, f64, f64)>) -> 
         }
     }
     worst.print(name);
-    assert!(worst.hits > worst.cases / 5 && worst.misses > worst.cases / 50, "lopsided cases: {worst:?}");
+    assert!(worst.hits > worst.cases / 5 && worst.misses > worst.cases / 50, "unbalanced cases: {worst:?}");
     worst
 }
 
@@ -134,7 +135,7 @@ fn wall_contacts_are_exact_to_a_few_ulp() {
 }
 
 #[test]
-fn wall_contacts_from_below_by_rounding_return_to_the_wall_or_to_where_they_started() {
+fn wall_contacts_from_below_by_rounding_return_to_the_wall_or_to_the_start() {
     let below = lines(10_000, 0x5eed_0012).map(|(d, s, a)| (-d.min(1.0) * f64::EPSILON, s, a));
     run("plane wall, from below by rounding", false, below);
 }
@@ -146,8 +147,8 @@ fn cell_exits_are_exact_to_a_few_ulp() {
 
 #[test]
 fn cell_exits_of_flights_that_started_outside_are_exact_to_a_few_ulp() {
-    // Every other one comes in and leaves again, some by the last digit; of those that turn back before the face
-    // only the time of the apex is known.
+    // Every other flight enters and leaves again, some by the last digit; for those that turn back before the
+    // face only the time of the apex is defined.
     let outside = lines(30_000, 0x5eed_0014).enumerate().map(|(k, (d, s, a))| match k % 2 {
         0 => (-d, s.abs(), -a.abs()),
         _ => (-d, s, a),

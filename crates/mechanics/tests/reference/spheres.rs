@@ -67,9 +67,9 @@ impl Exact for Spheres {
         if touching && falls_at_start {
             return Some(zero);
         }
-        // Started in contact the constant term vanishes; what is left starts above zero.
+        // For a start in contact the constant term vanishes; the remaining polynomial starts above zero.
         let zeros = positive_zeros(if touching { &p[1..] } else { &p });
-        // The first zero is a fall: the polynomial is positive before it.
+        // The first zero is falling: the polynomial is positive before it.
         zeros.into_iter().next()
     }
 
@@ -100,11 +100,12 @@ impl Exact for Spheres {
     }
 }
 
-/// Bound for straight flights [ε scale]. In units of u = ε/2 a dot product has 3 roundings, a component of the cross
-/// product 2 and its square 5 in all, the discriminant 6, root, denominator and quotient one each; every one
-/// of them moves the contact by at most its share of `scale`: 12 u.
+/// Bound for straight flights [ε scale]. In units of u = ε/2 a dot product has 3 roundings, a component of
+/// the cross product 2 and its square 5 in all, the discriminant 6, root, denominator and quotient one each;
+/// every one of them moves the contact by at most its share of `scale`: 12 u.
 const STRAIGHT: f64 = 6.0;
-/// Bound for curved flights: the position takes 4 roundings more, and the search ends within an ulp of the time.
+/// Bound for curved flights: the position has 4 roundings more, and the iteration ends within an ulp of the
+/// time.
 const CURVED: f64 = 8.0;
 
 type Kernel = fn(&Case) -> Option<f64>;
@@ -117,7 +118,7 @@ fn curved(case: &Case) -> Option<f64> {
     time_to_contact_accelerated(case.r, case.v, case.a, case.sigma)
 }
 
-/// The form of the textbooks, with a discriminant that cancels far from contact.
+/// The textbook form, with a discriminant that cancels far from contact.
 fn textbook(case: &Case) -> Option<f64> {
     let (b, vv) = (case.r.dot(case.v), case.v.length_squared());
     let gap = case.r.length_squared() - case.sigma * case.sigma;
@@ -136,8 +137,8 @@ fn run(name: &str, bound: f64, kernel: Kernel, cases: impl Iterator<Item = Case>
         }
     }
     worst.print(name);
-    assert!(worst.hits > worst.cases / 5, "too few contacts to mean anything: {worst:?}");
-    assert!(worst.misses > worst.cases / 50, "too few misses to mean anything: {worst:?}");
+    assert!(worst.hits > worst.cases / 5, "too few contacts for a conclusion: {worst:?}");
+    assert!(worst.misses > worst.cases / 50, "too few misses for a conclusion: {worst:?}");
 }
 
 #[test]
@@ -146,7 +147,7 @@ fn straight_contacts_are_exact_to_a_few_ulp() {
 }
 
 #[test]
-fn straight_contacts_survive_extreme_units() {
+fn straight_contacts_are_exact_in_extreme_units() {
     let cases = cases::straight(6_000).map(cases::extreme_units);
     run("spheres, straight, extreme units", STRAIGHT, straight, cases);
 }
@@ -157,31 +158,31 @@ fn curved_contacts_are_exact_to_a_few_ulp() {
 }
 
 #[test]
-fn curved_contacts_survive_extreme_units() {
+fn curved_contacts_are_exact_in_extreme_units() {
     let cases = cases::curved(4_000).map(cases::extreme_units);
     run("spheres, accelerated, extreme units", CURVED, curved, cases);
 }
 
 #[test]
-fn curved_grazes_are_neither_missed_nor_invented() {
+fn grazing_curved_contacts_are_found_exactly_when_they_exist() {
     run("spheres, accelerated, grazing", CURVED, curved, cases::curved_grazing(12_000));
 }
 
 #[test]
-fn bounces_from_contact_return() {
+fn bounces_from_contact_return_at_the_exact_time() {
     run("spheres, accelerated, from contact", CURVED, curved, cases::curved_from_contact(12_000));
 }
 
-/// The accelerated kernel, given flights without acceleration or with next to none, finds the straight contacts.
+/// The accelerated kernel finds the contacts of straight flights where the acceleration is zero or nearly so.
 #[test]
-fn weak_accelerations_leave_straight_contacts_alone() {
+fn contacts_under_negligible_acceleration_are_those_of_straight_flights() {
     for case in cases::straight(4_000) {
         let none = time_to_contact_accelerated(case.r, case.v, DVec3::ZERO, case.sigma);
         assert_eq!(none, straight(&case), "{case:?}");
         for strength in [1e-120, 1e-60] {
             let weak = DVec3::splat(case.v.length_squared() / case.sigma * strength);
             let weak = time_to_contact_accelerated(case.r, case.v, weak, case.sigma);
-            // Beyond 10⁵⁰ σ even such an acceleration turns a flight around.
+            // Beyond 10⁵⁰ σ even such an acceleration reverses a flight.
             if weak.is_none_or(|t| t * case.v.length() < 1e50 * case.sigma) {
                 let verdict = Worst::default().judge(&Spheres::new(&case), weak, CURVED);
                 verdict.unwrap_or_else(|message| panic!("{message}\n{case:?}"));
@@ -190,10 +191,10 @@ fn weak_accelerations_leave_straight_contacts_alone() {
     }
 }
 
-/// A test that cannot fail proves nothing: the same judge on the same flights finds the textbook's discriminant, which
-/// loses a digit for every factor of ten in distance, far out of bounds.
+/// Check of the criteria: on the same flights they reject the textbook discriminant, which loses a digit for
+/// every factor of ten in distance.
 #[test]
-fn the_judge_rejects_the_cancelling_discriminant() {
+fn the_criteria_reject_the_cancelling_discriminant() {
     let mut rejected = 0;
     for case in cases::straight(4_000) {
         let verdict = Worst::default().judge(&Spheres::new(&case), textbook(&case), STRAIGHT);

@@ -1,4 +1,4 @@
-//! A made-up run whose every number follows from its row, so that whatever is read back can be checked.
+//! A synthetic run whose numbers are functions of their rows, so that all data read back can be checked.
 #![allow(dead_code, missing_docs, reason = "each test file uses a part of it")]
 
 use glam::DVec3;

@@ -142,8 +142,11 @@ impl Builder<'_> {
     pub(super) fn joints(&mut self, species: usize, position: &dyn Fn(usize) -> DVec3) -> Joints {
         let rows = self.rows_by_name(species);
         self.check_joint_names();
-        let mut joints =
-            Joints { sticking: self.sticking.clone(), clinging: self.clinging.clone(), ..Joints::default() };
+        let mut joints = Joints {
+            sticking: self.sticking.clone(),
+            sticking_to_walls: self.clinging.clone(),
+            ..Joints::default()
+        };
         for (k, config) in self.config.pendulum.clone().unwrap_or_default().into_iter().enumerate() {
             let path = |key: &str| item("pendulum", k, key);
             let Some(pivot) = &config.pivot else {

@@ -1,28 +1,28 @@
 /*!
-A calendar of one window of time: buckets of equal width, filled once, and drained in order.
+A queue of the events in one window of time: buckets of equal width, filled once and emptied in order.
 
-Most events are known when the window opens: they are sorted into buckets by counting, so that they lie in memory in the
-order in which they will be taken. Events that arrive later wait in lists, one per bucket. The next few are a sorted run, so that what
-comes soon can be [seen](Agenda::soon) beforehand.
+Most events are known when the window opens: a counting sort puts them into buckets, so that they lie in
+memory in the order in which they will be taken. Later events go to lists, one per bucket. The next few events
+are kept in a sorted run, so that the [upcoming](WindowQueue::upcoming) ones can be prefetched.
 */
 
 use std::{cmp::Reverse, collections::BinaryHeap};
 
 use crate::{Event, few::sort_to};
 
-/// Events per bucket that the width is chosen for: the sort of a run stays within two cache lines or three.
+/// Events per bucket that the width is chosen for: the sort of a run stays within two or three cache lines.
 const TARGET: usize = 4;
-/// Events that have been taken before the room that they stood in is used again.
+/// Number of taken events after which their memory in the run is reused.
 const TAKEN: usize = 64;
-/// Longest run: what comes later of the same bucket waits in a heap. Insertion into a run takes time in proportion to its
-/// length, and very many events may fall into one bucket, where a particle is caught in a wedge.
+/// Longest run: later events of the same bucket wait in a heap. Insertion into a run takes time in proportion
+/// to its length, and a particle caught in a wedge may have very many events in one bucket.
 const LONGEST_RUN: usize = 256;
 /// End of a list.
 const NONE: u32 = u32::MAX;
 
-/// An agenda; see the [module's page](self).
+/// Queue of the events in one window; see the [module documentation](self).
 #[derive(Debug, Clone)]
-pub struct Agenda<E: Event> {
+pub struct WindowQueue<E: Event> {
     begin: i64,
     /// log₂ of a bucket's width in ticks.
     shift: u32,
@@ -34,21 +34,22 @@ pub struct Agenda<E: Event> {
     nodes: Vec<(E, u32)>,
     /// The last bucket that the run holds, −1 before the first.
     current: i64,
-    /// Those of a bucket, before they are sorted.
+    /// Events of one bucket, before they are sorted.
     unsorted: Vec<E>,
     /// The next events in their order, from `head` on.
     run: Vec<E>,
     head: usize,
-    /// Events of the run's buckets that are too many for it, all later than those in it.
-    crowd: BinaryHeap<Reverse<E>>,
-    /// Length of the run, with what has been taken of it, from which on it is not simply inserted into: none while there is a crowd.
+    /// Events of the run's buckets that do not fit in it, all later than those in it.
+    overflow: BinaryHeap<Reverse<E>>,
+    /// Length of the run, including its events already taken, from which on insertion checks for overflow: 0
+    /// while `overflow` holds events.
     longest: usize,
-    /// How many the run shall hold.
-    lead: usize,
+    /// Least number of sorted events, as long as the queue holds that many.
+    min_run: usize,
     len: usize,
 }
 
-impl<E: Event> Default for Agenda<E> {
+impl<E: Event> Default for WindowQueue<E> {
     fn default() -> Self {
         Self {
             begin: 0,
@@ -61,23 +62,24 @@ impl<E: Event> Default for Agenda<E> {
             unsorted: Vec::new(),
             run: Vec::new(),
             head: 0,
-            crowd: BinaryHeap::new(),
+            overflow: BinaryHeap::new(),
             longest: LONGEST_RUN,
-            lead: 1,
+            min_run: 1,
             len: 0,
         }
     }
 }
 
-impl<E: Event> Agenda<E> {
-    /// Keeps the next `events` sorted, as far as there are, so that they can be seen [soon](Self::soon).
+impl<E: Event> WindowQueue<E> {
+    /// Keeps the next `events` sorted, or all if there are fewer, so that they can be [read](Self::upcoming).
     pub fn keep_sorted(&mut self, events: usize) {
-        self.lead = events.max(1);
+        self.min_run = events.max(1);
     }
 
-    /// Forgets everything and opens a window [`begin`, `end`] \[ticks\], `begin` < `end`, with the events known from the start.
+    /// Removes all events and opens a window [`begin`, `end`] \[ticks\], `begin` < `end`, with the events
+    /// known at its start.
     ///
-    /// Events before or after the window are taken in their order too, only less quickly.
+    /// Events before or after the window are returned in order too, only more slowly.
     pub fn open(&mut self, begin: i64, end: i64, events: &[E]) {
         let buckets = (events.len() / TARGET).clamp(1, 1 << 24) as u64;
         let span = end.saturating_sub(begin).max(1) as u64;
@@ -92,7 +94,7 @@ impl<E: Event> Agenda<E> {
         self.nodes.clear();
         self.run.clear();
         self.head = 0;
-        self.crowd.clear();
+        self.overflow.clear();
         self.longest = LONGEST_RUN;
         self.current = -1;
         self.len = events.len();
@@ -109,7 +111,7 @@ impl<E: Event> Agenda<E> {
             self.known.clear();
             self.known.resize(events.len(), first);
         }
-        // From behind: the ends become the beginnings, which are the ends of the buckets before.
+        // In reverse: each bucket's end becomes its beginning, which is the end of the bucket before.
         for event in events.iter().rev() {
             let bucket = self.bucket(event.time());
             self.ends[bucket] -= 1;
@@ -124,7 +126,7 @@ impl<E: Event> Agenda<E> {
         (within as usize).min(self.heads.len() - 1)
     }
 
-    /// Adds an event; the agenda must have been opened.
+    /// Adds an event; the queue must have been opened.
     #[inline(always)]
     pub fn push(&mut self, event: E) {
         self.len += 1;
@@ -142,25 +144,25 @@ impl<E: Event> Agenda<E> {
     #[inline(always)]
     fn insert(&mut self, event: E) {
         if self.run.len() >= self.longest {
-            return self.insert_into_crowd(event);
+            return self.insert_with_overflow(event);
         }
         self.insert_into_run(event);
     }
 
-    /// Inserts an event where there are too many for the run.
+    /// Inserts an event when the run may be too long.
     #[cold]
-    fn insert_into_crowd(&mut self, event: E) {
+    fn insert_with_overflow(&mut self, event: E) {
         self.run.drain(..self.head);
         self.head = 0;
         if self.run.len() >= LONGEST_RUN {
-            self.crowd.extend(self.run.drain(LONGEST_RUN / 2..).map(Reverse));
+            self.overflow.extend(self.run.drain(LONGEST_RUN / 2..).map(Reverse));
         }
-        if self.crowd.is_empty() || self.run.last().is_some_and(|last| event < *last) {
+        if self.overflow.is_empty() || self.run.last().is_some_and(|last| event < *last) {
             self.insert_into_run(event);
         } else {
-            self.crowd.push(Reverse(event));
+            self.overflow.push(Reverse(event));
         }
-        self.longest = if self.crowd.is_empty() { LONGEST_RUN } else { 0 };
+        self.longest = if self.overflow.is_empty() { LONGEST_RUN } else { 0 };
     }
 
     #[inline(always)]
@@ -179,7 +181,7 @@ impl<E: Event> Agenda<E> {
     /// Takes the least event if its time is at most `limit`.
     #[inline(always)]
     pub fn pop_until(&mut self, limit: i64) -> Option<E> {
-        if self.run.len() < self.head + self.lead {
+        if self.run.len() < self.head + self.min_run {
             self.lengthen();
         }
         let next = *self.run.get(self.head)?;
@@ -191,15 +193,15 @@ impl<E: Event> Agenda<E> {
         Some(next)
     }
 
-    /// Lengthens the run by the next buckets, until it holds as many as it shall or all.
+    /// Lengthens the run by the next buckets, until it holds at least `min_run` events, or all.
     #[inline(always)]
     fn lengthen(&mut self) {
         if self.head >= TAKEN {
             self.run.drain(..self.head);
             self.head = 0;
         }
-        while self.run.len() < self.head + self.lead && self.run.len() - self.head < self.len {
-            if let Some(Reverse(event)) = self.crowd.pop() {
+        while self.run.len() < self.head + self.min_run && self.run.len() - self.head < self.len {
+            if let Some(Reverse(event)) = self.overflow.pop() {
                 self.run.push(event);
                 continue;
             }
@@ -223,9 +225,9 @@ impl<E: Event> Agenda<E> {
         }
     }
 
-    /// The event that will be taken `ahead` events from now, as things stand; one of those [kept sorted](Self::keep_sorted).
+    /// The event that would be taken `ahead` events from now; one of those [kept sorted](Self::keep_sorted).
     #[inline(always)]
-    pub fn soon(&self, ahead: usize) -> Option<&E> {
+    pub fn upcoming(&self, ahead: usize) -> Option<&E> {
         self.run.get(self.head + ahead)
     }
 

@@ -1,4 +1,4 @@
-//! Between two flights: bodies are taken out of theirs, and put into new ones, with what is in contact decided anew.
+//! Between flights: ends the flights of bodies, determines contacts again, and starts new flights.
 
 use glam::DVec3;
 use haff_engine::{EventKind, EventRecord, Observer};
@@ -13,27 +13,28 @@ use crate::{
 
 /// Accelerations within this part of their scale are ties: a contact then stays closed.
 const TIE: f64 = 1e-12;
-/// Speeds below this part of the scene's are rest, if nothing pulls.
+/// Speeds below this part of the scene's count as rest, if forces are balanced.
 const REST: f64 = 4e-15;
 
 impl World {
-    /// Takes the flights of these bodies apart, now; returns all their movable bodies, in order. Immovable ones fly on.
-    pub fn take(&mut self, bodies: &[usize], observer: &mut dyn Observer) -> Vec<usize> {
+    /// Ends the flights of these bodies, now; returns all their movable bodies, in order. Flights of
+    /// immovable ones continue.
+    pub fn end_flights(&mut self, bodies: &[usize], observer: &mut dyn Observer) -> Vec<usize> {
         let mut taken = Vec::new();
         for &body in bodies {
             if self.immovable(body) {
                 continue;
             }
-            let Some(flight) = self.flights.remove(&self.home[body]) else { continue };
+            let Some(flight) = self.flights.remove(&self.flight_key[body]) else { continue };
             let before: Motions = (0..flight.bodies.len()).map(|k| flight.motion.state(k, 0.0)).collect();
             let after = flight.states(self.now);
             for (k, &body) in flight.bodies.iter().enumerate() {
                 self.anchor[body] = after[k];
                 let (momentum, moment) = self.momentum_change(body, before[k], after[k]);
-                self.book.add_momentum(momentum, moment);
+                self.accumulators.add_momentum(momentum, moment);
                 taken.push(body);
             }
-            self.book.work.add(flight.motion.work(self.now.since(flight.start)));
+            self.accumulators.work.add(flight.motion.work(self.now.since(flight.start)));
         }
         taken.sort_unstable();
         let ended: Vec<Link> = self
@@ -48,7 +49,7 @@ impl World {
         taken
     }
 
-    /// What a body's momentum and angular momentum have gained between two states.
+    /// Changes of a body's momentum and angular momentum between two states.
     pub fn momentum_change(
         &self,
         body: usize,
@@ -67,12 +68,12 @@ impl World {
         (momentum, moment)
     }
 
-    /// Books the end of a completed series of bounces.
+    /// Ends a completed series of bounces: adds its losses to the sums.
     pub fn settle(&mut self, link: Link, observer: &mut dyn Observer) {
         let Some(rest) = self.pending.remove(&link) else { return };
-        self.book.counters.rests += 1;
-        self.book.dissipated.add(rest.energy_loss);
-        self.book.carnot.add(rest.carnot_energy);
+        self.accumulators.counters.rests += 1;
+        self.accumulators.dissipated.add(rest.energy_loss);
+        self.accumulators.carnot.add(rest.carnot_energy);
         let (kind, i, j, normal) = match link {
             Link::Wall(i, w) => (EventKind::Rest, i, w, -self.system.walls[w].normal),
             Link::Pair(i, j) => {
@@ -129,7 +130,8 @@ impl World {
         });
     }
 
-    /// Links that could carry force, touching and at rest relative to each other; takes further bodies in where they touch.
+    /// Links that could carry force, touching and at rest relative to each other; includes further bodies
+    /// that touch.
     fn candidates(
         &mut self,
         bodies: &mut Vec<usize>,
@@ -155,18 +157,20 @@ impl World {
                     links.push(link);
                 }
             }
-            links.extend(self.standing_links(bodies).into_iter().filter(|link| matches!(link, Link::Rod(_))));
+            links.extend(self.rigid_links(bodies).into_iter().filter(|link| matches!(link, Link::Rod(_))));
             for i in 0..self.count() {
                 for j in i + 1..self.count() {
                     let link = Link::Pair(i, j);
-                    if !(mine(self, i) || mine(self, j)) || excluded == Some(link) || !self.can_meet(i, j) {
+                    if !(mine(self, i) || mine(self, j)) || excluded == Some(link) || !self.can_collide(i, j)
+                    {
                         continue;
                     }
                     let ((x, v), (y, w)) = (self.state(i, self.now), self.state(j, self.now));
                     let sigma = self.contact_distance(i, j);
                     let r = y - x;
                     let distance = r.length();
-                    // Points in contact lie where rounding puts them: only their closed contacts are candidates.
+                    // Rounding determines the positions of points in contact: only their closed contacts are
+                    // candidates.
                     let point = self.radius[i] + self.radius[j] == 0.0;
                     if distance - sigma > self.touch(sigma) || (point && !self.closed.contains_key(&link)) {
                         continue;
@@ -202,7 +206,7 @@ impl World {
             match more {
                 None => return links,
                 Some(body) => {
-                    let more = self.take(&[body], observer);
+                    let more = self.end_flights(&[body], observer);
                     bodies.extend(more);
                     bodies.sort_unstable();
                     bodies.dedup();
@@ -211,9 +215,9 @@ impl World {
         }
     }
 
-    /// Puts bodies that were [taken](Self::take) into new flights, and reports links that let go. `excluded`: a link that
-    /// has just let go. Returns all bodies that have new flights.
-    pub fn reform(
+    /// Starts new flights for bodies whose flights were [ended](Self::end_flights), and reports links that
+    /// open. `excluded`: a link that has just opened. Returns all bodies that have new flights.
+    pub fn regroup(
         &mut self,
         mut bodies: Vec<usize>,
         excluded: Option<Link>,
@@ -223,7 +227,7 @@ impl World {
             self.open(link);
         }
         let candidates = self.candidates(&mut bodies, excluded, observer);
-        // What moves apart, or towards an impact that follows at once, is not in contact.
+        // Bodies that separate, or that are about to collide, are not in contact.
         let mine = |world: &Self, i: usize| bodies.contains(&world.body[i]);
         let lost: Vec<Link> = self
             .closed
@@ -260,12 +264,12 @@ impl World {
             let links = self.links_of(&part, &active_links);
             let mechanism = self.mechanism(&part, &links, self.now);
             let states = self.rested(&mechanism, self.anchors(&part));
-            self.launch(part, mechanism, &states, 0.0)?;
+            self.start_flight(part, mechanism, &states, 0.0)?;
         }
         Ok(bodies)
     }
 
-    /// Of these links those that hold one of the bodies.
+    /// The links that hold one of these bodies.
     fn links_of(&self, part: &[usize], links: &[Link]) -> Vec<Link> {
         let mut of: Vec<Link> = links
             .iter()
@@ -276,7 +280,7 @@ impl World {
         of
     }
 
-    /// Bodies that are as good as at rest, in balance, are at rest.
+    /// Bodies in balance whose speeds are zero within rounding are set to rest.
     fn rested(&self, mechanism: &Mechanism, states: Motions) -> Motions {
         if states.iter().any(|(_, v)| v.length() > REST * self.speed) {
             return states;
@@ -289,7 +293,7 @@ impl World {
     }
 
     /// Starts a flight now.
-    pub fn launch(
+    pub fn start_flight(
         &mut self,
         bodies: Vec<usize>,
         mechanism: Mechanism,
@@ -298,7 +302,7 @@ impl World {
     ) -> Result<(), LinkageError> {
         for (&body, state) in bodies.iter().zip(states) {
             self.anchor[body] = *state;
-            self.home[body] = bodies[0];
+            self.flight_key[body] = bodies[0];
         }
         let motion = Motion::new(&mechanism, states, hint)
             .ok_or(LinkageError::Singular { time: self.now.time(), particle: bodies[0] })?;
@@ -306,10 +310,10 @@ impl World {
         Ok(())
     }
 
-    /// Puts an immovable body on its way.
-    pub fn launch_immovable(&mut self, body: usize) {
+    /// Starts the flight of an immovable body.
+    pub fn start_immovable_flight(&mut self, body: usize) {
         let (position, velocity) = self.anchor[body];
-        // What carries particles that stick to it bears their weight.
+        // The body supports the weight of the particles that stick to it.
         let weight: DVec3 = self
             .members(body)
             .filter(|&i| self.mass[i].is_finite())
@@ -317,7 +321,7 @@ impl World {
             .sum();
         let power = -weight.dot(velocity);
         let motion = Motion::Ballistic { position, velocity, acceleration: DVec3::ZERO, power };
-        self.home[body] = body;
+        self.flight_key[body] = body;
         self.flights.insert(
             body,
             Flight {
@@ -341,7 +345,7 @@ impl World {
         }
     }
 
-    /// Marks a link as free; whether it was not.
+    /// Marks a link as open; returns whether it was closed.
     pub fn open(&mut self, link: Link) -> bool {
         match link {
             Link::Tether(p) => std::mem::replace(&mut self.taut[p], false),

@@ -1,8 +1,9 @@
-//! Both calendars give the same events at the same times, whatever is thrown at them. Those of one time come in any order.
+//! Ladder and window queue return the same events at the same times as the heap. Events of one time come in
+//! any order.
 
 use std::collections::BTreeSet;
 
-use haff_calendar::{Agenda, Calendar, Event, Heap, Ladder};
+use haff_calendar::{Calendar, Event, Heap, Ladder, WindowQueue};
 use proptest::prelude::*;
 
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
@@ -18,24 +19,25 @@ impl Event for Item {
 }
 
 #[derive(Debug, Clone)]
-enum Act {
+enum Operation {
     Push(i64),
     Pop,
     PopUntil(i64),
     Clear,
 }
 
-fn act(spread: i64) -> impl Strategy<Value = Act> {
+fn operation(spread: i64) -> impl Strategy<Value = Operation> {
     prop_oneof![
-        12 => (0..spread).prop_map(Act::Push),
-        1 => (-5_i64..3).prop_map(Act::Push),
-        10 => Just(Act::Pop),
-        3 => (0..spread / 4 + 1).prop_map(Act::PopUntil),
-        1 => Just(Act::Clear),
+        12 => (0..spread).prop_map(Operation::Push),
+        1 => (-5_i64..3).prop_map(Operation::Push),
+        10 => Just(Operation::Pop),
+        3 => (0..spread / 4 + 1).prop_map(Operation::PopUntil),
+        1 => Just(Operation::Clear),
     ]
 }
 
-/// What both calendars hold. As both take events at the same times, and each takes every event once, they take the same events.
+/// What both calendars hold. If both take events at the same times, and each takes every event once, they
+/// take the same events.
 #[derive(Default)]
 struct Held([BTreeSet<Item>; 2]);
 
@@ -44,43 +46,43 @@ impl Held {
         assert!(self.0.iter_mut().all(|held| held.insert(item)));
     }
 
-    /// Both have taken an event, or neither.
+    /// Both have taken an event, or neither has.
     fn take(&mut self, taken: [Option<Item>; 2]) {
         let [a, b] = taken.map(|item| item.map(|item| item.time));
         assert_eq!(a, b, "{taken:?}");
         for (held, item) in self.0.iter_mut().zip(taken) {
-            assert!(
-                item.is_none_or(|item| held.remove(&item)),
-                "{item:?} was never entered, or taken before"
-            );
+            assert!(item.is_none_or(|item| held.remove(&item)), "{item:?} was never added, or taken before");
         }
     }
 }
 
-/// Runs the same acts on both calendars; times are relative to the last event taken.
-fn drive(acts: &[Act]) {
+/// Applies the same operations to both calendars; times are relative to the last event taken.
+fn run_both(operations: &[Operation]) {
     let (mut heap, mut ladder) = (Heap::with_capacity(16), Ladder::with_capacity(16));
-    ladder.keep_sorted(acts.len() % 20);
+    ladder.keep_sorted(operations.len() % 20);
     let (mut now, mut id, mut held) = (0_i64, 0, Held::default());
-    for act in acts {
-        match *act {
-            Act::Push(ahead) => {
-                // Calendars take times up to 2^62.
+    for operation in operations {
+        match *operation {
+            Operation::Push(ahead) => {
+                // Times up to 2^62 are allowed.
                 let item = Item { time: now.saturating_add(ahead).min(1 << 62), id };
                 id += 1;
                 held.push(item);
                 heap.push(item);
                 ladder.push(item);
             }
-            Act::Pop | Act::PopUntil(_) => {
-                let limit =
-                    if let Act::PopUntil(ahead) = act { now.saturating_add(*ahead) } else { i64::MAX };
+            Operation::Pop | Operation::PopUntil(_) => {
+                let limit = if let Operation::PopUntil(ahead) = operation {
+                    now.saturating_add(*ahead)
+                } else {
+                    i64::MAX
+                };
                 assert_eq!(heap.next_time(), ladder.next_time());
                 let (a, b) = (heap.pop_until(limit), ladder.pop_until(limit));
                 held.take([a, b]);
                 now = a.map_or(now, |item| item.time);
             }
-            Act::Clear => {
+            Operation::Clear => {
                 held = Held::default();
                 heap.clear();
                 ladder.clear();
@@ -98,26 +100,26 @@ proptest! {
     #![proptest_config(ProptestConfig { cases: 200, rng_seed: proptest::test_runner::RngSeed::Fixed(1), ..ProptestConfig::default() })]
 
     #[test]
-    fn twins_agree_on_close_times(acts in prop::collection::vec(act(40), 1..600)) {
-        drive(&acts);
+    fn ladder_agrees_with_heap_on_close_times(operations in prop::collection::vec(operation(40), 1..600)) {
+        run_both(&operations);
     }
 
     #[test]
-    fn twins_agree_on_far_times(acts in prop::collection::vec(act(1 << 58), 1..600)) {
-        drive(&acts);
+    fn ladder_agrees_with_heap_on_distant_times(operations in prop::collection::vec(operation(1 << 58), 1..600)) {
+        run_both(&operations);
     }
 
     #[test]
-    fn twins_agree_across_sixty_binary_orders(
-        acts in prop::collection::vec((0_u32..60).prop_flat_map(|bits| act(1 << bits)), 1..600)
+    fn ladder_agrees_with_heap_across_sixty_binary_orders(
+        operations in prop::collection::vec((0_u32..60).prop_flat_map(|bits| operation(1 << bits)), 1..600)
     ) {
-        drive(&acts);
+        run_both(&operations);
     }
 }
 
-/// The width suits the many that come soon; a few are years ahead, some of them by whole years to the bucket.
+/// The width fits the many events that come soon; a few are years ahead, some of them by whole years exactly.
 #[test]
-fn twins_agree_on_events_years_ahead() {
+fn ladder_agrees_with_heap_on_events_years_ahead() {
     let (mut heap, mut ladder) = (Heap::with_capacity(16), Ladder::with_capacity(16));
     let mut state = 1_u64;
     let mut random = |n: u64| {
@@ -146,9 +148,9 @@ fn twins_agree_on_events_years_ahead() {
 }
 
 /// A hold model: each event taken schedules another, with a rate that drifts over twelve binary orders, so
-/// that the ladder re-tunes its width up and down.
+/// that the ladder adapts its width up and down.
 #[test]
-fn twins_agree_while_the_event_rate_drifts() {
+fn ladder_agrees_with_heap_while_the_event_rate_drifts() {
     let (mut heap, mut ladder) = (Heap::with_capacity(1000), Ladder::with_capacity(1000));
     ladder.keep_sorted(12);
     let mut state = 12345_u64;
@@ -177,7 +179,7 @@ fn twins_agree_while_the_event_rate_drifts() {
 }
 
 #[test]
-fn ten_thousand_simultaneous_events_all_come_out() {
+fn ladder_returns_all_of_ten_thousand_simultaneous_events() {
     let mut ladder = Ladder::with_capacity(10_000);
     for id in (0..10_000).rev() {
         ladder.push(Item { time: 1 << 40, id });
@@ -189,9 +191,10 @@ fn ten_thousand_simultaneous_events_all_come_out() {
 }
 
 proptest! {
-    /// An agenda gives what a heap gives, whatever is known from the start, comes later, or lies outside the window.
+    /// A window queue agrees with a heap, whether events are known at the start, come later, or lie outside
+    /// the window.
     #[test]
-    fn an_agenda_is_a_heap(
+    fn window_queue_agrees_with_heap(
         begin in -1000_i64..1000,
         span in 1_i64..2_000_000,
         known in prop::collection::vec(-50_i64..2_100_000, 0..400),
@@ -199,14 +202,14 @@ proptest! {
         sorted in 0_usize..40,
     ) {
         let mut heap = Heap::with_capacity(16);
-        let mut agenda = Agenda::default();
-        agenda.keep_sorted(sorted);
-        // Opened twice: nothing is left of the first time.
-        agenda.open(0, 10, &[Item { time: 5, id: 7 }]);
-        agenda.push(Item { time: 6, id: 8 });
+        let mut queue = WindowQueue::default();
+        queue.keep_sorted(sorted);
+        // Opened twice: no event of the first window remains.
+        queue.open(0, 10, &[Item { time: 5, id: 7 }]);
+        queue.push(Item { time: 6, id: 8 });
         let items: Vec<Item> =
             known.iter().enumerate().map(|(k, &time)| Item { time: begin + time, id: k as u32 }).collect();
-        agenda.open(begin, begin + span, &items);
+        queue.open(begin, begin + span, &items);
         for &item in &items {
             heap.push(item);
         }
@@ -214,17 +217,17 @@ proptest! {
         for (k, &(ahead, limited)) in later.iter().enumerate() {
             let item = Item { time: now + ahead, id: 1000 + k as u32 };
             heap.push(item);
-            agenda.push(item);
+            queue.push(item);
             let limit = if limited { now + 1000 } else { i64::MAX };
-            let (a, b) = (heap.pop_until(limit), agenda.pop_until(limit));
+            let (a, b) = (heap.pop_until(limit), queue.pop_until(limit));
             prop_assert_eq!(a, b);
-            prop_assert_eq!(heap.len(), agenda.len());
+            prop_assert_eq!(heap.len(), queue.len());
             now = a.map_or(now, |item| item.time);
         }
         while let Some(item) = heap.pop_until(i64::MAX) {
-            prop_assert_eq!(Some(item), agenda.pop_until(i64::MAX));
+            prop_assert_eq!(Some(item), queue.pop_until(i64::MAX));
         }
-        prop_assert!(agenda.is_empty() && agenda.pop_until(i64::MAX).is_none());
+        prop_assert!(queue.is_empty() && queue.pop_until(i64::MAX).is_none());
     }
 }
 
@@ -232,7 +235,7 @@ thread_local! {
     static COMPARISONS: std::cell::Cell<u64> = const { std::cell::Cell::new(0) };
 }
 
-/// An item that counts how often it is compared.
+/// An item that counts its comparisons.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 struct Counted(Item);
 
@@ -255,33 +258,34 @@ impl Event for Counted {
     }
 }
 
-/// A particle in a wedge has a hundred thousand events in one bucket, and each leaves entries for later in that bucket.
+/// A particle in a wedge has a hundred thousand events in one bucket, each followed by entries for later in
+/// that bucket.
 #[test]
-fn very_many_events_in_one_bucket_of_an_agenda_take_logarithmic_time() {
+fn many_events_in_one_bucket_of_a_window_queue_take_logarithmic_time() {
     const EVENTS: u32 = 30_000;
-    let (mut heap, mut agenda) = (Heap::with_capacity(16), Agenda::default());
-    agenda.keep_sorted(20);
+    let (mut heap, mut queue) = (Heap::with_capacity(16), WindowQueue::default());
+    queue.keep_sorted(20);
     let first = Counted(Item { time: 0, id: 0 });
-    agenda.open(0, 1 << 50, &[first]);
+    queue.open(0, 1 << 50, &[first]);
     heap.push(first.0);
     let mut random = 1_u64;
     for k in 1..=EVENTS {
-        let (a, b) = (heap.pop_until(i64::MAX).unwrap(), agenda.pop_until(i64::MAX).unwrap());
+        let (a, b) = (heap.pop_until(i64::MAX).unwrap(), queue.pop_until(i64::MAX).unwrap());
         assert_eq!(a, b.0);
-        // The next one at once, and one that waits.
+        // One event at the next tick, and one that waits.
         random = random.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
         let later = 1_000_000 + (random >> 44) as i64;
         for (ahead, id) in [(1, 2 * k), (later, 2 * k + 1)] {
             let item = Item { time: a.time + ahead, id };
             heap.push(item);
-            agenda.push(Counted(item));
+            queue.push(Counted(item));
         }
-        assert_eq!(heap.len(), agenda.len());
+        assert_eq!(heap.len(), queue.len());
     }
     while let Some(item) = heap.pop_until(i64::MAX) {
-        assert_eq!(Some(Counted(item)), agenda.pop_until(i64::MAX));
+        assert_eq!(Some(Counted(item)), queue.pop_until(i64::MAX));
     }
-    // 60,000 events, 16 binary orders; in a single sorted run it were 60,000²/4.
+    // 60,000 events, 16 binary orders; one sorted run would take 60,000²/4.
     let comparisons = COMPARISONS.get();
     assert!(comparisons < 60_000 * 100, "{comparisons} comparisons");
 }

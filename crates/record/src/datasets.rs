@@ -1,4 +1,4 @@
-//! The groups and datasets of a file: made when it begins, found again when it is opened.
+//! The groups and datasets of a file: created with it, or opened in an existing file.
 
 use std::str::FromStr;
 
@@ -15,13 +15,13 @@ use crate::{
     series::{SERIES_CHUNK, Series, Storage},
 };
 
-/// Largest chunk of a trajectory [rows of N]: larger frames are cut into blocks of nearly equal size.
+/// Largest chunk of a trajectory [rows of N]: larger frames are divided into blocks of nearly equal size.
 const FRAME_BLOCK: usize = 1 << 16;
 /// Positions of frames smaller than this share an uncompressed chunk of about this size [bytes].
 const SMALL_FRAME: usize = 1 << 15;
 
-/// One frame, or a block of it, per chunk, compressed and written once; small frames together, uncompressed and in
-/// place.
+/// One frame, or a block of it, per chunk, compressed and written once; several small frames per chunk,
+/// uncompressed and in place.
 pub(crate) fn frame_storage(particles: usize, compressed: bool) -> Storage {
     let frames = (SMALL_FRAME / (24 * particles.max(1))).max(1);
     let rows = particles.div_ceil(particles.div_ceil(FRAME_BLOCK).max(1)).max(1);
@@ -109,13 +109,13 @@ impl Trajectory {
         })
     }
 
-    /// Number of frames that are whole.
+    /// Number of complete frames.
     pub fn rows(&self) -> hdf5::Result<usize> {
         let rows = [&self.position, &self.velocity, &self.image, &self.edges]
             .into_iter()
             .map(Series::rows)
             .fold(self.clock.rows(), usize::min);
-        self.clock.time.known(rows)
+        self.clock.time.without_trailing_nan(rows)
     }
 
     pub fn truncate(&mut self, rows: usize) -> hdf5::Result<()> {
@@ -185,10 +185,10 @@ impl Observables {
         Ok(Self { series, clock: Clock::open(&group.group(first)?)? })
     }
 
-    /// Number of samples that are whole.
+    /// Number of complete samples.
     pub fn rows(&self) -> hdf5::Result<usize> {
         let rows = self.series.iter().map(|(series, _)| series.rows()).fold(self.clock.rows(), usize::min);
-        self.clock.time.known(rows)
+        self.clock.time.without_trailing_nan(rows)
     }
 
     pub fn truncate(&mut self, rows: usize) -> hdf5::Result<()> {
@@ -197,17 +197,17 @@ impl Observables {
     }
 }
 
-/// Everything in a file that grows.
+/// All growing datasets of a file.
 #[derive(Debug)]
-pub(crate) struct Skeleton {
+pub(crate) struct Datasets {
     pub trajectory: Option<Trajectory>,
     pub observables: Option<Observables>,
     pub events: Option<Columns>,
     pub slots: [Slot; 2],
 }
 
-impl Skeleton {
-    /// Makes all groups and datasets, and writes all that is fixed.
+impl Datasets {
+    /// Creates all groups and datasets, and writes all fixed data.
     pub fn create(root: &Group, header: &Header) -> hdf5::Result<Self> {
         write_h5md(root, header)?;
         write_parameters(root, header)?;
@@ -243,7 +243,7 @@ impl Skeleton {
         Ok(Self { trajectory, observables, events, slots: [slot("0")?, slot("1")?] })
     }
 
-    /// Finds all datasets that grow, and checks the shapes of their rows.
+    /// Opens all growing datasets, and checks the shapes of their rows.
     pub fn open(root: &Group, particles: usize, species: usize) -> hdf5::Result<Self> {
         let all = root.group("particles/all")?;
         let trajectory =

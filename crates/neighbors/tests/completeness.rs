@@ -1,4 +1,5 @@
-//! What a search promises: two particles that could touch before either changes its place are candidates of each other.
+//! Searches are complete: two particles that could touch before either leaves its cell are candidates of each
+//! other.
 
 use glam::DVec3;
 use haff_neighbors::{AllPairs, Axis, Cells, Flight, Geometry, Lists, Packed, Plane, Search, Shift};
@@ -17,7 +18,7 @@ impl Scene {
         position + velocity * time
     }
 
-    /// In a bounded axis a particle meets its wall before it leaves.
+    /// Along a bounded axis a particle collides with its wall before it leaves.
     fn is_inside(&self, i: u32, time: f64) -> bool {
         let p = self.position(i, time);
         (0..3).all(|axis| {
@@ -96,28 +97,29 @@ fn scene() -> impl Strategy<Value = Scene> {
     )
 }
 
-/// Whether the pair is among the candidates of either.
-fn is_known(known: &[Vec<(u32, Shift)>], i: u32, j: u32, shift: Shift) -> bool {
-    known[i as usize].contains(&(j, shift)) || known[j as usize].contains(&(i, shift.map(|s| -s)))
+/// Whether the pair is among the candidates of either particle.
+fn is_candidate(candidates: &[Vec<(u32, Shift)>], i: u32, j: u32, shift: Shift) -> bool {
+    candidates[i as usize].contains(&(j, shift)) || candidates[j as usize].contains(&(i, shift.map(|s| -s)))
 }
 
-/// Lets the particles fly from transfer to transfer. Between any two, all that touch must be candidates from either
-/// partner's last search; and a transfer's new candidates must be all that were not known before.
-fn keeps_its_promise<S: Search>(scene: &Scene, steps: usize) -> Result<(), TestCaseError> {
+/// Advances the particles from crossing to crossing. Between any two crossings, all pairs that touch must be
+/// candidates from either partner's last search; and the new candidates of a crossing must include all that
+/// were not candidates before.
+fn check_completeness<S: Search>(scene: &Scene, steps: usize) -> Result<(), TestCaseError> {
     let count = scene.flights.len() as u32;
     let mut time = 0.0;
     let mut search =
         S::new(&scene.geometry, &(0..count).map(|i| scene.position(i, time)).collect::<Vec<_>>());
     let next = |search: &S, i: u32, time: f64| {
-        let transfer = search.next_transfer(i, &scene.flight(i, time), f64::INFINITY)?;
-        Some((time + transfer.delay, transfer.code))
+        let crossing = search.next_crossing(i, &scene.flight(i, time), f64::INFINITY)?;
+        Some((time + crossing.delay, crossing.code))
     };
-    let look = |search: &S, i: u32, time: f64| {
+    let list_candidates = |search: &S, i: u32, time: f64| {
         let mut list = Vec::new();
         search.candidates(i, |k| scene.position(k, time), |j, shift| list.push((j, shift)));
         list
     };
-    let mut known: Vec<_> = (0..count).map(|i| look(&search, i, time)).collect();
+    let mut candidates: Vec<_> = (0..count).map(|i| list_candidates(&search, i, time)).collect();
     let mut due: Vec<_> = (0..count).map(|i| next(&search, i, time)).collect();
     for _ in 0..steps {
         let dues = (0..count).filter_map(|i| due[i as usize].map(|due| (i, due)));
@@ -129,19 +131,25 @@ fn keeps_its_promise<S: Search>(scene: &Scene, steps: usize) -> Result<(), TestC
         let between = 0.5 * (time + when);
         for (a, b, shift) in scene.touching(between) {
             if scene.is_inside(a, between) && scene.is_inside(b, between) {
-                prop_assert!(is_known(&known, a, b, shift), "t = {between}: {a} and {b}, shift {shift:?}");
+                prop_assert!(
+                    is_candidate(&candidates, a, b, shift),
+                    "t = {between}: {a} and {b}, shift {shift:?}"
+                );
             }
         }
         time = when;
-        search.transfer(i, code, &scene.flight(i, time));
+        search.cross(i, code, &scene.flight(i, time));
         let mut new = Vec::new();
         search.new_candidates(i, code, |k| scene.position(k, time), |j, shift| new.push((j, shift)));
-        let all = look(&search, i, time);
+        let all = list_candidates(&search, i, time);
         for candidate in &all {
-            let before = is_known(&known, i, candidate.0, candidate.1);
-            prop_assert!(before || new.contains(candidate), "{candidate:?} of {i} is neither old nor new");
+            let before = is_candidate(&candidates, i, candidate.0, candidate.1);
+            prop_assert!(
+                before || new.contains(candidate),
+                "{candidate:?} of {i} is neither an old nor a new candidate"
+            );
         }
-        known[i as usize] = all;
+        candidates[i as usize] = all;
         due[i as usize] = next(&search, i, time);
     }
     Ok(())
@@ -153,21 +161,21 @@ proptest! {
     })]
 
     #[test]
-    fn cells_miss_no_contact(scene in scene()) {
-        keeps_its_promise::<Cells>(&scene, 300)?;
+    fn cells_are_complete(scene in scene()) {
+        check_completeness::<Cells>(&scene, 300)?;
     }
 
     #[test]
-    fn lists_miss_no_contact(scene in scene()) {
-        keeps_its_promise::<Lists>(&scene, 300)?;
+    fn lists_are_complete(scene in scene()) {
+        check_completeness::<Lists>(&scene, 300)?;
     }
 
     #[test]
-    fn all_pairs_miss_no_contact(scene in scene()) {
-        keeps_its_promise::<AllPairs>(&scene, 300)?;
+    fn all_pairs_are_complete(scene in scene()) {
+        check_completeness::<AllPairs>(&scene, 300)?;
     }
 
-    /// An anchor that is wrapped changes coordinates, not places.
+    /// Wrapping an anchor changes coordinates, not cells.
     #[test]
     fn wrapping_an_anchor_shifts_its_images(
         scene in scene(), i in 0_usize..40, wraps in prop::array::uniform3(-3..4_i32)
@@ -179,14 +187,14 @@ proptest! {
         shifts_images::<Lists>(&scene.geometry, &positions, i, wraps)?;
     }
 
-    /// As long as nobody's place changes, the lists of two particles name each other.
+    /// As long as reference positions do not change, the lists of two particles contain each other.
     #[test]
-    fn lists_stay_mutual(scene in scene()) {
+    fn lists_stay_symmetric(scene in scene()) {
         let count = scene.flights.len() as u32;
         let mut search = Lists::new(&scene.geometry, &(0..count).map(|i| scene.position(i, 0.0)).collect::<Vec<_>>());
         for step in 0..200 {
             let i = step * 7 % count;
-            search.transfer(i, 0, &scene.flight(i, f64::from(step) * 0.1));
+            search.cross(i, 0, &scene.flight(i, f64::from(step) * 0.1));
         }
         let mut all = Vec::new();
         for i in 0..count {
@@ -195,7 +203,7 @@ proptest! {
         let mut mirrored: Vec<_> = all.iter().map(|&(i, j, shift)| (j, i, shift.map(|s| -s))).collect();
         all.sort_unstable();
         mirrored.sort_unstable();
-        prop_assert!(all.windows(2).all(|two| two[0] != two[1]), "an entry stands twice");
+        prop_assert!(all.windows(2).all(|two| two[0] != two[1]), "an entry occurs twice");
         prop_assert_eq!(all, mirrored);
     }
 }
@@ -221,7 +229,8 @@ fn shifts_images<S: Search>(
         let mut expected = before[k as usize].clone();
         for (j, shift) in &mut expected {
             for axis in 0..3 {
-                // i's anchor has moved by −w L, so its images count w more, and others' seen from it w less.
+                // The anchor of i has moved by −w L, so shifts of its images are larger by w, and those of
+                // others relative to it smaller by w.
                 shift[axis] += (i32::from(*j == i) - i32::from(k == i)) * wraps[axis];
             }
         }
@@ -231,7 +240,7 @@ fn shifts_images<S: Search>(
     Ok(())
 }
 
-/// Two thousand particles in one place: lists of 1999 entries, far beyond what is kept in line.
+/// Two thousand particles in one place: lists of 1999 entries, far more than fit in the table.
 #[test]
 fn lists_overflow_and_shrink_again() {
     let count = 2000;
@@ -255,7 +264,7 @@ fn lists_overflow_and_shrink_again() {
     assert!(at_start.iter().all(|list| list.len() < 40));
     let flight = |position| Flight { position, velocity: DVec3::X, acceleration: DVec3::ZERO };
     for i in 0..count {
-        search.transfer(i, 0, &flight(DVec3::splat(15.1)));
+        search.cross(i, 0, &flight(DVec3::splat(15.1)));
     }
     for i in [0, 1, 777, count - 1] {
         let expected: Vec<_> = (0..count).filter(|&j| j != i).map(|j| (j, [0; 3])).collect();
@@ -263,7 +272,7 @@ fn lists_overflow_and_shrink_again() {
         assert!(search.packed(i).is_none());
     }
     for i in (0..count).rev() {
-        search.transfer(i, 0, &flight(place(i)));
+        search.cross(i, 0, &flight(place(i)));
     }
     for i in 0..count {
         assert_eq!(sorted_candidates(&search, i), at_start[i as usize], "list of {i}");
@@ -273,7 +282,7 @@ fn lists_overflow_and_shrink_again() {
 
 /// Ten thousand small particles within what would be one cell of the only large one.
 #[test]
-fn ten_thousand_small_particles_around_a_large_one() {
+fn lists_of_small_particles_stay_short_beside_a_large_one() {
     let mut positions = vec![DVec3::splat(50.0)];
     let mut radii = vec![10.0];
     for k in 0..10_000 {
@@ -301,12 +310,12 @@ fn ten_thousand_small_particles_around_a_large_one() {
         let touching: Vec<u32> = (0..positions.len() as u32).filter(near).collect();
         assert!(touching.iter().all(|j| list.iter().any(|entry| entry.0 == *j)), "{i}");
     }
-    // The radii of the pair count, not the largest: nobody's list is everybody.
+    // The range depends on the radii of the pair, not on the largest radius: no list contains all particles.
     assert!(sorted_candidates(&search, 5000).len() < 3000);
 }
 
 #[test]
-fn images_far_from_the_box_are_listed_too() {
+fn lists_hold_images_far_from_the_box() {
     let geometry = Geometry {
         size: DVec3::splat(8.0),
         axes: [Axis::Periodic; 3],
@@ -325,7 +334,7 @@ fn images_far_from_the_box_are_listed_too() {
 }
 
 #[test]
-fn ten_thousand_particles_fit_into_one_cell_and_leave_it_again() {
+fn a_cell_holds_ten_thousand_particles_and_is_emptied_again() {
     let size = DVec3::splat(30.0);
     let geometry = Geometry {
         size,
@@ -346,17 +355,17 @@ fn ten_thousand_particles_fit_into_one_cell_and_leave_it_again() {
     let stay = Flight { position: DVec3::ZERO, velocity: DVec3::ZERO, acceleration: DVec3::ZERO };
     // All but ten move five cells away, along x, and back.
     for i in 10..10_000 {
-        (0..5).for_each(|_| search.transfer(i, 1, &stay));
+        (0..5).for_each(|_| search.cross(i, 1, &stay));
     }
     assert_eq!((count(&search, 0), count(&search, 10)), (9, 9_989));
     for i in (10..10_000).rev() {
-        (0..5).for_each(|_| search.transfer(i, 0, &stay));
+        (0..5).for_each(|_| search.cross(i, 0, &stay));
     }
     assert_eq!(count(&search, 9_999), 9_999);
 }
 
 #[test]
-fn only_cells_near_a_wall_know_it() {
+fn only_cells_near_a_wall_list_it() {
     let plane = |x: f64, normal| Plane { point: DVec3::new(x, 0.0, 0.0), normal, moving: false };
     let geometry = Geometry {
         size: DVec3::splat(20.0),

@@ -1,35 +1,35 @@
-//! Sums over a run.
+//! Sums accumulated over a run.
 
 use glam::DVec3;
 use haff_engine::Counters;
 
 use crate::sum::Sum;
 
-/// Energies and momenta booked so far.
+/// Energies and momenta accumulated since the start.
 #[derive(Debug, Clone, Copy, Default, PartialEq)]
-pub(crate) struct Book {
+pub(crate) struct Accumulators {
     pub initial_kinetic: f64,
     pub initial_potential: f64,
     pub dissipated: Sum,
     pub carnot: Sum,
     pub work: Sum,
-    /// Impulses from outside, and their moments about the origin.
+    /// External impulses, and their moments about the origin.
     pub impulse: [Sum; 3],
     pub moment: [Sum; 3],
     pub counters: Counters,
     pub max_overlap: f64,
     pub sampled_at: f64,
-    /// `u64::MAX`: no sample yet.
+    /// `u64::MAX` before the first sample.
     pub sampled_collisions: u64,
 }
 
-impl Book {
-    /// Adds an impulse from outside on a particle at `x`.
+impl Accumulators {
+    /// Adds an external impulse on a particle at `x`.
     pub fn add_impulse(&mut self, x: DVec3, impulse: DVec3) {
         self.add_momentum(impulse, x.cross(impulse));
     }
 
-    /// Adds changes of momentum and of angular momentum from outside.
+    /// Adds external changes of momentum and of angular momentum.
     pub fn add_momentum(&mut self, momentum: DVec3, moment: DVec3) {
         for axis in 0..3 {
             self.impulse[axis].add(momentum[axis]);
@@ -37,7 +37,7 @@ impl Book {
         }
     }
 
-    /// Impulse from outside so far.
+    /// External impulse since the start.
     pub fn impulse(&self) -> DVec3 {
         DVec3::from_array(self.impulse.map(|sum| sum.value()))
     }
