@@ -24,7 +24,7 @@ def on_files(files, config):
     for path, text in {"reference/scene.md": scene_reference(), "reference/command.md": command_reference()}.items():
         files.append(File.generated(config, path, content=text))
     in_nav = set(named_in(config.nav))
-    # A new page has its place, even before somebody finds a better one for it in mkdocs.yml.
+    # Pages that mkdocs.yml does not list are added at the end.
     if more := [file.src_uri for file in files.documentation_pages() if file.src_uri not in in_nav]:
         config.nav.append({"More": sorted(more)})
     waiting = list(in_nav)
@@ -45,7 +45,7 @@ def on_files(files, config):
 
 
 def on_page_markdown(markdown, page, config, files):
-    """Turns links that leave docs/ to the copies on the site; folders have no page, so only their names stay."""
+    """Redirects links that leave docs/ to the copies on the site; folders have no page, so only their names stay."""
     here = page.file.src_uri
 
     def turn(match):
