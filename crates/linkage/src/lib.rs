@@ -19,7 +19,7 @@ System + Joints ──check──▶ World ──┬─▶ flights: Mechanism �
 | `resolve` | what does an impact do? |
 | `reform` | what is in contact after an event, and who moves together? |
 | `simulation` | the run; `checkpoint`: the run as data |
-| `machine` | a linkage, or the granular engine for all other scenes |
+| `any_simulation` | a linkage, or the granular engine for all other scenes |
 
 # Rules
 
@@ -38,6 +38,7 @@ System + Joints ──check──▶ World ──┬─▶ flights: Mechanism �
 
 #![forbid(unsafe_code)]
 
+mod any_simulation;
 mod book;
 mod check;
 mod checkpoint;
@@ -46,7 +47,6 @@ mod elliptic;
 mod error;
 mod instant;
 mod linear;
-mod machine;
 mod mechanism;
 pub mod model;
 mod motion;
@@ -58,9 +58,9 @@ mod sum;
 mod valid;
 mod world;
 
+pub use any_simulation::{AnySimulation, AnySimulationError};
 pub use check::check;
 pub use elliptic::complete_elliptic_integral;
 pub use error::LinkageError;
-pub use machine::{Machine, MachineError};
 pub use model::{Joints, Pendulum, Rod, Spring, SpringEnd, Tether};
 pub use simulation::{Potential, Simulation};

@@ -5,7 +5,7 @@ use pyo3::{prelude::*, types::PyDict};
 
 use crate::arrays::{column, vector};
 
-/// What of a scene decides which observables make sense.
+/// Properties of a scene that decide which observables apply.
 #[derive(Debug, Clone, Copy)]
 pub struct Shown {
     /// Whether it has springs.
@@ -14,7 +14,7 @@ pub struct Shown {
     pub rest: bool,
 }
 
-/// A row of observables. What makes no sense for the scene is left out, as in files.
+/// A row of observables. Those that do not apply to the scene are left out, as in files.
 pub fn sample(py: Python<'_>, sample: Sample, shown: Shown) -> PyResult<Bound<'_, PyDict>> {
     let row = PyDict::new(py);
     row.set_item("time", sample.time)?;
@@ -50,7 +50,7 @@ pub fn sample(py: Python<'_>, sample: Sample, shown: Shown) -> PyResult<Bound<'_
     Ok(row)
 }
 
-/// What has been done so far.
+/// Counts since the start.
 pub fn counters(py: Python<'_>, counters: Counters) -> PyResult<Bound<'_, PyDict>> {
     let row = PyDict::new(py);
     for (name, count) in [

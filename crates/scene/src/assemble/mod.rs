@@ -1,7 +1,7 @@
-//! From the scene as written to the scene as run: every check, every default.
+//! Assembles a [`Scene`] from a checked [`SceneConfig`]: all checks, all defaults.
 //!
-//! Checks go in rounds, and a round only starts when the one before found nothing: syntax and shapes; values one by
-//! one and against each other; geometry; placement. Within a round all errors are found.
+//! Checks are made in rounds, and a round starts only if the previous one found no error: syntax and types;
+//! values one by one and against each other; geometry; placement. Within a round all errors are found.
 
 mod contact;
 mod domain;
@@ -21,17 +21,17 @@ use crate::scene::Scene;
 use crate::state::StateSource;
 use values::{at, storable};
 
-/// Bytes that a run needs per particle, for refusing what cannot fit: the most that was measured, in making a dense
-/// random packing; the run itself takes about 250.
+/// Bytes per particle that a run needs, to refuse systems that do not fit: the largest value measured, in a
+/// dense random packing; the run itself takes about 250.
 const BYTES_PER_PARTICLE: f64 = 420.0;
 
-/// Reading a text may always take this much [bytes], whatever the system says is free.
+/// Reading a text may always take this much [bytes], even if the system reports less free memory.
 const LEAST_MEMORY: u64 = 256 << 20;
 
 /// Rows are 32-bit numbers in the engine and in files.
 const MAX_PARTICLES: u64 = 1 << 31;
 
-/// What a scene may ask of the machine.
+/// Limits of a scene on this machine.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Limits {
     pub(crate) particles: u64,
@@ -40,7 +40,7 @@ pub(crate) struct Limits {
 }
 
 impl Limits {
-    /// As many particles as the free memory holds, where the system tells.
+    /// As many particles as fit into the free memory, if the system reports it.
     pub(crate) fn of_this_machine() -> Self {
         let free = available_memory();
         let fits = free.map_or(u64::MAX, |bytes| (bytes / BYTES_PER_PARTICLE) as u64);
@@ -49,7 +49,7 @@ impl Limits {
     }
 }
 
-/// Free memory [bytes], where `/proc` tells.
+/// Free memory [bytes], from `/proc`.
 fn available_memory() -> Option<f64> {
     let text = std::fs::read_to_string("/proc/meminfo").ok()?;
     let line = text.lines().find_map(|line| line.strip_prefix("MemAvailable:"))?;
@@ -57,7 +57,7 @@ fn available_memory() -> Option<f64> {
 }
 
 /// A scene under construction.
-struct Builder<'a> {
+struct Assembler<'a> {
     document: Document,
     /// As written, with overrides; defaults are filled in on the way and make the resolved scene.
     config: SceneConfig,
@@ -74,7 +74,7 @@ struct Builder<'a> {
 /// An error has been recorded in the document.
 struct Refused;
 
-pub(crate) fn build(
+pub(crate) fn assemble(
     name: &str,
     text: &str,
     overrides: &[String],
@@ -84,7 +84,7 @@ pub(crate) fn build(
     let mut document = Document::new(name, text, overrides, limits.memory);
     let garbled = document.is_garbled();
     let config = if garbled { SceneConfig::default() } else { document.config() };
-    let mut builder = Builder {
+    let mut assembler = Assembler {
         document,
         config,
         states,
@@ -95,12 +95,12 @@ pub(crate) fn build(
         clinging: Vec::new(),
         unreadable: false,
     };
-    let result = if garbled { Err(Refused) } else { builder.scene(name) };
-    if let (Ok(scene), true) = (result, builder.document.is_sound()) {
+    let result = if garbled { Err(Refused) } else { assembler.scene(name) };
+    if let (Ok(scene), true) = (result, assembler.document.is_sound()) {
         return Ok(scene);
     }
-    let kind = if builder.unreadable { ErrorKind::Unreadable } else { ErrorKind::Invalid };
-    let (errors, more, source) = builder.document.into_errors();
+    let kind = if assembler.unreadable { ErrorKind::Unreadable } else { ErrorKind::Invalid };
+    let (errors, more, source) = assembler.document.into_errors();
     Err(SceneErrors { errors, more, source, kind })
 }
 
@@ -127,7 +127,7 @@ pub(crate) fn whole(name: &str, message: String, kind: ErrorKind) -> SceneErrors
     SceneErrors { errors: vec![error], more: 0, source: String::new(), kind }
 }
 
-impl Builder<'_> {
+impl Assembler<'_> {
     fn scene(&mut self, name: &str) -> Result<Scene, Refused> {
         self.header(name);
         let options = self.options();
@@ -147,7 +147,7 @@ impl Builder<'_> {
         self.count_particles(&species, explicit.len());
         self.gate()?;
 
-        // Every value is sound by itself. Sizes and masses, then the box, then places.
+        // All single values are valid here. Sizes and masses, then the box, then positions.
         let mut rows = self.draw_rows(&species, &explicit, &names);
         self.gate()?;
         let state = self.read_state(&initial, &species, &mut rows)?;
@@ -199,7 +199,7 @@ impl Builder<'_> {
         })
     }
 
-    /// Stops where an error has been found.
+    /// Returns if an error has been found.
     fn gate(&self) -> Result<(), Refused> {
         if self.document.is_sound() { Ok(()) } else { Err(Refused) }
     }
@@ -258,7 +258,7 @@ impl Builder<'_> {
         })
     }
 
-    /// The components of a vector of the scene: as many as there are dimensions, or three with z = 0.
+    /// The components of a vector of the scene: one per dimension, or three with z = 0.
     fn vector(&mut self, path: &[String], values: &[f64]) -> DVec3 {
         let d = self.dimension.count();
         if values.len() != d && values.len() != 3 {
@@ -279,7 +279,7 @@ impl Builder<'_> {
         DVec3::new(values[0], values[1], if d == 3 { values[2] } else { 0.0 })
     }
 
-    /// The components that the dimension has.
+    /// The components in use in this dimension.
     fn components(&self, v: DVec3) -> Vec<f64> {
         v.to_array()[..self.dimension.count()].to_vec()
     }

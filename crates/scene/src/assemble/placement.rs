@@ -1,4 +1,4 @@
-//! Places and velocities: from a recorded state, by hand, or from a packing and a temperature.
+//! Positions and velocities: from a recorded state, by hand, or from a packing and a temperature.
 
 use std::path::Path;
 
@@ -8,7 +8,7 @@ use haff_engine::{Boundary, Class, Dimension, Domain, Wall};
 use super::domain::TOLERANCE;
 use super::particles::{Initial, Rows, SpeciesPlan};
 use super::values::{at, item};
-use super::{Builder, Refused};
+use super::{Assembler, Refused};
 use crate::config::{PackingConfig, PositionsConfig};
 use crate::grid::{Periods, overlaps};
 use crate::packing::{Room, lattice::lattice, loose};
@@ -19,8 +19,9 @@ use crate::velocity::{Bath, equilibrate, maxwell};
 /// Overlaps named one by one; the rest are counted.
 const NAMED_OVERLAPS: usize = 20;
 
-impl Builder<'_> {
-    /// The recorded state, if the species start from one; radii and masses of distributions are taken from it.
+impl Assembler<'_> {
+    /// The recorded state, if the species start from one; radii and masses of distributions are taken from
+    /// it.
     pub(super) fn read_state(
         &mut self,
         initial: &Initial,
@@ -50,7 +51,7 @@ impl Builder<'_> {
         if n != rows.species && n != rows.bodies.len() {
             return fail(format!("the file holds {n} particles, the species ask for {}", rows.species));
         }
-        // What was drawn gives way to what was recorded.
+        // Recorded values replace drawn ones.
         let drawn = std::mem::take(&mut rows.classes);
         rows.index.clear();
         for row in rows.species..rows.bodies.len() {
@@ -96,7 +97,7 @@ impl Builder<'_> {
         Ok(Some(state))
     }
 
-    /// Bodies that have places against the box, the walls and each other.
+    /// Checks bodies with positions against the box, the walls and each other.
     pub(super) fn check_places(
         &mut self,
         domain: &Domain,
@@ -143,7 +144,7 @@ impl Builder<'_> {
             }
             for wall in walls {
                 let distance = (position - wall.point).dot(wall.normal);
-                // Rounding of the coordinates themselves counts, far from the origin.
+                // Far from the origin the rounding of coordinates is significant.
                 let slack = TOLERANCE
                     * (radius + wall.point.abs().max_element().max(position.abs().max_element()) * 1e-3);
                 if distance < radius - slack {
@@ -178,7 +179,7 @@ impl Builder<'_> {
         }
     }
 
-    /// Puts the species into their packing.
+    /// Places the species in their packing.
     pub(super) fn place_species(
         &mut self,
         domain: &Domain,
@@ -262,7 +263,7 @@ impl Builder<'_> {
     ) {
         let mut velocity: Vec<DVec3> = rows.bodies[..rows.species].iter().map(|body| body.velocity).collect();
         let mass: Vec<f64> = (0..rows.species).map(|row| rows.mass(row)).collect();
-        // Species at the common temperature form one bath, each of the others its own.
+        // Species at the common temperature form one bath, each of the others a separate one.
         let mut baths: Vec<Bath> = Vec::new();
         let mut common = Vec::new();
         let mut row = 0;

@@ -1,5 +1,5 @@
-//! The two machineries behind one face: the granular engine, and the one for pendulums, springs, rods and sticking contact. The
-//! second is taken only by scenes that have any of these.
+//! [`AnySimulation`]: the granular engine and the simulation of linkages behind one interface. Scenes with pendulums,
+//! springs, rods or sticking contact run as a linkage, all others in the granular engine.
 
 use crate::{Joints, LinkageError, simulation::Simulation as Linkage};
 use haff_engine::{
@@ -8,25 +8,25 @@ use haff_engine::{
 };
 
 /// A running simulation of either kind.
-pub enum Machine {
+pub enum AnySimulation {
     /// Spheres and walls.
     Granular(Box<Simulation>),
     /// Few bodies with joints.
     Linkage(Box<Linkage>),
 }
 
-/// What can stop either.
+/// An error of either simulation.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 #[error(transparent)]
-pub enum MachineError {
+pub enum AnySimulationError {
     /// Of the granular engine.
     Granular(#[from] EngineError),
     /// Of a linkage.
     Linkage(#[from] LinkageError),
 }
 
-impl MachineError {
-    /// What the error means for whoever asked.
+impl AnySimulationError {
+    /// The class of the error, which gives the exit status of the command and the exception in Python.
     pub fn fault(&self) -> Fault {
         match self {
             Self::Granular(error) => error.fault(),
@@ -35,19 +35,19 @@ impl MachineError {
     }
 }
 
-/// Calls the same method of either.
+/// Calls the same method of either simulation.
 macro_rules! either {
-    ($machine:expr, $simulation:ident => $call:expr) => {
-        match $machine {
-            Machine::Granular($simulation) => $call,
-            Machine::Linkage($simulation) => $call,
+    ($any:expr, $simulation:ident => $call:expr) => {
+        match $any {
+            AnySimulation::Granular($simulation) => $call,
+            AnySimulation::Linkage($simulation) => $call,
         }
     };
 }
 
-impl Machine {
-    /// Starts the machinery that the scene needs.
-    pub fn new(system: System, joints: Joints, options: Options) -> Result<Self, MachineError> {
+impl AnySimulation {
+    /// Starts a linkage if the scene has joints, otherwise the granular engine.
+    pub fn new(system: System, joints: Joints, options: Options) -> Result<Self, AnySimulationError> {
         if joints.is_empty() {
             Ok(Self::Granular(Box::new(Simulation::new(system, options)?)))
         } else {
@@ -61,7 +61,7 @@ impl Machine {
         joints: Joints,
         options: Options,
         checkpoint: &Checkpoint,
-    ) -> Result<Self, MachineError> {
+    ) -> Result<Self, AnySimulationError> {
         if joints.is_empty() {
             Ok(Self::Granular(Box::new(Simulation::restore(system, options, checkpoint)?)))
         } else {
@@ -70,7 +70,7 @@ impl Machine {
     }
 
     /// Runs events until the first of the bounds.
-    pub fn advance(&mut self, until: Until, observer: &mut dyn Observer) -> Result<Stop, MachineError> {
+    pub fn advance(&mut self, until: Until, observer: &mut dyn Observer) -> Result<Stop, AnySimulationError> {
         Ok(either!(self, simulation => simulation.advance(until, observer)?))
     }
 
@@ -94,7 +94,7 @@ impl Machine {
         either!(self, simulation => simulation.ledger())
     }
 
-    /// What has been done so far.
+    /// Counts of events and predictions so far.
     pub fn counters(&self) -> Counters {
         either!(self, simulation => simulation.counters())
     }
@@ -114,8 +114,8 @@ impl Machine {
         either!(self, simulation => simulation.particles())
     }
 
-    /// Finds the deepest overlap now and keeps the largest. An error, if it is more than rounding.
-    pub fn measure_overlap(&mut self) -> Result<(), MachineError> {
+    /// Measures the largest overlap now and keeps the maximum over the run. An error if it exceeds rounding.
+    pub fn measure_overlap(&mut self) -> Result<(), AnySimulationError> {
         match self {
             Self::Granular(simulation) => {
                 simulation.measure_overlap()?;
@@ -130,7 +130,7 @@ impl Machine {
         either!(self, simulation => simulation.max_overlap())
     }
 
-    /// How partners are found.
+    /// Name of the method that finds collision partners.
     pub fn search(&self) -> &'static str {
         match self {
             Self::Granular(simulation) => simulation.neighbors().name(),

@@ -7,13 +7,13 @@ use std::path::PathBuf;
 use glam::DVec3;
 use haff_engine::{Body, Class, Dimension};
 
-use super::Builder;
+use super::Assembler;
 use super::contact::Names;
 use super::values::{at, item, mass, not_negative, positive, storable};
 use crate::config::{InitialConfig, PackingConfig, PositionsConfig, RadiusConfig};
 use crate::random::{Purpose, Stream};
 
-/// How radii of a species come about.
+/// Radii of a species.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) enum RadiusLaw {
     Fixed(f64),
@@ -46,7 +46,7 @@ impl RadiusLaw {
     }
 }
 
-/// Mass of a body, or what it follows from.
+/// Mass of a body, given or from its density.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) enum MassLaw {
     Mass(f64),
@@ -140,7 +140,7 @@ pub(super) fn volume(radius: f64, dimension: Dimension) -> f64 {
     }
 }
 
-impl Builder<'_> {
+impl Assembler<'_> {
     pub(super) fn species_plans(&mut self) -> Vec<SpeciesPlan> {
         let configs = self.config.species.clone().unwrap_or_default();
         let mut plans = Vec::with_capacity(configs.len());
@@ -316,7 +316,7 @@ impl Builder<'_> {
         Initial { positions: Some(positions), temperature }
     }
 
-    /// There are particles, and not more than the machine holds.
+    /// Checks that there are particles, and not more than fit into memory.
     pub(super) fn count_particles(&mut self, species: &[SpeciesPlan], explicit: usize) {
         if species.is_empty() && explicit == 0 {
             let path = at([if self.config.particle.is_some() { "particle" } else { "species" }]);

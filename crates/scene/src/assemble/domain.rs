@@ -3,7 +3,7 @@
 use glam::DVec3;
 use haff_engine::{Boundary, Dimension, Domain, Wall};
 
-use super::Builder;
+use super::Assembler;
 use super::particles::{Rows, SpeciesPlan};
 use super::values::{LARGEST, SMALLEST, at, item, positive};
 use crate::config::{BoundaryConfig, DomainConfig, PackingConfig, PositionsConfig};
@@ -17,12 +17,12 @@ const DENSEST_2D: f64 = 0.906_899_682_117_109;
 const RANDOM_3D: f64 = 0.58;
 const RANDOM_2D: f64 = 0.78;
 
-/// Smallest radius, as a part of the largest coordinate: 2⁻⁴². A coordinate is a multiple of 2⁻⁵² of that or
-/// less, so a contact is placed to a thousandth of the radius. Below, rounding decides whether particles
-/// touch.
+/// Smallest radius, relative to the largest coordinate: 2⁻⁴². Coordinates are rounded to 2⁻⁵² of the largest
+/// one or less, so the position of a contact is exact to a thousandth of the radius. Below, rounding decides
+/// whether particles touch.
 const FINEST: f64 = 1.0 / (1_u64 << 42) as f64;
 
-/// A slack for rounding in comparisons of lengths.
+/// Tolerance for rounding in comparisons of lengths.
 pub(super) const TOLERANCE: f64 = 1e-12;
 
 /// The domain before its size is known.
@@ -65,7 +65,7 @@ impl DomainPlan {
     }
 }
 
-impl Builder<'_> {
+impl Assembler<'_> {
     pub(super) fn domain_plan(&mut self, species: bool, explicit: bool) -> DomainPlan {
         let d = self.dimension.count();
         let config = self.config.domain.get_or_insert_with(DomainConfig::default).clone();
@@ -157,7 +157,7 @@ impl Builder<'_> {
         DomainPlan { size, boundary, gravity }
     }
 
-    /// Finds the size where the scene leaves it to the species, the state or the particles.
+    /// Computes the size if the scene does not give it: from the species, the state or the particles.
     pub(super) fn fix_size(
         &mut self,
         plan: &mut DomainPlan,
@@ -186,7 +186,7 @@ impl Builder<'_> {
                 self.document.report(&fraction_path, message);
                 return;
             }
-            // A perfect lattice of touching spheres must not fail for the last bits of a cube root.
+            // A perfect lattice of touching spheres must not fail by the rounding of a cube root.
             plan.size = Some(DVec3::splat(edge * (1.0 + 4.0 * f64::EPSILON)));
         } else if let (None, Some(state)) = (plan.size, state) {
             let path = at(["initial", "positions"]);
@@ -197,7 +197,7 @@ impl Builder<'_> {
                 return;
             }
         } else if plan.size.is_none() {
-            // Only open axes get here, where the size is a placeholder.
+            // Only for open axes, whose size is a placeholder.
             let mut size = DVec3::splat(2.0 * rows.largest_radius());
             for (k, body) in rows.bodies.iter().enumerate() {
                 size = size.max(body.position + DVec3::splat(rows.radius(k)));
@@ -246,7 +246,7 @@ impl Builder<'_> {
         }
     }
 
-    /// The box against the sizes and volumes of what it holds.
+    /// The box against the sizes and volumes of its particles.
     pub(super) fn check_box(&mut self, domain: &Domain, rows: &Rows, positions: Option<&PositionsConfig>) {
         let d = self.dimension.count();
         let diameter = 2.0 * rows.largest_radius();

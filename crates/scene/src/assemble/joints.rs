@@ -1,4 +1,4 @@
-//! Pendulums, springs and rods: places that follow from their angles, and the joints themselves.
+//! Pendulums, springs and rods: positions that follow from their angles, and the joints themselves.
 
 use std::collections::HashMap;
 
@@ -6,17 +6,17 @@ use glam::DVec3;
 use haff_engine::System;
 use haff_linkage::{Joints, LinkageError, Pendulum, Rod, Spring, SpringEnd, Tether};
 
-use super::Builder;
+use super::Assembler;
 use super::contact::among;
 use super::values::{at, item, not_negative, positive, storable};
 use crate::document::Path;
 use crate::joints::TetherConfig;
 
-/// A place written beside an angle agrees with it to this part of the length.
+/// Tolerance between a position and an angle that are both given, relative to the length.
 const AGREES: f64 = 1e-9;
 
-impl Builder<'_> {
-    /// Whether the scene has anything that the plain engine does not know.
+impl Assembler<'_> {
+    /// Whether the scene has features that the granular engine does not support.
     fn has_joints(&self) -> bool {
         let config = &self.config;
         config.pendulum.is_some()
@@ -86,7 +86,7 @@ impl Builder<'_> {
         }
     }
 
-    /// Gives a particle its place, or compares it with the one it has.
+    /// Sets the position of a particle, or compares it with the given one.
     fn place(&mut self, row: Option<&usize>, place: DVec3, length: f64, path: &[String]) {
         let components = self.components(place);
         let (Some(&row), Some(particles)) = (row, &mut self.config.particle) else { return };
@@ -106,7 +106,8 @@ impl Builder<'_> {
         }
     }
 
-    /// Rows of explicit particles by their names, beginning at `species`; `None` of a name that several have.
+    /// Rows of explicit particles by their names, beginning at `species`; `None` for a name that several
+    /// have.
     fn rows_by_name(&self, species: usize) -> HashMap<String, Option<usize>> {
         let mut rows: HashMap<String, Option<usize>> = HashMap::new();
         for (k, particle) in self.config.particle.iter().flatten().enumerate() {
@@ -226,7 +227,7 @@ impl Builder<'_> {
         joints
     }
 
-    /// Names of joints go into messages and files.
+    /// Names of joints are used in messages and files.
     fn check_joint_names(&mut self) {
         let config = &self.config;
         let pendulums = config.pendulum.iter().flatten().map(|joint| &joint.name).enumerate();

@@ -2,8 +2,8 @@
 
 use crate::document::{Document, Path};
 
-/// Lengths, masses, times and speeds lie between 1e-50 and 1e50, so that no product of a few of them leaves the
-/// range of a double.
+/// Lengths, masses, times and speeds lie between 1e-50 and 1e50, so that no product of a few of them leaves
+/// the range of a double.
 pub(super) const LARGEST: f64 = 1e50;
 pub(super) const SMALLEST: f64 = 1e-50;
 

@@ -5,7 +5,7 @@ use std::collections::{BTreeMap, HashMap, HashSet};
 use haff_engine::{Boundary, Contacts, Wall};
 use haff_mechanics::Restitution;
 
-use super::Builder;
+use super::Assembler;
 use super::domain::DomainPlan;
 use super::values::{at, item, not_negative, positive, storable};
 use crate::config::{ContactConfig, RestitutionConfig, RestitutionLaw};
@@ -23,7 +23,7 @@ const UNNAMED: &str = "particle";
 /// A key of a table and its value.
 type Key = (&'static str, Option<f64>);
 
-/// A name that is not among those known, with the one that may be meant and the first of those there are.
+/// Message for an unknown name, with the most similar name and the first of the existing ones.
 pub(super) fn among<'n, I: Iterator<Item = &'n str>>(name: &str, known: impl Fn() -> I) -> String {
     let near = nearest(name, known()).map_or_else(String::new, |best| format!("; did you mean \"{best}\"?"));
     format!("\"{}\"{near} (known: {})", cut(name, LONGEST), some_of(known()))
@@ -39,7 +39,7 @@ pub(super) struct Names {
     pub(super) of_particle: Vec<u32>,
 }
 
-impl Builder<'_> {
+impl Assembler<'_> {
     pub(super) fn names(&mut self) -> Names {
         let mut all: Vec<String> = Vec::new();
         for (k, species) in self.config.species.iter().flatten().enumerate() {
@@ -61,7 +61,7 @@ impl Builder<'_> {
         Names { all, species, first, of_particle }
     }
 
-    /// Names of species and walls are unique, and no particle is called like one.
+    /// Names of species and walls are unique, and no particle has the name of one.
     pub(super) fn check_names(&mut self, names: &Names, walls: &[String]) {
         let mut taken: BTreeMap<String, String> = BTreeMap::new();
         let mut uses: Vec<(String, Path, String)> = Vec::new();
@@ -140,7 +140,7 @@ impl Builder<'_> {
             let point = vector("plane.point", &plane.point, true);
             let given = vector("plane.normal", &plane.normal, true);
             let velocity = vector("velocity", &config.velocity, false);
-            // Scaling by the largest component first keeps tiny and huge normals from under- and overflow.
+            // Scaled by the largest component first, so that tiny and huge normals do not under- or overflow.
             let normal = given / given.abs().max_element();
             let normal = normal / normal.length();
             if plane.normal.is_some() && self.document.count() == errors {
@@ -152,8 +152,8 @@ impl Builder<'_> {
     }
 
     /// A plane must have a direction, and be its own image along every periodic axis: a particle that leaves
-    /// through the one face comes back through the other, and the plane must be where it was. No component is
-    /// too small to matter, since the number of images is not limited.
+    /// through one face returns through the opposite one, and must find the plane unchanged. No component is
+    /// negligible, since the number of images is not limited.
     fn check_normal(&mut self, path: &[String], normal: glam::DVec3, domain: &DomainPlan) {
         if !normal.is_finite() {
             self.document.report(path, "must not be zero");
@@ -207,7 +207,7 @@ impl Builder<'_> {
             self.clinging.extend((0..groups).map(|group| [group as u32, (first_own + k) as u32]));
         }
         let mut seen: BTreeMap<(usize, usize), usize> = BTreeMap::new();
-        // What pairs say of groups and walls replaces what the walls themselves say.
+        // Rules of pairs for groups and walls take precedence over those of the walls.
         let mut ruled: HashSet<[u32; 2]> = HashSet::new();
         let mut clinging: Vec<[u32; 2]> = Vec::new();
         let mut places: HashMap<&str, usize> = HashMap::new();
@@ -300,7 +300,7 @@ impl Builder<'_> {
         speed
     }
 
-    /// A law of restitution, if there is one and it is sound.
+    /// A law of restitution, if there is one and it is valid.
     fn restitution(&mut self, path: &[String], config: Option<&RestitutionConfig>) -> Option<Restitution> {
         let sub = |key: &str| {
             let mut path = path.to_vec();

@@ -1,11 +1,11 @@
-//! How long to run and what to record.
+//! Length of the run, and its output.
 
 use haff_engine::{Boundary, Dimension, EventColumn, System};
 use haff_mechanics::Restitution;
 use std::f64::consts::PI;
 use std::path::PathBuf;
 
-use super::Builder;
+use super::Assembler;
 use super::particles::volume;
 use super::values::{SMALLEST, at, positive, storable};
 use crate::config::{
@@ -14,13 +14,13 @@ use crate::config::{
 };
 use crate::scene::{OutputPlan, RunPlan, Schedule};
 
-/// More records than this are a slip of the pen: at one number each they would fill a disk.
+/// Largest number of records: more are taken for a mistake, since they would fill a disk.
 const MAX_RECORDS: f64 = 1e8;
 
 /// The largest time on the clock [s], about three centuries.
 const MAX_WALL_TIME: f64 = 1e10;
 
-impl Builder<'_> {
+impl Assembler<'_> {
     /// The keys of `[run]`, each by itself and against each other.
     pub(super) fn run_shape(&mut self) {
         let run = self.config.run.clone().unwrap_or_default();
@@ -148,7 +148,7 @@ impl Builder<'_> {
         let n = system.bodies.len() as f64;
         let elastic = |rules: &[Restitution]| rules.iter().all(|rule| *rule == Restitution::Constant(1.0));
         let steady = elastic(&system.contacts.pair) && elastic(&system.contacts.wall) && rate > 0.0;
-        // The run's length in simulated time, where it can be told beforehand.
+        // The run's length in simulated time, if it is known beforehand.
         let length = run.until.or_else(|| {
             let collisions = run.collisions.filter(|_| steady)?;
             Some(2.0 * collisions as f64 / (n * rate)).filter(|length| (1e-50..=1e50).contains(length))
@@ -180,7 +180,7 @@ impl Builder<'_> {
         let checkpoint = config.checkpoint;
         let file = match &config.file {
             Some(OutputFileConfig::Path(path)) => Some(PathBuf::from(path.as_str())),
-            // Left out is not the same as `false`: a command may still name a file.
+            // A missing key differs from `false`: the file may be given on the command line.
             Some(OutputFileConfig::Off(_)) | None => None,
         };
         if let Some(until) = run.until {
@@ -207,7 +207,7 @@ impl Builder<'_> {
     }
 }
 
-/// The columns asked for in the order of files, the time always among them.
+/// The requested columns in the order of files, always with the time.
 fn event_columns(config: &EventsConfig) -> Vec<EventColumn> {
     match config {
         EventsConfig::All(false) => Vec::new(),
@@ -265,20 +265,21 @@ pub(super) fn packing_fraction(system: &System) -> f64 {
     filled / (0..d).map(|axis| system.domain.size[axis]).product::<f64>()
 }
 
-/// Collisions per particle and time of a homogeneous elastic mixture, each group with its mean radius and its own
-/// temperature, by Enskog's theory. In three dimensions the rate of one particle of group i with those of group j is
+/// Collisions per particle and time of a homogeneous elastic mixture, each group with its mean radius and its
+/// own temperature, by Enskog's theory. In three dimensions the rate of one particle of group i with those of
+/// group j is
 ///
 /// ```text
 /// ω_ij = 2 n_j σ_ij² g_ij √(2π(T_i/m_i + T_j/m_j))
 /// ```
 ///
-/// and in two dimensions half of it, with `σ_ij` for `σ_ij²`. For one species this is 4 n σ² g₀ √(πT/m), or
-/// 2 n σ g₀ √(πT/m). The contact value is that of Boublík and of Mansoori et al., in two dimensions of Jenkins and
-/// Mancini; for equal spheres these are Carnahan–Starling's and Henderson's.
+/// and in two dimensions half of it, with `σ_ij` for `σ_ij²`. For one species this is 4 n σ² g₀ √(πT/m), or 2
+/// n σ g₀ √(πT/m). The contact value is that of Boublík and of Mansoori et al., in two dimensions of Jenkins
+/// and Mancini; for equal spheres these are Carnahan–Starling's and Henderson's.
 pub(super) fn collision_rate(system: &System) -> f64 {
     let d = system.dimension.count();
     let eta = packing_fraction(system);
-    // Above this the formulae have left the fluid branch.
+    // Above this the formulae are beyond the fluid branch.
     if system.bodies.len() < 2 || !(eta > 0.0 && eta < 0.8) {
         return f64::NAN;
     }
@@ -299,7 +300,7 @@ pub(super) fn collision_rate(system: &System) -> f64 {
     }
     let present: Vec<usize> = (0..groups).filter(|&g| sums[g][0] > 0.0).collect();
     if present.len() > 100 {
-        // A crowd of named bodies is no gas.
+        // Many named bodies do not form a gas.
         return f64::NAN;
     }
     let free = 1.0 - eta;
