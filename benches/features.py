@@ -1,5 +1,5 @@
 #!/usr/bin/env python3
-"""Counts the instructions that features cost: those a scene does not use, and those it asks for.
+"""Counts the instructions that features cost: features that a scene does not use, and features that it uses.
 
     cargo build --release
     benches/features.py                       # everything, into benches/record/<date>/features.md; about an hour
@@ -7,9 +7,8 @@
     benches/features.py --part absent --only tc walls
 
 absent  The engine of the plain scene (elastic spheres of one size, periodic, nothing recorded) as it is, and once more
-        from copies of the sources from which one feature is left out (benches/without.toml), and all of them. What is
-        left must not run a different trajectory, and at most 1 % fewer instructions: nobody pays for what a scene does
-        not use.
+        from copies of the sources with one feature left out (benches/without.toml), or all of them. The trajectory
+        must not change, and instructions decrease by at most 1 %: an unused feature costs nothing.
 prices  The plain scene, and the same with one feature asked for, by `haff run`.
 run     `haff run` and `haff bench` of one scene: instructions, and wall times in turn.
 
@@ -41,13 +40,13 @@ else:
 from record import ROOT, compiler, machine, revision
 
 WITHOUT = ROOT / "benches" / "without.toml"
-# Where windows serve, and where lists do.
+# A density at which windows are used, and one for lists.
 PHI = [0.1, 0.49]
 DISKS_PHI = {0.1: 0.1, 0.49: 0.72}
 # N of the engine alone is an edge cubed; that of scenes fills an fcc lattice.
 EDGE = 16
 PARTICLES = 4_000
-# Collisions of the melting, and of what is counted, if nothing is asked for.
+# Default numbers of collisions of the melting, and of the part that is counted.
 MELT, COUNTED = 20_000, 100_000
 # Collisions of a run whose wall time is taken.
 WALL_COLLISIONS = 2_000_000
@@ -113,7 +112,7 @@ def engine(copy: Path, name: str, edits: list[dict[str, str]], folder: Path) -> 
     """The engine's example `throughput`, built with these edits."""
     kept = {edit["file"]: (copy / edit["file"]).read_text() for edit in edits}
     leave_out(copy, edits)
-    # Of this run alone: cargo would take what another run has left out for the same sources.
+    # A target folder per run: cargo would not notice that another run has left out other features of the same sources.
     target = folder / "target"
     build = ["cargo", "build", "--release", "--quiet", "-p", "haff-engine", "--example", "throughput"]
     call([*build, "--target-dir", str(target)], cwd=copy)
@@ -125,7 +124,7 @@ def engine(copy: Path, name: str, edits: list[dict[str, str]], folder: Path) -> 
 
 
 def absent(only: list[str], counted: int, folder: Path) -> list[str]:
-    """Table of the plain scene with and without what it does not use."""
+    """Table of the plain scene with and without the features that it does not use."""
     copy = source_copy(folder)
     chosen = {name: edits for name, edits in features().items() if not only or name in only}
     found: dict[str, list[float]] = {}
@@ -156,7 +155,7 @@ def absent(only: list[str], counted: int, folder: Path) -> list[str]:
     return lines
 
 
-# Features asked for
+# Features in use
 
 
 @dataclass
@@ -275,7 +274,7 @@ def price(
 
 
 def prices(haff: Path, only: list[str], counted: int, folder: Path) -> list[str]:
-    """Table of what features cost that are asked for."""
+    """Table of the cost of features in use."""
     lines = ["| scene |" + "".join(f" φ = {phi}: search | instructions | of other threads | factor |" for phi in PHI)]
     lines.append("|---|" + "---|---|---|---|" * len(PHI))
     plain: dict[float, dict[str, object]] = {}

@@ -1,7 +1,7 @@
 //! Times of the parts: contact times, impacts, the calendar and the cells.
 //!
-//! `cargo bench --bench kernels`; `-- calendar` picks a group. A pair alone is what a dependent step costs, a batch of
-//! independent pairs what a pair costs when the processor can overlap them.
+//! `cargo bench --bench kernels`; `-- calendar` picks a group. The time of a single pair is that of a
+//! dependent step, the time per pair of a batch that of independent pairs, which the processor can overlap.
 
 use std::hint::black_box;
 
@@ -13,8 +13,8 @@ use haff_neighbors::{Axis, Cells, Geometry, Search};
 use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64Mcg;
 
-/// Pairs in a batch: their data, 50 kB, stay in the second-level cache. A processor may learn the branches of so few:
-/// what it cannot, the scenes show.
+/// Pairs in a batch: their data, 50 kB, stay in the second-level cache. Branches of so few pairs may be
+/// predicted; the scenes include mispredictions.
 const BATCH: usize = 1024;
 
 fn random() -> Pcg64Mcg {
@@ -26,8 +26,8 @@ fn vector(random: &mut Pcg64Mcg, half_width: f64) -> DVec3 {
     DVec3::new(one(), one(), one())
 }
 
-/// Relative positions and velocities as a search finds them: neighbors up to three diameters away, of which about one in
-/// twenty will be hit.
+/// Relative positions and velocities as a search finds them: neighbors up to three diameters away, of which
+/// about one in twenty will be hit.
 fn pairs() -> Vec<(DVec3, DVec3)> {
     let mut random = random();
     let mut pairs = Vec::with_capacity(BATCH);
@@ -120,8 +120,8 @@ impl Event for Entry {
     }
 }
 
-/// The hold model: the earliest event is taken and its successor put back, the number of events stays. Delays are
-/// exponential with mean 2^40 ticks, as between the collisions of a gas.
+/// The hold model: the earliest event is taken and its successor put back, the number of events stays. Delays
+/// are exponential with mean 2^40 ticks, as between the collisions of a gas.
 fn hold<C: Calendar<Entry>>(events: usize) -> impl FnMut() {
     let mut random = random();
     let delays: Vec<i64> = (0..1 << 12)

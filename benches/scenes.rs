@@ -1,8 +1,8 @@
 //! Collisions per second of whole scenes, through the public interfaces: scene text, scene, simulation.
 //!
-//! `cargo bench --bench scenes`; `-- fluid` picks a scene. An element is a collision. `haff bench` measures the same
-//! scenes at any size and density. `-- observing` times what a frame, a row of observables and the search for overlaps take; an
-//! element is a particle, and `RAYON_NUM_THREADS` is the number of threads.
+//! `cargo bench --bench scenes`; `-- fluid` picks a scene. An element is a collision. `haff bench` measures
+//! the same scenes at any size and density. `-- observing` times what a frame, a row of observables and the
+//! search for overlaps take; an element is a particle, and `RAYON_NUM_THREADS` is the number of threads.
 
 #[path = "../crates/cli/bench/scenes.rs"]
 #[allow(dead_code)]

@@ -1,4 +1,4 @@
-//! `haff bench --accuracy`: the tables and their JSON, and what the command refuses.
+//! `haff bench --accuracy`: the tables and their JSON, and invalid options.
 
 mod common;
 
@@ -10,9 +10,9 @@ fn numbers(value: &Value) -> Vec<f64> {
 }
 
 #[test]
-fn quick_look_finds_haff_at_rounding_and_the_steppers_far_off() {
+fn quick_accuracy_has_haff_at_rounding_and_fixed_steps_with_larger_errors() {
     let haff = Haff::new();
-    // Beside a peer that refuses every scene: it is told of and left out.
+    // Beside a peer that refuses every scene, which is reported and left out.
     let answer = r#"{"error": "I know no spheres"}"#;
     let script = haff.write("peer.sh", &format!("while read -r line; do printf '%s\\n' '{answer}'; done\n"));
     let peer = format!("shell=sh {script}");
@@ -42,7 +42,7 @@ fn quick_look_finds_haff_at_rounding_and_the_steppers_far_off() {
         assert_eq!(ours["method"], "haff");
         let [off, error] =
             ["relative_error", "relative_standard_error"].map(|key| ours[key].as_f64().unwrap());
-        // Few runs: their scatter is a poor estimate of itself, so six of it; and 2 % is worth a name.
+        // The scatter of few runs is a poor estimate of the error, so six standard errors; and 2 %.
         assert!(off.abs() < 6.0 * error + 1e-3 && error < 2e-2, "{}: {off} ± {error}", quantity["name"]);
     }
     for gas in report["growth"].as_array().unwrap() {
@@ -58,7 +58,7 @@ fn quick_look_finds_haff_at_rounding_and_the_steppers_far_off() {
 }
 
 #[test]
-fn options_of_the_other_benchmark_are_refused() {
+fn options_of_the_speed_benchmark_are_refused() {
     let haff = Haff::new();
     for option in
         [["--n", "100"], ["--phi", "0.1"], ["--scene", "fluid"], ["--melt", "3"], ["--repeats", "2"]]
@@ -75,12 +75,12 @@ fn options_of_the_other_benchmark_are_refused() {
 }
 
 #[test]
-fn a_peer_that_cannot_start_is_named() {
+fn error_names_a_peer_that_cannot_start() {
     let haff = Haff::new();
-    let (status, _, err) = haff.run(&["bench", "--accuracy", "--peer", "nobody=./no-such-program"]);
+    let (status, _, err) = haff.run(&["bench", "--accuracy", "--peer", "absent=./no-such-program"]);
     assert_eq!(status, 2, "{err}");
-    assert!(err.contains("nobody: cannot start ./no-such-program"), "{err}");
-    let (status, _, err) = haff.run(&["bench", "--accuracy", "--peer", "nobody"]);
+    assert!(err.contains("absent: cannot start ./no-such-program"), "{err}");
+    let (status, _, err) = haff.run(&["bench", "--accuracy", "--peer", "absent"]);
     assert_eq!(status, 2, "{err}");
     assert!(err.contains("NAME=COMMAND"), "{err}");
 }

@@ -1,4 +1,4 @@
-//! `haff bench`: the cells asked for, of the engine that `haff run` uses.
+//! `haff bench`: the given cells, with the engine of `haff run`.
 
 mod common;
 
@@ -21,7 +21,7 @@ fn bench(haff: &Haff, arguments: &[&str]) -> Value {
 }
 
 #[test]
-fn a_cell_reports_what_the_interface_promises() {
+fn report_of_a_cell_has_every_documented_field() {
     let haff = Haff::new();
     let report = bench(&haff, &["--n", "500", "--phi", "0.2", "--collisions", "2000", "--threads", "1"]);
     for key in PROMISED {
@@ -51,7 +51,7 @@ fn a_cell_reports_what_the_interface_promises() {
 }
 
 #[test]
-fn a_cell_is_the_run_of_its_printed_scene() {
+fn state_of_a_cell_is_that_of_its_printed_scene() {
     let haff = Haff::new();
     for scene in STANDARD {
         let cell = ["--scene", scene, "--n", "200", "--collisions", "300", "--repeats", "2", "--melt", "4"];
@@ -70,7 +70,7 @@ fn a_cell_is_the_run_of_its_printed_scene() {
 }
 
 #[test]
-fn lists_of_values_give_cells_of_their_own_in_order() {
+fn lists_of_values_give_one_cell_each_in_order() {
     let haff = Haff::new();
     let all =
         ["--n", "100,1_03", "--phi", "0.1,0.3", "--collisions", "1e2", "--threads", "1,2", "--seed", "9"];
@@ -94,14 +94,14 @@ fn lists_of_values_give_cells_of_their_own_in_order() {
         assert_eq!((&pair[0]["seed"], &pair[0]["collisions"]), (&9.into(), &100.into()));
     }
     assert_ne!(cells[0]["state_hash"], cells[2]["state_hash"]);
-    // A cell in a process of its own is the cell asked for alone.
+    // A cell in a child process equals the cell measured alone.
     let alone =
         bench(&haff, &["--n", "103", "--phi", "0.3", "--collisions", "100", "--threads", "1", "--seed", "9"]);
     assert_eq!(alone["state_hash"], cells[6]["state_hash"]);
 }
 
 #[test]
-fn machinery_is_chosen_by_option_and_changes_no_bit() {
+fn search_and_simd_options_do_not_change_the_state() {
     let haff = Haff::new();
     let cell = ["--n", "150", "--collisions", "500"];
     let cells = bench(&haff, &[&cell[..], &["--neighbors", "cells", "--simd", "portable"]].concat());
@@ -113,7 +113,7 @@ fn machinery_is_chosen_by_option_and_changes_no_bit() {
 }
 
 #[test]
-fn a_scene_file_is_timed_as_it_runs() {
+fn scene_file_is_timed_to_the_state_of_its_run() {
     let haff = Haff::new();
     let scene = haff.write("gas.toml", GAS);
     let run = haff.report(&["run", &scene, "-o", "gas.h5"]);
@@ -127,13 +127,13 @@ fn a_scene_file_is_timed_as_it_runs() {
     assert_eq!((&part["melt_collisions"], &part["collisions"]), (&500.into(), &1000.into()));
     let set = bench(&haff, &["--scene", &scene, "--set", "species.0.count=108", "--collisions", "50"]);
     assert_eq!(set["n"], 108);
-    // No sphere ever meets a sphere here: the walls are all there is.
+    // Spheres never collide here, only with walls.
     let ball = bench(&haff, &["--scene", &config("textbook/bouncing_ball.toml")]);
     assert!(ball["collisions"] == 0 && ball["events"].as_u64() > Some(0), "{ball}");
 }
 
 #[test]
-fn the_table_goes_to_standard_output_and_the_progress_to_standard_error() {
+fn table_goes_to_standard_output_and_progress_to_standard_error() {
     let haff = Haff::new();
     let cells = ["bench", "--n", "100,200", "--collisions", "100"];
     let (status, out, err) = haff.run(&cells);
@@ -149,7 +149,7 @@ fn the_table_goes_to_standard_output_and_the_progress_to_standard_error() {
 }
 
 #[test]
-fn the_standard_scenes_are_named() {
+fn list_names_the_standard_scenes() {
     let (status, out, _) = Haff::new().run(&["bench", "--list"]);
     let names: Vec<_> = out.lines().filter_map(|line| line.split_whitespace().next()).collect();
     assert_eq!(status, 0);
@@ -157,7 +157,7 @@ fn the_standard_scenes_are_named() {
 }
 
 #[test]
-fn what_cannot_be_measured_is_said_with_exit_2() {
+fn invalid_cells_exit_with_2_and_a_message() {
     let haff = Haff::new();
     let gas = haff.write("gas.toml", GAS);
     let cases: [(&[&str], &str); 15] = [
@@ -203,7 +203,7 @@ fn cells_measured_before_a_failure_are_reported() {
 }
 
 #[test]
-fn peak_memory_is_that_of_the_run_whatever_started_it() {
+fn peak_memory_is_that_of_the_run_not_of_its_parent() {
     let haff = Haff::new();
     // Written to, so that it is resident while the command is started.
     let ballast = std::hint::black_box(vec![1_u8; 256 << 20]);
@@ -213,7 +213,7 @@ fn peak_memory_is_that_of_the_run_whatever_started_it() {
 }
 
 #[test]
-fn a_signal_ends_all_cells_and_reports_what_was_timed() {
+fn signal_ends_all_cells_and_timed_ones_are_reported() {
     let haff = Haff::new();
     let endless = ["bench", "--n", "100,200", "--collisions", "1e12", "--json"];
     let mut child = haff

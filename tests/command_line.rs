@@ -1,4 +1,4 @@
-//! The command line as `interface.md` users know it: what each command prints, and how it fails.
+//! The command line: output and errors of each command.
 
 mod common;
 
@@ -28,7 +28,7 @@ fn every_command_has_help_with_an_example() {
     assert!(status == 0 && out.starts_with("haff 0.") && out.contains('('), "{out}");
 }
 
-/// Runs a command whose standard output, or error, nobody reads.
+/// Runs a command whose standard output, or error, is a closed pipe.
 fn unread(haff: &Haff, arguments: &[&str], error_too: bool) -> (i32, String) {
     let gone = || std::io::pipe().expect("a pipe").1;
     let mut command = haff.command(arguments);
@@ -41,7 +41,7 @@ fn unread(haff: &Haff, arguments: &[&str], error_too: bool) -> (i32, String) {
 }
 
 #[test]
-fn a_reader_that_has_gone_ends_a_command_quietly_and_no_run() {
+fn closed_pipe_ends_a_command_without_a_message_but_no_run() {
     let haff = Haff::new();
     haff.write("gas.toml", GAS);
     for arguments in [
@@ -61,14 +61,14 @@ fn a_reader_that_has_gone_ends_a_command_quietly_and_no_run() {
         assert_eq!(unread(&haff, arguments, false), (0, String::new()), "{arguments:?}");
     }
     let (status, _) = unread(&haff, &["run", "gas.toml", "-o", "other.h5"], true);
-    assert_eq!(status, 0, "words for people that nobody reads stop no run");
+    assert_eq!(status, 0, "a closed standard error does not stop a run");
     assert_eq!(haff.run(&["run", "--resume", "other.h5"]).0, 0, "it has come to its end");
     let (status, _) = unread(&haff, &["run", "no_such_scene.toml"], true);
     assert_eq!(status, 4, "an unread error is still told by the exit status");
 }
 
 #[test]
-fn manuals_and_completions_know_every_command() {
+fn manuals_and_completions_contain_every_command() {
     let haff = Haff::new();
     assert_eq!(haff.run(&["man", "manuals"]), (0, String::new(), String::new()));
     for page in ["haff.1", "haff-run.1", "haff-check.1", "haff-bench.1", "haff-completions.1"] {
@@ -84,7 +84,7 @@ fn manuals_and_completions_know_every_command() {
 }
 
 #[test]
-fn a_watched_run_tells_its_samples() {
+fn watched_run_prints_its_samples() {
     let haff = Haff::new();
     haff.write("gas.toml", GAS);
     let plain = haff.report(&["run", "gas.toml", "-o", "plain.h5"]);
@@ -101,7 +101,7 @@ fn a_watched_run_tells_its_samples() {
 }
 
 #[test]
-fn logs_tell_what_was_decided_and_leave_results_alone() {
+fn logs_report_decisions_and_do_not_change_results() {
     let haff = Haff::new();
     haff.write("gas.toml", GAS);
     let (status, out, err) = haff.run(&["run", "gas.toml", "-o", "gas.h5", "--json", "-q"]);
@@ -116,7 +116,7 @@ fn logs_tell_what_was_decided_and_leave_results_alone() {
 }
 
 #[test]
-fn wrong_arguments_exit_with_2() {
+fn invalid_arguments_exit_with_2() {
     let haff = Haff::new();
     for arguments in [
         &["frobnicate"][..],
@@ -133,7 +133,7 @@ fn wrong_arguments_exit_with_2() {
 }
 
 #[test]
-fn every_broken_scene_gives_its_error_and_exit_2() {
+fn every_invalid_scene_gives_its_error_and_exit_2() {
     let haff = Haff::new();
     let mut count = 0;
     for entry in std::fs::read_dir(root().join("configs/invalid")).unwrap() {
@@ -172,7 +172,7 @@ fn every_scene_of_the_repository_passes_its_check() {
 }
 
 #[test]
-fn templates_are_scenes() {
+fn templates_are_valid_scenes() {
     let haff = Haff::new();
     let (_, list, _) = haff.run(&["init", "--list"]);
     assert!(list.lines().count() >= 3, "{list}");
@@ -187,7 +187,7 @@ fn templates_are_scenes() {
 }
 
 #[test]
-fn the_schema_is_json() {
+fn schema_is_json() {
     let (status, out, _) = Haff::new().run(&["schema"]);
     let schema: Value = serde_json::from_str(&out).unwrap();
     assert_eq!(status, 0);
@@ -195,7 +195,7 @@ fn the_schema_is_json() {
 }
 
 #[test]
-fn a_run_reports_what_the_interface_promises() {
+fn report_of_a_run_has_every_documented_field() {
     let haff = Haff::new();
     let scene = haff.write("gas.toml", GAS);
     let report = haff.report(&["run", &scene]);
@@ -222,7 +222,7 @@ fn a_run_reports_what_the_interface_promises() {
 
 /// Rows of the event log and events are different numbers with different names.
 #[test]
-fn events_and_rows_of_the_log_have_names_of_their_own() {
+fn numbers_of_events_and_of_log_rows_have_different_names() {
     let haff = Haff::new();
     let scene = config("textbook/bouncing_ball.toml");
     let sets = ["--set", "output.events=true", "-o", "ball.h5"];
@@ -242,7 +242,7 @@ fn events_and_rows_of_the_log_have_names_of_their_own() {
 }
 
 #[test]
-fn human_text_goes_to_standard_error_alone() {
+fn messages_go_only_to_standard_error() {
     let haff = Haff::new();
     let scene = haff.write("gas.toml", GAS);
     let (status, out, err) = haff.run(&["run", &scene, "--set", "run.until=1"]);
@@ -250,13 +250,13 @@ fn human_text_goes_to_standard_error_alone() {
         status == 0 && out.is_empty() && err.contains("collisions") && err.contains("gas.h5"),
         "{out}{err}"
     );
-    assert!(!err.contains('\r') && !err.contains('\x1b'), "no progress bar where nobody looks: {err:?}");
+    assert!(!err.contains('\r') && !err.contains('\x1b'), "no progress bar without a terminal: {err:?}");
     let (_, out, err) = haff.run(&["run", &scene, "--set", "run.until=1", "--overwrite", "-q"]);
     assert!(out.is_empty() && err.is_empty(), "{out}{err}");
 }
 
 #[test]
-fn an_output_is_never_replaced_unasked() {
+fn output_is_replaced_only_with_overwrite() {
     let haff = Haff::new();
     let scene = haff.write("gas.toml", GAS);
     haff.write("gas.h5", "precious");
@@ -264,7 +264,7 @@ fn an_output_is_never_replaced_unasked() {
     assert_eq!(status, 4, "{err}");
     assert!(err.contains("gas.h5") && err.contains("--overwrite"), "{err}");
     assert_eq!(std::fs::read_to_string(haff.path("gas.h5")).unwrap(), "precious");
-    // What is no output of a run is not replaced at all, unless it is empty.
+    // A file that is not the output of a run is never replaced, unless it is empty.
     for text in ["precious", "precious, and longer than a signature"] {
         haff.write("gas.h5", text);
         let (status, _, err) = haff.run(&["run", &scene, "--overwrite", "-q"]);
@@ -279,7 +279,7 @@ fn an_output_is_never_replaced_unasked() {
 }
 
 #[test]
-fn no_run_replaces_what_it_starts_from() {
+fn no_run_replaces_its_input_files() {
     let haff = Haff::new();
     let link = |from: &str, to: &str| std::fs::hard_link(haff.path(from), haff.path(to)).unwrap();
     let symlink = |from: &str, to: &str| std::os::unix::fs::symlink(from, haff.path(to)).unwrap();
@@ -317,7 +317,7 @@ fn no_run_replaces_what_it_starts_from() {
             }
         }
     }
-    // Nor does a sweep write over its scene, or a member over what the sweep starts from.
+    // A sweep does not replace its scene, nor a member the input of the sweep.
     let (status, _, err) = haff.run(&["sweep", "again.toml", "--set", "run.until=1,2", "-o", "again.toml"]);
     assert!(status == 4 && err.contains("again.toml is not a folder"), "{err}");
     std::fs::create_dir(haff.path("study")).unwrap();
@@ -328,7 +328,7 @@ fn no_run_replaces_what_it_starts_from() {
     assert_eq!(haff.run(&["run", "again.toml", "-o", "new.h5", "-q"]).0, 0);
 }
 
-/// Whether a terminal shows each line of the text as it is.
+/// Whether the text has no control characters except line ends.
 fn is_plain(text: &str) -> bool {
     let moves = |c: char| c.is_control() || matches!(c, '\u{2028}'..='\u{202e}' | '\u{2066}'..='\u{2069}');
     text.chars().all(|c| c == '\n' || !moves(c))
@@ -336,7 +336,7 @@ fn is_plain(text: &str) -> bool {
 }
 
 #[test]
-fn text_of_files_forges_no_line_and_moves_no_cursor() {
+fn control_characters_of_files_are_escaped() {
     let haff = Haff::new();
     let evil = "\u{1b}[2J\r\nerror: forged\u{202e}\u{9b}31m";
     let toml = r"\u001b[2J\r\nerror: forged\u202e\u009b31m";
@@ -397,7 +397,7 @@ fn text_of_files_forges_no_line_and_moves_no_cursor() {
 }
 
 #[test]
-fn a_scene_from_a_pipe_is_read_once() {
+fn scene_from_a_pipe_is_read_once() {
     let haff = Haff::new();
     let run = |arguments: &[&str]| {
         use std::io::Write;
@@ -447,7 +447,7 @@ fn unreadable_and_unwritable_files_exit_with_4_and_name_the_file() {
 }
 
 #[test]
-fn a_scene_without_output_writes_nothing() {
+fn scene_without_output_writes_no_file() {
     let haff = Haff::new();
     let scene = haff.write("gas.toml", &GAS[..GAS.find("[output]").unwrap()]);
     let report = haff.report(&["run", &scene]);
@@ -456,7 +456,7 @@ fn a_scene_without_output_writes_nothing() {
 }
 
 #[test]
-fn a_collapse_exits_with_3_says_why_and_keeps_the_data() {
+fn collapse_exits_with_3_and_a_reason_and_keeps_the_data() {
     let haff = Haff::new();
     let scene = haff.write(
         "collapse.toml",
@@ -497,7 +497,7 @@ events = true
 }
 
 #[test]
-fn the_bouncing_ball_ends_at_rest() {
+fn bouncing_ball_ends_at_rest() {
     let haff = Haff::new();
     let report =
         haff.report(&["run", &config("textbook/bouncing_ball.toml"), "--set", "contact.restitution=0.5"]);
@@ -507,9 +507,9 @@ fn the_bouncing_ball_ends_at_rest() {
     assert!((time / expected - 1.0).abs() < 1e-9, "at rest after {time}, not {expected}");
 }
 
-/// A file-size limit stands in for a full disk: writes beyond it fail in the same way.
+/// A file-size limit in place of a full disk: writes beyond it fail in the same way.
 #[test]
-fn a_full_disk_ends_the_run_with_4_and_keeps_what_was_written() {
+fn full_disk_ends_the_run_with_4_and_keeps_written_data() {
     // SIGXFSZ, unless it is ignored, is sent at the limit.
     for signal in ["trap '' XFSZ; ", ""] {
         let haff = Haff::new();
@@ -523,7 +523,7 @@ fn a_full_disk_ends_the_run_with_4_and_keeps_what_was_written() {
         assert_eq!(report["stopped"], "output");
         let info: Value = serde_json::from_str(&haff.run(&["info", "gas.h5", "--json"]).1).unwrap();
         assert!(info["frames"].as_u64() > Some(1) && info["resumable"] == true, "{info}");
-        // With room again it goes on from its last checkpoint.
+        // Without the limit it continues from its last checkpoint.
         let resumed = haff.report(&["run", "--resume", "gas.h5"]);
         assert_eq!(resumed["stopped"], "until");
         // Where not even the first flush fits, no file is left.
@@ -536,7 +536,7 @@ fn a_full_disk_ends_the_run_with_4_and_keeps_what_was_written() {
 }
 
 #[test]
-fn a_failed_allocation_exits_with_3_and_a_message() {
+fn failed_allocation_exits_with_3_and_a_message() {
     let haff = Haff::new();
     let scene = haff.write("gas.toml", GAS);
     let arguments = format!("run {scene} --set species.grain.count=500000");
@@ -556,7 +556,7 @@ fn limited(haff: &Haff, limits: &str, arguments: &str) -> (Option<i32>, String, 
 }
 
 #[test]
-fn a_search_that_does_not_work_for_the_scene_exits_with_2() {
+fn unsupported_search_for_the_scene_exits_with_2() {
     let haff = Haff::new();
     let scene = haff.write("gas.toml", GAS);
     let arguments = [
@@ -571,7 +571,7 @@ fn a_search_that_does_not_work_for_the_scene_exits_with_2() {
     assert_eq!(status, 2, "{out}{err}");
     assert!(err.contains("engine.neighbors = \"windows\" does not work here: an axis is open"), "{err}");
     assert!(!haff.path("gas.h5").exists(), "nothing has been recorded");
-    // In the closed box it does.
+    // In the closed box it is supported.
     let report =
         haff.report(&["run", &scene, "--set", "engine.neighbors=\"windows\"", "--set", "run.until=0.5"]);
     assert_eq!(report["stopped"], "until");

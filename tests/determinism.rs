@@ -1,5 +1,5 @@
-//! The same scene gives the same trajectory: on any number of threads, with any machinery, stopped and resumed or
-//! not, in a debug or a release build.
+//! The trajectory of a scene is independent of the number of threads, the search, SIMD, interruptions and the
+//! build profile.
 
 mod common;
 
@@ -35,7 +35,7 @@ fn state_hashes_are_pinned_for_every_build() {
 }
 
 #[test]
-fn no_choice_of_machinery_changes_a_trajectory() {
+fn trajectory_is_independent_of_threads_search_and_simd() {
     let haff = Haff::new();
     let scene = haff.write("gas.toml", GAS);
     let short = ["run", &scene, "--overwrite", "--set", "run.until=5"];
@@ -65,7 +65,7 @@ fn interrupt(haff: &Haff, file: &str, arguments: &[&str], signal: Signal, after:
 }
 
 #[test]
-fn an_interrupted_run_resumes_to_the_state_of_one_that_was_not() {
+fn interrupted_run_resumes_to_the_state_of_an_uninterrupted_one() {
     let haff = Haff::new();
     let scene = haff.write("gas.toml", GAS);
     let long = [
@@ -110,9 +110,9 @@ fn answer(haff: &Haff, arguments: &[&str], after: Duration) -> (i32, Duration) {
 }
 
 #[test]
-fn a_signal_is_answered_while_a_packing_is_made() {
+fn signal_ends_the_command_during_packing() {
     let haff = Haff::new();
-    // Growing a dense packing of so many takes far longer than the answer may.
+    // This dense packing takes far longer than the allowed delay.
     let scene = "dimension = 3\n[domain]\npacking_fraction = 0.49\n[[species]]\nname = \"grain\"\ncount = 300000\n\
                  radius = 0.5\nmass = 1.0\n[initial]\npositions = \"random\"\n[run]\nuntil = 1.0\n";
     let packing = haff.write("packing.toml", scene);
@@ -129,7 +129,7 @@ fn recorded(haff: &Haff, file: &str) -> Vec<Value> {
 }
 
 #[test]
-fn a_linkage_that_is_killed_again_and_again_resumes_to_the_state_of_one_that_was_not() {
+fn repeatedly_killed_linkage_resumes_to_the_state_of_an_uninterrupted_one() {
     let haff = Haff::new();
     // Bobs that meet off the bottom, strings that go slack: thousands of events of every kind.
     let scene = common::config("textbook/pendulums.toml");

@@ -1,4 +1,4 @@
-//! Sweeps: every combination once, each run as if alone, and whatever is missing done by the next call.
+//! Sweeps: every combination once, each equal to a single run; the next call runs the missing ones.
 
 mod common;
 
@@ -37,7 +37,7 @@ fn hashes(summary: &Value) -> Vec<String> {
 }
 
 #[test]
-fn each_member_is_the_run_that_haff_run_makes() {
+fn each_member_equals_its_single_run() {
     let haff = Haff::new();
     haff.write("gas.toml", GAS);
     let summary = sweep(&haff, &["--jobs", "2"]);
@@ -73,7 +73,7 @@ fn each_member_is_the_run_that_haff_run_makes() {
 }
 
 #[test]
-fn derived_seeds_are_all_different_and_depend_on_nothing_else_in_the_sweep() {
+fn derived_seeds_are_different_and_independent_of_other_members() {
     let haff = Haff::new();
     haff.write("gas.toml", GAS);
     let list = |sets: &[&str]| -> Value {
@@ -106,7 +106,7 @@ fn derived_seeds_are_all_different_and_depend_on_nothing_else_in_the_sweep() {
 }
 
 #[test]
-fn members_one_by_one_make_the_same_sweep_and_only_what_is_missing_is_run() {
+fn members_run_one_by_one_give_the_same_sweep_and_only_missing_ones_are_run() {
     let haff = Haff::new();
     haff.write("gas.toml", GAS);
     for index in ["2", "0"] {
@@ -128,7 +128,7 @@ fn members_one_by_one_make_the_same_sweep_and_only_what_is_missing_is_run() {
     assert_eq!(whole["complete"], 4);
     assert_eq!([modified(0), modified(2)], before, "complete files are left alone");
 
-    // A file that has vanished is made again, and so is a manifest.
+    // A missing file is made again, and so is a manifest.
     fs::remove_file(haff.path("study/run-0001.h5")).unwrap();
     assert_eq!(hashes(&sweep(&haff, &["--jobs", "1"])), hashes(&whole));
     fs::remove_file(haff.path("study/manifest.json")).unwrap();
@@ -153,7 +153,7 @@ fn interrupted(haff: &Haff, arguments: &[&str], signal: Signal) -> Option<i32> {
 }
 
 #[test]
-fn a_sweep_that_is_stopped_or_killed_goes_on_where_it_was() {
+fn stopped_or_killed_sweep_resumes() {
     let haff = Haff::new();
     haff.write("gas.toml", GAS);
     let long = &[
@@ -188,7 +188,7 @@ fn a_sweep_that_is_stopped_or_killed_goes_on_where_it_was() {
 }
 
 #[test]
-fn a_member_that_fails_does_not_stop_the_others() {
+fn failed_member_does_not_stop_the_others() {
     let haff = Haff::new();
     haff.write("gas.toml", GAS);
     let arguments = [
@@ -207,7 +207,7 @@ fn a_member_that_fails_does_not_stop_the_others() {
     let summary: Value = serde_json::from_str(&out).unwrap();
     assert_eq!((&summary["complete"], &summary["failed"]), (&Value::from(2), &Value::from(1)));
 
-    // A file in the way is neither read as a run nor replaced.
+    // Another file of the same name is neither read as a run nor replaced.
     fs::remove_file(haff.path("study/run-0002.h5")).unwrap();
     haff.write("study/run-0002.h5", "precious");
     let (status, _, err) = haff.run(&arguments);
@@ -220,7 +220,7 @@ fn a_member_that_fails_does_not_stop_the_others() {
 }
 
 #[test]
-fn what_cannot_be_swept_is_refused_before_anything_is_written() {
+fn invalid_sweeps_are_refused_before_any_file_is_written() {
     let haff = Haff::new();
     haff.write("gas.toml", GAS);
     for (arguments, status, why) in [
@@ -257,7 +257,7 @@ fn what_cannot_be_swept_is_refused_before_anything_is_written() {
 }
 
 #[test]
-fn a_folder_with_another_sweep_is_refused_and_left_alone() {
+fn folder_with_another_sweep_is_refused_and_not_changed() {
     let haff = Haff::new();
     let gas = GAS.replace("[output]", "wall_time = \"2h\"\n[output]");
     haff.write("gas.toml", &gas);
@@ -282,7 +282,7 @@ fn a_folder_with_another_sweep_is_refused_and_left_alone() {
         );
     }
     assert_eq!(haff.run(&[&["sweep", "comment.toml", "-q", "-o", "study"], SHORT].concat()).0, 0);
-    // Values written in another way are the same values, in the manifest, the scene and the files.
+    // Equal values in different notation are the same, in the manifest, the scene and the files.
     let respelled = gas.replace("temperature = 1.0", "temperature = 1").replace("\"2h\"", "7200");
     assert!(respelled.contains("temperature = 1\n") && respelled.contains("wall_time = 7200"));
     haff.write("respelled.toml", &respelled);
@@ -307,7 +307,7 @@ fn a_folder_with_another_sweep_is_refused_and_left_alone() {
 }
 
 #[test]
-fn more_jobs_than_cores_are_not_run_at_a_time() {
+fn number_of_simultaneous_runs_is_limited_by_jobs_and_cores() {
     let haff = Haff::new();
     haff.write("gas.toml", GAS);
     let (status, _, err) = haff.run(&[
@@ -355,7 +355,7 @@ impl Drop for Sweeping {
 }
 
 #[test]
-fn a_second_sweep_in_the_same_folder_is_refused_and_the_first_goes_on() {
+fn second_sweep_in_the_same_folder_is_refused_while_the_first_runs() {
     let haff = Haff::new();
     haff.write("gas.toml", GAS);
     let study = ["sweep", "gas.toml", "--set", "run.until=4000,4001", "-o", "study"];

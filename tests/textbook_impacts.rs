@@ -1,5 +1,5 @@
-//! The scenes of impacts in `configs/textbook` against their closed forms (physics.md, sections 1, 2 and 5), with parameters
-//! changed from outside.
+//! The scenes of impacts in `configs/textbook` against their closed forms (physics.md, sections 1, 2 and 5),
+//! with parameters changed from outside.
 
 mod common;
 
@@ -69,7 +69,7 @@ fn oblique_impact_over_e_masses_and_the_angle_of_the_normal() {
     for e in [0.0, 0.5, 1.0] {
         for (m1, m2) in [(1.0, 1.0), (3.0, 0.4)] {
             for angle in [-0.7_f64, 0.0, 0.5, 1.3] {
-                // Led back from touching with the normal at this angle.
+                // Traced back from contact with the normal at this angle.
                 let n = DVec3::new(angle.cos(), angle.sin(), 0.0);
                 let (x1, x2) = (-n * 0.5 - w1 * 0.05, n * 0.5 - w2 * 0.05);
                 let mut set = masses(m1, m2);
@@ -109,7 +109,7 @@ fn oblique_impact_with_a_wall_over_e_and_alpha() {
 }
 
 #[test]
-fn a_bouncing_ball_over_e_height_and_gravity() {
+fn bouncing_ball_over_e_height_and_gravity() {
     for e in [0.1, 0.5, 0.8, 0.95] {
         for (height, g) in [(1.0_f64, 9.81_f64), (0.02, 1.62), (300.0, 274.0)] {
             let set = [

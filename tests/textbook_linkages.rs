@@ -1,5 +1,5 @@
-//! The scenes of pendulums, spring and rods in `configs/textbook` against their closed forms (physics.md, section 5), with
-//! parameters changed from outside.
+//! The scenes of pendulums, spring and rods in `configs/textbook` against their closed forms (physics.md,
+//! section 5), with parameters changed from outside.
 
 mod common;
 
@@ -24,7 +24,7 @@ fn run(simulation: &mut Simulation, time: f64) -> Vec<EventRecord> {
 }
 
 #[test]
-fn pendulums_rise_to_beta() {
+fn struck_pendulum_rises_to_beta() {
     for e in [0.0, 0.4, 1.0] {
         for alpha in [0.1_f64, std::f64::consts::FRAC_PI_3, 1.4] {
             for (scene, ma, mb) in
@@ -57,7 +57,7 @@ fn pendulums_rise_to_beta() {
 }
 
 #[test]
-fn the_spring_takes_up_what_the_impact_leaves() {
+fn spring_stores_the_energy_left_by_a_plastic_impact() {
     for (m, v, k) in [(1.0, 6.0, 60.0), (0.3, 2.0, 500.0), (50.0, 0.4, 9.0)] {
         let mut set: Vec<String> = (0..3).map(|i| format!("particle.{i}.mass={m:?}")).collect();
         set.push(format!("particle.0.velocity=[{v:?}, 0.0]"));
@@ -84,7 +84,7 @@ fn the_spring_takes_up_what_the_impact_leaves() {
 }
 
 #[test]
-fn rods_turn_after_sticking_and_elastic_impacts() {
+fn rods_rotate_after_sticking_and_elastic_impacts() {
     for theta in [0.0_f64, 0.3, 1.2, std::f64::consts::FRAC_PI_2] {
         for (v, m) in [(3.0, 1.0), (0.02, 7.0)] {
             for (scene, e) in [
@@ -127,7 +127,7 @@ fn rods_turn_after_sticking_and_elastic_impacts() {
 }
 
 #[test]
-fn the_cradle_sends_out_as_many_as_it_takes_in() {
+fn cradle_releases_as_many_balls_as_strike_it() {
     for count in 1..5 {
         let set: Vec<String> = (0..count).map(|k| format!("pendulum.{k}.angle=-0.6")).collect();
         let mut simulation = start("newtons_cradle", &set);

@@ -1,4 +1,4 @@
-//! Runs the command as a user does.
+//! Runs the command in tests.
 #![allow(dead_code)]
 
 use std::{
@@ -20,7 +20,7 @@ pub fn config(name: &str) -> String {
     root().join("configs").join(name).display().to_string()
 }
 
-/// The command in a folder of its own.
+/// The command in a temporary folder.
 pub struct Haff {
     folder: tempfile::TempDir,
 }
@@ -69,7 +69,7 @@ impl Haff {
 /// A gas small enough for a test.
 pub const GAS: &str = include_str!("../gas.toml");
 
-/// Every key that the interface promises of a report.
+/// The documented keys of a report.
 pub const PROMISED: [&str; 16] = [
     "particles",
     "collisions",

@@ -1,4 +1,4 @@
-//! What the tests of the chapter's scenes share.
+//! Helpers of the tests of the chapter's scenes.
 
 use haff_engine::{EventRecord, Observer};
 use haff_scene::{NoStates, Scene};
