@@ -1,4 +1,4 @@
-//! Tells the command which git revision it was built from.
+//! Sets the git revision that the command reports as its version.
 
 use std::process::Command;
 
@@ -10,7 +10,7 @@ fn main() {
     };
     let revision = git(&["rev-parse", "--short=12", "HEAD"]).unwrap_or_else(|| "unknown".to_owned());
     println!("cargo::rustc-env=HAFF_GIT_REVISION={revision}");
-    // A commit moves the branch that HEAD names; outside a checkout there is nothing to watch.
+    // A commit moves the branch of HEAD. Outside of a checkout there is no file to watch.
     for name in ["HEAD", "logs/HEAD"] {
         if let Some(path) = git(&["rev-parse", "--git-path", name]) {
             println!("cargo::rerun-if-changed={path}");

@@ -1,5 +1,5 @@
 #!/usr/bin/env python3
-"""Records run time against error: runs `haff bench --accuracy`, and draws and tabulates what it found.
+"""Records run time against error: runs `haff bench --accuracy`, and draws and tabulates the results.
 
     cargo build --release
     benches/accuracy.py                                                   # haff and the methods built in
@@ -173,7 +173,7 @@ def draw_trials(axes, report: dict) -> None:
 
 
 def draw_statistics(axes, report: dict) -> None:
-    """Bias with its standard error against the time of one run: what more runs average out, and what they do not."""
+    """Bias with its standard error against the time of one run: more runs reduce the error, not the bias."""
     for axis, quantity in zip(axes, report["statistics"]):
         for name in dict.fromkeys(estimate["method"] for estimate in quantity["estimates"]):
             part = [estimate for estimate in quantity["estimates"] if estimate["method"] == name]

@@ -115,7 +115,7 @@ def engine(copy: Path, name: str, edits: list[dict[str, str]], folder: Path) -> 
     """The engine's example `throughput`, built with these edits."""
     kept = {edit["file"]: (copy / edit["file"]).read_text() for edit in edits}
     leave_out(copy, edits)
-    # Of this run alone: cargo would take what another run has left out for the same sources.
+    # A target folder per run: cargo would not notice that another run has left out other features of the same sources.
     target = folder / "target"
     build = ["cargo", "build", "--release", "--quiet", "-p", "haff-engine", "--example", "throughput"]
     call([*build, "--target-dir", str(target)], cwd=copy)
@@ -127,7 +127,7 @@ def engine(copy: Path, name: str, edits: list[dict[str, str]], folder: Path) -> 
 
 
 def absent(only: list[str], counted: int, folder: Path) -> list[str]:
-    """Table of the plain scene with and without what it does not use."""
+    """Table of the plain scene with and without the features that it does not use."""
     copy = source_copy(folder)
     chosen = {name: edits for name, edits in features().items() if not only or name in only}
     found: dict[str, list[float]] = {}

@@ -16,8 +16,8 @@ A trial goes to another folder with -o.
 
 --peers reads a CSV with the columns name,n,phi,collisions_per_second,source; `source` says where a figure comes from
 and how it was measured. A --peer command may contain {n}, {phi}, {collisions}, {melt} and {threads}; it prints one JSON
-object with at least `collisions_per_second`. It runs after every single measurement of ours, so that both see the same
-machine; what it does on one core should be compared with --threads 1.
+object with at least `collisions_per_second`. It runs after every single measurement of ours, so that both run under the
+same load; compare a peer on one core with --threads 1.
 
 Needs matplotlib, numpy and pandas.
 """
@@ -63,7 +63,7 @@ COUNTER_TITLES = ["candidates", "predictions", "invalidated", "dropped", "crossi
 
 
 def machine() -> dict[str, object]:
-    """Processor, its caches and number, memory and system, as far as the system tells."""
+    """Processor, its caches and number, memory and system, as far as the system reports them."""
     found: dict[str, object] = {"system": f"{platform.system()} {platform.machine()}", "processors": os.cpu_count()}
     try:
         lscpu = subprocess.run(["lscpu"], capture_output=True, text=True, check=True, env={**os.environ, "LC_ALL": "C"})
@@ -474,7 +474,7 @@ def growth_cells(options: argparse.Namespace) -> list[tuple[str, list[tuple[int,
 
 
 def record_of(options: argparse.Namespace) -> dict:
-    """Measures what the options ask for."""
+    """Measures the cells given by the options."""
     peers = [] if options.peers is None else read_peers(options.peers).to_dict("records")
     series = growth_cells(options) if options.growth else [("grid", [(n, f) for n in options.n for f in options.phi])]
     cells = []
@@ -495,7 +495,7 @@ def record_of(options: argparse.Namespace) -> dict:
 
 
 def command_words(words: list[str]) -> list[str]:
-    """The words of this command without where things lie on this machine: programs and files by their names."""
+    """The words of this command without paths of this machine: programs and files by their names."""
     kept = []
     words = [part for word in words for part in (word.split("=", 1) if word.startswith("--") else [word])]
     pairs = iter(words)

@@ -45,7 +45,7 @@ def on_files(files, config):
 
 
 def on_page_markdown(markdown, page, config, files):
-    """Turns links that leave docs/ to the copies on the site; folders have no page, so only their names stay."""
+    """Redirects links that leave docs/ to the copies on the site; folders have no page, so only their names stay."""
     here = page.file.src_uri
 
     def turn(match):

@@ -1,4 +1,4 @@
-"""Reference pages, as Markdown, from what the command says of itself: `haff schema` and `--help`."""
+"""Reference pages, as Markdown, from the output of `haff schema` and `--help`."""
 
 from __future__ import annotations
 
@@ -8,12 +8,12 @@ import subprocess
 
 from haff.command import executable
 
-# The order of a scene file; what is not named here follows.
+# The order of a scene file; other sections follow.
 SECTIONS = ("domain", "species", "initial", "particle", "contact", "wall", "pendulum", "spring", "rod", "engine", "run")
 
 
 def output(*arguments):
-    """What a call of the command prints."""
+    """Standard output of a call of the command."""
     done = subprocess.run([executable(), *arguments], capture_output=True, text=True, check=True)
     return done.stdout
 
@@ -45,7 +45,7 @@ def section_of(about, definitions):
 
 
 def resolved(about, definitions):
-    """A definition with what it refers to; what is said here beats what is said there."""
+    """A definition with its references resolved; its own keys take precedence over those of the reference."""
     for choice in about.get("anyOf", ()) if len(about.get("anyOf", ())) == 1 else ():
         about = {**resolved(choice, definitions), **{k: v for k, v in about.items() if k != "anyOf"}}
     if "$ref" in about:
@@ -70,7 +70,7 @@ def section(name, about, definitions):
 
 
 def table(properties, definitions):
-    """Keys, what they take and what they mean."""
+    """Keys, their types and their meaning."""
     rows = ["| key | value | |", "|---|---|---|"]
     for key, about in properties.items():
         about = resolved(about, definitions)
@@ -79,7 +79,7 @@ def table(properties, definitions):
 
 
 def kind(about, definitions):
-    """What a key takes, in a few words."""
+    """The type of a key, in a few words."""
     about = resolved(about, definitions)
     if "const" in about:
         return f"`{json.dumps(about['const'])}`"

@@ -58,7 +58,7 @@ fn quick_report_shows_haff_at_rounding_and_other_methods_with_larger_errors() {
 }
 
 #[test]
-fn options_of_the_other_benchmark_are_refused() {
+fn options_of_the_speed_benchmark_are_refused() {
     let haff = Haff::new();
     for option in
         [["--n", "100"], ["--phi", "0.1"], ["--scene", "fluid"], ["--melt", "3"], ["--repeats", "2"]]
@@ -75,7 +75,7 @@ fn options_of_the_other_benchmark_are_refused() {
 }
 
 #[test]
-fn a_peer_that_cannot_start_is_named() {
+fn error_names_a_peer_that_cannot_start() {
     let haff = Haff::new();
     let (status, _, err) = haff.run(&["bench", "--accuracy", "--peer", "missing=./no-such-program"]);
     assert_eq!(status, 2, "{err}");

@@ -133,7 +133,7 @@ fn the_benchmark_of_a_scene_file_equals_its_run() {
 }
 
 #[test]
-fn the_table_goes_to_standard_output_and_the_progress_to_standard_error() {
+fn table_goes_to_standard_output_and_progress_to_standard_error() {
     let haff = Haff::new();
     let cells = ["bench", "--n", "100,200", "--collisions", "100"];
     let (status, out, err) = haff.run(&cells);

@@ -116,7 +116,7 @@ fn logs_contain_decisions_and_do_not_change_results() {
 }
 
 #[test]
-fn wrong_arguments_exit_with_2() {
+fn invalid_arguments_exit_with_2() {
     let haff = Haff::new();
     for arguments in [
         &["frobnicate"][..],
@@ -397,7 +397,7 @@ fn text_from_files_is_printed_without_control_characters() {
 }
 
 #[test]
-fn a_scene_from_a_pipe_is_read_once() {
+fn scene_from_a_pipe_is_read_once() {
     let haff = Haff::new();
     let run = |arguments: &[&str]| {
         use std::io::Write;
@@ -447,7 +447,7 @@ fn unreadable_and_unwritable_files_are_named_with_exit_status_4() {
 }
 
 #[test]
-fn a_scene_without_output_writes_nothing() {
+fn scene_without_output_writes_no_file() {
     let haff = Haff::new();
     let scene = haff.write("gas.toml", &GAS[..GAS.find("[output]").unwrap()]);
     let report = haff.report(&["run", &scene]);
@@ -497,7 +497,7 @@ events = true
 }
 
 #[test]
-fn the_bouncing_ball_ends_at_rest() {
+fn bouncing_ball_ends_at_rest() {
     let haff = Haff::new();
     let report =
         haff.report(&["run", &config("textbook/bouncing_ball.toml"), "--set", "contact.restitution=0.5"]);

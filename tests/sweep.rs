@@ -189,7 +189,7 @@ fn a_stopped_or_killed_sweep_continues_from_its_checkpoints() {
 }
 
 #[test]
-fn a_member_that_fails_does_not_stop_the_others() {
+fn failed_member_does_not_stop_the_others() {
     let haff = Haff::new();
     haff.write("gas.toml", GAS);
     let arguments = [

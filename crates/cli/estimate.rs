@@ -1,4 +1,4 @@
-//! What a run will need and start with, for `haff check`.
+//! Estimates of memory and initial temperature, for `haff check`.
 
 use haff_engine::System;
 
@@ -15,7 +15,8 @@ pub fn temperature(system: &System) -> f64 {
     if count > 0.0 { sum / (system.dimension.count() as f64 * count) } else { 0.0 }
 }
 
-/// Memory of a run [bytes], to about a fifth: what the engine keeps per particle and per cell, and the passing copies.
+/// Memory of a run [bytes], to about a fifth: data of the engine per particle and per cell, and temporary
+/// copies.
 pub fn memory(particles: usize) -> u64 {
     // Measured: peak resident memory of elastic gases with 10⁵ and 10⁶ particles, with frames.
     particles as u64 * 250 + (12 << 20)

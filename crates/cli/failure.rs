@@ -1,15 +1,15 @@
-//! How the command fails: a message and an exit status.
+//! Failures of the command: a message and an exit status.
 
 use std::fmt;
 
 /// The exit statuses of the command.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Status {
-    /// Whoever read the output has gone: nothing is left to do, and nothing is wrong.
+    /// The reader of the output has closed it: the command ends without an error message.
     Unread = 0,
     /// The scene or the arguments are invalid.
     Invalid = 2,
-    /// The simulation cannot go on.
+    /// The simulation cannot continue.
     Stopped = 3,
     /// A file cannot be read or written.
     File = 4,
@@ -26,12 +26,12 @@ impl Status {
     }
 }
 
-/// What went wrong, in words for the user.
+/// An error with a message for the user.
 #[derive(Debug)]
 pub struct Failure {
     /// Exit status.
     pub status: Status,
-    /// One line or more, without "error:"; each piece that comes from outside went through
+    /// One line or more, without "error:"; external text in it has been escaped by
     /// [`crate::output::shown`].
     pub message: String,
 }

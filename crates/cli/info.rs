@@ -35,8 +35,9 @@ impl StateSource for States {
     }
 }
 
-/// The states of a run that is resumed: particles come from the checkpoint, so that any frame of the file itself does
-/// for the scene, and a state file it once started from may be gone.
+/// States for a run that is resumed: particles come from the checkpoint, so any frame of the file itself
+/// serves as the initial state of the scene, and the state file that the run started from need not exist any
+/// more.
 pub struct OwnStates(pub PathBuf);
 
 impl StateSource for OwnStates {
@@ -45,7 +46,7 @@ impl StateSource for OwnStates {
     }
 }
 
-/// Between two looks at a file that another process writes: it flushes about as often.
+/// Interval between two reads of a file that another process writes: about its interval of flushes.
 const LOOK_EVERY: Duration = Duration::from_secs(1);
 
 /// Prints each new sample of a file, until its run is complete.
@@ -82,7 +83,7 @@ pub fn info(options: &Info) -> Result<u8, Failure> {
     let summary: Value =
         info.summary.as_deref().and_then(|text| serde_json::from_str(text).ok()).unwrap_or_default();
     let last = info.last_sample.as_ref();
-    // Not the number of rows in the event log, which has other kinds of rows, too, and is optional.
+    // Not the number of rows in the event log, which is optional and has other kinds of rows, too.
     let counts = match (last, info.counters) {
         (Some(last), _) => Some([last.collisions, last.wall_collisions]),
         (None, Some(counters)) => Some([counters.collisions, counters.wall_collisions]),

@@ -1,4 +1,4 @@
-//! `-v`: what the machinery decides, on standard error.
+//! `-v`: log messages on standard error.
 
 use tracing::Level;
 use tracing_subscriber::{
@@ -8,7 +8,7 @@ use tracing_subscriber::{
 
 use crate::output::shown;
 
-/// Starts telling: nothing, decisions (`-v`), or everything that happens now and then (`-vv`).
+/// Starts the log: nothing, decisions (`-v`), or also infrequent events (`-vv`).
 pub fn start(verbosity: u8) {
     let level = match verbosity {
         0 => return,
@@ -16,7 +16,7 @@ pub fn start(verbosity: u8) {
         _ => Level::DEBUG,
     };
     let color = std::io::IsTerminal::is_terminal(&std::io::stderr());
-    // Values such as names of files are shown as every other text from outside.
+    // Values such as names of files are escaped as other external text.
     let fields = format::debug_fn(|out, field, value| {
         let value = shown(format_args!("{value:?}"));
         if field.name() == "message" { write!(out, "{value}") } else { write!(out, "{field}={value}") }

@@ -54,7 +54,7 @@ fn main() -> ExitCode {
         Ok(code) => ExitCode::from(code),
         Err(failure) => {
             for line in failure.message.lines() {
-                output::tell(format_args!("error: {line}"));
+                output::message(format_args!("error: {line}"));
             }
             ExitCode::from(failure.status as u8)
         }

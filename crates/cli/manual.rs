@@ -1,4 +1,4 @@
-//! `haff man` and `haff completions`: what clap knows of the command line, for manuals and shells.
+//! `haff man` and `haff completions`: the command line as clap describes it, for manuals and shells.
 
 use std::{fs, path::Path};
 

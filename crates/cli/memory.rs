@@ -19,7 +19,8 @@ pub struct ReportingAllocator;
 // SAFETY: every call goes to the system's allocator with its arguments unchanged, and the result is returned
 // unchanged. A null result ends the process.
 //
-// Not inlined: with inlined calls the compiler's layout of the event loops changes, by up to 0.2 % of instructions.
+// Not inlined: with inlined calls the compiler's layout of the event loops changes, by up to 0.2 % of
+// instructions.
 unsafe impl GlobalAlloc for ReportingAllocator {
     #[inline(never)]
     unsafe fn alloc(&self, layout: Layout) -> *mut u8 {

@@ -1,11 +1,11 @@
-//! What the command prints: results to standard output, words for people to standard error.
+//! Output of the command: results on standard output, messages for users on standard error.
 //!
-//! Whatever comes from outside — titles, names, keys, values, paths, errors of libraries — goes into words
-//! for people through [`shown`] or [`path`], so that it stays on its line; what is printed is held to that
-//! once more, but for its line ends.
+//! External text (titles, names, keys, values, paths, errors of libraries) enters messages through [`shown`]
+//! or [`path`], so that it stays on one line. Printing escapes control characters once more, except line
+//! ends.
 //!
-//! `println!` panics when nobody reads any more, as in `haff schema | head -1`; these do not, and clippy holds the command
-//! to them.
+//! `println!` panics on a closed pipe, as in `haff schema | head -1`; the functions here do not. A lint of
+//! clippy forbids `println!` in the command.
 
 use std::{
     fmt::Display,
@@ -18,18 +18,18 @@ pub use haff_scene::text::shown;
 
 use crate::failure::{Failure, Status};
 
-/// A path for people.
+/// A path for messages.
 pub fn path(path: &Path) -> String {
     shown(path.display())
 }
 
-/// Writes lines for people to standard output, and ends the last one.
+/// Writes lines to standard output, with control characters escaped, and ends the last one.
 pub fn lines(text: impl Display) -> Result<(), Failure> {
     line(escaped_lines(&text.to_string()))
 }
 
-/// Writes to standard output, as it is: JSON, scenes, completions. A reader that has gone ends the command,
-/// quietly; any other error is told.
+/// Writes to standard output without escaping: JSON, scenes, completions. A closed pipe ends the command
+/// without a message; any other error is reported.
 pub fn print(text: impl Display) -> Result<(), Failure> {
     let mut output = io::stdout().lock();
     match output.write_all(text.to_string().as_bytes()).and_then(|()| output.flush()) {
@@ -44,8 +44,9 @@ pub fn line(text: impl Display) -> Result<(), Failure> {
     print(format_args!("{text}\n"))
 }
 
-/// Writes lines for people to standard error. Whoever does not want to read it must not stop a run.
-pub fn tell(text: impl Display) {
+/// Writes a message of one or more lines to standard error. Errors are ignored: a closed standard error must
+/// not stop a run.
+pub fn message(text: impl Display) {
     let text = text.to_string();
     let _ = io::stderr().lock().write_all(format!("{}\n", escaped_lines(&text)).as_bytes());
 }

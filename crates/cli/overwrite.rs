@@ -1,4 +1,4 @@
-//! What no run replaces: what it starts from, and files that are no outputs of simulations.
+//! Files that no run replaces: its own input, and files that are not HDF5.
 
 use std::{
     fs::{self, File},
@@ -34,8 +34,8 @@ fn is_same(one: &Path, other: &Path) -> bool {
     matches!((identity(one), identity(other)), (Ok(one), Ok(other)) if one == other)
 }
 
-/// Refuses a file that is there and not HDF5. An empty one loses nothing; a folder or a device is
-/// refused where the file is begun.
+/// Refuses an existing file that is not HDF5, unless it is empty. Folders and devices are refused when the
+/// file is created.
 fn check_kind(path: &Path) -> Result<(), Failure> {
     if !fs::metadata(path).is_ok_and(|metadata| metadata.is_file() && metadata.len() > 0) {
         return Ok(());

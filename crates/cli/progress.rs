@@ -12,25 +12,25 @@ use indicatif::{
 
 use crate::{output, terminal};
 
-/// Steps of the bar; its unit is a part of the whole run.
+/// Steps of the bar, in fractions of the whole run.
 const STEPS: u64 = 10_000;
 
-/// Shows how far a run has come; a clone shows it in the same place.
+/// Shows the progress of a run; a clone shows it on the same line.
 #[derive(Clone)]
 pub struct Progress {
     bar: Option<ProgressBar>,
-    /// Which run of a view of several; `None` if it is a view of its own.
+    /// Name of the run in a view of several; `None` in a view of one run.
     name: Option<String>,
     started: Instant,
     collisions_before: u64,
 }
 
 impl Progress {
-    /// A bar on standard error, or none if nobody looks.
+    /// A bar on standard error if that is a terminal, otherwise none.
     pub fn on_terminal(quiet: bool) -> Self {
         let shown = !quiet && std::io::stderr().is_terminal();
         let bar = shown.then(|| {
-            // Hidden until the run begins, so that no error before has a bar beside it.
+            // Hidden until the run begins, so that earlier errors are printed without a bar.
             let bar = ProgressBar::with_draw_target(Some(STEPS), ProgressDrawTarget::hidden());
             bar.set_style(style("{bar:16} {percent:>3} %  {left:>8}  {wide_msg}"));
             bar
@@ -38,7 +38,7 @@ impl Progress {
         Self::with(bar, None)
     }
 
-    /// A line of a view of several runs, or none if nobody looks.
+    /// A line of a view of several runs, or none without a view.
     pub fn line_of(view: Option<&MultiProgress>, name: String) -> Self {
         let bar = view.map(|view| {
             let bar = view.add(ProgressBar::new(STEPS));
@@ -53,7 +53,7 @@ impl Progress {
         Self { bar, name, started: Instant::now(), collisions_before: 0 }
     }
 
-    /// The run begins, with so many collisions behind it.
+    /// The run begins, with so many collisions in its past.
     pub fn begin(&mut self, collisions: u64) {
         self.started = Instant::now();
         self.collisions_before = collisions;
@@ -63,7 +63,7 @@ impl Progress {
         }
     }
 
-    /// Shows the present: the part of the run that is done, the simulated time and the collisions so far.
+    /// Shows the completed fraction of the run, the simulated time and the collisions so far.
     pub fn show(&self, part: f64, time: f64, collisions: u64) {
         if let Some(bar) = &self.bar {
             let rate =
@@ -77,11 +77,11 @@ impl Progress {
         }
     }
 
-    /// Tells a line, above the bar.
+    /// Prints a line above the bar.
     pub fn line(&self, text: &str) {
         match &self.bar {
             Some(bar) => bar.println(text),
-            None => output::tell(text),
+            None => output::message(text),
         }
     }
 
@@ -93,13 +93,14 @@ impl Progress {
     }
 }
 
-/// The style of a bar; `{left}` is the time left. Something in it should be `wide_`: what does not fit on a line of the terminal is left out.
+/// The style of a bar; `{left}` is the time left. One field should be `wide_`, so that text that does not fit
+/// on a line of the terminal is cut.
 pub fn style(template: &str) -> ProgressStyle {
     let style = ProgressStyle::with_template(template);
     style.unwrap_or_else(|_| ProgressStyle::default_bar()).progress_chars("━╸─").with_key(
         "left",
         |state: &ProgressState, out: &mut dyn Write| {
-            // Before anything is done nobody knows. A line that cannot be formed is left out.
+            // Unknown before the first progress. A failed write only omits the text.
             if !state.eta().is_zero() {
                 let _ = write!(out, "{:#} left", HumanDuration(state.eta()));
             }

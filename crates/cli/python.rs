@@ -1,4 +1,4 @@
-//! Commands written in Python, such as `haff plot`: handed over to the package haff.
+//! Commands written in Python, such as `haff plot`: passed on to the package haff.
 
 use std::{env, ffi::OsString, mem, path::PathBuf, process::Command};
 
@@ -10,7 +10,7 @@ use crate::{
     output,
 };
 
-/// What the interpreter runs: `python -m haff`, and an exit status of its own if there is no package haff.
+/// The program for the interpreter: `python -m haff`, with a special exit status if there is no package haff.
 const PROGRAM: &str = "\
 import importlib.util, runpy, sys
 if importlib.util.find_spec('haff') is None:
@@ -43,7 +43,7 @@ pub fn run(command: &str, arguments: &[OsString]) -> Result<u8, Failure> {
         Ok(code) => return Ok(code.map_or(1, |code| code as u8)),
         Err(error) => missing(error.to_string()),
     };
-    // Whoever asks for help is told what is known here.
+    // Without the package, --help prints the description known to clap.
     if arguments.iter().any(|word| word == "-h" || word == "--help")
         && let Some(known) = Arguments::command().find_subcommand_mut(command)
     {

@@ -1,7 +1,7 @@
 //! `haff run`.
 
 use haff_engine::Fault;
-use haff_linkage::MachineError;
+use haff_linkage::AnySimulationError;
 use haff_record::RecordError;
 use haff_scene::{ErrorKind, SceneErrors};
 
@@ -13,7 +13,7 @@ use crate::{
     overwrite,
     progress::Progress,
     signals::Signals,
-    single::{self, Company},
+    single::{self, Controls},
 };
 
 /// A scene's errors as a failure of the command.
@@ -30,14 +30,15 @@ pub fn file_failure(error: &RecordError) -> Failure {
     Failure::new(Status::File, shown(error))
 }
 
-/// Runs a scene, or goes on with one. `logs` tells that lines are told on standard error, where a bar would be in their way.
+/// Runs a scene, or resumes a run. `logs`: log messages go to standard error, so no progress bar is drawn
+/// there.
 pub fn run(options: &Run, logs: bool) -> Result<u8, Failure> {
     set_threads(options.threads)?;
     let signals = Signals::watch()?;
     let progress = Progress::on_terminal(options.quiet || logs);
-    let company = Company { signals: &signals, progress, watch: options.watch };
+    let controls = Controls { signals: &signals, progress, watch: options.watch };
     let finished = match (&options.resume, &options.scene) {
-        (Some(file), _) => single::resume(file.clone(), company)?,
+        (Some(file), _) => single::resume(file.clone(), controls)?,
         (None, Some(scene)) => {
             let file = scene;
             let mut scene =
@@ -48,14 +49,14 @@ pub fn run(options: &Run, logs: bool) -> Result<u8, Failure> {
             if let Some(output) = &scene.output.file {
                 overwrite::check(output, file, scene.state_file.as_deref(), options.overwrite)?;
             }
-            single::start(scene, options.overwrite, company)?
+            single::start(scene, options.overwrite, controls)?
         }
         (None, None) => return Err(Failure::new(Status::Invalid, "a scene file is needed")),
     };
-    // How the run went matters more than who reads about it.
+    // A failure of the run takes precedence over one of printing its report.
     let printed = if options.json { output::line(&finished.report) } else { Ok(()) };
     if !options.quiet {
-        finished.tell();
+        finished.print_summary();
     }
     match finished.status()? {
         0 => printed.map(|()| 0),
@@ -63,10 +64,10 @@ pub fn run(options: &Run, logs: bool) -> Result<u8, Failure> {
     }
 }
 
-/// The number of threads of everything that rayon does.
+/// Sets the number of threads of rayon's global pool.
 pub fn set_threads(threads: Option<u16>) -> Result<(), Failure> {
-    // This thread, which runs the events, is one of them: it does its part instead of waiting for two others to wake up
-    // beside a writer that may hold a core.
+    // This thread, which runs the events, is part of the pool: it takes its share of the work instead of
+    // waiting for two other threads to be scheduled while the writer may occupy a core.
     let mut pool = rayon::ThreadPoolBuilder::new().use_current_thread();
     if let Some(threads) = threads {
         pool = pool.num_threads(threads.into());
@@ -74,8 +75,8 @@ pub fn set_threads(threads: Option<u16>) -> Result<(), Failure> {
     pool.build_global().map_err(|error| Failure::new(Status::Invalid, format!("--threads: {error}")))
 }
 
-/// What stops a simulation, or forbids it, as a failure of the command.
-pub fn machine_failure(error: &MachineError) -> Failure {
+/// An error of a simulation as a failure of the command.
+pub fn simulation_failure(error: &AnySimulationError) -> Failure {
     let status = match error.fault() {
         Fault::Invalid => Status::Invalid,
         Fault::Checkpoint => Status::File,
@@ -86,7 +87,7 @@ pub fn machine_failure(error: &MachineError) -> Failure {
 
 /// Largest resident memory so far [bytes].
 pub fn peak_memory() -> Option<u64> {
-    // Linux counts in getrusage what the process was before it became this program, such as a large parent.
+    // On Linux, getrusage includes the memory of the process before exec, such as that of a large parent.
     let status = std::fs::read_to_string("/proc/self/status").unwrap_or_default();
     let peak = status.lines().find_map(|line| line.strip_prefix("VmHWM:")?.trim().strip_suffix(" kB"));
     if let Some(kibibytes) = peak.and_then(|peak| peak.trim().parse::<u64>().ok()) {

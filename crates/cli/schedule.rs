@@ -1,8 +1,8 @@
-//! When to record: times k·Δ, or a geometric series.
+//! Times of records: k·Δ, or a geometric series.
 
 use haff_scene::Schedule;
 
-/// Walks through the times of a schedule after 0.
+/// Iterates over the times of a schedule after 0.
 #[derive(Debug, Clone)]
 pub struct Times {
     schedule: Schedule,
@@ -14,7 +14,7 @@ impl Times {
     pub fn after(schedule: Schedule, after: f64) -> Self {
         let step = match schedule {
             Schedule::Off => 0,
-            // Close, and then walked to the exact place, since k·Δ rounds.
+            // An estimate, then corrected by single steps, since k·Δ rounds.
             Schedule::Every(interval) => ((after / interval).floor() - 1.0).max(1.0) as u64,
             Schedule::Log { first, factor } => {
                 if after > first {
@@ -40,7 +40,7 @@ impl Times {
         }
     }
 
-    /// Whether `time` is the next one; goes on if so.
+    /// Whether `time` is the next one; advances if so.
     pub fn take(&mut self, time: f64) -> bool {
         let due = self.next() <= time;
         while self.next() <= time {
@@ -55,7 +55,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn times_are_multiples_and_start_after_zero() {
+    fn times_are_multiples_of_the_interval_after_zero() {
         let mut times = Times::after(Schedule::Every(0.1), 0.0);
         for k in 1..1000 {
             assert_eq!(times.next(), f64::from(k) * 0.1);
@@ -64,7 +64,7 @@ mod tests {
     }
 
     #[test]
-    fn a_resumed_schedule_goes_on_where_it_was() {
+    fn resumed_schedule_continues_after_the_last_time() {
         for k in [1_u32, 3, 7, 1000, 123_457] {
             let times = Times::after(Schedule::Every(0.1), f64::from(k) * 0.1);
             assert_eq!(times.next(), f64::from(k + 1) * 0.1);

@@ -1,25 +1,26 @@
-//! One run from its present state to its end: events in slices, records when they are due, and the reasons to stop.
+//! One run from its present state to its end: events in slices, records when they are due, and the reasons to
+//! stop.
 
 use std::time::{Duration, Instant};
 
 use console::Term;
 use haff_engine::{EngineError, EventRecord, Observer, Sample, Stop, Until};
-use haff_linkage::{LinkageError, Machine, MachineError};
+use haff_linkage::{AnySimulation, AnySimulationError, LinkageError};
 use haff_record::{RecordError, Recorder};
 use haff_scene::{OutputPlan, RunPlan};
 
-use crate::{progress::Progress, schedule::Times, single::Company, watch::Watch};
+use crate::{progress::Progress, schedule::Times, single::Controls, watch::Watch};
 
-/// Most calendar entries between two checks of signals, of the wall clock and of the progress bar: some tens of milliseconds
-/// in most scenes, …
+/// Most calendar entries between two checks of signals, of the wall clock and of the progress bar: some tens
+/// of milliseconds in most scenes, …
 const SLICE: u64 = 1 << 15;
-/// … and fewer where they take longer than this, so that a signal is answered at once whatever the scene does.
+/// … and fewer where they take longer than this, so that signals are handled without delay in every scene.
 const SLICE_TIME: Duration = Duration::from_millis(100);
-/// Longest wall time between checkpoints, whatever the scene asks for; and for large systems that of each particle, such that
-/// checkpoints write 1.3 MB/s.
+/// Longest wall time between checkpoints, whatever the scene's interval; for large systems this time per
+/// particle, such that checkpoints write 1.3 MB/s.
 const CHECKPOINT_EVERY: Duration = Duration::from_secs(3);
 const CHECKPOINT_PARTICLE: Duration = Duration::from_micros(60);
-/// Event rows handed to the writer at once.
+/// Event rows sent to the writer at once.
 const EVENT_BATCH: usize = 1 << 13;
 
 /// Why a run ended.
@@ -35,8 +36,8 @@ pub enum Ending {
     Signal(i32),
     /// Nothing moves any more.
     Rest,
-    /// The simulation cannot go on.
-    Failed(MachineError),
+    /// The simulation cannot continue.
+    Failed(AnySimulationError),
     /// The output file cannot be written any more.
     Unwritable(RecordError),
 }
@@ -51,12 +52,12 @@ impl Ending {
             Self::Signal(_) => "signal",
             Self::Rest => "rest",
             Self::Failed(
-                MachineError::Granular(EngineError::Collapse { .. })
-                | MachineError::Linkage(LinkageError::Collapse { .. }),
+                AnySimulationError::Granular(EngineError::Collapse { .. })
+                | AnySimulationError::Linkage(LinkageError::Collapse { .. }),
             ) => "collapse",
             Self::Failed(
-                MachineError::Granular(EngineError::Overlap { .. })
-                | MachineError::Linkage(LinkageError::Overlap(_)),
+                AnySimulationError::Granular(EngineError::Overlap { .. })
+                | AnySimulationError::Linkage(LinkageError::Overlap(_)),
             ) => "overlap",
             Self::Failed(_) => "error",
             Self::Unwritable(_) => "output",
@@ -67,13 +68,13 @@ impl Ending {
     pub fn is_resumable(&self) -> bool {
         !matches!(
             self,
-            Self::Failed(MachineError::Granular(
+            Self::Failed(AnySimulationError::Granular(
                 EngineError::Overflow { .. } | EngineError::Inconsistent { .. }
             ))
         )
     }
 
-    /// Whether the run has come to the end its scene asks for, so that nothing is left to resume.
+    /// Whether the run has reached the end given in its scene, so that nothing is left to resume.
     pub fn is_final(&self) -> bool {
         matches!(self, Self::Until | Self::Collisions | Self::Rest)
     }
@@ -104,7 +105,7 @@ impl EventLog<'_> {
         self.check()
     }
 
-    /// Tells an error of handing rows over while events ran.
+    /// Returns an error of sending rows that occurred while events ran.
     fn check(&mut self) -> Result<(), RecordError> {
         self.error.take().map_or(Ok(()), Err)
     }
@@ -126,41 +127,41 @@ impl Observer for EventLog<'_> {
     }
 }
 
-/// Everything a run needs.
+/// The inputs of a run.
 pub struct Session<'a> {
-    pub simulation: Machine,
+    pub simulation: AnySimulation,
     pub run: RunPlan,
     pub output: &'a OutputPlan,
     pub recorder: Option<&'a Recorder>,
-    pub company: Company<'a>,
+    pub controls: Controls<'a>,
     /// Time and step of the last frame and row recorded, so that none is written twice.
     pub recorded: Option<(f64, u64)>,
 }
 
-/// Shows a sample, if somebody watches and the last one is not too recent.
+/// Shows a sample with `--watch`, unless the last one is too recent.
 fn show(watch: &mut Option<Watch>, progress: &Progress, sample: &Sample) {
     if let Some(line) = watch.as_mut().and_then(|watch| watch.line(sample)) {
         progress.line(&line);
     }
 }
 
-/// What [`Session::run`] returns.
+/// Result of [`Session::run`].
 pub struct Outcome {
-    pub simulation: Machine,
+    pub simulation: AnySimulation,
     pub ending: Ending,
     /// Wall time of the run itself [s].
     pub wall: Duration,
 }
 
 impl Session<'_> {
-    /// Runs to an end. `resumed` tells that the state has been recorded before.
+    /// Runs to an end. `resumed`: the present state has been recorded before.
     pub fn run(mut self, resumed: bool) -> Outcome {
         let started = Instant::now();
         let mut ending = self.events_and_records(resumed, started).unwrap_or_else(|ending| ending);
         if !matches!(ending, Ending::Unwritable(_)) {
             match self.last_records(&ending) {
                 Ok(()) => {}
-                // What has ended the run before is the cause.
+                // The reason that ended the run first is kept.
                 Err(Ending::Failed(_)) if matches!(ending, Ending::Failed(_)) => {}
                 Err(worse) => ending = worse,
             }
@@ -176,16 +177,16 @@ impl Session<'_> {
         let plan =
             |schedule| Times::after(if recording { schedule } else { haff_scene::Schedule::Off }, from);
         let mut frames = plan(self.output.frames);
-        let mut samples = if self.company.watch {
+        let mut samples = if self.controls.watch {
             Times::after(self.output.observables, from)
         } else {
             plan(self.output.observables)
         };
         let mut checkpoints =
             plan(self.output.checkpoint.map_or(haff_scene::Schedule::Off, haff_scene::Schedule::Every));
-        let mut progress = self.company.progress.clone();
+        let mut progress = self.controls.progress.clone();
         progress.begin(self.simulation.counters().collisions);
-        let mut watch = self.company.watch.then(|| Watch::on(Term::stderr()));
+        let mut watch = self.controls.watch.then(|| Watch::on(Term::stderr()));
         if !resumed {
             self.record(true, true, &mut |sample| show(&mut watch, &progress, sample))?;
             self.checkpoint()?;
@@ -207,7 +208,7 @@ impl Session<'_> {
             let target = Until { time: due.min(until), collisions, entries: slice };
             let began = Instant::now();
             let stop = self.simulation.advance(target, &mut log);
-            // The length of a slice changes no result: it is only where the run may be stopped.
+            // The length of a slice does not affect results: it only sets the points where the run may stop.
             slice = match began.elapsed() {
                 long if long > SLICE_TIME => (slice / 4).max(1),
                 short if short < SLICE_TIME / 4 => (2 * slice).min(SLICE),
@@ -234,13 +235,13 @@ impl Session<'_> {
                 }
                 Ok(Stop::Slice) => {}
             }
-            if let Some(signal) = self.company.signals.received() {
+            if let Some(signal) = self.controls.signals.received() {
                 break Ending::Signal(signal);
             }
             if self.run.wall_time.is_some_and(|limit| started.elapsed() >= limit) {
                 break Ending::WallTime;
             }
-            // Simulated time says little about how much work a kill would cost.
+            // By wall time, since simulated time is no measure of the work lost by a kill.
             if saved.elapsed() >= patience {
                 log.hand_over()?;
                 self.checkpoint()?;
@@ -254,10 +255,10 @@ impl Session<'_> {
         Ok(ending)
     }
 
-    /// Records the end, and the state to go on from.
+    /// Records the end, and a checkpoint.
     fn last_records(&mut self, ending: &Ending) -> Result<(), Ending> {
-        // A run that is to be resumed goes on from before its last rows, which it would not have written had it not
-        // been stopped.
+        // A resumed run continues from before these last rows, which an uninterrupted run would not have
+        // written.
         if !ending.is_final() && ending.is_resumable() {
             self.checkpoint()?;
         }
@@ -270,9 +271,10 @@ impl Session<'_> {
         Ok(())
     }
 
-    /// Records a frame and a row of observables, and measures the overlap of all close pairs. `show` sees the row.
+    /// Records a frame and a row of observables, and measures the overlap of all close pairs. `show` sees the
+    /// row.
     fn record(&mut self, frame: bool, sample: bool, show: &mut dyn FnMut(&Sample)) -> Result<(), Ending> {
-        if sample && (self.recorder.is_some() || self.company.watch) {
+        if sample && (self.recorder.is_some() || self.controls.watch) {
             let row = self.simulation.sample();
             show(&row);
             if let Some(recorder) = self.recorder {

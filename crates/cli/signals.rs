@@ -1,5 +1,5 @@
-//! SIGINT and SIGTERM end the command at once as long as nothing could be lost, and a run cleanly; a second one ends it at once.
-//! SIGXFSZ has no effect.
+//! SIGINT and SIGTERM end the command at once before a run begins, and end a run cleanly; a second one ends
+//! it at once. SIGXFSZ has no effect.
 
 use std::sync::{
     Arc,
@@ -20,7 +20,7 @@ pub fn handle_file_size_limit() {
     let _ = flag::register(SIGXFSZ, Arc::new(AtomicBool::new(false)));
 }
 
-/// Watches for signals.
+/// Receives signals.
 pub struct Signals {
     received: Arc<AtomicUsize>,
     /// Whether a signal ends the command at once.
@@ -28,8 +28,8 @@ pub struct Signals {
 }
 
 impl Signals {
-    /// Starts watching. A signal ends the command at once until a run [begins](Self::begin): packings of many particles take
-    /// minutes.
+    /// Installs the handlers. A signal ends the command at once until a run [begins](Self::begin): packings
+    /// of many particles take minutes.
     pub fn watch() -> Result<Self, Failure> {
         Self::register()
             .map_err(|error| Failure::new(Status::File, format!("cannot watch for signals: {error}")))
@@ -38,7 +38,8 @@ impl Signals {
     fn register() -> std::io::Result<Self> {
         let (received, at_once) = (Arc::new(AtomicUsize::new(0)), Arc::new(AtomicBool::new(true)));
         for signal in [SIGINT, SIGTERM] {
-            // Actions run in this order: the first signal of a run sets the flag after the shutdown has read it.
+            // Handlers run in this order: the first signal of a run sets the flag after the shutdown handler
+            // has read it.
             flag::register_conditional_shutdown(signal, 128 + signal, Arc::clone(&at_once))?;
             flag::register(signal, Arc::clone(&at_once))?;
             flag::register_usize(signal, Arc::clone(&received), signal as usize)?;

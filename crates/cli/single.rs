@@ -3,7 +3,7 @@
 use std::path::PathBuf;
 
 use haff_engine::{Present, TRAJECTORY_VERSION, Term};
-use haff_linkage::Machine;
+use haff_linkage::AnySimulation;
 use haff_record::{Header, RecordError, Recorder};
 use haff_scene::{Scene, Schedule};
 use serde_json::{Value, json};
@@ -14,29 +14,29 @@ use crate::{
     info::OwnStates,
     output::{self, shown},
     progress::Progress,
-    run::{file_failure, machine_failure, peak_memory, scene_failure},
+    run::{file_failure, peak_memory, scene_failure, simulation_failure},
     session::{Ending, Outcome, Session},
     signals::Signals,
 };
 
-/// What whoever asks for a run provides.
-pub struct Company<'a> {
+/// Signals and displays of a run.
+pub struct Controls<'a> {
     /// Signals that end it.
     pub signals: &'a Signals,
-    /// Shows how far it is.
+    /// Shows the progress.
     pub progress: Progress,
     /// Whether to show samples.
     pub watch: bool,
 }
 
-/// A run that has come to an end, be it good or bad.
+/// A run that has ended, with or without an error.
 pub struct Finished {
     /// The run as one JSON object.
     pub report: Value,
     end: End,
 }
 
-/// How a run came to its end.
+/// How a run ended.
 enum End {
     /// It ran.
     Ran { outcome: Box<Outcome>, context: Context, unwritten: Option<RecordError> },
@@ -44,7 +44,7 @@ enum End {
     Complete(PathBuf),
 }
 
-/// What the report says beside the simulation itself.
+/// Data of the report beside the simulation itself.
 struct Context {
     title: String,
     seed: u64,
@@ -53,8 +53,8 @@ struct Context {
 }
 
 /// Runs a scene; `overwrite` replaces its output file.
-pub fn start(scene: Scene, overwrite: bool, company: Company) -> Result<Finished, Failure> {
-    company.signals.begin();
+pub fn start(scene: Scene, overwrite: bool, controls: Controls) -> Result<Finished, Failure> {
+    controls.signals.begin();
     let Scene { system, joints, title, seed, run, output, resolved, .. } = scene;
     let recorder = match &output.file {
         Some(path) => {
@@ -79,16 +79,17 @@ pub fn start(scene: Scene, overwrite: bool, company: Company) -> Result<Finished
     if let Some(path) = &output.file {
         tracing::info!(file = %path.display(), frames = ?output.frames, observables = ?output.observables, "output");
     }
-    let simulation = Machine::new(system, joints, scene.options).map_err(|error| machine_failure(&error))?;
+    let simulation =
+        AnySimulation::new(system, joints, scene.options).map_err(|error| simulation_failure(&error))?;
     let session =
-        Session { simulation, run, output: &output, recorder: recorder.as_ref(), company, recorded: None };
+        Session { simulation, run, output: &output, recorder: recorder.as_ref(), controls, recorded: None };
     let outcome = session.run(false);
     let context = Context { title, seed, file: output.file.clone(), resumed_from: None };
     Ok(Finished::new(outcome, context, recorder))
 }
 
-/// Goes on with the run in a file.
-pub fn resume(path: PathBuf, company: Company) -> Result<Finished, Failure> {
+/// Resumes the run in a file.
+pub fn resume(path: PathBuf, controls: Controls) -> Result<Finished, Failure> {
     let info = haff_record::info(&path).map_err(|error| file_failure(&error))?;
     if let (true, Some(summary)) = (info.finished, &info.summary) {
         let mut report: Value = serde_json::from_str(summary).map_err(|error| {
@@ -109,19 +110,19 @@ pub fn resume(path: PathBuf, company: Company) -> Result<Finished, Failure> {
     }
     let name = format!("{} (its scene)", path.display());
     let own = OwnStates(path.clone());
-    // The scene was valid when it was stored, so the file is at fault.
+    // The scene was valid when it was stored, so this is an error of the file.
     let scene = haff_scene::parse(&name, &info.scene_toml, &[], &own)
         .map_err(|errors| Failure { status: Status::File, ..scene_failure(&errors) })?;
-    let Scene { system, joints, title, seed, run, output, options: machinery, .. } = scene;
-    // Nothing is cut off from a file that cannot be gone on with.
+    let Scene { system, joints, title, seed, run, output, options, .. } = scene;
+    // Checked before the file is truncated: one that cannot be resumed is not changed.
     let resumed = haff_record::resumable(&path).map_err(|error| file_failure(&error))?;
-    let simulation = Machine::restore(system, joints, machinery, &resumed.checkpoint)
+    let simulation = AnySimulation::restore(system, joints, options, &resumed.checkpoint)
         .map_err(|error| Failure::new(Status::File, format!("{}: {}", output::path(&path), shown(error))))?;
     tracing::info!(file = %path.display(), from = resumed.last_frame, "resumed");
-    company.signals.begin();
+    controls.signals.begin();
     let (recorder, appended) = Recorder::append(&path).map_err(|error| file_failure(&error))?;
     if (appended.finished, &appended.checkpoint) != (resumed.finished, &resumed.checkpoint) {
-        // Between the two looks another process has gone on with it.
+        // Another process has resumed it between the two reads.
         return Err(file_failure(&RecordError::InUse { path }));
     }
     let context = Context { title, seed, file: Some(path), resumed_from: Some(simulation.time()) };
@@ -129,7 +130,7 @@ pub fn resume(path: PathBuf, company: Company) -> Result<Finished, Failure> {
         let counters = simulation.counters();
         (time, counters.collisions + counters.wall_collisions)
     });
-    let session = Session { simulation, run, output: &output, recorder: Some(&recorder), company, recorded };
+    let session = Session { simulation, run, output: &output, recorder: Some(&recorder), controls, recorded };
     let outcome = session.run(true);
     Ok(Finished::new(outcome, context, Some(recorder)))
 }
@@ -168,7 +169,7 @@ impl Finished {
             Ending::Until | Ending::Collisions | Ending::Rest | Ending::WallTime => Ok(0),
             Ending::Signal(signal) => Ok(128 + *signal as u8),
             Ending::Failed(error) => {
-                let failure = machine_failure(error);
+                let failure = simulation_failure(error);
                 let kept =
                     context.file.as_ref().map(|file| format!("\nrecorded so far: {}", output::path(file)));
                 Err(Failure { message: failure.message + &kept.unwrap_or_default(), ..failure })
@@ -177,13 +178,13 @@ impl Finished {
         }
     }
 
-    /// Tells people about the run in a few lines, unless its file could not be written.
-    pub fn tell(&self) {
+    /// Prints the run in a few lines, unless its file could not be written.
+    pub fn print_summary(&self) {
         match &self.end {
-            End::Ran { outcome, context, unwritten: None } => tell(outcome, context),
+            End::Ran { outcome, context, unwritten: None } => print_summary(outcome, context),
             End::Ran { .. } => {}
             End::Complete(path) => {
-                output::tell(format_args!("{} is complete: nothing to resume", output::path(path)));
+                output::message(format_args!("{} is complete: nothing to resume", output::path(path)));
             }
         }
     }
@@ -243,8 +244,8 @@ fn report(outcome: &Outcome, context: &Context) -> Value {
     report
 }
 
-/// The run in a few lines for people.
-fn tell(outcome: &Outcome, context: &Context) {
+/// Prints the run in a few lines.
+fn print_summary(outcome: &Outcome, context: &Context) {
     let simulation = &outcome.simulation;
     let (counters, ledger) = (simulation.counters(), simulation.ledger());
     let why = match &outcome.ending {
@@ -257,16 +258,16 @@ fn tell(outcome: &Outcome, context: &Context) {
         Ending::Unwritable(_) => "the output cannot be written".to_owned(),
     };
     if !context.title.is_empty() {
-        output::tell(shown(&context.title));
+        output::message(shown(&context.title));
     }
-    output::tell(format_args!(
+    output::message(format_args!(
         "{} particles to t = {} in {:.2?}: {why}",
         simulation.particles(),
         simulation.time(),
         outcome.wall
     ));
     let millions = counters.collisions as f64 / outcome.wall.as_secs_f64() / 1e6;
-    output::tell(format_args!(
+    output::message(format_args!(
         "{} collisions ({millions:.3} M/s), {} wall collisions; ledger residual {:.1e}, largest overlap {:.1e}",
         counters.collisions,
         counters.wall_collisions,
@@ -275,16 +276,16 @@ fn tell(outcome: &Outcome, context: &Context) {
     ));
     let rest = ledger.term(Term::Rest);
     if rest != 0.0 {
-        output::tell(format_args!(
+        output::message(format_args!(
             "{} times at rest, {} times woken; rest has taken the energy {:.3e}",
             counters.rests, counters.wakes, rest
         ));
     }
     if let Some(file) = &context.file {
         let file = output::path(file);
-        output::tell(format_args!("wrote {file}"));
+        output::message(format_args!("wrote {file}"));
         if !outcome.ending.is_final() {
-            output::tell(format_args!("go on with: haff run --resume {file}"));
+            output::message(format_args!("go on with: haff run --resume {file}"));
         }
     }
 }

@@ -1,8 +1,8 @@
 //! `haff sweep`: one file for each combination of values and seeds, as many at a time as there are cores.
 //!
-//! Runs are independent and each has a pool of threads of its own, so results depend neither on how many run at a time nor
-//! on their order. What is complete is left alone, what was stopped goes on from its checkpoint, and a run that fails does
-//! not stop the others.
+//! Runs are independent and each has its own thread pool, so results depend neither on how many run at a time
+//! nor on their order. Complete runs are kept, stopped ones continue from their checkpoints, and a run that
+//! fails does not stop the others.
 
 mod lock;
 mod manifest;
@@ -40,10 +40,10 @@ use crate::{
 
 /// Shortest time between two writings of the manifest.
 const WRITE_EVERY: Duration = Duration::from_secs(1);
-/// Part of the time that goes into writing it, at most.
+/// Largest fraction of the time spent on writing it.
 const WRITE_SHARE: u32 = 20;
 
-/// Runs a sweep, or a member of it, or tells what it consists of.
+/// Runs a sweep, or one member of it, or lists its members.
 pub fn sweep(options: &Sweep) -> Result<u8, Failure> {
     let plan = Plan::new(options)?;
     if let Some(index) = options.index
@@ -56,8 +56,8 @@ pub fn sweep(options: &Sweep) -> Result<u8, Failure> {
     }
     check(&plan)?;
     let folder = options.output.as_deref();
-    // Without a folder there is nothing to be found in it.
-    let mut manifest = Manifest::look(folder.unwrap_or(Path::new("")), &plan)?;
+    // Without a folder no member has a file.
+    let mut manifest = Manifest::of_folder(folder.unwrap_or(Path::new("")), &plan)?;
     if options.list {
         return list(options, &mut manifest, folder);
     }
@@ -65,7 +65,7 @@ pub fn sweep(options: &Sweep) -> Result<u8, Failure> {
         return Err(Failure::new(Status::Invalid, "a folder for the runs is needed: -o DIR"));
     };
     let signals = Signals::watch()?;
-    // Members are made while others run.
+    // Members are generated while others run.
     signals.begin();
     manifest.begin()?;
     if let Some(index) = options.index {
@@ -73,7 +73,7 @@ pub fn sweep(options: &Sweep) -> Result<u8, Failure> {
     }
     let _lock = Lock::of_sweep(folder).map_err(|refused| locked(folder, &refused))?;
     // Read again: another sweep may have written it before this one took the lock.
-    all(options, &plan, folder, Manifest::look(folder, &plan)?, &signals)
+    all(options, &plan, folder, Manifest::of_folder(folder, &plan)?, &signals)
 }
 
 /// The error of a folder whose lock was not taken.
@@ -90,7 +90,7 @@ fn locked(folder: &Path, refused: &Refused) -> Failure {
     }
 }
 
-/// Refuses a sweep none of whose values gives a valid scene, such as one with a key that does not exist.
+/// Refuses a sweep with values that give no valid scene, such as those of a key that does not exist.
 fn check(plan: &Plan) -> Result<(), Failure> {
     let name = plan.scene.display().to_string();
     let mut first = None;
@@ -105,13 +105,13 @@ fn check(plan: &Plan) -> Result<(), Failure> {
     first.map_or(Ok(()), Err)
 }
 
-/// Tells the members and how far they are; a manifest that is there takes note of it.
+/// Lists the members and their states; an existing manifest is updated.
 fn list(options: &Sweep, manifest: &mut Manifest, folder: Option<&Path>) -> Result<u8, Failure> {
     if let Some(folder) = folder {
         for index in 0..manifest.rows().len() {
             let row = manifest.row_mut(index);
             if !member::is_settled(folder, row) {
-                member::look(folder, row);
+                member::update_from_file(folder, row);
             }
         }
         // A running sweep writes its own manifest.
@@ -132,7 +132,7 @@ fn list(options: &Sweep, manifest: &mut Manifest, folder: Option<&Path>) -> Resu
     Ok(0)
 }
 
-/// Runs one member, for job arrays; its row stays out of the manifest, which others may be writing.
+/// Runs one member, for job arrays, without updating the manifest, which other processes may be writing.
 fn one(
     options: &Sweep,
     plan: &Plan,
@@ -144,10 +144,10 @@ fn one(
     let progress = Progress::on_terminal(options.quiet);
     let (row, report) = pool(threads)?
         .install(|| member::run(manifest.folder(), plan, &plan.member(index), signals, progress));
-    // How the run went matters more than who reads about it.
+    // A failure of the run takes precedence over one of printing its report.
     let printed = if options.json { output::line(report::member(&row, report.as_ref())) } else { Ok(()) };
     if !options.quiet {
-        output::tell(report::line(&row));
+        output::message(report::line(&row));
     }
     match (&row.error, row.exit) {
         (Some(error), exit) => Err(Failure::new(Status::of(exit), error)),
@@ -166,7 +166,7 @@ fn all(
 ) -> Result<u8, Failure> {
     let todo: Vec<usize> =
         manifest.rows().iter().filter(|row| !member::is_settled(folder, row)).map(|row| row.index).collect();
-    // A killed sweep leaves lock files, also of members that this one may not come to.
+    // A killed sweep leaves lock files, also of members that this one may not reach.
     for &index in &todo {
         Lock::remove_left(folder, &manifest.rows()[index].file);
     }
@@ -189,7 +189,7 @@ fn all(
     };
     thread::scope(|scope| {
         let workers: Vec<_> = (0..jobs).map(|_| scope.spawn(work)).collect();
-        // A panic is a bug, and is told as one; the other workers have come to their ends by then.
+        // A panic is passed on; the other workers have ended by then.
         workers
             .into_iter()
             .try_for_each(|worker| worker.join().unwrap_or_else(|panic| std::panic::resume_unwind(panic)))
@@ -200,14 +200,14 @@ fn all(
     let rows: Vec<&Row> = manifest.rows().iter().collect();
     let printed = if options.json { output::line(report::summary(&rows, Some(folder))) } else { Ok(()) };
     if !options.quiet {
-        report::tell(&rows, todo.len(), written.is_ok().then_some(folder));
+        report::print_end(&rows, todo.len(), written.is_ok().then_some(folder));
     }
     if let Some(signal) = signals.received() {
         return written.map(|()| 128 + signal as u8);
     }
     for row in rows.iter().filter(|row| row.error.is_some()) {
         for line in report::line(row).lines() {
-            output::tell(format_args!("error: {line}"));
+            output::message(format_args!("error: {line}"));
         }
     }
     written?;
@@ -217,7 +217,7 @@ fn all(
     }
 }
 
-/// The manifest while runs come in.
+/// The manifest while runs end.
 struct Book {
     manifest: Manifest,
     written: Instant,
@@ -229,8 +229,8 @@ impl Book {
         Self { manifest, written: Instant::now(), pause: WRITE_EVERY }
     }
 
-    /// Takes a row, and writes the manifest if that was not done just now. If it cannot be written, perhaps it can later:
-    /// the files of the runs are the truth.
+    /// Enters a row, and writes the manifest unless it was written just before. A failed write is retried
+    /// later: the files of the runs are authoritative.
     fn enter(&mut self, row: Row) {
         let index = row.index;
         *self.manifest.row_mut(index) = row;
@@ -245,7 +245,7 @@ impl Book {
     }
 }
 
-/// How many runs at a time, and threads of each, such that they do not exceed the cores.
+/// Number of runs at a time and threads of each, such that their product does not exceed the cores.
 fn share(options: &Sweep, todo: usize) -> (usize, usize) {
     let cores = cores();
     let wanted = options.jobs.map(|jobs| usize::from(jobs).min(cores));
@@ -258,7 +258,7 @@ fn share(options: &Sweep, todo: usize) -> (usize, usize) {
     if !options.quiet
         && usize::from(options.jobs.unwrap_or(1)) * usize::from(options.threads.unwrap_or(1)) > cores
     {
-        output::tell(format_args!(
+        output::message(format_args!(
             "there are {cores} cores; runs at a time: {jobs}, threads of each: {threads}"
         ));
     }

@@ -8,7 +8,7 @@ use indicatif::{ProgressDrawTarget, TermLike};
 /// Drawings a second, at most.
 const RATE: u8 = 10;
 
-/// Columns of a terminal; `None` of what is no terminal, where lines may have any length.
+/// Columns of a terminal; `None` without a terminal, where lines may have any length.
 pub fn width(terminal: &Term) -> Option<usize> {
     terminal.size_checked().map(|(_, columns)| columns.into())
 }
@@ -18,9 +18,9 @@ pub fn bars() -> ProgressDrawTarget {
     ProgressDrawTarget::term_like_with_hz(Box::new(Resting(Term::buffered_stderr())), RATE)
 }
 
-/// A terminal whose cursor rests at the start of the last line drawn. Left at the end of a full line, as `indicatif`
-/// does, it would take what the terminal echoes, such as `^C`, to a line of its own, and all but that line would stay
-/// when bars are cleared.
+/// A terminal whose cursor rests at the start of the last line drawn. If it stayed at the end of a full line,
+/// as `indicatif` leaves it, echoed text such as `^C` would start another line, and clearing the bars would
+/// remove only that one.
 #[derive(Debug)]
 struct Resting(Term);
 

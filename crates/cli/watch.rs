@@ -1,4 +1,4 @@
-//! A long run's observables while it goes on: a line for a sample, at most some a second, no longer than the terminal's.
+//! Observables of a running simulation: a line per sample, at most some a second, no wider than the terminal.
 
 use std::{
     fmt::Display,
@@ -10,33 +10,33 @@ use haff_engine::Sample;
 
 use crate::terminal;
 
-/// Shortest time between two lines: nobody reads faster.
+/// Shortest time between two lines.
 const PAUSE: Duration = Duration::from_millis(500);
 
-/// Heads and widths of the columns; those at the end are left out where they do not fit. Three fit into 40.
+/// Headings and widths of the columns; the last ones are omitted where they do not fit. Three fit into 40.
 const COLUMNS: [(&str, usize); 5] =
     [("time", 12), ("collisions", 11), ("temperature", 11), ("ledger residual", 15), ("collisions/s", 12)];
 
-/// Between two columns.
+/// Separator of two columns.
 const GAP: &str = "  ";
 
-/// Makes lines of samples.
+/// Formats samples as lines.
 pub struct Watch {
     terminal: Term,
-    /// When the last sample was shown, and the collisions it told.
+    /// Time of the last line shown, and its number of collisions.
     last: Option<(Instant, u64)>,
     /// Columns of the last line.
     columns: usize,
 }
 
 impl Watch {
-    /// Lines for whatever this leads to.
+    /// Lines for a terminal or a file.
     pub fn on(terminal: Term) -> Self {
         Self { terminal, last: None, columns: 0 }
     }
 
-    /// The sample as a line, below a line of heads if it is the first or if the terminal's width has changed them; `None`
-    /// if the last one is too recent.
+    /// The sample as a line, below a line of headings if it is the first or if the number of columns has
+    /// changed; `None` if the last one is too recent.
     pub fn line(&mut self, sample: &Sample) -> Option<String> {
         self.line_at(sample, Instant::now(), terminal::width(&self.terminal))
     }
@@ -65,7 +65,7 @@ impl Watch {
     }
 }
 
-/// How many columns fit into a width; the first one always stands.
+/// Number of columns that fit into a width, at least one.
 fn fitting(width: Option<usize>) -> usize {
     let Some(width) = width else { return COLUMNS.len() };
     let mut used = 0;
@@ -76,7 +76,7 @@ fn fitting(width: Option<usize>) -> usize {
     fit.count().max(1)
 }
 
-/// The text of a number, or the number in short where that is wider than its column.
+/// The text of a number, or a shorter form where that is wider than its column.
 fn short(text: String, number: f64, column: usize) -> String {
     if text.len() <= COLUMNS[column].1 { text } else { format!("{number:.5e}") }
 }
@@ -91,7 +91,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn lines_tell_the_rate_since_the_last_and_do_not_flood() {
+    fn lines_have_the_rate_since_the_last_line_and_a_minimum_interval() {
         let mut watch = Watch::on(Term::stderr());
         let start = Instant::now();
         let sample = |collisions| Sample { time: 1.5, collisions, temperature: 0.25, ..Sample::default() };
@@ -105,7 +105,7 @@ mod tests {
     }
 
     #[test]
-    fn lines_are_no_longer_than_those_of_the_terminal() {
+    fn lines_are_no_wider_than_the_terminal() {
         // As wide as numbers get.
         let ledger = haff_engine::Ledger { residual: -1e-300, ..haff_engine::Ledger::default() };
         let sample = Sample {

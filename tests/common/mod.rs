@@ -1,4 +1,4 @@
-//! Runs the command as a user does.
+//! Runs the command in tests.
 #![allow(dead_code)]
 
 use std::{

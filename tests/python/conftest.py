@@ -85,7 +85,7 @@ def files(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Path]:
 
 @pytest.fixture(scope="module")
 def bounded() -> Iterator[None]:
-    """No more than 3 GiB besides what this process has: a mistake must not take the memory of the machine."""
+    """Limits the memory to 3 GiB beyond the present use: an error must not exhaust the memory of the machine."""
     resource = pytest.importorskip("resource", reason="memory can be limited on Unix only")
     status = Path("/proc/self/statm")
     if not status.exists():

@@ -1,7 +1,7 @@
 """Reads files in a process of its own: ``foreign_worker.py FOLDER SOUND_FILES``, then one a line of standard input.
 
-Each answer is a line of JSON: what came out that is neither success nor a :class:`haff.HaffError`. Memory is limited to
-1 GiB more than sound files need.
+Each answer is a line of JSON: outcomes that are neither success nor a :class:`haff.HaffError`. Memory is limited to
+1 GiB more than valid files need.
 """
 
 from __future__ import annotations
@@ -32,13 +32,13 @@ from haff.figures import movie, snapshot
 from haff.figures.style import _RC
 
 GIB = 1 << 30
-# Pictures as small as they may be: their size is not what is tested.
+# The smallest pictures: their size is not tested.
 snapshot.draw.__kwdefaults__["pixels"] = movie.PIXELS = 60
 _RC.update({"savefig.dpi": 30, "figure.dpi": 30})
 
 
 class Reader:
-    """Drives all that the package makes of one file."""
+    """Calls all functions of the package that read a file."""
 
     def __init__(self, path: Path, folder: Path, rng: random.Random, all_of_it: bool = False) -> None:
         self.path, self.folder, self.rng, self.all_of_it = path, folder, rng, all_of_it
@@ -135,7 +135,7 @@ class Reader:
         lines += [["plot", "--movie", "out.gif", "--frames", ":1", "--overwrite"]]
         lines += [["export", "--to", to, "-o", f"out.{to}"] for to in _FORMATS[:3]]
         lines += [["export", "--to", to, "-o", f"out.{to}", "--table", t] for to in _FORMATS[3:] for t in _TABLES]
-        # Figures take longer than all else together.
+        # Figures take longer than all other functions together.
         chosen = [self.rng.choice(lines)] if self.rng.random() < 0.4 else []
         for line in lines if self.all_of_it else chosen:
             words = [str(self.folder / w) if w.startswith(("out.", "figures")) else w for w in line]
@@ -148,7 +148,7 @@ class Reader:
             status = main(words)
         told = out.getvalue() + err.getvalue()
         sound = all(line.isprintable() for line in told.split("\n")) and "Traceback" not in told
-        # A forged line would begin with "error:".
+        # An injected line would begin with "error:".
         starts = all(line.startswith(("haff: ", "skipped ")) for line in err.getvalue().splitlines())
         if status not in (0, 2, 4) or not sound or not starts or (status == 0) != bool(out.getvalue()):
             self.fault(f"{' '.join(words)}: exit {status}: {ascii(told)[:500]}")
@@ -166,7 +166,7 @@ def answer(path: Path, folder: Path, seed: int, all_of_it: bool = False) -> dict
 def loop(warm_up: list[Path], folder: Path) -> None:
     warnings.simplefilter("ignore")
     np.seterr(all="ignore")
-    # Sound files first, without a limit: libraries that are loaded when they are needed take memory, too.
+    # Valid files first, without a limit: libraries that are imported lazily take memory, too.
     hard = resource.getrlimit(resource.RLIMIT_AS)[1]
     resource.setrlimit(resource.RLIMIT_AS, (hard, hard))
     for path in warm_up[:2]:

@@ -27,7 +27,7 @@ MARKS = re.compile(rb"TREE|HEAP|SNOD|GCOL|OHDR|OCHK|FRHP|BTHD|\x89HDF")
 
 
 def mutate(source: Path, target: Path, seed: int) -> str:
-    """Writes a changed copy; returns what was done."""
+    """Writes a changed copy; returns a description of the change."""
     rng = random.Random(seed)
     if rng.random() < 0.4:
         return _bytes(source, target, rng)
@@ -39,7 +39,7 @@ def mutate(source: Path, target: Path, seed: int) -> str:
             try:
                 done.append(f"{change.__name__[1:]} {change(file, rng)}")
             except Exception as error:
-                # An earlier change may have taken what this one needs; what it has done so far stays.
+                # An earlier change may have removed the object of this one; its partial changes stay.
                 done.append(f"{change.__name__[1:]} failed: {error}")
     return ascii("; ".join(done))
 
@@ -58,7 +58,7 @@ def _bytes(source: Path, target: Path, rng: random.Random) -> str:
     count = rng.choice((1, 1, 2, 8, 64))
     start = rng.randrange(len(data)) if way == 1 else rng.choice(places)
     for _ in range(count):
-        # Structures of HDF5 are where it hurts; plain data are most of the file.
+        # Mostly in structures of HDF5, although plain data are most of the file.
         at = start + rng.randrange(4096 if way == 1 else 256)
         if at < len(data):
             data[at] = rng.choice((rng.randrange(256), 0, 255, data[at] ^ 1 << rng.randrange(8)))
@@ -73,7 +73,7 @@ def _bytes(source: Path, target: Path, rng: random.Random) -> str:
 
 
 def _place(file: h5py.File, rng: random.Random, kind: type = h5py.Dataset) -> str:
-    """A place, mostly of what is read."""
+    """A path, mostly of a dataset that is read."""
     found: list[str] = []
     file.visititems(lambda name, node: found.append(name) if isinstance(node, kind) else None)
     read = [name for name in found if not name.startswith("checkpoint")]
@@ -155,7 +155,7 @@ def _empty(file: h5py.File, rng: random.Random) -> str:
 
 
 def _declare(file: h5py.File, rng: random.Random) -> str:
-    """A shape that nothing is stored for."""
+    """Declares a shape without stored data."""
     place = _place(file, rng)
     data = file[place]
     rows, width, dtype = 1 << rng.randrange(16, 45), data.shape[1:], data.dtype
@@ -262,7 +262,7 @@ def _elsewhere(file: h5py.File, rng: random.Random) -> str:
 
 
 def _storage(file: h5py.File, rng: random.Random) -> str:
-    """Other ways to store the same, which are sound."""
+    """Other valid ways to store the same data."""
     place = _place(file, rng)
     values = _data(file, place)
     way = rng.choice(("lzf", "gzip", "scaleoffset", "fletcher", "holes"))

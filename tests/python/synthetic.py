@@ -1,6 +1,6 @@
 """Small H5MD files in the layout that `haff run` writes, made from closed forms without the simulator.
 
-What is in them is known exactly, so the reader, the analysis and the figures can be checked against it.
+Their contents are known exactly, so the reader, the analysis and the figures can be checked against them.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""Overlaps, energies and statistics against values found in another way."""
+"""Overlaps, energies and statistics against values computed independently."""
 
 import numpy as np
 import pytest
@@ -11,7 +11,7 @@ from haff import Box, analysis
 
 
 class Particles:
-    """Stands in for a frame."""
+    """A substitute for a frame."""
 
     def __init__(self, position, radius, size, boundary=("periodic",) * 3, mass=None, dimension=3):
         self.position = np.asarray(position, float)
@@ -22,7 +22,7 @@ class Particles:
 
 @settings(max_examples=150, deadline=None)
 @given(st.integers(0, 2**32 - 1), st.integers(2, 40), st.sampled_from(["ppp", "ppn", "nnn"]), st.booleans())
-def test_deepest_overlap_is_that_of_all_pairs(seed, n, axes, wide):
+def test_max_overlap_equals_that_of_all_pairs(seed, n, axes, wide):
     rng = np.random.default_rng(seed)
     size = np.array([10.0, 9.0, 11.0]) if wide else np.array([2.0, 2.2, 1.9])
     radius = rng.uniform(0.1, 0.9, n)
@@ -42,7 +42,7 @@ def test_deepest_overlap_is_that_of_all_pairs(seed, n, axes, wide):
         assert found.depth <= 0
 
 
-def test_overlap_is_seen_across_a_periodic_face_and_not_across_a_wall():
+def test_overlap_is_found_across_a_periodic_face_and_not_across_a_wall():
     position = [[0.1, 5, 5], [9.5, 5, 5]]
     periodic = analysis.max_overlap(Particles(position, [0.5, 0.5], [10, 10, 10]))
     assert periodic.depth == pytest.approx(0.4, abs=1e-12) and periodic.pair == (0, 1)
@@ -50,13 +50,13 @@ def test_overlap_is_seen_across_a_periodic_face_and_not_across_a_wall():
     assert walls.depth < 0
 
 
-def test_fixed_bodies_may_be_built_into_each_other():
+def test_overlap_of_fixed_bodies_is_ignored():
     position = [[1, 1, 1], [1.2, 1, 1], [5, 5, 5]]
     frame = Particles(position, [0.5] * 3, [10, 10, 10], mass=[np.inf, np.inf, 1])
     assert analysis.max_overlap(frame).depth < 0
 
 
-def test_fixed_bodies_have_no_distribution_of_velocities():
+def test_velocity_distribution_of_fixed_bodies_is_not_applicable():
     frame = Particles([[1, 1, 1], [5, 5, 5]], [0.5] * 2, [10, 10, 10], mass=[np.inf, np.inf])
     for what in (analysis.scaled_velocities, analysis.sonine_a2):
         with pytest.raises(haff.NotApplicableError, match="no body of finite mass"):
@@ -64,7 +64,7 @@ def test_fixed_bodies_have_no_distribution_of_velocities():
     assert np.isnan(analysis.temperature(frame))
 
 
-def test_an_energy_too_large_for_a_number_is_told():
+def test_kinetic_energy_overflow_is_an_error():
     frame = Particles([[1, 1, 1], [5, 5, 5]], [0.5] * 2, [10, 10, 10], mass=[1e100, 1e100])
     frame.velocity = np.full((2, 3), 1e100)
     assert analysis.kinetic_energy(frame) == pytest.approx(3e300)
@@ -92,7 +92,7 @@ def test_sonine_coefficient_of_the_frames_is_that_of_the_velocities_drawn(files,
     assert abs(mean - expected) < 4 * error, f"a₂ = {mean:.4f} ± {error:.4f}, theory {expected:.4f}"
 
 
-def test_block_averages_see_through_correlations():
+def test_block_average_error_includes_correlations():
     rng = np.random.default_rng(5)
     white, series = rng.normal(size=200_000), np.zeros(200_000)
     for k in range(1, len(series)):
@@ -107,7 +107,7 @@ def test_block_averages_see_through_correlations():
         analysis.block_average([1.0, 2.0], 20)
 
 
-def test_ideal_gas_has_no_structure(tmp_path):
+def test_pair_distribution_of_an_ideal_gas_is_one(tmp_path):
     rng = np.random.default_rng(2)
     n, side = 4000, 20.0
     path = synthetic.write(
@@ -135,7 +135,7 @@ def test_ideal_gas_has_no_structure(tmp_path):
             analysis.radial_distribution(run.frames, 10.0, 25)
 
 
-def test_cooling_law_names_the_reason_where_it_does_not_apply(files):
+def test_cooling_law_error_gives_the_reason_where_it_does_not_apply(files):
     with haff.open(files["ball"]) as run, pytest.raises(haff.NotApplicableError, match="periodic"):
         analysis.cooling_law(run)
 
@@ -152,7 +152,7 @@ def test_cooling_law_of_a_mixture_tends_to_that_of_one_species(files, tmp_path):
     assert mixed.tau == pytest.approx(pure.tau * (1 + 3 * pure.a2 / 16), rel=1e-7)
 
 
-def test_universe_carries_trajectory_masses_and_radii(files):
+def test_mdanalysis_universe_has_trajectory_masses_and_radii(files):
     pytest.importorskip("MDAnalysis")
     with haff.open(files["cooling"]) as run:
         universe = run.to_mdanalysis()

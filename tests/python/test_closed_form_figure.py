@@ -1,4 +1,4 @@
-"""The figure `closed_form`: every worked system of the chapter has its law drawn, and it is the recorded motion."""
+"""The figure `closed_form`: every worked system of the chapter is drawn with its law, which agrees with the run."""
 
 import numpy as np
 import pytest
@@ -9,7 +9,7 @@ from haff.figures.worked import worked
 
 pytestmark = pytest.mark.physics
 
-# What each scene's figure is of, and what is asked of the scene from outside.
+# The quantity drawn for each scene, and overrides of the scene.
 SCENES = [
     ("bouncing_ball", {}, "Height of the ball"),
     ("bouncing_ball", {"wall__0__restitution": 1.0, "domain__gravity": [0.0, 0.0, -1.6]}, "Height of the ball"),
@@ -29,7 +29,7 @@ SCENES = [
 
 
 @pytest.mark.parametrize(("scene", "settings", "title"), SCENES)
-def test_the_law_behind_is_the_motion_in_front(command, scene, settings, title):
+def test_closed_form_agrees_with_the_recorded_motion(command, scene, settings, title):
     with command.run(f"textbook/{scene}", **settings).open() as run:
         found = worked(run)
         assert found.title == title
@@ -45,11 +45,11 @@ def test_the_law_behind_is_the_motion_in_front(command, scene, settings, title):
         assert "largest difference" in "".join(text.get_text() for text in figure.texts)
 
 
-def test_paths_of_pendulums_are_arcs_between_frames_that_are_far_apart(command):
+def test_pendulum_paths_between_distant_frames_are_hermite_arcs(command):
     with command.run("textbook/pendulums", output__frames=0.1, run__until=0.5).open() as run:
         path = trajectories.flights(run)[0]
         length = np.linalg.norm(path.position - [0, 0, 1], axis=1)
-        # Hermite arcs leave by h⁴/384 of the fourth derivative, some (3/s)⁴; a parabola would by (h · 3/s)²/2 = 5 %.
+        # Error of a Hermite arc: h⁴/384 of the fourth derivative, some (3/s)⁴; of a parabola: (h · 3/s)²/2 = 5 %.
         assert np.abs(length - 1).max() < 5 * 0.3**4 / 384 * 2
 
 
@@ -62,7 +62,7 @@ def test_paths_of_pendulums_are_arcs_between_frames_that_are_far_apart(command):
         ({"pendulum__0__angle": 0.6}, "the bobs meet before they hang"),
     ],
 )
-def test_without_a_law_the_motion_is_drawn_and_the_reason_given(command, settings, why):
+def test_motion_without_closed_form_is_drawn_with_the_reason(command, settings, why):
     with command.run("textbook/pendulums", **settings).open() as run:
         figure = figures.draw(run, "closed_form")
         assert len(figure.axes) == 1

@@ -1,4 +1,4 @@
-"""The `haff` command as a user meets it: same seed same bits, figures, other programs that read its files."""
+"""The installed `haff` command: determinism, figures, other programs that read its files."""
 
 import json
 import shutil
@@ -15,7 +15,7 @@ SMALL = {"species__0__count": 1000, "run__until": 50.0}
 SILENT = SMALL | {"output__file": False, "output__events": False}
 
 
-def test_same_seed_gives_the_same_bits_for_any_threads_and_search(command):
+def test_trajectory_is_independent_of_threads_and_search(command):
     runs = {
         "1 thread": command.run("cooling", output=False, **SILENT),
         "2 threads": command.run("cooling", output=False, threads=2, **SILENT),
@@ -31,7 +31,7 @@ def test_same_seed_gives_the_same_bits_for_any_threads_and_search(command):
     assert other.report["state_hash"] != hashes["1 thread"]
 
 
-def test_report_holds_every_field_of_the_contract(command):
+def test_json_report_has_every_documented_field(command):
     report = command.run("cooling", **SMALL).report
     fields = """particles collisions wall_collisions events simulated_time wall_seconds collisions_per_second
         ledger_residual max_overlap peak_memory_bytes threads seed version trajectory_version state_hash stopped"""
@@ -39,7 +39,7 @@ def test_report_holds_every_field_of_the_contract(command):
     assert report["particles"] == 1000 and report["seed"] == 7
 
 
-def test_a_finished_file_is_not_overwritten(command):
+def test_existing_output_is_not_overwritten(command):
     done = command.run("cooling", **SMALL)
     before = done.path.read_bytes()
     result = command("run", CONFIGS / "cooling.toml", "-o", done.path, "--quiet", check=False)
@@ -47,7 +47,7 @@ def test_a_finished_file_is_not_overwritten(command):
     assert done.path.read_bytes() == before
 
 
-def test_plot_is_a_subcommand(command, tmp_path):
+def test_plot_subcommand_draws_figures(command, tmp_path):
     done = command.run("cooling", **SMALL)
     result = command("plot", done.path, "-o", tmp_path)
     drawn = {p.stem.split("-")[-1] for p in tmp_path.iterdir()}
@@ -57,13 +57,13 @@ def test_plot_is_a_subcommand(command, tmp_path):
 
 
 @pytest.mark.parametrize("scene", ["breakshot", "textbook/bouncing_ball", "textbook/oblique_pair"])
-def test_plot_draws_few_bodies(command, tmp_path, scene):
+def test_plot_draws_trajectories_of_few_bodies(command, tmp_path, scene):
     command("plot", command.run(scene).path, "-o", tmp_path)
     assert any("trajectories" in p.name for p in tmp_path.iterdir())
 
 
 @pytest.mark.parametrize("scene", ["breakshot", "textbook/bouncing_ball"])
-def test_flights_rebuilt_from_the_event_log_meet_the_next_frame(command, scene):
+def test_flights_from_the_event_log_end_at_the_next_frame(command, scene):
     from haff.figures.trajectories import flights
 
     with command.run(scene).open() as run:
@@ -89,7 +89,7 @@ def test_mdanalysis_reads_the_file(command):
             assert np.allclose(step.velocities, frame.velocity, atol=1e-5)
             assert np.allclose(step.dimensions[:3], run.box.size, rtol=1e-6)
             assert step.time == frame.time
-            # MDAnalysis pairs samples with frames by their row, not by their time.
+            # MDAnalysis assigns samples to frames by row, not by time.
             assert step.data["temperature"] == run.observables["temperature"][step.frame]
 
 
@@ -118,7 +118,7 @@ def test_h5dump_reads_the_file(command):
     assert "collision" in result.stdout
 
 
-def test_info_and_check_know_the_same_scene(command):
+def test_info_and_check_agree_on_the_scene(command):
     done = command.run("cooling", **SMALL)
     information = command("info", done.path)
     assert "Cooling granular gas" in information.stdout + information.stderr

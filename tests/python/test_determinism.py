@@ -1,4 +1,4 @@
-"""The installed (release) build gives the bits that are pinned for every build."""
+"""The installed (release) build gives the state hashes that are pinned for all builds."""
 
 import json
 import os

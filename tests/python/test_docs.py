@@ -1,7 +1,7 @@
-"""Code in the README, docs/ and notebooks runs, page by page, in order, as a reader would try it.
+"""Code in the README, docs/ and notebooks runs, page by page, in order.
 
 `toml` blocks with a `title` become that file, others must be TOML; `sh` blocks run with the command on the path,
-`python` blocks share their names within a page. `text` is left alone, and so is a block after `<!-- not run: why -->`.
+`python` blocks share their names within a page. `text` and blocks after `<!-- not run: why -->` are skipped.
 """
 
 import io
@@ -52,7 +52,7 @@ def test_code_of_the_page_runs(page, tmp_path, monkeypatch):
     (folder / "haff").symlink_to(executable())
     (folder / "python").symlink_to(sys.executable)
     (folder / "python3").symlink_to(sys.executable)
-    # `haff plot` calls the Python beside it; a linked one finds its packages by these.
+    # `haff plot` calls the Python beside it; a symlinked one finds its packages by these variables.
     environment = os.environ | {
         "PATH": f"{folder}{os.pathsep}{os.environ['PATH']}",
         "PYTHONPATH": os.pathsep.join([str(Path(haff.__file__).parents[1]), *sys.path[1:]]),
@@ -88,7 +88,7 @@ def test_cells_of_the_notebook_run(notebook, tmp_path, monkeypatch):
             exec(compile(code, f"{notebook.name}:{number}", "exec"), names)
         assert cell["outputs"] or "import" in code, f"{notebook.name}:{number} has not been run"
         stored = "".join(line for output in cell["outputs"] for line in output.get("text", ()))
-        # Sums of energies may differ in their last bits from machine to machine; nothing else may.
+        # Only sums of energies may differ in their last bits between machines.
         lines = [
             [line for line in text.splitlines() if "residual" not in line] for text in (stored, printed.getvalue())
         ]
@@ -96,6 +96,6 @@ def test_cells_of_the_notebook_run(notebook, tmp_path, monkeypatch):
     assert cells
 
 
-def test_blocks_are_found_and_run():
+def test_code_blocks_are_found():
     found = [language for page in PAGES for _, language, _, _ in blocks(page)]
     assert min(found.count("sh"), found.count("python")) > 5, found

@@ -1,4 +1,4 @@
-"""`haff export`: every format is read back by the programs it is made for."""
+"""`haff export`: every format is read back by its target programs."""
 
 import io
 import json
@@ -19,7 +19,7 @@ TRAJECTORIES = [name for name, format in FORMATS.items() if format.trajectory]
 
 @pytest.fixture(scope="session")
 def mixed(tmp_path_factory):
-    """Two sizes, a fixed body, one axis of each kind, a particle on the lower face and one just below the upper."""
+    """Two sizes, a fixed body, one axis of each kind, particles at the lower face and just below the upper one."""
     size = np.array([4.0, 6.0, 5.0])
     start = np.array([[0.0, 1.0, 2.0], [4.0 - 1e-9, 3.0, -3.0], [2.0, 5.0, 7.0]])
     velocity = np.array([[0.1, 0.2, -0.3], [1.0, -0.5, 0.25], [0.0, 0.0, 0.0]])
@@ -68,7 +68,7 @@ def exported(path, tmp_path, to, *arguments):
     return target
 
 
-def test_gsd_holds_centered_boxes_in_single_precision(mixed, tmp_path):
+def test_gsd_has_centered_boxes_in_single_precision(mixed, tmp_path):
     hoomd = pytest.importorskip("gsd.hoomd")
     with haff.open(mixed) as run, hoomd.open(str(exported(mixed, tmp_path, "gsd")), "r") as trajectory:
         assert len(trajectory) == 3
@@ -80,7 +80,7 @@ def test_gsd_holds_centered_boxes_in_single_precision(mixed, tmp_path):
             assert read.log["time"] == frame.time
             half = read.configuration.box[:3] / 2
             assert np.all(particles.position >= -half) and np.all(particles.position[:, 0] < half[0])
-            # Where single precision rounds up to the upper face, the particle is on the lower one, an image on.
+            # Coordinates that round up to the upper face in single precision go to the lower face of the next image.
             unwrapped = particles.position + particles.image * [4.0, 0.0, 0.0] + center
             assert np.allclose(unwrapped, frame.unwrapped, rtol=0, atol=1e-6)
             assert np.allclose(particles.velocity, frame.velocity, rtol=1e-7)
@@ -173,7 +173,7 @@ def test_ovito_reads_sizes_species_and_box(to, mixed, files, tmp_path, monkeypat
         assert np.allclose(data.cell[:, 3] + shift, ORIGIN, atol=1e-6)
         assert data.cell.pbc == ((True, True, True) if to == "gsd" else (True, False, False))
     (tmp_path / f"out.{to}").unlink()
-    # Diameters that are all 1 are left out of a GSD file; the species' shape still tells.
+    # Diameters that are all 1 are omitted in a GSD file; the shape of the species has them.
     gas = reader.import_file(str(exported(files["cooling"], tmp_path, to))).compute(0)
     radius = gas.particles["Radius"][0] if "Radius" in gas.particles else gas.particles.particle_types.types[0].radius
     assert radius == pytest.approx(0.5)
@@ -211,7 +211,7 @@ def test_tables_read_back_equal(to, files, tmp_path):
                 assert set(data["radius"]) == {0.5} and set(data["mass"]) == {1.0}
 
 
-def test_tables_in_pieces_are_the_tables_whole(files, tmp_path, monkeypatch):
+def test_tables_written_in_chunks_equal_whole_tables(files, tmp_path, monkeypatch):
     from haff.export import tables
 
     whole = {}
@@ -225,7 +225,7 @@ def test_tables_in_pieces_are_the_tables_whole(files, tmp_path, monkeypatch):
                 pd.testing.assert_frame_equal(data, whole.setdefault((to, table), data))
 
 
-def test_parquet_carries_the_scene_and_the_box(mixed, tmp_path):
+def test_parquet_metadata_has_scene_and_box(mixed, tmp_path):
     parquet = pytest.importorskip("pyarrow.parquet")
     metadata = parquet.read_schema(exported(mixed, tmp_path, "parquet", "--table", "frames")).metadata
     assert 'name = "plate"' in metadata[b"haff.scene"].decode()
@@ -236,18 +236,18 @@ def test_parquet_carries_the_scene_and_the_box(mixed, tmp_path):
     ("text", "rows"),
     [("::3", [0, 3, 6]), ("2:5", [2, 3, 4]), ("-2:", [6, 7]), ("3", [3]), ("-1", [7]), ("-3", [5]), (":100:7", [0, 7])],
 )
-def test_frames_are_chosen_as_in_python(files, text, rows):
+def test_frames_are_selected_by_python_slices(files, text, rows):
     with haff.open(files["cooling"]) as run:
         assert [frame.index for frame in selection.choose(run, text)] == rows
 
 
 @pytest.mark.parametrize("text", ["", "a", "1:2:3:4", "::0", "::-1", "-", "1.5", "1,2"])
-def test_frames_that_are_none_are_refused(files, text):
+def test_empty_or_invalid_frame_selections_are_refused(files, text):
     with haff.open(files["cooling"]) as run, pytest.raises(haff.ArgumentError, match="must be START:STOP:STEP"):
         selection.choose(run, text)
 
 
-def test_python_exports_by_suffix(files, tmp_path, monkeypatch):
+def test_python_export_chooses_the_format_by_suffix(files, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     with haff.open(files["ball"]) as run:
         assert run.export("ball.extxyz", frames=slice(0, 2)).stat().st_size > 0
@@ -255,7 +255,7 @@ def test_python_exports_by_suffix(files, tmp_path, monkeypatch):
     assert len(pd.read_csv("ball-events.csv")) == 41
 
 
-def test_what_cannot_be_is_one_line_and_destroys_nothing(files, tmp_path, capsys, monkeypatch):
+def test_failed_export_is_one_line_and_changes_no_file(files, tmp_path, capsys, monkeypatch):
     monkeypatch.chdir(tmp_path)
     (tmp_path / "kept.csv").write_text("mine")
     ball = str(files["ball"])
@@ -281,7 +281,7 @@ def test_what_cannot_be_is_one_line_and_destroys_nothing(files, tmp_path, capsys
     assert len(haff.open(ball).frames) == 25
 
 
-def test_a_missing_library_names_the_extra(files, tmp_path, capsys, monkeypatch):
+def test_error_of_a_missing_library_names_the_extra(files, tmp_path, capsys, monkeypatch):
     monkeypatch.setitem(__import__("sys").modules, "gsd", None)
     monkeypatch.delitem(__import__("sys").modules, "gsd.hoomd", raising=False)
     assert main(["export", str(files["ball"]), "--to", "gsd", "-o", str(tmp_path / "a.gsd")]) == 4
@@ -289,12 +289,12 @@ def test_a_missing_library_names_the_extra(files, tmp_path, capsys, monkeypatch)
     assert not list(tmp_path.iterdir())
 
 
-def test_help_names_what_exists():
+def test_help_lists_all_formats_and_tables():
     assert tuple(FORMATS) == _FORMATS and TABLES == _TABLES
 
 
 @pytest.mark.parametrize("name", ["plot", "export", "view"])
-def test_every_command_has_examples_and_the_manual_the_same(name, capsys, command):
+def test_every_command_has_examples_in_help_and_manual(name, capsys, command):
     with pytest.raises(SystemExit):
         main([name, "--help"])
     examples = [line for line in capsys.readouterr().out.split("examples:")[1].splitlines() if f"haff {name} " in line]
@@ -302,7 +302,7 @@ def test_every_command_has_examples_and_the_manual_the_same(name, capsys, comman
     assert examples and all(line in told for line in examples)
 
 
-def test_the_command_hands_over(command, files, tmp_path):
+def test_command_passes_export_on_to_python(command, files, tmp_path):
     result = command("export", files["ball"], "--to", "csv", "-o", tmp_path / "ball.csv")
     assert result.stdout.strip() == str(tmp_path / "ball.csv")
     assert len(pd.read_csv(io.StringIO((tmp_path / "ball.csv").read_text()))) == 25

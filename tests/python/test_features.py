@@ -1,4 +1,4 @@
-"""benches/features.py: what it leaves out of the engine is there."""
+"""benches/features.py: its edits apply to the present sources of the engine."""
 
 import importlib.util
 import shutil
@@ -15,7 +15,7 @@ def features():
     sys.path.insert(0, str(ROOT / "benches"))
     spec = importlib.util.spec_from_file_location("features", ROOT / "benches/features.py")
     module = importlib.util.module_from_spec(spec)
-    # Its dataclasses look themselves up.
+    # Its dataclasses need the module in sys.modules.
     sys.modules["features"] = module
     spec.loader.exec_module(module)
     yield module
@@ -29,7 +29,7 @@ def copy(features, folder, edits):
         shutil.copy(ROOT / name, folder / name)
 
 
-def test_every_feature_can_be_left_out_of_the_sources_of_now(features, tmp_path):
+def test_every_feature_can_be_left_out_of_the_present_sources(features, tmp_path):
     known = features.features()
     named = {
         "all of these",
@@ -51,7 +51,7 @@ def test_every_feature_can_be_left_out_of_the_sources_of_now(features, tmp_path)
         features.leave_out(tmp_path, edits)
 
 
-def test_what_is_not_there_is_told(features, tmp_path):
+def test_edit_without_match_is_an_error(features, tmp_path):
     (tmp_path / "a.rs").write_text("one\n")
     with pytest.raises(SystemExit, match=r"a\.rs does not have this once:\ntwo"):
         features.leave_out(tmp_path, [{"file": "a.rs", "old": "two", "new": ""}])

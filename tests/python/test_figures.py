@@ -1,4 +1,4 @@
-"""`haff plot` and the figures: what is drawn, what is skipped and why, and how it fails."""
+"""`haff plot` and the figures: their contents, figures that do not apply, and errors."""
 
 import itertools
 import os
@@ -30,7 +30,7 @@ DRAWN = {
 
 
 @pytest.mark.parametrize("name", DRAWN)
-def test_all_that_apply_are_drawn_and_the_others_are_no_news(files, name, tmp_path, capsys):
+def test_default_draws_all_applicable_figures_silently(files, name, tmp_path, capsys):
     assert main(["plot", str(files[name]), "-o", str(tmp_path)]) == 0
     out, err = capsys.readouterr()
     assert {p.stem.removeprefix(f"{name}-") for p in tmp_path.iterdir()} == DRAWN[name], err
@@ -42,7 +42,7 @@ def test_all_that_apply_are_drawn_and_the_others_are_no_news(files, name, tmp_pa
 
 
 @pytest.mark.parametrize("extension", ["pdf", "svg"])
-def test_vector_formats(files, tmp_path, extension):
+def test_vector_formats_are_written(files, tmp_path, extension):
     assert main(["plot", str(files["cooling"]), "--kind", "temperature", "--kind", "losses", "-o", str(tmp_path),
                  "--format", extension]) == 0  # fmt: skip
     start = {"pdf": b"%PDF", "svg": b"<?xml"}[extension]
@@ -51,7 +51,7 @@ def test_vector_formats(files, tmp_path, extension):
 
 @pytest.mark.parametrize("kind", sorted(GAS))
 def test_no_text_is_cut_off_or_covers_other_text(files, kind, monkeypatch):
-    drawn = []  # what the canvas really draws: tick labels beyond the limits exist, but are not among them
+    drawn = []  # texts drawn on the canvas: tick labels beyond the limits exist, but are not drawn
     plain = Text.draw
     with haff.open(files["cooling"]) as run:
         figure = figures.draw(run, kind)
@@ -65,7 +65,7 @@ def test_no_text_is_cut_off_or_covers_other_text(files, kind, monkeypatch):
         assert page.y0 - 1 <= box.y0 and box.y1 <= page.y1 + 1, f"{text!r} leaves the page"
     for k, (text, box) in enumerate(texts):
         for other, place in texts[k + 1 :]:
-            # Shrunk: extents carry the line spacing, which may touch.
+            # Shrunk: extents include the line spacing, which may touch.
             wide = min(box.x1, place.x1) - max(box.x0, place.x0)
             high = min(box.y1, place.y1) - max(box.y0, place.y0)
             assert wide < 2 or high < 3, f"{text!r} overlaps {other!r}"
@@ -80,7 +80,7 @@ def test_temperature_figure_shows_data_law_and_ratio(files):
         assert np.allclose(ratio, 1, atol=1e-9)
 
 
-def test_ledger_stack_adds_up_to_the_energy_at_the_start(files):
+def test_ledger_stack_equals_the_initial_energy(files):
     with haff.open(files["ball"]) as run:
         figure = figures.draw(run, "energy")
         table = run.observables
@@ -90,7 +90,7 @@ def test_ledger_stack_adds_up_to_the_energy_at_the_start(files):
         assert upper == pytest.approx(total, rel=1e-9)
 
 
-def test_paths_between_frames_are_the_exact_parabolas(files):
+def test_paths_between_frames_are_exact_parabolas(files):
     with haff.open(files["ball"]) as run:
         (path,) = trajectories.flights(run)
         # Reconstructed impacts touch the floor: height of the centre = radius.
@@ -112,14 +112,14 @@ def test_renderer_draws_the_near_sphere_over_the_far_one():
         assert picture.rgba[2, 2, 3] == 0
 
 
-def test_one_diameter_of_a_rendered_sphere_is_its_size():
+def test_rendered_sphere_has_its_diameter():
     picture = render.spheres(
         np.zeros((1, 3)), np.array([0.5]), np.ones((1, 3)), render.Camera.looking(), (-1, 1, -1, 1), 200
     )
     assert picture.rgba[..., 3].sum() == pytest.approx(np.pi * 50**2, rel=5e-3)
 
 
-def test_help_lists_the_figures_that_exist():
+def test_help_lists_all_figures():
     assert {k: v.about for k, v in figures.KINDS.items()} == _KINDS
 
 
@@ -129,7 +129,7 @@ def test_wrong_arguments_exit_with_2(files, tmp_path, capsys):
             main(arguments)
         assert stop.value.code == 2
     assert "must be one of temperature" in capsys.readouterr().err
-    # Of figures asked for, those that do not apply are named.
+    # Requested figures that do not apply are named.
     assert main(["plot", str(files["ball"]), "--kind", "structure", "--kind", "energy", "-o", str(tmp_path)]) == 2
     assert "skipped structure: g(r) needs a periodic box" in capsys.readouterr().err
     assert main(["plot", str(files["ball"]), "--kind", "snapshot", "--frame", "99", "-o", str(tmp_path)]) == 2
@@ -161,7 +161,7 @@ def test_module_runs_as_a_program(files, tmp_path):
 
 
 @pytest.mark.parametrize(("name", "extension"), [("ball", "gif"), ("disks", "mp4"), ("cooling", "mp4")])
-def test_a_movie_has_a_picture_for_each_frame_and_shows_motion(files, name, extension, tmp_path, capsys):
+def test_movie_has_a_picture_for_each_frame_and_shows_motion(files, name, extension, tmp_path, capsys):
     if extension == "mp4":
         pytest.importorskip("imageio_ffmpeg", reason="no imageio-ffmpeg: pip install 'haff[movie]'")
     target = tmp_path / f"movie.{extension}"
@@ -208,7 +208,7 @@ def damaged(files, tmp_path):
 
 
 @pytest.mark.parametrize("extension", ["mp4", "gif"])
-def test_a_frame_that_cannot_be_read_is_told_of_the_file_that_holds_it(damaged, extension, tmp_path, capsys):
+def test_unreadable_frame_is_an_error_of_the_input_file(damaged, extension, tmp_path, capsys):
     if extension == "mp4":
         pytest.importorskip("imageio_ffmpeg", reason="no imageio-ffmpeg: pip install 'haff[movie]'")
     target = tmp_path / f"movie.{extension}"
@@ -220,14 +220,14 @@ def test_a_frame_that_cannot_be_read_is_told_of_the_file_that_holds_it(damaged, 
 
 
 @pytest.mark.skipif(not Path("/proc/self/fd").exists(), reason="descriptors of open files cannot be found")
-def test_a_disk_that_fails_while_it_is_read_is_no_disk_that_cannot_be_written(files, tmp_path):
+def test_read_error_is_not_reported_as_a_write_error(files, tmp_path):
     path = tmp_path / "ball.h5"
     path.write_bytes(files["ball"].read_bytes())
     with haff.open(path) as file:
         assert file.frames[0].position is not None
         for descriptor in Path("/proc/self/fd").iterdir():
             if descriptor.exists() and descriptor.samefile(path):
-                # A directory cannot be read: HDF5 tells a number of the system's, as of a broken disk.
+                # Reading a directory fails: HDF5 reports an errno of the system, as for a broken disk.
                 folder = os.open(tmp_path, os.O_RDONLY)
                 os.dup2(folder, int(descriptor.name))
                 os.close(folder)
@@ -236,7 +236,7 @@ def test_a_disk_that_fails_while_it_is_read_is_no_disk_that_cannot_be_written(fi
             movie.save(file, tmp_path / "movie.gif")
 
 
-def test_an_encoder_that_fails_is_told_of_the_movie(files, tmp_path, monkeypatch, capsys):
+def test_failing_encoder_is_an_error_of_the_movie(files, tmp_path, monkeypatch, capsys):
     ffmpeg = pytest.importorskip("imageio_ffmpeg", reason="no imageio-ffmpeg: pip install 'haff[movie]'")
     monkeypatch.setattr(ffmpeg._io, "get_ffmpeg_exe", lambda: "false")
     target = tmp_path / "movie.mp4"
@@ -248,7 +248,7 @@ def test_an_encoder_that_fails_is_told_of_the_movie(files, tmp_path, monkeypatch
     assert not list(tmp_path.iterdir())
 
 
-def test_all_pictures_of_a_movie_show_the_same_room(files):
+def test_all_pictures_of_a_movie_show_the_same_region(files):
     from haff.extent import extent
     from haff.figures import snapshot
 
@@ -258,7 +258,7 @@ def test_all_pictures_of_a_movie_show_the_same_room(files):
         assert len(limits) == 1
 
 
-def test_wrong_movies_are_refused(files, tmp_path, capsys):
+def test_invalid_movie_options_are_refused(files, tmp_path, capsys):
     for arguments, message in (
         (["--movie", str(tmp_path / "a.avi")], "must end in .mp4 or .gif"),
         (["--movie", str(tmp_path / "a.gif"), "--kind", "snapshot"], "leave out --kind"),

@@ -19,7 +19,7 @@ FULL = "cannot write: No space left on device"
 
 @pytest.fixture
 def disk(tmp_path) -> Iterator[tuple[Path, Callable[[str], None]]]:
-    """A folder on a disk of its own, and what changes the options of that disk, such as its size."""
+    """A folder on a separate disk, and a function that changes its mount options, such as its size."""
     folder = tmp_path / "disk"
     folder.mkdir()
 
@@ -33,11 +33,11 @@ def disk(tmp_path) -> Iterator[tuple[Path, Callable[[str], None]]]:
     except (OSError, subprocess.CalledProcessError):
         pytest.skip("no disk can be made here")
     yield folder, lambda options: mount(f"remount,{options}")
-    # Detached at once, whatever a library still has open there.
+    # Detached at once, even if a library still has files open there.
     subprocess.run(["umount", "--lazy", folder], check=True)
 
 
-def test_a_run_is_told_goes_on_when_there_is_room_and_loses_nothing(disk, command):
+def test_run_on_a_full_disk_fails_and_resumes_without_loss(disk, command):
     folder, remount = disk
     path = folder / "gas.h5"
     complete = command.run(GAS, run__until=60)
@@ -58,7 +58,7 @@ def test_a_run_is_told_goes_on_when_there_is_room_and_loses_nothing(disk, comman
     assert resumed["state_hash"] == complete.report["state_hash"]
 
 
-def test_a_sweep_tells_each_run_and_goes_on_when_there_is_room(disk, command):
+def test_sweep_on_a_full_disk_reports_each_run_and_resumes(disk, command):
     folder, remount = disk
     study = ["sweep", GAS, "--set", "contact.restitution=0.8,0.9", "--set", "run.until=10", "-o", folder / "study"]
     starved = command(*study, check=False)
@@ -85,7 +85,7 @@ def test_a_sweep_tells_each_run_and_goes_on_when_there_is_room(disk, command):
         "plot FILE --movie out.mp4 --frames :1",
     ],
 )
-def test_a_file_is_written_whole_or_the_old_one_stays(disk, arguments, files, capfd):
+def test_failed_export_keeps_the_old_file(disk, arguments, files, capfd):
     folder, remount = disk
     words = arguments.split()
     place = next(k for k, word in enumerate(words) if word.startswith("out."))
@@ -98,7 +98,7 @@ def test_a_file_is_written_whole_or_the_old_one_stays(disk, arguments, files, ca
     assert [file.name for file in folder.iterdir()] == [target.name] and target.read_text() == "the old one"
 
 
-def test_figures_are_written_whole_or_not_at_all(disk, files, capfd):
+def test_figures_are_written_completely_or_not_at_all(disk, files, capfd):
     folder, remount = disk
     remount("size=12k")
     assert main(["plot", str(files["cooling"]), "--kind", "temperature", "-o", str(folder / "figures")]) == 4
@@ -109,7 +109,7 @@ def test_figures_are_written_whole_or_not_at_all(disk, files, capfd):
 @pytest.mark.parametrize(
     "arguments", ["export FILE -o out.csv", "view FILE -o out.html", "plot FILE --kind energy -o ."]
 )
-def test_a_disk_that_cannot_be_written_is_told(disk, arguments, files, capfd, monkeypatch):
+def test_read_only_disk_is_an_error(disk, arguments, files, capfd, monkeypatch):
     folder, remount = disk
     monkeypatch.chdir(folder)
     (folder / "part.h5").write_bytes(files["ball"].read_bytes())

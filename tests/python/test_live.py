@@ -22,7 +22,7 @@ GAS = {
 }
 
 
-def test_steps_of_any_length_end_in_the_state_of_the_command(command):
+def test_state_is_that_of_the_command_for_any_step_length(command):
     silent = {"output__file": False, "output__events": False}
     reference = command.run("cooling", output=False, species__0__count=500, run__until=5.0, **silent)
     scene = CONFIGS / "cooling.toml"
@@ -42,14 +42,14 @@ def test_steps_of_any_length_end_in_the_state_of_the_command(command):
     assert whole.state_hash == reference.report["state_hash"]
 
 
-def test_a_step_makes_exactly_the_collisions_asked_for():
+def test_step_makes_the_exact_number_of_collisions():
     gas = haff.Simulation(GAS)
     for total in (1, 2, 12):
         assert gas.step(total - gas.collisions) == "collisions"
         assert gas.collisions == total
 
 
-def test_snapshots_are_read_only_and_stay_as_they_are():
+def test_snapshots_are_read_only_and_do_not_change():
     gas = haff.Simulation(GAS)
     before = gas.positions
     assert gas.positions is before, "one snapshot per instant"
@@ -67,7 +67,7 @@ def test_snapshots_are_read_only_and_stay_as_they_are():
     np.testing.assert_allclose(gas.unwrapped - gas.images * size, gas.positions, atol=1e-12)
 
 
-def test_what_is_seen_balances():
+def test_energy_and_momentum_of_snapshots_balance():
     gas = haff.Simulation(GAS, events=True)
     first = gas.sample()
     assert first["temperature"] == pytest.approx(1.0, rel=1e-12)
@@ -77,7 +77,7 @@ def test_what_is_seen_balances():
     assert (events["kind"] == "collision").all() and events["time"].is_monotonic_increasing
     assert events["energy_loss"].sum() == pytest.approx(sample["dissipated_energy"], rel=1e-12)
     kinetic = 0.5 * np.sum(gas.masses * np.sum(gas.velocities**2, axis=1))
-    # Sums of 500 terms in another order.
+    # Sums of 500 terms in a different order.
     assert kinetic == pytest.approx(sample["kinetic_energy"], rel=1e-13)
     assert first["kinetic_energy"] - kinetic == pytest.approx(sample["dissipated_energy"], rel=1e-12)
     assert abs(sample["ledger_residual"]) < 1e-13 and gas.max_overlap < 1e-12
@@ -86,7 +86,7 @@ def test_what_is_seen_balances():
         haff.Simulation(GAS).take_events()
 
 
-def test_the_columns_are_those_of_files(command):
+def test_columns_are_those_of_files(command):
     run = command.run("gravity_box", species__0__count=50, run__until=0.5, output__events=True)
     live = haff.Simulation(CONFIGS / "gravity_box.toml", species__0__count=50, run__until=0.5, events=True)
     with run.open() as file:
@@ -104,7 +104,7 @@ def test_the_columns_are_those_of_files(command):
         assert live.box.boundary == file.box.boundary
 
 
-def test_what_rest_takes_is_told_where_grains_may_rest(command):
+def test_rest_energy_is_a_column_where_grains_may_rest(command):
     overrides = {"species__0__count": 50, "run__until": 0.5, "contact__rest_speed": 0.01}
     live = haff.Simulation(CONFIGS / "gravity_box.toml", **overrides)
     assert live.sample()["rest_energy"] == 0.0
@@ -112,7 +112,7 @@ def test_what_rest_takes_is_told_where_grains_may_rest(command):
         assert "rest_energy" in file.observables
 
 
-def test_linkages_run_as_well(command):
+def test_linkages_run_from_python(command):
     pendulums = haff.Simulation(CONFIGS / "textbook" / "pendulums.toml")
     assert pendulums.run() in ("until", "collisions", "rest")
     assert abs(pendulums.sample()["ledger_residual"]) < 1e-12
@@ -122,7 +122,7 @@ def test_linkages_run_as_well(command):
         assert {"spring_energy", "gravity_energy"} <= scalars <= set(file.observables)
 
 
-def test_a_scene_may_start_from_a_file(command):
+def test_scene_can_start_from_a_file(command):
     run = command.run("cooling", species__0__count=500, run__until=2.0)
     live = haff.Simulation(CONFIGS / "cooling.toml", species__0__count=500, initial={"positions": {"file": run.path}})
     with run.open() as file:
@@ -132,7 +132,7 @@ def test_a_scene_may_start_from_a_file(command):
         haff.Simulation(CONFIGS / "cooling.toml", initial={"positions": {"file": "no_such.h5"}})
 
 
-def test_rest_is_told():
+def test_advance_returns_rest_when_nothing_moves():
     nothing = {"schema": 1, "domain": {"size": [5, 5, 5]}, "run": {"until": 1.0}}
     nothing["particle"] = [{"position": [2.5, 2.5, 2.5], "radius": 0.5, "mass": 1.0}]
     assert haff.Simulation(nothing).advance(until=1.0) == "rest"
@@ -150,7 +150,7 @@ def test_other_threads_run_and_read_while_it_advances():
     watcher = threading.Thread(target=look)
     watcher.start()
     try:
-        # On a busy machine the watcher may be late.
+        # On a busy machine the second thread may be late.
         for leg in range(50):
             gas.advance(until=20.0 * (leg + 1))
             on_the_way = [t for t, _ in seen if 20.0 * leg < t < 20.0 * (leg + 1)]
@@ -163,7 +163,7 @@ def test_other_threads_run_and_read_while_it_advances():
     assert on_the_way and gas.time == 20.0 * (leg + 1)
 
 
-def test_ctrl_c_stops_between_events_and_the_way_goes_on():
+def test_ctrl_c_stops_between_events_and_the_run_can_continue():
     program = f"""
 import haff, signal, sys
 # Who starts tests in the background may have them ignore it.
@@ -190,7 +190,7 @@ except KeyboardInterrupt:
     assert (process.returncode, out) == (0, "went on\n")
 
 
-def test_errors_tell_where_and_what(tmp_path):
+def test_errors_have_place_and_message(tmp_path):
     with pytest.raises(haff.SceneError) as caught:
         haff.Simulation(GAS, contact__restitution=1.2, species__0__radius=-1)
     texts = [str(problem) for problem in caught.value.problems]
@@ -219,7 +219,7 @@ def test_errors_tell_where_and_what(tmp_path):
             haff.Simulation(GAS, threads=threads)
 
 
-def test_a_collapse_is_an_error_that_names_the_way_out():
+def test_collapse_error_names_the_remedies():
     stack = {
         "schema": 1,
         "domain": {"boundary": ["open", "open", "open"], "gravity": [0, 0, -1]},

@@ -10,14 +10,14 @@ from haff import mechanics, restitution
 
 
 @pytest.mark.parametrize("module", [mechanics, restitution])
-def test_examples(module):
+def test_docstring_examples(module):
     result = doctest.testmod(module)
     assert result.attempted > 0 and result.failed == 0
 
 
 @pytest.mark.parametrize("e", [0.0, 0.4, 1.0])
 @pytest.mark.parametrize("m2", [0.3, 5.0, np.inf])
-def test_impact_keeps_momentum_and_loses_what_it_says(e, m2):
+def test_impact_conserves_momentum_and_loses_the_stated_energy(e, m2):
     m1, w1, w2 = 2.0, np.array([1.0, -2.0, 0.5]), np.array([-0.5, 0.3, 0.1]) if np.isfinite(m2) else np.zeros(3)
     n = np.array([0.2, -1.0, 0.4])
     after = mechanics.impact(m1, m2, w1, w2, n, e)
@@ -35,7 +35,7 @@ def test_impact_keeps_momentum_and_loses_what_it_says(e, m2):
     assert after.energy_loss == pytest.approx(carnot * (1 - e) / (1 + e), abs=1e-14)
 
 
-def test_hammer_and_nail_lose_little_and_forging_nearly_all():
+def test_plastic_loss_share_is_small_for_a_hammer_and_near_one_for_an_anvil():
     assert mechanics.plastic_loss_share(0.5, 0.005) == pytest.approx(1 / 101, rel=1e-14)
     assert mechanics.plastic_loss_share(50, 1000) == pytest.approx(1 / 1.05, rel=1e-14)
     lost = mechanics.impact(50, 1000, [6.0], [0.0], [1.0], 0.0).energy_loss
@@ -43,7 +43,7 @@ def test_hammer_and_nail_lose_little_and_forging_nearly_all():
 
 
 @pytest.mark.parametrize("e", [0.0, 0.3, 0.8, 1.0])
-def test_bounces_add_up(e):
+def test_bounce_series_sums_to_rest_time_and_path(e):
     H, g, fall = 1.3, 9.81, np.sqrt(2 * 1.3 / 9.81)
     # From one bounce to the next, by hand.
     times, speed = [fall], e * g * fall
@@ -72,7 +72,7 @@ def integrated(f, start, times):
 
 
 @pytest.mark.parametrize("alpha", [-0.1, 1.0, 3.0])
-def test_swing_is_the_motion_of_a_pendulum(alpha):
+def test_swing_solves_the_pendulum_equation(alpha):
     length, g = 0.7, 1.6
     times = np.linspace(0, 5, 41)
     expected = integrated(lambda t, y: [y[1], -g / length * np.sin(y[0])], [alpha, 0.0], times)[0]
@@ -85,14 +85,14 @@ def test_restitution_from_angles_is_the_inverse_of_the_rise():
     for m1, m2 in [(1.0, 1.0), (2.0, 3.0), (0.5, 4.0)]:
         beta = mechanics.pendulum_rise(alpha, e, m1, m2)
         assert np.allclose(mechanics.pendulum_restitution(alpha, beta, m1, m2), e, rtol=0, atol=1e-14)
-        # As the chapter writes it.
+        # In the form of the chapter.
         expected = 1 - ((1 + e) * m1 / (m1 + m2)) ** 2 * (1 - np.cos(alpha))
         assert np.allclose(np.cos(beta), expected, rtol=0, atol=1e-15)
     assert np.isnan(mechanics.pendulum_rise(3.0, 1.0, 5.0, 0.1)), "goes over the top"
     assert mechanics.pendulum_rise(np.pi / 3, 0.8) == pytest.approx(np.radians(53.49), abs=1e-4)
 
 
-def test_spring_is_compressed_as_the_three_bodies_move():
+def test_spring_compression_agrees_with_integration():
     m, v, k = 0.4, 3.0, 70.0
     found = mechanics.spring_impact(m, v, k)
     together = np.linspace(0, found.contact_time, 21)
@@ -112,10 +112,10 @@ def test_spring_is_compressed_as_the_three_bodies_move():
 
 
 @pytest.mark.parametrize("theta", [0.0, 0.4, 1.3, np.pi / 2])
-def test_rods_keep_momentum_angular_momentum_and_energy(theta):
+def test_rod_impacts_conserve_momentum_angular_momentum_and_energy(theta):
     m, v, length = 1.7, 3.0, 2.2
     arm = length * np.sin(theta)
-    # About the hit end: nothing before; then the far end's momentum at its arm.
+    # About the struck end: zero before; then the far end's momentum times its arm.
     stuck = mechanics.rod_stick(m, v, length, theta)
     assert 3 * m * stuck.speed == pytest.approx(m * v, rel=1e-15)
     # The far end is 2l/3 from the center of all three, which is arm/3 off the line of flight.

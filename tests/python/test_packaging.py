@@ -1,4 +1,4 @@
-"""What the repository says of itself: dependencies with their reasons, one version."""
+"""Consistency of the repository: dependencies with their reasons, one version."""
 
 import re
 from pathlib import Path
@@ -40,14 +40,14 @@ def test_every_dependency_has_its_reason(dependencies):
     assert dependencies() <= listed, f"docs/dependencies.md lacks {sorted(dependencies() - listed)}"
 
 
-def test_no_reason_is_left_without_its_dependency():
+def test_every_listed_dependency_is_in_use():
     tables = re.findall(r"^\| ([^|]+) \|", (ROOT / "docs" / "dependencies.md").read_text(), flags=re.MULTILINE)
     listed = set(re.findall(r"`([\w-]+)`", " ".join(tables))) - {"hdf5-metno"}
     known = rust_dependencies() | python_dependencies()
     assert listed <= known, sorted(listed - known)
 
 
-def test_one_version_and_one_rust_version():
+def test_version_and_rust_version_are_consistent():
     workspace = toml(ROOT / "Cargo.toml")["workspace"]["package"]
     citation = (ROOT / "CITATION.cff").read_text()
     assert f"\nversion: {workspace['version']}\n" in citation

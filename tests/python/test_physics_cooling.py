@@ -1,4 +1,4 @@
-"""The main job, configs/cooling.toml as it stands: Haff's law, the velocity distribution, and the books."""
+"""The scene configs/cooling.toml: Haff's law, the velocity distribution, and the energy balance."""
 
 import math
 
@@ -22,9 +22,9 @@ def run(command):
 
 
 def homogeneous(run: haff.File) -> np.ndarray:
-    """Samples from 5 to 50 collisions per particle: a₂ has settled, and whirls have not grown yet.
+    """Samples from 5 to 50 collisions per particle: a₂ is stationary, and vortices have not grown yet.
 
-    The box is a little wider than the critical length, so that the gas leaves the homogeneous state in the end.
+    The box is a little wider than the critical length, so the homogeneous state becomes unstable later.
     """
     per_particle = 2 * run.observables["collisions"].to_numpy() / len(run)
     return (per_particle > 5) & (per_particle < 50)
@@ -44,9 +44,9 @@ def test_temperature_falls_at_haffs_rate(run):
     assert rate.error * law.tau < 3e-3, f"the error {rate.error * law.tau:.1e} is too large to tell"
 
 
-def test_temperature_stays_on_haffs_curve(run):
-    # From the first settled sample on: until then the start (its lattice, and a₂ = 0) delays the law by a part of
-    # a collision per particle, for good.
+def test_temperature_follows_haffs_law(run):
+    # From the first stationary sample on: the initial state (lattice, a₂ = 0) shifts the law in time by a fraction of a
+    # collision per particle.
     law, table = analysis.cooling_law(run), run.observables[homogeneous(run)]
     t, T = table["time"].to_numpy(), table["temperature"].to_numpy()
     ratio = T / theory.haff_temperature(t - t[0], T[0], law.tau * math.sqrt(law.T0 / T[0]))
@@ -66,13 +66,13 @@ def test_sonine_coefficient_is_that_of_van_noije_and_ernst(run):
     assert abs(z) < 4, describe("a₂", found, expected, z)
 
 
-def test_sonine_coefficient_of_the_frames_is_the_reported_one(run):
+def test_sonine_coefficient_of_the_frames_is_that_of_the_observables(run):
     table = run.observables.set_index("time")["sonine_a2"]
     for frame in run.frames:
         assert analysis.sonine_a2(frame) == pytest.approx(table.loc[frame.time], abs=1e-12)
 
 
-def test_losses_of_all_events_add_up_to_the_dissipated_energy(run):
+def test_event_losses_sum_to_the_dissipated_energy(run):
     total, reported = math.fsum(run.events["energy_loss"]), run.observables["dissipated_energy"].iloc[-1]
     assert total == pytest.approx(reported, rel=1e-12)
     carnot = math.fsum(run.events["carnot_energy"])
@@ -120,7 +120,7 @@ def test_no_two_particles_overlap(run):
     assert worst.depth <= 1e-12, f"particles {worst.pair} overlap by {worst.depth:.1e}"
 
 
-def test_what_the_program_reports_is_what_the_file_holds(command, run):
+def test_report_agrees_with_the_file(command, run):
     report, last = command.run("cooling").report, run.observables.iloc[-1]
     assert report["particles"] == len(run) == 32_000
     assert report["collisions"] == last["collisions"] == len(run.events) == run.frames[-1].step

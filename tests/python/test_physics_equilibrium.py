@@ -14,7 +14,7 @@ def describe(name: str, found: Estimate, expected: float, z: float) -> str:
 
 
 def check(name: str, found: Estimate, expected: float, uncertainty: float, relative: float) -> None:
-    """Both at once: within 4 standard errors, and within a relative error that is worth the name."""
+    """Within 4 standard errors, and within a relative error."""
     z = found.z(expected, uncertainty * expected)
     assert abs(z) < 4, describe(name, found, expected, z)
     assert abs(found.mean / expected - 1) <= relative, describe(name, found, expected, z)
@@ -46,7 +46,7 @@ def test_mean_free_time_of_the_fluid_is_enskogs(command):
         assert np.allclose(len(run) / 2 / counted, table["mean_free_time"].iloc[1:], rtol=1e-9)
 
 
-def test_elastic_fluid_keeps_its_energy_and_forgets_its_lattice(command):
+def test_elastic_fluid_conserves_energy_and_melts(command):
     with command.run("fluid").open() as run:
         table = run.observables
         assert table["ledger_residual"].abs().max() <= 1e-12
@@ -62,7 +62,7 @@ def test_elastic_fluid_keeps_its_energy_and_forgets_its_lattice(command):
 
 
 def test_disks_follow_henderson(command):
-    # η = 0.2: there Henderson's equation is within 0.03 % of the virial series; at 0.4 it is 0.14 % high.
+    # η = 0.2: here Henderson's equation is within 0.03 % of the virial series; at 0.4 it is 0.14 % high.
     with command.run("disks", domain__packing_fraction=0.2, run__until=400.0).open() as run:
         table = equilibrated(run, 20)
         eta, n = run.summary["packing_fraction"], len(run) / run.box.volume
@@ -103,7 +103,7 @@ def test_collisions_of_a_mixture_follow_enskog_with_bmcsl_contact_values(mixture
     # Collisions of i with j per volume and time: n_i n_j σ_ij² g_ij √(8πT/μ_ij) (halved for i = j), with
     # g_ij = 1/(1 − ξ₃) + 3ξ₂σ*/(1 − ξ₃)² + 2(ξ₂σ*)²/(1 − ξ₃)³, σ* = σ_iσ_j/(σ_i + σ_j), ξ_k = (π/6)Σ n_iσ_i^k.
     # BMCSL is Carnahan–Starling for one species, 0.3 % low at this density, and low for pairs of large spheres:
-    # how far it can be off is told by the other closure, of Santos, Yuste and López de Haro (here 0.3, 0.3, 1.3 %).
+    # its error is estimated by the closure of Santos, Yuste and López de Haro (here 0.3, 0.3, 1.3 %).
     start, end = 10.0, 50.0
     T = equilibrated(mixture, start)["temperature"].mean()
     first = [np.flatnonzero(mixture.species == s)[0] for s in (0, 1)]
@@ -133,12 +133,12 @@ def test_collisions_of_a_mixture_follow_enskog_with_bmcsl_contact_values(mixture
     check("all collisions per time", found, rates.total * mixture.box.volume, 5e-3, 1e-2)
 
 
-def test_mixture_keeps_its_energy_and_its_distances(mixture):
+def test_mixture_conserves_energy_without_overlaps(mixture):
     assert mixture.observables["ledger_residual"].abs().max() <= 1e-12
     assert all(analysis.max_overlap(f).depth <= 1e-12 for f in mixture.frames)
 
 
-def test_grains_over_a_floor_weigh_what_their_impacts_deliver(command):
+def test_weight_of_grains_equals_the_mean_force_of_their_impacts_on_the_floor(command):
     with command.run("gravity_box", output__events=True).open() as run:
         table = run.observables
         assert table["ledger_residual"].abs().max() <= 1e-12

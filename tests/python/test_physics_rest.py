@@ -8,7 +8,7 @@ from validation.stress import stands
 pytestmark = pytest.mark.physics
 
 
-def test_a_poured_heap_comes_to_rest_and_stands(command):
+def test_poured_heap_comes_to_rest_supported_by_contacts(command):
     done = command.run("heap", species__grain__count=120, domain__size=[5.3, 5.3, 40.0])
     report = done.report
     assert report["stopped"] == "rest"

@@ -29,7 +29,7 @@ def test_rebound_heights_fall_by_e_squared(command):
         assert np.allclose(bounces["time"], times, rtol=0, atol=1e-12 * times[-1])
 
 
-def test_rebound_heights_of_the_recorded_flight(command):
+def test_rebound_heights_from_recorded_frames(command):
     # Energy over m g between bounces is the height of the next apex, frame by frame.
     H, e, g = 1.0, 0.8, 9.81
     with textbook(command, "bouncing_ball").open() as run:
@@ -53,7 +53,7 @@ def test_bouncing_ball_comes_to_rest_after_a_finite_time_and_path(command):
         assert rest["time"].iloc[0] == pytest.approx(T, rel=1e-9)
         bounces = log[log["kind"] == "wall"]
         heights = bounces["approach_speed"].to_numpy() ** 2 / (2 * g)
-        # The series in one row loses all that was left: m g × the height before its first impact.
+        # The row of the series has all of the remaining energy: m g × the height before its first impact.
         left = rest["energy_loss"].iloc[0] / (1.0 * g)
         path = heights[0] + 2 * heights[1:].sum() + 2 * left / (1 - e**2)
         assert path == pytest.approx(H * (1 + e**2) / (1 - e**2), rel=1e-9)
@@ -67,7 +67,7 @@ def test_bouncing_ball_comes_to_rest_after_a_finite_time_and_path(command):
     assert done.report["wall_collisions"] < 10_000
 
 
-def test_direct_impact(command):
+def test_direct_impact_agrees_with_its_closed_form(command):
     with textbook(command, "direct_impact").open() as run:
         velocity = run.frames[-1].velocity
         assert velocity[:, 0] == pytest.approx([1.5, 3.0], rel=1e-14) and np.all(velocity[:, 1:] == 0)
@@ -89,7 +89,7 @@ def test_oblique_impact_of_problem_2_2(command):
         assert (event.approach_speed, event.impulse, event.energy_loss) == pytest.approx((40, 30, 300), rel=1e-13)
         momentum = run.frames.array("velocity").sum(axis=1)
         assert np.allclose(momentum, momentum[0], rtol=0, atol=1e-13 * 40)
-        # (2.26): smooth spheres keep their moment of momentum.
+        # (2.26): impacts of smooth spheres conserve their angular momentum.
         spin = np.cross(run.frames.array("position"), run.frames.array("velocity"))[..., 2].sum(axis=1)
         assert np.allclose(spin, spin[0], rtol=0, atol=1e-12 * np.abs(spin).max())
 
@@ -112,7 +112,7 @@ def test_oblique_impact_with_a_wall(command):
 def test_plastic_impact_loses_the_share_of_equation_2_18(command, name, m1, m2, v):
     with textbook(command, name).open() as run:
         event, *echoes = run.events.to_pandas().itertuples()
-        # The velocities after a plastic impact agree to rounding only: what is left may touch once more.
+        # The velocities after a plastic impact agree only to rounding: the bodies may touch once more.
         assert all(echo.approach_speed < 1e-15 * v for echo in echoes)
         share = event.energy_loss / (0.5 * m1 * v**2)
         assert share == pytest.approx(1 / (1 + m1 / m2), rel=1e-13)
@@ -139,14 +139,14 @@ def test_break_shot_stays_on_the_table_and_balances(command):
             assert np.all(frame.position[:, 2] == 0)
 
 
-def test_springs_show_their_energy_beside_that_of_gravity(command):
+def test_spring_energy_is_separate_from_that_of_gravity(command):
     with command.run("textbook/spring_impact").open() as run:
         table = run.observables
         spring = table["spring_energy"].to_numpy()
         x = run.frames.array("position")[:, :, 0]
         assert np.allclose(spring, 0.5 * 60.0 * (x[:, 2] - x[:, 1] - 1.0) ** 2, rtol=0, atol=1e-13 * 18)
         assert np.allclose(table["gravity_energy"], 0) and np.allclose(table["potential_energy"], spring, rtol=1e-15)
-        # Half of what is left after the plastic impact is the most that the spring takes: k/2 · v² m/6k.
+        # The spring takes at most half of the energy after the plastic impact: k/2 · v² m/6k.
         assert spring.max() == pytest.approx(36 / 12, rel=1e-3)
         assert run.summary["spring_energy"] == spring[-1]
         assert "spring_energy" in repr(run)
@@ -156,7 +156,7 @@ def test_springs_show_their_energy_beside_that_of_gravity(command):
         assert "spring_energy" not in run.observables and "of springs" not in command("info", run.path).stdout
 
 
-def test_clay_sticks_to_a_moving_wall_and_a_ball_does_not(command, tmp_path):
+def test_sticking_particle_follows_a_moving_wall_and_an_elastic_one_does_not(command, tmp_path):
     scene = tmp_path / "clay.toml"
     body = '[[particle]]\nname = "{}"\nposition = [0.0, 0.0, {}]\nradius = 0.1\nmass = 2.0\n'
     scene.write_text(

@@ -9,7 +9,7 @@ import haff
 import synthetic
 
 
-def test_open_gives_what_was_written(files):
+def test_open_returns_the_written_data(files):
     with haff.open(files["cooling"]) as run:
         assert len(run) == 2000
         assert run.dimension == 3 and run.box.fully_periodic
@@ -21,7 +21,7 @@ def test_open_gives_what_was_written(files):
         assert np.array_equal(run.mass, np.ones(2000)) and np.array_equal(run.radius, np.full(2000, 0.5))
 
 
-def test_frames_are_a_sequence(files):
+def test_frames_behave_as_a_sequence(files):
     with haff.open(files["cooling"]) as run:
         frames = run.frames
         assert len(frames) == 8 and frames[0].time == 0 and frames[-1].time == frames.time[-1]
@@ -38,7 +38,7 @@ def test_frames_are_a_sequence(files):
         assert np.array_equal(frames.array("unwrapped")[3], frame.unwrapped)
 
 
-def test_frames_read_nothing_before_it_is_asked_for(files):
+def test_frames_are_read_lazily(files):
     with haff.open(files["cooling"]) as run:
         frame = run.frames[2]
         assert "position" not in vars(frame)
@@ -68,7 +68,7 @@ def test_observables_go_to_xarray_with_whole_vectors(files):
         assert list(data["axis"].values) == ["x", "y", "z"]
 
 
-def test_events_come_in_pieces_with_their_kind_as_a_category(files):
+def test_events_are_read_in_chunks_with_categorical_kinds(files):
     with haff.open(files["cooling"]) as run:
         events = run.events
         assert len(events) == 20_000
@@ -85,7 +85,7 @@ def test_events_come_in_pieces_with_their_kind_as_a_category(files):
             events["speed"]
 
 
-def test_columns_that_the_scene_did_not_ask_for_are_named(command):
+def test_error_of_an_unrecorded_column_names_it(command):
     columns = {"columns": ["j", "energy_loss", "i"]}
     settings = {"output__events": columns, "run__until": 2.0, "species__0__count": 500}
     run, all_columns = command.run("cooling", **settings), command.run("cooling", **settings | {"output__events": True})
@@ -103,20 +103,20 @@ def test_columns_that_the_scene_did_not_ask_for_are_named(command):
             some.events["speed"]
 
 
-def test_kinds_of_a_bouncing_ball(files):
+def test_event_kinds_of_a_bouncing_ball(files):
     with haff.open(files["ball"]) as run:
         counts = run.events.to_pandas()["kind"].value_counts()
         assert counts["wall"] == 40 and counts["rest"] == 1 and counts["collision"] == 0
 
 
-def test_parts_that_were_not_recorded_are_named_with_the_way_out(files):
+def test_error_of_unrecorded_output_names_the_remedy(files):
     with haff.open(files["quiet"]) as run:
         assert "frames" in run and "events" not in run
         with pytest.raises(haff.MissingDataError, match=r"output\.events = true"):
             _ = run.events
 
 
-def test_repr_tells_what_is_in_the_file(files):
+def test_repr_summarizes_the_file(files):
     run = haff.open(files["quiet"])
     text = repr(run)
     assert "500" in text and "not recorded" in text and "grain" in text
@@ -125,7 +125,7 @@ def test_repr_tells_what_is_in_the_file(files):
 
 
 @pytest.mark.parametrize("name", ["particles/all/velocity/value", "particles/all/image/value"])
-def test_a_killed_run_is_read_up_to_its_last_whole_frame(tmp_path, name):
+def test_killed_run_is_read_up_to_its_last_complete_frame(tmp_path, name):
     path = synthetic.cooling_gas(tmp_path / "killed.h5", n=50, frames=6, collisions=100)
     synthetic.truncate(path, name, 4)
     synthetic.truncate(path, "events/impulse", 60)
@@ -135,8 +135,8 @@ def test_a_killed_run_is_read_up_to_its_last_whole_frame(tmp_path, name):
         assert len(run.events) == 60 and len(run.events.to_pandas()) == 60
 
 
-def test_rows_without_a_time_are_not_there_yet(tmp_path):
-    """What a flush cut short by a kill leaves: rows whose data, but not their time, have reached the file."""
+def test_rows_without_a_time_do_not_count(tmp_path):
+    """After a flush cut short by a kill the file has the data of some rows, but not their times."""
     path = synthetic.cooling_gas(tmp_path / "torn.h5", n=50, frames=6, collisions=100)
     with h5py.File(path, "r+") as f:
         for name, rows in [("particles/all/position/time", 2), ("events/time", 5), ("observables/temperature/time", 1)]:
@@ -147,7 +147,7 @@ def test_rows_without_a_time_are_not_there_yet(tmp_path):
         assert len(run.observables) == samples - 1 and run.observables["time"].notna().all()
 
 
-def test_a_file_without_a_single_frame_opens(tmp_path):
+def test_file_without_frames_opens(tmp_path):
     path = synthetic.cooling_gas(tmp_path / "start.h5", n=50, frames=6, collisions=10)
     for name in ("position", "velocity", "image"):
         synthetic.truncate(path, f"particles/all/{name}/value", 0)

@@ -1,4 +1,4 @@
-"""benches/record.py: what it makes of measurements, without measuring."""
+"""benches/record.py: tables and figures from given measurements."""
 
 import argparse
 import importlib.util
@@ -33,19 +33,19 @@ def page(record, cells, peers=()):
     )
 
 
-def test_a_cell_is_the_median_of_its_repeats(record):
+def test_rate_of_a_cell_is_the_median_of_its_repeats(record):
     table = record.summary({"cells": [cell("haff", 4000, 0.1, 3e6, 1e6, 1.5e6)]})
     assert table.loc[0, ["rate", "least", "most", "repeats"]].tolist() == [1.5e6, 1e6, 3e6, 3]
 
 
-def test_the_ratio_is_that_to_the_fastest_peer_measured_beside_ours(record):
+def test_ratio_is_that_to_the_fastest_peer_measured_in_alternation(record):
     quoted = {"name": "Quoted", "n": 4000, "phi": 0.1, "collisions_per_second": 9e6, "source": "a paper"}
     cells = [cell("haff", 4000, 0.1, 3e6), cell("A", 4000, 0.1, 1e6), cell("B", 4000, 0.1, 1.2e6)]
     text = page(record, cells, [quoted])
     row = next(line for line in text.splitlines() if line.startswith("| 4,000"))
     assert row.endswith("| B | 1.200 | 2.50 |"), row
     assert "- Quoted: a paper" in text and "- B: measured in alternation" in text
-    # Where nothing was measured beside ours, what is quoted has to do.
+    # Quoted figures are used where no peer was measured.
     row = next(line for line in page(record, cells[:1], [quoted]).splitlines() if line.startswith("| 4,000"))
     assert row.endswith("| Quoted | 9.000 | 0.33 |"), row
 
@@ -64,7 +64,7 @@ def test_peers_need_their_columns_and_positive_numbers(record, tmp_path):
         record.read_peers(path)
 
 
-def test_commands_are_recorded_without_where_things_lie(record):
+def test_commands_are_recorded_without_local_paths(record):
     words = [
         "--haff",
         "/opt/haff",
@@ -79,7 +79,7 @@ def test_commands_are_recorded_without_where_things_lie(record):
     assert record.command_words(words) == ["--n", "4000", "--peer", "A=run {n} x={phi}", "--peers", "p.csv"]
 
 
-def test_bad_arguments_are_refused(record):
+def test_invalid_arguments_are_refused(record):
     for text in ("1,x", "-1", "0", "1.5"):
         with pytest.raises(argparse.ArgumentTypeError):
             record.numbers(int)(text)
@@ -90,7 +90,7 @@ def test_bad_arguments_are_refused(record):
 
 
 def stand_in(path, rate):
-    """A program that prints its arguments and a rate, as a code to be measured would."""
+    """A program that prints its arguments and a rate, as a peer does."""
     path.write_text(
         f"#!{sys.executable}\nimport json, sys\n"
         f"print(json.dumps({{'collisions_per_second': {rate}, 'per_collision': {{}}, 'words': sys.argv[1:]}}))\n"
@@ -99,7 +99,7 @@ def stand_in(path, rate):
     return path
 
 
-def test_a_record_has_every_cell_of_ours_and_the_peers_and_its_figure(record, tmp_path, monkeypatch, capsys):
+def test_record_has_every_cell_of_haff_and_peers_and_a_figure(record, tmp_path, monkeypatch, capsys):
     ours, peer = stand_in(tmp_path / "haff", 2e6), stand_in(tmp_path / "other", 1e6)
     words = ["--haff", str(ours), "--n", "100,200", "--phi", "0.1,0.3", "--repeats", "2", "--collisions", "50"]
     words += ["--peer", f"Other={peer} {{n}} {{phi}} {{collisions}}", "-o", str(tmp_path / "out")]
@@ -120,7 +120,7 @@ def test_a_record_has_every_cell_of_ours_and_the_peers_and_its_figure(record, tm
     assert "# haff bench, scene fluid" in (tmp_path / "out/throughput.md").read_text()
 
 
-def test_growth_goes_along_n_and_along_phi(record, tmp_path, monkeypatch):
+def test_growth_series_vary_n_and_phi(record, tmp_path, monkeypatch):
     ours = stand_in(tmp_path / "haff", 2e6)
     words = ["--haff", str(ours), "--growth", "--growth-n", "1e3,1e4", "--growth-phi", "0.01,0.1", "--repeats", "1"]
     monkeypatch.setattr(sys, "argv", ["record.py", *words, "-o", str(tmp_path)])
@@ -164,7 +164,7 @@ def test_the_pages_in_the_repository_have_the_places_and_at_most_150_lines(recor
         assert made in (folder / f"{name}.md").read_text(), f"--replot makes another {name}.md"
 
 
-def test_a_code_that_fails_is_named_with_what_it_said(record, tmp_path):
+def test_error_of_a_failing_peer_has_its_name_and_output(record, tmp_path):
     broken = tmp_path / "broken"
     broken.write_text("#!/bin/sh\necho no such option >&2\nexit 2\n")
     broken.chmod(0o755)

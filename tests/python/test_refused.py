@@ -1,4 +1,4 @@
-"""What is refused in a file of others, each with the file, the place, the value, and what is allowed."""
+"""Invalid files are refused with the file, the path in it, the value, and the allowed values."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ def put(place: str, value: object, at: object = ...) -> Change:
 
 
 def instead(place: str, **options) -> Change:
-    """Another dataset at a place."""
+    """Replaces the dataset at a path."""
 
     def change(file: h5py.File) -> None:
         del file[place]
@@ -133,7 +133,7 @@ REFUSED: list[tuple[Change, Callable[[haff.File], object], str]] = [
     (group("particles/all/mass"), len, "particles/all/mass: is a group; must be a dataset"),
     (lambda f: f.__delitem__("particles/all/position/step"), frames, "position/step: is missing"),
     (lambda f: f.__delitem__("particles/all/box"), lambda f: f.box, "box/edges: is missing"),
-    # Links to elsewhere.
+    # Links to other files.
     (link("particles/all/mass", h5py.ExternalLink("other.h5", "x")), len, "mass: is a link to another file"),
     (link("particles/all/mass", h5py.SoftLink("/nowhere")), len, "mass: is a link to nothing"),
     (link("particles/all/mass", h5py.SoftLink("/particles/all/mass")), len, "mass: is a link"),
@@ -194,7 +194,7 @@ REFUSED: list[tuple[Change, Callable[[haff.File], object], str]] = [
 
 
 @pytest.mark.parametrize(("change", "read", "told"), REFUSED)
-def test_what_no_run_can_have_written_is_refused_with_its_place(path, change, read, told):
+def test_data_that_no_run_can_have_written_are_refused_with_their_path(path, change, read, told):
     with h5py.File(path, "r+") as file:
         change(file)
     with pytest.raises(haff.FileError, match=told) as error, haff.open(path) as file:
@@ -202,8 +202,8 @@ def test_what_no_run_can_have_written_is_refused_with_its_place(path, change, re
     assert str(error.value).startswith(f"{path}: ") and "\n" not in str(error.value)
 
 
-def test_a_change_of_a_sound_file_that_stays_sound_is_read(path):
-    """Another byte order, another filter, a link within the file, chunks that a kill has kept from the file."""
+def test_equivalent_storage_of_a_valid_file_is_read(path):
+    """Another byte order, another filter, a link within the file, chunks missing after a kill."""
     with h5py.File(path, "r+") as file:
         mass = file["particles/all/mass"][:]
         instead("particles/all/mass", data=mass.astype(">f8"), compression="lzf")(file)
@@ -218,7 +218,7 @@ def test_a_change_of_a_sound_file_that_stays_sound_is_read(path):
         assert len(file.events.to_pandas()) == 200
 
 
-def test_a_closed_file_is_told(path):
+def test_closed_file_is_an_error(path):
     file = haff.open(path)
     file.close()
     with pytest.raises(haff.FileError, match="is closed"):
@@ -226,7 +226,7 @@ def test_a_closed_file_is_told(path):
     assert "closed" in repr(file)
 
 
-def test_repr_of_a_damaged_file_tells_the_damage(path):
+def test_repr_of_a_damaged_file_has_the_error(path):
     with h5py.File(path, "r+") as file:
         put("particles/all/radius", -1.0, 5)(file)
         del file["particles/all/box"]
@@ -278,7 +278,7 @@ def test_tables_and_manifests_are_read_or_refused(content, suffix, tmp_path):
     assert "\n" not in str(error.value)
 
 
-def test_a_series_that_a_file_of_a_sweep_lacks_is_named(path):
+def test_error_of_a_series_missing_in_a_sweep_file_names_it(path):
     from haff.sweep import _series
 
     rows = [{"index": 0, "file": path.name, "status": "complete"}]
@@ -287,7 +287,7 @@ def test_a_series_that_a_file_of_a_sweep_lacks_is_named(path):
         _series(rows, path.parent, ["temperature", "entropy"])
 
 
-def test_a_scene_of_a_sweep_that_is_no_text_is_another_one(tmp_path):
+def test_sweep_scene_that_is_not_text_differs_from_the_given_one(tmp_path):
     pytest.importorskip("xarray")
     pytest.importorskip("haff._engine")
     (tmp_path / "scene.toml").write_bytes(b"\xff\xfe")

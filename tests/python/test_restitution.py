@@ -1,4 +1,4 @@
-"""`haff.restitution_from`: e comes back, with the right error, from runs and noisy tables; bad input is told."""
+"""`haff.restitution_from`: e with its error from runs and noisy tables; errors of invalid input."""
 
 import numpy as np
 import pandas as pd
@@ -14,7 +14,7 @@ REPEATS = 100
 
 
 def noisy(kind, noise, rng):
-    """What an experiment would have measured, and what it came from."""
+    """Simulated measurements of an experiment, and their true e."""
     k = np.arange(7)
     if kind == "heights":
         return {"height": mechanics.bounce_height(k, H, E) + noise * rng.standard_normal(7)}
@@ -31,14 +31,14 @@ def masses(kind):
 
 @pytest.mark.parametrize("kind", ["heights", "times", "angles"])
 @pytest.mark.parametrize("told", [True, False])
-def test_errors_are_those_of_repeated_experiments(kind, told):
-    """z is normal if the error is told, and Student's if it comes from the scatter: its mean and variance are known."""
+def test_standard_errors_agree_with_the_scatter_of_repeated_experiments(kind, told):
+    """z is normal for a given error, and Student's for one estimated from the scatter: mean and variance are known."""
     rng, noise = np.random.default_rng(11), 2e-3
     z = []
     for _ in range(REPEATS):
         found = haff.restitution_from(noisy(kind, noise, rng), error=noise if told else None, masses=masses(kind))
         z.append(found.z(E))
-    # Degrees of freedom left by the scatter; Student's variance is ν/(ν − 2), its kurtosis excess 6/(ν − 4).
+    # Degrees of freedom of the scatter; Student's variance is ν/(ν − 2), its kurtosis excess 6/(ν − 4).
     free = {"heights": 5, "times": 4, "angles": 6}[kind]
     square = np.mean(np.square(z)) if told else np.mean(np.minimum(np.square(z), 25))
     assert abs(np.mean(z)) * np.sqrt(REPEATS / square) < 4, f"z has mean {np.mean(z):.3f}"
@@ -65,7 +65,7 @@ def test_exact_numbers_give_e_to_rounding(kind):
         assert found.error < 1e-12
 
 
-def test_bounces_that_were_missed_still_count():
+def test_missing_bounces_still_count():
     height = mechanics.bounce_height(np.arange(6), H, E)
     height[[1, 2]] = np.nan
     assert haff.restitution_from({"height": height}).mean == pytest.approx(E, rel=1e-12)
@@ -74,7 +74,7 @@ def test_bounces_that_were_missed_still_count():
     assert haff.restitution_from({"time": time}).mean == pytest.approx(E, rel=1e-10)
 
 
-def test_the_error_of_masses_is_common_to_all_experiments():
+def test_error_of_masses_is_common_to_all_experiments():
     alpha = np.full(100, 0.8)
     table = {"alpha": alpha, "beta": mechanics.pendulum_rise(alpha, E, 2.0, 3.0)}
     exact = haff.restitution_from(table, error=(1e-3, 2e-3), masses=(2.0, 3.0))
@@ -86,7 +86,7 @@ def test_the_error_of_masses_is_common_to_all_experiments():
     assert scattered.error == pytest.approx(common, rel=1e-6)
 
 
-def test_experiments_count_by_their_own_errors():
+def test_experiments_are_weighted_by_their_errors():
     table = pd.DataFrame({"alpha": [0.8, 0.8], "beta": mechanics.pendulum_rise(0.8, np.array([0.8, 0.5]))})
     table["alpha_error"], table["beta_error"] = [1e-3, 1e-1], [1e-3, 1e-1]
     # Errors of e differ by a factor near 100, weights by 10⁴.
@@ -132,14 +132,14 @@ def test_csv_files_are_tables(tmp_path):
         ("missing.h5", {}, haff.FileError, "missing.h5: no such file"),
     ],
 )
-def test_what_cannot_be_used_is_named(source, options, error, message):
+def test_error_of_unusable_input_names_it(source, options, error, message):
     with pytest.raises(error, match=message.replace("(", r"\(")):
         haff.restitution_from(source, **options)
 
 
 @pytest.mark.physics
 @pytest.mark.parametrize("e", [0.35, 0.8, 0.95])
-def test_a_bouncing_ball_gives_its_restitution_back(command, e):
+def test_restitution_from_a_bouncing_ball_is_that_of_the_scene(command, e):
     done = command.run("textbook/bouncing_ball", wall__0__restitution=e)
     for kind in ("heights", "times"):
         found = haff.restitution_from(done.path, kind)
@@ -154,7 +154,7 @@ def test_a_bouncing_ball_gives_its_restitution_back(command, e):
     ("scene", "e", "sizes"),
     [("pendulums", 0.0, (1, 1)), ("pendulums", 0.8, (1, 1)), ("pendulums_unequal", 0.45, (2, 3))],
 )
-def test_pendulums_give_their_restitution_back(command, scene, e, sizes):
+def test_restitution_from_pendulums_is_that_of_the_scene(command, scene, e, sizes):
     done = command.run(f"textbook/{scene}", contact__restitution=e)
     assert haff.restitution_from(done.path).mean == pytest.approx(e, abs=1e-10)
     with done.open() as run:
@@ -164,7 +164,7 @@ def test_pendulums_give_their_restitution_back(command, scene, e, sizes):
 
 
 @pytest.mark.physics
-def test_a_run_without_frames_or_events_is_told_so(command):
+def test_run_without_frames_or_events_is_an_error(command):
     done = command.run("textbook/bouncing_ball", output__events=False)
     with pytest.raises(haff.MissingDataError, match="no event log"):
         haff.restitution_from(done.path)

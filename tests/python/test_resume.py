@@ -1,4 +1,4 @@
-"""Runs that are killed, stopped or starved: files that open, nothing lost, and the rest as if nothing had happened."""
+"""Killed, stopped and failed runs: files open, flushed data are kept, resumed runs equal uninterrupted ones."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ import pytest
 from conftest import ROOT, executable
 
 GAS = ROOT / "tests" / "gas.toml"
-# Rows every half time unit, a checkpoint every time unit: whenever it is killed, something is being written.
+# Rows every half time unit, a checkpoint every time unit: a kill at any time is close to a write.
 DENSE = ("output.frames=0.5", "output.observables=0.25", "output.checkpoint=1.0")
 
 
@@ -42,7 +42,7 @@ def resume(path: Path, threads: int = 1) -> dict:
 
 
 def contents(path: Path) -> dict[str, np.ndarray]:
-    """All that a run records, dataset by dataset, up to the last row whose time is known."""
+    """All datasets of a run, up to the last row with a time."""
     found = {}
     with h5py.File(path) as file:
         rows = {}
@@ -58,7 +58,7 @@ def contents(path: Path) -> dict[str, np.ndarray]:
                 found[name] = item[()] if fixed or not item.ndim else item[: rows[part]]
 
         file.visititems(take)
-        # Datasets with several names are visited under one only.
+        # Datasets with several names are visited once.
         found["box time"] = file["particles/all/box/edges/time"][: rows["particles"]]
     return found
 
@@ -69,8 +69,8 @@ def assert_same(found: dict[str, np.ndarray], whole: dict[str, np.ndarray], abou
         np.testing.assert_array_equal(found[name], expected, err_msg=f"{name} {about}", strict=True)
 
 
-def test_a_resumed_file_is_that_of_a_run_never_stopped(tmp_path):
-    """Dataset by dataset, whatever the threads; by windows, by lists, and in a box with gravity."""
+def test_resumed_file_equals_that_of_an_uninterrupted_run(tmp_path):
+    """For all datasets and any number of threads; with windows, with lists, and in a box with gravity."""
     cases = {
         "gas": [],
         "lists": ['engine.neighbors="lists"'],
@@ -80,7 +80,7 @@ def test_a_resumed_file_is_that_of_a_run_never_stopped(tmp_path):
         whole = run(tmp_path / f"{name}.h5", 40, *sets, threads=1)
         part = tmp_path / f"{name}-part.h5"
         legs = 0
-        # A quarter of what it takes on this machine, or less if that was when the machine was busier.
+        # A quarter of the run time, or less if the machine was busier when that was measured.
         for share in (0.25, 0.05, 0.01):
             part.unlink(missing_ok=True)
             leg = f"run.wall_time={share * whole['wall_seconds']:.6f}"
@@ -113,7 +113,7 @@ def test_a_resumed_file_is_that_of_a_run_never_stopped(tmp_path):
 
 
 def rows_on_disk(path: Path) -> int:
-    """Frames that a reader finds at this moment, in a file that is being written; 0 if there is none yet."""
+    """Number of complete frames in a file that is being written; 0 if there is no file yet."""
     try:
         with h5py.File(path, locking=False) as file:
             return int(np.count_nonzero(~np.isnan(file["particles/all/position/time"][:])))
@@ -137,13 +137,13 @@ def test_a_run_killed_at_any_instant_loses_nothing_that_was_flushed(tmp_path):
         with subprocess.Popen(
             [executable(), "run", GAS, "-o", path, *settings(until), "-q", "--threads", "1"]
         ) as process:
-            # From its first breath to a little beyond its end.
+            # From its start to a little beyond its end.
             time.sleep(draw.uniform(0, 1.05 * takes))
             flushed = rows_on_disk(path) if checked % 3 == 0 else 0
             process.kill()
         checked += 1
         if not path.exists():
-            # Killed before its first checkpoint was whole: then there is nothing at its place.
+            # Killed before its first checkpoint was complete: then there is no file.
             unborn += 1
             continue
         about = f"after kill {checked}"
@@ -163,7 +163,7 @@ def test_a_run_killed_at_any_instant_loses_nothing_that_was_flushed(tmp_path):
         assert report["state_hash"] == whole_report["state_hash"], about
         assert_same(contents(path), whole, about)
         if not info["finished"]:
-            # From its last checkpoint: a time unit apart, and flushed with all that was recorded before.
+            # Resumed from its last checkpoint: a time unit apart, and flushed with all earlier records.
             assert report["resumed_from"] == info["checkpoint_time"], about
             assert report["resumed_from"] >= part["box time"][-1] - 1.0, about
             from_start += report["resumed_from"] == 0
@@ -171,7 +171,7 @@ def test_a_run_killed_at_any_instant_loses_nothing_that_was_flushed(tmp_path):
     print(
         f"{checked} kills: {unborn} before there was a file, {from_start} in the first time unit, {complete} too late"
     )
-    # On a busy machine many come too early or too late; what counts are those in the middle.
+    # On a busy machine many kills are too early or too late; those during the run count.
     middle = checked - unborn - complete
     assert middle >= max(3, kills // 3)
     assert from_start < middle
@@ -197,7 +197,7 @@ def test_a_run_without_checkpoints_in_time_has_them_on_the_clock(tmp_path):
     assert json.loads(haff("info", path, "--json").stdout)["checkpoint_time"] >= found
 
 
-def test_an_output_of_another_trajectory_version_is_not_gone_on_with(tmp_path):
+def test_output_of_another_trajectory_version_is_not_resumed(tmp_path):
     path = tmp_path / "old.h5"
     run(path, 4, "run.wall_time=0.001")
     with h5py.File(path, "r+") as file:
@@ -210,7 +210,7 @@ def test_an_output_of_another_trajectory_version_is_not_gone_on_with(tmp_path):
     assert path.read_bytes() == before
 
 
-def test_files_that_cannot_be_gone_on_with_are_told_and_stay(tmp_path):
+def test_files_that_cannot_be_resumed_are_refused_and_not_changed(tmp_path):
     good = tmp_path / "good.h5"
     run(good, 4, "run.wall_time=0.001")
     whole = good.read_bytes()
@@ -239,7 +239,7 @@ def test_files_that_cannot_be_gone_on_with_are_told_and_stay(tmp_path):
     assert good.read_bytes() == before
 
 
-def test_a_file_that_vanishes_under_a_run_ends_it(tmp_path):
+def test_run_ends_when_its_file_is_removed(tmp_path):
     path = tmp_path / "gone.h5"
     command = [executable(), "run", GAS, "-o", path, *settings(100_000), "-q"]
     with subprocess.Popen(command, stderr=subprocess.PIPE, text=True) as process:
@@ -251,7 +251,7 @@ def test_a_file_that_vanishes_under_a_run_ends_it(tmp_path):
     assert not path.exists()
 
 
-def test_a_folder_that_cannot_be_written_is_told(tmp_path):
+def test_read_only_folder_is_an_error(tmp_path):
     folder = tmp_path / "closed"
     folder.mkdir()
     run(tmp_path / "part.h5", 4, "run.wall_time=0.001")

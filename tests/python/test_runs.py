@@ -1,4 +1,4 @@
-"""`haff.run` and scenes made in Python: the command's results, files, errors, Ctrl-C."""
+"""`haff.run` and scenes from Python: results, files and errors of the command, Ctrl-C."""
 
 import os
 import signal
@@ -23,7 +23,7 @@ GAS = {
 }
 
 
-def test_a_dict_a_file_and_the_command_give_the_same_run(tmp_path, command):
+def test_run_from_dict_file_and_command_is_the_same(tmp_path, command):
     path = haff.save_scene(GAS, tmp_path / "gas.toml")
     assert haff.load_scene(path) == GAS
     reference = command.run(path, output=False)
@@ -36,7 +36,7 @@ def test_a_dict_a_file_and_the_command_give_the_same_run(tmp_path, command):
         _ = result.file
 
 
-def test_a_file_is_written_and_opened(tmp_path):
+def test_output_file_is_written_and_opened(tmp_path):
     with haff.run(GAS, file=tmp_path / "gas.h5", output__frames=0.5, threads=1) as result:
         assert result.path == tmp_path / "gas.h5" and result.threads == 1
         assert len(result.file.frames) == 5
@@ -49,7 +49,7 @@ def test_a_file_is_written_and_opened(tmp_path):
     assert haff.resume(again.path).state_hash == again.state_hash, "a complete run is left as it is"
 
 
-def test_overrides_of_every_kind(tmp_path):
+def test_overrides_of_every_kind_are_applied(tmp_path):
     values = {
         "contact__restitution": {"model": "cutoff", "restitution": np.float64(0.8), "speed": 0.1},
         "domain__gravity": np.zeros(3),
@@ -70,7 +70,7 @@ def test_overrides_of_every_kind(tmp_path):
         haff.save_scene(GAS | {"species": [{"mass": None}]}, tmp_path / "never.toml")
 
 
-def test_every_scene_survives_the_way_through_python(tmp_path):
+def test_every_scene_is_unchanged_by_a_round_trip_through_python(tmp_path):
     for path in sorted(CONFIGS.glob("**/*.toml")):
         if "invalid" in path.parts:
             continue
@@ -79,7 +79,7 @@ def test_every_scene_survives_the_way_through_python(tmp_path):
         assert haff.load_scene(haff.save_scene(scene, tmp_path / path.name)) == scene
 
 
-def test_templates_run_and_the_schema_describes_them():
+def test_templates_run_and_agree_with_the_schema():
     assert "cooling" in haff.templates()
     for name in haff.templates():
         assert haff.validate(haff.template(name))["schema"] == 1
@@ -88,7 +88,7 @@ def test_templates_run_and_the_schema_describes_them():
     assert "contact" in haff.schema()["properties"]
 
 
-def test_errors_are_those_of_the_command_with_their_places(tmp_path):
+def test_errors_are_those_of_the_command_with_positions(tmp_path):
     path = haff.save_scene(GAS | {"contact": {"restitution": 1.2}, "frobnicate": 1}, tmp_path / "broken.toml")
     with pytest.raises(haff.SceneError) as caught:
         haff.run(path, run__until=-1)

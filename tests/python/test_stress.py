@@ -1,4 +1,4 @@
-"""The stress scenes in their short form, judged from what they record; `scripts/validate stress` runs them in full."""
+"""Short forms of the stress scenes, checked from their output; `scripts/validate stress` runs them in full."""
 
 import dataclasses
 
@@ -13,13 +13,13 @@ from validation.stress import ENDS, OWN, SCENES, SHORT, judge
 
 @pytest.mark.physics
 @pytest.mark.parametrize("scene", SCENES, ids=lambda scene: scene.stem)
-def test_scene_keeps_what_it_promises(scene, tmp_path):
+def test_stress_scene_passes_its_audit(scene, tmp_path):
     findings, _ = judge(executable(), scene, tmp_path / "run.h5", short=True)
     broken = [str(finding) for finding in findings if not finding.passed]
     assert not broken, f"{scene.stem}: " + "; ".join(broken)
 
 
-def test_every_scene_states_what_must_hold():
+def test_every_stress_scene_states_its_conditions():
     for scene in SCENES:
         assert "# Must hold: " in scene.read_text(), scene
     assert {scene.stem for scene in SCENES} >= {*OWN, *SHORT, *ENDS}
@@ -27,7 +27,7 @@ def test_every_scene_states_what_must_hold():
 
 @pytest.fixture(scope="module")
 def recorded(tmp_path_factory):
-    """A run whose log the next test spoils."""
+    """A run whose log the next test corrupts."""
     scene = next(scene for scene in SCENES if scene.stem == "touching")
     path = tmp_path_factory.mktemp("audit") / "run.h5"
     judge(executable(), scene, path)
@@ -48,7 +48,7 @@ def recorded(tmp_path_factory):
         ("carnot_energy", lambda x: np.where(np.arange(len(x)) == 3, np.nan, x), "law: Carnot"),
     ],
 )
-def test_a_spoiled_log_is_noticed(recorded, column, change, told):
+def test_audit_detects_a_corrupted_log(recorded, column, change, told):
     with haff.open(recorded) as file:
         columns = {name: file.events[name] for name in file.events.columns}
         columns[column] = change(columns[column])
@@ -79,7 +79,7 @@ class _Columns:
         return self.columns[name]
 
 
-def test_overlaps_are_found_through_faces_of_the_box_and_at_walls(recorded):
+def test_audit_finds_overlaps_across_periodic_faces_and_at_walls(recorded):
     with haff.open(recorded) as file:
         scene = audit.Scene(file)
     x = np.full((len(scene.mass), 3), 7.5) + 2.0 * np.arange(len(scene.mass))[:, None]
@@ -104,6 +104,6 @@ def test_overlaps_are_found_through_faces_of_the_box_and_at_walls(recorded):
     ],
     ids=lambda gas: gas.system,
 )
-def test_energy_and_momentum_walk_at_random_in_a_long_run(gas):
+def test_energy_and_momentum_errors_are_a_random_walk_in_a_long_run(gas):
     broken = [row for row in long.rows(gas, long.follow(gas, looks=10)) if not row.passed]
     assert not broken, broken

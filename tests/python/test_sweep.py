@@ -22,7 +22,7 @@ from conftest import ROOT, executable
 xarray = pytest.importorskip("xarray")
 GAS = ROOT / "tests" / "gas.toml"
 WORKFLOW = ROOT / "workflows" / "snakemake"
-# Long enough to be killed in the middle; a checkpoint every few milliseconds.
+# Long enough to be killed during the run; a checkpoint every few milliseconds.
 LONG = {"contact.restitution": [0.99, 1.0], "run.until": [500.0], "output.checkpoint": [5.0], "output.frames": [50.0]}
 
 
@@ -55,7 +55,7 @@ def runs_of(folder: Path) -> list[tuple[int, int]]:
 
 
 def in_the_middle(path: Path) -> bool:
-    """Whether the run of a file has a checkpoint behind it and something before it."""
+    """Whether the run of a file has a checkpoint and is not complete."""
     info = subprocess.run([executable(), "info", path, "--json"], capture_output=True, text=True)
     told = json.loads(info.stdout) if info.returncode == 0 else {"checkpoint_time": 0.0, "finished": False}
     return told["checkpoint_time"] > 0 and not told["finished"]
@@ -63,12 +63,12 @@ def in_the_middle(path: Path) -> bool:
 
 @contextlib.contextmanager
 def one_killed_in_the_middle(folder: Path, *, also_parent: bool) -> Iterator[None]:
-    """Kills a run meanwhile, and before it the process that started it if asked for, when its file has a checkpoint."""
+    """Kills a run once its file has a checkpoint, and before it, optionally, the process that started it."""
     killed: list[int] = []
     over = threading.Event()
 
     def attempt(process: int, index: int) -> bool:
-        # Held, so that it neither ends nor writes while its file is looked at.
+        # Stopped, so that it neither ends nor writes while its file is read.
         os.kill(process, signal.SIGSTOP)
         if in_the_middle(folder / f"run-{index:04}.h5"):
             if also_parent:
@@ -99,7 +99,7 @@ def one_killed_in_the_middle(folder: Path, *, also_parent: bool) -> Iterator[Non
     assert killed, "no run was in the middle long enough to be killed"
 
 
-def test_a_dataset_has_a_dimension_for_each_key_and_the_totals_of_each_run(serial, tmp_path):
+def test_dataset_has_a_dimension_for_each_key_and_the_totals_of_each_run(serial, tmp_path):
     assert dict(serial.sizes) == {
         "contact.restitution": 2, "run.until": 1, "output.checkpoint": 1, "output.frames": 1, "seed": 2,
     }  # fmt: skip
@@ -112,12 +112,12 @@ def test_a_dataset_has_a_dimension_for_each_key_and_the_totals_of_each_run(seria
     assert report["state_hash"] == one["state_hash"].item()
     assert report["collisions"] == one["collisions"].item()
     assert report["dissipated_energy"] == one["dissipated_energy"].item()
-    # More of a gas that loses more is left to lose.
+    # The less elastic gas has dissipated more energy.
     assert (serial["dissipated_energy"].diff("contact.restitution") < 0).all()
     assert len(np.unique(serial["run_seed"])) == 4
 
 
-def test_series_come_with_the_dataset(tmp_path):
+def test_dataset_includes_requested_series(tmp_path):
     study = haff.sweep(
         GAS,
         {"run.until": [2.0, 3.0], "species.grain.count": np.array([200, 300])},
@@ -133,7 +133,7 @@ def test_series_come_with_the_dataset(tmp_path):
     assert np.isnan(series[0, 0, -1]) and series[0, 0, 0] == pytest.approx(1.0)
 
 
-def test_a_scene_can_be_a_mapping_and_failures_are_told(tmp_path):
+def test_scene_can_be_a_mapping_and_failures_are_reported(tmp_path):
     import tomllib
 
     scene = tomllib.loads(GAS.read_text())
@@ -153,7 +153,7 @@ def test_a_scene_can_be_a_mapping_and_failures_are_told(tmp_path):
         haff.sweep(tmp_path / "none.toml", seeds=2, output=tmp_path / "b")
 
 
-def test_a_local_cluster_goes_on_with_what_the_command_has_begun(tmp_path):
+def test_local_cluster_continues_a_study_of_the_command(tmp_path):
     pytest.importorskip("distributed")
     study = {"contact.restitution": [0.8, 0.9], "run.until": [2]}
     command = [executable(), "sweep", GAS, "--set=contact.restitution=0.8,0.9", "--set=run.until=2", "--seeds=2"]
@@ -162,11 +162,11 @@ def test_a_local_cluster_goes_on_with_what_the_command_has_begun(tmp_path):
     found = haff.sweep(GAS, study, seeds=2, output=tmp_path, cluster="local", threads=2)
     assert (found["status"] == "complete").all()
     assert (tmp_path / "run-0001.h5").stat().st_mtime_ns == before
-    # Nothing is left to run.
+    # All runs are complete.
     xarray.testing.assert_identical(found, haff.sweep(GAS, study, seeds=2, output=tmp_path))
 
 
-def test_dask_gives_the_serial_result_though_a_worker_is_killed(serial, tmp_path):
+def test_dask_result_equals_the_serial_one_after_a_worker_is_killed(serial, tmp_path):
     distributed = pytest.importorskip("distributed")
     with (
         distributed.LocalCluster(n_workers=2, threads_per_worker=1, dashboard_address=None) as cluster,
@@ -182,7 +182,7 @@ def test_dask_gives_the_serial_result_though_a_worker_is_killed(serial, tmp_path
     assert any(row.get("resumed_from", 0) > 0 for row in manifest["runs"]), "the killed run goes on from its checkpoint"
 
 
-def test_snakemake_gives_the_serial_result_though_a_run_is_killed(serial, tmp_path):
+def test_snakemake_result_equals_the_serial_one_after_a_run_is_killed(serial, tmp_path):
     pytest.importorskip("snakemake")
     config = {
         "haff": str(executable()),
@@ -204,7 +204,7 @@ def test_snakemake_gives_the_serial_result_though_a_run_is_killed(serial, tmp_pa
     assert any(row.get("resumed_from", 0) > 0 for row in summary["runs"]), "the killed run goes on from its checkpoint"
 
 
-def test_the_slurm_profile_is_one_that_snakemake_takes(tmp_path):
+def test_snakemake_accepts_the_slurm_profile(tmp_path):
     pytest.importorskip("snakemake_executor_plugin_slurm")
     config = {
         "haff": str(executable()),

@@ -1,4 +1,4 @@
-"""What people see on a terminal, drawn by an emulator from what the command writes to a pseudo-terminal."""
+"""Output on a terminal: an emulator renders the output of the command on a pseudo-terminal."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ INTERRUPT = b"\x03"
 
 @dataclass
 class Seen:
-    """The screen in the end, without empty lines and trailing space, and the exit status."""
+    """The final screen, without empty lines and trailing space, and the exit status."""
 
     lines: list[str]
     status: int
@@ -34,7 +34,7 @@ class Seen:
 
 
 def look(*arguments: str, columns: int, interrupt: str = "") -> Seen:
-    """Runs the command on a terminal so wide; Ctrl-C is pressed once ``interrupt`` is seen there."""
+    """Runs the command on a terminal of a given width; sends Ctrl-C once ``interrupt`` is on the screen."""
     child, terminal = pty.fork()
     if child == 0:
         try:
@@ -51,7 +51,7 @@ def look(*arguments: str, columns: int, interrupt: str = "") -> Seen:
                 continue
             try:
                 stream.feed(os.read(terminal, 1 << 16))
-            except OSError:  # The command has gone.
+            except OSError:  # The command has ended.
                 break
             if interrupt and re.search(interrupt, "\n".join(screen.display)):
                 os.write(terminal, INTERRUPT)
@@ -85,7 +85,7 @@ def test_rows_of_a_watched_run_fit_the_terminal(columns, cells, tmp_path, comman
 
 @pytest.mark.parametrize("columns", [40, 80])
 @pytest.mark.parametrize("study", [False, True], ids=["run", "sweep"])
-def test_nothing_of_a_bar_stays_after_ctrl_c(study, columns, tmp_path):
+def test_progress_bar_is_cleared_after_ctrl_c(study, columns, tmp_path):
     arguments = ["sweep", GAS, "--set", "contact.restitution=0.8,0.9"] if study else ["run", GAS]
     shown = r"\d %" + (r"(.|\n)*t = \d" if columns == 80 else "")
     seen = look(*arguments, *ENDLESS, "-o", str(tmp_path / "out"), columns=columns, interrupt=shown)

@@ -9,7 +9,7 @@ from scipy import integrate
 from haff import theory
 
 
-def test_contact_values_at_a_packing_fraction_worked_by_hand():
+def test_contact_values_at_a_packing_fraction_computed_by_hand():
     # η = 0.2: (1 − 0.1)/0.8³ = 0.9/0.512; (1 − 0.0875)/0.8² = 0.9125/0.64
     assert theory.carnahan_starling(0.2) == pytest.approx(0.9 / 0.512, rel=1e-15)
     assert theory.henderson(0.2) == pytest.approx(0.9125 / 0.64, rel=1e-15)
@@ -43,7 +43,7 @@ def test_klm_at_half_reduced_density_matches_the_published_pressure():
     assert theory.kolafa_labik_malijevsky(math.pi / 12) == pytest.approx(3.2696, abs=3e-3)
 
 
-def test_collision_frequency_worked_by_hand():
+def test_collision_frequency_computed_by_hand():
     assert theory.collision_frequency(0.1, 1.0, 1.0, 1.0, 1.0) == pytest.approx(0.4 * math.sqrt(math.pi), rel=1e-15)
     assert theory.collision_frequency(0.1, 2.0, 4.0, 1.0, 1.5, d=2) == pytest.approx(
         2 * 0.1 * 2 * 1.5 * math.sqrt(4 * math.pi), rel=1e-15
@@ -73,18 +73,18 @@ def test_haff_temperature_is_a_quarter_after_one_time_constant():
     assert theory.haff_temperature([0.0, 3.0], 2.0, 3.0).shape == (2,)
 
 
-def test_elastic_gas_never_cools():
+def test_elastic_gas_does_not_cool():
     assert theory.haff_time(1.0, 1.0) == math.inf
     assert theory.haff_temperature(1e9, 1.0, math.inf) == 1.0
     assert theory.critical_length(0.1, 1.0, 1.0) == math.inf
 
 
-def test_critical_length_worked_by_hand():
+def test_critical_length_computed_by_hand():
     assert theory.critical_length(0.1, 1.0, 0.8) == pytest.approx(2.43 / 0.06, rel=1e-14)
     assert theory.critical_length(0.1, 1.0, 0.6, d=2) == pytest.approx(2 * math.sqrt(math.pi) / 0.08, rel=1e-14)
 
 
-def test_sonine_density_is_normalised_keeps_its_temperature_and_shows_its_a2():
+def test_sonine_density_has_norm_one_unchanged_temperature_and_its_a2():
     a2 = 0.08
     moment = lambda k: integrate.quad(lambda c: c**k * theory.sonine_component(c, a2), -12, 12)[0]  # noqa: E731
     assert moment(0) == pytest.approx(1, abs=1e-10)
@@ -107,7 +107,7 @@ def test_both_closures_of_a_mixture_agree_with_the_pure_fluid_and_with_points():
     n = theory.number_density(eta, 1.0)
     santos = theory.mixture_contact_values([n / 2, n / 2], [1.0, 1.0], 3, "santos")
     assert santos == pytest.approx(float(theory.contact_value(eta, 3, "klm")), rel=1e-13)
-    # A vanishing trace of points touches with 1/(1 − η); of huge spheres, with the fluid's pressure at a wall.
+    # The contact value of a trace of points is 1/(1 − η); of a trace of huge spheres, that of the fluid at a wall.
     trace = theory.mixture_contact_values([n, 1e-12, 1e-30], [1.0, 1e-6, 1e6], 3, "santos")
     assert trace[0, 1] == pytest.approx(1 / (1 - eta), rel=1e-5)
     assert trace[0, 2] == pytest.approx(float(theory.kolafa_labik_malijevsky(eta)), rel=1e-5)
@@ -125,7 +125,7 @@ def test_mixture_counts_every_pair_of_species_from_both_sides():
 
 
 def test_losses_of_a_maxwell_gas_are_exponential():
-    # Mean of x = ΔT/[(1 − e²)T] is 1: the mean loss that Haff's rate needs.
+    # Mean of x = ΔT/[(1 − e²)T] is 1: the mean loss in Haff's rate.
     mean, _ = integrate.quad(lambda x: x * theory.loss_distribution(x), 0, np.inf)
     assert mean == pytest.approx(1, abs=1e-10)
 
@@ -135,7 +135,7 @@ def test_density_conversions_are_inverse():
         assert theory.packing_fraction(theory.number_density(0.37, 1.3, d), 1.3, d) == pytest.approx(0.37, rel=1e-15)
 
 
-def test_wrong_dimension_and_equation_are_refused():
+def test_invalid_dimension_and_equation_are_refused():
     with pytest.raises(ValueError, match="d = 4 must be 2 or 3"):
         theory.collision_frequency(1, 1, d=4)
     with pytest.raises(ValueError, match="klm"):
@@ -171,7 +171,7 @@ def test_crystal_and_fluid_have_the_pressure_of_coexistence():
 
 @pytest.mark.parametrize(("d", "equation"), [(3, "klm"), (2, "virial")])
 def test_few_particles_have_fewer_pairs(d, equation):
-    # A dilute gas of N has N(N − 1) ordered pairs for N²; Z − 1 does not notice, as relative speeds grow by N/(N − 1).
+    # A dilute gas of N has N(N − 1) ordered pairs for N²; Z − 1 is unchanged, as relative speeds grow by N/(N − 1).
     eta = 1e-5
     assert theory.periodic_contact_value(eta, 50, d, equation) == pytest.approx(1 - 1 / 50, abs=1e-4)
     large = theory.compressibility(eta, 1.0, d, equation) - 1
@@ -215,7 +215,7 @@ def test_cooling_curve_of_a_constant_restitution_is_haffs():
         assert curve == pytest.approx(theory.haff_temperature(t, 2.0, theory.haff_time(0.8, 1.3, d, a2=0.0)), rel=1e-8)
 
 
-def test_viscoelastic_gas_cools_with_the_power_five_thirds_in_the_end():
+def test_viscoelastic_gas_cools_with_the_power_five_thirds_at_late_times():
     # d ln T/d ln t tends to −5/3 as δ ∝ T^(1/10) vanishes; the deviation shrinks with the coefficient.
     slopes = []
     for coefficient in (1e-3, 1e-5):
@@ -273,7 +273,7 @@ def test_enskogs_viscosity_is_that_of_chapman_and_cowling():
     assert theory.enskog_viscosity(n, 1.0) == pytest.approx(first, rel=0.016)
 
 
-def test_fits_of_the_diffusion_coefficient_agree_once_the_box_is_accounted_for():
+def test_fits_of_the_diffusion_coefficient_agree_after_the_finite_size_correction():
     # Speedy's is that of 500 spheres, Ruckenstein and Liu's that of infinitely many: 11 % more at nσ³ = 0.5.
     for n in (0.5, 0.7):
         box = theory.diffusion_finite_size(theory.enskog_viscosity(n, 1.0), (500 / n) ** (1 / 3))

@@ -1,4 +1,4 @@
-"""Names and titles of a file: text on a terminal, in tables, pages and figures, and never anything else."""
+"""Names and titles of a file are escaped on terminals and in tables, pages and figures."""
 
 from __future__ import annotations
 
@@ -48,14 +48,14 @@ def test_text_is_escaped_for_a_terminal():
     assert str(haff.SimulationError(("two", "lines\n"))) == "two\nlines\\n"
 
 
-def test_a_cell_is_no_formula_and_one_apostrophe_less_gives_the_name():
+def test_csv_cell_is_no_formula_and_without_its_apostrophe_the_name():
     for name in ("=1+1", "+1", "-1", "@A1", "\t=1", "\r=1", "'quoted"):
         assert text.cell(name) == "'" + text.escaped(name)
     assert text.cell("grain") == "grain" and text.cell("a=1") == "a=1"
 
 
 @pytest.mark.parametrize("title", TITLES, ids=ascii)
-def test_a_title_is_a_title_in_a_page(title, tmp_path, capsys):
+def test_title_is_escaped_in_a_page(title, tmp_path, capsys):
     path = titled(tmp_path / "gas.h5", title, name=title)
     plain = titled(tmp_path / "plain.h5", "plain")
     pages = []
@@ -67,7 +67,7 @@ def test_a_title_is_a_title_in_a_page(title, tmp_path, capsys):
     shown = text.escaped(title)
     assert html.unescape(re.search("<title>(.*?)</title>", page, re.DOTALL)[1]) == shown
     assert page.count(f"<h1>{html.escape(shown)}</h1>") == 1
-    # No element more than another title makes, and each in its place.
+    # The same elements as with another title, in the same order.
     for tag in ("<script", "</script", "<title", "<style", "<body", "<!--"):
         assert page.count(tag) == sound.count(tag), tag
     header = json.loads(re.search(r'id="header">(.*?)</script>', page, re.DOTALL)[1])
@@ -75,7 +75,7 @@ def test_a_title_is_a_title_in_a_page(title, tmp_path, capsys):
 
 
 @pytest.mark.parametrize("title", TITLES, ids=ascii)
-def test_a_title_is_a_title_in_a_figure(title, tmp_path, recwarn):
+def test_title_is_escaped_in_a_figure(title, tmp_path, recwarn):
     path = titled(tmp_path / "gas.h5", title, name=title)
     with haff.open(path) as run:
         figure = figures.draw(run, "temperature")
@@ -94,12 +94,12 @@ def test_names_of_few_bodies_are_no_formulas_in_figures(tmp_path, command):
     with haff.open(path) as run:
         figure = figures.draw(run, "trajectories")
     shown = [one.get_text() for legend in figure.legends for one in legend.get_texts()]
-    # A legend leaves out what begins with an underscore.
+    # A legend omits labels that begin with an underscore.
     assert shown[:3] == [r"\$a\$ and \$\frac{\$", "\u2009_b", r"c\n\$"]
 
 
 @pytest.mark.parametrize("title", ["\x1b[2J", "x\nhaff: error: forged", "x\rhaff: error: forged", "\u202e"], ids=ascii)
-def test_no_command_prints_control_characters_of_a_file(title, tmp_path, capsys, monkeypatch):
+def test_commands_escape_control_characters_of_a_file(title, tmp_path, capsys, monkeypatch):
     monkeypatch.chdir(tmp_path)
     path = titled(tmp_path / f"{title}.h5", title, name=title)
     lines = [
@@ -123,7 +123,7 @@ def test_no_command_prints_control_characters_of_a_file(title, tmp_path, capsys,
         assert "haff: error: forged" not in line[:20], ascii(line)
 
 
-def test_tables_hold_names_as_text(tmp_path, monkeypatch):
+def test_tables_store_names_as_text(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     path = titled(tmp_path / "gas.h5", "gas", name="=HYPERLINK(1)")
     with h5py.File(path, "r+") as file:
@@ -149,15 +149,15 @@ def test_tables_hold_names_as_text(tmp_path, monkeypatch):
         assert "'@SUM(A1)" in cells["observables"][0]
         kinds = [row[cells["events"][0].index("kind")] for row in cells["events"][1:4]]
         assert kinds == ["'+collision", r"a\rb", "'+collision"]
-        # Numbers stay numbers.
+        # Numbers are not changed.
         assert (pd.read_csv("observables.csv")["'@SUM(A1)"] == -1).all()
-        # What is no spreadsheet has the name itself.
+        # Formats other than CSV have the name itself.
         pytest.importorskip("pyarrow")
         run.export("frames.parquet", table="frames")
         assert set(pd.read_parquet("frames.parquet")["species"]) == {"=HYPERLINK(1)"}
 
 
-def test_extended_xyz_keeps_a_line_a_particle(tmp_path):
+def test_extended_xyz_has_one_line_per_particle(tmp_path):
     path = titled(tmp_path / "gas.h5", 'a "b"\r\u2028c\nd', name='x "y"\r\u2028z')
     with haff.open(path) as run:
         lines = run.export(tmp_path / "gas.extxyz", frames=":1").read_text(encoding="utf-8").splitlines()

@@ -1,4 +1,4 @@
-"""The arithmetic behind `scripts/validate`: z-scores, bounds, and a record that keeps what is not measured again."""
+"""The arithmetic of `scripts/validate`: z-scores, bounds, and records that keep earlier parts."""
 
 import json
 import math
@@ -48,17 +48,17 @@ def test_row_of_independent_runs_has_their_standard_error():
     assert row.z < 0
 
 
-def test_deviation_of_few_runs_is_students():
+def test_deviation_of_few_runs_has_a_student_distribution():
     # Three degrees of freedom: t = 4 is as unlikely as z = 2.2 of a normal variable.
     row = compare("gas", "Z", [1.0, 2.0, 3.0, 2.0], 0.0, "theory")
     t = 2.0 / row.error
     assert row.z == pytest.approx(stats.norm.isf(stats.t.sf(t, 3))) and row.z < t
-    # Where the theory's uncertainty dominates, its own normal variable remains.
+    # If the theory's uncertainty dominates, the deviation is normal.
     sure = Row("gas", "Z", 1.0, 0.0, "theory", error=1e-6, uncertainty=0.5, samples=4)
     assert sure.z == pytest.approx(2.0, rel=1e-9)
 
 
-def test_z_scores_of_good_runs_are_normal():
+def test_z_scores_of_unbiased_runs_are_normal():
     random = np.random.default_rng(1)
     z = [compare("", "", random.normal(3, 2, 8), 3, "").z for _ in range(2000)]
     assert stats.kstest(z, "norm").pvalue > 1e-3
@@ -66,7 +66,7 @@ def test_z_scores_of_good_runs_are_normal():
     assert count == 200 and 120 < total < 300
 
 
-def test_a_wrong_figure_fails_and_a_bound_is_kept_or_not():
+def test_biased_mean_fails_and_bounds_pass_or_fail():
     assert not compare("gas", "Z", np.random.default_rng(1).normal(1, 0.01, 8), 1.2, "theory").passed
     assert at_most("gas", "overlap", 1e-13, 1e-12, "rounding").passed
     assert not at_most("gas", "overlap", 1e-11, 1e-12, "rounding").passed
@@ -121,7 +121,7 @@ def test_settings_are_written_as_toml():
     assert toml({"log": [1.0, 1.5]}) == "{ log = [1.0, 1.5] }" and toml(True) == "true" and toml("fcc") == '"fcc"'
 
 
-def test_seeds_give_independent_runs_of_the_asked_length(context):
+def test_seeds_give_independent_runs_of_the_given_length(context):
     settings = [equilibrium.settings(0.2, 3, 100, 20, 5, seed, melting=5) for seed in (1, 2)]
     first, second = context.each("fluid", settings, last_state)
     assert first[0] == second[0] == 100 and first[1] != second[1]
@@ -147,7 +147,7 @@ def collisions_at_samples(file, outcome):
 
 
 def test_stress_of_the_event_log_is_that_of_the_frames_and_of_the_virial(context):
-    # Replaying all impulses must end with the velocities of the last frame; a wrong sign or partner would not.
+    # Replaying all impulses must end with the velocities of the last frame, which detects a wrong sign or partner.
     rate = transport.enskog_rate(0.2)
     settings = {
         "domain.packing_fraction": 0.2,
@@ -186,7 +186,7 @@ def test_hydrostatic_profile_of_a_thin_gas_is_exponential():
     assert shares == pytest.approx(-np.diff(edges), rel=1e-4)
 
 
-def test_hydrostatic_profile_of_a_dense_gas_carries_its_weight():
+def test_pressure_of_a_hydrostatic_profile_equals_the_weight_above():
     # The pressure at the floor is the weight of the column: swollen by B₂ = 4η, heights grow by 1 + 2η₀ to first order.
     column = 0.1
     height, shares = atmosphere.hydrostatic(1.0, column)
@@ -195,13 +195,13 @@ def test_hydrostatic_profile_of_a_dense_gas_carries_its_weight():
     assert np.all(shares > 0)
 
 
-def test_share_of_a_momentum_that_is_kept_zero():
+def test_species_temperature_correction_for_zero_total_momentum():
     mixture = mixtures.Mixture((3, 1), 10.0, 1.0, 0.01, 1.0)
     # T_i = T(1 − m_i/M) of each, M = 13.
     assert mixture.ratio(1 - 1 / 13, 1 - 10 / 13) == pytest.approx(1)
 
 
-def test_pairs_of_the_boltzmann_equation_are_strangers():
+def test_monte_carlo_pairs_are_independent():
     rng = np.random.default_rng(1)
     lengths = []
     for _ in range(200):
@@ -212,7 +212,7 @@ def test_pairs_of_the_boltzmann_equation_are_strangers():
 
 
 @pytest.mark.parametrize("e", [1.0, 0.6])
-def test_collisions_of_the_boltzmann_equation_keep_momentum_and_lose_energy(e):
+def test_monte_carlo_collisions_conserve_momentum_and_lose_energy(e):
     rng = np.random.default_rng(2)
     v = rng.standard_normal((2000, 3))
     before, momentum = v.copy(), v.sum(axis=0)
@@ -220,7 +220,7 @@ def test_collisions_of_the_boltzmann_equation_keep_momentum_and_lose_energy(e):
     assert 100 < done < np.count_nonzero(np.any(v != before, axis=1))
     assert np.allclose(v.sum(axis=0), momentum, atol=1e-11)
     lost = 1 - np.sum(v**2) / np.sum(before**2)
-    # Each collision takes (1 − e²) g_n²/4, ⟨g_n²⟩ = 4T among those that collide, of 3T/2 a particle.
+    # Each collision dissipates (1 − e²) g_n²/4, ⟨g_n²⟩ = 4T over colliding pairs, of 3T/2 a particle.
     expected = done * (1 - e**2) / (1.5 * len(v))
     assert lost == pytest.approx(expected, rel=4 / done**0.5, abs=1e-12)
 

@@ -1,4 +1,4 @@
-"""`haff view`: what the page holds, and what a browser makes of it."""
+"""`haff view`: the data in the page, and its rendering in a browser."""
 
 import base64
 import io
@@ -20,7 +20,7 @@ BROWSERS = ("chromium", "chromium-browser", "google-chrome", "chrome")
 
 
 class Page:
-    """The arrays and the header of a page, unpacked as the page does it."""
+    """The arrays and the header of a page, unpacked as in the page."""
 
     def __init__(self, path):
         self.text = path.read_text(encoding="utf-8")
@@ -127,7 +127,7 @@ def test_frames_of_few_bodies_are_thinned_too(files, tmp_path, capsys, monkeypat
     assert page.header["notes"] == ["2 of 4 frames, one in 2: a page has up to 2"]
 
 
-def test_the_page_needs_no_network_and_no_text_breaks_it(tmp_path):
+def test_page_needs_no_network_and_escapes_all_text(tmp_path):
     gas = synthetic.cooling_gas(tmp_path / "gas.h5", n=60, frames=3, collisions=50)
     import h5py
 
@@ -141,7 +141,7 @@ def test_the_page_needs_no_network_and_no_text_breaks_it(tmp_path):
     assert not re.search(r"""(src|href)\s*=|url\(|@import""", shell)
 
 
-def test_what_cannot_be_is_one_line(files, tmp_path, capsys):
+def test_invalid_arguments_are_errors_of_one_line(files, tmp_path, capsys):
     kept = tmp_path / "kept.html"
     kept.write_text("mine")
     cases = [
@@ -188,12 +188,12 @@ def browser():
 
 @pytest.fixture
 def show(browser, tmp_path):
-    """Opens the page of a file; the test fails if the page complains."""
+    """Opens the page of a file; errors of the page fail the test."""
     complaints, opened = [], []
 
     def shown(path, *arguments):
         page_of(path, tmp_path, *arguments)
-        # Without a network, and small: pixels are drawn by the processor.
+        # Without a network, and in a small window: rendering is by software.
         context = browser.new_context(viewport={"width": 720, "height": 480}, offline=True)
         context.set_default_timeout(120_000)
         page = context.new_page()
@@ -217,17 +217,17 @@ def seek(page, time):
     return np.asarray(Image.open(io.BytesIO(page.screenshot())).convert("RGB")).astype(int)
 
 
-def test_a_ball_is_drawn_where_it_is(show, files):
+def test_ball_is_drawn_at_its_position(show, files):
     page = show(files["ball"])
     for time in (0.0, 0.3, 1.1):
         picture = seek(page, time)
         seen = page.evaluate("haffView.player.locate(0)")
-        if time < 0.6:  # it falls; straight lines between key frames are a little short of the parabola
+        if time < 0.6:  # it falls; chords between key frames deviate a little from the parabola
             assert seen["position"][2] == pytest.approx(2.5 - 9.81 * time**2 / 2, abs=1e-3)
         blue = (picture[..., 2] > picture[..., 0] + 40) & (picture[..., 2] > 90)
         rows, columns = np.nonzero(blue)
         assert len(rows) > 300, "a ball is seen"
-        # The middle of its outline; the shadowed side is darker, but blue.
+        # The center of its outline; the shaded side is darker, but blue.
         assert (columns.min() + columns.max()) / 2 == pytest.approx(seen["x"], abs=4)
         assert (rows.min() + rows.max()) / 2 == pytest.approx(seen["y"], abs=4)
 
@@ -244,7 +244,7 @@ def pair(path, position, velocity, image, times):
 
 
 def test_between_two_frames_a_single_collision_is_exact(show, tmp_path):
-    """Two spheres of one mass meet head on, elastically, between the only two frames, across a periodic face."""
+    """Two equal spheres collide head on, elastically, between the only two frames, across a periodic face."""
     speed, end = np.array([1.0, -2.0]), 2.0
     start = np.array([9.0, 11.5])  # the gap of 1.5 closes at speed 3, so they meet after 0.5 at 9.5 and 10.5
     after = np.array([9.5 - 2.0 * 1.5, 10.5 + 1.0 * 1.5])
@@ -261,8 +261,8 @@ def test_between_two_frames_a_single_collision_is_exact(show, tmp_path):
             assert page.evaluate(f"haffView.player.locate({k})")["position"][0] == pytest.approx(x % 10, abs=1e-5)
 
 
-def test_what_reaches_through_a_periodic_face_is_seen_at_both_ends(show, tmp_path):
-    """A sphere at an edge of the box is seen at four edges, one in the middle of it once."""
+def test_sphere_across_a_periodic_face_is_drawn_at_both_sides(show, tmp_path):
+    """A sphere at an edge of the box is drawn at four edges, one at the center once."""
     position = np.array([[[9.8, 0.1, 5.0], [5.0, 5.0, 5.0]]])
     page = show(pair(tmp_path / "pair.h5", position, np.zeros((1, 2, 3)), np.zeros((1, 2, 3), np.int32), [0.0]))
     for points in (False, True):
@@ -281,7 +281,7 @@ def test_what_reaches_through_a_periodic_face_is_seen_at_both_ends(show, tmp_pat
         assert not any(lit(x, 5.0, 5.0) for x in (-5.0, -0.2, 9.8)) and not lit(-0.2, 0.1, -5.0)
 
 
-def test_one_frame_alone_is_a_picture(show, tmp_path):
+def test_file_with_one_frame_is_drawn(show, tmp_path):
     gas = synthetic.cooling_gas(tmp_path / "gas.h5", n=100, frames=2, events=False)
     page = show(gas, "--frames", "-1")
     assert page.locator("#play").is_disabled() and not page.locator("#flash-label").is_visible()
@@ -289,7 +289,7 @@ def test_one_frame_alone_is_a_picture(show, tmp_path):
 
 
 @pytest.mark.parametrize("name", ["cooling", "disks"])
-def test_a_gas_plays_lights_up_and_answers_to_keys(show, files, name):
+def test_page_of_a_gas_plays_highlights_collisions_and_handles_keys(show, files, name):
     page = show(files[name])
 
     def state():
@@ -328,12 +328,12 @@ def test_a_gas_plays_lights_up_and_answers_to_keys(show, files, name):
     assert seek(page, 0)[5, 5].tolist() == [255, 255, 255]
 
 
-def test_many_particles_are_drawn_as_points_like_few(show, tmp_path, browser):
+def test_points_of_many_particles_look_as_spheres_of_few(show, tmp_path, browser):
     gas = synthetic.cooling_gas(tmp_path / "gas.h5", n=700, frames=2, events=False)
     pictures = []
     for points in (False, True):
         page = show(gas)
-        if points:  # the same page, its limit lowered
+        if points:  # the same page with a lower limit
             html = tmp_path / "page.html"
             html.write_text(html.read_text().replace("const POINTS = 20000;", "const POINTS = 10;"))
             page.reload()
@@ -342,5 +342,5 @@ def test_many_particles_are_drawn_as_points_like_few(show, tmp_path, browser):
         pictures.append(seek(page, 0))
     differs = np.abs(pictures[0] - pictures[1]).max(axis=2) > 40
     covered = (pictures[0].std(axis=2) > 12).mean()
-    # Only outlines are rounded otherwise.
+    # Only outlines differ, by rounding.
     assert covered > 0.05 and differs.mean() < 0.1 * covered

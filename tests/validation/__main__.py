@@ -95,7 +95,7 @@ def main() -> int:
         }
         print(f"\n{parts[name].title}: {report.summary(rows)}\n")
         print("\n".join(report.table(rows)), flush=True)
-        # After every part, so that a run which is stopped keeps what it has.
+        # After every part, so that an interrupted run keeps its results.
         if directory:
             report.write(record, directory, parts)
     if failed:

@@ -1,9 +1,9 @@
-"""What must hold of any run, found from what it records by a computation of its own.
+"""Conditions on every run, checked from its output by an independent computation.
 
 Positions, velocities and events are compared with each other and with the scene: overlaps with all periodic images and
 walls in extended precision, energy and momentum by exact sums, each event's impulse and loss from its law, and each
-flight between two events of a particle from the velocity that the impulses give it. Nothing of this is taken from the
-program's sums. Only where a run has no event log are losses and the number of events those of its observables
+flight between two events of a particle from the velocity that the impulses give it. The program's sums are not used.
+Only for a run without event log losses and the number of events are taken from its observables
 (:func:`audit_without_events`): energies of the frames must then balance with them.
 """
 
@@ -31,7 +31,7 @@ STALL = 110_000
 
 @dataclass(frozen=True)
 class Finding:
-    """A worst case, and what it must not exceed."""
+    """A worst case, and its limit."""
 
     name: str
     found: float
@@ -39,7 +39,7 @@ class Finding:
 
     @property
     def passed(self) -> bool:
-        """Whether the limit is kept; what is not a number does not keep it."""
+        """Whether the value is within the limit; NaN is not."""
         return bool(self.found <= self.limit)
 
     def __str__(self) -> str:
@@ -63,7 +63,7 @@ def vector(values: Any) -> Array:
 
 
 class Scene:
-    """What a recorded scene says, read anew from its TOML."""
+    """A recorded scene, parsed from its TOML."""
 
     def __init__(self, file: haff.File) -> None:
         scene = file.scene
@@ -189,7 +189,7 @@ def overlap(scene: Scene, position: Array, time: float) -> float:
 
 
 def worse(a: float, b: float) -> float:
-    """The larger; what is not a number is worst."""
+    """The larger value; NaN counts as the largest."""
     return b if not b <= a and a == a else a
 
 
@@ -199,13 +199,13 @@ def exact(terms: Any) -> float:
 
 
 def walk(events: int, scene: Scene) -> float:
-    """What rounding may leave of the sum of all energies, or momenta, as a part of it: an event takes up to some 4 ε of
-    what its pair has, either way, and a pair has two of N parts."""
+    """Relative error of the sum of all energies, or momenta, by rounding: an event changes it by up to some 4 ε of the
+    pair's contribution, with random sign, and a pair has two of N parts."""
     return 4 * EPS * math.sqrt(events + 1) * min(1.0, 2 / scene.finite.sum())
 
 
 def audit(file: haff.File) -> list[Finding]:
-    """Everything that must hold of a run with frames and a complete event log."""
+    """All conditions on a run with frames and a complete event log."""
     scene = Scene(file)
     events = Log(file.events)
     frames = list(file.frames)
@@ -222,7 +222,7 @@ def audit(file: haff.File) -> list[Finding]:
 
 
 def audit_without_events(file: haff.File) -> list[Finding]:
-    """What must hold of a run without event log: no overlaps, energies that balance with what is said to be lost."""
+    """Conditions on a run without event log: no overlaps, and a balance of energy with the reported losses."""
     scene = Scene(file)
     frames = list(file.frames)
     table = file.observables
@@ -248,8 +248,8 @@ def places(scene: Scene, frames: list[Any], reach: float, logged: Sequence[Array
 
 
 def energy_balance(scene: Scene, frames: list[Any], gone: list[list[float]], events: int) -> Finding:
-    """Kinetic and potential energy of every frame from its particles, against the first frame and the parts of what has
-    gone since."""
+    """Kinetic and potential energy of every frame from its particles, against the first frame and the energy terms
+    lost since."""
     m = scene.mass[scene.finite]
 
     def energies(frame: Any) -> tuple[float, float]:
@@ -265,7 +265,7 @@ def energy_balance(scene: Scene, frames: list[Any], gone: list[list[float]], eve
 
 
 def order_of_time(time: Array, particles: int) -> list[Finding]:
-    """Time never goes back, and does not stand still."""
+    """Times do not decrease, and advance."""
     back = float(np.max(-np.diff(time), initial=0))
     same = np.diff(np.flatnonzero(np.concatenate([[True], np.diff(time) > 0, [True]])))
     return [
@@ -309,11 +309,11 @@ def laws(scene: Scene, events: Log) -> list[Finding]:
         if scene.tc > 0:
             bodies = [k for k in ((i,) if wall else (i, j)) if scene.finite[k]]
             since = min(time - last[k] for k in bodies)
-            # At the very edge of tc, rounding decides.
+            # At the limit tc, rounding decides.
             e = None if abs(since - scene.tc) < 1e-9 * scene.tc else 1.0 if since < scene.tc else e
             last[bodies] = time
         if speed <= 0:
-            # Two that touch in passing, at the same moment as another impact: nothing may come of it.
+            # Particles that touch at the instant of another impact, without approach: no effect is required.
             nothing = max(abs(speed), impulse, loss, carnot)
             error["of what does not approach"] = max(error["of what does not approach"], nothing)
             continue
@@ -346,7 +346,7 @@ def balances(scene: Scene, events: Log, frames: list[Any]) -> list[Finding]:
     gone = [[exact(events.loss[:end]), -exact(work[:end])] for end in until]
     findings = [energy_balance(scene, frames, gone, len(events))]
     if "rest" in events.kind:
-        # What holds up a grain at rest is not in the log.
+        # Forces on grains at rest are not in the log.
         return findings
     before = [exact(m * velocity[0][scene.finite, axis]) for axis in range(3)]
     push = scale = 0.0
@@ -361,9 +361,9 @@ def balances(scene: Scene, events: Log, frames: list[Any]) -> list[Finding]:
 
 
 def flights(scene: Scene, events: Log, velocity: Array, position: Array, start: float) -> list[Finding]:
-    """Every flight between two events of a particle: from the place of the one to that of the other, at the velocity
-    that the logged impulses give it; and every approach speed from those velocities. This judges times of contact
-    without following chaos, since each flight starts from where its event is recorded."""
+    """Every flight between two events of a particle: from the position of the one to that of the other, at the velocity
+    that the logged impulses give it; and every approach speed from those velocities. This checks times of contact
+    without chaotic amplification, since each flight starts at the recorded position of its event."""
     v = velocity.tolist()
     x = position.tolist()
     last = [start] * len(x)
@@ -379,7 +379,7 @@ def flights(scene: Scene, events: Log, velocity: Array, position: Array, start: 
         bodies = [(i, -1)] if kind == "wall" else [(i, -1), (j, 1)]
         closing = 0.0
         scale = 0.0
-        # A contact is found to the rounding of the largest coordinate, whatever its direction.
+        # A contact is exact to the rounding of the largest coordinate in any direction.
         coordinate = max(map(abs, place)) + edge
         for k, sign in bodies:
             dt = time - last[k]
@@ -390,7 +390,7 @@ def flights(scene: Scene, events: Log, velocity: Array, position: Array, start: 
                 off = there - come
                 if periodic[axis]:
                     off -= round(off / size[axis]) * size[axis]
-                # The place, the way, and the velocity's rounding over it, which adds up over the events so far; the
+                # Rounding of position, path and velocity, the last of which accumulates over the events so far; the
                 # rounding of the logged times moves a body by its speed.
                 pace = fastest[k] * (1 + hits[k])
                 ulp = EPS * (coordinate + radius[k] + pace * dt + fastest[k] * abs(time))

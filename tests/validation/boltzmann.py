@@ -1,9 +1,9 @@
 """The velocity distribution of the homogeneous cooling state from the Boltzmann equation alone, by direct Monte Carlo.
 
-Two of N particles are drawn, wherever they are, and a direction for the line of centers; they collide with a
-probability in proportion to their approach speed (Bird's direct simulation Monte Carlo as Kac's process). No code is
-haff's, and nothing is assumed but molecular chaos: no expansion, no step of time. So it tells which of the two is off
-where haff and a formula do not agree.
+Two of N particles are drawn at random, and a direction for the line of centers; they collide with a probability
+proportional to their approach speed (Bird's direct simulation Monte Carlo as Kac's process). It shares no code with
+haff and assumes only molecular chaos: no expansion, no time step. It decides between haff and a formula where they
+disagree.
 
     PYTHONPATH=tests python -m validation.boltzmann      # prints A2 below; half an hour on one core
 """
@@ -42,7 +42,7 @@ def draw_pairs(rng: np.random.Generator, particles: int) -> NDArray[np.int64]:
 
 
 def collide(rng: np.random.Generator, v: NDArray[np.float64], e: float, bound: float) -> int:
-    """Lets pairs of `v` ``[N, 3]`` collide, in place, and tells how many; no approach speed is above `bound`."""
+    """Collides pairs of `v` ``[N, 3]`` in place; returns their number; no approach speed exceeds `bound`."""
     i, j = draw_pairs(rng, len(v)).T
     n = rng.standard_normal((len(i), 3))
     n /= np.linalg.norm(n, axis=1)[:, None]

@@ -1,4 +1,4 @@
-"""Long elastic runs: what rounding adds up to, looked at from time to time."""
+"""Long elastic runs: accumulated rounding errors, measured at intervals."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ PACKING = 0.1
 
 
 class Gas(NamedTuple):
-    """Elastic spheres of unit diameter and temperature: how many of each mass, and how long they are followed."""
+    """Elastic spheres of unit diameter and temperature: numbers by mass, and length of the run."""
 
     counts: tuple[int, ...]
     masses: tuple[float, ...]
@@ -38,7 +38,7 @@ class Gas(NamedTuple):
         return f"{counts} spheres{masses}, {self.collisions / 10**power:g}·10^{power} collisions"
 
     def start(self, seed: int) -> haff.Simulation:
-        """In a periodic box, at random places."""
+        """In a periodic box, at random positions."""
         species = [
             {"name": f"mass {mass:g}", "count": count, "radius": 0.5, "mass": mass}
             for count, mass in zip(self.counts, self.masses)
@@ -48,7 +48,7 @@ class Gas(NamedTuple):
 
 
 class Bodies(NamedTuple):
-    """What places are compared with."""
+    """The bodies in extended precision."""
 
     size: NDArray[np.float64]
     periodic: NDArray[np.bool_]
@@ -57,7 +57,7 @@ class Bodies(NamedTuple):
 
 @dataclass
 class Walk:
-    """Worst figures of a run; of places one for each stop."""
+    """Largest errors of a run; of contacts, one for each stop."""
 
     energy: float = 0.0
     """Off the start, in ε T √collisions."""
@@ -83,18 +83,18 @@ def least_gap(simulation: haff.Simulation) -> float:
 
 
 def terms(simulation: haff.Simulation) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """What kinetic energy and momentum are the sums of, `[N, 3]`; rounded by √N ε in all, far below the walk."""
+    """Terms of kinetic energy and momentum, `[N, 3]`; rounded by √N ε in all, far below the walk."""
     mass, velocity = simulation.masses[:, None], simulation.velocities
     return 0.5 * mass * velocity**2, mass * velocity
 
 
 def change(before: NDArray[np.float64], after: NDArray[np.float64]) -> float:
-    """Difference of two sums. Each of them alone is known to half an ulp of its own, which for N spheres is N ε T."""
+    """Difference of two sums, each of which is exact to half an ulp, which for N spheres is N ε T."""
     return exact([*after, *-before])
 
 
 def follow(gas: Gas, looks: int, seed: int = 1) -> Walk:
-    """The walk of a gas, looked at after each of `looks` collisions at each stop: two spheres are in contact then."""
+    """The walk of a gas, checked after each of `looks` collisions at each stop, when two spheres are in contact."""
     simulation = gas.start(seed)
     energy, momentum = terms(simulation)
     temperature = exact(energy) / (1.5 * len(simulation))
@@ -117,7 +117,7 @@ def follow(gas: Gas, looks: int, seed: int = 1) -> Walk:
 
 
 def rows(gas: Gas, walk: Walk) -> list[Row]:
-    """What a run must keep."""
+    """Bounds on a run."""
     half = STOPS // 2
     early, late = (math.sqrt(np.mean(np.square(part))) for part in (walk.contact[:half], walk.contact[half:]))
     found: list[tuple[str, float, float, str]] = [

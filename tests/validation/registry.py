@@ -1,4 +1,4 @@
-"""The parts, found in :mod:`validation.parts`: a module there that holds ``PARTS`` is all that a new one needs."""
+"""Discovers the parts: every module of :mod:`validation.parts` with a list ``PARTS``."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The record: validation.json keeps what was measured part by part, validation.md and validation.png show it."""
+"""The record: validation.json has the measurements part by part, validation.md and validation.png present them."""
 
 from __future__ import annotations
 
@@ -38,7 +38,7 @@ LOST = [
 
 
 def load(path: Path) -> dict[str, Any]:
-    """The record so far; parts that are not measured again stay as they are."""
+    """The record so far; parts that are not measured again are kept."""
     return json.loads(path.read_text()) if path.exists() else {"parts": {}}
 
 
@@ -50,7 +50,7 @@ def rows_of(stored: dict[str, Any]) -> list[Row]:
 def write(record: dict[str, Any], directory: Path, parts: dict[str, Part]) -> None:
     """Writes validation.json, validation.md and validation.png."""
     directory.mkdir(parents=True, exist_ok=True)
-    # In the order of the record, whatever was measured last.
+    # In the order of the record, not of measurement.
     record["parts"] = {name: record["parts"][name] for name in parts if name in record["parts"]}
     (directory / "validation.json").write_text(json.dumps(record, indent=1, ensure_ascii=False) + "\n")
     (directory / "validation.md").write_text(markdown(record, parts))
@@ -87,7 +87,7 @@ def table(rows: list[Row]) -> list[str]:
 
 
 def summary(rows: list[Row]) -> str:
-    """How many rows passed, and their χ²."""
+    """Number of rows passed, and their χ²."""
     total, count, probability = chi_square(rows)
     passed = sum(row.passed for row in rows)
     text = f"{passed} of {len(rows)} passed"
@@ -158,7 +158,7 @@ def bounds(stored: dict[str, list[Row]]) -> list[str]:
 
 
 def figure(record: dict[str, Any], parts: dict[str, Part], path: Path) -> None:
-    """All z-scores, part by part, and how they are distributed."""
+    """All z-scores, part by part, and their distribution."""
     names = [name for name in record["parts"] if any(not row.bound for row in rows_of(record["parts"][name]))]
     if not names:
         return

@@ -1,4 +1,4 @@
-"""A row of the table: one figure measured, and what it is held against."""
+"""A row of the table: a measured value, and its expectation or bound."""
 
 from __future__ import annotations
 
@@ -52,7 +52,7 @@ class Row:
 
     @property
     def passed(self) -> bool:
-        """Whether \\|z\\| is below :data:`Z_LIMIT`, or the bound is kept."""
+        """Whether \\|z\\| is below :data:`Z_LIMIT`, or the value is within the bound."""
         if self.bound:
             return bool(self.measured <= self.expected)
         return bool(abs(self.z) < Z_LIMIT)
@@ -84,7 +84,7 @@ def at_most(system: str, quantity: str, measured: float, limit: float, source: s
 def chi_square(rows: Sequence[Row]) -> tuple[float, int, float]:
     """Σ z² over the rows that have a z-score, their number, and how likely a larger sum is.
 
-    The stated uncertainties of theory are no random errors, so a sum that is too small is no surprise.
+    The stated uncertainties of theory are not random errors, so the sum may be too small.
     """
     scores = np.array([row.z for row in rows if not row.bound])
     total = float(np.sum(scores**2))

@@ -59,7 +59,7 @@ def run(binary: Path, scene: Path, settings: Settings, output: Path) -> dict[str
 
 
 def run_and_analyse(binary: Path, scene: Path, settings: Settings, analyse: Analysis) -> tuple[Any, dict[str, Any]]:
-    """One run, looked at and thrown away."""
+    """One run: analysed, its file removed."""
     with tempfile.TemporaryDirectory(prefix="haff-validate-") as directory:
         output = Path(directory) / "run.h5"
         report = run(binary, scene, settings, output)
@@ -69,7 +69,7 @@ def run_and_analyse(binary: Path, scene: Path, settings: Settings, analyse: Anal
 
 @dataclass
 class Context:
-    """What a part may use: the command, how many runs at once, and how much effort."""
+    """Services for a part: the command, the number of simultaneous runs, and the effort."""
 
     binary: Path
     jobs: int
@@ -88,7 +88,7 @@ class Context:
         return quick if self.quick else full
 
     def seeds(self, full: int = 8) -> range:
-        """Seeds of independent runs: at least 8, so that their scatter tells the error; 8 with `--quick`."""
+        """Seeds of independent runs: at least 8, so that their scatter gives the error; 8 with `--quick`."""
         return range(1, self.effort(max(full, 8), 8) + 1)
 
     def each(self, scene: str | Path, settings: Sequence[Settings], analyse: Analysis) -> list[Any]:

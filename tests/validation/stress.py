@@ -1,4 +1,4 @@
-"""The stress scenes of configs/stress: what must hold of each, beside what must hold of every run (:mod:`.audit`)."""
+"""The stress scenes of configs/stress: conditions on each, beside those on every run (:mod:`.audit`)."""
 
 from __future__ import annotations
 
@@ -57,7 +57,7 @@ def cools(file: haff.File) -> list[Finding]:
 
 
 def cradle(file: haff.File) -> list[Finding]:
-    """The last ball takes all."""
+    """The last ball takes all momentum."""
     velocity = file.frames[-1].velocity
     expected = np.zeros_like(velocity)
     expected[-1, 0] = 1.0
@@ -70,13 +70,13 @@ def breaks(file: haff.File) -> list[Finding]:
 
 
 def pairs_meet(file: haff.File) -> list[Finding]:
-    """Every pair (0, 1), (2, 3), … meets."""
+    """Every pair (0, 1), (2, 3), … collides."""
     met = set(zip(file.events["i"].tolist(), file.events["j"].tolist()))
     return [Finding("pairs that miss", sum((i, i + 1) not in met for i in range(0, len(file), 2)), 0)]
 
 
 def grazing(file: haff.File) -> list[Finding]:
-    """Backward error of each shot in exact arithmetic: what happened is what happens for a start that many ulp away."""
+    """Backward error of each shot in exact arithmetic: the outcome is exact for an initial state that many ulp away."""
     first = file.frames[0]
     x = [[Fraction(c) for c in row] for row in first.position.tolist()]
     v = [[Fraction(c) for c in row] for row in first.velocity.tolist()]
@@ -90,12 +90,12 @@ def grazing(file: haff.File) -> list[Finding]:
         closest = -sum(a * b for a, b in zip(r, w)) / sum(b * b for b in w)
         time = times.get(shot, closest)
         square = sum((a + b * time) ** 2 for a, b in zip(r, w))
-        # |r|² − σ² = (|r| − σ)(|r| + σ): how far the exact place is from a contact; a miss may be wider.
+        # |r|² − σ² = (|r| − σ)(|r| + σ): distance of the exact position from contact; a miss may be wider.
         off = (square - sigma**2) / (2 * sigma)
         off = abs(off) if shot in times else max(-off, Fraction(0))
         ulp = EPS * float(max(map(abs, x[shot])) + max(map(abs, w)) * time)
         worst = max(worst, float(off) / ulp)
-        # At the contact they must still approach: it is the first of the two roots, or the closest approach itself.
+        # At the contact they must still approach: the first of the two roots, or the closest approach itself.
         late = float((time - closest) * max(map(abs, w)))
         worst = max(worst, late / ulp)
     return [Finding("backward error of a grazing shot [ulp of the way]", worst, 4)]
@@ -108,13 +108,13 @@ def in_plane(file: haff.File) -> list[Finding]:
 
 
 def flies_apart(file: haff.File) -> list[Finding]:
-    """The cluster is wider in the end."""
+    """The final cluster is wider than the initial one."""
     spread = [float(frame.position.std()) for frame in (file.frames[0], file.frames[-1])]
     return [Finding("extent at the start over that in the end", spread[0] / spread[1], 0.9)]
 
 
 def unsupported(file: haff.File, gap: float) -> np.ndarray:
-    """Of every grain in the end the part of its weight that the normals of its contacts leave, `[N]`: 0 if it stands.
+    """For every grain at the end, the fraction of its weight not balanced by contact forces, `[N]`: 0 if supported.
 
     Contacts are those with other grains and with walls that are narrower than `gap`.
     """
@@ -138,7 +138,7 @@ def unsupported(file: haff.File, gap: float) -> np.ndarray:
 
 
 def stands(file: haff.File) -> list[Finding]:
-    """In the end nothing moves, and every grain stands on its contacts."""
+    """At the end nothing moves, and every grain is supported by its contacts."""
     speed, g = file.scene["contact"]["rest_speed"], float(np.linalg.norm(file.scene["domain"]["gravity"]))
     taken = file.observables["rest_energy"].iloc[-1]
     return [
@@ -149,7 +149,7 @@ def stands(file: haff.File) -> list[Finding]:
 
 
 def side_by_side(file: haff.File) -> list[Finding]:
-    """Three on a line end at rest relative to each other, in contact."""
+    """Three particles on a line end at rest relative to each other, in contact."""
     last = file.frames[-1]
     speeds, gaps = np.diff(last.velocity[:, 0]), np.diff(last.position[:, 0]) - 1.0
     return [
@@ -177,7 +177,7 @@ OWN: Mapping[str, Callable[[haff.File], list[Finding]]] = {
 
 
 def judge(binary: Path | str, scene: Path, output: Path, short: bool = False) -> tuple[list[Finding], int]:
-    """Runs a scene, its file at `output`; all that was found, and the number of events."""
+    """Runs a scene with its file at `output`; returns all findings, and the number of events."""
     command = [str(binary), "run", str(scene), "--json", "--quiet", "--threads", "1", "-o", str(output), "--overwrite"]
     for key, value in SHORT.get(scene.stem, {}).items() if short else ():
         command += ["--set", f"{key}={toml(value)}"]

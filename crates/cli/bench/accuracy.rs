@@ -12,7 +12,7 @@ use crate::{
     arguments::{Bench, VERSION},
     failure::{Failure, Status},
     output,
-    run::{machine_failure, set_threads},
+    run::{set_threads, simulation_failure},
     signals::Signals,
 };
 
@@ -28,25 +28,25 @@ pub fn accuracy(options: &Bench) -> Result<u8, Failure> {
         .collect::<Result<_, _>>()
         .map_err(|error| failure(&error))?;
     let unprinted = RefCell::new(None);
-    let tell = |text: &str| match (options.json, options.quiet) {
+    let announce = |text: &str| match (options.json, options.quiet) {
         (false, _) => {
             if let Err(failure) = output::lines(text) {
                 unprinted.replace(Some(failure));
             }
         }
-        (true, false) => output::tell(text),
+        (true, false) => output::message(text),
         (true, true) => (),
     };
     let stopped = || signals.received().is_some() || unprinted.borrow().is_some();
     let size = if options.quick { &plan::QUICK } else { &plan::FULL };
-    let measured = measure(size, &peers, &tell, &stopped);
+    let measured = measure(size, &peers, &announce, &stopped);
     if let Some(failure) = unprinted.take() {
         return Err(failure);
     }
     match measured {
         Ok(report) if options.json => output::line(report).map(|()| 0),
         Ok(_) => Ok(0),
-        // A peer may have got the signal first.
+        // The signal may have ended a peer first.
         Err(error) => match signals.received() {
             Some(signal) => Ok(128 + signal as u8),
             None => Err(failure(&error)),
@@ -57,12 +57,12 @@ pub fn accuracy(options: &Bench) -> Result<u8, Failure> {
 fn measure(
     size: &plan::Size,
     peers: &[Program],
-    tell: &dyn Fn(&str),
+    announce: &dyn Fn(&str),
     stopped: &dyn Fn() -> bool,
 ) -> Result<serde_json::Value, Error> {
-    let scenes = plan::scenes(size, peers, tell, stopped)?;
-    let statistics = plan::statistics(size, peers, tell, stopped)?;
-    let growth = plan::growth(size, tell, stopped)?;
+    let scenes = plan::scenes(size, peers, announce, stopped)?;
+    let statistics = plan::statistics(size, peers, announce, stopped)?;
+    let growth = plan::growth(size, announce, stopped)?;
     Ok(json!({
         "scenes": scenes,
         "statistics": statistics,
@@ -76,7 +76,7 @@ fn measure(
 
 fn failure(error: &Error) -> Failure {
     match error {
-        Error::Engine(error) => machine_failure(&error.clone().into()),
+        Error::Engine(error) => simulation_failure(&error.clone().into()),
         Error::Peer { .. } | Error::Unsupported { .. } | Error::Interrupted => {
             Failure::new(Status::Invalid, output::shown(error))
         }

@@ -12,19 +12,19 @@ use super::scenes::Standard;
 use crate::{
     failure::{Failure, Status},
     info::States,
-    run::{machine_failure, scene_failure},
+    run::{scene_failure, simulation_failure},
     session::Ending,
     signals::Signals,
 };
 
-/// Calendar entries between two looks at the signals, as in a run.
+/// Calendar entries between two checks of signals, as in a run.
 const SLICE: u64 = 1 << 15;
 /// Collisions per particle before a standard scene is timed.
 const MELT: f64 = 20.0;
-/// Collisions timed if nothing is asked for, or twice the particles if that is more.
+/// Default number of timed collisions, or twice the particles if that is more.
 const COLLISIONS: u64 = 1_000_000;
 
-/// Where a cell's scene comes from.
+/// Source of a cell's scene.
 pub enum Source<'a> {
     /// A standard scene with its number of particles, packing fraction and seed.
     Standard { scene: &'static Standard, n: u64, phi: f64, seed: u64 },
@@ -32,7 +32,7 @@ pub enum Source<'a> {
     File(&'a Path),
 }
 
-/// What is measured.
+/// A cell to measure.
 pub struct Plan<'a> {
     pub source: Source<'a>,
     pub collisions: Option<u64>,
@@ -42,7 +42,7 @@ pub struct Plan<'a> {
     pub set: Vec<String>,
 }
 
-/// What one stretch of the timed part took.
+/// Measurements of one repeat of the timed part.
 #[derive(Debug, Clone, Copy)]
 pub struct Stretch {
     pub collisions: u64,
@@ -60,12 +60,12 @@ pub struct Measured {
     pub packing_fraction: f64,
     /// Reading, packing and drawing velocities.
     pub packing: Duration,
-    /// Building the engine: places, first predictions, calendar.
+    /// Building the engine: cells, first predictions, calendar.
     pub building: Duration,
     pub melting: Duration,
 }
 
-/// What [`Plan::measure`] comes to.
+/// Outcome of [`Plan::measure`].
 pub enum Outcome {
     Measured(Box<Measured>),
     /// A signal came before the clock was started.
@@ -105,16 +105,16 @@ impl Plan<'_> {
                 let (.., Some(total)) = self.counts(scene.system.bodies.len() as u64) else {
                     return Ok(scene);
                 };
-                // Once more, so that the resolved text says it too.
+                // Parsed again, so that the resolved text contains it too.
                 parse(&name, &text, &[&self.set[..], &[format!("run.collisions={total}")]].concat())
             }
         }
     }
 
-    /// Melts and times the cell. `tell` hears what is being done.
-    pub fn measure(&self, signals: &Signals, tell: impl Fn(&str)) -> Result<Outcome, Failure> {
+    /// Melts and times the cell. `announce` is called with the name of each phase.
+    pub fn measure(&self, signals: &Signals, announce: impl Fn(&str)) -> Result<Outcome, Failure> {
         let started = Instant::now();
-        tell("packing");
+        announce("packing");
         let scene = self.scene()?;
         let packing = started.elapsed();
 
@@ -126,10 +126,10 @@ impl Plan<'_> {
         let (melt, timed, _) = self.counts(system.bodies.len() as u64);
         let started = Instant::now();
         let mut simulation =
-            Simulation::new(system, options).map_err(|error| machine_failure(&error.into()))?;
+            Simulation::new(system, options).map_err(|error| simulation_failure(&error.into()))?;
         let building = started.elapsed();
 
-        tell("melting");
+        announce("melting");
         let until = run.until.unwrap_or(f64::INFINITY);
         let started = Instant::now();
         let mut ending = advance(&mut simulation, melt, until, signals);
@@ -137,7 +137,7 @@ impl Plan<'_> {
         match &ending {
             Ending::Collisions => {}
             &Ending::Signal(signal) => return Ok(Outcome::Interrupted(signal)),
-            Ending::Failed(error) => return Err(machine_failure(error)),
+            Ending::Failed(error) => return Err(simulation_failure(error)),
             early => {
                 let message = format!(
                     "nothing left to time: the scene ended ({}) at t = {} while melting, after {} of {melt} collisions; \
@@ -150,7 +150,7 @@ impl Plan<'_> {
             }
         }
 
-        tell("timing");
+        announce("timing");
         let melted = (simulation.counters(), simulation.time());
         let mut stretches = Vec::new();
         for _ in 0..self.repeats {
@@ -185,9 +185,9 @@ impl Plan<'_> {
     }
 }
 
-/// Runs to a total of collisions, or to whatever ends the scene before, without records.
+/// Runs to a total of collisions, or to the end of the scene if that comes first, without records.
 fn advance(simulation: &mut Simulation, collisions: u64, until: f64, signals: &Signals) -> Ending {
-    // The engine looks at its bounds after an event: a goal that is reached already must not cost one more.
+    // The engine checks its bounds after an event: a bound already reached must not cost one more event.
     if simulation.counters().collisions >= collisions {
         return Ending::Collisions;
     }

@@ -17,7 +17,8 @@ fn rates(stretches: &[Stretch]) -> (f64, [f64; 2], Vec<f64>) {
     (median, [sorted[0], sorted[sorted.len() - 1]], all)
 }
 
-/// What the machinery did in the timed part. A counter that the engine gains does not compile until it is named here.
+/// Counters of the engine in the timed part. The pattern is exhaustive: a new counter does not compile until
+/// it is added.
 fn bookkeeping(before: Counters, after: Counters) -> Map<String, Value> {
     let Counters {
         collisions: _,
@@ -46,8 +47,9 @@ fn bookkeeping(before: Counters, after: Counters) -> Map<String, Value> {
     counts.into_iter().map(|(name, count)| (name.to_owned(), json!(count))).collect()
 }
 
-/// The cell as one JSON object. Collisions, times and counters are those of the timed part; what the whole run came to
-/// stands under `total`, and the state hashed is its last. `phi` is the packing fraction as it was asked for, if it was.
+/// The cell as one JSON object. Collisions, times and counters are those of the timed part; those of the
+/// whole run are under `total`, and the state hash is that of its end. `phi` is the requested packing
+/// fraction, if any.
 pub fn report(cell: &Measured, scene: &str, phi: Option<f64>) -> Value {
     let simulation = &cell.simulation;
     let (before, start) = cell.melted;
@@ -68,7 +70,7 @@ pub fn report(cell: &Measured, scene: &str, phi: Option<f64>) -> Value {
         "scene": scene,
         "n": particles,
         "phi": phi.unwrap_or(cell.packing_fraction),
-        // Null where an axis is open.
+        // Null if an axis is open.
         "packing_fraction": cell.packing_fraction,
         "stopped": cell.ending.word(),
         "particles": particles,
@@ -147,7 +149,7 @@ pub fn line(report: &Value) -> String {
         _ => Value::Null,
     };
     let per = &report["per_collision"];
-    // A path shows its end.
+    // A long path is cut at its start.
     let name = shown(text("scene").rsplit('/').next().unwrap_or_default());
     format!(
         "{name:<10} {:>9} {} {:>3} {:<9} {} {} {}  {} {} {} {}  {} {}",
@@ -174,7 +176,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn the_rate_is_the_median_of_the_stretches() {
+    fn rate_is_the_median_of_the_repeats() {
         let stretch = |collisions, seconds| Stretch { collisions, seconds };
         let (median, spread, all) = rates(&[stretch(6, 2.0), stretch(8, 1.0), stretch(4, 2.0)]);
         assert_eq!((median, spread, all), (3.0, [2.0, 8.0], vec![3.0, 8.0, 2.0]));

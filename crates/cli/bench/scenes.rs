@@ -4,7 +4,7 @@
 pub struct Standard {
     pub name: &'static str,
     pub description: &'static str,
-    /// Packing fraction if none is asked for.
+    /// Default packing fraction.
     pub phi: f64,
     /// Largest packing fraction that its packing reaches with any number of particles that fills its lattice.
     pub largest_phi: f64,
@@ -61,7 +61,7 @@ fn mixture(n: u64, phi: f64) -> String {
     )
 }
 
-/// All of them; the first is the default.
+/// All standard scenes; the first is the default.
 pub const STANDARD: [Standard; 5] = [
     Standard {
         name: "fluid",
@@ -100,7 +100,7 @@ pub const STANDARD: [Standard; 5] = [
     },
 ];
 
-/// The list for people.
+/// The list as text.
 pub fn list() -> String {
     let line = |scene: &Standard| format!("{:8}  {} (φ = {})", scene.name, scene.description, scene.phi);
     STANDARD.iter().map(line).collect::<Vec<_>>().join("\n")
@@ -112,7 +112,7 @@ pub fn find(name: &str) -> Option<&'static Standard> {
 }
 
 impl Standard {
-    /// Says so if the packing cannot be this full.
+    /// An error if the packing cannot be this dense.
     pub fn check(&self, phi: f64) -> Result<(), String> {
         if phi <= self.largest_phi {
             return Ok(());

@@ -1,7 +1,7 @@
-//! `manifest.json` of a sweep's folder: what the sweep is, and what is known of each run.
+//! `manifest.json` of a sweep's folder: definition of the sweep, and state of each run.
 //!
-//! The files of the runs are the truth; the manifest spares reading them all. It is replaced as a whole, so it can be read
-//! at any instant.
+//! The files of the runs are authoritative; the manifest avoids reading all of them. It is replaced
+//! atomically, so it can be read at any instant.
 
 use std::{
     collections::HashMap,
@@ -30,7 +30,7 @@ pub const NAME: &str = "manifest.json";
 /// Version of the manifest's layout.
 const LAYOUT: u32 = 1;
 
-/// What of a run's report a row keeps.
+/// Keys of a run's report that a row keeps.
 const TOTALS: [&str; 19] = [
     "particles",
     "collisions",
@@ -53,11 +53,11 @@ const TOTALS: [&str; 19] = [
     "state_hash",
 ];
 
-/// How far a run is.
+/// State of a run.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum State {
-    /// Not begun.
+    /// Not started.
     Missing,
     /// Another process writes its file.
     Running,
@@ -82,12 +82,12 @@ impl State {
     }
 }
 
-/// What is known of a run.
+/// A run of the sweep.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Row {
     /// Number of the run in the sweep, from 0.
     pub index: usize,
-    /// Its parameters; numbers that JSON does not know (`inf`) as text.
+    /// Its parameters; numbers that JSON cannot represent (`inf`) as text.
     pub parameters: Map<String, Value>,
     /// Which of the runs with these parameters.
     #[serde(skip_serializing_if = "Option::is_none", default)]
@@ -96,7 +96,7 @@ pub struct Row {
     pub seed: Option<u64>,
     /// File in the sweep's folder.
     pub file: String,
-    /// How far it is.
+    /// State.
     pub status: State,
     /// Size of the complete file.
     #[serde(skip_serializing_if = "Option::is_none", default)]
@@ -104,7 +104,7 @@ pub struct Row {
     /// Exit status, as `haff run` would give it.
     #[serde(skip_serializing_if = "Option::is_none", default)]
     pub exit: Option<u8>,
-    /// What went wrong.
+    /// Error message.
     #[serde(skip_serializing_if = "Option::is_none", default)]
     pub error: Option<String>,
     /// Totals of the run, as in its report.
@@ -113,7 +113,7 @@ pub struct Row {
 }
 
 impl Row {
-    /// The row of a run that has not begun.
+    /// The row of a run that has not started.
     pub fn missing(member: &Member) -> Self {
         let parameters = member.parameters.iter().map(|(key, value)| (key.clone(), json(value))).collect();
         Self {
@@ -130,7 +130,7 @@ impl Row {
         }
     }
 
-    /// Takes over the totals of a report.
+    /// Copies the totals of a report.
     pub fn take(&mut self, report: &Value) {
         for key in TOTALS {
             if let Some(value) = report.get(key) {
@@ -172,11 +172,11 @@ pub struct Manifest {
 }
 
 impl Manifest {
-    /// The manifest of a plan as far as the folder knows it; nothing is written.
+    /// The manifest in a folder, or a new one for the plan; nothing is written.
     ///
     /// # Errors
     /// If the folder holds another sweep, or a manifest that cannot be read.
-    pub fn look(folder: &Path, plan: &Plan) -> Result<Self, Failure> {
+    pub fn of_folder(folder: &Path, plan: &Plan) -> Result<Self, Failure> {
         let path = folder.join(NAME);
         let mut content = Content {
             manifest: LAYOUT,
@@ -221,7 +221,7 @@ impl Manifest {
         if self.exists() {
             return Ok(());
         }
-        // Members of a job array begin at the same time; all write the same.
+        // Members of a job array start at the same time; all write the same.
         match self.temporary()?.persist_noclobber(&self.path) {
             Ok(_) => Ok(()),
             Err(error) if error.error.kind() == ErrorKind::AlreadyExists => Ok(()),
@@ -236,8 +236,8 @@ impl Manifest {
 
     fn temporary(&self) -> Result<NamedTempFile, Failure> {
         let write = || {
-            // As readable as any other file, which temporary ones are not by themselves. Made and written by `fs`, its errors
-            // do not tell its own name.
+            // With the permissions of ordinary files, unlike temporary ones. Created and written by `fs`,
+            // whose errors do not contain the temporary name.
             let create = |path: &Path| fs::File::create_new(path);
             let file = tempfile::Builder::new().prefix(".manifest").make_in(self.folder(), create)?;
             let mut out = BufWriter::new(file.as_file());
@@ -283,7 +283,7 @@ fn read(path: &Path) -> Result<Option<Content>, Failure> {
     })
 }
 
-/// What makes two manifests those of different sweeps, if anything.
+/// The first difference that makes two manifests those of different sweeps, if any.
 fn difference(known: &Content, wanted: &Content) -> Option<String> {
     if known.manifest != wanted.manifest {
         return Some(format!("its layout is {}, this version writes {}", known.manifest, wanted.manifest));
@@ -294,7 +294,7 @@ fn difference(known: &Content, wanted: &Content) -> Option<String> {
             known.trajectory_version, known.version, wanted.trajectory_version
         ));
     }
-    // A value may be written in another way: 2, 2.0 or 2e0.
+    // Equal values may be written differently: 2, 2.0 or 2e0.
     let values =
         |set: &[String]| set.iter().map(|text| Axis::parse(text).map(|axis| axis.canonical())).collect();
     let [had, has]: [Result<Vec<_>, _>; 2] = [&known.set, &wanted.set].map(|set| values(set));

@@ -1,4 +1,4 @@
-//! One run of a sweep: begun, gone on with, or found complete.
+//! One run of a sweep: started, resumed, or found complete.
 
 use std::{fs, path::Path};
 
@@ -18,10 +18,10 @@ use crate::{
     progress::Progress,
     run::{file_failure, scene_failure},
     signals::Signals,
-    single::{self, Company, Finished},
+    single::{self, Controls, Finished},
 };
 
-/// Brings a member to its end and returns its row, and the whole report if it ran.
+/// Runs or resumes a member to its end; returns its row, and the whole report if it ran.
 pub fn run(
     folder: &Path,
     plan: &Plan,
@@ -46,7 +46,7 @@ pub fn run(
             return (row, None);
         }
     };
-    let finished = match go(&path, plan, member, Company { signals, progress, watch: false }) {
+    let finished = match go(&path, plan, member, Controls { signals, progress, watch: false }) {
         Ok(finished) => finished,
         Err(failure) => {
             fail(&mut row, &failure);
@@ -66,13 +66,13 @@ pub fn run(
     (row, Some(finished.report))
 }
 
-fn go(path: &Path, plan: &Plan, member: &Member, company: Company) -> Result<Finished, Failure> {
+fn go(path: &Path, plan: &Plan, member: &Member, controls: Controls) -> Result<Finished, Failure> {
     let name = plan.scene.display().to_string();
     let mut scene = haff_scene::parse(&name, &plan.text, &member.overrides(), &States)
         .map_err(|errors| scene_failure(&errors))?;
     if !path.exists() {
         scene.output.file = Some(path.to_owned());
-        return single::start(scene, false, company);
+        return single::start(scene, false, controls);
     }
     let info = haff_record::info(path).map_err(|error| file_failure(&error))?;
     if !same_scene(&info.scene_toml, &scene.resolved) {
@@ -83,11 +83,11 @@ fn go(path: &Path, plan: &Plan, member: &Member, company: Company) -> Result<Fin
         return Err(Failure::new(Status::File, message));
     }
     drop(scene);
-    single::resume(path.to_owned(), company)
+    single::resume(path.to_owned(), controls)
 }
 
-/// What the file of a member tells, if the manifest does not know.
-pub fn look(folder: &Path, row: &mut Row) {
+/// Updates a row of the manifest from the file of its member.
+pub fn update_from_file(folder: &Path, row: &mut Row) {
     let path = folder.join(&row.file);
     match haff_record::info(&path) {
         Ok(info) => {
@@ -108,7 +108,7 @@ pub fn look(folder: &Path, row: &mut Row) {
             note_size(row, folder);
         }
         Err(RecordError::NotFound { .. }) => {
-            // What failed before it had a file stays failed.
+            // A run that failed before it had a file stays failed.
             if row.status != State::Failed {
                 row.status = State::Missing;
             }
@@ -119,7 +119,7 @@ pub fn look(folder: &Path, row: &mut Row) {
     }
 }
 
-/// Whether a complete run's file is still as the manifest says.
+/// Whether a complete run's file still agrees with the manifest.
 pub fn is_settled(folder: &Path, row: &Row) -> bool {
     row.status == State::Complete && row.file_bytes.is_some() && size(folder, row) == row.file_bytes
 }

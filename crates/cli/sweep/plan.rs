@@ -1,4 +1,4 @@
-//! What a sweep consists of: every combination of the values, each as often as seeds are asked for.
+//! Members of a sweep: every combination of the values, each for every seed.
 
 use std::path::PathBuf;
 
@@ -13,10 +13,10 @@ use crate::{
     run::scene_failure,
 };
 
-/// More members than this do not fit into one folder.
+/// Largest number of members in one folder.
 const MAX_MEMBERS: usize = 1_000_000;
 
-/// A sweep before it is run.
+/// Definition of a sweep.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Plan {
     /// The scene file as given.
@@ -40,14 +40,14 @@ pub struct Member {
     pub parameters: Vec<(String, Value)>,
     /// Which of the runs with the same parameters, from 0, if seeds are derived.
     pub replica: Option<u32>,
-    /// Seed; `None` if the scene gives none that is a whole number.
+    /// Seed; `None` if the scene has none that is a whole number.
     pub seed: Option<u64>,
     /// Name of its file in the sweep's folder.
     pub file: String,
 }
 
 impl Plan {
-    /// The plan that the options ask for.
+    /// The plan given by the options.
     pub fn new(options: &Sweep) -> Result<Self, Failure> {
         let invalid = |message: String| Failure::new(Status::Invalid, message);
         let axes: Vec<Axis> =
@@ -72,7 +72,7 @@ impl Plan {
             ));
         }
         let text = haff_scene::read(&options.scene).map_err(|errors| scene_failure(&errors))?;
-        // An error of syntax is told by whoever builds the scene.
+        // Errors of syntax are reported when the scene is assembled.
         let seed = text.parse::<Table>().ok().map_or(Some(0), |table| match table.get("seed") {
             None => Some(0),
             Some(value) => whole(value),
@@ -125,7 +125,7 @@ impl Plan {
         (0..self.len()).map(|index| self.member(index))
     }
 
-    /// What tells a member from the others, short: keys that vary, by as much of their ends as tells them apart.
+    /// A short label of a member: its values of the keys that vary, each key by its shortest unique suffix.
     pub fn label(&self, member: &Member) -> String {
         let varying: Vec<&str> =
             self.axes.iter().filter(|axis| axis.values.len() > 1).map(|axis| axis.key.as_str()).collect();
@@ -139,7 +139,8 @@ impl Plan {
         if words.is_empty() { format!("run {}", member.index) } else { words.join("  ") }
     }
 
-    /// Numbers of members that show each value of each key at least once, with the others at their first values.
+    /// Numbers of members that show each value of each key at least once, with the others at their first
+    /// values.
     pub fn corners(&self) -> Vec<usize> {
         let mut corners = vec![0];
         let mut stride = self.seeds.unwrap_or(1) as usize;
@@ -152,7 +153,7 @@ impl Plan {
 }
 
 impl Member {
-    /// What `haff run --set` would be told.
+    /// The arguments of `haff run --set`.
     pub fn overrides(&self) -> Vec<String> {
         let mut overrides: Vec<String> =
             self.parameters.iter().map(|(key, value)| format!("{key}={value}")).collect();
@@ -163,8 +164,9 @@ impl Member {
     }
 }
 
-/// The seed of a run: a hash of the scene's seed, of which run with these parameters it is, and of the parameters, in
-/// the order of their keys. So it depends neither on the order of keys and values, nor on the other members.
+/// The seed of a run: a hash of the scene's seed, of which run with these parameters it is, and of the
+/// parameters, in the order of their keys. So it depends neither on the order of keys and values, nor on the
+/// other members.
 fn derived_seed(base: u64, replica: u32, parameters: &[(String, Value)]) -> u64 {
     let mut lines: Vec<String> = parameters
         .iter()
@@ -176,7 +178,7 @@ fn derived_seed(base: u64, replica: u32, parameters: &[(String, Value)]) -> u64 
     xxh3_64(format!("{base}\n{replica}\n{}", lines.concat()).as_bytes()) >> 1
 }
 
-/// The shortest end of a dotted key that no other key has.
+/// The shortest suffix of a dotted key that no other key has.
 fn tail<'a>(key: &'a str, keys: &[&str]) -> &'a str {
     let ends = |other: &str, end: &str| {
         other.strip_suffix(end).is_some_and(|rest| rest.is_empty() || rest.ends_with('.'))
@@ -214,7 +216,7 @@ mod tests {
     }
 
     #[test]
-    fn labels_name_what_varies_by_the_ends_of_keys() {
+    fn labels_name_varying_keys_by_their_shortest_unique_suffix() {
         let plan = plan(&["run.until=9", "contact.restitution=1,2", "x.y.count=1,2", "z.y.count=3,4"], None);
         assert_eq!(plan.label(&plan.member(0)), "restitution=1  x.y.count=1  z.y.count=3");
         let single = super::tests::plan(&["run.until=9"], None);
@@ -225,12 +227,12 @@ mod tests {
     fn seeds_depend_on_parameters_alone_and_are_pinned() {
         let seed = |sets: &[&str], seeds, label: &str| {
             let plan = plan(sets, Some(seeds));
-            let told = |member: &Member| {
+            let parameters = |member: &Member| {
                 let given: Vec<_> =
                     member.parameters.iter().map(|(key, value)| format!("{key}={value}  ")).collect();
                 format!("{}seed {}", given.concat(), member.replica.unwrap())
             };
-            let member = plan.members().find(|member| told(member) == label).expect(label);
+            let member = plan.members().find(|member| parameters(member) == label).expect(label);
             member.seed.expect("a seed")
         };
         let expected = seed(&["a=1,2", "b=3,4"], 2, "a=2  b=3  seed 1");

@@ -1,4 +1,4 @@
-//! What a sweep tells: a table, a summary as JSON, and the lines at its end.
+//! Output of a sweep: a table, a summary as JSON, and the lines at its end.
 
 use std::{fmt::Write, path::Path};
 
@@ -40,7 +40,7 @@ pub fn member(row: &Row, report: Option<&Value>) -> Value {
     object
 }
 
-/// The runs as a table for people.
+/// The runs as a text table.
 pub fn table(rows: &[&Row]) -> String {
     let mut cells: Vec<Vec<String>> = Vec::new();
     if let Some(first) = rows.first() {
@@ -80,14 +80,14 @@ pub fn line(row: &Row) -> String {
         let _ = write!(text, "  seed {replica}");
     }
     match &row.error {
-        // Composed of lines already.
+        // Already consists of lines.
         Some(error) => text + ": " + error,
         None => text + ": " + row.status.word() + ", " + &shown(&row.file),
     }
 }
 
-/// The end of a sweep for people; `folder` is where the manifest has been written.
-pub fn tell(rows: &[&Row], run: usize, folder: Option<&Path>) {
+/// Prints the end of a sweep; `folder` is where the manifest has been written.
+pub fn print_end(rows: &[&Row], run: usize, folder: Option<&Path>) {
     let kept = rows.len() - run;
     let mut text = format!("{} of {} runs are complete", count(rows, State::Complete), rows.len());
     if kept > 0 {
@@ -101,12 +101,12 @@ pub fn tell(rows: &[&Row], run: usize, folder: Option<&Path>) {
             }
         }
     }
-    output::tell(text);
+    output::message(text);
     if let Some(folder) = folder {
-        output::tell(format_args!("wrote {}", output::path(&folder.join(NAME))));
+        output::message(format_args!("wrote {}", output::path(&folder.join(NAME))));
     }
     if count(rows, State::Complete) < rows.len() {
-        output::tell(format_args!("go on with the same command"));
+        output::message(format_args!("go on with the same command"));
     }
 }
 

@@ -7,7 +7,7 @@ use toml::Value;
 
 use crate::output::shown;
 
-/// More values of one key than this are a slip of the pen.
+/// Largest number of values of one key: more are taken for a mistake.
 const MAX_VALUES: usize = 1_000_000;
 
 /// A key of the scene with all its values.
@@ -20,8 +20,9 @@ pub struct Axis {
 }
 
 impl Axis {
-    /// Reads `KEY=V1,V2,…`. Values are TOML, separated by commas outside of brackets and quotes; a bare word is text;
-    /// `lin(a, b, n)` and `log(a, b, n)` stand for n values from a to b, equally spaced or in equal ratios.
+    /// Reads `KEY=V1,V2,…`. Values are TOML, separated by commas outside of brackets and quotes; a bare word
+    /// is text; `lin(a, b, n)` and `log(a, b, n)` stand for n values from a to b, equally spaced or in equal
+    /// ratios.
     pub fn parse(text: &str) -> Result<Self, String> {
         let error = |message: &str| format!("--set {}: {}", shown(text), shown(message));
         let Some((key, list)) = text.split_once('=') else {
@@ -54,7 +55,7 @@ impl Axis {
         Ok(Self { key: key.to_owned(), values })
     }
 
-    /// Key and values as text in which equal values look equal.
+    /// Key and values as text that is the same for equal values.
     pub fn canonical(&self) -> String {
         let values: Vec<String> = self.values.iter().map(|value| canonical(&self.key, value)).collect();
         format!("{}={}", self.key, values.join(","))
@@ -68,8 +69,8 @@ impl fmt::Display for Axis {
     }
 }
 
-/// The value of a key, or of the whole scene if `key` is empty, as text in which equal values look equal: numbers written as
-/// 1, 1.0 or 1e0, durations as `"2h"`, `"7200s"` or 7200.
+/// The value of a key, or of the whole scene if `key` is empty, as text that is the same for equal values:
+/// numbers written as 1, 1.0 or 1e0, durations as `"2h"`, `"7200s"` or 7200.
 pub fn canonical(key: &str, value: &Value) -> String {
     let inner = |name: &str| if key.is_empty() { name.to_owned() } else { format!("{key}.{name}") };
     match value {
@@ -98,7 +99,7 @@ pub fn canonical(key: &str, value: &Value) -> String {
     }
 }
 
-/// Whether two scenes say the same, however their values are written; comments and layout do not matter.
+/// Whether two scenes are equal, however their values are written; comments and layout do not matter.
 pub fn same_scene(one: &str, other: &str) -> bool {
     let said = |text: &str| {
         haff_scene::check_weight(text).ok()?;
@@ -115,12 +116,12 @@ fn value(text: &str) -> Result<Value, String> {
             let error: toml::de::Error = error;
             Err(format!("{text} is not a TOML value: {}", error.message().replace('\n', "; ")))
         }
-        // Shells eat quotes: a bare word is meant as text.
+        // Shells remove quotes: a bare word is text.
         Err(_) => Ok(Value::String(text.to_owned())),
     }
 }
 
-/// The parts between commas that stand in no bracket and in no string.
+/// The parts between commas outside of brackets and strings.
 fn split(list: &str) -> Vec<&str> {
     let (mut parts, mut start, mut depth) = (Vec::new(), 0, 0_i32);
     let mut quote: Option<char> = None;
@@ -175,12 +176,12 @@ fn range(text: &str) -> Option<Result<Vec<Value>, String>> {
         }
         let part = k as f64 / (count - 1) as f64;
         let exact = if logarithmic { a * (b / a).powf(part) } else { a + (b - a) * part };
-        // To 15 digits, so that what is meant as 0.65 is not 0.6499999999999999.
+        // To 15 digits, so that 0.65 does not become 0.6499999999999999.
         format!("{exact:.14e}").parse().unwrap_or(exact)
     };
     let whole = from.parse::<i64>().is_ok() && to.parse::<i64>().is_ok();
     let values = (0..count).map(|k| match at(k) {
-        // Between whole ends, counts stay counts; log rounds to them.
+        // Between whole ends values are whole numbers; log rounds to them.
         x if whole && (logarithmic || x.fract() == 0.0) => Value::Integer(x.round() as i64),
         x => Value::Float(x),
     });
@@ -205,7 +206,7 @@ mod tests {
     }
 
     #[test]
-    fn ranges_hit_their_ends() {
+    fn ranges_contain_their_ends_exactly() {
         assert_eq!(texts("a=lin(0.5,0.95,4)"), ["0.5", "0.65", "0.8", "0.95"]);
         assert_eq!(texts("a=lin(1000,5000,5)"), ["1000", "2000", "3000", "4000", "5000"]);
         assert_eq!(texts("a=log(1,1000,4),7"), ["1", "10", "100", "1000", "7"]);
@@ -214,19 +215,19 @@ mod tests {
 
     #[test]
     fn durations_are_compared_by_value() {
-        let told = |text: &str| Axis::parse(text).expect(text).canonical();
-        let expected = told("run.wall_time=7200,0.5");
+        let canonical = |text: &str| Axis::parse(text).expect(text).canonical();
+        let expected = canonical("run.wall_time=7200,0.5");
         for same in ["\"2h\",0.5", "7200s,500ms", "120 min,5e-1", "1h 60m,\"500 ms\"", "7200.0,500000us"] {
-            assert_eq!(told(&format!("run.wall_time={same}")), expected);
+            assert_eq!(canonical(&format!("run.wall_time={same}")), expected);
         }
-        assert_eq!(told("run={wall_time=\"2h\",until=1.0}"), told("run={until=1,wall_time=7200}"));
-        assert_ne!(told("run.wall_time=2h"), told("run.wall_time=2m"));
-        assert_ne!(told("title=2h"), told("title=7200"), "a title is text");
-        assert_ne!(told("run.wall_time=soon"), told("run.wall_time=late"), "no durations");
+        assert_eq!(canonical("run={wall_time=\"2h\",until=1.0}"), canonical("run={until=1,wall_time=7200}"));
+        assert_ne!(canonical("run.wall_time=2h"), canonical("run.wall_time=2m"));
+        assert_ne!(canonical("title=2h"), canonical("title=7200"), "a title is text");
+        assert_ne!(canonical("run.wall_time=soon"), canonical("run.wall_time=late"), "no durations");
     }
 
     #[test]
-    fn what_cannot_be_meant_is_refused() {
+    fn invalid_values_are_refused() {
         for (text, why) in [
             ("contact.restitution", "must read KEY=V1,V2"),
             ("=1,2", "the key is missing"),

@@ -1,4 +1,4 @@
-//! One view of a sweep on a terminal: the whole, and a line for each run in progress.
+//! Progress of a sweep on a terminal: a bar for the whole, and a line for each run in progress.
 
 use std::{io::IsTerminal, time::Duration};
 
@@ -10,7 +10,7 @@ use crate::{
     terminal,
 };
 
-/// The view; nothing if nobody looks.
+/// The view; empty if standard error is not a terminal.
 pub struct View(Option<(MultiProgress, ProgressBar)>);
 
 impl View {
@@ -37,7 +37,7 @@ impl View {
         if let Some((lines, whole)) = &self.0 {
             whole.inc(1);
             if row.error.is_some() {
-                // The list of failures follows at the end; a broken terminal is no reason to stop.
+                // The list of failures follows at the end; errors of the terminal are ignored.
                 let _ = lines.println(format!("run {} failed", row.index));
             }
         }

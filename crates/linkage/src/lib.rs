@@ -20,7 +20,7 @@ System + Joints ──check──▶ World ──┬─▶ flights: Mechanism �
 | `resolve` | impacts |
 | `regroup` | contacts after an event, and the bodies that move together |
 | `simulation` | the run; `checkpoint`: the run as data |
-| `machine` | a linkage, or the granular engine for all other scenes |
+| `any_simulation` | a linkage, or the granular engine for all other scenes |
 
 # Rules
 
@@ -42,6 +42,7 @@ System + Joints ──check──▶ World ──┬─▶ flights: Mechanism �
 #![forbid(unsafe_code)]
 
 mod accumulators;
+mod any_simulation;
 mod check;
 mod checkpoint;
 mod crossing;
@@ -49,7 +50,6 @@ mod elliptic;
 mod error;
 mod instant;
 mod linear;
-mod machine;
 mod mechanism;
 pub mod model;
 mod motion;
@@ -61,9 +61,9 @@ mod sum;
 mod valid;
 mod world;
 
+pub use any_simulation::{AnySimulation, AnySimulationError};
 pub use check::check;
 pub use elliptic::complete_elliptic_integral;
 pub use error::LinkageError;
-pub use machine::{Machine, MachineError};
 pub use model::{Joints, Pendulum, Rod, Spring, SpringEnd, Tether};
 pub use simulation::{Potential, Simulation};

@@ -1,4 +1,5 @@
-//! Rust's vectors as NumPy arrays: the memory changes hands, nothing is copied, and nobody can write to it.
+//! Rust's vectors as NumPy arrays: ownership of the memory moves, nothing is copied, and arrays are
+//! read-only.
 
 use glam::DVec3;
 use numpy::{Element, PyArray1, PyArray2, PyArrayMethods};

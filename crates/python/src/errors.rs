@@ -1,7 +1,7 @@
 //! Errors of the engine and of scenes as the exceptions of `haff.errors`.
 
 use haff_engine::Fault;
-use haff_linkage::MachineError;
+use haff_linkage::AnySimulationError;
 use haff_scene::{ErrorKind, Place, SceneError, SceneErrors};
 use pyo3::{import_exception, intern, prelude::*, types::PyDict};
 
@@ -13,12 +13,12 @@ mod python {
     import_exception!(haff.errors, SimulationError);
 }
 
-/// A scene's errors. Where the scene has no file, lines would count in a text that the user has not seen.
+/// A scene's errors. Without a file, line numbers are omitted: they refer to generated text.
 pub fn scene(py: Python<'_>, errors: &SceneErrors, has_file: bool) -> PyErr {
     if errors.kind() == ErrorKind::Unreadable {
         return python::FileError::new_err(errors.to_string());
     }
-    // Those beyond the first are only counted: one more says how many.
+    // Errors beyond the first ones are only counted: a last one has their number.
     let rest = (errors.more > 0).then(|| SceneError {
         file: errors.errors.first().map_or_else(String::new, |error| error.file.clone()),
         place: Place::Whole,
@@ -57,8 +57,8 @@ fn problem(py: Python<'_>, error: &SceneError, has_file: bool) -> PyResult<Py<Py
     Ok(class.call((), Some(&fields))?.unbind())
 }
 
-/// What stops a simulation, or forbids it from the start.
-pub fn machine(py: Python<'_>, error: &MachineError, name: &str) -> PyErr {
+/// An error of a simulation, at its start or later.
+pub fn simulation(py: Python<'_>, error: &AnySimulationError, name: &str) -> PyErr {
     if error.fault() != Fault::Invalid {
         return python::SimulationError::new_err(error.to_string());
     }

@@ -1,8 +1,9 @@
 //! The compiled module `haff._engine`: simulations that Python advances step by step, and the text of scenes.
 //!
-//! It links the engine, the linkages and the reader of scenes, and no HDF5: h5py brings one of its own, and two in one
-//! process do not agree. Runs that write files are made by the command `haff`, which is in the same wheel. What users see is
-//! the Python around it (`scripts/haff/simulation.py` and others); signatures and shapes stand in `_engine.pyi`.
+//! It links the engine, the linkages and the reader of scenes, but not HDF5: h5py contains a copy of its own,
+//! and two copies in one process conflict. Runs that write files are made by the command `haff`, which is in
+//! the same wheel. The public interface is the Python around it (`python/haff/simulation.py` and others);
+//! signatures and shapes are in `_engine.pyi`.
 
 mod arrays;
 mod errors;

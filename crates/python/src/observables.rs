@@ -22,7 +22,7 @@ pub fn sample<'py>(py: Python<'py>, sample: &Sample, present: Present) -> PyResu
     Ok(row)
 }
 
-/// What has been done so far.
+/// Counts since the start.
 pub fn counters(py: Python<'_>, counters: Counters) -> PyResult<Bound<'_, PyDict>> {
     let row = PyDict::new(py);
     for (name, count) in [

@@ -9,35 +9,35 @@ use pyo3::{intern, prelude::*};
 
 use crate::errors;
 
-/// A scene as Python hands it over.
+/// A scene passed from Python.
 #[derive(FromPyObject)]
 #[pyo3(from_item_all)]
 pub struct Source {
-    /// What errors call it: the file's path.
+    /// Name in error messages: the file's path.
     name: String,
     /// TOML.
     text: String,
     /// `KEY=VALUE`, later ones win.
     overrides: Vec<String>,
-    /// Whether the text stands in a file, whose lines errors may name.
+    /// Whether the text is that of a file, whose lines errors may name.
     has_file: bool,
 }
 
 impl Source {
     /// Reads and checks it.
     pub fn scene(&self, py: Python<'_>) -> PyResult<Scene> {
-        // Packing many particles takes a while: others may go on.
+        // Packing many particles takes long: other Python threads may run.
         py.detach(|| haff_scene::parse(&self.name, &self.text, &self.overrides, &Files))
             .map_err(|errors| errors::scene(py, &errors, self.has_file))
     }
 
-    /// What errors call it.
+    /// Name in error messages.
     pub fn name(&self) -> &str {
         &self.name
     }
 }
 
-/// Recorded states, read by `haff.scenes.last_state`, which h5py does: no HDF5 is linked here.
+/// Recorded states, read by `haff.scenes.last_state` through h5py: no HDF5 is linked here.
 struct Files;
 
 impl StateSource for Files {

@@ -1,7 +1,7 @@
 //! A simulation that Python advances.
 
 use haff_engine::{Boundary, Domain, EventKind, Present, Stop, Until};
-use haff_linkage::Machine;
+use haff_linkage::AnySimulation;
 use haff_scene::Scene;
 use numpy::{PyArray1, PyArray2};
 use parking_lot::{Mutex, MutexGuard};
@@ -13,23 +13,23 @@ use crate::{
     scenes::Source,
 };
 
-/// Calendar entries between two looks at Ctrl-C: some tens of milliseconds.
+/// Calendar entries between two checks for Ctrl-C: some tens of milliseconds.
 const SLICE: u64 = 1 << 15;
 
 /// Time, step, positions, velocities and images of one instant.
 type Frame<'py> = (f64, u64, Bound<'py, PyArray2<f64>>, Bound<'py, PyArray2<f64>>, Bound<'py, PyArray2<i32>>);
 
-/// What moves.
+/// The mutable part.
 struct Moving {
-    machine: Machine,
+    simulation: AnySimulation,
     log: events::Log,
 }
 
-/// A running simulation. Other threads may read while one advances: they get their turn between slices.
+/// A running simulation. Other threads may read while one advances: they get the lock between slices.
 #[pyclass(frozen, module = "haff._engine")]
 pub struct Simulation {
     moving: Mutex<Moving>,
-    /// Threads of its own, unless it shares those of the process.
+    /// Its own threads, unless it shares those of the process.
     pool: Option<rayon::ThreadPool>,
     name: String,
     dimension: usize,
@@ -61,7 +61,7 @@ pub struct Simulation {
 
 impl Simulation {
     fn read<R: Send>(&self, py: Python<'_>, f: impl FnOnce(&mut Moving) -> R + Send) -> R {
-        // Without the interpreter's lock: whoever advances needs it to get out of the way.
+        // Without the interpreter's lock, which the thread that advances needs to release this one.
         py.detach(|| {
             let mut guard = self.moving.lock();
             let moving: &mut Moving = &mut guard;
@@ -69,7 +69,7 @@ impl Simulation {
                 Some(pool) => pool.install(|| f(moving)),
                 None => f(moving),
             };
-            // To whoever waits: the next slice would be faster to lock it again.
+            // A fair unlock: otherwise the next slice would take the lock again before a waiting thread.
             MutexGuard::unlock_fair(guard);
             result
         })
@@ -104,15 +104,15 @@ impl Simulation {
             (system.dimension.count(), system.domain, system.species.clone());
         let wall_names = system.walls.iter().map(|wall| wall.name.clone()).collect();
         let present = Present { springs: !joints.springs.is_empty(), ..Present::of(&system) };
-        let start = || Machine::new(system, joints, options);
-        let machine = py
+        let start = || AnySimulation::new(system, joints, options);
+        let simulation = py
             .detach(|| match &pool {
                 Some(pool) => pool.install(start),
                 None => start(),
             })
-            .map_err(|error| errors::machine(py, &error, source.name()))?;
+            .map_err(|error| errors::simulation(py, &error, source.name()))?;
         Ok(Self {
-            moving: Mutex::new(Moving { machine, log: events::Log { wanted: events, rows: Vec::new() } }),
+            moving: Mutex::new(Moving { simulation, log: events::Log { wanted: events, rows: Vec::new() } }),
             pool,
             name: source.name().to_owned(),
             dimension,
@@ -132,13 +132,13 @@ impl Simulation {
         })
     }
 
-    /// Runs events up to a time or a total of collisions; says which bound ended it.
+    /// Runs events up to a time or a total of collisions; returns the bound that ended it.
     fn advance(&self, py: Python<'_>, until: f64, collisions: u64) -> PyResult<&'static str> {
         loop {
             let bounds = Until { time: until, collisions, entries: SLICE };
             let stop = self
-                .read(py, |Moving { machine, log }| machine.advance(bounds, log))
-                .map_err(|error| errors::machine(py, &error, &self.name))?;
+                .read(py, |Moving { simulation, log }| simulation.advance(bounds, log))
+                .map_err(|error| errors::simulation(py, &error, &self.name))?;
             match stop {
                 Stop::Time => return Ok("until"),
                 Stop::Collisions => return Ok("collisions"),
@@ -150,11 +150,11 @@ impl Simulation {
 
     #[getter]
     fn time(&self, py: Python<'_>) -> f64 {
-        self.read(py, |moving| moving.machine.time())
+        self.read(py, |moving| moving.simulation.time())
     }
 
     fn frame<'py>(&self, py: Python<'py>) -> PyResult<Frame<'py>> {
-        let frame = self.read(py, |moving| moving.machine.frame());
+        let frame = self.read(py, |moving| moving.simulation.frame());
         Ok((
             frame.time,
             frame.step,
@@ -165,12 +165,12 @@ impl Simulation {
     }
 
     fn sample<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
-        let sample = self.read(py, |moving| moving.machine.sample());
+        let sample = self.read(py, |moving| moving.simulation.sample());
         observables::sample(py, &sample, self.present)
     }
 
     fn counters<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
-        let counters = self.read(py, |moving| moving.machine.counters());
+        let counters = self.read(py, |moving| moving.simulation.counters());
         observables::counters(py, counters)
     }
 
@@ -181,20 +181,20 @@ impl Simulation {
 
     fn max_overlap(&self, py: Python<'_>) -> f64 {
         self.read(py, |moving| {
-            // The figure is what was wanted, be it more than rounding or not.
-            let _ = moving.machine.measure_overlap();
-            moving.machine.max_overlap()
+            // The value is returned even if it exceeds rounding.
+            let _ = moving.simulation.measure_overlap();
+            moving.simulation.max_overlap()
         })
     }
 
     #[getter]
     fn state_hash(&self, py: Python<'_>) -> String {
-        self.read(py, |moving| moving.machine.state_hash())
+        self.read(py, |moving| moving.simulation.state_hash())
     }
 
     #[getter]
     fn neighbors(&self, py: Python<'_>) -> &'static str {
-        self.read(py, |moving| moving.machine.search())
+        self.read(py, |moving| moving.simulation.search())
     }
 
     #[getter]

@@ -10,7 +10,7 @@ use serde::{
     ser::{Error, SerializeMap, SerializeSeq},
 };
 
-/// Deeper values only cost stack; scenes nest at most four deep.
+/// Limit of nesting, which bounds the stack; scenes nest at most four deep.
 const MAX_DEPTH: usize = 16;
 
 /// A Python value, and the dotted path that leads to it.
@@ -80,7 +80,7 @@ impl Serialize for Node<'_> {
         } else if object.is_instance_of::<PyList>() || object.is_instance_of::<PyTuple>() {
             self.list(serializer)
         } else if let Ok(plain) = object.call_method0("tolist") {
-            // NumPy's arrays and scalars, and what behaves like them.
+            // NumPy's arrays and scalars, and objects with the same interface.
             Node { object: plain, path: self.path.clone() }.serialize(serializer)
         } else if let Ok(path) = object.call_method0("__fspath__") {
             Node { object: path, path: self.path.clone() }.serialize(serializer)
@@ -101,7 +101,7 @@ pub fn document(scene: &Bound<'_, PyDict>) -> PyResult<String> {
     toml::to_string(&Node::root(scene.as_any(), "")).map_err(|error| refused(&error))
 }
 
-/// A value as TOML on one line, as `--set` takes it; `name` stands for it in errors.
+/// A value as TOML on one line, as for `--set`; `name` is its name in errors.
 #[pyfunction]
 pub fn value(value: &Bound<'_, PyAny>, name: &str) -> PyResult<String> {
     let mut text = String::new();

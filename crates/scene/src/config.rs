@@ -1,8 +1,8 @@
 //! The scene file as written: every key optional, nothing checked beyond its type.
 //!
-//! The doc comments of this file are the descriptions of the JSON Schema that `haff schema` prints, so they are
-//! written for people who write scenes. What is missing, out of range or contradictory is found in
-//! the module `build`, where every error is collected and located; serde only knows shapes.
+//! The doc comments of this file are the descriptions of the JSON Schema that `haff schema` prints, so they
+//! are written for users who write scenes. Missing, contradictory and out-of-range values are found in the
+//! module `assemble`, which collects and locates all errors; serde only checks types.
 
 mod shapes;
 
@@ -13,7 +13,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::joints::{PendulumConfig, RodConfig, SpringConfig};
 
-/// A scene of haff: what is simulated, for how long, and what is recorded. Units are the user's own and
+/// A scene of haff: the system, the length of the run, and its output. Units are the user's own and
 /// consistent, with `k_B` = 1.
 #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
@@ -21,7 +21,7 @@ pub struct SceneConfig {
     /// Version of the scene format: 1.
     #[schemars(range(min = 1, max = 1))]
     pub schema: Option<i64>,
-    /// One line that says what the scene is.
+    /// A description of the scene in one line.
     pub title: Option<String>,
     /// Seed of all random numbers; default 0.
     #[serde(deserialize_with = "shapes::whole")]
@@ -32,15 +32,15 @@ pub struct SceneConfig {
     pub dimension: Option<i64>,
     /// The box, its faces and gravity.
     pub domain: Option<DomainConfig>,
-    /// Where and how fast the particles of the species start.
+    /// Initial positions and velocities of the species.
     pub initial: Option<InitialConfig>,
-    /// What a contact does.
+    /// Contact laws.
     pub contact: Option<ContactConfig>,
-    /// Choices of machinery; none of them changes the trajectory.
+    /// Algorithms of the engine; no choice changes the trajectory.
     pub engine: Option<EngineConfig>,
     /// How long to run: `until` and/or a number of collisions.
     pub run: Option<RunConfig>,
-    /// What to record.
+    /// Output.
     pub output: Option<OutputConfig>,
     /// Kinds of particles, placed by `[initial]`.
     pub species: Option<Vec<SpeciesConfig>>,
@@ -65,8 +65,8 @@ pub struct DomainConfig {
     /// Edge lengths [length], one per dimension. Along `open` axes a placeholder: where packings are put.
     #[schemars(length(min = 2, max = 3), inner(range(min = 0.0)))]
     pub size: Option<Vec<f64>>,
-    /// Instead of `size`: a cube (2D: square) that the species fill to this fraction. Explicit particles do not
-    /// count, so that adding one does not move the walls.
+    /// Instead of `size`: a cube (2D: square) that the species fill to this fraction. Explicit particles do
+    /// not count, so that adding one does not move the walls.
     #[schemars(range(max = 1.0), extend("exclusiveMinimum" = 0))]
     pub packing_fraction: Option<f64>,
     /// Per axis: `periodic`, `wall` or `open`. Default: periodic where the box has a size, open otherwise.
@@ -77,7 +77,7 @@ pub struct DomainConfig {
     pub gravity: Option<Vec<f64>>,
 }
 
-/// What limits the domain along one axis.
+/// The boundary of the domain along one axis.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum BoundaryConfig {
@@ -213,7 +213,7 @@ pub struct ParticleConfig {
     pub density: Option<f64>,
 }
 
-/// What a contact does. Precedence: `contact.pair`, then the wall's own, then `wall_restitution`, then
+/// Contact laws. Precedence: `contact.pair`, then the wall's own, then `wall_restitution`, then
 /// `restitution`.
 #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
@@ -226,9 +226,10 @@ pub struct ContactConfig {
     /// 0, the default, turns it off.
     #[schemars(range(min = 0.0))]
     pub tc: Option<f64>,
-    /// Speed v of grains that come to rest, where gravity g acts [length/time]. A grain slower than v/2 that stands on walls and other
-    /// grains is put to rest, and wakes when it is hit faster than v; of contacts that follow another within 10 v/g, those
-    /// slower than v/8 are elastic. 0, the default: never. Try 0.05 √(g d), d the smallest diameter.
+    /// Speed v of grains that come to rest, where gravity g acts [length/time]. A grain slower than v/2 that
+    /// is supported by walls and other grains is put to rest, and wakes when it is hit faster than v; of
+    /// contacts that follow another within 10 v/g, those slower than v/8 are elastic. 0, the default: never.
+    /// Try 0.05 √(g d), d the smallest diameter.
     #[schemars(range(min = 0.0))]
     pub rest_speed: Option<f64>,
     /// Rules for two names.
@@ -244,9 +245,9 @@ pub struct PairConfig {
     pub between: Option<Vec<String>>,
     /// Coefficient of restitution. Either this or `sticks`.
     pub restitution: Option<RestitutionConfig>,
-    /// `true`: two particles stick together, or a particle to a wall (adhesive, plastic): all components of their relative
-    /// velocity are lost, and they go on as one. With restitution 0 they only do not part, and slide along each other.
-    /// Default false.
+    /// `true`: two particles stick together, or a particle to a wall (adhesive, plastic): all components of
+    /// their relative velocity are lost, and they move on as one body. With restitution 0 they stay in
+    /// contact, but slide along each other. Default false.
     pub sticks: Option<bool>,
 }
 
@@ -265,7 +266,7 @@ pub enum RestitutionConfig {
 #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct RestitutionModelConfig {
-    /// Which law.
+    /// The law.
     #[schemars(required)]
     pub model: Option<RestitutionLaw>,
     /// viscoelastic: δ at unit approach speed [(time/length)^(1/5)].
@@ -300,11 +301,11 @@ pub struct WallConfig {
     /// wall's properties.
     #[schemars(required)]
     pub name: Option<String>,
-    /// Where it stands.
+    /// Its plane.
     pub plane: Option<PlaneConfig>,
     /// Restitution of contacts with this wall; default `contact.wall_restitution`.
     pub restitution: Option<RestitutionConfig>,
-    /// `true`: all particles stick to this wall, but those whose `contact.pair` says otherwise. Default false.
+    /// `true`: all particles stick to this wall, except those with a `contact.pair`. Default false.
     pub sticks: Option<bool>,
     /// Temperature of a thermal wall \[energy\], which particles leave with velocities of that temperature.
     #[schemars(extend("exclusiveMinimum" = 0))]
@@ -380,23 +381,23 @@ impl DriveKindConfig {
     }
 }
 
-/// Choices of machinery; none of them changes the trajectory.
+/// Algorithms of the engine; no choice changes the trajectory.
 #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct EngineConfig {
-    /// How partners are searched for; default `auto`.
+    /// Neighbor search; default `auto`.
     pub neighbors: Option<NeighborsConfig>,
     /// Vector instructions of the prediction kernel; default `auto`.
     pub simd: Option<SimdConfig>,
 }
 
-/// How partners are searched for.
+/// Neighbor search.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum NeighborsConfig {
     /// The engine chooses.
     Auto,
-    /// Windows of time, for gases in closed boxes; an error where they do not work.
+    /// Windows of time, for gases in closed boxes; an error for other scenes.
     Windows,
     /// A grid of cells.
     Cells,
@@ -418,7 +419,7 @@ pub enum SimdConfig {
     Portable,
 }
 
-/// How long to run. Whatever comes first ends the run.
+/// Length of the run. The first bound that is reached ends it.
 #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct RunConfig {
@@ -447,7 +448,7 @@ pub enum WallTimeConfig {
 }
 
 impl WallTimeConfig {
-    /// The duration, however it is written; `None` if it is none.
+    /// The duration in either form; `None` if it is invalid.
     pub fn duration(&self) -> Option<Duration> {
         match self {
             Self::Seconds(seconds) => Duration::try_from_secs_f64(*seconds).ok(),
@@ -456,29 +457,31 @@ impl WallTimeConfig {
     }
 }
 
-/// What to record.
+/// Output.
 #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct OutputConfig {
     /// Path of the HDF5 file, relative to the current directory; `false` or left out: none. Not that of the
     /// scene, nor of the state file it starts from.
     pub file: Option<OutputFileConfig>,
-    /// Simulated time between trajectory frames, or `{ log = [first, factor] }`, or `false`. Default: `until`/100.
+    /// Simulated time between trajectory frames, or `{ log = [first, factor] }`, or `false`. Default:
+    /// `until`/100.
     pub frames: Option<ScheduleConfig>,
     /// The same for observables. Default: `until`/1000.
     pub observables: Option<ScheduleConfig>,
-    /// `true`: record every event, in a row of about 80 bytes; `{ columns = [...] }`: of every event only these columns.
-    /// `["i", "j"]` makes rows of about 11 bytes, `["i", "j", "energy_loss"]` of 18. Default `false`.
+    /// `true`: record every event, in a row of about 80 bytes; `{ columns = [...] }`: of every event only
+    /// these columns. `["i", "j"]` makes rows of about 11 bytes, `["i", "j", "energy_loss"]` of 18. Default
+    /// `false`.
     pub events: Option<EventsConfig>,
     /// Simulated time between checkpoints. Default: `until`/10.
     #[schemars(extend("exclusiveMinimum" = 0))]
     pub checkpoint: Option<f64>,
-    /// Of frames and of the event log: `deflate` (default), about a sixth smaller, or `none`, which halves the work of
-    /// writing them and is faster to read.
+    /// Of frames and of the event log: `deflate` (default), about a sixth smaller, or `none`, which halves
+    /// the work of writing them and is faster to read.
     pub compression: Option<CompressionConfig>,
 }
 
-/// What is recorded of every event.
+/// Columns of the event log.
 #[derive(Debug, Clone, PartialEq, Serialize, JsonSchema)]
 #[serde(untagged)]
 pub enum EventsConfig {
@@ -503,7 +506,8 @@ pub struct EventColumnsConfig {
 pub enum EventColumnConfig {
     /// Time of the event [time].
     Time,
-    /// What it was: `collision`, `wall`, `rest`; with joints also `slack`, `taut`, `release`, `stick`, `lift`, `settle`.
+    /// Kind: `collision`, `wall`, `rest`; with joints also `slack`, `taut`, `release`, `stick`, `lift`,
+    /// `settle`.
     Kind,
     /// Row of the particle.
     I,
@@ -523,13 +527,13 @@ pub enum EventColumnConfig {
     Position,
 }
 
-/// How numbers are stored.
+/// Compression of datasets.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum CompressionConfig {
-    /// Shuffle and deflate, without loss; every HDF5 reader knows them.
+    /// Shuffle and deflate, without loss; every HDF5 reader supports them.
     Deflate,
-    /// As they are.
+    /// Uncompressed.
     None,
 }
 
@@ -543,13 +547,13 @@ pub enum OutputFileConfig {
     Off(#[schemars(extend("const" = false))] bool),
 }
 
-/// When something is recorded.
+/// Times of records.
 #[derive(Debug, Clone, PartialEq, Serialize, JsonSchema)]
 #[serde(untagged)]
 pub enum ScheduleConfig {
     /// Simulated time between two records [time].
     Every(#[schemars(extend("exclusiveMinimum" = 0))] f64),
-    /// Ever more rarely.
+    /// At logarithmic intervals.
     Log(LogConfig),
     /// `false`: never.
     Off(#[schemars(extend("const" = false))] bool),

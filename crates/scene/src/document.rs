@@ -1,8 +1,8 @@
-//! A scene file as a tree of values in which every key remembers where it stands, with overrides applied; and
-//! the errors found in it.
+//! A scene file as a tree of values with the position of every key, with overrides applied; and the errors
+//! found in it.
 //!
-//! All of it takes time in proportion to the length of the text, and to the number of errors, of which only
-//! the first are kept.
+//! The time taken is linear in the length of the text and in the number of errors, of which only the first
+//! are kept.
 
 use std::collections::{HashMap, HashSet};
 
@@ -17,11 +17,11 @@ pub(crate) use crate::tree::Path;
 use crate::tree::{Converter, Node, Origin, Table, Value};
 use crate::weight::Weight;
 
-/// Keys nest at most four deep; deeper overrides only cost stack.
+/// Limit of nesting of overrides, which bounds the stack; keys nest at most four deep.
 const MAX_DEPTH: usize = 16;
 
-/// Arrays of any length, each element of which is read by itself, so that one which does not fit costs no
-/// other a second reading.
+/// Arrays of any length, whose elements are read one by one, so that the others are not read again after an
+/// invalid one.
 const LISTS: [&[&str]; 8] = [
     &["species"],
     &["particle"],
@@ -33,7 +33,7 @@ const LISTS: [&[&str]; 8] = [
     &["drive"],
 ];
 
-/// Values, where they come from, and the errors found so far.
+/// Values with their sources, and the errors found so far.
 pub(crate) struct Document {
     file: String,
     source: String,
@@ -41,13 +41,12 @@ pub(crate) struct Document {
     root: Node,
     errors: Errors,
     reported: Reported,
-    /// Whether the text or an override could not be read at all, so that keys are missing which may well be
-    /// written.
+    /// Whether the text or an override could not be parsed, so that missing keys may in fact be written.
     garbled: bool,
 }
 
-/// Where errors stand in the list: those of the file as a whole, those in the file by place, those of
-/// overrides; and then in the order found.
+/// Order of errors in the list: those of the file as a whole, those in the file by position, those of
+/// overrides; then in the order found.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
 enum Rank {
     Whole,
@@ -55,7 +54,7 @@ enum Rank {
     Override(u32),
 }
 
-/// The first errors in the order of [`Rank`], and how many there are.
+/// The first errors in the order of [`Rank`], and their total number.
 #[derive(Default)]
 struct Errors {
     first: Vec<(Rank, Draft)>,
@@ -71,7 +70,7 @@ struct Draft {
 }
 
 impl Errors {
-    /// Counts an error; it is only made if it is among the first.
+    /// Counts an error; its message is formatted only if it is among the first.
     fn add(&mut self, rank: Rank, make: impl FnOnce() -> Draft) {
         self.count += 1;
         if self.first.len() == SceneErrors::MOST && self.first.last().is_some_and(|(last, _)| *last <= rank) {
@@ -79,7 +78,7 @@ impl Errors {
         }
         let place = self.first.partition_point(|(other, _)| *other <= rank);
         let draft = make();
-        // What two checks find in the same words is one error.
+        // The same message from two checks is one error.
         if self.first.iter().any(|(other, known)| (*other, known) == (rank, &draft)) {
             self.count -= 1;
             return;
@@ -89,22 +88,22 @@ impl Errors {
     }
 }
 
-/// Paths that were reported and taken out; what is missing there is not missing by the user's fault.
+/// Paths that were reported and removed; keys missing there are not reported again.
 #[derive(Default)]
 struct Reported {
     themselves: HashSet<Path>,
-    /// Everything above them.
+    /// All their ancestors.
     above: HashSet<Path>,
 }
 
 impl Reported {
-    /// A path that was taken out.
+    /// A path that was removed.
     fn add(&mut self, path: &[String]) {
         self.add_above(path);
         self.themselves.insert(path.to_vec());
     }
 
-    /// A path above which, or at which, something was taken out.
+    /// A path at or below which something was removed.
     fn add_above(&mut self, path: &[String]) {
         for k in (0..=path.len()).rev() {
             if !self.above.insert(path[..k].to_vec()) {
@@ -113,7 +112,7 @@ impl Reported {
         }
     }
 
-    /// Whether `path`, something in it or something around it is among them.
+    /// Whether `path`, a descendant or an ancestor of it is among them.
     fn touch(&self, path: &[String]) -> bool {
         !self.above.is_empty()
             && (self.above.contains(path) || (0..=path.len()).any(|k| self.themselves.contains(&path[..k])))
@@ -170,7 +169,7 @@ impl Document {
         self.garble(Rank::Whole, message);
     }
 
-    /// Reports integers that do not fit, and whose keys have been left out.
+    /// Reports integers out of range, whose keys have been left out.
     fn oversized(&mut self, converter: Converter) {
         for integer in converter.oversized {
             let allowed = match integer.path.as_slice() {
@@ -194,12 +193,12 @@ impl Document {
         self.errors.count
     }
 
-    /// Whether there is no use in looking for what is missing.
+    /// Whether checks for missing keys are pointless.
     pub(crate) fn is_garbled(&self) -> bool {
         self.garbled
     }
 
-    /// Reads the tree as a [`SceneConfig`]. Keys that do not fit are reported and taken out.
+    /// Reads the tree as a [`SceneConfig`]. Invalid keys are reported and removed.
     pub(crate) fn config(&mut self) -> SceneConfig {
         let mut config: SceneConfig = self.read(&[], &LISTS);
         config.species = self.list::<SpeciesConfig>(LISTS[0]).or(config.species);
@@ -215,8 +214,7 @@ impl Document {
         config
     }
 
-    /// Reads the elements of an array one by one. One that does not fit is reported, and stands as if nothing
-    /// were written in it.
+    /// Reads the elements of an array one by one. An invalid one is reported and read as an empty table.
     fn list<T: DeserializeOwned + Default>(&mut self, path: &[&str]) -> Option<Vec<T>> {
         let mut path: Path = path.iter().map(|&segment| segment.to_owned()).collect();
         let Value::Array(array) = &self.root.get(&path)?.value else { return None };
@@ -230,9 +228,9 @@ impl Document {
         Some(out)
     }
 
-    /// Reads what stands at `path`. A key that does not fit is reported, taken out, and the rest read again,
-    /// so that every error is found: at most as often as the structure has keys, since those it does not know
-    /// are taken out all at once.
+    /// Reads the value at `path`. An invalid key is reported and removed, and the rest is read again, so that
+    /// every error is found. This repeats at most as often as the structure has keys, since unknown keys are
+    /// removed all at once.
     fn read<T: DeserializeOwned + Default>(&mut self, path: &[String], skipped: &[&[&str]]) -> T {
         loop {
             let Some(node) = self.root.get(path) else { return T::default() };
@@ -253,7 +251,7 @@ impl Document {
         }
     }
 
-    /// Reports keys that a table's structure does not know, and takes them out.
+    /// Reports unknown keys of a table, and removes them.
     fn report_unknown(&mut self, unknown: Unknown) {
         let Unknown { table: path, keys, known } = unknown;
         self.reported.add_above(&path);
@@ -283,19 +281,19 @@ impl Document {
         self.push(path, value, message.into());
     }
 
-    /// Adds an error that something at `path` is missing, unless it was there and has been reported.
+    /// Adds an error for a missing key at `path`, unless an invalid one has been reported there.
     pub(crate) fn report_missing(&mut self, path: &[String], message: impl Into<String>) {
         if !self.was_reported(path) {
             self.push(path, None, message.into());
         }
     }
 
-    /// Whether `path`, something in it or something around it has been reported for its shape.
+    /// Whether `path`, a descendant or an ancestor of it has been reported for its type.
     pub(crate) fn was_reported(&self, path: &[String]) -> bool {
         self.reported.touch(path)
     }
 
-    /// Whether something is written at `path`.
+    /// Whether there is a value at `path`.
     pub(crate) fn get_is_some(&self, path: &[String]) -> bool {
         self.root.get(path).is_some()
     }
@@ -323,7 +321,7 @@ impl Document {
         self.errors.add(rank, || Draft { path: path.to_vec(), value, message });
     }
 
-    /// The place of a key, or of the nearest table above it that has one.
+    /// The position of a key, or of the nearest table above it that has one.
     fn rank(&self, path: &[String]) -> Rank {
         let mut node = &self.root;
         let mut rank = Rank::Whole;
@@ -357,7 +355,7 @@ impl Document {
         let mut converter = Converter::of_override(number, path.clone());
         let value = match DeValue::parse(value_text.trim()) {
             Ok(value) => converter.spanned(value),
-            // Shells eat quotes: a bare word is meant as text.
+            // Shells remove quotes: a bare word is text.
             Err(error) if value_text.trim_start().starts_with(['[', '{', '"', '\'']) => {
                 return Err(format!("not a TOML value: {}", one_line(error.message())));
             }
@@ -386,7 +384,7 @@ impl Rank {
     }
 }
 
-/// Where the lines of a text begin.
+/// Offsets of the lines of a text.
 struct Lines(Vec<usize>);
 
 impl Lines {
@@ -407,7 +405,7 @@ impl Lines {
 struct Names(HashMap<Path, HashMap<String, Vec<usize>>>);
 
 impl Names {
-    /// Drops what an override of `path` may change.
+    /// Removes entries that an override of `path` may change.
     fn forget(&mut self, path: &[String]) {
         // A key of an element other than its name changes no name; everything else may.
         let deep = self.0.keys().all(|list| path.len() > list.len() + 1);
@@ -416,7 +414,7 @@ impl Names {
         }
     }
 
-    /// Turns names of array elements into indices; a name that several particles share stands for all of
+    /// Turns names of array elements into indices; a name that several particles share refers to all of
     /// them.
     fn expand(&mut self, root: &Node, path: &[String]) -> Result<Vec<Path>, String> {
         let mut targets: Vec<Path> = vec![Vec::new()];

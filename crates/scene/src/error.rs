@@ -1,11 +1,11 @@
-//! Errors of a scene, each where it stands.
+//! Errors of a scene, each with its position.
 
 use std::fmt;
 use std::ops::Range;
 
 use crate::text::shown;
 
-/// Where the value of a key comes from.
+/// Source of the value of a key.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub enum Place {
     /// The scene file.
@@ -17,25 +17,25 @@ pub enum Place {
         /// Bytes of the key in the source text.
         span: Range<usize>,
     },
-    /// An override, as it was given: `contact.restitution=1.2`.
+    /// An override, as given: `contact.restitution=1.2`.
     Override(String),
-    /// Nowhere: the file as a whole.
+    /// The file as a whole.
     Whole,
 }
 
-/// One error of a scene. The fields hold text as it stands in the file; [`fmt::Display`] gives one line fit
-/// for a terminal.
+/// One error of a scene. The fields hold text of the file without escapes; [`fmt::Display`] gives one line
+/// that is safe on a terminal.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct SceneError {
     /// Name of the scene file.
     pub file: String,
-    /// Where the key stands, or the nearest table above it if it is missing.
+    /// Position of the key, or of the nearest table above it if it is missing.
     pub place: Place,
-    /// Dotted path of the key, as `--set` takes it; empty for the file as a whole.
+    /// Dotted path of the key, as for `--set`; empty for the file as a whole.
     pub path: String,
-    /// The value as TOML, where there is one.
+    /// The value as TOML, if there is one.
     pub value: Option<String>,
-    /// What is wrong and what is allowed.
+    /// The error and the allowed values.
     pub message: String,
 }
 
@@ -60,10 +60,10 @@ impl fmt::Display for SceneError {
     }
 }
 
-/// What an error means for the exit status of a command.
+/// Class of an error, which gives the exit status of a command.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum ErrorKind {
-    /// The scene says something that cannot be.
+    /// The scene is invalid.
     Invalid,
     /// The scene file, or a state file that it names, cannot be read.
     Unreadable,
@@ -74,7 +74,7 @@ pub enum ErrorKind {
 pub struct SceneErrors {
     /// The first [`SceneErrors::MOST`] errors, in the order of the file where they have a line.
     pub errors: Vec<SceneError>,
-    /// How many more there are.
+    /// Number of further errors.
     pub more: usize,
     /// Text of the scene file, for pointing into it.
     pub source: String,
@@ -82,10 +82,10 @@ pub struct SceneErrors {
 }
 
 impl SceneErrors {
-    /// So many errors are told at most; the others are counted.
+    /// Largest number of errors kept; the others are only counted.
     pub const MOST: usize = 20;
 
-    /// Whether the scene is invalid or a file cannot be read. Invalid wins where both hold.
+    /// Whether the scene is invalid or a file cannot be read; invalid if both are true.
     pub fn kind(&self) -> ErrorKind {
         self.kind
     }

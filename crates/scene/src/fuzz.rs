@@ -1,11 +1,11 @@
-//! No input makes the scene crate panic: mutations of sound scenes, scenes put together from wild values, and noise.
+//! No input makes the scene crate panic: mutations of valid scenes, scenes of extreme values, and noise.
 //!
-//! Each test run drives some 20,000 inputs; `HAFF_FUZZ_INPUTS=1000000 cargo test --release -p haff-scene fuzz` as many
-//! as wanted.
+//! Each test run tries some 20,000 inputs; `HAFF_FUZZ_INPUTS=1000000 cargo test --release -p haff-scene fuzz`
+//! tries more.
 
 use std::panic::{AssertUnwindSafe, catch_unwind};
 
-use crate::build::{Limits, build};
+use crate::assemble::{Limits, assemble};
 use crate::error::{SceneError, SceneErrors};
 use crate::random::{Purpose, Stream};
 use crate::state::{State, StateSource};
@@ -16,7 +16,7 @@ use haff_engine::{Boundary, Domain, Wall};
 /// Few particles, so that one input takes little time.
 const LIMITS: Limits = Limits { particles: 300, memory: 1 << 28 };
 
-/// A state file with whatever numbers the fuzzer likes.
+/// A state file with arbitrary numbers.
 struct AnyState(State);
 
 impl StateSource for AnyState {
@@ -207,7 +207,7 @@ const SCENES: &[&str] = &[
      [[particle]]\nposition = [1, 4, 0]\nradius = 0.25\nmass = 2\n[run]\nuntil = 1\n",
 ];
 
-/// More keys than errors are told.
+/// More unknown keys than errors are kept.
 fn many_keys(random: &mut Stream) -> String {
     let lines = (0..random.below(60))
         .map(|k| [pick(random, KEYS), &k.to_string(), " = ", pick(random, VALUES), "\n"].concat());
@@ -299,10 +299,10 @@ fn input(case: u64) -> (String, Vec<String>, AnyState) {
     (text, overrides, AnyState(state))
 }
 
-/// What must hold of whatever comes out.
+/// Checks of every result.
 fn check(case: u64) -> Result<bool, String> {
     let (text, overrides, state) = input(case);
-    let result = catch_unwind(AssertUnwindSafe(|| build("fuzz.toml", &text, &overrides, &state, LIMITS)));
+    let result = catch_unwind(AssertUnwindSafe(|| assemble("fuzz.toml", &text, &overrides, &state, LIMITS)));
     let show = || format!("case {case}, overrides {overrides:?}, scene:\n{text}");
     match result {
         Err(_) => Err(format!("panic: {}", show())),
@@ -370,7 +370,7 @@ fn check(case: u64) -> Result<bool, String> {
             {
                 return Err(format!("accepted an overlap {pair:?}: {}", show()));
             }
-            match build("fuzz.toml", &scene.resolved, &[], &state, LIMITS) {
+            match assemble("fuzz.toml", &scene.resolved, &[], &state, LIMITS) {
                 Ok(again)
                     if again.system == scene.system
                         && again.run == scene.run
@@ -413,7 +413,7 @@ proptest::proptest! {
     #[test]
     fn fuzz_any_text_is_refused_or_accepted(text in "(?s).{0,200}", key in "(?s).{0,30}", value in "(?s).{0,30}") {
         let state = AnyState(State::default());
-        let _ = build("fuzz.toml", &text, &[], &state, LIMITS);
-        let _ = build("fuzz.toml", SCENES[0], &[format!("{key}={value}")], &state, LIMITS);
+        let _ = assemble("fuzz.toml", &text, &[], &state, LIMITS);
+        let _ = assemble("fuzz.toml", SCENES[0], &[format!("{key}={value}")], &state, LIMITS);
     }
 }

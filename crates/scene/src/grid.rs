@@ -1,5 +1,5 @@
-//! A hierarchy of hashed cell grids, one per octave of radius: close pairs among particles of any size ratio, in a
-//! box of any extent, periodic or not.
+//! A hierarchy of hashed cell grids, one per octave of radius: close pairs among particles of any size ratio,
+//! in a box of any extent, periodic or not.
 
 use std::collections::BTreeMap;
 
@@ -12,7 +12,7 @@ const NONE: u32 = u32::MAX;
 /// Cell coordinates stay within ±2^30 so that a neighbor's coordinate cannot overflow.
 const FAR: f64 = (1 << 30) as f64;
 
-/// Periods of the box, `None` where it does not repeat.
+/// Periods of the box, `None` along axes that are not periodic.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Periods([Option<f64>; 3]);
 
@@ -40,7 +40,7 @@ impl Periods {
         d
     }
 
-    /// Puts a position into the box along periodic axes.
+    /// Wraps a position into the box along periodic axes.
     pub(crate) fn wrap(&self, mut position: DVec3) -> DVec3 {
         for axis in 0..3 {
             if let Some(length) = self.0[axis] {
@@ -66,7 +66,8 @@ struct Level {
 }
 
 /// Particles in cells. Each particle has a level radius, at least its own radius: [`Grid::visit`] finds all
-/// particles whose level is at least that of the query and whose level radius, with the query's, spans the distance.
+/// particles whose level is at least that of the query and whose level radius, with the query's, spans the
+/// distance.
 pub(crate) struct Grid {
     periods: Periods,
     levels: Vec<Level>,
@@ -74,7 +75,7 @@ pub(crate) struct Grid {
     heads: Vec<u32>,
 }
 
-/// What the grid knows of a particle, together because it is looked at together.
+/// Data of a particle, stored together because they are read together.
 #[derive(Clone, Copy)]
 struct Member {
     cell: [i32; 3],
@@ -83,8 +84,8 @@ struct Member {
 }
 
 impl Grid {
-    /// An empty grid for particles with these level radii; pairs closer than the sum of their level radii plus
-    /// `skin` will be found.
+    /// An empty grid for particles with these level radii; pairs closer than the sum of their level radii
+    /// plus `skin` will be found.
     pub(crate) fn new(level_radius: &[f64], skin: f64, periods: Periods) -> Self {
         let mut octaves: BTreeMap<u64, f64> = BTreeMap::new();
         for &radius in level_radius {
@@ -94,7 +95,7 @@ impl Grid {
         let levels: Vec<Level> = octaves
             .values()
             .map(|&radius| {
-                // One part in 10^9 more, so that rounding of a coordinate cannot lose a pair.
+                // Wider by 10^-9, so that rounding of a coordinate cannot lose a pair.
                 let width = (2.0 * radius + skin) * (1.0 + 1e-9);
                 let mut level = Level { radius, count: [0; 3], density: [1.0 / width; 3] };
                 for axis in 0..3 {
@@ -119,12 +120,12 @@ impl Grid {
         Self { periods, levels, members, heads: vec![NONE; buckets] }
     }
 
-    /// Takes all particles out.
+    /// Removes all particles.
     pub(crate) fn clear(&mut self) {
         self.heads.fill(NONE);
     }
 
-    /// Puts particle `index` in at `position`.
+    /// Inserts particle `index` at `position`.
     pub(crate) fn insert(&mut self, index: usize, position: DVec3) {
         let level = self.members[index].level;
         let cell = self.cell_of(&self.levels[level as usize], position);
@@ -134,7 +135,7 @@ impl Grid {
     }
 
     /// Calls `found` for every particle near `position` in the level of `level_radius` and above, until it
-    /// answers `false`. The order depends on the order of insertion only.
+    /// returns `false`. The order depends on the order of insertion only.
     pub(crate) fn visit(&self, position: DVec3, level_radius: f64, mut found: impl FnMut(usize) -> bool) {
         let key = octave(level_radius);
         for (k, level) in self.levels.iter().enumerate() {
@@ -180,7 +181,7 @@ impl Grid {
         })
     }
 
-    /// Cells that follow each other along z have buckets that follow each other: they are looked at together.
+    /// Consecutive cells along z have consecutive buckets, which are visited together.
     fn bucket(&self, level: u16, cell: [i32; 3]) -> usize {
         let mut h = u64::from(level) ^ 0x9E37_79B9_7F4A_7C15;
         for c in &cell[..2] {
@@ -205,8 +206,8 @@ pub(crate) struct Overlap {
     pub(crate) depth: f64,
 }
 
-/// Pairs that overlap by more than `tolerance` of their contact distance, ordered by (i, j): at most a few for each
-/// particle. Pairs of which `skip` holds are left out.
+/// Pairs that overlap by more than `tolerance` of their contact distance, ordered by (i, j): at most a few
+/// for each particle. Pairs for which `skip` is true are left out.
 pub(crate) fn overlaps(
     position: &[DVec3],
     radius: &[f64],
@@ -264,7 +265,7 @@ mod tests {
                 .map(|_| domain.size * DVec3::from_array(std::array::from_fn(|_| random.unit())))
                 .collect();
             let periods = Periods::new(&domain);
-            // At most three overlaps a particle keep the cap of four out of the comparison.
+            // At most three overlaps a particle, so that the limit of four does not affect the comparison.
             let mut expected = Vec::new();
             let mut most = vec![0; n];
             for i in 0..n {

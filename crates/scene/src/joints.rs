@@ -1,4 +1,4 @@
-//! What joins particles, as written: `[[pendulum]]`, `[[spring]]`, `[[rod]]`.
+//! Joints of particles in a scene file: `[[pendulum]]`, `[[spring]]`, `[[rod]]`.
 
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
@@ -18,16 +18,18 @@ pub struct PendulumConfig {
     /// Name of the particle that hangs on it.
     #[schemars(required)]
     pub bob: Option<String>,
-    /// `string` (default): it pulls, and goes slack rather than push. `rod`: rigid, turning freely about the pivot.
+    /// `string` (default): it only pulls, and goes slack under compression. `rod`: rigid, turning freely
+    /// about the pivot.
     pub tether: Option<TetherConfig>,
-    /// Places the bob, instead of its `position`: angle from hanging along gravity [rad], positive towards x (towards y if
-    /// gravity is along x). Needs `length`.
+    /// Position of the bob, instead of its `position`: angle from hanging along gravity [rad], positive
+    /// towards x (towards y if gravity is along x). Needs `length`.
     pub angle: Option<f64>,
-    /// Whether a string may be slack at the start, its bob nearer to the pivot than its length; default false.
+    /// Whether a string may be slack at the start, its bob nearer to the pivot than its length; default
+    /// false.
     pub slack: Option<bool>,
 }
 
-/// How a pendulum holds its bob.
+/// Kind of a pendulum.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum TetherConfig {
@@ -69,7 +71,7 @@ pub struct RodConfig {
     /// Distance of their centers [length]; default: that at the start.
     #[schemars(extend("exclusiveMinimum" = 0))]
     pub length: Option<f64>,
-    /// Places the second particle, instead of its `position`: angle of the rod, seen from the first, to the x axis in the xy plane
-    /// [rad]. Needs `length`.
+    /// Position of the second particle, instead of its `position`: angle of the rod, seen from the first, to
+    /// the x axis in the xy plane [rad]. Needs `length`.
     pub angle: Option<f64>,
 }

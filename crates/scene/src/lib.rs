@@ -1,14 +1,15 @@
 //! Scene files of haff: TOML to a validated system.
 //!
-//! [`load`] and [`parse`] take a scene file, overrides by dotted path and a source of recorded states, and return
-//! a [`Scene`]: particles placed and moving, walls, contact rules, and plans of the run and its output. Or they return
-//! [`SceneErrors`]: *all* errors found, each with its line, key, value and what is allowed; the first twenty
-//! are told, the others counted. No input makes them panic, and the time they take is in proportion to the
-//! length of the text.
+//! [`load`] and [`parse`] take a scene file, overrides by dotted path and a source of recorded states, and
+//! return a [`Scene`]: particles placed and moving, walls, contact rules, and plans of the run and its
+//! output. Or they return [`SceneErrors`]: *all* errors found, each with its line, key, value and what is
+//! allowed; the first twenty are kept, the others counted. No input makes them panic, and the time they take
+//! is linear in the length of the text.
 //!
-//! The way of the data: text → a tree that knows its lines → [`config::SceneConfig`] (serde, unknown keys
-//! refused) → checks, defaults, packings and velocities → [`Scene`]. Every random number comes from a stream of its own
-//! for purpose, species and particle, so a scene gives the same system on any machine and any number of threads.
+//! Data flow: text → a tree of values with line numbers → [`config::SceneConfig`] (serde, unknown keys
+//! refused) → checks, defaults, packings and velocities (`assemble`) → [`Scene`]. There is a stream of random
+//! numbers for each purpose, species and particle, so a scene gives the same system on any machine and any
+//! number of threads.
 //!
 //! ```
 //! let text = r#"
@@ -30,7 +31,7 @@
 // Docs give units in brackets, as [length]: these are not links, and escapes would show in the JSON Schema.
 #![allow(rustdoc::broken_intra_doc_links)]
 
-mod build;
+mod assemble;
 pub mod config;
 mod document;
 mod error;
@@ -65,7 +66,7 @@ pub use weight::LONGEST_FILE;
 /// (`KEY=VALUE` by dotted path, array elements by index or name, values in TOML; later ones win).
 ///
 /// # Errors
-/// All errors found; [`SceneErrors::kind`] tells an invalid scene from a file that cannot be read.
+/// All errors found; [`SceneErrors::kind`] distinguishes an invalid scene from a file that cannot be read.
 pub fn load(path: &Path, overrides: &[String], states: &dyn StateSource) -> Result<Scene, SceneErrors> {
     let text = read_text(path)?;
     parse(&path.display().to_string(), &text, overrides, states)
@@ -74,54 +75,53 @@ pub fn load(path: &Path, overrides: &[String], states: &dyn StateSource) -> Resu
 /// The text of the scene file at `path`, for use by other parsers than [`parse`].
 ///
 /// # Errors
-/// If it cannot be read, is not text or is too long, or if its reading might not fit into the free memory.
+/// If it cannot be read, is not text or is too long, or if reading it might exceed the free memory.
 pub fn read(path: &Path) -> Result<String, SceneErrors> {
     let text = read_text(path)?;
     match check_weight(&text) {
         Ok(()) => Ok(text),
-        Err(message) => Err(build::whole(&path.display().to_string(), message, ErrorKind::Invalid)),
+        Err(message) => Err(assemble::whole(&path.display().to_string(), message, ErrorKind::Invalid)),
     }
 }
 
 /// Whether a TOML text can be parsed in the free memory and a common stack: some short ones take gigabytes.
 ///
 /// # Errors
-/// A sentence that says what is too much.
+/// A message with the limit that is exceeded.
 pub fn check_weight(text: &str) -> Result<(), String> {
-    weight::Weight::of_document(text).check(build::Limits::of_this_machine().memory)
+    weight::Weight::of_document(text).check(assemble::Limits::of_this_machine().memory)
 }
 
-/// The text of a file, pipe or device; of one that gives more than [`LONGEST_FILE`] bytes, no more than that
-/// is read.
+/// The text of a file, pipe or device, of which at most [`LONGEST_FILE`] bytes are read.
 fn read_text(path: &Path) -> Result<String, SceneErrors> {
     let name = path.display().to_string();
-    let unreadable = |why: &io::Error| build::unreadable(&name, why);
+    let unreadable = |why: &io::Error| assemble::unreadable(&name, why);
     let mut bytes = Vec::new();
     let mut file = File::open(path).map_err(|why| unreadable(&why))?;
     let long = file.metadata().is_ok_and(|metadata| metadata.len() > LONGEST_FILE);
-    // Of what is too long, as much as tells whether it is text.
+    // Of a file that is too long, enough to see whether it is text.
     let most = if long { 1 << 12 } else { LONGEST_FILE + 1 };
     file.by_ref().take(most).read_to_end(&mut bytes).map_err(|why| unreadable(&why))?;
     let cut_short = long || bytes.len() as u64 > LONGEST_FILE;
     match String::from_utf8(bytes) {
-        Ok(_) if cut_short => Err(build::too_long(&name)),
+        Ok(_) if cut_short => Err(assemble::too_long(&name)),
         // The last character may have been cut in two.
-        Err(error) if cut_short && error.utf8_error().error_len().is_none() => Err(build::too_long(&name)),
+        Err(error) if cut_short && error.utf8_error().error_len().is_none() => Err(assemble::too_long(&name)),
         Ok(text) => Ok(text),
         Err(error) => Err(unreadable(&io::Error::new(io::ErrorKind::InvalidData, error))),
     }
 }
 
-/// Validates the text of a scene; `name` stands for the file in errors. See [`load`].
+/// Validates the text of a scene; `name` is the name of the file in errors. See [`load`].
 ///
 /// # Errors
-/// All errors found. A text of more than [`LONGEST_FILE`] bytes, or one whose reading might not fit into the
-/// free memory, is refused.
+/// All errors found. A text of more than [`LONGEST_FILE`] bytes, or one that might exceed the free
+/// memory, is refused.
 pub fn parse(
     name: &str,
     text: &str,
     overrides: &[String],
     states: &dyn StateSource,
 ) -> Result<Scene, SceneErrors> {
-    build::build(name, text, overrides, states, build::Limits::of_this_machine())
+    assemble::assemble(name, text, overrides, states, assemble::Limits::of_this_machine())
 }

@@ -1,5 +1,5 @@
-//! Random numbers: one stream per purpose, name and particle, so that no draw depends on how many came before
-//! it elsewhere. Adding a species, an observer or a thread leaves the numbers of the others alone.
+//! Random numbers: one stream per purpose, name and particle, so that no draw depends on the number of other
+//! draws. Adding a species, an observer or a thread does not change the numbers of the others.
 
 use rand::{Rng, SeedableRng};
 use rand_pcg::Pcg64Mcg;
@@ -8,7 +8,7 @@ use xxhash_rust::xxh3::xxh3_64_with_seed;
 /// The random numbers of one particle for one purpose.
 pub(crate) struct Stream(Pcg64Mcg);
 
-/// What numbers are drawn for. The discriminants are part of what a seed means: never reuse one.
+/// Purposes of random numbers. The discriminants are part of the meaning of a seed: never reuse one.
 #[derive(Debug, Clone, Copy)]
 #[repr(u64)]
 pub(crate) enum Purpose {
@@ -44,8 +44,8 @@ impl Stream {
         ((u128::from(self.0.next_u64()) * n as u128) >> 64) as usize
     }
 
-    /// Two independent standard normal deviates: Marsaglia's polar form of Box–Muller. The logarithm is `libm`'s
-    /// and the square root is exact, so that all machines draw the same bits.
+    /// Two independent standard normal deviates: Marsaglia's polar form of Box–Muller. The logarithm is
+    /// `libm`'s and the square root is exact, so that all machines draw the same bits.
     pub(crate) fn normal_pair(&mut self) -> [f64; 2] {
         loop {
             let (x, y) = (2.0 * self.unit() - 1.0, 2.0 * self.unit() - 1.0);
@@ -61,7 +61,7 @@ impl Stream {
     /// `low` and `high` are in units of the standard deviation about the mean.
     pub(crate) fn truncated_normal(&mut self, low: f64, high: f64) -> f64 {
         let mode = 0.0_f64.clamp(low, high);
-        // Beyond this the density has fallen by more than e^-36 below its highest: it draws nothing.
+        // Beyond this the density is below e^-36 of its maximum: it contributes nothing.
         let (low, high) = (low.max(mode - 8.5), high.min(mode + 8.5));
         for _ in 0..100_000 {
             let x = self.between(low, high);

@@ -1,8 +1,8 @@
-//! Reads structures from a tree of values: every key that a structure does not know is noted on the way, and
-//! an error knows the path of the value that does not fit.
+//! Deserializes structures from a tree of values. All unknown keys are collected, and an error has the path
+//! of its value.
 //!
-//! serde's own way to refuse unknown keys ends at the first one. Here a structure sees only the keys it
-//! knows.
+//! serde's `deny_unknown_fields` ends at the first unknown key. Here only known keys are passed to a
+//! structure.
 
 use std::cell::{Cell, RefCell};
 use std::fmt;
@@ -16,7 +16,7 @@ use serde::forward_to_deserialize_any;
 
 use crate::tree::{Node, Path, Table, Value};
 
-/// Keys of one table that its structure does not know.
+/// Unknown keys of one table.
 pub(crate) struct Unknown {
     pub(crate) table: Path,
     /// As in the tree, in alphabetical order.
@@ -24,21 +24,21 @@ pub(crate) struct Unknown {
     pub(crate) known: &'static [&'static str],
 }
 
-/// A value that does not fit, in words of a user.
+/// A value of the wrong type, with a message for users.
 #[derive(Debug)]
 pub(crate) struct Misfit {
     pub(crate) message: String,
-    /// Set where the error passes the value it is about.
+    /// Set when the error is returned through its value.
     pub(crate) path: Option<Path>,
 }
 
-/// What reading has come to.
+/// Result of reading.
 pub(crate) struct Reading<T> {
     pub(crate) result: Result<T, Misfit>,
     pub(crate) unknown: Vec<Unknown>,
 }
 
-/// Reads the value `node`, which stands at `path`. Arrays that `skipped` names are read as empty ones.
+/// Reads the value `node` at `path`. Arrays that `skipped` names are read as empty ones.
 pub(crate) fn read<'de, T: Deserialize<'de>>(
     node: &'de Node,
     path: &[String],
@@ -54,7 +54,7 @@ struct Notes<'x> {
     skipped: &'x [&'x [&'x str]],
 }
 
-/// A path as links up the stack, so that it costs nothing where no error is.
+/// A path as a linked list on the stack, which is built only for errors.
 enum Place<'x> {
     Start(&'x [String]),
     Key(&'x Place<'x>, &'x str),
@@ -228,7 +228,7 @@ impl Misfit {
         Self { message: format!("must be {expected}, not {found}"), path: None }
     }
 
-    /// An error is about the innermost value that it leaves.
+    /// An error belongs to the innermost value that it is returned through.
     fn at(mut self, place: &Place) -> Self {
         self.path.get_or_insert_with(|| place.path());
         self
@@ -243,7 +243,7 @@ impl fmt::Display for Misfit {
 
 impl std::error::Error for Misfit {}
 
-/// serde's errors in words of a user.
+/// serde's errors as messages for users.
 impl de::Error for Misfit {
     fn custom<M: fmt::Display>(message: M) -> Self {
         Self { message: message.to_string(), path: None }
@@ -284,7 +284,7 @@ impl de::Error for Misfit {
 /// The keys of a structure, for values that may be written as a table or in another shape.
 pub(crate) fn keys_of<'de, T: Deserialize<'de>>() -> &'static [&'static str] {
     let keys = Cell::new(&[][..]);
-    // A probe gives no value; what it was asked for is what matters.
+    // The probe gives no value: it only records the fields requested.
     let _ = T::deserialize(Probe { keys: &keys, value: PhantomData });
     keys.get()
 }

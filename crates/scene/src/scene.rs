@@ -1,4 +1,4 @@
-//! A validated scene: what a command runs.
+//! A validated scene.
 
 use std::path::PathBuf;
 use std::time::Duration;
@@ -6,7 +6,7 @@ use std::time::Duration;
 use haff_engine::{EventColumn, Options, System};
 use haff_linkage::Joints;
 
-/// When something is recorded, beside the start and the end.
+/// Times of records, beside the start and the end.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Schedule {
     /// Never.
@@ -22,7 +22,8 @@ pub enum Schedule {
     },
 }
 
-/// How long to run; whatever comes first ends the run. At least one of `until` and `collisions` is given.
+/// Length of the run; the first bound that is reached ends it. At least one of `until` and `collisions` is
+/// given.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct RunPlan {
     /// Simulated time [time].
@@ -34,12 +35,12 @@ pub struct RunPlan {
     pub wall_time: Option<Duration>,
 }
 
-/// What is recorded, and where.
+/// Output of the run.
 ///
-/// Defaults with `run.until`: frames every until/100, observables every until/1000, checkpoints every until/10. Without
-/// it, the length of the run in time is only known for an elastic gas, where kinetic theory predicts it and takes the
-/// place of `until`; otherwise frames and observables are logarithmic in time, beginning at a tenth of the mean free
-/// time (or of the time to cross the box), and there is no periodic checkpoint.
+/// Defaults with `run.until`: frames every until/100, observables every until/1000, checkpoints every
+/// until/10. Without it, the length of the run is known only for an elastic gas, where kinetic theory
+/// predicts it and replaces `until`; otherwise frames and observables are logarithmic in time, beginning at a
+/// tenth of the mean free time (or of the time to cross the box), and there is no periodic checkpoint.
 #[derive(Debug, Clone, PartialEq)]
 pub struct OutputPlan {
     /// HDF5 file, relative to the current directory.
@@ -59,28 +60,29 @@ pub struct OutputPlan {
 /// A scene that has passed every check.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Scene {
-    /// One line that says what it is; the file's name if the scene has no title.
+    /// Description in one line; the file's name if the scene has no title.
     pub title: String,
     /// Seed of all random numbers.
     pub seed: u64,
-    /// The state file that the species start from, as the scene names it.
+    /// The state file that the species start from, as written in the scene.
     pub state_file: Option<PathBuf>,
     /// Particles, walls, contact rules and domain.
     pub system: System,
-    /// Pendulums, springs, rods and contacts that stick; empty for a scene of the plain engine.
+    /// Pendulums, springs, rods and contacts that stick; empty for a scene of the granular engine.
     pub joints: Joints,
-    /// Choices of machinery.
+    /// Algorithms of the engine.
     pub options: Options,
-    /// How long to run.
+    /// Length of the run.
     pub run: RunPlan,
-    /// What to record.
+    /// Output of the run.
     pub output: OutputPlan,
-    /// The scene with every default and override written out, as TOML text that parses to this scene again. What
-    /// comes from a state file is still named by its path.
+    /// The scene with every default and override written out, as TOML text that parses to this scene again. A
+    /// state file is still referred to by its path.
     pub resolved: String,
     /// Volume of all particles over that of the box; NaN with open axes.
     pub packing_fraction: f64,
-    /// Collisions per particle and time that kinetic theory expects at the start [1/time] (Enskog, elastic contacts,
-    /// mixtures of spheres by their mean pair); NaN where it says nothing: open axes, no motion, one particle.
+    /// Collisions per particle and time that kinetic theory expects at the start [1/time] (Enskog, elastic
+    /// contacts, mixtures of spheres by their mean pair); NaN where it does not apply: open axes, no motion,
+    /// one particle.
     pub collision_rate: f64,
 }

@@ -29,7 +29,7 @@ fn drop_null(value: &mut Value) {
             if let Some(Value::Array(choices)) = map.get_mut("anyOf") {
                 choices.retain(|choice| choice.get("type").is_none_or(|kind| kind != "null"));
             }
-            // serde fills in `null` for what is left out.
+            // serde writes `null` for missing keys.
             if map.get("default").is_some_and(Value::is_null) {
                 map.remove("default");
             }

@@ -1,4 +1,4 @@
-//! Where `positions = { file = … }` gets its particles from. Reading files is not this crate's business.
+//! Recorded states for `positions = { file = … }`. Callers implement the reading of files.
 
 use std::path::Path;
 
@@ -26,7 +26,7 @@ pub trait StateSource {
     /// The last frame of the file at `path` (relative to the current directory).
     ///
     /// # Errors
-    /// A sentence that says why the file cannot be read.
+    /// The reason why the file cannot be read.
     fn last_state(&self, path: &Path) -> Result<State, String>;
 }
 

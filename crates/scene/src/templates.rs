@@ -1,6 +1,6 @@
 //! Starter scenes.
 
-/// Starter scenes for `haff init` as (name, description, text), each one a scene that runs as it stands.
+/// Starter scenes for `haff init` as (name, description, text), each one a complete scene.
 pub fn templates() -> &'static [(&'static str, &'static str, &'static str)] {
     &[
         (

@@ -1,8 +1,8 @@
-//! Text from outside, made fit for a line of a terminal or a log.
+//! Escaping of external text for a line of a terminal or a log.
 //!
-//! Titles, names, keys, values and paths may come from a file that was received. Printed as they are, control
-//! characters in them move the cursor, change colors or begin a line that looks like a message of haff; and
-//! characters that reverse the direction of writing make a text look like another.
+//! Titles, names, keys, values and paths may come from files of others. Without escaping, control characters
+//! in them can move the cursor, change colors or start a line that imitates a message of haff; and characters
+//! that reverse the direction of writing can disguise a text.
 
 use std::borrow::Cow;
 use std::fmt::Display;
@@ -22,12 +22,12 @@ pub fn escaped(text: &str) -> Cow<'_, str> {
     escape(text, is_hidden)
 }
 
-/// As [`escaped`], but line ends stay: for text that haff has composed of several lines.
+/// As [`escaped`], but line ends are kept: for text of several lines composed by haff.
 pub fn escaped_lines(text: &str) -> Cow<'_, str> {
     escape(text, |c| c != '\n' && is_hidden(c))
 }
 
-/// Whatever is displayed, escaped as by [`escaped`] and cut after [`LONGEST`] characters.
+/// The displayed value, escaped as by [`escaped`] and cut after [`LONGEST`] characters.
 pub fn shown(piece: impl Display) -> String {
     let text = piece.to_string();
     cut(&escaped(cut(&text, LONGEST).as_ref()), LONGEST).into_owned()
@@ -35,7 +35,7 @@ pub fn shown(piece: impl Display) -> String {
 
 /// The text, or its beginning and `…` if it has more than `longest` characters.
 pub fn cut(text: &str, longest: usize) -> Cow<'_, str> {
-    // Most texts are short enough in bytes already.
+    // The length in bytes is an upper bound.
     if text.len() <= longest || text.char_indices().nth(longest).is_none() {
         return Cow::Borrowed(text);
     }
@@ -43,11 +43,11 @@ pub fn cut(text: &str, longest: usize) -> Cow<'_, str> {
     Cow::Owned(format!("{}…", &text[..end]))
 }
 
-/// Longest word that is compared with others, and how many of them at most.
+/// Longest word that is compared with others, and the largest number of them.
 const COMPARED: usize = 64;
 const CANDIDATES: usize = 1000;
 
-/// The candidate that `word` may be a slip of the pen for.
+/// The candidate most similar to `word`, as a correction of a misspelling.
 pub(crate) fn nearest<'t>(word: &str, candidates: impl Iterator<Item = &'t str>) -> Option<&'t str> {
     if word.len() > COMPARED {
         return None;
@@ -60,7 +60,7 @@ pub(crate) fn nearest<'t>(word: &str, candidates: impl Iterator<Item = &'t str>)
         .and_then(|(score, candidate)| (score > 0.75).then_some(candidate))
 }
 
-/// So many names are listed in a message.
+/// Largest number of names listed in a message.
 const LISTED: usize = 12;
 
 /// The first few of some names, each once, and `…` if there are more.
@@ -96,7 +96,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn no_control_character_is_left_and_other_text_is_as_it_was() {
+    fn control_characters_are_escaped_and_other_text_is_unchanged() {
         let hidden = (0..=0x1f).chain(0x7f..=0x9f).chain(0x2028..=0x202e).chain(0x2066..=0x2069);
         for c in hidden.filter_map(char::from_u32) {
             let text = format!("a{c}b");

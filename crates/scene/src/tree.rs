@@ -1,4 +1,4 @@
-//! A tree of TOML values in which every value remembers where it comes from.
+//! A tree of TOML values, each with its source.
 
 use std::fmt::Write;
 use std::ops::Range;
@@ -9,14 +9,14 @@ use toml::de::{DeArray, DeTable, DeValue};
 /// Dotted path of a key, array elements by index.
 pub(crate) type Path = Vec<String>;
 
-/// Where a value comes from.
+/// Source of a value.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) enum Origin {
     /// The scene file: bytes of the key, or of the array element. Files are far shorter than 4 GiB.
     File { start: u32, end: u32 },
     /// The override of this number.
     Override(u32),
-    /// A table that an override needed on the way to its key.
+    /// A table created by an override above its key.
     Implied,
 }
 
@@ -26,7 +26,7 @@ impl Origin {
     }
 }
 
-/// A value and where it comes from.
+/// A value and its source.
 #[derive(Debug, Clone)]
 pub(crate) struct Node {
     pub(crate) origin: Origin,
@@ -39,7 +39,7 @@ pub(crate) enum Value {
     Integer(i64),
     Float(f64),
     Boolean(bool),
-    /// No key of a scene is a date: kept for messages.
+    /// Kept for messages: no key of a scene is a date.
     Date(Box<str>),
     Array(Vec<Node>),
     Table(Table),
@@ -87,7 +87,7 @@ pub(crate) struct Oversized {
     pub(crate) text: String,
 }
 
-/// Makes trees of what the TOML parser gives, and takes note of integers that do not fit; their keys are left
+/// Makes trees from the output of the TOML parser, and collects integers out of range; their keys are left
 /// out.
 #[derive(Default)]
 pub(crate) struct Converter {
@@ -127,7 +127,7 @@ impl Converter {
         for (k, element) in array.into_iter().enumerate() {
             let origin = self.origin(element.span());
             self.path.push(k.to_string());
-            // Something stands for what is left out, so that no other index changes.
+            // A placeholder for the missing element, so that no other index changes.
             let value = self.value(element.into_inner(), origin).unwrap_or(Value::Integer(0));
             out.push(Node { origin, value });
             self.path.pop();
@@ -186,7 +186,7 @@ impl Node {
         path.iter().try_fold(self, |node, segment| node.child_mut(segment))
     }
 
-    /// Puts a value at a path, with the tables on the way.
+    /// Sets the value at a path, and creates the tables above it.
     pub(crate) fn set(&mut self, path: &[String], value: Self) -> Result<(), String> {
         let mut here = self;
         for (k, segment) in path.iter().enumerate() {
@@ -206,8 +206,8 @@ impl Node {
         Ok(())
     }
 
-    /// Takes out the key at `path`; of an array, all of it, so that no other index changes. Nothing above the
-    /// first `fixed` segments is taken out.
+    /// Removes the key at `path`; an array is removed as a whole, so that no other index changes. The first
+    /// `fixed` segments are never removed.
     pub(crate) fn take_out(&mut self, path: &[String], fixed: usize) -> bool {
         for k in (fixed..path.len()).rev() {
             if let Some(Self { value: Value::Table(table), .. }) = self.get_mut(&path[..k]) {
@@ -242,7 +242,7 @@ impl Value {
         }
     }
 
-    /// The value as TOML on one line, cut where it gets long.
+    /// The value as TOML on one line, cut after a maximum length.
     pub(crate) fn show(&self) -> String {
         let mut out = String::new();
         match self {
@@ -258,7 +258,7 @@ impl Value {
         crate::text::cut(&out, SHOWN).into_owned()
     }
 
-    /// Appends the value, or as much of it as is shown.
+    /// Appends the value up to the maximum length.
     fn write(&self, out: &mut String) {
         match self {
             Self::Text(text) => out.push_str(&quoted(text)),
@@ -286,8 +286,7 @@ impl Value {
     }
 }
 
-/// The text as a TOML string, or as much of it as is shown. Control characters are escaped where
-/// it is printed.
+/// The text as a TOML string up to the maximum length. Control characters are escaped when it is printed.
 fn quoted(text: &str) -> String {
     let text = crate::text::cut(text, SHOWN);
     if text.contains(char::is_control) {

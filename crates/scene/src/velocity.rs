@@ -26,8 +26,8 @@ pub(crate) fn maxwell(seed: u64, species: &str, index: usize, variance: f64, dim
 
 /// Shifts the velocities to zero total momentum and rescales each bath to its temperature.
 ///
-/// The order is shift, then rescale: with one temperature for all, one round makes both exact. Several temperatures
-/// pull against each other, because each bath's factor changes the momentum; then rounds repeat until the momentum
+/// The order is shift, then rescale: with one temperature for all, one round makes both exact. With several
+/// temperatures each bath's factor changes the momentum; then rounds repeat until the momentum
 /// stays zero. A single particle keeps its direction: its temperature is read as m|v|²/d.
 pub(crate) fn equilibrate(velocity: &mut [DVec3], mass: &[f64], baths: &[Bath], dimension: Dimension) {
     let members = || baths.iter().flat_map(|bath| bath.members.iter().copied());
@@ -64,7 +64,7 @@ mod tests {
     }
 
     #[test]
-    fn two_temperatures_are_met_at_zero_momentum() {
+    fn two_temperatures_are_exact_at_zero_momentum() {
         let n = 300;
         let mass: Vec<f64> = (0..n).map(|i| if i < 100 { 1.0 } else { 5.0 }).collect();
         let baths = [

@@ -1,8 +1,7 @@
-//! What it takes to read a TOML text, told before it is parsed.
+//! Estimates the memory and stack needed to parse a TOML text, before it is parsed.
 //!
 //! The parser takes some hundred bytes for every byte of a text, and 600 for those of a key with many dots;
-//! and it calls itself for every level of nesting. The tokens alone, read one after the other, tell how much
-//! that will be.
+//! and it is recursive in the levels of nesting. A pass over the tokens gives an upper bound.
 
 use toml_parser::Source;
 use toml_parser::lexer::TokenKind;
@@ -22,7 +21,7 @@ const TOKEN: u64 = 52;
 const TABLE: u64 = 1250;
 const VALUE: u64 = 150;
 
-/// How much there is in a text.
+/// Numbers of tokens and levels in a text.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
 pub(crate) struct Weight {
     bytes: u64,
@@ -106,13 +105,13 @@ impl Weight {
         weight
     }
 
-    /// What parsing and keeping it takes, at most [bytes].
+    /// Upper bound of the memory for parsing and keeping it [bytes].
     fn memory(self) -> u64 {
-        // The text itself is kept, too.
+        // Including the text itself.
         2 * self.bytes + TOKEN * self.tokens + TABLE * self.tables + VALUE * self.values
     }
 
-    /// An error if it is too much for `memory` bytes, or in itself.
+    /// An error if it exceeds `memory` bytes or a fixed limit.
     pub(crate) fn check(self, memory: u64) -> Result<(), String> {
         let size = |bytes: u64| format!("{:.1} GiB", bytes as f64 / (1_u64 << 30) as f64);
         if self.bytes > LONGEST_FILE {

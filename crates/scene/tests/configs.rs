@@ -1,4 +1,5 @@
-//! The scenes of `configs/`: the sound ones are accepted, the broken ones refused with the error that they name.
+//! The scenes of `configs/`: valid ones are accepted, invalid ones refused with the error in their first
+//! line.
 
 use std::path::{Path, PathBuf};
 
@@ -27,7 +28,7 @@ fn every_scene_is_accepted_and_its_resolved_text_is_the_same_scene() {
         let again = parse("resolved.toml", &scene.resolved, &[], &NoStates).unwrap_or_else(|errors| {
             panic!("{}: resolved scene refused:\n{errors}\n{}", path.display(), scene.resolved)
         });
-        // NaN marks what kinetic theory does not know; it is not equal to itself.
+        // NaN, where kinetic theory does not apply, is not equal to itself.
         let bits =
             |scene: &haff_scene::Scene| (scene.packing_fraction.to_bits(), scene.collision_rate.to_bits());
         assert_eq!(bits(&scene), bits(&again), "{}", path.display());
@@ -40,7 +41,7 @@ fn every_scene_is_accepted_and_its_resolved_text_is_the_same_scene() {
 }
 
 #[test]
-fn every_broken_scene_is_refused_with_the_error_it_names() {
+fn every_invalid_scene_is_refused_with_the_error_in_its_first_line() {
     let files = scenes("invalid");
     assert!(files.len() >= 30, "only {} scenes", files.len());
     let mut wrong = Vec::new();
@@ -75,7 +76,7 @@ fn every_template_is_accepted() {
 }
 
 #[test]
-fn the_schema_accepts_every_scene_and_refuses_unknown_keys_and_ranges() {
+fn schema_accepts_every_scene_and_refuses_unknown_keys_and_ranges() {
     let schema = haff_scene::schema();
     let validator = jsonschema::validator_for(&schema).expect("a valid schema");
     for path in [scenes("."), scenes("textbook")].concat() {

@@ -1,4 +1,4 @@
-//! Errors name the line, the key, the value and what is allowed; overrides reach every key.
+//! Errors name the line, the key, the value and the allowed values; overrides apply to every key.
 
 use std::path::Path;
 
@@ -65,14 +65,14 @@ fn every_error_is_found_and_located() {
         "scene.toml:33: run.untill = 10.0: unknown key; did you mean `until`? (allowed: until, collisions, \
          collisions_per_particle, wall_time)",
     ];
-    // No complaint that the run has no end: a misspelled key may have meant it.
+    // No error that the run has no end: a misspelled key may set it.
     assert_eq!(errors.to_string(), expected.join("\n"));
     let Place::File { line, column, span } = &errors.errors[2].place else { panic!("not in the file") };
     assert_eq!((*line, *column, &errors.source[span.clone()]), (20, 1, "restitution"));
 }
 
 #[test]
-fn overrides_reach_scalars_elements_and_names() {
+fn overrides_apply_to_scalars_elements_and_names() {
     let scene = with(&[
         "contact.restitution=0.25",
         "species.grain.count=50",
@@ -97,7 +97,7 @@ fn overrides_reach_scalars_elements_and_names() {
 }
 
 #[test]
-fn bad_overrides_are_named_as_they_were_given() {
+fn errors_quote_invalid_overrides_as_given() {
     for (text, expected) in [
         ("contact.restitution=1.2", "--set contact.restitution=1.2: must be in [0, 1]"),
         ("contact.restituton=0.2", "unknown key; did you mean `restitution`?"),
@@ -120,12 +120,12 @@ fn bad_overrides_are_named_as_they_were_given() {
 }
 
 #[test]
-fn the_last_override_wins() {
+fn last_override_of_a_key_applies() {
     assert_eq!(with(&["run.until=2", "run.until=3"]).map(|scene| scene.run.until), Ok(Some(3.0)));
 }
 
 #[test]
-fn restitution_goes_by_precedence() {
+fn restitution_follows_precedence_of_rules() {
     let scene = with(&[]).unwrap_or_else(|errors| panic!("{errors}"));
     let system = &scene.system;
     let names: Vec<&str> = system.walls.iter().map(|wall| wall.name.as_str()).collect();
@@ -155,7 +155,7 @@ fn collisions_per_particle_count_each_collision_for_both_partners() {
 }
 
 #[test]
-fn defaults_follow_the_length_of_the_run() {
+fn default_schedules_depend_on_the_length_of_the_run() {
     let scene = with(&[]).unwrap_or_else(|errors| panic!("{errors}"));
     assert_eq!(scene.output.frames, Schedule::Every(0.1));
     assert_eq!(scene.output.observables, Schedule::Every(0.01));
@@ -167,13 +167,13 @@ fn defaults_follow_the_length_of_the_run() {
 }
 
 #[test]
-fn the_event_log_has_the_columns_asked_for_and_the_time() {
+fn event_log_has_the_requested_columns_and_the_time() {
     use haff_engine::EventColumn::{self, EnergyLoss, I, J, Time};
     let events = |value: &str| with(&[&format!("output.events={value}")]).map(|scene| scene.output.events);
     let sound = |value: &str| events(value).unwrap_or_else(|errors| panic!("{errors}"));
     assert_eq!(sound("true"), EventColumn::ALL);
     assert_eq!(sound("false"), []);
-    // In the order of files, whatever the order of the scene.
+    // In the order of files, independent of the order in the scene.
     assert_eq!(sound(r#"{ columns = ["energy_loss", "j", "i"] }"#), [Time, I, J, EnergyLoss]);
     assert_eq!(sound(r#"{ columns = ["time"] }"#), [Time]);
     for (value, expected) in [
@@ -201,7 +201,7 @@ fn the_event_log_has_the_columns_asked_for_and_the_time() {
 }
 
 #[test]
-fn a_missing_scene_is_unreadable_not_invalid() {
+fn missing_scene_file_is_unreadable_not_invalid() {
     let errors = load(Path::new("no/such/scene.toml"), &[], &NoStates).expect_err("there is none");
     assert_eq!(errors.kind(), ErrorKind::Unreadable);
     assert!(errors.to_string().starts_with("no/such/scene.toml: cannot read the scene"), "{errors}");
@@ -226,7 +226,7 @@ const FROM_FILE: &str = "species = [{ name = \"a\", count = 3, radius = { unifor
                          run = { until = 1.0 }\n[initial]\npositions = { file = \"state.h5\" }\n";
 
 #[test]
-fn a_recorded_state_gives_places_velocities_radii_and_box() {
+fn recorded_state_sets_positions_velocities_radii_and_box() {
     let state = recorded();
     let scene =
         parse("s.toml", FROM_FILE, &[], &Recorded(state.clone())).unwrap_or_else(|errors| panic!("{errors}"));
@@ -247,7 +247,7 @@ fn a_recorded_state_gives_places_velocities_radii_and_box() {
 }
 
 #[test]
-fn a_recorded_state_must_fit_the_scene() {
+fn recorded_state_that_does_not_fit_the_scene_is_refused() {
     type Change = fn(&mut State);
     let cases: [(Change, &str); 6] = [
         (

@@ -1,4 +1,4 @@
-//! Files from outside: long ones, ones with many errors, and text that would forge a message.
+//! Malicious files: long ones, ones with many errors, and text that imitates messages.
 
 use std::fmt::Write;
 use std::io::Write as _;
@@ -10,7 +10,7 @@ use haff_scene::{ErrorKind, LONGEST_FILE, NoStates, Place, Scene, SceneErrors, p
 const SOUND: &str = "[domain]\nsize = [10, 10, 10]\n[run]\nuntil = 1\n\
                      [[particle]]\nname = \"ball\"\nposition = [5, 5, 5]\nradius = 0.5\nmass = 1\n";
 
-/// Every case here takes far less in proportion; what goes with the square takes far more.
+/// Every case here takes far less at linear cost, and far more at quadratic cost.
 const PATIENCE: Duration = Duration::from_secs(30);
 
 fn read(text: &str, overrides: &[String]) -> Result<Scene, SceneErrors> {
@@ -39,7 +39,7 @@ fn particles(count: usize, more: impl Fn(usize) -> String) -> String {
 }
 
 #[test]
-fn of_many_unknown_keys_the_first_are_told_and_all_are_counted() {
+fn first_unknown_keys_are_reported_and_all_are_counted() {
     const COUNT: usize = 200_000;
     let mut text = String::new();
     for k in 0..COUNT {
@@ -69,7 +69,7 @@ fn every_error_of_every_particle_is_counted_once() {
 }
 
 #[test]
-fn unknown_keys_are_found_in_tables_of_every_shape() {
+fn unknown_keys_are_found_in_tables_of_every_form() {
     let text = "species = [{ name = \"a\", count = 3, mass = 1, radius = { uniform = [1, 2], b = 1, a = 2 } }, { x = 1 }]\n\
                 domain = { packing_fraction = 0.1, shape = 1 }\n\
                 contact = { restitution = { modle = 1 }, pair = [{ betwen = 1 }] }\n\
@@ -96,9 +96,9 @@ fn unknown_keys_are_found_in_tables_of_every_shape() {
 }
 
 #[test]
-fn times_go_with_the_length_of_the_file() {
+fn reading_time_is_linear_in_the_length_of_the_file() {
     const COUNT: usize = 20_000;
-    // Many names of the wrong kind, taken twice, or not to be found.
+    // Many names of the wrong kind, duplicate names, or unknown names.
     let mut text = particles(COUNT, |k| format!("name = \"p{}\"\n", k / 2));
     for k in 0..COUNT {
         let _ = write!(text, "[[pendulum]]\npivot = [0, 0, 0]\nbob = \"q{k}\"\nangle = 0.1\nlength = 1\n");
@@ -119,7 +119,7 @@ fn times_go_with_the_length_of_the_file() {
 }
 
 #[test]
-fn overrides_follow_names_that_overrides_have_changed() {
+fn overrides_by_name_apply_to_names_set_by_earlier_overrides() {
     let overrides = ["particle.ball.mass=2", "particle.ball.name=stone", "particle.stone.radius=0.25"];
     let scene = read(SOUND, &overrides.map(str::to_owned)).unwrap_or_else(|errors| panic!("{errors}"));
     let class = &scene.system.classes[0];
@@ -130,7 +130,7 @@ fn overrides_follow_names_that_overrides_have_changed() {
 }
 
 #[test]
-fn no_text_of_a_scene_forges_a_line_or_moves_the_cursor() {
+fn control_characters_of_a_scene_are_escaped_in_messages() {
     let hidden = "\\u001b[2J\\r\\nerror: forged\\u202e\\u0085\\u0007";
     let key = format!("\"{hidden}\"");
     for text in [
@@ -144,7 +144,7 @@ fn no_text_of_a_scene_forges_a_line_or_moves_the_cursor() {
         ),
         format!("{SOUND}[[pendulum]]\npivot = [5, 5, 6]\nbob = {key}\n"),
         format!("{SOUND}[initial]\npositions = {key}\n"),
-        // A file with the characters themselves, which TOML forbids; the parser's own words may quote them.
+        // A file with the characters themselves, which TOML forbids; the parser's message may quote them.
         "a\u{1b}[31mb = 1\n".to_owned(),
         "a = \u{1b}\u{202e}x\n".to_owned(),
         "run.until = 1\u{2028}\n".to_owned(),
@@ -164,7 +164,7 @@ fn no_text_of_a_scene_forges_a_line_or_moves_the_cursor() {
 }
 
 #[test]
-fn long_pieces_of_an_error_are_cut() {
+fn long_parts_of_an_error_are_cut() {
     let long = "é".repeat(1 << 20);
     for text in [
         format!("\"{long}\" = 1\n{SOUND}"),
@@ -187,7 +187,7 @@ fn long_pieces_of_an_error_are_cut() {
 }
 
 #[test]
-fn what_would_take_all_memory_or_stack_is_refused_before_it_is_parsed() {
+fn texts_beyond_memory_or_stack_limits_are_refused_before_parsing() {
     let key = vec!["a"; 60].join(".");
     let nested = format!("{}{key} = 1{}\n", format!("{key} = {{").repeat(60), "}".repeat(60));
     for text in [&nested, &format!("a = {}{}\n", "[".repeat(100_000), "]".repeat(100_000))] {
@@ -195,7 +195,7 @@ fn what_would_take_all_memory_or_stack_is_refused_before_it_is_parsed() {
         let told = read(SOUND, &[format!("title = {{ {} }}", text.trim())]).expect_err("refused").to_string();
         assert!(told.contains("may nest 80 deep"), "{told}");
     }
-    // 16 MB of this would be 16 GB of tables. More than any machine has is refused on all.
+    // 16 MB of this would be 16 GB of tables. Texts beyond any machine's memory are refused on all.
     let mut dots = String::new();
     for k in 0..600_000 {
         let _ = writeln!(dots, "b{k}{} = 1", ".a".repeat(78));
@@ -204,7 +204,7 @@ fn what_would_take_all_memory_or_stack_is_refused_before_it_is_parsed() {
 }
 
 #[test]
-fn a_file_that_is_too_long_is_refused_unread() {
+fn file_beyond_the_length_limit_is_refused_without_reading_it() {
     let folder = std::env::temp_dir().join(format!("haff-scene-{}", std::process::id()));
     std::fs::create_dir_all(&folder).unwrap();
     let path = folder.join("long.toml");
@@ -230,7 +230,7 @@ fn a_file_that_is_too_long_is_refused_unread() {
 }
 
 #[test]
-fn an_integer_that_does_not_fit_is_one_error() {
+fn integer_out_of_range_is_one_error() {
     let scene = |seed: &str| format!("seed = {seed}\n{SOUND}");
     assert_eq!(
         told(&scene("18446744073709551615")),
@@ -247,7 +247,7 @@ fn an_integer_that_does_not_fit_is_one_error() {
 }
 
 #[test]
-fn what_files_cannot_store_is_refused() {
+fn text_that_files_cannot_store_is_refused() {
     let more = "title = \"T\"\n[output]\nfile = \"F\"\n[[wall]]\nname = \"W\"\nplane = { point = [0, 0, 0], normal = [0, 0, 1] }\n\
                 [[species]]\nname = \"S\"\ncount = 1\nradius = 0.1\nmass = 1\n";
     let scene = |name: &str, by: &str| {
@@ -292,7 +292,7 @@ fn radii_below_the_rounding_of_coordinates_are_refused() {
         told(&radius(1e-30))
             .contains("particle.0.radius = 1e-30: must be at least 2.3e-12: coordinates up to 10 are")
     );
-    // Along open axes coordinates are as large as particles are far out.
+    // Along open axes the largest coordinate is that of the outermost particle.
     let open = |x: f64| {
         let boundary = "boundary = [\"open\", \"open\", \"open\"]";
         radius(1e-6).replace("size = [10, 10, 10]", boundary).replace("[5, 5, 5]", &format!("[{x:e}, 0, 0]"))
@@ -309,7 +309,7 @@ fn radii_below_the_rounding_of_coordinates_are_refused() {
 }
 
 #[test]
-fn planes_are_their_own_images_along_periodic_axes() {
+fn planes_must_be_their_own_images_along_periodic_axes() {
     let scene = |boundary: [&str; 3], normal: &str| {
         format!(
             "[domain]\nsize = [10, 10, 10]\nboundary = {boundary:?}\n[run]\nuntil = 1\n\
@@ -344,7 +344,7 @@ fn planes_are_their_own_images_along_periodic_axes() {
         let result = read(&scene(boundary, normal), &[]);
         assert!(result.is_ok(), "{boundary:?} {normal}: {result:?}");
     }
-    // In two dimensions z is no axis of the box.
+    // In two dimensions z is not an axis of the box.
     let flat = "dimension = 2\n[domain]\nsize = [10, 10]\nboundary = [\"wall\", \"periodic\"]\n[run]\nuntil = 1\n\
                 [[particle]]\nposition = [8, 1]\nradius = 0.5\nmass = 1\n\
                 [[wall]]\nname = \"tilted\"\nplane = { point = [8, 5], normal = [-0.8, -0.6] }\n";

@@ -1,4 +1,4 @@
-//! Packings: no overlap, exact counts, everything inside, the same on any number of threads.
+//! Packings: no overlap, exact counts, all particles inside, independent of the number of threads.
 
 use glam::DVec3;
 use haff_engine::{Boundary, System};
@@ -16,7 +16,7 @@ fn refused(text: &str) -> String {
     }
 }
 
-/// Largest overlap over contact distance, all pairs and walls, by brute force with its own image rule.
+/// Largest overlap over contact distance, all pairs and walls, by brute force with an independent image rule.
 fn worst(system: &System) -> f64 {
     let radius = |k: usize| system.classes[system.bodies[k].class as usize].radius;
     let n = system.bodies.len();
@@ -71,7 +71,7 @@ fn fcc_fills_a_cube_to_the_densest_packing() {
         let text = gas("{ packing_fraction = 0.7404804 }", count, "fcc", "");
         assert_sound(&scene(&text), count, "densest fcc");
     }
-    // The exact limit, touching everywhere.
+    // The exact limit: all neighbors touch.
     let text = gas("{ packing_fraction = 0.740480489693061 }", 500, "fcc", "");
     assert_sound(&scene(&text), 500, "touching fcc");
 }
@@ -103,7 +103,7 @@ fn hexagonal_lattice_is_dense() {
 }
 
 #[test]
-fn lattices_leave_out_what_walls_and_bodies_block() {
+fn lattices_omit_sites_blocked_by_walls_and_bodies() {
     let extra = "particle = [{ position = [6.0, 6.0, 6.0], radius = 2.5, mass = inf }]\n\
                  wall = [{ name = \"slope\", plane = { point = [6.0, 6.0, 2.0], normal = [1.0, 0.0, 2.0] } }]";
     let text = gas(
@@ -120,7 +120,7 @@ fn lattices_leave_out_what_walls_and_bodies_block() {
 }
 
 #[test]
-fn random_packings_reach_half() {
+fn random_packings_reach_a_packing_fraction_of_one_half() {
     for (fraction, count) in [(0.05, 500), (0.3, 1000), (0.45, 1000), (0.5, 2000)] {
         let text = gas(&format!("{{ packing_fraction = {fraction} }}"), count, "random", "");
         assert_sound(&scene(&text), count, &format!("random at {fraction}"));
@@ -134,7 +134,7 @@ fn random_packings_reach_half() {
 }
 
 #[test]
-fn random_packings_of_many_sizes() {
+fn random_packings_of_many_sizes_have_no_overlap() {
     for radius in [
         "{ uniform = [0.2, 0.8] }",
         "{ normal = [0.5, 0.1], min = 0.3, max = 0.8 }",
@@ -150,7 +150,7 @@ fn random_packings_of_many_sizes() {
 }
 
 #[test]
-fn packings_do_not_depend_on_threads() {
+fn packings_are_independent_of_threads() {
     let text = gas("{ packing_fraction = 0.48 }", 1500, "random", "");
     let on = |threads: usize| {
         let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().expect("a pool");
@@ -161,7 +161,7 @@ fn packings_do_not_depend_on_threads() {
 }
 
 #[test]
-fn a_new_species_leaves_the_draws_of_the_others_alone() {
+fn new_species_does_not_change_random_numbers_of_the_others() {
     let one = "domain = { size = [40.0, 40.0, 40.0] }\ninitial = { positions = \"random\" }\n\
                species = [{ name = \"a\", count = 50, radius = { uniform = [0.4, 0.6] }, density = 1.0 }";
     let alone = scene(&format!("{one}]"));
@@ -225,10 +225,11 @@ fn expected_collision_rate_is_that_of_kinetic_theory() {
     assert!((found / expected - 1.0).abs() < 1e-12, "ω = {found}, theory {expected}");
 }
 
-/// Times of large scenes, by hand: `cargo test --release -p haff-scene --test packing -- --ignored --nocapture`.
+/// Times of large scenes, by hand: `cargo test --release -p haff-scene --test packing -- --ignored
+/// --nocapture`.
 #[test]
 #[ignore = "takes a minute; prints times"]
-fn large_scenes_are_ready_soon() {
+fn large_scenes_are_assembled_quickly() {
     for (positions, fraction, count) in [
         ("fcc", 0.05, 1_000_000),
         ("fcc", 0.49, 1_000_000),

@@ -23,7 +23,7 @@ EDGES = (0.15, 0.5, 1.0, 1.5, 2.0, 3.0)
 
 
 class Profile(NamedTuple):
-    """What a run tells: T, the mean height, and in each slab the share of particles and the temperature."""
+    """Results of a run: T, the mean height, and in each slab the share of particles and the temperature."""
 
     temperature: float
     height: float
@@ -38,7 +38,7 @@ def profile(file: haff.File, report: dict[str, Any]) -> Profile:
     frames = [f for f in file.frames if f.time > 0.25 * report["simulated_time"]]
     n = len(file)
     square = np.array([np.sum(f.velocity**2, axis=1) for f in frames])
-    # The momentum along the floor is zero and stays so: two degrees of freedom less.
+    # The momentum along the floor is conserved and zero: two degrees of freedom less.
     T = float(np.sum(square) / len(frames) / (3 * n - 2))
     height = np.array([f.position[:, 2] for f in frames]) - 0.5
     edges = np.array(EDGES) * T / GRAVITY

@@ -37,7 +37,7 @@ def omega(count: int = COUNT) -> float:
 
 
 def schedule(e: float, collisions: float, per_sample: float = 1.0) -> dict[str, Any]:
-    """Length of a run, and samples about `per_sample` collisions per particle apart, whatever the gas has cooled to."""
+    """Length of a run, and samples about `per_sample` collisions per particle apart at all temperatures."""
     tau = float(theory.haff_time(e, omega()))
     settings: dict[str, Any] = {
         "contact.restitution": e,
@@ -46,13 +46,13 @@ def schedule(e: float, collisions: float, per_sample: float = 1.0) -> dict[str, 
     }
     growth = per_sample / (omega() * tau)
     if growth * collisions < 1.5:
-        # T hardly falls: even times are even in collisions.
+        # T is nearly constant: equal times are equal numbers of collisions.
         return settings | {"output.observables": tau * math.expm1(growth * collisions) / collisions * per_sample}
     return settings | {"output.observables": {"log": [tau * math.expm1(growth), math.exp(growth)]}}
 
 
 def cooling_state(file: haff.File, report: dict[str, Any]) -> tuple[float, float]:
-    """1/τ at T = 1, and a₂, each averaged over collisions once the gas has settled."""
+    """1/τ at T = 1, and a₂, each averaged over collisions in the stationary state."""
     table = file.observables
     done = 2 * table["collisions"].to_numpy() / len(file)
     table, done = table[done >= SETTLE], done[done >= SETTLE]
@@ -65,7 +65,7 @@ def cooling_state(file: haff.File, report: dict[str, Any]) -> tuple[float, float
 
 @functools.cache
 def _measured(binary: Any, quick: bool) -> dict[float, list[tuple[float, float]]]:
-    """Filled by `cooling_states`: both parts look at the same runs."""
+    """Filled by `cooling_states`: both parts use the same runs."""
     return {}
 
 
@@ -180,7 +180,7 @@ def viscoelastic(context: Context) -> list[Row]:
     times = found[0][0]
     expected = theory.cooling_curve(times, 1.0, rate, restitution)
     system = f"{count} spheres, φ = {ETA:g}, δ = {COEFFICIENT:g} v^(1/5)"
-    # Left out: a₂, which is about −0.4 · 1.15 δ here, so 1e-3 of the rate, and that to the power 5/3 of T.
+    # Neglected: a₂, which is about −0.4 · 1.15 δ here, so 1e-3 of the rate, and that to the power 5/3 of T.
     doubt = 2e-3
     rows = []
     for multiple in (1, 10, 100, 1000):
@@ -203,8 +203,8 @@ def viscoelastic(context: Context) -> list[Row]:
     def slope(T: NDArray[np.float64]) -> float:
         return float(np.polyfit(np.log(times[late] + offset), np.log(T[late]), 1)[0])
 
-    # T ∝ (t + t₀)^(−5/3) exactly where 1 − e² ∝ v^(1/5); t₀ from the start of the curve. What is left of higher powers
-    # of δ bends the logarithm: the curve of the kinetic equation tells how much.
+    # T ∝ (t + t₀)^(−5/3) exactly where 1 − e² ∝ v^(1/5); t₀ from the start of the curve. Higher powers of δ bend
+    # the logarithm, by the amount found for the curve of the kinetic equation.
     offset = 5 / 3 * tau
     bend = slope(expected) + 5 / 3
     rows.append(

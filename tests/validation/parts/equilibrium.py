@@ -51,7 +51,7 @@ def means(file: haff.File, report: dict[str, Any], melting: int = MELTING) -> tu
 
 
 def equation_of_state(eta: float, d: int, count: int) -> tuple[float, float, str]:
-    """Z of `count` particles, how far it may be off, and where it is from."""
+    """Z of `count` particles, its uncertainty, and its source."""
     expected = float(theory.periodic_compressibility(eta, count, d, EQUATION[d]))
     if d == 3:
         doubt, source = 4e-5 * (expected - 1), "Kolafa–Labík–Malijevský"
@@ -59,10 +59,10 @@ def equation_of_state(eta: float, d: int, count: int) -> tuple[float, float, str
         source = "virial series, Padé [4/5]"
         doubt = abs(float(theory.virial_disks(eta, 4) - theory.virial_disks(eta, 5)))
     else:
-        # The series has too few coefficients here, and its correction for the box is below the uncertainty.
+        # The series has too few coefficients here, and the correction for the box is below the uncertainty.
         expected = float(theory.luding_disks(eta))
         doubt, source = 1e-3 * expected, "Luding's fit to simulations"
-    # What Lebowitz–Percus leaves out is of second order in 1/N.
+    # Terms neglected by Lebowitz–Percus are of second order in 1/N.
     return expected, float(np.hypot(doubt, 10 * (expected - 1) / count**2)), source
 
 
@@ -99,7 +99,7 @@ def mean_free_time(context: Context) -> list[Row]:
     count, collisions, rows = 500, context.effort(1000, 100), []
     for d, densities in ((3, (0.01, 0.1, 0.3, 0.45)), (2, (0.1, 0.5))):
         for eta in densities:
-            # Seeds of their own: the same runs would show the same fluctuations as the pressure.
+            # Different seeds: the same runs would have the same fluctuations as the pressure.
             found = context.each(
                 "fluid" if d == 3 else "disks",
                 [settings(eta, d, count, collisions, 10, 1000 + seed) for seed in context.seeds()],

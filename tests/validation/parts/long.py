@@ -1,4 +1,4 @@
-"""Long runs: energy and momentum walk at random, overlaps and contacts stay what they are."""
+"""Long runs: errors of energy and momentum are random walks, overlaps and contact errors do not grow."""
 
 from __future__ import annotations
 

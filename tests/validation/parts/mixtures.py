@@ -64,7 +64,7 @@ class Mixture(NamedTuple):
             "output.observables": 1 / omega,
         }
         if self.restitution < 1:
-            # T^(−1/2) grows by a factor about every 6/(1 − e²) collisions per particle, if they were all alike.
+            # T^(−1/2) grows by a factor about every 6/(1 − e²) collisions per particle in a one-component gas.
             growth = (1 - self.restitution**2) / 6
             settings["output.observables"] = {"log": [math.expm1(growth) / omega / growth, math.exp(growth)]}
         return settings
@@ -76,7 +76,7 @@ class Mixture(NamedTuple):
 
 
 def temperatures(settle: float, file: haff.File, report: dict[str, Any]) -> tuple[float, float]:
-    """Temperatures of both species over that of all, averaged over collisions once they have settled."""
+    """Temperatures of both species over that of all, averaged over collisions in the stationary state."""
     table = file.observables
     done = 2 * table["collisions"].to_numpy() / len(file)
     table, done = table[done >= settle], done[done >= settle]
@@ -108,7 +108,7 @@ def equipartition(context: Context) -> list[Row]:
         length = settle * context.effort(4 if mixture.restitution < 1 else 5, 2)
         given = [mixture.settings(length) | {"seed": seed} for seed in context.seeds()]
         if mixture.restitution == 1:
-            # They start apart.
+            # The initial temperatures differ.
             given = [g | {"species.0.temperature": 1.5, "species.1.temperature": 0.5} for g in given]
         found = [
             mixture.ratio(*pair) for pair in context.each("mixture", given, functools.partial(temperatures, settle))

@@ -1,4 +1,4 @@
-"""Scenes at the edges, judged from what they record."""
+"""Scenes at the limits, checked from their output."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ def stress(context: Context) -> list[Row]:
     rows = []
     for scene, findings, events in context.map(one, [(context.binary, scene, context.quick) for scene in SCENES]):
         context.collisions += events
-        # What has a limit above zero, and what broke one: the rest are counts of nothing.
+        # Findings with a limit above zero, and violations: the rest are counts of zero.
         rows += [
             at_most(scene.stem, name, found, limit, "rounding")
             for name, found, limit in findings

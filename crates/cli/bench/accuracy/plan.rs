@@ -1,4 +1,4 @@
-//! What is measured: scenes, methods and their parameters, sizes. Chosen to take about a minute in all.
+//! Plan of the measurement: scenes, methods and their parameters, sizes. Takes about a minute in all.
 
 use haff_accuracy::{
     Error, closed,
@@ -15,24 +15,25 @@ use super::report;
 
 /// Bits of the reference.
 const BITS: usize = 256;
-/// How much is measured.
+/// Extent of the measurement.
 pub struct Size {
     /// Steps and contact times, in units of the time in which the fastest sphere moves by its diameter.
     parameters: &'static [f64],
-    /// Collisions per particle that the walled gas is followed for.
+    /// Collisions per particle of the walled gas.
     followed: u32,
     /// Wall time of a method for each quantity [s].
     budget: f64,
     /// Steps times particles that a run of the statistics may take.
     affordable: f64,
-    /// Starts of each gas whose errors are watched.
+    /// Number of initial states of each gas whose error growth is measured.
     starts: u64,
-    /// Gases whose errors are watched: a name, spheres along an edge, packing fraction, collisions per particle.
+    /// Gases whose error growth is measured: a name, spheres along an edge, packing fraction, collisions per
+    /// particle.
     gases: &'static [(&'static str, usize, f64, u32)],
 }
 
-/// About a minute. The gases go on for more collisions than double precision lasts and fewer than 256 bits do; the sparse one
-/// passes epochs of the engine's clock.
+/// About a minute. The gases run for more collisions than double precision can follow and fewer than 256 bits
+/// can; the dilute one crosses epochs of the engine's clock.
 pub const FULL: Size = Size {
     parameters: &[1e-1, 1e-2, 1e-3, 1e-4],
     followed: 40,
@@ -54,9 +55,9 @@ pub const QUICK: Size = Size {
 
 /// Steps times particles that a run on a scene may take: about a second.
 const AFFORDABLE: f64 = 3e7;
-/// Steps of a soft contact; assumed of peers too.
+/// Steps of a soft contact; assumed for peers too.
 const STEPS_PER_CONTACT: f64 = 50.0;
-/// Samples of a followed gas for each collision per particle.
+/// Samples of a gas for each collision per particle.
 const SAMPLES: u32 = 2;
 /// Collisions per particle after which the errors of the methods in the walled gas are compared.
 const COMPARED: usize = 4;
@@ -91,7 +92,7 @@ impl Candidate<'_> {
     }
 }
 
-/// Methods that cannot run a scene, each told of once.
+/// Methods that cannot run a scene, each reported once.
 #[derive(Default)]
 struct Unable(Vec<String>);
 
@@ -100,13 +101,13 @@ impl Unable {
         self.0.iter().any(|name| name == candidate.method.name())
     }
 
-    fn note(&mut self, candidate: &Candidate, error: &Error, tell: &dyn Fn(&str)) {
-        tell(&format!("{error}"));
+    fn note(&mut self, candidate: &Candidate, error: &Error, announce: &dyn Fn(&str)) {
+        announce(&format!("{error}"));
         self.0.push(candidate.method.name().to_owned());
     }
 }
 
-/// The gas that methods follow: 64 inelastic spheres between walls, where every peer can go.
+/// The gas that all methods run: 64 inelastic spheres between walls, which every peer supports.
 fn walled_gas(collisions: u32) -> Result<Solution, Error> {
     let system = at_unit_temperature(melted(&gas(4, 0.05, Boundary::Wall, 0.9, 1), 20.0)?);
     Solution::by_reference(
@@ -121,20 +122,20 @@ fn walled_gas(collisions: u32) -> Result<Solution, Error> {
     )
 }
 
-/// Run time against error on scenes whose end is known.
+/// Run time against error on scenes whose final state is known.
 pub fn scenes(
     size: &Size,
     peers: &[Program],
-    tell: &dyn Fn(&str),
+    announce: &dyn Fn(&str),
     stopped: &dyn Fn() -> bool,
 ) -> Result<Vec<Value>, Error> {
-    tell(&report::trials_head());
+    announce(&report::trials_head());
     let mut found = Vec::new();
     let closed: Vec<Solution> = closed::all().into_iter().map(Solution::from).collect();
     for answer in closed.into_iter().chain([walled_gas(size.followed)?]) {
         let short = answer.truncated(COMPARED * SAMPLES as usize);
         let span = short.times.last().copied().unwrap_or(0.0);
-        tell(&format!("{}: {}", answer.name, answer.description));
+        announce(&format!("{}: {}", answer.name, answer.description));
         let mut trials = Vec::new();
         let mut unable = Unable::default();
         for candidate in candidates(peers, answer.time_scale, size.parameters) {
@@ -147,7 +148,7 @@ pub fn scenes(
             let trial = match short.measure(candidate.method.as_ref()) {
                 Ok(trial) => trial,
                 Err(error @ (Error::Peer { .. } | Error::Unsupported { .. })) if !stopped() => {
-                    unable.note(&candidate, &error, tell);
+                    unable.note(&candidate, &error, announce);
                     continue;
                 }
                 Err(error) => return Err(error),
@@ -159,7 +160,7 @@ pub fn scenes(
                     candidate.affords(&answer.system, time)
                 })?)
             };
-            tell(&report::trial_line(&trial, followed.as_ref()));
+            announce(&report::trial_line(&trial, followed.as_ref()));
             trials.push(report::trial(&trial, followed.as_ref()));
         }
         found.push(report::scene(&short, &trials));
@@ -171,13 +172,18 @@ pub fn scenes(
 pub fn statistics(
     size: &Size,
     peers: &[Program],
-    tell: &dyn Fn(&str),
+    announce: &dyn Fn(&str),
     stopped: &dyn Fn() -> bool,
 ) -> Result<Vec<Value>, Error> {
-    tell(&report::estimates_head(size.budget));
+    announce(&report::estimates_head(size.budget));
     let mut found = Vec::new();
     for quantity in [Quantity::Compressibility, Quantity::CoolingRate] {
-        tell(&format!("{}: {}; theory {:.6}", quantity.name(), quantity.description(), quantity.expected()));
+        announce(&format!(
+            "{}: {}; theory {:.6}",
+            quantity.name(),
+            quantity.description(),
+            quantity.expected()
+        ));
         let mut starts = Starts::new(quantity, 1)?;
         let mut estimates = Vec::new();
         let mut unable = Unable::default();
@@ -188,12 +194,12 @@ pub fn statistics(
             }
             match estimate(&mut starts, candidate.method.as_ref(), size.budget, stopped) {
                 Ok(Some(estimate)) => {
-                    tell(&report::estimate_line(&estimate));
+                    announce(&report::estimate_line(&estimate));
                     estimates.push(report::estimate(&estimate));
                 }
                 Ok(None) => (),
                 Err(error @ (Error::Peer { .. } | Error::Unsupported { .. })) if !stopped() => {
-                    unable.note(&candidate, &error, tell);
+                    unable.note(&candidate, &error, announce);
                 }
                 Err(error) => return Err(error),
             }
@@ -203,9 +209,9 @@ pub fn statistics(
     Ok(found)
 }
 
-/// How errors grow.
-pub fn growth(size: &Size, tell: &dyn Fn(&str), stopped: &dyn Fn() -> bool) -> Result<Vec<Value>, Error> {
-    tell(&report::growth_head());
+/// Growth of errors.
+pub fn growth(size: &Size, announce: &dyn Fn(&str), stopped: &dyn Fn() -> bool) -> Result<Vec<Value>, Error> {
+    announce(&report::growth_head());
     let mut found = Vec::new();
     for &(name, per_edge, phi, collisions) in size.gases {
         let description =
@@ -220,7 +226,7 @@ pub fn growth(size: &Size, tell: &dyn Fn(&str), stopped: &dyn Fn() -> bool) -> R
             runs.push(growth::measure(&answer, BITS, seed)?);
         }
         let gas = report::growth(name, &description, per_edge.pow(3), BITS, &runs);
-        tell(&report::growth_line(&gas));
+        announce(&report::growth_line(&gas));
         found.push(gas);
     }
     Ok(found)

@@ -1,4 +1,4 @@
-//! What was measured, as JSON and as lines of tables.
+//! Results of the measurement, as JSON and as lines of tables.
 
 use haff_accuracy::{
     growth::{Growth, LOST, Mean, Series},
@@ -51,7 +51,7 @@ pub fn trials_head() -> String {
 
 /// A trial's line.
 pub fn trial_line(trial: &Trial, followed: Option<&Series>) -> String {
-    // Only followed gases can be lost.
+    // Divergence is defined only for gases compared along the run.
     let lost = followed.map_or(String::new(), |followed| match followed.lost() {
         Some(lost) => format!("{lost:.1}"),
         None => format!("> {:.1}", followed.collisions.last().copied().unwrap_or(0.0)),
@@ -119,7 +119,7 @@ pub fn estimate_line(estimate: &Estimate) -> String {
 /// One of the runs from a start.
 type Kind = fn(&Growth) -> &Series;
 
-/// A gas whose errors were watched from several starts.
+/// A gas whose error growth was measured from several initial states.
 pub fn growth(name: &str, description: &str, particles: usize, bits: usize, runs: &[Growth]) -> Value {
     let mean = |value: &dyn Fn(&Growth) -> Option<f64>| {
         let mean = Mean::of(runs.iter().map(value));
@@ -136,7 +136,7 @@ pub fn growth(name: &str, description: &str, particles: usize, bits: usize, runs
         let value = json!({
             "bits_per_collision": mean(&|run| of(run).slope()),
             "lost_after": mean(&|run| of(run).lost()),
-            // Start by start, so that how chaotic each is does not count.
+            // Per initial state, so that differences of their Lyapunov exponents do not count.
             "haff_is_lost_earlier_by": mean(&|run| Some(of(run).lost()? - run.engine.lost()?)),
             "bits_beyond_rounded_state": mean(&|run| of(run).bits_beyond(&run.rounded)),
             "runs": runs.iter().map(|run| series(of(run))).collect::<Vec<_>>(),

@@ -1,4 +1,4 @@
-//! How values that may be written in several shapes are read.
+//! Deserialization of values that may be written in several forms.
 
 use std::fmt;
 
@@ -24,7 +24,7 @@ pub(super) fn whole<'de, D: Deserializer<'de>>(deserializer: D) -> Result<Option
             Ok(value)
         }
         fn visit_f64<E: de::Error>(self, value: f64) -> Result<i64, E> {
-            // Beyond 2^53 not every integer is a float: such a value is a slip, or meant as infinity.
+            // Beyond 2^53 not every integer is a float: such a value is a mistake, or meant as infinity.
             if value == value.trunc() && value.abs() <= 9_007_199_254_740_992.0 {
                 Ok(value as i64)
             } else if value == value.trunc() && value.is_finite() {
@@ -38,8 +38,8 @@ pub(super) fn whole<'de, D: Deserializer<'de>>(deserializer: D) -> Result<Option
     deserializer.deserialize_any(Whole).map(Some)
 }
 
-/// Deserialises one of several shapes by looking at the shape, so that an error inside a table is found where it
-/// stands. serde's `untagged` tries all variants and can only say that none fits.
+/// Deserializes one of several types by the type of the value, so that an error inside a table is located
+/// there. serde's `untagged` tries all variants and can only report that none fits.
 macro_rules! by_shape {
     ($type:ident, $expecting:literal $(, number $number:expr)? $(, text $text:expr)? $(, boolean $boolean:expr)?
      $(, table $table:expr, of $keys:ty)?) => {
@@ -67,7 +67,7 @@ macro_rules! by_shape {
                         Ok($table(Deserialize::deserialize(MapAccessDeserializer::new(map))?))
                     })?
                 }
-                // As a structure, where one of the shapes is one, so that the deserializer knows its keys.
+                // As a structure if one of the types is one, which passes its keys to the deserializer.
                 $(return deserializer.deserialize_struct(stringify!($type), keys_of::<$keys>(), Shapes);)?
                 #[allow(unreachable_code)]
                 deserializer.deserialize_any(Shapes)

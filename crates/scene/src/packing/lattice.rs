@@ -1,8 +1,9 @@
 //! The densest lattice of each dimension, stretched to fit the box.
 //!
-//! fcc is the checkerboard lattice: the points (i, j, k) of a cuboid grid with i + j + k even. So is the triangular
-//! lattice in the plane, with rows √3 times closer than the points of a row are apart. One enumeration serves both:
-//! it tries numbers of grid planes per axis and keeps those that leave the largest distance between neighbors.
+//! fcc is the checkerboard lattice: the points (i, j, k) of a cuboid grid with i + j + k even. So is the
+//! triangular lattice in the plane, with rows √3 times closer than the points of a row are apart. One
+//! enumeration serves both: it tries numbers of grid planes per axis and keeps those that leave the largest
+//! distance between neighbors.
 
 use glam::DVec3;
 use haff_engine::Boundary;
@@ -63,7 +64,8 @@ fn best_planes(axes: &[Axis; 3], count: usize, dimensions: usize) -> Option<[usi
     let allowed =
         |axis: usize, planes: usize| !axes[axis].periodic || planes == 1 || planes.is_multiple_of(2);
     let mut best: Option<([usize; 3], f64)> = None;
-    // The first guess has equal steps, which bounds the search: no axis can have steps under half the best distance.
+    // The initial guess has equal steps, which bounds the search: no axis has steps below half the best
+    // distance.
     let free: Vec<f64> = axes[..dimensions].iter().map(|axis| axis.length.max(f64::MIN_POSITIVE)).collect();
     let consider = |planes: [usize; 3], best: &mut Option<([usize; 3], f64)>| {
         if sites(planes) < count {
@@ -76,7 +78,7 @@ fn best_planes(axes: &[Axis; 3], count: usize, dimensions: usize) -> Option<[usi
             *best = Some((planes, distance));
         }
     };
-    // Along each axis at most 2·count planes, and the last axis takes what the count still needs.
+    // Along each axis at most 2·count planes; the number along the last axis follows from the count.
     let last = dimensions - 1;
     let most = |axis: usize, best: &Option<([usize; 3], f64)>| -> usize {
         let cap = 2 * count + 2;
@@ -122,8 +124,8 @@ fn best_planes(axes: &[Axis; 3], count: usize, dimensions: usize) -> Option<[usi
     best.map(|(planes, _)| planes)
 }
 
-/// Centres of `count` equal spheres of this radius on the densest lattice that fits, in lattice order. Where the
-/// lattice has more sites than particles, the vacancies are spread at random.
+/// Centres of `count` equal spheres of this radius on the densest lattice that fits, in lattice order. Where
+/// the lattice has more sites than particles, the vacancies are spread at random.
 ///
 /// # Errors
 /// The largest number of sites that could be found.
@@ -140,7 +142,7 @@ pub(crate) fn lattice(room: &Room, count: usize, radius: f64, seed: u64) -> Resu
     let contact = 2.0 * radius * (1.0 - 1e-14);
     let mut wanted = count;
     let mut found = 0;
-    // Each round asks for as many sites more as the last one lacked.
+    // Each round requests more sites by the number that was missing in the last one.
     for _ in 0..64 {
         let Some(planes) = best_planes(&axes, wanted, dimensions) else { break };
         if nearest(&axes, planes) < contact {
@@ -169,7 +171,7 @@ pub(crate) fn lattice(room: &Room, count: usize, radius: f64, seed: u64) -> Resu
     Err(found)
 }
 
-/// Takes sites out at random until `count` are left, keeping their order (selection sampling).
+/// Removes sites at random until `count` are left, keeping their order (selection sampling).
 fn leave_out(sites: &mut Vec<DVec3>, count: usize, seed: u64) {
     let mut random = Stream::new(seed, Purpose::Vacancy, "", 0);
     let (mut left, mut needed) = (sites.len(), count);

@@ -1,6 +1,6 @@
-//! Random packings: sequential insertion of the largest first, then growth where insertion fails. The particles
-//! that found no place start where they overlap, which is the same as having a smaller radius there, and grow to
-//! their full size while all are pushed apart. Below random close packing this ends with no overlap at all.
+//! Random packings: sequential insertion of the largest first, then growth where insertion fails. Particles
+//! that could not be inserted start with overlaps, which is equivalent to a smaller radius, and grow to full
+//! size while all are pushed apart. Below random close packing this ends without overlaps.
 
 use std::f64::consts::PI;
 
@@ -11,14 +11,15 @@ use super::{Obstacles, Room};
 use crate::grid::{Grid, Periods, overlaps};
 use crate::random::Stream;
 
-/// Places tried for each particle before it is left to growth, in dilute and in dense boxes. Insertion saturates at a
-/// packing fraction of 0.38 (2D: 0.55), and long before that one push costs less than the attempts that it saves.
+/// Insertion attempts for each particle before growth, in dilute and in dense boxes. Insertion saturates at a
+/// packing fraction of 0.38 (2D: 0.55), and long before that one push costs less than the attempts that it
+/// saves.
 const ATTEMPTS: [usize; 2] = [200, 8];
 
 /// Packing fractions above which a box is dense here, by dimension.
 const DENSE: [f64; 2] = [0.35, 0.2];
 
-/// Rounds of pushing before giving up, and the window in which the worst overlap must shrink.
+/// Largest number of rounds of pushing, and the window in which the largest overlap must decrease.
 const ROUNDS: usize = 20_000;
 const WINDOW: usize = 300;
 
@@ -27,11 +28,11 @@ const MARGIN: f64 = 1e-4;
 
 /// Random centres for spheres of these radii.
 ///
-/// `stream` gives the random numbers of each particle. The result depends on nothing else, the number of threads
-/// included.
+/// `stream` gives the random numbers of each particle. The result depends on nothing else, in particular not
+/// on the number of threads.
 ///
 /// # Errors
-/// The worst overlap left [length].
+/// The largest remaining overlap [length].
 pub(crate) fn random(
     room: &Room,
     radius: &[f64],
@@ -89,9 +90,8 @@ fn push_apart(room: &Room, radius: &[f64], mut position: Vec<DVec3>) -> Result<V
     let mean = radius.iter().sum::<f64>() / movable as f64;
     let skin = 0.6 * mean;
     let largest = all_radii.iter().copied().fold(0.0, f64::max);
-    // From here on particles stand in the order of their places, so that neighbors are near in memory, too: of 10⁶
-    // particles in random order a round takes several times as long. What is added to what, and in which order, stays
-    // that of the rows.
+    // From here on particles are sorted by position, so that neighbors are close in memory: for 10⁶ particles
+    // in random order a round takes several times as long. Sums are still formed in the order of the rows.
     let order = by_place(&position, 2.0 * largest);
     let place = inverse(&order);
     let mut bodies: Vec<Body> = order
@@ -104,7 +104,7 @@ fn push_apart(room: &Room, radius: &[f64], mut position: Vec<DVec3>) -> Result<V
     let mut drift = f64::INFINITY;
     let mut velocity = vec![DVec3::ZERO; bodies.len()];
     let mut pushes: Vec<(DVec3, f64)> = Vec::new();
-    // Drift up to which a particle, clear of all others when it was last looked at, cannot have come to touch one.
+    // Displacement up to which a particle that was clear of all others at its last check cannot touch one.
     let mut clear_until = vec![0.0; bodies.len()];
     let (mut worst_of_window, mut worst_before) = (f64::INFINITY, f64::INFINITY);
     for round in 0..ROUNDS {
@@ -123,7 +123,7 @@ fn push_apart(room: &Room, radius: &[f64], mut position: Vec<DVec3>) -> Result<V
                     return (DVec3::ZERO, 0.0);
                 }
                 let (step, worst, clear) = push(room, &bodies, list.of(k), body, movable, periods);
-                // Both may have moved towards each other; and a part of it for rounding.
+                // Both may have moved towards each other; with a margin for rounding.
                 *clear_until = drift + 0.499 * clear - 1e-9 * body.radius;
                 (step, worst)
             })
@@ -154,7 +154,7 @@ fn push_apart(room: &Room, radius: &[f64], mut position: Vec<DVec3>) -> Result<V
                 if body.row as usize >= movable {
                     return 0.0;
                 }
-                // Some memory of the last step crosses long chains of contacts faster.
+                // Momentum from the last step: displacements propagate faster along chains of contacts.
                 *v = (0.5 * *v + *push).clamp_length_max(0.3 * body.radius);
                 body.position = periods.wrap(body.position + *v);
                 v.length()
@@ -174,7 +174,7 @@ struct Body {
 
 /// Rows in the order of cubes of some width, the cubes along a Z-order curve.
 fn by_place(position: &[DVec3], width: f64) -> Vec<u32> {
-    // Every third bit: interleaving the coordinates of cubes far apart may mix them up, which costs locality alone.
+    // Every third bit. For cubes far apart the bits may overlap, which only costs locality.
     let spread = |x: f64| {
         let mut x = (x / width).floor() as i64 as u64 & 0x1F_FFFF;
         for (shift, mask) in [
@@ -197,7 +197,7 @@ fn by_place(position: &[DVec3], width: f64) -> Vec<u32> {
     keys.into_iter().map(|(_, row)| row).collect()
 }
 
-/// Where each entry of a permutation stands.
+/// The inverse of a permutation.
 fn inverse(order: &[u32]) -> Vec<u32> {
     let mut place = vec![0; order.len()];
     for (k, &row) in order.iter().enumerate() {
@@ -206,8 +206,8 @@ fn inverse(order: &[u32]) -> Vec<u32> {
     place
 }
 
-/// The step that moves a particle out of its overlaps, its worst true overlap, and how far it is from the nearest thing
-/// that would push it [length].
+/// The step that moves a particle out of its overlaps, its largest overlap, and its distance from the nearest
+/// sphere or wall that would push it [length].
 fn push(
     room: &Room,
     bodies: &[Body],
@@ -229,7 +229,7 @@ fn push(
         let gap = contact * (1.0 + MARGIN) - distance;
         clear = clear.min(-gap);
         if gap > 0.0 {
-            // Two centres at one point have no direction: x serves, with opposite signs for the two.
+            // Two centres at one point have no direction: x is used, with opposite signs for the two.
             let n = if distance > 0.0 {
                 d / distance
             } else {
@@ -258,7 +258,7 @@ fn push(
     (step, worst, clear)
 }
 
-/// Neighbors of every particle, in one array; both sides by place.
+/// Neighbors of every particle, in one array; both indices in sorted order.
 #[derive(Default)]
 struct Neighbors {
     start: Vec<usize>,
@@ -270,7 +270,7 @@ impl Neighbors {
         &self.partner[self.start[i]..self.start[i + 1]]
     }
 
-    /// `place` tells where each row's body stands.
+    /// `place`: sorted index of each row's body.
     fn build(
         &mut self,
         grid: &mut Grid,
@@ -284,7 +284,7 @@ impl Neighbors {
         for &k in place {
             grid.insert(k as usize, bodies[k as usize].position);
         }
-        // Each pair once, from its smaller particle: `visit` sees the own level and those above.
+        // Each pair once, from its smaller particle: `visit` covers its level and those above.
         let halves: Vec<Vec<u32>> = bodies
             .par_iter()
             .map(|own| {

@@ -1,5 +1,5 @@
-//! Where the particles of the species start: lattices and random packings that respect walls, planes and the
-//! particles placed by hand.
+//! Initial positions of the species: lattices and random packings that avoid walls, planes and the particles
+//! placed by hand.
 
 pub(crate) mod lattice;
 pub(crate) mod loose;
@@ -9,7 +9,7 @@ use haff_engine::{Boundary, Dimension, Domain, Wall};
 
 use crate::grid::{Grid, Periods};
 
-/// Everything a packing must respect.
+/// The region and obstacles of a packing.
 pub(crate) struct Room<'a> {
     pub(crate) dimension: Dimension,
     pub(crate) domain: &'a Domain,
@@ -20,8 +20,8 @@ pub(crate) struct Room<'a> {
 }
 
 impl Room<'_> {
-    /// Where centres of spheres of this radius may lie along an axis, or `None` where none fits. Along open axes,
-    /// which have no faces, packings are put between placeholder faces.
+    /// Range of the centres of spheres of this radius along an axis, or `None` if none fits. Along open axes,
+    /// which have no faces, packings are placed between placeholder faces.
     fn span(&self, axis: usize, radius: f64) -> Option<[f64; 2]> {
         let length = self.domain.size[axis];
         if axis >= self.dimension.count() {
@@ -38,7 +38,7 @@ impl Room<'_> {
     }
 }
 
-/// The obstacles of a room in a grid that particles up to a radius can ask.
+/// The obstacles of a region in a grid for queries of particles up to a radius.
 struct Obstacles<'a> {
     grid: Grid,
     all: &'a [(DVec3, f64)],
@@ -47,7 +47,7 @@ struct Obstacles<'a> {
 }
 
 impl<'a> Obstacles<'a> {
-    /// `radius`: the largest that will ask.
+    /// `radius`: the largest of any query.
     fn new(room: &Room<'a>, radius: f64) -> Self {
         let levels: Vec<f64> = room.obstacles.iter().map(|o| o.1.max(radius)).collect();
         let periods = Periods::new(room.domain);

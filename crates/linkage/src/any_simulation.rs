@@ -1,0 +1,140 @@
+//! [`AnySimulation`]: the granular engine and the simulation of linkages behind one interface. Scenes with pendulums,
+//! springs, rods or sticking contact run as a linkage, all others in the granular engine.
+
+use crate::{Joints, LinkageError, simulation::Simulation as Linkage};
+use haff_engine::{
+    Checkpoint, Counters, EngineError, Fault, Frame, Ledger, Observer, Options, Sample, Simulation, Stop,
+    System, Until,
+};
+
+/// A running simulation of either kind.
+pub enum AnySimulation {
+    /// Spheres and walls.
+    Granular(Box<Simulation>),
+    /// Few bodies with joints.
+    Linkage(Box<Linkage>),
+}
+
+/// An error of either simulation.
+#[derive(Debug, Clone, PartialEq, thiserror::Error)]
+#[error(transparent)]
+pub enum AnySimulationError {
+    /// Of the granular engine.
+    Granular(#[from] EngineError),
+    /// Of a linkage.
+    Linkage(#[from] LinkageError),
+}
+
+impl AnySimulationError {
+    /// The class of the error, which gives the exit status of the command and the exception in Python.
+    pub fn fault(&self) -> Fault {
+        match self {
+            Self::Granular(error) => error.fault(),
+            Self::Linkage(error) => error.fault(),
+        }
+    }
+}
+
+/// Calls the same method of either simulation.
+macro_rules! either {
+    ($any:expr, $simulation:ident => $call:expr) => {
+        match $any {
+            AnySimulation::Granular($simulation) => $call,
+            AnySimulation::Linkage($simulation) => $call,
+        }
+    };
+}
+
+impl AnySimulation {
+    /// Starts a linkage if the scene has joints, otherwise the granular engine.
+    pub fn new(system: System, joints: Joints, options: Options) -> Result<Self, AnySimulationError> {
+        if joints.is_empty() {
+            Ok(Self::Granular(Box::new(Simulation::new(system, options)?)))
+        } else {
+            Ok(Self::Linkage(Box::new(Linkage::new(system, joints)?)))
+        }
+    }
+
+    /// Goes on from a checkpoint of the same scene.
+    pub fn restore(
+        system: System,
+        joints: Joints,
+        options: Options,
+        checkpoint: &Checkpoint,
+    ) -> Result<Self, AnySimulationError> {
+        if joints.is_empty() {
+            Ok(Self::Granular(Box::new(Simulation::restore(system, options, checkpoint)?)))
+        } else {
+            Ok(Self::Linkage(Box::new(Linkage::restore(system, joints, checkpoint)?)))
+        }
+    }
+
+    /// Runs events until the first of the bounds.
+    pub fn advance(&mut self, until: Until, observer: &mut dyn Observer) -> Result<Stop, AnySimulationError> {
+        Ok(either!(self, simulation => simulation.advance(until, observer)?))
+    }
+
+    /// Present simulated time [time].
+    pub fn time(&self) -> f64 {
+        either!(self, simulation => simulation.time())
+    }
+
+    /// All particles now.
+    pub fn frame(&self) -> Frame {
+        either!(self, simulation => simulation.frame())
+    }
+
+    /// One row of observables.
+    pub fn sample(&mut self) -> Sample {
+        either!(self, simulation => simulation.sample())
+    }
+
+    /// Energies and their balance now.
+    pub fn ledger(&self) -> Ledger {
+        either!(self, simulation => simulation.ledger())
+    }
+
+    /// Counts of events and predictions so far.
+    pub fn counters(&self) -> Counters {
+        either!(self, simulation => simulation.counters())
+    }
+
+    /// The exact state.
+    pub fn checkpoint(&self) -> Checkpoint {
+        either!(self, simulation => simulation.checkpoint())
+    }
+
+    /// Hash of the present state.
+    pub fn state_hash(&self) -> String {
+        either!(self, simulation => simulation.state_hash())
+    }
+
+    /// Number of particles.
+    pub fn particles(&self) -> usize {
+        either!(self, simulation => simulation.particles())
+    }
+
+    /// Measures the largest overlap now and keeps the maximum over the run. An error if it exceeds rounding.
+    pub fn measure_overlap(&mut self) -> Result<(), AnySimulationError> {
+        match self {
+            Self::Granular(simulation) => {
+                simulation.measure_overlap()?;
+            }
+            Self::Linkage(simulation) => simulation.measure_overlap()?,
+        }
+        Ok(())
+    }
+
+    /// Largest overlap found so far [contact distances].
+    pub fn max_overlap(&self) -> f64 {
+        either!(self, simulation => simulation.max_overlap())
+    }
+
+    /// Name of the method that finds collision partners.
+    pub fn search(&self) -> &'static str {
+        match self {
+            Self::Granular(simulation) => simulation.neighbors().name(),
+            Self::Linkage(_) => "conservative_advancement",
+        }
+    }
+}

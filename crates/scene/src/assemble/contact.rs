@@ -1,0 +1,451 @@
+//! Names, walls and contact rules.
+
+use std::collections::{BTreeMap, HashMap, HashSet};
+
+use haff_engine::{Boundary, Contacts, ThermalWall, Wall, WallLaw};
+use haff_mechanics::Restitution;
+
+use super::Assembler;
+use super::domain::DomainPlan;
+use super::values::{at, item, not_negative, positive, storable};
+use crate::config::{ContactConfig, RestitutionConfig, RestitutionLaw, WallConfig};
+use crate::document::Path;
+use crate::text::{LONGEST, cut, nearest, some_of};
+
+/// The table of pair rules has the square of this many entries.
+const MAX_GROUPS: usize = 1000;
+/// Walls are 16-bit numbers in the engine; a plane is tested by every particle near it.
+const MAX_WALLS: usize = 10_000;
+
+/// Name of the group of explicit particles that have none.
+const UNNAMED: &str = "particle";
+
+/// A key of a table and its value.
+type Key = (&'static str, Option<f64>);
+
+/// Message for an unknown name, with the most similar name and the first of the existing ones.
+pub(super) fn among<'n, I: Iterator<Item = &'n str>>(name: &str, known: impl Fn() -> I) -> String {
+    let near = nearest(name, known()).map_or_else(String::new, |best| format!("; did you mean \"{best}\"?"));
+    format!("\"{}\"{near} (known: {})", cut(name, LONGEST), some_of(known()))
+}
+
+/// Index of the wall of each entry of `[[wall]]` among all walls: those of the boundary, then those with a shape.
+fn wall_places(configs: &[WallConfig], walls: &[String]) -> Vec<Option<usize>> {
+    let boundary = |config: &WallConfig| walls.iter().position(|name| config.names_boundary(name));
+    let shapes = configs.iter().filter(|config| boundary(config).is_none()).count();
+    let mut next = walls.len().saturating_sub(shapes);
+    let mut place = |config: &WallConfig| {
+        let place = boundary(config).or_else(|| {
+            next += 1;
+            Some(next - 1)
+        });
+        place.filter(|&place| place < walls.len())
+    };
+    configs.iter().map(&mut place).collect()
+}
+
+/// Names of contact groups: species, then the distinct names of particles.
+pub(super) struct Names {
+    pub(super) all: Vec<String>,
+    pub(super) species: usize,
+    /// The first explicit particle of each group beyond the species.
+    first: Vec<usize>,
+    /// Group of each explicit particle.
+    pub(super) of_particle: Vec<u32>,
+}
+
+impl Assembler<'_> {
+    pub(super) fn names(&mut self) -> Names {
+        let mut all: Vec<String> = Vec::new();
+        for (k, species) in self.config.species.iter().flatten().enumerate() {
+            all.push(species.name.clone().unwrap_or_else(|| format!("species.{k}")));
+        }
+        let species = all.len();
+        let mut index: BTreeMap<String, u32> = BTreeMap::new();
+        let (mut first, mut of_particle) = (Vec::new(), Vec::new());
+        for (k, particle) in self.config.particle.iter_mut().flatten().enumerate() {
+            let name = particle.name.get_or_insert_with(|| UNNAMED.to_owned());
+            let next = all.len() as u32;
+            let group = *index.entry(name.clone()).or_insert(next);
+            if group == next {
+                all.push(name.clone());
+                first.push(k);
+            }
+            of_particle.push(group);
+        }
+        Names { all, species, first, of_particle }
+    }
+
+    /// Names of species and walls are unique, and no particle has the name of one.
+    pub(super) fn check_names(&mut self, names: &Names, walls: &[String]) {
+        let mut taken: BTreeMap<String, String> = BTreeMap::new();
+        let mut uses: Vec<(String, Path, String)> = Vec::new();
+        for (k, species) in self.config.species.iter().flatten().enumerate() {
+            match &species.name {
+                Some(name) => uses.push((name.clone(), item("species", k, "name"), format!("species.{k}"))),
+                None => self
+                    .document
+                    .report_missing(&item("species", k, "name"), "missing: a species needs a name"),
+            }
+        }
+        for (group, name) in names.all.iter().enumerate().skip(names.species) {
+            let first = names.first[group - names.species];
+            uses.push((name.clone(), item("particle", first, "name"), format!("particle.{first}")));
+        }
+        let listed = self.config.wall.as_ref().map_or(0, Vec::len);
+        for (k, name) in walls.iter().enumerate() {
+            let own = (k + listed).checked_sub(walls.len());
+            match own {
+                None => {
+                    taken.insert(name.clone(), "a wall of the domain".into());
+                }
+                Some(own) => uses.push((name.clone(), item("wall", own, "name"), format!("wall.{own}"))),
+            }
+        }
+        for (name, path, label) in uses {
+            if name.trim().is_empty() {
+                // Walls without a name have been reported.
+                if path[0] != "wall" || !self.document.was_reported(&path) {
+                    self.document.report(&path, "must not be empty");
+                }
+                continue;
+            }
+            storable(&mut self.document, &path, &name);
+            if let Some(other) = taken.get(&name) {
+                let message = format!("the name \"{name}\" is taken by {other}; names must differ");
+                self.document.report(&path, message);
+            }
+            taken.entry(name).or_insert(label);
+        }
+        if names.all.len() > MAX_GROUPS {
+            let list = if names.species > MAX_GROUPS { "species" } else { "particle" };
+            let message = format!(
+                "{} different names of species and particles, at most {MAX_GROUPS} are possible; particles may share one",
+                names.all.len()
+            );
+            self.document.report(&at([list]), message);
+        }
+    }
+
+    /// The walls of `[[wall]]`.
+    pub(super) fn extra_walls(&mut self, domain: &DomainPlan) -> Vec<Wall> {
+        let configs = self.config.wall.clone().unwrap_or_default();
+        if configs.len() > MAX_WALLS {
+            self.document.report(&at(["wall"]), format!("at most {MAX_WALLS} walls are possible"));
+            return Vec::new();
+        }
+        let mut walls = Vec::with_capacity(configs.len());
+        for (k, config) in configs.iter().enumerate() {
+            if let Some(name) = domain.wall_names().iter().find(|name| config.names_boundary(name)) {
+                if configs[..k].iter().any(|other| other.names_boundary(name)) {
+                    let why = "is described twice: give all properties of a wall in one entry";
+                    self.document.report(&item("wall", k, "name"), why);
+                }
+                if config.velocity.is_some() {
+                    let why = "a wall of domain.boundary does not move: give a plane, and open that axis";
+                    self.document.report(&item("wall", k, "velocity"), why);
+                }
+                continue;
+            }
+            if config.name.is_none() {
+                self.document.report_missing(&item("wall", k, "name"), "missing: a wall needs a name");
+            }
+            let plane = config.plane.clone().unwrap_or_default();
+            let errors = self.document.count();
+            let mut vector = |key: &str, value: &Option<Vec<f64>>, required: bool| {
+                let path = item("wall", k, key);
+                if let Some(value) = value {
+                    return self.vector(&path, value);
+                }
+                if required {
+                    let why = "missing: a wall needs plane = { point = […], normal = […] }, or the name of a wall of domain.boundary";
+                    self.document.report_missing(&path, why);
+                }
+                glam::DVec3::ZERO
+            };
+            let point = vector("plane.point", &plane.point, true);
+            let given = vector("plane.normal", &plane.normal, true);
+            let velocity = vector("velocity", &config.velocity, false);
+            // Scaled by the largest component first, so that tiny and huge normals do not under- or overflow.
+            let normal = given / given.abs().max_element();
+            let normal = normal / normal.length();
+            if plane.normal.is_some() && self.document.count() == errors {
+                self.check_normal(&item("wall", k, "plane.normal"), normal, domain);
+            }
+            walls.push(Wall {
+                name: config.name.clone().unwrap_or_default(),
+                point,
+                normal,
+                motion: velocity.into(),
+            });
+        }
+        walls
+    }
+
+    /// A plane must have a direction, and be its own image along every periodic axis: a particle that leaves
+    /// through one face returns through the opposite one, and must find the plane unchanged. No component is
+    /// negligible, since the number of images is not limited.
+    fn check_normal(&mut self, path: &[String], normal: glam::DVec3, domain: &DomainPlan) {
+        if !normal.is_finite() {
+            self.document.report(path, "must not be zero");
+            return;
+        }
+        let repeats = |axis: &usize| normal[*axis] != 0.0 && domain.boundary[*axis] == Boundary::Periodic;
+        if let Some(axis) = (0..self.dimension.count()).find(repeats) {
+            let name = ["x", "y", "z"][axis];
+            let message = format!(
+                "must be exactly 0 along {name}, which is periodic: the plane would not repeat with the box; make {name} \
+                 \"wall\" or \"open\" in domain.boundary"
+            );
+            self.document.report(path, message);
+        }
+    }
+
+    /// Rules for all pairs of groups and all groups with all walls.
+    pub(super) fn contacts(&mut self, names: &Names, walls: &[String]) -> Contacts {
+        let contact = self.config.contact.get_or_insert_with(ContactConfig::default);
+        contact.restitution.get_or_insert(RestitutionConfig::Constant(1.0));
+        contact.tc.get_or_insert(0.0);
+        let contact = contact.clone();
+        let tc = contact.tc.unwrap_or(0.0);
+        not_negative(&mut self.document, &at(["contact", "tc"]), tc);
+
+        let general = self.restitution(&at(["contact", "restitution"]), contact.restitution.as_ref());
+        let general = general.unwrap_or(Restitution::Constant(1.0));
+        let wall_rule =
+            self.restitution(&at(["contact", "wall_restitution"]), contact.wall_restitution.as_ref());
+        let wall_rule = wall_rule.unwrap_or(general);
+        let groups = names.all.len().min(MAX_GROUPS);
+        let mut pair = vec![general; groups * groups];
+        let mut wall = vec![wall_rule; groups * walls.len()];
+        let configs = self.config.wall.clone().unwrap_or_default();
+        let places_of_walls = wall_places(&configs, walls);
+        for (k, config) in configs.iter().enumerate() {
+            let path = item("wall", k, "restitution");
+            if let (Some(rule), Some(place)) =
+                (self.restitution(&path, config.restitution.as_ref()), places_of_walls[k])
+            {
+                for group in 0..groups {
+                    wall[group * walls.len() + place] = rule;
+                }
+            }
+        }
+        for (k, config) in configs.iter().enumerate().filter(|(_, config)| config.sticks == Some(true)) {
+            if config.restitution.is_some() {
+                self.document
+                    .report(&item("wall", k, "sticks"), "contradicts restitution: give one of the two");
+            }
+            if let Some(place) = places_of_walls[k] {
+                self.clinging.extend((0..groups).map(|group| [group as u32, place as u32]));
+            }
+        }
+        let mut seen: BTreeMap<(usize, usize), usize> = BTreeMap::new();
+        // Rules of pairs for groups and walls take precedence over those of the walls.
+        let mut ruled: HashSet<[u32; 2]> = HashSet::new();
+        let mut clinging: Vec<[u32; 2]> = Vec::new();
+        let mut places: HashMap<&str, usize> = HashMap::new();
+        for (position, name) in names.all.iter().chain(walls).enumerate() {
+            places.entry(name).or_insert(position);
+        }
+        for (k, config) in contact.pair.iter().flatten().enumerate() {
+            let path = |key: &str| {
+                let mut path = at(["contact", "pair"]);
+                path.push(k.to_string());
+                path.push(key.to_owned());
+                path
+            };
+            let rule = self.restitution(&path("restitution"), config.restitution.as_ref());
+            let sticks = config.sticks == Some(true);
+            if config.restitution.is_none() && !sticks {
+                let why = "missing: the pair needs a restitution, or sticks = true";
+                self.document.report_missing(&path("restitution"), why);
+            }
+            if config.restitution.is_some() && sticks {
+                self.document.report(&path("sticks"), "contradicts restitution: give one of the two");
+            }
+            let Some(between) = &config.between else {
+                self.document.report_missing(&path("between"), "missing: give two names");
+                continue;
+            };
+            let [a, b] = between.as_slice() else {
+                self.document.report(&path("between"), "must have two names");
+                continue;
+            };
+            let mut find = |name: &String| -> Option<usize> {
+                let position = places.get(name.as_str());
+                if position.is_none() {
+                    let known = || names.all.iter().chain(walls).map(String::as_str);
+                    let message = format!("nothing is named {}", among(name, known));
+                    self.document.report(&path("between"), message);
+                }
+                position.copied()
+            };
+            let i = find(a);
+            let (Some(i), Some(j)) = (i, if a == b { i } else { find(b) }) else { continue };
+            let (i, j) = (i.min(j), i.max(j));
+            if i >= names.all.len() {
+                self.document
+                    .report(&path("between"), "two walls never touch: one name must be of particles");
+                continue;
+            }
+            if let Some(first) = seen.insert((i, j), k) {
+                let message = format!("contact.pair.{first} already rules these two");
+                self.document.report(&path("between"), message);
+            }
+            if j >= names.all.len() {
+                let entry = [i as u32, (j - names.all.len()) as u32];
+                // A second rule for the same two is an error, which has been reported.
+                if ruled.insert(entry) && sticks {
+                    clinging.push(entry);
+                }
+            } else if sticks {
+                self.sticking.push([i as u32, j as u32]);
+            }
+            let Some(rule) = rule else { continue };
+            if i >= groups || (j < names.all.len() && j >= groups) {
+                continue;
+            }
+            if j < names.all.len() {
+                pair[i * groups + j] = rule;
+                pair[j * groups + i] = rule;
+            } else {
+                wall[i * walls.len() + j - names.all.len()] = rule;
+            }
+        }
+        self.clinging.retain(|entry| !ruled.contains(entry));
+        self.clinging.extend(clinging);
+        let mut wall: Vec<WallLaw> = wall.into_iter().map(WallLaw::from).collect();
+        for (k, config) in configs.iter().enumerate() {
+            if let (Some([temperature, accommodation]), Some(place)) =
+                (self.thermal(k, config), places_of_walls[k])
+            {
+                for law in wall.iter_mut().skip(place).step_by(walls.len()) {
+                    let restitution = law.restitution();
+                    *law = WallLaw::Thermal(ThermalWall { temperature, accommodation, restitution });
+                }
+            }
+        }
+        Contacts { pair, wall, tc, rest_speed: self.rest_speed() }
+    }
+
+    /// Temperature and accommodation of the wall of an entry, if it is thermal.
+    fn thermal(&mut self, k: usize, config: &WallConfig) -> Option<[f64; 2]> {
+        let path = |key: &str| item("wall", k, key);
+        let accommodation = config.accommodation.unwrap_or(1.0);
+        if !(0.0..=1.0).contains(&accommodation) {
+            self.document.report(&path("accommodation"), "must be a probability, from 0 to 1");
+        }
+        let Some(temperature) = config.temperature else {
+            if config.accommodation.is_some() {
+                let why = "only a thermal wall has it: give temperature, too";
+                self.document.report(&path("accommodation"), why);
+            }
+            return None;
+        };
+        positive(&mut self.document, &path("temperature"), temperature);
+        for (key, given) in
+            [("restitution", config.restitution.is_some()), ("sticks", config.sticks == Some(true))]
+        {
+            if given {
+                let why = format!("contradicts wall.{k}.temperature: give one of the two");
+                self.document.report(&path(key), why);
+            }
+        }
+        if self.has_joints() && config.sticks != Some(true) {
+            let why = "a thermal wall does not work with pendulums, springs, rods or sticking contacts";
+            self.document.report(&path("temperature"), why);
+        }
+        if self.config.contact.as_ref().and_then(|contact| contact.rest_speed).is_some_and(|v| v > 0.0) {
+            let why = "a thermal wall does not work with contact.rest_speed: nothing comes to rest on it";
+            self.document.report(&path("temperature"), why);
+        }
+        if let Some(config) = self.config.wall.as_mut().and_then(|walls| walls.get_mut(k)) {
+            config.accommodation = Some(accommodation);
+        }
+        Some([temperature, accommodation])
+    }
+
+    /// `contact.rest_speed`, for scenes in which something could rest on something.
+    fn rest_speed(&mut self) -> f64 {
+        let path = at(["contact", "rest_speed"]);
+        let speed = *self.config.contact.get_or_insert_default().rest_speed.get_or_insert(0.0);
+        if !not_negative(&mut self.document, &path, speed) || speed == 0.0 {
+            return 0.0;
+        }
+        let gravity = self.config.domain.as_ref().and_then(|domain| domain.gravity.as_ref());
+        if gravity.is_none_or(|gravity| gravity.iter().all(|g| *g == 0.0)) {
+            let why =
+                "needs gravity: without it nothing holds a grain; set domain.gravity, or contact.tc instead";
+            self.document.report(&path, why);
+        }
+        speed
+    }
+
+    /// A law of restitution, if there is one and it is valid.
+    fn restitution(&mut self, path: &[String], config: Option<&RestitutionConfig>) -> Option<Restitution> {
+        let sub = |key: &str| {
+            let mut path = path.to_vec();
+            path.push(key.to_owned());
+            path
+        };
+        let model = match config? {
+            RestitutionConfig::Constant(e) => {
+                if (0.0..=1.0).contains(e) {
+                    return Some(Restitution::Constant(*e));
+                }
+                self.document.report(path, "must be in [0, 1]");
+                return None;
+            }
+            RestitutionConfig::Model(model) => model,
+        };
+        let Some(law) = model.model else {
+            self.document.report_missing(&sub("model"), "missing: \"viscoelastic\" or \"cutoff\"");
+            return None;
+        };
+        let (needed, extra): (&[Key], &[Key]) = match law {
+            RestitutionLaw::Viscoelastic => (
+                &[("coefficient", model.coefficient)],
+                &[("restitution", model.restitution), ("speed", model.speed), ("exponent", model.exponent)],
+            ),
+            RestitutionLaw::Cutoff => (
+                &[("restitution", model.restitution), ("speed", model.speed)],
+                &[("coefficient", model.coefficient)],
+            ),
+        };
+        let mut sound = true;
+        for (key, value) in needed {
+            if value.is_none() {
+                self.document.report_missing(&sub(key), "missing: this model needs it");
+                sound = false;
+            }
+        }
+        for (key, value) in extra {
+            if value.is_some() {
+                self.document.report(&sub(key), "does not belong to this model");
+                sound = false;
+            }
+        }
+        if !sound {
+            return None;
+        }
+        match law {
+            RestitutionLaw::Viscoelastic => {
+                let coefficient = model.coefficient.unwrap_or(0.0);
+                not_negative(&mut self.document, &sub("coefficient"), coefficient)
+                    .then_some(Restitution::Viscoelastic { coefficient })
+            }
+            RestitutionLaw::Cutoff => {
+                let restitution = model.restitution.unwrap_or(1.0);
+                let speed = model.speed.unwrap_or(1.0);
+                let exponent = model.exponent.unwrap_or(0.75);
+                if !(0.0..=1.0).contains(&restitution) {
+                    self.document.report(&sub("restitution"), "must be in [0, 1]");
+                    sound = false;
+                }
+                sound &= positive(&mut self.document, &sub("speed"), speed);
+                sound &= positive(&mut self.document, &sub("exponent"), exponent);
+                sound.then_some(Restitution::Cutoff { restitution, speed, exponent })
+            }
+        }
+    }
+}

@@ -1,0 +1,86 @@
+//! Drives: which particles they act on, and with what.
+
+use haff_engine::{Drive, DriveKind};
+
+use super::{
+    Assembler,
+    contact::{Names, among},
+    values::{item, not_negative, positive},
+};
+use crate::config::DriveKindConfig;
+
+impl Assembler<'_> {
+    /// The drives of `[[drive]]`.
+    pub(super) fn drives(&mut self, names: &Names) -> Vec<Drive> {
+        let configs = self.config.drive.clone().unwrap_or_default();
+        let mut drives = Vec::with_capacity(configs.len());
+        for (k, config) in configs.into_iter().enumerate() {
+            let path = |key: &str| item("drive", k, key);
+            if self.has_joints() {
+                let why = "a drive does not work with pendulums, springs, rods or sticking contacts";
+                self.document.report(&path(""), why);
+            }
+            if self.config.contact.as_ref().and_then(|contact| contact.rest_speed).is_some_and(|v| v > 0.0) {
+                let why = "a drive does not work with contact.rest_speed: grains at rest would not be driven";
+                self.document.report(&path(""), why);
+            }
+            let Some(kind) = config.kind else {
+                self.document.report_missing(
+                    &path("kind"),
+                    "missing: a drive needs a kind: \"rescale\" or \"andersen\"",
+                );
+                continue;
+            };
+            let mut number = |key: &str, value: Option<f64>, positive_only: bool| {
+                let Some(value) = value else {
+                    let why = format!("missing: a drive of kind \"{}\" needs it", kind.name());
+                    self.document.report_missing(&path(key), why);
+                    return 1.0;
+                };
+                let check = if positive_only { positive } else { not_negative };
+                check(&mut self.document, &path(key), value);
+                value
+            };
+            let kind = match kind {
+                DriveKindConfig::Andersen => DriveKind::Andersen {
+                    temperature: number("temperature", config.temperature, false),
+                    rate: number("rate", config.rate, true),
+                },
+                DriveKindConfig::Rescale => DriveKind::Rescale {
+                    temperature: number("temperature", config.temperature, false),
+                    interval: number("interval", config.interval, true),
+                },
+            };
+            let species = self.driven_species(k, config.species, names);
+            drives.push(Drive { kind, species });
+        }
+        drives
+    }
+
+    /// The species that a drive acts on, all if none are named.
+    fn driven_species(&mut self, k: usize, given: Option<Vec<String>>, names: &Names) -> Vec<u32> {
+        let path = item("drive", k, "species");
+        let Some(given) = given else {
+            if let Some(config) = self.config.drive.as_mut().and_then(|drives| drives.get_mut(k)) {
+                config.species = Some(names.all.clone());
+            }
+            return (0..names.all.len() as u32).collect();
+        };
+        if given.is_empty() {
+            self.document.report(&path, "must name at least one species");
+        }
+        let mut species = Vec::with_capacity(given.len());
+        for name in &given {
+            match names.all.iter().position(|known| known == name) {
+                Some(index) => species.push(index as u32),
+                None => {
+                    let known = || names.all.iter().map(String::as_str);
+                    self.document.report(&path, format!("no species is named {}", among(name, known)));
+                }
+            }
+        }
+        species.sort_unstable();
+        species.dedup();
+        species
+    }
+}

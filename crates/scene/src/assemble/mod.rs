@@ -1,0 +1,290 @@
+//! Assembles a [`Scene`] from a checked [`SceneConfig`]: all checks, all defaults.
+//!
+//! Checks are made in rounds, and a round starts only if the previous one found no error: syntax and types;
+//! values one by one and against each other; geometry; placement. Within a round all errors are found.
+
+mod contact;
+mod domain;
+mod drive;
+mod joints;
+mod particles;
+mod placement;
+mod plan;
+mod values;
+
+use glam::DVec3;
+use haff_engine::{Dimension, NeighborChoice, Options, SimdChoice, System};
+
+use crate::config::{EngineConfig, NeighborsConfig, SceneConfig, SimdConfig};
+use crate::document::Document;
+use crate::error::{ErrorKind, Place, SceneError, SceneErrors};
+use crate::scene::Scene;
+use crate::state::StateSource;
+use values::{at, storable};
+
+/// Bytes per particle that a run needs, to refuse systems that do not fit: the largest value measured, in a
+/// dense random packing; the run itself takes about 250.
+const BYTES_PER_PARTICLE: f64 = 420.0;
+
+/// Reading a text may always take this much [bytes], even if the system reports less free memory.
+const LEAST_MEMORY: u64 = 256 << 20;
+
+/// Rows are 32-bit numbers in the engine and in files.
+const MAX_PARTICLES: u64 = 1 << 31;
+
+/// Limits of a scene on this machine.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Limits {
+    pub(crate) particles: u64,
+    /// For reading the text [bytes].
+    pub(crate) memory: u64,
+}
+
+impl Limits {
+    /// As many particles as fit into the free memory, if the system reports it.
+    pub(crate) fn of_this_machine() -> Self {
+        let free = available_memory();
+        let fits = free.map_or(u64::MAX, |bytes| (bytes / BYTES_PER_PARTICLE) as u64);
+        let memory = free.map_or(u64::MAX, |bytes| bytes as u64).max(LEAST_MEMORY);
+        Self { particles: fits.clamp(10_000, MAX_PARTICLES), memory }
+    }
+}
+
+/// Free memory [bytes], from `/proc`.
+fn available_memory() -> Option<f64> {
+    let text = std::fs::read_to_string("/proc/meminfo").ok()?;
+    let line = text.lines().find_map(|line| line.strip_prefix("MemAvailable:"))?;
+    line.trim().trim_end_matches("kB").trim().parse::<f64>().ok().map(|kilobytes| 1024.0 * kilobytes)
+}
+
+/// A scene under construction.
+struct Assembler<'a> {
+    document: Document,
+    /// As written, with overrides; defaults are filled in on the way and make the resolved scene.
+    config: SceneConfig,
+    states: &'a dyn StateSource,
+    limits: Limits,
+    dimension: Dimension,
+    seed: u64,
+    /// Pairs of groups that stick.
+    sticking: Vec<[u32; 2]>,
+    clinging: Vec<[u32; 2]>,
+    unreadable: bool,
+}
+
+/// An error has been recorded in the document.
+struct Refused;
+
+pub(crate) fn assemble(
+    name: &str,
+    text: &str,
+    overrides: &[String],
+    states: &dyn StateSource,
+    limits: Limits,
+) -> Result<Scene, SceneErrors> {
+    let mut document = Document::new(name, text, overrides, limits.memory);
+    let garbled = document.is_garbled();
+    let config = if garbled { SceneConfig::default() } else { document.config() };
+    let mut assembler = Assembler {
+        document,
+        config,
+        states,
+        limits,
+        dimension: Dimension::Three,
+        seed: 0,
+        sticking: Vec::new(),
+        clinging: Vec::new(),
+        unreadable: false,
+    };
+    let result = if garbled { Err(Refused) } else { assembler.scene(name) };
+    if let (Ok(scene), true) = (result, assembler.document.is_sound()) {
+        return Ok(scene);
+    }
+    let kind = if assembler.unreadable { ErrorKind::Unreadable } else { ErrorKind::Invalid };
+    let (errors, more, source) = assembler.document.into_errors();
+    Err(SceneErrors { errors, more, source, kind })
+}
+
+/// The error of a scene file that is too long.
+pub(crate) fn too_long(name: &str) -> SceneErrors {
+    whole(name, crate::weight::too_long(), ErrorKind::Invalid)
+}
+
+/// The error of a scene file that cannot be read.
+pub(crate) fn unreadable(name: &str, why: &std::io::Error) -> SceneErrors {
+    let why = match why.kind() {
+        std::io::ErrorKind::InvalidData => {
+            format!("it is not text; if it is the output of a run: haff run --resume {name}")
+        }
+        _ => why.to_string(),
+    };
+    whole(name, format!("cannot read the scene: {why}"), ErrorKind::Unreadable)
+}
+
+/// An error of a scene file as a whole.
+pub(crate) fn whole(name: &str, message: String, kind: ErrorKind) -> SceneErrors {
+    let file = name.to_owned();
+    let error = SceneError { file, place: Place::Whole, path: String::new(), value: None, message };
+    SceneErrors { errors: vec![error], more: 0, source: String::new(), kind }
+}
+
+impl Assembler<'_> {
+    fn scene(&mut self, name: &str) -> Result<Scene, Refused> {
+        self.header(name);
+        let options = self.options();
+        let species = self.species_plans();
+        self.place_by_angles();
+        let explicit = self.particle_plans();
+        let names = self.names();
+        let mut domain = self.domain_plan(!species.is_empty(), !explicit.is_empty());
+        let extra_walls = self.extra_walls(&domain);
+        let wall_names: Vec<String> =
+            domain.wall_names().into_iter().chain(extra_walls.iter().map(|wall| wall.name.clone())).collect();
+        self.check_names(&names, &wall_names);
+        let contacts = self.contacts(&names, &wall_names);
+        let drives = self.drives(&names);
+        let initial = self.initial(species.len());
+        self.run_shape();
+        self.output_shape();
+        self.count_particles(&species, explicit.len());
+        self.gate()?;
+
+        // All single values are valid here. Sizes and masses, then the box, then positions.
+        let mut rows = self.draw_rows(&species, &explicit, &names);
+        self.gate()?;
+        let state = self.read_state(&initial, &species, &mut rows)?;
+        self.fix_size(&mut domain, &species, &rows, state.as_ref());
+        self.gate()?;
+        let system_domain = domain.finish(self.dimension, &rows);
+        let walls = domain.walls(&system_domain, extra_walls);
+        self.check_box(&system_domain, &rows, initial.positions.as_ref());
+        self.check_resolution(&system_domain, &species, &rows, initial.positions.as_ref());
+        self.gate()?;
+        self.check_places(&system_domain, &walls, &mut rows, state.as_ref());
+        self.gate()?;
+        self.place_species(&system_domain, &walls, &mut rows, &initial);
+        self.gate()?;
+        self.draw_velocities(&species, &mut rows, &initial, state.as_ref());
+
+        let system = System {
+            dimension: self.dimension,
+            domain: system_domain,
+            bodies: rows.bodies,
+            classes: rows.classes,
+            groups: names.all.iter().map(|name| haff_engine::Group { name: name.clone() }).collect(),
+            species: names.all.clone(),
+            walls,
+            contacts,
+            drives,
+            seed: self.seed,
+        };
+        let first = rows.species;
+        let joints = self.joints(first, &|row| system.bodies[row].position);
+        self.gate()?;
+        self.check_joints(&system, &joints);
+        self.gate()?;
+        let rate = plan::collision_rate(&system);
+        let run = self.run_plan(&system);
+        self.gate()?;
+        let output = self.output_plan(&system, &run, rate);
+        self.gate()?;
+        Ok(Scene {
+            title: self.config.title.clone().unwrap_or_default(),
+            seed: self.seed,
+            state_file: initial.state_file(),
+            packing_fraction: plan::packing_fraction(&system),
+            collision_rate: rate,
+            system,
+            joints,
+            options,
+            run,
+            output,
+            resolved: self.resolved()?,
+        })
+    }
+
+    /// Returns if an error has been found.
+    fn gate(&self) -> Result<(), Refused> {
+        if self.document.is_sound() { Ok(()) } else { Err(Refused) }
+    }
+
+    fn header(&mut self, name: &str) {
+        if let Some(schema) = self.config.schema
+            && schema != 1
+        {
+            self.document.report(&at(["schema"]), "must be 1, the only version of the format so far");
+        }
+        self.config.schema = Some(1);
+        match self.config.dimension.unwrap_or(3) {
+            2 => self.dimension = Dimension::Two,
+            3 => {}
+            _ => self.document.report(&at(["dimension"]), "must be 2 or 3"),
+        }
+        self.config.dimension = Some(self.dimension.count() as i64);
+        match u64::try_from(self.config.seed.unwrap_or(0)) {
+            Ok(seed) => self.seed = seed,
+            Err(_) => self.document.report(&at(["seed"]), "must be in 0..=9223372036854775807"),
+        }
+        self.config.seed = Some(self.seed as i64);
+        if let Some(title) = &self.config.title {
+            storable(&mut self.document, &at(["title"]), title);
+        }
+        self.config.title.get_or_insert_with(|| {
+            std::path::Path::new(name)
+                .file_stem()
+                .map_or_else(String::new, |stem| stem.to_string_lossy().into())
+        });
+    }
+
+    fn options(&mut self) -> Options {
+        let engine = self.config.engine.get_or_insert_with(EngineConfig::default);
+        let neighbors = *engine.neighbors.get_or_insert(NeighborsConfig::Auto);
+        let simd = *engine.simd.get_or_insert(SimdConfig::Auto);
+        let neighbors = match neighbors {
+            NeighborsConfig::Auto => NeighborChoice::Auto,
+            NeighborsConfig::Cells => NeighborChoice::Cells,
+            NeighborsConfig::AllPairs => NeighborChoice::AllPairs,
+            NeighborsConfig::Lists => NeighborChoice::Lists,
+            NeighborsConfig::Windows => NeighborChoice::Windows,
+        };
+        let simd = match simd {
+            SimdConfig::Auto => SimdChoice::Auto,
+            SimdConfig::Avx2 => SimdChoice::Avx2,
+            SimdConfig::Portable => SimdChoice::Portable,
+        };
+        Options { neighbors, simd }
+    }
+
+    fn resolved(&mut self) -> Result<String, Refused> {
+        toml::to_string(&self.config).map_err(|error| {
+            self.document.report(&[], format!("cannot be written out again: {error}"));
+            Refused
+        })
+    }
+
+    /// The components of a vector of the scene: one per dimension, or three with z = 0.
+    fn vector(&mut self, path: &[String], values: &[f64]) -> DVec3 {
+        let d = self.dimension.count();
+        if values.len() != d && values.len() != 3 {
+            let form = if d == 2 { "two numbers (or three, the last one 0)" } else { "three numbers" };
+            self.document.report(path, format!("must have {form}"));
+            return DVec3::ZERO;
+        }
+        if let Some(k) = values.iter().position(|x| !x.is_finite() || x.abs() > values::LARGEST) {
+            let mut element = path.to_vec();
+            element.push(k.to_string());
+            self.document.report(&element, "must be a finite number, at most 1e50 in size");
+            return DVec3::ZERO;
+        }
+        if d == 2 && values.len() == 3 && values[2] != 0.0 {
+            self.document.report(path, "must have z = 0 in two dimensions");
+            return DVec3::ZERO;
+        }
+        DVec3::new(values[0], values[1], if d == 3 { values[2] } else { 0.0 })
+    }
+
+    /// The components in use in this dimension.
+    fn components(&self, v: DVec3) -> Vec<f64> {
+        v.to_array()[..self.dimension.count()].to_vec()
+    }
+}

@@ -1,0 +1,379 @@
+//! Particles: numbers, sizes and masses.
+
+use std::collections::HashMap;
+use std::f64::consts::PI;
+use std::path::PathBuf;
+
+use glam::DVec3;
+use haff_engine::{Body, Class, Dimension};
+
+use super::Assembler;
+use super::contact::Names;
+use super::values::{at, item, mass, not_negative, positive, storable};
+use crate::config::{InitialConfig, PackingConfig, PositionsConfig, RadiusConfig};
+use crate::random::{Purpose, Stream};
+
+/// Radii of a species.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) enum RadiusLaw {
+    Fixed(f64),
+    Uniform(f64, f64),
+    Normal { mean: f64, sd: f64, min: f64, max: f64 },
+}
+
+impl RadiusLaw {
+    pub(super) fn is_fixed(self) -> bool {
+        matches!(self, Self::Fixed(_))
+    }
+
+    /// Smallest and largest radius.
+    pub(super) fn range(self) -> [f64; 2] {
+        match self {
+            Self::Fixed(radius) => [radius, radius],
+            Self::Uniform(a, b) => [a, b],
+            Self::Normal { min, max, .. } => [min, max],
+        }
+    }
+
+    fn draw(self, random: &mut Stream) -> f64 {
+        match self {
+            Self::Fixed(radius) => radius,
+            Self::Uniform(a, b) => random.between(a, b),
+            Self::Normal { mean, sd, min, max } => {
+                (mean + sd * random.truncated_normal((min - mean) / sd, (max - mean) / sd)).clamp(min, max)
+            }
+        }
+    }
+}
+
+/// Mass of a body, given or from its density.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) enum MassLaw {
+    Mass(f64),
+    Density(f64),
+}
+
+impl MassLaw {
+    pub(super) fn of(self, radius: f64, dimension: Dimension) -> f64 {
+        match self {
+            Self::Mass(mass) => mass,
+            Self::Density(density) => density * volume(radius, dimension),
+        }
+    }
+}
+
+pub(super) struct SpeciesPlan {
+    pub(super) name: String,
+    pub(super) count: usize,
+    pub(super) radius: RadiusLaw,
+    pub(super) mass: MassLaw,
+    pub(super) temperature: Option<f64>,
+}
+
+pub(super) struct ParticlePlan {
+    position: DVec3,
+    velocity: DVec3,
+    radius: f64,
+    mass: MassLaw,
+}
+
+pub(super) struct Initial {
+    pub(super) positions: Option<PositionsConfig>,
+    pub(super) temperature: Option<f64>,
+}
+
+impl Initial {
+    /// The state file that the species start from.
+    pub(super) fn state_file(&self) -> Option<PathBuf> {
+        match &self.positions {
+            Some(PositionsConfig::File(file)) => file.file.as_ref().map(PathBuf::from),
+            _ => None,
+        }
+    }
+}
+
+/// Bodies under construction, species first.
+pub(super) struct Rows {
+    pub(super) bodies: Vec<Body>,
+    pub(super) classes: Vec<Class>,
+    /// Rows of species; the rest are explicit particles.
+    pub(super) species: usize,
+    pub(super) index: HashMap<(u64, u64, u32), u32>,
+}
+
+impl Rows {
+    pub(super) fn radius(&self, row: usize) -> f64 {
+        self.classes[self.bodies[row].class as usize].radius
+    }
+
+    pub(super) fn mass(&self, row: usize) -> f64 {
+        self.classes[self.bodies[row].class as usize].mass
+    }
+
+    pub(super) fn largest_radius(&self) -> f64 {
+        self.classes.iter().map(|class| class.radius).fold(0.0, f64::max)
+    }
+
+    /// Volume of a body [length³], in two dimensions its area [length²].
+    pub(super) fn volume(&self, row: usize, dimension: Dimension) -> f64 {
+        volume(self.radius(row), dimension)
+    }
+
+    pub(super) fn class(&mut self, radius: f64, mass: f64, group: u32) -> u32 {
+        let classes = &mut self.classes;
+        *self.index.entry((radius.to_bits(), mass.to_bits(), group)).or_insert_with(|| {
+            classes.push(Class { radius, mass, group });
+            classes.len() as u32 - 1
+        })
+    }
+
+    fn push(&mut self, position: DVec3, velocity: DVec3, radius: f64, mass: f64, group: u32) {
+        let class = self.class(radius, mass, group);
+        self.bodies.push(Body { position, velocity, image: [0; 3], class, species: group });
+    }
+}
+
+pub(super) fn volume(radius: f64, dimension: Dimension) -> f64 {
+    match dimension {
+        Dimension::Two => PI * radius * radius,
+        Dimension::Three => 4.0 / 3.0 * PI * radius * radius * radius,
+    }
+}
+
+impl Assembler<'_> {
+    pub(super) fn species_plans(&mut self) -> Vec<SpeciesPlan> {
+        let configs = self.config.species.clone().unwrap_or_default();
+        let mut plans = Vec::with_capacity(configs.len());
+        for (k, config) in configs.iter().enumerate() {
+            let path = |key: &str| item("species", k, key);
+            let count = match config.count {
+                Some(count) if count >= 1 => count as usize,
+                Some(_) => {
+                    self.document.report(&path("count"), "must be 1 or more");
+                    1
+                }
+                None => {
+                    self.document.report_missing(&path("count"), "missing: the number of particles");
+                    1
+                }
+            };
+            let radius = self.radius_law(k, config.radius.as_ref());
+            let mass = self.mass_law("species", k, config.mass, config.density);
+            if let Some(temperature) = config.temperature {
+                not_negative(&mut self.document, &path("temperature"), temperature);
+            }
+            let name = config.name.clone().unwrap_or_default();
+            plans.push(SpeciesPlan { name, count, radius, mass, temperature: config.temperature });
+        }
+        plans
+    }
+
+    fn radius_law(&mut self, k: usize, config: Option<&RadiusConfig>) -> RadiusLaw {
+        let path = |key: &str| item("species", k, key);
+        let fallback = RadiusLaw::Fixed(1.0);
+        let distribution = match config {
+            None => {
+                let why = "missing: a number, { uniform = [a, b] } or { normal = [mean, sd] }";
+                self.document.report_missing(&path("radius"), why);
+                return fallback;
+            }
+            Some(RadiusConfig::Fixed(radius)) => {
+                positive(&mut self.document, &path("radius"), *radius);
+                return RadiusLaw::Fixed(*radius);
+            }
+            Some(RadiusConfig::Distribution(distribution)) => distribution.clone(),
+        };
+        let mut pair = |key: &str, values: &[f64]| -> Option<[f64; 2]> {
+            let path = path(key);
+            let &[a, b] = values else {
+                self.document.report(&path, "must have two numbers");
+                return None;
+            };
+            let sound = positive(&mut self.document, &path, a) && positive(&mut self.document, &path, b);
+            sound.then_some([a, b])
+        };
+        match (&distribution.uniform, &distribution.normal) {
+            (Some(values), None) => {
+                let Some([a, b]) = pair("radius.uniform", values) else { return fallback };
+                if a > b {
+                    self.document.report(&path("radius.uniform"), "must have the smaller radius first");
+                }
+                for (key, value) in [("radius.min", distribution.min), ("radius.max", distribution.max)] {
+                    if value.is_some() {
+                        self.document.report(&path(key), "belongs to normal distributions only");
+                    }
+                }
+                RadiusLaw::Uniform(a, b)
+            }
+            (None, Some(values)) => {
+                let Some([mean, sd]) = pair("radius.normal", values) else { return fallback };
+                let min = distribution.min.unwrap_or(0.1 * mean);
+                let max = distribution.max.unwrap_or(mean + 8.5 * sd);
+                let mut sound = true;
+                for (key, value) in [("radius.min", min), ("radius.max", max)] {
+                    sound &= positive(&mut self.document, &path(key), value);
+                }
+                if sound && min > max {
+                    self.document.report(&path("radius"), format!("must have min ≤ max, not {min} > {max}"));
+                } else if sound && (min > mean + 8.0 * sd || max < mean - 8.0 * sd) {
+                    let text = "the range from min to max lies more than 8 standard deviations from the mean";
+                    self.document.report(&path("radius"), text);
+                }
+                RadiusLaw::Normal { mean, sd, min, max }
+            }
+            (Some(_), Some(_)) => {
+                self.document.report(&path("radius"), "contradiction: give uniform or normal, not both");
+                fallback
+            }
+            (None, None) => {
+                self.document
+                    .report_missing(&path("radius"), "must have uniform = [a, b] or normal = [mean, sd]");
+                fallback
+            }
+        }
+    }
+
+    fn mass_law(&mut self, list: &str, k: usize, given: Option<f64>, density: Option<f64>) -> MassLaw {
+        let path = |key: &str| item(list, k, key);
+        match (given, density) {
+            (Some(_), Some(_)) => {
+                self.document.report(&path("density"), "contradicts mass: give one of the two");
+                MassLaw::Mass(1.0)
+            }
+            (Some(value), None) => {
+                mass(&mut self.document, &path("mass"), value);
+                MassLaw::Mass(value)
+            }
+            (None, Some(value)) => {
+                positive(&mut self.document, &path("density"), value);
+                MassLaw::Density(value)
+            }
+            (None, None) => {
+                if !self.document.was_reported(&path("density")) {
+                    self.document.report_missing(&path("mass"), "missing: give mass or density");
+                }
+                MassLaw::Mass(1.0)
+            }
+        }
+    }
+
+    pub(super) fn particle_plans(&mut self) -> Vec<ParticlePlan> {
+        let configs = self.config.particle.clone().unwrap_or_default();
+        let mut plans = Vec::with_capacity(configs.len());
+        for (k, config) in configs.iter().enumerate() {
+            let path = |key: &str| item("particle", k, key);
+            let position = if let Some(position) = &config.position {
+                self.vector(&path("position"), position)
+            } else {
+                self.document.report_missing(&path("position"), "missing: where the particle is");
+                DVec3::ZERO
+            };
+            let velocity = match &config.velocity {
+                Some(velocity) => self.vector(&path("velocity"), velocity),
+                None => DVec3::ZERO,
+            };
+            let radius = if let Some(radius) = config.radius {
+                positive(&mut self.document, &path("radius"), radius);
+                radius
+            } else {
+                self.document.report_missing(&path("radius"), "missing: a particle needs a radius");
+                1.0
+            };
+            let mass = self.mass_law("particle", k, config.mass, config.density);
+            plans.push(ParticlePlan { position, velocity, radius, mass });
+        }
+        plans
+    }
+
+    pub(super) fn initial(&mut self, species: usize) -> Initial {
+        if let Some(temperature) = self.config.initial.as_ref().and_then(|initial| initial.temperature) {
+            not_negative(&mut self.document, &at(["initial", "temperature"]), temperature);
+        }
+        if species == 0 {
+            return Initial { positions: None, temperature: None };
+        }
+        let initial = self.config.initial.get_or_insert_with(InitialConfig::default);
+        let positions =
+            initial.positions.get_or_insert(PositionsConfig::Packing(PackingConfig::Lattice)).clone();
+        let path = at(["initial", "positions"]);
+        match &positions {
+            PositionsConfig::File(file) => {
+                if file.file.as_ref().is_none_or(String::is_empty) {
+                    self.document.report_missing(&path, "must name a file: { file = \"state.h5\" }");
+                }
+                storable(&mut self.document, &path, file.file.as_deref().unwrap_or_default());
+            }
+            PositionsConfig::Packing(packing) => {
+                initial.temperature.get_or_insert(1.0);
+                if *packing == PackingConfig::Fcc && self.dimension == Dimension::Two {
+                    self.document.report(&path, "is a lattice of three dimensions; take \"hexagonal\"");
+                } else if *packing == PackingConfig::Hexagonal && self.dimension == Dimension::Three {
+                    self.document.report(&path, "is a lattice of two dimensions; take \"fcc\"");
+                }
+            }
+        }
+        let temperature = self.config.initial.as_ref().and_then(|initial| initial.temperature);
+        Initial { positions: Some(positions), temperature }
+    }
+
+    /// Checks that there are particles, and not more than fit into memory.
+    pub(super) fn count_particles(&mut self, species: &[SpeciesPlan], explicit: usize) {
+        if species.is_empty() && explicit == 0 {
+            let path = at([if self.config.particle.is_some() { "particle" } else { "species" }]);
+            self.document.report_missing(&path, "no particles: give [[species]] or [[particle]]");
+        }
+        let mut total = explicit as u64;
+        for (k, plan) in species.iter().enumerate() {
+            total = total.saturating_add(plan.count as u64);
+            if total > self.limits.particles {
+                let text = format!(
+                    "too many particles: {total} so far, the memory of this machine holds about {}",
+                    self.limits.particles
+                );
+                self.document.report(&item("species", k, "count"), text);
+                break;
+            }
+        }
+    }
+
+    /// Radii, masses and classes of all rows.
+    pub(super) fn draw_rows(
+        &mut self,
+        species: &[SpeciesPlan],
+        explicit: &[ParticlePlan],
+        names: &Names,
+    ) -> Rows {
+        let total: usize = species.iter().map(|plan| plan.count).sum();
+        let mut rows = Rows {
+            bodies: Vec::with_capacity(total + explicit.len()),
+            classes: Vec::new(),
+            species: total,
+            index: HashMap::new(),
+        };
+        for (k, plan) in species.iter().enumerate() {
+            for i in 0..plan.count {
+                let mut random = Stream::new(self.seed, Purpose::Radius, &plan.name, i);
+                let radius = plan.radius.draw(&mut random);
+                let mass = plan.mass.of(radius, self.dimension);
+                rows.push(DVec3::ZERO, DVec3::ZERO, radius, mass, k as u32);
+            }
+            if let MassLaw::Density(_) = plan.mass
+                && plan
+                    .radius
+                    .range()
+                    .iter()
+                    .any(|&r| !(1e-200..=1e200).contains(&plan.mass.of(r, self.dimension)))
+            {
+                self.document.report(&item("species", k, "density"), "makes a mass out of range");
+            }
+        }
+        for (k, plan) in explicit.iter().enumerate() {
+            let mass = plan.mass.of(plan.radius, self.dimension);
+            if !(1e-200..=f64::INFINITY).contains(&mass) {
+                self.document.report(&item("particle", k, "density"), "makes a mass out of range");
+            }
+            rows.push(plan.position, plan.velocity, plan.radius, mass, names.of_particle[k]);
+        }
+        rows
+    }
+}

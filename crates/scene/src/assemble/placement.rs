@@ -1,0 +1,305 @@
+//! Positions and velocities: from a recorded state, by hand, or from a packing and a temperature.
+
+use std::path::Path;
+
+use glam::DVec3;
+use haff_engine::{Boundary, Class, Dimension, Domain, Wall};
+
+use super::domain::TOLERANCE;
+use super::particles::{Initial, Rows, SpeciesPlan};
+use super::values::{at, item};
+use super::{Assembler, Refused};
+use crate::config::{PackingConfig, PositionsConfig};
+use crate::grid::{Periods, overlaps};
+use crate::packing::{Room, lattice::lattice, loose};
+use crate::random::{Purpose, Stream};
+use crate::state::State;
+use crate::velocity::{Bath, equilibrate, maxwell};
+
+/// Overlaps named one by one; the rest are counted.
+const NAMED_OVERLAPS: usize = 20;
+
+impl Assembler<'_> {
+    /// The recorded state, if the species start from one; radii and masses of distributions are taken from
+    /// it.
+    pub(super) fn read_state(
+        &mut self,
+        initial: &Initial,
+        species: &[SpeciesPlan],
+        rows: &mut Rows,
+    ) -> Result<Option<State>, Refused> {
+        let Some(PositionsConfig::File(file)) = &initial.positions else { return Ok(None) };
+        let path = at(["initial", "positions"]);
+        let name = file.file.clone().unwrap_or_default();
+        let state = self.states.last_state(Path::new(&name)).map_err(|why| {
+            self.document.report(&path, why);
+            self.unreadable = true;
+            Refused
+        })?;
+        let n = state.position.len();
+        let dimension = self.dimension;
+        let mut fail = |message: String| {
+            self.document.report(&path, message);
+            Err(Refused)
+        };
+        let lengths = [state.velocity.len(), state.image.len(), state.radius.len(), state.mass.len()];
+        if lengths.iter().any(|&length| length != n) {
+            return fail(format!(
+                "the file holds {n} positions but other numbers of velocities, radii or masses"
+            ));
+        }
+        if n != rows.species && n != rows.bodies.len() {
+            return fail(format!("the file holds {n} particles, the species ask for {}", rows.species));
+        }
+        // Recorded values replace drawn ones.
+        let drawn = std::mem::take(&mut rows.classes);
+        rows.index.clear();
+        for row in rows.species..rows.bodies.len() {
+            let Class { radius, mass, group } = drawn[rows.bodies[row].class as usize];
+            rows.bodies[row].class = rows.class(radius, mass, group);
+        }
+        let mut row = 0;
+        for (k, plan) in species.iter().enumerate() {
+            for _ in 0..plan.count {
+                let [low, high] = plan.radius.range();
+                let radius = state.radius[row];
+                let fits = |x: f64, low: f64, high: f64| {
+                    x >= low * (1.0 - TOLERANCE) && x <= high * (1.0 + TOLERANCE)
+                };
+                if !fits(radius, low, high) {
+                    return fail(format!(
+                        "particle {row} of the file has radius {radius}, species \"{}\" wants {low} to {high}",
+                        plan.name
+                    ));
+                }
+                let radius = if plan.radius.is_fixed() { low } else { radius };
+                let mass = plan.mass.of(radius, dimension);
+                if !(mass == state.mass[row] || fits(state.mass[row], mass, mass)) {
+                    let found = state.mass[row];
+                    return fail(format!(
+                        "particle {row} of the file has mass {found}, species \"{}\" wants {mass}",
+                        plan.name
+                    ));
+                }
+                let (position, velocity) = (state.position[row], state.velocity[row]);
+                if !(position.is_finite() && velocity.is_finite()) {
+                    return fail(format!("particle {row} of the file has no finite position and velocity"));
+                }
+                if dimension == Dimension::Two && (position.z != 0.0 || velocity.z != 0.0) {
+                    return fail(format!("particle {row} of the file leaves the plane z = 0"));
+                }
+                rows.bodies[row].class = rows.class(radius, mass, k as u32);
+                rows.bodies[row].position = position;
+                rows.bodies[row].image = state.image[row];
+                row += 1;
+            }
+        }
+        Ok(Some(state))
+    }
+
+    /// Checks bodies with positions against the box, the walls and each other.
+    pub(super) fn check_places(
+        &mut self,
+        domain: &Domain,
+        walls: &[Wall],
+        rows: &mut Rows,
+        state: Option<&State>,
+    ) {
+        let d = self.dimension.count();
+        let from_file = at(["initial", "positions"]);
+        let periods = Periods::new(domain);
+        if let Some(state) = state {
+            for axis in 0..d {
+                let (here, there) = (domain.size[axis], state.size[axis]);
+                if domain.boundary[axis] == Boundary::Periodic
+                    && (there.is_nan() || (here - there).abs() > TOLERANCE * here)
+                {
+                    let name = ["x", "y", "z"][axis];
+                    let text =
+                        format!("the box of the file is {there} long along {name}, that of the scene {here}");
+                    self.document.report(&from_file, text);
+                    return;
+                }
+            }
+            for body in &mut rows.bodies[..rows.species] {
+                body.position = periods.wrap(body.position);
+            }
+        }
+        let first = if state.is_some() { 0 } else { rows.species };
+        for row in first..rows.bodies.len() {
+            let (position, radius) = (rows.bodies[row].position, rows.radius(row));
+            let path = if row < rows.species {
+                from_file.clone()
+            } else {
+                item("particle", row - rows.species, "position")
+            };
+            for axis in 0..d {
+                let (x, length) = (position[axis], domain.size[axis]);
+                if domain.boundary[axis] == Boundary::Periodic && !(0.0..length).contains(&x) {
+                    let name = ["x", "y", "z"][axis];
+                    let text =
+                        format!("particle {row} is outside the box: {name} = {x} must be in [0, {length})");
+                    self.document.report(&path, text);
+                }
+            }
+            for wall in walls {
+                let distance = (position - wall.point).dot(wall.normal);
+                // Far from the origin the rounding of coordinates is significant.
+                let slack = TOLERANCE
+                    * (radius + wall.point.abs().max_element().max(position.abs().max_element()) * 1e-3);
+                if distance < radius - slack {
+                    let text = format!(
+                        "particle {row} reaches {:.1e} outside wall \"{}\": its centre is {distance} inside, must be at least its radius {radius}",
+                        radius - distance,
+                        wall.name
+                    );
+                    self.document.report(&path, text);
+                }
+            }
+        }
+        if !self.document.is_sound() {
+            return;
+        }
+        let position: Vec<DVec3> = rows.bodies[first..].iter().map(|body| body.position).collect();
+        let radius: Vec<f64> = (first..rows.bodies.len()).map(|row| rows.radius(row)).collect();
+        let pairs = overlaps(&position, &radius, periods, TOLERANCE, |_, _| false);
+        for (k, pair) in pairs.iter().enumerate().take(NAMED_OVERLAPS) {
+            let (i, j) = (pair.i + first, pair.j + first);
+            let more = match pairs.len().saturating_sub(NAMED_OVERLAPS) {
+                more @ 1.. if k + 1 == NAMED_OVERLAPS => format!("; {more} more pairs overlap"),
+                _ => String::new(),
+            };
+            let text = format!("particles {i} and {j} overlap by {:.1e}{more}", pair.depth);
+            let path = if j < rows.species {
+                from_file.clone()
+            } else {
+                item("particle", j - rows.species, "position")
+            };
+            self.document.report(&path, text);
+        }
+    }
+
+    /// Places the species in their packing.
+    pub(super) fn place_species(
+        &mut self,
+        domain: &Domain,
+        walls: &[Wall],
+        rows: &mut Rows,
+        initial: &Initial,
+    ) {
+        let count = rows.species;
+        let Some(PositionsConfig::Packing(packing)) = initial.positions else { return };
+        let obstacles: Vec<(DVec3, f64)> =
+            (count..rows.bodies.len()).map(|row| (rows.bodies[row].position, rows.radius(row))).collect();
+        let listed = self.config.wall.as_ref().map_or(0, Vec::len);
+        let planes = &walls[walls.len() - listed..];
+        let room = Room { dimension: self.dimension, domain, planes, obstacles: &obstacles };
+        let radius: Vec<f64> = (0..count).map(|row| rows.radius(row)).collect();
+        let largest = radius.iter().copied().fold(0.0, f64::max);
+        let path = at(["initial", "positions"]);
+        let sites = if packing == PackingConfig::Random {
+            let names: Vec<String> =
+                self.config.species.iter().flatten().filter_map(|s| s.name.clone()).collect();
+            let mut first = vec![0; names.len()];
+            for (row, body) in rows.bodies[..count].iter().enumerate().rev() {
+                first[body.species as usize] = row;
+            }
+            let seed = self.seed;
+            let stream = |row: usize| {
+                let species = rows.bodies[row].species as usize;
+                Stream::new(seed, Purpose::Insertion, &names[species], row - first[species])
+            };
+            match loose::random(&room, &radius, stream) {
+                Ok(sites) => sites,
+                Err(overlap) => {
+                    let text = format!(
+                        "no random packing without overlap was found for {count} particles (deepest left: {overlap:.1e}); \
+                         enlarge the box or take \"lattice\""
+                    );
+                    self.document.report(&path, text);
+                    return;
+                }
+            }
+        } else {
+            match lattice(&room, count, largest, self.seed) {
+                Ok(sites) => self.mixed(sites, rows),
+                Err(found) => {
+                    let text = format!(
+                        "the lattice has room for {found} particles of radius {largest} here, {count} are asked for; \
+                         enlarge the box or take \"random\""
+                    );
+                    self.document.report(&path, text);
+                    return;
+                }
+            }
+        };
+        for (body, site) in rows.bodies.iter_mut().zip(sites) {
+            body.position = site;
+        }
+    }
+
+    /// Spreads species over lattice sites at random; within a species, sites stay in lattice order.
+    fn mixed(&self, sites: Vec<DVec3>, rows: &Rows) -> Vec<DVec3> {
+        let mut labels: Vec<u32> = rows.bodies[..rows.species].iter().map(|body| body.species).collect();
+        if labels.first() == labels.last() {
+            return sites;
+        }
+        let mut random = Stream::new(self.seed, Purpose::Mixing, "", 0);
+        for k in (1..labels.len()).rev() {
+            labels.swap(k, random.below(k + 1));
+        }
+        let mut order: Vec<usize> = (0..sites.len()).collect();
+        order.sort_by_key(|&k| labels[k]);
+        order.into_iter().map(|k| sites[k]).collect()
+    }
+
+    /// Velocities of the species.
+    pub(super) fn draw_velocities(
+        &mut self,
+        species: &[SpeciesPlan],
+        rows: &mut Rows,
+        initial: &Initial,
+        state: Option<&State>,
+    ) {
+        let mut velocity: Vec<DVec3> = rows.bodies[..rows.species].iter().map(|body| body.velocity).collect();
+        let mass: Vec<f64> = (0..rows.species).map(|row| rows.mass(row)).collect();
+        // Species at the common temperature form one bath, each of the others a separate one.
+        let mut baths: Vec<Bath> = Vec::new();
+        let mut common = Vec::new();
+        let mut row = 0;
+        for plan in species {
+            let rows_here = row..row + plan.count;
+            row += plan.count;
+            let Some(temperature) = plan.temperature.or(initial.temperature) else {
+                if let Some(state) = state {
+                    velocity[rows_here.clone()].copy_from_slice(&state.velocity[rows_here]);
+                }
+                continue;
+            };
+            let mut members = Vec::with_capacity(plan.count);
+            for (i, k) in rows_here.enumerate() {
+                if mass[k].is_finite() {
+                    velocity[k] = maxwell(self.seed, &plan.name, i, temperature / mass[k], self.dimension);
+                    members.push(k);
+                }
+            }
+            if plan.temperature.is_some() {
+                baths.push(Bath { temperature, members });
+            } else {
+                common.extend(members);
+            }
+        }
+        if let Some(temperature) = initial.temperature
+            && !common.is_empty()
+        {
+            baths.push(Bath { temperature, members: common });
+        }
+        baths.retain(|bath| !bath.members.is_empty());
+        if !baths.is_empty() {
+            equilibrate(&mut velocity, &mass, &baths, self.dimension);
+        }
+        for (body, velocity) in rows.bodies.iter_mut().zip(velocity) {
+            body.velocity = velocity;
+        }
+    }
+}

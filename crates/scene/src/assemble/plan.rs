@@ -1,0 +1,331 @@
+//! Length of the run, and its output.
+
+use haff_engine::{Boundary, Dimension, EventColumn, System};
+use std::f64::consts::PI;
+use std::path::PathBuf;
+
+use super::Assembler;
+use super::particles::volume;
+use super::values::{SMALLEST, at, positive, storable};
+use crate::config::{
+    CompressionConfig, EventColumnConfig, EventsConfig, LogConfig, OutputConfig, OutputFileConfig,
+    ScheduleConfig, WallTimeConfig,
+};
+use crate::scene::{OutputPlan, RunPlan, Schedule};
+
+/// Largest number of records: more are taken for a mistake, since they would fill a disk.
+const MAX_RECORDS: f64 = 1e8;
+
+/// The largest time on the clock [s], about three centuries.
+const MAX_WALL_TIME: f64 = 1e10;
+
+impl Assembler<'_> {
+    /// The keys of `[run]`, each by itself and against each other.
+    pub(super) fn run_shape(&mut self) {
+        let run = self.config.run.clone().unwrap_or_default();
+        if let Some(until) = run.until {
+            positive(&mut self.document, &at(["run", "until"]), until);
+        }
+        if let Some(collisions) = run.collisions
+            && collisions < 1
+        {
+            self.document.report(&at(["run", "collisions"]), "must be 1 or more");
+        }
+        let per_particle = at(["run", "collisions_per_particle"]);
+        if let Some(count) = run.collisions_per_particle {
+            positive(&mut self.document, &per_particle, count);
+            if run.collisions.is_some() {
+                self.document.report(&per_particle, "contradicts run.collisions: give one of the two");
+            }
+        }
+        if run.until.is_none() && run.collisions.is_none() && run.collisions_per_particle.is_none() {
+            let lost = ["until", "collisions", "collisions_per_particle"];
+            if !lost.iter().any(|key| self.document.was_reported(&at(["run", key]))) {
+                self.document.report_missing(
+                    &at(["run"]),
+                    "no end: give run.until, run.collisions or run.collisions_per_particle",
+                );
+            }
+        }
+        if let Some(wall_time) = &run.wall_time {
+            let path = at(["run", "wall_time"]);
+            match wall_time {
+                WallTimeConfig::Seconds(seconds) => {
+                    if !(*seconds > 0.0 && *seconds <= MAX_WALL_TIME) {
+                        self.document.report(&path, "must be a positive number of seconds, at most 1e10");
+                    }
+                }
+                WallTimeConfig::Text(text) => match humantime::parse_duration(text) {
+                    Ok(time) if !time.is_zero() && time.as_secs_f64() <= MAX_WALL_TIME => {}
+                    Ok(_) => {
+                        self.document.report(&path, "must be more than nothing and at most three centuries");
+                    }
+                    Err(error) => {
+                        let text =
+                            format!("must be a duration such as \"90s\", \"2h\" or \"1h 30m\": {error}");
+                        self.document.report(&path, text);
+                    }
+                },
+            }
+        }
+    }
+
+    /// The keys of `[output]`, each by itself and against each other.
+    pub(super) fn output_shape(&mut self) {
+        let output = self.config.output.clone().unwrap_or_default();
+        match &output.file {
+            Some(OutputFileConfig::Off(_))
+                if output.events.as_ref().is_some_and(|events| *events != EventsConfig::All(false)) =>
+            {
+                self.document.report(&at(["output", "events"]), "contradicts output.file = false");
+            }
+            Some(OutputFileConfig::Path(path)) if path.trim().is_empty() => {
+                self.document.report(&at(["output", "file"]), "must be a path or false");
+            }
+            Some(OutputFileConfig::Path(path)) => storable(&mut self.document, &at(["output", "file"]), path),
+            _ => {}
+        }
+        if let Some(EventsConfig::Some(events)) = &output.events {
+            let path = at(["output", "events", "columns"]);
+            match events.columns.as_deref() {
+                None | Some([]) => self.document.report_missing(
+                    &path,
+                    "must name columns, as { columns = [\"i\", \"j\"] }; true records all, false none",
+                ),
+                Some(columns) => {
+                    if columns.iter().enumerate().any(|(k, column)| columns[..k].contains(column)) {
+                        self.document.report(&path, "must name each column once");
+                    }
+                }
+            }
+        }
+        if let Some(checkpoint) = output.checkpoint {
+            positive(&mut self.document, &at(["output", "checkpoint"]), checkpoint);
+        }
+        for (key, schedule) in [("frames", &output.frames), ("observables", &output.observables)] {
+            let path = at(["output", key]);
+            match schedule {
+                Some(ScheduleConfig::Every(step)) => {
+                    positive(&mut self.document, &path, *step);
+                }
+                Some(ScheduleConfig::Log(log)) => match log.log.as_deref() {
+                    Some([first, factor]) => {
+                        positive(&mut self.document, &at(["output", key, "log"]), *first);
+                        if !(*factor > 1.0 && factor.is_finite()) {
+                            self.document.report(&at(["output", key, "log"]), "must have a factor > 1");
+                        }
+                    }
+                    Some(_) => self.document.report(&at(["output", key, "log"]), "must be [first, factor]"),
+                    None => self.document.report_missing(&path, "must have log = [first, factor]"),
+                },
+                Some(ScheduleConfig::Off(_)) | None => {}
+            }
+        }
+    }
+
+    pub(super) fn run_plan(&mut self, system: &System) -> RunPlan {
+        let run = self.config.run.clone().unwrap_or_default();
+        let n = system.bodies.len();
+        let mut collisions = run.collisions.map(|count| count as u64);
+        if let Some(count) = run.collisions_per_particle {
+            let total = (0.5 * count * n as f64).ceil();
+            if total > 9e15 {
+                self.document
+                    .report(&at(["run", "collisions_per_particle"]), "makes more than 9e15 collisions");
+            }
+            collisions = Some(total as u64);
+        }
+        if n == 1 && collisions.is_some() && run.until.is_none() {
+            let key = if run.collisions.is_some() { "collisions" } else { "collisions_per_particle" };
+            self.document.report(&at(["run", key]), "one particle alone never collides: give run.until");
+        }
+        let wall_time = run.wall_time.and_then(|time| time.duration());
+        RunPlan { until: run.until, collisions, wall_time }
+    }
+
+    pub(super) fn output_plan(&mut self, system: &System, run: &RunPlan, rate: f64) -> OutputPlan {
+        let n = system.bodies.len() as f64;
+        let steady = system.contacts.are_elastic() && system.drives.is_empty() && rate > 0.0;
+        // The run's length in simulated time, where it can be told beforehand.
+        let length = run.until.or_else(|| {
+            let collisions = run.collisions.filter(|_| steady)?;
+            Some(2.0 * collisions as f64 / (n * rate)).filter(|length| (1e-50..=1e50).contains(length))
+        });
+        let first = 0.1 * time_scale(system, rate);
+        let config = self.config.output.get_or_insert_with(OutputConfig::default);
+        let schedule = |given: &mut Option<ScheduleConfig>, parts: f64, factor: f64| {
+            let config = given.get_or_insert_with(|| match length {
+                Some(length) => ScheduleConfig::Every((length / parts).max(SMALLEST)),
+                None => ScheduleConfig::Log(LogConfig { log: Some(vec![first, factor]) }),
+            });
+            match config {
+                ScheduleConfig::Every(step) => Schedule::Every(*step),
+                ScheduleConfig::Off(_) => Schedule::Off,
+                ScheduleConfig::Log(log) => match log.log.as_deref() {
+                    Some(&[first, factor]) => Schedule::Log { first, factor },
+                    _ => Schedule::Off,
+                },
+            }
+        };
+        let frames = schedule(&mut config.frames, 100.0, 1.2);
+        let observables = schedule(&mut config.observables, 1000.0, 1.02);
+        let events = event_columns(config.events.get_or_insert(EventsConfig::All(false)));
+        let compressed =
+            *config.compression.get_or_insert(CompressionConfig::Deflate) == CompressionConfig::Deflate;
+        if config.checkpoint.is_none() {
+            config.checkpoint = length.map(|length| (length / 10.0).max(SMALLEST));
+        }
+        let checkpoint = config.checkpoint;
+        let file = match &config.file {
+            Some(OutputFileConfig::Path(path)) => Some(PathBuf::from(path.as_str())),
+            // A missing key differs from `false`: the file may be given on the command line.
+            Some(OutputFileConfig::Off(_)) | None => None,
+        };
+        if let Some(until) = run.until {
+            let every = |step: Option<f64>| step.map_or(0.0, |step| until / step);
+            let count = |schedule: Schedule| match schedule {
+                Schedule::Off => 0.0,
+                Schedule::Every(step) => until / step,
+                Schedule::Log { first, factor } => ((until.ln() - first.ln()) / factor.ln()).max(0.0),
+            };
+            for (key, records) in [
+                ("frames", count(frames)),
+                ("observables", count(observables)),
+                ("checkpoint", every(checkpoint)),
+            ] {
+                if records > MAX_RECORDS {
+                    let text = format!(
+                        "makes {records:.1e} records until run.until = {until}, at most 1e8 are possible"
+                    );
+                    self.document.report(&at(["output", key]), text);
+                }
+            }
+        }
+        OutputPlan { file, frames, observables, events, compressed, checkpoint }
+    }
+}
+
+/// The requested columns in the order of files, always with the time.
+fn event_columns(config: &EventsConfig) -> Vec<EventColumn> {
+    match config {
+        EventsConfig::All(false) => Vec::new(),
+        EventsConfig::All(true) => EventColumn::ALL.to_vec(),
+        EventsConfig::Some(events) => {
+            let columns = events.columns.as_deref().unwrap_or_default();
+            let mut wanted: Vec<EventColumn> = columns.iter().map(|&column| column.into()).collect();
+            wanted.push(EventColumn::Time);
+            EventColumn::ALL.into_iter().filter(|column| wanted.contains(column)).collect()
+        }
+    }
+}
+
+impl From<EventColumnConfig> for EventColumn {
+    fn from(column: EventColumnConfig) -> Self {
+        match column {
+            EventColumnConfig::Time => Self::Time,
+            EventColumnConfig::Kind => Self::Kind,
+            EventColumnConfig::I => Self::I,
+            EventColumnConfig::J => Self::J,
+            EventColumnConfig::ApproachSpeed => Self::ApproachSpeed,
+            EventColumnConfig::Impulse => Self::Impulse,
+            EventColumnConfig::EnergyLoss => Self::EnergyLoss,
+            EventColumnConfig::CarnotEnergy => Self::CarnotEnergy,
+            EventColumnConfig::Normal => Self::Normal,
+            EventColumnConfig::Position => Self::Position,
+        }
+    }
+}
+
+/// Mean free time, or else the time in which a body at the root of the mean square speed crosses the system.
+fn time_scale(system: &System, rate: f64) -> f64 {
+    if rate > 0.0 && rate.is_finite() {
+        return (1.0 / rate).clamp(1e-40, 1e40);
+    }
+    let d = system.dimension.count();
+    let length = (0..d).map(|axis| system.domain.size[axis]).fold(0.0, f64::max);
+    let mean_square = system.bodies.iter().map(|body| body.velocity.length_squared()).sum::<f64>()
+        / system.bodies.len() as f64;
+    let gravity = system.domain.gravity.length();
+    // A body that starts at rest falls.
+    let speed = mean_square.max(gravity * length).sqrt();
+    let time = length / speed;
+    if (1e-40..=1e40).contains(&time) { time } else { 1.0 }
+}
+
+/// Volume of all particles over that of the box; NaN with open axes.
+pub(super) fn packing_fraction(system: &System) -> f64 {
+    let d = system.dimension.count();
+    if system.domain.boundary[..d].contains(&Boundary::Open) {
+        return f64::NAN;
+    }
+    let radius = |class: u32| system.classes[class as usize].radius;
+    let filled: f64 = system.bodies.iter().map(|body| volume(radius(body.class), system.dimension)).sum();
+    filled / (0..d).map(|axis| system.domain.size[axis]).product::<f64>()
+}
+
+/// Collisions per particle and time of a homogeneous elastic mixture, each group with its mean radius and its
+/// own temperature, by Enskog's theory. In three dimensions the rate of one particle of group i with those of
+/// group j is
+///
+/// ```text
+/// ω_ij = 2 n_j σ_ij² g_ij √(2π(T_i/m_i + T_j/m_j))
+/// ```
+///
+/// and in two dimensions half of it, with `σ_ij` for `σ_ij²`. For one species this is 4 n σ² g₀ √(πT/m), or 2
+/// n σ g₀ √(πT/m). The contact value is that of Boublík and of Mansoori et al., in two dimensions of Jenkins
+/// and Mancini; for equal spheres these are Carnahan–Starling's and Henderson's.
+pub(super) fn collision_rate(system: &System) -> f64 {
+    let d = system.dimension.count();
+    let eta = packing_fraction(system);
+    // Above this the formulae are beyond the fluid branch.
+    if system.bodies.len() < 2 || !(eta > 0.0 && eta < 0.8) {
+        return f64::NAN;
+    }
+    let area = (0..d).map(|axis| system.domain.size[axis]).product::<f64>();
+    let groups = system.groups.len();
+    // Per group: particles, Σ R, Σ |v|².
+    let mut sums = vec![[0.0_f64; 3]; groups];
+    let mut moments = [0.0_f64; 2];
+    for body in &system.bodies {
+        let class = &system.classes[body.class as usize];
+        let sigma = 2.0 * class.radius;
+        let sum = &mut sums[class.group as usize];
+        sum[0] += 1.0;
+        sum[1] += class.radius;
+        sum[2] += body.velocity.length_squared();
+        moments[0] += sigma;
+        moments[1] += sigma * sigma;
+    }
+    let present: Vec<usize> = (0..groups).filter(|&g| sums[g][0] > 0.0).collect();
+    if present.len() > 100 {
+        // Many named bodies do not form a gas.
+        return f64::NAN;
+    }
+    let free = 1.0 - eta;
+    let mut total = 0.0;
+    for &i in &present {
+        for &j in &present {
+            let sigma = |g: usize| 2.0 * sums[g][1] / sums[g][0];
+            let variance = |g: usize| sums[g][2] / (sums[g][0] * d as f64);
+            let contact = 0.5 * (sigma(i) + sigma(j));
+            // σ_i σ_j / (σ_i + σ_j)
+            let reduced = 0.5 * sigma(i) * sigma(j) / contact;
+            let others = if i == j { sums[j][0] - 1.0 } else { sums[j][0] };
+            let speed = (2.0 * PI * (variance(i) + variance(j))).sqrt();
+            total += sums[i][0] * others / area
+                * speed
+                * match system.dimension {
+                    Dimension::Three => {
+                        let x = PI / 6.0 * moments[1] / area * reduced / free;
+                        2.0 * contact * contact * (1.0 + 3.0 * x + 2.0 * x * x) / free
+                    }
+                    Dimension::Two => {
+                        let x = PI / 4.0 * moments[0] / area * reduced / free;
+                        contact * (1.0 + 9.0 / 8.0 * x) / free
+                    }
+                };
+        }
+    }
+    let rate = total / system.bodies.len() as f64;
+    if rate > 0.0 && rate.is_finite() { rate } else { f64::NAN }
+}

@@ -1,0 +1,277 @@
+"""Checks and statistics on recorded runs, on top of SciPy, freud and pandas."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Iterator
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+from scipy.spatial import cKDTree
+
+from . import theory
+from .errors import ArgumentError, NotApplicableError
+from .layout import computing
+
+if TYPE_CHECKING:
+    from .frames import Frame
+    from .reader import File
+
+__all__ = [
+    "CoolingLaw",
+    "Estimate",
+    "Overlap",
+    "block_average",
+    "cooling_law",
+    "drawn_frames",
+    "kinetic_energy",
+    "max_overlap",
+    "radial_distribution",
+    "scaled_velocities",
+    "sonine_a2",
+    "temperature",
+]
+
+Array = NDArray[np.float64]
+
+
+class Overlap(NamedTuple):
+    """The deepest overlap of a frame."""
+
+    depth: float
+    """(R_i + R_j − |r_ij|)/(R_i + R_j), relative to the contact distance; negative: the closest pair is apart."""
+    pair: tuple[int, int]
+    """Rows of the two particles, (−1, −1) if no pair is near contact."""
+
+
+class Estimate(NamedTuple):
+    """A mean with its standard error."""
+
+    mean: float
+    error: float
+
+    def z(self, expected: float, uncertainty: float = 0.0) -> float:
+        """(mean − expected) in standard errors; ``uncertainty`` of the expectation is added in quadrature."""
+        return (self.mean - expected) / float(np.hypot(self.error, uncertainty))
+
+
+def max_overlap(frame: Frame) -> Overlap:
+    """Deepest overlap of all close pairs of a frame, relative to the pair's contact distance.
+
+    A k-d tree finds every pair nearer than the largest contact distance, across periodic faces too; sizes may
+    differ. Pairs of two bodies of infinite mass are excluded: they may overlap by construction.
+    """
+    radius, box = frame.radius, frame.box
+    if len(radius) < 2:
+        return Overlap(-np.inf, (-1, -1))
+    # A box side of 0 means "not periodic" to cKDTree; positions must lie in [0, L) where it is.
+    sides = np.where(box.periodic, box.size, 0.0)
+    position = np.where(box.periodic, np.mod(frame.position, np.where(box.periodic, box.size, 1.0)), frame.position)
+    position = np.where(box.periodic & (position >= box.size), 0.0, position)
+    reach = 2 * radius.max() * (1 + 1e-9)
+    if np.any(box.periodic & (box.size < 2 * reach)):
+        blocks = _all_pairs(len(position))
+    else:
+        blocks = iter([cKDTree(position, boxsize=sides).query_pairs(reach, output_type="ndarray")])
+    heavy = np.isinf(frame.mass)
+    deepest = Overlap(-np.inf, (-1, -1))
+    for pairs in blocks:
+        pairs = pairs[~(heavy[pairs[:, 0]] & heavy[pairs[:, 1]])]
+        gap = position[pairs[:, 1]] - position[pairs[:, 0]]
+        gap -= np.where(sides > 0, np.round(gap / np.where(sides > 0, sides, 1.0)) * sides, 0.0)
+        contact = radius[pairs[:, 0]] + radius[pairs[:, 1]]
+        depth = (contact - np.linalg.norm(gap, axis=1)) / contact
+        if depth.max(initial=-np.inf) > deepest.depth:
+            worst = int(np.argmax(depth))
+            deepest = Overlap(float(depth[worst]), (int(pairs[worst, 0]), int(pairs[worst, 1])))
+    return deepest
+
+
+def _all_pairs(count: int) -> Iterator[NDArray[np.intp]]:
+    """Every pair once, about a million at a time: for boxes too small for a periodic tree."""
+    rows = max(1, (1 << 20) // count)
+    for first in range(0, count, rows):
+        i, j = np.meshgrid(np.arange(first, min(first + rows, count)), np.arange(count), indexing="ij")
+        yield np.stack([i[i < j], j[i < j]], axis=1)
+
+
+def kinetic_energy(frame: Frame) -> float:
+    """Σ ½ m v² over bodies of finite mass [energy], summed exactly and rounded once."""
+    mobile = np.isfinite(frame.mass)
+    energies = 0.5 * frame.mass[mobile] * np.einsum("ij,ij->i", frame.velocity[mobile], frame.velocity[mobile])
+    try:
+        return math.fsum(energies)
+    except OverflowError:
+        raise NotApplicableError("the kinetic energy is too large for a number") from None
+
+
+def temperature(frame: Frame, species: int | None = None) -> float:
+    """T = Σ m|v − V|²/(dN) over bodies of finite mass, V their common centre-of-mass velocity [energy].
+
+    ``species`` restricts the sum, not V.
+    """
+    mobile = np.isfinite(frame.mass)
+    if not mobile.any():
+        return float("nan")
+    mass, velocity = frame.mass[mobile], frame.velocity[mobile]
+    velocity = velocity - np.average(velocity, axis=0, weights=mass)
+    chosen = np.full(len(mass), True) if species is None else frame.species[mobile] == species
+    if not chosen.any():
+        return float("nan")
+    energy = np.sum(mass[chosen, None] * velocity[chosen] ** 2)
+    return float(energy / (frame.box.dimension * chosen.sum()))
+
+
+def scaled_velocities(frame: Frame) -> Array:
+    """``[M, d]`` velocities c = (v − V)/√(2T/m) of the bodies of finite mass, T the temperature of the frame.
+
+    Raises :class:`NotApplicableError` if there is no such body.
+    """
+    mobile = np.isfinite(frame.mass)
+    if not mobile.any():
+        raise NotApplicableError("no body of finite mass: there is no distribution of velocities")
+    mass, velocity = frame.mass[mobile], frame.velocity[mobile, : frame.box.dimension]
+    velocity = velocity - np.average(velocity, axis=0, weights=mass)
+    return velocity / np.sqrt(2 * temperature(frame) / mass)[:, None]
+
+
+def sonine_a2(frame: Frame) -> float:
+    """a₂ = d⟨v⁴⟩/[(d + 2)⟨v²⟩²] − 1 of the velocities v − V, each scaled by its own thermal speed."""
+    square = np.sum(scaled_velocities(frame) ** 2, axis=1)
+    d = frame.box.dimension
+    return float(d * np.mean(square**2) / ((d + 2) * np.mean(square) ** 2) - 1)
+
+
+def block_average(values: ArrayLike, blocks: int = 20, weights: ArrayLike | None = None) -> Estimate:
+    """Mean of a correlated series with its standard error from block averages (Flyvbjerg–Petersen 1989).
+
+    The series is cut into ``blocks`` pieces of equal length (a remainder at the start is left out); blocks
+    should be much longer than the correlation time.
+    """
+    series = np.asarray(values, float)
+    if len(series) < 2 * blocks:
+        raise ArgumentError(f"{len(series)} values are too few for {blocks} blocks")
+    weight = np.ones_like(series) if weights is None else np.asarray(weights, float)
+    length = len(series) // blocks
+    cut = slice(len(series) - blocks * length, None)
+    weight, series = weight[cut].reshape(blocks, length), series[cut].reshape(blocks, length)
+    means = np.sum(weight * series, axis=1) / np.sum(weight, axis=1)
+    return Estimate(float(np.mean(means)), float(np.std(means, ddof=1) / np.sqrt(blocks)))
+
+
+def drawn_frames(file: File, count: int, after: float = 5.0) -> list[Frame]:
+    """Up to ``count`` frames spread over the run, without the first ``after`` collisions per particle.
+
+    From the second half of the run if the whole run is shorter than twice ``after``.
+    """
+    frames = file.frames
+    steps = np.asarray(frames.step, float)
+    threshold = min(after * len(file) / 2, steps[-1] / 2) if len(frames) else 0.0
+    late = np.flatnonzero(steps >= threshold)
+    chosen = np.unique(np.round(np.linspace(0, len(late) - 1, min(count, len(late)))).astype(int))
+    return [frames[int(late[k])] for k in chosen]
+
+
+def radial_distribution(frames: Iterable[Frame], r_max: float, bins: int, r_min: float = 0.0) -> tuple[Array, Array]:
+    """Pair distribution g(r) by freud, averaged over frames: bin centres [length] and values.
+
+    Raises :class:`NotApplicableError` unless the box is periodic and wider than 2 ``r_max``.
+    """
+    import freud
+
+    rdf = freud.density.RDF(bins=bins, r_max=r_max, r_min=r_min)
+    first = True
+    for frame in frames:
+        box = frame.box
+        if not box.fully_periodic:
+            raise NotApplicableError("g(r) needs a periodic box")
+        if r_max >= box.size[: box.dimension].min() / 2:
+            raise NotApplicableError(f"the box is too small for g(r) up to {r_max:g}")
+        size = box.size[: box.dimension]
+        # freud keeps its box centred at the origin, and single precision.
+        points = np.zeros((len(frame.position), 3))
+        points[:, : box.dimension] = frame.position[:, : box.dimension] - size / 2
+        with computing(frame.file.path, "g(r)"):
+            cell = freud.box.Box(*size, is2D=box.dimension == 2)
+            rdf.compute((cell, points), reset=first)
+        first = False
+    if first:
+        raise NotApplicableError("no frames")
+    return np.asarray(rdf.bin_centers, float), np.asarray(rdf.rdf, float)
+
+
+class CoolingLaw(NamedTuple):
+    """Haff's law for the gas of a file, without fitted parameters."""
+
+    T0: float
+    """Initial temperature [energy]."""
+    tau: float
+    """Time constant [time]; infinite if elastic."""
+    omega0: float
+    """Collisions per particle and time at T0, without the a₂ factor [1/time]."""
+    restitution: float
+    """The one coefficient of restitution."""
+    a2: float
+    """Sonine coefficient of the homogeneous cooling state; 0 for mixtures, whose theory here is Maxwellian."""
+    contact_value: float
+    """g₀ of one species, NaN for a mixture."""
+    critical_length: float
+    """Box side above which the gas becomes unstable [length]; NaN for a mixture."""
+    monodisperse: bool
+    """Whether all particles have one radius and one mass."""
+
+
+def cooling_law(file: File) -> CoolingLaw:
+    """The cooling law expected for the file's gas: a force-free periodic gas with one constant restitution.
+
+    One species: Enskog rate with the Carnahan–Starling or Henderson contact value and van Noije–Ernst's a₂.
+    Mixtures: Enskog rates with BMCSL contact values at equal temperatures, 1/τ = (1 − e²) R/(dN) with R the
+    collisions of the whole gas per time; the non-equipartition of cooling mixtures is neglected.
+
+    Raises :class:`NotApplicableError` with the reason where no closed form applies.
+    """
+    box, d = file.box, file.dimension
+    if not box.fully_periodic:
+        raise NotApplicableError("Haff's law needs a periodic box")
+    if not np.all(np.isfinite(file.mass)):
+        raise NotApplicableError("Haff's law does not know fixed bodies")
+    if len(file) < 10:
+        raise NotApplicableError(f"Haff's law needs a gas, not {len(file)} particles")
+    contact = file.scene.get("contact", {})
+    e = contact.get("restitution", 1.0)
+    others = [p.get("restitution") for p in contact.get("pair", [])]
+    if isinstance(e, dict) or any(o != e for o in others):
+        raise NotApplicableError("Haff's law needs one constant coefficient of restitution")
+    if file.scene.get("wall"):
+        raise NotApplicableError("Haff's law does not know walls")
+    table = file.observables if "observables" in file else None
+    if table is not None and ("temperature" not in table or len(table) == 0):
+        raise NotApplicableError("Haff's law needs samples of the temperature")
+    T0 = float(table["temperature"].iloc[0]) if table is not None else temperature(file.frames[0])
+    if not T0 > 0:
+        raise NotApplicableError("nothing moves at the start")
+    kinds, counts = np.unique(np.stack([2 * file.radius, file.mass]), axis=1, return_counts=True)
+    sigma, mass = kinds
+    n = counts / box.volume
+    if len(counts) == 1:
+        a2 = float(theory.sonine_a2(e, d))
+        g0 = float(theory.contact_value(theory.packing_fraction(n[0], sigma[0], d), d))
+        omega = float(theory.collision_frequency(n[0], sigma[0], T0, mass[0], g0, d))
+        tau = float(theory.haff_time(e, omega, d, a2))
+        return CoolingLaw(T0, tau, omega, e, a2, g0, float(theory.critical_length(n[0], sigma[0], e, d)), True)
+    if len(counts) > 2000:
+        # Rates are computed for all pairs of sizes: a continuous distribution is grouped by rank.
+        kinds, n = _grouped(file.radius, file.mass, 200, box.volume)
+        sigma, mass = kinds
+    total = theory.mixture_rates(n, sigma, mass, T0, d).total * box.volume
+    with np.errstate(divide="ignore"):
+        tau = float(np.divide(d * len(file), (1 - e**2) * total))
+    return CoolingLaw(T0, tau, 2 * total / len(file), e, 0.0, float("nan"), float("nan"), False)
+
+
+def _grouped(radius: Array, mass: Array, groups: int, volume: float) -> tuple[Array, Array]:
+    order = np.lexsort((mass, radius))
+    parts = np.array_split(order, groups)
+    kinds = np.array([[2 * radius[p].mean() for p in parts], [mass[p].mean() for p in parts]])
+    return kinds, np.array([len(p) for p in parts]) / volume

@@ -1,0 +1,68 @@
+"""The command ``haff`` that belongs to this package: its path, and how it is called."""
+
+from __future__ import annotations
+
+import os
+import shutil
+import signal
+import subprocess
+import sysconfig
+from collections.abc import Sequence
+from pathlib import Path
+
+from .errors import FileError, HaffError, SceneError, SceneProblem, SimulationError
+
+__all__ = ["executable"]
+
+
+def executable() -> str:
+    """Path of the command: ``$HAFF``, the one installed beside this package, or the first on the path."""
+    if chosen := os.environ.get("HAFF"):
+        return chosen
+    name = "haff" + (sysconfig.get_config_var("EXE") or "")
+    package = Path(__file__).resolve().parent
+    folders = [sysconfig.get_path("scripts")]
+    # Installed for one user, or by `pip install --target`.
+    folders.append(sysconfig.get_path("scripts", sysconfig.get_preferred_scheme("user")))
+    folders.append(str(package.parent / "bin"))
+    for folder in folders:
+        if folder and (Path(folder) / name).is_file():
+            return str(Path(folder) / name)
+    if found := shutil.which("haff"):
+        return found
+    raise HaffError("no command haff: pip install . at the repository's root, or set HAFF to the binary")
+
+
+def call(arguments: Sequence[str | os.PathLike[str]], *, show: bool = False) -> subprocess.CompletedProcess[str]:
+    """Runs the command, and on Ctrl-C lets it end cleanly, with a checkpoint, before KeyboardInterrupt goes on.
+
+    ``show`` passes its messages on to this process's standard error.
+    """
+    process = subprocess.Popen(
+        [executable(), *map(os.fspath, arguments)],
+        stdin=subprocess.DEVNULL,
+        stdout=subprocess.PIPE,
+        stderr=None if show else subprocess.PIPE,
+        encoding="utf-8",
+        # Names of files need not be UTF-8.
+        errors="surrogateescape",
+        # A process group of its own: Ctrl-C in a terminal reaches it once, from here. A second SIGINT would kill it.
+        start_new_session=True,
+    )
+    with process:
+        try:
+            out, err = process.communicate()
+        except BaseException:
+            process.send_signal(signal.SIGINT)
+            process.communicate()
+            raise
+    return subprocess.CompletedProcess(process.args, process.returncode, out, err or "")
+
+
+def failure(done: subprocess.CompletedProcess[str], about: str | None = None) -> HaffError:
+    """The exception for a failed call; ``about`` is the message if the command printed none."""
+    printed = [line.removeprefix("error: ") for line in done.stderr.splitlines()]
+    lines = tuple(printed) or (about or f"haff: exit status {done.returncode}",)
+    if done.returncode == 2:
+        return SceneError([SceneProblem(line, message=line) for line in lines])
+    return {3: SimulationError, 4: FileError}.get(done.returncode, HaffError)(lines)

@@ -1,0 +1,97 @@
+"""Errors of the package. Each message says what is wrong and how to correct it."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from .text import escaped
+
+__all__ = [
+    "ArgumentError",
+    "FileError",
+    "HaffError",
+    "MissingDataError",
+    "MissingPackageError",
+    "NotApplicableError",
+    "SceneError",
+    "SceneProblem",
+    "SimulationError",
+]
+
+
+class HaffError(Exception):
+    """Base of all errors raised on purpose by this package.
+
+    Its text is one line, or a tuple of lines, without control characters: names and titles of a file cannot add lines
+    to what a terminal shows.
+    """
+
+    @property
+    def lines(self) -> tuple[str, ...]:
+        """The message, line by line."""
+        told = self.args[0] if self.args else ()
+        return tuple(map(escaped, told if isinstance(told, tuple) else (told,)))
+
+    def __str__(self) -> str:
+        return "\n".join(self.lines)
+
+
+class FileError(HaffError, OSError):
+    """A file cannot be opened or read, is not an output file of ``haff``, or holds values that no run can have written.
+
+    The message names the file, the dataset or attribute, the value, and what is allowed.
+    """
+
+
+class MissingDataError(HaffError, LookupError):
+    """The file is valid, but this part of the output was not recorded."""
+
+
+class NotApplicableError(HaffError):
+    """A figure or an analysis does not apply to this file; the message is the reason."""
+
+
+class ArgumentError(HaffError, ValueError):
+    """An argument is invalid; the message says what is allowed."""
+
+
+class MissingPackageError(HaffError, ImportError):
+    """An optional library is not installed; the message names the extra that brings it."""
+
+
+@dataclass(frozen=True)
+class SceneProblem:
+    """One error in a scene."""
+
+    text: str
+    """All of it on one line: ``gas.toml:12: contact.restitution = 1.2: must be in [0, 1]``."""
+    file: str = ""
+    """The scene file; ``scene`` for one made in Python."""
+    line: int | None = None
+    """Line in the file, from 1; ``None`` where there is none: scenes made in Python, overrides."""
+    key: str = ""
+    """Dotted path of the key."""
+    value: str | None = None
+    """The value, as TOML."""
+    message: str = ""
+    """What is wrong, and what is allowed."""
+
+    def __str__(self) -> str:
+        return self.text
+
+
+class SceneError(HaffError, ValueError):
+    """A scene is invalid. All errors found are in :attr:`problems`."""
+
+    def __init__(self, problems: Sequence[SceneProblem]) -> None:
+        super().__init__(tuple(problems))
+
+    @property
+    def problems(self) -> tuple[SceneProblem, ...]:
+        """The errors, each with its place."""
+        return self.args[0]
+
+
+class SimulationError(HaffError, RuntimeError):
+    """The simulation cannot continue, for example after an inelastic collapse. Data recorded before stay readable."""

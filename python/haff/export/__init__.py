@@ -1,0 +1,101 @@
+"""Files for other programs: ``haff export``, or :meth:`haff.File.export`. docs/export.md lists programs by format."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable
+from pathlib import Path
+from typing import NamedTuple
+
+from ..errors import ArgumentError
+from ..layout import computing
+from ..output import replacing
+from ..reader import File
+from ..selection import choose
+from . import extxyz, gsd, tables, vtkhdf
+
+__all__ = ["FORMATS", "TABLES", "Format", "export"]
+
+TABLES = tuple(tables.TABLES)
+"""What csv and parquet can hold."""
+
+
+class Format(NamedTuple):
+    """One format of :func:`export`."""
+
+    suffix: str
+    write: Callable[..., None]
+    trajectory: bool
+    """Whether it holds frames; if not, one of :data:`TABLES`."""
+
+
+FORMATS = {
+    "gsd": Format(".gsd", gsd.write, True),
+    "extxyz": Format(".extxyz", extxyz.write, True),
+    "vtkhdf": Format(".vtkhdf", vtkhdf.write, True),
+    "csv": Format(".csv", tables.write_csv, False),
+    "parquet": Format(".parquet", tables.write_parquet, False),
+}
+
+
+def export(
+    file: File,
+    output: str | os.PathLike[str] | None = None,
+    *,
+    to: str | None = None,
+    frames: str | slice | int | None = None,
+    table: str | None = None,
+    unwrapped: bool = False,
+    overwrite: bool = False,
+) -> Path:
+    """Writes a file for other programs, frame by frame; returns its path.
+
+    Parameters
+    ----------
+    output
+        The file to write; by default named after the input, in the current directory.
+    to
+        A key of :data:`FORMATS`; by default taken from the suffix of ``output``.
+    frames
+        The frames to write, ``"start:stop:step"`` or a slice; all by default.
+    table
+        For csv and parquet: ``"observables"`` (default), ``"frames"`` or ``"events"``.
+    unwrapped
+        Positions that do not jump at periodic faces, instead of those in the box.
+    overwrite
+        Whether an existing file is replaced.
+
+    Raises
+    ------
+    ArgumentError
+        An argument is invalid, or does not go with the format; the file exists.
+    MissingDataError
+        The requested data were not recorded.
+    MissingPackageError
+        The library that writes the format is not installed.
+    """
+    if to is None:
+        suffix = Path(output).suffix if output is not None else ""
+        to = next((name for name, format in FORMATS.items() if format.suffix == suffix), None)
+        if to is None:
+            raise ArgumentError(f"no format given: must be one of {', '.join(FORMATS)}")
+    if to not in FORMATS:
+        raise ArgumentError(f"format {to!r}: must be one of {', '.join(FORMATS)}")
+    format = FORMATS[to]
+    if table is not None and table not in TABLES:
+        raise ArgumentError(f"table {table!r}: must be one of {', '.join(TABLES)}")
+    if format.trajectory and table not in (None, "frames"):
+        raise ArgumentError(f"table {table!r}: {to} holds frames; {table} go to csv or parquet")
+    table = "frames" if format.trajectory else table or "observables"
+    if table != "frames" and (frames is not None or unwrapped):
+        raise ArgumentError(f"a choice of frames or unwrapped positions applies to frames, not to {table}")
+    if to == "gsd" and unwrapped:
+        raise ArgumentError("gsd holds positions in the box and images beside them; readers unwrap them")
+    name = file.path.stem + ("" if format.trajectory else f"-{table}") + format.suffix
+    path = Path(name if output is None else output)
+    with replacing(path, source=file.path, overwrite=overwrite) as part, computing(file.path, to):
+        if format.trajectory:
+            format.write(choose(file, frames), part, unwrapped=unwrapped)
+        else:
+            format.write(tables.TABLES[table](file, frames, unwrapped), part, file)
+    return path

@@ -1,0 +1,44 @@
+"""Extended XYZ: text that ASE, OVITO and many others read."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+
+from ..extent import extent
+from ..frames import Frames
+from ..text import escaped
+
+_PROPERTIES = "type:S:1:pos:R:3:velo:R:3:radius:R:1:mass:R:1:id:I:1:image:I:3"
+
+
+def write(frames: Frames, path: Path, *, unwrapped: bool = False) -> None:
+    """Writes frames with all digits of double precision.
+
+    The lattice is the box, its lower corner ``Origin``; ``pbc`` distinguishes periodic axes from walls and open ones.
+    Along open axes the lattice is the extent of the particles.
+    """
+    file, room = frames.file, extent(frames)
+    words = [re.sub(r"\s+", "_", escaped(name)).replace('"', "'") for name in file.species_names]
+    names = np.array(words)[file.species]
+    lattice = " ".join(f"{edge!r}" for edge in np.diag(room.size).ravel().tolist())
+    origin = " ".join(f"{edge!r}" for edge in room.origin.tolist())
+    pbc = " ".join("T" if flag else "F" for flag in file.box.periodic & (np.arange(3) < file.dimension))
+    title = re.sub(r'["\\]', "'", escaped(file.title))
+    # No newline translation: the specification demands plain line ends.
+    with open(path, "w", encoding="utf-8", newline="\n") as out:
+        for frame in frames:
+            out.write(
+                f'{len(file)}\nLattice="{lattice}" Origin="{origin}" pbc="{pbc}" Properties={_PROPERTIES} '
+                f'Time={frame.time!r} Step={frame.step} Title="{title}"\n'
+            )
+            position = frame.unwrapped if unwrapped else frame.position
+            columns = {"type": names}
+            columns |= {f"r{k}": position[:, k] for k in range(3)}
+            columns |= {f"v{k}": frame.velocity[:, k] for k in range(3)}
+            columns |= {"radius": file.radius, "mass": file.mass, "id": np.arange(len(file))}
+            columns |= {f"image{k}": frame.image[:, k] for k in range(3)}
+            pd.DataFrame(columns).to_csv(out, sep=" ", header=False, index=False, lineterminator="\n")

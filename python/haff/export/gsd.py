@@ -1,0 +1,58 @@
+"""GSD, the format of HOOMD-blue, by the library gsd."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+
+from ..extent import extent
+from ..frames import Frames
+from ..output import library
+from ..reader import File
+from ..text import escaped
+
+
+def write(frames: Frames, path: Path, *, unwrapped: bool = False) -> None:
+    """Writes frames in single precision, as the format's readers expect.
+
+    GSD boxes are centered at the origin and periodic: positions are those of haff minus the center of the box, which is
+    logged as ``box_center``; ``time`` is logged, too. Along open axes the box is the extent of the particles.
+    """
+    del unwrapped
+    gsd = library("gsd.hoomd", "export")
+    file, room = frames.file, extent(frames)
+    flat = file.dimension == 2
+    size = room.size.astype(np.float32)
+    shapes = _shapes(file)
+    with gsd.open(str(path), "w") as trajectory:
+        for frame in frames:
+            shifted = frame.position - room.center
+            position, image = shifted.astype(np.float32), frame.image.astype(np.int32)
+            # A coordinate that rounds up to the upper face goes to the lower face of the next image.
+            over = file.box.periodic & (position >= size / 2)
+            position, image = np.where(over, position - size, position), image + over
+            written = gsd.Frame()
+            written.configuration.step = frame.step
+            written.configuration.dimensions = file.dimension
+            written.configuration.box = [size[0], size[1], 0 if flat else size[2], 0, 0, 0]
+            particles = written.particles
+            particles.N = len(file)
+            particles.types = [escaped(name) for name in file.species_names]
+            particles.typeid = file.species
+            particles.type_shapes = shapes
+            particles.mass = file.mass
+            particles.diameter = 2 * file.radius
+            particles.position, particles.image = position, image
+            particles.velocity = frame.velocity
+            written.log = {"time": np.array([frame.time]), "box_center": np.asarray(room.center)}
+            trajectory.append(written)
+
+
+def _shapes(file: File) -> list[dict[str, object]]:
+    """Shapes by species: GSD omits diameters that are all 1, and some readers do not apply that default."""
+    shapes: list[dict[str, object]] = []
+    for species in range(len(file.species_names)):
+        sizes = np.unique(2 * file.radius[file.species == species])
+        shapes.append({"type": "Sphere", "diameter": float(sizes[0])} if len(sizes) == 1 else {})
+    return shapes

@@ -1,0 +1,84 @@
+"""VTKHDF, for ParaView and VTK: points with data over time, written by h5py after the format's specification."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import h5py
+import numpy as np
+
+from ..extent import extent
+from ..frames import Frames
+from ..output import Sink
+from ..text import escaped
+
+_VERSION = (2, 3)
+_CELLS = ("Vertices", "Lines", "Polygons", "Strips")
+_CHUNK = 1 << 16  # rows
+
+
+def write(frames: Frames, path: Path, *, unwrapped: bool = False) -> None:
+    """Writes a ``PolyData`` with one vertex a particle and a time step a frame, in double precision.
+
+    Point data: velocity, image, radius, mass, species, id; field data: box_origin, box_size, periodic, and the names of
+    the species. Constant data are stored once. VTK's points have no box: positions are those of haff.
+    """
+    file, room, count = frames.file, extent(frames), len(frames.file)
+    with Sink(path) as sink, h5py.File(sink, "w", libver=("earliest", "v110")) as hdf:
+        root = hdf.create_group("VTKHDF")
+        root.attrs["Version"] = np.array(_VERSION, np.int64)
+        root.attrs.create("Type", b"PolyData", dtype=h5py.string_dtype("ascii", len("PolyData")))
+        root["NumberOfPoints"] = np.array([count], np.int64)
+        for name in _CELLS:
+            group = root.create_group(name)
+            cells = count if name == "Vertices" else 0
+            group["NumberOfCells"] = np.array([cells], np.int64)
+            group["NumberOfConnectivityIds"] = np.array([cells], np.int64)
+            group["Offsets"] = np.arange(cells + 1, dtype=np.int64)
+            group["Connectivity"] = np.arange(cells, dtype=np.int64)
+
+        steps = root.create_group("Steps")
+        steps.attrs["NSteps"] = len(frames)
+        steps["Values"] = np.asarray(frames.time, float)
+        rows = np.arange(len(frames), dtype=np.int64) * count
+        still = np.zeros(len(frames), np.int64)
+        steps["PointOffsets"] = rows
+        steps["PartOffsets"], steps["NumberOfParts"] = still, still + 1
+        steps["CellOffsets"] = np.zeros((len(frames), len(_CELLS)), np.int64)
+        steps["ConnectivityIdOffsets"] = np.zeros((len(frames), len(_CELLS)), np.int64)
+
+        points, offsets = root.create_group("PointData"), steps.create_group("PointDataOffsets")
+        fixed = {"radius": file.radius, "mass": file.mass, "species": file.species, "id": np.arange(count)}
+        for name, values in fixed.items():
+            points[name], offsets[name] = values, still
+        moving = {
+            "Points": _growing(root, "Points", np.float64, len(frames) * count),
+            "velocity": _growing(points, "velocity", np.float64, len(frames) * count),
+            "image": _growing(points, "image", np.int32, len(frames) * count),
+        }
+        offsets["velocity"], offsets["image"] = rows, rows
+
+        field = root.create_group("FieldData")
+        sizes, places = steps.create_group("FieldDataSizes"), steps.create_group("FieldDataOffsets")
+        periodic = (file.box.periodic & (np.arange(3) < file.dimension)).astype(np.uint8)
+        for name, edges in (("box_origin", room.origin), ("box_size", room.size), ("periodic", periodic)):
+            field[name] = edges[None, :]
+            places[name], sizes[name] = still, np.tile([3, 1], (len(frames), 1))
+        # VTK reads no strings declared as UTF-8.
+        plain = [escaped(name).encode("ascii", "replace") for name in file.species_names]
+        field["species_names"] = np.array(plain, h5py.string_dtype("ascii"))
+        places["species_names"] = still
+        sizes["species_names"] = np.tile([1, len(file.species_names)], (len(frames), 1))
+
+        for row, frame in zip(rows, frames):
+            moving["Points"][row : row + count] = frame.unwrapped if unwrapped else frame.position
+            moving["velocity"][row : row + count] = frame.velocity
+            moving["image"][row : row + count] = frame.image
+            sink.check()
+
+
+def _growing(group: h5py.Group, name: str, dtype: type, rows: int) -> h5py.Dataset:
+    chunk = (max(1, min(rows, _CHUNK)), 3)
+    return group.create_dataset(
+        name, (rows, 3), dtype, chunks=chunk, compression="gzip", compression_opts=4, shuffle=True
+    )

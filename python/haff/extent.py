@@ -1,0 +1,47 @@
+"""The extent of the particles in some frames: the box, or along open axes the range of the positions."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from .frames import Frames
+
+
+class Extent(NamedTuple):
+    """A rectangular region that holds all particles of some frames."""
+
+    origin: NDArray[np.float64]
+    """``[3]`` lower corner [length]: 0 along periodic axes and between walls"""
+    size: NDArray[np.float64]
+    """``[3]`` edges [length]: those of the box, along open axes what the particles take up"""
+    bounded: NDArray[np.bool_]
+    """``[3]`` whether the box is real along the axis; if not, the frames decide"""
+
+    @property
+    def center(self) -> NDArray[np.float64]:
+        """``[3]`` [length]"""
+        return self.origin + self.size / 2
+
+
+def extent(frames: Frames) -> Extent:
+    """Extent of some frames; reads their positions once if an axis is open.
+
+    In two dimensions the region is as thick as the largest disk, about z = 0.
+    """
+    file = frames.file
+    box, radius = file.box, file.radius[:, None]
+    bounded = np.array([kind != "open" for kind in box.boundary])
+    bounded[box.dimension :] = False
+    low, high = np.zeros(3), np.where(bounded, box.size, 0.0)
+    reach = np.arange(3) < box.dimension
+    if np.any(reach & ~bounded):
+        low[~bounded], high[~bounded] = np.inf, -np.inf
+        for frame in frames:
+            low[~bounded] = np.minimum(low, (frame.position - radius).min(axis=0))[~bounded]
+            high[~bounded] = np.maximum(high, (frame.position + radius).max(axis=0))[~bounded]
+    thick = float(radius.max(initial=0.0)) or 0.5
+    low[~reach], high[~reach] = -thick, thick
+    return Extent(low, high - low, bounded)

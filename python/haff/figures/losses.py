@@ -1,0 +1,115 @@
+"""Energy lost per event."""
+
+from __future__ import annotations
+
+import numpy as np
+from matplotlib.figure import Figure
+
+from .. import analysis, theory
+from ..errors import NotApplicableError
+from ..reader import File
+from .style import BLUE, GREEN, GREY, ORANGE, RED, headline, label
+from .temperature import facts
+
+_COLORS = {"collision": BLUE, "wall": ORANGE, "rest": GREEN}
+_NAMES = {
+    "collision": "sphere–sphere",
+    "wall": "sphere–wall",
+    "rest": "coming to rest",
+    "settle": "settling on a sphere",
+    "taut": "strings becoming taut",
+    "stick": "sticking",
+}
+
+
+def draw(file: File) -> Figure:
+    """Histogram of ΔT per kind of event; for a cooling gas also ΔT in units of (1 − e²)T against e^{-x}."""
+    events = file.events
+    if not {"kind", "energy_loss", "time"} <= set(events.columns):
+        raise NotApplicableError("the event log has no energy losses")
+    if len(events) < 5:
+        raise NotApplicableError(f"{len(events)} events make no histogram")
+    law = _law(file)
+    low, high, lossy = _range(file)
+    if not lossy:
+        raise NotApplicableError("no event loses energy (elastic)")
+    # Ten bins a decade resolve the shape; rare tiny losses are left out, since they only stretch the axis.
+    low = max(low, high * 1e-14)
+    most = min(140.0, max(8.0, 2 * np.sqrt(len(events))))
+    edges = np.geomspace(low * 0.999, high * 1.001, int(np.clip(10 * np.log10(high / low), 8, most)) + 1)
+    scaled_edges = np.linspace(0, 14, 71)
+    counts = {name: np.zeros(len(edges) - 1) for name in events.kinds.values()}
+    scaled = np.zeros(len(scaled_edges) - 1)
+    number = 0
+    table = file.observables if law is not None else None
+    for chunk in events.chunks(columns=("time", "kind", "energy_loss")):
+        for name, some in chunk.groupby("kind", observed=True):
+            counts[str(name)] += np.histogram(some["energy_loss"], edges)[0]
+        if law is not None and table is not None:
+            T = _temperature_at(chunk["time"].to_numpy(), table)
+            with np.errstate(divide="ignore", invalid="ignore"):
+                x = chunk["energy_loss"].to_numpy() / ((1 - law.restitution**2) * T)
+            scaled += np.histogram(x, scaled_edges)[0]
+            number += len(chunk)
+
+    panels = 2 if law is not None else 1
+    figure = Figure(figsize=(8.6 if panels == 2 else 6.4, 4.4), layout="constrained")
+    axes = figure.subplots(1, panels, squeeze=False)[0]
+    raw = axes[0]
+    for name, values in counts.items():
+        if values.any():
+            raw.stairs(values, edges, color=_COLORS.get(name, GREY), lw=1.4, label=_NAMES.get(name, label(name)))
+            raw.stairs(values, edges, color=_COLORS.get(name, GREY), fill=True, alpha=0.15)
+    raw.set_xscale("log")
+    raw.set_yscale("log")
+    raw.set_ylim(bottom=0.7)
+    raw.set_xlabel(r"energy lost per event  $\Delta T$  [mass · length² / time²]")
+    raw.set_ylabel("events per bin")
+    raw.set_title("as recorded")
+    raw.legend(loc="upper left")
+    if law is not None:
+        _scaled_panel(axes[1], scaled, scaled_edges, number)
+    headline(figure, "Energy lost per event", f"{facts(file)}  ·  {len(events):,} events")
+    return figure
+
+
+def _scaled_panel(axes, counts: np.ndarray, edges: np.ndarray, number: int) -> None:
+    width = np.diff(edges)
+    filled = counts > 0
+    centre = (edges[:-1] + edges[1:]) / 2
+    density = counts / (number * width)
+    axes.semilogy(edges, theory.loss_distribution(edges), color=RED, lw=3.5, alpha=0.45, label=r"theory  $e^{-x}$")
+    axes.errorbar(centre[filled], density[filled], (density / np.sqrt(np.maximum(counts, 1)))[filled], fmt="o", ms=3,
+                  color=BLUE, elinewidth=0.8, label="simulation")  # fmt: skip
+    last = centre[filled][-1] if filled.any() else 10
+    axes.set_xlim(0, min(edges[-1], last + 0.5))
+    axes.set_ylim(0.4 * density[filled].min() if filled.any() else 1e-6, 2)
+    axes.set_xlabel(r"$x = \Delta T\,/\,[(1 - e^2)\,T(t)]$")
+    axes.set_ylabel("probability density")
+    axes.set_title("in units of the temperature")
+    axes.legend(loc="upper right")
+
+
+def _law(file: File) -> analysis.CoolingLaw | None:
+    try:
+        law = analysis.cooling_law(file)
+    except NotApplicableError:
+        return None
+    return law if law.restitution < 1 and "observables" in file and len(file.observables) > 2 else None
+
+
+def _temperature_at(time: np.ndarray, table) -> np.ndarray:
+    # T^{-1/2} is linear in time by Haff's law: interpolate that.
+    T = table["temperature"].to_numpy()
+    with np.errstate(divide="ignore"):
+        return np.interp(time, table["time"].to_numpy(), 1 / np.sqrt(T)) ** -2
+
+
+def _range(file: File) -> tuple[float, float, bool]:
+    low, high = np.inf, 0.0
+    for chunk in file.events.chunks(columns=("energy_loss",)):
+        loss = chunk["energy_loss"].to_numpy()
+        loss = loss[loss > 0]
+        if len(loss):
+            low, high = min(low, float(loss.min())), max(high, float(loss.max()))
+    return low, high, high > 0

@@ -1,0 +1,237 @@
+"""Few bodies: coordinates against time with the marks of events, and paths in the plane."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import matplotlib as mpl
+import numpy as np
+from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
+
+from .. import measured
+from ..errors import NotApplicableError
+from ..reader import File
+from .style import BLACK, CYCLE, GREY, headline, label, page
+
+MOST_BODIES = 24
+MOST_MARKS = 4000
+_MARKS = {
+    "collision": ("o", "collision"),
+    "wall": ("^", "wall collision"),
+    "rest": ("s", "comes to rest"),
+    "settle": ("s", "comes to rest"),
+    "slack": ("v", "string goes slack"),
+    "taut": ("D", "string is taut again"),
+    "release": ("<", "contact ends"),
+    "lift": ("<", "contact ends"),
+    "stick": ("P", "sticks"),
+}
+# Kinds of events whose ``j`` is a particle.
+_PAIRS = ("collision", "settle", "release", "stick")
+
+
+class Path(NamedTuple):
+    """Flight of one body, dense enough to draw."""
+
+    time: np.ndarray
+    """``[M]`` [time]"""
+    position: np.ndarray
+    """``[M, 3]`` unwrapped centre [length]"""
+    hits: np.ndarray
+    """``[E]`` rows of the event log"""
+    at: np.ndarray
+    """``[E, 3]`` unwrapped centre at those events [length]"""
+
+
+def flights(file: File) -> list[Path]:
+    """Paths of all bodies between frames, exact where the event log has every change of velocity.
+
+    From each frame a body flies freely (a parabola under gravity) to its next event, takes up the impulse
+    J n/m of the log, and flies on, up to the next frame. Without a log, and for bodies with pendulums, springs or rods,
+    frames without an event between them are joined by Hermite arcs.
+    """
+    frames = file.frames
+    if len(frames) < 2:
+        raise NotApplicableError("fewer than two frames")
+    if len(file) > MOST_BODIES:
+        raise NotApplicableError(f"{len(file)} bodies: made for up to {MOST_BODIES}")
+    t, x, v = frames.time, frames.array("unwrapped"), frames.array("velocity")
+    gravity = np.zeros(3)
+    pull = file.scene.get("domain", {}).get("gravity", ())
+    gravity[: len(pull)] = pull
+    log = None
+    if "events" in file and len(file.events) <= 50 * MOST_MARKS:
+        events = file.events
+        if {"time", "kind", "i", "j", "impulse", "normal"} <= set(events.columns):
+            log = {n: events[n] for n in ("time", "kind", "i", "j", "impulse", "normal")}
+            log["names"] = np.array([events.kinds.get(int(k), "") for k in log["kind"]])
+    bent = any(file.scene.get(joint) for joint in ("pendulum", "spring", "rod"))
+    return [_flight(body, t, x[:, body], v[:, body], file.mass[body], gravity, log, bent) for body in range(len(file))]
+
+
+def _flight(body, t, x, v, mass, gravity, log, bent) -> Path:
+    own = np.zeros(0, int)
+    if log is not None:
+        own = np.flatnonzero((log["i"] == body) | (np.isin(log["names"], _PAIRS) & (log["j"] == body)))
+    pull = gravity if np.isfinite(mass) else np.zeros(3)
+    times, points, at = [], [], np.full((len(own), 3), np.nan)
+    resting = False  # in contact with a wall, which carries the weight; it may slide
+    for k in range(len(t) - 1):
+        now, r, w = t[k], x[k].astype(float), v[k].astype(float)
+        inside = np.zeros(0, int)
+        if log is not None:
+            inside = np.flatnonzero((log["time"][own] > t[k]) & (log["time"][own] <= t[k + 1]))
+        if log is None or (bent and not len(inside)):
+            s = np.linspace(0, 1, 24)[:, None]
+            step = t[k + 1] - t[k]
+            arc = ((1 + 2 * s) * (1 - s) ** 2) * x[k] + (s * (1 - s) ** 2) * step * v[k]
+            arc += (s**2 * (3 - 2 * s)) * x[k + 1] + (s**2 * (s - 1)) * step * v[k + 1]
+            times.append(now + s[:, 0] * step)
+            points.append(arc)
+            continue
+        for row in inside:
+            until = log["time"][own[row]]
+            name = log["names"][own[row]]
+            dt = np.linspace(0, until - now, 20)[:, None]
+            if resting or name == "rest":
+                # End of a series of ever smaller bounces, which are too many and too small to draw.
+                part = (until - now) / (t[k + 1] - now) if resting else 1.0
+                arc = r + part * (x[k + 1] - r) * np.linspace(0, 1, 20)[:, None]
+                w = v[k + 1].astype(float)
+            else:
+                arc = r + w * dt + 0.5 * pull * dt**2
+            times.append(now + dt[:, 0])
+            points.append(arc)
+            r, now = arc[-1], until
+            at[row] = r
+            if name == "rest":
+                resting = True
+            elif not resting:
+                w = w + pull * dt[-1]
+                n = log["normal"][own[row]]
+                sign = -1.0 if log["i"][own[row]] == body else 1.0
+                w = w + sign * log["impulse"][own[row]] / mass * n
+        dt = np.linspace(0, t[k + 1] - now, 20)[:, None]
+        if resting:
+            lifted = np.linalg.norm(r + w * dt[-1] + 0.5 * pull * dt[-1] ** 2 - x[k + 1]) < 1e-9 * np.abs(x).max()
+            resting = not (lifted and pull.any() and dt[-1, 0] > 0)
+        if resting:
+            points.append(r + (x[k + 1] - r) * np.linspace(0, 1, 20)[:, None])
+        else:
+            points.append(r + w * dt + 0.5 * pull * dt**2)
+        times.append(now + dt[:, 0])
+    return Path(np.concatenate(times), np.concatenate(points), own, at)
+
+
+def _moving_axes(file: File, paths: list[Path]) -> list[int]:
+    size = max(float(np.ptp(p.position, axis=0).max()) for p in paths)
+    active = [k for k in range(3) if any(np.ptp(p.position[:, k]) > 1e-9 * max(size, 1e-300) for p in paths)]
+    if not active or size == 0:
+        raise NotApplicableError("nothing moves")
+    return active
+
+
+def body_name(file: File, body: int) -> str:
+    """Name of a body, with its row where several share one."""
+    name = file.species_names[file.species[body]]
+    return name if np.count_nonzero(file.species == file.species[body]) == 1 else f"{name} {body}"
+
+
+def _subtitle(file: File) -> str:
+    counts = file.summary
+    hits = []
+    for name in ("collisions", "wall_collisions"):
+        if count := counts.get(name):
+            words = name.replace("_", " ")
+            hits.append(f"{count:,} {words if count > 1 else words.removesuffix('s')}")
+    return "  ·  ".join([s for s in (label(file.title), ", ".join(hits)) if s])
+
+
+def draw(file: File) -> Figure:
+    """Every coordinate that changes, against time, with a mark at each event."""
+    paths = flights(file)
+    active = _moving_axes(file, paths)
+    figure = Figure(figsize=(6.8, 1.4 + 2.4 * len(active) if len(active) > 1 else 4.4), layout="constrained")
+    panels = figure.subplots(len(active), 1, sharex=True, squeeze=False)[:, 0]
+    few = len(paths) <= 7
+    names = np.array([file.events.kinds.get(int(k), "") for k in file.events["kind"]]) if "events" in file else None
+    used: set[str] = set()
+    for axes, coordinate in zip(panels, active):
+        for body, path in enumerate(paths):
+            color = CYCLE[body % len(CYCLE)]
+            axes.plot(path.time, path.position[:, coordinate], color=color, lw=1.3 if few else 0.9, zorder=2,
+                      label=label(body_name(file, body)))  # fmt: skip
+            if names is None or len(path.hits) > MOST_MARKS:
+                continue
+            for kind, (mark, _) in _MARKS.items():
+                chosen = names[path.hits] == kind
+                if chosen.any():
+                    used.add(kind)
+                    when, where = file.events["time"][path.hits[chosen]], path.at[chosen, coordinate]
+                    size = 4 if few else 2.6
+                    axes.plot(when, where, mark, ms=size, mfc="white", mec=color, mew=0.9, zorder=3)
+        axes.set_ylabel(f"{'xyz'[coordinate]} of the centre  [length]")
+        axes.margins(x=0.01, y=0.08)
+    floor = _clearance(file, active)
+    if floor is not None:
+        panels[-1].axhline(floor, color=GREY, lw=1, ls=":", zorder=1)
+    panels[-1].set_xlabel("simulated time $t$  [scene’s unit of time]")
+    bodies = panels[0].get_legend_handles_labels()
+    handles = list(bodies[0]) if few and len(paths) > 1 else []
+    labels = list(bodies[1]) if few and len(paths) > 1 else []
+    for mark, meaning in dict.fromkeys(of for kind, of in _MARKS.items() if kind in used):
+        handles.append(Line2D([], [], ls="", marker=mark, mfc="white", mec=BLACK, ms=5))
+        labels.append(meaning)
+    if floor is not None:
+        handles.append(Line2D([], [], color=GREY, lw=1, ls=":"))
+        labels.append("touching the floor")
+    if handles:
+        figure.legend(handles, labels, loc="outside lower center", ncols=min(len(handles), 5))
+    headline(figure, "Motion and events", _subtitle(file))
+    return figure
+
+
+def _clearance(file: File, active: list[int]) -> float | None:
+    """Height of the centre of a single ball in touch with a horizontal floor at z = 0."""
+    floors = [w for w in file.scene.get("wall", []) if w.get("plane", {}).get("normal") == [0, 0, 1]]
+    at = measured.vector(floors[0]["plane"]["point"])[2] if floors else 0.0
+    if len(file) == 1 and active[-1] == 2 and (floors or file.box.boundary[2] == "wall"):
+        return float(at + file.radius[0])
+    return None
+
+
+def draw_paths(file: File) -> Figure:
+    """Paths in the plane of motion; bodies at the start (outline) and at the end (filled)."""
+    paths = flights(file)
+    active = _moving_axes(file, paths)
+    if len(active) < 2:
+        raise NotApplicableError("the motion is along one line")
+    a, b = active[:2] if file.dimension == 2 or len(active) == 2 else (0, 2)
+    corners = np.concatenate([p.position[:, [a, b]] for p in paths])
+    figure = Figure(figsize=page(*np.ptp(corners, axis=0), beside=0.8, below=1.6), layout="constrained")
+    axes = figure.subplots()
+    axes.set_aspect("equal")
+    few = len(paths) <= 7
+    for body, path in enumerate(paths):
+        color = CYCLE[body % len(CYCLE)]
+        track = path.position[:, [a, b]]
+        axes.plot(
+            *track.T, color=color, lw=1.0 if few else 0.8, alpha=0.9, zorder=2, label=label(body_name(file, body))
+        )
+        radius = file.radius[body]
+        for centre, filled in ((track[0], False), (track[-1], True)):
+            axes.add_patch(mpl.patches.Circle(centre, radius, fc=color if filled else "none", ec=color, lw=1.0,
+                                              ls="-" if filled else (0, (3, 2)), zorder=4))  # fmt: skip
+    if all(file.box.boundary[k] == "wall" for k in (a, b)):
+        axes.add_patch(
+            mpl.patches.Rectangle((0, 0), file.box.size[a], file.box.size[b], fill=False, ec="#333333", lw=1.6)
+        )
+    axes.autoscale_view()
+    axes.margins(0.04)
+    axes.set_xlabel(f"{'xyz'[a]}  [length]")
+    axes.set_ylabel(f"{'xyz'[b]}  [length]")
+    if few:
+        figure.legend(loc="outside lower center", ncols=min(len(paths), 5))
+    headline(figure, "Paths", f"{_subtitle(file)}  ·  dashed: start, filled: end")
+    return figure

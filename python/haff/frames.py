@@ -1,0 +1,240 @@
+"""The trajectory of a file: its frames, and the box they are in."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from functools import cached_property
+from typing import TYPE_CHECKING, overload
+
+import numpy as np
+from numpy.typing import NDArray
+
+from .errors import ArgumentError, MissingDataError
+from .layout import Array, complete
+
+if TYPE_CHECKING:
+    from .column import Column
+    from .reader import File
+
+__all__ = ["Box", "Frame", "Frames"]
+
+
+class Box:
+    """The simulation box [0, L) per axis.
+
+    Attributes
+    ----------
+    size : ``[3]`` edge lengths L [length]; a placeholder along open axes
+    boundary : per axis ``"periodic"``, ``"wall"`` or ``"open"``
+    dimension : 2 or 3
+    """
+
+    def __init__(self, size: Array, boundary: Sequence[str], dimension: int) -> None:
+        self.size = np.asarray(size, float)
+        self.boundary = tuple(boundary)
+        self.dimension = dimension
+
+    @property
+    def periodic(self) -> NDArray[np.bool_]:
+        """``[3]``, true where the axis is periodic."""
+        return np.array([b == "periodic" for b in self.boundary])
+
+    @property
+    def fully_periodic(self) -> bool:
+        """Whether every axis that particles move along is periodic."""
+        return bool(self.periodic[: self.dimension].all())
+
+    @property
+    def volume(self) -> float:
+        """Volume [length³], or area [length²] in 2D."""
+        return float(np.prod(self.size[: self.dimension]))
+
+    def __repr__(self) -> str:
+        sides = " × ".join(f"{s:g} ({b})" for s, b in zip(self.size[: self.dimension], self.boundary))
+        return f"Box({self.dimension}D, {sides})"
+
+
+class Frame:
+    """All particles at one time; arrays are read on first use and then kept.
+
+    Rows are particles in the order of the scene.
+    """
+
+    def __init__(self, frames: Frames, row: int) -> None:
+        self._frames = frames
+        self._row = row
+
+    @property
+    def file(self) -> File:
+        """The file that this frame belongs to."""
+        return self._frames._file
+
+    @property
+    def index(self) -> int:
+        """Row of the frame in the file."""
+        return self._row
+
+    @cached_property
+    def time(self) -> float:
+        """Simulated time [time]."""
+        return float(self._frames._times(range(self._row, self._row + 1))[0])
+
+    @cached_property
+    def step(self) -> int:
+        """Collisions and wall collisions so far."""
+        return int(self._frames._steps(range(self._row, self._row + 1))[0])
+
+    @cached_property
+    def position(self) -> NDArray[np.float64]:
+        """``[N, 3]`` centres [length], within [0, L) along periodic axes; z = 0 in 2D."""
+        return self._read("position")
+
+    @cached_property
+    def velocity(self) -> NDArray[np.float64]:
+        """``[N, 3]`` velocities [length/time]; z = 0 in 2D."""
+        return self._read("velocity")
+
+    @cached_property
+    def image(self) -> NDArray[np.int32]:
+        """``[N, 3]`` how often each particle has left through the periodic faces (upper +1, lower −1)."""
+        return self._read("image")
+
+    @property
+    def unwrapped(self) -> NDArray[np.float64]:
+        """``[N, 3]`` positions that do not jump at periodic faces, position + image · L [length]."""
+        return self.position + self.image * np.where(self.box.periodic, self.box.size, 0.0)
+
+    @property
+    def box(self) -> Box:
+        """The simulation box."""
+        return self.file.box
+
+    @property
+    def mass(self) -> NDArray[np.float64]:
+        """``[N]`` masses; infinite for fixed and driven bodies."""
+        return self.file.mass
+
+    @property
+    def radius(self) -> NDArray[np.float64]:
+        """``[N]`` radii [length]."""
+        return self.file.radius
+
+    @property
+    def species(self) -> NDArray[np.int64]:
+        """``[N]`` species indices."""
+        return self.file.species
+
+    def _read(self, name: str) -> Array:
+        return self._frames._values(name, range(self._row, self._row + 1))[0]
+
+    def __repr__(self) -> str:
+        return f"<Frame {self._row}: t = {self.time:g}, step = {self.step}, N = {len(self.mass)}>"
+
+
+class Frames(Sequence["Frame"]):
+    """The trajectory: a lazy sequence of :class:`Frame`. Slices are sequences too."""
+
+    def __init__(self, file: File, rows: range | None = None) -> None:
+        self._file = file
+        stored, base = file.stored, "particles/all"
+        if stored.find(f"{base}/position") is None:
+            raise MissingDataError(f"{file.path}: no frames (output.frames = false in the scene)")
+        self._time = stored.column(f"{base}/position/time", (None,), "f")
+        self._step = stored.column(f"{base}/position/step", (None,), "iu")
+        self._columns: dict[str, Column] = {}
+        for name, kinds in (("position", "f"), ("velocity", "f"), ("image", "iu")):
+            if name == "position" or stored.find(f"{base}/{name}") is not None:
+                self._columns[name] = stored.column(f"{base}/{name}/value", (None, len(file), 3), kinds)
+        if rows is None:
+            length = min(map(len, (self._time, self._step, *self._columns.values())))
+            rows = range(complete(self._time, length))
+        self._rows = rows
+
+    @property
+    def file(self) -> File:
+        """The file that the frames belong to."""
+        return self._file
+
+    def _values(self, name: str, rows: range) -> Array:
+        """``[F, N, 3]`` of some frames, checked."""
+        if name not in self._columns:
+            raise MissingDataError(f"{self._file.path}: no {name} in the frames")
+        column, box = self._columns[name], self._file.box
+        values = _take(column, rows)
+        if name != "image":
+            column.require_finite(values, rows)
+        if name == "position":
+            slack = 1e-9 * box.size
+            inside = (values >= -slack) & (values <= box.size + slack)
+            column.require(values, inside | ~box.periodic, f"in the box, [0, L) along periodic axes of {box!r}", rows)
+        return values
+
+    def _times(self, rows: range) -> Array:
+        time = _take(self._time, rows)
+        self._time.require_order(time[:: _sign(rows)], rows[:: _sign(rows)])
+        return time
+
+    def _steps(self, rows: range) -> Array:
+        step = _take(self._step, rows)
+        self._step.require(step, step >= 0, "0 or more", rows)
+        self._step.require_order(step[:: _sign(rows)], rows[:: _sign(rows)])
+        return step
+
+    @property
+    def time(self) -> NDArray[np.float64]:
+        """``[F]`` times of the frames [time]."""
+        return self._times(self._rows)
+
+    @property
+    def step(self) -> NDArray[np.int64]:
+        """``[F]`` events before each frame."""
+        return self._steps(self._rows)
+
+    def array(self, name: str) -> Array:
+        """All frames of one quantity at once, ``[F, N, 3]``.
+
+        ``name`` is ``"position"``, ``"velocity"``, ``"image"`` or ``"unwrapped"``.
+        """
+        if name == "unwrapped":
+            box = self._file.box
+            return self.array("position") + self.array("image") * np.where(box.periodic, box.size, 0.0)
+        if name not in ("position", "velocity", "image"):
+            raise ArgumentError(f"array {name!r}: must be one of position, velocity, image, unwrapped")
+        return self._values(name, self._rows)
+
+    def __len__(self) -> int:
+        return len(self._rows)
+
+    @overload
+    def __getitem__(self, key: int) -> Frame: ...
+    @overload
+    def __getitem__(self, key: slice) -> Frames: ...
+    def __getitem__(self, key: int | slice) -> Frame | Frames:
+        if isinstance(key, slice):
+            return Frames(self._file, self._rows[key])
+        try:
+            return Frame(self, self._rows[key])
+        except IndexError:
+            raise IndexError(f"frame {key} of {len(self)}") from None
+
+    def __iter__(self) -> Iterator[Frame]:
+        return (Frame(self, row) for row in self._rows)
+
+    def __repr__(self) -> str:
+        if not self:
+            return "<Frames: none>"
+        return f"<Frames: {len(self)}, t = {self[0].time:g} … {self[-1].time:g}>"
+
+
+def _sign(rows: range) -> int:
+    return 1 if rows.step > 0 else -1
+
+
+def _take(column: Column, rows: range) -> Array:
+    # h5py accepts only increasing selections: read the span, then stride in memory.
+    if not rows:
+        return column[:0]
+    low, high = min(rows[0], rows[-1]), max(rows[0], rows[-1])
+    if rows.step > 0:
+        return column[low : high + 1 : rows.step]
+    return column[low : high + 1][np.array(rows) - low]

@@ -1,0 +1,200 @@
+"""Quantities of an experiment, from a recorded run: heights and times of bounces, angles of pendulums."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+import pandas as pd
+from numpy.typing import NDArray
+
+from .errors import FileError, MissingDataError, NotApplicableError
+from .reader import File
+
+__all__ = [
+    "angles",
+    "body",
+    "count_walls",
+    "gravity",
+    "heights",
+    "pendulums",
+    "plane",
+    "restitution",
+    "times",
+    "vector",
+    "wall_restitution",
+]
+
+Array = NDArray[np.float64]
+
+
+def times(run: File) -> pd.DataFrame:
+    """Column ``time``: the impacts of the one body that bounces on a wall [time].
+
+    Raises :class:`NotApplicableError` if none does, or several do.
+    """
+    return pd.DataFrame({"time": _bounces(run)["time"].to_numpy()})
+
+
+def heights(run: File) -> pd.DataFrame:
+    """Column ``height``: clear heights over the wall at the top of every flight between bounces [length].
+
+    Computed from the energy in any frame of the flight; NaN for a flight without a frame. Raises
+    :class:`NotApplicableError` if no body, or several, bounce on a wall, or gravity does not pull onto it.
+    """
+    bounces = _bounces(run)
+    body, wall = int(bounces["i"].iloc[0]), int(bounces["j"].iloc[0])
+    point, normal = plane(run, wall)
+    pull = -float(gravity(run) @ normal)
+    if not pull > 0:
+        raise NotApplicableError(f"{run.path}: no gravity pulls onto the wall: there are no heights of bounces")
+    frames = run.frames
+    clear = (frames.array("unwrapped")[:, body] - point) @ normal - run.radius[body]
+    top = clear + (frames.array("velocity")[:, body] @ normal) ** 2 / (2 * pull)
+    # The flight before bounce k is the k-th; frames are taken after all events at their time.
+    impacts = bounces["time"].to_numpy()
+    flight = np.searchsorted(impacts, frames.time, side="right")
+    found = np.full(len(impacts), np.nan)
+    for k in range(len(impacts)):
+        inside = np.flatnonzero(flight == k)
+        if len(inside):
+            found[k] = top[inside[0]]
+    return pd.DataFrame({"height": found})
+
+
+def angles(run: File) -> pd.DataFrame:
+    """Columns ``alpha``, ``beta``: a row with the angles of release and of the struck bob's rise [rad].
+
+    From the first impact of two bobs, of which the second hangs at rest, and the frames before and after it, by their
+    energies. ``attrs["masses"]`` holds the masses of the two. Raises :class:`NotApplicableError` if there is no
+    such impact.
+    """
+    log = _events(run)
+    collisions = log[log["kind"] == "collision"]
+    hangs = pendulums(run)
+    if collisions.empty or not {int(collisions[c].iloc[0]) for c in "ij"} <= set(hangs):
+        raise NotApplicableError(f"{run.path}: no two pendulums meet")
+    first = collisions.iloc[0]
+    # Of two colliding bobs, the one that moved was released.
+    frames = run.frames
+    before, after = frames.time < first["time"], frames.time >= first["time"]
+    speed = np.linalg.norm(frames.array("velocity"), axis=2)
+    struck, released = sorted((int(first["i"]), int(first["j"])), key=lambda body: speed[before, body].max(initial=0.0))
+    if speed[before, struck].max(initial=0.0) > 0:
+        raise NotApplicableError(f"{run.path}: both pendulums move when they meet; one must hang at rest")
+    later = log[(log["time"] > first["time"]) & ((log["i"] == struck) | (log["j"] == struck))]["time"]
+    after &= frames.time < later.min() if len(later) else True
+    if not before.any() or not after.any():
+        raise MissingDataError(f"{run.path}: no frame on either side of the first impact (output.frames)")
+    alpha = _amplitude(run, released, hangs[released], int(np.flatnonzero(before)[0]))
+    beta = _amplitude(run, struck, hangs[struck], int(np.flatnonzero(after)[0]))
+    table = pd.DataFrame({"alpha": [alpha], "beta": [beta]})
+    table.attrs["masses"] = (float(run.mass[released]), float(run.mass[struck]))
+    return table
+
+
+def gravity(run: File) -> Array:
+    """``[3]`` acceleration of the scene [length/time²]."""
+    return vector(run.scene.get("domain", {}).get("gravity", ()))
+
+
+def vector(given: Sequence[float]) -> Array:
+    """A vector of a scene, which has one number per dimension, as ``[3]``."""
+    return np.pad(np.asarray(given, float), (0, 3 - len(given)))
+
+
+def restitution(run: File, first: str, second: str) -> float | dict[str, object] | str:
+    """The scene's law for two particles by their names: a number, a model, or ``"sticks"``."""
+    contact = run.scene.get("contact", {})
+    for pair in contact.get("pair", ()):
+        if sorted(pair["between"]) == sorted((first, second)):
+            return "sticks" if pair.get("sticks") else pair.get("restitution", 1.0)
+    return contact.get("restitution", 1.0)
+
+
+def wall_restitution(run: File, name: str, wall: int) -> float | dict[str, object] | str:
+    """The scene's law for a particle by its name on a wall by its row."""
+    contact, own = run.scene.get("contact", {}), wall - 2 * len(_sides(run))
+    of = run.scene["wall"][own] if own >= 0 else {}
+    called = of.get("name") or "xyz"[_sides(run)[wall // 2]] + "-+"[wall % 2]
+    for pair in contact.get("pair", ()):
+        if sorted(pair["between"]) == sorted((name, called)):
+            return "sticks" if pair.get("sticks") else pair.get("restitution", 1.0)
+    if of.get("sticks"):
+        return "sticks"
+    general = contact.get("wall_restitution", contact.get("restitution", 1.0))
+    return of.get("restitution", general)
+
+
+def body(run: File, name: str) -> int:
+    """Row of the first particle of a name of the scene. Raises :class:`FileError` if there is none."""
+    if name in run.species_names:
+        rows = np.flatnonzero(run.species == run.species_names.index(name))
+        if len(rows):
+            return int(rows[0])
+    raise FileError(f"{run.path}: parameters/scene: no particle has the name {name!r}")
+
+
+def pendulums(run: File) -> dict[int, tuple[Array, float]]:
+    """Pivot ``[3]`` and length [length] of every pendulum by the row of its bob."""
+    start = run.frames[0].position
+    found = {}
+    for one in run.scene.get("pendulum", ()):
+        bob, pivot = body(run, one["bob"]), vector(one["pivot"])
+        found[bob] = pivot, float(one.get("length", np.linalg.norm(start[bob] - pivot)))
+    return found
+
+
+def _amplitude(run: File, body: int, hangs: tuple[Array, float], frame: int) -> float:
+    """Angle at which a pendulum would come to rest, from its energy in a frame; NaN if it goes over the top."""
+    pivot, length = hangs
+    g = gravity(run)
+    strength = float(np.linalg.norm(g))
+    if strength == 0:
+        raise NotApplicableError(f"{run.path}: without gravity pendulums do not swing")
+    r, v = run.frames[frame].position[body] - pivot, run.frames[frame].velocity[body]
+    rise = length - float(r @ g) / strength + float(v @ v) / (2 * strength)
+    with np.errstate(invalid="ignore"):
+        return float(2 * np.arcsin(np.sqrt(rise / (2 * length))))
+
+
+def _events(run: File) -> pd.DataFrame:
+    return run.events.to_pandas(["time", "kind", "i", "j"])
+
+
+def _bounces(run: File) -> pd.DataFrame:
+    """Impacts on the wall that one body bounces on, in order of time."""
+    log = _events(run)
+    bounces = log[log["kind"] == "wall"]
+    if bounces.empty:
+        raise NotApplicableError(f"{run.path}: nothing bounces on a wall")
+    if len(bounces[["i", "j"]].drop_duplicates()) > 1 or (log["kind"] == "collision").any():
+        raise NotApplicableError(f"{run.path}: more happens than that one body bounces on one wall")
+    if not int(bounces["j"].iloc[0]) < count_walls(run):
+        raise FileError(f"{run.path}: events/j = {bounces['j'].iloc[0]}: must be one of {count_walls(run)} walls")
+    return bounces
+
+
+def _sides(run: File) -> list[int]:
+    """Axes that end in walls."""
+    return [k for k in range(run.dimension) if run.box.boundary[k] == "wall"]
+
+
+def count_walls(run: File) -> int:
+    """Number of walls: those of the box and those of the scene."""
+    return 2 * len(_sides(run)) + len(run.scene.get("wall", ()))
+
+
+def plane(run: File, wall: int) -> tuple[Array, Array]:
+    """A point of a wall and its normal, which points to the inside, by its row: those of the box first."""
+    sides = _sides(run)
+    if wall < 2 * len(sides):
+        axis, upper = sides[wall // 2], wall % 2
+        normal = np.zeros(3)
+        normal[axis] = -1.0 if upper else 1.0
+        point = np.zeros(3)
+        point[axis] = run.box.size[axis] if upper else 0.0
+        return point, normal
+    given = run.scene["wall"][wall - 2 * len(sides)]["plane"]
+    point, normal = vector(given["point"]), vector(given["normal"])
+    return point, normal / np.linalg.norm(normal)

@@ -1,0 +1,118 @@
+"""The samples of a file: energies, temperature, pressure, momenta, counts."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+import pandas as pd
+
+from .column import Column
+from .errors import MissingDataError
+from .layout import Array, complete, component, computing
+from .output import library
+from .text import brief
+
+if TYPE_CHECKING:
+    import xarray
+
+    from .reader import File
+
+_TAKEN = ("time", "step", "axis", "species")
+_COUNTS = ("collisions", "wall_collisions")
+# Other observables may be NaN: rates and pressure at the start, a temperature where nothing moves.
+_ENERGIES = (
+    "kinetic_energy potential_energy gravity_energy spring_energy dissipated_energy carnot_energy wall_work rest_energy"
+).split()
+_WIDEST = 16
+"""Components of an observable that is neither a vector nor one number a species."""
+
+
+def names(file: File) -> list[str]:
+    """Names of the observables. Raises :class:`MissingDataError` if there are none."""
+    stored = file.stored
+    groups = [n for n in stored.members("observables") if stored.is_group(f"observables/{n}")]
+    found = [n for n in groups if stored.find(f"observables/{n}/value") is not None]
+    if not found:
+        raise MissingDataError(f"{file.path}: no observables (output.observables = false in the scene)")
+    return found
+
+
+def columns(file: File) -> tuple[Column, Column, dict[str, Column]]:
+    """Time, step and values, by name; reads only the data needed to check that all have the same times."""
+    stored, found = file.stored, {}
+    wide = {3, len(file.species_names), *range(1, _WIDEST + 1)}
+    clock: tuple[Column, Column] | None = None
+    for name in names(file):
+        place = f"observables/{name}"
+        if name in _TAKEN:
+            raise stored.wrong(place, f"must not be named so; {', '.join(_TAKEN)} have other meanings")
+        kinds = "iu" if name in _COUNTS else "fiu"
+        column = stored.column(f"{place}/value", (None, None) if stored.rank(f"{place}/value") == 2 else (None,), kinds)
+        if column.width and column.width[0] not in wide:
+            raise stored.wrong(column.place, f"has rows of {column.width[0]} numbers; must have 1, 3 or one a species")
+        found[name] = column
+        own = stored.column(f"{place}/time", (None,), "f"), stored.column(f"{place}/step", (None,), "iu")
+        clock = clock or own
+        for mine, first in zip(own, clock):
+            if not mine.same(first) and not np.array_equal(mine[:], first[:], equal_nan=True):
+                raise stored.wrong(mine.place, f"is not that of {first.place}; all observables have the same samples")
+    assert clock is not None
+    return *clock, found
+
+
+def arrays(file: File) -> tuple[Array, Array, dict[str, Array]]:
+    """Time, step and values, by name, of the samples that are complete."""
+    time, step, found = columns(file)
+    length = complete(time, min(map(len, (time, step, *found.values()))))
+    when, count = time[:length], step[:length]
+    time.require_order(when)
+    step.require(count, count >= 0, "0 or more")
+    values = {name: column[:length] for name, column in found.items()}
+    for name in _ENERGIES:
+        if name in values:
+            found[name].require(values[name], np.isfinite(values[name]), "a finite number")
+    return when, count, values
+
+
+def table(file: File) -> pd.DataFrame:
+    """One row per sample, one column per component; see :attr:`haff.File.observables`."""
+    time, step, values = arrays(file)
+    columns: dict[str, Array] = {"time": time, "step": step}
+    for name, value in values.items():
+        if value.ndim == 1:
+            columns[name] = value
+        else:
+            for k, label in enumerate(_labels(file, name, value.shape[1])):
+                if f"{name}_{label}" in values:
+                    raise file.stored.wrong(
+                        f"observables/{name}", f"has a component {brief(label)!r} that is an observable, too"
+                    )
+                columns[f"{name}_{label}"] = value[:, k]
+    return pd.DataFrame(columns)
+
+
+def dataset(file: File) -> xarray.Dataset:
+    """The samples with vectors kept whole; see :meth:`haff.File.to_xarray`."""
+    xarray = library("xarray", "analysis")
+    time, step, values = arrays(file)
+    variables: dict[str, Any] = {"step": ("time", step)}
+    coords: dict[str, Any] = {"time": time}
+    for name, value in values.items():
+        if value.ndim == 1:
+            variables[name] = ("time", value)
+            continue
+        labels = _labels(file, name, value.shape[1])
+        dim = "species" if labels is file.species_names else "axis" if len(labels) == 3 else f"{name}_component"
+        variables[name] = (("time", dim), value)
+        coords[dim] = labels
+    with computing(file.path, "xarray"):
+        return xarray.Dataset(variables, coords, attrs={"title": file.title, "file": str(file.path)})
+
+
+def _labels(file: File, name: str, width: int) -> list[str]:
+    species = file.species_names
+    # Two species of the same name would share a column.
+    if name.startswith("species_") and width == len(species) == len(set(species)):
+        return species
+    return [component(c, width) for c in range(width)]

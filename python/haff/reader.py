@@ -1,0 +1,370 @@
+"""Lazy reader of the HDF5 (H5MD 1.1) files that ``haff run`` writes.
+
+Data are read on first use. A file that is still growing, or whose run was killed, is read up to
+the last frame, sample and event that is complete: where columns differ in length, the common length counts.
+"""
+
+from __future__ import annotations
+
+import os
+from functools import cached_property
+from pathlib import Path
+from types import TracebackType
+from typing import TYPE_CHECKING, Any
+
+import h5py
+import numpy as np
+import pandas as pd
+from numpy.typing import NDArray
+
+from . import observables
+from .column import LARGEST, SMALLEST, Column
+from .errors import FileError, HaffError, MissingDataError, NotApplicableError
+from .events import Events
+from .frames import Box, Frames
+from .layout import SCHEMA, Array
+from .output import library
+from .recorded import SceneFault, parsed
+from .stored import Stored, reason
+from .text import brief, escaped
+
+if TYPE_CHECKING:
+    import MDAnalysis
+    import xarray
+
+__all__ = ["File", "open"]
+
+
+def open(path: str | os.PathLike[str], *, locking: bool | None = None) -> File:
+    """Open an output file for reading.
+
+    Parameters
+    ----------
+    path
+        The HDF5 file.
+    locking
+        ``False`` reads a file that a run is still writing, without HDF5's file lock: what has been flushed is
+        valid, but the newest rows may be missing. Default: HDF5's own choice.
+
+    Raises
+    ------
+    FileError
+        The file is missing, unreadable, locked by a running simulation, not HDF5 or not of ``haff``. Later
+        accesses raise it, too, if a dataset is damaged, has another type or shape than specified, declares
+        more than the file can hold, is a link to another file, or holds a number that no run can have written.
+
+    Examples
+    --------
+    >>> import haff
+    >>> with haff.open("cooling.h5") as run:                          # doctest: +SKIP
+    ...     run.observables.plot(x="time", y="temperature", loglog=True)
+    ...     for frame in run.frames[::10]:
+    ...         print(frame.time, frame.velocity.std(axis=0))
+    """
+    return File(path, locking=locking)
+
+
+class File:
+    """An output file of ``haff run``; see :func:`haff.open`.
+
+    Use it as a context manager, or call :meth:`close`. The underlying :class:`h5py.File` is :attr:`hdf`.
+    """
+
+    def __init__(self, path: str | os.PathLike[str], *, locking: bool | None = None) -> None:
+        self.path = Path(path)
+        """Path of the file."""
+        self.stored = Stored(self.path, locking)
+        self.hdf: h5py.File = self.stored.hdf
+        """The open :class:`h5py.File`. What is read through it is not checked."""
+        try:
+            if self.stored.find("particles/all") is None:
+                raise FileError(f"{self.path}: HDF5, but not an output file of haff (no group particles/all)")
+            schema = self.stored.integer("parameters/schema")
+            if schema not in (None, SCHEMA):
+                raise FileError(f"{self.path}: has schema {schema}; this version of haff reads schema {SCHEMA}")
+        except HaffError:
+            self.close()
+            raise
+
+    # --- opening and closing ------------------------------------------------------------------------------------
+
+    def close(self) -> None:
+        """Close the file; arrays read before stay valid."""
+        self.stored.close()
+
+    def __enter__(self) -> File:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self.close()
+
+    def __contains__(self, part: object) -> bool:
+        """Whether the file holds ``"frames"``, ``"observables"`` or ``"events"``."""
+        try:
+            return part in ("frames", "observables", "events") and getattr(self, str(part)) is not None
+        except MissingDataError:
+            return False
+
+    def __repr__(self) -> str:
+        if not getattr(self, "hdf", None):
+            return f"<haff.File {str(self.path)!r}, closed>"
+        try:
+            return self._described()
+        except HaffError as error:
+            return f"<haff.File {str(self.path)!r}, damaged: {error}>"
+
+    def _described(self) -> str:
+        lines = [f"<haff.File {str(self.path)!r}: {escaped(self.title) or 'untitled'}"]
+        lines.append(f"  particles    {len(self):,} ({escaped(', '.join(self.species_names))})")
+        lines.append(f"  box          {self.box!r}")
+        for part in ("frames", "observables", "events"):
+            if part not in self:
+                lines.append(f"  {part:<12} not recorded")
+            elif part == "observables":
+                table = self.observables
+                lines.append(f"  {part:<12} {len(table):,} samples of {escaped(', '.join(observables.names(self)))}")
+            else:
+                lines.append(f"  {part:<12} {repr(getattr(self, part))[1:-1].split(': ', 1)[1]}")
+        return "\n".join(lines) + ">"
+
+    # --- what was simulated ----------------------------------------------------------------------
+
+    def __len__(self) -> int:
+        """Number of particles N."""
+        return len(self._particles("mass", "f"))
+
+    def __bool__(self) -> bool:
+        return True
+
+    def _particles(self, name: str, kinds: str) -> Column:
+        return self.stored.column(f"particles/all/{name}", (None,), kinds)
+
+    def _one_each(self, name: str, kinds: str) -> tuple[Column, Array]:
+        column = self._particles(name, kinds)
+        if not 0 < len(column) == len(self):
+            raise self.stored.wrong(
+                column.place, f"has {len(column)} rows; must have one for each of {len(self)} particles"
+            )
+        return column, column[:]
+
+    @cached_property
+    def mass(self) -> NDArray[np.float64]:
+        """``[N]`` masses; infinite for fixed and driven bodies."""
+        column, mass = self._one_each("mass", "f")
+        column.require(mass, _positive(mass) | (mass == np.inf), f"in [{SMALLEST:g}, {LARGEST:g}] or infinite")
+        return mass
+
+    @cached_property
+    def radius(self) -> NDArray[np.float64]:
+        """``[N]`` radii [length]."""
+        column, radius = self._one_each("radius", "f")
+        column.require(radius, _positive(radius), f"in [{SMALLEST:g}, {LARGEST:g}]")
+        return radius
+
+    @cached_property
+    def species(self) -> NDArray[np.int64]:
+        """``[N]`` species indices into :attr:`species_names`."""
+        column, species = self._one_each("species", "iu")
+        most = max(len(self._recorded_names), len(self))
+        column.require(species, (species >= 0) & (species < most), f"in [0, {most})")
+        return species.astype(np.int64)
+
+    @cached_property
+    def species_names(self) -> list[str]:
+        """Names by species index: species in scene order, then named particles."""
+        count = int(np.max(self.species, initial=-1)) + 1
+        names = [n or f"species {k}" for k, n in enumerate(self._recorded_names)]
+        return names + [f"species {k}" for k in range(len(names), count)]
+
+    @cached_property
+    def _recorded_names(self) -> list[str]:
+        stored = self.stored.texts("parameters/species_names")
+        if stored is not None:
+            return stored
+        names = [s.get("name", "") for s in self.scene.get("species", [])]
+        for particle in self.scene.get("particle", []):
+            if (name := particle.get("name", "particle")) not in names:
+                names.append(name)
+        return names
+
+    @cached_property
+    def box(self) -> Box:
+        """The simulation box."""
+        size = self._edges()
+        place = "particles/all/box"
+        stored = self.stored.listed(f"{place}@boundary", self.stored.attribute(place, "boundary")) or []
+        if len(stored) > 3 or not set(stored) <= {"periodic", "none"}:
+            raise self.stored.wrong(f"{place}@boundary", f"is {brief(stored)}; must be up to 3 of periodic, none")
+        # H5MD has only "periodic" and "none"; the scene distinguishes walls from open sides.
+        declared = self.scene.get("domain", {}).get("boundary", [])
+        sides = [*declared, "open", "open", "open"]
+        boundary = [
+            "periodic" if name == "periodic" else "wall" if sides[axis] == "wall" else "open"
+            for axis, name in enumerate(stored)
+        ]
+        return Box(size, [*boundary, "open", "open", "open"][:3], self.dimension)
+
+    def _edges(self) -> Array:
+        """``[3]`` edges of the box: of the first frame, or those of the scene if there is none."""
+        place, moving = "particles/all/box/edges", 0
+        if self.stored.is_group(place):
+            place, moving = f"{place}/value", 1
+        rank = self.stored.rank(place) - moving
+        edges = self.stored.column(place, (None,) * moving + (3,) * min(max(rank, 1), 2), "f")
+        if len(edges) == 0:
+            edges, moving = self.stored.column("parameters/box_size", (3,), "f"), 0
+        size = edges[0] if moving else edges[:]
+        size = np.diag(size) if size.ndim == 2 else size
+        edges.require(size, _positive(size), f"in [{SMALLEST:g}, {LARGEST:g}]")
+        return size
+
+    @cached_property
+    def dimension(self) -> int:
+        """2 for disks in the plane z = 0, 3 for spheres."""
+        stored = self.stored.integer("parameters/dimension")
+        if stored not in (None, 2, 3):
+            raise self.stored.wrong("parameters/dimension", f"is {stored}; must be 2 or 3")
+        return self.scene.get("dimension", 3) if stored is None else stored
+
+    @cached_property
+    def scene_text(self) -> str:
+        """The resolved scene as TOML text; empty if the file has none."""
+        return self.stored.text("parameters/scene") or ""
+
+    @cached_property
+    def scene(self) -> dict[str, Any]:
+        """The resolved scene, parsed."""
+        try:
+            return parsed(self.scene_text)
+        except SceneFault as fault:
+            raise self.stored.wrong("parameters/scene", str(fault)) from None
+
+    @property
+    def title(self) -> str:
+        """Title of the scene."""
+        return self.scene.get("title") or self.stored.text("parameters/title") or ""
+
+    @cached_property
+    def parameters(self) -> dict[str, Any]:
+        """Everything under ``parameters`` but the scene: seed, version, git revision, …"""
+        names = [n for n in self.stored.members("parameters") if not self.stored.is_group(f"parameters/{n}")]
+        names += [n for n in self.stored.attributes("parameters") if n not in names]
+        return {n: self.stored.value(f"parameters/{n}") for n in names if n != "scene"}
+
+    # --- what happened -----------------------------------------------------------------------------
+
+    @property
+    def frames(self) -> Frames:
+        """The trajectory. Raises :class:`MissingDataError` if the scene recorded none."""
+        return Frames(self)
+
+    @property
+    def events(self) -> Events:
+        """The event log. Raises :class:`MissingDataError` if the scene recorded none."""
+        return Events(self)
+
+    @cached_property
+    def observables(self) -> pd.DataFrame:
+        """The samples: columns ``time``, ``step`` and one per observable.
+
+        Vectors are expanded (``momentum_x``, …), values per species are named after them
+        (``species_temperature_grain``). Raises :class:`MissingDataError` if the scene recorded none.
+        :meth:`to_xarray` keeps vectors whole.
+        """
+        return observables.table(self)
+
+    def to_xarray(self) -> xarray.Dataset:
+        """The observables as a dataset with dimensions ``time``, ``axis`` and ``species``.
+
+        Needs xarray: ``pip install haff[analysis]``.
+        """
+        return observables.dataset(self)
+
+    def to_mdanalysis(self) -> MDAnalysis.Universe:
+        """The trajectory as an MDAnalysis universe; needs ``pip install haff[analysis]``.
+
+        Atoms carry ``masses``, ``radii``, ``types`` (species names) and ids. The file has no
+        units, so MDAnalysis converts nothing.
+        """
+        mdanalysis = library("MDAnalysis", "analysis")
+        # MDAnalysis reads the file by itself: the datasets that it reads are checked before.
+        positions, names = self.frames, [self.species_names[s] for s in self.species]
+        if len(positions) == 0:
+            raise NotApplicableError(f"{self.path}: no complete frame yet")
+        if self.stored.find("observables") is not None:
+            observables.columns(self)
+        universe = mdanalysis.Universe.empty(len(self), trajectory=False, velocities=True)
+        try:
+            universe.load_new(str(self.path), format="H5MD", convert_units=False)
+        except Exception as error:
+            raise FileError(f"{self.path}: MDAnalysis cannot read it: {reason(error)}") from error
+        universe.add_TopologyAttr("masses", np.where(np.isfinite(self.mass), self.mass, 0.0))
+        universe.add_TopologyAttr("radii", self.radius)
+        universe.add_TopologyAttr("types", names)
+        universe.add_TopologyAttr("ids", np.arange(len(self)))
+        return universe
+
+    def export(self, output: str | os.PathLike[str] | None = None, **options: Any) -> Path:
+        """Writes a file for other programs: GSD, extended XYZ, VTKHDF, CSV or Parquet; returns its path.
+
+        ``options``: ``to``, ``frames``, ``table``, ``unwrapped`` and ``overwrite`` of :func:`haff.export.export`.
+
+        Examples
+        --------
+        >>> run.export("gas.gsd", frames="::10")                        # doctest: +SKIP
+        >>> run.export("events.parquet", table="events")                # doctest: +SKIP
+        """
+        from .export import export
+
+        return export(self, output, **options)
+
+    @cached_property
+    def summary(self) -> dict[str, Any]:
+        """Summary of the run: contents of the file, simulated time, ledger."""
+        found: dict[str, Any] = {
+            "title": self.title,
+            "particles": len(self),
+            "dimension": self.dimension,
+            "packing_fraction": packing_fraction(self),
+            "seed": self.stored.integer("parameters/seed") or 0,
+        }
+        for part in ("frames", "events"):
+            found[part] = len(getattr(self, part)) if part in self else 0
+        found["samples"] = 0
+        if "observables" in self and len(self.observables):
+            last = self.observables.iloc[-1]
+            found["samples"] = len(self.observables)
+            found["simulated_time"] = float(last["time"])
+            for name in ("collisions", "wall_collisions"):
+                if name in last:
+                    found[name] = int(last[name])
+            for name in (
+                "temperature",
+                "kinetic_energy",
+                "potential_energy",
+                "spring_energy",
+                "dissipated_energy",
+                "rest_energy",
+            ):
+                if name in last:
+                    found[name] = float(last[name])
+            if "ledger_residual" in self.observables:
+                found["ledger_residual"] = float(self.observables["ledger_residual"].abs().max())
+        elif found["frames"]:
+            found["simulated_time"] = self.frames[-1].time
+        return found
+
+
+def packing_fraction(file: File) -> float:
+    """Volume (area) of the particles over that of the box; NaN with open axes, whose size is a placeholder."""
+    if "open" in file.box.boundary[: file.dimension]:
+        return float("nan")
+    d, r = file.dimension, file.radius
+    volume = np.sum(4 / 3 * np.pi * r**3) if d == 3 else np.sum(np.pi * r**2)
+    return float(volume / file.box.volume)
+
+
+def _positive(values: Array) -> NDArray[np.bool_]:
+    return (values >= SMALLEST) & (values <= LARGEST)

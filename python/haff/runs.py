@@ -1,0 +1,188 @@
+"""Runs made by the command ``haff``, called from Python."""
+
+from __future__ import annotations
+
+import json
+import os
+import tempfile
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from functools import cached_property
+from pathlib import Path
+from types import TracebackType
+from typing import Any
+
+from . import reader
+from .command import call, failure
+from .errors import FileError
+from .scenes import Scene, compiled, settings, source
+
+__all__ = ["Result", "resume", "run"]
+
+
+@dataclass(frozen=True)
+class Result:
+    """A run: its totals, and its file if it wrote one.
+
+    Every total of ``haff run --json`` is in :attr:`report`; those of the stable interface are attributes.
+    """
+
+    report: Mapping[str, Any] = field(repr=False)
+    """All totals, by name."""
+    path: Path | None
+    """The output file; ``None`` if nothing was written."""
+    particles: int = field(init=False)
+    """Number of particles."""
+    collisions: int = field(init=False)
+    """Collisions between particles."""
+    wall_collisions: int = field(init=False)
+    """Collisions with walls."""
+    events: int = field(init=False)
+    """Collisions of both kinds."""
+    simulated_time: float = field(init=False)
+    """Simulated time at the end [time]."""
+    wall_seconds: float = field(init=False)
+    """How long the run took [s]."""
+    collisions_per_second: float = field(init=False)
+    """Collisions between particles per second."""
+    ledger_residual: float = field(init=False)
+    """What is missing in the balance of energies, relative to its largest term."""
+    max_overlap: float = field(init=False)
+    """Deepest overlap of any two close particles in any frame [contact distances]."""
+    peak_memory_bytes: int = field(init=False)
+    """Largest resident memory [bytes]."""
+    threads: int = field(init=False)
+    """Threads used."""
+    seed: int = field(init=False)
+    """Seed of all random numbers."""
+    version: str = field(init=False)
+    """Version and git revision of the command."""
+    trajectory_version: int = field(init=False)
+    """Raised when a scene gives other bits than before."""
+    state_hash: str = field(init=False)
+    """Hash of every particle's final position, velocity and image."""
+    stopped: str = field(init=False)
+    """Why the run ended: ``until``, ``collisions``, ``wall_time``, ``rest``, …"""
+
+    def __post_init__(self) -> None:
+        for name, about in self.__dataclass_fields__.items():
+            if not about.init:
+                object.__setattr__(self, name, self.report[name])
+
+    def __getitem__(self, name: str) -> Any:
+        """A total by its name in the report."""
+        return self.report[name]
+
+    @cached_property
+    def file(self) -> reader.File:
+        """The output file, open for reading; see :func:`haff.open`. :class:`FileError` if nothing was written."""
+        if self.path is None:
+            raise FileError("the run wrote no file: name one by file=… or output.file of the scene")
+        return reader.open(self.path)
+
+    def close(self) -> None:
+        """Close the file, if it was opened."""
+        if "file" in self.__dict__:
+            self.file.close()
+
+    def __enter__(self) -> Result:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self.close()
+
+
+def run(
+    scene: Scene,
+    /,
+    *,
+    file: str | os.PathLike[str] | None = None,
+    overwrite: bool = False,
+    threads: int | None = None,
+    progress: bool = False,
+    **overrides: Any,
+) -> Result:
+    """Run a scene to its end by the command ``haff``, and return its totals and its file.
+
+    Parameters
+    ----------
+    scene
+        A dict with the keys of a scene file, or the path of one.
+    file
+        Output file, instead of the scene's ``output.file``. Relative paths count from the current directory.
+    overwrite
+        Replace the output file if there is one.
+    threads
+        Default: all processors. No result depends on it.
+    progress
+        Show the progress bar and the closing lines on standard error.
+    overrides
+        Keys of the scene, two underscores for the dot: ``contact__restitution=0.8, run__until=50``.
+
+    Raises
+    ------
+    SceneError
+        The scene is invalid; ``error.problems`` lists all errors.
+    SimulationError
+        The simulation cannot continue; data recorded before are in the file.
+    FileError
+        A file cannot be read or written, or exists already.
+    KeyboardInterrupt
+        Ctrl-C; the run has ended with a checkpoint, and :func:`resume` continues it.
+
+    Examples
+    --------
+    >>> import haff
+    >>> gas = {
+    ...     "schema": 1,
+    ...     "domain": {"packing_fraction": 0.1},
+    ...     "species": [{"name": "grain", "count": 500, "radius": 0.5, "mass": 1.0}],
+    ...     "run": {"until": 10.0},
+    ... }
+    >>> cooled = haff.run(gas, contact__restitution=0.8)
+    >>> cooled.particles, cooled.stopped, cooled.max_overlap < 1e-12
+    (500, 'until', True)
+    >>> with haff.run(gas, file="gas.h5", contact__restitution=0.8) as run:
+    ...     print(run.file.observables["temperature"].iloc[-1] < 1.0)
+    True
+    """
+    arguments = [f"--set={setting}" for setting in settings(overrides)]
+    if file is not None:
+        arguments += ["--output", os.fspath(file)]
+    if overwrite:
+        arguments.append("--overwrite")
+    if not isinstance(scene, Mapping):
+        return _run([os.fspath(scene), *arguments], threads, progress, (scene, overrides))
+    with tempfile.TemporaryDirectory(prefix="haff-") as folder:
+        path = Path(folder) / "scene.toml"
+        path.write_text(source(scene, {})["text"], encoding="utf-8")
+        return _run([os.fspath(path), *arguments], threads, progress, (scene, overrides))
+
+
+def resume(path: str | os.PathLike[str], *, threads: int | None = None, progress: bool = False) -> Result:
+    """Continue a run from the last checkpoint in its file to its original end, appending.
+
+    The result equals that of an uninterrupted run, bit by bit. A complete file is not changed. Raises as :func:`run`.
+    """
+    return _run(["--resume", os.fspath(path)], threads, progress, None)
+
+
+def _run(
+    arguments: Sequence[str], threads: int | None, progress: bool, scene: tuple[Scene, Mapping[str, Any]] | None
+) -> Result:
+    options = ["run", "--json"]
+    if threads is not None:
+        options.append(f"--threads={threads}")
+    if not progress:
+        options.append("--quiet")
+    done = call([*options, *arguments], show=progress)
+    report = json.loads(done.stdout) if done.stdout.strip() else {}
+    if done.returncode == 0:
+        path = report["file"]
+        return Result(report, None if path is None else Path(path))
+    if done.returncode == 2 and scene is not None:
+        # The same errors, each with its place.
+        compiled().validate(source(*scene))
+    raise failure(done, report.get("error"))

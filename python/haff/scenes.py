@@ -1,0 +1,145 @@
+"""Scenes from Python: dicts as the TOML of scene files, overrides as keywords, starter scenes.
+
+A scene is the same whether it stands in a file or in a dict: ``{"contact": {"restitution": 0.8}}`` is
+``[contact] restitution = 0.8``. Every key is described in the reference of scene files (``haff schema``).
+"""
+
+from __future__ import annotations
+
+import json
+import os
+from collections.abc import Mapping
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, TypeAlias
+
+import numpy as np
+
+from . import reader
+from .errors import FileError, HaffError, MissingDataError, SceneError, SceneProblem
+
+if TYPE_CHECKING:
+    from types import ModuleType
+
+try:
+    import tomllib
+except ModuleNotFoundError:  # Python 3.10
+    import tomli as tomllib  # type: ignore[no-redef]
+
+__all__ = ["Scene", "load_scene", "save_scene", "schema", "template", "templates", "validate"]
+
+Scene: TypeAlias = "Mapping[str, Any] | str | os.PathLike[str]"
+"""A scene: a dict with the keys of a scene file, or the path of one."""
+
+
+def compiled() -> ModuleType:
+    """The compiled module; functions that need no simulation work without it."""
+    try:
+        from . import _engine
+    except ImportError as error:
+        raise HaffError(f"the compiled part of haff is missing ({error}): pip install .") from None
+    return _engine
+
+
+def source(scene: Scene, overrides: Mapping[str, Any]) -> dict[str, Any]:
+    """The scene in the form that the compiled module takes: name, text, overrides, and whether the text is a file's."""
+    if isinstance(scene, Mapping):
+        name, text, has_file = "scene", scene_text(scene), False
+    else:
+        path = Path(scene)
+        try:
+            name, text, has_file = str(path), path.read_text(encoding="utf-8"), True
+        except UnicodeDecodeError:
+            raise SceneError([SceneProblem(f"{path}: not UTF-8 text", str(path), message="not UTF-8 text")]) from None
+        except OSError as error:
+            raise FileError(f"{path}: {error.strerror or error}") from None
+    return {"name": name, "text": text, "overrides": settings(overrides), "has_file": has_file}
+
+
+def settings(overrides: Mapping[str, Any]) -> list[str]:
+    """Keywords as ``KEY=VALUE``: two underscores stand for the dot of a path."""
+    keys = {name.replace("__", "."): value for name, value in overrides.items()}
+    return [f"{key}={compiled().value(value, key)}" for key, value in keys.items()]
+
+
+def scene_text(scene: Mapping[str, Any]) -> str:
+    """A scene as the text of a scene file, keys in the order of the dict.
+
+    Raises :class:`TypeError` for a value that TOML cannot hold, naming its key.
+    """
+    return compiled().document(dict(scene))
+
+
+def save_scene(scene: Mapping[str, Any], path: str | os.PathLike[str]) -> Path:
+    """Write a scene to a TOML file, for ``haff run`` and :func:`haff.run`.
+
+    Numbers, strings, booleans, lists, tuples, dicts, paths and NumPy arrays are allowed values. The scene is not
+    checked: use :func:`validate` or ``haff check``.
+
+    Examples
+    --------
+    >>> import haff
+    >>> scene = haff.template("cooling")
+    >>> scene["contact"]["restitution"] = 0.8
+    >>> haff.save_scene(scene, "my_gas.toml")                             # doctest: +SKIP
+    """
+    path = Path(path)
+    path.write_text(scene_text(scene), encoding="utf-8")
+    return path
+
+
+def load_scene(path: str | os.PathLike[str]) -> dict[str, Any]:
+    """A scene file as a dict, to be changed and run or saved. Comments are lost."""
+    given = source(path, {})
+    try:
+        return tomllib.loads(given["text"])
+    except (ValueError, RecursionError) as error:
+        raise SceneError([SceneProblem(f"{path}: {error}", str(path), message=str(error))]) from None
+
+
+def validate(scene: Scene, /, **overrides: Any) -> dict[str, Any]:
+    """Check a scene without running it; returns it with every default written out.
+
+    Raises :class:`haff.SceneError` with all errors.
+    """
+    return tomllib.loads(compiled().validate(source(scene, overrides)))
+
+
+def templates() -> dict[str, str]:
+    """Descriptions of the starter scenes, by name; see :func:`template`."""
+    return {name: description for name, description, _ in compiled().templates()}
+
+
+def template(name: str) -> dict[str, Any]:
+    """A starter scene as a dict, to be changed and run.
+
+    Examples
+    --------
+    >>> import haff
+    >>> haff.template("cooling")["contact"]
+    {'restitution': 0.9}
+    """
+    found = {key: text for key, _, text in compiled().templates()}
+    if name not in found:
+        raise KeyError(f"no template {name!r}; there are {', '.join(found)}")
+    return tomllib.loads(found[name])
+
+
+def schema() -> dict[str, Any]:
+    """The JSON Schema of scene files, with a description of every key."""
+    return json.loads(compiled().schema())
+
+
+def last_state(path: str | os.PathLike[str]) -> dict[str, np.ndarray]:
+    """The last frame of an output file, for scenes that start from it (``positions = { file = … }``)."""
+    with reader.open(path) as file:
+        if len(file.frames) == 0:
+            raise MissingDataError(f"{path}: no complete frame")
+        frame = file.frames[-1]
+        return {
+            "size": np.asarray(file.box.size, np.float64),
+            "position": np.asarray(frame.position, np.float64),
+            "velocity": np.asarray(frame.velocity, np.float64),
+            "image": np.asarray(frame.image, np.int32),
+            "radius": np.asarray(file.radius, np.float64),
+            "mass": np.asarray(file.mass, np.float64),
+        }

@@ -1,0 +1,276 @@
+"""Studies of many runs: :func:`sweep` runs a scene for every combination of values, here or on a Dask cluster.
+
+Each run is one call of ``haff sweep … --index I``, so a study can be started here and continued by the command, by
+Snakemake or by a job array, in the same folder.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import itertools
+import json
+import os
+import time
+import warnings
+from collections.abc import Iterable, Mapping, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from .command import call, failure
+from .errors import ArgumentError, FileError, MissingDataError
+from .output import library
+from .scenes import Scene, compiled, scene_text
+from .text import escaped
+
+if TYPE_CHECKING:
+    import xarray
+
+__all__ = ["sweep"]
+
+# Totals that are text; all others are numbers.
+_TEXTS = ("status", "stopped", "state_hash", "file", "error")
+_NUMBERS = (
+    "index particles collisions wall_collisions events rests wakes simulated_time kinetic_energy potential_energy "
+    "dissipated_energy carnot_energy rest_energy wall_work ledger_residual max_overlap wall_seconds"
+).split()
+
+
+def sweep(
+    scene: Scene,
+    values: Mapping[str, Iterable[Any]] | None = None,
+    *,
+    seeds: int | None = None,
+    output: str | os.PathLike[str],
+    series: Sequence[str] = (),
+    cluster: Any = None,
+    jobs: int | None = None,
+    threads: int | None = None,
+    retries: int = 3,
+) -> xarray.Dataset:
+    """Run a scene for every combination of values, and return the totals of all runs.
+
+    Complete runs in the folder are kept, stopped ones continue from their checkpoints. A run that fails does not stop
+    the others: its ``status`` is ``"failed"``, its ``error`` is the reason, and a warning counts them.
+
+    Parameters
+    ----------
+    scene
+        A dict with the keys of a scene file, or the path of one. A dict is saved as ``scene.toml`` in the folder.
+    values
+        Dotted keys of the scene, and the values that each takes.
+    seeds
+        Runs of each combination, with seeds derived by a hash from the scene's seed, the parameters and the number of
+        the run. Default: one, with the scene's own seed.
+    output
+        Folder of the files and of ``manifest.json``.
+    series
+        Columns of :attr:`haff.File.observables` to read from each file, as variables ``NAME_series`` over ``time``.
+    cluster
+        Where to run. Default: on this machine, by ``haff sweep``; ``"local"``: a Dask ``LocalCluster``; or any Dask
+        cluster or client, such as a ``dask_jobqueue.SLURMCluster``, whose workers have this package and the folder.
+    jobs
+        Runs at a time on this machine. Default: as many as there are cores.
+    threads
+        Threads of each run. Default: 1 on a cluster, else the cores that are left over.
+    retries
+        How often a run is tried again on a cluster when its file could not be written, or it was killed.
+
+    Returns
+    -------
+    xarray.Dataset
+        A dimension for each key, and ``seed``, the number of the run from 0. Variables are the totals of
+        :attr:`Result.report`, ``status``, ``error``, ``file`` and ``run_seed``.
+
+    Raises
+    ------
+    SceneError
+        The scene or the values are invalid.
+    FileError
+        A file cannot be read or written, or the folder holds another sweep.
+
+    Examples
+    --------
+    >>> import haff
+    >>> gas = haff.template("cooling")
+    >>> study = haff.sweep(gas, {"contact.restitution": [0.8, 0.9]}, seeds=4, output="study")   # doctest: +SKIP
+    >>> study["dissipated_energy"].mean("seed")                                                  # doctest: +SKIP
+    """
+    # Checked before hours of running, not after.
+    library("xarray", "sweep")
+    values = {key: _several(key, several) for key, several in (values or {}).items()}
+    # Workers may have another working directory.
+    folder = Path(output).absolute()
+    arguments = ["sweep", str(_scene_file(scene, folder)), "-o", str(folder)]
+    for key, several in values.items():
+        arguments += ["--set", f"{key}={','.join(compiled().value(value, key) for value in several)}"]
+    if seeds is not None:
+        arguments += ["--seeds", str(seeds)]
+    if cluster is None:
+        options = [f"--{name}={n}" for name, n in (("jobs", jobs), ("threads", threads)) if n is not None]
+        rows = _call([*arguments, *options])["runs"]
+    else:
+        count = _call([*arguments, "--list"])["members"]
+        with _client(cluster, threads or 1) as client:
+            task = [*arguments, f"--threads={threads or 1}"]
+            futures = client.map(_member, [[*task, f"--index={k}"] for k in range(count)], pure=False, retries=retries)
+            rows = client.gather(futures)
+        # Updates the folder's manifest with the runs made by the cluster.
+        _call([*arguments, "--list"])
+    failed = [row for row in rows if row["status"] == "failed"]
+    if failed:
+        first = failed[0]
+        message = f"{len(failed)} of {len(rows)} runs failed; run {first['index']}: {escaped(first['error'])}"
+        warnings.warn(message, RuntimeWarning, stacklevel=2)
+    return _dataset(rows, values, seeds, folder, series)
+
+
+def _several(key: str, values: Iterable[Any]) -> list[Any]:
+    if isinstance(values, (str, Mapping)) or not isinstance(values, Iterable):
+        raise ArgumentError(f"{key}: needs a list of values, not {values!r}")
+    return list(values)
+
+
+def _scene_file(scene: Scene, folder: Path) -> Path:
+    if not isinstance(scene, Mapping):
+        return Path(scene).absolute()
+    text = scene_text(scene)
+    path = folder / "scene.toml"
+    if path.exists():
+        if not _is_text(path, text):
+            raise FileError(f"{path} belongs to another sweep: take another folder")
+        return path
+    folder.mkdir(parents=True, exist_ok=True)
+    path.write_text(text, encoding="utf-8")
+    return path
+
+
+def _is_text(path: Path, text: str) -> bool:
+    """Whether a file holds exactly this text."""
+    try:
+        return path.read_bytes().replace(b"\r\n", b"\n") == text.encode()
+    except OSError as error:
+        raise FileError(f"{path}: {error.strerror or error}") from None
+
+
+def _call(arguments: Sequence[str]) -> dict[str, Any]:
+    """The command's JSON. Its exit status is that of its worst run, so only a call without JSON is an error."""
+    done = call([*arguments, "--json", "--quiet"])
+    if done.returncode == 130:
+        raise KeyboardInterrupt
+    if not done.stdout:
+        raise failure(done)
+    return json.loads(done.stdout)
+
+
+def _member(arguments: list[str]) -> dict[str, Any]:
+    """Runs one member on a worker of a cluster.
+
+    The run of a killed worker may continue: then this waits for its end.
+    """
+    for pause in itertools.chain((0.1, 0.2, 0.5, 1, 2), itertools.repeat(5)):
+        row = _call(arguments)
+        if row["status"] != "running":
+            break
+        time.sleep(pause)
+    if row["status"] == "failed" and row.get("exit") == 4:
+        raise FileError(row["error"])
+    if row.get("stopped") == "signal":
+        raise FileError(f"run {row['index']} was stopped by a signal")
+    return row
+
+
+def _client(cluster: Any, threads: int):
+    """A Dask client as a context manager; a client or cluster passed in stays open."""
+    distributed = library("distributed", "sweep")
+    if isinstance(cluster, distributed.Client):
+        return contextlib.nullcontext(cluster)
+    if cluster != "local":
+        return distributed.Client(cluster)
+
+    @contextlib.contextmanager
+    def local():
+        at_a_time = max(1, (os.cpu_count() or 1) // threads)
+        # Each run is a process of its own, and worker processes would import the caller's script again.
+        with (
+            distributed.LocalCluster(
+                n_workers=1, threads_per_worker=at_a_time, processes=False, dashboard_address=None
+            ) as here,
+            distributed.Client(here) as client,
+        ):
+            yield client
+
+    return local()
+
+
+def _dataset(
+    rows: Sequence[Mapping[str, Any]],
+    values: Mapping[str, list[Any]],
+    seeds: int | None,
+    folder: Path,
+    series: Sequence[str],
+) -> xarray.Dataset:
+    xarray = library("xarray", "sweep")
+    coordinates = {key: _coordinate(key, several) for key, several in values.items()}
+    if "seed" not in coordinates or seeds is not None:
+        # A seed among the values must be a single one, from which the others are derived.
+        coordinates.pop("seed", None)
+        coordinates["seed"] = np.arange(seeds or 1)
+    shape = tuple(map(len, coordinates.values()))
+    dimensions = tuple(coordinates)
+    # The order of the command: the first key slowest, derived seeds fastest.
+    rows = sorted(rows, key=lambda row: row["index"])
+    variables: dict[str, Any] = {}
+    for name in _NUMBERS:
+        found = [row.get(name) for row in rows]
+        whole = all(isinstance(value, int) for value in found)
+        numbers = found if whole else [np.nan if value is None else value for value in found]
+        variables[name] = (dimensions, np.array(numbers, dtype=np.int64 if whole else float).reshape(shape))
+    for name in _TEXTS:
+        variables[name] = (
+            dimensions,
+            np.array([str(row.get(name) or "") for row in rows], dtype=object).reshape(shape),
+        )
+    run_seeds = np.array([row["seed"] if row["seed"] is not None else -1 for row in rows], dtype=np.int64)
+    variables["run_seed"] = (dimensions, run_seeds.reshape(shape))
+    dataset = xarray.Dataset(variables, coordinates)
+    for name, array in _series(rows, folder, series).items():
+        dataset[f"{name}_series"] = ((*dimensions, "time"), array.to_numpy().T.reshape((*shape, len(array))))
+        dataset = dataset.assign_coords(time=array.index.to_numpy())
+    dataset.attrs["folder"] = str(folder)
+    return dataset
+
+
+def _coordinate(key: str, several: list[Any]) -> Any:
+    """Numbers and text as they are, everything else as TOML."""
+    plain = all(isinstance(value, (int, float, str, np.generic)) for value in several)
+    return several if plain else [compiled().value(value, key) for value in several]
+
+
+def _series(rows: Sequence[Mapping[str, Any]], folder: Path, names: Sequence[str]) -> dict[str, Any]:
+    """For each name a table with a row for each time of any run and a column for each run."""
+    if not names:
+        return {}
+    import pandas
+
+    from .reader import open
+
+    tables = {}
+    for row in rows:
+        path = folder / row["file"]
+        if row["status"] == "complete":
+            with open(path) as file:
+                table = file.observables.set_index("time")
+                if missing := [name for name in names if name not in table]:
+                    raise MissingDataError(f"{path}: no observable {missing[0]!r}; there are {', '.join(table)}")
+                tables[row["index"]] = table[list(names)]
+    if not tables:
+        return {}
+    columns = [row["index"] for row in rows]
+    return {
+        name: pandas.concat({k: table[name] for k, table in tables.items()}, axis=1)
+        .sort_index()
+        .reindex(columns=columns)
+        for name in names
+    }

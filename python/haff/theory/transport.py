@@ -1,0 +1,92 @@
+"""Diffusion and viscosity of the elastic fluid of spheres: Enskog's theory, and fits to simulations."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from ._common import Array
+from .equilibrium import contact_value, packing_fraction
+
+# Chapman and Cowling: factors of higher Sonine polynomials over the first approximation.
+_DIFFUSION = 1.018954
+_VISCOSITY = 1.016034
+
+# Constant of a cubic lattice of images (Hasimoto 1959).
+_IMAGES = 2.837297
+
+
+def enskog_diffusion(
+    n: ArrayLike, sigma: ArrayLike, T: ArrayLike = 1.0, m: ArrayLike = 1.0, g0: ArrayLike | None = None
+) -> Array:
+    r"""Self-diffusion coefficient [length²/time] of spheres by Enskog's theory.
+
+    :math:`D_E = 1.01895\cdot\frac38\sqrt{T/\pi m}\,/\,(n\sigma^2 g_0)`; ``g0`` defaults to that of
+    :func:`~haff.theory.kolafa_labik_malijevsky`. Correlated collisions make the actual coefficient a third larger at
+    :math:`n\sigma^3 = 0.5` and half as large near freezing.
+    """
+    n, sigma, T, m = (np.asarray(x, float) for x in (n, sigma, T, m))
+    return _DIFFUSION * _first_diffusion(n, sigma, T, m) / _contact(n, sigma, g0)
+
+
+def enskog_viscosity(
+    n: ArrayLike, sigma: ArrayLike, T: ArrayLike = 1.0, m: ArrayLike = 1.0, g0: ArrayLike | None = None
+) -> Array:
+    r"""Shear viscosity [mass/(length time)] of spheres by Enskog's theory.
+
+    .. math:: \eta_E = 1.01603\cdot\frac5{16\sigma^2}\sqrt{\frac{mT}\pi}\,
+              \Bigl[\frac1{g_0} + 0.8\,\beta + 0.7614\,\beta^2 g_0\Bigr],\qquad \beta = \tfrac23\pi n\sigma^3.
+
+    Simulations are within 3 % of it up to a packing fraction of 0.37, and far above near freezing.
+    """
+    n, sigma, T, m = (np.asarray(x, float) for x in (n, sigma, T, m))
+    g = _contact(n, sigma, g0)
+    covolume = 2 / 3 * np.pi * n * sigma**3
+    dilute = _VISCOSITY * 5 / 16 * np.sqrt(m * T / np.pi) / sigma**2
+    return dilute * (1 / g + 0.8 * covolume + 0.7614 * covolume**2 * g)
+
+
+def diffusion_speedy(n: ArrayLike, sigma: ArrayLike, T: ArrayLike = 1.0, m: ArrayLike = 1.0) -> Array:
+    r"""Self-diffusion coefficient [length²/time] of about 500 spheres in a periodic cube: Speedy's fit (1987).
+
+    :math:`D = \frac38\sqrt{T/\pi m}\,(n\sigma^2)^{-1}\,(1 - \nu/1.09)\,[1 + \nu^2(0.4 - 0.83\,\nu^2)]`,
+    :math:`\nu = n\sigma^3`, to one or two percent, into the metastable fluid.
+    """
+    n, sigma, T, m = (np.asarray(x, float) for x in (n, sigma, T, m))
+    nu = n * sigma**3
+    return _first_diffusion(n, sigma, T, m) * (1 - nu / 1.09) * (1 + nu**2 * (0.4 - 0.83 * nu**2))
+
+
+def diffusion_ruckenstein_liu(n: ArrayLike, sigma: ArrayLike, T: ArrayLike = 1.0, m: ArrayLike = 1.0) -> Array:
+    r"""Self-diffusion coefficient [length²/time] of infinitely many spheres: fit of Ruckenstein and Liu (1997).
+
+    :math:`D = \frac38\sqrt{T/\pi m}\,(n\sigma^2g_0)^{-1}\,[1 + 0.94605\,\nu^{3/2} + 1.4022\,\nu^3 -
+    5.6898\,\nu^5 + 2.6626\,\nu^7]`, :math:`\nu = n\sigma^3`, to the simulations of Erpenbeck and Wood (1991), with the
+    contact value of Carnahan and Starling; good to about two percent up to freezing.
+    """
+    n, sigma, T, m = (np.asarray(x, float) for x in (n, sigma, T, m))
+    nu = n * sigma**3
+    g0 = contact_value(packing_fraction(n, sigma))
+    return (
+        _first_diffusion(n, sigma, T, m)
+        / g0
+        * (1 + 0.94605 * nu**1.5 + 1.4022 * nu**3 - 5.6898 * nu**5 + 2.6626 * nu**7)
+    )
+
+
+def diffusion_finite_size(viscosity: ArrayLike, L: ArrayLike, T: ArrayLike = 1.0) -> Array:
+    r"""Finite-size correction of the self-diffusion coefficient in a periodic cube of side ``L`` [length²/time].
+
+    :math:`D_\infty - D_L = 2.837297\,T/(6\pi\eta L)` (Yeh–Hummer 2004): the interaction of a particle with its images.
+    """
+    viscosity, L, T = (np.asarray(x, float) for x in (viscosity, L, T))
+    return _IMAGES * T / (6 * np.pi * viscosity * L)
+
+
+def _first_diffusion(n: Array, sigma: Array, T: Array, m: Array) -> Array:
+    """The first Sonine approximation of a dilute gas."""
+    return 3 / 8 * np.sqrt(T / (np.pi * m)) / (n * sigma**2)
+
+
+def _contact(n: Array, sigma: Array, g0: ArrayLike | None) -> Array:
+    return contact_value(packing_fraction(n, sigma), 3, "klm") if g0 is None else np.asarray(g0, float)

@@ -1,0 +1,163 @@
+"""Contents of a page: frames, losses, collisions, curves, walls and joints of a file, in compact form."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import matplotlib as mpl
+import numpy as np
+
+from ..errors import ArgumentError, NotApplicableError
+from ..extent import Extent, extent
+from ..figures.style import CYCLE, SPEED_MAP
+from ..reader import File
+from ..selection import choose
+from ..text import escaped
+from . import collisions, curves, joints
+from .blobs import Blobs
+from .keyframes import Keyframes, along_flights, recorded
+
+EXACT = 2_000_000
+"""Coordinates of all frames up to which they are stored as 4-byte floats, not as 65536ths of the room."""
+MOST = 20_000
+"""Frames of a page, however small they are."""
+CHUNK = 1 << 20  # bytes of frames in one blob, about
+BASE64 = 4 / 3
+
+
+def write(file: File, blobs: Blobs, frames: str | slice | int | None, size: float, notes: list[str]) -> None:
+    """Writes the arrays of a page, and its header last. ``notes`` gets a line for everything left out."""
+    if not size > 0:
+        raise ArgumentError(f"size {size}: must be positive [MB]")
+    chosen = choose(file, frames)
+    linked = joints.find(file)
+    keys: Keyframes | None = None if linked else along_flights(file, chosen)
+    log = collisions.Log.of(file)
+    if keys is None:
+        chosen = _thin(file, chosen, size, log is not None, notes)
+        keys = recorded(chosen)
+    room = extent(chosen)
+    losses = None if log is None else log.losses(keys.time)
+    header: dict[str, Any] = {
+        "title": escaped(file.title or file.path.stem),
+        "count": len(file),
+        "dimension": file.dimension,
+        "gravity": _vector(file.scene.get("domain", {}).get("gravity", ())),
+        "room": {"origin": room.origin.tolist(), "size": room.size.tolist(), "bounded": room.bounded.tolist()},
+        "periodic": (file.box.periodic & (np.arange(3) < file.dimension)).tolist(),
+        "boundary": list(file.box.boundary),
+        "species": [escaped(name) for name in file.species_names],
+        "palette": [mpl.colors.to_hex(color) for color in CYCLE],
+        "speed_map": (np.asarray(mpl.colormaps[SPEED_MAP](np.linspace(0, 1, 256)))[:, :3] * 255).astype(int).tolist(),
+        "flight": "line" if keys.exact else "arc" if linked else "kink",
+        "bodies": blobs.add(
+            file.radius.astype(np.float32),
+            np.minimum(file.species, 255).astype(np.uint8),
+            (~np.isfinite(file.mass)).astype(np.uint8),
+        ),
+        "losses": None if losses is None else {"largest": losses.largest, "decades": collisions.DECADES},
+        "walls": _walls(file),
+        "joints": linked,
+        "curves": curves.find(file),
+        "collisions": None if log is None else log.sample(blobs, float(keys.time[0]), float(keys.time[-1]), notes),
+    }
+    header["frames"] = _frames(file, blobs, keys, room, losses)
+    header["notes"] = notes
+    blobs.header(header)
+
+
+def _thin(file: File, chosen, size: float, losses: bool, notes: list[str]):
+    """A selection of the frames that fits into a page of this size."""
+    d = file.dimension
+    frame = len(file) * (4 * d + (3 if file.box.periodic.any() else 0) + (2 if losses else 0)) * BASE64
+    fits = int(size * 1e6 / frame)
+    if fits < 2 and len(chosen) > fits:
+        raise NotApplicableError(
+            f"{len(file):,} particles: two frames would make a page of {2 * frame / 1e6:,.3g} MB; allow a larger "
+            "size, or export to vtkhdf for ParaView"
+        )
+    every = math.ceil(len(chosen) / min(fits, MOST))
+    if every == 1:
+        return chosen
+    kept = chosen[::every]
+    reason = f"all would need {frame * len(chosen) / 1e6:,.3g} MB" if fits < MOST else f"a page has up to {MOST:,}"
+    notes.append(f"{len(kept):,} of {len(chosen):,} frames, one in {every}: {reason}")
+    return kept
+
+
+def _frames(
+    file: File, blobs: Blobs, keys: Keyframes, room: Extent, losses: collisions.Losses | None
+) -> dict[str, Any]:
+    """Writes the frames in chunks; positions as floats if they are few, otherwise as 65536ths of the extent."""
+    d, count = file.dimension, len(file)
+    periodic = (file.box.periodic & (np.arange(3) < d))[:d]
+    quantized = len(keys.time) * count * d > EXACT
+    # A periodic edge has 65536 coordinates, which wrap around.
+    unit = np.where(room.size > 0, room.size, 1.0)[:d] / 65536
+    mobile = np.isfinite(file.mass)
+    per_chunk = max(1, CHUNK // (count * 4 * d))
+    chunks, speeds, units = [], [], []
+    pending: list[list[np.ndarray]] = []
+    before, rounded = None, np.zeros((count, d), bool)
+    for k in range(len(keys.time)):
+        position, velocity, image = keys.state(k)
+        position, velocity = position[:, :d], velocity[:, :d]
+        norm = np.linalg.norm(velocity, axis=1)[mobile]
+        speeds.append(float(np.quantile(norm, 0.99) if len(norm) > 100 else norm.max(initial=0.0)))
+        # Periodic faces that a particle crossed since the last frame, so that its path continues through them.
+        crossed = np.zeros(0, np.int8)
+        if periodic.any():
+            crossed = np.zeros((count, d), np.int8) if before is None else np.clip(image - before, -127, 127)[:, :d]
+            before = image
+        if quantized:
+            places = np.rint((position - room.origin[:d]) / unit)
+            # A coordinate that rounds up to the upper face goes to the lower face of the next image.
+            over = periodic & (places >= 65536)
+            places = np.clip(np.where(over, places - 65536, places), 0, 65535).astype(np.uint16)
+            if periodic.any():
+                crossed = crossed + over.astype(np.int16) - rounded
+                rounded = over
+            fastest = float(np.abs(velocity).max(initial=0.0)) or 1.0
+            moves = np.rint(velocity / fastest * 32767).astype(np.int16)
+            units.append(fastest / 32767)
+            arrays = [places, moves]
+        else:
+            arrays = [position.astype(np.float32), velocity.astype(np.float32)]
+        arrays.append(crossed.astype(np.int8))
+        arrays += [np.zeros(0, np.uint8)] * 2 if losses is None else [losses.total[k], losses.recent[k]]
+        pending.append(arrays)
+        if len(pending) == per_chunk or k == len(keys.time) - 1:
+            written = blobs.add(*(array for frame in pending for array in frame))
+            chunks.append({"first": k + 1 - len(pending), **written})
+            pending = []
+    return {
+        "time": keys.time.tolist(),
+        "even": keys.exact or _even(keys.time),
+        "speed": speeds,
+        "unit": unit.tolist() if quantized else None,
+        "velocity_unit": units,
+        "chunks": chunks,
+    }
+
+
+def _even(time: np.ndarray) -> bool:
+    """Whether frames are about equally far apart in time, except the last; if not, each is shown equally long."""
+    steps = np.diff(time)[:-1]
+    return len(steps) < 2 or float(steps.max()) < 3 * float(steps.min())
+
+
+def _vector(values) -> list[float]:
+    return [*map(float, values), 0.0, 0.0, 0.0][:3]
+
+
+def _walls(file: File) -> list[dict[str, Any]]:
+    return [
+        {
+            "name": escaped(wall.get("name", "")),
+            "point": _vector(wall["plane"].get("point", ())),
+            "normal": _vector(wall["plane"].get("normal", ())),
+            "velocity": _vector(wall.get("velocity", ())),
+        }
+        for wall in file.scene.get("wall", [])
+    ]

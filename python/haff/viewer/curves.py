@@ -1,0 +1,73 @@
+"""The observables that a page draws."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pandas as pd
+
+from ..reader import File
+
+MOST = 1500
+"""Samples of a curve; of more, every second, third, … is drawn."""
+FEW = 30
+"""Bodies below which a temperature or a collision rate says little."""
+
+
+def find(file: File) -> dict[str, Any] | None:
+    """Temperature, energies and collision rate over time, thinned; ``None`` if there are no samples."""
+    if "observables" not in file or len(file.observables) < 2:
+        return None
+    table = file.observables
+    every = -(-len(table) // MOST)
+    # The last sample is kept, so that the curves reach the end.
+    table = pd.concat([table.iloc[:-1:every], table.iloc[-1:]])
+    panels = []
+    if "temperature" in table and len(file) >= FEW:
+        panels.append(_panel("Temperature", [("", table["temperature"])]))
+    energies = [
+        (label, table[name])
+        for label, name in (
+            ("kinetic", "kinetic_energy"),
+            ("potential", "potential_energy"),
+            ("dissipated", "dissipated_energy"),
+            ("taken by rest", "rest_energy"),
+        )
+        if name in table and np.ptp(table[name].to_numpy()) > 0
+    ]
+    if energies:
+        panels.append(_panel("Energy ledger", energies))
+    if "ledger_residual" in table and table["ledger_residual"].any():
+        panels.append(_panel("Ledger residual", [("", table["ledger_residual"])]))
+    counts = [table[name] for name in ("collisions", "wall_collisions") if name in table]
+    if counts and float(sum(counts).iloc[-1]) > 0:
+        if len(file) < FEW:
+            panels.append(_panel("Collisions so far", [("", sum(counts))], counted=True))
+        else:
+            with np.errstate(divide="ignore", invalid="ignore"):
+                rate = np.diff(sum(counts)) / np.diff(table["time"])
+            panels.append(_panel("Collisions per time", [("", np.append(np.nan, rate))]))
+    if not panels:
+        return None
+    return {"time": table["time"].tolist(), "panels": panels}
+
+
+def _panel(title: str, series, counted: bool = False) -> dict[str, Any]:
+    values = [np.asarray(column, float) for _, column in series]
+    shown = np.concatenate([column[np.isfinite(column)] for column in values])
+    positive = shown[shown > 0]
+    # The energies of a ledger are stacked, so only single curves may be logarithmic.
+    wide = len(positive) > 0 and bool((shown >= 0).all() and positive.max() > 30 * positive.min())
+    log = len(series) == 1 and wide and not counted
+    if log:
+        values = [np.where(column > 0, column, np.nan) for column in values]
+    return {
+        "title": title,
+        "log": log,
+        "series": [{"label": label, "values": _plain(column)} for (label, _), column in zip(series, values)],
+    }
+
+
+def _plain(values: np.ndarray) -> list[float | None]:
+    return [float(f"{value:.7g}") if np.isfinite(value) else None for value in values]

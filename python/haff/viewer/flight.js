@@ -1,0 +1,64 @@
+// Where a particle is between two frames. The shader of particles.js does the same for all of them.
+//   line: straight lines between key frames, of which there are many
+//   arc:  bodies on strings, rods and springs: a Hermite arc through both positions and velocities
+//   kink: free flight under gravity, with at most one collision where the flights from both ends meet; a straight
+//         line if there were more collisions
+
+const FLIGHTS = { line: 0, kink: 1, arc: 2 };
+// Flights that pass each other by less than this fraction of the radius count as meeting.
+const MEET = 0.15;
+
+// Position after the time s of dt; a, b: positions at both ends, unwrapped; u, w: velocities there.
+function place(flight, a, b, u, w, gravity, radius, s, dt) {
+  const x = dt > 0 ? s / dt : 0;
+  const line = a.map((value, k) => value + (b[k] - value) * x);
+  if (flight === "line" || dt <= 0) return line;
+  if (flight === "arc") {
+    const y = 1 - x;
+    return a.map(
+      (value, k) =>
+        (1 + 2 * x) * y * y * value + x * y * y * dt * u[k] + x * x * (3 - 2 * x) * b[k] - x * x * y * dt * w[k],
+    );
+  }
+  // Both flights are parabolas of one gravity, so that their difference is linear in time.
+  const gap = a.map((value, k) => value - b[k] + w[k] * dt - 0.5 * gravity[k] * dt * dt);
+  const rate = u.map((value, k) => value - w[k] + gravity[k] * dt);
+  const square = rate.reduce((sum, value) => sum + value * value, 0);
+  const product = rate.reduce((sum, value, k) => sum + value * gap[k], 0);
+  const meeting = square > 0 ? Math.min(Math.max(-product / square, 0), dt) : 0;
+  const missed = Math.hypot(...gap.map((value, k) => value + rate[k] * meeting));
+  if (missed > MEET * radius) return line;
+  const left = dt - s;
+  return s < meeting
+    ? a.map((value, k) => value + u[k] * s + 0.5 * gravity[k] * s * s)
+    : b.map((value, k) => value - w[k] * left + 0.5 * gravity[k] * left * left);
+}
+
+// Back into the box, along periodic axes.
+function wrap(position) {
+  const { origin, size } = header.room;
+  return position.map((value, k) =>
+    header.periodic[k] ? value - size[k] * Math.floor((value - origin[k]) / size[k]) : value,
+  );
+}
+
+// Position, velocity and radius of one particle, x of the way from frame k to the next.
+function body(frames, bodies, index, k, x) {
+  const d = header.dimension;
+  const next = Math.min(k + 1, frames.count - 1);
+  const unit = frames.list.unit;
+  const origin = header.room.origin;
+  const read = (array, scale) => [0, 1, 2].map((c) => (c < d ? array[d * index + c] * scale : 0));
+  const places = (f) =>
+    read(frames.found[f].position, 1).map((value, c) => (unit && c < d ? origin[c] + value * unit[c] : value));
+  const a = places(k);
+  const b = places(next);
+  const crossed = frames.found[next].crossed;
+  if (next > k && crossed.length) for (let c = 0; c < d; c++) b[c] += crossed[d * index + c] * header.room.size[c];
+  const u = read(frames.found[k].velocity, frames.velocityUnit(k));
+  const w = read(frames.found[next].velocity, frames.velocityUnit(next));
+  const dt = frames.time[next] - frames.time[k];
+  const gravity = bodies.held[index] ? [0, 0, 0] : header.gravity;
+  const radius = bodies.radius[index];
+  return { position: wrap(place(header.flight, a, b, u, w, gravity, radius, x * dt, dt)), radius };
+}

@@ -1,0 +1,68 @@
+"""The states between which a page interpolates: frames of the file, or the states at all events of few bodies."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import NamedTuple
+
+import numpy as np
+
+from ..errors import MissingDataError, NotApplicableError
+from ..figures import trajectories
+from ..frames import Frames
+from ..reader import File
+
+MOST = 20_000
+"""Key frames of exact paths; if there were more, the recorded frames are taken."""
+
+State = tuple[np.ndarray, np.ndarray, np.ndarray]
+
+
+class Keyframes(NamedTuple):
+    """States at given times, computed or read on access."""
+
+    time: np.ndarray
+    """``[K]`` [time]"""
+    state: Callable[[int], State]
+    """Position in the box, velocity and image, ``[N, 3]`` each, of a row"""
+    exact: bool
+    """Whether there are so many that straight lines between them are the paths"""
+
+
+def recorded(frames: Frames) -> Keyframes:
+    """The recorded frames; each is read on access."""
+
+    def state(k: int) -> State:
+        frame = frames[k]
+        return frame.position, frame.velocity, frame.image
+
+    return Keyframes(np.asarray(frames.time, float), state, False)
+
+
+def along_flights(file: File, frames: Frames) -> Keyframes | None:
+    """Exact paths of few bodies from the event log; ``None`` without a complete log, or if they are too long."""
+    if len(frames) < 2 or "events" not in file:
+        return None
+    try:
+        paths = trajectories.flights(file)
+    except (NotApplicableError, MissingDataError):
+        return None
+    first, last = float(frames.time[0]), float(frames.time[-1])
+    if any(file.scene.get("domain", {}).get("gravity", ())):
+        corners = [path.time for path in paths]
+    else:  # straight from event to event
+        corners = [frames.time, file.events["time"]]
+    time = np.unique(np.concatenate(corners))
+    time = time[(time >= first) & (time <= last)]
+    if not 2 <= len(time) <= MOST:
+        return None
+    position = np.stack([_interpolate(time, path.time, path.position) for path in paths], axis=1)
+    velocity = np.gradient(position, time, axis=0)
+    size = np.where(file.box.periodic, file.box.size, np.inf)
+    image = np.where(file.box.periodic, np.floor(position / size), 0.0)
+    inside = position - image * np.where(file.box.periodic, file.box.size, 0.0)
+    return Keyframes(time, lambda k: (inside[k], velocity[k], image[k]), True)
+
+
+def _interpolate(time: np.ndarray, known: np.ndarray, values: np.ndarray) -> np.ndarray:
+    return np.stack([np.interp(time, known, values[:, axis]) for axis in range(3)], axis=-1)

@@ -1,0 +1,208 @@
+// The box, the walls, and the strings, rods and springs.
+
+const EDGE = { dark: 0x7d8894, light: 0x8a949e };
+const WALL = { dark: 0xb9a77f, light: 0x9a7b32 };
+const JOINT = { dark: 0xf0f3f6, light: 0x20262c };
+const COILS = 9;
+
+// The extent, with margins along open axes.
+function room() {
+  const { origin, size, bounded } = header.room;
+  const flat = header.dimension === 2;
+  const low = [...origin];
+  const high = origin.map((value, k) => value + size[k]);
+  for (const { ends } of header.joints) {
+    for (const end of ends.filter(Array.isArray)) {
+      end.forEach((value, k) => {
+        low[k] = Math.min(low[k], value);
+        high[k] = Math.max(high[k], value);
+      });
+    }
+  }
+  for (const wall of header.walls) {
+    wall.point.forEach((value, k) => {
+      if (bounded[k] || Math.abs(wall.normal[k]) < 0.9 * Math.hypot(...wall.normal)) return;
+      low[k] = Math.min(low[k], value);
+      high[k] = Math.max(high[k], value);
+    });
+  }
+  const longest = Math.max(...high.slice(0, flat ? 2 : 3).map((value, k) => value - low[k]));
+  for (let k = 0; k < (flat ? 2 : 3); k++) {
+    // Not thinner than a fourth of the longest side, so that the scene of one falling ball is not a narrow strip.
+    const more = bounded[k] ? 0 : Math.max(0.04 * longest, (longest / 4 - (high[k] - low[k])) / 2);
+    low[k] -= more;
+    high[k] += more;
+  }
+  return { low, high };
+}
+
+function lines(points, color, opacity) {
+  const geometry = new THREE.BufferGeometry();
+  geometry.setAttribute("position", new THREE.BufferAttribute(new Float32Array(points.flat()), 3));
+  const material = new THREE.LineBasicMaterial({ color, transparent: opacity < 1, opacity });
+  const found = new THREE.LineSegments(geometry, material);
+  found.frustumCulled = false;
+  return found;
+}
+
+function surface(points, color, opacity) {
+  const geometry = new THREE.BufferGeometry();
+  geometry.setAttribute("position", new THREE.BufferAttribute(new Float32Array(points.flat()), 3));
+  geometry.setIndex(points.slice(2).flatMap((_, k) => [0, k + 1, k + 2]));
+  const material = new THREE.MeshBasicMaterial({
+    color,
+    transparent: true,
+    opacity,
+    side: THREE.DoubleSide,
+    depthWrite: false,
+  });
+  const found = new THREE.Mesh(geometry, material);
+  found.frustumCulled = false;
+  return found;
+}
+
+const CORNERS = Array.from({ length: 8 }, (_, k) => [k & 1, (k >> 1) & 1, k >> 2]);
+const corner = (bits, { low, high }) => bits.map((bit, k) => (bit ? high[k] : low[k]));
+
+// Intersection of a plane with the extent, its corners in order around the center.
+function cut(point, normal, space) {
+  const side = (at) => at.reduce((sum, value, k) => sum + (value - point[k]) * normal[k], 0);
+  const found = [];
+  for (const a of CORNERS) {
+    for (let k = 0; k < 3; k++) {
+      if (a[k]) continue;
+      const [from, to] = [corner(a, space), corner(a.map((bit, c) => (c === k ? 1 : bit)), space)];
+      const [x, y] = [side(from), side(to)];
+      if (x * y > 0 || x === y) continue;
+      found.push(from.map((value, c) => value + ((to[c] - value) * x) / (x - y)));
+    }
+  }
+  if (found.length < 3) return [];
+  const middle = [0, 1, 2].map((k) => found.reduce((sum, at) => sum + at[k], 0) / found.length);
+  const n = new THREE.Vector3(...normal).normalize();
+  const u = new THREE.Vector3(...(Math.abs(n.x) < 0.9 ? [1, 0, 0] : [0, 1, 0])).cross(n).normalize();
+  const v = n.clone().cross(u);
+  const angle = (at) => {
+    const r = new THREE.Vector3(...at.map((value, k) => value - middle[k]));
+    return Math.atan2(r.dot(v), r.dot(u));
+  };
+  return found.sort((a, b) => angle(a) - angle(b));
+}
+
+class Surroundings {
+  constructor(scene, theme) {
+    this.scene = scene;
+    this.space = room();
+    this.parts = [];
+    this.moving = [];
+    this.joints = null;
+    this.draw(theme);
+  }
+
+  draw(theme) {
+    for (const part of this.parts) {
+      this.scene.remove(part);
+      part.geometry.dispose();
+      part.material.dispose();
+    }
+    this.parts = [];
+    this.moving = [];
+    const flat = header.dimension === 2;
+    const { bounded } = header.room;
+    const axes = flat ? [0, 1] : [0, 1, 2];
+    if (axes.some((k) => bounded[k])) {
+      const edges = [];
+      for (const a of CORNERS) {
+        if (flat && a[2]) continue;
+        for (const k of axes) {
+          if (a[k]) continue;
+          const b = a.map((bit, c) => (c === k ? 1 : bit));
+          edges.push(corner(a, this.space), corner(b, this.space));
+        }
+      }
+      this.parts.push(lines(flat ? edges.map(([x, y]) => [x, y, 0]) : edges, EDGE[theme], 0.8));
+    }
+    const thick = 0.006 * Math.max(...axes.map((k) => this.space.high[k] - this.space.low[k]));
+    const planes = [];
+    for (const k of axes) {
+      if (header.boundary[k] !== "wall") continue;
+      for (const sign of [1, -1]) {
+        const point = sign > 0 ? this.space.low : this.space.high;
+        planes.push({ point, normal: [0, 1, 2].map((c) => (c === k ? sign : 0)), velocity: [0, 0, 0] });
+      }
+    }
+    for (const wall of [...planes, ...header.walls]) {
+      const found = cut(wall.point, wall.normal, this.space);
+      if (found.length < 3) continue;
+      let part;
+      if (flat) {
+        // Seen from above a wall is a line: drawn as a strip on its outer side.
+        const length = Math.hypot(...wall.normal);
+        const out = wall.normal.map((value) => (-value / length) * thick);
+        const ends = found.filter((at) => at[2] > 0).map(([x, y]) => [x, y, 0]);
+        if (ends.length < 2) continue;
+        const [a, b] = ends;
+        part = surface([a, b, b.map((v, k) => v + out[k]), a.map((v, k) => v + out[k])], WALL[theme], 1);
+      } else {
+        part = surface(found, WALL[theme], header.walls.includes(wall) ? 0.28 : 0.1);
+      }
+      this.parts.push(part);
+      if (wall.velocity.some((value) => value)) this.moving.push([part, wall.velocity]);
+    }
+    if (header.joints.length) {
+      const points = header.joints.reduce((sum, joint) => sum + 2 * this.pieces(joint), 0);
+      this.joints = lines(new Array(points).fill([0, 0, 0]), JOINT[theme], 1);
+      this.parts.push(this.joints);
+    }
+    for (const part of this.parts) this.scene.add(part);
+  }
+
+  pieces(joint) {
+    return joint.kind === "rod" ? 1 : joint.kind === "spring" ? 4 * COILS + 2 : 16;
+  }
+
+  // Moves walls and joints; `where(index)` is the position of a particle.
+  move(time, where, visible) {
+    for (const part of this.parts) part.visible = visible || part === this.joints;
+    for (const [part, velocity] of this.moving) part.position.set(...velocity.map((value) => value * time));
+    if (!this.joints) return;
+    const positions = this.joints.geometry.getAttribute("position");
+    let row = 0;
+    for (const joint of header.joints) {
+      const [a, b] = joint.ends.map((end) => (Array.isArray(end) ? end : where(end)));
+      const path = this.path(joint, a, b);
+      for (let k = 0; k + 1 < path.length; k++) {
+        positions.setXYZ(row++, ...path[k]);
+        positions.setXYZ(row++, ...path[k + 1]);
+      }
+    }
+    positions.needsUpdate = true;
+  }
+
+  path(joint, a, b) {
+    const count = this.pieces(joint);
+    const along = b.map((value, k) => value - a[k]);
+    const distance = Math.hypot(...along) || 1e-30;
+    const at = (x, aside = [0, 0, 0]) => a.map((value, k) => value + along[k] * x + aside[k]);
+    if (joint.kind === "spring") {
+      // A zigzag in the plane of view: perpendicular to the spring, and to the axis of least extent.
+      const size = this.space.high.map((value, k) => value - this.space.low[k]);
+      const thin = header.dimension === 2 ? 2 : size.indexOf(Math.min(...size));
+      const depth = new THREE.Vector3(...[0, 1, 2].map((k) => (k === thin ? 1 : 0)));
+      const aside = new THREE.Vector3(...along).cross(depth).normalize().toArray();
+      const wide = 0.02 * Math.max(...size);
+      return Array.from({ length: count + 1 }, (_, k) => {
+        const swing = k === 0 || k === count ? 0 : [0, 1, 0, -1][k % 4] * wide;
+        return at(k / count, aside.map((value) => value * swing));
+      });
+    }
+    // A slack string sags by about the excess of its length over the distance.
+    const spare = joint.kind === "string" && joint.length ? Math.max(0, joint.length ** 2 - distance ** 2) : 0;
+    const down = Math.hypot(...header.gravity) || 1;
+    const sag = spare > 1e-6 * distance ** 2 ? Math.sqrt((3 / 16) * spare) : 0;
+    return Array.from({ length: count + 1 }, (_, k) => {
+      const x = k / count;
+      return at(x, header.gravity.map((value) => (value / down) * sag * 4 * x * (1 - x)));
+    });
+  }
+}
