@@ -20,9 +20,11 @@ if TYPE_CHECKING:
 
 _TAKEN = ("time", "step", "axis", "species")
 _COUNTS = ("collisions", "wall_collisions")
+# Terms of the balance of energies in files that do not describe them: label, and sign of the energy for the particles.
+_TERMS = {"wall_work": ("work of walls", 1.0), "rest_energy": ("taken by rest", -1.0)}
 # Other observables may be NaN: rates and pressure at the start, a temperature where nothing moves.
 _ENERGIES = (
-    "kinetic_energy potential_energy gravity_energy spring_energy dissipated_energy carnot_energy wall_work rest_energy"
+    "kinetic_energy potential_energy gravity_energy spring_energy dissipated_energy carnot_energy"
 ).split()
 _WIDEST = 16
 """Components of an observable that is neither a vector nor one number a species."""
@@ -36,6 +38,24 @@ def names(file: File) -> list[str]:
     if not found:
         raise MissingDataError(f"{file.path}: no observables (output.observables = false in the scene)")
     return found
+
+
+def balance(file: File) -> dict[str, tuple[str, float]]:
+    """Terms of the balance of energies beside T, V and the losses of impacts: by name the label, and the sign, 1 for energy
+    given to the particles and -1 for energy taken. Empty without observables."""
+    stored, terms = file.stored, {}
+    for name in stored.members("observables"):
+        place = f"observables/{name}"
+        if not stored.is_group(place):
+            continue
+        label, sign = stored.attribute(place, "label"), stored.attribute(place, "balance")
+        if isinstance(label, str) and sign is not None:
+            if not isinstance(sign, float | np.floating) or sign not in (1.0, -1.0):
+                raise stored.wrong(f"{place}@balance", f"is {brief(sign)}; must be 1 or -1")
+            terms[name] = (label, float(sign))
+        elif name in _TERMS:
+            terms[name] = _TERMS[name]
+    return terms
 
 
 def columns(file: File) -> tuple[Column, Column, dict[str, Column]]:
@@ -69,7 +89,7 @@ def arrays(file: File) -> tuple[Array, Array, dict[str, Array]]:
     time.require_order(when)
     step.require(count, count >= 0, "0 or more")
     values = {name: column[:length] for name, column in found.items()}
-    for name in _ENERGIES:
+    for name in (*_ENERGIES, *balance(file)):
         if name in values:
             found[name].require(values[name], np.isfinite(values[name]), "a finite number")
     return when, count, values

@@ -346,7 +346,7 @@ class File:
                 "potential_energy",
                 "spring_energy",
                 "dissipated_energy",
-                "rest_energy",
+                *observables.balance(self),
             ):
                 if name in last:
                     found[name] = float(last[name])

@@ -8,6 +8,7 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import FuncFormatter, LogLocator, NullLocator
 
 from ..errors import NotApplicableError
+from ..observables import balance
 from ..reader import File
 from .style import BLACK, BLUE, GREEN, GREY, ORANGE, PURPLE, RED, SKY, YELLOW, headline, label, number
 from .temperature import facts
@@ -26,8 +27,10 @@ def draw(file: File) -> Figure:
         raise NotApplicableError("fewer than two samples")
     t = table["time"].to_numpy()
     kinetic, potential, lost = (table[n].to_numpy() for n in needed)
-    work = table["wall_work"].to_numpy() if "wall_work" in table else np.zeros_like(t)
-    rest = table["rest_energy"].to_numpy() if "rest_energy" in table else np.zeros_like(t)
+    terms = {name: sign for name, (_, sign) in balance(file).items() if name in table}
+    # What is given raises the line of the supply; what is taken is a layer.
+    work = np.sum([table[name].to_numpy() for name, sign in terms.items() if sign > 0] or [np.zeros_like(t)], axis=0)
+    rest = np.sum([table[name].to_numpy() for name, sign in terms.items() if sign < 0] or [np.zeros_like(t)], axis=0)
     scale = max(np.max(np.abs(kinetic)), np.max(np.abs(potential)), np.max(np.abs(lost)))
     if not scale > 0:
         raise NotApplicableError("there is no energy in this scene")
@@ -52,7 +55,8 @@ def draw(file: File) -> Figure:
     top.stackplot(t[shown], *[v[shown] for _, _, v in layers], colors=[c for _, c, _ in layers], lw=0, alpha=0.85,
                   labels=[n for n, _, _ in layers])  # fmt: skip
     supply = kinetic[0] + potential[0] - shift + work
-    supplied = r"$E_0$ + work of walls" if np.any(work != 0) else r"initial energy $E_0$"
+    given = [label for name, (label, sign) in balance(file).items() if name in terms and sign > 0 and table[name].any()]
+    supplied = " + ".join([r"$E_0$", *given]) if given else r"initial energy $E_0$"
     top.plot(t[shown], supply[shown], color=BLACK, lw=1.4, ls=(0, (5, 2)), label=supplied)
     top.set_ylabel("energy  [mass · length² / time²]")
     top.set_ylim(0, 1.02 * max(float(supply.max()), float(np.sum([v for _, _, v in layers], axis=0).max())))

@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
+from ..observables import balance
 from ..reader import File
 
 MOST = 1500
@@ -32,7 +33,7 @@ def find(file: File) -> dict[str, Any] | None:
             ("kinetic", "kinetic_energy"),
             ("potential", "potential_energy"),
             ("dissipated", "dissipated_energy"),
-            ("taken by rest", "rest_energy"),
+            *((label, name) for name, (label, _) in balance(file).items()),
         )
         if name in table and np.ptp(table[name].to_numpy()) > 0
     ]
