@@ -1,5 +1,6 @@
-//! Collisions per second, and candidates a collision, of a cluster in the middle of a periodic box that is mostly empty:
-//! `cluster N_PER_EDGE PHI BOX_OVER_CLUSTER RESTITUTION COLLISIONS_PER_PARTICLE [auto|cells|lists|windows]`.
+//! Collisions per second, and candidates a collision, of a cluster in the middle of a periodic box that is
+//! mostly empty: `cluster N_PER_EDGE PHI BOX_OVER_CLUSTER RESTITUTION COLLISIONS_PER_PARTICLE
+//! [auto|cells|lists|windows]`.
 
 #[path = "../tests/common/mod.rs"]
 mod common;

@@ -7,8 +7,8 @@ mod common;
 use haff_engine::{NeighborChoice, Options, Silent, Simulation, Until};
 use std::time::Instant;
 
-/// Time this thread has been on a processor [s], where the system tells: unlike the clock's, it does not count the
-/// time that other work takes.
+/// Time this thread has been on a processor [s], where the system tells: unlike the clock's, it does not
+/// count the time that other work takes.
 fn processor_time() -> Option<f64> {
     let text = std::fs::read_to_string("/proc/thread-self/schedstat").ok()?;
     text.split(' ').next()?.parse::<f64>().ok().map(|nanoseconds| nanoseconds * 1e-9)

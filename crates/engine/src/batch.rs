@@ -1,10 +1,10 @@
 /*!
 Pair predictions, many at a time.
 
-The candidates of one particle are gathered into a structure of arrays and predicted without a branch, so that the
-compiler turns the kernel into vector code; the earliest is picked afterwards. The same source is compiled once for
-the target's baseline and once for AVX2. Rust never fuses or reorders floating-point operations, so both give the
-same bits, and those of [`haff_mechanics::time_to_contact`].
+The candidates of one particle are gathered into a structure of arrays and predicted without a branch, so that
+the compiler turns the kernel into vector code; the earliest is picked afterwards. The same source is compiled
+once for the target's baseline and once for AVX2. Rust never fuses or reorders floating-point operations, so
+both give the same bits, and those of [`haff_mechanics::time_to_contact`].
 */
 
 use crate::model::SimdChoice;
@@ -94,14 +94,15 @@ unsafe fn predict_avx2(batch: &mut Batch) {
 #[inline(always)]
 fn predict(batch: &mut Batch) {
     let Batch { r: [rx, ry, rz], v: [vx, vy, vz], sigma2, delay: delays, len, .. } = batch;
-    // Whole vectors: the lanes beyond the last candidate hold old ones, and nobody looks at their results.
+    // Whole vectors: the lanes beyond the last candidate hold old ones, whose results are not read.
     let lanes = (*len).next_multiple_of(4).min(LANES);
     for k in 0..lanes {
         delays[k] = delay([rx[k], ry[k], rz[k]], [vx[k], vy[k], vz[k]], sigma2[k]);
     }
 }
 
-/// Smaller root of |r + v t| = σ, infinite if there is none; see [`haff_mechanics::time_to_contact`] for the numerics.
+/// Smaller root of |r + v t| = σ, infinite if there is none; see [`haff_mechanics::time_to_contact`] for the
+/// numerics.
 #[inline(always)]
 pub(crate) fn delay([rx, ry, rz]: [f64; 3], [vx, vy, vz]: [f64; 3], sigma2: f64) -> f64 {
     let b = rx * vx + ry * vy + rz * vz;

@@ -1,5 +1,5 @@
-//! The scheduler with one entry per particle in a calendar and any [search](haff_neighbors::Search) for partners: cells, lists or
-//! all pairs.
+//! The scheduler with one entry per particle in a calendar and any [search](haff_neighbors::Search) for
+//! partners: cells, lists or all pairs.
 
 use std::marker::PhantomData;
 

@@ -86,20 +86,21 @@ impl Crowd {
         let [speeds] = total(census.count, |i| [states(i).1.length()]);
         let largest_speed =
             (0..census.count as u32).into_par_iter().map(|i| states(i).1.length()).reduce(|| 0.0, f64::max);
-        // Not the root mean square: one very fast particle would make that as large as the others' number allows.
+        // Not the root mean square: one very fast particle would make that as large as the others' number
+        // allows.
         let mean_speed = speeds / census.count.max(1) as f64;
         let packing = packing(system, census, |i| states(i).0.to_array());
         Self { packing, mean_speed, largest_speed }
     }
 
-    /// Whether nobody is faster than the mean by more than this factor.
+    /// Whether no particle is faster than the mean by more than this factor.
     pub fn is_even(&self, outlier: f64) -> bool {
         self.largest_speed <= outlier * self.mean_speed
     }
 }
 
-/// Packing fraction that the average particle sees, in cells a few diameters wide; not less than that of the box. `position` is that of
-/// a particle.
+/// Packing fraction around the average particle, in cells a few diameters wide; not less than that of the
+/// box. `position` is that of a particle.
 fn packing(system: &System, census: &Census, position: impl Fn(u32) -> [f64; 3] + Sync) -> f64 {
     let volume = census.occupied / census.count.max(1) as f64;
     let diameter = 2.0 * libm::pow(volume * 3.0 / (4.0 * PI), 1.0 / 3.0).max(census.mean);

@@ -60,7 +60,8 @@ impl Digits {
 /// Parts of the names of vectors.
 const AXES: [&str; 3] = ["x", "y", "z"];
 
-/// Reads and writes the named scalars of a checkpoint in one and the same order, so that the two cannot disagree.
+/// Reads and writes the named scalars of a checkpoint in one and the same order, so that the two cannot
+/// disagree.
 struct Scalars<'a> {
     values: BTreeMap<&'a str, u64>,
     missing: Option<String>,

@@ -1,4 +1,4 @@
-//! Which engine serves a state best, and how it is compiled for what the system needs.
+//! The choice of a scheduler for a state, compiled for what the system needs.
 
 use glam::DVec3;
 use haff_neighbors::{AllPairs, Cells, Geometry, Lists};
@@ -33,28 +33,31 @@ const DENSE_FOR_WINDOWS_AWAY: [f64; 2] = [0.29, 0.34];
 const DENSE_FOR_WINDOWS_ELSE: [f64; 2] = [0.38, 0.7];
 const DENSE_FOR_WINDOWS_FALLING: [f64; 2] = [0.55, 0.7];
 const DENSE_FOR_WINDOWS_WIDE: [f64; 2] = [0.46, 0.7];
-/// An engine is given up for another when the density is beyond the bound by this factor: to and fro costs more than it gains.
-const RELUCTANCE: f64 = 1.15;
+/// A scheduler is replaced by another when the density is beyond the bound by this factor: changing to and
+/// fro costs more than it gains.
+const HYSTERESIS: f64 = 1.15;
 /// An engine is laid out anew when the density around the particles has changed by this factor.
 const CHANGED: f64 = 2.0;
 /// Packing fractions below this make no difference.
 const SPARSE: f64 = 1e-9;
-/// States are looked at again after so many collisions per particle, and in all: that takes less than a hundredth of their time.
+/// The choice is made again after so many collisions per particle, and in all: that takes less than a
+/// hundredth of their time.
 const REVIEW_PER_PARTICLE: u64 = 16;
 const REVIEW: u64 = 2000;
-/// An engine that takes more entries than this for a collision is looked at earlier: windows are too short, or nobody meets.
+/// The choice is made again earlier if a scheduler takes more entries than this for a collision: windows are
+/// too short, or particles hardly meet.
 const ENTRIES: u64 = 2;
 
 /// What the choice of an engine rests on.
 pub(crate) struct Choice {
     pub census: Census,
     kernel: Kernel,
-    /// What the caller has asked for.
+    /// The choice of the caller.
     asked: NeighborChoice,
-    /// What serves now, and how crowded it was when it was chosen.
+    /// The present choice, and the local density when it was made.
     pub neighbors: NeighborChoice,
     crowd: Crowd,
-    /// Collisions, in all, and further entries after which the state is looked at again.
+    /// Collisions, in all, and further entries after which the choice is made again.
     pub review: u64,
     pub patience: u64,
 }
@@ -70,11 +73,11 @@ impl Choice {
         choice
     }
 
-    /// Looks at a state again. Whether another engine, or the same laid out anew, is to go on.
+    /// Makes the choice again. Whether another scheduler, or the same with a new layout, is to go on.
     pub fn reconsider(&mut self, system: &System, world: &World) -> bool {
         let crowd = Crowd::of(system, &self.census, world);
         let neighbors = self.best(system, world, &crowd);
-        // A few in the open may see nobody.
+        // A few particles in open space may have no neighbors.
         let ratio = crowd.packing.max(SPARSE) / self.crowd.packing.max(SPARSE);
         let anew = neighbors != self.neighbors
             || self.neighbors != NeighborChoice::AllPairs && !(1.0 / CHANGED..=CHANGED).contains(&ratio);
@@ -89,13 +92,14 @@ impl Choice {
         self.census.occupied / self.crowd.packing
     }
 
-    /// Sets when the state is looked at again.
+    /// Sets when the choice is made again.
     pub fn after(&mut self, collisions: u64) {
         let interval = REVIEW + REVIEW_PER_PARTICLE * self.census.count as u64;
         (self.review, self.patience) = (collisions + interval, ENTRIES * interval);
     }
 
-    /// The search for a state: windows where they serve and it is not dense, lists where it is, cells otherwise.
+    /// The search for a state: windows where they serve and it is not dense, lists where it is, cells
+    /// otherwise.
     fn best(&self, system: &System, world: &World, crowd: &Crowd) -> NeighborChoice {
         let windows_possible =
             windows::unsuitable(system, &self.census).is_none() && windows::supports(world);
@@ -123,12 +127,12 @@ impl Choice {
             (false, true) => DENSE_MIXED,
             (false, false) => DENSE,
         };
-        let reluctance = match self.neighbors {
+        let hysteresis = match self.neighbors {
             NeighborChoice::Auto => 1.0,
-            NeighborChoice::Lists => 1.0 / RELUCTANCE,
-            _ => RELUCTANCE,
+            NeighborChoice::Lists => 1.0 / HYSTERESIS,
+            _ => HYSTERESIS,
         };
-        let limit = limits[usize::from(system.dimension == Dimension::Two)] * reluctance;
+        let limit = limits[usize::from(system.dimension == Dimension::Two)] * hysteresis;
         if crowd.packing > limit && self.census.count <= Lists::MAX_PARTICLES {
             NeighborChoice::Lists
         } else if windows {

@@ -2,9 +2,9 @@
 Time as integer ticks, so that its accuracy does not depend on how long a run has been.
 
 A tick is a power of two, fine enough that what the fastest particle covers in one is below the rounding of a
-coordinate. Ticks count from the start of the current *epoch*, [`EPOCH`] ticks long; at its end whole epochs are
-subtracted everywhere, which is exact. Durations between two times of one pair are differences of integers and are
-rounded once, when they become an `f64`.
+coordinate. Ticks count from the start of the current *epoch*, [`EPOCH`] ticks long; at its end whole epochs
+are subtracted everywhere, which is exact. Durations between two times of one pair are differences of integers
+and are rounded once, when they become an `f64`.
 */
 
 /// Length of an epoch [ticks]: about 64 times the time the fastest particle takes through the system.
@@ -15,8 +15,9 @@ pub(crate) const OLDEST_ANCHOR: i64 = 1 << 62;
 pub(crate) const ANCHOR_AGE: i64 = 1 << 61;
 /// Predictions further ahead than this are left to a later renewal [ticks].
 pub(crate) const HORIZON: f64 = (1_u64 << 60) as f64;
-/// Longest duration from an anchor to an event \[ticks\]: anchors may be older than an epoch, and what is due within the
-/// next one may then be further than [`HORIZON`] from them. Sums with an anchor's time stay below 2^63.
+/// Longest duration from an anchor to an event \[ticks\]: anchors may be older than an epoch, and what is due
+/// within the next one may then be further than [`HORIZON`] from them. Sums with an anchor's time stay below
+/// 2^63.
 pub(crate) const LONGEST: f64 = ((1_u64 << 62) + (1_u64 << 61)) as f64;
 /// log₂ of the ticks in which the fastest particle crosses the system.
 const TICKS_PER_CROSSING: i32 = 54;

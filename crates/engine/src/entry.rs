@@ -71,11 +71,11 @@ impl<K> PartialEq for Target<K> {
 
 impl<K> Eq for Target<K> {}
 
-/// One calendar entry, 24 bytes. It is invalidated by the next event of `owner`, and has to be predicted again after one of its
-/// partner.
+/// One calendar entry, 24 bytes. It is invalidated by the next event of `owner`, and has to be predicted
+/// again after one of its partner.
 ///
-/// The small fields are first: they are then copied as one half of sixteen bytes. A copy that is read in other parts than it was
-/// written in stalls on store forwarding.
+/// The small fields are first: they are then copied as one half of sixteen bytes. A copy that is read in
+/// other parts than it was written in stalls on store forwarding.
 #[derive(Debug)]
 #[repr(C)]
 pub(crate) struct Entry<K> {
@@ -94,8 +94,8 @@ impl<K> Entry<K> {
         Self { time: i64::MAX, owner, target: Target::NONE, own_count, partner_count: 0 }
     }
 
-    /// Rank among simultaneous events: kind, then the ids of the bodies, lesser first. It does not depend on which of
-    /// two partners owns the entry.
+    /// Rank among simultaneous events: kind, then the ids of the bodies, lesser first. It does not depend on
+    /// which of two partners owns the entry.
     #[inline]
     pub fn rank(&self) -> (u32, u32, u32) {
         let tag = self.target.0 >> TAG;
@@ -134,7 +134,8 @@ impl<K> PartialEq for Entry<K> {
 
 impl<K> Eq for Entry<K> {}
 
-/// The order of the calendar: by time alone as far as physics goes. The order within a tick is [`Entry::rank`].
+/// The order of the calendar: by time alone as far as physics goes. The order within a tick is
+/// [`Entry::rank`].
 impl<K> Ord for Entry<K> {
     #[inline]
     fn cmp(&self, other: &Self) -> Ordering {

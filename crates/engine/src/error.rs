@@ -1,6 +1,6 @@
 //! What can stop a simulation.
 
-/// What an error means for whoever asked.
+/// The cause of an error, as far as callers treat causes differently.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Fault {
     /// The scene asks for what cannot be.
@@ -99,7 +99,7 @@ pub enum EngineError {
 }
 
 impl EngineError {
-    /// What the error means for whoever asked.
+    /// The cause of the error, as far as callers treat causes differently.
     pub fn fault(&self) -> Fault {
         match self {
             Self::NoAvx2 | Self::TooMany { .. } | Self::Unsuitable { .. } => Fault::Invalid,

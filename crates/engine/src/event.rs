@@ -1,4 +1,5 @@
-//! Physical events. Each scheduler names the type of the events that it can have, so that its event loop contains no others.
+//! Physical events. Each scheduler names the type of the events that it can have, so that its event loop
+//! contains no others.
 
 use crate::{error::EngineError, features::Features, report::Observer, resolve, rest, state::State};
 

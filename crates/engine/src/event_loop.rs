@@ -1,4 +1,5 @@
-//! The event loop, one for all schedulers: take the earliest event, resolve it, have the scheduler predict what it has changed.
+//! The event loop, one for all schedulers: take the earliest event, resolve it, have the scheduler predict
+//! what it has changed.
 
 use haff_neighbors::Geometry;
 
@@ -116,8 +117,9 @@ impl<S: Scheduler> Engine for S {
     }
 }
 
-/// [`run`], compiled as a whole for processors with 256-bit vectors. Rust neither fuses nor reorders floating-point operations by
-/// itself, so the bits are the same; only the filters in single precision use fused operations.
+/// [`run`], compiled as a whole for processors with 256-bit vectors. Rust neither fuses nor reorders
+/// floating-point operations by itself, so the bits are the same; only the filters in single precision use
+/// fused operations.
 #[cfg(target_arch = "x86_64")]
 #[target_feature(enable = "avx2,fma,bmi1,bmi2,lzcnt,popcnt")]
 fn run_avx2<S: Scheduler, const EVENTS: bool>(

@@ -1,5 +1,5 @@
-//! What a scene needs of the engine, as type parameters: each combination is compiled on its own, so that a scene pays only
-//! for what it has.
+//! What a scene needs of the engine, as type parameters: each combination is compiled on its own, so that a
+//! scene pays only for what it has.
 
 /// A combination of features.
 pub(crate) trait Features: Send + Sync + 'static {

@@ -22,8 +22,8 @@ pub(crate) fn value(total: &Total) -> DVec3 {
 
 /// Σ m a of gravity and of the walls that hold particles [force], and its impulse until a time.
 ///
-/// Both are compensated sums: a grain in a wedge rests and hops on for ten thousands of times while the impulse of all the others' weight
-/// grows, and each time would leave the rounding of that behind.
+/// Both are compensated sums: a grain in a wedge rests and hops on for ten thousands of times while the
+/// impulse of all the others' weight grows, and each time would leave the rounding of that behind.
 #[derive(Debug, Clone, Default)]
 pub(crate) struct Force {
     pub total: Total,

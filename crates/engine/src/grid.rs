@@ -1,5 +1,5 @@
-//! Grids of places, made afresh from where particles are, independent of what the engine tracks: one grid for every octave of
-//! radius, so that a few large bodies cost little.
+//! Grids of places, made afresh from where particles are, independent of what the engine tracks: one grid for
+//! every octave of radius, so that a few large bodies cost little.
 
 use std::{collections::BTreeSet, ops::Range};
 
@@ -9,8 +9,8 @@ use rayon::prelude::*;
 
 use crate::particles::{ClassData, World};
 
-/// Particles of one octave of radius, sorted by cell. Cells are at least a largest diameter, and the asked gap, wide; along axes that do not
-/// repeat the grid is folded onto itself.
+/// Particles of one octave of radius, sorted by cell. Cells are at least a largest diameter, and the asked
+/// gap, wide; along axes that do not repeat the grid is folded onto itself.
 pub(crate) struct Level {
     /// Cells per axis and per length.
     cells: [usize; 3],
@@ -22,8 +22,8 @@ pub(crate) struct Level {
     pub spheres: Vec<Coarse>,
 }
 
-/// A sphere in single precision, wrapped into the box, its radius last: who is not near needs no more, and a million of them find room in
-/// 16 MB.
+/// A sphere in single precision, wrapped into the box, its radius last: who is not near needs no more, and a
+/// million of them find room in 16 MB.
 pub(crate) type Coarse = Vec4;
 
 /// Widths of the widest cells that a slab is thick, at least.
@@ -80,7 +80,8 @@ impl Slabs {
     }
 }
 
-/// How wide cells are in which no pair of spheres of at most this radius is lost: one part in 10⁹ is for the rounding of coordinates.
+/// How wide cells are in which no pair of spheres of at most this radius is lost: one part in 10⁹ is for the
+/// rounding of coordinates.
 fn width(largest: f64, gap: f64) -> f64 {
     (2.0 * largest + gap) * (1.0 + 1e-9)
 }
@@ -163,8 +164,8 @@ impl Level {
         self.start[cell] as usize..self.start[cell + 1] as usize
     }
 
-    /// Calls `visit` with the places in `rows` of the particles of a cell and of those around it, as far as cells are not before
-    /// `first`: each particle once, cells in a row together.
+    /// Calls `visit` with the places in `rows` of the particles of a cell and of those around it, as far as
+    /// cells are not before `first`: each particle once, cells in a row together.
     #[inline]
     fn around(&self, cell: [usize; 3], first: usize, mut visit: impl FnMut(Range<usize>)) {
         let ((xs, nx), (ys, ny)) = (self.near(cell, 0), self.near(cell, 1));
@@ -192,7 +193,8 @@ impl Level {
         }
     }
 
-    /// A cell's coordinate along an axis and those next to it, and how many they are: of one or two cells all are near.
+    /// A cell's coordinate along an axis and those next to it, and how many they are: of one or two cells all
+    /// are near.
     #[inline]
     fn near(&self, cell: [usize; 3], axis: usize) -> ([usize; 3], usize) {
         let (at, cells) = (cell[axis], self.cells[axis]);
@@ -202,7 +204,8 @@ impl Level {
     }
 }
 
-/// As many cells per axis as fit, but at most `most` (≥ 1) in all: wider by the same factor along all axes that have several.
+/// As many cells per axis as fit, but at most `most` (≥ 1) in all: wider by the same factor along all axes
+/// that have several.
 fn no_more(mut fitting: [f64; 3], most: f64) -> [usize; 3] {
     loop {
         let count = fitting.iter().product::<f64>();
@@ -220,8 +223,8 @@ pub(crate) fn place(world: &World, i: u32) -> DVec3 {
     world.wrap(world.state(i, world.now).0).0
 }
 
-/// The grids of some particles, all or those that one of the `slabs` knows, for finding pairs whose surfaces are no further apart than `gap`; the
-/// smallest first.
+/// The grids of some particles, all or those that one of the `slabs` knows, for finding pairs whose surfaces
+/// are no further apart than `gap`; the smallest first.
 pub(crate) fn levels(
     world: &World,
     geometry: &Geometry,
@@ -241,8 +244,9 @@ pub(crate) fn levels(
     levels.collect()
 }
 
-/// Calls `visit` for each particle of a cell of the first level, told by its place in `rows`, with those of its own level that have not met it
-/// yet, and with those of greater levels: a pair of two levels is found from the smaller one.
+/// Calls `visit` for each particle of a cell of the first level, told by its place in `rows`, with those of
+/// its own level that have not met it yet, and with those of greater levels: a pair of two levels is found
+/// from the smaller one.
 #[inline]
 pub(crate) fn meet(
     world: &World,

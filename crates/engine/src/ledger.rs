@@ -1,6 +1,7 @@
 //! The balance of energies, T + V = T₀ + V₀ − Σ ΔT + Σ terms, by named terms.
 //!
-//! A new way in which energy comes or goes is one more [`Term`]: files, reports and Python take names and signs from here.
+//! A new way in which energy comes or goes is one more [`Term`]: files, reports and Python take names and
+//! signs from here.
 
 use crate::model::{System, WallLaw};
 
@@ -76,8 +77,8 @@ pub struct Ledger {
     pub carnot: f64,
     /// The other terms so far \[energy\], by [`Term`].
     pub terms: [f64; Term::ALL.len()],
-    /// T + V − (T₀ + V₀ − Σ ΔT + Σ sign · term), relative to the largest |term|. T counts here what the bounces of a completed
-    /// series that has not come to its end still have to lose.
+    /// T + V − (T₀ + V₀ − Σ ΔT + Σ sign · term), relative to the largest |term|. T counts here what the
+    /// bounces of a completed series that has not come to its end still have to lose.
     pub residual: f64,
 }
 

@@ -56,7 +56,8 @@ pub use model::{
 pub use observables::{Observable, Present, Quantity, observables};
 pub use overlap::{Overlap, allowed_overlap};
 pub use report::{
-    Checkpoint, Counters, EventColumn, EventKind, EventRecord, Frame, NOBODY, Observer, Sample, Silent, Stop,
+    Checkpoint, Counters, EventColumn, EventKind, EventRecord, Frame, NO_PARTNER, Observer, Sample, Silent,
+    Stop,
 };
 pub use simulation::{Simulation, Until};
 pub use thermal::ThermalWall;

@@ -1,5 +1,5 @@
-//! What is measured of a state: energies, temperatures, pressure, momenta, overlaps, the hash. Measuring streams copies
-//! of the particles to the present and leaves their anchors alone.
+//! What is measured of a state: energies, temperatures, pressure, momenta, overlaps, the hash. Measuring
+//! streams copies of the particles to the present and leaves their anchors alone.
 
 use std::collections::BTreeMap;
 
@@ -85,7 +85,8 @@ impl Totals {
 
 /// The balance of energies.
 ///
-/// A completed series of bounces books its loss at its end: until then the balance counts the energy of the bounces left out.
+/// A completed series of bounces books its loss at its end: until then the balance counts the energy of the
+/// bounces left out.
 pub(crate) fn ledger(totals: &Totals, book: &Book, pending: &BTreeMap<u32, Pending>) -> Ledger {
     let bounces: f64 = pending.values().map(|series| series.energy_loss).sum();
     let [kinetic, potential] = book.initial_energy;
@@ -121,7 +122,8 @@ pub(crate) fn sample(system: &System, of: &Species, state: &mut State, time: f64
             return [0.0; 2];
         }
         let (_, v) = world.state(i, world.now);
-        // m|v − V|² instead of |v − V|²: the same number for one mass, and zero a₂ for a mixture in equilibrium.
+        // m|v − V|² instead of |v − V|²: the same number for one mass, and zero a₂ for a mixture in
+        // equilibrium.
         let square = class.mass * (v - drift).length_squared();
         [square, square * square]
     });
@@ -154,8 +156,8 @@ pub(crate) fn sample(system: &System, of: &Species, state: &mut State, time: f64
             return f64::NAN;
         }
         let volume: f64 = (0..d as usize).map(|axis| system.domain.size[axis]).product();
-        // ∫ T dt: between events the kinetic energy is constant, so it is the final one plus what each event took,
-        // for the time before it; with gravity the ends are averaged instead.
+        // ∫ T dt: between events the kinetic energy is constant, so it is the final one plus what each event
+        // took, for the time before it; with gravity the ends are averaged instead.
         let mean_kinetic = if world.gravity == DVec3::ZERO {
             totals.kinetic + book.loss_moment.value() / span
         } else {
@@ -279,7 +281,8 @@ fn extent(world: &World, axis: usize) -> (f64, f64) {
         .reduce(|| (f64::INFINITY, f64::NEG_INFINITY), |a, b| (a.0.min(b.0), a.1.max(b.1)))
 }
 
-/// What the searches know of a state, in which particles at the density around the average one would fill the volume `filled` [length^d].
+/// What the searches know of a state, in which particles at the density around the average one would fill the
+/// volume `filled` [length^d].
 pub(crate) fn geometry(system: &System, world: &World, filled: f64) -> Geometry {
     use haff_neighbors::{Axis, Plane};
     let mut axes = system.domain.boundary.map(|boundary| match boundary {

@@ -152,7 +152,8 @@ pub enum NeighborChoice {
     Auto,
     /// A grid of cells at least one largest diameter wide.
     Cells,
-    /// Windows of time in which all pairs of a grid are tested at once: for gases in closed boxes, without gravity.
+    /// Windows of time in which all pairs of a grid are tested at once: for gases in closed boxes, without
+    /// gravity.
     Windows,
     /// Lists of those within a shell around each particle.
     Lists,

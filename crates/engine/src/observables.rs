@@ -1,5 +1,5 @@
-//! The observables by name. Recorder, reports, Python and documentation take them from this table: a new one is one more row, or one
-//! more [`Term`] of the balance of energies.
+//! The observables by name. Recorder, reports, Python and documentation take them from this table: a new one
+//! is one more row, or one more [`Term`] of the balance of energies.
 
 use glam::DVec3;
 

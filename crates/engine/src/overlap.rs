@@ -1,5 +1,5 @@
-//! The deepest overlap of all close pairs and of particles with walls, found with grids of its own, independent of what
-//! the engine tracks.
+//! The deepest overlap of all close pairs and of particles with walls, found with grids of its own,
+//! independent of what the engine tracks.
 
 use std::ops::Range;
 
@@ -19,8 +19,8 @@ const MANY: usize = 200_000;
 const SLABS: usize = 8;
 /// A pair further apart than this part beyond contact does not overlap, however squares are rounded.
 const ROUNDING: f64 = 1e-14;
-/// What places lose in single precision, in units of the largest coordinate or length, and what sums of radii lose of themselves: both
-/// several times what they can.
+/// What places lose in single precision, in units of the largest coordinate or length, and what sums of radii
+/// lose of themselves: both several times what they can.
 const COARSE: f32 = 1e-6;
 
 /// Largest overlap that a run goes on with [contact distances], …
@@ -28,8 +28,8 @@ const ALLOWED: f64 = 1e-12;
 /// … or this many roundings of the coordinates, or of the free path where that is longer, if that is more.
 const ROUNDINGS: f64 = 16.0;
 
-/// Largest overlap \[length\] that a run goes on with: of bodies whose contact distance is `sigma` \[length\] and whose
-/// largest coordinate, with the way since their last own events, is `reach` \[length\].
+/// Largest overlap \[length\] that a run goes on with: of bodies whose contact distance is `sigma` \[length\]
+/// and whose largest coordinate, with the way since their last own events, is `reach` \[length\].
 pub fn allowed_overlap(sigma: f64, reach: f64) -> f64 {
     f64::max(ALLOWED * sigma, ROUNDINGS * f64::EPSILON * reach)
 }
@@ -207,7 +207,8 @@ mod tests {
         ((z ^ (z >> 31)) >> 11) as f64 / (1_u64 << 53) as f64
     }
 
-    /// Spheres strewn at random, radii over `octaves` powers of two, some of infinite mass, and an oblique plane.
+    /// Spheres strewn at random, radii over `octaves` powers of two, some of infinite mass, and an oblique
+    /// plane.
     fn strewn(seed: u64, count: usize, octaves: f64) -> System {
         let mut state = seed;
         let kinds = [Boundary::Periodic, Boundary::Wall, Boundary::Open];

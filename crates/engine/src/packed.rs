@@ -1,8 +1,9 @@
 /*!
 Pair predictions for candidates that the search keeps as one slice.
 
-The same arithmetic as a gathered [`batch`](crate::batch), operation by operation, and the same bits: the records of
-four candidates are loaded and transposed in registers instead of being gathered one by one through memory.
+The same arithmetic as a gathered [`batch`](crate::batch), operation by operation, and the same bits: the
+records of four candidates are loaded and transposed in registers instead of being gathered one by one through
+memory.
 */
 
 use haff_neighbors::{Offsets, Packed};
@@ -60,7 +61,8 @@ fn bound(least: f64) -> f64 {
     least * (1.0 + 4.0 * f64::EPSILON) + 2.0
 }
 
-/// Predicts all candidates. `UNIFORM`: all have the owner's radius. `LATEST`: no anchor is later than the owner's.
+/// Predicts all candidates. `UNIFORM`: all have the owner's radius. `LATEST`: no anchor is later than the
+/// owner's.
 #[inline(always)]
 pub(crate) fn predict<const UNIFORM: bool, const LATEST: bool>(
     kernel: Kernel,
@@ -168,12 +170,13 @@ mod avx2 {
             let entries: [Packed; 4] = if let Some(group) = list[start..].first_chunk() {
                 *group
             } else {
-                // The last group is filled up with its first candidate, whose copies nobody looks at.
+                // The last group is filled up with its first candidate, whose copies are not read.
                 std::array::from_fn(|k| list[if start + k < list.len() { start + k } else { start }])
             };
             let records = entries.map(|entry| &particles[entry.id() as usize]);
             let pointers = records.map(|record| std::ptr::from_ref::<Particle>(record).cast::<f64>());
-            // SAFETY: a `Particle` is `repr(C)`: position, velocity, time, count and class, eight words together.
+            // SAFETY: a `Particle` is `repr(C)`: position, velocity, time, count and class, eight words
+            // together.
             let ((bx, by), (bz, vx), (vy, vz), (time, _)) = unsafe {
                 (columns(pointers, 0), columns(pointers, 1), columns(pointers, 2), columns(pointers, 3))
             };

@@ -82,8 +82,8 @@ pub(crate) struct World {
     pub clock: Clock,
     pub particles: Vec<Particle>,
     pub images: Vec<[i32; 3]>,
-    /// Radius, mass and group by class. Where grains are put to rest, the classes follow once more, with infinite mass: those
-    /// of particles that are held.
+    /// Radius, mass and group by class. Where grains are put to rest, the classes follow once more, with
+    /// infinite mass: those of particles that are held.
     pub classes: Vec<ClassData>,
     /// Number of classes of the system, without those of held particles.
     pub kinds: usize,
@@ -92,8 +92,9 @@ pub(crate) struct World {
     /// Particles of finite mass, and those of them that are held.
     pub movable: usize,
     pub held: usize,
-    /// Whether particles that have sunk into each other are put back: where gravity, sizes or masses can press them together.
-    /// What a scene has, not what an engine is compiled for, so that all engines do the same.
+    /// Whether particles that have sunk into each other are put back: where gravity, sizes or masses can
+    /// press them together. What a scene has, not what an engine is compiled for, so that all engines do the
+    /// same.
     pub puts_back: bool,
     pub walls: Vec<Wall>,
     /// Walls that particles rest on; empty as long as none ever has.
@@ -113,8 +114,8 @@ pub(crate) struct World {
     pub dimension: usize,
     /// Time of the latest event or stop [ticks].
     pub now: i64,
-    /// Longest flight so far along a periodic axis, where it was longer than the box [length]. What is at its end has been rounded
-    /// to a part of it, and so may particles be that have been moved by it.
+    /// Longest flight so far along a periodic axis, where it was longer than the box [length]. What is at its
+    /// end has been rounded to a part of it, and so may particles be that have been moved by it.
     pub longest_flight: f64,
     /// Particles that rest on walls.
     pub resting: usize,
@@ -218,7 +219,8 @@ impl World {
         self.particles[i as usize].class() >= self.kinds
     }
 
-    /// Puts particle i to rest where it is at `ticks`, or lets go of it. Velocity and support by walls are lost.
+    /// Puts particle i to rest where it is at `ticks`, or lets go of it. Velocity and support by walls are
+    /// lost.
     pub fn set_held(&mut self, i: u32, held: bool, ticks: i64) {
         let (position, _) = self.state(i, ticks);
         if self.particles[i as usize].rests() {
@@ -254,8 +256,8 @@ impl World {
         }
     }
 
-    /// Sizes of the coordinates of particle i at its last own event \[length\], or of its longest flight before: its position is
-    /// rounded to parts of them.
+    /// Sizes of the coordinates of particle i at its last own event \[length\], or of its longest flight
+    /// before: its position is rounded to parts of them.
     pub fn coordinates(&self, i: u32) -> DVec3 {
         self.particles[i as usize].position.abs().max(DVec3::splat(self.longest_flight))
     }
@@ -376,8 +378,8 @@ impl World {
         DVec3::from_array(r)
     }
 
-    /// Signed distance of a particle's surface from a wall, its rate and its acceleration, all along the wall's normal,
-    /// for a flight at `position`, `velocity` at `ticks`.
+    /// Signed distance of a particle's surface from a wall, its rate and its acceleration, all along the
+    /// wall's normal, for a flight at `position`, `velocity` at `ticks`.
     #[inline]
     pub fn wall_approach(
         &self,
@@ -416,8 +418,9 @@ impl World {
         Some(delay * self.clock.per_time)
     }
 
-    /// Whether a wall, at rest under gravity, is perpendicular to an axis. The coordinate of a contact with it is a number: bounces
-    /// return to the very level that they have set out from, and rounding takes and gives no energy.
+    /// Whether a wall, at rest under gravity, is perpendicular to an axis. The coordinate of a contact with
+    /// it is a number: bounces return to the very level that they have set out from, and rounding takes and
+    /// gives no energy.
     #[inline]
     pub fn is_level(&self, wall: u32) -> bool {
         let wall = &self.walls[wall as usize];
@@ -471,7 +474,8 @@ impl World {
             })
     }
 
-    /// Largest speed a particle may reach soon: the largest now, of bodies and walls, and what gravity can add.
+    /// Largest speed a particle may reach soon: the largest now, of bodies and walls, and what gravity can
+    /// add.
     pub fn largest_speed(&self, extent: f64) -> f64 {
         let fastest = (0..self.particles.len() as u32)
             .map(|i| self.state(i, self.now).1.length_squared())
@@ -497,8 +501,8 @@ impl World {
     }
 }
 
-/// The part of `gravity` that the walls with these inward normals do not take up: the vector nearest to it that points
-/// into none of them.
+/// The part of `gravity` that the walls with these inward normals do not take up: the vector nearest to it
+/// that points into none of them.
 pub(crate) fn supported(gravity: DVec3, normals: &(impl Iterator<Item = DVec3> + Clone)) -> DVec3 {
     let bound = -1e-12 * gravity.length();
     let mut best = DVec3::ZERO; // allowed by any walls
@@ -511,7 +515,8 @@ pub(crate) fn supported(gravity: DVec3, normals: &(impl Iterator<Item = DVec3> +
     offer(gravity);
     for (k, n) in normals.clone().enumerate() {
         let slide = gravity - n * gravity.dot(n);
-        // Once more: a tilted wall would leave as much as gravity is rounded by, and a grain at rest on it would fall into it.
+        // Once more: a tilted wall would leave as much as gravity is rounded by, and a grain at rest on it
+        // would fall into it.
         offer(slide - n * slide.dot(n));
         for m in normals.clone().skip(k + 1) {
             let edge = n.cross(m);

@@ -89,7 +89,8 @@ impl<K> Earliest<K> {
     }
 }
 
-/// Next event of particle i, predicted at the present; with the earliest physical one, if a crossing comes first.
+/// Next event of particle i, predicted at the present; with the earliest physical one, if a crossing comes
+/// first.
 #[inline(always)]
 pub(crate) fn predict<F: Features, S: Search>(
     world: &World,
@@ -268,11 +269,11 @@ fn strikes(world: &World, i: u32, j: u32) -> bool {
     world.is_held(i) != world.is_held(j) && (moves(i) || moves(j))
 }
 
-/// Time after which a pair that the pull takes apart has parted, if it touches and approaches no faster than the rounding of its velocities; else
-/// 0.
+/// Time after which a pair that the pull takes apart has parted, if it touches and approaches no faster than
+/// the rounding of its velocities; else 0.
 ///
-/// Whether such a pair is an ulp apart or an ulp too near is for rounding to say: its times, too, are rounded anew when the clock's tick changes, and a
-/// contact found only then would be in the past.
+/// Whether such a pair is an ulp apart or an ulp too near is for rounding to say: its times, too, are rounded
+/// anew when the clock's tick changes, and a contact found only then would be in the past.
 #[inline]
 fn part_by_pull(r: DVec3, v: DVec3, pull: DVec3, sigma: f64, speed: f64) -> f64 {
     let outward = v.length_squared() + r.dot(pull);
@@ -289,7 +290,8 @@ fn part_by_pull(r: DVec3, v: DVec3, pull: DVec3, sigma: f64, speed: f64) -> f64 
     if speed * time <= PARTED * sigma { time } else { 0.0 }
 }
 
-/// Whether bodies cannot touch within a time, and a little more, as far as their relative speed and acceleration go.
+/// Whether bodies cannot touch within a time, and a little more, as far as their relative speed and
+/// acceleration go.
 #[inline]
 fn is_beyond(r: DVec3, v: DVec3, a: DVec3, sigma: f64, time: f64) -> bool {
     let way = (v.length() + 0.5 * a.length() * time) * time;
@@ -355,7 +357,8 @@ fn flush<F: Features>(world: &World, i: u32, scratch: &mut Scratch, earliest: &m
     batch.len = 0;
 }
 
-/// Offers the earliest contact of particle i, movable and without acceleration, with the candidates of a list.
+/// Offers the earliest contact of particle i, movable and without acceleration, with the candidates of a
+/// list.
 #[inline(always)]
 fn meet_packed<F: Features>(
     world: &World,
@@ -438,8 +441,8 @@ const PARTED: f64 = 1e-13;
 /// A pair closer than this, relative to σ², touches as far as positions can tell.
 pub(crate) const TOUCHING: f64 = 64.0 * f64::EPSILON;
 
-/// Whether a contact is only the echo of an impact with e = 0: the pair touches, and approaches no faster than the
-/// rounding of its velocities.
+/// Whether a contact is only the echo of an impact with e = 0: the pair touches, and approaches no faster
+/// than the rounding of its velocities.
 #[inline]
 fn is_echo<F: Features>(world: &World, i: u32, batch: &Batch, k: usize) -> bool {
     let vector = |a: &[[f64; LANES]; 3]| DVec3::new(a[0][k], a[1][k], a[2][k]);

@@ -1,16 +1,16 @@
 /*!
 The calendar of a scheduler in which every particle has exactly one valid entry, its earliest event.
 
-An entry is invalidated by an event of its own particle, and dropped. After an event of its partner its particle is
-predicted again. So each valid entry leaves exactly one successor.
+An entry is invalidated by an event of its own particle, and dropped. After an event of its partner its
+particle is predicted again. So each valid entry leaves exactly one successor.
 */
 
 use haff_calendar::{Calendar, Ladder};
 
 use crate::{entry::Entry, features::Features, particles::World, state::State};
 
-/// Entries per particle in the long run, invalidated ones included. A calendar made for less has to be made anew, which for a
-/// moment takes twice the memory.
+/// Entries per particle in the long run, invalidated ones included. A calendar made for less has to be made
+/// anew, which for a moment takes twice the memory.
 const ENTRIES: f64 = 1.75;
 
 /// Predicts for a [`Queue`].
@@ -33,7 +33,8 @@ pub(crate) struct Queue<K> {
 }
 
 impl<K> Queue<K> {
-    /// An empty queue, of which the entries up to `ahead` from the next can be [prefetched](Predictor::prefetch).
+    /// An empty queue, of which the entries up to `ahead` from the next can be
+    /// [prefetched](Predictor::prefetch).
     pub fn new(particles: usize, ahead: usize) -> Self {
         let mut calendar = Ladder::with_capacity(particles);
         calendar.keep_sorted(ahead + 1);
@@ -49,7 +50,8 @@ impl<K> Queue<K> {
         self.calendar.is_empty() && self.ties.is_empty()
     }
 
-    /// Lays the calendar out for the events of `particles`, of which these are some; nothing may have been entered.
+    /// Lays the calendar out for the events of `particles`, of which these are some; nothing may have been
+    /// entered.
     pub fn prepare(&mut self, some: &[Entry<K>], particles: usize) {
         let events: Vec<Entry<K>> = some.iter().copied().filter(|entry| entry.time < i64::MAX).collect();
         self.calendar.prepare(&events, (ENTRIES * particles as f64) as usize);
@@ -89,8 +91,9 @@ impl<K> Queue<K> {
             if let Some(next) = self.calendar.peek()
                 && next.time == entry.time
             {
-                // Usually the partner's entry for the same collision, and nothing else. The collision will invalidate it, unless
-                // the partner is a body of infinite mass, whose entry must leave its successor.
+                // Usually the partner's entry for the same collision, and nothing else. The collision will
+                // invalidate it, unless the partner is a body of infinite mass, whose entry must leave its
+                // successor.
                 let movable = |i: u32| P::Features::UNIFORM || state.world.class(i).inverse_mass != 0.0;
                 if next.mirrors(&entry) && movable(entry.owner) && movable(next.owner) {
                     self.calendar.pop_until(limit);
@@ -110,8 +113,8 @@ impl<K> Queue<K> {
         }
     }
 
-    /// Of several entries at one tick, the first in rank. Those whose partner has had another event are predicted again before, so
-    /// that the first does not depend on the order of predictions.
+    /// Of several entries at one tick, the first in rank. Those whose partner has had another event are
+    /// predicted again before, so that the first does not depend on the order of predictions.
     #[cold]
     fn next_tie<P: Predictor<Kind = K>>(
         &mut self,

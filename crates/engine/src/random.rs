@@ -1,4 +1,5 @@
-//! Random numbers as hashes of (seed, particle, its event count): every search, thread count and resumed run draws the same.
+//! Random numbers as hashes of (seed, particle, its event count): every search, thread count and resumed run
+//! draws the same.
 
 use std::f64::consts::TAU;
 

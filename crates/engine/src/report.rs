@@ -12,8 +12,8 @@ pub enum EventKind {
     Collision = 0,
     /// A particle and a wall.
     Wall = 1,
-    /// A particle comes to rest: at the end of a completed (Zeno) series of bounces, on the wall, or slow and supported, where it
-    /// is.
+    /// A particle comes to rest: at the end of a completed (Zeno) series of bounces, on the wall, or slow and
+    /// supported, where it is.
     Rest = 2,
     /// A pendulum's string goes slack: bob and pendulum.
     Slack = 3,
@@ -59,8 +59,8 @@ impl EventKind {
     }
 }
 
-/// Stands for no wall in [`EventRecord::j`].
-pub const NOBODY: u32 = u32::MAX;
+/// Stands for no partner in [`EventRecord::j`].
+pub const NO_PARTNER: u32 = u32::MAX;
 
 /// One row of the event log.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -71,8 +71,8 @@ pub struct EventRecord {
     pub kind: EventKind,
     /// Particle row.
     pub i: u32,
-    /// Partner's row (> `i`), or the wall's or pendulum's index; [`NOBODY`] for a particle that is put to rest and touches no
-    /// wall.
+    /// Partner's row (> `i`), or the wall's or pendulum's index; [`NO_PARTNER`] for a particle that is put to
+    /// rest and touches no wall.
     pub j: u32,
     /// v_n = (w_i − w_j)·n > 0 [length/time].
     pub approach_speed: f64,
@@ -263,7 +263,8 @@ pub struct Checkpoint {
     pub image: Vec<[i32; 3]>,
     /// Own-collision counters.
     pub count: Vec<u32>,
-    /// Walls a particle rests on, as digits that are their numbers plus one, and flags of what holds it; 0 if it flies.
+    /// Walls a particle rests on, as digits that are their numbers plus one, and flags of what holds it; 0 if
+    /// it flies.
     pub resting: Vec<u32>,
     /// Scalars as (name, bits): clock, sums, counters. Names are stable; unknown ones are an error.
     pub scalars: Vec<(String, u64)>,

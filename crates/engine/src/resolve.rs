@@ -18,15 +18,17 @@ use crate::{
     wall_law::WallContact,
 };
 
-/// A series of bounces is completed in closed form once the next one would rise by less than this part of the radius:
-/// far below what a coordinate resolves at the size of a system, and far above what rounding does to a bounce.
+/// A series of bounces is completed in closed form once the next one would rise by less than this part of the
+/// radius: far below what a coordinate resolves at the size of a system, and far above what rounding does to
+/// a bounce.
 const REST_HEIGHT: f64 = 1e-13;
 /// A series that ends with a plastic impact.
 const LAST: Bounces = Bounces { speeds: 1.0, squares: 1.0 };
 /// A velocity along the normal of a supporting wall below this part of the speed is rounding, not motion.
 const SUPPORT_NOISE: f64 = 8.0 * f64::EPSILON;
 
-/// A grain that has sunk into a wall or a body that cannot give way, by more than this part of its coordinates, is put back.
+/// A grain that has sunk into a wall or a body that cannot give way, by more than this part of its
+/// coordinates, is put back.
 const SUNK: f64 = 2.0 * f64::EPSILON;
 
 /// Restitution of a contact now, or 1 within the contact duration of the TC model.
@@ -54,12 +56,12 @@ fn coefficient<F: Features>(
     law.coefficient(speed)
 }
 
-/// How far a grain has to be put back that is `depth` deep in what it bounces on: not at all, unless that is more than coordinates of
-/// this size resolve.
+/// How far a grain has to be put back that is `depth` deep in what it bounces on: not at all, unless that is
+/// more than coordinates of this size resolve.
 ///
-/// A bounce under gravity returns to the level that it has set out from, and like bounces are rounded the same way each time: a million
-/// of them would be a million roundings deep. What sinking has taken of the potential energy, this gives back. In a wedge there are as
-/// many without gravity, and ever shorter ones.
+/// A bounce under gravity returns to the level that it has set out from, and like bounces are rounded the
+/// same way each time: a million of them would be a million roundings deep. What sinking has taken of the
+/// potential energy, this gives back. In a wedge there are as many without gravity, and ever shorter ones.
 #[inline(always)]
 fn sunk(depth: f64, coordinates: DVec3, reach: f64) -> f64 {
     if depth > SUNK * (coordinates.max_element() + reach) { depth } else { 0.0 }
@@ -83,8 +85,8 @@ fn state_at_event<F: Features>(world: &World, i: u32, time: i64) -> (DVec3, DVec
     )
 }
 
-/// Stops where bodies are `depth` deep in each other, with the contact distance `sigma` and these coordinates, and that is more than
-/// rounding.
+/// Stops where bodies are `depth` deep in each other, with the contact distance `sigma` and these
+/// coordinates, and that is more than rounding.
 #[cold]
 fn check_depth(
     world: &World,
@@ -116,7 +118,8 @@ pub(crate) fn anchor(
     Err(EngineError::Overflow { time: world.clock.time(time), i, velocity: velocity.to_array() })
 }
 
-/// The impact of two bodies whose law says `e`, and who part at the speed `parting`. `r` points from the first to the second.
+/// The impact of two bodies whose law says `e`, and who part at the speed `parting`. `r` points from the
+/// first to the second.
 fn meet(
     [wi, wj]: [DVec3; 2],
     inverse: [f64; 2],
@@ -125,7 +128,8 @@ fn meet(
     speed: f64,
     parting: f64,
 ) -> (DVec3, DVec3, Impact) {
-    // Rounding may have bodies meet that no longer approach: then even e · speed is more than their speed, and would pull.
+    // Rounding may have bodies meet that no longer approach: then even e · speed is more than their speed,
+    // and would pull.
     if parting > speed.max(0.0) {
         return rest::push_apart(inverse, [wi, wj], r.normalize(), speed, parting);
     }
@@ -156,7 +160,7 @@ pub(crate) fn collision<F: Features, const EVENTS: bool>(
     time: i64,
     observer: &mut dyn Observer,
 ) -> Result<(), EngineError> {
-    // The lesser first, so that the bits do not depend on who predicted whom.
+    // The lesser first, so that the bits do not depend on which of the two was predicted.
     let (i, j) = (i.min(j), i.max(j));
     if F::GRAVITY {
         end_of_bounces_early::<EVENTS>(state, i, time, observer);
@@ -175,10 +179,12 @@ pub(crate) fn collision<F: Features, const EVENTS: bool>(
         if depth > 0.0 {
             let places = ri.abs().max(rj.abs()).max(world.coordinates(i)).max(world.coordinates(j));
             check_depth(world, depth, sigma, places, (i, Some(j)), time)?;
-            // By halves, whatever the masses: a light grain that a heavy one presses against a wall cannot move the heavy
-            // one by its share of their momentum, and would be pressed into the wall ever deeper.
+            // By halves, whatever the masses: a light grain that a heavy one presses against a wall cannot
+            // move the heavy one by its share of their momentum, and would be pressed into the wall ever
+            // deeper.
             let [back, on] = match (a.inverse_mass == 0.0, b.inverse_mass == 0.0) {
-                // Where grains are put to rest, `unwedge` stops jams; putting back ended a heap of the tests in a collapse.
+                // Where grains are put to rest, `unwedge` stops jams; putting back ended a heap of the tests
+                // in a collapse.
                 (false, false) if F::REST => [0.0; 2],
                 (false, false) => [0.5 * depth; 2],
                 (false, true) => [depth, 0.0],
@@ -199,7 +205,8 @@ pub(crate) fn collision<F: Features, const EVENTS: bool>(
     } else {
         resolve_contact(wi, wj, a.inverse_mass, b.inverse_mass, r, e)
     };
-    // A body of infinite mass keeps its anchor: its flight has not changed, and neither have predictions with it.
+    // A body of infinite mass keeps its anchor: its flight has not changed, and neither have predictions with
+    // it.
     if a.inverse_mass != 0.0 {
         anchor(world, i, ri, ui, time)?;
     }
@@ -319,17 +326,19 @@ pub(crate) fn bounce<F: Features, const EVENTS: bool>(
     Ok(())
 }
 
-/// Completes the series of bounces of particle i on a wall if it is over but for its tail, which is still to be booked.
+/// Completes the series of bounces of particle i on a wall if it is over but for its tail, which is still to
+/// be booked.
 ///
-/// From the outgoing speed u under the pull a towards the wall, bounces follow at u, eu, e²u, … and take 2u/a,
-/// 2eu/a, …: together 2u/(a(1 − e)). Their impulses add up to (1 + e) m u/(1 − e), their losses to all that is left,
-/// ½ m u², and their Carnot energies to ½ m u² (1 + e)/(1 − e). Where e depends on the speed, v₀ = u, v₁ = e(v₀) v₀, …, the sums
-/// are 2 Σ vₖ/a, m (2 Σ vₖ − u), ½ m u² and ½ m Σ (vₖ + vₖ₊₁)². Where e tends to 1 so soon that bounces never end, the next one is
-/// the last: the tick of no clock could tell what would follow.
+/// From the outgoing speed u under the pull a towards the wall, bounces follow at u, eu, e²u, … and take
+/// 2u/a, 2eu/a, …: together 2u/(a(1 − e)). Their impulses add up to (1 + e) m u/(1 − e), their losses to all
+/// that is left, ½ m u², and their Carnot energies to ½ m u² (1 + e)/(1 − e). Where e depends on the speed,
+/// v₀ = u, v₁ = e(v₀) v₀, …, the sums are 2 Σ vₖ/a, m (2 Σ vₖ − u), ½ m u² and ½ m Σ (vₖ + vₖ₊₁)². Where e
+/// tends to 1 so soon that bounces never end, the next one is the last: the tick of no clock could tell what
+/// would follow.
 ///
-/// A particle that slides along other walls into this one is thrown off those by the bounce, falls back on them, and so
-/// on: that series is complete when it is over as seen along the slide. `before` is the support and acceleration of
-/// the slide.
+/// A particle that slides along other walls into this one is thrown off those by the bounce, falls back on
+/// them, and so on: that series is complete when it is over as seen along the slide. `before` is the support
+/// and acceleration of the slide.
 fn come_to_rest(
     state: &mut State,
     i: u32,
@@ -377,16 +386,17 @@ fn come_to_rest(
         energy_loss: energy,
         carnot_energy: energy * bounces.squares,
     };
-    // From here on the support balances gravity; what the tail does beyond that is to take the last of the velocity.
+    // From here on the support balances gravity; what the tail does beyond that is to take the last of the
+    // velocity.
     state.book.add_impulse(lost * -class.mass);
     Some(rest)
 }
 
-/// Whether the next bounce, from the outgoing speed `u` under the `pull` towards the wall, takes no more energy than
-/// half an ulp of the velocity and of coordinates up to `reach` are worth.
+/// Whether the next bounce, from the outgoing speed `u` under the `pull` towards the wall, takes no more
+/// energy than half an ulp of the velocity and of coordinates up to `reach` are worth.
 ///
-/// A law that tends to 1 at low speed takes ever less. Further bounces would then be as high as rounding makes them, and
-/// never end.
+/// A law that tends to 1 at low speed takes ever less. Further bounces would then be as high as rounding
+/// makes them, and never end.
 fn is_rounding_of_bounces(law: &Restitution, u: f64, pull: f64, velocity: DVec3, reach: f64) -> bool {
     let e = law.coefficient(u);
     (1.0 - e) * (1.0 + e) * u * u <= f64::EPSILON * (pull * reach + u * velocity.abs().max_element())
@@ -409,8 +419,8 @@ fn along(velocity: DVec3, mut normals: impl Iterator<Item = DVec3>) -> DVec3 {
     }
 }
 
-/// Lets go of the supporting walls that particle i now moves away from, or into: it flies again. Those that keep it push back what
-/// rounding has left of its speed towards them.
+/// Lets go of the supporting walls that particle i now moves away from, or into: it flies again. Those that
+/// keep it push back what rounding has left of its speed towards them.
 pub(crate) fn keep_support(state: &mut State, i: u32, time: i64) {
     let world = &mut state.world;
     if !world.particles[i as usize].rests() {
@@ -502,7 +512,8 @@ pub(crate) fn row(
 mod tests {
     use super::*;
 
-    /// Rounding may bring bodies to their contact when they already part: the law of rest must not pull them back.
+    /// Rounding may bring bodies to their contact when they already part: the law of rest must not pull them
+    /// back.
     #[test]
     fn bodies_that_part_are_not_pulled_together() {
         let e = 0.5;

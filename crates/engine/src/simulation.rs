@@ -67,8 +67,8 @@ pub struct Simulation {
 impl Simulation {
     /// Starts a simulation at time 0.
     ///
-    /// The system must be valid: masses and radii positive, no overlaps, particles inside their walls, the velocities
-    /// finite, gravity zero along periodic axes.
+    /// The system must be valid: masses and radii positive, no overlaps, particles inside their walls, the
+    /// velocities finite, gravity zero along periodic axes.
     pub fn new(system: System, options: Options) -> Result<Self, EngineError> {
         let mut world = World::new(&system, 0);
         let extent = world.extent(open_axes(&system));
@@ -196,8 +196,8 @@ impl Simulation {
                         return Ok(Stop::Time);
                     }
                     self.next_epoch();
-                    // A long flight without events must not keep the caller waiting: an epoch counts as an entry for each
-                    // particle.
+                    // A long flight without events must not keep the caller waiting: an epoch counts as an
+                    // entry for each particle.
                     entries = entries.saturating_sub(1 + self.particles() as u64);
                 }
                 Pause::Collisions => {
@@ -271,8 +271,9 @@ impl Simulation {
                 world.particles[i as usize].time -= EPOCH;
                 continue;
             }
-            // The anchor moves along its own flight, to the last new tick before where it was, but no further back
-            // than `ANCHOR_AGE`: what has happened to it lately (the TC model asks) stays as long ago as it was.
+            // The anchor moves along its own flight, to the last new tick before where it was, but no further
+            // back than `ANCHOR_AGE`: what has happened to it lately (the TC model asks) stays as long ago as
+            // it was.
             let clock = if retune { old.with_exponent(exponent) } else { old };
             let ticks = (age as f64 * (old.tick / clock.tick)).min(ANCHOR_AGE as f64).floor();
             let ahead = age as f64 * old.tick - ticks * clock.tick;
@@ -341,7 +342,8 @@ impl Simulation {
     }
 
     /// Finds the deepest overlap now over all close pairs and walls, and keeps the largest for
-    /// [`Self::max_overlap`]. An error, if it is more than rounding (see [`allowed_overlap`](crate::allowed_overlap)).
+    /// [`Self::max_overlap`]. An error, if it is more than rounding (see
+    /// [`allowed_overlap`](crate::allowed_overlap)).
     pub fn measure_overlap(&mut self) -> Result<Overlap, EngineError> {
         let found = overlap::deepest(&self.state.world, &self.geometry);
         self.state.book.max_overlap = self.state.book.max_overlap.max(found.deepest.depth);
@@ -378,7 +380,8 @@ impl Simulation {
         self.choice.neighbors
     }
 
-    /// Reverses every velocity: an elastic system without driven bodies retraces its path. Anchors are set to now.
+    /// Reverses every velocity: an elastic system without driven bodies retraces its path. Anchors are set to
+    /// now.
     pub fn reverse(&mut self) {
         let world = &mut self.state.world;
         for i in 0..world.particles.len() as u32 {
@@ -389,8 +392,8 @@ impl Simulation {
         self.rebuild();
     }
 
-    /// Checks what must always hold and what the engine itself does not look at: finite velocities, no overlap beyond
-    /// `tolerance` [contact distances], a closed ledger.
+    /// Checks what must always hold and what the engine itself does not look at: finite velocities, no
+    /// overlap beyond `tolerance` [contact distances], a closed ledger.
     pub fn validate(&mut self, tolerance: f64) -> Result<(), EngineError> {
         let time = self.time();
         let frame = self.frame();

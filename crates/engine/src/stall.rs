@@ -14,8 +14,9 @@ const EVENTS_PER_PARTICLE: u64 = 10;
 /// Of so many events after that the participants are noted.
 const NOTED: u64 = 10_000;
 
-/// The run of events in progress. Only collisions, wall collisions and ends of rests count, which all engines have in
-/// common; checkpoints keep it. So a collapse is reported at the same event by every engine and after every resume.
+/// The run of events in progress. Only collisions, wall collisions and ends of rests count, which all engines
+/// have in common; checkpoints keep it. So a collapse is reported at the same event by every engine and after
+/// every resume.
 #[derive(Debug, Clone, PartialEq)]
 pub(crate) struct Stall {
     /// When it began \[ticks\], and events since then.

@@ -1,8 +1,9 @@
-//! Thermal walls: particles leave with velocities drawn from a Maxwell distribution at the wall's temperature.
+//! Thermal walls: particles leave with velocities drawn from a Maxwell distribution at the wall's
+//! temperature.
 //!
-//! Relative to the wall, the normal component has the density p(v) = (m v/T) exp(−m v²/2T) of the flux, hence is √(−2 T ln u/m) of
-//! a uniform number u, and each tangential component is Gaussian of variance T/m. Detailed balance then holds, so that a gas in
-//! contact with such walls alone comes to equilibrium at T.
+//! Relative to the wall, the normal component has the density p(v) = (m v/T) exp(−m v²/2T) of the flux, hence
+//! is √(−2 T ln u/m) of a uniform number u, and each tangential component is Gaussian of variance T/m.
+//! Detailed balance then holds, so that a gas in contact with such walls alone comes to equilibrium at T.
 
 use glam::DVec3;
 use haff_mechanics::{Impact, Restitution};
@@ -49,7 +50,8 @@ impl ThermalWall {
         Some(contact.wall_velocity + (tangential - n * normal) * spread)
     }
 
-    /// Resolves a thermal reflection with this `velocity` after it. What is not work of a moving wall is heat.
+    /// Resolves a thermal reflection with this `velocity` after it. What is not work of a moving wall is
+    /// heat.
     pub(crate) fn reflect<const EVENTS: bool>(
         state: &mut State,
         contact: &WallContact,

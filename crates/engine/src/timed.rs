@@ -1,10 +1,12 @@
-//! Actions at stated times: settling scans, thermostats, whatever acts on the particles other than by their events.
+//! Actions at stated times: settling scans, thermostats, whatever acts on the particles other than by their
+//! events.
 
 use haff_neighbors::Geometry;
 
 use crate::{error::EngineError, report::Observer, state::State};
 
-/// An action at stated times. The event loop runs up to the earliest one, and every scheduler predicts again what it has changed.
+/// An action at stated times. The event loop runs up to the earliest one, and every scheduler predicts again
+/// what it has changed.
 pub(crate) trait TimedAction: Send {
     /// When the action is due next \[ticks\]; `i64::MAX` for never.
     fn next(&self, state: &State) -> i64;

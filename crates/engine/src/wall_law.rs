@@ -12,7 +12,8 @@ use crate::{
 /// What happens to a particle that touches a wall.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum WallLaw {
-    /// The normal component of the relative velocity is reversed and multiplied by the coefficient of restitution.
+    /// The normal component of the relative velocity is reversed and multiplied by the coefficient of
+    /// restitution.
     Restitution(Restitution),
     /// The particle leaves with a velocity drawn at the temperature of the wall.
     Thermal(ThermalWall),

@@ -46,8 +46,9 @@ impl WallMotion {
         }
     }
 
-    /// Time until a body touches the wall that is at this `distance` \[length\] from it, with this `rate` of change
-    /// [length/time] and relative acceleration `pull` [length/time²], both along the normal; `None` if it never does.
+    /// Time until a body touches the wall that is at this `distance` \[length\] from it, with this `rate` of
+    /// change [length/time] and relative acceleration `pull` [length/time²], both along the normal; `None` if
+    /// it never does.
     #[inline]
     pub(crate) fn time_to_contact(&self, distance: f64, rate: f64, pull: f64) -> Option<f64> {
         match self {

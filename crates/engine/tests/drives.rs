@@ -1,4 +1,5 @@
-//! Drives: the temperatures that they keep, the same bits with every search and after every resumption, and the balance of energies.
+//! Drives: the temperatures that they keep, the same bits with every search and after every resumption, and
+//! the balance of energies.
 
 mod common;
 
@@ -89,8 +90,8 @@ fn rescaling_sets_the_temperature_and_keeps_the_momentum() {
     assert!((simulation.sample().species_temperature[1] / before - 1.0).abs() < 0.2);
 }
 
-/// Velocities of an Andersen gas are Maxwellian: kinetic energies of N particles in one state have the mean d/2 T and the variance
-/// d/2 T², so their mean over independent states has a known error.
+/// Velocities of an Andersen gas are Maxwellian: kinetic energies of N particles in one state have the mean
+/// d/2 T and the variance d/2 T², so their mean over independent states has a known error.
 #[test]
 fn an_andersen_gas_has_the_maxwell_distribution_of_its_temperature() {
     let (count, temperature) = (400, 2.5);

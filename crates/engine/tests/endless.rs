@@ -1,4 +1,5 @@
-//! What goes on without end: bounces that lose ever less, grains pressed together, collapses. Each ends, or stays exact.
+//! What goes on without end: bounces that lose ever less, grains pressed together, collapses. Each ends, or
+//! stays exact.
 
 mod common;
 
@@ -58,7 +59,8 @@ fn the_ledger_of_like_bounces_walks_at_random() {
     for seed in 0..20 {
         let mut random = Random(seed);
         let mut scene = system(Dimension::Three, DVec3::splat(10.0), [Boundary::Open; 3]);
-        // Along a wall that moves, elastic within tc: hops as short as tc, which carry the grain along for ever.
+        // Along a wall that moves, elastic within tc: hops as short as tc, which carry the grain along for
+        // ever.
         let normal = DVec3::new(random.uniform(-0.2, 0.2), random.uniform(-0.2, 0.2), 1.0).normalize();
         scene.walls.push(Wall {
             name: "floor".into(),
@@ -79,8 +81,9 @@ fn the_ledger_of_like_bounces_walks_at_random() {
         worst = worst.max(simulation.ledger().residual.abs() / (f64::EPSILON * bounces.sqrt()));
     }
     println!("worst residual: {worst:.2} ε √n");
-    // Half an ulp of a component v of the velocity is worth at most ε m v²/2, and 0.3 ulp is the root mean square of its rounding:
-    // some ε T in a bounce, which rounds twice, and less of places. The largest of 20 walks is twice its root mean square.
+    // Half an ulp of a component v of the velocity is worth at most ε m v²/2, and 0.3 ulp is the root mean
+    // square of its rounding: some ε T in a bounce, which rounds twice, and less of places. The largest of 20
+    // walks is twice its root mean square.
     assert!(worst < 3.0, "{worst} ε √n");
 }
 

@@ -277,12 +277,14 @@ fn a_reversed_elastic_fluid_retraces_its_path() {
         println!("{per_particle} collisions a particle: returns to within {error:.1e} σ");
         errors.push(error);
     }
-    // Errors grow by a factor of about 3 to 10 a collision (λ ≈ 1–2 a collision), from 1e-16 and twice the way.
+    // Errors grow by a factor of about 3 to 10 a collision (λ ≈ 1–2 a collision), from 1e-16 and twice the
+    // way.
     assert!(errors[0] < 1e-11 && errors[3] < 1e-3, "{errors:?}");
     assert!(errors[0] > 0.0 && errors[3] > errors[0], "{errors:?}");
 }
 
-/// Rounding lets the energy of an elastic gas walk at random: with a unit normal it would rise by 1.4 ε T a collision.
+/// Rounding lets the energy of an elastic gas walk at random: with a unit normal it would rise by 1.4 ε T a
+/// collision.
 #[test]
 fn rounding_neither_heats_nor_cools_an_elastic_gas() {
     let mut random = Random(12);
@@ -354,8 +356,9 @@ fn the_tc_model_makes_repeated_contacts_elastic() {
     }
 }
 
-/// Rounding errs the same way in bounces that are alike. Walls, level or tilted, at rest or moving, a corner of walls, and a driven
-/// sphere: a grain that bounces on them for ever, on its own or within the contact duration, never sinks into them.
+/// Rounding errs the same way in bounces that are alike. Walls, level or tilted, at rest or moving, a corner
+/// of walls, and a driven sphere: a grain that bounces on them for ever, on its own or within the contact
+/// duration, never sinks into them.
 #[test]
 fn bounces_without_end_do_not_sink() {
     let mut random = Random(5);
@@ -419,8 +422,8 @@ fn bounces_without_end_do_not_sink() {
     }
 }
 
-/// Where gravity is all but along a tilted normal, it is its rounding that slides a ball that has come to rest, or lets it fall into the
-/// floor.
+/// Where gravity is all but along a tilted normal, it is its rounding that slides a ball that has come to
+/// rest, or lets it fall into the floor.
 #[test]
 fn a_ball_at_rest_on_a_tilted_plane_stays_on_it() {
     for slope in [0.0, 1e-3] {
@@ -444,7 +447,8 @@ fn a_ball_at_rest_on_a_tilted_plane_stays_on_it() {
     }
 }
 
-/// One ball above another on a floor, not put to rest: between them and the floor, infinitely many impacts in finite time.
+/// One ball above another on a floor, not put to rest: between them and the floor, infinitely many impacts in
+/// finite time.
 #[test]
 fn an_inelastic_collapse_is_reported_not_endured() {
     let mut scene = bouncing_ball(0.5, 0.5, 1.0, 0.3);

@@ -1,5 +1,6 @@
-//! Nothing aborts, and nothing is missed, where cells, lists and buckets hold far more than they were made for: crystals next to
-//! close packing, sizes of many kinds in one cell, thousands of particles in a corner of a huge box.
+//! Nothing aborts, and nothing is missed, where cells, lists and buckets hold far more than they were made
+//! for: crystals next to close packing, sizes of many kinds in one cell, thousands of particles in a corner
+//! of a huge box.
 
 mod common;
 
@@ -70,8 +71,8 @@ fn crystals_next_to_close_packing_run_alike_by_every_search() {
     assert_same("φ = 0.70, all pairs", &crystal(4, 0.70, 3), &choices, 2000);
 }
 
-/// Radii from 0.5 to 0.5 · `ratio`, three of the largest and most near the least: a cell as wide as the large ones holds hundreds
-/// of the small.
+/// Radii from 0.5 to 0.5 · `ratio`, three of the largest and most near the least: a cell as wide as the large
+/// ones holds hundreds of the small.
 fn sizes(ratio: f64, count: usize, seed: u64) -> System {
     let mut random = Random(seed);
     let radii: Vec<f64> = (0..count)
@@ -118,7 +119,8 @@ fn crowd(boundary: [Boundary; 3], corner: DVec3) -> System {
     scene
 }
 
-/// Cells and windows have everybody in one cell or a few, and look at 10⁸ pairs to begin with; each runs once.
+/// Cells and windows have all particles in one cell or a few, and test 10⁸ pairs to begin with; each runs
+/// once.
 #[test]
 fn ten_thousand_particles_in_one_cell_run_alike_by_every_search() {
     let walls = DVec3::splat(1.0);

@@ -1,8 +1,8 @@
-//! Random scenes with all features mixed: every engine gives the events of the plain search through all pairs, one by one, and what
-//! physics keeps is kept.
+//! Random scenes with all features mixed: every engine gives the events of the plain search through all
+//! pairs, one by one, and what physics keeps is kept.
 //!
-//! A thousand scenes in every test run; `HAFF_SCENES=100000 cargo test --release -p haff-engine --test properties` as many as wanted,
-//! others with another `HAFF_SEED`.
+//! A thousand scenes in every test run; `HAFF_SCENES=100000 cargo test --release -p haff-engine --test
+//! properties` as many as wanted, others with another `HAFF_SEED`.
 
 mod common;
 mod replay;
@@ -17,7 +17,8 @@ use haff_mechanics::Restitution;
 use proptest::prelude::*;
 use proptest::test_runner::RngSeed;
 
-/// What a scene is made of; the rest follows from the seed. Simpler ones come first, so that a failure shrinks to few features.
+/// What a scene is made of; the rest follows from the seed. Simpler ones come first, so that a failure
+/// shrinks to few features.
 #[expect(clippy::struct_excessive_bools, reason = "features that are there or not")]
 #[derive(Debug, Clone)]
 struct Recipe {
@@ -220,7 +221,8 @@ impl Recipe {
     }
 }
 
-/// How a run ended; a slice that ends the work on scenes which bounce for ever ends elsewhere with each engine.
+/// How a run ended; a slice that ends the work on scenes which bounce for ever ends elsewhere with each
+/// engine.
 #[derive(Debug, PartialEq)]
 enum End {
     Stop(Stop),
@@ -262,7 +264,8 @@ fn squeezes(system: &System) -> bool {
     velocities.into_iter().any(|velocity| velocity != DVec3::ZERO)
 }
 
-/// The walk of the energy stays below this many times its root mean square, of which what is rounded is a bound.
+/// The walk of the energy stays below this many times its root mean square, of which what is rounded is a
+/// bound.
 const WALK: f64 = 4.0;
 
 /// What physics keeps, from a run of the plain search.
@@ -293,7 +296,8 @@ fn keeps_its_laws(
             _ => -event.energy_loss,
         };
         let rounding = match event.kind {
-            // A grain that slides along an oblique wall comes to rest on it with the rounding of its velocity.
+            // A grain that slides along an oblique wall comes to rest on it with the rounding of its
+            // velocity.
             EventKind::Rest => 1e-14 * mass(event.i) * fastest * fastest,
             // What gravity presses together hops, slower than what is put to rest.
             EventKind::Wall => 0.5 * mass(event.i) * system.contacts.rest_speed.powi(2),
@@ -309,7 +313,8 @@ fn keeps_its_laws(
     // Only a run that has reported it may end with one.
     prop_assert!(overlap.is_ok() || reported, "{}", overlap.unwrap_err());
     let sample = simulation.sample();
-    // Who falls is faster in between than before and after: no faster than in a free fall of that time, or through the box.
+    // Who falls is faster in between than before and after: no faster than in a free fall of that time, or
+    // through the box.
     let pull = system.domain.gravity.length();
     let open = system.domain.boundary.contains(&Boundary::Open);
     let height = if open { f64::INFINITY } else { system.domain.size.length() };
@@ -322,9 +327,10 @@ fn keeps_its_laws(
         .map(|(body, speed)| (system.classes[body.class as usize].mass, speed))
         .map(|(mass, speed)| if mass.is_finite() { mass * speed } else { 0.0 })
         .collect();
-    // A flight in gravity rounds each component of the velocity and of the position by half an ulp at most, either way: kinetic
-    // and potential energy walk by so much an event, and are otherwise off by a few roundings of sums. The normal of a tilted
-    // wall is a unit vector to rounding alone, always off the same way, and with it the impulses that momentum is held against.
+    // A flight in gravity rounds each component of the velocity and of the position by half an ulp at most,
+    // either way: kinetic and potential energy walk by so much an event, and are otherwise off by a few
+    // roundings of sums. The normal of a tilted wall is a unit vector to rounding alone, always off the same
+    // way, and with it the impulses that momentum is held against.
     let bodies = log.0.iter().flat_map(|event| {
         let other = (event.kind == EventKind::Collision).then_some(event.j);
         [Some(event.i), other].into_iter().flatten().map(move |body| (body as usize, event))
@@ -352,8 +358,9 @@ fn keeps_its_laws(
         [ledger.kinetic, ledger.potential, ledger.dissipated, ledger.term(haff_engine::Term::WallWork)]
             .iter()
             .fold(0.0, |a: f64, b| a.max(b.abs()));
-    // In a wedge, and on a wall that moves, impacts are alike, and so is the rounding of the velocities after them, half an ulp of each component at most; and
-    // the work of a wall that moves is a product with its normal.
+    // In a wedge, and on a wall that moves, impacts are alike, and so is the rounding of the velocities after
+    // them, half an ulp of each component at most; and the work of a wall that moves is a product with its
+    // normal.
     let tilted: f64 = log
         .0
         .iter()
@@ -439,7 +446,8 @@ fn random_scenes_keep_their_laws_and_do_not_know_their_engine() {
 
 /// Scenes whose replay took a wall that holds a grain for one that does not, or the other way round.
 const REPLAYED: [Recipe; 2] = [
-    // A moving ramp pushes a grain along the wall it rests on, so slowly that it leaves that wall by less than all rounding so far.
+    // A moving ramp pushes a grain along the wall it rests on, so slowly that it leaves that wall by less
+    // than all rounding so far.
     Recipe {
         boundary: [0, 1, 2],
         restitution: 4,
@@ -451,7 +459,8 @@ const REPLAYED: [Recipe; 2] = [
         seed: 12_801_591_799_708_678_778,
         ..PLAIN
     },
-    // A grain that slides along an edge is thrown off one of its walls by rounding, and comes to rest on it again.
+    // A grain that slides along an edge is thrown off one of its walls by rounding, and comes to rest on it
+    // again.
     Recipe {
         boundary: [2, 1, 1],
         particles: 40,
@@ -495,7 +504,8 @@ fn scenes_once_at_fault_keep_their_laws() {
             seed: 9_321_853_567_428_357_864,
             ..PLAIN
         },
-        // A grain that rests on a ramp and is thrown off it by a wall ten thousands of times: the impulse of the weight of all.
+        // A grain that rests on a ramp and is thrown off it by a wall ten thousands of times: the impulse of
+        // the weight of all.
         Recipe {
             boundary: [1, 0, 2],
             particles: 33,
@@ -507,7 +517,8 @@ fn scenes_once_at_fault_keep_their_laws() {
             seed: 7_128_820_349_724_052_757,
             ..PLAIN
         },
-        // A grain between a wall and a ramp, both of e = 0, that touches one after the other until its speed is gone: it sank into both.
+        // A grain between a wall and a ramp, both of e = 0, that touches one after the other until its speed
+        // is gone: it sank into both.
         Recipe {
             boundary: [1, 0, 2],
             particles: 14,
@@ -517,7 +528,8 @@ fn scenes_once_at_fault_keep_their_laws() {
             seed: 9_776_165_189_665_064_590,
             ..PLAIN
         },
-        // A grain between another one and a viscoelastic wall that it bounces on ever lower: ten thousands of roundings of its place.
+        // A grain between another one and a viscoelastic wall that it bounces on ever lower: ten thousands of
+        // roundings of its place.
         Recipe {
             flat: true,
             boundary: [1, 1, 0],
@@ -529,7 +541,8 @@ fn scenes_once_at_fault_keep_their_laws() {
             seed: 137_403_965_237_544_513,
             ..PLAIN
         },
-        // A grain stopped on a driven body, whom gravity takes off it: their contact was found again, in the past, when the tick changed.
+        // A grain stopped on a driven body, from which gravity takes it off: their contact was found again,
+        // in the past, when the tick changed.
         Recipe {
             boundary: [2, 1, 2],
             particles: 47,
@@ -542,7 +555,8 @@ fn scenes_once_at_fault_keep_their_laws() {
             seed: 12_947_446_997_481_944_515,
             ..PLAIN
         },
-        // A wall that closes a gap drives a grain to 7000 times its speed before rest takes it all: rounding of what is in between.
+        // A wall that closes a gap drives a grain to 7000 times its speed before rest takes it all: rounding
+        // of what is in between.
         Recipe {
             flat: true,
             boundary: [1, 0, 0],
@@ -557,8 +571,8 @@ fn scenes_once_at_fault_keep_their_laws() {
             seed: 11_176_684_352_271_856_950,
             ..PLAIN
         },
-        // A grain slides eleven times round a periodic box into another one: both are rounded to parts of that flight, also when a wall
-        // has pressed them together afterwards.
+        // A grain slides eleven times round a periodic box into another one: both are rounded to parts of
+        // that flight, also when a wall has pressed them together afterwards.
         Recipe {
             flat: true,
             boundary: [1, 0, 0],
@@ -572,7 +586,8 @@ fn scenes_once_at_fault_keep_their_laws() {
             seed: 16_336_519_524_857_192_935,
             ..PLAIN
         },
-        // A driven body in many epochs of a clock that a fast grain makes fine: its anchor has been moved at the end of each fourth.
+        // A driven body in many epochs of a clock that a fast grain makes fine: its anchor has been moved at
+        // the end of each fourth.
         Recipe {
             flat: true,
             boundary: [1, 0, 0],
@@ -584,7 +599,8 @@ fn scenes_once_at_fault_keep_their_laws() {
             seed: 7_407_130_976_972_376_444,
             ..PLAIN
         },
-        // A series of viscoelastic bounces that ended below rounding, but was not booked yet: 5·10⁻¹¹ of energy.
+        // A series of viscoelastic bounces that ended below rounding, but was not booked yet: 5·10⁻¹¹ of
+        // energy.
         Recipe {
             flat: true,
             boundary: [1, 0, 0],

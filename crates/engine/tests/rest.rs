@@ -29,8 +29,8 @@ fn start(scene: &System, neighbors: NeighborChoice) -> Simulation {
     Simulation::new(scene.clone(), Options { neighbors, ..Options::default() }).unwrap()
 }
 
-/// Asserts that no grain can move down along any of many directions: each one is blocked by a contact. Independent of how the
-/// engine looks for it.
+/// Asserts that no grain can move down along any of many directions: each one is blocked by a contact.
+/// Independent of how the engine looks for it.
 fn assert_stands(scene: &System, frame: &Frame, gap: f64) {
     let mut random = Random(1);
     let down = scene.domain.gravity.normalize();
@@ -79,7 +79,8 @@ fn heaps_come_to_rest_after_finitely_many_events() {
             assert_stands(&scene, &frame, 0.05 * 0.05);
             assert_eq!(ledger.kinetic, 0.0);
             assert!(ledger.residual.abs() < 1e-13, "{dimension:?}, e = {e}: {ledger:?}");
-            // The log tells the same losses, those of rest among them: the very terms of the ledger, but for the rounding of this sum.
+            // The log tells the same losses, those of rest among them: the very terms of the ledger, but for
+            // the rounding of this sum.
             let lost: f64 = log.0.iter().map(|event| event.energy_loss).sum();
             let booked = ledger.dissipated + ledger.term(haff_engine::Term::Rest);
             assert!((lost / booked - 1.0).abs() < 1e-12, "{dimension:?}, e = {e}: {lost}, {booked}");
@@ -92,8 +93,9 @@ fn heaps_come_to_rest_after_finitely_many_events() {
             let rests = rows(EventKind::Rest);
             let counted = [counters.collisions, counters.wall_collisions, counters.rests];
             assert_eq!([rows(EventKind::Collision), rows(EventKind::Wall), rests], counted);
-            // All lie on each other in the end, so each has been put to rest once more than it has been woken. The other rows are those of
-            // completed series of bounces, which have lost more velocity than was left unless e = 0, and of jams.
+            // All lie on each other in the end, so each has been put to rest once more than it has been
+            // woken. The other rows are those of completed series of bounces, which have lost more velocity
+            // than was left unless e = 0, and of jams.
             let is_series = |event: &&EventRecord| {
                 event.kind == EventKind::Rest && event.carnot_energy != event.energy_loss
             };
@@ -249,8 +251,8 @@ fn a_piston_pushes_grains_at_rest() {
     assert!(simulation.ledger().residual.abs() < 1e-13);
 }
 
-/// On a wall that moves no series of bounces is completed in closed form: a grain that is alone with it goes on with small bounces, of
-/// which there are not too many.
+/// On a wall that moves no series of bounces is completed in closed form: a grain that is alone with it goes
+/// on with small bounces, of which there are not too many.
 #[test]
 fn a_grain_on_a_moving_floor_bounces_on_at_little_cost() {
     for e in [0.0, 0.01, 0.5, 0.9] {
@@ -279,7 +281,8 @@ fn a_grain_on_a_moving_floor_bounces_on_at_little_cost() {
     }
 }
 
-/// Without gravity rest is off: three grains on a line with e < 7 − 4√3 collapse unless contacts become elastic.
+/// Without gravity rest is off: three grains on a line with e < 7 − 4√3 collapse unless contacts become
+/// elastic.
 #[test]
 fn three_grains_on_a_line_collapse_below_the_critical_restitution_only() {
     let critical = 7.0 - 4.0 * 3.0_f64.sqrt();

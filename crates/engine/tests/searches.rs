@@ -1,4 +1,5 @@
-//! No choice of machinery changes a trajectory: cells, lists, all pairs, kernels and resumes give the same events, bit by bit.
+//! No choice of machinery changes a trajectory: cells, lists, all pairs, kernels and resumes give the same
+//! events, bit by bit.
 
 mod common;
 
@@ -74,7 +75,8 @@ fn assert_twins(name: &str, system: &System, until: Until) -> usize {
     reference.0.len()
 }
 
-/// Large particles among small ones, a hundred times and less as large, in boxes that are hardly three of them wide.
+/// Large particles among small ones, a hundred times and less as large, in boxes that are hardly three of
+/// them wide.
 #[test]
 fn windows_serve_very_unequal_sizes() {
     for (large, small, edge, boundary) in [
@@ -134,7 +136,8 @@ fn random_scenes_do_not_know_their_search() {
                     normal[other] = random.uniform(-0.5, 0.5);
                 }
             }
-            // Without gravity, or the ramp would squeeze grains into the wedge between it and a wall for ever.
+            // Without gravity, or the ramp would squeeze grains into the wedge between it and a wall for
+            // ever.
             let moves = random.index(4) == 0 && scene.domain.gravity == DVec3::ZERO;
             let velocity = if moves { normal * 0.1 } else { DVec3::ZERO };
             scene.walls.push(Wall {
@@ -250,7 +253,7 @@ fn a_contact_many_epochs_away_happens_in_time() {
     for (gap, speed) in [(3.0, 0.002), (4.0, 0.000_7), (5.0, 0.000_3)] {
         let mut scene = system(Dimension::Three, DVec3::splat(20.0), [Boundary::Periodic; 3]);
         let ball = class(&mut scene, 0.5, 1.0);
-        // The fast one sets the length of an epoch and meets nobody.
+        // The fast one sets the length of an epoch and meets no other.
         add(&mut scene, ball, DVec3::new(1.0, 15.0, 15.0), DVec3::new(1.0, 0.0, 0.0));
         add(&mut scene, ball, DVec3::new(5.0, 5.0, 5.0), DVec3::ZERO);
         add(&mut scene, ball, DVec3::new(6.0 + gap, 5.0, 5.0), DVec3::new(-speed, 0.0, 0.0));
@@ -349,8 +352,8 @@ fn a_gas_resumed_with_windows_is_the_gas_that_never_stopped() {
     assert!(parts.counters().collisions > 1000, "{:?}", parts.counters());
 }
 
-/// Close to the densest packing, where every list is longer than in any fluid, and with lists that must overflow: one
-/// large particle among many small ones.
+/// Close to the densest packing, where every list is longer than in any fluid, and with lists that must
+/// overflow: one large particle among many small ones.
 #[test]
 fn crowded_systems_do_not_know_their_search() {
     // A face-centered cubic crystal at φ = 0.7.
@@ -374,8 +377,8 @@ fn crowded_systems_do_not_know_their_search() {
     assert_eq!(assert_twins("bag", &bag, Until { collisions: 3000, ..Until::default() }), 3000);
 }
 
-/// Runs a system with windows and with cells; the same events. Returns what windows have counted, and their kinetic energies
-/// at the start and the end.
+/// Runs a system with windows and with cells; the same events. Returns what windows have counted, and their
+/// kinetic energies at the start and the end.
 fn assert_windows(name: &str, system: &System, collisions: u64) -> (Counters, [f64; 2]) {
     let until = Until { collisions, ..Until::default() };
     let (reference, hash, _) = run(system, options(NeighborChoice::Cells, SimdChoice::Auto), until);
@@ -494,7 +497,7 @@ fn windows_serve_what_falls() {
     assert_windows("disks of two sizes", &scene, 4000);
 }
 
-/// Whoever rests on the floor no longer falls: cells go on where windows cannot.
+/// A particle at rest on the floor no longer falls: cells go on where windows cannot.
 #[test]
 fn an_engine_that_no_longer_serves_is_replaced() {
     let mut scene = system(
@@ -528,7 +531,8 @@ fn cluster(per_edge: usize, packing: f64, e: f64, size: DVec3, seed: u64) -> Sys
     scene
 }
 
-/// A search looks at what is near, however large the box is: grids are folded where most of their cells would be empty.
+/// A search looks at what is near, however large the box is: grids are folded where most of their cells would
+/// be empty.
 #[test]
 fn clusters_in_large_boxes_cost_no_more_than_gases() {
     for size in [DVec3::splat(200.0), DVec3::splat(1e6), DVec3::new(20.0, 30.0, 1e5)] {
@@ -564,7 +568,7 @@ fn windows_refuse_what_they_cannot_serve() {
         let asked = options(NeighborChoice::Windows, SimdChoice::Auto);
         let Err(error) = Simulation::new(scene.clone(), asked) else { return String::new() };
         assert!(matches!(error, EngineError::Unsuitable { .. }), "{error:?}");
-        // Whoever takes the advice is served.
+        // The advice of the message works.
         Simulation::new(scene.clone(), Options::default()).unwrap();
         error.to_string()
     };

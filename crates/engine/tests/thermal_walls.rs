@@ -65,8 +65,8 @@ fn trajectory_with_thermal_walls_is_independent_of_search_slices_and_resumption(
     }
 }
 
-/// All walls at T, elastic: canonical. With V, the velocity of the center of mass, subtracted the temperature is T (N − 1)/N, and the
-/// energy has the mean d N T/2 and the variance d N T²/2.
+/// All walls at T, elastic: canonical. With V, the velocity of the center of mass, subtracted the temperature
+/// is T (N − 1)/N, and the energy has the mean d N T/2 and the variance d N T²/2.
 #[test]
 fn a_gas_between_walls_of_one_temperature_is_canonical() {
     for (dimension, edge) in [(Dimension::Three, 3.0), (Dimension::Two, 4.0)] {
@@ -102,7 +102,8 @@ fn a_gas_between_walls_of_one_temperature_is_canonical() {
     }
 }
 
-/// A gas of particles that hardly meet, between plates at T₁ and T₂: T = √(T₁T₂), heat flux 2n√(2T₁T₂/(πm))(√T₁ − √T₂).
+/// A gas of particles that hardly meet, between plates at T₁ and T₂: T = √(T₁T₂), heat flux
+/// 2n√(2T₁T₂/(πm))(√T₁ − √T₂).
 #[test]
 fn a_nearly_collisionless_gas_between_plates_has_the_free_molecular_heat_flux() {
     let [hot, cold] = [3.0, 1.0];
@@ -130,7 +131,8 @@ fn a_nearly_collisionless_gas_between_plates_has_the_free_molecular_heat_flux() 
             mean += 2.0 * simulation.ledger().kinetic / (3.0 * count as f64) / 50.0;
         }
         temperatures.push(mean);
-        // From the hot wall. Rows have the normal components, which carry a half: T of 2T for each particle of a flux at T.
+        // From the hot wall. Rows have the normal components, which carry a half: T of 2T for each particle
+        // of a flux at T.
         let normal = |row: &EventRecord| {
             let after = row.impulse / mass - row.approach_speed;
             0.5 * mass * (after * after - row.approach_speed * row.approach_speed)

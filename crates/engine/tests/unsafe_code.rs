@@ -1,4 +1,5 @@
-//! Runs small enough for Miri through every `unsafe` block of the engine, the vector kernels against the portable ones:
+//! Runs small enough for Miri through every `unsafe` block of the engine, the vector kernels against the
+//! portable ones:
 //!
 //! ```sh
 //! MIRIFLAGS="-Zmiri-disable-isolation -Zmiri-tree-borrows" RAYON_NUM_THREADS=1 \

@@ -1,5 +1,5 @@
-//! [`AnySimulation`]: the granular engine and the simulation of linkages behind one interface. Scenes with pendulums,
-//! springs, rods or sticking contact run as a linkage, all others in the granular engine.
+//! [`AnySimulation`]: the granular engine and the simulation of linkages behind one interface. Scenes with
+//! pendulums, springs, rods or sticking contact run as a linkage, all others in the granular engine.
 
 use crate::{Joints, LinkageError, simulation::Simulation as Linkage};
 use haff_engine::{

@@ -297,8 +297,8 @@ pub enum RestitutionLaw {
 #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct WallConfig {
-    /// Name, used by `contact.pair`. The name of a wall of `domain.boundary` (`x-`, `x+`, `y-`, …) without a shape sets that
-    /// wall's properties.
+    /// Name, used by `contact.pair`. The name of a wall of `domain.boundary` (`x-`, `x+`, `y-`, …) without a
+    /// shape sets that wall's properties.
     #[schemars(required)]
     pub name: Option<String>,
     /// Its plane.
@@ -310,7 +310,8 @@ pub struct WallConfig {
     /// Temperature of a thermal wall \[energy\], which particles leave with velocities of that temperature.
     #[schemars(extend("exclusiveMinimum" = 0))]
     pub temperature: Option<f64>,
-    /// Probability that a reflection from a thermal wall is thermal; default 1. Otherwise `contact.wall_restitution` applies.
+    /// Probability that a reflection from a thermal wall is thermal; default 1. Otherwise
+    /// `contact.wall_restitution` applies.
     #[schemars(range(min = 0.0, max = 1.0))]
     pub accommodation: Option<f64>,
     /// Velocity of the wall [length/time]; default 0.
@@ -364,10 +365,11 @@ pub struct DriveConfig {
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum DriveKindConfig {
-    /// Every `interval` all velocities relative to the center of mass are multiplied by one factor, such that the granular
-    /// temperature is `temperature`.
+    /// Every `interval` all velocities relative to the center of mass are multiplied by one factor, such that
+    /// the granular temperature is `temperature`.
     Rescale,
-    /// At Poisson times, `rate` for each particle, a particle gets a velocity of the Maxwell distribution of `temperature`.
+    /// At Poisson times, `rate` for each particle, a particle gets a velocity of the Maxwell distribution of
+    /// `temperature`.
     Andersen,
 }
 

@@ -1,7 +1,8 @@
 //! The Andersen thermostat: at Poisson times particles get velocities of a Maxwell distribution.
 //!
-//! The kicks of N particles at the rate ν each are one Poisson process of the rate N ν, whose k-th kick meets any particle with equal
-//! probability. Times, particles and velocities are hashes of the seed and k, or of the seed, the particle and its event count.
+//! The kicks of N particles at the rate ν each are one Poisson process of the rate N ν, whose k-th kick meets
+//! any particle with equal probability. Times, particles and velocities are hashes of the seed and k, or of
+//! the seed, the particle and its event count.
 
 use glam::DVec3;
 use haff_neighbors::Geometry;

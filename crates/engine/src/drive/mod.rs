@@ -28,8 +28,8 @@ pub struct Drive {
 /// What a drive does.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum DriveKind {
-    /// Every `interval` \[time\] all velocities relative to the center of mass are multiplied by one factor, such that the
-    /// temperature is this one \[energy\].
+    /// Every `interval` \[time\] all velocities relative to the center of mass are multiplied by one factor,
+    /// such that the temperature is this one \[energy\].
     Rescale {
         /// Temperature after each action \[energy\].
         temperature: f64,

@@ -1,8 +1,9 @@
 /*!
 Bins of centers, whole vectors of them.
 
-A bin is at least as wide as a search reaches, so that a search looks at a bin and those around it, three along each axis. It
-is a chain of blocks of eight places, with the coordinates of the centers in them; places without one name nobody.
+A bin is at least as wide as a search reaches, so that a search looks at a bin and those around it, three
+along each axis. It is a chain of blocks of eight places, with the coordinates of the centers in them; places
+without one hold the sentinel.
 */
 
 use haff_neighbors::with_huge_pages;
@@ -30,7 +31,7 @@ struct Block {
 
 const EMPTY: Block = Block { x: [[0; LANES]; 3], id: [NONE; LANES] };
 
-/// Bins that a search looks at, at most, and the room for whom it may find in their first blocks.
+/// Bins that a search reads, at most, and the room for the particles that it may find in their first blocks.
 const AROUND: usize = 27;
 const ROOM: usize = (AROUND + 1) * LANES;
 
@@ -52,8 +53,9 @@ pub(super) struct Bins {
 }
 
 impl Bins {
-    /// Bins of `particles` centers at this mean `spacing` for searches up to `reach` in a box with these edges, zero along an axis without motion
-    /// [largest contact distances]. Where most of them would be empty, the box is folded onto fewer.
+    /// Bins of `particles` centers at this mean `spacing` for searches up to `reach` in a box with these
+    /// edges, zero along an axis without motion [largest contact distances]. Where most of them would be
+    /// empty, the box is folded onto fewer.
     pub fn new(edges: [f64; 3], unit: [f32; 3], reach: f64, spacing: f64, particles: usize) -> Self {
         let axes = edges.iter().filter(|edge| **edge > 0.0).count();
         let width = (reach * WIDER).max(libm::pow(PER_BIN, 1.0 / axes as f64) * spacing);
@@ -125,8 +127,8 @@ impl Bins {
         }
     }
 
-    /// Finds all centers nearer to `x` than the root of `reach2` [largest contact distances], which is no more than bins are
-    /// wide. `found` is working space, in which they stand first; returns their number.
+    /// Finds all centers nearer to `x` than the root of `reach2` [largest contact distances], which is no
+    /// more than bins are wide. `found` is working space, in which they stand first; returns their number.
     ///
     /// With `VECTORS` set the caller must be compiled for AVX2 and FMA, and run where they exist.
     #[inline(always)]
@@ -151,12 +153,12 @@ impl Bins {
                 for &cell in &cells[0][..self.span[0]] {
                     let at = (row + cell) as usize;
                     debug_assert!(at < next.len() && count + LANES <= found.len() && chains < longer.len());
-                    // SAFETY: cells along each axis are fewer than `n`, of whose product there are blocks; there is room for all of `AROUND` blocks, and one
-                    // more chain than these.
+                    // SAFETY: cells along each axis are fewer than `n`, of whose product there are blocks;
+                    // there is room for all of `AROUND` blocks, and one more chain than these.
                     unsafe {
                         let room = &mut *found.as_mut_ptr().add(count).cast::<[u32; LANES]>();
                         count += here.pick::<VECTORS>(blocks.get_unchecked(at), room);
-                        // Counted without a branch: nobody can foresee it.
+                        // Counted without a branch: it cannot be predicted.
                         let next = *next.get_unchecked(at);
                         *longer.get_unchecked_mut(chains) = next;
                         chains += usize::from(next != NONE);
@@ -263,9 +265,9 @@ mod avx2 {
         let d2 = _mm256_add_ps(_mm256_add_ps(square(0), square(1)), square(2));
         // SAFETY: as above.
         let id = unsafe { _mm256_load_si256(block.id.as_ptr().cast()) };
-        let nobody = _mm256_castsi256_ps(_mm256_cmpeq_epi32(id, _mm256_set1_epi32(-1)));
+        let empty = _mm256_castsi256_ps(_mm256_cmpeq_epi32(id, _mm256_set1_epi32(-1)));
         let near = _mm256_cmp_ps::<_CMP_LT_OQ>(d2, _mm256_set1_ps(here.reach2));
-        let mask = _mm256_movemask_ps(_mm256_andnot_ps(nobody, near)) as usize;
+        let mask = _mm256_movemask_ps(_mm256_andnot_ps(empty, near)) as usize;
         // SAFETY: eight bytes of the table.
         let first = unsafe { _mm_loadl_epi64(FIRST[mask].as_ptr().cast()) };
         let picked = _mm256_permutevar8x32_epi32(id, _mm256_cvtepu8_epi32(first));
@@ -285,8 +287,8 @@ mod tests {
         (*state >> 32) as i32
     }
 
-    /// Bins of one, two and many along an axis, of which some overflow, and bins that a large box with a clump in it is folded onto;
-    /// centers move about.
+    /// Bins of one, two and many along an axis, of which some overflow, and bins that a large box with a
+    /// clump in it is folded onto; centers move about.
     #[test]
     fn all_that_are_near_are_found_once() {
         let mut state = 1;

@@ -15,9 +15,11 @@ pub(super) const NEVER: i64 = i64::MAX;
 /// A contact further from the later anchor than can be told in ticks.
 pub(super) const FAR: i64 = i64::MAX - 1;
 
-/// When two particles with these anchors touch [ticks], for the image that is nearest now; [`NEVER`] or [`FAR`].
+/// When two particles with these anchors touch [ticks], for the image that is nearest now; [`NEVER`] or
+/// [`FAR`].
 ///
-/// Without a branch that is taken one time and not another, so that the predictions of two pairs overlap in the processor.
+/// Without a branch that is taken one time and not another, so that the predictions of two pairs overlap in
+/// the processor.
 #[expect(clippy::neg_cmp_op_on_partial_ord, reason = "what is not a number goes the way of the kernel")]
 #[expect(clippy::needless_bitwise_bool, reason = "no branches")]
 #[inline(always)]

@@ -1,15 +1,17 @@
 /*!
 The filter: before when no contact of a pair can be.
 
-With r and v of a pair now, in single precision, and σ the contact distance, widened by a margin, the pair comes within σ at
+With r and v of a pair now, in single precision, and σ the contact distance, widened by a margin, the pair
+comes within σ at
 
 ```text
 t = c / (−b + √(b² − v² c)),   c = r² − σ²,  b = r·v,
 ```
 
-if it does at all. The true contact comes later: the margin is wider than all that single precision and coordinates round until
-one of the two has left the ball that makes them neighbors. What is added to the approach, −b, is more than the rounding of
-r·v of a pair within σ: whether a touching pair approaches is for the exact prediction to say.
+if it does at all. The true contact comes later: the margin is wider than all that single precision and
+coordinates round until one of the two has left the ball that makes them neighbors. What is added to the
+approach, −b, is more than the rounding of r·v of a pair within σ: whether a touching pair approaches is for
+the exact prediction to say.
 */
 
 use super::{
@@ -20,13 +22,15 @@ use crate::features::Features;
 
 /// The bound of a member that is not met at all; the greatest number whose last bits can name a lane.
 pub(super) const NEVER: f32 = f32::from_bits(0x7f7f_ffff & !LANE);
-/// The last bits of a bound name its lane, so that the least bound tells whose it is: they are far below the margin.
+/// The last bits of a bound name its lane, so that the least bound tells whose it is: they are far below the
+/// margin.
 const LANE: u32 = MOST as u32 - 1;
 
 /// What a time is lengthened by before bounds are compared with it, for the rounding of both.
 const LATER: f32 = 1.0 + 1e-6;
 
-/// Bounds up to this may belong to contacts up to a time [spans]. A bound of zero is not, because of the lane in it.
+/// Bounds up to this may belong to contacts up to a time [spans]. A bound of zero is not, because of the lane
+/// in it.
 #[inline(always)]
 pub(super) fn limit(time: f64) -> f32 {
     time as f32 * LATER + f32::MIN_POSITIVE
@@ -36,7 +40,8 @@ pub(super) fn limit(time: f64) -> f32 {
 #[derive(Debug, Clone, Copy)]
 #[repr(C, align(32))]
 pub(super) struct Bounds {
-    /// Per member, a time from now before which there is no contact [spans], and the lane; [`NEVER`] or more where there is none.
+    /// Per member, a time from now before which there is no contact [spans], and the lane; [`NEVER`] or more
+    /// where there is none.
     time: [f32; MOST],
 }
 
@@ -63,8 +68,8 @@ impl Bounds {
     }
 }
 
-/// Bounds for the members of `list`, whole groups and at most [`MOST`], that the particle on record `own` may meet from `part`
-/// of the span on. Returns the least bound.
+/// Bounds for the members of `list`, whole groups and at most [`MOST`], that the particle on record `own` may
+/// meet from `part` of the span on. Returns the least bound.
 ///
 /// With `VECTORS` set the caller must be compiled for AVX2 and FMA, and run where they exist.
 #[inline(always)]
@@ -107,7 +112,7 @@ fn bound<F: Features>(frame: &Frame, own: &Record, other: &Record, part: f32) ->
         vv += v * v;
     }
     let disc = b * b - vv * c;
-    // Who is on record as nobody has no number here.
+    // The sentinel has no number here.
     if b < 0.0 && disc >= 0.0 { (c.max(0.0) / (disc.sqrt() - b)).min(NEVER) } else { NEVER }
 }
 
@@ -151,7 +156,8 @@ mod avx2 {
         for (slots, time) in list.chunks_exact(LANES).zip(out.time.chunks_exact_mut(LANES)) {
             let half = |k: usize, half: usize| {
                 debug_assert!((slots[k] as usize) < records.len());
-                // SAFETY: lists name particles and nobody, who are all on record, in 32 bytes each, aligned to 32.
+                // SAFETY: lists name particles and the sentinel, which all have records, in 32 bytes each,
+                // aligned to 32.
                 unsafe { _mm_load_ps(records.as_ptr().add(slots[k] as usize).cast::<f32>().add(4 * half)) }
             };
             // Rows k and k + 4 side by side: positions, then velocities.
@@ -281,9 +287,10 @@ mod tests {
         (frame, world)
     }
 
-    /// Bounds of one pair, in one lane of a group whose others are nobody: the plain one, and that of the vectors.
+    /// Bounds of one pair, in one lane of a group whose others are the sentinel: the plain one, and that of
+    /// the vectors.
     fn both<F: Features>(frame: &Frame, own: &Record, other: &Record, part: f32, lane: usize) -> [f32; 2] {
-        let records = [*own, *other, Record::NOBODY];
+        let records = [*own, *other, Record::SENTINEL];
         let mut list = [2; LANES];
         list[lane] = 1;
         let mut out = Bounds::new();
@@ -304,8 +311,9 @@ mod tests {
         found
     }
 
-    /// Pairs within reach of a list, at any part of a span, that graze, touch, meet head on, or do not meet; slow ones and fast ones.
-    /// Returns how many meet, and how many of the bounds are within a hundredth of the time.
+    /// Pairs within reach of a list, at any part of a span, that graze, touch, meet head on, or do not meet;
+    /// slow ones and fast ones. Returns how many meet, and how many of the bounds are within a hundredth of
+    /// the time.
     fn judge<F: Features>(radii: [f64; 2], count: usize) -> [usize; 2] {
         let (frame, mut world) = frame(radii);
         let sigma = radii[0] + radii[1];
@@ -381,7 +389,7 @@ mod tests {
         let (frame, world) = frame([0.5; 2]);
         let own = frame.record::<With<false, true>>(&world, 0);
         for lane in 0..LANES {
-            let found = both::<With<false, true>>(&frame, &own, &Record::NOBODY, 0.5, lane);
+            let found = both::<With<false, true>>(&frame, &own, &Record::SENTINEL, 0.5, lane);
             assert!(found.iter().all(|bound| *bound >= NEVER), "{found:?}");
         }
     }

@@ -1,17 +1,19 @@
 /*!
 Coordinates of the filter, and the span of time that they are good for.
 
-Coordinates are integers, 2^32 of them to a periodic edge: the difference of two, taken modulo 2^32, is the nearest image at
-no cost, whatever the box. Lengths are in the largest contact distance, times in *spans*: a [`Record`] tells where the present
-path of its particle would have been at the beginning of the span, and how far it goes within it. Nobody goes so far that
-another image of a pair could come to be the nearest, nor further than single precision can tell.
+Coordinates are integers, 2^32 of them to a periodic edge: the difference of two, taken modulo 2^32, is the
+nearest image at no cost, whatever the box. Lengths are in the largest contact distance, times in *spans*: a
+[`Record`] tells where the present path of its particle would have been at the beginning of the span, and how
+far it goes within it. No particle moves so far that another image of a pair could come to be the nearest, nor
+further than single precision can tell.
 */
 
 use haff_neighbors::{Axis, Geometry};
 
 use crate::{features::Features, particles::World};
 
-/// The farthest that particles may go within a span [largest contact distances]: 10^-6 of that is far below [`MARGIN`].
+/// The farthest that particles may go within a span [largest contact distances]: 10^-6 of that is far below
+/// [`MARGIN`].
 const FARTHEST: f64 = 12.0;
 /// A particle may become this much faster than the fastest before a new span has to begin.
 const HEADROOM: f64 = 1.5;
@@ -41,11 +43,11 @@ pub(super) struct Record {
 }
 
 impl Record {
-    /// One that meets nobody.
-    pub const NOBODY: Self = Self { x: [0; 3], radius: 0.0, v: [f32::NAN; 3], count: 0 };
+    /// The sentinel, which meets no particle.
+    pub const SENTINEL: Self = Self { x: [0; 3], radius: 0.0, v: [f32::NAN; 3], count: 0 };
 
-    /// Copies the record to its place by halves, the way in which the filter reads it: a load of what was stored in smaller parts
-    /// waits until these are in the cache.
+    /// Copies the record to its place by halves, the way in which the filter reads it: a load of what was
+    /// stored in smaller parts waits until these are in the cache.
     #[inline(always)]
     pub fn store(self, place: &mut Self) {
         #[cfg(target_arch = "x86_64")]
@@ -90,8 +92,8 @@ pub(super) struct Frame {
 }
 
 impl Frame {
-    /// Coordinates for a box in which particles up to `reach` apart are looked at [length]; `None` if it is too small, or
-    /// not closed by periodicity.
+    /// Coordinates for a box in which particles up to `reach` apart are looked at [length]; `None` if it is
+    /// too small, or not closed by periodicity.
     pub fn new(geometry: &Geometry, reach: f64) -> Option<Self> {
         let sigma = geometry.reach;
         let (mut per_length, mut unit) = ([1.0; 3], [1.0; 3]);
@@ -173,7 +175,8 @@ impl Frame {
         v[0] * v[0] + v[1] * v[1] + v[2] * v[2] <= self.limit2
     }
 
-    /// The coordinate of a position along an axis [length]: the nearest integer modulo 2^32, by the rounding of an addition.
+    /// The coordinate of a position along an axis [length]: the nearest integer modulo 2^32, by the rounding
+    /// of an addition.
     #[inline(always)]
     pub fn coordinate(&self, axis: usize, position: f64) -> i32 {
         (position * self.per_length[axis] + 6_755_399_441_055_744.0).to_bits() as i32 // 1.5 · 2^52

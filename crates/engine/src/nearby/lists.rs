@@ -1,12 +1,13 @@
 /*!
 Neighbor lists in the coordinates of the [frame](super::frame).
 
-A particle's place is a ball around its *center*. Two particles are in each other's list if their centers are closer than
-contact distance and two ball radii: they cannot touch before one of them has left its ball. A transfer is this exit. It moves
-the center to the particle, and puts right its own list and those of the partners lost and won; all others stand.
+A particle's place is a ball around its *center*. Two particles are in each other's list if their centers are
+closer than contact distance and two ball radii: they cannot touch before one of them has left its ball. A
+transfer is this exit. It moves the center to the particle, and puts right its own list and those of the
+partners lost and won; all others stand.
 
-Who is near whom is decided by integer differences, so no periodic image is ever named, and nothing changes when a particle is
-wrapped into the box.
+Neighbors are decided by integer differences, so lists contain no periodic images, and nothing changes when a
+particle is wrapped into the box.
 */
 
 use haff_neighbors::{prefetch_at, with_huge_pages};
@@ -19,8 +20,8 @@ use super::{
     sets::{LANES, MOST, all, members, place_of},
 };
 use crate::features::Features;
-/// Pairs are listed this much further away than they need be, for all that single precision rounds [largest contact
-/// distances].
+/// Pairs are listed this much further away than they need be, for all that single precision rounds [largest
+/// contact distances].
 const SLACK: f32 = 1e-3;
 /// Lists grow when more than one in this many has spilled.
 const SPILLED_PART: usize = 32;
@@ -42,8 +43,8 @@ pub(super) struct Lists {
     unit: [f32; 3],
     centers: Vec<Center>,
     bins: Bins,
-    /// The lists, of `stride` words each, filled up with [`Self::nobody`]. A longer one has the index of one in `spilled` as its
-    /// first word.
+    /// The lists, of `stride` words each, filled up with [`Self::sentinel`]. A longer one has the index of
+    /// one in `spilled` as its first word.
     words: Vec<u32>,
     stride: usize,
     spilled: Vec<Vec<u32>>,
@@ -52,7 +53,8 @@ pub(super) struct Lists {
 }
 
 impl Lists {
-    /// Lists as planned, of particles that have all just been put on record at the beginning of the frame's span.
+    /// Lists as planned, of particles that have all just been put on record at the beginning of the frame's
+    /// span.
     pub fn new<F: Features>(plan: &Plan, records: &[Record]) -> Self {
         let &Plan { ref frame, half, edges, spacing, members } = plan;
         let count = records.len() - 1;
@@ -103,8 +105,8 @@ impl Lists {
         lists
     }
 
-    /// Whom the padding of lists names.
-    fn nobody(&self) -> u32 {
+    /// The sentinel that fills lists up.
+    fn sentinel(&self) -> u32 {
         self.centers.len() as u32
     }
 
@@ -139,7 +141,8 @@ impl Lists {
         d
     }
 
-    /// When particle i leaves its ball, counted from now; `None` if not `within` this time. Times are parts of a span.
+    /// When particle i leaves its ball, counted from now; `None` if not `within` this time. Times are parts
+    /// of a span.
     #[inline(always)]
     pub fn exit(&self, i: u32, record: &Record, part: f32, within: f32) -> Option<f32> {
         let (d, v) = (self.off_center(i, record, part), record.v);
@@ -164,7 +167,8 @@ impl Lists {
         Some(if along > 0.0 { gap / (root + along) } else { (root - along) / speed2 })
     }
 
-    /// Moves the center of i to where it is at `part` of the span and `ahead` of that, and puts right all lists.
+    /// Moves the center of i to where it is at `part` of the span and `ahead` of that, and puts right all
+    /// lists.
     #[inline(always)]
     pub fn transfer<F: Features, const VECTORS: bool>(
         &mut self,
@@ -190,8 +194,8 @@ impl Lists {
         self.found = found;
     }
 
-    /// Looks for the neighbors of i among the centers, of which its own is not one if it is `OUT`. They are the first in `found`, which is
-    /// longer by whole groups; returns their number.
+    /// Looks for the neighbors of i among the centers, of which its own is not one if it is `OUT`. They are
+    /// the first in `found`, which is longer by whole groups; returns their number.
     #[inline(always)]
     fn find<F: Features, const VECTORS: bool, const OUT: bool>(
         &self,
@@ -224,7 +228,8 @@ impl Lists {
         kept
     }
 
-    /// Makes the first `length` of `new` the list of i, and puts right the lists of the partners lost and won.
+    /// Makes the first `length` of `new` the list of i, and puts right the lists of the partners lost and
+    /// won.
     #[inline(always)]
     fn replace<const VECTORS: bool>(&mut self, i: u32, new: &[u32], length: usize) {
         let before = self.centers[i as usize].members as usize;
@@ -246,10 +251,10 @@ impl Lists {
             spilled |= self.add(new[won.trailing_zeros() as usize], i);
             won &= won - 1;
         }
-        let nobody = self.nobody();
+        let sentinel = self.sentinel();
         let (own, rest) = self.words[place..place + self.stride].split_at_mut(length);
         own.copy_from_slice(&new[..length]);
-        rest.fill(nobody);
+        rest.fill(sentinel);
         self.centers[i as usize].members = length as u32;
         if spilled {
             self.grow();
@@ -272,7 +277,7 @@ impl Lists {
 
     /// Makes `list` the list of i.
     fn set(&mut self, i: u32, list: &[u32]) {
-        let (nobody, place) = (self.nobody(), i as usize * self.stride);
+        let (sentinel, place) = (self.sentinel(), i as usize * self.stride);
         if self.centers[i as usize].members as usize > self.stride {
             self.spare.push(self.words[place]);
         }
@@ -282,14 +287,14 @@ impl Lists {
         } else {
             let (own, rest) = self.words[place..place + self.stride].split_at_mut(list.len());
             own.copy_from_slice(list);
-            rest.fill(nobody);
+            rest.fill(sentinel);
         }
     }
 
     /// Keeps the list of i, which is too long for its place, elsewhere from now on.
     #[cold]
     fn spill(&mut self, i: u32, list: &[u32]) {
-        let nobody = self.nobody();
+        let sentinel = self.sentinel();
         let free = self.spare.pop().unwrap_or_else(|| {
             self.spilled.push(Vec::new());
             self.spilled.len() as u32 - 1
@@ -297,7 +302,7 @@ impl Lists {
         let spilled = &mut self.spilled[free as usize];
         spilled.clear();
         spilled.extend_from_slice(list);
-        spilled.resize(list.len().next_multiple_of(LANES), nobody);
+        spilled.resize(list.len().next_multiple_of(LANES), sentinel);
         self.words[i as usize * self.stride] = free;
     }
 
@@ -317,7 +322,7 @@ impl Lists {
 
     #[cold]
     fn add_to_spilled(&mut self, i: u32, j: u32, length: usize) -> bool {
-        let (nobody, place) = (self.nobody(), i as usize * self.stride);
+        let (sentinel, place) = (self.sentinel(), i as usize * self.stride);
         if length == self.stride {
             let mut list = self.words[place..place + length].to_vec();
             list.push(j);
@@ -326,7 +331,7 @@ impl Lists {
         }
         let list = &mut self.spilled[self.words[place] as usize];
         if length == list.len() {
-            list.resize(length + LANES, nobody);
+            list.resize(length + LANES, sentinel);
         }
         list[length] = j;
         false
@@ -335,7 +340,7 @@ impl Lists {
     /// Takes j out of the list of i.
     #[inline(always)]
     fn remove<const VECTORS: bool>(&mut self, i: u32, j: u32) {
-        let (nobody, place) = (self.nobody(), i as usize * self.stride);
+        let (sentinel, place) = (self.sentinel(), i as usize * self.stride);
         let length = self.centers[i as usize].members as usize;
         if length > self.stride {
             self.remove_from_spilled(i, j);
@@ -344,7 +349,7 @@ impl Lists {
         let list = &mut self.words[place..place + self.stride];
         if let Some(at) = place_of::<VECTORS>(list, j) {
             list[at] = list[length - 1];
-            list[length - 1] = nobody;
+            list[length - 1] = sentinel;
             self.centers[i as usize].members -= 1;
         }
     }

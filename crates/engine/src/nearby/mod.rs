@@ -1,10 +1,10 @@
 /*!
 The scheduler with neighbor lists for fluids in periodic boxes without gravity.
 
-Like [`CalendarScheduler`](crate::calendar_scheduler::CalendarScheduler), it keeps for every particle its earliest event. But its
-lists contain no periodic images ([`lists`]), and most members of a list are rejected in single precision, eight at a time
-([`filter`]), from records of half a cache line ([`frame`]): what cannot touch before the earliest event known needs no exact
-prediction ([`exact`]).
+Like [`CalendarScheduler`](crate::calendar_scheduler::CalendarScheduler), it keeps for every particle its
+earliest event. But its lists contain no periodic images ([`lists`]), and most members of a list are rejected
+in single precision, eight at a time ([`filter`]), from records of half a cache line ([`frame`]): what cannot
+touch before the earliest event known needs no exact prediction ([`exact`]).
 */
 
 mod bins;
@@ -40,7 +40,8 @@ use frame::{Frame, Record};
 use lists::Lists;
 use sets::MOST;
 
-/// Members that a list shall have: with what it fluctuates, two groups of the filter hold it. Where members come from memory ([`MANY`]), fewer.
+/// Members that a list shall have: with what it fluctuates, two groups of the filter hold it. Where members
+/// come from memory ([`MANY`]), fewer.
 const MEMBERS: [f64; 2] = [14.5, 10.0];
 /// Distances at which particles become neighbors, at least and at most [mean diameters].
 const SHELL: [f64; 2] = [1.3, 2.5];
@@ -50,7 +51,8 @@ const AHEAD: f32 = 0.5;
 const SIZE_RATIO: f64 = 2.0;
 /// From this many particles on lists are shorter: members come from memory.
 const MANY: usize = 40_000;
-/// From this many particles on the records and anchors of those in the lists of events to come are asked for: the nearest caches do not hold all.
+/// From this many particles on the records and anchors of those in the lists of events to come are asked for:
+/// the nearest caches do not hold all.
 pub(crate) const AWAY: usize = 15_000;
 /// Of the event so many entries ahead, particles, records and lists are asked for, …
 const FAR_AHEAD: usize = 8;
@@ -139,7 +141,8 @@ impl Plan {
         let shell = libm::pow(volume, 1.0 / f64::from(census.dimension));
         let mean = 2.0 * census.mean / sigma;
         let half = 0.5 * ((shell / mean).clamp(SHELL[0], SHELL[1]) - 1.0) * mean;
-        // Centers of neighbors are a contact distance and two radii apart, and they themselves up to two more.
+        // Centers of neighbors are a contact distance and two radii apart, and they themselves up to two
+        // more.
         let frame = Frame::new(geometry, (1.01 + 4.0 * half) * sigma)?;
         let members = ball * ((mean + 2.0 * half) / spacing).powi(census.dimension) - 1.0;
         Some(Self { frame, half, edges, spacing, members })
@@ -176,7 +179,8 @@ struct Work {
 }
 
 impl<F: Features> Nearby<F> {
-    /// A scheduler for a system; it has to be [built](Scheduler::rebuild) before it runs. `None` if it does not support the system.
+    /// A scheduler for a system; it has to be [built](Scheduler::rebuild) before it runs. `None` if it does
+    /// not support the system.
     pub fn new(
         geometry: &Geometry,
         kernel: Kernel,
@@ -224,7 +228,7 @@ impl<F: Features> Scheduler for Nearby<F> {
         let predictor = &mut self.predictor;
         if predictor.records.is_empty() {
             predictor.records = with_huge_pages(count + 1);
-            predictor.records.resize(count + 1, Record::NOBODY);
+            predictor.records.resize(count + 1, Record::SENTINEL);
         }
         predictor.begin(&state.world);
         predictor.lists = Lists::default();
@@ -367,8 +371,8 @@ impl<F: Features> ListPredictor<F> {
         self.decide::<VECTORS>(world, &query, contact, bounds, work)
     }
 
-    /// The same for two particles, step by step for both: the processor need not wait for one to be done before it begins with
-    /// the other.
+    /// The same for two particles, step by step for both: the processor need not wait for one to be done
+    /// before it begins with the other.
     #[inline(always)]
     fn predict_both<const VECTORS: bool>(
         &self,
@@ -556,7 +560,8 @@ impl<F: Features, const VECTORS: bool> Predictor for VectorPredictor<'_, F, VECT
         self.predictor.predict::<false>(&state.world, i, &mut self.bounds[0], self.work)
     }
 
-    /// First the anchors, records and lists of particles, later those of the members of these (the sentinel has no anchor).
+    /// First the anchors, records and lists of particles, later those of the members of these (the sentinel
+    /// has no anchor).
     #[inline(always)]
     fn prefetch(&self, calendar: &Ladder<Entry>, state: &State) {
         let ListPredictor { records, lists, prefetches, .. } = &*self.predictor;

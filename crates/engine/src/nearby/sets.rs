@@ -1,7 +1,7 @@
 /*!
-Short lists of particles: where in one somebody stands, and who of one stands in another.
+Short lists of particles: the place of a particle in one, and the members of one that are in another.
 
-Whole vectors are compared, without a branch on each element: nobody could foresee it.
+Whole vectors are compared, without a branch on each element: it could not be predicted.
 */
 
 /// Elements that are compared at a time, and by the filter looked at: lists are whole groups of so many.
@@ -11,7 +11,8 @@ pub(super) const MOST: usize = u64::BITS as usize;
 
 /// The first place of `j` in a list of whole vectors.
 ///
-/// With `VECTORS` set the caller must be compiled for AVX2, and run where it exists; so for all of this module.
+/// With `VECTORS` set the caller must be compiled for AVX2, and run where it exists; so for all of this
+/// module.
 #[inline(always)]
 pub(super) fn place_of<const VECTORS: bool>(list: &[u32], j: u32) -> Option<usize> {
     for (k, vector) in list.chunks_exact(LANES).enumerate() {
@@ -34,7 +35,8 @@ fn equal<const VECTORS: bool>(vector: &[u32], j: u32) -> u32 {
     vector.iter().rev().fold(0, |bits, &other| bits << 1 | u32::from(other == j))
 }
 
-/// Which of a list's first `count` elements, [`MOST`] at most, stand in `among`. The list goes on to whole vectors.
+/// Which of a list's first `count` elements, [`MOST`] at most, stand in `among`. The list goes on to whole
+/// vectors.
 #[inline(always)]
 pub(super) fn members<const VECTORS: bool>(list: &[u32], count: usize, among: &[u32]) -> u64 {
     debug_assert!(count <= MOST && count <= list.len());

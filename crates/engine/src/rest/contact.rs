@@ -20,9 +20,9 @@ pub(crate) fn is_one_of_many(world: &World, pair: [u32; 2], time: i64) -> bool {
     world.thresholds.is_some_and(|thresholds| pair.iter().any(|&i| is_soon(world, &thresholds, i, time)))
 }
 
-/// Whether the contact of particle i with a wall is one of many: its last one, a short while before `time`, was with a grain, or one of
-/// many. A grain that has come back from this wall undisturbed is alone with it, unless the wall moves: on that no series of bounces is
-/// completed in closed form.
+/// Whether the contact of particle i with a wall is one of many: its last one, a short while before `time`,
+/// was with a grain, or one of many. A grain that has come back from this wall undisturbed is alone with it,
+/// unless the wall moves: on that no series of bounces is completed in closed form.
 pub(crate) fn is_among_grains(world: &World, i: u32, wall: u32, speed: f64, pull: f64, time: i64) -> bool {
     let Some(thresholds) = &world.thresholds else { return false };
     let moves = world.walls[wall as usize].motion.is_moving();
@@ -33,9 +33,9 @@ pub(crate) fn is_among_grains(world: &World, i: u32, wall: u32, speed: f64, pull
 
 /// The speed at which two bodies part that approach at `speed`, where the law says `e`.
 ///
-/// Contacts that are one of many are elastic below a speed, and take no more than down to it, unless there is no speed worth the name.
-/// Bodies that gravity presses together, with the relative acceleration `pull` along the normal, never part more slowly than they
-/// fall towards each other in a given time.
+/// Contacts that are one of many are elastic below a speed, and take no more than down to it, unless there is
+/// no speed worth the name. Bodies that gravity presses together, with the relative acceleration `pull` along
+/// the normal, never part more slowly than they fall towards each other in a given time.
 pub(crate) fn parting(world: &World, e: f64, speed: f64, pull: f64, many: bool) -> f64 {
     let Some(thresholds) = &world.thresholds else { return e * speed };
     let mut parting = e * speed;
@@ -45,7 +45,8 @@ pub(crate) fn parting(world: &World, e: f64, speed: f64, pull: f64, many: bool) 
     parting.max(pull * thresholds.hop)
 }
 
-/// A contact of bodies that part faster than they approach. Velocities after it, and the impact, whose loss is negative.
+/// A contact of bodies that part faster than they approach. Velocities after it, and the impact, whose loss
+/// is negative.
 ///
 /// `n` points from the first to the second.
 pub(crate) fn push_apart(
@@ -68,7 +69,8 @@ pub(crate) fn push_apart(
     (wi - n * (impulse * inverse[0]), wj + n * (impulse * inverse[1]), impact)
 }
 
-/// Before the collision of i and j: wakes the one that is at rest if it is hit hard enough. All that wake, in order.
+/// Before the collision of i and j: wakes the one that is at rest if it is hit hard enough. All that wake, in
+/// order.
 pub(crate) fn strike(state: &mut State, i: u32, j: u32, time: i64) -> Vec<u32> {
     let world = &state.world;
     let (at_rest, other) = if world.is_held(i) { (i, j) } else { (j, i) };

@@ -32,9 +32,9 @@ struct Contact {
     impulse: f64,
 }
 
-/// Takes from grains that have just had contacts the velocity with which they press on each other and on bodies and walls that cannot
-/// give way: one plastic impact on all these contacts at once. It leaves the velocities nearest to theirs, in kinetic energy, at which
-/// nothing approaches. Who has changed.
+/// Takes from grains that have just had contacts the velocity with which they press on each other and on
+/// bodies and walls that cannot give way: one plastic impact on all these contacts at once. It leaves the
+/// velocities nearest to theirs, in kinetic energy, at which nothing approaches. Who has changed.
 pub(super) fn unwedge(
     state: &mut State,
     geometry: &Geometry,
@@ -97,8 +97,8 @@ fn jam(world: &World, geometry: &Geometry, tight: &Thresholds, recent: &[u32]) -
     jam
 }
 
-/// Projected Gauss–Seidel: one contact after the other is given the impulse that stops its approach, but never pulls. Where that does
-/// not come to an end, because normals are all but opposite, the grains stop.
+/// Projected Gauss–Seidel: one contact after the other is given the impulse that stops its approach, but
+/// never pulls. Where that does not come to an end, because normals are all but opposite, the grains stop.
 fn solve(jam: &mut [Contact], velocities: &mut [DVec3], inverse: &[f64], accuracy: f64) {
     let mut unsolved = Vec::new();
     for _ in 0..ROUNDS {

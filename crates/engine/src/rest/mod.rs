@@ -1,24 +1,29 @@
 /*!
-Rest: grains that lean on each other come to rest under gravity after finitely many events, cost nothing then, and wake when hit.
+Rest: grains in contact come to rest under gravity after finitely many events, cost nothing then, and wake
+when hit.
 
-Bounces that lose a constant part of their speed are infinitely many in a finite time. A flat wall under a single grain completes
-them in closed form (`resolve::come_to_rest`); between grains nothing does. So a speed v, `contact.rest_speed`, is stated:
+Bounces that lose a constant part of their speed are infinitely many in a finite time. A flat wall under a
+single grain completes them in closed form (`resolve::come_to_rest`); between grains nothing does. So a speed
+v, `contact.rest_speed`, is stated:
 
-* *Slow and soon*: contacts that follow the last one of either body sooner than 10 v/g are elastic below v/8, and take no more than down
-  to it, so that impacts cannot accumulate. For walls that holds for grains that have met another grain, not for one that is alone with
-  them. What is then left without height, because it has been let go where it touches, parts at least as fast as it falls in v/128g.
-* *Census*: every v/g the largest set of grains is looked for that are slower than v/2 and stand, each on those of the set, on grains
-  at rest, on fixed bodies and on walls that do not move: its weight lies in the cone of the normals of contacts narrower than
-  v²/4g, twice what a speed of v/2 can rise. As the set is the largest, arches are found, whose stones stand only together; as its
-  lowest grain must stand on something else, nothing floats.
-* *Jams*: grains driven into a place without any room would collide without end. Too many contacts at what is nearly one time are a
-  jam: those who had them lose the velocity with which they press on each other and on what cannot give way, in one plastic
-  impact on all their contacts together, and a census follows at once.
+* *Slow and soon*: contacts that follow the last one of either body sooner than 10 v/g are elastic below v/8,
+  and take no more than down to it, so that impacts cannot accumulate. For walls that holds for grains that
+  have met another grain, not for one that is alone with them. What is then left without height, because it
+  has been let go where it touches, parts at least as fast as it falls in v/128g.
+* *Census*: every v/g the largest set of grains is looked for that are slower than v/2 and stand, each on
+  those of the set, on grains at rest, on fixed bodies and on walls that do not move: its weight lies in the
+  cone of the normals of contacts narrower than v²/4g, twice what a speed of v/2 can rise. As the set is the
+  largest, arches are found, whose stones stand only together; as its lowest grain must stand on something
+  else, nothing floats.
+* *Jams*: grains driven into a place without any room would collide without end. Too many contacts at what is
+  nearly one time are a jam: those who had them lose the velocity with which they press on each other and on
+  what cannot give way, in one plastic impact on all their contacts together, and a census follows at once.
 * The grains of the set are *held*: velocity zero, infinite mass, no entry in the calendar.
-* An impact faster than v, or any of a moving wall or driven body, *wakes* a grain, and with it those that no longer stand.
+* An impact faster than v, or any of a moving wall or driven body, *wakes* a grain, and with it those that no
+  longer stand.
 
-What is neglected: whether the contacts of all grains together can balance their weights. A grain at rest holds any load, as with
-friction, until an impact shakes it.
+What is neglected: whether the contacts of all grains together can balance their weights. A grain at rest
+holds any load, as with friction, until an impact shakes it.
 */
 
 mod contact;
@@ -49,7 +54,8 @@ pub(crate) struct Thresholds {
     pub elastic: f64,
     /// … if they follow another contact within this [time].
     pub soon: f64,
-    /// Bodies that gravity presses together part at least as fast as they fall towards each other in this time [time].
+    /// Bodies that gravity presses together part at least as fast as they fall towards each other in this
+    /// time [time].
     pub hop: f64,
     /// Slower approaches are none, and end by the law [length/time].
     pub nothing: f64,
@@ -74,7 +80,7 @@ const MOMENT: f64 = 1e-3;
 const ROOM: f64 = 1e-6;
 
 impl Thresholds {
-    /// Those of a system; `None` where nobody is put to rest.
+    /// Those of a system; `None` where no grain is put to rest.
     pub fn of(system: &System) -> Option<Self> {
         let (v, g) = (system.contacts.rest_speed, system.domain.gravity.length());
         (v > 0.0 && g > 0.0).then(|| Self {
@@ -101,7 +107,8 @@ pub(crate) struct Heap {
     /// Contacts since a time \[ticks\] that is a small part of a period ago at most.
     pub crowd: u64,
     pub crowd_since: i64,
-    /// Of every held grain the held grains and fixed bodies it is in contact with, in order; a function of where they are.
+    /// Of every held grain the held grains and fixed bodies it is in contact with, in order; a function of
+    /// where they are.
     pub near: Vec<Vec<u32>>,
 }
 
@@ -112,7 +119,8 @@ impl Default for Heap {
 }
 
 impl Heap {
-    /// Counts a contact at `time` \[ticks\]; whether grains are jammed: without any room they hop without end.
+    /// Counts a contact at `time` \[ticks\]; whether grains are jammed: without any room they hop without
+    /// end.
     #[inline]
     pub fn watch(&mut self, world: &World, time: i64) -> bool {
         let Some(thresholds) = &world.thresholds else { return false };
@@ -127,7 +135,8 @@ impl Heap {
         is_jammed
     }
 
-    /// Whether the census that is due has something to look at, with these events so far and grains not at rest.
+    /// Whether the census that is due has something to look at, with these events so far and grains not at
+    /// rest.
     fn is_worth_it(&self, events: u64, free: usize) -> bool {
         let first = self.events == u64::MAX;
         let new = events.wrapping_sub(self.events);
@@ -141,7 +150,8 @@ impl Heap {
     }
 }
 
-/// Normals, towards particle i, of its contacts with these particles and with walls that do not move, all of them where they are now.
+/// Normals, towards particle i, of its contacts with these particles and with walls that do not move, all of
+/// them where they are now.
 fn normals(world: &World, gap: f64, i: u32, near: impl Iterator<Item = u32>) -> Vec<DVec3> {
     let (position, _) = world.state(i, world.now);
     let mut normals: Vec<DVec3> = near

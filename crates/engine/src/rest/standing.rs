@@ -9,7 +9,7 @@ use crate::{
     grid::{Slabs, levels, meet, place},
     ledger::Term,
     particles::World,
-    report::{EventKind, EventRecord, NOBODY, Observer},
+    report::{EventKind, EventRecord, NO_PARTNER, Observer},
     resolve,
     rest::{Thresholds, events, is_fixed, jam::unwedge, stands},
     state::State,
@@ -34,8 +34,8 @@ impl TimedAction for SettlingScan {
     }
 }
 
-/// Puts the grains to rest that are slow and supported, if a settling scan is worth it now; resolves a jam before. Returns the
-/// particles that it has changed.
+/// Puts the grains to rest that are slow and supported, if a settling scan is worth it now; resolves a jam
+/// before. Returns the particles that it has changed.
 pub(crate) fn scan(
     state: &mut State,
     geometry: &Geometry,
@@ -225,7 +225,7 @@ pub(super) fn book(
             time: world.clock.time(world.now),
             kind: EventKind::Rest,
             i,
-            j: wall.map_or(NOBODY, |wall| wall as u32),
+            j: wall.map_or(NO_PARTNER, |wall| wall as u32),
             approach_speed: momentum.length() / body.mass,
             impulse: momentum.length(),
             energy_loss: energy,

@@ -1,8 +1,9 @@
 /*!
 Coordinates, and the cells that they fall into.
 
-Coordinates are integers: 2^32 of them to a periodic edge, so that the difference of two, taken modulo 2^32, is the
-nearest image at no cost, whatever the box; and 2^30 to a bounded edge, which leaves room for what rounding puts outside.
+Coordinates are integers: 2^32 of them to a periodic edge, so that the difference of two, taken modulo 2^32,
+is the nearest image at no cost, whatever the box; and 2^30 to a bounded edge, which leaves room for what
+rounding puts outside.
 */
 
 use haff_neighbors::{Axis, Geometry};
@@ -13,7 +14,8 @@ use super::opening::MOST_WINDOWS;
 const BOUNDED_BITS: u32 = 30;
 /// Largest number of cells along an axis: places are found in single precision.
 const MOST_CELLS: f64 = 2048.0;
-/// Cells per particle from which on the grid is folded, and how many there are then at most; besides a few in all.
+/// Cells per particle from which on the grid is folded, and how many there are then at most; besides a few in
+/// all.
 const MOST_PER_PARTICLE: usize = 8;
 const FOLDED_PER_PARTICLE: usize = 2;
 const FEW: usize = 1 << 15;
@@ -30,7 +32,8 @@ pub(super) struct Axes {
     /// Coordinates per length, and back.
     pub per_length: [f64; 3],
     pub unit: [f32; 3],
-    /// Halvings that fold the range of coordinates onto the grid, and the length that the grid spans [length].
+    /// Halvings that fold the range of coordinates onto the grid, and the length that the grid spans
+    /// [length].
     fold: [u32; 4],
     pub period: [f64; 3],
     /// The place of coordinate x is (((x << fold) ^ flip) · per_coordinate + bias) [cells].
@@ -49,8 +52,8 @@ fn range(periodic: bool) -> f64 {
     if periodic { 2.0_f64.powi(32) } else { 2.0_f64.powi(BOUNDED_BITS as i32) }
 }
 
-/// Part of the least contact distance that the rounding of coordinates comes to along an edge: of two places, and of their ways
-/// through as many windows as there are before copies are made again.
+/// Part of the least contact distance that the rounding of coordinates comes to along an edge: of two places,
+/// and of their ways through as many windows as there are before copies are made again.
 pub(super) fn rounding(edge: f64, periodic: bool, least_radius: f64) -> f64 {
     let roundings = 2 * (MOST_WINDOWS + 2);
     roundings as f64 * edge / range(periodic) / (2.0 * least_radius)
@@ -59,8 +62,8 @@ pub(super) fn rounding(edge: f64, periodic: bool, least_radius: f64) -> f64 {
 impl Axes {
     /// Axes cut into cells about `width` wide [length], for `particles`.
     ///
-    /// There are never many more cells than particles: where there would be, in a box that is mostly empty, the grid is folded
-    /// onto itself, so that places far from each other share a cell.
+    /// There are never many more cells than particles: where there would be, in a box that is mostly empty,
+    /// the grid is folded onto itself, so that places far from each other share a cell.
     pub fn new(geometry: &Geometry, width: f64, particles: usize) -> Self {
         let size = geometry.size.to_array();
         let mut n = [1.0; 3];
@@ -84,7 +87,8 @@ impl Axes {
                 break;
             }
             if folds[longest] < MOST_FOLDS {
-                // Along a bounded edge a fold begins with the range of coordinates, which is four times as long.
+                // Along a bounded edge a fold begins with the range of coordinates, which is four times as
+                // long.
                 folds[longest] += 1;
             } else {
                 n[longest] *= 0.5;
@@ -111,7 +115,8 @@ impl Axes {
             axes.unit[axis] = (length / coordinates) as f32;
             axes.cells[axis] = (n * 2.0_f64.powi(fold as i32) / length) as f32;
             if periodic || fold > 0 {
-                // A folded grid goes round, whatever the box does: it ends with the range of coordinates, multiplied.
+                // A folded grid goes round, whatever the box does: it ends with the range of coordinates,
+                // multiplied.
                 axes.fold[axis] = if periodic { fold } else { fold + 32 - BOUNDED_BITS };
                 axes.per_coordinate[axis] = (n / range(true)) as f32;
                 axes.period[axis] = length * 0.5_f64.powi(fold as i32);
@@ -162,7 +167,8 @@ impl Axes {
     pub fn cells(&self, places: [f32; 4]) -> [i32; 4] {
         let mut cells = [0; 4];
         for k in 0..4 {
-            // One instruction each, as `max` and `min` are not: those care for NaN, of which here comparisons make the lower bound.
+            // One instruction each, as `max` and `min` are not: those care for NaN, of which here comparisons
+            // make the lower bound.
             let place = if places[k] > self.low[k] { places[k] } else { self.low[k] };
             let place = if place < self.high[k] { place } else { self.high[k] };
             // SAFETY: the bounds are small numbers, and no NaN is left.

@@ -1,12 +1,13 @@
 /*!
 The grid of a window: in which cells particles are, at any time within it.
 
-A particle is registered in every cell that its path through the window touches. So whoever looks for partners has to look
-at the cells near its own path only, however fast others are. A particle that takes a new path is registered along that
-too; where it was registered before does no harm, since what is tested is always its path of now.
+A particle is registered in every cell that its path through the window touches. So a search for partners
+reads at the cells near its own path only, however fast others are. A particle that takes a new path is
+registered along that too; where it was registered before does no harm, since what is tested is always its
+path of now.
 
-Cells are found in single precision: which of two cells a particle on their common face is in does not matter, as long as
-searches reach a little further ([`SLACK`]) than contacts do.
+Cells are found in single precision: which of two cells a particle on their common face is in does not matter,
+as long as searches reach a little further ([`SLACK`]) than contacts do.
 */
 
 use std::ops::Range;
@@ -17,12 +18,13 @@ use super::axes::Axes;
 
 /// Entries of a block; with its link it fills half a cache line.
 const ENTRIES: usize = 7;
-/// What searches reach further [cells]: ten times the rounding of a place among the most cells, [`super::axes`].
+/// What searches reach further [cells]: ten times the rounding of a place among the most cells,
+/// [`super::axes`].
 const SLACK: f32 = 2e-3;
 /// Cells per axis of the blocks of cells that searches have tables for.
 const TABLED: usize = 4;
-/// Cells per part of the grid that is filled in parallel, at least, and parts at most, about: paths that leave a part are registered
-/// afterwards, one by one.
+/// Cells per part of the grid that is filled in parallel, at least, and parts at most, about: paths that
+/// leave a part are registered afterwards, one by one.
 const PART: usize = 4096;
 const PARTS: usize = 20;
 
@@ -102,7 +104,7 @@ impl Candidates {
             let to = self.slots.as_mut_ptr().add(self.len).cast::<[u32; LANES]>();
             to.write(std::ptr::from_ref(block).cast::<[u32; LANES]>().read());
         }
-        // A mask, not a branch: nobody can foresee it.
+        // A mask, not a branch: it cannot be predicted.
         self.len += (block.link & (7 * u32::from(wanted))) as usize;
         block.link
     }
@@ -121,7 +123,8 @@ impl Candidates {
     }
 }
 
-/// A cell of a block of cells: the step from the index of the first, inside the grid, and the steps along the axes.
+/// A cell of a block of cells: the step from the index of the first, inside the grid, and the steps along the
+/// axes.
 #[derive(Debug, Clone, Copy)]
 struct Step {
     inside: u32,
@@ -202,8 +205,9 @@ impl Cells {
         self.blocks[cell] = Block { entries, link: next << 3 | 1 };
     }
 
-    /// The grid in parts, always the same ones, that can be [filled](Part::fill) in parallel; [`Self::complete`] has to follow.
-    /// `rows` are the first slots of the rows of cells, as slots are sorted: it does not matter if some have left their rows since.
+    /// The grid in parts, always the same ones, that can be [filled](Part::fill) in parallel;
+    /// [`Self::complete`] has to follow. `rows` are the first slots of the rows of cells, as slots are
+    /// sorted: it does not matter if some have left their rows since.
     pub fn parts<'a>(&'a mut self, rows: &[u32], mut lowest: &'a mut [u32]) -> Vec<Part<'a>> {
         self.blocks.truncate(self.count);
         let across = self.axes.n[0] as usize;
@@ -229,8 +233,9 @@ impl Cells {
         }
     }
 
-    /// Registers a slot that has taken a new path, in all cells within `extent` [length] of the path from `x`, the `part` of the
-    /// displacement `v` [length] long; without an extent, but for the cell of `x`, where its old path has brought it.
+    /// Registers a slot that has taken a new path, in all cells within `extent` [length] of the path from
+    /// `x`, the `part` of the displacement `v` [length] long; without an extent, but for the cell of `x`,
+    /// where its old path has brought it.
     #[inline(always)]
     pub fn register(&mut self, slot: u32, x: [i32; 3], v: [f32; 3], part: f32, extent: f32) {
         let axes = self.axes;
@@ -245,11 +250,11 @@ impl Cells {
         });
     }
 
-    /// Gathers, for the search of number `search` from slot `own`, all that are registered within `reach` [length] of the box
-    /// around the path from `x`, the `part` of the displacement `v` [length] long.
+    /// Gathers, for the search of number `search` from slot `own`, all that are registered within `reach`
+    /// [length] of the box around the path from `x`, the `part` of the displacement `v` [length] long.
     ///
-    /// With `HALF`, those alone that are registered in the cell `lowest` of its own or a later one: of two that are near each other
-    /// the one with the lesser `lowest` finds the other.
+    /// With `HALF`, those alone that are registered in the cell `lowest` of its own or a later one: of two
+    /// that are near each other the one with the lesser `lowest` finds the other.
     #[inline(always)]
     #[expect(clippy::too_many_arguments, reason = "in registers, on the hottest path")]
     pub fn gather<const HALF: bool>(
@@ -304,7 +309,8 @@ impl Cells {
                 let first = axes.index(low);
                 let mut steps = &table[..];
                 if HALF {
-                    // The table goes through the cells in their order; nothing of the own path is before its box.
+                    // The table goes through the cells in their order; nothing of the own path is before its
+                    // box.
                     let (own, _) = path.span(axes, extent);
                     let at = |k: usize| own[k] - low[k];
                     let skipped = (at(2) * count[1] + at(1)) * count[0] + at(0);
@@ -396,8 +402,9 @@ pub(super) struct Part<'a> {
 }
 
 impl Part<'_> {
-    /// Empties its cells, and registers its slots; `path` tells where the path of a slot begins, its displacement and its extent.
-    /// Sets the least cell that each slot is registered in. Adds to `left` (cell, slot) for which there is no room in the part.
+    /// Empties its cells, and registers its slots; `path` tells where the path of a slot begins, its
+    /// displacement and its extent. Sets the least cell that each slot is registered in. Adds to `left`
+    /// (cell, slot) for which there is no room in the part.
     #[inline(always)]
     pub fn fill(
         self,
@@ -448,7 +455,8 @@ impl PathBox {
         Self { low, high }
     }
 
-    /// First cell, counted on beyond the edges, and number of cells per axis, of the box and `reach` [length] around it.
+    /// First cell, counted on beyond the edges, and number of cells per axis, of the box and `reach` [length]
+    /// around it.
     #[inline(always)]
     fn span(&self, axes: &Axes, reach: f32) -> ([i32; 4], [i32; 3]) {
         let (mut low, mut high) = ([0.0; 4], [0.0; 4]);
@@ -480,8 +488,8 @@ fn each(axes: &Axes, low: [i32; 4], count: [i32; 3], mut visit: impl FnMut(usize
     }
 }
 
-/// Visits the cells within `extent` [length] of the path from `x`, the `part` of the displacement `v` [length] long; without an
-/// extent, the cell of `x` only if `FIRST`.
+/// Visits the cells within `extent` [length] of the path from `x`, the `part` of the displacement `v`
+/// [length] long; without an extent, the cell of `x` only if `FIRST`.
 #[inline(always)]
 fn trace<const FIRST: bool>(
     axes: &Axes,

@@ -1,4 +1,5 @@
-//! The contacts of a window in the order of events, ties included: all that can happen in the window is known.
+//! The contacts of a window in the order of events, ties included: all that can happen in the window is
+//! known.
 
 use std::cmp::Ordering;
 

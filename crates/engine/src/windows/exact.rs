@@ -10,7 +10,8 @@ use crate::{
     predict::TOUCHING,
 };
 
-/// When two particles with these anchors touch [ticks], for the image that is nearest now; `None` if they do not.
+/// When two particles with these anchors touch [ticks], for the image that is nearest now; `None` if they do
+/// not.
 #[inline(always)]
 pub(super) fn contact<F: Features>(world: &World, a: &Particle, b: &Particle) -> Option<i64> {
     let sigma = if F::UNIFORM {

@@ -1,8 +1,8 @@
 /*!
 The filter: which pairs may touch within the window.
 
-With r and v of a pair at the start of the window (v: displacement within it), f(θ) = |r + v θ|² − σ² for 0 ≤ θ ≤ 1. The pair
-may touch after θ₀ if f has a root at all and one of [θ₀, 1] lies between or beyond its roots:
+With r and v of a pair at the start of the window (v: displacement within it), f(θ) = |r + v θ|² − σ² for 0 ≤
+θ ≤ 1. The pair may touch after θ₀ if f has a root at all and one of [θ₀, 1] lies between or beyond its roots:
 
 ```text
 f(θ) = c + 2 b θ + v² θ²,   c = r² − σ²,  b = r·v
@@ -11,8 +11,8 @@ b² ≥ c v²                        there are roots
 −b ≥ θ₀v² or  f(θ₀) ≤ 0          the second is not before the beginning
 ```
 
-σ is widened by a [`margin`] for all that single precision rounds. No pair is rejected by the sign of r·v alone: whether a
-touching pair approaches is for the exact prediction to say.
+σ is widened by a [`margin`] for all that single precision rounds. No pair is rejected by the sign of r·v
+alone: whether a touching pair approaches is for the exact prediction to say.
 */
 
 use super::{
@@ -23,16 +23,18 @@ use crate::features::Features;
 
 /// Part by which contact distances are widened at least: 10⁻³ costs 0.3 % more exact predictions.
 const LEAST_MARGIN: f64 = 1e-3;
-/// What the squares of long ways round off, in squares of the way: 1.5 of f32's ε. From ways of 150 on, the least margin
-/// alone was seen to miss grazing contacts.
+/// What the squares of long ways round off, in squares of the way: 1.5 of f32's ε. From ways of 150 on, the
+/// least margin alone was seen to miss grazing contacts.
 const ROUNDING: f64 = 1.8e-7;
-/// The farthest that particles may go within a window [least contact distances]: the margin stays below 5 %, …
+/// The farthest that particles may go within a window [least contact distances]: the margin stays below 5 %,
+/// …
 pub(super) const FARTHEST: f64 = 250.0;
 /// … and how far they may go at little more than the least margin.
 pub(super) const NEAR: f64 = 25.0;
 
-/// Factor by which contact distances are widened if nobody goes further than this within the window [least contact
-/// distances], and coordinates are rounded by so much. Two come apart at twice the speed of one.
+/// Factor by which contact distances are widened if no particle moves further than this within the window
+/// [least contact distances], and coordinates are rounded by so much. Two come apart at twice the speed of
+/// one.
 pub(super) fn margin(farthest: f64, rounding: f64) -> f32 {
     let way = 2.0 * farthest;
     (1.0 + LEAST_MARGIN + ROUNDING * way * way + rounding) as f32
@@ -68,7 +70,7 @@ pub(super) struct Probe {
 pub(super) struct Scratch {
     candidates: Candidates,
     masks: Vec<u8>,
-    /// Who may touch whom: pairs of the number of a search and the slot that it has found.
+    /// Candidate pairs: the number of a search, and the slot that it has found.
     pub hits: Vec<(u32, u32)>,
     /// What has been done so far.
     pub work: Work,
@@ -93,7 +95,8 @@ impl Scratch {
                 let k = word * 64 + bits.trailing_zeros() as usize;
                 bits &= bits - 1;
                 debug_assert!(k < slots.len() && count < hits.capacity());
-                // SAFETY: no vector beyond those counted has a bit, and there is room for a hit of every slot.
+                // SAFETY: no vector beyond those counted has a bit, and there is room for a hit of every
+                // slot.
                 unsafe {
                     to.add(count).write((*owner.get_unchecked(k / LANES), *slots.get_unchecked(k)));
                 }
@@ -105,8 +108,9 @@ impl Scratch {
     }
 }
 
-/// Finds all whom the probes may touch in what is left of the window, each once per probe. With the `lowest` cell of every slot
-/// and `HALF` set, of two that may touch the one whose lowest cell comes first finds the other, which is enough if all are searched.
+/// Finds all particles that the probes may touch in what is left of the window, each once per probe. With the
+/// `lowest` cell of every slot and `HALF` set, of two that may touch the one whose lowest cell comes first
+/// finds the other, which is enough if all are searched.
 ///
 /// With `VECTORS` set the caller must be compiled for AVX2 and FMA, and run where they exist.
 #[inline(always)]
@@ -146,8 +150,8 @@ pub(super) fn search<F: Features, const HALF: bool, const VECTORS: bool>(
             }
         }
     }
-    // Who is registered in several cells has been met several times. Most of them are found among the last few, without a
-    // branch; those who are not are predicted twice, which does no harm.
+    // Who is registered in several cells has been met several times. Most of them are found among the last
+    // few, without a branch; those who are not are predicted twice, which does no harm.
     let hits = &mut scratch.hits;
     let mut last = [u64::MAX; 4];
     let mut kept = 0;
@@ -202,8 +206,8 @@ mod avx2 {
 
     use super::{Features, LANES, Probe, Record, Scratch};
 
-    /// Eight candidates at a time: their records are loaded whole and transposed in registers. What has passed is looked
-    /// at after all are tested, so that no test waits for a branch on the one before.
+    /// Eight candidates at a time: their records are loaded whole and transposed in registers. What has
+    /// passed is looked at after all are tested, so that no test waits for a branch on the one before.
     #[target_feature(enable = "avx2,fma")]
     #[inline]
     pub(super) fn filter<F: Features>(

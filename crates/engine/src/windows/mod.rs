@@ -1,14 +1,14 @@
 /*!
 The engine of time windows: no crossings, and memory is streamed.
 
-Time is cut into windows. At the start of one, every particle is registered in the cells along its path through it
-([`cells`]), and pairs that may touch before its end are found cell by cell ([`filter`]) and predicted from their anchors
-([`exact`]). Contacts within the window, all of them, go to the agenda. Events run in order; particles that have had one
-are registered along their new paths and predicted anew, up to the window's end. A stale event needs no successor: whatever
-else its particles may meet is in the agenda already.
+Time is cut into windows. At the start of one, every particle is registered in the cells along its path
+through it ([`cells`]), and pairs that may touch before its end are found cell by cell ([`filter`]) and
+predicted from their anchors ([`exact`]). Contacts within the window, all of them, go to the agenda. Events
+run in order; particles that have had one are registered along their new paths and predicted anew, up to the
+window's end. A stale event needs no successor: whatever else its particles may meet is in the agenda already.
 
-Particles stand in *slots*, sorted by cell every few windows, so that what is near in space is near in memory. How long
-windows are and how wide cells is tuned on the way ([`tune`]).
+Particles stand in *slots*, sorted by cell every few windows, so that what is near in space is near in memory.
+How long windows are and how wide cells is tuned on the way ([`tune`]).
 */
 
 mod axes;
@@ -45,30 +45,33 @@ use filter::{Probe, Record, Scratch};
 use space::Space;
 use tune::{Tuner, Work};
 
-/// Up to this many particles the caches hold all that events need: beyond that, particles are asked for so many events ahead, and what
-/// their slots hold so many.
+/// Up to this many particles the caches hold all that events need: beyond that, particles are asked for so
+/// many events ahead, and what their slots hold so many.
 const CACHED: usize = 20_000;
 const PARTICLES: usize = 20;
 const SLOTS: usize = 14;
-/// From this many particles on, cells around events, and records in them, come from memory: so many events ahead, and so many
-/// less.
+/// From this many particles on, cells around events, and records in them, come from memory: so many events
+/// ahead, and so many less.
 const LARGE: usize = 100_000;
 const CELLS: usize = 9;
 const TURNS: usize = 5;
-/// Part of the box that the widest pair may come apart within a window, so that the nearest image is the one that may touch.
+/// Part of the box that the widest pair may come apart within a window, so that the nearest image is the one
+/// that may touch.
 const NEAREST: f64 = 0.45;
 /// Part of the least contact distance that the rounding of coordinates may come to.
 const MOST_ROUNDING: f64 = 0.02;
 /// Windows are chosen from this many particles on, with at most so many walls, …
 const MANY: usize = 100;
 const FEW_WALLS: usize = 16;
-/// … where nobody is faster than the mean by more than this factor, which would make windows short, …
+/// … where no particle is faster than the mean by more than this factor, which would make windows short, …
 const OUTLIER: f64 = 30.0;
-/// … and where the nearest image allows ways of so many mean distances of particles, so that the fastest do not make windows short.
+/// … and where the nearest image allows ways of so many mean distances of particles, so that the fastest do
+/// not make windows short.
 const ROOM: f64 = 0.5;
 
-/// A window ends early after so many searches for each particle, and so many more: each event adds a particle to the cells along
-/// its new path, and a few particles that collide very often would fill theirs with copies of themselves.
+/// A window ends early after so many searches for each particle, and so many more: each event adds a particle
+/// to the cells along its new path, and a few particles that collide very often would fill theirs with copies
+/// of themselves.
 const SEARCHES_PER_PARTICLE: u64 = 4;
 const SEARCHES: u64 = 1000;
 
@@ -94,7 +97,8 @@ pub(crate) struct Windows<F> {
     /// Mean path in the window [spacings], and the width that the cells were made for.
     path: f64,
     width: f64,
-    /// Displacement in the window beyond which the nearest image may be the wrong one, or the margin too small [length].
+    /// Displacement in the window beyond which the nearest image may be the wrong one, or the margin too
+    /// small [length].
     farthest: f32,
     tuner: Tuner,
     /// Searches after which the present window ends early.
@@ -147,7 +151,8 @@ pub(crate) fn unsuitable(system: &System, census: &Census) -> Option<String> {
     None
 }
 
-/// Whether windows support a state of a system that is not [unsuitable]: under gravity all particles have to fall.
+/// Whether windows support a state of a system that is not [unsuitable]: under gravity all particles have to
+/// fall.
 pub(crate) fn supports(world: &World) -> bool {
     world.gravity == DVec3::ZERO || world.resting == 0
 }
@@ -211,7 +216,8 @@ impl<F: Features> Windows<F> {
         }
     }
 
-    /// Takes the new flight of a particle, and enters what it will meet. False if it has become too fast for the window.
+    /// Takes the new flight of a particle, and enters what it will meet. False if it has become too fast for
+    /// the window.
     #[inline(always)]
     fn renew<const K: usize, const VECTORS: bool>(&mut self, world: &World, bodies: [u32; K]) -> bool {
         let mut probes = [Probe::default(); K];
@@ -229,8 +235,9 @@ impl<F: Features> Windows<F> {
             agenda.push(entry);
         };
         self.space.predict::<false, VECTORS>(world, &probes, &mut self.scratch, push);
-        // Register after searching: a search that reads a line just written in parts stalls on store forwarding. At their present
-        // positions the particles are registered already, because their old paths ended there.
+        // Register after searching: a search that reads a line just written in parts stalls on store
+        // forwarding. At their present positions the particles are registered already, because their old
+        // paths ended there.
         for probe in &probes {
             self.register(probe);
         }
@@ -309,8 +316,8 @@ impl<F: Features> Windows<F> {
         }
     }
 
-    /// Prefetches what the searches after the next events will read: the cells around them, later the records of the particles in
-    /// these.
+    /// Prefetches what the searches after the next events will read: the cells around them, later the records
+    /// of the particles in these.
     #[inline(always)]
     fn prefetch_cells(&mut self, world: &World) {
         let Space { cells, records, .. } = &self.space;
@@ -323,7 +330,8 @@ impl<F: Features> Windows<F> {
             cells.visit(&block, prefetch);
             self.around[turn] = block;
         }
-        // Those of the event that was so far ahead `TURNS` events ago; others may have come between, which does no harm.
+        // Those of the event that was so far ahead `TURNS` events ago; others may have come between, which
+        // does no harm.
         cells.visit(&self.around[self.turn], |cell| {
             for slot in cell.first() {
                 prefetch_at(records, slot as usize);
@@ -338,8 +346,8 @@ impl<F: Features> Windows<F> {
 
     /// Whether so many events have been in the window that it shall end early.
     ///
-    /// Tested where an event is dropped and after those of one particle: a few that collide very often have many of these, and the
-    /// others cost nothing by it.
+    /// Tested where an event is dropped and after those of one particle: a few that collide very often have
+    /// many of these, and the others cost nothing by it.
     #[inline(always)]
     fn is_crowded(&self) -> bool {
         self.scratch.work.searches > self.last_search

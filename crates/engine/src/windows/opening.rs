@@ -58,7 +58,7 @@ impl<F: Features> Windows<F> {
             .fold((0.0, 0.0), |(sum, most), block| (sum + block.0, f64::max(most, block.1)));
         let (mut mean_square, fastest) = (sum / count.max(1) as f64, most.sqrt());
         if F::GRAVITY {
-            // Those who have only just been let go of are soon as fast as this.
+            // Particles that have just begun to fall are soon as fast as this.
             mean_square += self.gravity.length() * self.spacing;
         }
         let mean = mean_square.sqrt();
@@ -83,7 +83,7 @@ impl<F: Features> Windows<F> {
             .map(|(farthest, period)| if period > 0.0 { farthest.min(NEAREST * period) } else { farthest })
             .fold(FARTHEST * contact, f64::min);
         let windows = (TRIAL / count.max(1) as u64).clamp(LEAST_WINDOWS, MOST_WINDOWS);
-        // The last window has to be short enough for those who have been falling through all of them.
+        // The last window has to be short enough for particles that have been falling in all of them.
         let gain = if F::GRAVITY { self.gravity.length() * (windows + 1) as f64 } else { 0.0 };
         let longest = longest_step(farthest, HEADROOM * fastest, gain);
         let step = (path * self.spacing / mean).min(longest);
@@ -93,7 +93,7 @@ impl<F: Features> Windows<F> {
         self.space.end = self.begin + ticks;
         self.step = ticks as f64 * world.clock.tick;
         self.path = mean * self.step / self.spacing;
-        // No further than somebody is likely to go: single precision rounds long ways more.
+        // No further than particles are likely to move: single precision rounds long displacements more.
         let farthest =
             farthest.min(((HEADROOM * fastest + gain * self.step) * self.step).max(NEAR * contact));
         self.farthest = (farthest - gain * self.step * self.step) as f32;
@@ -180,7 +180,7 @@ impl<F: Features> Windows<F> {
         self.open(&state.world);
     }
 
-    /// What a window's time does to all who fall.
+    /// The fall of all particles in the time of a window.
     fn fall(&self) -> Fall {
         if !F::GRAVITY {
             return Fall::default();
@@ -237,7 +237,7 @@ impl<F: Features> Windows<F> {
         self.opening.add(&self.scratch.work.since(&before));
         self.space.contacts = found.len();
         self.agenda.open(self.begin, self.space.end, &found);
-        // Of very large systems they are not kept: they are in the agenda now, and nobody asks how many there were.
+        // Of very large systems they are not kept: they are in the queue now, and their number is not used.
         if self.space.records.len() <= VERY_LARGE {
             self.found = found;
         }

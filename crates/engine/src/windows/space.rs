@@ -25,8 +25,8 @@ const BLOCK: usize = 32;
 pub(super) const TASK: usize = 4096;
 /// Windows are opened on all cores from this many particles on, …
 const MANY: usize = 1 << 16;
-/// … or from this many, if fewer than one in so many meets another within a window: what one core has written the other has to fetch, and where
-/// events are most of the work this costs more than it gains.
+/// … or from this many, if fewer than one in so many meets another within a window: what one core has written
+/// the other has to fetch, and where events are most of the work this costs more than it gains.
 const SOME: usize = 1 << 14;
 const RARE: usize = 8;
 /// Cells of a strip in a plane, about.
@@ -66,7 +66,7 @@ impl<F: Features> Space<F> {
         much && rayon::current_num_threads() > 1
     }
 
-    /// Moves everybody on by one window, in parallel if that is worth while.
+    /// Moves all particles on by one window, in parallel if that is worth while.
     #[inline(always)]
     pub fn stream(&mut self, kernel: Kernel, fall: Fall) {
         let axes = self.cells.axes;
@@ -82,7 +82,7 @@ impl<F: Features> Space<F> {
         }
     }
 
-    /// Registers everybody along the paths of the window that begins, in parallel if that is worth while.
+    /// Registers all particles along the paths of the window that begins, in parallel if that is worth while.
     #[inline(always)]
     pub fn register_all(&mut self, kernel: Kernel) {
         let shares = self.shares();
@@ -115,8 +115,8 @@ impl<F: Features> Space<F> {
         cells.complete(&left);
     }
 
-    /// Slots in strips that are searched one after the other: some rows of a plane of cells, then those above them in the
-    /// next plane. Cells and records of a strip's surroundings stay in the cache.
+    /// Slots in strips that are searched one after the other: some rows of a plane of cells, then those above
+    /// them in the next plane. Cells and records of a strip's surroundings stay in the cache.
     pub fn strips(&self) -> Vec<Range<usize>> {
         let [across, deep, high] = [0, 1, 2].map(|axis| self.cells.axes.n[axis] as usize);
         let thick = (STRIP / across).clamp(1, deep);
@@ -234,7 +234,8 @@ impl<F: Features> Space<F> {
     }
 }
 
-/// The fall of all particles within a window [coordinates], and what the displacement in a window is then longer by [length].
+/// The fall of all particles within a window [coordinates], and what the displacement in a window is then
+/// longer by [length].
 #[derive(Debug, Clone, Copy, Default)]
 pub(super) struct Fall {
     pub way: [i32; 3],

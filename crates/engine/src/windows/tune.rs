@@ -1,11 +1,12 @@
 /*!
 How long windows are, and how wide cells.
 
-Long windows are opened less often, but their searches look further, and predict more that never happens; wide cells are visited
-less often, but hold more that is out of reach. The best of both depends on the density, and on how the particles are distributed:
-it moves as a gas clusters. So both are tuned all the time by small steps, judged by what the searches have done, as
-counted, and not by the clock: the same run makes the same choices everywhere. No choice changes a trajectory. What a count is worth
-depends on where the data are ([`Distance`]).
+Long windows are opened less often, but their searches look further, and predict more that never happens; wide
+cells are visited less often, but hold more that is out of reach. The best of both depends on the density, and
+on how the particles are distributed: it moves as a gas clusters. So both are tuned all the time by small
+steps, judged by what the searches have done, as counted, and not by the clock: the same run makes the same
+choices everywhere. No choice changes a trajectory. What a count is worth depends on where the data are
+([`Distance`]).
 */
 
 /// What has been done, in counts.
@@ -57,17 +58,20 @@ impl Work {
 const STEP: [f64; 2] = [1.25, 1.15];
 /// A trial that makes less difference than this is no better.
 const GAIN: f64 = 0.005;
-/// Failures in a row after which the tuner rests, and for how many trials: twice as many each time that nothing better is found again.
+/// Failures in a row after which the tuner rests, and for how many trials: twice as many each time that
+/// nothing better is found again.
 const PATIENCE: u32 = 4;
 const REST: u32 = 24;
 const LONGEST_REST: u32 = 96;
 /// A change of the cost by this factor wakes it.
 const WAKE: f64 = 1.15;
-/// Up to this many particles second-level caches, or a third that is shared with few, hold most of what events need.
+/// Up to this many particles second-level caches, or a third that is shared with few, hold most of what
+/// events need.
 const MANY: usize = 300_000;
 
-/// How far from the processor a system is. Windows are opened in the order of memory, events are taken in that of time and wait for
-/// it: the same work weighs more there. Fitted to the rates at lengths and widths set by hand, for which see the benchmark record.
+/// How far from the processor a system is. Windows are opened in the order of memory, events are taken in
+/// that of time and wait for it: the same work weighs more there. Fitted to the rates at lengths and widths
+/// set by hand, for which see the benchmark record.
 #[derive(Debug, Clone, Copy)]
 struct Distance {
     /// What the work of events weighs, in units of that of opening.
@@ -94,8 +98,9 @@ enum Doing {
     Nothing,
     /// It tries another value than the one `left`, at which the cost was this.
     Trying { which: usize, left: f64, cost: f64 },
-    /// It has gone back from the value `tried` to the one left, whose costs these are, to see what has changed by itself since: a gas that melts, falls or clusters costs more or
-    /// less from trial to trial, whatever is tried.
+    /// It has gone back from the value `tried` to the one left, whose costs these are, to see what has
+    /// changed by itself since: a gas that melts, falls or clusters costs more or less from trial to trial,
+    /// whatever is tried.
     Comparing { which: usize, tried: f64, cost_tried: f64, cost_left: f64 },
     /// It has found nothing better at this cost, and waits for so many trials.
     Resting { trials: u32, cost: f64 },
@@ -133,7 +138,8 @@ impl Tuner {
         }
     }
 
-    /// Judges the work done for `opening` windows and by their `events` over a `path` [mean spacings], and chooses the next values.
+    /// Judges the work done for `opening` windows and by their `events` over a `path` [mean spacings], and
+    /// chooses the next values.
     pub fn judge(&mut self, opening: &Work, events: &Work, path: f64) {
         if path <= 0.0 {
             return;

@@ -1,10 +1,11 @@
 //! The event log replayed: every particle's last position and velocity follow from its rows.
 //!
-//! Nothing here is shared with the engine: a particle flies on from row to row, and each row changes its velocity by the
-//! impulse that it states. A missed, doubled or misplaced event shows as a particle that is somewhere else.
+//! Nothing here is shared with the engine: a particle flies on from row to row, and each row changes its
+//! velocity by the impulse that it states. A missed, doubled or misplaced event shows as a particle that is
+//! somewhere else.
 
 use glam::DVec3;
-use haff_engine::{EventKind, EventRecord, Frame, NOBODY, System};
+use haff_engine::{EventKind, EventRecord, Frame, NO_PARTNER, System};
 
 /// Roundings of a row, of its velocities and of its place.
 const ROUNDINGS: f64 = 32.0;
@@ -46,8 +47,9 @@ impl Flier {
         self.time = time;
     }
 
-    /// Changes the velocity, where something moves at `speed`; and lets go of the walls that the particle moves away from. Its
-    /// velocity was along them, so that only the rounding of this one step is in question.
+    /// Changes the velocity, where something moves at `speed`; and lets go of the walls that the particle
+    /// moves away from. Its velocity was along them, so that only the rounding of this one step is in
+    /// question.
     fn kick(&mut self, system: &System, change: DVec3, speed: f64) {
         self.velocity += change;
         let rounding = ROUNDINGS * f64::EPSILON * (self.velocity.length() + speed + change.length());
@@ -83,8 +85,8 @@ fn along(gravity: DVec3, normals: &[DVec3]) -> DVec3 {
     best
 }
 
-/// Replays a log from the start and compares with the last frame, `epochs` of the clock later: an old anchor is moved up its flight at
-/// the end of an epoch, which rounds.
+/// Replays a log from the start and compares with the last frame, `epochs` of the clock later: an old anchor
+/// is moved up its flight at the end of an epoch, which rounds.
 pub fn check(system: &System, rows: &[EventRecord], last: &Frame, epochs: u64) -> Result<(), String> {
     let mass = |i: usize| system.classes[system.bodies[i].class as usize].mass;
     let mut fliers: Vec<Flier> = system
@@ -123,7 +125,7 @@ pub fn check(system: &System, rows: &[EventRecord], last: &Frame, epochs: u64) -
                 fliers[i].slid_on = fliers[i].support.clone();
                 fliers[i].kick(system, change * (-1.0 / mass(i)), speed);
             }
-            EventKind::Rest if row.j != NOBODY => {
+            EventKind::Rest if row.j != NO_PARTNER => {
                 settle(system, &mut fliers[i], row.j as usize, row.time, mass(i));
             }
             other => return Err(format!("a row of kind {other:?} in a scene without rest")),
@@ -162,13 +164,15 @@ pub fn check(system: &System, rows: &[EventRecord], last: &Frame, epochs: u64) -
     Ok(())
 }
 
-/// A completed series of bounces: the grain has been at the wall, near enough, since its last row, and is held by it.
+/// A completed series of bounces: the grain has been at the wall, near enough, since its last row, and is
+/// held by it.
 fn settle(system: &System, flier: &mut Flier, wall: usize, time: f64, mass: f64) {
     let normal = system.walls[wall].normal;
     let before = flier.velocity;
     let dt = (time - flier.time).max(0.0);
     let pace = before.length() + system.domain.gravity.length() * dt;
-    // A grain that slides on walls into another one bounces on them all; it comes to rest on all of them at once.
+    // A grain that slides on walls into another one bounces on them all; it comes to rest on all of them at
+    // once.
     let mut slid_on = std::mem::take(&mut flier.slid_on);
     // Rounding may have thrown it off this very wall before.
     slid_on.retain(|&other| other != wall);

@@ -29,7 +29,8 @@ pub(super) fn among<'n, I: Iterator<Item = &'n str>>(name: &str, known: impl Fn(
     format!("\"{}\"{near} (known: {})", cut(name, LONGEST), some_of(known()))
 }
 
-/// Index of the wall of each entry of `[[wall]]` among all walls: those of the boundary, then those with a shape.
+/// Index of the wall of each entry of `[[wall]]` among all walls: those of the boundary, then those with a
+/// shape.
 fn wall_places(configs: &[WallConfig], walls: &[String]) -> Vec<Option<usize>> {
     let boundary = |config: &WallConfig| walls.iter().position(|name| config.names_boundary(name));
     let shapes = configs.iter().filter(|config| boundary(config).is_none()).count();

@@ -49,7 +49,8 @@ fn coordinates(cells: &Cells, p: [f64; 3]) -> [i32; 3] {
     [0, 1, 2].map(|axis| cells.axes.coordinate(axis, p[axis]))
 }
 
-/// Empties the cells and registers slots 0 … `count`, all of them found in the first row when they were sorted; their lowest cells.
+/// Empties the cells and registers slots 0 … `count`, all of them found in the first row when they were
+/// sorted; their lowest cells.
 fn fill(cells: &mut Cells, count: u32, path: impl Fn(u32) -> ([i32; 3], [f32; 3], f32)) -> Vec<u32> {
     let axes = cells.axes;
     let rows: Vec<u32> = (0..=axes.n[1] * axes.n[2]).map(|row| if row == 0 { 0 } else { count }).collect();
@@ -106,8 +107,8 @@ fn others(candidates: &Candidates) -> usize {
     (0..candidates.len).filter(|k| candidates.owner[k / LANES] != candidates.slots[*k]).count()
 }
 
-/// Searches all paths; with `HALF` at the start of the window, where all of them are straight, otherwise from where each bends or from
-/// somewhere on it.
+/// Searches all paths; with `HALF` at the start of the window, where all of them are straight, otherwise from
+/// where each bends or from somewhere on it.
 fn judge<const HALF: bool>(seed: u64) -> Verdict {
     let mut random = Random(seed);
     let mut verdict = Verdict::default();
@@ -182,7 +183,7 @@ fn judge<const HALF: bool>(seed: u64) -> Verdict {
 #[test]
 fn whoever_comes_near_a_path_is_among_its_candidates() {
     let verdict = judge::<false>(11);
-    // Something was there to be missed, and finding everybody would not do.
+    // There were contacts to be missed, and finding all particles would not pass.
     assert!(verdict.near > 3000, "{}", verdict.near);
     assert!(2 * verdict.found < verdict.pairs, "{} of {}", verdict.found, verdict.pairs);
 }

@@ -29,7 +29,8 @@ fn direction(random: &mut Random) -> DVec3 {
     }
 }
 
-/// A pair in a window: relative position at its start, relative displacement, start of the search, contact distance.
+/// A pair in a window: relative position at its start, relative displacement, start of the search, contact
+/// distance.
 struct Pair {
     r: DVec3,
     v: DVec3,
@@ -38,7 +39,8 @@ struct Pair {
 }
 
 impl Pair {
-    /// A pair whose way in the window is up to `way` contact distances long, of one of the kinds that are hard to tell.
+    /// A pair whose way in the window is up to `way` contact distances long, of one of the kinds that are
+    /// hard to tell.
     fn new(random: &mut Random, way: f64, sigma: f64) -> Self {
         let v = direction(random) * (way * sigma * libm::pow(10.0, random.uniform(-3.0, 0.0)));
         let from = if random.index(2) == 0 { 0.0 } else { random.uniform(0.0, 1.0) };
@@ -103,7 +105,7 @@ fn pass_vectors<F: Features>(other: &Record, unit: [f32; 3], probe: &Probe, plac
             scratch.candidates.len = groups * LANES;
             scratch
         };
-        // Of another particle, which meets everybody.
+        // Of another particle, which meets all others.
         let probes = [*probe, Probe { slot: 2, ..*probe }];
         if kernel != Some(Kernel::Portable) {
             for groups in [1, 2] {
@@ -158,8 +160,8 @@ fn judge<F: Features>(way: f64, count: usize) -> Verdict {
     verdict
 }
 
-/// Against f64, for pairs that graze, touch at the start or the end of the search, or pass by within the margin, slow
-/// ones and such as go as far as windows allow.
+/// Against f64, for pairs that graze, touch at the start or the end of the search, or pass by within the
+/// margin, slow ones and such as go as far as windows allow.
 #[test]
 fn no_contact_is_ever_rejected() {
     for way in [0.1, 1.0, 3.0, 10.0, 30.0, 2.0 * NEAR, 100.0, 200.0, 300.0, 2.0 * FARTHEST] {
