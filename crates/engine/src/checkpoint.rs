@@ -10,7 +10,7 @@ use crate::{
     model::{Options, System},
     particles::{Support, World},
     report::Checkpoint,
-    rest::Heap,
+    rest::state::SettlingState,
     simulation::{Simulation, actions},
     stall::Stall,
     state::{Pending, State},
@@ -102,7 +102,7 @@ impl Scalars<'_> {
 impl Simulation {
     /// The exact state now.
     pub fn checkpoint(&self) -> Checkpoint {
-        let State { world, book, pending, heap, stall } = &self.state;
+        let State { world, book, pending, settling, stall } = &self.state;
         let mut scalars: Vec<(String, u64)> = Vec::new();
         let mut put = |name: &str, bits: u64| scalars.push((name.to_owned(), bits));
         put("clock.exponent", i64::from(world.clock.exponent) as u64);
@@ -171,11 +171,11 @@ impl Simulation {
         }
         if world.thresholds.is_some() {
             put("wakes", counters.wakes);
-            put("census.next", heap.next as u64);
-            put("census.events", heap.events);
-            put("census.waited", heap.waited);
-            put("census.crowd", heap.crowd);
-            put("census.crowd_since", heap.crowd_since as u64);
+            put("census.next", settling.next as u64);
+            put("census.events", settling.events);
+            put("census.waited", settling.waited);
+            put("census.crowd", settling.crowd);
+            put("census.crowd_since", settling.crowd_since as u64);
         }
         self.save_actions(&mut put);
         let digits = Digits::of(world);
@@ -294,14 +294,14 @@ impl Simulation {
         counters.stale = scalars.take("stale");
         counters.transfers = scalars.take("transfers");
         counters.epochs = epochs;
-        let mut heap = Heap::default();
+        let mut settling = SettlingState::default();
         if world.thresholds.is_some() {
             book.counters.wakes = scalars.take("wakes");
-            heap.next = scalars.take("census.next") as i64;
-            heap.events = scalars.take("census.events");
-            heap.waited = scalars.take("census.waited");
-            heap.crowd = scalars.take("census.crowd");
-            heap.crowd_since = scalars.take("census.crowd_since") as i64;
+            settling.next = scalars.take("census.next") as i64;
+            settling.events = scalars.take("census.events");
+            settling.waited = scalars.take("census.waited");
+            settling.crowd = scalars.take("census.crowd");
+            settling.crowd_since = scalars.take("census.crowd_since") as i64;
         }
         let predictions = scalars.take("predictions");
         let candidates = scalars.take("candidates");
@@ -347,7 +347,7 @@ impl Simulation {
         (book.counters.predictions, book.counters.candidates, book.counters.windows) =
             (predictions, candidates, windows);
         valid::book(&book, &world.clock, time)?;
-        let state = State { world, book, pending, stall, heap };
+        let state = State { world, book, pending, stall, settling };
         valid::whole(&system, &state, time)?;
         let mut simulation = Self::start(system, options, state, actions)?;
         simulation.find_contacts_of_held();

@@ -15,7 +15,7 @@ use crate::{
     model::{Dimension, NeighborChoice, System},
     nearby::{self, Nearby},
     particles::World,
-    rest::Thresholds,
+    rest::thresholds::Thresholds,
     windows::{self, Windows},
 };
 

@@ -1,7 +1,7 @@
 //! Physical events. Each scheduler names the type of the events that it can have, so that its event loop
 //! contains no others.
 
-use crate::{error::EngineError, features::Features, report::Observer, resolve, rest, state::State};
+use crate::{error::EngineError, features::Features, report::Observer, resolve, rest::contact, state::State};
 
 /// A physical event: what the event loop resolves and the collapse detector counts.
 pub(crate) trait PhysicalEvent: Copy {
@@ -69,14 +69,14 @@ impl PhysicalEvent for Collision {
         observer: &mut dyn Observer,
     ) -> Result<Vec<u32>, EngineError> {
         let Self([i, j]) = self;
-        let woken = if F::REST { rest::strike(state, i, j, time) } else { Vec::new() };
+        let woken = if F::REST { contact::strike(state, i, j, time) } else { Vec::new() };
         resolve::collision::<F, EVENTS>(state, i, j, time, observer)?;
         Ok(woken)
     }
 
     #[inline(always)]
     fn pause<F: Features>(self, state: &mut State, time: i64) -> Option<Pause> {
-        (F::REST && state.heap.watch(&state.world, time)).then_some(Pause::Jam)
+        (F::REST && state.settling.watch(&state.world, time)).then_some(Pause::Jam)
     }
 }
 
@@ -100,7 +100,7 @@ impl PhysicalEvent for Impact {
             Self::Pair(collision) => collision.resolve::<F, EVENTS>(state, time, observer),
             Self::Wall { i, wall } => {
                 let held = F::REST && state.world.is_held(i);
-                let woken = if held { rest::wake(state, i, time) } else { Vec::new() };
+                let woken = if held { contact::wake(state, i, time) } else { Vec::new() };
                 resolve::wall::<F, EVENTS>(state, i, wall, time, observer)?;
                 Ok(woken)
             }
@@ -109,7 +109,7 @@ impl PhysicalEvent for Impact {
 
     #[inline(always)]
     fn pause<F: Features>(self, state: &mut State, time: i64) -> Option<Pause> {
-        (F::REST && state.heap.watch(&state.world, time)).then_some(Pause::Jam)
+        (F::REST && state.settling.watch(&state.world, time)).then_some(Pause::Jam)
     }
 }
 

@@ -156,7 +156,7 @@ fn run<S: Scheduler, const EVENTS: bool, const VECTORS: bool>(
         };
         limit.entries -= 1;
         state.world.now = state.world.now.max(time);
-        state.stall.watch(&state.world, time, event)?;
+        state.stall.watch(&state.world, time, || event.participants())?;
         let woken = event.resolve::<S::Features, EVENTS>(state, time, observer)?;
         if let Some(pause) = scheduler.update::<VECTORS>(state, event, &woken, limit) {
             return Ok(pause);

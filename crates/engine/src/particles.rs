@@ -8,7 +8,7 @@ use crate::{
     features::{Features, With},
     force::Force,
     model::{Body, Boundary, Restitution, System, Wall, WallLaw},
-    rest::Thresholds,
+    rest::thresholds::Thresholds,
 };
 
 /// The hot record, one cache line: the *anchor* of a particle, which is its state at its last own event.

@@ -11,11 +11,11 @@ use crate::{
     ledger::Term,
     overlap::allowed_overlap,
     particles::{ClassData, Particle, Support, World},
-    random::mix,
+    random::{Draw, mix},
     report::{EventKind, EventRecord, Observer},
-    rest,
+    rest::contact,
     state::{Pending, State},
-    wall_law::WallContact,
+    wall_law::WallLaw,
 };
 
 /// A series of bounces is completed in closed form once the next one would rise by less than this part of the
@@ -104,13 +104,7 @@ fn check_depth(
 
 /// Sets the anchor of particle i.
 #[inline(always)]
-pub(crate) fn anchor(
-    world: &mut World,
-    i: u32,
-    position: DVec3,
-    velocity: DVec3,
-    time: i64,
-) -> Result<(), EngineError> {
+fn anchor(world: &mut World, i: u32, position: DVec3, velocity: DVec3, time: i64) -> Result<(), EngineError> {
     world.particles[i as usize].set_anchor(position, velocity, time);
     if velocity.is_finite() {
         return Ok(());
@@ -131,7 +125,7 @@ fn meet(
     // Rounding may have bodies meet that no longer approach: then even e · speed is more than their speed,
     // and would pull.
     if parting > speed.max(0.0) {
-        return rest::push_apart(inverse, [wi, wj], r.normalize(), speed, parting);
+        return contact::push_apart(inverse, [wi, wj], r.normalize(), speed, parting);
     }
     let e = if parting > e * speed { parting / speed } else { e };
     resolve_contact(wi, wj, inverse[0], inverse[1], r, e)
@@ -200,8 +194,8 @@ pub(crate) fn collision<F: Features, const EVENTS: bool>(
     let bodies = [a.inverse_mass, b.inverse_mass];
     let (ui, uj, impact) = if F::REST {
         let pull = (world.acceleration(i) - world.acceleration(j)).dot(n);
-        let many = rest::is_one_of_many(world, [i, j], time);
-        meet([wi, wj], bodies, r, e, speed, rest::parting(world, e, speed, pull, many))
+        let many = contact::is_one_of_many(world, [i, j], time);
+        meet([wi, wj], bodies, r, e, speed, contact::parting(world, e, speed, pull, many))
     } else {
         resolve_contact(wi, wj, a.inverse_mass, b.inverse_mass, r, e)
     };
@@ -270,12 +264,69 @@ pub(crate) fn wall<F: Features, const EVENTS: bool>(
     let plane = &world.walls[wall as usize];
     let (n, wall_velocity) = (-plane.normal, plane.motion.velocity());
     let contact = WallContact { i, wall, time, position, velocity, n, wall_velocity };
-    world.wall_law(&class, wall).resolve::<F, EVENTS>(state, &contact, observer)
+    match world.wall_law(&class, wall) {
+        WallLaw::Restitution(law) => bounce::<F, EVENTS>(state, &contact, law, observer),
+        WallLaw::Thermal(law) => {
+            let draw = Draw::new(world.seed, i, u64::from(world.particles[i as usize].count));
+            match law.velocity(draw, class.mass, n, world.dimension) {
+                Some(relative) => {
+                    reflect::<EVENTS>(state, &contact, wall_velocity + relative, Term::WallHeat, observer)
+                }
+                None => bounce::<F, EVENTS>(state, &contact, law.restitution, observer),
+            }
+        }
+    }
+}
+
+/// A contact of a particle with a wall, before its impact.
+struct WallContact {
+    i: u32,
+    wall: u32,
+    /// [ticks]
+    time: i64,
+    position: DVec3,
+    velocity: DVec3,
+    /// Unit normal into the wall.
+    n: DVec3,
+    wall_velocity: DVec3,
+}
+
+/// A particle leaves a wall with a given velocity. What is not work of a moving wall is energy of `term`.
+fn reflect<const EVENTS: bool>(
+    state: &mut State,
+    contact: &WallContact,
+    velocity: DVec3,
+    term: Term,
+    observer: &mut dyn Observer,
+) -> Result<(), EngineError> {
+    let &WallContact { i, wall, time, position, n, wall_velocity, .. } = contact;
+    let change = velocity - contact.velocity;
+    let (before, after) = (contact.velocity - wall_velocity, velocity - wall_velocity);
+    let class = *state.world.class(i);
+    anchor(&mut state.world, i, position, velocity, time)?;
+    let now = state.world.clock.time(time);
+    let book = &mut state.book;
+    book.counters.wall_collisions += 1;
+    book.add_energy(term, now, 0.5 * class.mass * change.dot(before + after));
+    if wall_velocity != DVec3::ZERO {
+        book.add_energy(Term::WallWork, now, class.mass * change.dot(wall_velocity));
+    }
+    book.add_impulse(change * class.mass);
+    if EVENTS {
+        // Along the normal; energy of a term is no loss by restitution.
+        let approach_speed = before.dot(n);
+        let impulse = -class.mass * change.dot(n);
+        let impact = Impact { approach_speed, impulse, ..Impact::default() };
+        let place = state.world.wrap(position + n * class.radius).0;
+        observer.event(&row(now, EventKind::Wall, [i, wall], &impact, n, place));
+    }
+    keep_support(state, i, time);
+    Ok(())
 }
 
 /// A particle meets a wall with a law of restitution.
 #[inline(always)]
-pub(crate) fn bounce<F: Features, const EVENTS: bool>(
+fn bounce<F: Features, const EVENTS: bool>(
     state: &mut State,
     &WallContact { i, wall, time, position, velocity, n, wall_velocity }: &WallContact,
     law: Restitution,
@@ -290,8 +341,8 @@ pub(crate) fn bounce<F: Features, const EVENTS: bool>(
     // As for two spheres: a tilted normal is a unit vector only to rounding, and always off the same way.
     let (after, _, impact) = if F::REST {
         let pull = world.acceleration(i).dot(n);
-        among_grains = rest::is_among_grains(world, i, wall, speed, pull, time);
-        let parting = if among_grains { rest::parting(world, e, speed, pull, true) } else { e * speed };
+        among_grains = contact::is_among_grains(world, i, wall, speed, pull, time);
+        let parting = if among_grains { contact::parting(world, e, speed, pull, true) } else { e * speed };
         meet([velocity, wall_velocity], [class.inverse_mass, 0.0], n, e, speed, parting)
     } else {
         resolve_contact(velocity, wall_velocity, class.inverse_mass, 0.0, n, e)
@@ -486,7 +537,7 @@ pub(crate) fn end_of_bounces_early<const EVENTS: bool>(
     }
 }
 
-pub(crate) fn row(
+fn row(
     time: f64,
     kind: EventKind,
     [i, j]: [u32; 2],

@@ -19,7 +19,11 @@ use crate::{
     overlap::{self, Overlap},
     particles::World,
     report::{Counters, Frame, Observer, Sample, Stop},
-    rest::{self, Heap, SettlingScan, Thresholds},
+    rest::{
+        standing::{SettlingScan, contacts_of_held, scan},
+        state::SettlingState,
+        thresholds::Thresholds,
+    },
     stall::Stall,
     state::State,
     timed::TimedAction,
@@ -82,8 +86,13 @@ impl Simulation {
             sampled_collisions: u64::MAX,
             ..Book::default()
         };
-        let state =
-            State { world, book, pending: BTreeMap::new(), heap: Heap::default(), stall: Stall::default() };
+        let state = State {
+            world,
+            book,
+            pending: BTreeMap::new(),
+            settling: SettlingState::default(),
+            stall: Stall::default(),
+        };
         let actions = actions(&system);
         Self::start(system, options, state, actions)
     }
@@ -169,7 +178,7 @@ impl Simulation {
                 Pause::Rest if self.is_driven() => {}
                 Pause::Rest => return Ok(Stop::Rest),
                 Pause::Jam => {
-                    let changed = rest::scan(&mut self.state, &self.geometry, true, observer);
+                    let changed = scan(&mut self.state, &self.geometry, true, observer);
                     if self.take_over(&changed, until, &mut entries) {
                         return Ok(Stop::Rest);
                     }
@@ -254,7 +263,7 @@ impl Simulation {
 
     /// Finds the contacts of the particles at rest in a state.
     pub(crate) fn find_contacts_of_held(&mut self) {
-        self.state.heap.near = rest::contacts_of_held(&self.state.world, &self.geometry);
+        self.state.settling.near = contacts_of_held(&self.state.world, &self.geometry);
     }
 
     /// Re-bases the clock by one epoch; chooses a new tick if the system has become much slower or faster.
@@ -285,7 +294,7 @@ impl Simulation {
             world.wrap_anchor(i);
         }
         let due = self.state.pending.values_mut().map(|rest| &mut rest.end);
-        for time in due.chain([&mut self.state.heap.next, &mut self.state.heap.crowd_since]) {
+        for time in due.chain([&mut self.state.settling.next, &mut self.state.settling.crowd_since]) {
             *time = time.saturating_sub(EPOCH);
             if retune {
                 let scale = (i64::from(old.exponent) - i64::from(exponent)) as i32;

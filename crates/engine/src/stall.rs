@@ -4,7 +4,7 @@ use std::collections::BTreeSet;
 
 use glam::DVec3;
 
-use crate::{error::EngineError, event::PhysicalEvent, particles::World};
+use crate::{error::EngineError, particles::World};
 
 /// A run of events within this many ticks…
 const SPAN: i64 = 1 << 10;
@@ -36,14 +36,19 @@ impl Default for Stall {
 impl Stall {
     /// Counts an event at `time` \[ticks\]; an error if there have been too many at what is one time.
     #[inline(always)]
-    pub fn watch(&mut self, world: &World, time: i64, event: impl PhysicalEvent) -> Result<(), EngineError> {
+    pub fn watch(
+        &mut self,
+        world: &World,
+        time: i64,
+        participants: impl FnOnce() -> ([u32; 2], Option<u32>),
+    ) -> Result<(), EngineError> {
         self.events += 1;
         if time.saturating_sub(self.since) >= SPAN {
             self.since = time;
             self.events = 0;
         }
         if self.events > EVENTS + EVENTS_PER_PARTICLE * world.particles.len() as u64 {
-            let (particles, wall) = event.participants();
+            let (particles, wall) = participants();
             return self.note(world, time, particles, wall);
         }
         Ok(())

@@ -2,7 +2,7 @@
 
 use std::collections::BTreeMap;
 
-use crate::{book::Book, particles::World, rest::Heap, stall::Stall};
+use crate::{book::Book, particles::World, rest::state::SettlingState, stall::Stall};
 
 /// The state of a simulation, without the data of its scheduler.
 #[derive(Debug, Clone)]
@@ -11,7 +11,7 @@ pub(crate) struct State {
     pub book: Book,
     pub pending: BTreeMap<u32, Pending>,
     pub stall: Stall,
-    pub heap: Heap,
+    pub settling: SettlingState,
 }
 
 impl State {

@@ -233,17 +233,17 @@ fn total(name: &str, sum: &Sum) -> Result<(), EngineError> {
 /// Checks the state as a whole, after its parts: positions now, overlaps and the energy balance.
 pub(crate) fn whole(system: &System, state: &State, time: f64) -> Result<(), EngineError> {
     at_least_zero("longest_flight", state.world.longest_flight)?;
-    let State { world, book, heap, .. } = state;
+    let State { world, book, settling, .. } = state;
     let now = world.now;
     if world.thresholds.is_some() {
-        let next = heap.next;
+        let next = settling.next;
         require(next >= now, || format!("census.next = {next} must not be before now, {now} ticks"))?;
-        let since = heap.crowd_since;
+        let since = settling.crowd_since;
         require(since <= now, || format!("census.crowd_since = {since} must be at most {now} ticks"))?;
-        count("census.waited", heap.waited)?;
-        count("census.crowd", heap.crowd)?;
-        require(heap.events == u64::MAX || heap.events <= MOST, || {
-            format!("census.events = {} must be at most {MOST}", heap.events)
+        count("census.waited", settling.waited)?;
+        count("census.crowd", settling.crowd)?;
+        require(settling.events == u64::MAX || settling.events <= MOST, || {
+            format!("census.events = {} must be at most {MOST}", settling.events)
         })?;
     }
     let stall = &state.stall;

@@ -3,11 +3,11 @@
 use glam::DVec3;
 use haff_mechanics::Impact;
 
-use crate::{
-    particles::World,
-    rest::{Thresholds, UNDISTURBED, stands},
-    state::State,
-};
+use super::{support::stands, thresholds::Thresholds};
+use crate::{particles::World, state::State};
+
+/// A flight from a wall back to it has been undisturbed if it took this part of the time it takes by its end.
+const UNDISTURBED: f64 = 1.0 - 1e-9;
 
 /// Whether particle i has had a contact a short while before `time` \[ticks\].
 fn is_soon(world: &World, thresholds: &Thresholds, i: u32, time: i64) -> bool {
@@ -95,8 +95,8 @@ pub(crate) fn wake(state: &mut State, i: u32, time: i64) -> Vec<u32> {
         world.particles[i as usize].set_jostled(true);
         state.book.counters.wakes += 1;
         woken.push(i);
-        for j in std::mem::take(&mut state.heap.near[i as usize]) {
-            let near = &mut state.heap.near[j as usize];
+        for j in std::mem::take(&mut state.settling.near[i as usize]) {
+            let near = &mut state.settling.near[j as usize];
             near.retain(|&other| other != i);
             if world.is_held(j) && !stands(world, &thresholds, j, near.iter().copied()) {
                 falling.push(j);

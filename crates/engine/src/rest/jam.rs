@@ -5,17 +5,16 @@ use std::iter;
 use glam::DVec3;
 use haff_neighbors::Geometry;
 
-use crate::{
-    particles::World,
-    report::Observer,
-    resolve,
-    rest::{
-        MOMENT, ROOM, Thresholds, normals,
-        standing::{book, contacts, end_series},
-    },
-    state::State,
+use super::{
+    settle::{book, end_series},
+    state::MOMENT,
+    support::{contacts, normals},
+    thresholds::Thresholds,
 };
+use crate::{particles::World, report::Observer, resolve, state::State};
 
+/// Room of what is jammed [gaps that pass for contacts].
+const ROOM: f64 = 1e-6;
 /// The impact is solved for when all impulses change speeds by less than this part of those that are none, …
 const ACCURACY: f64 = 0.1;
 /// … or after this many rounds.

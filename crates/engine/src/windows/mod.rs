@@ -36,7 +36,7 @@ use crate::{
     features::Features,
     model::{Boundary, System},
     particles::World,
-    rest::Thresholds,
+    rest::thresholds::Thresholds,
     state::State,
 };
 use cells::{Cells, Near};

@@ -1,0 +1,70 @@
+//! What putting a grain to rest takes, and its account.
+
+use glam::DVec3;
+
+use super::thresholds::Thresholds;
+use crate::{
+    ledger::Term,
+    report::{EventKind, EventRecord, NO_PARTNER, Observer},
+    resolve,
+    state::State,
+};
+
+/// Puts particle i to rest, and books what it loses.
+pub(super) fn settle(state: &mut State, i: u32, thresholds: &Thresholds, observer: &mut dyn Observer) {
+    end_series(state, i, observer);
+    let velocity = state.world.state(i, state.world.now).1;
+    let momentum = state.world.body(i).mass * velocity;
+    state.world.set_held(i, true, state.world.now);
+    let energy = 0.5 * momentum.dot(velocity);
+    // A plastic impact on a body at rest: E'_c = J²/(2m) equals the energy loss.
+    book(state, i, momentum, [energy, energy], thresholds, observer);
+}
+
+/// Books the completed series of bounces of particle i, if there is one, before its time.
+pub(super) fn end_series(state: &mut State, i: u32, observer: &mut dyn Observer) {
+    let time = state.world.now;
+    if observer.wants_events() {
+        resolve::end_of_rest::<true>(state, i, time, observer);
+    } else {
+        resolve::end_of_rest::<false>(state, i, time, observer);
+    }
+}
+
+/// Books a momentum, an energy and a Carnot energy that rest takes from particle i.
+pub(super) fn book(
+    state: &mut State,
+    i: u32,
+    momentum: DVec3,
+    [energy, carnot_energy]: [f64; 2],
+    thresholds: &Thresholds,
+    observer: &mut dyn Observer,
+) {
+    let State { world, book, .. } = state;
+    book.add_energy(Term::Rest, world.clock.time(world.now), energy);
+    book.carnot.add(carnot_energy);
+    book.add_impulse(-momentum);
+    book.counters.rests += 1;
+    if observer.wants_events() {
+        let (position, _) = world.state(i, world.now);
+        let body = world.body(i);
+        let wall = world.walls.iter().enumerate().position(|(wall, plane)| {
+            !plane.motion.is_moving()
+                && world.wall_approach(wall as u32, body.radius, position, DVec3::ZERO, world.now).0
+                    <= thresholds.gap
+        });
+        let down = world.gravity.normalize_or_zero();
+        observer.event(&EventRecord {
+            time: world.clock.time(world.now),
+            kind: EventKind::Rest,
+            i,
+            j: wall.map_or(NO_PARTNER, |wall| wall as u32),
+            approach_speed: momentum.length() / body.mass,
+            impulse: momentum.length(),
+            energy_loss: energy,
+            carnot_energy,
+            normal: down,
+            position: world.wrap(position + down * body.radius).0,
+        });
+    }
+}
