@@ -26,9 +26,9 @@ use serde_json::Value;
 
 use crate::{
     arguments::Bench,
-    failure::{Failure, Status},
+    failure::{Failure, Status, simulation_failure},
     output::{self, shown},
-    run::{set_threads, simulation_failure},
+    run::set_threads,
     session::Ending,
     signals::Signals,
 };

@@ -8,11 +8,10 @@ use serde_json::json;
 use crate::{
     arguments::Check,
     estimate,
-    failure::Failure,
-    info::States,
-    output::{self, shown},
-    run::scene_failure,
+    failure::{Failure, scene_failure},
+    output::{self, bytes, shown},
     schedule::Times,
+    states::States,
 };
 
 /// Records that a schedule gives up to a time, the first and the last included.
@@ -102,23 +101,9 @@ pub fn check(options: &Check) -> Result<u8, Failure> {
     output::lines(text.join("\n")).map(|()| 0)
 }
 
-/// A size with a unit, for output to users.
-pub fn bytes(size: u64) -> String {
-    let units = ["B", "KiB", "MiB", "GiB", "TiB", "PiB"];
-    let power = (size.max(1).ilog2() / 10).min(units.len() as u32 - 1);
-    let value = size as f64 / 1024_f64.powi(power as i32);
-    if power == 0 { format!("{size} B") } else { format!("{value:.1} {}", units[power as usize]) }
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
-
-    #[test]
-    fn sizes_are_formatted_with_units() {
-        assert_eq!((bytes(0), bytes(1023), bytes(1536)), ("0 B".into(), "1023 B".into(), "1.5 KiB".into()));
-        assert_eq!(bytes(5 << 30), "5.0 GiB");
-    }
 
     #[test]
     fn records_include_both_ends() {

@@ -2,6 +2,13 @@
 
 use std::fmt;
 
+use haff_engine::Fault;
+use haff_linkage::AnySimulationError;
+use haff_record::RecordError;
+use haff_scene::{ErrorKind, SceneErrors};
+
+use haff_scene::text::shown;
+
 /// The exit statuses of the command.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Status {
@@ -41,4 +48,28 @@ impl Failure {
     pub fn new(status: Status, message: impl fmt::Display) -> Self {
         Self { status, message: message.to_string() }
     }
+}
+
+/// A scene's errors as a failure of the command.
+pub fn scene_failure(errors: &SceneErrors) -> Failure {
+    let status = match errors.kind() {
+        ErrorKind::Invalid => Status::Invalid,
+        ErrorKind::Unreadable => Status::File,
+    };
+    Failure::new(status, errors)
+}
+
+/// A file's error as a failure of the command.
+pub fn file_failure(error: &RecordError) -> Failure {
+    Failure::new(Status::File, shown(error))
+}
+
+/// An error of a simulation as a failure of the command.
+pub fn simulation_failure(error: &AnySimulationError) -> Failure {
+    let status = match error.fault() {
+        Fault::Invalid => Status::Invalid,
+        Fault::Checkpoint => Status::File,
+        Fault::Stopped => Status::Stopped,
+    };
+    Failure::new(status, shown(error))
 }

@@ -5,6 +5,7 @@
 mod arguments;
 mod bench;
 mod check;
+mod controls;
 mod estimate;
 mod failure;
 mod info;
@@ -21,6 +22,7 @@ mod schedule;
 mod session;
 mod signals;
 mod single;
+mod states;
 mod sweep;
 mod terminal;
 mod watch;

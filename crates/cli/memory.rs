@@ -83,3 +83,17 @@ impl Write for Line {
         Ok(())
     }
 }
+
+/// Largest resident memory so far [bytes].
+pub fn peak_memory() -> Option<u64> {
+    // On Linux, getrusage includes the memory of the process before exec, such as that of a large parent.
+    let status = std::fs::read_to_string("/proc/self/status").unwrap_or_default();
+    let peak = status.lines().find_map(|line| line.strip_prefix("VmHWM:")?.trim().strip_suffix(" kB"));
+    if let Some(kibibytes) = peak.and_then(|peak| peak.trim().parse::<u64>().ok()) {
+        return Some(kibibytes * 1024);
+    }
+    let usage = nix::sys::resource::getrusage(nix::sys::resource::UsageWho::RUSAGE_SELF).ok()?;
+    // Linux counts in KiB, macOS in bytes.
+    let unit = if cfg!(target_os = "macos") { 1 } else { 1024 };
+    u64::try_from(usage.max_rss()).ok().map(|size| size * unit)
+}

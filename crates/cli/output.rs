@@ -50,3 +50,22 @@ pub fn message(text: impl Display) {
     let text = text.to_string();
     let _ = io::stderr().lock().write_all(format!("{}\n", escaped_lines(&text)).as_bytes());
 }
+
+/// A size with a unit, for output to users.
+pub fn bytes(size: u64) -> String {
+    let units = ["B", "KiB", "MiB", "GiB", "TiB", "PiB"];
+    let power = (size.max(1).ilog2() / 10).min(units.len() as u32 - 1);
+    let value = size as f64 / 1024_f64.powi(power as i32);
+    if power == 0 { format!("{size} B") } else { format!("{value:.1} {}", units[power as usize]) }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn sizes_are_formatted_with_units() {
+        assert_eq!((bytes(0), bytes(1023), bytes(1536)), ("0 B".into(), "1023 B".into(), "1.5 KiB".into()));
+        assert_eq!(bytes(5 << 30), "5.0 GiB");
+    }
+}

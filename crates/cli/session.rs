@@ -9,7 +9,7 @@ use haff_linkage::{AnySimulation, AnySimulationError, LinkageError};
 use haff_record::{RecordError, Recorder};
 use haff_scene::{OutputPlan, RunPlan};
 
-use crate::{progress::Progress, schedule::Times, single::Controls, watch::Watch};
+use crate::{controls::Controls, progress::Progress, schedule::Times, watch::Watch};
 
 /// Most calendar entries between two checks of signals, of the wall clock and of the progress bar: some tens
 /// of milliseconds in most scenes, …

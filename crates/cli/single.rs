@@ -10,24 +10,13 @@ use serde_json::{Value, json};
 
 use crate::{
     arguments::VERSION,
-    failure::{Failure, Status},
-    info::OwnStates,
+    controls::Controls,
+    failure::{Failure, Status, file_failure, scene_failure, simulation_failure},
+    memory::peak_memory,
     output::{self, shown},
-    progress::Progress,
-    run::{file_failure, peak_memory, scene_failure, simulation_failure},
     session::{Ending, Outcome, Session},
-    signals::Signals,
+    states::OwnStates,
 };
-
-/// Signals and displays of a run.
-pub struct Controls<'a> {
-    /// Signals that end it.
-    pub signals: &'a Signals,
-    /// Shows the progress.
-    pub progress: Progress,
-    /// Whether to show samples.
-    pub watch: bool,
-}
 
 /// A run that has ended, with or without an error.
 pub struct Finished {

@@ -30,12 +30,11 @@ use view::View;
 
 use crate::{
     arguments::Sweep,
-    failure::{Failure, Status},
-    info::States,
+    failure::{Failure, Status, scene_failure},
     output,
     progress::Progress,
-    run::scene_failure,
     signals::Signals,
+    states::States,
 };
 
 /// Shortest time between two writings of the manifest.

@@ -20,19 +20,12 @@ use crate::{
     trial::Solution,
 };
 
+pub use crate::series::Series;
+
 /// Deviation at which a trajectory counts as lost [diameters].
 pub const LOST: f64 = 0.1;
 /// Deviation up to which the growth is fitted [diameters]: above it the growth is no longer exponential.
 const LINEAR: f64 = 1e-3;
-
-/// Deviation from the reference against collisions per particle.
-#[derive(Debug, Clone, PartialEq)]
-pub struct Series {
-    /// Collisions per particle, walls included.
-    pub collisions: Vec<f64>,
-    /// Root mean square deviation of the positions [diameters].
-    pub deviation: Vec<f64>,
-}
 
 impl Series {
     /// Slope of log₂ deviation against collisions per particle [bits a collision], by least squares, up to a

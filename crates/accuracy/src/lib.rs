@@ -16,6 +16,7 @@ pub mod growth;
 pub mod methods;
 pub mod reference;
 pub mod scenes;
+mod series;
 pub mod statistics;
 pub mod trial;
 

@@ -9,9 +9,9 @@ use crate::{
     Error,
     big::{Big, BigVec, big, nearest},
     closed::ClosedForm,
-    growth::Series,
     methods::{Method, Run, State},
     reference::{Reference, Rounding},
+    series::Series,
 };
 
 /// Short runs are repeated for at least this long; the median of their times is used.

@@ -10,9 +10,9 @@ use serde_json::json;
 
 use crate::{
     arguments::{Bench, VERSION},
-    failure::{Failure, Status},
+    failure::{Failure, Status, simulation_failure},
     output,
-    run::{set_threads, simulation_failure},
+    run::set_threads,
     signals::Signals,
 };
 

@@ -10,11 +10,10 @@ use haff_scene::Scene;
 
 use super::scenes::Standard;
 use crate::{
-    failure::{Failure, Status},
-    info::States,
-    run::{scene_failure, simulation_failure},
+    failure::{Failure, Status, scene_failure, simulation_failure},
     session::Ending,
     signals::Signals,
+    states::States,
 };
 
 /// Calendar entries between two checks of signals, as in a run.

@@ -4,7 +4,7 @@ use haff_engine::{Counters, TRAJECTORY_VERSION};
 use serde_json::{Map, Value, json};
 
 use super::measure::{Measured, Stretch};
-use crate::{arguments::VERSION, output::shown, run::peak_memory, session::Ending};
+use crate::{arguments::VERSION, memory::peak_memory, output::shown, session::Ending};
 
 /// Middle of the rates, and the least and the largest [1/s].
 fn rates(stretches: &[Stretch]) -> (f64, [f64; 2], Vec<f64>) {

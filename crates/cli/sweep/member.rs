@@ -12,13 +12,13 @@ use super::{
     values::same_scene,
 };
 use crate::{
-    failure::{Failure, Status},
-    info::States,
+    controls::Controls,
+    failure::{Failure, Status, file_failure, scene_failure},
     output,
     progress::Progress,
-    run::{file_failure, scene_failure},
     signals::Signals,
-    single::{self, Controls, Finished},
+    single::{self, Finished},
+    states::States,
 };
 
 /// Runs or resumes a member to its end; returns its row, and the whole report if it ran.

@@ -8,9 +8,8 @@ use xxhash_rust::xxh3::xxh3_64;
 use super::values::{Axis, canonical};
 use crate::{
     arguments::Sweep,
-    failure::{Failure, Status},
+    failure::{Failure, Status, scene_failure},
     output::shown,
-    run::scene_failure,
 };
 
 /// Largest number of members in one folder.

@@ -9,6 +9,8 @@ both give the same bits, and those of [`haff_mechanics::time_to_contact`].
 
 use crate::model::SimdChoice;
 
+/// A pair closer than this, relative to σ², touches as far as positions can tell.
+pub(crate) const TOUCHING: f64 = 64.0 * f64::EPSILON;
 /// Candidates per batch; more are predicted batch by batch.
 pub(crate) const LANES: usize = 64;
 

@@ -9,53 +9,15 @@ use rayon::prelude::*;
 
 use crate::{
     batch::Kernel,
-    entry::{self, Entry, Kind},
+    entry::Entry,
     event::{AnyEvent, Collision, Impact, Pause},
     event_loop::{Limit, Next, Scheduler},
     features::Features,
     predict::{BestEvent, Scope, Scratch, flight, predict},
     queue::{Predictor, Queue},
+    search_event::SearchEvent,
     state::State,
 };
-
-/// What the entries of this calendar announce.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(crate) enum SearchEvent {
-    /// Collision with particle `.0`.
-    Collision(u32),
-    /// Collision with wall `.0`.
-    Wall(u32),
-    /// End of a completed series of bounces.
-    EndOfBounces,
-    /// Crossing into another cell, or update of a list, by the code of the search.
-    Crossing(u8),
-    /// Nothing within the horizon: a prediction is due there.
-    Prediction,
-}
-
-impl Kind for SearchEvent {
-    #[inline]
-    fn encode(self) -> (u32, u32) {
-        match self {
-            Self::Collision(j) => (entry::COLLISION, j),
-            Self::Wall(wall) => (entry::WALL, wall),
-            Self::EndOfBounces => (entry::END_OF_BOUNCES, 0),
-            Self::Crossing(code) => (entry::UPDATE, u32::from(code)),
-            Self::Prediction => (entry::UPDATE, entry::PREDICTION),
-        }
-    }
-
-    #[inline]
-    fn decode(tag: u32, index: u32) -> Self {
-        match tag {
-            entry::COLLISION => Self::Collision(index),
-            entry::WALL => Self::Wall(index),
-            entry::END_OF_BOUNCES => Self::EndOfBounces,
-            _ if index == entry::PREDICTION => Self::Prediction,
-            _ => Self::Crossing(index as u8),
-        }
-    }
-}
 
 /// From this many particles on the memory of events to come is prefetched.
 const MANY: usize = 10_000;

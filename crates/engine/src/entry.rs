@@ -168,7 +168,7 @@ impl<K> Event for Entry<K> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::calendar_scheduler::SearchEvent;
+    use crate::search_event::SearchEvent;
 
     #[test]
     fn an_entry_is_24_bytes() {

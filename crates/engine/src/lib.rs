@@ -36,6 +36,7 @@ mod queue;
 mod random;
 mod resolve;
 mod rest;
+mod search_event;
 mod simulation;
 mod stall;
 mod state;

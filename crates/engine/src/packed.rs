@@ -9,9 +9,8 @@ memory.
 use haff_neighbors::{Offsets, Packed};
 
 use crate::{
-    batch::{self, Kernel},
+    batch::{self, Kernel, TOUCHING},
     particles::{ClassData, Particle},
-    predict::TOUCHING,
 };
 
 /// Candidates per call.

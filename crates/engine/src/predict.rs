@@ -4,13 +4,13 @@ use haff_mechanics::{contact::CONTACT_NOISE, is_rounding_noise, time_to_contact_
 use haff_neighbors::{Flight, Offsets, Packed, Search, Shift};
 
 use crate::{
-    batch::{Batch, Kernel, LANES},
-    calendar_scheduler::SearchEvent,
+    batch::{Batch, Kernel, LANES, TOUCHING},
     clock::{HORIZON, LONGEST, whole},
     entry::{Entry, Kind, Target},
     features::Features,
     packed::{self, Delays, Query},
     particles::{Particle, World},
+    search_event::SearchEvent,
     state::Pending,
 };
 use glam::DVec3;
@@ -438,8 +438,6 @@ fn is_packed_echo<F: Features>(
 
 /// Parting by a pull may take bodies no further than this [contact distances].
 const PARTED: f64 = 1e-13;
-/// A pair closer than this, relative to σ², touches as far as positions can tell.
-pub(crate) const TOUCHING: f64 = 64.0 * f64::EPSILON;
 
 /// Whether a contact is only the echo of an impact with e = 0: the pair touches, and approaches no faster
 /// than the rounding of its velocities.

@@ -4,7 +4,7 @@ use haff_engine::{EventColumn, EventKind, EventRecord};
 use hdf5::{Group, H5Type};
 
 use crate::{
-    pack::Packer,
+    pack::{Number, Packer},
     series::{Series, Storage},
 };
 
@@ -34,6 +34,14 @@ pub(crate) enum Kind {
     Lift = 7,
     #[hdf5(rename = "settle")]
     Settle = 8,
+}
+
+impl Number for Kind {
+    const SIZE: usize = 1;
+
+    fn bytes(self) -> [u8; 8] {
+        (self as u64).to_le_bytes()
+    }
 }
 
 impl From<EventKind> for Kind {

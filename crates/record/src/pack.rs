@@ -8,8 +8,6 @@
 use hdf5::H5Type;
 use libdeflater::{CompressionLvl, Compressor, adler32};
 
-use crate::events::Kind;
-
 /// Level of libdeflate. 2 and 3 make an event log 0.2 % smaller and take a third more time.
 const LEVEL: i32 = 1;
 /// Start of a zlib stream: deflate with a window of 32 KiB.
@@ -42,7 +40,6 @@ macro_rules! number {
 number!(f64, 8, f64::to_bits);
 number!(u32, 4, u64::from);
 number!(i32, 4, |value| u64::from(value as u32));
-number!(Kind, 1, |kind| kind as u64);
 
 /// Compresses chunks; reuses its buffers.
 pub(crate) struct Packer {
@@ -183,7 +180,7 @@ mod tests {
             );
             check(&(0..count as u32).map(|k| k.wrapping_mul(0x9E37_79B9)).collect::<Vec<_>>(), volume);
             check(&(0..count as i32).map(|k| k % 3 - 1).collect::<Vec<_>>(), volume);
-            check(&vec![Kind::Wall; count as usize], volume);
+            check(&vec![crate::events::Kind::Wall; count as usize], volume);
         }
     }
 

@@ -4,10 +4,10 @@ use glam::DVec3;
 use haff_mechanics::{drift, is_rounding_noise};
 
 use crate::{
+    batch::TOUCHING,
     clock::{LONGEST, whole},
     features::Features,
     particles::{Particle, World},
-    predict::TOUCHING,
 };
 
 /// No contact.

@@ -8,8 +8,8 @@ rounding puts outside.
 
 use haff_neighbors::{Axis, Geometry};
 
-use super::opening::MOST_WINDOWS;
-
+/// Windows after which the streamed copies are made from the anchors again, at most and at least.
+pub(super) const MOST_WINDOWS: u64 = 16;
 /// Coordinates per bounded edge, log₂.
 const BOUNDED_BITS: u32 = 30;
 /// Largest number of cells along an axis: places are found in single precision.

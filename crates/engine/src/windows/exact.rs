@@ -4,10 +4,10 @@ use glam::DVec3;
 use haff_mechanics::is_rounding_noise;
 
 use crate::{
+    batch::TOUCHING,
     clock::{LONGEST, whole},
     features::Features,
     particles::{Particle, World},
-    predict::TOUCHING,
 };
 
 /// When two particles with these anchors touch [ticks], for the image that is nearest now; `None` if they do

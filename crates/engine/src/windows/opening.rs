@@ -4,7 +4,8 @@ use haff_neighbors::{Axis, prefetch_at, with_huge_pages};
 use rayon::prelude::*;
 
 use super::{
-    NEAREST, SEARCHES, SEARCHES_PER_PARTICLE, Windows, axes,
+    NEAREST, SEARCHES, SEARCHES_PER_PARTICLE, Windows,
+    axes::{self, MOST_WINDOWS},
     cells::Cells,
     due::Due,
     filter::{FARTHEST, NEAR, Record, Scratch, margin},
@@ -13,8 +14,6 @@ use super::{
 };
 use crate::{batch::Kernel, features::Features, particles::World, state::State};
 
-/// Windows after which the streamed copies are made from the anchors again, at most and at least.
-pub(super) const MOST_WINDOWS: u64 = 16;
 const LEAST_WINDOWS: u64 = 3;
 /// Searches that a trial of the tuner takes, so that its counts mean something.
 const TRIAL: u64 = 200_000;

@@ -1,0 +1,42 @@
+//! The events that the calendar of a search announces.
+
+use crate::entry::{self, Kind};
+
+/// What the entries of this calendar announce.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) enum SearchEvent {
+    /// Collision with particle `.0`.
+    Collision(u32),
+    /// Collision with wall `.0`.
+    Wall(u32),
+    /// End of a completed series of bounces.
+    EndOfBounces,
+    /// Crossing into another cell, or update of a list, by the code of the search.
+    Crossing(u8),
+    /// Nothing within the horizon: a prediction is due there.
+    Prediction,
+}
+
+impl Kind for SearchEvent {
+    #[inline]
+    fn encode(self) -> (u32, u32) {
+        match self {
+            Self::Collision(j) => (entry::COLLISION, j),
+            Self::Wall(wall) => (entry::WALL, wall),
+            Self::EndOfBounces => (entry::END_OF_BOUNCES, 0),
+            Self::Crossing(code) => (entry::UPDATE, u32::from(code)),
+            Self::Prediction => (entry::UPDATE, entry::PREDICTION),
+        }
+    }
+
+    #[inline]
+    fn decode(tag: u32, index: u32) -> Self {
+        match tag {
+            entry::COLLISION => Self::Collision(index),
+            entry::WALL => Self::Wall(index),
+            entry::END_OF_BOUNCES => Self::EndOfBounces,
+            _ if index == entry::PREDICTION => Self::Prediction,
+            _ => Self::Crossing(index as u8),
+        }
+    }
+}
