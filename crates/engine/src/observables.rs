@@ -34,10 +34,11 @@ pub struct Observable {
     /// Its value.
     pub quantity: Quantity,
     /// Whether scenes like this have it.
-    pub exists: fn(&Present) -> bool,
+    pub exists: fn(Present) -> bool,
 }
 
 /// What a scene has, as far as observables depend on it.
+#[expect(clippy::struct_excessive_bools, reason = "features that are there or not")]
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Present {
     /// Springs.
@@ -114,12 +115,12 @@ const fn row(
     name: &'static str,
     unit: &'static str,
     quantity: Quantity,
-    exists: fn(&Present) -> bool,
+    exists: fn(Present) -> bool,
 ) -> Observable {
     Observable { name, unit, quantity, exists }
 }
 
-fn always(_: &Present) -> bool {
+fn always(_: Present) -> bool {
     true
 }
 
@@ -129,7 +130,7 @@ pub fn observables(present: &Present) -> Vec<Observable> {
         .into_iter()
         .filter(|&term| present.terms[term as usize])
         .map(|term| row(term.name(), ENERGY, Quantity::Term(term), always));
-    let exists = |observable: &Observable| (observable.exists)(present);
+    let exists = |observable: &Observable| (observable.exists)(*present);
     ENERGIES.into_iter().filter(exists).chain(terms).chain(OTHERS.into_iter().filter(exists)).collect()
 }
 

@@ -22,8 +22,8 @@ pub struct ThermalWall {
 }
 
 impl ThermalWall {
-    /// The velocity relative to the wall after a contact of a particle of this mass; `None` if the reflection is not thermal. `n`
-    /// points into the wall.
+    /// The velocity relative to the wall after a contact of a particle of this mass; `None` if the reflection
+    /// is not thermal. `n` points into the wall.
     pub(crate) fn velocity(&self, mut draw: Draw, mass: f64, n: DVec3, dimension: usize) -> Option<DVec3> {
         if draw.uniform() >= self.accommodation {
             return None;

@@ -8,7 +8,6 @@ pub const SCHEMA: i64 = 1;
 
 /// Everything that is known about a run before it starts.
 #[derive(Debug, Clone, PartialEq)]
-#[expect(clippy::struct_excessive_bools, reason = "independent facts, each read on its own")]
 pub struct Header {
     /// Title of the scene.
     pub title: String,

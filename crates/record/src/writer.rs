@@ -215,7 +215,9 @@ impl Writer {
                 series.append(&samples.iter().map(|sample| value(sample) as i64).collect::<Vec<_>>())
             } else {
                 let mut numbers = Vec::new();
-                samples.iter().for_each(|sample| quantity.append(sample, &mut numbers));
+                for sample in &samples {
+                    quantity.append(sample, &mut numbers);
+                }
                 series.append(&numbers)
             }
             .doing(self.file.path(), WRITE)?;

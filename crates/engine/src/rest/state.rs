@@ -2,7 +2,8 @@
 
 use crate::particles::World;
 
-/// A settling scan that is due waits until there have been this many events for each grain that is not at rest…
+/// A settling scan that is due waits until there have been this many events for each grain that is not at
+/// rest…
 const EVENTS_PER_GRAIN: f64 = 0.0625;
 /// … but not longer than this many periods.
 const MOST_PERIODS: u64 = 16;

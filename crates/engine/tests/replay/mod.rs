@@ -122,7 +122,8 @@ pub fn check(system: &System, rows: &[EventRecord], last: &Frame, epochs: u64) -
                 let wall = &system.walls[row.j as usize];
                 fliers[i].fly(system, mass(i), row.time);
                 let speed = fliers[i].velocity.length() + wall.motion.velocity().length();
-                fliers[i].slid_on = fliers[i].support.clone();
+                let flier = &mut fliers[i];
+                flier.slid_on.clone_from(&flier.support);
                 fliers[i].kick(system, change * (-1.0 / mass(i)), speed);
             }
             EventKind::Rest if row.j != NO_PARTNER => {

@@ -71,12 +71,11 @@ impl Assembler<'_> {
         }
         let mut species = Vec::with_capacity(given.len());
         for name in &given {
-            match names.all.iter().position(|known| known == name) {
-                Some(index) => species.push(index as u32),
-                None => {
-                    let known = || names.all.iter().map(String::as_str);
-                    self.document.report(&path, format!("no species is named {}", among(name, known)));
-                }
+            if let Some(index) = names.all.iter().position(|known| known == name) {
+                species.push(index as u32);
+            } else {
+                let known = || names.all.iter().map(String::as_str);
+                self.document.report(&path, format!("no species is named {}", among(name, known)));
             }
         }
         species.sort_unstable();
