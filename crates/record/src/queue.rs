@@ -110,7 +110,14 @@ impl Producer {
     /// earlier message.
     pub fn send(&self, message: Message, path: &Path) -> Result<(), RecordError> {
         let bytes = message.bytes();
-        self.wait_for_space(bytes)?.bytes += bytes;
+        let mut state = self.wait_for_space(bytes)?;
+        if state.closed {
+            // The receiver may not have been dropped yet; the message would be lost.
+            drop(state);
+            return Err(self.ended(path));
+        }
+        state.bytes += bytes;
+        drop(state);
         self.sender.send((message, bytes)).map_err(|_| self.ended(path))
     }
 
