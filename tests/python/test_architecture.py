@@ -9,7 +9,8 @@ import pytest
 
 ROOT = Path(__file__).parents[2]
 FOLDERS = ("crates", "python", "tests", "benches", "packaging", "scripts", "docs", "configs")
-PLACES = ("", "crates", "crates/engine/src", "crates/linkage/src", "crates/scene/src", "python/haff", "benches", "docs", "tests")
+CRATES = ("crates/engine/src", "crates/linkage/src", "crates/scene/src")
+PLACES = ("", "crates", *CRATES, "python/haff", "benches", "docs", "tests")
 # Commands and formats of others, and names of operators.
 FOREIGN = {"target", "debug", "cargo", "clippy", "fmt", "deny", "pip", "install", "ruff", "pytest", "lib_engine", "so"}
 
@@ -18,7 +19,8 @@ def _sources() -> set[str]:
     words: set[str] = set()
     for folder in FOLDERS:
         for path in (ROOT / folder).rglob("*"):
-            if path.suffix in {".rs", ".py", ".toml", ".js", ".md", ""} and path.is_file() and path.stat().st_size < 500_000:
+            known = path.suffix in {".rs", ".py", ".toml", ".js", ".md", ""} and path.is_file()
+            if known and path.stat().st_size < 500_000:
                 words |= set(re.findall(r"[A-Za-z_][A-Za-z0-9_]*", path.read_text(errors="replace")))
     return words
 
