@@ -89,8 +89,9 @@ def gather_data() -> None:
 
 
 def build_command() -> Path:
-    """Builds `haff`, stripped; returns its path."""
-    cargo = ["cargo", "rustc", "--release", "--locked", "--bin", "haff", "--message-format", "json-render-diagnostics"]
+    """Builds `haff`, stripped; returns its path. With the features of the extension, which then needs no other build."""
+    cargo = ["cargo", "rustc", "--release", "--locked", "--features", "python", "--bin", "haff"]
+    cargo += ["--message-format", "json-render-diagnostics"]
     built = subprocess.run([*cargo, "--", "-C", "strip=symbols"], stdout=subprocess.PIPE, text=True, check=False)
     if built.returncode != 0:
         raise SystemExit(f"cargo could not build the command haff (exit status {built.returncode}); see above")

@@ -5,6 +5,9 @@
 //! the same wheel. The public interface is the Python around it (`python/haff/simulation.py` and others);
 //! signatures and shapes are in `_engine.pyi`.
 
+// Without the feature there is nothing here, and pyo3 is not compiled.
+#![cfg(feature = "python")]
+
 mod arrays;
 mod errors;
 mod events;
