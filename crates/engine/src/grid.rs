@@ -220,7 +220,7 @@ fn no_more(mut fitting: [f64; 3], most: f64) -> [usize; 3] {
 
 /// Where particle i is now, in the box.
 pub(crate) fn place(world: &World, i: u32) -> DVec3 {
-    world.wrap(world.state(i, world.now).0).0
+    world.periodicity.wrap(world.state(i, world.now).0).0
 }
 
 /// The grids of some particles, all or those that one of the `slabs` knows, for finding pairs whose surfaces

@@ -166,7 +166,7 @@ pub(crate) fn sample(system: &System, of: &Species, state: &mut State, time: f64
         let thermal = mean_kinetic - 0.5 * totals.mass * drift.length_squared();
         (2.0 * thermal + book.virial.value() / span) / (d * volume)
     });
-    let periodic = world.periodic.contains(&true);
+    let periodic = world.periodicity.along.contains(&true);
     let gravity_impulse = world.force.impulse_until(time);
     let impulse = force::value(&book.impulse);
     let rate = if first || span <= 0.0 { f64::NAN } else { counted as f64 / span };
@@ -200,7 +200,7 @@ pub(crate) fn sample(system: &System, of: &Species, state: &mut State, time: f64
 /// A particle at the present, wrapped into the box: position, velocity, image.
 fn present(world: &World, i: usize) -> (DVec3, DVec3, [i32; 3]) {
     let (position, velocity) = world.state(i as u32, world.now);
-    let (position, wraps) = world.wrap(position);
+    let (position, wraps) = world.periodicity.wrap(position);
     let image = world.images[i];
     (position, velocity, [image[0] + wraps[0], image[1] + wraps[1], image[2] + wraps[2]])
 }

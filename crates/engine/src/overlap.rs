@@ -89,8 +89,8 @@ struct Meter<'a> {
 
 impl<'a> Meter<'a> {
     fn new(world: &'a World) -> Self {
-        let edges =
-            [0, 1, 2].map(|axis| if world.periodic[axis] { world.size[axis] as f32 } else { f32::INFINITY });
+        let box_ = &world.periodicity;
+        let edges = [0, 1, 2].map(|k| if box_.along[k] { box_.size[k] as f32 } else { f32::INFINITY });
         let longest = edges.into_iter().filter(|edge| edge.is_finite()).fold(0.0, f32::max);
         Self { world, edges: Vec3::from(edges).extend(f32::INFINITY), longest, found: Found::NONE }
     }
@@ -116,7 +116,7 @@ impl<'a> Meter<'a> {
     /// [`Self::meet`] for one that is near.
     #[inline(never)]
     fn look_closely(&mut self, i: u32, j: u32) {
-        let r = self.world.nearest_image(place(self.world, j) - place(self.world, i));
+        let r = self.world.periodicity.nearest(place(self.world, j) - place(self.world, i));
         let sigma = self.world.class(i).radius + self.world.class(j).radius;
         if r.length_squared() < sigma * sigma * (1.0 + ROUNDING) {
             self.touch(i, j, r.length(), sigma);
@@ -263,7 +263,7 @@ mod tests {
             let (class, position) = (world.class(i), place(world, i));
             for j in i + 1..count {
                 let other = world.class(j);
-                let distance = world.nearest_image(place(world, j) - position).length();
+                let distance = world.periodicity.nearest(place(world, j) - position).length();
                 let depth = 1.0 - distance / (class.radius + other.radius);
                 if class.mass.is_finite() || other.mass.is_finite() {
                     deepest = deepest.or(Overlap { depth, pair: Some((i, Some(j))) });

@@ -7,7 +7,8 @@ use crate::{
     clock::Clock,
     features::{Features, With},
     force::Force,
-    model::{Body, Boundary, Restitution, System, Wall, WallLaw},
+    model::{Body, Restitution, System, Wall, WallLaw},
+    periodicity::Periodicity,
     rest::thresholds::Thresholds,
 };
 
@@ -99,12 +100,10 @@ pub(crate) struct World {
     pub walls: Vec<Wall>,
     /// Walls that particles rest on; empty as long as none ever has.
     pub support: Vec<Support>,
-    pub size: DVec3,
-    /// 1/L along periodic axes, 0 along others.
-    pub per_size: [f64; 3],
-    pub periodic: [bool; 3],
+    /// Edges of the box, and images.
+    pub periodicity: Periodicity,
     pub gravity: DVec3,
-    pub pair_restitution: Vec<Restitution>,
+    pub restitution: Vec<Restitution>,
     pub wall_laws: Vec<WallLaw>,
     pub groups: usize,
     pub tc: f64,
@@ -157,17 +156,9 @@ impl World {
             puts_back: false,
             walls: system.walls.clone(),
             support: Vec::new(),
-            size: system.domain.size,
-            per_size: [0, 1, 2].map(|axis| {
-                if system.domain.boundary[axis] == Boundary::Periodic {
-                    1.0 / system.domain.size[axis]
-                } else {
-                    0.0
-                }
-            }),
-            periodic: system.domain.boundary.map(|boundary| boundary == Boundary::Periodic),
+            periodicity: Periodicity::of(&system.domain),
             gravity: system.domain.gravity,
-            pair_restitution: system.contacts.pair.clone(),
+            restitution: system.contacts.pair.clone(),
             wall_laws: system.contacts.wall.clone(),
             groups: system.groups.len(),
             tc: system.contacts.tc,
@@ -313,36 +304,11 @@ impl World {
         }
     }
 
-    /// Wraps a position into the box along periodic axes: (position, wraps).
-    #[inline]
-    pub fn wrap(&self, position: DVec3) -> (DVec3, [i32; 3]) {
-        let mut p = position.to_array();
-        let mut wraps = [0; 3];
-        for axis in 0..3 {
-            let length = self.size[axis];
-            if self.periodic[axis] && !(0.0..length).contains(&p[axis]) {
-                let turns = (p[axis] / length).floor();
-                p[axis] -= turns * length;
-                wraps[axis] = turns as i32;
-                // Rounding can leave −ulp or exactly L.
-                if p[axis] < 0.0 {
-                    p[axis] += length;
-                    wraps[axis] -= 1;
-                }
-                if p[axis] >= length {
-                    p[axis] -= length;
-                    wraps[axis] += 1;
-                }
-            }
-        }
-        (DVec3::from_array(p), wraps)
-    }
-
     /// Wraps the anchor of particle i into the box; the wraps per axis.
     #[inline(always)]
     pub fn wrap_anchor(&mut self, i: u32) -> [i32; 3] {
         let position = self.particles[i as usize].position;
-        if position.cmpge(DVec3::ZERO).all() && position.cmplt(self.size).all() {
+        if self.periodicity.contains(position) {
             return [0; 3];
         }
         self.wrap_anchor_outside(i, position)
@@ -351,31 +317,18 @@ impl World {
     /// Wraps the anchor of particle i, at `position`, which is outside of the box.
     #[cold]
     fn wrap_anchor_outside(&mut self, i: u32, position: DVec3) -> [i32; 3] {
-        let (position, wraps) = self.wrap(position);
+        let (position, wraps) = self.periodicity.wrap(position);
         if wraps != [0; 3] {
             self.particles[i as usize].position = position;
             for (image, turns) in self.images[i as usize].iter_mut().zip(wraps) {
                 *image += turns;
             }
             for (axis, turns) in wraps.into_iter().enumerate().filter(|(_, turns)| turns.abs() > 1) {
-                self.longest_flight = self.longest_flight.max(f64::from(turns).abs() * self.size[axis]);
+                self.longest_flight =
+                    self.longest_flight.max(f64::from(turns).abs() * self.periodicity.size[axis]);
             }
         }
         wraps
-    }
-
-    /// The nearest periodic image of a difference of positions.
-    #[inline]
-    pub fn nearest_image(&self, r: DVec3) -> DVec3 {
-        let mut r = r.to_array();
-        for axis in 0..3 {
-            let length = self.size[axis];
-            if self.periodic[axis] && 2.0 * r[axis].abs() > length {
-                // A shift is applied as one product, as the prediction does it.
-                r[axis] -= (r[axis] / length).round_ties_even() * length;
-            }
-        }
-        DVec3::from_array(r)
     }
 
     /// Signed distance of a particle's surface from a wall, its rate and its acceleration, all along the
@@ -454,8 +407,8 @@ impl World {
 
     /// Restitution law of a pair of classes.
     #[inline]
-    pub fn pair_law(&self, a: &ClassData, b: &ClassData) -> Restitution {
-        self.pair_restitution[a.group * self.groups + b.group]
+    pub fn restitution(&self, a: &ClassData, b: &ClassData) -> Restitution {
+        self.restitution[a.group * self.groups + b.group]
     }
 
     /// Law of impact of a class with a wall.
@@ -494,7 +447,7 @@ impl World {
                     extent = extent.max(self.state(i, self.now).0[axis].abs());
                 }
             } else {
-                extent = extent.max(self.size[axis]);
+                extent = extent.max(self.periodicity.size[axis]);
             }
         }
         extent.max(2.0 * radius)

@@ -77,7 +77,7 @@ impl<K> Earliest<K> {
 
     /// Offers an event `delay` [ticks] after `from`.
     #[inline]
-    fn offer_after(&mut self, from: i64, delay: f64, kind: K, partner_count: u32)
+    pub fn offer_after(&mut self, from: i64, delay: f64, kind: K, partner_count: u32)
     where
         K: Kind,
     {
@@ -225,7 +225,8 @@ fn gather<F: Features>(
         va = haff_mechanics::free_flight_velocity(a.velocity, a.acceleration, dt_a);
         vb = haff_mechanics::free_flight_velocity(b.velocity, acceleration, dt_b);
         if acceleration != a.acceleration {
-            let (r, v, pull) = (imaged(world, rb - ra, shift), vb - va, acceleration - a.acceleration);
+            let (r, v, pull) =
+                (world.periodicity.image(rb - ra, shift), vb - va, acceleration - a.acceleration);
             scratch.predictions += 1;
             let from = a.time.max(b.time);
             if is_beyond(r, v, pull, sigma, (earliest.entry.time.saturating_sub(from)) as f64 * tick) {
@@ -244,7 +245,7 @@ fn gather<F: Features>(
         rb = haff_mechanics::drift(b.position, b.velocity, dt_b);
         (va, vb) = (a.velocity, b.velocity);
     }
-    let (r, v) = (imaged(world, rb - ra, shift), vb - va);
+    let (r, v) = (world.periodicity.image(rb - ra, shift), vb - va);
     if scratch.batch.len >= LANES {
         flush::<F>(world, a.i, scratch, earliest);
     }
@@ -297,15 +298,6 @@ fn is_beyond(r: DVec3, v: DVec3, a: DVec3, sigma: f64, time: f64) -> bool {
     let way = (v.length() + 0.5 * a.length() * time) * time;
     let reach = sigma + way * (1.0 + 1e-6) + 1e-9 * sigma;
     r.length_squared() > reach * reach
-}
-
-/// The separation of the image of the partner that is meant.
-#[inline(always)]
-fn imaged(world: &World, r: DVec3, shift: Shift) -> DVec3 {
-    if shift == [0; 3] {
-        return r;
-    }
-    r + DVec3::new(f64::from(shift[0]), f64::from(shift[1]), f64::from(shift[2])) * world.size
 }
 
 /// Predicts the batch and offers the earliest of it.

@@ -10,7 +10,8 @@ use crate::{
     features::Features,
     ledger::Term,
     overlap::allowed_overlap,
-    particles::{ClassData, Particle, Support, World},
+    pair_law::{self, PairContact, coefficient, impact_with_separation},
+    particles::{Particle, Support, World},
     random::{Draw, mix},
     report::{EventKind, EventRecord, Observer},
     rest::contact,
@@ -30,31 +31,6 @@ const SUPPORT_NOISE: f64 = 8.0 * f64::EPSILON;
 /// A grain that has sunk into a wall or a body that cannot give way, by more than this part of its
 /// coordinates, is put back.
 const SUNK: f64 = 2.0 * f64::EPSILON;
-
-/// Restitution of a contact now, or 1 within the contact duration of the TC model.
-#[inline(always)]
-fn coefficient<F: Features>(
-    world: &World,
-    law: Restitution,
-    speed: f64,
-    time: i64,
-    bodies: [(u32, &ClassData); 2],
-) -> f64 {
-    if F::ELASTIC {
-        return 1.0;
-    }
-    if world.tc > 0.0 {
-        let recent = bodies.iter().any(|&(i, class)| {
-            class.inverse_mass != 0.0
-                && world.particles[i as usize].count > 0
-                && world.age(i, time) < world.tc
-        });
-        if recent {
-            return 1.0;
-        }
-    }
-    law.coefficient(speed)
-}
 
 /// How far a grain has to be put back that is `depth` deep in what it bounces on: not at all, unless that is
 /// more than coordinates of this size resolve.
@@ -112,25 +88,6 @@ fn anchor(world: &mut World, i: u32, position: DVec3, velocity: DVec3, time: i64
     Err(EngineError::Overflow { time: world.clock.time(time), i, velocity: velocity.to_array() })
 }
 
-/// The impact of two bodies whose law says `e`, and who part at the speed `parting`. `r` points from the
-/// first to the second.
-fn meet(
-    [wi, wj]: [DVec3; 2],
-    inverse: [f64; 2],
-    r: DVec3,
-    e: f64,
-    speed: f64,
-    parting: f64,
-) -> (DVec3, DVec3, Impact) {
-    // Rounding may have bodies meet that no longer approach: then even e · speed is more than their speed,
-    // and would pull.
-    if parting > speed.max(0.0) {
-        return contact::push_apart(inverse, [wi, wj], r.normalize(), speed, parting);
-    }
-    let e = if parting > e * speed { parting / speed } else { e };
-    resolve_contact(wi, wj, inverse[0], inverse[1], r, e)
-}
-
 /// Books what an impact at `now` takes. A hop of what rests on each other takes no energy but gives some.
 #[inline(always)]
 fn book_losses<F: Features>(book: &mut Book, now: f64, impact: &Impact) {
@@ -163,7 +120,7 @@ pub(crate) fn collision<F: Features, const EVENTS: bool>(
     let world = &mut state.world;
     let (mut ri, wi) = state_at_event::<F>(world, i, time);
     let (mut rj, wj) = state_at_event::<F>(world, j, time);
-    let r = world.nearest_image(rj - ri);
+    let r = world.periodicity.nearest(rj - ri);
     let distance = r.length();
     let n = r / distance;
     let (a, b) = (*world.class(i), *world.class(j));
@@ -188,17 +145,8 @@ pub(crate) fn collision<F: Features, const EVENTS: bool>(
             rj += n * on;
         }
     }
-    let law = world.pair_law(&a, &b);
-    let speed = (wi - wj).dot(r) / distance;
-    let e = coefficient::<F>(world, law, speed, time, [(i, &a), (j, &b)]);
-    let bodies = [a.inverse_mass, b.inverse_mass];
-    let (ui, uj, impact) = if F::REST {
-        let pull = (world.acceleration(i) - world.acceleration(j)).dot(n);
-        let many = contact::is_one_of_many(world, [i, j], time);
-        meet([wi, wj], bodies, r, e, speed, contact::parting(world, e, speed, pull, many))
-    } else {
-        resolve_contact(wi, wj, a.inverse_mass, b.inverse_mass, r, e)
-    };
+    let contact = PairContact { bodies: [i, j], classes: [a, b], velocities: [wi, wj], r, distance, n, time };
+    let (ui, uj, impact) = pair_law::resolve::<F>(world, &contact);
     // A body of infinite mass keeps its anchor: its flight has not changed, and neither have predictions with
     // it.
     if a.inverse_mass != 0.0 {
@@ -231,7 +179,7 @@ pub(crate) fn collision<F: Features, const EVENTS: bool>(
         }
     }
     if EVENTS {
-        let contact = state.world.wrap(ri + n * a.radius).0;
+        let contact = state.world.periodicity.wrap(ri + n * a.radius).0;
         observer.event(&row(now, EventKind::Collision, [i, j], &impact, n, contact));
     }
     Ok(())
@@ -317,7 +265,7 @@ fn reflect<const EVENTS: bool>(
         let approach_speed = before.dot(n);
         let impulse = -class.mass * change.dot(n);
         let impact = Impact { approach_speed, impulse, ..Impact::default() };
-        let place = state.world.wrap(position + n * class.radius).0;
+        let place = state.world.periodicity.wrap(position + n * class.radius).0;
         observer.event(&row(now, EventKind::Wall, [i, wall], &impact, n, place));
     }
     keep_support(state, i, time);
@@ -342,8 +290,9 @@ fn bounce<F: Features, const EVENTS: bool>(
     let (after, _, impact) = if F::REST {
         let pull = world.acceleration(i).dot(n);
         among_grains = contact::is_among_grains(world, i, wall, speed, pull, time);
-        let parting = if among_grains { contact::parting(world, e, speed, pull, true) } else { e * speed };
-        meet([velocity, wall_velocity], [class.inverse_mass, 0.0], n, e, speed, parting)
+        let separation =
+            if among_grains { contact::separation_speed(world, e, speed, pull, true) } else { e * speed };
+        impact_with_separation([velocity, wall_velocity], [class.inverse_mass, 0.0], n, e, speed, separation)
     } else {
         resolve_contact(velocity, wall_velocity, class.inverse_mass, 0.0, n, e)
     };
@@ -361,7 +310,7 @@ fn bounce<F: Features, const EVENTS: bool>(
         book.add_energy(Term::WallWork, now, work_of_moving_body(impact.impulse, n, wall_velocity));
     }
     if EVENTS {
-        let contact = world.wrap(position + n * class.radius).0;
+        let contact = world.periodicity.wrap(position + n * class.radius).0;
         observer.event(&row(now, EventKind::Wall, [i, wall], &impact, n, contact));
     }
     if F::GRAVITY {
@@ -519,7 +468,7 @@ pub(crate) fn end_of_rest<const EVENTS: bool>(
             carnot_energy: rest.carnot_energy,
             ..Impact::default()
         };
-        let contact = world.wrap(position + n * world.class(i).radius).0;
+        let contact = world.periodicity.wrap(position + n * world.class(i).radius).0;
         observer.event(&row(now, EventKind::Rest, [i, rest.wall], &impact, n, contact));
     }
 }
@@ -556,28 +505,5 @@ fn row(
         carnot_energy: impact.carnot_energy,
         normal,
         position,
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    /// Rounding may bring bodies to their contact when they already part: the law of rest must not pull them
-    /// back.
-    #[test]
-    fn bodies_that_part_are_not_pulled_together() {
-        let e = 0.5;
-        for speed in [-1e-17, -0.0, 0.0] {
-            let velocities = [DVec3::new(speed, 0.3, 0.0), DVec3::ZERO];
-            for parting in [e * speed, 0.0] {
-                let (wi, wj, impact) = meet(velocities, [1.0, 1.0], DVec3::X, e, speed, parting);
-                assert_eq!(([wi, wj], impact.impulse), (velocities, 0.0), "{speed}, {parting}");
-            }
-            // What gravity presses together hops.
-            let (wi, wj, impact) = meet(velocities, [1.0, 1.0], DVec3::X, e, speed, 0.25);
-            assert_eq!(wj.x - wi.x, 0.25);
-            assert!(impact.impulse > 0.0 && impact.energy_loss < 0.0, "{impact:?}");
-        }
     }
 }

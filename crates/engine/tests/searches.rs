@@ -213,6 +213,37 @@ fn lists_that_dismiss_in_single_precision_miss_no_contact() {
     assert_lists("sizes", &scene, 6000);
 }
 
+/// In boxes with walls, some of which move or are inclined, and around bodies of infinite mass.
+#[test]
+fn lists_miss_no_contact_with_walls_and_fixed_bodies() {
+    let mut random = Random(37);
+    let boundaries = [
+        [Boundary::Wall; 3],
+        [Boundary::Wall, Boundary::Periodic, Boundary::Wall],
+        [Boundary::Periodic, Boundary::Periodic, Boundary::Wall],
+    ];
+    for boundary in boundaries {
+        let mut scene = system(Dimension::Three, DVec3::new(12.0, 11.0, 10.0), boundary);
+        set_restitution(&mut scene, 0.95);
+        let (ball, post) = (class(&mut scene, 0.5, 1.0), class(&mut scene, 0.7, f64::INFINITY));
+        scatter(&mut scene, post, 12, 0.0, &mut random);
+        scatter(&mut scene, ball, 500, 1.0, &mut random);
+        let counters = assert_lists(&format!("{boundary:?}"), &scene, 4000);
+        assert!(counters.wall_collisions > 100, "{counters:?}");
+        if boundary == [Boundary::Wall; 3] {
+            // Two walls that move away from the particles.
+            scene.walls[0].motion = DVec3::new(-0.1, 0.0, 0.0).into();
+            scene.walls[5].motion = DVec3::new(0.0, 0.0, 0.05).into();
+            assert_lists("moving walls", &scene, 4000);
+        }
+    }
+    let mut scene = system(Dimension::Two, DVec3::new(24.0, 20.0, 1.0), [Boundary::Wall; 3]);
+    let disk = class(&mut scene, 0.5, 1.0);
+    scatter(&mut scene, disk, 240, 1.0, &mut random);
+    let counters = assert_lists("disks and walls", &scene, 4000);
+    assert!(counters.wall_collisions > 100, "{counters:?}");
+}
+
 /// Slower by two orders of magnitude in the end, and in clusters.
 #[test]
 fn lists_follow_a_gas_that_cools() {

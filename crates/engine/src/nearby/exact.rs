@@ -28,7 +28,11 @@ pub(super) fn contact<F: Features>(world: &World, a: &Particle, b: &Particle) ->
         let radius = world.classes[0].radius;
         radius + radius
     } else {
-        world.classes[a.class()].radius + world.classes[b.class()].radius
+        let (a, b) = (&world.classes[a.class()], &world.classes[b.class()]);
+        if a.inverse_mass + b.inverse_mass == 0.0 {
+            return NEVER; // Two bodies of infinite mass pass through each other.
+        }
+        a.radius + b.radius
     };
     let tick = world.clock.tick;
     // The earlier anchor is carried on to the later one.
@@ -38,9 +42,7 @@ pub(super) fn contact<F: Features>(world: &World, a: &Particle, b: &Particle) ->
     let v = b.velocity - a.velocity;
     let from = a.time.max(b.time);
     let here = apart + v * ((world.now - from) as f64 * tick);
-    // A whole number of lengths, added as one product, as everywhere; 0 · L changes nothing.
-    let shift = |axis: usize| -round(here[axis] * world.per_size[axis]) * world.size[axis];
-    let r = apart + DVec3::new(shift(0), shift(1), shift(2));
+    let r = apart + world.periodicity.offset(here);
     let ss = sigma * sigma;
     // As `batch::delay` has it.
     let approach = r.dot(v);
@@ -64,11 +66,4 @@ pub(super) fn contact<F: Features>(world: &World, a: &Particle, b: &Particle) ->
 #[cold]
 fn is_echo(r: DVec3, v: DVec3, a: &Particle, b: &Particle) -> bool {
     is_rounding_noise(r, v, a.velocity.length().max(b.velocity.length()))
-}
-
-/// Nearest integer, by the rounding of an addition; |x| < 2^51.
-#[inline(always)]
-fn round(x: f64) -> f64 {
-    const MAGIC: f64 = 6_755_399_441_055_744.0; // 1.5 · 2^52
-    (x + MAGIC) - MAGIC
 }

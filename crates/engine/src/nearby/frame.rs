@@ -2,10 +2,11 @@
 Coordinates of the filter, and the span of time that they are good for.
 
 Coordinates are integers, 2^32 of them to a periodic edge: the difference of two, taken modulo 2^32, is the
-nearest image at no cost, whatever the box. Lengths are in the largest contact distance, times in *spans*: a
-[`Record`] tells where the present path of its particle would have been at the beginning of the span, and how
-far it goes within it. No particle moves so far that another image of a pair could come to be the nearest, nor
-further than single precision can tell.
+nearest image at no cost, whatever the box. A bounded edge is treated as a periodic one that is longer by so
+much that particles at its ends are no neighbors. Lengths are in the largest contact distance, times in
+*spans*: a [`Record`] tells where the present path of its particle would have been at the beginning of the
+span, and how far it goes within it. No particle moves so far that another image of a pair could come to be
+the nearest, nor further than single precision can tell.
 */
 
 use haff_neighbors::{Axis, Geometry};
@@ -71,6 +72,8 @@ impl Record {
 pub(super) struct Frame {
     /// The largest contact distance [length].
     sigma: f64,
+    /// What coordinates repeat after [length].
+    pub period: [f64; 3],
     /// Coordinates per length, and largest contact distances per coordinate.
     pub per_length: [f64; 3],
     pub unit: [f32; 3],
@@ -93,16 +96,19 @@ pub(super) struct Frame {
 
 impl Frame {
     /// Coordinates for a box in which particles up to `reach` apart are looked at [length]; `None` if it is
-    /// too small, or not closed by periodicity.
+    /// too small, or open.
     pub fn new(geometry: &Geometry, reach: f64) -> Option<Self> {
         let sigma = geometry.reach;
-        let (mut per_length, mut unit) = ([1.0; 3], [1.0; 3]);
+        let (mut period, mut per_length, mut unit) = (geometry.size.to_array(), [1.0; 3], [1.0; 3]);
         let mut farthest = FARTHEST;
         let mut longest: f64 = 0.0;
         for axis in 0..3 {
-            let edge = geometry.size[axis];
             match geometry.axes[axis] {
-                Axis::Periodic => {
+                kind @ (Axis::Periodic | Axis::Bounded) => {
+                    if kind == Axis::Bounded {
+                        period[axis] += reach;
+                    }
+                    let edge = period[axis];
                     per_length[axis] = 2.0_f64.powi(32) / edge;
                     unit[axis] = (1.0 / (per_length[axis] * sigma)) as f32;
                     // Two particles come apart at twice the speed of one.
@@ -110,12 +116,13 @@ impl Frame {
                     longest = longest.max(edge / sigma);
                 }
                 Axis::Flat => {}
-                Axis::Bounded | Axis::Open => return None,
+                Axis::Open => return None,
             }
         }
         let margin = 1.0 + MARGIN + 4.0 * longest / 2.0_f64.powi(32);
         (farthest >= LEAST_WAY && margin < 1.0 + 2.0 * MARGIN).then_some(Self {
             sigma,
+            period,
             per_length,
             unit,
             reach: reach / sigma,

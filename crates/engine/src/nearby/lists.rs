@@ -10,7 +10,8 @@ Neighbors are decided by integer differences, so lists contain no periodic image
 particle is wrapped into the box.
 */
 
-use haff_neighbors::{prefetch_at, with_huge_pages};
+use glam::DVec3;
+use haff_neighbors::{Axis, Geometry, prefetch_at, with_huge_pages};
 use rayon::prelude::*;
 
 use super::{
@@ -34,6 +35,24 @@ struct Center {
     members: u32,
 }
 
+/// A wall at rest: its unit normal, and where it is along that [largest contact distances].
+#[derive(Debug, Clone, Copy)]
+struct Plane {
+    normal: DVec3,
+    place: f64,
+}
+
+/// The walls of a geometry. One that moves, or is inclined to a periodic axis, may be anywhere.
+fn planes(geometry: &Geometry) -> Vec<Plane> {
+    let periodic = DVec3::from_array(geometry.axes.map(|axis| f64::from(u8::from(axis == Axis::Periodic))));
+    let plane = |plane: &haff_neighbors::Plane| {
+        let anywhere = plane.moving || plane.normal * periodic != DVec3::ZERO;
+        let place = if anywhere { f64::INFINITY } else { plane.point.dot(plane.normal) / geometry.reach };
+        Plane { normal: plane.normal, place }
+    };
+    geometry.planes.iter().map(plane).collect()
+}
+
 /// Neighbor lists.
 #[derive(Debug, Clone, Default)]
 pub(super) struct Lists {
@@ -41,6 +60,8 @@ pub(super) struct Lists {
     half: f32,
     half2: f32,
     unit: [f32; 3],
+    /// The same for planes, beyond single precision.
+    scale: [f64; 3],
     centers: Vec<Center>,
     bins: Bins,
     /// The lists, of `stride` words each, filled up with [`Self::sentinel`]. A longer one has the index of
@@ -50,25 +71,33 @@ pub(super) struct Lists {
     spilled: Vec<Vec<u32>>,
     spare: Vec<u32>,
     found: Vec<u32>,
+    planes: Vec<Plane>,
+    /// Whether a particle may touch a wall before it leaves its ball; empty without walls.
+    near_wall: Vec<bool>,
 }
 
 impl Lists {
     /// Lists as planned, of particles that have all just been put on record at the beginning of the frame's
     /// span.
-    pub fn new<F: Features>(plan: &Plan, records: &[Record]) -> Self {
+    pub fn new<F: Features>(plan: &Plan, geometry: &Geometry, records: &[Record]) -> Self {
         let &Plan { ref frame, half, edges, spacing, members } = plan;
         let count = records.len() - 1;
         let mut lists = Self {
             half: half as f32,
             half2: (half * half) as f32,
             unit: frame.unit,
+            scale: frame.per_length.map(|per_length| 1.0 / (per_length * geometry.reach)),
             centers: with_huge_pages(count),
+            planes: planes(geometry),
             bins: Bins::new(edges, frame.unit, 1.0 + 2.0 * (half + f64::from(SLACK)), spacing, count),
             ..Self::default()
         };
         for (i, record) in records[..count].iter().enumerate() {
             lists.centers.push(Center { x: record.x, members: 0 });
             lists.bins.enter::<false>(i as u32, record.x);
+        }
+        if !lists.planes.is_empty() {
+            lists.near_wall = records[..count].iter().map(|record| lists.is_near_plane(record.x)).collect();
         }
         let mut sample = Vec::new();
         let mut lengths: Vec<usize> = (0..count)
@@ -120,7 +149,21 @@ impl Lists {
         &self.words[place..place + members.next_multiple_of(LANES)]
     }
 
-    /// Asks for the list and the center of i.
+    /// Whether particle i may touch a wall before it leaves its ball, where there are walls.
+    #[inline(always)]
+    pub fn is_near_wall(&self, i: u32) -> bool {
+        self.near_wall[i as usize]
+    }
+
+    /// Whether the ball around a center reaches a wall, with the largest particle at its edge.
+    fn is_near_plane(&self, center: [i32; 3]) -> bool {
+        let place = |axis: usize| f64::from(center[axis] as u32) * self.scale[axis];
+        let center = DVec3::new(place(0), place(1), place(2));
+        let reach = f64::from(self.half + 0.5 + SLACK);
+        self.planes.iter().any(|plane| center.dot(plane.normal) - plane.place <= reach)
+    }
+
+    /// Prefetches the list and the center of i.
     #[inline(always)]
     pub fn prefetch(&self, i: u32) {
         let place = i as usize * self.stride;
@@ -187,6 +230,9 @@ impl Lists {
             place[axis] = record.x[axis].wrapping_add(way as i64 as i32);
         }
         self.centers[i as usize].x = place;
+        if !self.planes.is_empty() {
+            self.near_wall[i as usize] = self.is_near_plane(place);
+        }
         let mut found = std::mem::take(&mut self.found);
         let length = self.find::<F, VECTORS, true>(i, records, &mut found);
         self.bins.enter::<VECTORS>(i, place);

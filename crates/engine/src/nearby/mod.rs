@@ -1,5 +1,5 @@
 /*!
-The scheduler with neighbor lists for fluids in periodic boxes without gravity.
+The scheduler with neighbor lists for fluids in closed boxes without gravity.
 
 Like [`CalendarScheduler`](crate::calendar_scheduler::CalendarScheduler), it keeps for every particle its
 earliest event. But its lists contain no periodic images ([`lists`]), and most members of a list are rejected
@@ -26,10 +26,10 @@ use crate::{
     census::{Census, Crowd},
     clock::{HORIZON, whole},
     entry::{self, Kind, Target},
-    event::{Collision, Pause},
+    event::{Collision, Impact, Pause},
     event_loop::{Limit, Next, Scheduler},
     features::Features,
-    model::System,
+    model::{Boundary, System},
     particles::World,
     predict::Earliest,
     queue::{Predictor, Queue},
@@ -47,6 +47,8 @@ const MEMBERS: [f64; 2] = [14.5, 10.0];
 const SHELL: [f64; 2] = [1.3, 2.5];
 /// A new center lies this part of the ball's radius ahead of its particle.
 const AHEAD: f32 = 0.5;
+/// A particle near one wall is predicted against all: there may be so many.
+const FEW_WALLS: usize = 16;
 /// Radii may differ by this factor: the bins are made for the largest.
 const SIZE_RATIO: f64 = 2.0;
 /// From this many particles on lists are shorter: members come from memory.
@@ -67,6 +69,8 @@ const NEVER: f32 = 0.5 * filter::NEVER;
 pub(crate) enum ListEvent {
     /// Collision with particle `.0`.
     Collision(u32),
+    /// Collision with wall `.0`.
+    Wall(u32),
     /// The particle leaves the range that its list has been made for.
     ListUpdate,
     /// Nothing within the horizon: a prediction is due there.
@@ -78,6 +82,7 @@ impl Kind for ListEvent {
     fn encode(self) -> (u32, u32) {
         match self {
             Self::Collision(j) => (entry::COLLISION, j),
+            Self::Wall(wall) => (entry::WALL, wall),
             Self::ListUpdate => (entry::UPDATE, 0),
             Self::Prediction => (entry::UPDATE, entry::PREDICTION),
         }
@@ -87,6 +92,7 @@ impl Kind for ListEvent {
     fn decode(tag: u32, index: u32) -> Self {
         match (tag, index) {
             (entry::COLLISION, j) => Self::Collision(j),
+            (entry::WALL, wall) => Self::Wall(wall),
             (_, entry::PREDICTION) => Self::Prediction,
             _ => Self::ListUpdate,
         }
@@ -101,9 +107,9 @@ const BLOCK: usize = 1 << 16;
 /// Whether this scheduler supports a system, if its box is large enough.
 pub(crate) fn supports(system: &System, census: &Census) -> bool {
     census.count < i32::MAX as usize
-        && census.movable
         && system.domain.gravity == DVec3::ZERO
-        && system.walls.is_empty()
+        && system.walls.len() <= FEW_WALLS
+        && (0..system.dimension.count()).all(|axis| system.domain.boundary[axis] != Boundary::Open)
         && !is_wide(census)
 }
 
@@ -131,8 +137,6 @@ impl Plan {
             return None;
         }
         let sigma = geometry.reach;
-        let edges =
-            [0, 1, 2].map(|k| if geometry.axes[k] == Axis::Flat { 0.0 } else { geometry.size[k] / sigma });
         let flat = census.dimension == 2;
         let ball = if flat { std::f64::consts::PI } else { 4.0 / 3.0 * std::f64::consts::PI };
         let spacing = census.spacing(crowd.packing) / sigma;
@@ -144,6 +148,8 @@ impl Plan {
         // Centers of neighbors are a contact distance and two radii apart, and they themselves up to two
         // more.
         let frame = Frame::new(geometry, (1.01 + 4.0 * half) * sigma)?;
+        let edges =
+            [0, 1, 2].map(|k| if geometry.axes[k] == Axis::Flat { 0.0 } else { frame.period[k] / sigma });
         let members = ball * ((mean + 2.0 * half) / spacing).powi(census.dimension) - 1.0;
         Some(Self { frame, half, edges, spacing, members })
     }
@@ -206,6 +212,12 @@ impl<F: Features> Nearby<F> {
         })
     }
 
+    /// Out of line, so that the loop of collisions stays short.
+    #[inline(never)]
+    fn update_after_wall(&mut self, state: &mut State, i: u32) {
+        self.reschedule(state, &[i]);
+    }
+
     /// The predictor, by vectors or not.
     #[inline(always)]
     fn split<const VECTORS: bool>(&mut self) -> (&mut Queue<ListEvent>, VectorPredictor<'_, F, VECTORS>) {
@@ -216,13 +228,13 @@ impl<F: Features> Nearby<F> {
 
 impl<F: Features> Scheduler for Nearby<F> {
     type Features = F;
-    type Event = Collision;
+    type Event = Impact;
 
     fn kernel(&self) -> Kernel {
         self.kernel
     }
 
-    fn rebuild(&mut self, state: &mut State, _geometry: &Geometry) {
+    fn rebuild(&mut self, state: &mut State, geometry: &Geometry) {
         let count = state.world.particles.len();
         self.queue.clear();
         let predictor = &mut self.predictor;
@@ -232,7 +244,7 @@ impl<F: Features> Scheduler for Nearby<F> {
         }
         predictor.begin(&state.world);
         predictor.lists = Lists::default();
-        predictor.lists = Lists::new::<F>(&predictor.plan, &predictor.records);
+        predictor.lists = Lists::new::<F>(&predictor.plan, geometry, &predictor.records);
         let (predictor, world) = (&self.predictor, &state.world);
         let mut block = Vec::with_capacity(BLOCK.min(count));
         for start in (0..count).step_by(BLOCK) {
@@ -256,13 +268,16 @@ impl<F: Features> Scheduler for Nearby<F> {
     }
 
     #[inline(always)]
-    fn next<const VECTORS: bool>(&mut self, state: &mut State, limit: &mut Limit) -> Next<Collision> {
+    fn next<const VECTORS: bool>(&mut self, state: &mut State, limit: &mut Limit) -> Next<Impact> {
         let (queue, mut predictor) = self.split::<VECTORS>();
         loop {
             let Some(entry) = queue.next(state, &mut predictor, limit.ticks) else { return Next::Nothing };
             let i = entry.owner;
             let updates = match entry.target.kind() {
-                ListEvent::Collision(j) => return Next::Event(entry.time, Collision([i, j])),
+                ListEvent::Collision(j) => {
+                    return Next::Event(entry.time, Impact::Pair(Collision([i, j])));
+                }
+                ListEvent::Wall(wall) => return Next::Event(entry.time, Impact::Wall { i, wall }),
                 ListEvent::ListUpdate => true,
                 ListEvent::Prediction => false,
             };
@@ -283,10 +298,17 @@ impl<F: Features> Scheduler for Nearby<F> {
     fn update<const VECTORS: bool>(
         &mut self,
         state: &mut State,
-        Collision([i, j]): Collision,
+        event: Impact,
         _woken: &[u32],
         _limit: &mut Limit,
     ) -> Option<Pause> {
+        let [i, j] = match event {
+            Impact::Pair(Collision(bodies)) => bodies,
+            Impact::Wall { i, .. } => {
+                self.update_after_wall(state, i);
+                return None;
+            }
+        };
         let (queue, mut predictor) = self.split::<VECTORS>();
         // Both anchors are in place before either is predicted.
         let bodies = [i.min(j), i.max(j)];
@@ -295,7 +317,10 @@ impl<F: Features> Scheduler for Nearby<F> {
             predictor.predictor.update(&state.world, body);
         }
         for entry in predictor.predict_both(&state.world, bodies) {
-            queue.push(entry);
+            // A body of infinite mass has not changed: its own entry is valid unless it is this one.
+            if F::UNIFORM || entry.owner == i || state.world.class(entry.owner).inverse_mass != 0.0 {
+                queue.push(entry);
+            }
         }
         None
     }
@@ -452,6 +477,10 @@ impl<F: Features> ListPredictor<F> {
             self.query_rest::<VECTORS>(world, i, part, &mut earliest, bounds, work);
             within = self.until(world, &earliest);
         }
+        if !world.walls.is_empty() && self.lists.is_near_wall(i) {
+            Self::predict_walls(world, i, &mut earliest);
+            within = self.until(world, &earliest).min(NEVER);
+        }
         // A later update of the list need not be known exactly.
         if let Some(delay) = self.lists.exit(i, record, part, within) {
             let delay = f64::from(delay) / frame.per_tick;
@@ -485,6 +514,21 @@ impl<F: Features> ListPredictor<F> {
     fn until(&self, world: &World, earliest: &Earliest<ListEvent>) -> f32 {
         let ticks = earliest.entry.time.saturating_sub(world.now).max(0);
         filter::limit(ticks as f64 * self.plan.frame.per_tick)
+    }
+
+    /// Offers the contacts of a particle with all walls.
+    #[inline(never)]
+    fn predict_walls(world: &World, i: u32, earliest: &mut Earliest<ListEvent>) {
+        let particle = &world.particles[i as usize];
+        let class = world.class(i);
+        if class.inverse_mass == 0.0 {
+            return;
+        }
+        for wall in 0..world.walls.len() as u32 {
+            if let Some(delay) = world.wall_contact(particle, class.radius, DVec3::ZERO, wall) {
+                earliest.offer_after(particle.time, delay, ListEvent::Wall(wall), 0);
+            }
+        }
     }
 
     /// Adds the members of a long list beyond the first [`MOST`].

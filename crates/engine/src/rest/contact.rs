@@ -36,13 +36,13 @@ pub(crate) fn is_among_grains(world: &World, i: u32, wall: u32, speed: f64, pull
 /// Contacts that are one of many are elastic below a speed, and take no more than down to it, unless there is
 /// no speed worth the name. Bodies that gravity presses together, with the relative acceleration `pull` along
 /// the normal, never part more slowly than they fall towards each other in a given time.
-pub(crate) fn parting(world: &World, e: f64, speed: f64, pull: f64, many: bool) -> f64 {
+pub(crate) fn separation_speed(world: &World, e: f64, speed: f64, pull: f64, many: bool) -> f64 {
     let Some(thresholds) = &world.thresholds else { return e * speed };
-    let mut parting = e * speed;
+    let mut separation = e * speed;
     if many && speed > thresholds.nothing {
-        parting = parting.max(speed.min(thresholds.elastic));
+        separation = separation.max(speed.min(thresholds.elastic));
     }
-    parting.max(pull * thresholds.hop)
+    separation.max(pull * thresholds.hop)
 }
 
 /// A contact of bodies that part faster than they approach. Velocities after it, and the impact, whose loss
@@ -54,17 +54,17 @@ pub(crate) fn push_apart(
     [wi, wj]: [DVec3; 2],
     n: DVec3,
     speed: f64,
-    parting: f64,
+    separation: f64,
 ) -> (DVec3, DVec3, Impact) {
     let lambda = inverse[0] + inverse[1];
-    let impulse = (speed + parting) / lambda;
+    let impulse = (speed + separation) / lambda;
     let impact = Impact {
         approach_speed: speed,
         impulse,
         compression_impulse: speed / lambda,
-        restitution_impulse: parting / lambda,
-        energy_loss: 0.5 * (speed - parting) * (speed + parting) / lambda,
-        carnot_energy: 0.5 * impulse * (speed + parting),
+        restitution_impulse: separation / lambda,
+        energy_loss: 0.5 * (speed - separation) * (speed + separation) / lambda,
+        carnot_energy: 0.5 * impulse * (speed + separation),
     };
     (wi - n * (impulse * inverse[0]), wj + n * (impulse * inverse[1]), impact)
 }
@@ -76,7 +76,7 @@ pub(crate) fn strike(state: &mut State, i: u32, j: u32, time: i64) -> Vec<u32> {
     let (at_rest, other) = if world.is_held(i) { (i, j) } else { (j, i) };
     let Some(thresholds) = world.thresholds.filter(|_| world.is_held(at_rest)) else { return Vec::new() };
     let (position, velocity) = world.state(other, time);
-    let r = world.nearest_image(world.particles[at_rest as usize].position - position);
+    let r = world.periodicity.nearest(world.particles[at_rest as usize].position - position);
     let speed = velocity.dot(r) / r.length();
     if speed > thresholds.wake || world.body(other).inverse_mass == 0.0 {
         return wake(state, at_rest, time);

@@ -85,7 +85,7 @@ fn jam(world: &World, geometry: &Geometry, tight: &Thresholds, recent: &[u32]) -
             if other.is_some_and(|other| other < grain) {
                 continue;
             }
-            let r = world.nearest_image(position - world.state(j, world.now).0);
+            let r = world.periodicity.nearest(position - world.state(j, world.now).0);
             let mass = 1.0 / (inverse + world.class(j).inverse_mass);
             jam.push(Contact { grain, other, normal: r.normalize_or_zero(), mass, impulse: 0.0 });
         }
@@ -104,8 +104,8 @@ fn solve(jam: &mut [Contact], velocities: &mut [DVec3], inverse: &[f64], accurac
         unsolved.clear();
         for contact in &mut *jam {
             let &mut Contact { grain, other, normal, mass, .. } = contact;
-            let parting = velocities[grain] - other.map_or(DVec3::ZERO, |other| velocities[other]);
-            let impulse = (contact.impulse - mass * parting.dot(normal)).max(0.0);
+            let relative = velocities[grain] - other.map_or(DVec3::ZERO, |other| velocities[other]);
+            let impulse = (contact.impulse - mass * relative.dot(normal)).max(0.0);
             let change = impulse - contact.impulse;
             contact.impulse = impulse;
             velocities[grain] += normal * (change * inverse[grain]);
@@ -147,8 +147,8 @@ mod tests {
         assert_eq!((velocities[2], jam[2].impulse), (start[2], 0.0));
         assert!(jam[0].impulse > 0.0 && jam[1].impulse > 0.0);
         for Contact { grain, other, normal, .. } in &jam[..2] {
-            let parting = velocities[*grain] - other.map_or(DVec3::ZERO, |other| velocities[other]);
-            assert!(parting.dot(*normal).abs() < 1e-15);
+            let relative = velocities[*grain] - other.map_or(DVec3::ZERO, |other| velocities[other]);
+            assert!(relative.dot(*normal).abs() < 1e-15);
         }
         // Closed form of the two impulses: [1, −0.6; −0.6, 1.1] (J₀, J₁) = (0, −u·n).
         let press = -(start[1].dot(tilted));

@@ -64,7 +64,7 @@ pub(super) fn book(
             energy_loss: energy,
             carnot_energy,
             normal: down,
-            position: world.wrap(position + down * body.radius).0,
+            position: world.periodicity.wrap(position + down * body.radius).0,
         });
     }
 }

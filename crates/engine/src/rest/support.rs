@@ -17,7 +17,7 @@ const SLOPE: f64 = 1e-3;
 pub(super) fn normals(world: &World, gap: f64, i: u32, near: impl Iterator<Item = u32>) -> Vec<DVec3> {
     let (position, _) = world.state(i, world.now);
     let mut normals: Vec<DVec3> = near
-        .map(|j| -world.nearest_image(world.state(j, world.now).0 - position).normalize_or_zero())
+        .map(|j| -world.periodicity.nearest(world.state(j, world.now).0 - position).normalize_or_zero())
         .collect();
     let radius = world.body(i).radius;
     for (wall, plane) in world.walls.iter().enumerate() {
@@ -72,7 +72,7 @@ pub(super) fn contacts(
                     if slots == [u32::MAX; 2] {
                         continue;
                     }
-                    let r = world.nearest_image(place(world, j) - position);
+                    let r = world.periodicity.nearest(place(world, j) - position);
                     if r.length_squared() <= reach * reach {
                         for (slot, partner) in slots.into_iter().zip([j, i]) {
                             if slot != u32::MAX {

@@ -28,7 +28,7 @@ pub(super) fn contact<F: Features>(world: &World, a: &Particle, b: &Particle) ->
     let now = world.now;
     // Gravity points along no periodic axis.
     let here = |p: &Particle| p.position + p.velocity * ((now - p.time) as f64 * tick);
-    let apart = (here(b) - here(a)).to_array();
+    let apart = here(b) - here(a);
     let behind = a.time - b.time;
     let dt = behind.abs() as f64 * tick;
     let (dt_a, dt_b) = if behind < 0 { (dt, 0.0) } else { (0.0, dt) };
@@ -45,9 +45,7 @@ pub(super) fn contact<F: Features>(world: &World, a: &Particle, b: &Particle) ->
         rb = haff_mechanics::drift(b.position, b.velocity, dt_b);
         (va, vb) = (a.velocity, b.velocity);
     }
-    // A whole number of lengths, added as one product, as everywhere; 0 · L changes nothing.
-    let shift = |axis: usize| -round(apart[axis] * world.per_size[axis]) * world.size[axis];
-    let r = (rb - ra) + DVec3::new(shift(0), shift(1), shift(2));
+    let r = (rb - ra) + world.periodicity.offset(apart);
     let v = vb - va;
     let delay = delay(r, v, sigma * sigma)?;
     let from = a.time.max(b.time);
@@ -71,13 +69,6 @@ pub(super) fn wall_contact<F: Features>(
     let acceleration = if F::GRAVITY { world.gravity } else { DVec3::ZERO };
     let ticks = world.wall_contact(anchor, radius, acceleration, wall)?;
     (ticks <= LONGEST).then(|| anchor.time + whole(ticks))
-}
-
-/// Nearest integer, by the rounding of an addition; |x| < 2^51.
-#[inline(always)]
-fn round(x: f64) -> f64 {
-    const MAGIC: f64 = 6_755_399_441_055_744.0; // 1.5 · 2^52
-    (x + MAGIC) - MAGIC
 }
 
 /// [`crate::batch`]'s kernel for one pair: time from the later anchor [time].

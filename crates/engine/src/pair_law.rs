@@ -1,0 +1,168 @@
+//! Laws of impact of two particles.
+//!
+//! A new law is a file with an implementation of [`PairLaw`], and an arm of [`resolve`].
+
+use glam::DVec3;
+use haff_mechanics::{Impact, Restitution, resolve_contact};
+
+use crate::{
+    features::Features,
+    particles::{ClassData, World},
+    rest::contact,
+};
+
+/// Two particles in contact, before their impact.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct PairContact {
+    pub bodies: [u32; 2],
+    pub classes: [ClassData; 2],
+    pub velocities: [DVec3; 2],
+    /// From the first to the second, its length, and the unit vector along it.
+    pub r: DVec3,
+    pub distance: f64,
+    pub n: DVec3,
+    /// [ticks]
+    pub time: i64,
+}
+
+impl PairContact {
+    /// Approach speed along the line of centers [length/time].
+    #[inline(always)]
+    fn approach_speed(&self) -> f64 {
+        (self.velocities[0] - self.velocities[1]).dot(self.r) / self.distance
+    }
+
+    fn inverse_masses(&self) -> [f64; 2] {
+        self.classes.map(|class| class.inverse_mass)
+    }
+}
+
+/// What a contact of two particles does.
+pub(crate) trait PairLaw {
+    /// Velocities after the impact, and the impact.
+    fn resolve<F: Features>(&self, world: &World, contact: &PairContact) -> (DVec3, DVec3, Impact);
+}
+
+/// Resolves a contact by the law of its pair.
+#[inline(always)]
+pub(crate) fn resolve<F: Features>(world: &World, contact: &PairContact) -> (DVec3, DVec3, Impact) {
+    let restitution = world.restitution(&contact.classes[0], &contact.classes[1]);
+    if F::REST {
+        Settling { restitution }.resolve::<F>(world, contact)
+    } else {
+        Smooth { restitution }.resolve::<F>(world, contact)
+    }
+}
+
+/// Smooth spheres: the normal component of the relative velocity is reversed and multiplied by the
+/// coefficient of restitution.
+struct Smooth {
+    restitution: Restitution,
+}
+
+impl PairLaw for Smooth {
+    #[inline(always)]
+    fn resolve<F: Features>(&self, world: &World, contact: &PairContact) -> (DVec3, DVec3, Impact) {
+        let [wi, wj] = contact.velocities;
+        let [inverse_i, inverse_j] = contact.inverse_masses();
+        let e = contact.coefficient::<F>(world, self.restitution);
+        resolve_contact(wi, wj, inverse_i, inverse_j, contact.r, e)
+    }
+}
+
+/// Smooth spheres that may come to rest on each other: contacts that are one of many are elastic below a
+/// speed, and those that gravity presses together separate at least at a given speed.
+struct Settling {
+    restitution: Restitution,
+}
+
+impl PairLaw for Settling {
+    #[inline(always)]
+    fn resolve<F: Features>(&self, world: &World, contact: &PairContact) -> (DVec3, DVec3, Impact) {
+        let &PairContact { bodies: [i, j], velocities, r, n, time, .. } = contact;
+        let e = contact.coefficient::<F>(world, self.restitution);
+        let speed = contact.approach_speed();
+        let acceleration = (world.acceleration(i) - world.acceleration(j)).dot(n);
+        let many = contact::is_one_of_many(world, [i, j], time);
+        let separation = contact::separation_speed(world, e, speed, acceleration, many);
+        impact_with_separation(velocities, contact.inverse_masses(), r, e, speed, separation)
+    }
+}
+
+impl PairContact {
+    /// The coefficient of restitution of this contact.
+    #[inline(always)]
+    fn coefficient<F: Features>(&self, world: &World, law: Restitution) -> f64 {
+        let [i, j] = self.bodies;
+        let [a, b] = &self.classes;
+        coefficient::<F>(world, law, self.approach_speed(), self.time, [(i, a), (j, b)])
+    }
+}
+
+/// Restitution of a contact now, or 1 within the contact duration of the TC model.
+#[inline(always)]
+pub(crate) fn coefficient<F: Features>(
+    world: &World,
+    law: Restitution,
+    speed: f64,
+    time: i64,
+    bodies: [(u32, &ClassData); 2],
+) -> f64 {
+    if F::ELASTIC {
+        return 1.0;
+    }
+    if world.tc > 0.0 {
+        let recent = bodies.iter().any(|&(i, class)| {
+            class.inverse_mass != 0.0
+                && world.particles[i as usize].count > 0
+                && world.age(i, time) < world.tc
+        });
+        if recent {
+            return 1.0;
+        }
+    }
+    law.coefficient(speed)
+}
+
+/// The impact of two bodies whose law says `e`, and who part at the speed `separation`. `r` points from the
+/// first to the second.
+pub(crate) fn impact_with_separation(
+    [wi, wj]: [DVec3; 2],
+    inverse: [f64; 2],
+    r: DVec3,
+    e: f64,
+    speed: f64,
+    separation: f64,
+) -> (DVec3, DVec3, Impact) {
+    // Rounding may have bodies meet that no longer approach: then even e · speed is more than their speed,
+    // and would pull.
+    if separation > speed.max(0.0) {
+        return contact::push_apart(inverse, [wi, wj], r.normalize(), speed, separation);
+    }
+    let e = if separation > e * speed { separation / speed } else { e };
+    resolve_contact(wi, wj, inverse[0], inverse[1], r, e)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Rounding may bring bodies to their contact when they already part: the law of rest must not pull them
+    /// back.
+    #[test]
+    fn bodies_that_part_are_not_pulled_together() {
+        let e = 0.5;
+        for speed in [-1e-17, -0.0, 0.0] {
+            let velocities = [DVec3::new(speed, 0.3, 0.0), DVec3::ZERO];
+            for separation in [e * speed, 0.0] {
+                let (wi, wj, impact) =
+                    impact_with_separation(velocities, [1.0, 1.0], DVec3::X, e, speed, separation);
+                assert_eq!(([wi, wj], impact.impulse), (velocities, 0.0), "{speed}, {separation}");
+            }
+            // What gravity presses together hops.
+            let (wi, wj, impact) = impact_with_separation(velocities, [1.0, 1.0], DVec3::X, e, speed, 0.25);
+            assert_eq!(wj.x - wi.x, 0.25);
+            assert!(impact.impulse > 0.0 && impact.energy_loss < 0.0, "{impact:?}");
+        }
+    }
+}
