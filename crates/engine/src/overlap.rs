@@ -10,6 +10,7 @@ use rayon::prelude::*;
 use crate::{
     grid::{Level, Slabs, levels, meet, place},
     particles::World,
+    periodicity::Periodicity,
 };
 
 /// Cells, or particles, looked at by one task.
@@ -89,8 +90,8 @@ struct Meter<'a> {
 
 impl<'a> Meter<'a> {
     fn new(world: &'a World) -> Self {
-        let box_ = &world.periodicity;
-        let edges = [0, 1, 2].map(|k| if box_.along[k] { box_.size[k] as f32 } else { f32::INFINITY });
+        let Periodicity { size, along, .. } = world.periodicity;
+        let edges = [0, 1, 2].map(|k| if along[k] { size[k] as f32 } else { f32::INFINITY });
         let longest = edges.into_iter().filter(|edge| edge.is_finite()).fold(0.0, f32::max);
         Self { world, edges: Vec3::from(edges).extend(f32::INFINITY), longest, found: Found::NONE }
     }

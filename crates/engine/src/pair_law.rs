@@ -35,6 +35,13 @@ impl PairContact {
     fn inverse_masses(&self) -> [f64; 2] {
         self.classes.map(|class| class.inverse_mass)
     }
+
+    /// The coefficient of restitution.
+    #[inline(always)]
+    fn coefficient<F: Features>(&self, world: &World, law: Restitution) -> f64 {
+        let ([i, j], [a, b]) = (self.bodies, &self.classes);
+        coefficient::<F>(world, law, self.approach_speed(), self.time, [(i, a), (j, b)])
+    }
 }
 
 /// What a contact of two particles does.
@@ -86,16 +93,6 @@ impl PairLaw for Settling {
         let many = contact::is_one_of_many(world, [i, j], time);
         let separation = contact::separation_speed(world, e, speed, acceleration, many);
         impact_with_separation(velocities, contact.inverse_masses(), r, e, speed, separation)
-    }
-}
-
-impl PairContact {
-    /// The coefficient of restitution of this contact.
-    #[inline(always)]
-    fn coefficient<F: Features>(&self, world: &World, law: Restitution) -> f64 {
-        let [i, j] = self.bodies;
-        let [a, b] = &self.classes;
-        coefficient::<F>(world, law, self.approach_speed(), self.time, [(i, a), (j, b)])
     }
 }
 

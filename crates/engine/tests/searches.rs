@@ -231,9 +231,19 @@ fn lists_miss_no_contact_with_walls_and_fixed_bodies() {
         let counters = assert_lists(&format!("{boundary:?}"), &scene, 4000);
         assert!(counters.wall_collisions > 100, "{counters:?}");
         if boundary == [Boundary::Wall; 3] {
-            // Two walls that move away from the particles.
+            let mut inclined = scene.clone();
+            let normal = DVec3::new(1.0, 0.0, 1.0).normalize();
+            let point =
+                scene.bodies.iter().map(|body| body.position.dot(normal)).fold(f64::INFINITY, f64::min);
+            let point = normal * (point - 0.71);
+            inclined.walls.push(Wall { name: "ramp".into(), point, normal, motion: DVec3::ZERO.into() });
+            let laws =
+                inclined.contacts.wall.chunks(6).flat_map(|laws| [laws, &laws[..1]].concat()).collect();
+            inclined.contacts.wall = laws;
+            assert_lists("an inclined wall", &inclined, 4000);
+            // One wall moves away from the particles, another one towards them.
             scene.walls[0].motion = DVec3::new(-0.1, 0.0, 0.0).into();
-            scene.walls[5].motion = DVec3::new(0.0, 0.0, 0.05).into();
+            scene.walls[5].motion = DVec3::new(0.0, 0.0, -0.02).into();
             assert_lists("moving walls", &scene, 4000);
         }
     }

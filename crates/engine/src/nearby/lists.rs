@@ -15,12 +15,13 @@ use haff_neighbors::{Axis, Geometry, prefetch_at, with_huge_pages};
 use rayon::prelude::*;
 
 use super::{
-    Plan,
     bins::Bins,
     frame::Record,
+    plan::Plan,
     sets::{LANES, MOST, all, members, place_of},
 };
 use crate::features::Features;
+
 /// Pairs are listed this much further away than they need be, for all that single precision rounds [largest
 /// contact distances].
 const SLACK: f32 = 1e-3;

@@ -90,7 +90,7 @@ impl Scratch {
         hits.reserve(slots.len());
         let (to, mut count) = (hits.as_mut_ptr(), hits.len());
         for (word, bytes) in masks[..vectors.next_multiple_of(LANES)].chunks_exact(LANES).enumerate() {
-            let mut bits = bytes.iter().rev().fold(0_u64, |bits, &byte| bits << 8 | u64::from(byte));
+            let mut bits = bytes.try_into().map_or(0, u64::from_le_bytes);
             while bits != 0 {
                 let k = word * 64 + bits.trailing_zeros() as usize;
                 bits &= bits - 1;

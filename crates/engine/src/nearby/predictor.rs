@@ -1,0 +1,356 @@
+//! The next event of a particle by its list: bounds in single precision first, then exact predictions of
+//! those that may be the first.
+
+use std::marker::PhantomData;
+
+use glam::DVec3;
+use haff_calendar::{Calendar, Ladder};
+use haff_neighbors::prefetch_at;
+
+use super::{
+    exact,
+    filter::{self, Bounds},
+    frame::Record,
+    list_event::{Entry, ListEvent},
+    lists::Lists,
+    plan::Plan,
+    sets::MOST,
+};
+use crate::{
+    clock::{HORIZON, whole},
+    entry::Target,
+    features::Features,
+    particles::World,
+    predict::Earliest,
+    queue::Predictor,
+    state::State,
+};
+
+/// A new center lies this part of the ball's radius ahead of its particle.
+const AHEAD: f32 = 0.5;
+/// Of the event so many entries ahead, particles, records and lists are asked for, …
+pub(super) const FAR_AHEAD: usize = 8;
+/// … and of this nearer one the records of those in the lists.
+const NEARLY_DUE: usize = 3;
+
+/// No time within reach [spans].
+const NEVER: f32 = 0.5 * filter::NEVER;
+
+/// All that predictions need besides the world.
+pub(super) struct ListPredictor<F> {
+    pub plan: Plan,
+    /// Of every particle, and a sentinel.
+    pub records: Vec<Record>,
+    pub lists: Lists,
+    /// Whether the particles are too many for the cache.
+    pub prefetches: bool,
+    pub features: PhantomData<F>,
+}
+
+/// Pairs that the filter has looked at, and exact predictions.
+#[derive(Debug, Clone, Copy, Default)]
+pub(super) struct Work {
+    pub candidates: u64,
+    pub exact: u64,
+}
+
+impl<F: Features> ListPredictor<F> {
+    /// Begins a span at the present: all records are made afresh.
+    #[cold]
+    pub fn begin(&mut self, world: &World) {
+        self.plan.frame.begin(world);
+        for i in 0..world.particles.len() as u32 {
+            self.records[i as usize] = self.plan.frame.record::<F>(world, i);
+        }
+    }
+
+    /// Puts the new flight of particle i on record.
+    #[inline(always)]
+    pub fn update(&mut self, world: &World, i: u32) {
+        let record = self.plan.frame.record::<F>(world, i);
+        let allowed = self.plan.frame.allows(&record);
+        record.store(&mut self.records[i as usize]);
+        if !allowed {
+            self.begin(world);
+        }
+    }
+
+    /// Makes the list of particle i anew, now.
+    #[inline(always)]
+    pub fn update_list<const VECTORS: bool>(&mut self, world: &World, i: u32) {
+        if world.now > self.plan.frame.end {
+            self.begin(world);
+        }
+        let part = self.plan.frame.part(world.now);
+        self.lists.transfer::<F, VECTORS>(i, &self.records, part, AHEAD);
+    }
+
+    /// The next event of particle i, predicted at the world's present, which is within the span.
+    ///
+    /// With `VECTORS` set the caller must be compiled for AVX2 and FMA, and run where they exist.
+    #[inline(always)]
+    pub fn predict<const VECTORS: bool>(
+        &self,
+        world: &World,
+        i: u32,
+        bounds: &mut Bounds,
+        work: &mut Work,
+    ) -> Entry {
+        let part = self.plan.frame.part(world.now);
+        let query = self.query::<VECTORS>(i, part, bounds, work);
+        let contact = Self::first(world, &query, work);
+        self.decide::<VECTORS>(world, &query, contact, bounds, work)
+    }
+
+    /// The same for two particles, step by step for both: the processor need not wait for one to be done
+    /// before it begins with the other.
+    #[inline(always)]
+    fn predict_both<const VECTORS: bool>(
+        &self,
+        world: &World,
+        [i, j]: [u32; 2],
+        [a, b]: &mut [Bounds; 2],
+        work: &mut Work,
+    ) -> [Entry; 2] {
+        let part = self.plan.frame.part(world.now);
+        let one = self.query::<VECTORS>(i, part, a, work);
+        let other = self.query::<VECTORS>(j, part, b, work);
+        let contacts = [Self::first(world, &one, work), Self::first(world, &other, work)];
+        [
+            self.decide::<VECTORS>(world, &one, contacts[0], a, work),
+            self.decide::<VECTORS>(world, &other, contacts[1], b, work),
+        ]
+    }
+
+    /// Bounds for the contacts of particle i.
+    #[inline(always)]
+    fn query<const VECTORS: bool>(
+        &self,
+        i: u32,
+        part: f32,
+        bounds: &mut Bounds,
+        work: &mut Work,
+    ) -> Query<'_> {
+        let (record, list) = (&self.records[i as usize], self.lists.of(i));
+        work.candidates += list.len() as u64;
+        let least = filter::bounds::<F, VECTORS>(&self.plan.frame, &self.records, record, part, list, bounds);
+        Query { i, part, record, list, least }
+    }
+
+    /// The contact with the first by its bound.
+    #[inline(always)]
+    fn first(world: &World, query: &Query, work: &mut Work) -> i64 {
+        if query.least >= filter::NEVER {
+            return exact::NEVER;
+        }
+        work.exact += 1;
+        let (i, j) = (query.i as usize, query.list[Bounds::lane(query.least)] as usize);
+        exact::contact::<F>(world, &world.particles[i], &world.particles[j])
+    }
+
+    /// The next event of particle i, when the contact with the first by its bound is known.
+    #[inline(always)]
+    fn decide<const VECTORS: bool>(
+        &self,
+        world: &World,
+        query: &Query,
+        contact: i64,
+        bounds: &mut Bounds,
+        work: &mut Work,
+    ) -> Entry {
+        let frame = &self.plan.frame;
+        let &Query { i, part, record, list, least } = query;
+        let particle = &world.particles[i as usize];
+        let nothing = Entry::none(i, particle.count);
+        let mut earliest = Earliest { entry: nothing, far: false };
+        let mut within = NEVER;
+        if least < filter::NEVER {
+            let lane = Bounds::lane(least);
+            Self::offer(world, &mut earliest, list[lane], contact);
+            within = self.until(world, &earliest);
+            let length = list.len().min(MOST);
+            let mut others = bounds.up_to::<VECTORS>(length, within) & !(1 << lane);
+            while others != 0 {
+                let j = list[others.trailing_zeros() as usize];
+                others &= others - 1;
+                work.exact += 1;
+                let contact = exact::contact::<F>(world, particle, &world.particles[j as usize]);
+                Self::offer(world, &mut earliest, j, contact);
+            }
+            within = self.until(world, &earliest);
+        }
+        if list.len() > MOST {
+            self.query_rest::<VECTORS>(world, i, part, &mut earliest, bounds, work);
+            within = self.until(world, &earliest);
+        }
+        if !world.walls.is_empty() && self.lists.is_near_wall(i) {
+            Self::predict_walls(world, i, &mut earliest);
+            within = self.until(world, &earliest).min(NEVER);
+        }
+        // A later update of the list need not be known exactly.
+        if let Some(delay) = self.lists.exit(i, record, part, within) {
+            let delay = f64::from(delay) / frame.per_tick;
+            if delay > HORIZON {
+                earliest.far = true;
+            } else {
+                let time = world.now + whole(delay);
+                if time < earliest.entry.time {
+                    return Entry { time, target: Target::new(ListEvent::ListUpdate), ..nothing };
+                }
+            }
+        }
+        if earliest.far && earliest.entry.time > world.now + HORIZON as i64 {
+            return Entry { time: world.now + HORIZON as i64, ..nothing };
+        }
+        earliest.entry
+    }
+
+    #[inline(always)]
+    fn offer(world: &World, earliest: &mut Earliest<ListEvent>, j: u32, contact: i64) {
+        if contact < exact::FAR {
+            let count = world.particles[j as usize].count;
+            earliest.offer(contact, Target::new(ListEvent::Collision(j)), count);
+        } else {
+            earliest.far |= contact == exact::FAR;
+        }
+    }
+
+    /// From now to the earliest event known, and a little more [spans].
+    #[inline(always)]
+    fn until(&self, world: &World, earliest: &Earliest<ListEvent>) -> f32 {
+        let ticks = earliest.entry.time.saturating_sub(world.now).max(0);
+        filter::limit(ticks as f64 * self.plan.frame.per_tick)
+    }
+
+    /// Offers the contacts of a particle with all walls.
+    #[inline(never)]
+    fn predict_walls(world: &World, i: u32, earliest: &mut Earliest<ListEvent>) {
+        let particle = &world.particles[i as usize];
+        let class = world.class(i);
+        if class.inverse_mass == 0.0 {
+            return;
+        }
+        for wall in 0..world.walls.len() as u32 {
+            if let Some(delay) = world.wall_contact(particle, class.radius, DVec3::ZERO, wall) {
+                earliest.offer_after(particle.time, delay, ListEvent::Wall(wall), 0);
+            }
+        }
+    }
+
+    /// Adds the members of a long list beyond the first [`MOST`].
+    #[cold]
+    fn query_rest<const VECTORS: bool>(
+        &self,
+        world: &World,
+        i: u32,
+        part: f32,
+        earliest: &mut Earliest<ListEvent>,
+        bounds: &mut Bounds,
+        work: &mut Work,
+    ) {
+        for list in self.lists.of(i)[MOST..].chunks(MOST) {
+            let record = &self.records[i as usize];
+            // Not compiled for vectors.
+            filter::bounds::<F, false>(&self.plan.frame, &self.records, record, part, list, bounds);
+            let mut others = bounds.up_to::<false>(list.len(), self.until(world, earliest).min(NEVER));
+            while others != 0 {
+                let j = list[others.trailing_zeros() as usize];
+                others &= others - 1;
+                work.exact += 1;
+                let (particle, partner) = (&world.particles[i as usize], &world.particles[j as usize]);
+                Self::offer(world, earliest, j, exact::contact::<F>(world, particle, partner));
+            }
+        }
+    }
+}
+
+/// Bounds for the contacts of particle i with the members of its list.
+struct Query<'a> {
+    i: u32,
+    /// The present, as a part of the span.
+    part: f32,
+    record: &'a Record,
+    list: &'a [u32],
+    /// The least bound of the first [`MOST`].
+    least: f32,
+}
+
+/// A [`ListPredictor`] by vectors or not, with its working space.
+pub(super) struct VectorPredictor<'a, F, const VECTORS: bool> {
+    pub predictor: &'a mut ListPredictor<F>,
+    pub bounds: &'a mut [Bounds; 2],
+    pub work: &'a mut Work,
+}
+
+impl<F: Features, const VECTORS: bool> VectorPredictor<'_, F, VECTORS> {
+    /// The next events of two particles, predicted at the world's present.
+    #[inline(always)]
+    pub fn predict_both(&mut self, world: &World, bodies: [u32; 2]) -> [Entry; 2] {
+        if world.now > self.predictor.plan.frame.end {
+            self.predictor.begin(world);
+        }
+        self.predictor.predict_both::<VECTORS>(world, bodies, self.bounds, self.work)
+    }
+}
+
+impl<F: Features, const VECTORS: bool> Predictor for VectorPredictor<'_, F, VECTORS> {
+    type Features = F;
+    type Kind = ListEvent;
+
+    #[inline(always)]
+    fn predict(&mut self, state: &State, i: u32) -> Entry {
+        if state.world.now > self.predictor.plan.frame.end {
+            self.predictor.begin(&state.world);
+        }
+        #[cfg(target_arch = "x86_64")]
+        if VECTORS {
+            // SAFETY: the caller has the features.
+            return unsafe { self.predictor.predict_avx2(&state.world, i, &mut self.bounds[0], self.work) };
+        }
+        self.predictor.predict::<false>(&state.world, i, &mut self.bounds[0], self.work)
+    }
+
+    /// First the anchors, records and lists of particles, later those of the members of these (the sentinel
+    /// has no anchor).
+    #[inline(always)]
+    fn prefetch(&self, calendar: &Ladder<Entry>, state: &State) {
+        let ListPredictor { records, lists, prefetches, .. } = &*self.predictor;
+        if let Some(entry) = calendar.upcoming(FAR_AHEAD) {
+            let partner = entry.target.partner().unwrap_or(entry.owner);
+            for i in [entry.owner, partner] {
+                prefetch_at(&state.world.particles, i as usize);
+                prefetch_at(records, i as usize);
+                lists.prefetch(i);
+            }
+        }
+        if !prefetches {
+            return;
+        }
+        if let Some(entry) = calendar.upcoming(NEARLY_DUE)
+            && state.world.particles[entry.owner as usize].count == entry.own_count
+        {
+            let neighbors = |i: u32| {
+                for &j in lists.of(i) {
+                    prefetch_at(records, j as usize);
+                    prefetch_at(&state.world.particles, j as usize);
+                }
+            };
+            neighbors(entry.owner);
+            if let Some(j) = entry.target.partner()
+                && !calendar.upcoming(NEARLY_DUE + 1).is_some_and(|next| next.mirrors(entry))
+            {
+                neighbors(j);
+            }
+        }
+    }
+}
+
+#[cfg(target_arch = "x86_64")]
+impl<F: Features> ListPredictor<F> {
+    /// One copy of the code, so that the loop stays short.
+    #[target_feature(enable = "avx2,fma,bmi1,bmi2,lzcnt,popcnt")]
+    #[inline(never)]
+    fn predict_avx2(&self, world: &World, i: u32, bounds: &mut Bounds, work: &mut Work) -> Entry {
+        self.predict::<true>(world, i, bounds, work)
+    }
+}
