@@ -7,12 +7,23 @@ once for the target's baseline and once for AVX2. Rust never fuses or reorders f
 both give the same bits, and those of [`haff_mechanics::time_to_contact`].
 */
 
+use glam::DVec3;
+use haff_mechanics::is_rounding_noise;
+
 use crate::model::SimdChoice;
 
 /// A pair closer than this, relative to σ², touches as far as positions can tell.
 pub(crate) const TOUCHING: f64 = 64.0 * f64::EPSILON;
 /// Candidates per batch; more are predicted batch by batch.
 pub(crate) const LANES: usize = 64;
+
+/// Whether a predicted contact only repeats the last impact, usually one with e = 0: the pair touches, as far
+/// as positions can tell, and approaches no faster than the rounding of its velocities. `speed` is the larger
+/// of theirs [length/time].
+#[inline(always)]
+pub(crate) fn is_spurious_recontact(r: DVec3, v: DVec3, sigma2: f64, speed: impl FnOnce() -> f64) -> bool {
+    r.length_squared() <= sigma2 * (1.0 + TOUCHING) && is_rounding_noise(r, v, speed())
+}
 
 /// Candidates of one particle, as seen at the later anchor of each pair.
 #[derive(Debug, Clone)]
@@ -126,7 +137,6 @@ pub(crate) fn delay([rx, ry, rz]: [f64; 3], [vx, vy, vz]: [f64; 3], sigma2: f64)
 #[cfg(test)]
 mod tests {
     use super::*;
-    use glam::DVec3;
     use haff_mechanics::time_to_contact;
 
     /// Random pairs, many of them grazing or touching.

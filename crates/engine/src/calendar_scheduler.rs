@@ -17,10 +17,9 @@ use crate::{
     queue::{Predictor, Queue},
     search_event::SearchEvent,
     state::State,
+    tuning::particles::PREFETCH_CALENDAR,
 };
 
-/// From this many particles on the memory of events to come is prefetched.
-const MANY: usize = 10_000;
 /// Of the event so many entries ahead, particles and lists are prefetched, …
 const FAR_AHEAD: usize = 10;
 /// … and of this nearer one the members of the lists. Two or three entries are taken for each event.
@@ -116,7 +115,7 @@ impl<F: Features, S: Search + 'static> CalendarScheduler<F, S> {
                 search: S::new(geometry, &[]),
                 best: vec![BestEvent::NONE; particles],
                 scratch: Scratch::new(kernel),
-                prefetches: particles >= MANY,
+                prefetches: particles >= PREFETCH_CALENDAR,
                 features: PhantomData,
             },
             counted: 0,
@@ -140,7 +139,7 @@ impl<F: Features, S: Search + 'static> Scheduler for CalendarScheduler<F, S> {
     }
 
     fn rebuild(&mut self, state: &mut State, geometry: &Geometry) {
-        let State { world, book, pending, .. } = state;
+        let State { world, accumulators, pending, .. } = state;
         let (world, pending) = (&*world, &*pending);
         let count = world.particles.len();
         let positions: Vec<_> =
@@ -162,7 +161,7 @@ impl<F: Features, S: Search + 'static> Scheduler for CalendarScheduler<F, S> {
             )
             .collect();
         for (entry, best, predictions) in predicted {
-            book.counters.predictions += predictions;
+            accumulators.counters.predictions += predictions;
             if let Some(best) = best {
                 self.predictor.best[entry.owner as usize] = best;
             }
@@ -190,7 +189,7 @@ impl<F: Features, S: Search + 'static> Scheduler for CalendarScheduler<F, S> {
             };
             limit.entries -= 1;
             state.world.now = state.world.now.max(entry.time);
-            state.book.counters.transfers += 1;
+            state.accumulators.counters.transfers += 1;
             if let Scope::New(code) = scope {
                 let flight = flight::<F>(&state.world, i);
                 self.predictor.search.cross(i, code, &flight);
@@ -258,7 +257,7 @@ impl<F: Features, S: Search + 'static> Scheduler for CalendarScheduler<F, S> {
 
     fn count_work(&mut self, state: &mut State) {
         let made = self.predictor.scratch.predictions;
-        state.book.counters.predictions += made - self.counted;
+        state.accumulators.counters.predictions += made - self.counted;
         self.counted = made;
     }
 }

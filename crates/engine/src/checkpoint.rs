@@ -3,7 +3,7 @@
 use std::collections::{BTreeMap, BTreeSet};
 
 use crate::{
-    book::Book,
+    accumulators::Accumulators,
     error::EngineError,
     force::{Force, Total},
     ledger::Term,
@@ -18,9 +18,9 @@ use crate::{
     valid,
 };
 
-/// Flags above the walls in [`Checkpoint::resting`]: the particle is held; it was last among grains.
-const HELD: u32 = 1 << 31;
-const JOSTLED: u32 = 1 << 30;
+/// Flags above the walls in [`Checkpoint::resting`]: the particle is asleep; it was last among grains.
+const ASLEEP: u32 = 1 << 31;
+const RECENTLY_HIT: u32 = 1 << 30;
 
 /// The code of the walls that a particle rests on: up to three digits, each a wall's index plus one. It
 /// shares an integer with the flags.
@@ -35,7 +35,7 @@ impl Digits {
 
     /// Whether three digits do not fit below the flags. Then each particle's code is a scalar of its own.
     fn are_wide(&self) -> bool {
-        self.base.pow(3) > u64::from(JOSTLED)
+        self.base.pow(3) > u64::from(RECENTLY_HIT)
     }
 
     fn encode(&self, support: Support) -> u64 {
@@ -102,7 +102,7 @@ impl Scalars<'_> {
 impl Simulation {
     /// The exact state now.
     pub fn checkpoint(&self) -> Checkpoint {
-        let State { world, book, pending, settling, stall } = &self.state;
+        let State { world, accumulators, pending, settling, stall } = &self.state;
         let mut scalars: Vec<(String, u64)> = Vec::new();
         let mut put = |name: &str, bits: u64| scalars.push((name.to_owned(), bits));
         put("clock.exponent", i64::from(world.clock.exponent) as u64);
@@ -110,18 +110,18 @@ impl Simulation {
         put("clock.base_low", world.clock.base_low.to_bits());
         put("clock.now", world.now as u64);
         put("clock.time", self.time().to_bits());
-        let terms = Term::ALL.into_iter().zip(book.terms).map(|(term, sum)| (term.name(), sum));
+        let terms = Term::ALL.into_iter().zip(accumulators.terms).map(|(term, sum)| (term.name(), sum));
         for (name, sum) in terms.chain([
-            ("dissipated", book.dissipated),
-            ("carnot", book.carnot),
-            ("virial", book.virial),
-            ("loss_moment", book.loss_moment),
+            ("dissipated", accumulators.dissipated),
+            ("carnot", accumulators.carnot),
+            ("virial", accumulators.virial),
+            ("loss_moment", accumulators.loss_moment),
         ]) {
             put(&format!("{name}.high"), sum.high.to_bits());
             put(&format!("{name}.low"), sum.low.to_bits());
         }
         for (name, total) in [
-            ("impulse", &book.impulse),
+            ("impulse", &accumulators.impulse),
             ("force", &world.force.total),
             ("force_impulse", &world.force.impulse),
         ] {
@@ -131,14 +131,14 @@ impl Simulation {
             }
         }
         put("force_until", world.force.until.to_bits());
-        put("sampled_at", book.sampled_at.to_bits());
-        put("sampled_collisions", book.sampled_collisions);
-        put("sampled_kinetic", book.sampled_kinetic.to_bits());
-        put("initial_kinetic", book.initial_energy[0].to_bits());
-        put("initial_potential", book.initial_energy[1].to_bits());
-        put("max_overlap", book.max_overlap.to_bits());
+        put("sampled_at", accumulators.sampled_at.to_bits());
+        put("sampled_collisions", accumulators.sampled_collisions);
+        put("sampled_kinetic", accumulators.sampled_kinetic.to_bits());
+        put("initial_kinetic", accumulators.initial_energy[0].to_bits());
+        put("initial_potential", accumulators.initial_energy[1].to_bits());
+        put("max_overlap", accumulators.max_overlap.to_bits());
         put("longest_flight", world.longest_flight.to_bits());
-        let counters = book.counters;
+        let counters = accumulators.counters;
         for (name, count) in [
             ("collisions", counters.collisions),
             ("wall_collisions", counters.wall_collisions),
@@ -171,11 +171,11 @@ impl Simulation {
         }
         if world.thresholds.is_some() {
             put("wakes", counters.wakes);
-            put("census.next", settling.next as u64);
-            put("census.events", settling.events);
-            put("census.waited", settling.waited);
-            put("census.crowd", settling.crowd);
-            put("census.crowd_since", settling.crowd_since as u64);
+            put("settling.next", settling.next as u64);
+            put("settling.events", settling.events);
+            put("settling.waited", settling.waited);
+            put("settling.recent_contacts", settling.recent_contacts);
+            put("settling.counted_since", settling.counted_since as u64);
         }
         self.save_actions(&mut put);
         let digits = Digits::of(world);
@@ -188,7 +188,8 @@ impl Simulation {
         }
         let resting = |i: u32| {
             let code = if digits.are_wide() { 0 } else { digits.encode(world.support(i)) as u32 };
-            let flags = [(HELD, world.is_held(i)), (JOSTLED, world.particles[i as usize].is_jostled())];
+            let flags =
+                [(ASLEEP, world.is_asleep(i)), (RECENTLY_HIT, world.particles[i as usize].is_recently_hit())];
             flags.into_iter().filter(|(_, set)| *set).fold(code, |code, (flag, _)| code | flag)
         };
         Checkpoint {
@@ -249,44 +250,44 @@ impl Simulation {
             if code == 0 && wide.is_none() {
                 continue;
             }
-            let (held, jostled) = (code & HELD != 0, code & JOSTLED != 0);
-            let walls = wide.unwrap_or(u64::from(code & !(HELD | JOSTLED)));
+            let (asleep, recently_hit) = (code & ASLEEP != 0, code & RECENTLY_HIT != 0);
+            let walls = wide.unwrap_or(u64::from(code & !(ASLEEP | RECENTLY_HIT)));
             let Some(support) = digits.decode(walls) else {
                 let (most, name) = (world.walls.len(), if wide.is_some() { "support" } else { "resting" });
                 return Err(EngineError::Checkpoint(format!(
                     "{name}[{i}] = {walls} must be up to three numbers of the scene's {most} walls"
                 )));
             };
-            if held && world.thresholds.is_some() {
-                world.replace_held(i as u32, true);
+            if asleep && world.thresholds.is_some() {
+                world.restore_asleep(i as u32, true);
             }
-            world.particles[i].set_jostled(jostled);
+            world.particles[i].set_recently_hit(recently_hit);
             if walls != 0 {
                 world.replace_support(i as u32, support);
             }
-            valid::support(&world, i as u32, u64::from(code), held, jostled)?;
+            valid::support(&world, i as u32, u64::from(code), asleep, recently_hit)?;
         }
-        let mut book = Book {
+        let mut accumulators = Accumulators {
             dissipated: scalars.sum("dissipated"),
             carnot: scalars.sum("carnot"),
             terms: Term::ALL.map(|term| scalars.sum(term.name())),
             impulse: scalars.total("impulse"),
             virial: scalars.sum("virial"),
             loss_moment: scalars.sum("loss_moment"),
-            ..Book::default()
+            ..Accumulators::default()
         };
         world.force = Force {
             total: scalars.total("force"),
             impulse: scalars.total("force_impulse"),
             until: scalars.real("force_until"),
         };
-        book.sampled_at = scalars.real("sampled_at");
-        book.sampled_collisions = scalars.take("sampled_collisions");
-        book.sampled_kinetic = scalars.real("sampled_kinetic");
-        book.initial_energy = [scalars.real("initial_kinetic"), scalars.real("initial_potential")];
-        book.max_overlap = scalars.real("max_overlap");
+        accumulators.sampled_at = scalars.real("sampled_at");
+        accumulators.sampled_collisions = scalars.take("sampled_collisions");
+        accumulators.sampled_kinetic = scalars.real("sampled_kinetic");
+        accumulators.initial_energy = [scalars.real("initial_kinetic"), scalars.real("initial_potential")];
+        accumulators.max_overlap = scalars.real("max_overlap");
         world.longest_flight = scalars.real("longest_flight");
-        let counters = &mut book.counters;
+        let counters = &mut accumulators.counters;
         counters.collisions = scalars.take("collisions");
         counters.wall_collisions = scalars.take("wall_collisions");
         counters.rests = scalars.take("rests");
@@ -296,12 +297,12 @@ impl Simulation {
         counters.epochs = epochs;
         let mut settling = SettlingState::default();
         if world.thresholds.is_some() {
-            book.counters.wakes = scalars.take("wakes");
-            settling.next = scalars.take("census.next") as i64;
-            settling.events = scalars.take("census.events");
-            settling.waited = scalars.take("census.waited");
-            settling.crowd = scalars.take("census.crowd");
-            settling.crowd_since = scalars.take("census.crowd_since") as i64;
+            accumulators.counters.wakes = scalars.take("wakes");
+            settling.next = scalars.take("settling.next") as i64;
+            settling.events = scalars.take("settling.events");
+            settling.waited = scalars.take("settling.waited");
+            settling.recent_contacts = scalars.take("settling.recent_contacts");
+            settling.counted_since = scalars.take("settling.counted_since") as i64;
         }
         let predictions = scalars.take("predictions");
         let candidates = scalars.take("candidates");
@@ -344,15 +345,18 @@ impl Simulation {
         for (&i, rest) in &pending {
             valid::pending(&world, i, rest)?;
         }
-        (book.counters.predictions, book.counters.candidates, book.counters.windows) =
-            (predictions, candidates, windows);
-        valid::book(&book, &world.clock, time)?;
-        let state = State { world, book, pending, stall, settling };
+        (
+            accumulators.counters.predictions,
+            accumulators.counters.candidates,
+            accumulators.counters.windows,
+        ) = (predictions, candidates, windows);
+        valid::accumulators(&accumulators, &world.clock, time)?;
+        let state = State { world, accumulators, pending, stall, settling };
         valid::whole(&system, &state, time)?;
         let mut simulation = Self::start(system, options, state, actions)?;
-        simulation.find_contacts_of_held();
+        simulation.find_contacts_of_sleeping();
         // Predicting everything afresh is no part of the run.
-        let counters = &mut simulation.state.book.counters;
+        let counters = &mut simulation.state.accumulators.counters;
         (counters.predictions, counters.candidates, counters.windows) = (predictions, candidates, windows);
         simulation.stand_at(time);
         Ok(simulation)

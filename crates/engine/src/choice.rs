@@ -6,33 +6,20 @@ use haff_neighbors::{AllPairs, Cells, Geometry, Lists};
 use crate::{
     batch::Kernel,
     calendar_scheduler::CalendarScheduler,
-    census::{Census, Crowd},
     event_loop::Engine,
     features::{
         ElasticMonodisperse, FallingMonodisperse, FallingPolydisperse, Features, Monodisperse, Polydisperse,
         Settling,
     },
-    model::{Dimension, NeighborChoice, System},
+    model::{NeighborChoice, System},
     nearby::{self, Nearby},
     particles::World,
     rest::thresholds::Thresholds,
+    summary::{LocalDensity, SystemSummary},
+    tuning::{dense, particles},
     windows::{self, Windows},
 };
 
-/// Up to this many particles all pairs are tested.
-const FEW: usize = 12;
-/// Packing fraction of spheres, and of disks, above which lists are faster than cells if all have one size…
-const DENSE: [f64; 2] = [0.18, 0.42];
-/// … and if they have not: the cells' width follows the largest, that of the lists' shell the mean.
-const DENSE_MIXED: [f64; 2] = [0.26, 0.5];
-/// The same where windows compete (benches/record/throughput.md): with the lists of [`nearby`], …
-const DENSE_FOR_WINDOWS: [f64; 2] = [0.24, 0.3];
-/// … from [`nearby::AWAY`] on, when their members are in no near cache, …
-const DENSE_FOR_WINDOWS_AWAY: [f64; 2] = [0.29, 0.34];
-/// … with those for all systems, and with these under gravity and where sizes differ too much for [`nearby`].
-const DENSE_FOR_WINDOWS_ELSE: [f64; 2] = [0.38, 0.7];
-const DENSE_FOR_WINDOWS_FALLING: [f64; 2] = [0.55, 0.7];
-const DENSE_FOR_WINDOWS_WIDE: [f64; 2] = [0.46, 0.7];
 /// A scheduler is replaced by another when the density is beyond the bound by this factor: changing to and
 /// fro costs more than it gains.
 const HYSTERESIS: f64 = 1.15;
@@ -50,13 +37,13 @@ const ENTRIES: u64 = 2;
 
 /// What the choice of an engine rests on.
 pub(crate) struct Choice {
-    pub census: Census,
+    pub summary: SystemSummary,
     kernel: Kernel,
     /// The choice of the caller.
     asked: NeighborChoice,
     /// The present choice, and the local density when it was made.
     pub neighbors: NeighborChoice,
-    crowd: Crowd,
+    density: LocalDensity,
     /// Collisions, in all, and further entries after which the choice is made again.
     pub review: u64,
     pub patience: u64,
@@ -65,75 +52,75 @@ pub(crate) struct Choice {
 impl Choice {
     /// Chooses for the present state of a world.
     pub fn new(asked: NeighborChoice, kernel: Kernel, system: &System, world: &World) -> Self {
-        let census = Census::of(system, world);
-        let crowd = Crowd::of(system, &census, world);
+        let summary = SystemSummary::of(system, world);
+        let density = LocalDensity::of(system, &summary, world);
         let mut choice =
-            Self { census, kernel, asked, neighbors: NeighborChoice::Auto, crowd, review: 0, patience: 0 };
-        choice.neighbors = choice.best(system, world, &crowd);
+            Self { summary, kernel, asked, neighbors: NeighborChoice::Auto, density, review: 0, patience: 0 };
+        choice.neighbors = choice.best(system, world, &density);
         choice
     }
 
     /// Makes the choice again. Whether another scheduler, or the same with a new layout, is to go on.
     pub fn reconsider(&mut self, system: &System, world: &World) -> bool {
-        let crowd = Crowd::of(system, &self.census, world);
-        let neighbors = self.best(system, world, &crowd);
+        let density = LocalDensity::of(system, &self.summary, world);
+        let neighbors = self.best(system, world, &density);
         // A few particles in open space may have no neighbors.
-        let ratio = crowd.packing.max(SPARSE) / self.crowd.packing.max(SPARSE);
+        let ratio = density.packing.max(SPARSE) / self.density.packing.max(SPARSE);
         let anew = neighbors != self.neighbors
             || self.neighbors != NeighborChoice::AllPairs && !(1.0 / CHANGED..=CHANGED).contains(&ratio);
         if anew {
-            (self.neighbors, self.crowd) = (neighbors, crowd);
+            (self.neighbors, self.density) = (neighbors, density);
         }
         anew
     }
 
     /// Volume that the particles would fill at the density around the average one [length^d].
     pub fn filled(&self) -> f64 {
-        self.census.occupied / self.crowd.packing
+        self.summary.occupied / self.density.packing
     }
 
     /// Sets when the choice is made again.
     pub fn after(&mut self, collisions: u64) {
-        let interval = REVIEW + REVIEW_PER_PARTICLE * self.census.count as u64;
+        let interval = REVIEW + REVIEW_PER_PARTICLE * self.summary.count as u64;
         (self.review, self.patience) = (collisions + interval, ENTRIES * interval);
     }
 
     /// The search for a state: windows where they serve and it is not dense, lists where it is, cells
     /// otherwise.
-    fn best(&self, system: &System, world: &World, crowd: &Crowd) -> NeighborChoice {
+    fn best(&self, system: &System, world: &World, density: &LocalDensity) -> NeighborChoice {
         let windows_possible =
-            windows::unsuitable(system, &self.census).is_none() && windows::supports(world);
+            windows::unsuitable(system, &self.summary).is_none() && windows::supports(world);
         match self.asked {
             NeighborChoice::Auto => {}
             NeighborChoice::Windows if !windows_possible => return NeighborChoice::Cells,
             asked => return asked,
         }
-        if self.census.count <= FEW {
+        if self.summary.count <= particles::ALL_PAIRS {
             return NeighborChoice::AllPairs;
         }
-        let windows = windows_possible && windows::is_profitable(system, &self.census, crowd);
-        let mixed = self.census.least != self.census.largest;
+        let windows = windows_possible && windows::is_profitable(system, &self.summary, density);
+        let mixed = self.summary.least != self.summary.largest;
         let limits = match (windows, mixed) {
-            (true, _) if nearby::supports(system, &self.census) => {
-                if self.census.count < nearby::AWAY {
-                    DENSE_FOR_WINDOWS
+            (true, _) if nearby::supports(system, &self.summary) => {
+                if self.summary.count < particles::PREFETCH_LISTS {
+                    dense::WINDOWS
                 } else {
-                    DENSE_FOR_WINDOWS_AWAY
+                    dense::WINDOWS_LARGE
                 }
             }
-            (true, _) if system.domain.gravity != DVec3::ZERO => DENSE_FOR_WINDOWS_FALLING,
-            (true, _) if nearby::is_wide(&self.census) => DENSE_FOR_WINDOWS_WIDE,
-            (true, _) => DENSE_FOR_WINDOWS_ELSE,
-            (false, true) => DENSE_MIXED,
-            (false, false) => DENSE,
+            (true, _) if system.domain.gravity != DVec3::ZERO => dense::WINDOWS_FALLING,
+            (true, _) if nearby::is_wide(&self.summary) => dense::WINDOWS_WIDE,
+            (true, _) => dense::WINDOWS_OTHER,
+            (false, true) => dense::CELLS_MIXED,
+            (false, false) => dense::CELLS,
         };
         let hysteresis = match self.neighbors {
             NeighborChoice::Auto => 1.0,
             NeighborChoice::Lists => 1.0 / HYSTERESIS,
             _ => HYSTERESIS,
         };
-        let limit = limits[usize::from(system.dimension == Dimension::Two)] * hysteresis;
-        if crowd.packing > limit && self.census.count <= Lists::MAX_PARTICLES {
+        let limit = limits.of(system.dimension.count()) * hysteresis;
+        if density.packing > limit && self.summary.count <= Lists::MAX_PARTICLES {
             NeighborChoice::Lists
         } else if windows {
             NeighborChoice::Windows
@@ -144,22 +131,22 @@ impl Choice {
 
     /// The engine for what the system needs.
     pub fn compile(&self, system: &System, geometry: &Geometry) -> Box<dyn Engine> {
-        let Self { census, kernel, crowd, neighbors, .. } = self;
+        let Self { summary, kernel, density, neighbors, .. } = self;
         tracing::info!(
             search = neighbors.name(),
             asked = self.asked.name(),
-            particles = census.count,
-            packing_fraction_around = crowd.packing,
-            windows = windows::unsuitable(system, census).as_deref().unwrap_or("possible"),
+            particles = summary.count,
+            packing_fraction_around = density.packing,
+            windows = windows::unsuitable(system, summary).as_deref().unwrap_or("possible"),
             ?kernel,
             "engine"
         );
         macro_rules! scheduler {
             ($features:ty) => {{
-                let (kernel, count) = (*kernel, census.count);
+                let (kernel, count) = (*kernel, summary.count);
                 match neighbors {
                     NeighborChoice::Windows => {
-                        Box::new(Windows::<$features>::new(geometry, kernel, system, census, crowd))
+                        Box::new(Windows::<$features>::new(geometry, kernel, system, summary, density))
                             as Box<dyn Engine>
                     }
                     // For a few, one engine does for all sizes.
@@ -184,17 +171,17 @@ impl Choice {
             return self.compile_for_rest(geometry);
         }
         let gravity = system.domain.gravity != DVec3::ZERO;
-        if !gravity && census.uniform && system.contacts.are_elastic() {
+        if !gravity && summary.uniform && system.contacts.are_elastic() {
             if *neighbors == NeighborChoice::Windows {
                 return Box::new(Windows::<ElasticMonodisperse>::new(
-                    geometry, *kernel, system, census, crowd,
+                    geometry, *kernel, system, summary, density,
                 ));
             }
             if let Some(engine) = self.compile_for_lists::<ElasticMonodisperse>(system, geometry) {
                 return engine;
             }
         }
-        match (gravity, census.uniform) {
+        match (gravity, summary.uniform) {
             (true, true) => scheduler!(FallingMonodisperse),
             (true, false) => scheduler!(FallingPolydisperse),
             (false, true) => self
@@ -215,13 +202,13 @@ impl Choice {
         if self.neighbors != NeighborChoice::Lists {
             return None;
         }
-        let engine = Nearby::<F>::new(geometry, self.kernel, system, &self.census, &self.crowd)?;
+        let engine = Nearby::<F>::new(geometry, self.kernel, system, &self.summary, &self.density)?;
         Some(Box::new(engine))
     }
 
     /// The engine for a system whose grains are put to rest.
     fn compile_for_rest(&self, geometry: &Geometry) -> Box<dyn Engine> {
-        let (kernel, count) = (self.kernel, self.census.count);
+        let (kernel, count) = (self.kernel, self.summary.count);
         match self.neighbors {
             NeighborChoice::AllPairs => {
                 Box::new(CalendarScheduler::<Settling, AllPairs>::new(geometry, kernel, count))

@@ -69,7 +69,7 @@ impl PhysicalEvent for Collision {
         observer: &mut dyn Observer,
     ) -> Result<Vec<u32>, EngineError> {
         let Self([i, j]) = self;
-        let woken = if F::REST { contact::strike(state, i, j, time) } else { Vec::new() };
+        let woken = if F::REST { contact::wake_if_hit(state, i, j, time) } else { Vec::new() };
         resolve::collision::<F, EVENTS>(state, i, j, time, observer)?;
         Ok(woken)
     }
@@ -99,8 +99,8 @@ impl PhysicalEvent for Impact {
         match self {
             Self::Pair(collision) => collision.resolve::<F, EVENTS>(state, time, observer),
             Self::Wall { i, wall } => {
-                let held = F::REST && state.world.is_held(i);
-                let woken = if held { contact::wake(state, i, time) } else { Vec::new() };
+                let asleep = F::REST && state.world.is_asleep(i);
+                let woken = if asleep { contact::wake(state, i, time) } else { Vec::new() };
                 resolve::wall::<F, EVENTS>(state, i, wall, time, observer)?;
                 Ok(woken)
             }

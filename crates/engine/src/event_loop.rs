@@ -140,7 +140,7 @@ fn run<S: Scheduler, const EVENTS: bool, const VECTORS: bool>(
     observer: &mut dyn Observer,
 ) -> Result<Pause, EngineError> {
     loop {
-        if state.book.counters.collisions >= limit.collisions {
+        if state.accumulators.counters.collisions >= limit.collisions {
             return Ok(Pause::Collisions);
         }
         if limit.entries == 0 {

@@ -9,13 +9,13 @@ pub mod report;
 #[cfg(test)]
 extern crate self as haff_engine; // the systems of tests/common are made with the public interface
 
+mod accumulators;
 mod batch;
-mod book;
 mod calendar_scheduler;
-mod census;
 mod checkpoint;
 mod choice;
 mod clock;
+mod compact;
 mod drive;
 mod entry;
 mod error;
@@ -43,8 +43,10 @@ mod simulation;
 mod stall;
 mod state;
 mod sum;
+mod summary;
 mod thermal;
 mod timed;
+mod tuning;
 mod valid;
 mod wall_law;
 mod wall_motion;

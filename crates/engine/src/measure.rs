@@ -9,7 +9,7 @@ use rayon::prelude::*;
 use xxhash_rust::xxh3::Xxh3;
 
 use crate::{
-    book::Book,
+    accumulators::Accumulators,
     force,
     ledger::{Ledger, Term},
     model::{Boundary, Dimension, System},
@@ -87,11 +87,15 @@ impl Totals {
 ///
 /// A completed series of bounces books its loss at its end: until then the balance counts the energy of the
 /// bounces left out.
-pub(crate) fn ledger(totals: &Totals, book: &Book, pending: &BTreeMap<u32, Pending>) -> Ledger {
+pub(crate) fn ledger(
+    totals: &Totals,
+    accumulators: &Accumulators,
+    pending: &BTreeMap<u32, Pending>,
+) -> Ledger {
     let bounces: f64 = pending.values().map(|series| series.energy_loss).sum();
-    let [kinetic, potential] = book.initial_energy;
-    let dissipated = book.dissipated.value();
-    let terms = book.terms.map(|sum| sum.value());
+    let [kinetic, potential] = accumulators.initial_energy;
+    let dissipated = accumulators.dissipated.value();
+    let terms = accumulators.terms.map(|sum| sum.value());
     let supplied = Term::ALL.map(|term| -term.sign() * terms[term as usize]);
     let energies = [totals.kinetic, totals.potential, -kinetic, -potential, dissipated, bounces];
     let energies = || energies.into_iter().chain(supplied);
@@ -102,7 +106,7 @@ pub(crate) fn ledger(totals: &Totals, book: &Book, pending: &BTreeMap<u32, Pendi
         potential: totals.potential,
         spring: 0.0,
         dissipated,
-        carnot: book.carnot.value(),
+        carnot: accumulators.carnot.value(),
         terms,
         residual: if scale > 0.0 { balance.value() / scale } else { 0.0 },
     }
@@ -110,7 +114,7 @@ pub(crate) fn ledger(totals: &Totals, book: &Book, pending: &BTreeMap<u32, Pendi
 
 /// One row of observables at the present; starts the next interval of the pressure.
 pub(crate) fn sample(system: &System, of: &Species, state: &mut State, time: f64) -> Sample {
-    let State { world, book, pending, .. } = state;
+    let State { world, accumulators, pending, .. } = state;
     let totals = Totals::of(world);
     let d = system.dimension.count() as f64;
     let drift = totals.drift();
@@ -147,9 +151,9 @@ pub(crate) fn sample(system: &System, of: &Species, state: &mut State, time: f64
     let bodies = totals.bodies;
     let temperature = if bodies > 0.0 { second / (d * bodies) } else { f64::NAN };
 
-    let span = time - book.sampled_at;
-    let first = book.sampled_collisions == u64::MAX;
-    let counted = book.counters.collisions - if first { 0 } else { book.sampled_collisions };
+    let span = time - accumulators.sampled_at;
+    let first = accumulators.sampled_collisions == u64::MAX;
+    let counted = accumulators.counters.collisions - if first { 0 } else { accumulators.sampled_collisions };
     let open = (0..d as usize).any(|axis| system.domain.boundary[axis] == Boundary::Open);
     let pressure = (!open).then(|| {
         if first || span <= 0.0 {
@@ -159,21 +163,21 @@ pub(crate) fn sample(system: &System, of: &Species, state: &mut State, time: f64
         // ∫ T dt: between events the kinetic energy is constant, so it is the final one plus what each event
         // took, for the time before it; with gravity the ends are averaged instead.
         let mean_kinetic = if world.gravity == DVec3::ZERO {
-            totals.kinetic + book.loss_moment.value() / span
+            totals.kinetic + accumulators.loss_moment.value() / span
         } else {
-            0.5 * (totals.kinetic + book.sampled_kinetic)
+            0.5 * (totals.kinetic + accumulators.sampled_kinetic)
         };
         let thermal = mean_kinetic - 0.5 * totals.mass * drift.length_squared();
-        (2.0 * thermal + book.virial.value() / span) / (d * volume)
+        (2.0 * thermal + accumulators.virial.value() / span) / (d * volume)
     });
     let periodic = world.periodicity.along.contains(&true);
     let gravity_impulse = world.force.impulse_until(time);
-    let impulse = force::value(&book.impulse);
+    let impulse = force::value(&accumulators.impulse);
     let rate = if first || span <= 0.0 { f64::NAN } else { counted as f64 / span };
     let sample = Sample {
         time,
-        step: book.counters.collisions + book.counters.wall_collisions,
-        ledger: ledger(&totals, book, pending),
+        step: accumulators.counters.collisions + accumulators.counters.wall_collisions,
+        ledger: ledger(&totals, accumulators, pending),
         temperature,
         species_temperature: species
             .iter()
@@ -184,16 +188,16 @@ pub(crate) fn sample(system: &System, of: &Species, state: &mut State, time: f64
         momentum: totals.momentum,
         external_impulse: impulse + gravity_impulse,
         angular_momentum: (!periodic).then_some(totals.angular_momentum),
-        collisions: book.counters.collisions,
-        wall_collisions: book.counters.wall_collisions,
+        collisions: accumulators.counters.collisions,
+        wall_collisions: accumulators.counters.wall_collisions,
         collision_rate: rate,
         mean_free_time: bodies / (2.0 * rate),
     };
-    book.virial = Sum::default();
-    book.loss_moment = Sum::default();
-    book.sampled_at = time;
-    book.sampled_collisions = book.counters.collisions;
-    book.sampled_kinetic = totals.kinetic;
+    accumulators.virial = Sum::default();
+    accumulators.loss_moment = Sum::default();
+    accumulators.sampled_at = time;
+    accumulators.sampled_collisions = accumulators.counters.collisions;
+    accumulators.sampled_kinetic = totals.kinetic;
     sample
 }
 
@@ -211,7 +215,7 @@ pub(crate) fn frame(state: &State, time: f64) -> Frame {
     let count = world.particles.len();
     let mut frame = Frame {
         time,
-        step: state.book.counters.collisions + state.book.counters.wall_collisions,
+        step: state.accumulators.counters.collisions + state.accumulators.counters.wall_collisions,
         position: vec![DVec3::ZERO; count],
         velocity: vec![DVec3::ZERO; count],
         image: vec![[0; 3]; count],

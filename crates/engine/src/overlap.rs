@@ -11,12 +11,12 @@ use crate::{
     grid::{Level, Slabs, levels, meet, place},
     particles::World,
     periodicity::Periodicity,
+    tuning::particles,
 };
 
 /// Cells, or particles, looked at by one task.
 const BLOCK: usize = 4096;
-/// From this many particles on grids are made of one slab of the box after the other, of at most so many.
-const MANY: usize = 200_000;
+/// Slabs of the box for which grids are made one after the other, at most, where particles are many.
 const SLABS: usize = 8;
 /// A pair further apart than this part beyond contact does not overlap, however squares are rounded.
 const ROUNDING: f64 = 1e-14;
@@ -167,7 +167,7 @@ fn deepest_of_blocks(world: &World, count: usize, search: impl Fn(&mut Meter<'_>
 
 /// Finds the deepest overlap now.
 pub(crate) fn deepest(world: &World, geometry: &Geometry) -> Found {
-    let slabs = if world.particles.len() < MANY { 1 } else { SLABS };
+    let slabs = if world.particles.len() < particles::SLABS { 1 } else { SLABS };
     deepest_by_slabs(world, geometry, &Slabs::new(world, geometry, slabs))
 }
 

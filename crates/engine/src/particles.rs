@@ -29,8 +29,8 @@ pub(crate) struct Particle {
 /// Walls hold the particle.
 const RESTING: u32 = 1 << 31;
 /// The particle's last contact was with another one, or followed such a contact soon.
-const JOSTLED: u32 = 1 << 30;
-const FLAGS: u32 = RESTING | JOSTLED;
+const RECENTLY_HIT: u32 = 1 << 30;
+const FLAGS: u32 = RESTING | RECENTLY_HIT;
 
 impl Particle {
     /// A particle that rests on nothing and has had no events, as of `time` [ticks].
@@ -56,12 +56,12 @@ impl Particle {
     }
 
     #[inline(always)]
-    pub fn is_jostled(&self) -> bool {
-        self.class & JOSTLED != 0
+    pub fn is_recently_hit(&self) -> bool {
+        self.class & RECENTLY_HIT != 0
     }
 
-    pub fn set_jostled(&mut self, jostled: bool) {
-        self.class = if jostled { self.class | JOSTLED } else { self.class & !JOSTLED };
+    pub fn set_recently_hit(&mut self, recently_hit: bool) {
+        self.class = if recently_hit { self.class | RECENTLY_HIT } else { self.class & !RECENTLY_HIT };
     }
 }
 
@@ -84,15 +84,15 @@ pub(crate) struct World {
     pub particles: Vec<Particle>,
     pub images: Vec<[i32; 3]>,
     /// Radius, mass and group by class. Where grains are put to rest, the classes follow once more, with
-    /// infinite mass: those of particles that are held.
+    /// infinite mass: those of particles that are asleep.
     pub classes: Vec<ClassData>,
-    /// Number of classes of the system, without those of held particles.
+    /// Number of classes of the system, without those of asleep particles.
     pub kinds: usize,
     /// When grains are put to rest, if ever.
     pub thresholds: Option<Thresholds>,
-    /// Particles of finite mass, and those of them that are held.
+    /// Particles of finite mass, and those of them that are asleep.
     pub movable: usize,
-    pub held: usize,
+    pub asleep: usize,
     /// Whether particles that have sunk into each other are put back: where gravity, sizes or masses can
     /// press them together. What a scene has, not what an engine is compiled for, so that all engines do the
     /// same.
@@ -140,9 +140,9 @@ impl World {
             .collect();
         let kinds = classes.len();
         if thresholds.is_some() {
-            let held = |class: &ClassData| ClassData { mass: f64::INFINITY, inverse_mass: 0.0, ..*class };
+            let asleep = |class: &ClassData| ClassData { mass: f64::INFINITY, inverse_mass: 0.0, ..*class };
             classes.extend_from_within(..);
-            classes[kinds..].iter_mut().for_each(|class| *class = held(class));
+            classes[kinds..].iter_mut().for_each(|class| *class = asleep(class));
         }
         let mut world = Self {
             clock: Clock::new(exponent),
@@ -152,7 +152,7 @@ impl World {
             kinds,
             thresholds,
             movable: 0,
-            held: 0,
+            asleep: 0,
             puts_back: false,
             walls: system.walls.clone(),
             support: Vec::new(),
@@ -192,7 +192,7 @@ impl World {
         &self.classes[self.particles[i as usize].class()]
     }
 
-    /// Radius, mass and group that particle i has of its own, whether it is held or not.
+    /// Radius, mass and group that particle i has of its own, whether it is asleep or not.
     #[inline(always)]
     pub fn body(&self, i: u32) -> &ClassData {
         let class = self.particles[i as usize].class();
@@ -204,39 +204,39 @@ impl World {
         self.particles[i as usize].class() % self.kinds
     }
 
-    /// Whether particle i has been put to rest: it is held like a body of infinite mass until it is hit.
+    /// Whether particle i has been put to rest: it is asleep like a body of infinite mass until it is hit.
     #[inline(always)]
-    pub fn is_held(&self, i: u32) -> bool {
+    pub fn is_asleep(&self, i: u32) -> bool {
         self.particles[i as usize].class() >= self.kinds
     }
 
     /// Puts particle i to rest where it is at `ticks`, or lets go of it. Velocity and support by walls are
     /// lost.
-    pub fn set_held(&mut self, i: u32, held: bool, ticks: i64) {
+    pub fn set_asleep(&mut self, i: u32, asleep: bool, ticks: i64) {
         let (position, _) = self.state(i, ticks);
         if self.particles[i as usize].rests() {
             self.set_support(i, [None; 3], ticks);
         }
         let mass = self.body(i).mass;
         let before = mass * self.acceleration(i);
-        self.replace_held(i, held);
+        self.restore_asleep(i, asleep);
         self.change_force(mass * self.acceleration(i) - before, ticks);
         self.particles[i as usize].set_anchor(position, DVec3::ZERO, ticks);
     }
 
-    /// [`Self::set_held`] without its account and without anchor.
-    pub fn replace_held(&mut self, i: u32, held: bool) {
+    /// [`Self::set_asleep`] without its account and without anchor.
+    pub fn restore_asleep(&mut self, i: u32, asleep: bool) {
         let kinds = self.kinds as u32;
-        if held == self.is_held(i) {
+        if asleep == self.is_asleep(i) {
             return;
         }
         let class = &mut self.particles[i as usize].class;
-        if held {
+        if asleep {
             *class += kinds;
-            self.held += 1;
+            self.asleep += 1;
         } else {
             *class -= kinds;
-            self.held -= 1;
+            self.asleep -= 1;
         }
     }
 
@@ -420,7 +420,7 @@ impl World {
     /// Whether nothing moves and nothing will.
     pub fn is_at_rest(&self) -> bool {
         let free = self.classes.iter().any(|class| class.inverse_mass != 0.0);
-        (self.gravity == DVec3::ZERO || self.resting + self.held > 0 || !free)
+        (self.gravity == DVec3::ZERO || self.resting + self.asleep > 0 || !free)
             && !self.walls.iter().any(|wall| wall.motion.is_moving())
             && (0..self.particles.len() as u32).all(|i| {
                 self.particles[i as usize].velocity == DVec3::ZERO && self.acceleration(i) == DVec3::ZERO

@@ -1,10 +1,10 @@
 //! Predictions: what will happen to one particle next. Nothing here changes anything.
 
-use haff_mechanics::{contact::CONTACT_NOISE, is_rounding_noise, time_to_contact_accelerated};
+use haff_mechanics::{contact::CONTACT_NOISE, time_to_contact_accelerated};
 use haff_neighbors::{Flight, Offsets, Packed, Search, Shift};
 
 use crate::{
-    batch::{Batch, Kernel, LANES, TOUCHING},
+    batch::{Batch, Kernel, LANES, is_spurious_recontact},
     clock::{HORIZON, LONGEST, whole},
     entry::{Entry, Kind, Target},
     features::Features,
@@ -212,7 +212,7 @@ fn gather<F: Features>(
         a.radius + a.radius
     } else {
         let class = &world.classes[b.class()];
-        if !a.movable && class.inverse_mass == 0.0 && !(F::REST && strikes(world, a.i, j)) {
+        if !a.movable && class.inverse_mass == 0.0 && !(F::REST && may_be_hit(world, a.i, j)) {
             return; // Two bodies of infinite mass pass through each other.
         }
         a.radius + class.radius
@@ -225,16 +225,16 @@ fn gather<F: Features>(
         va = haff_mechanics::free_flight_velocity(a.velocity, a.acceleration, dt_a);
         vb = haff_mechanics::free_flight_velocity(b.velocity, acceleration, dt_b);
         if acceleration != a.acceleration {
-            let (r, v, pull) =
+            let (r, v, relative) =
                 (world.periodicity.image(rb - ra, shift), vb - va, acceleration - a.acceleration);
             scratch.predictions += 1;
             let from = a.time.max(b.time);
-            if is_beyond(r, v, pull, sigma, (earliest.entry.time.saturating_sub(from)) as f64 * tick) {
+            if is_beyond(r, v, relative, sigma, (earliest.entry.time.saturating_sub(from)) as f64 * tick) {
                 return;
             }
-            let parted = part_by_pull(r, v, pull, sigma, va.length().max(vb.length()));
-            let (r, v) = (r + (v + pull * (0.5 * parted)) * parted, v + pull * parted);
-            if let Some(delay) = time_to_contact_accelerated(r, v, pull, sigma) {
+            let parted = time_to_separate(r, v, relative, sigma, va.length().max(vb.length()));
+            let (r, v) = (r + (v + relative * (0.5 * parted)) * parted, v + relative * parted);
+            if let Some(delay) = time_to_contact_accelerated(r, v, relative, sigma) {
                 let delay = (parted + delay) * world.clock.per_time;
                 earliest.offer_after(from, delay, SearchEvent::Collision(j), b.count);
             }
@@ -265,29 +265,26 @@ fn gather<F: Features>(
 }
 
 /// Whether a particle at rest and the other body, which no impact moves, may meet: a driven one comes along.
-fn strikes(world: &World, i: u32, j: u32) -> bool {
+fn may_be_hit(world: &World, i: u32, j: u32) -> bool {
     let moves = |k: u32| world.particles[k as usize].velocity != DVec3::ZERO;
-    world.is_held(i) != world.is_held(j) && (moves(i) || moves(j))
+    world.is_asleep(i) != world.is_asleep(j) && (moves(i) || moves(j))
 }
 
-/// Time after which a pair that the pull takes apart has parted, if it touches and approaches no faster than
+/// Time after which a pair that the relative takes apart has parted, if it touches and approaches no faster than
 /// the rounding of its velocities; else 0.
 ///
 /// Whether such a pair is an ulp apart or an ulp too near is for rounding to say: its times, too, are rounded
 /// anew when the clock's tick changes, and a contact found only then would be in the past.
 #[inline]
-fn part_by_pull(r: DVec3, v: DVec3, pull: DVec3, sigma: f64, speed: f64) -> f64 {
-    let outward = v.length_squared() + r.dot(pull);
-    let echo = outward > 0.0
-        && r.dot(v) < 0.0
-        && r.length_squared() <= sigma * sigma * (1.0 + TOUCHING)
-        && is_rounding_noise(r, v, speed);
-    if !echo {
+fn time_to_separate(r: DVec3, v: DVec3, relative: DVec3, sigma: f64, speed: f64) -> f64 {
+    let outward = v.length_squared() + r.dot(relative);
+    let spurious = outward > 0.0 && r.dot(v) < 0.0 && is_spurious_recontact(r, v, sigma * sigma, || speed);
+    if !spurious {
         return 0.0;
     }
     // Then the rate r·v has turned from its noise to as much outwards.
     let time = 2.0 * CONTACT_NOISE * r.length() * speed / outward;
-    // Where the pull is too weak for that, it is the contact that matters.
+    // Where the relative is too weak for that, it is the contact that matters.
     if speed * time <= PARTED * sigma { time } else { 0.0 }
 }
 
@@ -323,7 +320,7 @@ fn flush<F: Features>(world: &World, i: u32, scratch: &mut Scratch, earliest: &m
         let due = |batch: &Batch, k: usize| batch.offset[k] as f64 + batch.delay[k] * per_time <= bound;
         let mut echoes = false;
         for k in 0..batch.len {
-            if due(batch, k) && is_echo::<F>(world, i, batch, k) {
+            if due(batch, k) && is_batched_recontact::<F>(world, i, batch, k) {
                 batch.delay[k] = f64::INFINITY;
                 echoes = true;
             }
@@ -395,7 +392,7 @@ fn meet_packed<F: Features>(
                 continue;
             }
             let (id, partner) = (list[k].id(), &world.particles[list[k].id() as usize]);
-            if delays.touching && is_packed_echo::<F>(world, owner, radius, list[k], offsets) {
+            if delays.touching && is_packed_recontact::<F>(world, owner, radius, list[k], offsets) {
                 continue;
             }
             let time = owner.time.max(partner.time) + whole(delay);
@@ -404,9 +401,9 @@ fn meet_packed<F: Features>(
     }
 }
 
-/// [`is_echo`] for a candidate of a list.
+/// [`is_spurious_recontact`] for a candidate of a list.
 #[cold]
-fn is_packed_echo<F: Features>(
+fn is_packed_recontact<F: Features>(
     world: &World,
     owner: &Particle,
     radius: f64,
@@ -421,28 +418,21 @@ fn is_packed_echo<F: Features>(
     let [x, y, z, _] = offsets.0[entry.code()];
     let r = rb - ra + DVec3::new(x, y, z);
     let sigma = radius + world.classes[if F::UNIFORM { 0 } else { partner.class() }].radius;
-    if r.length_squared() > sigma * sigma * (1.0 + TOUCHING) {
-        return false;
-    }
-    let speed = owner.velocity.length().max(partner.velocity.length());
-    is_rounding_noise(r, partner.velocity - owner.velocity, speed)
+    let speed = || owner.velocity.length().max(partner.velocity.length());
+    is_spurious_recontact(r, partner.velocity - owner.velocity, sigma * sigma, speed)
 }
 
-/// Parting by a pull may take bodies no further than this [contact distances].
+/// Parting by a relative may take bodies no further than this [contact distances].
 const PARTED: f64 = 1e-13;
 
-/// Whether a contact is only the echo of an impact with e = 0: the pair touches, and approaches no faster
-/// than the rounding of its velocities.
+/// [`is_spurious_recontact`] for a candidate of a batch.
 #[inline]
-fn is_echo<F: Features>(world: &World, i: u32, batch: &Batch, k: usize) -> bool {
+fn is_batched_recontact<F: Features>(world: &World, i: u32, batch: &Batch, k: usize) -> bool {
     let vector = |a: &[[f64; LANES]; 3]| DVec3::new(a[0][k], a[1][k], a[2][k]);
-    let r = vector(&batch.r);
-    if r.length_squared() > batch.sigma2[k] * (1.0 + TOUCHING) {
-        return false;
-    }
     let ticks = world.particles[i as usize].time + batch.offset[k];
     let speed = |body: u32| world.flight::<F>(body, ticks).1.length();
-    is_rounding_noise(r, vector(&batch.v), speed(i).max(speed(batch.id[k])))
+    let larger = || speed(i).max(speed(batch.id[k]));
+    is_spurious_recontact(vector(&batch.r), vector(&batch.v), batch.sigma2[k], larger)
 }
 
 /// Offers the contacts with walls, from the particle's anchor.
@@ -450,8 +440,8 @@ fn is_echo<F: Features>(world: &World, i: u32, batch: &Batch, k: usize) -> bool 
 fn predict_walls<F: Features>(world: &World, i: u32, walls: &[u16], earliest: &mut Earliest<SearchEvent>) {
     let particle = &world.particles[i as usize];
     let class = world.class(i);
-    let held = F::REST && world.is_held(i);
-    if class.inverse_mass == 0.0 && !held {
+    let asleep = F::REST && world.is_asleep(i);
+    if class.inverse_mass == 0.0 && !asleep {
         return;
     }
     let acceleration = if F::GRAVITY { world.acceleration(i) } else { DVec3::ZERO };
@@ -460,7 +450,7 @@ fn predict_walls<F: Features>(world: &World, i: u32, walls: &[u16], earliest: &m
         if F::GRAVITY && support.contains(&Some(wall)) {
             continue;
         }
-        if held && !world.walls[usize::from(wall)].motion.is_moving() {
+        if asleep && !world.walls[usize::from(wall)].motion.is_moving() {
             continue;
         }
         let wall = u32::from(wall);

@@ -85,7 +85,7 @@ impl<K> Queue<K> {
             let entry = self.calendar.pop_until(limit)?;
             predictor.prefetch(&self.calendar, state);
             if state.world.particles[entry.owner as usize].count != entry.own_count {
-                state.book.counters.dropped += 1;
+                state.accumulators.counters.dropped += 1;
                 continue;
             }
             if let Some(next) = self.calendar.peek()
@@ -98,7 +98,7 @@ impl<K> Queue<K> {
                 if next.mirrors(&entry) && movable(entry.owner) && movable(next.owner) {
                     self.calendar.pop_until(limit);
                     predictor.prefetch(&self.calendar, state);
-                    state.book.counters.dropped += 1;
+                    state.accumulators.counters.dropped += 1;
                 }
                 if self.calendar.next_time() == Some(entry.time) {
                     self.ties.push(entry);
@@ -135,7 +135,7 @@ impl<K> Queue<K> {
             let mut outdated = Vec::new();
             self.ties.retain(|entry| {
                 if state.world.particles[entry.owner as usize].count != entry.own_count {
-                    state.book.counters.dropped += 1;
+                    state.accumulators.counters.dropped += 1;
                     return false;
                 }
                 if has_met_others(&state.world, entry) {
@@ -161,7 +161,7 @@ impl<K> Queue<K> {
     #[inline(always)]
     fn repredict<P: Predictor<Kind = K>>(&mut self, state: &mut State, predictor: &mut P, entry: Entry<K>) {
         state.world.now = state.world.now.max(entry.time);
-        state.book.counters.stale += 1;
+        state.accumulators.counters.stale += 1;
         let entry = predictor.predict(state, entry.owner);
         self.push(entry);
     }

@@ -4,7 +4,7 @@ use glam::DVec3;
 use haff_mechanics::{Bounces, Impact, Restitution, resolve_contact, work_of_moving_body};
 
 use crate::{
-    book::Book,
+    accumulators::Accumulators,
     clock::HORIZON,
     error::EngineError,
     features::Features,
@@ -30,7 +30,7 @@ const SUPPORT_NOISE: f64 = 8.0 * f64::EPSILON;
 
 /// A grain that has sunk into a wall or a body that cannot give way, by more than this part of its
 /// coordinates, is put back.
-const SUNK: f64 = 2.0 * f64::EPSILON;
+const PENETRATION: f64 = 2.0 * f64::EPSILON;
 
 /// How far a grain has to be put back that is `depth` deep in what it bounces on: not at all, unless that is
 /// more than coordinates of this size resolve.
@@ -39,8 +39,8 @@ const SUNK: f64 = 2.0 * f64::EPSILON;
 /// same way each time: a million of them would be a million roundings deep. What sinking has taken of the
 /// potential energy, this gives back. In a wedge there are as many without gravity, and ever shorter ones.
 #[inline(always)]
-fn sunk(depth: f64, coordinates: DVec3, reach: f64) -> f64 {
-    if depth > SUNK * (coordinates.max_element() + reach) { depth } else { 0.0 }
+fn excess_penetration(depth: f64, coordinates: DVec3, reach: f64) -> f64 {
+    if depth > PENETRATION * (coordinates.max_element() + reach) { depth } else { 0.0 }
 }
 
 /// Position and velocity of particle i in its own event at `time`, from which it sets out anew.
@@ -90,15 +90,15 @@ fn anchor(world: &mut World, i: u32, position: DVec3, velocity: DVec3, time: i64
 
 /// Books what an impact at `now` takes. A hop of what rests on each other takes no energy but gives some.
 #[inline(always)]
-fn book_losses<F: Features>(book: &mut Book, now: f64, impact: &Impact) {
+fn add_impact<F: Features>(accumulators: &mut Accumulators, now: f64, impact: &Impact) {
     if F::ELASTIC {
-        book.carnot.add(impact.carnot_energy);
+        accumulators.carnot.add(impact.carnot_energy);
         return;
     }
     let taken = if F::REST { impact.energy_loss.max(0.0) } else { impact.energy_loss };
-    book.add_losses(now, taken, impact.carnot_energy);
+    accumulators.add_losses(now, taken, impact.carnot_energy);
     if F::REST {
-        book.add_energy(Term::Rest, now, impact.energy_loss.min(0.0));
+        accumulators.add_energy(Term::Rest, now, impact.energy_loss.min(0.0));
     }
 }
 
@@ -126,7 +126,7 @@ pub(crate) fn collision<F: Features, const EVENTS: bool>(
     let (a, b) = (*world.class(i), *world.class(j));
     if (!F::UNIFORM || F::GRAVITY) && world.puts_back {
         let sigma = a.radius + b.radius;
-        let depth = sunk(sigma - distance, ri.abs().max(rj.abs()), sigma);
+        let depth = excess_penetration(sigma - distance, ri.abs().max(rj.abs()), sigma);
         if depth > 0.0 {
             let places = ri.abs().max(rj.abs()).max(world.coordinates(i)).max(world.coordinates(j));
             check_depth(world, depth, sigma, places, (i, Some(j)), time)?;
@@ -134,7 +134,7 @@ pub(crate) fn collision<F: Features, const EVENTS: bool>(
             // move the heavy one by its share of their momentum, and would be pressed into the wall ever
             // deeper.
             let [back, on] = match (a.inverse_mass == 0.0, b.inverse_mass == 0.0) {
-                // Where grains are put to rest, `unwedge` stops jams; putting back ended a heap of the tests
+                // Where grains are put to rest, `resolve_jam` stops jams; putting back ended a heap of the tests
                 // in a collapse.
                 (false, false) if F::REST => [0.0; 2],
                 (false, false) => [0.5 * depth; 2],
@@ -156,8 +156,8 @@ pub(crate) fn collision<F: Features, const EVENTS: bool>(
         anchor(world, j, rj, uj, time)?;
     }
     if F::REST {
-        world.particles[i as usize].set_jostled(true);
-        world.particles[j as usize].set_jostled(true);
+        world.particles[i as usize].set_recently_hit(true);
+        world.particles[j as usize].set_recently_hit(true);
     }
     let now = world.clock.time(time);
     if F::GRAVITY {
@@ -165,17 +165,17 @@ pub(crate) fn collision<F: Features, const EVENTS: bool>(
         keep_support(state, j, time);
     }
 
-    let book = &mut state.book;
-    book.add_collision(impact.impulse * distance);
-    book_losses::<F>(book, now, &impact);
+    let accumulators = &mut state.accumulators;
+    accumulators.add_collision(impact.impulse * distance);
+    add_impact::<F>(accumulators, now, &impact);
     if !F::UNIFORM {
         // The impulse on i is −J n, on j +J n.
         if a.inverse_mass == 0.0 {
-            book.add_impulse(n * impact.impulse);
-            book.add_energy(Term::WallWork, now, work_of_moving_body(impact.impulse, -n, wi));
+            accumulators.add_impulse(n * impact.impulse);
+            accumulators.add_energy(Term::WallWork, now, work_of_moving_body(impact.impulse, -n, wi));
         } else if b.inverse_mass == 0.0 {
-            book.add_impulse(n * -impact.impulse);
-            book.add_energy(Term::WallWork, now, work_of_moving_body(impact.impulse, n, wj));
+            accumulators.add_impulse(n * -impact.impulse);
+            accumulators.add_energy(Term::WallWork, now, work_of_moving_body(impact.impulse, n, wj));
         }
     }
     if EVENTS {
@@ -201,7 +201,7 @@ pub(crate) fn wall<F: Features, const EVENTS: bool>(
     let (mut position, velocity) = state_at_event::<F>(world, i, time);
     let class = *world.class(i);
     let (gap, _) = world.wall_approach(wall, class.radius, position, velocity, time);
-    let depth = sunk(-gap, position.abs(), class.radius);
+    let depth = excess_penetration(-gap, position.abs(), class.radius);
     if depth > 0.0 {
         let places = position.abs().max(world.coordinates(i)).max(world.walls[wall as usize].point.abs());
         check_depth(world, depth, class.radius, places, (i, None), time)?;
@@ -253,13 +253,13 @@ fn reflect<const EVENTS: bool>(
     let class = *state.world.class(i);
     anchor(&mut state.world, i, position, velocity, time)?;
     let now = state.world.clock.time(time);
-    let book = &mut state.book;
-    book.counters.wall_collisions += 1;
-    book.add_energy(term, now, 0.5 * class.mass * change.dot(before + after));
+    let accumulators = &mut state.accumulators;
+    accumulators.counters.wall_collisions += 1;
+    accumulators.add_energy(term, now, 0.5 * class.mass * change.dot(before + after));
     if wall_velocity != DVec3::ZERO {
-        book.add_energy(Term::WallWork, now, class.mass * change.dot(wall_velocity));
+        accumulators.add_energy(Term::WallWork, now, class.mass * change.dot(wall_velocity));
     }
-    book.add_impulse(change * class.mass);
+    accumulators.add_impulse(change * class.mass);
     if EVENTS {
         // Along the normal; energy of a term is no loss by restitution.
         let approach_speed = before.dot(n);
@@ -288,26 +288,29 @@ fn bounce<F: Features, const EVENTS: bool>(
     let mut among_grains = false;
     // As for two spheres: a tilted normal is a unit vector only to rounding, and always off the same way.
     let (after, _, impact) = if F::REST {
-        let pull = world.acceleration(i).dot(n);
-        among_grains = contact::is_among_grains(world, i, wall, speed, pull, time);
-        let separation =
-            if among_grains { contact::separation_speed(world, e, speed, pull, true) } else { e * speed };
+        let acceleration = world.acceleration(i).dot(n);
+        among_grains = contact::is_among_grains(world, i, wall, speed, acceleration, time);
+        let separation = if among_grains {
+            contact::separation_speed(world, e, speed, acceleration, true)
+        } else {
+            e * speed
+        };
         impact_with_separation([velocity, wall_velocity], [class.inverse_mass, 0.0], n, e, speed, separation)
     } else {
         resolve_contact(velocity, wall_velocity, class.inverse_mass, 0.0, n, e)
     };
     anchor(world, i, position, after, time)?;
     if F::REST {
-        world.particles[i as usize].set_jostled(among_grains);
+        world.particles[i as usize].set_recently_hit(among_grains);
     }
 
     let now = world.clock.time(time);
-    let book = &mut state.book;
-    book.counters.wall_collisions += 1;
-    book_losses::<F>(book, now, &impact);
-    book.add_impulse(n * -impact.impulse);
+    let accumulators = &mut state.accumulators;
+    accumulators.counters.wall_collisions += 1;
+    add_impact::<F>(accumulators, now, &impact);
+    accumulators.add_impulse(n * -impact.impulse);
     if wall_velocity != DVec3::ZERO {
-        book.add_energy(Term::WallWork, now, work_of_moving_body(impact.impulse, n, wall_velocity));
+        accumulators.add_energy(Term::WallWork, now, work_of_moving_body(impact.impulse, n, wall_velocity));
     }
     if EVENTS {
         let contact = world.periodicity.wrap(position + n * class.radius).0;
@@ -329,7 +332,7 @@ fn bounce<F: Features, const EVENTS: bool>(
 /// Completes the series of bounces of particle i on a wall if it is over but for its tail, which is still to
 /// be booked.
 ///
-/// From the outgoing speed u under the pull a towards the wall, bounces follow at u, eu, e²u, … and take
+/// From the outgoing speed u under the acceleration a towards the wall, bounces follow at u, eu, e²u, … and take
 /// 2u/a, 2eu/a, …: together 2u/(a(1 − e)). Their impulses add up to (1 + e) m u/(1 − e), their losses to all
 /// that is left, ½ m u², and their Carnot energies to ½ m u² (1 + e)/(1 − e). Where e depends on the speed,
 /// v₀ = u, v₁ = e(v₀) v₀, …, the sums are 2 Σ vₖ/a, m (2 Σ vₖ − u), ½ m u² and ½ m Σ (vₖ + vₖ₊₁)². Where e
@@ -350,24 +353,31 @@ fn come_to_rest(
     let world = &mut state.world;
     let normal = world.walls[wall as usize].normal;
     let (slid_on, slide) = before;
-    let (pull, pull_of_slide) = (-world.acceleration(i).dot(normal), -slide.dot(normal));
-    let sliding = slid_on != [None; 3] && pull_of_slide > 0.0;
-    let pull = if sliding { pull_of_slide } else { pull };
-    if law.is_elastic() || pull <= 0.0 {
+    let (acceleration, acceleration_of_slide) = (-world.acceleration(i).dot(normal), -slide.dot(normal));
+    let sliding = slid_on != [None; 3] && acceleration_of_slide > 0.0;
+    let acceleration = if sliding { acceleration_of_slide } else { acceleration };
+    if law.is_elastic() || acceleration <= 0.0 {
         return None;
     }
     let class = *world.class(i);
     let Particle { position, velocity, .. } = world.particles[i as usize];
     let u = velocity.dot(normal).max(0.0);
-    let rises = u * u > 2.0 * pull * REST_HEIGHT * class.radius;
-    if rises && !is_rounding_of_bounces(&law, u, pull, velocity, position.abs().max_element() + class.radius)
+    let rises = u * u > 2.0 * acceleration * REST_HEIGHT * class.radius;
+    if rises
+        && !is_rounding_of_bounces(
+            &law,
+            u,
+            acceleration,
+            velocity,
+            position.abs().max_element() + class.radius,
+        )
     {
         return None;
     }
     let mut support = if sliding { slid_on } else { world.support(i) };
     let free = support.iter_mut().find(|place| place.is_none())?;
     let bounces = law.bounces(u).unwrap_or(LAST);
-    let ticks = 2.0 * u * bounces.speeds / pull * world.clock.per_time;
+    let ticks = 2.0 * u * bounces.speeds / acceleration * world.clock.per_time;
     if ticks > HORIZON {
         return None;
     }
@@ -388,18 +398,18 @@ fn come_to_rest(
     };
     // From here on the support balances gravity; what the tail does beyond that is to take the last of the
     // velocity.
-    state.book.add_impulse(lost * -class.mass);
+    state.accumulators.add_impulse(lost * -class.mass);
     Some(rest)
 }
 
-/// Whether the next bounce, from the outgoing speed `u` under the `pull` towards the wall, takes no more
+/// Whether the next bounce, from the outgoing speed `u` under the `acceleration` towards the wall, takes no more
 /// energy than half an ulp of the velocity and of coordinates up to `reach` are worth.
 ///
 /// A law that tends to 1 at low speed takes ever less. Further bounces would then be as high as rounding
 /// makes them, and never end.
-fn is_rounding_of_bounces(law: &Restitution, u: f64, pull: f64, velocity: DVec3, reach: f64) -> bool {
+fn is_rounding_of_bounces(law: &Restitution, u: f64, acceleration: f64, velocity: DVec3, reach: f64) -> bool {
     let e = law.coefficient(u);
-    (1.0 - e) * (1.0 + e) * u * u <= f64::EPSILON * (pull * reach + u * velocity.abs().max_element())
+    (1.0 - e) * (1.0 + e) * u * u <= f64::EPSILON * (acceleration * reach + u * velocity.abs().max_element())
 }
 
 /// The part of a velocity along walls with these normals.
@@ -443,7 +453,7 @@ pub(crate) fn keep_support(state: &mut State, i: u32, time: i64) {
     world.particles[i as usize].velocity = velocity;
     world.set_support(i, support, time);
     let mass = world.class(i).mass;
-    state.book.add_impulse((velocity - before) * mass);
+    state.accumulators.add_impulse((velocity - before) * mass);
 }
 
 /// The completed series of particle i has come to its end.
@@ -457,8 +467,8 @@ pub(crate) fn end_of_rest<const EVENTS: bool>(
     let world = &state.world;
     let n = -world.walls[rest.wall as usize].normal;
     let now = world.clock.time(time);
-    state.book.counters.rests += 1;
-    state.book.add_losses(now, rest.energy_loss, rest.carnot_energy);
+    state.accumulators.counters.rests += 1;
+    state.accumulators.add_losses(now, rest.energy_loss, rest.carnot_energy);
     if EVENTS {
         let (position, _) = world.state(i, time);
         let impact = Impact {

@@ -5,8 +5,8 @@ use std::collections::BTreeMap;
 use haff_neighbors::{Geometry, Lists};
 
 use crate::{
+    accumulators::Accumulators,
     batch::Kernel,
-    book::Book,
     choice::Choice,
     clock::{ANCHOR_AGE, Clock, EPOCH, OLDEST_ANCHOR},
     drive,
@@ -20,7 +20,7 @@ use crate::{
     particles::World,
     report::{Counters, Frame, Observer, Sample, Stop},
     rest::{
-        standing::{SettlingScan, contacts_of_held, scan},
+        standing::{SettlingScan, contacts_of_sleeping, scan},
         state::SettlingState,
         thresholds::Thresholds,
     },
@@ -80,15 +80,15 @@ impl Simulation {
         // All anchors are at tick 0, whatever a tick is.
         world.clock = Clock::new(exponent);
         let totals = Totals::of(&world);
-        let book = Book {
+        let accumulators = Accumulators {
             initial_energy: [totals.kinetic, totals.potential],
             sampled_kinetic: totals.kinetic,
             sampled_collisions: u64::MAX,
-            ..Book::default()
+            ..Accumulators::default()
         };
         let state = State {
             world,
-            book,
+            accumulators,
             pending: BTreeMap::new(),
             settling: SettlingState::default(),
             stall: Stall::default(),
@@ -118,7 +118,7 @@ impl Simulation {
         let kernel = Kernel::choose(options.simd).ok_or(EngineError::NoAvx2)?;
         let choice = Choice::new(options.neighbors, kernel, &system, &state.world);
         if options.neighbors == NeighborChoice::Windows
-            && let Some(why) = windows::unsuitable(&system, &choice.census)
+            && let Some(why) = windows::unsuitable(&system, &choice.summary)
         {
             return Err(EngineError::Unsuitable { choice: options.neighbors.name(), why });
         }
@@ -136,13 +136,13 @@ impl Simulation {
     /// Has the engine search and predict everything afresh.
     fn rebuild(&mut self) {
         self.engine.rebuild(&mut self.state, &self.geometry);
-        self.choice.after(self.state.book.counters.collisions);
+        self.choice.after(self.state.accumulators.counters.collisions);
     }
 
     /// Looks whether another engine serves the present state better. No choice changes the trajectory.
     #[cold]
     fn reconsider(&mut self) {
-        self.choice.after(self.state.book.counters.collisions);
+        self.choice.after(self.state.accumulators.counters.collisions);
         if self.choice.reconsider(&self.system, &self.state.world) {
             self.geometry = measure::geometry(&self.system, &self.state.world, self.choice.filled());
             self.engine = self.choice.compile(&self.system, &self.geometry);
@@ -169,7 +169,7 @@ impl Simulation {
             };
             let pause = self.engine.advance(&mut self.state, &mut limit, observer).inspect_err(|error| {
                 if let EngineError::Overlap { depth, .. } = error {
-                    self.state.book.max_overlap = self.state.book.max_overlap.max(*depth);
+                    self.state.accumulators.max_overlap = self.state.accumulators.max_overlap.max(*depth);
                 }
             })?;
             entries -= slice - limit.entries;
@@ -210,7 +210,7 @@ impl Simulation {
                     entries = entries.saturating_sub(1 + self.particles() as u64);
                 }
                 Pause::Collisions => {
-                    if self.state.book.counters.collisions >= until.collisions {
+                    if self.state.accumulators.counters.collisions >= until.collisions {
                         return Ok(Stop::Collisions);
                     }
                     self.reconsider();
@@ -262,8 +262,8 @@ impl Simulation {
     }
 
     /// Finds the contacts of the particles at rest in a state.
-    pub(crate) fn find_contacts_of_held(&mut self) {
-        self.state.settling.near = contacts_of_held(&self.state.world, &self.geometry);
+    pub(crate) fn find_contacts_of_sleeping(&mut self) {
+        self.state.settling.near = contacts_of_sleeping(&self.state.world, &self.geometry);
     }
 
     /// Re-bases the clock by one epoch; chooses a new tick if the system has become much slower or faster.
@@ -294,7 +294,7 @@ impl Simulation {
             world.wrap_anchor(i);
         }
         let due = self.state.pending.values_mut().map(|rest| &mut rest.end);
-        for time in due.chain([&mut self.state.settling.next, &mut self.state.settling.crowd_since]) {
+        for time in due.chain([&mut self.state.settling.next, &mut self.state.settling.counted_since]) {
             *time = time.saturating_sub(EPOCH);
             if retune {
                 let scale = (i64::from(old.exponent) - i64::from(exponent)) as i32;
@@ -307,10 +307,10 @@ impl Simulation {
         }
         world.now = 0;
         self.state.stall = Stall::default();
-        self.state.book.counters.epochs += 1;
+        self.state.accumulators.counters.epochs += 1;
         let clock = &self.state.world.clock;
         tracing::info!(
-            epoch = self.state.book.counters.epochs,
+            epoch = self.state.accumulators.counters.epochs,
             time = clock.time(0),
             tick = clock.tick,
             retune,
@@ -342,12 +342,12 @@ impl Simulation {
 
     /// Energies and their balance now.
     pub fn ledger(&self) -> Ledger {
-        measure::ledger(&Totals::of(&self.state.world), &self.state.book, &self.state.pending)
+        measure::ledger(&Totals::of(&self.state.world), &self.state.accumulators, &self.state.pending)
     }
 
     /// What has been done so far.
     pub fn counters(&self) -> Counters {
-        self.state.book.counters
+        self.state.accumulators.counters
     }
 
     /// Finds the deepest overlap now over all close pairs and walls, and keeps the largest for
@@ -355,7 +355,7 @@ impl Simulation {
     /// [`allowed_overlap`](crate::allowed_overlap)).
     pub fn measure_overlap(&mut self) -> Result<Overlap, EngineError> {
         let found = overlap::deepest(&self.state.world, &self.geometry);
-        self.state.book.max_overlap = self.state.book.max_overlap.max(found.deepest.depth);
+        self.state.accumulators.max_overlap = self.state.accumulators.max_overlap.max(found.deepest.depth);
         match found.beyond.pair {
             Some((i, partner)) => {
                 Err(EngineError::Overlap { time: self.time(), i, partner, depth: found.beyond.depth })
@@ -366,7 +366,7 @@ impl Simulation {
 
     /// Largest overlap that [`Self::measure_overlap`] has found so far [contact distances].
     pub fn max_overlap(&self) -> f64 {
-        self.state.book.max_overlap
+        self.state.accumulators.max_overlap
     }
 
     /// Hash of every particle's position, velocity and image now, as 32 hexadecimal digits.

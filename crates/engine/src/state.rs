@@ -2,13 +2,13 @@
 
 use std::collections::BTreeMap;
 
-use crate::{book::Book, particles::World, rest::state::SettlingState, stall::Stall};
+use crate::{accumulators::Accumulators, particles::World, rest::state::SettlingState, stall::Stall};
 
 /// The state of a simulation, without the data of its scheduler.
 #[derive(Debug, Clone)]
 pub(crate) struct State {
     pub world: World,
-    pub book: Book,
+    pub accumulators: Accumulators,
     pub pending: BTreeMap<u32, Pending>,
     pub stall: Stall,
     pub settling: SettlingState,

@@ -7,7 +7,7 @@
 use glam::DVec3;
 
 use crate::{
-    book::Book,
+    accumulators::Accumulators,
     clock::{Clock, EPOCH, OLDEST_ANCHOR},
     error::EngineError,
     ledger::Term,
@@ -136,23 +136,23 @@ pub(crate) fn support(
     world: &World,
     i: u32,
     code: u64,
-    held: bool,
-    jostled: bool,
+    asleep: bool,
+    recently_hit: bool,
 ) -> Result<(), EngineError> {
     let refuse = |what: &str| Err(EngineError::Checkpoint(format!("resting[{i}] = {code}: {what}")));
-    if (held || jostled) && world.thresholds.is_none() {
-        return refuse("the scene has no contact.rest_speed, so no grain can be held");
+    if (asleep || recently_hit) && world.thresholds.is_none() {
+        return refuse("the scene has no contact.rest_speed, so no grain can be asleep");
     }
     let body = world.body(i);
-    if held && (body.inverse_mass == 0.0 || world.particles[i as usize].velocity != DVec3::ZERO) {
-        return refuse("only a grain of finite mass and without velocity can be held");
+    if asleep && (body.inverse_mass == 0.0 || world.particles[i as usize].velocity != DVec3::ZERO) {
+        return refuse("only a grain of finite mass and without velocity can be asleep");
     }
     let walls: Vec<u16> = world.support(i).into_iter().flatten().collect();
     if walls.is_empty() {
         return Ok(());
     }
-    if held || body.inverse_mass == 0.0 || world.gravity == DVec3::ZERO {
-        return refuse("what is held, or feels no gravity, rests on no wall");
+    if asleep || body.inverse_mass == 0.0 || world.gravity == DVec3::ZERO {
+        return refuse("what is asleep, or feels no gravity, rests on no wall");
     }
     if walls.iter().any(|&wall| world.walls[usize::from(wall)].motion.is_moving()) {
         return refuse("nothing rests on a wall that moves");
@@ -177,8 +177,8 @@ pub(crate) fn pending(world: &World, i: u32, rest: &Pending) -> Result<(), Engin
 }
 
 /// Checks sums and counters one by one; `time` is the present.
-pub(crate) fn book(book: &Book, clock: &Clock, time: f64) -> Result<(), EngineError> {
-    let counters = &book.counters;
+pub(crate) fn accumulators(accumulators: &Accumulators, clock: &Clock, time: f64) -> Result<(), EngineError> {
+    let counters = &accumulators.counters;
     for (name, number) in [
         ("collisions", counters.collisions),
         ("wall_collisions", counters.wall_collisions),
@@ -193,28 +193,28 @@ pub(crate) fn book(book: &Book, clock: &Clock, time: f64) -> Result<(), EngineEr
     ] {
         count(name, number)?;
     }
-    let (sampled, collisions) = (book.sampled_collisions, counters.collisions);
+    let (sampled, collisions) = (accumulators.sampled_collisions, counters.collisions);
     require(sampled == u64::MAX || sampled <= collisions, || {
         format!("sampled_collisions = {sampled} must be at most {collisions}, the collisions so far")
     })?;
-    let [kinetic, potential] = book.initial_energy;
+    let [kinetic, potential] = accumulators.initial_energy;
     at_least_zero("initial_kinetic", kinetic)?;
     finite("initial_potential", potential)?;
-    at_least_zero("sampled_kinetic", book.sampled_kinetic)?;
-    at_least_zero("max_overlap", book.max_overlap)?;
-    within("sampled_at", book.sampled_at, 0.0, time + slack(clock, time))?;
+    at_least_zero("sampled_kinetic", accumulators.sampled_kinetic)?;
+    at_least_zero("max_overlap", accumulators.max_overlap)?;
+    within("sampled_at", accumulators.sampled_at, 0.0, time + slack(clock, time))?;
     for (name, sum) in [
-        ("dissipated", &book.dissipated),
-        ("carnot", &book.carnot),
-        ("virial", &book.virial),
-        ("loss_moment", &book.loss_moment),
+        ("dissipated", &accumulators.dissipated),
+        ("carnot", &accumulators.carnot),
+        ("virial", &accumulators.virial),
+        ("loss_moment", &accumulators.loss_moment),
     ] {
         total(name, sum)?;
     }
-    for (term, sum) in Term::ALL.into_iter().zip(&book.terms) {
+    for (term, sum) in Term::ALL.into_iter().zip(&accumulators.terms) {
         total(term.name(), sum)?;
     }
-    totals("impulse", &book.impulse)
+    totals("impulse", &accumulators.impulse)
 }
 
 fn totals(name: &str, sums: &[Sum; 3]) -> Result<(), EngineError> {
@@ -233,17 +233,17 @@ fn total(name: &str, sum: &Sum) -> Result<(), EngineError> {
 /// Checks the state as a whole, after its parts: positions now, overlaps and the energy balance.
 pub(crate) fn whole(system: &System, state: &State, time: f64) -> Result<(), EngineError> {
     at_least_zero("longest_flight", state.world.longest_flight)?;
-    let State { world, book, settling, .. } = state;
+    let State { world, accumulators, settling, .. } = state;
     let now = world.now;
     if world.thresholds.is_some() {
         let next = settling.next;
-        require(next >= now, || format!("census.next = {next} must not be before now, {now} ticks"))?;
-        let since = settling.crowd_since;
-        require(since <= now, || format!("census.crowd_since = {since} must be at most {now} ticks"))?;
-        count("census.waited", settling.waited)?;
-        count("census.crowd", settling.crowd)?;
+        require(next >= now, || format!("settling.next = {next} must not be before now, {now} ticks"))?;
+        let since = settling.counted_since;
+        require(since <= now, || format!("settling.counted_since = {since} must be at most {now} ticks"))?;
+        count("settling.waited", settling.waited)?;
+        count("settling.recent_contacts", settling.recent_contacts)?;
         require(settling.events == u64::MAX || settling.events <= MOST, || {
-            format!("census.events = {} must be at most {MOST}", settling.events)
+            format!("settling.events = {} must be at most {MOST}", settling.events)
         })?;
     }
     let stall = &state.stall;
@@ -289,7 +289,7 @@ pub(crate) fn whole(system: &System, state: &State, time: f64) -> Result<(), Eng
         format!("particle {i} and {partner} would overlap by {depth:e} contact distances")
     })?;
 
-    let ledger = measure::ledger(&Totals::of(world), book, &state.pending);
+    let ledger = measure::ledger(&Totals::of(world), accumulators, &state.pending);
     at_least_zero("the kinetic energy", ledger.kinetic)?;
     finite("the potential energy", ledger.potential)?;
     let (residual, kinetic) = (ledger.residual, ledger.kinetic);
@@ -297,7 +297,7 @@ pub(crate) fn whole(system: &System, state: &State, time: f64) -> Result<(), Eng
         format!("energies do not balance: {residual:e} of them is missing, with the kinetic energy {kinetic}")
     })?;
     // Losses are negative only by the rounding of energy differences.
-    let [first, start] = book.initial_energy;
+    let [first, start] = accumulators.initial_energy;
     let energies = [first, start, kinetic, ledger.potential].into_iter().chain(ledger.terms);
     let scale = energies.fold(0.0, |scale: f64, energy| scale.max(energy.abs()));
     within("dissipated", ledger.dissipated, -1e-6 * scale, f64::MAX)?;

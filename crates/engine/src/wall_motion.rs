@@ -47,13 +47,13 @@ impl WallMotion {
     }
 
     /// Time until a body touches the wall that is at this `distance` \[length\] from it, with this `rate` of
-    /// change [length/time] and relative acceleration `pull` [length/time²], both along the normal; `None` if
+    /// change [length/time] and relative acceleration `acceleration` [length/time²], both along the normal; `None` if
     /// it never does.
     #[inline]
-    pub(crate) fn time_to_contact(&self, distance: f64, rate: f64, pull: f64) -> Option<f64> {
+    pub(crate) fn time_to_contact(&self, distance: f64, rate: f64, acceleration: f64) -> Option<f64> {
         match self {
             // In the frame of the wall both are at rest.
-            Self::Fixed | Self::Constant(_) => time_to_plane(distance, rate, pull),
+            Self::Fixed | Self::Constant(_) => time_to_plane(distance, rate, acceleration),
         }
     }
 }

@@ -177,7 +177,7 @@ fn impossible_states_are_refused_by_name() {
         ("carnot = -5000", |c| *scalar(c, "carnot.high") = (-5000_f64).to_bits()),
         ("energies do not balance", |c| *scalar(c, "dissipated.high") = (-5000_f64).to_bits()),
         ("force_until = ", |c| *scalar(c, "force_until") = 1e9_f64.to_bits()),
-        ("census.next = -5", |c| *scalar(c, "census.next") = -5_i64 as u64),
+        ("settling.next = -5", |c| *scalar(c, "settling.next") = -5_i64 as u64),
         ("stands there twice", |c| {
             let first = c.scalars[0].clone();
             c.scalars.push(first);
@@ -223,11 +223,11 @@ const COUNTS: [&str; 17] = [
     "windows",
     "epochs",
     "wakes",
-    "census.next",
-    "census.events",
-    "census.waited",
-    "census.crowd",
-    "crowd_since",
+    "settling.next",
+    "settling.events",
+    "settling.waited",
+    "settling.recent_contacts",
+    "counted_since",
 ];
 
 /// A grain whose series of bounces is completed and has not ended.

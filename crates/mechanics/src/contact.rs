@@ -47,14 +47,24 @@ pub fn time_to_contact(r: DVec3, v: DVec3, sigma: f64) -> Option<f64> {
     }
     let (rr, vv, ss) = (r.length_squared(), v.length_squared(), sigma * sigma);
     if vv > SMALL && vv * ss > SMALL && vv * (rr + ss) < LARGE {
-        return root(r, v, b, rr, vv, ss);
+        return time_to_contact_unscaled(r, v, ss);
     }
     time_to_contact_rescaled(r.x, r.y, r.z, v.x, v.y, v.z, sigma)
 }
 
-/// The kernel, for arguments whose squares are safe.
+/// [`time_to_contact`] for arguments whose squares and products of squares neither overflow nor underflow,
+/// which a caller that has tested its units once need not test for every pair; `sigma2` = σ² \[length²\].
+///
+/// ```
+/// use glam::DVec3;
+/// use haff_mechanics::{time_to_contact, time_to_contact_unscaled};
+/// let (r, v) = (DVec3::new(5.0, 0.3, 0.0), DVec3::new(-2.0, 0.1, 0.0));
+/// assert_eq!(time_to_contact_unscaled(r, v, 1.44), time_to_contact(r, v, 1.2));
+/// ```
 #[inline]
-fn root(r: DVec3, v: DVec3, b: f64, rr: f64, vv: f64, ss: f64) -> Option<f64> {
+#[must_use]
+pub fn time_to_contact_unscaled(r: DVec3, v: DVec3, sigma2: f64) -> Option<f64> {
+    let (b, rr, vv, ss) = (r.dot(v), r.length_squared(), v.length_squared(), sigma2);
     if b >= 0.0 {
         return None;
     }
@@ -92,9 +102,7 @@ fn time_to_contact_rescaled(x: f64, y: f64, z: f64, vx: f64, vy: f64, vz: f64, s
     }
     let (kl, kv) = (exponent(length), exponent(speed));
     let (r, v, sigma) = (scaled_vector(r, -kl), scaled_vector(v, -kv), scaled(sigma, -kl));
-    root(r, v, r.dot(v), r.length_squared(), v.length_squared(), sigma * sigma)
-        .map(|t| scaled(t, kl - kv))
-        .filter(|t| t.is_finite())
+    time_to_contact_unscaled(r, v, sigma * sigma).map(|t| scaled(t, kl - kv)).filter(|t| t.is_finite())
 }
 
 /// Whether the approach of a touching pair is only rounding error.

@@ -41,7 +41,7 @@ mod roots;
 mod scale;
 
 pub use bounces::Bounces;
-pub use contact::{is_rounding_noise, time_to_contact};
+pub use contact::{is_rounding_noise, time_to_contact, time_to_contact_unscaled};
 pub use curved::time_to_contact_accelerated;
 pub use flight::{drift, free_flight, free_flight_stochastic, free_flight_velocity};
 pub use impact::{

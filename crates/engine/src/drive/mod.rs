@@ -95,8 +95,8 @@ fn kick(state: &mut State, i: u32, velocity: DVec3, observer: &mut dyn Observer)
     let mass = state.world.class(i).mass;
     state.world.particles[i as usize].set_anchor(position, velocity, now);
     let change = velocity - before;
-    state.book.add_energy(Term::DriveWork, time, 0.5 * mass * change.dot(velocity + before));
-    state.book.add_impulse(change * mass);
+    state.accumulators.add_energy(Term::DriveWork, time, 0.5 * mass * change.dot(velocity + before));
+    state.accumulators.add_impulse(change * mass);
     resolve::keep_support(state, i, now);
     Ok(())
 }

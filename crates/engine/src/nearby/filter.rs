@@ -15,10 +15,10 @@ the exact prediction to say.
 */
 
 use super::{
-    frame::{Frame, Record},
+    frame::Frame,
     sets::{LANES, MOST},
 };
-use crate::features::Features;
+use crate::{compact::CompactParticle, features::Features};
 
 /// The bound of a member that is not met at all; the greatest number whose last bits can name a lane.
 pub(super) const NEVER: f32 = f32::from_bits(0x7f7f_ffff & !LANE);
@@ -68,15 +68,15 @@ impl Bounds {
     }
 }
 
-/// Bounds for the members of `list`, whole groups and at most [`MOST`], that the particle on record `own` may
+/// Bounds for the members of `list`, whole groups and at most [`MOST`], that the particle on compact `own` may
 /// meet from `part` of the span on. Returns the least bound.
 ///
 /// With `VECTORS` set the caller must be compiled for AVX2 and FMA, and run where they exist.
 #[inline(always)]
 pub(super) fn bounds<F: Features, const VECTORS: bool>(
     frame: &Frame,
-    records: &[Record],
-    own: &Record,
+    particles: &[CompactParticle],
+    own: &CompactParticle,
     part: f32,
     list: &[u32],
     out: &mut Bounds,
@@ -85,20 +85,20 @@ pub(super) fn bounds<F: Features, const VECTORS: bool>(
     #[cfg(target_arch = "x86_64")]
     if VECTORS {
         // SAFETY: the caller has the features.
-        return unsafe { avx2::bounds::<F>(frame, records, own, part, list, out) };
+        return unsafe { avx2::bounds::<F>(frame, particles, own, part, list, out) };
     }
     let mut least = f32::INFINITY;
     for (lane, (time, &j)) in out.time.iter_mut().zip(list).enumerate() {
-        let bound = bound::<F>(frame, own, &records[j as usize], part);
+        let bound = bound::<F>(frame, own, &particles[j as usize], part);
         *time = f32::from_bits(bound.to_bits() & !LANE | lane as u32);
         least = least.min(*time);
     }
     least
 }
 
-/// The bound for one pair: the plain twin of the vector filter.
+/// The bound for one pair: the scalar reference of the vector filter.
 #[inline(always)]
-fn bound<F: Features>(frame: &Frame, own: &Record, other: &Record, part: f32) -> f32 {
+fn bound<F: Features>(frame: &Frame, own: &CompactParticle, other: &CompactParticle, part: f32) -> f32 {
     let (mut b, mut c, mut vv) = (-frame.noise, -frame.sigma2, 0.0);
     if !F::UNIFORM {
         let sigma = own.radius + other.radius;
@@ -119,25 +119,24 @@ fn bound<F: Features>(frame: &Frame, own: &Record, other: &Record, part: f32) ->
 #[cfg(target_arch = "x86_64")]
 mod avx2 {
     use std::arch::x86_64::{
-        __m256, _CMP_GE_OQ, _CMP_LE_OQ, _CMP_LT_OQ, _mm_cvtss_f32, _mm_load_ps, _mm_min_ps, _mm_movehdup_ps,
-        _mm_movehl_ps, _mm256_add_epi32, _mm256_add_ps, _mm256_and_ps, _mm256_blendv_ps, _mm256_castps_si256,
-        _mm256_castps128_ps256, _mm256_castps256_ps128, _mm256_castsi256_ps, _mm256_cmp_ps,
-        _mm256_cvtepi32_ps, _mm256_div_ps, _mm256_extractf128_ps, _mm256_fmadd_ps, _mm256_fmsub_ps,
-        _mm256_insertf128_ps, _mm256_load_ps, _mm256_max_ps, _mm256_min_ps, _mm256_movemask_ps,
+        _CMP_GE_OQ, _CMP_LE_OQ, _CMP_LT_OQ, _mm_cvtss_f32, _mm_min_ps, _mm_movehdup_ps, _mm_movehl_ps,
+        _mm256_add_epi32, _mm256_add_ps, _mm256_and_ps, _mm256_blendv_ps, _mm256_castps256_ps128,
+        _mm256_castsi256_ps, _mm256_cmp_ps, _mm256_cvtepi32_ps, _mm256_div_ps, _mm256_extractf128_ps,
+        _mm256_fmadd_ps, _mm256_fmsub_ps, _mm256_load_ps, _mm256_max_ps, _mm256_min_ps, _mm256_movemask_ps,
         _mm256_mul_ps, _mm256_or_ps, _mm256_set1_epi32, _mm256_set1_ps, _mm256_setr_epi32, _mm256_setzero_ps,
-        _mm256_shuffle_ps, _mm256_sqrt_ps, _mm256_store_ps, _mm256_sub_epi32, _mm256_sub_ps,
-        _mm256_unpackhi_ps, _mm256_unpacklo_ps,
+        _mm256_sqrt_ps, _mm256_store_ps, _mm256_sub_epi32, _mm256_sub_ps,
     };
 
-    use super::{Bounds, Features, Frame, LANE, LANES, MOST, NEVER, Record};
+    use super::{Bounds, Features, Frame, LANE, LANES, MOST, NEVER};
+    use crate::compact::{CompactParticle, avx2::load_halves};
 
-    /// Eight members at a time: their records are loaded by halves and transposed in registers.
+    /// Eight members at a time: their particles are loaded by halves and transposed in registers.
     #[target_feature(enable = "avx2,fma")]
     #[inline]
     pub(super) fn bounds<F: Features>(
         frame: &Frame,
-        records: &[Record],
-        own: &Record,
+        particles: &[CompactParticle],
+        own: &CompactParticle,
         part: f32,
         list: &[u32],
         out: &mut Bounds,
@@ -154,36 +153,20 @@ mod avx2 {
         let all_but_lane = _mm256_castsi256_ps(_mm256_set1_epi32(!LANE as i32));
         let mut lanes = _mm256_setr_epi32(0, 1, 2, 3, 4, 5, 6, 7);
         for (slots, time) in list.chunks_exact(LANES).zip(out.time.chunks_exact_mut(LANES)) {
-            let half = |k: usize, half: usize| {
-                debug_assert!((slots[k] as usize) < records.len());
-                // SAFETY: lists name particles and the sentinel, which all have records, in 32 bytes each,
-                // aligned to 32.
-                unsafe { _mm_load_ps(records.as_ptr().add(slots[k] as usize).cast::<f32>().add(4 * half)) }
+            // SAFETY: lists name particles and the sentinel; `slots` are eight.
+            let others = unsafe { load_halves(particles, slots) };
+            let u = _mm256_sub_ps(others.v[0], u);
+            let v = _mm256_sub_ps(others.v[1], v);
+            let w = _mm256_sub_ps(others.v[2], w);
+            let apart = |axis: usize, here, v| {
+                let r = _mm256_cvtepi32_ps(_mm256_sub_epi32(others.x[axis], here));
+                _mm256_fmadd_ps(r, unit[axis], _mm256_mul_ps(v, part))
             };
-            // Rows k and k + 4 side by side: positions, then velocities.
-            let rows = |k: usize, part: usize| {
-                _mm256_insertf128_ps::<1>(_mm256_castps128_ps256(half(k, part)), half(k + 4, part))
-            };
-            let (a0, a1, a2, a3) = (rows(0, 0), rows(1, 0), rows(2, 0), rows(3, 0));
-            let (b0, b1, b2, b3) = (rows(0, 1), rows(1, 1), rows(2, 1), rows(3, 1));
-            let (t0, t1) = (_mm256_unpacklo_ps(a0, a1), _mm256_unpacklo_ps(a2, a3));
-            let (t2, t3) = (_mm256_unpackhi_ps(a0, a1), _mm256_unpackhi_ps(a2, a3));
-            let (s0, s1) = (_mm256_unpacklo_ps(b0, b1), _mm256_unpacklo_ps(b2, b3));
-            let (s2, s3) = (_mm256_unpackhi_ps(b0, b1), _mm256_unpackhi_ps(b2, b3));
-            let u = _mm256_sub_ps(_mm256_shuffle_ps::<0x44>(s0, s1), u);
-            let v = _mm256_sub_ps(_mm256_shuffle_ps::<0xee>(s0, s1), v);
-            let w = _mm256_sub_ps(_mm256_shuffle_ps::<0x44>(s2, s3), w);
-            let apart = |there: __m256, here, unit, v| {
-                let r = _mm256_cvtepi32_ps(_mm256_sub_epi32(_mm256_castps_si256(there), here));
-                _mm256_fmadd_ps(r, unit, _mm256_mul_ps(v, part))
-            };
-            let x = apart(_mm256_shuffle_ps::<0x44>(t0, t1), x, unit[0], u);
-            let y = apart(_mm256_shuffle_ps::<0xee>(t0, t1), y, unit[1], v);
-            let z = apart(_mm256_shuffle_ps::<0x44>(t2, t3), z, unit[2], w);
+            let (x, y, z) = (apart(0, x, u), apart(1, y, v), apart(2, z, w));
             let sigma2 = if F::UNIFORM {
                 uniform
             } else {
-                let sigma = _mm256_add_ps(_mm256_shuffle_ps::<0xee>(t2, t3), _mm256_set1_ps(own.radius));
+                let sigma = _mm256_add_ps(others.radius, _mm256_set1_ps(own.radius));
                 _mm256_sub_ps(zero, _mm256_mul_ps(sigma, sigma))
             };
             let b = _mm256_fmadd_ps(z, w, _mm256_fmadd_ps(y, v, _mm256_fmadd_ps(x, u, noise)));
@@ -289,19 +272,25 @@ mod tests {
 
     /// Bounds of one pair, in one lane of a group whose others are the sentinel: the plain one, and that of
     /// the vectors.
-    fn both<F: Features>(frame: &Frame, own: &Record, other: &Record, part: f32, lane: usize) -> [f32; 2] {
-        let records = [*own, *other, Record::SENTINEL];
+    fn both<F: Features>(
+        frame: &Frame,
+        own: &CompactParticle,
+        other: &CompactParticle,
+        part: f32,
+        lane: usize,
+    ) -> [f32; 2] {
+        let particles = [*own, *other, CompactParticle::SENTINEL];
         let mut list = [2; LANES];
         list[lane] = 1;
         let mut out = Bounds::new();
         let mut found = [0.0; 2];
-        found[0] = bounds::<F, false>(frame, &records, own, part, &list, &mut out);
+        found[0] = bounds::<F, false>(frame, &particles, own, part, &list, &mut out);
         found[1] = found[0];
         #[cfg(target_arch = "x86_64")]
         if is_x86_feature_detected!("avx2") && is_x86_feature_detected!("fma") {
             // SAFETY: the features have just been found.
             unsafe {
-                found[1] = avx2::bounds::<F>(frame, &records, own, part, &list, &mut out);
+                found[1] = avx2::bounds::<F>(frame, &particles, own, part, &list, &mut out);
                 assert_eq!(avx2::up_to(&out, LANES, 0.9 * NEVER) == 1 << lane, found[1] < 0.9 * NEVER);
             }
         }
@@ -349,7 +338,7 @@ mod tests {
                 particle.time = world.now;
                 world.wrap_anchor(i as u32);
             }
-            let (own, other) = (frame.record::<F>(&world, 0), frame.record::<F>(&world, 1));
+            let (own, other) = (frame.compact::<F>(&world, 0), frame.compact::<F>(&world, 1));
             let bounds = both::<F>(&frame, &own, &other, frame.part(world.now), k % LANES);
             let expected = haff_mechanics::time_to_contact(r, velocities[1] - velocities[0], sigma);
             // Beyond this one of them has left its ball.
@@ -387,9 +376,9 @@ mod tests {
     #[test]
     fn nobody_meets_nobody() {
         let (frame, world) = frame([0.5; 2]);
-        let own = frame.record::<With<false, true>>(&world, 0);
+        let own = frame.compact::<With<false, true>>(&world, 0);
         for lane in 0..LANES {
-            let found = both::<With<false, true>>(&frame, &own, &Record::SENTINEL, 0.5, lane);
+            let found = both::<With<false, true>>(&frame, &own, &CompactParticle::SENTINEL, 0.5, lane);
             assert!(found.iter().all(|bound| *bound >= NEVER), "{found:?}");
         }
     }

@@ -4,68 +4,28 @@ Coordinates of the filter, and the span of time that they are good for.
 Coordinates are integers, 2^32 of them to a periodic edge: the difference of two, taken modulo 2^32, is the
 nearest image at no cost, whatever the box. A bounded edge is treated as a periodic one that is longer by so
 much that particles at its ends are no neighbors. Lengths are in the largest contact distance, times in
-*spans*: a [`Record`] tells where the present path of its particle would have been at the beginning of the
+*spans*: a [`CompactParticle`] tells where the present path of its particle would have been at the beginning of the
 span, and how far it goes within it. No particle moves so far that another image of a pair could come to be
 the nearest, nor further than single precision can tell.
 */
 
 use haff_neighbors::{Axis, Geometry};
 
-use crate::{features::Features, particles::World};
+use crate::{
+    compact::{CompactParticle, HEADROOM, LONGEST_SPAN, NEAREST, PERIOD, coordinate},
+    features::Features,
+    particles::World,
+};
 
 /// The farthest that particles may go within a span [largest contact distances]: 10^-6 of that is far below
 /// [`MARGIN`].
 const FARTHEST: f64 = 12.0;
-/// A particle may become this much faster than the fastest before a new span has to begin.
-const HEADROOM: f64 = 1.5;
-/// Part of an edge that is certain to be nearer than another image.
-const NEAREST: f64 = 0.45;
 /// Least way within a span that is worth while [largest contact distances].
 const LEAST_WAY: f64 = 0.25;
-/// Longest span [ticks].
-const LONGEST: f64 = (1_u64 << 59) as f64;
 /// Part by which contact distances are widened, for all that single precision and coordinates round.
 const MARGIN: f64 = 1e-4;
 /// What the rounding of r·v may be, in units of the greatest r and v.
 const NOISE: f64 = 4e-6;
-
-/// What the filter knows of a particle: half a cache line.
-#[derive(Debug, Clone, Copy, Default)]
-#[repr(C, align(32))]
-pub(super) struct Record {
-    /// Where its path of now would have been at the beginning of the span [coordinates].
-    pub x: [i32; 3],
-    /// Radius, widened [largest contact distances].
-    pub radius: f32,
-    /// Displacement within the span [largest contact distances].
-    pub v: [f32; 3],
-    /// The particle's number of events.
-    pub count: u32,
-}
-
-impl Record {
-    /// The sentinel, which meets no particle.
-    pub const SENTINEL: Self = Self { x: [0; 3], radius: 0.0, v: [f32::NAN; 3], count: 0 };
-
-    /// Copies the record to its place by halves, the way in which the filter reads it: a load of what was
-    /// stored in smaller parts waits until these are in the cache.
-    #[inline(always)]
-    pub fn store(self, place: &mut Self) {
-        #[cfg(target_arch = "x86_64")]
-        // SAFETY: two times 16 of the 32 bytes of a record, which is aligned to 32; SSE2 is part of x86-64.
-        unsafe {
-            use std::arch::x86_64::{_mm_setr_epi32, _mm_setr_ps, _mm_store_ps, _mm_store_si128};
-            let ([x, y, z], [u, v, w]) = (self.x, self.v);
-            let half = std::ptr::from_mut(place).cast::<f32>();
-            _mm_store_si128(half.cast(), _mm_setr_epi32(x, y, z, self.radius.to_bits() as i32));
-            _mm_store_ps(half.add(4), _mm_setr_ps(u, v, w, f32::from_bits(self.count)));
-        }
-        #[cfg(not(target_arch = "x86_64"))]
-        {
-            *place = self;
-        }
-    }
-}
 
 /// Coordinates and the present span.
 #[derive(Debug, Clone)]
@@ -87,7 +47,7 @@ pub(super) struct Frame {
     step: f64,
     pub per_tick: f64,
     /// Square of the greatest allowed displacement in it.
-    limit2: f32,
+    pub limit2: f32,
     /// Square of the widened contact distance of two of the largest; what the rounding of r·v may be.
     pub sigma2: f32,
     pub noise: f32,
@@ -109,7 +69,7 @@ impl Frame {
                         period[axis] += reach;
                     }
                     let edge = period[axis];
-                    per_length[axis] = 2.0_f64.powi(32) / edge;
+                    per_length[axis] = PERIOD / edge;
                     unit[axis] = (1.0 / (per_length[axis] * sigma)) as f32;
                     // Two particles come apart at twice the speed of one.
                     farthest = farthest.min(0.5 * (NEAREST * edge - reach) / sigma);
@@ -119,7 +79,7 @@ impl Frame {
                 Axis::Open => return None,
             }
         }
-        let margin = 1.0 + MARGIN + 4.0 * longest / 2.0_f64.powi(32);
+        let margin = 1.0 + MARGIN + 4.0 * longest / PERIOD;
         (farthest >= LEAST_WAY && margin < 1.0 + 2.0 * MARGIN).then_some(Self {
             sigma,
             period,
@@ -143,7 +103,8 @@ impl Frame {
         let squares = world.particles.iter().map(|particle| particle.velocity.length_squared());
         let fastest = squares.fold(0.0, f64::max).sqrt() * HEADROOM;
         // Without motion any span will do.
-        let ticks = (self.farthest * self.sigma / fastest * world.clock.per_time).clamp(1.0, LONGEST) as i64;
+        let ticks =
+            (self.farthest * self.sigma / fastest * world.clock.per_time).clamp(1.0, LONGEST_SPAN) as i64;
         self.begin = world.now;
         self.end = self.begin + ticks;
         self.step = ticks as f64 * world.clock.tick;
@@ -161,31 +122,24 @@ impl Frame {
 
     /// What the filter is to know of particle i.
     #[inline(always)]
-    pub fn record<F: Features>(&self, world: &World, i: u32) -> Record {
+    pub fn compact<F: Features>(&self, world: &World, i: u32) -> CompactParticle {
         let particle = &world.particles[i as usize];
         let back = (self.begin - particle.time) as f64 * world.clock.tick;
         let (position, velocity) = (particle.position.to_array(), particle.velocity.to_array());
         let radius = if F::UNIFORM { 0.5 } else { world.class(i).radius / self.sigma * self.margin };
-        let mut record = Record { radius: radius as f32, count: particle.count, ..Record::default() };
+        let mut compact =
+            CompactParticle { radius: radius as f32, count: particle.count, ..CompactParticle::default() };
         let scale = self.step / self.sigma;
         for axis in 0..3 {
-            record.x[axis] = self.coordinate(axis, position[axis] + velocity[axis] * back);
-            record.v[axis] = (velocity[axis] * scale) as f32;
+            compact.x[axis] = self.coordinate(axis, position[axis] + velocity[axis] * back);
+            compact.v[axis] = (velocity[axis] * scale) as f32;
         }
-        record
+        compact
     }
 
-    /// Whether a particle goes no further within a span than it may.
-    #[inline(always)]
-    pub fn allows(&self, record: &Record) -> bool {
-        let v = record.v;
-        v[0] * v[0] + v[1] * v[1] + v[2] * v[2] <= self.limit2
-    }
-
-    /// The coordinate of a position along an axis [length]: the nearest integer modulo 2^32, by the rounding
-    /// of an addition.
+    /// The coordinate of a position along an axis [length].
     #[inline(always)]
     pub fn coordinate(&self, axis: usize, position: f64) -> i32 {
-        (position * self.per_length[axis] + 6_755_399_441_055_744.0).to_bits() as i32 // 1.5 · 2^52
+        coordinate(position * self.per_length[axis])
     }
 }

@@ -16,11 +16,10 @@ use rayon::prelude::*;
 
 use super::{
     bins::Bins,
-    frame::Record,
     plan::Plan,
     sets::{LANES, MOST, all, members, place_of},
 };
-use crate::features::Features;
+use crate::{compact::CompactParticle, features::Features};
 
 /// Pairs are listed this much further away than they need be, for all that single precision rounds [largest
 /// contact distances].
@@ -78,11 +77,11 @@ pub(super) struct Lists {
 }
 
 impl Lists {
-    /// Lists as planned, of particles that have all just been put on record at the beginning of the frame's
+    /// Lists as planned, of particles that have all just been copied at the beginning of the frame's
     /// span.
-    pub fn new<F: Features>(plan: &Plan, geometry: &Geometry, records: &[Record]) -> Self {
+    pub fn new<F: Features>(plan: &Plan, geometry: &Geometry, particles: &[CompactParticle]) -> Self {
         let &Plan { ref frame, half, edges, spacing, members } = plan;
-        let count = records.len() - 1;
+        let count = particles.len() - 1;
         let mut lists = Self {
             half: half as f32,
             half2: (half * half) as f32,
@@ -93,17 +92,18 @@ impl Lists {
             bins: Bins::new(edges, frame.unit, 1.0 + 2.0 * (half + f64::from(SLACK)), spacing, count),
             ..Self::default()
         };
-        for (i, record) in records[..count].iter().enumerate() {
-            lists.centers.push(Center { x: record.x, members: 0 });
-            lists.bins.enter::<false>(i as u32, record.x);
+        for (i, compact) in particles[..count].iter().enumerate() {
+            lists.centers.push(Center { x: compact.x, members: 0 });
+            lists.bins.enter::<false>(i as u32, compact.x);
         }
         if !lists.planes.is_empty() {
-            lists.near_wall = records[..count].iter().map(|record| lists.is_near_plane(record.x)).collect();
+            lists.near_wall =
+                particles[..count].iter().map(|compact| lists.is_near_plane(compact.x)).collect();
         }
         let mut sample = Vec::new();
         let mut lengths: Vec<usize> = (0..count)
             .step_by((count / 1000).max(1))
-            .map(|i| lists.find::<F, false, false>(i as u32, records, &mut sample))
+            .map(|i| lists.find::<F, false, false>(i as u32, particles, &mut sample))
             .collect();
         lengths.sort_unstable();
         // A start on a lattice has no fluctuations yet.
@@ -116,7 +116,7 @@ impl Lists {
             .par_chunks_mut(stride)
             .enumerate()
             .map_init(Vec::new, |found, (i, words)| {
-                let length = lists.find::<F, false, false>(i as u32, records, found);
+                let length = lists.find::<F, false, false>(i as u32, particles, found);
                 let list = &found[..length];
                 if length > words.len() {
                     return (length as u32, Some(list.to_vec()));
@@ -175,12 +175,12 @@ impl Lists {
 
     /// Where a particle is relative to its center [largest contact distances].
     #[inline(always)]
-    fn off_center(&self, i: u32, record: &Record, part: f32) -> [f32; 3] {
+    fn off_center(&self, i: u32, compact: &CompactParticle, part: f32) -> [f32; 3] {
         let center = &self.centers[i as usize];
         let mut d = [0.0; 3];
         for axis in 0..3 {
-            d[axis] =
-                record.x[axis].wrapping_sub(center.x[axis]) as f32 * self.unit[axis] + record.v[axis] * part;
+            d[axis] = compact.x[axis].wrapping_sub(center.x[axis]) as f32 * self.unit[axis]
+                + compact.v[axis] * part;
         }
         d
     }
@@ -188,8 +188,8 @@ impl Lists {
     /// When particle i leaves its ball, counted from now; `None` if not `within` this time. Times are parts
     /// of a span.
     #[inline(always)]
-    pub fn exit(&self, i: u32, record: &Record, part: f32, within: f32) -> Option<f32> {
-        let (d, v) = (self.off_center(i, record, part), record.v);
+    pub fn exit(&self, i: u32, compact: &CompactParticle, part: f32, within: f32) -> Option<f32> {
+        let (d, v) = (self.off_center(i, compact, part), compact.v);
         let mut end = [0.0; 3];
         for axis in 0..3 {
             end[axis] = d[axis] + v[axis] * within;
@@ -217,25 +217,25 @@ impl Lists {
     pub fn transfer<F: Features, const VECTORS: bool>(
         &mut self,
         i: u32,
-        records: &[Record],
+        particles: &[CompactParticle],
         part: f32,
         ahead: f32,
     ) {
-        let record = &records[i as usize];
-        let speed = dot(record.v, record.v).sqrt();
+        let compact = &particles[i as usize];
+        let speed = dot(compact.v, compact.v).sqrt();
         let ahead = if speed > 0.0 { ahead * self.half / speed } else { 0.0 };
         self.bins.leave::<VECTORS>(i, self.centers[i as usize].x);
         let mut place = [0; 3];
         for axis in 0..3 {
-            let way = f64::from(record.v[axis] * (part + ahead)) / f64::from(self.unit[axis]);
-            place[axis] = record.x[axis].wrapping_add(way as i64 as i32);
+            let way = f64::from(compact.v[axis] * (part + ahead)) / f64::from(self.unit[axis]);
+            place[axis] = compact.x[axis].wrapping_add(way as i64 as i32);
         }
         self.centers[i as usize].x = place;
         if !self.planes.is_empty() {
             self.near_wall[i as usize] = self.is_near_plane(place);
         }
         let mut found = std::mem::take(&mut self.found);
-        let length = self.find::<F, VECTORS, true>(i, records, &mut found);
+        let length = self.find::<F, VECTORS, true>(i, particles, &mut found);
         self.bins.enter::<VECTORS>(i, place);
         self.replace::<VECTORS>(i, &found, length);
         self.found = found;
@@ -247,12 +247,12 @@ impl Lists {
     fn find<F: Features, const VECTORS: bool, const OUT: bool>(
         &self,
         i: u32,
-        records: &[Record],
+        particles: &[CompactParticle],
         found: &mut Vec<u32>,
     ) -> usize {
         let place = self.centers[i as usize].x;
         let skin = 2.0 * self.half + SLACK;
-        let reach = if F::UNIFORM { 1.0 } else { records[i as usize].radius + 0.5 } + skin;
+        let reach = if F::UNIFORM { 1.0 } else { particles[i as usize].radius + 0.5 } + skin;
         let count = self.bins.near::<VECTORS>(place, reach * reach, found);
         if F::UNIFORM && OUT {
             return count;
@@ -261,7 +261,7 @@ impl Lists {
         for k in 0..count {
             let j = found[k];
             let near = F::UNIFORM || {
-                let reach = (records[i as usize].radius + records[j as usize].radius) + skin;
+                let reach = (particles[i as usize].radius + particles[j as usize].radius) + skin;
                 let mut d = [0.0; 3];
                 for axis in 0..3 {
                     d[axis] =

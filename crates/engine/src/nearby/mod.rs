@@ -3,16 +3,16 @@ The scheduler with neighbor lists for fluids in closed boxes without gravity.
 
 Like [`CalendarScheduler`](crate::calendar_scheduler::CalendarScheduler), it keeps for every particle its
 earliest event. But its lists contain no periodic images ([`lists`]), and most members of a list are rejected
-in single precision, eight at a time ([`filter`]), from records of half a cache line ([`frame`]): what cannot
+in single precision, eight at a time ([`filter`]), from [compact particles](crate::compact): what cannot
 touch before the earliest event known needs no exact prediction ([`exact`]).
 */
 
 mod bins;
-mod exact;
 mod filter;
 mod frame;
 mod list_event;
 mod lists;
+mod narrow_phase;
 mod plan;
 mod predictor;
 mod sets;
@@ -24,25 +24,23 @@ use rayon::prelude::*;
 
 use crate::{
     batch::Kernel,
-    census::{Census, Crowd},
+    compact::CompactParticle,
     event::{Collision, Impact, Pause},
     event_loop::{Limit, Next, Scheduler},
     features::Features,
     model::System,
     queue::{Predictor, Queue},
     state::State,
+    summary::{LocalDensity, SystemSummary},
+    tuning::particles::PREFETCH_LISTS,
 };
 use filter::Bounds;
-use frame::Record;
 use list_event::{Entry, ListEvent};
 use lists::Lists;
 use plan::Plan;
 pub(crate) use plan::{is_wide, supports};
 use predictor::{FAR_AHEAD, ListPredictor, VectorPredictor, Work};
 
-/// From this many particles on the records and anchors of those in the lists of events to come are asked for:
-/// the nearest caches do not hold all.
-pub(crate) const AWAY: usize = 15_000;
 /// Particles predicted at a time at the start.
 const BLOCK: usize = 1 << 16;
 
@@ -64,19 +62,19 @@ impl<F: Features> Nearby<F> {
         geometry: &Geometry,
         kernel: Kernel,
         system: &System,
-        census: &Census,
-        crowd: &Crowd,
+        summary: &SystemSummary,
+        density: &LocalDensity,
     ) -> Option<Self> {
-        let plan = Plan::new(geometry, system, census, crowd)?;
-        let count = census.count;
+        let plan = Plan::new(geometry, system, summary, density)?;
+        let count = summary.count;
         Some(Self {
             kernel,
             queue: Queue::new(count, FAR_AHEAD),
             predictor: ListPredictor {
                 plan,
-                records: Vec::new(),
+                particles: Vec::new(),
                 lists: Lists::default(),
-                prefetches: count >= AWAY,
+                prefetches: count >= PREFETCH_LISTS,
                 features: PhantomData,
             },
             bounds: [Bounds::new(); 2],
@@ -114,13 +112,13 @@ impl<F: Features> Scheduler for Nearby<F> {
         let count = state.world.particles.len();
         self.queue.clear();
         let predictor = &mut self.predictor;
-        if predictor.records.is_empty() {
-            predictor.records = with_huge_pages(count + 1);
-            predictor.records.resize(count + 1, Record::SENTINEL);
+        if predictor.particles.is_empty() {
+            predictor.particles = with_huge_pages(count + 1);
+            predictor.particles.resize(count + 1, CompactParticle::SENTINEL);
         }
         predictor.begin(&state.world);
         predictor.lists = Lists::default();
-        predictor.lists = Lists::new::<F>(&predictor.plan, geometry, &predictor.records);
+        predictor.lists = Lists::new::<F>(&predictor.plan, geometry, &predictor.particles);
         let (predictor, world) = (&self.predictor, &state.world);
         let mut block = Vec::with_capacity(BLOCK.min(count));
         for start in (0..count).step_by(BLOCK) {
@@ -138,7 +136,7 @@ impl<F: Features> Scheduler for Nearby<F> {
             for (entry, part) in &block {
                 self.queue.push(*entry);
                 self.work.candidates += part.candidates;
-                self.work.exact += part.exact;
+                self.work.predictions += part.predictions;
             }
         }
     }
@@ -159,7 +157,7 @@ impl<F: Features> Scheduler for Nearby<F> {
             };
             limit.entries -= 1;
             state.world.now = state.world.now.max(entry.time);
-            state.book.counters.transfers += 1;
+            state.accumulators.counters.transfers += 1;
             if updates {
                 predictor.predictor.update_list::<VECTORS>(&state.world, i);
             }
@@ -217,8 +215,8 @@ impl<F: Features> Scheduler for Nearby<F> {
     }
 
     fn count_work(&mut self, state: &mut State) {
-        let counters = &mut state.book.counters;
-        counters.predictions += self.work.exact - self.counted.exact;
+        let counters = &mut state.accumulators.counters;
+        counters.predictions += self.work.predictions - self.counted.predictions;
         counters.candidates += self.work.candidates - self.counted.candidates;
         self.counted = self.work;
     }

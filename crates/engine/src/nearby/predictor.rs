@@ -8,16 +8,16 @@ use haff_calendar::{Calendar, Ladder};
 use haff_neighbors::prefetch_at;
 
 use super::{
-    exact,
     filter::{self, Bounds},
-    frame::Record,
     list_event::{Entry, ListEvent},
     lists::Lists,
+    narrow_phase,
     plan::Plan,
     sets::MOST,
 };
 use crate::{
     clock::{HORIZON, whole},
+    compact::CompactParticle,
     entry::Target,
     features::Features,
     particles::World,
@@ -28,9 +28,9 @@ use crate::{
 
 /// A new center lies this part of the ball's radius ahead of its particle.
 const AHEAD: f32 = 0.5;
-/// Of the event so many entries ahead, particles, records and lists are asked for, …
+/// Of the event so many entries ahead, anchors, compact particles and lists are asked for, …
 pub(super) const FAR_AHEAD: usize = 8;
-/// … and of this nearer one the records of those in the lists.
+/// … and of this nearer one the compact particles of those in the lists.
 const NEARLY_DUE: usize = 3;
 
 /// No time within reach [spans].
@@ -40,7 +40,7 @@ const NEVER: f32 = 0.5 * filter::NEVER;
 pub(super) struct ListPredictor<F> {
     pub plan: Plan,
     /// Of every particle, and a sentinel.
-    pub records: Vec<Record>,
+    pub particles: Vec<CompactParticle>,
     pub lists: Lists,
     /// Whether the particles are too many for the cache.
     pub prefetches: bool,
@@ -51,25 +51,25 @@ pub(super) struct ListPredictor<F> {
 #[derive(Debug, Clone, Copy, Default)]
 pub(super) struct Work {
     pub candidates: u64,
-    pub exact: u64,
+    pub predictions: u64,
 }
 
 impl<F: Features> ListPredictor<F> {
-    /// Begins a span at the present: all records are made afresh.
+    /// Begins a span at the present: all compact particles are made afresh.
     #[cold]
     pub fn begin(&mut self, world: &World) {
         self.plan.frame.begin(world);
         for i in 0..world.particles.len() as u32 {
-            self.records[i as usize] = self.plan.frame.record::<F>(world, i);
+            self.particles[i as usize] = self.plan.frame.compact::<F>(world, i);
         }
     }
 
-    /// Puts the new flight of particle i on record.
+    /// Copies the new flight of particle i.
     #[inline(always)]
     pub fn update(&mut self, world: &World, i: u32) {
-        let record = self.plan.frame.record::<F>(world, i);
-        let allowed = self.plan.frame.allows(&record);
-        record.store(&mut self.records[i as usize]);
+        let compact = self.plan.frame.compact::<F>(world, i);
+        let allowed = compact.is_within(self.plan.frame.limit2);
+        compact.store(&mut self.particles[i as usize]);
         if !allowed {
             self.begin(world);
         }
@@ -82,7 +82,7 @@ impl<F: Features> ListPredictor<F> {
             self.begin(world);
         }
         let part = self.plan.frame.part(world.now);
-        self.lists.transfer::<F, VECTORS>(i, &self.records, part, AHEAD);
+        self.lists.transfer::<F, VECTORS>(i, &self.particles, part, AHEAD);
     }
 
     /// The next event of particle i, predicted at the world's present, which is within the span.
@@ -131,21 +131,22 @@ impl<F: Features> ListPredictor<F> {
         bounds: &mut Bounds,
         work: &mut Work,
     ) -> Query<'_> {
-        let (record, list) = (&self.records[i as usize], self.lists.of(i));
+        let (compact, list) = (&self.particles[i as usize], self.lists.of(i));
         work.candidates += list.len() as u64;
-        let least = filter::bounds::<F, VECTORS>(&self.plan.frame, &self.records, record, part, list, bounds);
-        Query { i, part, record, list, least }
+        let least =
+            filter::bounds::<F, VECTORS>(&self.plan.frame, &self.particles, compact, part, list, bounds);
+        Query { i, part, compact, list, least }
     }
 
     /// The contact with the first by its bound.
     #[inline(always)]
     fn first(world: &World, query: &Query, work: &mut Work) -> i64 {
         if query.least >= filter::NEVER {
-            return exact::NEVER;
+            return narrow_phase::NEVER;
         }
-        work.exact += 1;
+        work.predictions += 1;
         let (i, j) = (query.i as usize, query.list[Bounds::lane(query.least)] as usize);
-        exact::contact::<F>(world, &world.particles[i], &world.particles[j])
+        narrow_phase::contact::<F>(world, &world.particles[i], &world.particles[j])
     }
 
     /// The next event of particle i, when the contact with the first by its bound is known.
@@ -159,7 +160,7 @@ impl<F: Features> ListPredictor<F> {
         work: &mut Work,
     ) -> Entry {
         let frame = &self.plan.frame;
-        let &Query { i, part, record, list, least } = query;
+        let &Query { i, part, compact, list, least } = query;
         let particle = &world.particles[i as usize];
         let nothing = Entry::none(i, particle.count);
         let mut earliest = Earliest { entry: nothing, far: false };
@@ -173,8 +174,8 @@ impl<F: Features> ListPredictor<F> {
             while others != 0 {
                 let j = list[others.trailing_zeros() as usize];
                 others &= others - 1;
-                work.exact += 1;
-                let contact = exact::contact::<F>(world, particle, &world.particles[j as usize]);
+                work.predictions += 1;
+                let contact = narrow_phase::contact::<F>(world, particle, &world.particles[j as usize]);
                 Self::offer(world, &mut earliest, j, contact);
             }
             within = self.until(world, &earliest);
@@ -188,7 +189,7 @@ impl<F: Features> ListPredictor<F> {
             within = self.until(world, &earliest).min(NEVER);
         }
         // A later update of the list need not be known exactly.
-        if let Some(delay) = self.lists.exit(i, record, part, within) {
+        if let Some(delay) = self.lists.exit(i, compact, part, within) {
             let delay = f64::from(delay) / frame.per_tick;
             if delay > HORIZON {
                 earliest.far = true;
@@ -207,11 +208,11 @@ impl<F: Features> ListPredictor<F> {
 
     #[inline(always)]
     fn offer(world: &World, earliest: &mut Earliest<ListEvent>, j: u32, contact: i64) {
-        if contact < exact::FAR {
+        if contact < narrow_phase::FAR {
             let count = world.particles[j as usize].count;
             earliest.offer(contact, Target::new(ListEvent::Collision(j)), count);
         } else {
-            earliest.far |= contact == exact::FAR;
+            earliest.far |= contact == narrow_phase::FAR;
         }
     }
 
@@ -249,16 +250,16 @@ impl<F: Features> ListPredictor<F> {
         work: &mut Work,
     ) {
         for list in self.lists.of(i)[MOST..].chunks(MOST) {
-            let record = &self.records[i as usize];
+            let compact = &self.particles[i as usize];
             // Not compiled for vectors.
-            filter::bounds::<F, false>(&self.plan.frame, &self.records, record, part, list, bounds);
+            filter::bounds::<F, false>(&self.plan.frame, &self.particles, compact, part, list, bounds);
             let mut others = bounds.up_to::<false>(list.len(), self.until(world, earliest).min(NEVER));
             while others != 0 {
                 let j = list[others.trailing_zeros() as usize];
                 others &= others - 1;
-                work.exact += 1;
+                work.predictions += 1;
                 let (particle, partner) = (&world.particles[i as usize], &world.particles[j as usize]);
-                Self::offer(world, earliest, j, exact::contact::<F>(world, particle, partner));
+                Self::offer(world, earliest, j, narrow_phase::contact::<F>(world, particle, partner));
             }
         }
     }
@@ -269,7 +270,7 @@ struct Query<'a> {
     i: u32,
     /// The present, as a part of the span.
     part: f32,
-    record: &'a Record,
+    compact: &'a CompactParticle,
     list: &'a [u32],
     /// The least bound of the first [`MOST`].
     least: f32,
@@ -310,16 +311,16 @@ impl<F: Features, const VECTORS: bool> Predictor for VectorPredictor<'_, F, VECT
         self.predictor.predict::<false>(&state.world, i, &mut self.bounds[0], self.work)
     }
 
-    /// First the anchors, records and lists of particles, later those of the members of these (the sentinel
+    /// First the anchors, compact particles and lists of particles, later those of the members of these (the sentinel
     /// has no anchor).
     #[inline(always)]
     fn prefetch(&self, calendar: &Ladder<Entry>, state: &State) {
-        let ListPredictor { records, lists, prefetches, .. } = &*self.predictor;
+        let ListPredictor { particles, lists, prefetches, .. } = &*self.predictor;
         if let Some(entry) = calendar.upcoming(FAR_AHEAD) {
             let partner = entry.target.partner().unwrap_or(entry.owner);
             for i in [entry.owner, partner] {
                 prefetch_at(&state.world.particles, i as usize);
-                prefetch_at(records, i as usize);
+                prefetch_at(particles, i as usize);
                 lists.prefetch(i);
             }
         }
@@ -331,7 +332,7 @@ impl<F: Features, const VECTORS: bool> Predictor for VectorPredictor<'_, F, VECT
         {
             let neighbors = |i: u32| {
                 for &j in lists.of(i) {
-                    prefetch_at(records, j as usize);
+                    prefetch_at(particles, j as usize);
                     prefetch_at(&state.world.particles, j as usize);
                 }
             };

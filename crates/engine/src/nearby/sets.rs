@@ -4,8 +4,8 @@ Short lists of particles: the place of a particle in one, and the members of one
 Whole vectors are compared, without a branch on each element: it could not be predicted.
 */
 
-/// Elements that are compared at a time, and by the filter looked at: lists are whole groups of so many.
-pub(super) const LANES: usize = 8;
+pub(super) use crate::compact::LANES;
+
 /// Most elements of a list that are told as bits.
 pub(super) const MOST: usize = u64::BITS as usize;
 

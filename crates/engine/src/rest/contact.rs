@@ -3,7 +3,7 @@
 use glam::DVec3;
 use haff_mechanics::Impact;
 
-use super::{support::stands, thresholds::Thresholds};
+use super::{support::is_supported, thresholds::Thresholds};
 use crate::{particles::World, state::State};
 
 /// A flight from a wall back to it has been undisturbed if it took this part of the time it takes by its end.
@@ -23,26 +23,33 @@ pub(crate) fn is_one_of_many(world: &World, pair: [u32; 2], time: i64) -> bool {
 /// Whether the contact of particle i with a wall is one of many: its last one, a short while before `time`,
 /// was with a grain, or one of many. A grain that has come back from this wall undisturbed is alone with it,
 /// unless the wall moves: on that no series of bounces is completed in closed form.
-pub(crate) fn is_among_grains(world: &World, i: u32, wall: u32, speed: f64, pull: f64, time: i64) -> bool {
+pub(crate) fn is_among_grains(
+    world: &World,
+    i: u32,
+    wall: u32,
+    speed: f64,
+    acceleration: f64,
+    time: i64,
+) -> bool {
     let Some(thresholds) = &world.thresholds else { return false };
     let moves = world.walls[wall as usize].motion.is_moving();
-    let jostled =
-        world.particles[i as usize].is_jostled() && world.age(i, time) * pull < 2.0 * speed * UNDISTURBED;
-    is_soon(world, thresholds, i, time) && (moves || jostled)
+    let recently_hit = world.particles[i as usize].is_recently_hit()
+        && world.age(i, time) * acceleration < 2.0 * speed * UNDISTURBED;
+    is_soon(world, thresholds, i, time) && (moves || recently_hit)
 }
 
 /// The speed at which two bodies part that approach at `speed`, where the law says `e`.
 ///
 /// Contacts that are one of many are elastic below a speed, and take no more than down to it, unless there is
-/// no speed worth the name. Bodies that gravity presses together, with the relative acceleration `pull` along
+/// no speed worth the name. Bodies that gravity presses together, with the relative acceleration `acceleration` along
 /// the normal, never part more slowly than they fall towards each other in a given time.
-pub(crate) fn separation_speed(world: &World, e: f64, speed: f64, pull: f64, many: bool) -> f64 {
+pub(crate) fn separation_speed(world: &World, e: f64, speed: f64, acceleration: f64, many: bool) -> f64 {
     let Some(thresholds) = &world.thresholds else { return e * speed };
     let mut separation = e * speed;
     if many && speed > thresholds.nothing {
         separation = separation.max(speed.min(thresholds.elastic));
     }
-    separation.max(pull * thresholds.hop)
+    separation.max(acceleration * thresholds.hop)
 }
 
 /// A contact of bodies that part faster than they approach. Velocities after it, and the impact, whose loss
@@ -71,10 +78,10 @@ pub(crate) fn push_apart(
 
 /// Before the collision of i and j: wakes the one that is at rest if it is hit hard enough. All that wake, in
 /// order.
-pub(crate) fn strike(state: &mut State, i: u32, j: u32, time: i64) -> Vec<u32> {
+pub(crate) fn wake_if_hit(state: &mut State, i: u32, j: u32, time: i64) -> Vec<u32> {
     let world = &state.world;
-    let (at_rest, other) = if world.is_held(i) { (i, j) } else { (j, i) };
-    let Some(thresholds) = world.thresholds.filter(|_| world.is_held(at_rest)) else { return Vec::new() };
+    let (at_rest, other) = if world.is_asleep(i) { (i, j) } else { (j, i) };
+    let Some(thresholds) = world.thresholds.filter(|_| world.is_asleep(at_rest)) else { return Vec::new() };
     let (position, velocity) = world.state(other, time);
     let r = world.periodicity.nearest(world.particles[at_rest as usize].position - position);
     let speed = velocity.dot(r) / r.length();
@@ -90,15 +97,15 @@ pub(crate) fn wake(state: &mut State, i: u32, time: i64) -> Vec<u32> {
     let mut falling = vec![i];
     while let Some(i) = falling.pop() {
         let world = &mut state.world;
-        let Some(thresholds) = world.thresholds.filter(|_| world.is_held(i)) else { continue };
-        world.set_held(i, false, time);
-        world.particles[i as usize].set_jostled(true);
-        state.book.counters.wakes += 1;
+        let Some(thresholds) = world.thresholds.filter(|_| world.is_asleep(i)) else { continue };
+        world.set_asleep(i, false, time);
+        world.particles[i as usize].set_recently_hit(true);
+        state.accumulators.counters.wakes += 1;
         woken.push(i);
         for j in std::mem::take(&mut state.settling.near[i as usize]) {
             let near = &mut state.settling.near[j as usize];
             near.retain(|&other| other != i);
-            if world.is_held(j) && !stands(world, &thresholds, j, near.iter().copied()) {
+            if world.is_asleep(j) && !is_supported(world, &thresholds, j, near.iter().copied()) {
                 falling.push(j);
             }
         }

@@ -6,7 +6,7 @@ use glam::DVec3;
 use haff_neighbors::Geometry;
 
 use super::{
-    settle::{book, end_series},
+    settle::{end_series, record_loss},
     state::MOMENT,
     support::{contacts, normals},
     thresholds::Thresholds,
@@ -34,7 +34,7 @@ struct Contact {
 /// Takes from grains that have just had contacts the velocity with which they press on each other and on
 /// bodies and walls that cannot give way: one plastic impact on all these contacts at once. It leaves the
 /// velocities nearest to theirs, in kinetic energy, at which nothing approaches. Who has changed.
-pub(super) fn unwedge(
+pub(super) fn resolve_jam(
     state: &mut State,
     geometry: &Geometry,
     thresholds: &Thresholds,
@@ -63,10 +63,10 @@ pub(super) fn unwedge(
         let mass = state.world.class(i).mass;
         let energy = 0.5 * mass * (before - after).dot(before + after);
         let carnot_energy = 0.5 * mass * (before - after).length_squared();
-        book(state, i, mass * (before - after), [energy, carnot_energy], thresholds, observer);
+        record_loss(state, i, mass * (before - after), [energy, carnot_energy], thresholds, observer);
         let particle = &mut state.world.particles[i as usize];
         particle.set_anchor(position, after, now);
-        particle.set_jostled(true);
+        particle.set_recently_hit(true);
         resolve::keep_support(state, i, now);
         changed.push(i);
     }

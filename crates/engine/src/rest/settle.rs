@@ -15,10 +15,10 @@ pub(super) fn settle(state: &mut State, i: u32, thresholds: &Thresholds, observe
     end_series(state, i, observer);
     let velocity = state.world.state(i, state.world.now).1;
     let momentum = state.world.body(i).mass * velocity;
-    state.world.set_held(i, true, state.world.now);
+    state.world.set_asleep(i, true, state.world.now);
     let energy = 0.5 * momentum.dot(velocity);
     // A plastic impact on a body at rest: E'_c = J²/(2m) equals the energy loss.
-    book(state, i, momentum, [energy, energy], thresholds, observer);
+    record_loss(state, i, momentum, [energy, energy], thresholds, observer);
 }
 
 /// Books the completed series of bounces of particle i, if there is one, before its time.
@@ -32,7 +32,7 @@ pub(super) fn end_series(state: &mut State, i: u32, observer: &mut dyn Observer)
 }
 
 /// Books a momentum, an energy and a Carnot energy that rest takes from particle i.
-pub(super) fn book(
+pub(super) fn record_loss(
     state: &mut State,
     i: u32,
     momentum: DVec3,
@@ -40,11 +40,11 @@ pub(super) fn book(
     thresholds: &Thresholds,
     observer: &mut dyn Observer,
 ) {
-    let State { world, book, .. } = state;
-    book.add_energy(Term::Rest, world.clock.time(world.now), energy);
-    book.carnot.add(carnot_energy);
-    book.add_impulse(-momentum);
-    book.counters.rests += 1;
+    let State { world, accumulators, .. } = state;
+    accumulators.add_energy(Term::Rest, world.clock.time(world.now), energy);
+    accumulators.carnot.add(carnot_energy);
+    accumulators.add_impulse(-momentum);
+    accumulators.counters.rests += 1;
     if observer.wants_events() {
         let (position, _) = world.state(i, world.now);
         let body = world.body(i);

@@ -3,9 +3,9 @@
 use haff_neighbors::Geometry;
 
 use super::{
-    jam::unwedge,
+    jam::resolve_jam,
     settle::settle,
-    support::{contacts, is_fixed, stands},
+    support::{contacts, is_fixed, is_supported},
     thresholds::Thresholds,
 };
 use crate::{
@@ -41,9 +41,9 @@ pub(crate) fn scan(
     let Some(thresholds) = state.world.thresholds else { return Vec::new() };
     let period = (thresholds.period * state.world.clock.per_time).clamp(1.0, crate::clock::HORIZON);
     state.settling.next = state.world.now + whole(period);
-    let free = state.world.movable - state.world.held;
-    let happened = state.book.counters.collisions + state.book.counters.wall_collisions;
-    let stopped = if is_jammed { unwedge(state, geometry, &thresholds, observer) } else { Vec::new() };
+    let free = state.world.movable - state.world.asleep;
+    let happened = state.accumulators.counters.collisions + state.accumulators.counters.wall_collisions;
+    let stopped = if is_jammed { resolve_jam(state, geometry, &thresholds, observer) } else { Vec::new() };
     let worth_it = is_jammed || state.settling.is_worth_it(happened, free);
     state.settling.after_scan(happened, worth_it);
     if !worth_it {
@@ -66,10 +66,10 @@ pub(crate) fn scan(
     }
     for (&i, slot) in standing.iter().zip(slots(&slow, &standing)) {
         let mut contacts = std::mem::take(&mut near[slot]);
-        contacts.retain(|&j| world.is_held(j) || is_fixed(world, j));
+        contacts.retain(|&j| world.is_asleep(j) || is_fixed(world, j));
         for &j in &contacts {
             let others = &mut settling.near[j as usize];
-            if world.is_held(j)
+            if world.is_asleep(j)
                 && let Err(place) = others.binary_search(&i)
             {
                 others.insert(place, i);
@@ -83,12 +83,12 @@ pub(crate) fn scan(
     changed
 }
 
-/// The contacts of all held particles, as settling scans have found them.
-pub(crate) fn contacts_of_held(world: &World, geometry: &Geometry) -> Vec<Vec<u32>> {
-    let Some(thresholds) = world.thresholds.filter(|_| world.held > 0) else { return Vec::new() };
-    let held: Vec<u32> = (0..world.particles.len() as u32).filter(|&i| world.is_held(i)).collect();
+/// The contacts of all asleep particles, as settling scans have found them.
+pub(crate) fn contacts_of_sleeping(world: &World, geometry: &Geometry) -> Vec<Vec<u32>> {
+    let Some(thresholds) = world.thresholds.filter(|_| world.asleep > 0) else { return Vec::new() };
+    let asleep: Vec<u32> = (0..world.particles.len() as u32).filter(|&i| world.is_asleep(i)).collect();
     let mut near = vec![Vec::new(); world.particles.len()];
-    for (&i, contacts) in held.iter().zip(contacts(world, geometry, &thresholds, &held)) {
+    for (&i, contacts) in asleep.iter().zip(contacts(world, geometry, &thresholds, &asleep)) {
         near[i as usize] = contacts;
     }
     near
@@ -118,9 +118,9 @@ fn standing(
         }
         let i = slow[k];
         // A single grain on a wall is the business of its series of bounces, which ends in closed form.
-        let among_grains = !near[k].is_empty() || world.particles[i as usize].is_jostled();
+        let among_grains = !near[k].is_empty() || world.particles[i as usize].is_recently_hit();
         let holds = |j: &u32| slow.binary_search(j).map_or(true, |other| counts[other]);
-        if among_grains && stands(world, thresholds, i, near[k].iter().copied().filter(holds)) {
+        if among_grains && is_supported(world, thresholds, i, near[k].iter().copied().filter(holds)) {
             continue;
         }
         counts[k] = false;

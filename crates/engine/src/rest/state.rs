@@ -8,8 +8,8 @@ const EVENTS_PER_GRAIN: f64 = 0.0625;
 /// … but not longer than this many periods.
 const MOST_PERIODS: u64 = 16;
 /// Of more contacts than this, and this for each grain that is not at rest, …
-const CROWD: u64 = 200;
-const CROWD_PER_GRAIN: u64 = 4;
+const JAMMED: u64 = 200;
+const JAMMED_PER_GRAIN: u64 = 4;
 /// … within this part of a period, some are of grains that are jammed.
 pub(super) const MOMENT: f64 = 1e-3;
 
@@ -22,16 +22,23 @@ pub(crate) struct SettlingState {
     pub events: u64,
     pub waited: u64,
     /// Contacts since a time \[ticks\] that is a small part of a period ago at most.
-    pub crowd: u64,
-    pub crowd_since: i64,
-    /// Of every held grain the held grains and fixed bodies it is in contact with, in order; a function of
+    pub recent_contacts: u64,
+    pub counted_since: i64,
+    /// Of every asleep grain the asleep grains and fixed bodies it is in contact with, in order; a function of
     /// where they are.
     pub near: Vec<Vec<u32>>,
 }
 
 impl Default for SettlingState {
     fn default() -> Self {
-        Self { next: 0, events: u64::MAX, waited: 0, crowd: 0, crowd_since: i64::MIN, near: Vec::new() }
+        Self {
+            next: 0,
+            events: u64::MAX,
+            waited: 0,
+            recent_contacts: 0,
+            counted_since: i64::MIN,
+            near: Vec::new(),
+        }
     }
 }
 
@@ -41,13 +48,14 @@ impl SettlingState {
     #[inline]
     pub fn watch(&mut self, world: &World, time: i64) -> bool {
         let Some(thresholds) = &world.thresholds else { return false };
-        self.crowd += 1;
-        if (time.saturating_sub(self.crowd_since)) as f64 * world.clock.tick > thresholds.period * MOMENT {
-            (self.crowd, self.crowd_since) = (0, time);
+        self.recent_contacts += 1;
+        if (time.saturating_sub(self.counted_since)) as f64 * world.clock.tick > thresholds.period * MOMENT {
+            (self.recent_contacts, self.counted_since) = (0, time);
         }
-        let is_jammed = self.crowd > CROWD + CROWD_PER_GRAIN * (world.movable - world.held) as u64;
+        let is_jammed =
+            self.recent_contacts > JAMMED + JAMMED_PER_GRAIN * (world.movable - world.asleep) as u64;
         if is_jammed {
-            self.crowd = 0;
+            self.recent_contacts = 0;
         }
         is_jammed
     }

@@ -31,7 +31,7 @@ pub(super) fn normals(world: &World, gap: f64, i: u32, near: impl Iterator<Item 
 }
 
 /// Whether particle i stands on these particles and on walls that do not move.
-pub(super) fn stands(
+pub(super) fn is_supported(
     world: &World,
     thresholds: &Thresholds,
     i: u32,
@@ -46,7 +46,7 @@ pub(super) fn is_fixed(world: &World, i: u32) -> bool {
     world.body(i).inverse_mass == 0.0 && world.particles[i as usize].velocity == DVec3::ZERO
 }
 
-/// Of each of these particles those in contact that are among them, held or fixed; in order.
+/// Of each of these particles those in contact that are among them, asleep or fixed; in order.
 pub(super) fn contacts(
     world: &World,
     geometry: &Geometry,
@@ -58,7 +58,7 @@ pub(super) fn contacts(
         slot[i as usize] = k as u32;
     }
     let solid = (0..world.particles.len() as u32)
-        .filter(|&i| slot[i as usize] != u32::MAX || world.is_held(i) || is_fixed(world, i));
+        .filter(|&i| slot[i as usize] != u32::MAX || world.is_asleep(i) || is_fixed(world, i));
     let mut near = vec![Vec::new(); some.len()];
     let levels = levels(world, geometry, &solid, thresholds.gap, &Slabs::BOX);
     for first in 0..levels.len() {

@@ -8,6 +8,8 @@ rounding puts outside.
 
 use haff_neighbors::{Axis, Geometry};
 
+use crate::compact::{PERIOD, coordinate};
+
 /// Windows after which the streamed copies are made from the anchors again, at most and at least.
 pub(super) const MOST_WINDOWS: u64 = 16;
 /// Coordinates per bounded edge, log₂.
@@ -49,7 +51,7 @@ pub(super) struct Axes {
 
 /// Coordinates to an edge.
 fn range(periodic: bool) -> f64 {
-    if periodic { 2.0_f64.powi(32) } else { 2.0_f64.powi(BOUNDED_BITS as i32) }
+    if periodic { PERIOD } else { 2.0_f64.powi(BOUNDED_BITS as i32) }
 }
 
 /// Part of the least contact distance that the rounding of coordinates comes to along an edge: of two places,
@@ -135,24 +137,24 @@ impl Axes {
     /// The coordinate of a position along an axis [length].
     #[inline(always)]
     pub fn coordinate(&self, axis: usize, position: f64) -> i32 {
-        round(position * self.per_length[axis])
+        coordinate(position * self.per_length[axis])
     }
 
     // Loops, not `map`: an array's `map` may stay a call, compiled for the baseline.
 
     /// The coordinates of a way [length].
     #[inline(always)]
-    pub fn way(&self, v: [f32; 3], part: f32) -> [i32; 3] {
+    pub fn displacement(&self, v: [f32; 3], part: f32) -> [i32; 3] {
         let mut way = [0; 3];
         for axis in 0..3 {
-            way[axis] = round(f64::from(v[axis] * part) * self.per_length[axis]);
+            way[axis] = coordinate(f64::from(v[axis] * part) * self.per_length[axis]);
         }
         way
     }
 
     /// The place of a coordinate [cells].
     #[inline(always)]
-    pub fn places(&self, x: [i32; 3]) -> [f32; 4] {
+    pub fn grid_coordinates(&self, x: [i32; 3]) -> [f32; 4] {
         let x = [x[0], x[1], x[2], 0];
         let mut places = [0.0; 4];
         for k in 0..4 {
@@ -197,12 +199,6 @@ impl Axes {
     }
 }
 
-/// Nearest integer modulo 2^32, by the rounding of an addition; |x| < 2^51.
-#[inline(always)]
-fn round(x: f64) -> i32 {
-    (x + 6_755_399_441_055_744.0).to_bits() as i32 // 1.5 · 2^52
-}
-
 #[cfg(test)]
 mod tests {
     use glam::DVec3;
@@ -237,7 +233,8 @@ mod tests {
         for kind in [Axis::Periodic, Axis::Bounded] {
             let size = DVec3::splat(3e5);
             let axes = Axes::new(&geometry(size, [kind; 3]), 2.0, 1000);
-            let cell = |x: f64| axes.fold(axes.cells(axes.places([axes.coordinate(0, x), 0, 0])))[0];
+            let cell =
+                |x: f64| axes.fold(axes.cells(axes.grid_coordinates([axes.coordinate(0, x), 0, 0])))[0];
             for x in [0.1, 1.0, 777.7, 123_456.7] {
                 // A quarter of a cell, away from faces; unfolded cells are of one width.
                 let x = (x * f64::from(axes.cells[0])).floor() / f64::from(axes.cells[0]) + 0.25 * 2.0;

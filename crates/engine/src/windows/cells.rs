@@ -15,6 +15,7 @@ use std::ops::Range;
 use haff_neighbors::{Geometry, prefetch_at, with_huge_pages};
 
 use super::axes::Axes;
+use crate::compact::LANES;
 
 /// Entries of a block; with its link it fills half a cache line.
 const ENTRIES: usize = 7;
@@ -49,7 +50,7 @@ impl Block {
 
 /// The cell of a place along each axis, and the one beside it that the place is nearer to.
 #[derive(Debug, Clone, Copy, Default)]
-pub(super) struct Near([[i32; 4]; 2]);
+pub(super) struct NearestCells([[i32; 4]; 2]);
 
 const EMPTY: Block = Block { entries: [0; ENTRIES], link: 0 };
 
@@ -65,9 +66,6 @@ pub(super) struct Candidates {
     /// Blocks gathered so far.
     pub blocks: u64,
 }
-
-/// Slots of a vector.
-pub(super) const LANES: usize = 8;
 
 impl Candidates {
     pub fn new() -> Self {
@@ -172,8 +170,8 @@ impl Cells {
     }
 
     /// The cell of a coordinate.
-    pub fn home(&self, x: [i32; 3]) -> u32 {
-        self.axes.index(self.axes.fold(self.axes.cells(self.axes.places(x)))) as u32
+    pub fn cell_of(&self, x: [i32; 3]) -> u32 {
+        self.axes.index(self.axes.fold(self.axes.cells(self.axes.grid_coordinates(x)))) as u32
     }
 
     /// Number of cells.
@@ -279,7 +277,7 @@ impl Cells {
             let blocks = count.iter().map(|&count| count as usize).product();
             candidates.reserve(blocks);
             candidates.blocks += blocks as u64;
-            self.each(low, count, |cell| {
+            self.for_each_cell(low, count, |cell| {
                 // SAFETY: there is room for as many blocks as there are cells.
                 links |= unsafe { candidates.push(&self.blocks[cell], !HALF || cell >= lowest as usize) };
             });
@@ -326,7 +324,7 @@ impl Cells {
             }
         }
         if links > 7 {
-            self.each(low, count, |cell| {
+            self.for_each_cell(low, count, |cell| {
                 if !HALF || cell >= lowest as usize {
                     self.follow(self.blocks[cell].link, candidates);
                 }
@@ -337,10 +335,10 @@ impl Cells {
 
     /// The cells around the place that a path has come to after a `part` of the window.
     #[inline(always)]
-    pub fn around(&self, x: [i32; 3], v: [f32; 3], part: f32) -> Near {
+    pub fn around(&self, x: [i32; 3], v: [f32; 3], part: f32) -> NearestCells {
         let axes = &self.axes;
         let v = [v[0], v[1], v[2], 0.0];
-        let mut place = axes.places(x);
+        let mut place = axes.grid_coordinates(x);
         for k in 0..4 {
             place[k] += v[k] * part * axes.cells[k];
         }
@@ -357,12 +355,12 @@ impl Cells {
                 c + 1
             };
         }
-        Near(near)
+        NearestCells(near)
     }
 
     /// Visits the first blocks of these cells.
     #[inline(always)]
-    pub fn visit(&self, near: &Near, mut visit: impl FnMut(&Block)) {
+    pub fn visit(&self, near: &NearestCells, mut visit: impl FnMut(&Block)) {
         for [_, _, z, _] in near.0 {
             for [_, y, _, _] in near.0 {
                 let row = (z * self.axes.n[1] + y) * self.axes.n[0];
@@ -376,8 +374,8 @@ impl Cells {
 
     /// Visits all cells of a block of cells, wherever it lies.
     #[inline(always)]
-    fn each(&self, low: [i32; 4], count: [i32; 3], visit: impl FnMut(usize)) {
-        each(&self.axes, low, count, visit);
+    fn for_each_cell(&self, low: [i32; 4], count: [i32; 3], visit: impl FnMut(usize)) {
+        for_each_cell(&self.axes, low, count, visit);
     }
 
     /// Adds the blocks that a cell goes on in.
@@ -445,7 +443,7 @@ impl PathBox {
     #[inline(always)]
     fn new(axes: &Axes, x: [i32; 3], v: [f32; 3], part: f32) -> Self {
         let v = [v[0], v[1], v[2], 0.0];
-        let place = axes.places(x);
+        let place = axes.grid_coordinates(x);
         let (mut low, mut high) = ([0.0; 4], [0.0; 4]);
         for k in 0..4 {
             let way = v[k] * part * axes.cells[k];
@@ -473,7 +471,7 @@ impl PathBox {
 
 /// Visits all cells of a block of cells, wherever it lies.
 #[inline(always)]
-fn each(axes: &Axes, low: [i32; 4], count: [i32; 3], mut visit: impl FnMut(usize)) {
+fn for_each_cell(axes: &Axes, low: [i32; 4], count: [i32; 3], mut visit: impl FnMut(usize)) {
     let n = axes.n;
     let start = axes.fold(low);
     let wrapped = |at: i32, axis: usize| if at >= n[axis] { at - n[axis] } else { at };
@@ -501,10 +499,10 @@ fn trace<const FIRST: bool>(
 ) {
     if extent > 0.0 {
         let (low, count) = PathBox::new(axes, x, v, part).span(axes, extent);
-        return each(axes, low, count, visit);
+        return for_each_cell(axes, low, count, visit);
     }
     let v = [v[0], v[1], v[2], 0.0];
-    let from = axes.places(x);
+    let from = axes.grid_coordinates(x);
     let (mut way, mut to) = ([0.0; 4], [0.0; 4]);
     for k in 0..4 {
         way[k] = v[k] * part * axes.cells[k];

@@ -3,9 +3,9 @@ The engine of time windows: no crossings, and memory is streamed.
 
 Time is cut into windows. At the start of one, every particle is registered in the cells along its path
 through it ([`cells`]), and pairs that may touch before its end are found cell by cell ([`filter`]) and
-predicted from their anchors ([`exact`]). Contacts within the window, all of them, go to the agenda. Events
+predicted from their anchors ([`exact`]). Contacts within the window, all of them, go to the queue. Events
 run in order; particles that have had one are registered along their new paths and predicted anew, up to the
-window's end. A stale event needs no successor: whatever else its particles may meet is in the agenda already.
+window's end. A stale event needs no successor: whatever else its particles may meet is in the queue already.
 
 Particles stand in *slots*, sorted by cell every few windows, so that what is near in space is near in memory.
 How long windows are and how wide cells is tuned on the way ([`tune`]).
@@ -13,14 +13,14 @@ How long windows are and how wide cells is tuned on the way ([`tune`]).
 
 mod axes;
 mod cells;
-mod due;
-mod exact;
 mod filter;
+mod narrow_phase;
 mod opening;
 #[cfg(test)]
 mod random;
 mod space;
 mod tune;
+mod window_event;
 
 use std::marker::PhantomData;
 
@@ -30,7 +30,7 @@ use haff_neighbors::{Geometry, prefetch, prefetch_at};
 
 use crate::{
     batch::Kernel,
-    census::{Census, Crowd},
+    compact::{CompactParticle, NEAREST},
     event::{Collision, Impact, Pause},
     event_loop::{Limit, Next, Scheduler},
     features::Features,
@@ -38,30 +38,24 @@ use crate::{
     particles::World,
     rest::thresholds::Thresholds,
     state::State,
+    summary::{LocalDensity, SystemSummary},
+    tuning::particles,
 };
-use cells::{Cells, Near};
-use due::{Contact, Due};
-use filter::{Probe, Record, Scratch};
+use cells::{Cells, NearestCells};
+use filter::{Query, Scratch};
 use space::Space;
 use tune::{Tuner, Work};
+use window_event::{Contact, WindowEvent};
 
-/// Up to this many particles the caches hold all that events need: beyond that, particles are asked for so
-/// many events ahead, and what their slots hold so many.
-const CACHED: usize = 20_000;
+/// Events ahead for which particles are prefetched, and the contents of their slots.
 const PARTICLES: usize = 20;
 const SLOTS: usize = 14;
-/// From this many particles on, cells around events, and records in them, come from memory: so many events
-/// ahead, and so many less.
-const LARGE: usize = 100_000;
+/// Events ahead for which cells are prefetched, and by how many fewer the compact particles in them.
 const CELLS: usize = 9;
 const TURNS: usize = 5;
-/// Part of the box that the widest pair may come apart within a window, so that the nearest image is the one
-/// that may touch.
-const NEAREST: f64 = 0.45;
 /// Part of the least contact distance that the rounding of coordinates may come to.
 const MOST_ROUNDING: f64 = 0.02;
-/// Windows are chosen from this many particles on, with at most so many walls, …
-const MANY: usize = 100;
+/// Windows are chosen with at most so many walls, …
 const FEW_WALLS: usize = 16;
 /// … where no particle is faster than the mean by more than this factor, which would make windows short, …
 const OUTLIER: f64 = 30.0;
@@ -86,9 +80,9 @@ pub(crate) struct Windows<F> {
     space: Space<F>,
     /// Slot of every particle.
     slot_of: Vec<u32>,
-    agenda: WindowQueue<Due>,
+    queue: WindowQueue<WindowEvent>,
     /// Contacts found by the batch phase.
-    found: Vec<Due>,
+    found: Vec<WindowEvent>,
     /// When the window began [ticks], and its length [time].
     begin: i64,
     step: f64,
@@ -107,7 +101,7 @@ pub(crate) struct Windows<F> {
     opened: u64,
     last_window: u64,
     /// The cells around the events to come, one after the other, and whose turn it is.
-    around: [Near; TURNS],
+    around: [NearestCells; TURNS],
     turn: usize,
     scratch: Scratch,
     /// Work up to when the copies were made, before the present window's.
@@ -119,11 +113,11 @@ pub(crate) struct Windows<F> {
 }
 
 /// Why windows cannot simulate a system, or nothing.
-pub(crate) fn unsuitable(system: &System, census: &Census) -> Option<String> {
+pub(crate) fn unsuitable(system: &System, summary: &SystemSummary) -> Option<String> {
     let axes = system.dimension.count();
-    let largest = census.largest;
+    let largest = summary.largest;
     let gravity = system.domain.gravity;
-    if gravity != DVec3::ZERO && !census.movable {
+    if gravity != DVec3::ZERO && !summary.movable {
         return Some("there are gravity and bodies of infinite mass, which do not fall".to_owned());
     }
     if Thresholds::of(system).is_some() {
@@ -141,10 +135,10 @@ pub(crate) fn unsuitable(system: &System, census: &Census) -> Option<String> {
             Boundary::Periodic | Boundary::Wall => {}
         }
         let periodic = system.domain.boundary[axis] == Boundary::Periodic;
-        if axes::rounding(system.domain.size[axis], periodic, census.least) > MOST_ROUNDING {
+        if axes::rounding(system.domain.size[axis], periodic, summary.least) > MOST_ROUNDING {
             return Some(format!(
                 "an edge of {} is too long for the least radius, {}",
-                system.domain.size[axis], census.least
+                system.domain.size[axis], summary.least
             ));
         }
     }
@@ -158,33 +152,39 @@ pub(crate) fn supports(world: &World) -> bool {
 }
 
 /// Whether windows are likely to be the fastest for a state that they support and that is not dense.
-pub(crate) fn is_profitable(system: &System, census: &Census, crowd: &Crowd) -> bool {
-    let room = ROOM * census.spacing(crowd.packing);
+pub(crate) fn is_profitable(system: &System, summary: &SystemSummary, density: &LocalDensity) -> bool {
+    let room = ROOM * summary.spacing(density.packing);
     let is_roomy = |axis: usize| {
         system.domain.boundary[axis] != Boundary::Periodic
-            || 0.5 * NEAREST * system.domain.size[axis] - census.largest >= room
+            || 0.5 * NEAREST * system.domain.size[axis] - summary.largest >= room
     };
-    census.count >= MANY
+    summary.count >= particles::WINDOWS
         && system.walls.len() <= FEW_WALLS
-        && crowd.is_even(OUTLIER)
+        && density.is_even(OUTLIER)
         && (0..system.dimension.count()).all(is_roomy)
 }
 
 impl<F: Features> Windows<F> {
-    pub fn new(geometry: &Geometry, kernel: Kernel, system: &System, census: &Census, crowd: &Crowd) -> Self {
-        let count = census.count;
-        let mut agenda = WindowQueue::default();
-        if count > CACHED {
-            agenda.keep_sorted(PARTICLES + 1);
+    pub fn new(
+        geometry: &Geometry,
+        kernel: Kernel,
+        system: &System,
+        summary: &SystemSummary,
+        density: &LocalDensity,
+    ) -> Self {
+        let count = summary.count;
+        let mut queue = WindowQueue::default();
+        if count > particles::PREFETCH_WINDOWS {
+            queue.keep_sorted(PARTICLES + 1);
         }
         Self {
             kernel,
             geometry: geometry.clone(),
-            least: census.least,
+            least: summary.least,
             gravity: system.domain.gravity,
             space: Space {
                 cells: Cells::default(),
-                records: Vec::new(),
+                particles: Vec::new(),
                 lowest: Vec::new(),
                 rows: Vec::new(),
                 ids: Vec::new(),
@@ -195,19 +195,19 @@ impl<F: Features> Windows<F> {
                 features: PhantomData,
             },
             slot_of: vec![0; count],
-            agenda,
+            queue,
             found: Vec::new(),
             begin: 0,
             step: 0.0,
-            spacing: census.spacing(crowd.packing),
+            spacing: summary.spacing(density.packing),
             path: 0.0,
             width: 0.0,
             farthest: 0.0,
-            tuner: Tuner::new(crowd.packing, system.dimension.count(), count),
+            tuner: Tuner::new(density.packing, system.dimension.count(), count),
             last_search: 0,
             opened: 0,
             last_window: 0,
-            around: [Near::default(); TURNS],
+            around: [NearestCells::default(); TURNS],
             turn: 0,
             scratch: Scratch::new(),
             judged: Work::default(),
@@ -220,26 +220,26 @@ impl<F: Features> Windows<F> {
     /// the window.
     #[inline(always)]
     fn renew<const K: usize, const VECTORS: bool>(&mut self, world: &World, bodies: [u32; K]) -> bool {
-        let mut probes = [Probe::default(); K];
-        for (probe, body) in probes.iter_mut().zip(bodies) {
-            *probe = self.update(world, body);
+        let mut queries = [Query::default(); K];
+        for (query, body) in queries.iter_mut().zip(bodies) {
+            *query = self.update(world, body);
         }
-        let too_fast = probes.iter().any(|probe| self.is_too_fast(probe));
+        let too_fast = queries.iter().any(|query| self.is_too_fast(query));
         if too_fast {
             return false;
         }
-        let agenda = &mut self.agenda;
+        let queue = &mut self.queue;
         let mut entries = 0;
         let push = |entry| {
             entries += 1;
-            agenda.push(entry);
+            queue.push(entry);
         };
-        self.space.predict::<false, VECTORS>(world, &probes, &mut self.scratch, push);
+        self.space.predict::<false, VECTORS>(world, &queries, &mut self.scratch, push);
         // Register after searching: a search that reads a line just written in parts stalls on store
         // forwarding. At their present positions the particles are registered already, because their old
         // paths ended there.
-        for probe in &probes {
-            self.register(probe);
+        for query in &queries {
+            self.register(query);
         }
         self.scratch.work.entries += entries;
         true
@@ -247,23 +247,21 @@ impl<F: Features> Windows<F> {
 
     /// Registers a particle along its new path.
     #[inline(always)]
-    fn register(&mut self, probe: &Probe) {
-        let Record { radius, v, .. } = probe.record;
+    fn register(&mut self, query: &Query) {
+        let CompactParticle { radius, v, .. } = query.compact;
         let extent = self.space.extent(radius);
-        self.space.cells.register(probe.slot, probe.place, v, 1.0 - probe.from, extent);
+        self.space.cells.register(query.slot, query.start, v, 1.0 - query.from, extent);
     }
 
     /// Whether a particle is too fast for the window.
     #[inline(always)]
-    #[expect(clippy::neg_cmp_op_on_partial_ord, reason = "not a number is too fast, too")]
-    fn is_too_fast(&self, probe: &Probe) -> bool {
-        let v = probe.record.v;
-        !(v[0] * v[0] + v[1] * v[1] + v[2] * v[2] <= self.farthest * self.farthest)
+    fn is_too_fast(&self, query: &Query) -> bool {
+        !query.compact.is_within(self.farthest * self.farthest)
     }
 
     /// Copies the new flight of particle i into its slot; how it is looked from now.
     #[inline(always)]
-    fn update(&mut self, world: &World, i: u32) -> Probe {
+    fn update(&mut self, world: &World, i: u32) -> Query {
         let particle = &world.particles[i as usize];
         let slot = self.slot_of[i as usize];
         let from = ((particle.time - self.begin) as f64 * (world.clock.tick / self.step)) as f32;
@@ -280,21 +278,21 @@ impl<F: Features> Windows<F> {
             v[axis] = (velocity[axis] * self.step) as f32;
             place[axis] = self.space.cells.axes.coordinate(axis, position[axis]);
         }
-        let back = self.space.cells.axes.way(v, from);
+        let back = self.space.cells.axes.displacement(v, from);
         self.space.anchors[slot as usize] = *particle;
-        let record = &mut self.space.records[slot as usize];
+        let compact = &mut self.space.particles[slot as usize];
         for axis in 0..3 {
-            record.x[axis] = place[axis].wrapping_sub(back[axis]);
+            compact.x[axis] = place[axis].wrapping_sub(back[axis]);
         }
-        record.v = v;
-        let record = *record;
-        Probe { slot, record, place, from }
+        compact.v = v;
+        let compact = *compact;
+        Query { slot, compact, start: place, from }
     }
 
-    /// The bodies of the collision that is `ahead` events from now in the agenda, and its time [ticks].
+    /// The bodies of the collision that is `ahead` events from now in the queue, and its time [ticks].
     #[inline(always)]
     fn peek(&self, ahead: usize) -> Option<([u32; 2], i64)> {
-        let Due(entry) = self.agenda.upcoming(ahead)?;
+        let WindowEvent(entry) = self.queue.upcoming(ahead)?;
         Some(([entry.owner, entry.target.partner()?], entry.time))
     }
 
@@ -310,23 +308,23 @@ impl<F: Features> Windows<F> {
         if let Some((bodies, _)) = self.peek(SLOTS) {
             for body in bodies {
                 let slot = self.slot_of[body as usize] as usize;
-                prefetch_at(&self.space.records, slot);
+                prefetch_at(&self.space.particles, slot);
                 prefetch_at(&self.space.anchors, slot);
             }
         }
     }
 
-    /// Prefetches what the searches after the next events will read: the cells around them, later the records
+    /// Prefetches what the searches after the next events will read: the cells around them, later the compact particles
     /// of the particles in these.
     #[inline(always)]
     fn prefetch_cells(&mut self, world: &World) {
-        let Space { cells, records, .. } = &self.space;
+        let Space { cells, particles, .. } = &self.space;
         let turn = self.turn;
         self.turn = (turn + 1) % TURNS;
         if let Some(([body, _], time)) = self.peek(CELLS) {
-            let record = &records[self.slot_of[body as usize] as usize];
+            let compact = &particles[self.slot_of[body as usize] as usize];
             let part = ((time - self.begin) as f64 * (world.clock.tick / self.step)) as f32;
-            let block = cells.around(record.x, record.v, part);
+            let block = cells.around(compact.x, compact.v, part);
             cells.visit(&block, prefetch);
             self.around[turn] = block;
         }
@@ -334,14 +332,14 @@ impl<F: Features> Windows<F> {
         // does no harm.
         cells.visit(&self.around[self.turn], |cell| {
             for slot in cell.first() {
-                prefetch_at(records, slot as usize);
+                prefetch_at(particles, slot as usize);
             }
         });
     }
 
     /// Entries that opening a window counts as: it takes time, and the caller watches for signals.
     fn entries_of_opening(&self) -> u64 {
-        1 + self.space.records.len() as u64 / 16
+        1 + self.space.particles.len() as u64 / 16
     }
 
     /// Whether so many events have been in the window that it shall end early.
@@ -378,7 +376,7 @@ impl<F: Features> Scheduler for Windows<F> {
     #[inline(always)]
     fn next<const VECTORS: bool>(&mut self, state: &mut State, limit: &mut Limit) -> Next<Impact> {
         loop {
-            let Some(Due(entry)) = self.agenda.pop_until(limit.ticks.min(self.space.end)) else {
+            let Some(WindowEvent(entry)) = self.queue.pop_until(limit.ticks.min(self.space.end)) else {
                 if limit.ticks <= self.space.end {
                     return Next::Nothing;
                 }
@@ -389,10 +387,10 @@ impl<F: Features> Scheduler for Windows<F> {
                 }
                 continue;
             };
-            if self.space.records.len() > CACHED {
+            if self.space.particles.len() > particles::PREFETCH_WINDOWS {
                 self.prefetch_events(&state.world);
             }
-            if self.space.records.len() > LARGE {
+            if self.space.particles.len() > particles::PREFETCH_CELLS {
                 self.prefetch_cells(&state.world);
             }
             let world = &state.world;
@@ -407,7 +405,7 @@ impl<F: Features> Scheduler for Windows<F> {
             if is_valid && world.particles[i as usize].count == entry.own_count {
                 return Next::Event(entry.time, event);
             }
-            state.book.counters.dropped += 1;
+            state.accumulators.counters.dropped += 1;
             if self.is_crowded() {
                 self.reopen(&state.world, limit);
                 if limit.entries == 0 {
@@ -430,7 +428,7 @@ impl<F: Features> Scheduler for Windows<F> {
                 state.world.wrap_anchor(i);
                 state.world.wrap_anchor(j);
                 let world = &state.world;
-                // A body of infinite mass has not changed: its entries in the agenda are valid.
+                // A body of infinite mass has not changed: its entries in the queue are valid.
                 let movable = |body: u32| F::UNIFORM || world.class(body).inverse_mass != 0.0;
                 match (movable(i), movable(j)) {
                     (true, true) => {
@@ -478,8 +476,8 @@ impl<F: Features> Scheduler for Windows<F> {
     fn count_work(&mut self, state: &mut State) {
         let work = self.scratch.work.since(&self.counted);
         self.counted = self.scratch.work;
-        let counters = &mut state.book.counters;
-        counters.predictions += work.exact;
+        let counters = &mut state.accumulators.counters;
+        counters.predictions += work.predictions;
         counters.candidates += work.candidates;
         counters.windows += work.windows;
     }

@@ -4,27 +4,28 @@ use haff_neighbors::{Axis, prefetch_at, with_huge_pages};
 use rayon::prelude::*;
 
 use super::{
-    NEAREST, SEARCHES, SEARCHES_PER_PARTICLE, Windows,
+    SEARCHES, SEARCHES_PER_PARTICLE, Windows,
     axes::{self, MOST_WINDOWS},
     cells::Cells,
-    due::Due,
-    filter::{FARTHEST, NEAR, Record, Scratch, margin},
+    filter::{FARTHEST, NEAR, Scratch, margin},
     space::{Fall, Space, TASK},
     tune::Work,
+    window_event::WindowEvent,
 };
-use crate::{batch::Kernel, features::Features, particles::World, state::State};
+use crate::{
+    batch::Kernel,
+    compact::{CompactParticle, HEADROOM, LONGEST_SPAN, NEAREST},
+    features::Features,
+    particles::World,
+    state::State,
+    tuning::particles::KEEP_CONTACTS,
+};
 
 const LEAST_WINDOWS: u64 = 3;
 /// Searches that a trial of the tuner takes, so that its counts mean something.
 const TRIAL: u64 = 200_000;
-/// A particle may become this much faster than the fastest before the window has to be cut short.
-const HEADROOM: f64 = 1.5;
-/// Contacts found are kept beside the agenda for up to so many particles: more would be too much memory.
-const VERY_LARGE: usize = 800_000;
 /// While slots are filled, particles are asked for so many slots ahead.
 const AHEAD: usize = 16;
-/// Longest window [ticks].
-const LONGEST: f64 = (1_u64 << 59) as f64;
 
 impl<F: Features> Windows<F> {
     /// Starts a window at the present, from the anchors.
@@ -87,7 +88,7 @@ impl<F: Features> Windows<F> {
         let longest = longest_step(farthest, HEADROOM * fastest, gain);
         let step = (path * self.spacing / mean).min(longest);
         // Without motion any window will do.
-        let ticks = (step * world.clock.per_time).clamp(1.0, LONGEST) as i64;
+        let ticks = (step * world.clock.per_time).clamp(1.0, LONGEST_SPAN) as i64;
         self.begin = world.now;
         self.space.end = self.begin + ticks;
         self.step = ticks as f64 * world.clock.tick;
@@ -106,20 +107,23 @@ impl<F: Features> Windows<F> {
     /// Fills the slots, in the order of their cells, from the anchors.
     fn fill(&mut self, world: &World, margin: f32) {
         let count = world.particles.len();
-        let Space { cells, records, lowest, rows, ids, anchors, .. } = &mut self.space;
+        let Space { cells, particles, lowest, rows, ids, anchors, .. } = &mut self.space;
         let (axes, step) = (cells.axes, self.step);
-        let record = |i: u32| {
+        let compact = |i: u32| {
             let (position, velocity) = world.flight::<F>(i, world.now);
             let p = position.to_array();
-            Record {
+            CompactParticle {
                 x: [0, 1, 2].map(|axis| axes.coordinate(axis, p[axis])),
                 radius: world.class(i).radius as f32 * margin,
                 v: velocity.to_array().map(|v| (v * step) as f32),
-                filler: 0,
+                count: 0,
             }
         };
         // First the cell of every particle, then its slot.
-        self.slot_of.par_iter_mut().enumerate().for_each(|(i, cell)| *cell = cells.home(record(i as u32).x));
+        self.slot_of
+            .par_iter_mut()
+            .enumerate()
+            .for_each(|(i, cell)| *cell = cells.cell_of(compact(i as u32).x));
         let mut place = vec![0_u32; cells.len() + 1];
         for &cell in &self.slot_of {
             place[cell as usize + 1] += 1;
@@ -140,18 +144,18 @@ impl<F: Features> Windows<F> {
         rows.push(0);
         rows.extend(place[..cells.len()].chunks_exact(across).map(|row| row[across - 1]));
         lowest.resize(count, 0);
-        if records.is_empty() && count > 0 {
-            (*records, *anchors) = (with_huge_pages(count), with_huge_pages(count));
-            records.resize(count, Record::default());
+        if particles.is_empty() && count > 0 {
+            (*particles, *anchors) = (with_huge_pages(count), with_huge_pages(count));
+            particles.resize(count, CompactParticle::default());
             anchors.resize(count, world.particles[0]);
         }
         let ids = &*ids;
-        records.par_iter_mut().zip(anchors).enumerate().for_each(|(slot, (own, anchor))| {
+        particles.par_iter_mut().zip(anchors).enumerate().for_each(|(slot, (own, anchor))| {
             if let Some(&later) = ids.get(slot + AHEAD) {
                 prefetch_at(&world.particles, later as usize);
             }
             let i = ids[slot];
-            *own = record(i);
+            *own = compact(i);
             *anchor = world.particles[i as usize];
         });
     }
@@ -186,7 +190,11 @@ impl<F: Features> Windows<F> {
         }
         let faster = self.gravity * (self.step * self.step);
         Fall {
-            way: self.space.cells.axes.way((0.5 * faster).to_array().map(|way| way as f32), 1.0),
+            displacement: self
+                .space
+                .cells
+                .axes
+                .displacement((0.5 * faster).to_array().map(|way| way as f32), 1.0),
             faster: faster.to_array().map(|way| way as f32),
         }
     }
@@ -194,24 +202,24 @@ impl<F: Features> Windows<F> {
     /// Opens the window.
     pub(super) fn open(&mut self, world: &World) {
         match self.kernel {
-            Kernel::Portable => self.look_ahead::<false>(world),
+            Kernel::Portable => self.find_contacts::<false>(world),
             #[cfg(target_arch = "x86_64")]
             // SAFETY: made by `Kernel::choose` alone, after it has found the features.
-            Kernel::Avx2 => unsafe { self.look_ahead_avx2(world) },
+            Kernel::Avx2 => unsafe { self.find_contacts_avx2(world) },
         }
     }
 
     /// The batch phase: all contacts of the window, as things stand.
     #[inline(always)]
-    fn look_ahead<const VECTORS: bool>(&mut self, world: &World) {
+    fn find_contacts<const VECTORS: bool>(&mut self, world: &World) {
         let before = self.scratch.work;
         self.space.register_all(self.kernel);
         let mut found = std::mem::take(&mut self.found);
         found.clear();
         let strips = self.space.strips();
-        if self.space.shares() {
+        if self.space.is_parallel() {
             let (space, kernel) = (&self.space, self.kernel);
-            let parts: Vec<(Vec<Due>, Work)> = strips
+            let parts: Vec<(Vec<WindowEvent>, Work)> = strips
                 .into_par_iter()
                 .map_init(Scratch::new, |scratch, slots| {
                     let mut found = Vec::new();
@@ -231,21 +239,21 @@ impl<F: Features> Windows<F> {
         }
         self.scratch.work.windows += 1;
         self.last_search =
-            self.scratch.work.searches + SEARCHES + SEARCHES_PER_PARTICLE * self.space.records.len() as u64;
+            self.scratch.work.searches + SEARCHES + SEARCHES_PER_PARTICLE * self.space.particles.len() as u64;
         self.scratch.work.entries += found.len() as u64;
         self.opening.add(&self.scratch.work.since(&before));
         self.space.contacts = found.len();
-        self.agenda.open(self.begin, self.space.end, &found);
+        self.queue.open(self.begin, self.space.end, &found);
         // Of very large systems they are not kept: they are in the queue now, and their number is not used.
-        if self.space.records.len() <= VERY_LARGE {
+        if self.space.particles.len() <= KEEP_CONTACTS {
             self.found = found;
         }
     }
 
     #[cfg(target_arch = "x86_64")]
     #[target_feature(enable = "avx2,fma,bmi1,bmi2,lzcnt,popcnt")]
-    fn look_ahead_avx2(&mut self, world: &World) {
-        self.look_ahead::<true>(world);
+    fn find_contacts_avx2(&mut self, world: &World) {
+        self.find_contacts::<true>(world);
     }
 }
 

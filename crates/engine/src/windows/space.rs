@@ -5,37 +5,33 @@ use std::{marker::PhantomData, ops::Range};
 use super::{
     axes::Axes,
     cells::{Cells, Part},
-    due::{Contact, Due, Entry},
-    exact,
-    filter::{self, Probe, Record, Scratch},
+    filter::{self, Query, Scratch},
+    narrow_phase,
+    window_event::{Contact, Entry, WindowEvent},
 };
 use haff_neighbors::prefetch_at;
 use rayon::prelude::*;
 
 use crate::{
     batch::Kernel,
+    compact::CompactParticle,
     entry::Target,
     features::Features,
     particles::{Particle, World},
+    tuning::particles::{PARALLEL_RARE_WINDOWS, PARALLEL_WINDOWS, RARE},
 };
 
 /// Slots that the batch phase searches for at a time.
 const BLOCK: usize = 32;
 /// Slots per parallel task.
 pub(super) const TASK: usize = 4096;
-/// Windows are opened on all cores from this many particles on, …
-const MANY: usize = 1 << 16;
-/// … or from this many, if fewer than one in so many meets another within a window: what one core has written
-/// the other has to fetch, and where events are most of the work this costs more than it gains.
-const SOME: usize = 1 << 14;
-const RARE: usize = 8;
 /// Cells of a strip in a plane, about.
 const STRIP: usize = 512;
 
 /// The particles in a window, as searches read them.
 pub(super) struct Space<F> {
     pub cells: Cells,
-    pub records: Vec<Record>,
+    pub particles: Vec<CompactParticle>,
     /// Least cell that each slot is registered in at the start of the window.
     pub lowest: Vec<u32>,
     /// First slots of the rows of cells when the slots were sorted, and the number of slots.
@@ -60,9 +56,10 @@ impl<F: Features> Space<F> {
     }
 
     /// Whether opening a window is for all cores.
-    pub fn shares(&self) -> bool {
-        let count = self.records.len();
-        let much = count >= MANY || count >= SOME && self.contacts < count / RARE;
+    pub fn is_parallel(&self) -> bool {
+        let count = self.particles.len();
+        let much =
+            count >= PARALLEL_WINDOWS || count >= PARALLEL_RARE_WINDOWS && self.contacts < count / RARE;
         much && rayon::current_num_threads() > 1
     }
 
@@ -70,37 +67,37 @@ impl<F: Features> Space<F> {
     #[inline(always)]
     pub fn stream(&mut self, kernel: Kernel, fall: Fall) {
         let axes = self.cells.axes;
-        if self.shares() {
-            self.records.par_chunks_mut(TASK).for_each(|records| match kernel {
-                Kernel::Portable => stream::<F>(&axes, fall, records),
+        if self.is_parallel() {
+            self.particles.par_chunks_mut(TASK).for_each(|particles| match kernel {
+                Kernel::Portable => stream::<F>(&axes, fall, particles),
                 #[cfg(target_arch = "x86_64")]
                 // SAFETY: made by `Kernel::choose` alone, after it has found the features.
-                Kernel::Avx2 => unsafe { stream_avx2::<F>(&axes, fall, records) },
+                Kernel::Avx2 => unsafe { stream_avx2::<F>(&axes, fall, particles) },
             });
         } else {
-            stream::<F>(&axes, fall, &mut self.records);
+            stream::<F>(&axes, fall, &mut self.particles);
         }
     }
 
     /// Registers all particles along the paths of the window that begins, in parallel if that is worth while.
     #[inline(always)]
     pub fn register_all(&mut self, kernel: Kernel) {
-        let shares = self.shares();
-        let Self { cells, records, lowest, rows, common_radius, .. } = self;
-        let (axes, records, common_radius) = (cells.axes, &*records, *common_radius);
+        let is_parallel = self.is_parallel();
+        let Self { cells, particles, lowest, rows, common_radius, .. } = self;
+        let (axes, particles, common_radius) = (cells.axes, &*particles, *common_radius);
         let parts = cells.parts(rows, lowest);
         let mut left = Vec::new();
-        if shares {
+        if is_parallel {
             let lefts: Vec<Vec<(u32, u32)>> = parts
                 .into_par_iter()
                 .map(|part| {
                     let mut left = Vec::new();
                     match kernel {
-                        Kernel::Portable => fill::<F>(part, &axes, records, common_radius, &mut left),
+                        Kernel::Portable => fill::<F>(part, &axes, particles, common_radius, &mut left),
                         #[cfg(target_arch = "x86_64")]
                         // SAFETY: as above.
                         Kernel::Avx2 => unsafe {
-                            fill_avx2::<F>(part, &axes, records, common_radius, &mut left);
+                            fill_avx2::<F>(part, &axes, particles, common_radius, &mut left);
                         },
                     }
                     left
@@ -109,14 +106,14 @@ impl<F: Features> Space<F> {
             left = lefts.concat();
         } else {
             for part in parts {
-                fill::<F>(part, &axes, records, common_radius, &mut left);
+                fill::<F>(part, &axes, particles, common_radius, &mut left);
             }
         }
         cells.complete(&left);
     }
 
     /// Slots in strips that are searched one after the other: some rows of a plane of cells, then those above
-    /// them in the next plane. Cells and records of a strip's surroundings stay in the cache.
+    /// them in the next plane. Cells and particles of a strip's surroundings stay in the cache.
     pub fn strips(&self) -> Vec<Range<usize>> {
         let [across, deep, high] = [0, 1, 2].map(|axis| self.cells.axes.n[axis] as usize);
         let thick = (STRIP / across).clamp(1, deep);
@@ -138,7 +135,7 @@ impl<F: Features> Space<F> {
         world: &World,
         slots: Range<usize>,
         scratch: &mut Scratch,
-        found: &mut Vec<Due>,
+        found: &mut Vec<WindowEvent>,
     ) {
         match kernel {
             Kernel::Portable => self.scan::<false>(world, slots, scratch, found),
@@ -155,70 +152,72 @@ impl<F: Features> Space<F> {
         world: &World,
         slots: Range<usize>,
         scratch: &mut Scratch,
-        found: &mut Vec<Due>,
+        found: &mut Vec<WindowEvent>,
     ) {
-        let mut probes = Vec::with_capacity(BLOCK);
+        let mut queries = Vec::with_capacity(BLOCK);
         for from in slots.clone().step_by(BLOCK) {
-            probes.clear();
+            queries.clear();
             for slot in from..(from + BLOCK).min(slots.end) {
-                let record = self.records[slot];
-                probes.push(Probe { slot: slot as u32, record, place: record.x, from: 0.0 });
+                let compact = self.particles[slot];
+                queries.push(Query { slot: slot as u32, compact, start: compact.x, from: 0.0 });
             }
-            self.predict::<true, VECTORS>(world, &probes, scratch, |entry| found.push(entry));
+            self.predict::<true, VECTORS>(world, &queries, scratch, |entry| found.push(entry));
         }
     }
 
-    /// Emits all contacts of the probes up to the window's end.
+    /// Emits all contacts of the queries up to the window's end.
     #[inline(always)]
     pub fn predict<const HALF: bool, const VECTORS: bool>(
         &self,
         world: &World,
-        probes: &[Probe],
+        queries: &[Query],
         scratch: &mut Scratch,
-        mut emit: impl FnMut(Due),
+        mut emit: impl FnMut(WindowEvent),
     ) {
-        let Self { records, cells, lowest, common_radius, .. } = self;
-        filter::search::<F, HALF, VECTORS>(records, cells, lowest, *common_radius, probes, scratch);
-        scratch.work.exact += scratch.hits.len() as u64;
-        for &(_, slot) in &scratch.hits {
+        let Self { particles, cells, lowest, common_radius, .. } = self;
+        filter::search::<F, HALF, VECTORS>(particles, cells, lowest, *common_radius, queries, scratch);
+        scratch.work.predictions += scratch.pairs.len() as u64;
+        for &(_, slot) in &scratch.pairs {
             prefetch_at(&self.anchors, slot as usize);
             prefetch_at(&self.ids, slot as usize);
         }
-        for &(search, slot) in &scratch.hits {
-            let probe = &probes[search as usize];
-            let (a, b) = (&self.anchors[probe.slot as usize], &self.anchors[slot as usize]);
-            let Some(time) = exact::contact::<F>(world, a, b) else { continue };
+        for &(search, slot) in &scratch.pairs {
+            let query = &queries[search as usize];
+            let (a, b) = (&self.anchors[query.slot as usize], &self.anchors[slot as usize]);
+            let Some(time) = narrow_phase::contact::<F>(world, a, b) else { continue };
             if time <= self.end {
                 let entry = Entry {
                     time,
-                    owner: self.ids[probe.slot as usize],
+                    owner: self.ids[query.slot as usize],
                     target: Target::new(Contact::Collision(self.ids[slot as usize])),
                     own_count: a.count,
                     partner_count: b.count,
                 };
-                emit(Due(entry));
+                emit(WindowEvent(entry));
             }
         }
         if !world.walls.is_empty() {
-            for probe in probes {
-                self.predict_walls(world, probe, &mut emit);
+            for query in queries {
+                self.predict_walls(world, query, &mut emit);
             }
         }
     }
 
-    /// Emits the contacts of a probe with walls.
-    fn predict_walls(&self, world: &World, probe: &Probe, mut emit: impl FnMut(Due)) {
-        let anchor = &self.anchors[probe.slot as usize];
+    /// Emits the contacts of a query with walls.
+    fn predict_walls(&self, world: &World, query: &Query, mut emit: impl FnMut(WindowEvent)) {
+        let anchor = &self.anchors[query.slot as usize];
         let class = &world.classes[anchor.class()];
         if class.inverse_mass == 0.0 {
             return;
         }
         for wall in 0..world.walls.len() as u32 {
-            let Some(time) = exact::wall_contact::<F>(world, anchor, class.radius, wall) else { continue };
+            let Some(time) = narrow_phase::wall_contact::<F>(world, anchor, class.radius, wall) else {
+                continue;
+            };
             if time <= self.end {
-                emit(Due(Entry {
+                emit(WindowEvent(Entry {
                     time,
-                    owner: self.ids[probe.slot as usize],
+                    owner: self.ids[query.slot as usize],
                     target: Target::new(Contact::Wall(wall)),
                     own_count: anchor.count,
                     partner_count: 0,
@@ -229,7 +228,13 @@ impl<F: Features> Space<F> {
 
     #[cfg(target_arch = "x86_64")]
     #[target_feature(enable = "avx2,fma,bmi1,bmi2,lzcnt,popcnt")]
-    fn scan_avx2(&self, world: &World, slots: Range<usize>, scratch: &mut Scratch, found: &mut Vec<Due>) {
+    fn scan_avx2(
+        &self,
+        world: &World,
+        slots: Range<usize>,
+        scratch: &mut Scratch,
+        found: &mut Vec<WindowEvent>,
+    ) {
         self.scan::<true>(world, slots, scratch, found);
     }
 }
@@ -238,19 +243,19 @@ impl<F: Features> Space<F> {
 /// longer by [length].
 #[derive(Debug, Clone, Copy, Default)]
 pub(super) struct Fall {
-    pub way: [i32; 3],
+    pub displacement: [i32; 3],
     pub faster: [f32; 3],
 }
 
 #[inline(always)]
-fn stream<F: Features>(axes: &Axes, fall: Fall, records: &mut [Record]) {
-    for record in records {
-        let way = axes.way(record.v, 1.0);
+fn stream<F: Features>(axes: &Axes, fall: Fall, particles: &mut [CompactParticle]) {
+    for compact in particles {
+        let way = axes.displacement(compact.v, 1.0);
         for axis in 0..3 {
-            record.x[axis] = record.x[axis].wrapping_add(way[axis]);
+            compact.x[axis] = compact.x[axis].wrapping_add(way[axis]);
             if F::GRAVITY {
-                record.x[axis] = record.x[axis].wrapping_add(fall.way[axis]);
-                record.v[axis] += fall.faster[axis];
+                compact.x[axis] = compact.x[axis].wrapping_add(fall.displacement[axis]);
+                compact.v[axis] += fall.faster[axis];
             }
         }
     }
@@ -260,12 +265,12 @@ fn stream<F: Features>(axes: &Axes, fall: Fall, records: &mut [Record]) {
 fn fill<F: Features>(
     part: Part<'_>,
     axes: &Axes,
-    records: &[Record],
+    particles: &[CompactParticle],
     common_radius: f32,
     left: &mut Vec<(u32, u32)>,
 ) {
     let path = |slot: u32| {
-        let Record { x, v, radius, .. } = records[slot as usize];
+        let CompactParticle { x, v, radius, .. } = particles[slot as usize];
         (x, v, if F::UNIFORM { 0.0 } else { radius - common_radius })
     };
     part.fill(axes, path, left);
@@ -273,8 +278,8 @@ fn fill<F: Features>(
 
 #[cfg(target_arch = "x86_64")]
 #[target_feature(enable = "avx2,fma,bmi1,bmi2,lzcnt,popcnt")]
-fn stream_avx2<F: Features>(axes: &Axes, fall: Fall, records: &mut [Record]) {
-    stream::<F>(axes, fall, records);
+fn stream_avx2<F: Features>(axes: &Axes, fall: Fall, particles: &mut [CompactParticle]) {
+    stream::<F>(axes, fall, particles);
 }
 
 #[cfg(target_arch = "x86_64")]
@@ -282,9 +287,9 @@ fn stream_avx2<F: Features>(axes: &Axes, fall: Fall, records: &mut [Record]) {
 fn fill_avx2<F: Features>(
     part: Part<'_>,
     axes: &Axes,
-    records: &[Record],
+    particles: &[CompactParticle],
     common_radius: f32,
     left: &mut Vec<(u32, u32)>,
 ) {
-    fill::<F>(part, axes, records, common_radius, left);
+    fill::<F>(part, axes, particles, common_radius, left);
 }

@@ -9,13 +9,15 @@ choices everywhere. No choice changes a trajectory. What a count is worth depend
 ([`Distance`]).
 */
 
+use crate::tuning::{PerDimension, particles::WEIGHT_EVENTS};
+
 /// What has been done, in counts.
 #[derive(Debug, Clone, Copy, Default, PartialEq)]
 pub(super) struct Work {
     pub searches: u64,
     pub blocks: u64,
     pub candidates: u64,
-    pub exact: u64,
+    pub predictions: u64,
     pub entries: u64,
     pub windows: u64,
 }
@@ -27,7 +29,7 @@ impl Work {
             searches: self.searches - before.searches,
             blocks: self.blocks - before.blocks,
             candidates: self.candidates - before.candidates,
-            exact: self.exact - before.exact,
+            predictions: self.predictions - before.predictions,
             entries: self.entries - before.entries,
             windows: self.windows - before.windows,
         }
@@ -38,7 +40,7 @@ impl Work {
         self.searches += other.searches;
         self.blocks += other.blocks;
         self.candidates += other.candidates;
-        self.exact += other.exact;
+        self.predictions += other.predictions;
         self.entries += other.entries;
         self.windows += other.windows;
     }
@@ -48,7 +50,7 @@ impl Work {
         250.0 * self.searches as f64
             + 25.0 * blocks * self.blocks as f64
             + 14.0 * self.candidates as f64
-            + 150.0 * self.exact as f64
+            + 150.0 * self.predictions as f64
             + 100.0 * self.entries as f64
             + 2000.0 * self.windows as f64
     }
@@ -65,9 +67,6 @@ const REST: u32 = 24;
 const LONGEST_REST: u32 = 96;
 /// A change of the cost by this factor wakes it.
 const WAKE: f64 = 1.15;
-/// Up to this many particles second-level caches, or a third that is shared with few, hold most of what
-/// events need.
-const MANY: usize = 300_000;
 
 /// How far from the processor a system is. Windows are opened in the order of memory, events are taken in
 /// that of time and wait for it: the same work weighs more there. Fitted to the rates at lengths and widths
@@ -79,15 +78,15 @@ struct Distance {
     /// What their blocks of cells weigh beyond that.
     blocks: f64,
     /// What the length of windows starts from in two and in three dimensions, at a packing fraction of 1.
-    start: [f64; 2],
+    start: PerDimension,
 }
 
 impl Distance {
-    const NEAR: Self = Self { events: 2.5, blocks: 1.0, start: [0.3, 0.13] };
-    const FAR: Self = Self { events: 6.0, blocks: 2.0, start: [0.17, 0.113] };
+    const NEAR: Self = Self { events: 2.5, blocks: 1.0, start: PerDimension { disks: 0.3, spheres: 0.13 } };
+    const FAR: Self = Self { events: 6.0, blocks: 2.0, start: PerDimension { disks: 0.17, spheres: 0.113 } };
 
     fn of(particles: usize) -> Self {
-        if particles <= MANY { Self::NEAR } else { Self::FAR }
+        if particles <= WEIGHT_EVENTS { Self::NEAR } else { Self::FAR }
     }
 }
 
@@ -124,7 +123,7 @@ impl Tuner {
     /// Starts from a guess for a system of so many dimensions and particles.
     pub fn new(packing_fraction: f64, dimensions: usize, particles: usize) -> Self {
         let distance = Distance::of(particles);
-        let start = distance.start[usize::from(dimensions == 3)];
+        let start = distance.start.of(dimensions);
         let path = start * libm::pow(packing_fraction.max(1e-9), -0.43);
         Self {
             values: [path.clamp(0.02, 4.0), 1.15],
@@ -218,7 +217,7 @@ mod tests {
     /// Opening takes so much per window and events so much per squared length: the best length is known.
     #[test]
     fn windows_get_the_shorter_the_more_the_work_of_events_weighs() {
-        for particles in [MANY, MANY + 1] {
+        for particles in [WEIGHT_EVENTS, WEIGHT_EVENTS + 1] {
             let mut tuner = Tuner::new(0.1, 3, particles);
             let distance = tuner.distance;
             let (opening, events) = (1e6, 1e5);

@@ -70,33 +70,44 @@ impl Pair {
         (self.r + self.v * theta).length() / self.sigma
     }
 
-    /// A probe, and its partner's record.
-    fn records(&self, random: &mut Random, cells: &Cells, share: f64, margin: f32) -> (Probe, Record) {
+    /// A query, and its partner's compact.
+    fn particles(
+        &self,
+        random: &mut Random,
+        cells: &Cells,
+        share: f64,
+        margin: f32,
+    ) -> (Query, CompactParticle) {
         let place = DVec3::from_array([0; 3].map(|_| random.uniform(0.3, 0.7) * EDGE));
         let v = direction(random) * (random.uniform(0.0, 1.0) * self.v.length());
-        let record = |x: DVec3, v: DVec3, radius: f64| Record {
+        let compact = |x: DVec3, v: DVec3, radius: f64| CompactParticle {
             x: [0, 1, 2].map(|axis| cells.axes.coordinate(axis, x[axis])),
             radius: radius as f32 * margin,
             v: v.to_array().map(|v| v as f32),
-            filler: 0,
+            count: 0,
         };
-        let own = record(place, v, share * self.sigma);
-        let other = record(place + self.r, v + self.v, (1.0 - share) * self.sigma);
-        (Probe { slot: 0, record: own, place: own.x, from: self.from as f32 }, other)
+        let own = compact(place, v, share * self.sigma);
+        let other = compact(place + self.r, v + self.v, (1.0 - share) * self.sigma);
+        (Query { slot: 0, compact: own, start: own.x, from: self.from as f32 }, other)
     }
 }
 
 /// What the vector filters say, those that the processor has; `place` tells the lane.
-fn pass_vectors<F: Features>(other: &Record, unit: [f32; 3], probe: &Probe, place: usize) -> Vec<bool> {
+fn pass_vectors<F: Features>(
+    other: &CompactParticle,
+    unit: [f32; 3],
+    query: &Query,
+    place: usize,
+) -> Vec<bool> {
     let mut found = Vec::new();
     #[cfg(target_arch = "x86_64")]
     {
-        let records = [probe.record, *other, probe.record];
+        let particles = [query.compact, *other, query.compact];
         let kernel = Kernel::choose(SimdChoice::Auto);
         let scratch = |groups: usize| {
             let mut scratch = Scratch::new();
             let lane = place % (groups * LANES);
-            scratch.candidates.slots[..groups * LANES].fill(probe.slot);
+            scratch.candidates.slots[..groups * LANES].fill(query.slot);
             scratch.candidates.slots[lane] = 1;
             // The other group belongs to another search.
             for group in 0..groups {
@@ -106,13 +117,13 @@ fn pass_vectors<F: Features>(other: &Record, unit: [f32; 3], probe: &Probe, plac
             scratch
         };
         // Of another particle, which meets all others.
-        let probes = [*probe, Probe { slot: 2, ..*probe }];
+        let queries = [*query, Query { slot: 2, ..*query }];
         if kernel != Some(Kernel::Portable) {
             for groups in [1, 2] {
                 let mut scratch = scratch(groups);
                 // SAFETY: the features have just been found.
-                unsafe { avx2::filter::<F>(&records, unit, &probes, &mut scratch) };
-                found.push(scratch.hits.contains(&(0, 1)));
+                unsafe { avx2::filter::<F>(&particles, unit, &queries, &mut scratch) };
+                found.push(scratch.pairs.contains(&(0, 1)));
             }
         }
     }
@@ -143,10 +154,10 @@ fn judge<F: Features>(way: f64, count: usize) -> Verdict {
         let (sigma, share) =
             if F::UNIFORM { (1.0, 0.5) } else { (random.uniform(0.2, 1.0), random.uniform(0.1, 0.9)) };
         let pair = Pair::new(&mut random, way, sigma);
-        let (probe, other) = pair.records(&mut random, &cells, share, margin);
+        let (query, other) = pair.particles(&mut random, &cells, share, margin);
         let least = pair.least_distance();
-        let portable = passes::<F>(&other, unit, &probe);
-        let vectors = pass_vectors::<F>(&other, unit, &probe, k);
+        let portable = passes::<F>(&other, unit, &query);
+        let vectors = pass_vectors::<F>(&other, unit, &query, k);
         let all = vectors.iter().all(|&passes| passes);
         let any = vectors.iter().any(|&passes| passes);
         let touches = least <= 1.0;
@@ -179,11 +190,11 @@ fn no_contact_is_ever_rejected() {
 #[test]
 fn a_particle_does_not_find_itself() {
     let cells = cells();
-    let record = Record { x: [1, 2, 3], radius: 0.5, v: [1.0, 0.0, 0.0], filler: 0 };
-    let probe = Probe { slot: 1, record, place: record.x, from: 0.0 };
+    let compact = CompactParticle { x: [1, 2, 3], radius: 0.5, v: [1.0, 0.0, 0.0], count: 0 };
+    let query = Query { slot: 1, compact, start: compact.x, from: 0.0 };
     for lane in 0..2 * LANES {
-        // Lane `lane` holds slot 1, which is the probe's own.
-        let found = pass_vectors::<With<false, true>>(&record, cells.axes.unit, &probe, lane);
+        // Lane `lane` holds slot 1, which is the query's own.
+        let found = pass_vectors::<With<false, true>>(&compact, cells.axes.unit, &query, lane);
         assert!(!found.contains(&true), "{lane}: {found:?}");
     }
 }

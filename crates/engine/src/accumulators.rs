@@ -11,7 +11,7 @@ use crate::{
 
 /// Sums over events. The pressure's sums cover the time since the previous sample.
 #[derive(Debug, Clone, Default, PartialEq)]
-pub(crate) struct Book {
+pub(crate) struct Accumulators {
     /// Σ ΔT, Σ E'_c.
     pub dissipated: Sum,
     pub carnot: Sum,
@@ -34,7 +34,7 @@ pub(crate) struct Book {
     pub max_overlap: f64,
 }
 
-impl Book {
+impl Accumulators {
     /// Adds an impulse of the outer world.
     #[inline]
     pub fn add_impulse(&mut self, impulse: DVec3) {

@@ -1,10 +1,10 @@
 //! The exact prediction of one pair: the same bits as [`crate::predict`] has for it.
 
 use glam::DVec3;
-use haff_mechanics::is_rounding_noise;
+use haff_mechanics::time_to_contact_unscaled;
 
 use crate::{
-    batch::TOUCHING,
+    batch::is_spurious_recontact,
     clock::{LONGEST, whole},
     features::Features,
     particles::{Particle, World},
@@ -47,11 +47,9 @@ pub(super) fn contact<F: Features>(world: &World, a: &Particle, b: &Particle) ->
     }
     let r = (rb - ra) + world.periodicity.offset(apart);
     let v = vb - va;
-    let delay = delay(r, v, sigma * sigma)?;
+    let delay = time_to_contact_unscaled(r, v, sigma * sigma)?;
     let from = a.time.max(b.time);
-    if r.length_squared() <= sigma * sigma * (1.0 + TOUCHING)
-        && is_rounding_noise(r, v, va.length().max(vb.length()))
-    {
+    if is_spurious_recontact(r, v, sigma * sigma, || va.length().max(vb.length())) {
         return None;
     }
     let ticks = delay * world.clock.per_time;
@@ -69,25 +67,4 @@ pub(super) fn wall_contact<F: Features>(
     let acceleration = if F::GRAVITY { world.gravity } else { DVec3::ZERO };
     let ticks = world.wall_contact(anchor, radius, acceleration, wall)?;
     (ticks <= LONGEST).then(|| anchor.time + whole(ticks))
-}
-
-/// [`crate::batch`]'s kernel for one pair: time from the later anchor [time].
-#[inline(always)]
-#[expect(clippy::neg_cmp_op_on_partial_ord, reason = "what is not a number goes the way of the kernel")]
-fn delay(r: DVec3, v: DVec3, ss: f64) -> Option<f64> {
-    let b = r.dot(v);
-    if !(b < 0.0) {
-        return None;
-    }
-    let gap = r.length_squared() - ss;
-    if !(gap > 0.0) {
-        return Some(0.0);
-    }
-    let vv = v.length_squared();
-    let disc = vv * ss - r.cross(v).length_squared();
-    if !(disc >= 0.0) {
-        return None;
-    }
-    let den = disc.sqrt() - b;
-    Some(if gap * vv > -b * den { -b / vv } else { gap / den })
 }

@@ -19,7 +19,7 @@ const CLUSTERED: f64 = 1.5;
 
 /// Counts that never change.
 #[derive(Debug, Clone, Copy)]
-pub(crate) struct Census {
+pub(crate) struct SystemSummary {
     /// Particles.
     pub count: usize,
     /// Least, largest and mean radius [length].
@@ -36,7 +36,7 @@ pub(crate) struct Census {
     pub uniform: bool,
 }
 
-impl Census {
+impl SystemSummary {
     pub fn of(system: &System, world: &World) -> Self {
         let dimension = system.dimension.count() as i32;
         let ball = if system.dimension == Dimension::Two { PI } else { PI * 4.0 / 3.0 };
@@ -71,7 +71,7 @@ impl Census {
 
 /// How crowded particles stand at one time.
 #[derive(Debug, Clone, Copy)]
-pub(crate) struct Crowd {
+pub(crate) struct LocalDensity {
     /// Packing fraction around the average particle; in a uniform gas, that of the box.
     pub packing: f64,
     /// Mean of the speeds, and the largest [length/time].
@@ -79,17 +79,17 @@ pub(crate) struct Crowd {
     largest_speed: f64,
 }
 
-impl Crowd {
+impl LocalDensity {
     /// Measures the present state.
-    pub fn of(system: &System, census: &Census, world: &World) -> Self {
+    pub fn of(system: &System, summary: &SystemSummary, world: &World) -> Self {
         let states = |i: u32| world.state(i, world.now);
-        let [speeds] = total(census.count, |i| [states(i).1.length()]);
+        let [speeds] = total(summary.count, |i| [states(i).1.length()]);
         let largest_speed =
-            (0..census.count as u32).into_par_iter().map(|i| states(i).1.length()).reduce(|| 0.0, f64::max);
+            (0..summary.count as u32).into_par_iter().map(|i| states(i).1.length()).reduce(|| 0.0, f64::max);
         // Not the root mean square: one very fast particle would make that as large as the others' number
         // allows.
-        let mean_speed = speeds / census.count.max(1) as f64;
-        let packing = packing(system, census, |i| states(i).0.to_array());
+        let mean_speed = speeds / summary.count.max(1) as f64;
+        let packing = packing(system, summary, |i| states(i).0.to_array());
         Self { packing, mean_speed, largest_speed }
     }
 
@@ -101,12 +101,12 @@ impl Crowd {
 
 /// Packing fraction around the average particle, in cells a few diameters wide; not less than that of the
 /// box. `position` is that of a particle.
-fn packing(system: &System, census: &Census, position: impl Fn(u32) -> [f64; 3] + Sync) -> f64 {
-    let volume = census.occupied / census.count.max(1) as f64;
-    let diameter = 2.0 * libm::pow(volume * 3.0 / (4.0 * PI), 1.0 / 3.0).max(census.mean);
+fn packing(system: &System, summary: &SystemSummary, position: impl Fn(u32) -> [f64; 3] + Sync) -> f64 {
+    let volume = summary.occupied / summary.count.max(1) as f64;
+    let diameter = 2.0 * libm::pow(volume * 3.0 / (4.0 * PI), 1.0 / 3.0).max(summary.mean);
     let (mut width, mut closed) = ([f64::INFINITY; 3], [true; 3]);
     let mut whole = 1.0;
-    for axis in 0..census.dimension as usize {
+    for axis in 0..summary.dimension as usize {
         let size = system.domain.size[axis];
         closed[axis] = system.domain.boundary[axis] != Boundary::Open;
         width[axis] = EDGE * diameter;
@@ -116,9 +116,9 @@ fn packing(system: &System, census: &Census, position: impl Fn(u32) -> [f64; 3] 
         }
     }
     let cell = width.iter().filter(|width| width.is_finite()).product::<f64>();
-    let uniform = if closed == [true; 3] { census.occupied / whole } else { 0.0 };
+    let uniform = if closed == [true; 3] { summary.occupied / whole } else { 0.0 };
     // Of many particles those in a part of the cells, as a hash tells.
-    let parts = (census.count / SAMPLE).max(1) as u64;
+    let parts = (summary.count / SAMPLE).max(1) as u64;
     let key = |i: u32| {
         let mut key = 0_u64;
         let x = position(i);
@@ -132,7 +132,7 @@ fn packing(system: &System, census: &Census, position: impl Fn(u32) -> [f64; 3] 
         key
     };
     let mut keys: Vec<u64> =
-        (0..census.count as u32).into_par_iter().map(key).filter(|key| (key >> 7) % parts == 0).collect();
+        (0..summary.count as u32).into_par_iter().map(key).filter(|key| (key >> 7) % parts == 0).collect();
     keys.par_sort_unstable();
     let seen: u64 = keys.chunk_by(|a, b| a == b).map(|cell| (cell.len() * (cell.len() - 1)) as u64).sum();
     let local = seen as f64 / keys.len().max(1) as f64 * volume / cell;

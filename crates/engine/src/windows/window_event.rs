@@ -36,9 +36,9 @@ pub(super) type Entry = entry::Entry<Contact>;
 
 /// An entry in the order of events, ties by rank.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(super) struct Due(pub Entry);
+pub(super) struct WindowEvent(pub Entry);
 
-impl Ord for Due {
+impl Ord for WindowEvent {
     #[inline]
     fn cmp(&self, other: &Self) -> Ordering {
         self.0.time.cmp(&other.0.time).then_with(|| self.0.rank().cmp(&other.0.rank())).then_with(|| {
@@ -48,14 +48,14 @@ impl Ord for Due {
     }
 }
 
-impl PartialOrd for Due {
+impl PartialOrd for WindowEvent {
     #[inline]
     fn partial_cmp(&self, other: &Self) -> Option<Ordering> {
         Some(self.cmp(other))
     }
 }
 
-impl Event for Due {
+impl Event for WindowEvent {
     #[inline]
     fn time(&self) -> i64 {
         self.0.time

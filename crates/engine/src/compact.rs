@@ -1,0 +1,175 @@
+/*!
+Compact particles: what the filters of windows and lists read of a particle, half a cache line.
+
+Positions are integers. 2^32 of them make up the length after which positions repeat, so that the difference
+of two, taken modulo 2^32, is the one to the nearest image, whatever the box. Displacements within a span of
+time (a window, or a span of [`crate::nearby`]) are in single precision. What this rounds is covered by margins
+of the contact distance; accepted pairs are predicted from their anchors, in double precision.
+*/
+
+/// Particles of a vector.
+pub(crate) const LANES: usize = 8;
+/// Integer coordinates of a whole period.
+pub(crate) const PERIOD: f64 = (1_u64 << 32) as f64;
+/// Longest span of time \[ticks\]: its end, like its start, stays far below 2^63.
+pub(crate) const LONGEST_SPAN: f64 = (1_u64 << 59) as f64;
+/// A particle may become this much faster than the fastest before the span of time has to end early.
+pub(crate) const HEADROOM: f64 = 1.5;
+/// Part of a period below which a distance is certain to be the one to the nearest image.
+pub(crate) const NEAREST: f64 = 0.45;
+
+/// The integer coordinate nearest to `x`, modulo 2^32, by the rounding of an addition; |x| < 2^51.
+#[inline(always)]
+pub(crate) fn coordinate(x: f64) -> i32 {
+    (x + 6_755_399_441_055_744.0).to_bits() as i32 // 1.5 · 2^52
+}
+
+/// A particle as filters read it.
+#[derive(Debug, Clone, Copy, Default)]
+#[repr(C, align(32))]
+pub(crate) struct CompactParticle {
+    /// Where the present path would have been at the start of the span of time \[coordinates\].
+    pub x: [i32; 3],
+    /// Radius with its margin [length of the filter].
+    pub radius: f32,
+    /// Displacement within the span of time [length of the filter].
+    pub v: [f32; 3],
+    /// Events of the particle so far. Windows leave it 0: they read the anchor's.
+    pub count: u32,
+}
+
+impl CompactParticle {
+    /// A sentinel, for which every filter finds no contact.
+    pub const SENTINEL: Self = Self { x: [0; 3], radius: 0.0, v: [f32::NAN; 3], count: 0 };
+
+    /// Whether the displacement is at most the root of `limit2`; false for NaN.
+    #[inline(always)]
+    pub fn is_within(&self, limit2: f32) -> bool {
+        let v = self.v;
+        v[0] * v[0] + v[1] * v[1] + v[2] * v[2] <= limit2
+    }
+
+    /// Copies the particle to `target` by halves, as [`avx2::load_halves`] reads it: a load that covers
+    /// smaller parts just stored stalls on store forwarding.
+    #[inline(always)]
+    pub fn store(self, target: &mut Self) {
+        #[cfg(target_arch = "x86_64")]
+        // SAFETY: two times 16 of the 32 bytes of `target`, which is aligned to 32; SSE2 is part of x86-64.
+        unsafe {
+            use std::arch::x86_64::{_mm_setr_epi32, _mm_setr_ps, _mm_store_ps, _mm_store_si128};
+            let ([x, y, z], [u, v, w]) = (self.x, self.v);
+            let half = std::ptr::from_mut(target).cast::<f32>();
+            _mm_store_si128(half.cast(), _mm_setr_epi32(x, y, z, self.radius.to_bits() as i32));
+            _mm_store_ps(half.add(4), _mm_setr_ps(u, v, w, f32::from_bits(self.count)));
+        }
+        #[cfg(not(target_arch = "x86_64"))]
+        {
+            *target = self;
+        }
+    }
+}
+
+#[cfg(target_arch = "x86_64")]
+pub(crate) mod avx2 {
+    use std::arch::x86_64::{
+        __m256, __m256i, _mm_load_ps, _mm256_castps_si256, _mm256_castps128_ps256, _mm256_insertf128_ps,
+        _mm256_load_ps, _mm256_permute2f128_ps, _mm256_shuffle_ps, _mm256_unpackhi_ps, _mm256_unpacklo_ps,
+    };
+
+    use super::CompactParticle;
+
+    /// Eight compact particles, one lane each.
+    pub(crate) struct Eight {
+        pub x: [__m256i; 3],
+        pub radius: __m256,
+        pub v: [__m256; 3],
+    }
+
+    // Always inlined into callers that are compiled for AVX2, which functions with `target_feature` cannot be:
+    // as calls they take 10 % more instructions per collision of windows.
+
+    /// Loads the eight particles of these indices, each at once.
+    ///
+    /// # Safety
+    ///
+    /// The caller must be compiled for AVX2; `indices` are eight, of `particles`.
+    #[inline(always)]
+    pub(crate) unsafe fn load_whole(particles: &[CompactParticle], indices: &[u32]) -> Eight {
+        debug_assert!(indices[..8].iter().all(|&index| (index as usize) < particles.len()));
+        // SAFETY: as the caller guarantees; a particle is 32 bytes, aligned to 32.
+        unsafe {
+            let row =
+                |k: usize| _mm256_load_ps(particles.as_ptr().add(*indices.get_unchecked(k) as usize).cast());
+            let (r0, r1, r2, r3) = (row(0), row(1), row(2), row(3));
+            let (r4, r5, r6, r7) = (row(4), row(5), row(6), row(7));
+            transpose(
+                [
+                    _mm256_permute2f128_ps::<0x20>(r0, r4),
+                    _mm256_permute2f128_ps::<0x20>(r1, r5),
+                    _mm256_permute2f128_ps::<0x20>(r2, r6),
+                    _mm256_permute2f128_ps::<0x20>(r3, r7),
+                ],
+                [
+                    _mm256_permute2f128_ps::<0x31>(r0, r4),
+                    _mm256_permute2f128_ps::<0x31>(r1, r5),
+                    _mm256_permute2f128_ps::<0x31>(r2, r6),
+                    _mm256_permute2f128_ps::<0x31>(r3, r7),
+                ],
+            )
+        }
+    }
+
+    /// [`load_whole`], each by halves: faster for particles that have just been
+    /// [stored](CompactParticle::store).
+    ///
+    /// # Safety
+    ///
+    /// As of [`load_whole`].
+    #[inline(always)]
+    pub(crate) unsafe fn load_halves(particles: &[CompactParticle], indices: &[u32]) -> Eight {
+        debug_assert!(indices[..8].iter().all(|&index| (index as usize) < particles.len()));
+        // SAFETY: as above.
+        unsafe {
+            let half = |k: usize, half: usize| {
+                let particle = particles.as_ptr().add(*indices.get_unchecked(k) as usize);
+                _mm_load_ps(particle.cast::<f32>().add(4 * half))
+            };
+            let rows = |k: usize, part: usize| {
+                _mm256_insertf128_ps::<1>(_mm256_castps128_ps256(half(k, part)), half(k + 4, part))
+            };
+            transpose(
+                [rows(0, 0), rows(1, 0), rows(2, 0), rows(3, 0)],
+                [rows(0, 1), rows(1, 1), rows(2, 1), rows(3, 1)],
+            )
+        }
+    }
+
+    /// From halves of particles k and k + 4 side by side, positions and displacements.
+    ///
+    /// # Safety
+    ///
+    /// The caller must be compiled for AVX2.
+    #[inline(always)]
+    unsafe fn transpose(a: [__m256; 4], b: [__m256; 4]) -> Eight {
+        // SAFETY: as the caller guarantees.
+        unsafe {
+            let (t0, t1) = (_mm256_unpacklo_ps(a[0], a[1]), _mm256_unpacklo_ps(a[2], a[3]));
+            let (t2, t3) = (_mm256_unpackhi_ps(a[0], a[1]), _mm256_unpackhi_ps(a[2], a[3]));
+            let (s0, s1) = (_mm256_unpacklo_ps(b[0], b[1]), _mm256_unpacklo_ps(b[2], b[3]));
+            let (s2, s3) = (_mm256_unpackhi_ps(b[0], b[1]), _mm256_unpackhi_ps(b[2], b[3]));
+            Eight {
+                x: [
+                    _mm256_castps_si256(_mm256_shuffle_ps::<0x44>(t0, t1)),
+                    _mm256_castps_si256(_mm256_shuffle_ps::<0xee>(t0, t1)),
+                    _mm256_castps_si256(_mm256_shuffle_ps::<0x44>(t2, t3)),
+                ],
+                radius: _mm256_shuffle_ps::<0xee>(t2, t3),
+                v: [
+                    _mm256_shuffle_ps::<0x44>(s0, s1),
+                    _mm256_shuffle_ps::<0xee>(s0, s1),
+                    _mm256_shuffle_ps::<0x44>(s2, s3),
+                ],
+            }
+        }
+    }
+}
