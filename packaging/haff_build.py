@@ -89,7 +89,7 @@ def gather_data() -> None:
 
 
 def build_command() -> Path:
-    """Builds `haff` with the features of the extension, which then needs no other build; strips it, returns its path."""
+    """Builds `haff` with the features of the extension, which then needs no other build; strips it."""
     cargo = ["cargo", "rustc", "--release", "--locked", "--features", "python", "--bin", "haff"]
     cargo += ["--message-format", "json-render-diagnostics"]
     built = subprocess.run([*cargo, "--", "-C", "strip=symbols"], stdout=subprocess.PIPE, text=True, check=False)

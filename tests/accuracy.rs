@@ -30,7 +30,8 @@ fn quick_report_shows_haff_at_rounding_and_other_methods_with_larger_errors() {
             let errors = trials.iter().filter(|trial| trial["method"] == name).map(|trial| &trial["error"]);
             errors.map(|error| error.as_f64().unwrap()).fold(f64::INFINITY, f64::min)
         };
-        // Four collisions of a gas multiply rounding by some 2^15; other errors do not grow.
+        // Four collisions per particle in a gas amplify rounding by about 2^15; errors of other scenes do not
+        // grow.
         let bound = if scene["name"] == "gas" { 1e-9 } else { 1e-11 };
         assert!(error("haff") < bound, "{}: {}", scene["name"], error("haff"));
         assert!(error("fixed step") > 1e-4, "{}: {}", scene["name"], error("fixed step"));

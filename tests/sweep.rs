@@ -230,7 +230,7 @@ fn invalid_sweeps_are_refused_before_any_file_is_written() {
         (&["--set", "contact.restitution=0.8,,0.9"], 2, "a value is missing"),
         (&["--set", "contact.restitution"], 2, "must read KEY=V1,V2"),
         (&["--set", "contact.restitution=1.5,2"], 2, "must be in [0, 1]"),
-        (&["--set", "contact.restitution=0.8,0.8"], 2, "stands there twice"),
+        (&["--set", "contact.restitution=0.8,0.8"], 2, "is given twice"),
         (&["--set", "seed=1", "--set", "seed=2"], 2, "given twice"),
         (&["--set", "seed=1,2", "--seeds", "2"], 2, "either --seeds N or"),
         (

@@ -14,7 +14,7 @@ const AFTER: &str = "Examples:
   haff init cooling > gas.toml && haff check gas.toml && haff run gas.toml
   haff plot cooling.h5
 
-Exit status: 0 done; 2 the scene or the arguments are invalid; 3 the simulation cannot go on; \
+Exit status: 0 done; 2 the scene or the arguments are invalid; 3 the simulation cannot continue; \
 4 a file cannot be read or written; 130, 143 ended by SIGINT, SIGTERM (resumable).";
 
 /// Event-driven hard-sphere simulator: granular gases, hard-sphere fluids and impact mechanics, event by
@@ -77,10 +77,10 @@ pub enum Command {
 #[command(after_help = "Examples:
   haff run configs/cooling.toml
   haff run configs/cooling.toml -o dense.h5 --set domain.packing_fraction=0.2 --set contact.restitution=0.8
-  haff run configs/cooling.toml --watch               # a line for a sample while it goes on
+  haff run configs/cooling.toml --watch               # a line for each sample during the run
   haff run --resume cooling.h5
 
-Ctrl-C ends a run with a checkpoint; --resume goes on from there, to the same bits.")]
+Ctrl-C ends a run with a checkpoint; --resume continues from it, with the same bits.")]
 pub struct Run {
     /// Scene file (TOML).
     #[arg(required_unless_present = "resume", conflicts_with = "resume")]
@@ -98,7 +98,7 @@ pub struct Run {
     /// starts from are never replaced.
     #[arg(long, conflicts_with = "resume")]
     pub overwrite: bool,
-    /// Print nothing but errors.
+    /// Print only errors.
     #[arg(short, long)]
     pub quiet: bool,
     /// Show time, collisions, temperature, ledger residual and speed at samples, two a second at most.
@@ -154,7 +154,7 @@ pub struct Info {
 #[derive(Debug, Args)]
 #[command(after_help = "Example:\n  haff man ~/.local/share/man/man1 && man haff-run")]
 pub struct Man {
-    /// Folder; made if there is none.
+    /// Folder; created if it does not exist.
     pub folder: PathBuf,
 }
 
@@ -171,7 +171,7 @@ pub struct Completions {
 // One bool for each switch of the command line.
 #[allow(clippy::struct_excessive_bools)]
 #[derive(Debug, Args)]
-#[command(after_help = "Several values, separated by commas, give a cell each, in a process of its own.
+#[command(after_help = "Several values, separated by commas, give one cell each, in a separate process.
 
 Examples:
   haff bench                                          # elastic fluid, N = 32,000, a tenth full
@@ -197,7 +197,7 @@ pub struct Bench {
     #[arg(long, value_name = "C", value_parser = collisions, allow_negative_numbers = true)]
     pub collisions: Option<u64>,
     /// Collisions per particle (each involves two) before the clock starts [default: 20; of a scene file, 0].
-    /// From φ of about 0.45 on, an fcc crystal takes some hundred to melt.
+    /// From φ of about 0.45 on, an fcc crystal needs a few hundred to melt.
     #[arg(long, value_name = "M", value_parser = melt, allow_negative_numbers = true)]
     pub melt: Option<f64>,
     /// Number of timed repeats, one after the other; the median and the spread are reported.
@@ -235,7 +235,7 @@ pub struct Bench {
     #[arg(long, conflicts_with_all = ["scene", "n", "phi", "collisions", "melt", "repeats", "threads", "seed",
         "neighbors", "simd", "set", "print_scene", "list"])]
     pub accuracy: bool,
-    /// A short --accuracy: larger steps, shorter runs, fewer starts; some seconds.
+    /// A short --accuracy: larger steps, shorter runs, fewer starts; a few seconds.
     #[arg(long, requires = "accuracy")]
     pub quick: bool,
     /// Another program to run the scenes of --accuracy; docs/accuracy.md describes its input and output.
@@ -245,7 +245,7 @@ pub struct Bench {
 
 #[derive(Debug, Args)]
 #[command(
-    after_help = "Values are TOML, separated by commas outside of brackets and quotes; lin(A, B, N) and log(A, B, N) stand for N
+    after_help = "Values are TOML, separated by commas outside of brackets and quotes; lin(A, B, N) and log(A, B, N) are N
 values from A to B. Several --set give all combinations, the first key varying slowest.
 
 Examples:
@@ -254,7 +254,7 @@ Examples:
   haff sweep configs/cooling.toml --set contact.restitution=0.8,0.9 --list      # what would run
   haff sweep configs/cooling.toml --set contact.restitution=0.8,0.9 -o study --index $SLURM_ARRAY_TASK_ID
 
-The same command again runs only what is missing, and goes on with what was stopped. DIR/manifest.json tells parameters,
+The same command again runs only what is missing, and continues stopped runs. DIR/manifest.json lists parameters,
 seed, file, status and totals of every run. A run that fails does not stop the others; the exit status is the worst."
 )]
 pub struct Sweep {
@@ -280,10 +280,10 @@ pub struct Sweep {
     /// Threads of each run; by default the remaining cores, and all for a single member.
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=1024))]
     pub threads: Option<u16>,
-    /// Run nothing; list the members and their progress.
+    /// List the members and their progress without running them.
     #[arg(long)]
     pub list: bool,
-    /// Print nothing but errors.
+    /// Print only errors.
     #[arg(short, long)]
     pub quiet: bool,
     /// Print the result as one JSON object on standard output.
@@ -321,7 +321,11 @@ fn whole(text: &str) -> Result<u64, String> {
 
 fn particles(text: &str) -> Result<u64, String> {
     let count = whole(text)?;
-    if count >= 2 { Ok(count) } else { Err("must be at least 2, or nothing collides".to_owned()) }
+    if count >= 2 {
+        Ok(count)
+    } else {
+        Err("must be at least 2, otherwise there are no collisions".to_owned())
+    }
 }
 
 fn collisions(text: &str) -> Result<u64, String> {

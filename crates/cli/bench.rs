@@ -146,8 +146,8 @@ fn measure_here(options: &Bench, cell: Cell, signals: &Signals) -> Result<u8, Fa
         Outcome::Measured(measured) => measured,
         Outcome::Interrupted(signal) => return Ok(128 + signal as u8),
     };
-    let asked = scenes::find(&options.scene).map(|standard| cell.phi.unwrap_or(standard.phi));
-    let report = report::report(&measured, &options.scene, asked);
+    let phi = scenes::find(&options.scene).map(|standard| cell.phi.unwrap_or(standard.phi));
+    let report = report::report(&measured, &options.scene, phi);
     if options.json {
         output::line(report)?;
     } else {
@@ -171,7 +171,7 @@ fn name(options: &Bench, cell: Cell) -> String {
     parts.join(", ")
 }
 
-/// Measures each cell in a process of its own.
+/// Measures each cell in a separate process.
 fn measure_in_children(options: &Bench, cells: &[Cell], signals: &Signals) -> Result<u8, Failure> {
     let mut reports = Vec::new();
     let mut status = 0;
@@ -203,7 +203,7 @@ fn child(options: &Bench, cell: Cell, signals: &Signals) -> Result<(u8, Option<V
     let failed = |why: &dyn std::fmt::Display| {
         Failure::new(
             Status::File,
-            format!("cannot measure {} in a process of its own: {why}", name(options, cell)),
+            format!("cannot measure {} in a separate process: {why}", name(options, cell)),
         )
     };
     let program = std::env::current_exe().map_err(|error| failed(&error))?;
@@ -270,7 +270,12 @@ mod tests {
                     .unwrap_or_else(|errors| panic!("{}: {errors}\n{text}", standard.name));
                 assert_eq!(scene.system.bodies.len() as u64, n, "{}", standard.name);
                 let off = scene.packing_fraction / phi - 1.0;
-                assert!(off.abs() < 1e-12, "{}: φ = {}, asked {phi}", standard.name, scene.packing_fraction);
+                assert!(
+                    off.abs() < 1e-12,
+                    "{}: φ = {}, requested {phi}",
+                    standard.name,
+                    scene.packing_fraction
+                );
                 assert_eq!((scene.seed, scene.run.collisions), (3, Some(77)));
                 assert_eq!(scene.output.file, None, "a benchmark writes nothing");
             }

@@ -14,7 +14,7 @@ use crate::{
     states::States,
 };
 
-/// Records that a schedule gives up to a time, the first and the last included.
+/// Number of records of a schedule up to a time, including the first and the last.
 fn records(schedule: Schedule, until: f64) -> u64 {
     if schedule == Schedule::Off || !until.is_finite() {
         return 2;

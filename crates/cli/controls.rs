@@ -1,4 +1,4 @@
-//! What controls and shows a run while it goes on.
+//! Controls and displays of a run in progress.
 
 use crate::{progress::Progress, signals::Signals};
 

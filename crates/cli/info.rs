@@ -43,7 +43,7 @@ pub fn info(options: &Info) -> Result<u8, Failure> {
     let info = haff_record::info(&options.file).map_err(|error| file_failure(&error))?;
     let progress = match (info.finished, info.resumable) {
         (true, _) => "complete",
-        (false, true) => "not complete: haff run --resume goes on",
+        (false, true) => "not complete: continue with haff run --resume",
         (false, false) => "not complete, and without a valid checkpoint",
     };
     let summary: Value =
@@ -103,7 +103,7 @@ pub fn info(options: &Info) -> Result<u8, Failure> {
     if let Some((first, last)) = info.time_range {
         line("time", format!("{first} … {last}"));
     }
-    let count = |number: Option<u64>| number.map_or("none asked for".to_owned(), |number| number.to_string());
+    let count = |number: Option<u64>| number.map_or("none requested".to_owned(), |number| number.to_string());
     line("frames", count(info.frames));
     line("samples", count(info.samples));
     let rows = count(info.event_rows);

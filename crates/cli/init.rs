@@ -17,10 +17,10 @@ pub fn init(options: &Init) -> Result<u8, Failure> {
     if options.list {
         return line(list()).map(|()| 0);
     }
-    let wanted = options.template.as_deref().unwrap_or_else(|| templates[0].0);
-    let Some((_, _, text)) = templates.iter().find(|template| template.0 == wanted) else {
+    let requested = options.template.as_deref().unwrap_or_else(|| templates[0].0);
+    let Some((_, _, text)) = templates.iter().find(|template| template.0 == requested) else {
         let names: Vec<&str> = templates.iter().map(|template| template.0).collect();
-        let message = format!("no template {wanted:?}: must be one of {}", names.join(", "));
+        let message = format!("no template {requested:?}: must be one of {}", names.join(", "));
         return Err(Failure::new(Status::Invalid, message));
     };
     print(text).map(|()| 0)

@@ -16,15 +16,15 @@ use crate::failure::Status;
 /// The system's allocator, with a message when an allocation fails.
 pub struct ReportingAllocator;
 
-// SAFETY: every call goes to the system's allocator with its arguments unchanged, and the result is returned
-// unchanged. A null result ends the process.
+// SAFETY: every call is passed to the system's allocator with its arguments unchanged, and the result is
+// returned unchanged. A null result ends the process.
 //
 // Not inlined: with inlined calls the compiler's layout of the event loops changes, by up to 0.2 % of
 // instructions.
 unsafe impl GlobalAlloc for ReportingAllocator {
     #[inline(never)]
     unsafe fn alloc(&self, layout: Layout) -> *mut u8 {
-        // SAFETY: the requirements of `System` are those of this trait, which the caller meets.
+        // SAFETY: the requirements of `System` are those of this trait, which the caller satisfies.
         not_null(unsafe { System.alloc(layout) }, layout.size())
     }
 
@@ -35,21 +35,21 @@ unsafe impl GlobalAlloc for ReportingAllocator {
     }
 
     #[inline(never)]
-    unsafe fn realloc(&self, place: *mut u8, layout: Layout, size: usize) -> *mut u8 {
+    unsafe fn realloc(&self, pointer: *mut u8, layout: Layout, size: usize) -> *mut u8 {
         // SAFETY: as above.
-        not_null(unsafe { System.realloc(place, layout, size) }, size)
+        not_null(unsafe { System.realloc(pointer, layout, size) }, size)
     }
 
     #[inline(never)]
-    unsafe fn dealloc(&self, place: *mut u8, layout: Layout) {
+    unsafe fn dealloc(&self, pointer: *mut u8, layout: Layout) {
         // SAFETY: as above.
-        unsafe { System.dealloc(place, layout) }
+        unsafe { System.dealloc(pointer, layout) }
     }
 }
 
 #[inline]
-fn not_null(place: *mut u8, size: usize) -> *mut u8 {
-    if place.is_null() { report_and_exit(size) } else { place }
+fn not_null(pointer: *mut u8, size: usize) -> *mut u8 {
+    if pointer.is_null() { report_and_exit(size) } else { pointer }
 }
 
 /// Writes a message and exits. Neither allocates nor locks.

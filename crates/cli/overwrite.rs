@@ -15,8 +15,8 @@ use crate::{
 /// First bytes of an HDF5 file.
 const SIGNATURE: [u8; 8] = *b"\x89HDF\r\n\x1a\n";
 
-/// Refuses an output that is the scene file or the state file itself, by whatever name or link; and, if a
-/// file there may be overwritten, one that is something else than HDF5.
+/// Refuses an output that is the scene file or the state file itself, by any name or link; and, if an
+/// existing file may be overwritten, a file that is not HDF5.
 pub fn check(file: &Path, scene: &Path, state: Option<&Path>, overwrite: bool) -> Result<(), Failure> {
     let inputs = [("the scene", Some(scene)), ("the state that the scene starts from", state)];
     for (what, input) in inputs {

@@ -53,7 +53,7 @@ impl Progress {
         Self { bar, name, started: Instant::now(), collisions_before: 0 }
     }
 
-    /// The run begins, with so many collisions in its past.
+    /// The run begins, after this many collisions before a resumption.
     pub fn begin(&mut self, collisions: u64) {
         self.started = Instant::now();
         self.collisions_before = collisions;

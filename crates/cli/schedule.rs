@@ -31,7 +31,7 @@ impl Times {
         times
     }
 
-    /// The next time, ∞ if there is none.
+    /// The next time, or ∞.
     pub fn next(&self) -> f64 {
         match self.schedule {
             Schedule::Off => f64::INFINITY,

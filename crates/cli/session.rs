@@ -11,10 +11,11 @@ use haff_scene::{OutputPlan, RunPlan};
 
 use crate::{controls::Controls, progress::Progress, schedule::Times, watch::Watch};
 
-/// Most calendar entries between two checks of signals, of the wall clock and of the progress bar: some tens
-/// of milliseconds in most scenes, …
+/// Largest number of calendar entries between two checks of signals, of the wall clock and of the progress
+/// bar: a few tens of milliseconds in most scenes.
 const SLICE: u64 = 1 << 15;
-/// … and fewer where they take longer than this, so that signals are handled without delay in every scene.
+/// Slices that take longer than this are made shorter, so that signals are handled without delay in every
+/// scene.
 const SLICE_TIME: Duration = Duration::from_millis(100);
 /// Longest wall time between checkpoints, whatever the scene's interval; for large systems this time per
 /// particle, such that checkpoints write 1.3 MB/s.
@@ -89,7 +90,7 @@ impl From<RecordError> for Ending {
 /// Collects event rows into batches for the writer.
 struct EventLog<'a> {
     recorder: Option<&'a Recorder>,
-    wanted: bool,
+    enabled: bool,
     rows: Vec<EventRecord>,
     error: Option<RecordError>,
 }
@@ -97,7 +98,7 @@ struct EventLog<'a> {
 impl EventLog<'_> {
     fn hand_over(&mut self) -> Result<(), RecordError> {
         if let (Some(recorder), false) = (self.recorder, self.rows.is_empty()) {
-            // A buffer whose pages are at hand; filled to its end, it never grows.
+            // A buffer whose memory is already mapped; it is sent when full, so it never grows.
             let mut empty = recorder.event_buffer();
             empty.reserve(EVENT_BATCH);
             recorder.events(std::mem::replace(&mut self.rows, empty))?;
@@ -113,7 +114,7 @@ impl EventLog<'_> {
 
 impl Observer for EventLog<'_> {
     fn wants_events(&self) -> bool {
-        self.wanted
+        self.enabled
     }
 
     fn event(&mut self, event: &EventRecord) {
@@ -170,7 +171,7 @@ impl Session<'_> {
         Outcome { simulation: self.simulation, ending, wall: started.elapsed() }
     }
 
-    /// Runs events, and records what falls due on the way. `Err` if a record ends the run.
+    /// Runs events, and writes the records when they are due. `Err` if a record ends the run.
     fn events_and_records(&mut self, resumed: bool, started: Instant) -> Result<Ending, Ending> {
         let from = if resumed { self.simulation.time() } else { 0.0 };
         let recording = self.recorder.is_some();
@@ -198,7 +199,7 @@ impl Session<'_> {
         let mut saved = Instant::now();
         let mut log = EventLog {
             recorder: self.recorder,
-            wanted: recording && !self.output.events.is_empty(),
+            enabled: recording && !self.output.events.is_empty(),
             rows: Vec::new(),
             error: None,
         };
@@ -271,8 +272,8 @@ impl Session<'_> {
         Ok(())
     }
 
-    /// Records a frame and a row of observables, and measures the overlap of all close pairs. `show` sees the
-    /// row.
+    /// Records a frame and a row of observables, and measures the overlap of all close pairs. `show` is
+    /// called with the row.
     fn record(&mut self, frame: bool, sample: bool, show: &mut dyn FnMut(&Sample)) -> Result<(), Ending> {
         if sample && (self.recorder.is_some() || self.controls.watch) {
             let row = self.simulation.sample();

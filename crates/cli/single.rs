@@ -242,8 +242,8 @@ fn print_summary(outcome: &Outcome, context: &Context) {
         Ending::Collisions => "reached the number of collisions".to_owned(),
         Ending::WallTime => "run.wall_time is used up".to_owned(),
         Ending::Signal(_) => "ended by a signal".to_owned(),
-        Ending::Rest => "at rest: nothing will happen any more".to_owned(),
-        Ending::Failed(_) => "the simulation cannot go on".to_owned(),
+        Ending::Rest => "at rest: there are no further events".to_owned(),
+        Ending::Failed(_) => "the simulation cannot continue".to_owned(),
         Ending::Unwritable(_) => "the output cannot be written".to_owned(),
     };
     if !context.title.is_empty() {
@@ -266,7 +266,7 @@ fn print_summary(outcome: &Outcome, context: &Context) {
     let rest = ledger.term(Term::Rest);
     if rest != 0.0 {
         output::message(format_args!(
-            "{} times at rest, {} times woken; rest has taken the energy {:.3e}",
+            "{} times at rest, {} times woken; rest has removed the energy {:.3e}",
             counters.rests, counters.wakes, rest
         ));
     }
@@ -274,7 +274,7 @@ fn print_summary(outcome: &Outcome, context: &Context) {
         let file = output::path(file);
         output::message(format_args!("wrote {file}"));
         if !outcome.ending.is_final() {
-            output::message(format_args!("go on with: haff run --resume {file}"));
+            output::message(format_args!("continue with: haff run --resume {file}"));
         }
     }
 }

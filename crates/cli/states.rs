@@ -21,9 +21,8 @@ impl StateSource for States {
     }
 }
 
-/// States for a run that is resumed: particles come from the checkpoint, so any frame of the file itself
-/// serves as the initial state of the scene, and the state file that the run started from need not exist any
-/// more.
+/// States for a run that is resumed: particles come from the checkpoint, so any frame of the file itself is a
+/// valid initial state of the scene, and the state file that the run started from need not exist any more.
 pub struct OwnStates(pub PathBuf);
 
 impl StateSource for OwnStates {

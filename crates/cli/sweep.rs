@@ -247,13 +247,13 @@ impl Book {
 /// Number of runs at a time and threads of each, such that their product does not exceed the cores.
 fn share(options: &Sweep, todo: usize) -> (usize, usize) {
     let cores = cores();
-    let wanted = options.jobs.map(|jobs| usize::from(jobs).min(cores));
-    let threads = match (options.threads, wanted) {
+    let requested = options.jobs.map(|jobs| usize::from(jobs).min(cores));
+    let threads = match (options.threads, requested) {
         (Some(threads), _) => usize::from(threads).min(cores),
         (None, Some(jobs)) => cores / jobs.min(todo.max(1)),
         (None, None) => cores / cores.min(todo.max(1)),
     };
-    let jobs = wanted.unwrap_or(cores).min(cores / threads).min(todo).max(1);
+    let jobs = requested.unwrap_or(cores).min(cores / threads).min(todo).max(1);
     if !options.quiet
         && usize::from(options.jobs.unwrap_or(1)) * usize::from(options.threads.unwrap_or(1)) > cores
     {

@@ -1,4 +1,4 @@
-"""Reads files in a process of its own: ``foreign_worker.py FOLDER SOUND_FILES``, then one a line of standard input.
+"""Reads files in a separate process: ``foreign_worker.py FOLDER SOUND_FILES``, then one a line of standard input.
 
 Each answer is a line of JSON: outcomes that are neither success nor a :class:`haff.HaffError`. Memory is limited to
 1 GiB more than valid files need.
@@ -43,7 +43,7 @@ class Reader:
     def __init__(self, path: Path, folder: Path, rng: random.Random, all_of_it: bool = False) -> None:
         self.path, self.folder, self.rng, self.all_of_it = path, folder, rng, all_of_it
         self.faults: list[str] = []
-        self.told: dict[str, str] = {}
+        self.errors: dict[str, str] = {}
 
     def fault(self, what: str) -> None:
         self.faults.append(what)
@@ -53,7 +53,7 @@ class Reader:
         try:
             return action()
         except haff.HaffError as error:
-            self.told[name] = f"{type(error).__name__}: {error}"
+            self.errors[name] = f"{type(error).__name__}: {error}"
             self.judge(name, error)
         except Exception as error:
             at = traceback.extract_tb(error.__traceback__)[-1]
@@ -146,13 +146,13 @@ class Reader:
         out, err = io.StringIO(), io.StringIO()
         with contextlib.redirect_stdout(out), contextlib.redirect_stderr(err):
             status = main(words)
-        told = out.getvalue() + err.getvalue()
-        sound = all(line.isprintable() for line in told.split("\n")) and "Traceback" not in told
+        output = out.getvalue() + err.getvalue()
+        sound = all(line.isprintable() for line in output.split("\n")) and "Traceback" not in output
         # An injected line would begin with "error:".
         starts = all(line.startswith(("haff: ", "skipped ")) for line in err.getvalue().splitlines())
         if status not in (0, 2, 4) or not sound or not starts or (status == 0) != bool(out.getvalue()):
-            self.fault(f"{' '.join(words)}: exit {status}: {ascii(told)[:500]}")
-        if any(name == "open" for name in self.told) and status != 4:
+            self.fault(f"{' '.join(words)}: exit {status}: {ascii(output)[:500]}")
+        if any(name == "open" for name in self.errors) and status != 4:
             self.fault(f"{' '.join(words)}: exit {status} of a file that cannot be opened")
 
 
@@ -160,7 +160,7 @@ def answer(path: Path, folder: Path, seed: int, all_of_it: bool = False) -> dict
     reader = Reader(path, folder, random.Random(seed), all_of_it)
     start = time.monotonic()
     reader.read()
-    return {"faults": reader.faults, "told": reader.told, "seconds": time.monotonic() - start}
+    return {"faults": reader.faults, "errors": reader.errors, "seconds": time.monotonic() - start}
 
 
 def loop(warm_up: list[Path], folder: Path) -> None:

@@ -22,7 +22,7 @@ VALUES = (
     '["a", "b"]', "[1, 2]",
 )  # fmt: skip
 MOST = 1 << 20
-"""Numbers of a dataset that a change reads, and bytes of a chunk that it writes: changes take no memory to speak of."""
+"""Most numbers that a change reads and bytes that it writes to a chunk: changes must need little memory."""
 MARKS = re.compile(rb"TREE|HEAP|SNOD|GCOL|OHDR|OCHK|FRHP|BTHD|\x89HDF")
 
 
@@ -49,30 +49,30 @@ def mutate(source: Path, target: Path, seed: int) -> str:
 
 def _bytes(source: Path, target: Path, rng: random.Random) -> str:
     data = bytearray(source.read_bytes())
-    way = rng.randrange(6)
-    if way == 0:
+    mode = rng.randrange(6)
+    if mode == 0:
         cut = rng.choice((0, 1, 8, 100, rng.randrange(len(data)), len(data) - 1))
         target.write_bytes(data[:cut])
         return f"cut at {cut}"
-    places = [match.start() for match in MARKS.finditer(bytes(data))]
+    marks = [match.start() for match in MARKS.finditer(bytes(data))]
     count = rng.choice((1, 1, 2, 8, 64))
-    start = rng.randrange(len(data)) if way == 1 else rng.choice(places)
+    start = rng.randrange(len(data)) if mode == 1 else rng.choice(marks)
     for _ in range(count):
         # Mostly in structures of HDF5, although plain data are most of the file.
-        at = start + rng.randrange(4096 if way == 1 else 256)
+        at = start + rng.randrange(4096 if mode == 1 else 256)
         if at < len(data):
             data[at] = rng.choice((rng.randrange(256), 0, 255, data[at] ^ 1 << rng.randrange(8)))
-    if way == 2:
+    if mode == 2:
         size = rng.choice((8, 512, 4096))
         data[start : start + size] = rng.choice((bytes(size), b"\xff" * size, rng.randbytes(size)))
     target.write_bytes(data)
-    return f"{count} bytes from {start}" + (", a block" if way == 2 else "")
+    return f"{count} bytes from {start}" + (", a block" if mode == 2 else "")
 
 
 # --- through HDF5 --------------------------------------------------------------------------------------
 
 
-def _place(file: h5py.File, rng: random.Random, kind: type = h5py.Dataset) -> str:
+def _path(file: h5py.File, rng: random.Random, kind: type = h5py.Dataset) -> str:
     """A path, mostly of a dataset that is read."""
     found: list[str] = []
     file.visititems(lambda name, node: found.append(name) if isinstance(node, kind) else None)
@@ -80,27 +80,27 @@ def _place(file: h5py.File, rng: random.Random, kind: type = h5py.Dataset) -> st
     return rng.choice(read if read and rng.random() < 0.95 else found)
 
 
-def _data(file: h5py.File, place: str) -> Any:
+def _data(file: h5py.File, path: str) -> Any:
     """All of a dataset, unless an earlier change has declared it to be large."""
-    if (file[place].size or 0) > MOST:
-        raise ValueError(f"{place} is large")
-    return file[place][()]
+    if (file[path].size or 0) > MOST:
+        raise ValueError(f"{path} is large")
+    return file[path][()]
 
 
 def _delete(file: h5py.File, rng: random.Random) -> str:
-    place = _place(file, rng, rng.choice((h5py.Dataset, h5py.Dataset, h5py.Group)))
-    del file[place]
-    return place
+    path = _path(file, rng, rng.choice((h5py.Dataset, h5py.Dataset, h5py.Group)))
+    del file[path]
+    return path
 
 
-def _replace(file: h5py.File, place: str, **options) -> None:
-    del file[place]
-    file.create_dataset(place, **options)
+def _replace(file: h5py.File, path: str, **options) -> None:
+    del file[path]
+    file.create_dataset(path, **options)
 
 
 def _retype(file: h5py.File, rng: random.Random) -> str:
-    place = _place(file, rng)
-    data = _data(file, place)
+    path = _path(file, rng)
+    data = _data(file, path)
     kinds: list = [
         "f2",
         "f4",
@@ -121,63 +121,63 @@ def _retype(file: h5py.File, rng: random.Random) -> str:
     kind = rng.choice(kinds)
     shape = np.shape(data)
     if kind == "compound":
-        _replace(file, place, shape=shape, dtype=[("a", "f8"), ("b", "i4")])
+        _replace(file, path, shape=shape, dtype=[("a", "f8"), ("b", "i4")])
     elif kind == "text":
-        _replace(file, place, data=np.full(shape, rng.choice(NASTY), object), dtype=h5py.string_dtype())
+        _replace(file, path, data=np.full(shape, rng.choice(NASTY), object), dtype=h5py.string_dtype())
     elif kind == "enum":
-        _replace(file, place, shape=shape, dtype=h5py.enum_dtype({"=a": -1, "collision": 0, "b\n": 200}, "i2"))
+        _replace(file, path, shape=shape, dtype=h5py.enum_dtype({"=a": -1, "collision": 0, "b\n": 200}, "i2"))
     elif kind == "reference":
-        _replace(file, place, shape=shape, dtype=h5py.ref_dtype)
+        _replace(file, path, shape=shape, dtype=h5py.ref_dtype)
     elif kind in ("S5", "V3"):
-        _replace(file, place, shape=shape, dtype=kind)
+        _replace(file, path, shape=shape, dtype=kind)
     else:
         with np.errstate(all="ignore"):
-            _replace(file, place, data=np.asarray(data).astype(kind))
-    return f"{place} to {kind}"
+            _replace(file, path, data=np.asarray(data).astype(kind))
+    return f"{path} to {kind}"
 
 
 def _reshape(file: h5py.File, rng: random.Random) -> str:
-    place = _place(file, rng)
-    data = np.asarray(_data(file, place))
+    path = _path(file, rng)
+    data = np.asarray(_data(file, path))
     shapes = [
         data[None], data[..., None], data.ravel(), data[:1], data[:-1], data[..., :2], data[()], data.T, data[:0],
         np.concatenate([data, data]), data.reshape(-1)[0], np.broadcast_to(data.reshape(-1)[:1], (1,) * 32),
     ]  # fmt: skip
     chosen = np.array(rng.choice(shapes))
-    _replace(file, place, data=chosen, dtype=file[place].dtype)
-    return f"{place} to {chosen.shape}"
+    _replace(file, path, data=chosen, dtype=file[path].dtype)
+    return f"{path} to {chosen.shape}"
 
 
 def _empty(file: h5py.File, rng: random.Random) -> str:
-    place = _place(file, rng)
-    _replace(file, place, data=h5py.Empty("f8"))
-    return place
+    path = _path(file, rng)
+    _replace(file, path, data=h5py.Empty("f8"))
+    return path
 
 
 def _declare(file: h5py.File, rng: random.Random) -> str:
     """Declares a shape without stored data."""
-    place = _place(file, rng)
-    data = file[place]
+    path = _path(file, rng)
+    data = file[path]
     rows, width, dtype = 1 << rng.randrange(16, 45), data.shape[1:], data.dtype
-    way = rng.choice(("resize", "contiguous", "chunked", "filtered", "wide"))
-    if way == "resize" and data.maxshape and data.maxshape[0] is None:
+    mode = rng.choice(("resize", "contiguous", "chunked", "filtered", "wide"))
+    if mode == "resize" and data.maxshape and data.maxshape[0] is None:
         data.resize(rows, axis=0)
-    elif way == "filtered":
+    elif mode == "filtered":
         most = max(1, MOST // max(1, dtype.itemsize * int(np.prod(width))))
         chunk = (rng.randrange(1, most + 1), *width)
-        _replace(file, place, shape=(rows, *width), dtype=dtype, chunks=chunk, compression="gzip", shuffle=True)
-        file[place][:1] = np.zeros((1, *width), dtype)
-    elif way == "wide":
-        _replace(file, place, shape=(2, rows), dtype=dtype, chunks=(1, 4096))
+        _replace(file, path, shape=(rows, *width), dtype=dtype, chunks=chunk, compression="gzip", shuffle=True)
+        file[path][:1] = np.zeros((1, *width), dtype)
+    elif mode == "wide":
+        _replace(file, path, shape=(2, rows), dtype=dtype, chunks=(1, 4096))
     else:
-        _replace(file, place, shape=(rows, *width), dtype=dtype, chunks=(1024, *width) if way == "chunked" else None)
-    return f"{place} {way} {rows}"
+        _replace(file, path, shape=(rows, *width), dtype=dtype, chunks=(1024, *width) if mode == "chunked" else None)
+    return f"{path} {mode} {rows}"
 
 
 def _value(file: h5py.File, rng: random.Random) -> str:
-    place = _place(file, rng)
-    data = file[place]
-    values = np.asarray(_data(file, place))
+    path = _path(file, rng)
+    data = file[path]
+    values = np.asarray(_data(file, path))
     flat = values.reshape(-1)
     count = rng.choice((1, 1, 3, flat.size))
     at = [rng.randrange(flat.size) for _ in range(min(count, 200))] if count < flat.size else slice(None)
@@ -193,97 +193,97 @@ def _value(file: h5py.File, rng: random.Random) -> str:
     else:
         flat[at] = value
         data[...] = flat.reshape(values.shape)
-    return f"{place} {ascii(value)[:20]} {at if isinstance(at, slice) else at[:3]}"
+    return f"{path} {ascii(value)[:20]} {at if isinstance(at, slice) else at[:3]}"
 
 
 def _order(file: h5py.File, rng: random.Random) -> str:
-    place = _place(file, rng)
-    values = np.asarray(_data(file, place))
-    way = rng.choice(("reverse", "shuffle", "noise", "scale"))
-    if way == "reverse":
+    path = _path(file, rng)
+    values = np.asarray(_data(file, path))
+    mode = rng.choice(("reverse", "shuffle", "noise", "scale"))
+    if mode == "reverse":
         values = values[::-1]
-    elif way == "shuffle":
+    elif mode == "shuffle":
         values = np.random.default_rng(rng.randrange(1 << 30)).permutation(values)
-    elif way == "noise":
+    elif mode == "noise":
         values = np.frombuffer(rng.randbytes(values.nbytes), values.dtype).reshape(values.shape)
     else:
         with np.errstate(all="ignore"):
             values = (values * rng.choice((-1, 1e9, 1e-9, 1e60, 0))).astype(values.dtype)
-    file[place][...] = values
-    return f"{place} {way}"
+    file[path][...] = values
+    return f"{path} {mode}"
 
 
 def _swap(file: h5py.File, rng: random.Random) -> str:
     if rng.random() < 0.5:
-        place = _place(file, rng)
-        del file[place]
-        file.create_group(place)["value"] = 1.0
+        path = _path(file, rng)
+        del file[path]
+        file.create_group(path)["value"] = 1.0
     else:
-        place = _place(file, rng, h5py.Group)
-        del file[place]
-        file[place] = 1.0
-    return place
+        path = _path(file, rng, h5py.Group)
+        del file[path]
+        file[path] = 1.0
+    return path
 
 
 def _link(file: h5py.File, rng: random.Random) -> str:
-    place, other = _place(file, rng, rng.choice((h5py.Dataset, h5py.Group))), _place(file, rng, h5py.Dataset)
-    way = rng.choice(("nowhere", "soft", "itself", "outside", "missing", "hard", "loop", "device"))
-    if way == "hard":
+    path, other = _path(file, rng, rng.choice((h5py.Dataset, h5py.Group))), _path(file, rng, h5py.Dataset)
+    mode = rng.choice(("nowhere", "soft", "itself", "outside", "missing", "hard", "loop", "device"))
+    if mode == "hard":
         target = file[other]
-    elif way == "loop":
+    elif mode == "loop":
         target = file["/"]
     else:
         target = {
             "nowhere": h5py.SoftLink("/no/such/place"),
             "soft": h5py.SoftLink("/" + other),
-            "itself": h5py.SoftLink("/" + place),
+            "itself": h5py.SoftLink("/" + path),
             "outside": h5py.ExternalLink(file.filename, other),
             "missing": h5py.ExternalLink("missing.h5", "x"),
             "device": h5py.ExternalLink("/dev/zero", "x"),
-        }[way]
-    del file[place]
-    file[place] = target
-    return f"{place} {way} {other}"
+        }[mode]
+    del file[path]
+    file[path] = target
+    return f"{path} {mode} {other}"
 
 
 def _elsewhere(file: h5py.File, rng: random.Random) -> str:
     """Data of other files: a virtual dataset, or one whose bytes are those of any file."""
-    place = _place(file, rng)
-    shape, dtype = file[place].shape, file[place].dtype
+    path = _path(file, rng)
+    shape, dtype = file[path].shape, file[path].dtype
     if rng.random() < 0.5:
         size = max(1, int(np.prod(shape)) * dtype.itemsize)
-        _replace(file, place, shape=shape, dtype=dtype, external=[("/dev/zero", 0, size)])
-        return f"{place} external"
+        _replace(file, path, shape=shape, dtype=dtype, external=[("/dev/zero", 0, size)])
+        return f"{path} external"
     layout = h5py.VirtualLayout(shape=shape, dtype=dtype)
     layout[...] = h5py.VirtualSource(file.filename, "particles/all/mass", shape=shape)
-    del file[place]
-    file.create_virtual_dataset(place, layout)
-    return f"{place} virtual"
+    del file[path]
+    file.create_virtual_dataset(path, layout)
+    return f"{path} virtual"
 
 
 def _storage(file: h5py.File, rng: random.Random) -> str:
     """Other valid ways to store the same data."""
-    place = _place(file, rng)
-    values = _data(file, place)
-    way = rng.choice(("lzf", "gzip", "scaleoffset", "fletcher", "holes"))
+    path = _path(file, rng)
+    values = _data(file, path)
+    mode = rng.choice(("lzf", "gzip", "scaleoffset", "fletcher", "holes"))
     options: dict = {
         "lzf": {"compression": "lzf"},
         "gzip": {"compression": "gzip", "compression_opts": 9},
         "scaleoffset": {"scaleoffset": 3},
         "fletcher": {"fletcher32": True},
         "holes": {},
-    }[way]
-    dtype = file[place].dtype
-    if way == "holes":
-        _replace(file, place, shape=np.shape(values), dtype=dtype, chunks=True)
+    }[mode]
+    dtype = file[path].dtype
+    if mode == "holes":
+        _replace(file, path, shape=np.shape(values), dtype=dtype, chunks=True)
     else:
-        _replace(file, place, data=values, dtype=dtype, **options)
-    return f"{place} {way}"
+        _replace(file, path, data=values, dtype=dtype, **options)
+    return f"{path} {mode}"
 
 
 def _attribute(file: h5py.File, rng: random.Random) -> str:
-    place = rng.choice(("particles/all/box", "particles/all/box", "parameters", "h5md", "particles/all", "events"))
-    attrs = file[place].attrs
+    path = rng.choice(("particles/all/box", "particles/all/box", "parameters", "h5md", "particles/all", "events"))
+    attrs = file[path].attrs
     name = rng.choice(("boundary", "boundary", "dimension", "title", "seed", "scene", "version", "species_names"))
     value = rng.choice(
         (
@@ -309,38 +309,38 @@ def _attribute(file: h5py.File, rng: random.Random) -> str:
         del attrs[name]
     if value is not None:
         attrs[name] = value
-    return f"{place}@{name} = {ascii(value)[:30]}"
+    return f"{path}@{name} = {ascii(value)[:30]}"
 
 
 def _scene(file: h5py.File, rng: random.Random) -> str:
     """Another value for a key, another key, another title, or no TOML at all."""
     text = _data(file, "parameters/scene").decode()
     lines = text.splitlines()
-    way = rng.choice(
+    mode = rng.choice(
         ("value", "value", "value", "value", "title", "names", "drop", "twice", "text", "bytes", "deep", "add")
     )
     keys = [k for k, line in enumerate(lines) if " = " in line]
     tables = [k for k, line in enumerate(lines) if line.startswith("[")]
     value: bytes | None = None
-    if way == "value":
+    if mode == "value":
         k = rng.choice(keys)
         lines[k] = lines[k].split(" = ")[0] + " = " + rng.choice(VALUES)
-    elif way in ("title", "names"):
-        key = "title" if way == "title" else "name"
+    elif mode in ("title", "names"):
+        key = "title" if mode == "title" else "name"
         nasty = rng.choice(NASTY)
-        told = '"' + "".join(f"\\U{ord(c):08x}" if not c.isalnum() else c for c in nasty) + '"'
-        lines = [f"{key} = {told}" if line.startswith(f"{key} =") else line for line in lines]
-        if way == "names":
+        escaped = '"' + "".join(f"\\U{ord(c):08x}" if not c.isalnum() else c for c in nasty) + '"'
+        lines = [f"{key} = {escaped}" if line.startswith(f"{key} =") else line for line in lines]
+        if mode == "names":
             del file["parameters/species_names"]
-    elif way == "drop":
+    elif mode == "drop":
         del lines[rng.randrange(len(lines))]
-    elif way == "twice":
+    elif mode == "twice":
         lines.insert(rng.randrange(len(lines)), rng.choice(lines))
-    elif way == "text":
+    elif mode == "text":
         lines = [rng.choice(NASTY)]
-    elif way == "bytes":
+    elif mode == "bytes":
         value = rng.randbytes(50)
-    elif way == "deep":
+    elif mode == "deep":
         lines.append("x = " + "[" * 5000 + "]" * 5000)
     elif tables:
         k = rng.choice(tables)
@@ -349,7 +349,7 @@ def _scene(file: h5py.File, rng: random.Random) -> str:
         )
     del file["parameters/scene"]
     file["parameters/scene"] = value.replace(b"\0", b"0") if value is not None else "\n".join(lines)
-    return way
+    return mode
 
 
 def _add(file: h5py.File, rng: random.Random) -> str:

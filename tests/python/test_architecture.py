@@ -42,3 +42,11 @@ def test_names_in_code_style_exist(page):
         if "/" in name or [part for part in parts if part not in known]:
             unknown.append(name)
     assert not unknown, f"{page}: {sorted(unknown)}"
+
+
+def test_examples_of_contributing_are_compiled_ones():
+    text = (ROOT / "CONTRIBUTING.md").read_text()
+    quoted = re.findall(r"<!-- (\S+\.rs) -->\n```rust\n(.*?)```", text, flags=re.S)
+    assert len(quoted) == text.count("```rust") >= 5
+    for path, code in quoted:
+        assert code in (ROOT / path).read_text(), f"CONTRIBUTING.md: the example is not the one of {path}"

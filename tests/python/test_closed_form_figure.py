@@ -36,9 +36,9 @@ def test_closed_form_agrees_with_the_recorded_motion(command, scene, settings, t
         assert found.law is not None, found.why
         law = found.law(found.time)
         assert law.shape == found.seen.shape == (len(found.names), len(run.frames))
-        told = np.isfinite(law)
-        assert told.mean() > 0.3, "the law holds for too short a time to be seen"
-        difference = np.abs(law - found.seen)[told].max() / np.abs(found.seen).max()
+        defined = np.isfinite(law)
+        assert defined.mean() > 0.3, "the law holds for too short a time to be seen"
+        difference = np.abs(law - found.seen)[defined].max() / np.abs(found.seen).max()
         assert difference < 1e-10, f"off by {difference:.1e}"
         figure = figures.draw(run, "closed_form")
         assert len(figure.axes) == 2
@@ -49,7 +49,7 @@ def test_pendulum_paths_between_distant_frames_are_hermite_arcs(command):
     with command.run("textbook/pendulums", output__frames=0.1, run__until=0.5).open() as run:
         path = trajectories.flights(run)[0]
         length = np.linalg.norm(path.position - [0, 0, 1], axis=1)
-        # Error of a Hermite arc: h⁴/384 of the fourth derivative, some (3/s)⁴; of a parabola: (h · 3/s)²/2 = 5 %.
+        # Error of a Hermite arc: h⁴/384 of the fourth derivative, about (3/s)⁴; of a parabola: (h · 3/s)²/2 = 5 %.
         assert np.abs(length - 1).max() < 5 * 0.3**4 / 384 * 2
 
 

@@ -62,8 +62,8 @@ def test_code_of_the_page_runs(page, tmp_path, monkeypatch):
     (tmp_path / "configs").symlink_to(ROOT / "configs")
     names: dict[str, object] = {"__name__": "__main__"}
     for line, language, options, code in blocks(page):
-        place = f"{page.relative_to(ROOT)}:{line}"
-        assert language in LANGUAGES, f"{place}: {language}?"
+        location = f"{page.relative_to(ROOT)}:{line}"
+        assert language in LANGUAGES, f"{location}: {language}?"
         if language == "toml":
             tomllib.loads(code)
             if title := re.search(r'title="([^"]+)"', options):
@@ -71,9 +71,9 @@ def test_code_of_the_page_runs(page, tmp_path, monkeypatch):
         elif language == "sh":
             shell = ["bash", "-euo", "pipefail", "-c", code]
             done = subprocess.run(shell, env=environment, capture_output=True, text=True, timeout=300, check=False)
-            assert done.returncode == 0, f"{place}: exit {done.returncode}\n{code}\n{done.stdout}{done.stderr}"
+            assert done.returncode == 0, f"{location}: exit {done.returncode}\n{code}\n{done.stdout}{done.stderr}"
         elif language == "python":
-            exec(compile(code, place, "exec"), names)
+            exec(compile(code, location, "exec"), names)
 
 
 @pytest.mark.parametrize("notebook", sorted((ROOT / "examples").glob("*.ipynb")), ids=lambda path: path.name)
@@ -92,7 +92,7 @@ def test_cells_of_the_notebook_run(notebook, tmp_path, monkeypatch):
         lines = [
             [line for line in text.splitlines() if "residual" not in line] for text in (stored, printed.getvalue())
         ]
-        assert lines[0] == lines[1], f"{notebook.name}:{number} is to be run anew"
+        assert lines[0] == lines[1], f"{notebook.name}:{number} must be run again"
     assert cells
 
 

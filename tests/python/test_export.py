@@ -200,10 +200,10 @@ def test_tables_read_back_equal(to, files, tmp_path):
             if table == "observables":
                 pd.testing.assert_frame_equal(data, run.observables, check_dtype=to == "parquet", check_exact=True)
             elif table == "events":
-                want = run.events.to_pandas().reset_index(drop=True)
+                expected = run.events.to_pandas().reset_index(drop=True)
                 if to == "csv":
-                    want["kind"] = want["kind"].astype(data["kind"].dtype)
-                pd.testing.assert_frame_equal(data, want, check_dtype=to == "parquet", check_exact=True)
+                    expected["kind"] = expected["kind"].astype(data["kind"].dtype)
+                pd.testing.assert_frame_equal(data, expected, check_dtype=to == "parquet", check_exact=True)
             else:
                 assert np.array_equal(data[["x", "y", "z"]], run.frames.array("position")[:, 0])
                 assert np.array_equal(data[["vx", "vy", "vz"]], run.frames.array("velocity")[:, 0])
@@ -298,8 +298,8 @@ def test_every_command_has_examples_in_help_and_manual(name, capsys, command):
     with pytest.raises(SystemExit):
         main([name, "--help"])
     examples = [line for line in capsys.readouterr().out.split("examples:")[1].splitlines() if f"haff {name} " in line]
-    told = command("help", name).stdout
-    assert examples and all(line in told for line in examples)
+    help_text = command("help", name).stdout
+    assert examples and all(line in help_text for line in examples)
 
 
 def test_command_passes_export_on_to_python(command, files, tmp_path):

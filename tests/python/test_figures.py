@@ -64,10 +64,10 @@ def test_no_text_is_cut_off_or_covers_other_text(files, kind, monkeypatch):
         assert page.x0 - 1 <= box.x0 and box.x1 <= page.x1 + 1, f"{text!r} leaves the page"
         assert page.y0 - 1 <= box.y0 and box.y1 <= page.y1 + 1, f"{text!r} leaves the page"
     for k, (text, box) in enumerate(texts):
-        for other, place in texts[k + 1 :]:
+        for other, other_box in texts[k + 1 :]:
             # Shrunk: extents include the line spacing, which may touch.
-            wide = min(box.x1, place.x1) - max(box.x0, place.x0)
-            high = min(box.y1, place.y1) - max(box.y0, place.y0)
+            wide = min(box.x1, other_box.x1) - max(box.x0, other_box.x0)
+            high = min(box.y1, other_box.y1) - max(box.y0, other_box.y0)
             assert wide < 2 or high < 3, f"{text!r} overlaps {other!r}"
 
 
@@ -200,10 +200,10 @@ def damaged(files, tmp_path):
         value = group["value"][:]
         del group["value"]
         dataset = group.create_dataset("value", data=value, chunks=(1, *value.shape[1:]), compression="gzip")
-        place = dataset.id.get_chunk_info(2)
+        chunk = dataset.id.get_chunk_info(2)
     with open(path, "r+b") as file:
-        file.seek(place.byte_offset)
-        file.write(bytes(place.size))
+        file.seek(chunk.byte_offset)
+        file.write(bytes(chunk.size))
     return path
 
 
@@ -213,9 +213,9 @@ def test_unreadable_frame_is_an_error_of_the_input_file(damaged, extension, tmp_
         pytest.importorskip("imageio_ffmpeg", reason="no imageio-ffmpeg: pip install 'haff[movie]'")
     target = tmp_path / f"movie.{extension}"
     assert main(["plot", str(damaged), "--movie", str(target), "--frames", "1:4"]) == 4
-    told = capsys.readouterr().err
-    place = f"{damaged}: particles/all/position/value"
-    assert told.startswith(f"haff: error: {place}: cannot read: ") and told.count("\n") == 1, told
+    message = capsys.readouterr().err
+    dataset = f"{damaged}: particles/all/position/value"
+    assert message.startswith(f"haff: error: {dataset}: cannot read: ") and message.count("\n") == 1, message
     assert list(tmp_path.iterdir()) == [damaged]
 
 
@@ -241,10 +241,10 @@ def test_failing_encoder_is_an_error_of_the_movie(files, tmp_path, monkeypatch, 
     monkeypatch.setattr(ffmpeg._io, "get_ffmpeg_exe", lambda: "false")
     target = tmp_path / "movie.mp4"
     assert main(["plot", str(files["ball"]), "--movie", str(target), "--frames", ":3"]) == 4
-    told = capsys.readouterr().err
+    message = capsys.readouterr().err
     assert re.fullmatch(
-        rf"haff: error: {re.escape(str(target))}: ffmpeg has failed: pictures drawn [123], in the file 0\n", told
-    ), told
+        rf"haff: error: {re.escape(str(target))}: ffmpeg has failed: pictures drawn [123], in the file 0\n", message
+    ), message
     assert not list(tmp_path.iterdir())
 
 

@@ -88,9 +88,9 @@ def test_sweep_on_a_full_disk_reports_each_run_and_resumes(disk, command):
 def test_failed_export_keeps_the_old_file(disk, arguments, files, capfd):
     folder, remount = disk
     words = arguments.split()
-    place = next(k for k, word in enumerate(words) if word.startswith("out."))
-    target = folder / words[place]
-    words[1], words[place] = str(files["cooling"]), str(target)
+    index = next(k for k, word in enumerate(words) if word.startswith("out."))
+    target = folder / words[index]
+    words[1], words[index] = str(files["cooling"]), str(target)
     target.write_text("the old one")
     remount("size=8k")
     assert main([*words, "--overwrite"]) == 4

@@ -45,7 +45,7 @@ def test_links_between_pages_lead_to_files_and_headings():
     assert not broken, "\n".join(broken)
 
 
-def test_records_that_are_named_anywhere_are_there():
+def test_records_named_in_sources_and_pages_exist():
     missing = []
     for name in tracked():
         if name.startswith("benches/record/") or Path(name).suffix not in {".md", ".rs", ".py", ".toml", ".yml", ""}:

@@ -153,20 +153,20 @@ def test_other_threads_run_and_read_while_it_advances():
         # On a busy machine the second thread may be late.
         for leg in range(50):
             gas.advance(until=20.0 * (leg + 1))
-            on_the_way = [t for t, _ in seen if 20.0 * leg < t < 20.0 * (leg + 1)]
-            if on_the_way:
+            during_step = [t for t, _ in seen if 20.0 * leg < t < 20.0 * (leg + 1)]
+            if during_step:
                 break
     finally:
         done.set()
         watcher.join(timeout=60)
     assert not watcher.is_alive() and {count for _, count in seen} == {2000}
-    assert on_the_way and gas.time == 20.0 * (leg + 1)
+    assert during_step and gas.time == 20.0 * (leg + 1)
 
 
 def test_ctrl_c_stops_between_events_and_the_run_can_continue():
     program = f"""
 import haff, signal, sys
-# Who starts tests in the background may have them ignore it.
+# A background process that starts the tests can pass on that SIGINT is ignored.
 signal.signal(signal.SIGINT, signal.default_int_handler)
 gas = haff.Simulation({GAS!r}, contact__restitution=1.0, species__0__count=2000)
 try:
@@ -190,7 +190,7 @@ except KeyboardInterrupt:
     assert (process.returncode, out) == (0, "went on\n")
 
 
-def test_errors_have_place_and_message(tmp_path):
+def test_errors_have_position_and_message(tmp_path):
     with pytest.raises(haff.SceneError) as caught:
         haff.Simulation(GAS, contact__restitution=1.2, species__0__radius=-1)
     texts = [str(problem) for problem in caught.value.problems]

@@ -111,13 +111,13 @@ def test_oblique_impact_with_a_wall(command):
 )
 def test_plastic_impact_loses_the_share_of_equation_2_18(command, name, m1, m2, v):
     with textbook(command, name).open() as run:
-        event, *echoes = run.events.to_pandas().itertuples()
-        # The velocities after a plastic impact agree only to rounding: the bodies may touch once more.
-        assert all(echo.approach_speed < 1e-15 * v for echo in echoes)
+        event, *further = run.events.to_pandas().itertuples()
+        # The velocities after a plastic impact agree only to rounding: a second contact is possible.
+        assert all(contact.approach_speed < 1e-15 * v for contact in further)
         share = event.energy_loss / (0.5 * m1 * v**2)
         assert share == pytest.approx(1 / (1 + m1 / m2), rel=1e-13)
         speed = np.linalg.norm(run.frames[-1].velocity, axis=1)
-        assert speed == pytest.approx([m1 * v / (m1 + m2)] * 2, rel=1e-13), "both go on together"
+        assert speed == pytest.approx([m1 * v / (m1 + m2)] * 2, rel=1e-13), "both move on together"
         assert event.carnot_energy == pytest.approx(event.energy_loss, rel=1e-14), "Carnot's theorem at e = 0"
 
 
@@ -150,8 +150,8 @@ def test_spring_energy_is_separate_from_that_of_gravity(command):
         assert spring.max() == pytest.approx(36 / 12, rel=1e-3)
         assert run.summary["spring_energy"] == spring[-1]
         assert "spring_energy" in repr(run)
-    told = command("info", command.run("textbook/spring_impact").path).stdout
-    assert re.search(r"potential energy +\S+\n +of springs +\S+", told), told
+    output = command("info", command.run("textbook/spring_impact").path).stdout
+    assert re.search(r"potential energy +\S+\n +of springs +\S+", output), output
     with textbook(command, "pendulums").open() as run:
         assert "spring_energy" not in run.observables and "of springs" not in command("info", run.path).stdout
 

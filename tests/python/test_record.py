@@ -112,8 +112,8 @@ def test_record_has_every_cell_of_haff_and_peers_and_a_figure(record, tmp_path, 
     ]
     assert all(len(c["reports"]) == 2 for c in written["cells"])
     assert written["cells"][1]["reports"][0]["words"] == ["100", "0.1", "50"]
-    asked = written["cells"][2]["reports"][0]["words"]
-    assert asked[asked.index("--phi") + 1] == "0.3" and asked[asked.index("--collisions") + 1] == "50"
+    arguments = written["cells"][2]["reports"][0]["words"]
+    assert arguments[arguments.index("--phi") + 1] == "0.3" and arguments[arguments.index("--collisions") + 1] == "50"
     assert str(tmp_path) not in json.dumps({k: v for k, v in written.items() if k != "cells"})
     assert str(tmp_path) not in "".join(c["command"] for c in written["cells"])
     assert (tmp_path / "out/throughput.png").stat().st_size > 10_000
@@ -133,7 +133,7 @@ def test_growth_series_vary_n_and_phi(record, tmp_path, monkeypatch):
     assert (tmp_path / "growth.png").stat().st_size > 10_000
 
 
-def test_a_measured_part_replaces_its_place_and_leaves_the_rest(record, tmp_path):
+def test_measured_part_replaces_only_its_section_of_the_page(record, tmp_path):
     page = tmp_path / "throughput.md"
     page.write_text("# By hand\n\n<!-- begin grid -->\nold\n<!-- end grid -->\n\n## Tried and lost\n")
     record.into_page(page, "Not used", {"grid": "new\n", "other": "more\n"})
@@ -146,11 +146,11 @@ def test_a_measured_part_replaces_its_place_and_leaves_the_rest(record, tmp_path
         record.into_page(page, "T", {"grid": "new\n"})
 
 
-def test_the_pages_in_the_repository_have_the_places_and_at_most_150_lines(record, monkeypatch):
+def test_record_pages_have_their_sections_and_at_most_150_lines(record, monkeypatch):
     folder = RECORD.parent / "record"
-    for name, places in {"throughput": 1, "growth": 1, "accuracy": 1, "features": 3}.items():
+    for name, sections in {"throughput": 1, "growth": 1, "accuracy": 1, "features": 3}.items():
         text = (folder / f"{name}.md").read_text()
-        assert text.count("<!-- begin ") == text.count("<!-- end ") == places, name
+        assert text.count("<!-- begin ") == text.count("<!-- end ") == sections, name
     for page in folder.glob("*.md"):
         assert page.read_text().count("\n") <= 150, page.name
     monkeypatch.syspath_prepend(str(RECORD.parent))

@@ -26,35 +26,35 @@ def path(tmp_path) -> Path:
     return synthetic.cooling_gas(tmp_path / "gas.h5", n=50, frames=4, samples=10, collisions=200)
 
 
-def put(place: str, value: object, at: object = ...) -> Change:
+def put(path: str, value: object, at: object = ...) -> Change:
     def change(file: h5py.File) -> None:
-        file[place][at] = value
+        file[path][at] = value
 
     return change
 
 
-def instead(place: str, **options) -> Change:
+def instead(path: str, **options) -> Change:
     """Replaces the dataset at a path."""
 
     def change(file: h5py.File) -> None:
-        del file[place]
-        file.create_dataset(place, **options)
+        del file[path]
+        file.create_dataset(path, **options)
 
     return change
 
 
-def link(place: str, target: object) -> Change:
+def link(path: str, target: object) -> Change:
     def change(file: h5py.File) -> None:
-        del file[place]
-        file[place] = target
+        del file[path]
+        file[path] = target
 
     return change
 
 
-def group(place: str) -> Change:
+def group(path: str) -> Change:
     def change(file: h5py.File) -> None:
-        del file[place]
-        file.create_group(place)
+        del file[path]
+        file.create_group(path)
 
     return change
 
@@ -114,7 +114,7 @@ REFUSED: list[tuple[Change, Callable[[haff.File], object], str]] = [
         lambda f: f.species_names,
         r"species\[0\] = 2147483648",
     ),
-    # Shapes, types and places.
+    # Shapes, types and paths.
     (
         instead("particles/all/radius", data=np.ones(49)),
         lambda f: f.radius,
@@ -193,11 +193,11 @@ REFUSED: list[tuple[Change, Callable[[haff.File], object], str]] = [
 ]
 
 
-@pytest.mark.parametrize(("change", "read", "told"), REFUSED)
-def test_data_that_no_run_can_have_written_are_refused_with_their_path(path, change, read, told):
+@pytest.mark.parametrize(("change", "read", "message"), REFUSED)
+def test_data_that_no_run_can_have_written_are_refused_with_their_path(path, change, read, message):
     with h5py.File(path, "r+") as file:
         change(file)
-    with pytest.raises(haff.FileError, match=told) as error, haff.open(path) as file:
+    with pytest.raises(haff.FileError, match=message) as error, haff.open(path) as file:
         read(file)
     assert str(error.value).startswith(f"{path}: ") and "\n" not in str(error.value)
 

@@ -30,19 +30,19 @@ def masses(kind):
 
 
 @pytest.mark.parametrize("kind", ["heights", "times", "angles"])
-@pytest.mark.parametrize("told", [True, False])
-def test_standard_errors_agree_with_the_scatter_of_repeated_experiments(kind, told):
+@pytest.mark.parametrize("given", [True, False])
+def test_standard_errors_agree_with_the_scatter_of_repeated_experiments(kind, given):
     """z is normal for a given error, and Student's for one estimated from the scatter: mean and variance are known."""
     rng, noise = np.random.default_rng(11), 2e-3
     z = []
     for _ in range(REPEATS):
-        found = haff.restitution_from(noisy(kind, noise, rng), error=noise if told else None, masses=masses(kind))
+        found = haff.restitution_from(noisy(kind, noise, rng), error=noise if given else None, masses=masses(kind))
         z.append(found.z(E))
     # Degrees of freedom of the scatter; Student's variance is ν/(ν − 2), its kurtosis excess 6/(ν − 4).
     free = {"heights": 5, "times": 4, "angles": 6}[kind]
-    square = np.mean(np.square(z)) if told else np.mean(np.minimum(np.square(z), 25))
+    square = np.mean(np.square(z)) if given else np.mean(np.minimum(np.square(z), 25))
     assert abs(np.mean(z)) * np.sqrt(REPEATS / square) < 4, f"z has mean {np.mean(z):.3f}"
-    if told:
+    if given:
         assert abs(square - 1) < 4 * np.sqrt(2 / REPEATS), f"variance of z: {square:.3f}, expected 1"
     else:
         from scipy.stats import t
@@ -65,7 +65,7 @@ def test_exact_numbers_give_e_to_rounding(kind):
         assert found.error < 1e-12
 
 
-def test_missing_bounces_still_count():
+def test_missing_bounces_keep_their_numbers():
     height = mechanics.bounce_height(np.arange(6), H, E)
     height[[1, 2]] = np.nan
     assert haff.restitution_from({"height": height}).mean == pytest.approx(E, rel=1e-12)

@@ -121,7 +121,7 @@ def rows_on_disk(path: Path) -> int:
         return 0
 
 
-def test_a_run_killed_at_any_instant_loses_nothing_that_was_flushed(tmp_path):
+def test_run_killed_at_any_instant_loses_no_flushed_data(tmp_path):
     """SIGKILL at seeded instants; HAFF_KILLS=200 for the long form (about two minutes)."""
     until = 60
     started = time.perf_counter()
@@ -177,7 +177,7 @@ def test_a_run_killed_at_any_instant_loses_nothing_that_was_flushed(tmp_path):
     assert from_start < middle
 
 
-def test_a_run_without_checkpoints_in_time_has_them_on_the_clock(tmp_path):
+def test_run_without_checkpoint_interval_writes_checkpoints_by_wall_time(tmp_path):
     """The simulated time of an inelastic gas up to a number of collisions cannot be predicted."""
     path = tmp_path / "long.h5"
     scene = tmp_path / "long.toml"

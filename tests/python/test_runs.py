@@ -103,7 +103,7 @@ def test_errors_are_those_of_the_command_with_positions(tmp_path):
 
 
 def test_ctrl_c_ends_a_run_with_a_checkpoint(tmp_path):
-    # Elastic, so that it does not slow down: some seconds of work.
+    # Elastic, so that it does not slow down: a few seconds of work.
     gas = GAS | {"contact": {"restitution": 1.0}, "run": {"until": 3000.0}}
     program = f"""
 import signal

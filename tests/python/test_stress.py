@@ -36,7 +36,7 @@ def recorded(tmp_path_factory):
 
 @pytest.mark.physics
 @pytest.mark.parametrize(
-    ("column", "change", "told"),
+    ("column", "change", "finding"),
     [
         ("time", lambda x: x + 1e-9 * (np.arange(len(x)) == 40), "place of an event"),
         ("time", lambda x: x[::-1], "time goes back"),
@@ -48,13 +48,13 @@ def recorded(tmp_path_factory):
         ("carnot_energy", lambda x: np.where(np.arange(len(x)) == 3, np.nan, x), "law: Carnot"),
     ],
 )
-def test_audit_detects_a_corrupted_log(recorded, column, change, told):
+def test_audit_detects_a_corrupted_log(recorded, column, change, finding):
     with haff.open(recorded) as file:
         columns = {name: file.events[name] for name in file.events.columns}
         columns[column] = change(columns[column])
         findings = audit.audit(_With(file, columns, file.events.kinds))
     broken = [finding.name for finding in findings if not finding.passed]
-    assert any(name.startswith(told) for name in broken), broken
+    assert any(name.startswith(finding) for name in broken), broken
 
 
 class _With:
@@ -105,5 +105,5 @@ def test_audit_finds_overlaps_across_periodic_faces_and_at_walls(recorded):
     ids=lambda gas: gas.system,
 )
 def test_energy_and_momentum_errors_are_a_random_walk_in_a_long_run(gas):
-    broken = [row for row in long.rows(gas, long.follow(gas, looks=10)) if not row.passed]
+    broken = [row for row in long.rows(gas, long.follow(gas, checks=10)) if not row.passed]
     assert not broken, broken

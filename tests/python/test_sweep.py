@@ -57,8 +57,8 @@ def runs_of(folder: Path) -> list[tuple[int, int]]:
 def in_the_middle(path: Path) -> bool:
     """Whether the run of a file has a checkpoint and is not complete."""
     info = subprocess.run([executable(), "info", path, "--json"], capture_output=True, text=True)
-    told = json.loads(info.stdout) if info.returncode == 0 else {"checkpoint_time": 0.0, "finished": False}
-    return told["checkpoint_time"] > 0 and not told["finished"]
+    state = json.loads(info.stdout) if info.returncode == 0 else {"checkpoint_time": 0.0, "finished": False}
+    return state["checkpoint_time"] > 0 and not state["finished"]
 
 
 @contextlib.contextmanager
@@ -179,7 +179,7 @@ def test_dask_result_equals_the_serial_one_after_a_worker_is_killed(serial, tmp_
         xarray.testing.assert_equal(study[name], serial[name])
     manifest = json.loads((tmp_path / "manifest.json").read_text())
     assert {row["status"] for row in manifest["runs"]} == {"complete"}
-    assert any(row.get("resumed_from", 0) > 0 for row in manifest["runs"]), "the killed run goes on from its checkpoint"
+    assert any(row.get("resumed_from", 0) > 0 for row in manifest["runs"]), "a killed run is resumed from a checkpoint"
 
 
 def test_snakemake_result_equals_the_serial_one_after_a_run_is_killed(serial, tmp_path):
@@ -201,7 +201,7 @@ def test_snakemake_result_equals_the_serial_one_after_a_run_is_killed(serial, tm
     summary = json.loads((tmp_path / "study" / "summary.json").read_text())
     assert summary["complete"] == 4
     assert [row["state_hash"] for row in summary["runs"]] == serial["state_hash"].values.ravel().tolist()
-    assert any(row.get("resumed_from", 0) > 0 for row in summary["runs"]), "the killed run goes on from its checkpoint"
+    assert any(row.get("resumed_from", 0) > 0 for row in summary["runs"]), "a killed run is resumed from a checkpoint"
 
 
 def test_snakemake_accepts_the_slurm_profile(tmp_path):

@@ -93,7 +93,7 @@ def test_sonine_density_has_norm_one_unchanged_temperature_and_its_a2():
 
 
 @pytest.mark.parametrize("d", [2, 3])
-def test_mixture_of_one_kind_split_in_two_is_the_pure_fluid(d):
+def test_mixture_of_identical_species_is_the_pure_fluid(d):
     n, sigma, m, T = 0.3, 1.1, 2.0, 0.7
     eta = theory.packing_fraction(n, sigma, d)
     pure = theory.collision_frequency(n, sigma, T, m, theory.contact_value(eta, d), d)
@@ -231,7 +231,7 @@ def test_viscoelastic_restitution_starts_as_its_series():
     assert theory.viscoelastic_restitution_pade(v, 1e-4) == pytest.approx(series, abs=1e-9)
 
 
-def test_species_of_one_kind_cool_at_haffs_rate():
+def test_identical_species_cool_at_haffs_rate():
     n, e = [0.01, 0.03], 0.8
     omega = theory.collision_frequency(0.04, 1.0, 0.7, 2.0, 1.0)
     rates = theory.mixture_cooling_rates(n, [1.0, 1.0], [2.0, 2.0], e, 0.7, g=1.0)

@@ -48,7 +48,7 @@ def test_text_is_escaped_for_a_terminal():
     assert str(haff.SimulationError(("two", "lines\n"))) == "two\nlines\\n"
 
 
-def test_csv_cell_is_no_formula_and_without_its_apostrophe_the_name():
+def test_csv_cell_with_a_formula_is_the_name_after_an_apostrophe():
     for name in ("=1+1", "+1", "-1", "@A1", "\t=1", "\r=1", "'quoted"):
         assert text.cell(name) == "'" + text.escaped(name)
     assert text.cell("grain") == "grain" and text.cell("a=1") == "a=1"
@@ -86,7 +86,7 @@ def test_title_is_escaped_in_a_figure(title, tmp_path, recwarn):
     assert not any("missing from font" in str(one.message) and "\x1b" in str(one.message) for one in recwarn)
 
 
-def test_names_of_few_bodies_are_no_formulas_in_figures(tmp_path, command):
+def test_names_of_few_bodies_are_not_parsed_as_formulas_in_figures(tmp_path, command):
     path = tmp_path / "spring.h5"
     path.write_bytes(command.run("textbook/spring_impact").path.read_bytes())
     with h5py.File(path, "r+") as file:

@@ -67,9 +67,9 @@ def test_frames_in_the_page_are_those_of_the_file(name, exact, files, tmp_path, 
         unit = np.abs(run.frames.array("velocity")).max(axis=(1, 2)) / 32767
         assert np.all(np.abs(velocity - run.frames.array("velocity")[..., :d]).max(axis=(1, 2)) <= 0.51 * unit)
         # Followed through the faces, no particle jumps.
-        way = np.cumsum(np.stack([np.zeros_like(crossed[0]), *crossed[1:]]), axis=0) * size
+        crossed_size = np.cumsum(np.stack([np.zeros_like(crossed[0]), *crossed[1:]]), axis=0) * size
         true = run.frames.array("unwrapped")[..., :d]
-        assert np.allclose(position + way - position[0], true - true[0], rtol=0, atol=1.1 * step.max())
+        assert np.allclose(position + crossed_size - position[0], true - true[0], rtol=0, atol=1.1 * step.max())
 
 
 def test_losses_and_collisions_are_those_of_the_log(files, tmp_path):
@@ -246,7 +246,7 @@ def pair(path, position, velocity, image, times):
 def test_between_two_frames_a_single_collision_is_exact(show, tmp_path):
     """Two equal spheres collide head on, elastically, between the only two frames, across a periodic face."""
     speed, end = np.array([1.0, -2.0]), 2.0
-    start = np.array([9.0, 11.5])  # the gap of 1.5 closes at speed 3, so they meet after 0.5 at 9.5 and 10.5
+    start = np.array([9.0, 11.5])  # the gap of 1.5 closes at speed 3, so they collide after 0.5 at 9.5 and 10.5
     after = np.array([9.5 - 2.0 * 1.5, 10.5 + 1.0 * 1.5])
     position = np.full((2, 2, 3), 5.0)
     position[:, :, 0] = [start % 10, after % 10]
@@ -328,7 +328,7 @@ def test_page_of_a_gas_plays_highlights_collisions_and_handles_keys(show, files,
     assert seek(page, 0)[5, 5].tolist() == [255, 255, 255]
 
 
-def test_points_of_many_particles_look_as_spheres_of_few(show, tmp_path, browser):
+def test_points_of_many_particles_are_drawn_as_spheres_of_few(show, tmp_path, browser):
     gas = synthetic.cooling_gas(tmp_path / "gas.h5", n=700, frames=2, events=False)
     pictures = []
     for points in (False, True):

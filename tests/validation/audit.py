@@ -199,7 +199,7 @@ def exact(terms: Any) -> float:
 
 
 def walk(events: int, scene: Scene) -> float:
-    """Relative error of the sum of all energies, or momenta, by rounding: an event changes it by up to some 4 ε of the
+    """Relative error of the sum of all energies, or momenta, by rounding: an event changes it by up to about 4 ε of the
     pair's contribution, with random sign, and a pair has two of N parts."""
     return 4 * EPS * math.sqrt(events + 1) * min(1.0, 2 / scene.finite.sum())
 
@@ -213,7 +213,7 @@ def audit(file: haff.File) -> list[Finding]:
     velocity = [frame.velocity for frame in frames]
     logged = [events.time, events.speed, events.impulse, events.loss, events.normal, events.position]
     findings = order_of_time(events.time, len(file))
-    findings += places(scene, frames, longest(scene, events, position, velocity, frames), logged)
+    findings += finite_without_overlap(scene, frames, longest(scene, events, position, velocity, frames), logged)
     findings += laws(scene, events)
     findings += balances(scene, events, frames)
     if "rest" not in events.kind:
@@ -231,12 +231,14 @@ def audit_without_events(file: haff.File) -> list[Finding]:
     count = int(table["collisions"].iloc[-1] + table["wall_collisions"].iloc[-1])
     reach = max(float(np.abs(frame.position).max()) for frame in frames)
     return [
-        *places(scene, frames, reach),
+        *finite_without_overlap(scene, frames, reach),
         energy_balance(scene, frames, [[float(gone[row])] for row in rows], count),
     ]
 
 
-def places(scene: Scene, frames: list[Any], reach: float, logged: Sequence[Array] = ()) -> list[Finding]:
+def finite_without_overlap(
+    scene: Scene, frames: list[Any], reach: float, logged: Sequence[Array] = ()
+) -> list[Finding]:
     """Numbers are finite, and no overlap exceeds rounding; `reach` is the largest coordinate or free path."""
     numbers = [*(frame.position for frame in frames), *(frame.velocity for frame in frames), *logged]
     limit = max(LEAST, 4 * np.spacing(reach) / (2 * min(scene.radius)))
@@ -375,25 +377,25 @@ def flights(scene: Scene, events: Log, velocity: Array, position: Array, start: 
     edge = max(size[axis] * periodic[axis] for axis in range(3))
     worst_place = worst_speed = 0.0
     columns = (events.time, events.i, events.j, events.speed, events.impulse, events.normal, events.position)
-    for kind, time, i, j, speed, impulse, n, place in zip(events.kind, *(column.tolist() for column in columns)):
+    for kind, time, i, j, speed, impulse, n, point in zip(events.kind, *(column.tolist() for column in columns)):
         bodies = [(i, -1)] if kind == "wall" else [(i, -1), (j, 1)]
         closing = 0.0
         scale = 0.0
         # A contact is exact to the rounding of the largest coordinate in any direction.
-        coordinate = max(map(abs, place)) + edge
+        coordinate = max(map(abs, point)) + edge
         for k, sign in bodies:
             dt = time - last[k]
             fall = g if math.isfinite(mass[k]) else (0.0, 0.0, 0.0)
             for axis in range(3):
-                there = place[axis] + sign * radius[k] * n[axis]
+                there = point[axis] + sign * radius[k] * n[axis]
                 come = x[k][axis] + dt * (v[k][axis] + 0.5 * dt * fall[axis])
                 off = there - come
                 if periodic[axis]:
                     off -= round(off / size[axis]) * size[axis]
                 # Rounding of position, path and velocity, the last of which accumulates over the events so far; the
                 # rounding of the logged times moves a body by its speed.
-                pace = fastest[k] * (1 + hits[k])
-                ulp = EPS * (coordinate + radius[k] + pace * dt + fastest[k] * abs(time))
+                bound = fastest[k] * (1 + hits[k])
+                ulp = EPS * (coordinate + radius[k] + bound * dt + fastest[k] * abs(time))
                 worst_place = worse(worst_place, abs(off) / (ulp + 1e-300))
                 x[k][axis] = there
                 v[k][axis] += dt * fall[axis]

@@ -56,7 +56,7 @@ def collide(rng: np.random.Generator, v: NDArray[np.float64], e: float, bound: f
 
 
 def sonine_a2(e: float, particles: int = 200_000, collisions: float = 300, seed: int = 1) -> tuple[float, float]:
-    """a₂ = 3⟨v⁴⟩/5⟨v²⟩² − 1 over so many collisions per particle, after `SETTLE`, with its standard error."""
+    """a₂ = 3⟨v⁴⟩/5⟨v²⟩² − 1 over this many collisions per particle, after `SETTLE`, with its standard error."""
     rng = np.random.default_rng(seed)
     v = rng.standard_normal((particles, 3))
     found: list[float] = []
@@ -67,7 +67,7 @@ def sonine_a2(e: float, particles: int = 200_000, collisions: float = 300, seed:
         if sample >= SAMPLES * SETTLE:
             found.append(float(np.mean(square**2) / (15 * temperature**2) - 1))
         v /= np.sqrt(temperature)
-        # Until the next sample a particle may become faster than all are now, but not by so much.
+        # The factor 2.2 is a margin: until the next sample a particle can become faster than the fastest one is now.
         bound = 2.2 * np.sqrt(square.max() / temperature)
         done = 0
         while done < particles / (2 * SAMPLES):

@@ -16,7 +16,7 @@ from .rows import Row, at_most
 from .runs import SCENES
 
 STOPS = 20
-"""How often a run is looked at, beside its start."""
+"""Number of checks of a run after its start."""
 ENERGY, MOMENTUM = 12.0, 2.4
 """Four standard deviations of the walks, in ε T and ε √(mT) by √collisions: a collision rounds by up to 3 and 0.6."""
 PACKING = 0.1
@@ -60,9 +60,9 @@ class Walk:
     """Largest errors of a run; of contacts, one for each stop."""
 
     energy: float = 0.0
-    """Off the start, in ε T √collisions."""
+    """Deviation from the start, in ε T √collisions."""
     momentum: float = 0.0
-    """Off the start, in ε √(mT) √collisions, m the largest mass."""
+    """Deviation from the start, in ε √(mT) √collisions, m the largest mass."""
     contact: list[float] = field(default_factory=list)
     """Distance of two spheres from contact at the moment when they collide, root mean square [diameters]."""
     overlap: list[float] = field(default_factory=list)
@@ -75,8 +75,8 @@ def least_gap(simulation: haff.Simulation) -> float:
     """Gap between the two closest spheres, over their contact distance, in extended precision."""
     bodies = Bodies(np.asarray(simulation.box.size), np.asarray(simulation.box.periodic), simulation.radii)
     pairs = close_pairs(bodies, simulation.positions)
-    place, size = simulation.positions.astype(np.longdouble), bodies.size.astype(np.longdouble)
-    apart = place[pairs[:, 1]] - place[pairs[:, 0]]
+    positions, size = simulation.positions.astype(np.longdouble), bodies.size.astype(np.longdouble)
+    apart = positions[pairs[:, 1]] - positions[pairs[:, 0]]
     apart -= np.rint(apart / size) * size
     sigma = bodies.radius[pairs].astype(np.longdouble).sum(axis=1)
     return float(np.min(np.sqrt((apart**2).sum(axis=1)) / sigma - 1))
@@ -93,16 +93,16 @@ def change(before: NDArray[np.float64], after: NDArray[np.float64]) -> float:
     return exact([*after, *-before])
 
 
-def follow(gas: Gas, looks: int, seed: int = 1) -> Walk:
-    """The walk of a gas, checked after each of `looks` collisions at each stop, when two spheres are in contact."""
+def follow(gas: Gas, checks: int, seed: int = 1) -> Walk:
+    """The walk of a gas, checked after each of `checks` collisions at each stop, when two spheres are in contact."""
     simulation = gas.start(seed)
     energy, momentum = terms(simulation)
     temperature = exact(energy) / (1.5 * len(simulation))
     walk = Walk(edge=float(max(simulation.box.size)))
     for stop in range(1, STOPS + 1):
-        simulation.step(gas.collisions * stop // STOPS - simulation.collisions - looks)
+        simulation.step(gas.collisions * stop // STOPS - simulation.collisions - checks)
         gaps = []
-        for _ in range(looks):
+        for _ in range(checks):
             simulation.step(1)
             gaps.append(least_gap(simulation))
         e, p = terms(simulation)

@@ -20,10 +20,10 @@ class Part:
     """What it is called on the command line."""
     title: str
     measure: Callable[[Context], list[Row]]
-    """Makes the runs. Its docstring is the section's text, in Markdown: how it is measured, what it is held against,
+    """Makes the runs. Its docstring is the section's text, in Markdown: how it is measured, what it is compared with,
     and how far that is to be trusted."""
     order: int = 1000
-    """Where it stands in the record."""
+    """Its position in the record."""
 
     @property
     def about(self) -> str:

@@ -20,7 +20,7 @@ from haff.figures.style import BLUE, CYCLE, GREY, RED, style
 from .registry import Part
 from .rows import Z_LIMIT, Row, chi_square
 
-# What was compared or measured in another way before; docs/validation.md says more about each.
+# Quantities that were compared or measured by another method before; docs/validation.md describes each.
 LOST = [
     "| idea | ratio | where |",
     "|---|---|---|",
@@ -167,10 +167,10 @@ def figure(record: dict[str, Any], parts: dict[str, Part], path: Path) -> None:
             1, 2, figsize=(7.4, 0.42 * len(names) + 1.3), sharey=False, width_ratios=[3, 1.2], layout="constrained"
         )
         scores = {name: [row.z for row in rows_of(record["parts"][name]) if not row.bound] for name in names}
-        for place, name in enumerate(names):
+        for row_index, name in enumerate(names):
             z = np.clip(scores[name], -6, 6)
             spread = np.linspace(-0.22, 0.22, len(z)) if len(z) > 1 else [0.0]
-            axis.plot(z, place + np.asarray(spread), "o", color=CYCLE[place % len(CYCLE)], markersize=3.5)
+            axis.plot(z, row_index + np.asarray(spread), "o", color=CYCLE[row_index % len(CYCLE)], markersize=3.5)
         axis.axvspan(-1, 1, color="0.5", alpha=0.18, linewidth=0)
         for limit in (-Z_LIMIT, Z_LIMIT):
             axis.axvline(limit, color=RED, linestyle="--", linewidth=1)

@@ -24,7 +24,7 @@ Settings = Mapping[str, Any]
 """What to `--set`: dotted keys of the scene and their values."""
 
 Analysis = Callable[[haff.File, dict[str, Any]], Any]
-"""Looks at the file of a finished run and its `--json` report; a function at the top of a module."""
+"""Evaluates the file of a finished run and its `--json` report; a function at the top of a module."""
 
 
 def executable(given: Path | None = None) -> Path:

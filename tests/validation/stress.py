@@ -35,11 +35,11 @@ SHORT: Mapping[str, Mapping[str, Any]] = {
 ENDS: Mapping[str, tuple[int, tuple[str, ...]]] = {
     "collapse": (3, ("collapse at t = 70", "particle 0", "wall piston", "contact.tc")),
 }
-"""Exit status and parts of the message of the runs that cannot go on."""
+"""Exit status and parts of the message of the runs that must end with an error."""
 
 
 SLOPE = 1e-3
-"""A grain stands on a slope below this as on none: docs/rest.md."""
+"""Slopes below this count as horizontal for grains at rest: docs/rest.md."""
 
 
 def stays(file: haff.File) -> list[Finding]:
@@ -71,8 +71,8 @@ def breaks(file: haff.File) -> list[Finding]:
 
 def pairs_meet(file: haff.File) -> list[Finding]:
     """Every pair (0, 1), (2, 3), … collides."""
-    met = set(zip(file.events["i"].tolist(), file.events["j"].tolist()))
-    return [Finding("pairs that miss", sum((i, i + 1) not in met for i in range(0, len(file), 2)), 0)]
+    collided = set(zip(file.events["i"].tolist(), file.events["j"].tolist()))
+    return [Finding("pairs that miss", sum((i, i + 1) not in collided for i in range(0, len(file), 2)), 0)]
 
 
 def grazing(file: haff.File) -> list[Finding]:
@@ -137,7 +137,7 @@ def unsupported(file: haff.File, gap: float) -> np.ndarray:
     return np.array([nnls(np.transpose(n), -down)[1] if n else 1.0 for n in normals])
 
 
-def stands(file: haff.File) -> list[Finding]:
+def supported(file: haff.File) -> list[Finding]:
     """At the end nothing moves, and every grain is supported by its contacts."""
     speed, g = file.scene["contact"]["rest_speed"], float(np.linalg.norm(file.scene["domain"]["gravity"]))
     taken = file.observables["rest_energy"].iloc[-1]
@@ -169,7 +169,7 @@ OWN: Mapping[str, Callable[[haff.File], list[Finding]]] = {
     "nearly_plastic_gas": cools,
     "plastic_gas": cools,
     "random_064": stays,
-    "settling": stands,
+    "settling": supported,
     "three_on_a_line": side_by_side,
     "touching": flies_apart,
     "touching_slab": in_plane,

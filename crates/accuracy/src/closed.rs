@@ -170,9 +170,9 @@ pub fn chain(count: usize) -> ClosedForm {
         (0..=count).scan(1.0, |mass, _| Some(std::mem::replace(mass, *mass * ratio))).collect();
     let mut system = empty(DVec3::new(64.0, 8.0, 8.0), [Boundary::Open; 3], 1.0, 1.0);
     for (k, &mass) in masses.iter().enumerate() {
-        let place = DVec3::new(2.0 + (2.0 * radius + gap) * k as f64, 4.0, 4.0);
+        let position = DVec3::new(2.0 + (2.0 * radius + gap) * k as f64, 4.0, 4.0);
         let velocity = if k == 0 { DVec3::X } else { DVec3::ZERO };
-        add_sphere(&mut system, radius, mass, place, velocity);
+        add_sphere(&mut system, radius, mass, position, velocity);
     }
     // Sphere k moves at v_k from t_{k−1}, when it is hit, to t_k, when it hits the next, and at w_k from then
     // on: v_{k+1} = 2 m_k v_k/(m_k + m_{k+1}), w_k = (m_k − m_{k+1}) v_k/(m_k + m_{k+1})

@@ -195,7 +195,7 @@ impl Solution {
     }
 }
 
-/// Median wall time of runs, the first of which took `first` [s].
+/// Median wall time of repeated runs; `first` is the wall time of the first one [s].
 fn timed(first: Duration, mut run: impl FnMut() -> Result<Run, Error>) -> Result<f64, Error> {
     let repeats = (SHORT.as_secs_f64() / first.as_secs_f64().max(1e-9)).ceil().min(f64::from(REPEATS)) as u32;
     let mut all = Vec::new();

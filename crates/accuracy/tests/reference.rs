@@ -10,7 +10,7 @@ use haff_accuracy::{
 };
 use haff_engine::Boundary;
 
-/// 64 spheres in a periodic cube after ten collisions each, then by_reference.
+/// The reference solution of 64 spheres in a cube, from a state after ten collisions of each sphere.
 fn by_reference(boundary: Boundary, phi: f64, collisions: u32) -> Solution {
     let system = scenes::melted(&scenes::gas(4, phi, boundary, 1.0, 5), 10.0).expect("a gas melts");
     Solution::by_reference("gas", "", system, collisions, 2, 256).expect("the reference supports the scene")
@@ -21,7 +21,7 @@ fn reference_agrees_with_closed_forms_to_its_precision() {
     for closed_form in closed::all() {
         for (bits, bound) in [(128, 2f64.powi(-110)), (256, 2f64.powi(-230))] {
             let error = closed_form.reference_error(bits).unwrap();
-            // Some ten bits for a thousand bounces, and some for sizes and times above 1.
+            // About ten bits for a thousand bounces, and a few for sizes and times above 1.
             assert!(error < bound, "{}: {error:e} with {bits} bits, bound {bound:e}", closed_form.name);
         }
     }
@@ -41,8 +41,8 @@ fn engine_is_within_rounding_of_closed_forms() {
 
 #[test]
 fn stepper_is_of_first_order() {
-    // The delay of a bounce is any part of a step: the mean over many steps of slightly different length is
-    // of first order.
+    // A bounce is delayed by a random part of a step, so the error is averaged over many slightly different
+    // step lengths: the mean is of first order.
     let solution = Solution::from(closed::oblique_impact(0.8));
     let mean = |dt: f64| {
         let errors = (0..20)
@@ -56,12 +56,12 @@ fn stepper_is_of_first_order() {
 
 #[test]
 fn error_of_soft_spheres_is_of_first_order_in_the_contact_time() {
-    // Elastic ones: the jumps of a dashpot's force cause an error of e that does not fall with the contact
-    // time.
+    // Only elastic spheres: the jumps of a dashpot's force cause an error of e that does not decrease with
+    // the contact time.
     for closed_form in [closed::oblique_impact(1.0), closed::chain(10)] {
         let expected = 1.0;
         let solution = Solution::from(closed_form);
-        // With so many steps, only the error due to softness remains.
+        // With this many steps, only the error due to softness remains.
         let error = |contact_time| {
             solution.measure(&SoftSpheres { contact_time, steps_per_contact: 200.0 }).unwrap().error[0]
         };
@@ -152,7 +152,8 @@ fn all_searches_give_one_trajectory_with_the_error_of_a_rounded_state() {
     assert!(growth.configurations.len() >= 4, "{:?}", growth.configurations);
     assert!(growth.identical, "{:?}", growth.configurations);
     let beyond = growth.engine.bits_beyond(&growth.rounded).unwrap();
-    // One initial state: scatter of a bit or two, and the rounding of prediction and impact.
+    // Allowed for a single initial state: scatter of one or two bits, and the rounding of prediction and
+    // impact.
     assert!(beyond.abs() < 4.0, "{beyond} bits more than rounding of the state");
     assert!(growth.perturbed.slope().unwrap() > 1.0, "chaos");
 }

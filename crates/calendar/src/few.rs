@@ -1,9 +1,9 @@
 /*!
 Sorts a few events by rank.
 
-Buckets hold some ten events in any order. The branches of a comparison sort are unpredictable. Here the rank
-of every event is counted instead: the number of earlier events. That takes more comparisons but no branches;
-vector instructions compare eight events at a time.
+A bucket holds about ten events in any order. The branches of a comparison sort are unpredictable. Here the
+rank of every event, the number of earlier events, is counted instead. That takes more comparisons but no
+branches, and vector instructions compare eight events at a time.
 */
 
 use crate::Event;
@@ -13,50 +13,51 @@ const FEW: usize = 16;
 /// Number of events whose ranks are counted at a time.
 const LANES: usize = 8;
 
-/// Copies events in order to `places`, a slice of the same length, the earliest first.
+/// Copies events to `sorted`, a slice of the same length, the earliest first.
 #[inline(always)]
-pub(crate) fn sort_to<E: Event>(events: &[E], places: &mut [E]) {
-    sort_by::<E, false>(events, places, |_, event| event.time());
+pub(crate) fn sort_to<E: Event>(events: &[E], sorted: &mut [E]) {
+    sort_by::<E, false>(events, sorted, |_, event| event.time());
 }
 
-/// Copies events within a short span of time from `begin` on, below 2^58 ticks, to `places`, a slice of the
-/// same length, in the order of their times, the latest first; events of one time are in any order.
+/// Copies events to `sorted`, a slice of the same length, the latest first. The order of events with equal
+/// times is not specified. All events must be less than 2^58 ticks after `begin`, and none before it.
 #[inline(always)]
-pub(crate) fn sort_times_to<E: Event>(events: &[E], places: &mut [E], begin: i64) {
-    // Makes all keys different.
-    sort_by::<E, true>(events, places, |k, event| (event.time() - begin) * FEW as i64 + k);
+pub(crate) fn sort_times_to<E: Event>(events: &[E], sorted: &mut [E], begin: i64) {
+    // `k` makes all keys different.
+    sort_by::<E, true>(events, sorted, |k, event| (event.time() - begin) * FEW as i64 + k);
 }
 
+/// Copies events to `sorted`: a few by counting, more by a comparison sort.
 #[inline(always)]
-fn sort_by<E: Event, const REVERSED: bool>(events: &[E], places: &mut [E], key: impl Fn(i64, &E) -> i64) {
+fn sort_by<E: Event, const REVERSED: bool>(events: &[E], sorted: &mut [E], key: impl Fn(i64, &E) -> i64) {
     let counted = if events.len() <= LANES {
-        count::<E, 1, REVERSED>(events, places, key)
+        count::<E, 1, REVERSED>(events, sorted, key)
     } else if events.len() <= FEW {
-        count::<E, { FEW / LANES }, REVERSED>(events, places, key)
+        count::<E, { FEW / LANES }, REVERSED>(events, sorted, key)
     } else {
         false
     };
     if !counted {
-        sort_many(events, places);
+        sort_many(events, sorted);
         if REVERSED {
-            places.reverse();
+            sorted.reverse();
         }
     }
 }
 
 #[cold]
 #[inline(never)]
-fn sort_many<E: Event>(events: &[E], places: &mut [E]) {
-    places.copy_from_slice(events);
-    places.sort_unstable();
+fn sort_many<E: Event>(events: &[E], sorted: &mut [E]) {
+    sorted.copy_from_slice(events);
+    sorted.sort_unstable();
 }
 
-/// Copies up to `GROUPS` times eight events to `places` in the order of their keys, the last first if
-/// `REVERSED`. Returns false if two of them have the same key, which does not happen if `REVERSED`.
+/// Copies up to `GROUPS` times eight events to `sorted` in the order of their keys, the last first if
+/// `REVERSED`. Returns false if two events have the same key; with `REVERSED` all keys must be different.
 #[inline(always)]
 fn count<E: Event, const GROUPS: usize, const REVERSED: bool>(
     events: &[E],
-    places: &mut [E],
+    sorted: &mut [E],
     key: impl Fn(i64, &E) -> i64,
 ) -> bool {
     let mut keys = [[i64::MAX; LANES]; GROUPS];
@@ -73,12 +74,12 @@ fn count<E: Event, const GROUPS: usize, const REVERSED: bool>(
     }
     let before = &before.as_flattened()[..events.len()];
     let last = events.len() as i64 - 1;
-    // Events with the same key have fewer predecessors than their ranks in a total order.
+    // In a total order the numbers of predecessors are 0, 1, …, `last`. Equal keys make their sum smaller.
     if !REVERSED && 2 * before.iter().sum::<i64>() != (last + 1) * last {
         return false;
     }
     for (event, &before) in events.iter().zip(before) {
-        places[if REVERSED { last - before } else { before } as usize] = *event;
+        sorted[if REVERSED { last - before } else { before } as usize] = *event;
     }
     true
 }

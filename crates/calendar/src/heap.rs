@@ -4,7 +4,7 @@ use std::{cmp::Reverse, collections::BinaryHeap};
 
 use crate::{Calendar, Event};
 
-/// Binary heap; the plain reference for [`crate::Ladder`].
+/// Binary heap, the plain reference for [`crate::Ladder`].
 #[derive(Debug, Clone)]
 pub struct Heap<E: Event>(BinaryHeap<Reverse<E>>);
 

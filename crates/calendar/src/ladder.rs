@@ -9,64 +9,67 @@ buckets, stored as a ring.
  (sorted)    |  current coarse bucket  |  a year from now on   |  later
 ```
 
-An event is appended, unsorted, to the bucket of its time, moves down one level when its coarse bucket becomes
-current, and is sorted only with the few others of its fine bucket. Events that arrive for the current fine
-bucket, or for the past, are inserted into the sorted run while it is short, and into a binary heap beside it
-otherwise. So each event is moved three times, twice by an append. The fine width follows the event rate:
-about [`TARGET`] events a bucket.
+An event is appended, unsorted, to the bucket of its time. It moves to a fine bucket when its coarse bucket
+becomes current, and is sorted only with the few other events of its fine bucket. Events that are added to the
+current fine bucket, or to the past, are inserted into the sorted run while it is short, otherwise into a
+binary heap. So each event is moved three times, twice by an append. The width of a fine bucket is chosen from
+the rate of events: about [`TARGET`] events per bucket.
 */
 
 use std::{cmp::Reverse, collections::BinaryHeap, mem};
 
 use crate::{Calendar, Event, few::sort_times_to};
 
-/// Events per fine bucket that the width is tuned for: the sort stays within two cache lines of 24-byte
-/// events and the scan over empty buckets stays short.
+/// Number of events per fine bucket for which the width is chosen. With events of 24 bytes the sort stays
+/// within a few cache lines, and the scan over empty buckets stays short.
 const TARGET: usize = 8;
-/// The width is re-tuned when buckets hold this factor more or less than they should.
+/// The width is chosen again when buckets hold more than this factor times [`TARGET`], or less than
+/// [`TARGET`] divided by this factor.
 const SLACK: usize = 2;
-/// Longest run into which events are inserted.
+/// Length of the run from which on events are added to the heap instead.
 const SHORT: usize = 64;
-/// Number of events that the width is chosen from.
+/// Approximate number of events from which the width is chosen.
 const SAMPLE: usize = 1 << 14;
-/// Least number of events taken between two reviews of the width.
+/// Least number of events that are taken between two reviews of the width.
 const REVIEW: usize = 64;
 /// Largest exponent of a year's length, so that bucket arithmetic on 64-bit ticks cannot overflow.
 const MAX_YEAR_BITS: u32 = 61;
 
-/// Two-level ladder queue; [`Heap`](crate::Heap) is the plain reference.
+/// Two-level ladder queue. [`Heap`](crate::Heap) is its plain reference.
 #[derive(Debug, Clone)]
 pub struct Ladder<E: Event> {
     /// Sorted events up to the end of the current fine bucket, latest first.
     run: Vec<E>,
-    /// The run is lengthened by the next bucket while it is shorter than this.
+    /// While the run is not longer than this, the next bucket is added to it.
     min_run: usize,
-    /// Events pushed into the current fine bucket or before it since it was sorted.
+    /// Events added to the current fine bucket, or before it, while the run was too long.
     late: BinaryHeap<Reverse<E>>,
     fine: Vec<Vec<E>>,
     coarse: Vec<Vec<E>>,
-    /// Events that were more than a year ahead when the calendar year began, or when they were entered in it.
+    /// Events that were more than a year ahead when the current year began, or when they were added.
     later: Vec<E>,
     /// log₂ of the fine bucket's width in ticks.
     shift: u32,
     /// log₂ of the number of fine buckets, and of coarse ones.
     fine_bits: u32,
     coarse_bits: u32,
-    /// Absolute index of the current fine, coarse bucket and year.
+    /// Indices of the current fine bucket, coarse bucket and year, counted from time 0.
     fine_now: i64,
     coarse_now: i64,
     year_now: i64,
     len: usize,
-    /// Fine buckets passed, and events taken, since the last review of the width. (`taken` is neither next to
-    /// `len` nor as wide: the compiler would increment both with one vector instruction, which stalls on
-    /// store forwarding after `len` has been written alone.)
+    /// Number of fine buckets passed since the last review of the width.
     buckets: i64,
+    /// Number of events taken since the last review. This field is neither next to `len` nor as wide:
+    /// otherwise the compiler increments both with one vector instruction, which stalls on store forwarding
+    /// after `len` has been written alone.
     taken: u32,
-    /// Number of events to be taken before the next review: a change costs O(len). 0 at the start.
+    /// Number of events to take before the next review. A change of the width costs O(`len`). 0 at the start.
     review_budget: u32,
 }
 
 impl<E: Event> Ladder<E> {
+    /// Sets the width of a fine bucket to 2^shift ticks, or to the largest possible one.
     fn set_shift(&mut self, shift: u32) {
         self.shift = shift.min(MAX_YEAR_BITS - self.fine_bits - self.coarse_bits);
     }
@@ -78,11 +81,12 @@ impl<E: Event> Ladder<E> {
         self.year_now = self.coarse_now >> self.coarse_bits;
     }
 
+    /// Adds an event to the bucket of its time.
     #[inline]
-    fn place(&mut self, event: E) {
+    fn insert(&mut self, event: E) {
         let fine = event.time() >> self.shift;
         if fine <= self.fine_now {
-            self.place_late(event);
+            self.insert_late(event);
             return;
         }
         let coarse = fine >> self.fine_bits;
@@ -90,11 +94,13 @@ impl<E: Event> Ladder<E> {
             let slot = (fine & ((1 << self.fine_bits) - 1)) as usize;
             self.fine[slot].push(event);
         } else if coarse.wrapping_sub(self.coarse_now) as u64 <= 1 << self.coarse_bits {
-            // Also exactly a year ahead: the slot of the current bucket in the ring is empty.
+            // A bucket exactly a year ahead also has a slot in the ring: that of the current bucket, which is
+            // empty.
             let slot = (coarse & ((1 << self.coarse_bits) - 1)) as usize;
             let bucket = &mut self.coarse[slot];
             if bucket.len() == bucket.capacity() {
-                // By a quarter, not twofold: nearly all events of a large system are in these buckets.
+                // Grows by a quarter instead of doubling, which limits the memory: nearly all events of a
+                // large system are in these buckets.
                 bucket.reserve_exact(bucket.len() / 4 + TARGET);
             }
             bucket.push(event);
@@ -103,8 +109,8 @@ impl<E: Event> Ladder<E> {
         }
     }
 
-    /// Adds an event to the current fine bucket.
-    fn place_late(&mut self, event: E) {
+    /// Adds an event to the current fine bucket, which is already sorted.
+    fn insert_late(&mut self, event: E) {
         if self.run.len() < SHORT {
             let at = self.run.iter().rposition(|other| *other > event).map_or(0, |at| at + 1);
             self.run.insert(at, event);
@@ -113,9 +119,9 @@ impl<E: Event> Ladder<E> {
         }
     }
 
-    /// Chooses the fine width for `len` live events from `some` of them: by their median distance from the
-    /// first, for `TARGET` events a bucket. The fine bucket before the first event becomes the current one,
-    /// so that no event starts in the heap; all buckets must be empty.
+    /// Chooses the fine width for `len` events in the calendar from `some` of them, for [`TARGET`] events per
+    /// bucket between the first event and the median. The fine bucket before the first event becomes the
+    /// current one, so that no event starts in the heap. All buckets must be empty.
     fn tune_from<'a>(&mut self, some: impl Iterator<Item = &'a E> + Clone, len: usize)
     where
         E: 'a,
@@ -130,8 +136,9 @@ impl<E: Event> Ladder<E> {
         self.set_current(first.saturating_sub(1 << self.shift));
     }
 
-    /// Prepares for `len` events, given some of them; the calendar must be empty. Without this call all
-    /// events added before the first is taken go to one heap, and are moved then.
+    /// Prepares for `len` events, given some of them. The calendar must be empty. Without this call, all
+    /// events that are added before the first one is taken are in one heap, and move to the buckets when it
+    /// is taken.
     pub fn prepare(&mut self, some: &[E], len: usize) {
         debug_assert!(self.is_empty());
         if some.is_empty() {
@@ -143,8 +150,8 @@ impl<E: Event> Ladder<E> {
         self.buckets = 0;
     }
 
-    /// Keeps at least `events` events sorted, up to half of [`SHORT`], or all if there are fewer, so that the
-    /// [upcoming](Calendar::upcoming) ones are known.
+    /// Keeps the next `events` events sorted, or all if there are fewer, so that the
+    /// [upcoming](Calendar::upcoming) events are known. The largest possible number is half of [`SHORT`].
     pub fn keep_sorted(&mut self, events: usize) {
         self.min_run = events.min(SHORT / 2);
     }
@@ -163,10 +170,10 @@ impl<E: Event> Ladder<E> {
                 let slot = (self.fine_now & ((1 << self.fine_bits) - 1)) as usize;
                 let bucket = &mut self.fine[slot];
                 if !bucket.is_empty() {
-                    // The events already in the run are earlier, so they go to its end.
-                    let (held, more) = (self.run.len(), bucket.len());
-                    self.run.resize(held + more, bucket[0]);
-                    self.run.copy_within(..held, more);
+                    // The events already in the run are earlier, so they move to its end.
+                    let (present, more) = (self.run.len(), bucket.len());
+                    self.run.resize(present + more, bucket[0]);
+                    self.run.copy_within(..present, more);
                     sort_times_to(bucket, &mut self.run[..more], self.fine_now << self.shift);
                     bucket.clear();
                     return true;
@@ -176,7 +183,7 @@ impl<E: Event> Ladder<E> {
         }
     }
 
-    /// Checks whether the width still fits the rate of events.
+    /// Checks whether the width is still right for the rate of events, and otherwise chooses it again.
     #[cold]
     fn review(&mut self) {
         let per_bucket = self.taken as usize / self.buckets.max(1) as usize;
@@ -188,28 +195,28 @@ impl<E: Event> Ladder<E> {
         self.buckets = 0;
     }
 
-    /// Rebuilds with a width that fits the present events.
+    /// Chooses the width for the present events, and moves them to the new buckets.
     fn retune(&mut self) {
         let (fine, coarse) = (self.fine.len(), self.coarse.len());
         let fine = mem::replace(&mut self.fine, vec![Vec::new(); fine]);
         let coarse = mem::replace(&mut self.coarse, vec![Vec::new(); coarse]);
         let (run, later) = (mem::take(&mut self.run), mem::take(&mut self.later));
-        // The heap holds most of them when the width has never been tuned.
+        // Before the first choice of the width most events are in the heap.
         let late = mem::take(&mut self.late).into_vec();
         let buckets = || fine.iter().chain(&coarse).chain([&run, &later]);
         self.tune_from(late.iter().map(|late| &late.0).chain(buckets().flatten()), self.len);
         for Reverse(event) in late {
-            self.place(event);
+            self.insert(event);
         }
-        // Bucket by bucket: the memory of each is freed while that of others grows.
+        // Bucket by bucket: the memory of an old bucket is freed before the next new buckets grow.
         for bucket in fine.into_iter().chain(coarse).chain([run, later]) {
             for event in bucket {
-                self.place(event);
+                self.insert(event);
             }
         }
     }
 
-    /// Moves the next non-empty coarse bucket down into the fine ones.
+    /// Moves the events of the next non-empty coarse bucket to the fine buckets.
     #[inline(never)]
     fn next_coarse(&mut self) {
         loop {
@@ -222,28 +229,29 @@ impl<E: Event> Ladder<E> {
                     return;
                 }
             }
-            // The year is over. Events that were more than a year ahead may be due in the next one, but not
-            // before: those that are go into the ring now, whose last bucket is exactly a year ahead.
+            // The year is over. The events in `later` are in the next year or after it. Those that are at
+            // most a year ahead now move to the ring, whose last bucket is exactly a year ahead.
             let elsewhere = self.run.len() + self.late.len() + self.later.len();
             if self.len > elsewhere {
                 self.year_now += 1;
             } else {
-                // The ring is empty: jump to the year of the first event left.
+                // The ring is empty: the year of the first remaining event becomes current.
                 let Some(first) = self.later.iter().map(Event::time).min() else {
-                    unreachable!("the caller has checked that events are left")
+                    unreachable!("the caller has checked that events remain")
                 };
                 let first_coarse = first >> (self.shift + self.fine_bits);
                 self.coarse_now = first_coarse - 1;
                 self.year_now = first_coarse >> self.coarse_bits;
                 self.fine_now = (first_coarse << self.fine_bits) - 1;
-                // `first` goes into the ring: `coarse_now` is just before its bucket.
+                // `coarse_now` is just before the bucket of `first`, so that this event moves to the ring.
             }
             for event in mem::take(&mut self.later) {
-                self.place(event);
+                self.insert(event);
             }
         }
     }
 
+    /// [`Calendar::pop_until`] when the heap contains events.
     #[cold]
     fn pop_with_late(&mut self, limit: i64) -> Option<E> {
         let from_run = match (self.run.last(), self.late.peek()) {
@@ -259,10 +267,11 @@ impl<E: Event> Ladder<E> {
         if from_run { self.run.pop() } else { self.late.pop().map(|late| late.0) }
     }
 
+    /// Moves the events of the current coarse bucket, at `slot` of the ring, to the fine buckets.
     fn open_coarse(&mut self, slot: usize) {
         self.fine_now = (self.coarse_now << self.fine_bits) - 1;
-        // Its memory is freed, too: each bucket is the fullest for some time, so that all would grow to the
-        // largest size.
+        // The memory of the bucket is freed. Otherwise every bucket would grow to the largest size, because
+        // each is the fullest one for some time.
         for event in mem::take(&mut self.coarse[slot]) {
             let fine = event.time() >> self.shift;
             self.fine[(fine & ((1 << self.fine_bits) - 1)) as usize].push(event);
@@ -272,7 +281,8 @@ impl<E: Event> Ladder<E> {
 
 impl<E: Event> Calendar<E> for Ladder<E> {
     fn with_capacity(events: usize) -> Self {
-        // Fine × coarse buckets × TARGET = 16 times the live events: nearly all of them fall into one year.
+        // Fine × coarse buckets × TARGET is about 16 times the number of events: nearly all are within one
+        // year.
         let bits = (2 * events.max(1)).ilog2().div_ceil(2).clamp(4, 12);
         Self {
             run: Vec::new(),
@@ -296,7 +306,7 @@ impl<E: Event> Calendar<E> for Ladder<E> {
 
     fn push(&mut self, event: E) {
         self.len += 1;
-        self.place(event);
+        self.insert(event);
     }
 
     #[inline(always)]
@@ -305,7 +315,7 @@ impl<E: Event> Calendar<E> for Ladder<E> {
             self.review();
         }
         if self.late.is_empty() {
-            // The usual case.
+            // The heap is empty in the usual case.
             if self.run.len() <= self.min_run {
                 self.advance();
             }

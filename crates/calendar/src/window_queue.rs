@@ -1,21 +1,24 @@
 /*!
 A queue of the events in one window of time: buckets of equal width, filled once and emptied in order.
 
-Most events are known when the window opens: a counting sort puts them into buckets, so that they lie in
-memory in the order in which they will be taken. Later events go to lists, one per bucket. The next few events
-are kept in a sorted run, so that the [upcoming](WindowQueue::upcoming) ones can be prefetched.
+Most events are known when the window opens. A counting sort puts them into buckets, so that their order in
+memory is that in which they will be taken. Events added later go to linked lists, one per bucket. The next
+few events are in a sorted run, so that the memory of the [upcoming](WindowQueue::upcoming) ones can be
+prefetched.
 */
 
 use std::{cmp::Reverse, collections::BinaryHeap};
 
 use crate::{Event, few::sort_to};
 
-/// Events per bucket that the width is chosen for: the sort of a run stays within two or three cache lines.
+/// Number of events per bucket for which the width is chosen. The sort of a bucket stays within two or three
+/// cache lines.
 const TARGET: usize = 4;
-/// Number of taken events after which their memory in the run is reused.
+/// Number of events already taken from the run after which their memory is reused.
 const TAKEN: usize = 64;
-/// Longest run: later events of the same bucket wait in a heap. Insertion into a run takes time in proportion
-/// to its length, and a particle caught in a wedge may have very many events in one bucket.
+/// Largest length of the run; later events of the same bucket are in a heap. The time of an insertion into
+/// the run is proportional to its length, and a particle trapped in a wedge can have very many events in one
+/// bucket.
 const LONGEST_RUN: usize = 256;
 /// End of a list.
 const NONE: u32 = u32::MAX;
@@ -23,28 +26,29 @@ const NONE: u32 = u32::MAX;
 /// Queue of the events in one window; see the [module documentation](self).
 #[derive(Debug, Clone)]
 pub struct WindowQueue<E: Event> {
+    /// Begin of the window [ticks].
     begin: i64,
     /// log₂ of a bucket's width in ticks.
     shift: u32,
-    /// Events known from the start, by bucket; bucket b ends at `ends[b]`.
+    /// Events known when the window was opened, in the order of their buckets. Bucket b ends at `ends[b]`.
     known: Vec<E>,
     ends: Vec<u32>,
-    /// Later events: lists through `nodes`, from `heads[b]` on.
+    /// Events added later: the linked list of bucket b begins at node `heads[b]`.
     heads: Vec<u32>,
     nodes: Vec<(E, u32)>,
-    /// The last bucket that the run holds, −1 before the first.
+    /// The last bucket that has been added to the run; −1 before the first.
     current: i64,
-    /// Events of one bucket, before they are sorted.
+    /// Working space: the events of one bucket before they are sorted.
     unsorted: Vec<E>,
-    /// The next events in their order, from `head` on.
+    /// The next events in order, from index `head` on. Those before `head` have been taken.
     run: Vec<E>,
     head: usize,
-    /// Events of the run's buckets that do not fit in it, all later than those in it.
+    /// Events of the buckets of the run that do not fit in it. All of them are later than those in the run.
     overflow: BinaryHeap<Reverse<E>>,
-    /// Length of the run, including its events already taken, from which on insertion checks for overflow: 0
-    /// while `overflow` holds events.
+    /// Length of the run, events already taken included, from which on an insertion checks for overflow. 0
+    /// while `overflow` contains events.
     longest: usize,
-    /// Least number of sorted events, as long as the queue holds that many.
+    /// Least length of the run, as long as the queue contains enough events.
     min_run: usize,
     len: usize,
 }
@@ -71,7 +75,8 @@ impl<E: Event> Default for WindowQueue<E> {
 }
 
 impl<E: Event> WindowQueue<E> {
-    /// Keeps the next `events` sorted, or all if there are fewer, so that they can be [read](Self::upcoming).
+    /// Keeps the next `events` events sorted, or all if there are fewer, so that they can be
+    /// [read](Self::upcoming).
     pub fn keep_sorted(&mut self, events: usize) {
         self.min_run = events.max(1);
     }
@@ -79,12 +84,12 @@ impl<E: Event> WindowQueue<E> {
     /// Removes all events and opens a window [`begin`, `end`] \[ticks\], `begin` < `end`, with the events
     /// known at its start.
     ///
-    /// Events before or after the window are returned in order too, only more slowly.
+    /// Events before or after the window are also returned in order, but take more time.
     pub fn open(&mut self, begin: i64, end: i64, events: &[E]) {
         let buckets = (events.len() / TARGET).clamp(1, 1 << 24) as u64;
         let span = end.saturating_sub(begin).max(1) as u64;
         self.begin = begin;
-        // The least width of a power of two that covers the window with at most that many buckets.
+        // The width is the least power of two such that at most `buckets` buckets cover the window.
         self.shift = u64::BITS - (span / buckets).leading_zeros();
         let buckets = (span >> self.shift) as usize + 1;
         self.ends.clear();
@@ -111,7 +116,8 @@ impl<E: Event> WindowQueue<E> {
             self.known.clear();
             self.known.resize(events.len(), first);
         }
-        // In reverse: each bucket's end becomes its beginning, which is the end of the bucket before.
+        // In reverse order: the end of each bucket is lowered to its beginning, which is the end of the
+        // bucket before.
         for event in events.iter().rev() {
             let bucket = self.bucket(event.time());
             self.ends[bucket] -= 1;
@@ -120,13 +126,14 @@ impl<E: Event> WindowQueue<E> {
         self.ends.remove(0);
     }
 
+    /// The bucket of a time: the first or last one if it is outside the window.
     #[inline(always)]
     fn bucket(&self, time: i64) -> usize {
         let within = time.saturating_sub(self.begin).max(0) as u64 >> self.shift;
         (within as usize).min(self.heads.len() - 1)
     }
 
-    /// Adds an event; the queue must have been opened.
+    /// Adds an event. A window must have been opened before.
     #[inline(always)]
     pub fn push(&mut self, event: E) {
         self.len += 1;
@@ -140,7 +147,7 @@ impl<E: Event> WindowQueue<E> {
         }
     }
 
-    /// Inserts an event into the run.
+    /// Inserts an event of a bucket that has been added to the run.
     #[inline(always)]
     fn insert(&mut self, event: E) {
         if self.run.len() >= self.longest {
@@ -149,7 +156,7 @@ impl<E: Event> WindowQueue<E> {
         self.insert_into_run(event);
     }
 
-    /// Inserts an event when the run may be too long.
+    /// Inserts an event into the run or into `overflow`, and limits the length of the run.
     #[cold]
     fn insert_with_overflow(&mut self, event: E) {
         self.run.drain(..self.head);
@@ -165,20 +172,21 @@ impl<E: Event> WindowQueue<E> {
         self.longest = if self.overflow.is_empty() { LONGEST_RUN } else { 0 };
     }
 
+    /// Inserts an event into the run, in the memory of an event already taken if there is one.
     #[inline(always)]
     fn insert_into_run(&mut self, event: E) {
         let ahead = self.run[self.head..].iter().position(|later| *later > event);
-        let place = ahead.map_or(self.run.len(), |ahead| self.head + ahead);
+        let position = ahead.map_or(self.run.len(), |ahead| self.head + ahead);
         if self.head > 0 {
-            self.run.copy_within(self.head..place, self.head - 1);
+            self.run.copy_within(self.head..position, self.head - 1);
             self.head -= 1;
-            self.run[place - 1] = event;
+            self.run[position - 1] = event;
         } else {
-            self.run.insert(place, event);
+            self.run.insert(position, event);
         }
     }
 
-    /// Takes the least event if its time is at most `limit`.
+    /// Removes and returns the first event if its time is at most `limit`.
     #[inline(always)]
     pub fn pop_until(&mut self, limit: i64) -> Option<E> {
         if self.run.len() < self.head + self.min_run {
@@ -193,7 +201,7 @@ impl<E: Event> WindowQueue<E> {
         Some(next)
     }
 
-    /// Lengthens the run by the next buckets, until it holds at least `min_run` events, or all.
+    /// Adds the next buckets to the run until it contains at least `min_run` events, or all.
     #[inline(always)]
     fn lengthen(&mut self) {
         if self.head >= TAKEN {
@@ -225,18 +233,18 @@ impl<E: Event> WindowQueue<E> {
         }
     }
 
-    /// The event that would be taken `ahead` events from now; one of those [kept sorted](Self::keep_sorted).
+    /// The event `ahead` events after the next one, if it is one of those [kept sorted](Self::keep_sorted).
     #[inline(always)]
     pub fn upcoming(&self, ahead: usize) -> Option<&E> {
         self.run.get(self.head + ahead)
     }
 
-    /// Number of events held.
+    /// Number of events in the queue.
     pub fn len(&self) -> usize {
         self.len
     }
 
-    /// Whether no event is held.
+    /// Whether the queue contains no events.
     pub fn is_empty(&self) -> bool {
         self.len == 0
     }

@@ -36,22 +36,25 @@ fn operation(spread: i64) -> impl Strategy<Value = Operation> {
     ]
 }
 
-/// What both calendars hold. If both take events at the same times, and each takes every event once, they
-/// take the same events.
+/// The items in both calendars. If both return events at the same times, and each returns every event once,
+/// they return the same events.
 #[derive(Default)]
-struct Held([BTreeSet<Item>; 2]);
+struct Contents([BTreeSet<Item>; 2]);
 
-impl Held {
+impl Contents {
     fn push(&mut self, item: Item) {
-        assert!(self.0.iter_mut().all(|held| held.insert(item)));
+        assert!(self.0.iter_mut().all(|contents| contents.insert(item)));
     }
 
-    /// Both have taken an event, or neither has.
+    /// Removes the returned events. Both calendars must have returned one, or neither.
     fn take(&mut self, taken: [Option<Item>; 2]) {
         let [a, b] = taken.map(|item| item.map(|item| item.time));
         assert_eq!(a, b, "{taken:?}");
-        for (held, item) in self.0.iter_mut().zip(taken) {
-            assert!(item.is_none_or(|item| held.remove(&item)), "{item:?} was never added, or taken before");
+        for (contents, item) in self.0.iter_mut().zip(taken) {
+            assert!(
+                item.is_none_or(|item| contents.remove(&item)),
+                "{item:?} was never added, or taken before"
+            );
         }
     }
 }
@@ -60,14 +63,14 @@ impl Held {
 fn run_both(operations: &[Operation]) {
     let (mut heap, mut ladder) = (Heap::with_capacity(16), Ladder::with_capacity(16));
     ladder.keep_sorted(operations.len() % 20);
-    let (mut now, mut id, mut held) = (0_i64, 0, Held::default());
+    let (mut now, mut id, mut contents) = (0_i64, 0, Contents::default());
     for operation in operations {
         match *operation {
             Operation::Push(ahead) => {
                 // Times up to 2^62 are allowed.
                 let item = Item { time: now.saturating_add(ahead).min(1 << 62), id };
                 id += 1;
-                held.push(item);
+                contents.push(item);
                 heap.push(item);
                 ladder.push(item);
             }
@@ -79,11 +82,11 @@ fn run_both(operations: &[Operation]) {
                 };
                 assert_eq!(heap.next_time(), ladder.next_time());
                 let (a, b) = (heap.pop_until(limit), ladder.pop_until(limit));
-                held.take([a, b]);
+                contents.take([a, b]);
                 now = a.map_or(now, |item| item.time);
             }
             Operation::Clear => {
-                held = Held::default();
+                contents = Contents::default();
                 heap.clear();
                 ladder.clear();
             }
@@ -91,7 +94,7 @@ fn run_both(operations: &[Operation]) {
         assert_eq!(heap.len(), ladder.len());
     }
     while let Some(item) = heap.pop_until(i64::MAX) {
-        held.take([Some(item), ladder.pop_until(i64::MAX)]);
+        contents.take([Some(item), ladder.pop_until(i64::MAX)]);
     }
     assert!(ladder.is_empty() && ladder.pop_until(i64::MAX).is_none());
 }
@@ -117,7 +120,8 @@ proptest! {
     }
 }
 
-/// The width fits the many events that come soon; a few are years ahead, some of them by whole years exactly.
+/// The bucket width is adapted to the many near events. A few events are later than a year of the calendar,
+/// some by an exact number of years.
 #[test]
 fn ladder_agrees_with_heap_on_events_years_ahead() {
     let (mut heap, mut ladder) = (Heap::with_capacity(16), Ladder::with_capacity(16));
@@ -126,29 +130,29 @@ fn ladder_agrees_with_heap_on_events_years_ahead() {
         state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
         (state >> 33) % n
     };
-    let (mut held, mut id) = (Held::default(), 0);
+    let (mut contents, mut id) = (Contents::default(), 0);
     let mut push =
-        |now: i64, ahead: u64, held: &mut Held, heap: &mut Heap<Item>, ladder: &mut Ladder<Item>| {
+        |now: i64, ahead: u64, contents: &mut Contents, heap: &mut Heap<Item>, ladder: &mut Ladder<Item>| {
             let item = Item { time: now + ahead as i64, id };
             id += 1;
-            held.push(item);
+            contents.push(item);
             heap.push(item);
             ladder.push(item);
         };
     for k in 0..200 {
-        push(0, k, &mut held, &mut heap, &mut ladder);
+        push(0, k, &mut contents, &mut heap, &mut ladder);
     }
     for _ in 0..200_000 {
         let taken = [heap.pop_until(i64::MAX), ladder.pop_until(i64::MAX)];
-        held.take(taken);
+        contents.take(taken);
         let now = taken[0].unwrap().time;
         let ahead = if random(500) > 0 { 1 + random(64) } else { 1 + random(1 << 13) };
-        push(now, ahead, &mut held, &mut heap, &mut ladder);
+        push(now, ahead, &mut contents, &mut heap, &mut ladder);
     }
 }
 
-/// A hold model: each event taken schedules another, with a rate that drifts over twelve binary orders, so
-/// that the ladder adapts its width up and down.
+/// The hold model: each event that is taken schedules another one, at a rate that drifts over twelve binary
+/// orders, so that the ladder increases and decreases its width.
 #[test]
 fn ladder_agrees_with_heap_while_the_event_rate_drifts() {
     let (mut heap, mut ladder) = (Heap::with_capacity(1000), Ladder::with_capacity(1000));
@@ -160,26 +164,26 @@ fn ladder_agrees_with_heap_while_the_event_rate_drifts() {
         state ^= state << 17;
         state
     };
-    let mut held = Held::default();
+    let mut contents = Contents::default();
     for id in 0..1000 {
         let item = Item { time: (random() >> 34) as i64, id };
-        held.push(item);
+        contents.push(item);
         heap.push(item);
         ladder.push(item);
     }
     for step in 0..200_000_u32 {
         let (a, b) = (heap.pop_until(i64::MAX).unwrap(), ladder.pop_until(i64::MAX).unwrap());
-        held.take([Some(a), Some(b)]);
+        contents.take([Some(a), Some(b)]);
         let bits = 34 + (step / 5000) % 24 * u32::from(step % 240_000 < 120_000) / 2;
         let item = Item { time: a.time + (random() >> bits) as i64, id: 1000 + step };
-        held.push(item);
+        contents.push(item);
         heap.push(item);
         ladder.push(item);
     }
 }
 
 #[test]
-fn ladder_returns_all_of_ten_thousand_simultaneous_events() {
+fn ladder_returns_all_ten_thousand_simultaneous_events() {
     let mut ladder = Ladder::with_capacity(10_000);
     for id in (0..10_000).rev() {
         ladder.push(Item { time: 1 << 40, id });
@@ -272,7 +276,7 @@ fn many_events_in_one_bucket_of_a_window_queue_take_logarithmic_time() {
     for k in 1..=EVENTS {
         let (a, b) = (heap.pop_until(i64::MAX).unwrap(), queue.pop_until(i64::MAX).unwrap());
         assert_eq!(a, b.0);
-        // One event at the next tick, and one that waits.
+        // One event at the next tick, and a later one.
         random = random.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
         let later = 1_000_000 + (random >> 44) as i64;
         for (ahead, id) in [(1, 2 * k), (later, 2 * k + 1)] {
@@ -285,7 +289,7 @@ fn many_events_in_one_bucket_of_a_window_queue_take_logarithmic_time() {
     while let Some(item) = heap.pop_until(i64::MAX) {
         assert_eq!(Some(Counted(item)), queue.pop_until(i64::MAX));
     }
-    // 60,000 events, 16 binary orders; one sorted run would take 60,000²/4.
+    // 60,000 events need about 16 comparisons each; insertion into one sorted list would take 60,000²/4.
     let comparisons = COMPARISONS.get();
     assert!(comparisons < 60_000 * 100, "{comparisons} comparisons");
 }

@@ -76,8 +76,8 @@ impl Lock {
 
 impl Drop for Lock {
     fn drop(&mut self) {
-        // Removed while the lock is held. A process that has opened it meanwhile sees that it is gone, and
-        // retries.
+        // Removed while the lock is held. A process that has opened it in the meantime detects that it is
+        // gone, and retries.
         if self.file.is_some() {
             let _ = fs::remove_file(&self.path);
         }
@@ -129,12 +129,12 @@ mod tests {
         fs::write(folder.path().join(".sweep.lock"), "1234567890").expect("a file");
         drop(Lock::of_sweep(folder.path()).expect("the lock is free"));
         fs::write(folder.path().join(".run-0001.h5.lock"), "1234567890").expect("a file");
-        let held = Lock::of_member(folder.path(), "run-0000.h5").expect("the lock is free");
+        let lock = Lock::of_member(folder.path(), "run-0000.h5").expect("the lock is free");
         for name in ["run-0000.h5", "run-0001.h5", "run-0002.h5"] {
             Lock::remove_left(folder.path(), name);
         }
         assert!(matches!(Lock::of_member(folder.path(), "run-0000.h5"), Err(Refused::Held(_))));
-        drop(held);
+        drop(lock);
         assert_eq!(fs::read_dir(folder.path()).expect("the folder").count(), 0);
         assert!(matches!(Lock::of_sweep(&folder.path().join("none")), Err(Refused::Failed(_))));
     }

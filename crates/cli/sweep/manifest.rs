@@ -214,7 +214,7 @@ impl Manifest {
         self.path.exists()
     }
 
-    /// Makes the folder, and the manifest if there is none yet.
+    /// Makes the folder, and the manifest unless it exists.
     pub fn begin(&self) -> Result<(), Failure> {
         let folder = self.folder();
         fs::create_dir_all(folder).map_err(|error| unwritable(folder, &error))?;
@@ -229,7 +229,7 @@ impl Manifest {
         }
     }
 
-    /// Writes the manifest in place of the one there is.
+    /// Replaces the manifest.
     pub fn write(&self) -> Result<(), Failure> {
         self.temporary()?.persist(&self.path).map(drop).map_err(|error| unwritable(&self.path, &error.error))
     }
@@ -266,7 +266,7 @@ impl Manifest {
     }
 }
 
-/// Reads a manifest; `None` if there is none.
+/// Reads a manifest; `None` if it does not exist.
 fn read(path: &Path) -> Result<Option<Content>, Failure> {
     let file = match fs::File::open(path) {
         Ok(file) => file,
@@ -284,33 +284,33 @@ fn read(path: &Path) -> Result<Option<Content>, Failure> {
 }
 
 /// The first difference that makes two manifests those of different sweeps, if any.
-fn difference(known: &Content, wanted: &Content) -> Option<String> {
-    if known.manifest != wanted.manifest {
-        return Some(format!("its layout is {}, this version writes {}", known.manifest, wanted.manifest));
+fn difference(known: &Content, given: &Content) -> Option<String> {
+    if known.manifest != given.manifest {
+        return Some(format!("its layout is {}, this version writes {}", known.manifest, given.manifest));
     }
-    if known.trajectory_version != wanted.trajectory_version {
+    if known.trajectory_version != given.trajectory_version {
         return Some(format!(
             "it was begun with trajectory version {} (haff {}), this is version {}",
-            known.trajectory_version, known.version, wanted.trajectory_version
+            known.trajectory_version, known.version, given.trajectory_version
         ));
     }
     // Equal values may be written differently: 2, 2.0 or 2e0.
     let values =
         |set: &[String]| set.iter().map(|text| Axis::parse(text).map(|axis| axis.canonical())).collect();
-    let [had, has]: [Result<Vec<_>, _>; 2] = [&known.set, &wanted.set].map(|set| values(set));
+    let [had, has]: [Result<Vec<_>, _>; 2] = [&known.set, &given.set].map(|set| values(set));
     if had != has {
         return Some(format!(
             "it has --set {}, not {}",
             known.set.join(" --set "),
-            wanted.set.join(" --set ")
+            given.set.join(" --set ")
         ));
     }
-    if known.seeds != wanted.seeds {
+    if known.seeds != given.seeds {
         let text = |seeds: Option<u32>| seeds.map_or("no --seeds".to_owned(), |n| format!("--seeds {n}"));
-        return Some(format!("it has {}, not {}", text(known.seeds), text(wanted.seeds)));
+        return Some(format!("it has {}, not {}", text(known.seeds), text(given.seeds)));
     }
-    if !same_scene(&known.scene_toml, &wanted.scene_toml) {
-        return Some(format!("its scene is not that of {}", wanted.scene.display()));
+    if !same_scene(&known.scene_toml, &given.scene_toml) {
+        return Some(format!("its scene is not that of {}", given.scene.display()));
     }
     None
 }

@@ -80,7 +80,7 @@ impl Plan {
         match plan.count() {
             Some(1..=MAX_MEMBERS) => Ok(plan),
             _ => Err(invalid(format!(
-                "more than {MAX_MEMBERS} runs: split the study into several sweeps, each with a folder of its own"
+                "more than {MAX_MEMBERS} runs: split the study into several sweeps, each in a separate folder"
             ))),
         }
     }

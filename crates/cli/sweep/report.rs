@@ -106,7 +106,7 @@ pub fn print_end(rows: &[&Row], run: usize, folder: Option<&Path>) {
         output::message(format_args!("wrote {}", output::path(&folder.join(NAME))));
     }
     if count(rows, State::Complete) < rows.len() {
-        output::message(format_args!("go on with the same command"));
+        output::message(format_args!("continue with the same command"));
     }
 }
 

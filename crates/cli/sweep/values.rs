@@ -21,7 +21,7 @@ pub struct Axis {
 
 impl Axis {
     /// Reads `KEY=V1,V2,…`. Values are TOML, separated by commas outside of brackets and quotes; a bare word
-    /// is text; `lin(a, b, n)` and `log(a, b, n)` stand for n values from a to b, equally spaced or in equal
+    /// is text; `lin(a, b, n)` and `log(a, b, n)` are n values from a to b, equally spaced or in equal
     /// ratios.
     pub fn parse(text: &str) -> Result<Self, String> {
         let error = |message: &str| format!("--set {}: {}", shown(text), shown(message));
@@ -50,7 +50,7 @@ impl Axis {
         let mut texts: Vec<String> = values.iter().map(|value| canonical(key, value)).collect();
         texts.sort_unstable();
         if let Some([twice, ..]) = texts.windows(2).find(|pair| pair[0] == pair[1]) {
-            return Err(error(&format!("{twice} stands there twice")));
+            return Err(error(&format!("{twice} is given twice")));
         }
         Ok(Self { key: key.to_owned(), values })
     }
@@ -126,7 +126,7 @@ fn split(list: &str) -> Vec<&str> {
     let (mut parts, mut start, mut depth) = (Vec::new(), 0, 0_i32);
     let mut quote: Option<char> = None;
     let mut escaped = false;
-    for (place, letter) in list.char_indices() {
+    for (index, letter) in list.char_indices() {
         match (quote, letter) {
             _ if escaped => escaped = false,
             (Some('"'), '\\') => escaped = true,
@@ -135,8 +135,8 @@ fn split(list: &str) -> Vec<&str> {
             (None, '[' | '{' | '(') => depth += 1,
             (None, ']' | '}' | ')') => depth -= 1,
             (None, ',') if depth <= 0 => {
-                parts.push(&list[start..place]);
-                start = place + 1;
+                parts.push(&list[start..index]);
+                start = index + 1;
             }
             (Some(_) | None, _) => {}
         }
@@ -234,8 +234,8 @@ mod tests {
             ("a=", "a value is missing"),
             ("a=1,,2", "a value is missing"),
             ("a=1,2,", "a value is missing"),
-            ("a=1,1.0", "1 stands there twice"),
-            ("run.wall_time=2h,7200s", "7200 stands there twice"),
+            ("a=1,1.0", "1 is given twice"),
+            ("run.wall_time=2h,7200s", "7200 is given twice"),
             ("a=[1,2", "not a TOML value"),
             ("a=lin(1,2)", "must read lin(from, to, number of values)"),
             ("a=log(0,2,3)", "both ends must be positive"),

@@ -14,7 +14,7 @@ use crate::{
 pub struct View(Option<(MultiProgress, ProgressBar)>);
 
 impl View {
-    /// A view of so many runs, of which some are complete already.
+    /// A view of this many runs, some of them complete already.
     pub fn new(quiet: bool, runs: usize, complete: usize) -> Self {
         let shown = !quiet && std::io::stderr().is_terminal();
         Self(shown.then(|| {

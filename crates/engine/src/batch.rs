@@ -1,10 +1,10 @@
 /*!
-Pair predictions, many at a time.
+Predictions of many pairs at a time.
 
-The candidates of one particle are gathered into a structure of arrays and predicted without a branch, so that
-the compiler turns the kernel into vector code; the earliest is picked afterwards. The same source is compiled
-once for the target's baseline and once for AVX2. Rust never fuses or reorders floating-point operations, so
-both give the same bits, and those of [`haff_mechanics::time_to_contact`].
+The candidates of one particle are gathered into a structure of arrays and predicted without branches, so that
+the compiler vectorizes the kernel. The earliest contact is selected afterwards. The same source is compiled
+once for the baseline instruction set and once for AVX2. Rust neither fuses nor reorders floating-point
+operations, so that both give the same bits as [`haff_mechanics::time_to_contact`].
 */
 
 use glam::DVec3;
@@ -12,32 +12,35 @@ use haff_mechanics::is_rounding_noise;
 
 use crate::model::SimdChoice;
 
-/// A pair closer than this, relative to σ², touches as far as positions can tell.
+/// A pair with r² ≤ σ² (1 + `TOUCHING`) touches within the rounding errors of its positions.
 pub(crate) const TOUCHING: f64 = 64.0 * f64::EPSILON;
-/// Candidates per batch; more are predicted batch by batch.
+/// Number of candidates per batch; more candidates are predicted in several batches.
 pub(crate) const LANES: usize = 64;
 
-/// Whether a predicted contact only repeats the last impact, usually one with e = 0: the pair touches, as far
-/// as positions can tell, and approaches no faster than the rounding of its velocities. `speed` is the larger
-/// of theirs [length/time].
+/// Whether a predicted contact only repeats the last impact, usually one with e = 0: the pair touches within
+/// the rounding errors of its positions, and its speed of approach is within the rounding error of its
+/// velocities. `speed` returns the larger speed of the two particles [length/time].
 #[inline(always)]
 pub(crate) fn is_spurious_recontact(r: DVec3, v: DVec3, sigma2: f64, speed: impl FnOnce() -> f64) -> bool {
     r.length_squared() <= sigma2 * (1.0 + TOUCHING) && is_rounding_noise(r, v, speed())
 }
 
-/// Candidates of one particle, as seen at the later anchor of each pair.
+/// The candidates of one particle, each pair at the time of its later anchor.
 #[derive(Debug, Clone)]
 pub(crate) struct Batch {
-    /// r = r_j − r_i + s L and v = v_j − v_i.
+    /// Relative position r_j − r_i + s L [length].
     pub r: [[f64; LANES]; 3],
+    /// Relative velocity v_j − v_i [length/time].
     pub v: [[f64; LANES]; 3],
-    /// Square of the contact distance.
+    /// Square of the contact distance [length²].
     pub sigma2: [f64; LANES],
-    /// Later anchor time of the pair, minus the owner's [ticks].
+    /// Time of the later anchor of the pair, minus that of the anchor of the particle [ticks].
     pub offset: [i64; LANES],
+    /// Index of the candidate.
     pub id: [u32; LANES],
-    /// Result: time from the later anchor [time], infinite without a contact.
+    /// Result: time from the later anchor to the contact [time], infinite without a contact.
     pub delay: [f64; LANES],
+    /// Number of candidates.
     pub len: usize,
 }
 
@@ -60,23 +63,24 @@ impl Batch {
         match kernel {
             Kernel::Portable => predict(self),
             #[cfg(target_arch = "x86_64")]
-            // SAFETY: made by `Kernel::choose` alone, after it has found the features.
+            // SAFETY: only `Kernel::choose` makes this variant, after it has detected the features.
             Kernel::Avx2 => unsafe { predict_avx2(self) },
         }
     }
 }
 
-/// Build of the kernel that runs.
+/// The builds of the kernels.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) enum Kernel {
+    /// For the baseline instruction set.
     Portable,
-    /// Vectors of 256 bits. Those of 512 were no gain in all (benches/record/throughput.md).
+    /// With vectors of 256 bits. Vectors of 512 bits gave no overall gain (benches/record/throughput.md).
     #[cfg(target_arch = "x86_64")]
     Avx2,
 }
 
 impl Kernel {
-    /// The kernel for a choice, `None` if the processor does not have it.
+    /// The kernel for this choice; `None` if the processor does not support it.
     pub fn choose(choice: SimdChoice) -> Option<Self> {
         #[cfg(target_arch = "x86_64")]
         let avx2 = (std::is_x86_feature_detected!("avx2")
@@ -96,26 +100,27 @@ impl Kernel {
     }
 }
 
-/// [`predict`], compiled with 256-bit vectors: 1.3–1.5 times the collisions per second where dense.
+/// [`predict`], compiled for vectors of 256 bits: 1.3–1.5 times the collisions per second in dense systems.
 #[cfg(target_arch = "x86_64")]
 #[target_feature(enable = "avx2")]
 unsafe fn predict_avx2(batch: &mut Batch) {
     predict(batch);
 }
 
-/// The kernel, for every candidate.
+/// Computes the delays of all candidates.
 #[inline(always)]
 fn predict(batch: &mut Batch) {
     let Batch { r: [rx, ry, rz], v: [vx, vy, vz], sigma2, delay: delays, len, .. } = batch;
-    // Whole vectors: the lanes beyond the last candidate hold old ones, whose results are not read.
+    // Whole vectors are computed: the lanes after the last candidate hold old ones, whose results are not
+    // read.
     let lanes = (*len).next_multiple_of(4).min(LANES);
     for k in 0..lanes {
         delays[k] = delay([rx[k], ry[k], rz[k]], [vx[k], vy[k], vz[k]], sigma2[k]);
     }
 }
 
-/// Smaller root of |r + v t| = σ, infinite if there is none; see [`haff_mechanics::time_to_contact`] for the
-/// numerics.
+/// The smaller root of |r + v t| = σ [time], infinite without a contact; see
+/// [`haff_mechanics::time_to_contact`] for the numerical method.
 #[inline(always)]
 pub(crate) fn delay([rx, ry, rz]: [f64; 3], [vx, vy, vz]: [f64; 3], sigma2: f64) -> f64 {
     let b = rx * vx + ry * vy + rz * vz;
@@ -126,7 +131,7 @@ pub(crate) fn delay([rx, ry, rz]: [f64; 3], [vx, vy, vz]: [f64; 3], sigma2: f64)
     let gap = rr - sigma2;
     let disc = vv * sigma2 - cc;
     let den = disc.max(0.0).sqrt() - b;
-    // Never beyond the closest approach, where a touching pair that slides along has nothing but rounding.
+    // Limited to the time of closest approach: in a sliding contact, gap and den are only rounding errors.
     let beyond = gap * vv > -b * den;
     let time = (if beyond { -b } else { gap }) / (if beyond { vv } else { den });
     let time = if disc >= 0.0 { time } else { f64::INFINITY };
@@ -139,7 +144,7 @@ mod tests {
     use super::*;
     use haff_mechanics::time_to_contact;
 
-    /// Random pairs, many of them grazing or touching.
+    /// Random pairs, many of which graze or touch.
     fn fill(batch: &mut Batch, state: &mut u64) {
         let mut uniform = || {
             *state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
@@ -169,7 +174,7 @@ mod tests {
                     let vector = |a: &[[f64; LANES]; 3]| DVec3::new(a[0][k], a[1][k], a[2][k]);
                     let sigma = batch.sigma2[k].sqrt();
                     if sigma * sigma != batch.sigma2[k] {
-                        continue; // the reference takes σ, not its square
+                        continue; // The reference takes σ, not its square.
                     }
                     let expected = time_to_contact(vector(&batch.r), vector(&batch.v), sigma);
                     assert_eq!(batch.delay[k].to_bits(), expected.unwrap_or(f64::INFINITY).to_bits());

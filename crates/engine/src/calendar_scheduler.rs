@@ -20,26 +20,27 @@ use crate::{
     tuning::particles::PREFETCH_CALENDAR,
 };
 
-/// Of the event so many entries ahead, particles and lists are prefetched, …
+/// Particles and lists are prefetched for the entry this many positions after the next one. There are two or
+/// three entries per event.
 const FAR_AHEAD: usize = 10;
-/// … and of this nearer one the members of the lists. Two or three entries are taken for each event.
+/// The members of the lists are prefetched for the entry this many positions after the next one.
 const NEARLY_DUE: usize = 4;
 
 /// The scheduler for one set of features and one search.
 pub(crate) struct CalendarScheduler<F, S> {
     queue: Queue<SearchEvent>,
     predictor: SearchPredictor<F, S>,
-    /// Predictions that have been counted.
+    /// Number of predictions already added to the counters of the state.
     counted: u64,
 }
 
-/// All that predictions need besides the state.
+/// The data of predictions besides the state.
 struct SearchPredictor<F, S> {
     search: S,
-    /// Best physical event of the particles whose entry is a crossing.
+    /// For each particle whose entry is a crossing, its earliest physical event.
     best: Vec<BestEvent>,
     scratch: Scratch,
-    /// Whether the particles are too many for the cache.
+    /// Whether prefetching is profitable: there are too many particles for the cache.
     prefetches: bool,
     features: PhantomData<F>,
 }
@@ -57,7 +58,7 @@ impl<F: Features, S: Search + 'static> SearchPredictor<F, S> {
         entry
     }
 
-    /// Wraps the anchor of a particle, set just now, and updates the search.
+    /// Wraps the anchor of a particle, which has just been set, and updates the search.
     #[inline(always)]
     fn wrap_anchor(&mut self, state: &mut State, i: u32) {
         let wraps = state.world.wrap_anchor(i);
@@ -76,7 +77,7 @@ impl<F: Features, S: Search + 'static> Predictor for SearchPredictor<F, S> {
         self.next_event(state, i, Scope::All)
     }
 
-    /// First the particles and their lists, later the members of these.
+    /// First prefetches the particles and their lists, then the members of the lists.
     #[inline(always)]
     fn prefetch(&self, calendar: &Ladder<Entry<SearchEvent>>, state: &State) {
         if !self.prefetches {
@@ -107,7 +108,8 @@ impl<F: Features, S: Search + 'static> Predictor for SearchPredictor<F, S> {
 }
 
 impl<F: Features, S: Search + 'static> CalendarScheduler<F, S> {
-    /// A scheduler for so many particles; it has to be [built](Scheduler::rebuild) before it runs.
+    /// A scheduler for this number of particles. [`Scheduler::rebuild`] must be called before the first
+    /// event.
     pub fn new(geometry: &Geometry, kernel: Kernel, particles: usize) -> Self {
         Self {
             queue: Queue::new(particles, FAR_AHEAD),
@@ -122,7 +124,7 @@ impl<F: Features, S: Search + 'static> CalendarScheduler<F, S> {
         }
     }
 
-    /// Predicts particle i and enters its next event.
+    /// Predicts particle i and adds its next event to the queue.
     #[inline(always)]
     fn schedule(&mut self, state: &State, i: u32, scope: Scope) {
         let entry = self.predictor.next_event(state, i, scope);
@@ -211,13 +213,14 @@ impl<F: Features, S: Search + 'static> Scheduler for CalendarScheduler<F, S> {
     ) -> Option<Pause> {
         let bodies = match event {
             AnyEvent::Impact(Impact::Pair(Collision([i, j]))) => {
-                // Both anchors are in place before either is predicted.
+                // Both anchors are wrapped before either particle is predicted.
                 let bodies = [i.min(j), i.max(j)];
                 for body in bodies {
                     self.predictor.wrap_anchor(state, body);
                 }
                 for body in bodies {
-                    // A body of infinite mass has not changed: its own entry is valid unless it is this one.
+                    // A body of infinite mass has not changed: its own entry stays valid, unless it is the
+                    // entry that has just been removed.
                     if body == i || state.world.class(body).inverse_mass != 0.0 {
                         self.schedule(state, body, Scope::All);
                     }
@@ -256,8 +259,8 @@ impl<F: Features, S: Search + 'static> Scheduler for CalendarScheduler<F, S> {
     }
 
     fn count_work(&mut self, state: &mut State) {
-        let made = self.predictor.scratch.predictions;
-        state.accumulators.counters.predictions += made - self.counted;
-        self.counted = made;
+        let predictions = self.predictor.scratch.predictions;
+        state.accumulators.counters.predictions += predictions - self.counted;
+        self.counted = predictions;
     }
 }

@@ -1,29 +1,29 @@
-//! Checkpoints: the exact state as plain data, and back.
+//! Checkpoints: conversion of the exact state to plain data, and back.
 
 use std::collections::{BTreeMap, BTreeSet};
 
 use crate::{
     accumulators::Accumulators,
     error::EngineError,
-    force::{Force, Total},
+    force::Force,
     ledger::Term,
     model::{Options, System},
     particles::{Support, World},
     report::Checkpoint,
     rest::state::SettlingState,
+    scalars::{ScalarReader, ScalarWriter},
     simulation::{Simulation, actions},
     stall::Stall,
     state::{Pending, State},
-    sum::Sum,
     valid,
 };
 
-/// Flags above the walls in [`Checkpoint::resting`]: the particle is asleep; it was last among grains.
+/// Flags above the code of the walls in [`Checkpoint::resting`]: the particle is asleep; it was recently hit.
 const ASLEEP: u32 = 1 << 31;
 const RECENTLY_HIT: u32 = 1 << 30;
 
-/// The code of the walls that a particle rests on: up to three digits, each a wall's index plus one. It
-/// shares an integer with the flags.
+/// The code of the walls that support a particle: up to three digits, each the index of a wall plus one. The
+/// code and the flags share an integer.
 struct Digits {
     base: u64,
 }
@@ -33,7 +33,7 @@ impl Digits {
         Self { base: world.walls.len() as u64 + 1 }
     }
 
-    /// Whether three digits do not fit below the flags. Then each particle's code is a scalar of its own.
+    /// Whether three digits do not fit below the flags. The code of each particle is then a separate scalar.
     fn are_wide(&self) -> bool {
         self.base.pow(3) > u64::from(RECENTLY_HIT)
     }
@@ -45,9 +45,9 @@ impl Digits {
     /// The walls of a code; `None` if it is invalid.
     fn decode(&self, mut code: u64) -> Option<Support> {
         let mut support: Support = [None; 3];
-        for place in &mut support {
+        for slot in &mut support {
             if code != 0 {
-                *place = Some((code % self.base).checked_sub(1)? as u16);
+                *slot = Some((code % self.base).checked_sub(1)? as u16);
                 code /= self.base;
             }
         }
@@ -57,59 +57,16 @@ impl Digits {
     }
 }
 
-/// Parts of the names of vectors.
-const AXES: [&str; 3] = ["x", "y", "z"];
-
-/// Reads and writes the named scalars of a checkpoint in one and the same order, so that the two cannot
-/// disagree.
-struct Scalars<'a> {
-    values: BTreeMap<&'a str, u64>,
-    missing: Option<String>,
-}
-
-impl Scalars<'_> {
-    fn take(&mut self, name: &str) -> u64 {
-        self.values.remove(name).unwrap_or_else(|| {
-            self.missing.get_or_insert_with(|| name.to_owned());
-            0
-        })
-    }
-
-    fn real(&mut self, name: &str) -> f64 {
-        f64::from_bits(self.take(name))
-    }
-
-    fn sum(&mut self, name: &str) -> Sum {
-        Sum { high: self.real(&format!("{name}.high")), low: self.real(&format!("{name}.low")) }
-    }
-
-    /// The numbers that end the names with this prefix.
-    fn members(&mut self, prefix: &str) -> BTreeSet<u32> {
-        let mut members = BTreeSet::new();
-        self.values.retain(|name, _| {
-            let number: Option<u32> = name.strip_prefix(prefix).and_then(|number| number.parse().ok());
-            members.extend(number);
-            number.is_none()
-        });
-        members
-    }
-
-    fn total(&mut self, name: &str) -> Total {
-        AXES.map(|axis| self.sum(&format!("{name}.{axis}")))
-    }
-}
-
 impl Simulation {
-    /// The exact state now.
+    /// The exact present state.
     pub fn checkpoint(&self) -> Checkpoint {
         let State { world, accumulators, pending, settling, stall } = &self.state;
-        let mut scalars: Vec<(String, u64)> = Vec::new();
-        let mut put = |name: &str, bits: u64| scalars.push((name.to_owned(), bits));
-        put("clock.exponent", i64::from(world.clock.exponent) as u64);
-        put("clock.base", world.clock.base.to_bits());
-        put("clock.base_low", world.clock.base_low.to_bits());
-        put("clock.now", world.now as u64);
-        put("clock.time", self.time().to_bits());
+        let mut scalars = ScalarWriter::default();
+        scalars.put("clock.exponent", i64::from(world.clock.exponent) as u64);
+        scalars.real("clock.base", world.clock.base);
+        scalars.real("clock.base_low", world.clock.base_low);
+        scalars.put("clock.now", world.now as u64);
+        scalars.real("clock.time", self.time());
         let terms = Term::ALL.into_iter().zip(accumulators.terms).map(|(term, sum)| (term.name(), sum));
         for (name, sum) in terms.chain([
             ("dissipated", accumulators.dissipated),
@@ -117,27 +74,23 @@ impl Simulation {
             ("virial", accumulators.virial),
             ("loss_moment", accumulators.loss_moment),
         ]) {
-            put(&format!("{name}.high"), sum.high.to_bits());
-            put(&format!("{name}.low"), sum.low.to_bits());
+            scalars.sum(name, &sum);
         }
         for (name, total) in [
             ("impulse", &accumulators.impulse),
             ("force", &world.force.total),
             ("force_impulse", &world.force.impulse),
         ] {
-            for (axis, sum) in AXES.into_iter().zip(total) {
-                put(&format!("{name}.{axis}.high"), sum.high.to_bits());
-                put(&format!("{name}.{axis}.low"), sum.low.to_bits());
-            }
+            scalars.total(name, total);
         }
-        put("force_until", world.force.until.to_bits());
-        put("sampled_at", accumulators.sampled_at.to_bits());
-        put("sampled_collisions", accumulators.sampled_collisions);
-        put("sampled_kinetic", accumulators.sampled_kinetic.to_bits());
-        put("initial_kinetic", accumulators.initial_energy[0].to_bits());
-        put("initial_potential", accumulators.initial_energy[1].to_bits());
-        put("max_overlap", accumulators.max_overlap.to_bits());
-        put("longest_flight", world.longest_flight.to_bits());
+        scalars.real("force_until", world.force.until);
+        scalars.real("sampled_at", accumulators.sampled_at);
+        scalars.put("sampled_collisions", accumulators.sampled_collisions);
+        scalars.real("sampled_kinetic", accumulators.sampled_kinetic);
+        scalars.real("initial_kinetic", accumulators.initial_energy[0]);
+        scalars.real("initial_potential", accumulators.initial_energy[1]);
+        scalars.real("max_overlap", accumulators.max_overlap);
+        scalars.real("longest_flight", world.longest_flight);
         let counters = accumulators.counters;
         for (name, count) in [
             ("collisions", counters.collisions),
@@ -151,38 +104,38 @@ impl Simulation {
             ("windows", counters.windows),
             ("epochs", counters.epochs),
         ] {
-            put(name, count);
+            scalars.put(name, count);
         }
-        put("stall.since", stall.since as u64);
-        put("stall.events", stall.events);
+        scalars.put("stall.since", stall.since as u64);
+        scalars.put("stall.events", stall.events);
         for i in &stall.particles {
-            put(&format!("stall.particle.{i}"), 1);
+            scalars.put(&format!("stall.particle.{i}"), 1);
         }
         for wall in &stall.walls {
-            put(&format!("stall.wall.{wall}"), 1);
+            scalars.put(&format!("stall.wall.{wall}"), 1);
         }
         for (i, rest) in pending {
-            put(&format!("rest.{i}.end"), rest.end as u64);
-            put(&format!("rest.{i}.wall"), u64::from(rest.wall));
-            put(&format!("rest.{i}.speed"), rest.speed.to_bits());
-            put(&format!("rest.{i}.impulse"), rest.impulse.to_bits());
-            put(&format!("rest.{i}.energy_loss"), rest.energy_loss.to_bits());
-            put(&format!("rest.{i}.carnot_energy"), rest.carnot_energy.to_bits());
+            scalars.put(&format!("rest.{i}.end"), rest.end as u64);
+            scalars.put(&format!("rest.{i}.wall"), u64::from(rest.wall));
+            scalars.real(&format!("rest.{i}.speed"), rest.speed);
+            scalars.real(&format!("rest.{i}.impulse"), rest.impulse);
+            scalars.real(&format!("rest.{i}.energy_loss"), rest.energy_loss);
+            scalars.real(&format!("rest.{i}.carnot_energy"), rest.carnot_energy);
         }
         if world.thresholds.is_some() {
-            put("wakes", counters.wakes);
-            put("settling.next", settling.next as u64);
-            put("settling.events", settling.events);
-            put("settling.waited", settling.waited);
-            put("settling.recent_contacts", settling.recent_contacts);
-            put("settling.counted_since", settling.counted_since as u64);
+            scalars.put("wakes", counters.wakes);
+            scalars.put("settling.next", settling.next as u64);
+            scalars.put("settling.events", settling.events);
+            scalars.put("settling.waited", settling.waited);
+            scalars.put("settling.recent_contacts", settling.recent_contacts);
+            scalars.put("settling.counted_since", settling.counted_since as u64);
         }
-        self.save_actions(&mut put);
+        self.save_actions(&mut |name, bits| scalars.put(name, bits));
         let digits = Digits::of(world);
         if digits.are_wide() {
             for i in 0..world.particles.len() as u32 {
                 if world.particles[i as usize].rests() {
-                    put(&format!("support.{i}"), digits.encode(world.support(i)));
+                    scalars.put(&format!("support.{i}"), digits.encode(world.support(i)));
                 }
             }
         }
@@ -199,11 +152,11 @@ impl Simulation {
             image: world.images.clone(),
             count: world.particles.iter().map(|particle| particle.count).collect(),
             resting: (0..world.particles.len() as u32).map(resting).collect(),
-            scalars,
+            scalars: scalars.scalars,
         }
     }
 
-    /// Goes on from a checkpoint of the same system, bit by bit as if it had never stopped.
+    /// Resumes a checkpoint of the same system. The trajectory has the same bits as without the interruption.
     pub fn restore(system: System, options: Options, checkpoint: &Checkpoint) -> Result<Self, EngineError> {
         let count = system.bodies.len();
         let lengths = [
@@ -219,13 +172,7 @@ impl Simulation {
                 "the scene has {count} particles, it has {lengths:?}"
             )));
         }
-        let mut scalars = Scalars {
-            values: checkpoint.scalars.iter().map(|(name, bits)| (name.as_str(), *bits)).collect(),
-            missing: None,
-        };
-        if scalars.values.len() != checkpoint.scalars.len() {
-            return Err(EngineError::Checkpoint("a scalar stands there twice".to_owned()));
-        }
+        let mut scalars = ScalarReader::new(&checkpoint.scalars).map_err(EngineError::Checkpoint)?;
         let exponent = valid::exponent(scalars.take("clock.exponent"))?;
         let mut world = World::new(&system, exponent);
         world.clock.base = scalars.real("clock.base");
@@ -246,7 +193,7 @@ impl Simulation {
         let digits = Digits::of(&world);
         for (i, &code) in checkpoint.resting.iter().enumerate() {
             let name = format!("support.{i}");
-            let wide = if digits.are_wide() { scalars.values.remove(name.as_str()) } else { None };
+            let wide = if digits.are_wide() { scalars.take_if_present(&name) } else { None };
             if code == 0 && wide.is_none() {
                 continue;
             }
@@ -307,13 +254,8 @@ impl Simulation {
         let predictions = scalars.take("predictions");
         let candidates = scalars.take("candidates");
         let windows = scalars.take("windows");
-        let resting: Vec<u32> = scalars
-            .values
-            .keys()
-            .filter_map(|name| name.strip_prefix("rest.")?.strip_suffix(".end")?.parse().ok())
-            .collect();
         let mut pending = BTreeMap::new();
-        for i in resting {
+        for i in scalars.numbers::<u32>("rest.", ".end") {
             let rest = Pending {
                 end: scalars.take(&format!("rest.{i}.end")) as i64,
                 wall: scalars.take(&format!("rest.{i}.wall")) as u32,
@@ -327,21 +269,14 @@ impl Simulation {
         let stall = Stall {
             since: scalars.take("stall.since") as i64,
             events: scalars.take("stall.events"),
-            particles: scalars.members("stall.particle."),
-            walls: scalars.members("stall.wall."),
+            particles: members(&mut scalars, "stall.particle."),
+            walls: members(&mut scalars, "stall.wall."),
         };
         let mut actions = actions(&system);
         for action in &mut actions {
             action.load(&mut |name| scalars.take(name), time)?;
         }
-        if let Some(name) = scalars.missing {
-            return Err(EngineError::Checkpoint(format!("it lacks {name}")));
-        }
-        if let Some(name) = scalars.values.keys().next() {
-            return Err(EngineError::Checkpoint(format!(
-                "{name} is unknown; it was written by another version"
-            )));
-        }
+        scalars.finish().map_err(EngineError::Checkpoint)?;
         for (&i, rest) in &pending {
             valid::pending(&world, i, rest)?;
         }
@@ -354,11 +289,20 @@ impl Simulation {
         let state = State { world, accumulators, pending, stall, settling };
         valid::whole(&system, &state, time)?;
         let mut simulation = Self::start(system, options, state, actions)?;
-        simulation.find_contacts_of_sleeping();
-        // Predicting everything afresh is no part of the run.
+        simulation.find_contacts_of_asleep();
+        // The predictions after a resumption are not part of the run: their counters are restored.
         let counters = &mut simulation.state.accumulators.counters;
         (counters.predictions, counters.candidates, counters.windows) = (predictions, candidates, windows);
-        simulation.stand_at(time);
+        simulation.set_stop_time(time);
         Ok(simulation)
     }
+}
+
+/// Takes all scalars whose name is this prefix and a number. Returns the numbers.
+fn members(scalars: &mut ScalarReader, prefix: &str) -> BTreeSet<u32> {
+    let numbers = scalars.numbers(prefix, "");
+    for number in &numbers {
+        scalars.take(&format!("{prefix}{number}"));
+    }
+    numbers.into_iter().collect()
 }

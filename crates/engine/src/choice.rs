@@ -1,4 +1,4 @@
-//! The choice of a scheduler for a state, compiled for what the system needs.
+//! The choice of a scheduler for a state, compiled for the features of the system.
 
 use glam::DVec3;
 use haff_neighbors::{AllPairs, Cells, Geometry, Lists};
@@ -20,80 +20,92 @@ use crate::{
     windows::{self, Windows},
 };
 
-/// A scheduler is replaced by another when the density is beyond the bound by this factor: changing to and
-/// fro costs more than it gains.
+/// A scheduler is replaced only when the density is beyond the limit by this factor: frequent changes back
+/// and forth cost more than they gain.
 const HYSTERESIS: f64 = 1.15;
-/// An engine is laid out anew when the density around the particles has changed by this factor.
-const CHANGED: f64 = 2.0;
-/// Packing fractions below this make no difference.
+/// An engine is built again when the density around the average particle has changed by this factor.
+const DENSITY_CHANGE: f64 = 2.0;
+/// Packing fractions below this are treated as equal to it.
 const SPARSE: f64 = 1e-9;
-/// The choice is made again after so many collisions per particle, and in all: that takes less than a
+/// The choice is made again after this many collisions per particle, plus [`REVIEW`]: it takes less than a
 /// hundredth of their time.
 const REVIEW_PER_PARTICLE: u64 = 16;
+/// See [`REVIEW_PER_PARTICLE`].
 const REVIEW: u64 = 2000;
-/// The choice is made again earlier if a scheduler takes more entries than this for a collision: windows are
-/// too short, or particles hardly meet.
+/// The choice is made again earlier if a scheduler takes more entries than this per collision: then windows
+/// are too short, or collisions are rare.
 const ENTRIES: u64 = 2;
 
-/// What the choice of an engine rests on.
+/// The choice of a scheduler, and the data that it is based on.
 pub(crate) struct Choice {
     pub summary: SystemSummary,
     kernel: Kernel,
-    /// The choice of the caller.
-    asked: NeighborChoice,
-    /// The present choice, and the local density when it was made.
+    /// The search that the caller requests.
+    requested: NeighborChoice,
+    /// The present choice.
     pub neighbors: NeighborChoice,
+    /// The local density when this choice was made.
     density: LocalDensity,
-    /// Collisions, in all, and further entries after which the choice is made again.
+    /// Total number of collisions after which the choice is made again.
     pub review: u64,
+    /// Number of further entries after which the choice is made again.
     pub patience: u64,
 }
 
 impl Choice {
     /// Chooses for the present state of a world.
-    pub fn new(asked: NeighborChoice, kernel: Kernel, system: &System, world: &World) -> Self {
+    pub fn new(requested: NeighborChoice, kernel: Kernel, system: &System, world: &World) -> Self {
         let summary = SystemSummary::of(system, world);
         let density = LocalDensity::of(system, &summary, world);
-        let mut choice =
-            Self { summary, kernel, asked, neighbors: NeighborChoice::Auto, density, review: 0, patience: 0 };
+        let mut choice = Self {
+            summary,
+            kernel,
+            requested,
+            neighbors: NeighborChoice::Auto,
+            density,
+            review: 0,
+            patience: 0,
+        };
         choice.neighbors = choice.best(system, world, &density);
         choice
     }
 
-    /// Makes the choice again. Whether another scheduler, or the same with a new layout, is to go on.
+    /// Makes the choice again. Returns whether the engine has to be replaced, by another scheduler or by the
+    /// same one for the present density.
     pub fn reconsider(&mut self, system: &System, world: &World) -> bool {
         let density = LocalDensity::of(system, &self.summary, world);
         let neighbors = self.best(system, world, &density);
-        // A few particles in open space may have no neighbors.
+        // In open space the density is 0 if no particle has neighbors.
         let ratio = density.packing.max(SPARSE) / self.density.packing.max(SPARSE);
-        let anew = neighbors != self.neighbors
-            || self.neighbors != NeighborChoice::AllPairs && !(1.0 / CHANGED..=CHANGED).contains(&ratio);
-        if anew {
+        let changed = neighbors != self.neighbors
+            || self.neighbors != NeighborChoice::AllPairs
+                && !(1.0 / DENSITY_CHANGE..=DENSITY_CHANGE).contains(&ratio);
+        if changed {
             (self.neighbors, self.density) = (neighbors, density);
         }
-        anew
+        changed
     }
 
-    /// Volume that the particles would fill at the density around the average one [length^d].
+    /// Volume that the particles fill at the density around the average particle [length^d].
     pub fn filled(&self) -> f64 {
         self.summary.occupied / self.density.packing
     }
 
-    /// Sets when the choice is made again.
+    /// Sets when the choice is made again, if `collisions` have happened so far.
     pub fn after(&mut self, collisions: u64) {
         let interval = REVIEW + REVIEW_PER_PARTICLE * self.summary.count as u64;
         (self.review, self.patience) = (collisions + interval, ENTRIES * interval);
     }
 
-    /// The search for a state: windows where they serve and it is not dense, lists where it is, cells
+    /// The best search for a state: lists for dense states, windows for other states that they support, cells
     /// otherwise.
     fn best(&self, system: &System, world: &World, density: &LocalDensity) -> NeighborChoice {
         let windows_possible =
             windows::unsuitable(system, &self.summary).is_none() && windows::supports(world);
-        match self.asked {
+        match self.requested {
             NeighborChoice::Auto => {}
             NeighborChoice::Windows if !windows_possible => return NeighborChoice::Cells,
-            asked => return asked,
+            requested => return requested,
         }
         if self.summary.count <= particles::ALL_PAIRS {
             return NeighborChoice::AllPairs;
@@ -129,12 +141,12 @@ impl Choice {
         }
     }
 
-    /// The engine for what the system needs.
+    /// The engine for the features of the system.
     pub fn compile(&self, system: &System, geometry: &Geometry) -> Box<dyn Engine> {
         let Self { summary, kernel, density, neighbors, .. } = self;
         tracing::info!(
             search = neighbors.name(),
-            asked = self.asked.name(),
+            asked = self.requested.name(),
             particles = summary.count,
             packing_fraction_around = density.packing,
             windows = windows::unsuitable(system, summary).as_deref().unwrap_or("possible"),
@@ -149,7 +161,7 @@ impl Choice {
                         Box::new(Windows::<$features>::new(geometry, kernel, system, summary, density))
                             as Box<dyn Engine>
                     }
-                    // For a few, one engine does for all sizes.
+                    // Very small systems need no special engine for equal sizes.
                     NeighborChoice::AllPairs if <$features>::GRAVITY => {
                         Box::new(CalendarScheduler::<FallingPolydisperse, AllPairs>::new(
                             geometry, kernel, count,
@@ -193,7 +205,7 @@ impl Choice {
         }
     }
 
-    /// The engine of [`nearby`], where lists are chosen and it serves the system.
+    /// The engine of [`nearby`], if lists are chosen and it supports the system.
     fn compile_for_lists<F: Features>(
         &self,
         system: &System,
@@ -206,7 +218,7 @@ impl Choice {
         Some(Box::new(engine))
     }
 
-    /// The engine for a system whose grains are put to rest.
+    /// The engine for a system whose grains can come to rest.
     fn compile_for_rest(&self, geometry: &Geometry) -> Box<dyn Engine> {
         let (kernel, count) = (self.kernel, self.summary.count);
         match self.neighbors {

@@ -1,25 +1,24 @@
 /*!
-Time as integer ticks, so that its accuracy does not depend on how long a run has been.
+Time as integer ticks, so that its resolution does not depend on the length of a run.
 
-A tick is a power of two, fine enough that what the fastest particle covers in one is below the rounding of a
-coordinate. Ticks count from the start of the current *epoch*, [`EPOCH`] ticks long; at its end whole epochs
-are subtracted everywhere, which is exact. Durations between two times of one pair are differences of integers
-and are rounded once, when they become an `f64`.
+The length of a tick is a power of two, so short that the displacement of the fastest particle in one tick is
+below the rounding error of a coordinate. Ticks count from the start of the present *epoch*, which lasts
+[`EPOCH`] ticks. At its end [`EPOCH`] is subtracted from all times, which is exact. The duration between two
+times is a difference of integers, and is rounded only once, when it is converted to `f64`.
 */
 
-/// Length of an epoch [ticks]: about 64 times the time the fastest particle takes through the system.
+/// Length of an epoch [ticks]: about 64 times the time in which the fastest particle crosses the system.
 pub(crate) const EPOCH: i64 = 1 << 60;
-/// Anchors older than this at the end of an epoch are brought forward to [`ANCHOR_AGE`] [ticks].
+/// At the end of an epoch, older anchors than this are moved forward to the age [`ANCHOR_AGE`] [ticks].
 pub(crate) const OLDEST_ANCHOR: i64 = 1 << 62;
-/// Age of an anchor that has been brought forward [ticks].
+/// Age of an anchor that has been moved forward [ticks].
 pub(crate) const ANCHOR_AGE: i64 = 1 << 61;
-/// Predictions further ahead than this are left to a later renewal [ticks].
+/// An event later than this from now is not entered; the particle is predicted again at this time [ticks].
 pub(crate) const HORIZON: f64 = (1_u64 << 60) as f64;
-/// Longest duration from an anchor to an event \[ticks\]: anchors may be older than an epoch, and what is due
-/// within the next one may then be further than [`HORIZON`] from them. Sums with an anchor's time stay below
-/// 2^63.
+/// Longest duration from an anchor to an event \[ticks\]. It exceeds [`HORIZON`], because an anchor may be
+/// older than an epoch. Its sum with the time of an anchor stays below 2^63.
 pub(crate) const LONGEST: f64 = ((1_u64 << 62) + (1_u64 << 61)) as f64;
-/// log₂ of the ticks in which the fastest particle crosses the system.
+/// log₂ of the number of ticks in which the fastest particle crosses the system.
 const TICKS_PER_CROSSING: i32 = 54;
 
 /// Converts between ticks and time.
@@ -31,13 +30,13 @@ pub(crate) struct Clock {
     pub tick: f64,
     /// Ticks per time.
     pub per_time: f64,
-    /// Start of the epoch [time]; `base_low` is what its rounding has lost.
+    /// Start of the epoch [time]; `base_low` is its rounding error.
     pub base: f64,
     pub base_low: f64,
 }
 
 impl Clock {
-    /// A clock of 2^`exponent` ticks at time 0.
+    /// A clock at time 0 with ticks of length 2^`exponent`.
     pub fn new(exponent: i32) -> Self {
         let exponent = exponent.clamp(-1000, 900);
         Self {
@@ -49,7 +48,7 @@ impl Clock {
         }
     }
 
-    /// The exponent that suits a system of this extent and largest speed.
+    /// The exponent of the tick for a system of this extent and largest speed.
     pub fn exponent_for(extent: f64, speed: f64) -> i32 {
         let crossing = if speed > 0.0 { extent / speed } else { 1.0 };
         exponent_of(crossing) - TICKS_PER_CROSSING
@@ -60,7 +59,7 @@ impl Clock {
         self.base + (ticks as f64 * self.tick + self.base_low)
     }
 
-    /// The tick nearest to a time, within ±2^62.
+    /// The tick nearest to a time, limited to ±2^62.
     pub fn ticks(&self, time: f64) -> i64 {
         const FAR: f64 = (1_u64 << 62) as f64;
         (((time - self.base) - self.base_low) * self.per_time).round_ties_even().clamp(-FAR, FAR) as i64
@@ -70,19 +69,19 @@ impl Clock {
     pub fn next_epoch(&mut self) {
         let step = EPOCH as f64 * self.tick;
         let sum = self.base + step;
-        // Two-sum: exact as long as the base is below 2^53 epochs, and compensated after.
+        // Two-sum: exact up to a base of 2^53 epochs, and compensated beyond.
         let part = sum - self.base;
         self.base_low += (self.base - (sum - part)) + (step - part);
         self.base = sum;
     }
 
-    /// The same instant with another tick.
+    /// The same clock with another length of a tick.
     pub fn with_exponent(&self, exponent: i32) -> Self {
         Self { base: self.base, base_low: self.base_low, ..Self::new(exponent) }
     }
 }
 
-/// Whole ticks nearest to a non-negative duration in ticks, at most [`LONGEST`].
+/// Rounds a duration in [0, [`LONGEST`]] to whole ticks.
 #[inline(always)]
 pub(crate) fn whole(ticks: f64) -> i64 {
     debug_assert!((0.0..=LONGEST).contains(&ticks));

@@ -1,60 +1,63 @@
 /*!
-Compact particles: what the filters of windows and lists read of a particle, half a cache line.
+Compact particles: the data of a particle that the filters of windows and lists read, half a cache line.
 
-Positions are integers. 2^32 of them make up the length after which positions repeat, so that the difference
-of two, taken modulo 2^32, is the one to the nearest image, whatever the box. Displacements within a span of
-time (a window, or a span of [`crate::nearby`]) are in single precision. What this rounds is covered by margins
-of the contact distance; accepted pairs are predicted from their anchors, in double precision.
+Positions are integer coordinates. The period of the positions is 2^32 coordinates, so that the difference of
+two coordinates modulo 2^32 is the difference to the nearest image. Displacements within a span of time (a
+window, or a span of [`crate::nearby`]) are in single precision. The filters widen contact distances by a
+margin that covers these roundings; pairs that pass are predicted from their anchors in double precision.
 */
 
-/// Particles of a vector.
+/// Number of particles in a vector.
 pub(crate) const LANES: usize = 8;
-/// Integer coordinates of a whole period.
+/// Number of integer coordinates in a period.
 pub(crate) const PERIOD: f64 = (1_u64 << 32) as f64;
-/// Longest span of time \[ticks\]: its end, like its start, stays far below 2^63.
+/// Longest span of time \[ticks\]: its start and its end are far below 2^63.
 pub(crate) const LONGEST_SPAN: f64 = (1_u64 << 59) as f64;
-/// A particle may become this much faster than the fastest before the span of time has to end early.
+/// Factor by which particles can exceed the largest speed at the start of a span of time before this span has
+/// to end early.
 pub(crate) const HEADROOM: f64 = 1.5;
-/// Part of a period below which a distance is certain to be the one to the nearest image.
+/// A distance below this fraction of a period is certain to be the one to the nearest image.
 pub(crate) const NEAREST: f64 = 0.45;
 
-/// The integer coordinate nearest to `x`, modulo 2^32, by the rounding of an addition; |x| < 2^51.
+/// The integer nearest to `x`, modulo 2^32, for |x| < 2^51. The addition of 1.5 · 2^52 rounds `x` to an
+/// integer, whose lower bits are then the lower bits of the sum.
 #[inline(always)]
 pub(crate) fn coordinate(x: f64) -> i32 {
-    (x + 6_755_399_441_055_744.0).to_bits() as i32 // 1.5 · 2^52
+    (x + 6_755_399_441_055_744.0).to_bits() as i32
 }
 
 /// A particle as filters read it.
 #[derive(Debug, Clone, Copy, Default)]
 #[repr(C, align(32))]
 pub(crate) struct CompactParticle {
-    /// Where the present path would have been at the start of the span of time \[coordinates\].
+    /// Position at the start of the span of time, extrapolated from the present flight \[coordinates\].
     pub x: [i32; 3],
-    /// Radius with its margin [length of the filter].
+    /// Radius with its margin [unit of length of the filter].
     pub radius: f32,
-    /// Displacement within the span of time [length of the filter].
+    /// Displacement within the span of time [unit of length of the filter].
     pub v: [f32; 3],
-    /// Events of the particle so far. Windows leave it 0: they read the anchor's.
+    /// Event counter of the particle. In windows it is 0, because they read the counter of the anchor.
     pub count: u32,
 }
 
 impl CompactParticle {
-    /// A sentinel, for which every filter finds no contact.
+    /// A sentinel for lists: their filter finds no contact with it.
     pub const SENTINEL: Self = Self { x: [0; 3], radius: 0.0, v: [f32::NAN; 3], count: 0 };
 
-    /// Whether the displacement is at most the root of `limit2`; false for NaN.
+    /// Whether the square of the displacement is at most `limit2`; false for NaN.
     #[inline(always)]
     pub fn is_within(&self, limit2: f32) -> bool {
         let v = self.v;
         v[0] * v[0] + v[1] * v[1] + v[2] * v[2] <= limit2
     }
 
-    /// Copies the particle to `target` by halves, as [`avx2::load_halves`] reads it: a load that covers
-    /// smaller parts just stored stalls on store forwarding.
+    /// Copies the particle to `target` in two halves, as [`avx2::load_halves`] reads it: a load stalls on
+    /// store forwarding if it covers several smaller stores that have just been made.
     #[inline(always)]
     pub fn store(self, target: &mut Self) {
         #[cfg(target_arch = "x86_64")]
-        // SAFETY: two times 16 of the 32 bytes of `target`, which is aligned to 32; SSE2 is part of x86-64.
+        // SAFETY: the two stores of 16 bytes cover the 32 bytes of `target`, which is aligned to 32 bytes;
+        // SSE2 is part of x86-64.
         unsafe {
             use std::arch::x86_64::{_mm_setr_epi32, _mm_setr_ps, _mm_store_ps, _mm_store_si128};
             let ([x, y, z], [u, v, w]) = (self.x, self.v);
@@ -85,18 +88,19 @@ pub(crate) mod avx2 {
         pub v: [__m256; 3],
     }
 
-    // Always inlined into callers that are compiled for AVX2, which functions with `target_feature` cannot be:
-    // as calls they take 10 % more instructions per collision of windows.
+    // These functions have `inline(always)`, which excludes `target_feature`: as calls they take 10 % more
+    // instructions per collision with windows. Their callers must therefore be compiled for AVX2.
 
-    /// Loads the eight particles of these indices, each at once.
+    /// Loads the eight particles with these indices, each by one load.
     ///
     /// # Safety
     ///
-    /// The caller must be compiled for AVX2; `indices` are eight, of `particles`.
+    /// The caller must be compiled for AVX2; `indices` has eight elements, which are indices of `particles`.
     #[inline(always)]
     pub(crate) unsafe fn load_whole(particles: &[CompactParticle], indices: &[u32]) -> Eight {
         debug_assert!(indices[..8].iter().all(|&index| (index as usize) < particles.len()));
-        // SAFETY: as the caller guarantees; a particle is 32 bytes, aligned to 32.
+        // SAFETY: the caller guarantees AVX2 and eight valid indices; a particle has 32 bytes and is aligned
+        // to 32 bytes.
         unsafe {
             let row =
                 |k: usize| _mm256_load_ps(particles.as_ptr().add(*indices.get_unchecked(k) as usize).cast());
@@ -119,16 +123,17 @@ pub(crate) mod avx2 {
         }
     }
 
-    /// [`load_whole`], each by halves: faster for particles that have just been
+    /// Like [`load_whole`], but with two loads per particle: faster for particles that have just been
     /// [stored](CompactParticle::store).
     ///
     /// # Safety
     ///
-    /// As of [`load_whole`].
+    /// That of [`load_whole`].
     #[inline(always)]
     pub(crate) unsafe fn load_halves(particles: &[CompactParticle], indices: &[u32]) -> Eight {
         debug_assert!(indices[..8].iter().all(|&index| (index as usize) < particles.len()));
-        // SAFETY: as above.
+        // SAFETY: as in `load_whole`; the two halves of a particle have 16 bytes each and are aligned to 16
+        // bytes.
         unsafe {
             let half = |k: usize, half: usize| {
                 let particle = particles.as_ptr().add(*indices.get_unchecked(k) as usize);
@@ -144,14 +149,15 @@ pub(crate) mod avx2 {
         }
     }
 
-    /// From halves of particles k and k + 4 side by side, positions and displacements.
+    /// Transposes eight particles. `a` holds their first halves and `b` their second ones, with particles k
+    /// and k + 4 in element k.
     ///
     /// # Safety
     ///
     /// The caller must be compiled for AVX2.
     #[inline(always)]
     unsafe fn transpose(a: [__m256; 4], b: [__m256; 4]) -> Eight {
-        // SAFETY: as the caller guarantees.
+        // SAFETY: the caller guarantees AVX2.
         unsafe {
             let (t0, t1) = (_mm256_unpacklo_ps(a[0], a[1]), _mm256_unpacklo_ps(a[2], a[3]));
             let (t2, t3) = (_mm256_unpackhi_ps(a[0], a[1]), _mm256_unpackhi_ps(a[2], a[3]));

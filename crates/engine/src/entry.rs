@@ -4,23 +4,23 @@ use std::{cmp::Ordering, marker::PhantomData};
 
 use haff_calendar::Event;
 
-/// What entries of a calendar announce. The order of the tags is that of simultaneous events: impacts first.
+/// The kind of event of a calendar entry. Tags are in the order of simultaneous events: impacts first.
 pub(crate) trait Kind: Copy {
     /// The tag, below 4, and an index.
     fn encode(self) -> (u32, u32);
-    /// The inverse.
+    /// The inverse of [`Self::encode`].
     fn decode(tag: u32, index: u32) -> Self;
 }
 
-/// Tags of the events that all calendars may hold; 3 is for updates of a scheduler's own data.
+/// Tags. The first three are events of all calendars, the last one is an update of a scheduler's own data.
 pub(crate) const COLLISION: u32 = 0;
 pub(crate) const WALL: u32 = 1;
 pub(crate) const END_OF_BOUNCES: u32 = 2;
 pub(crate) const UPDATE: u32 = 3;
-/// Index of an update that is only a prediction at a later time.
+/// Index of an update that only predicts the particle again at a later time.
 pub(crate) const PREDICTION: u32 = INDEX;
 
-/// Target of an entry, packed: two tag bits above thirty of index.
+/// Target of an entry: two bits of tag above thirty bits of index.
 #[derive(Debug)]
 #[repr(transparent)]
 pub(crate) struct Target<K>(u32, PhantomData<K>);
@@ -29,7 +29,7 @@ const TAG: u32 = 30;
 const INDEX: u32 = (1 << TAG) - 1;
 
 impl<K> Target<K> {
-    /// No event at all.
+    /// No event.
     pub const NONE: Self = Self(UPDATE << TAG | PREDICTION, PhantomData);
 
     /// The partner, if the event is a collision of two particles.
@@ -52,7 +52,7 @@ impl<K: Kind> Target<K> {
     }
 }
 
-// Derived ones would require the same of `K`.
+// Implemented by hand: derived implementations would require the same traits of `K`.
 impl<K> Clone for Target<K> {
     #[inline]
     fn clone(&self) -> Self {
@@ -71,11 +71,11 @@ impl<K> PartialEq for Target<K> {
 
 impl<K> Eq for Target<K> {}
 
-/// One calendar entry, 24 bytes. It is invalidated by the next event of `owner`, and has to be predicted
-/// again after one of its partner.
+/// One calendar entry, 24 bytes. The next event of `owner` invalidates it. After an event of the partner, the
+/// owner must be predicted again.
 ///
-/// The small fields are first: they are then copied as one half of sixteen bytes. A copy that is read in
-/// other parts than it was written in stalls on store forwarding.
+/// The small fields come first, so that they are copied together as sixteen bytes. Reading a copy in other
+/// parts than those in which it was written stalls on store forwarding.
 #[derive(Debug)]
 #[repr(C)]
 pub(crate) struct Entry<K> {
@@ -88,14 +88,14 @@ pub(crate) struct Entry<K> {
 }
 
 impl<K> Entry<K> {
-    /// No event of a particle with this event counter.
+    /// An entry without an event, for a particle with this event counter.
     #[inline]
     pub fn none(owner: u32, own_count: u32) -> Self {
         Self { time: i64::MAX, owner, target: Target::NONE, own_count, partner_count: 0 }
     }
 
-    /// Rank among simultaneous events: kind, then the ids of the bodies, lesser first. It does not depend on
-    /// which of two partners owns the entry.
+    /// Rank among simultaneous events: the kind, then the ids of the bodies, lower one first. It does not
+    /// depend on which of two partners owns the entry.
     #[inline]
     pub fn rank(&self) -> (u32, u32, u32) {
         let tag = self.target.0 >> TAG;
@@ -106,7 +106,7 @@ impl<K> Entry<K> {
         }
     }
 
-    /// Whether the other is the partner's entry for the same collision.
+    /// Whether `other` is the partner's entry for the same collision.
     #[inline]
     pub fn mirrors(&self, other: &Self) -> bool {
         self.target.0 == other.owner
@@ -134,13 +134,13 @@ impl<K> PartialEq for Entry<K> {
 
 impl<K> Eq for Entry<K> {}
 
-/// The order of the calendar: by time alone as far as physics goes. The order within a tick is
-/// [`Entry::rank`].
+/// The order of the calendar: by time. Events of one tick are taken in the order of [`Entry::rank`], which is
+/// not part of this order.
 impl<K> Ord for Entry<K> {
     #[inline]
     fn cmp(&self, other: &Self) -> Ordering {
         self.time.cmp(&other.time).then_with(|| {
-            // Only to make the order total.
+            // The rest only makes the order total.
             (self.owner, self.target.0, self.own_count, self.partner_count).cmp(&(
                 other.owner,
                 other.target.0,

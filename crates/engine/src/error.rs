@@ -1,44 +1,44 @@
-//! What can stop a simulation.
+//! The errors of the engine.
 
-/// The cause of an error, as far as callers treat causes differently.
+/// The class of an error, as far as callers distinguish them.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Fault {
-    /// The scene asks for what cannot be.
+    /// The scene requests something that is impossible.
     Invalid,
-    /// The checkpoint cannot be gone on from.
+    /// The checkpoint cannot be resumed.
     Checkpoint,
-    /// The simulation cannot go on.
+    /// The simulation cannot continue.
     Stopped,
 }
 
-/// Why a simulation cannot start or go on. What was recorded before stays valid.
+/// The reason why a simulation cannot start or continue. Data recorded before stay valid.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 pub enum EngineError {
     /// Infinitely many collisions in a finite time.
     #[error(
         "inelastic collapse at t = {time} around {}: {events} events within {span:e} time units among {}; \
          set contact.tc, a restitution that tends to 1 at low speed (model = \"cutoff\" or \"viscoelastic\"){}",
-        place(position),
-        listed(particles, walls),
+        rounded(position),
+        participants(particles, walls),
         if *could_rest { ", or contact.rest_speed" } else { "" }
     )]
     Collapse {
         /// When [time].
         time: f64,
-        /// Events during which time hardly went on.
+        /// Number of events during which time hardly advanced.
         events: u64,
-        /// How far it went on [time].
+        /// Time in which these events occurred [time].
         span: f64,
-        /// Everyone that took part in the last of them, in order.
+        /// All particles of the last of these events, in ascending order.
         particles: Vec<u32>,
-        /// Names of the walls that did.
+        /// Names of the walls of these events.
         walls: Vec<String>,
         /// Mean of their positions \[length\], wrapped into the box along periodic axes.
         position: [f64; 3],
-        /// Whether grains could be put to rest: gravity acts, and it has not been asked for.
+        /// Whether setting `contact.rest_speed` would put grains to rest: gravity acts, and it is not set.
         could_rest: bool,
     },
-    /// A velocity or position has left the range of numbers.
+    /// A velocity is no longer finite.
     #[error("particle {i} has a velocity beyond the range of numbers at t = {time}: {velocity:?}")]
     Overflow {
         /// When [time].
@@ -48,7 +48,7 @@ pub enum EngineError {
         /// Its velocity [length/time].
         velocity: [f64; 3],
     },
-    /// Particles overlap by more than rounding comes to.
+    /// Particles overlap by more than rounding can explain.
     #[error(
         "particle {i} overlaps with {} by {depth:.1e} contact distances at t = {time}, which is more than rounding: \
          what was recorded before is right, what would follow is not",
@@ -59,47 +59,47 @@ pub enum EngineError {
         time: f64,
         /// The particle.
         i: u32,
-        /// The other particle, or none at a wall.
+        /// The other particle; `None` for a wall.
         partner: Option<u32>,
-        /// How deep [contact distances; radii at a wall].
+        /// Depth of the overlap [contact distances; radii at a wall].
         depth: f64,
     },
-    /// The processor does not have the asked instructions.
+    /// The processor does not support the requested instructions.
     #[error("engine.simd = \"avx2\": this processor does not have AVX2; use \"auto\" or \"portable\"")]
     NoAvx2,
-    /// The asked partner search does not work for this system.
+    /// The requested partner search does not work for this system.
     #[error("engine.neighbors = \"{choice}\" does not work here: {why}; use \"auto\"")]
     Unsuitable {
-        /// The choice.
+        /// The requested search.
         choice: &'static str,
-        /// What stands against it.
+        /// The reason.
         why: String,
     },
-    /// A checkpoint does not belong to this system, or was written by another version.
+    /// A checkpoint is invalid, does not belong to this system, or was written by another version.
     #[error("the checkpoint does not fit: {0}")]
     Checkpoint(String),
-    /// More particles or walls than indices can name.
+    /// There are more particles or walls than indices can represent.
     #[error("{what} = {count}: at most {limit} are possible")]
     TooMany {
-        /// What there is too much of.
+        /// Particles or walls, in words.
         what: &'static str,
-        /// How many.
+        /// Their number.
         count: usize,
-        /// How many may be.
+        /// The largest possible number.
         limit: usize,
     },
-    /// An internal invariant does not hold; a bug, reported instead of wrong figures.
+    /// An internal invariant does not hold. This is a bug, reported so that no wrong results are used.
     #[error("internal inconsistency at t = {time}: {what}; please report this scene")]
     Inconsistent {
         /// When [time].
         time: f64,
-        /// What does not hold.
+        /// The invariant that does not hold.
         what: String,
     },
 }
 
 impl EngineError {
-    /// The cause of the error, as far as callers treat causes differently.
+    /// The class of the error, as far as callers distinguish them.
     pub fn fault(&self) -> Fault {
         match self {
             Self::NoAvx2 | Self::TooMany { .. } | Self::Unsuitable { .. } => Fault::Invalid,
@@ -112,16 +112,16 @@ impl EngineError {
     }
 }
 
-/// At most this many particles of a collapse are named.
+/// A message lists at most this many particles of a collapse.
 const NAMED: usize = 20;
 
-/// A position, short enough to read.
-fn place([x, y, z]: &[f64; 3]) -> String {
+/// A position with few enough digits to be readable.
+fn rounded([x, y, z]: &[f64; 3]) -> String {
     format!("({x:.6}, {y:.6}, {z:.6})")
 }
 
-/// Particles and walls in words.
-fn listed(particles: &[u32], walls: &[String]) -> String {
+/// A list of particles and walls, as text.
+fn participants(particles: &[u32], walls: &[String]) -> String {
     let names: Vec<String> = particles.iter().take(NAMED).map(u32::to_string).collect();
     let more = particles.len().saturating_sub(NAMED);
     let more = if more > 0 { format!(" and {more} more") } else { String::new() };

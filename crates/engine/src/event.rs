@@ -1,14 +1,14 @@
-//! Physical events. Each scheduler names the type of the events that it can have, so that its event loop
-//! contains no others.
+//! Physical events. Each scheduler has a type for exactly those events that can occur in it, so that its
+//! event loop contains no others.
 
 use crate::{error::EngineError, features::Features, report::Observer, resolve, rest::contact, state::State};
 
-/// A physical event: what the event loop resolves and the collapse detector counts.
+/// A physical event: the event loop resolves it, and the collapse detector counts it.
 pub(crate) trait PhysicalEvent: Copy {
-    /// The particles that take part, twice the same if there is only one; and the wall.
+    /// The two particles of the event, twice the same if there is only one; and the wall, if there is one.
     fn participants(self) -> ([u32; 2], Option<u32>);
 
-    /// Resolves the event at `time` \[ticks\]. Returns the grains at rest that it has woken.
+    /// Resolves the event at `time` \[ticks\]. Returns the grains that wake.
     fn resolve<F: Features, const EVENTS: bool>(
         self,
         state: &mut State,
@@ -16,24 +16,24 @@ pub(crate) trait PhysicalEvent: Copy {
         observer: &mut dyn Observer,
     ) -> Result<Vec<u32>, EngineError>;
 
-    /// Why the event loop pauses after this event, if it does.
+    /// The reason to pause the event loop after this event, if there is one.
     fn pause<F: Features>(self, state: &mut State, time: i64) -> Option<Pause>;
 }
 
-/// Why the event loop has paused.
+/// The reason why the event loop has paused.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) enum Pause {
-    /// Every event up to the limit of time has been resolved; the present is that time.
+    /// All events up to the limit of time have been resolved; the present is that time.
     Time,
     /// The limit of collisions is reached.
     Collisions,
     /// The limit of calendar entries is reached.
     Entries,
-    /// Nothing moves, and no series of bounces is still to be booked.
+    /// Nothing moves, and no completed series of bounces is pending.
     Rest,
-    /// Grains without room collide without end: a settling scan is due now.
+    /// Grains are jammed: without any room they would collide without end. A settling scan must follow now.
     Jam,
-    /// The state has become one that the scheduler does not support.
+    /// The scheduler does not support the present state.
     Unsupported,
 }
 
@@ -76,7 +76,7 @@ impl PhysicalEvent for Collision {
 
     #[inline(always)]
     fn pause<F: Features>(self, state: &mut State, time: i64) -> Option<Pause> {
-        (F::REST && state.settling.watch(&state.world, time)).then_some(Pause::Jam)
+        (F::REST && state.settling.count_contact(&state.world, time)).then_some(Pause::Jam)
     }
 }
 
@@ -109,7 +109,7 @@ impl PhysicalEvent for Impact {
 
     #[inline(always)]
     fn pause<F: Features>(self, state: &mut State, time: i64) -> Option<Pause> {
-        (F::REST && state.settling.watch(&state.world, time)).then_some(Pause::Jam)
+        (F::REST && state.settling.count_contact(&state.world, time)).then_some(Pause::Jam)
     }
 }
 

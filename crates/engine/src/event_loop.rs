@@ -1,5 +1,5 @@
-//! The event loop, one for all schedulers: take the earliest event, resolve it, have the scheduler predict
-//! what it has changed.
+//! The event loop of all schedulers: take the earliest event from the scheduler, resolve it, and let the
+//! scheduler predict the changed particles.
 
 use haff_neighbors::Geometry;
 
@@ -12,10 +12,10 @@ use crate::{
     state::State,
 };
 
-/// How far to run.
+/// The bounds of one run of the event loop.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Limit {
-    /// Up to and with this time [ticks].
+    /// Up to and including this time [ticks].
     pub ticks: i64,
     /// Up to this total of collisions.
     pub collisions: u64,
@@ -23,11 +23,11 @@ pub(crate) struct Limit {
     pub entries: u64,
 }
 
-/// What a scheduler has found.
+/// The result of [`Scheduler::next`].
 pub(crate) enum Next<E> {
     /// The earliest event, and its time \[ticks\].
     Event(i64, E),
-    /// No event up to the limit of time.
+    /// There is no event up to the limit of time.
     Nothing,
     /// Updates of the scheduler's own data have used up the limit of entries.
     Interrupted,
@@ -35,20 +35,21 @@ pub(crate) enum Next<E> {
 
 /// Finds the events of a state in the order of time.
 ///
-/// `VECTORS` tells that the caller is compiled for AVX2 and FMA, and runs where they exist.
+/// `VECTORS`: the caller is compiled for AVX2 and FMA, and the processor supports them.
 pub(crate) trait Scheduler: Send {
-    /// What the particles are like.
+    /// The features of the particles.
     type Features: Features;
-    /// The events that there can be.
+    /// The events that can occur.
     type Event: PhysicalEvent;
 
-    /// The kernel that predictions run on.
+    /// The kernel of predictions.
     fn kernel(&self) -> Kernel;
     /// Predicts every particle from the present state.
     fn rebuild(&mut self, state: &mut State, geometry: &Geometry);
-    /// The earliest event up to `limit`, with updates of the scheduler's own data that are due before.
+    /// Finds the earliest event up to `limit`, and carries out the updates of the scheduler's own data before
+    /// it.
     fn next<const VECTORS: bool>(&mut self, state: &mut State, limit: &mut Limit) -> Next<Self::Event>;
-    /// Predicts the particles of an event that has been resolved, and those that it has `woken`.
+    /// Predicts the particles of an event that has been resolved, and the grains that it has `woken`.
     fn update<const VECTORS: bool>(
         &mut self,
         state: &mut State,
@@ -56,9 +57,9 @@ pub(crate) trait Scheduler: Send {
         woken: &[u32],
         limit: &mut Limit,
     ) -> Option<Pause>;
-    /// Predicts these particles, whose anchors something other than an event has set to the present.
+    /// Predicts these particles. Their anchors have been set to the present by something other than an event.
     fn reschedule(&mut self, state: &mut State, bodies: &[u32]);
-    /// Whether no event is due at any time.
+    /// Whether there is no further event at any time.
     fn is_idle(&self) -> bool;
     /// Adds the work done since the last call to the counters of the state.
     fn count_work(&mut self, state: &mut State);
@@ -68,9 +69,9 @@ pub(crate) trait Scheduler: Send {
 pub(crate) trait Engine: Send {
     /// Predicts every particle from the present state.
     fn rebuild(&mut self, state: &mut State, geometry: &Geometry);
-    /// Predicts these particles, whose anchors something other than an event has set to the present.
+    /// Predicts these particles. Their anchors have been set to the present by something other than an event.
     fn reschedule(&mut self, state: &mut State, bodies: &[u32]);
-    /// Whether no event is due at any time.
+    /// Whether there is no further event at any time.
     fn is_idle(&self) -> bool;
     /// Runs events.
     fn advance(
@@ -106,7 +107,8 @@ impl<S: Scheduler> Engine for S {
             (Kernel::Portable, false) => run::<S, false, false>(self, state, limit, observer),
             (Kernel::Portable, true) => run::<S, true, false>(self, state, limit, observer),
             #[cfg(target_arch = "x86_64")]
-            // SAFETY: made by `Kernel::choose` alone, after it has found the instructions.
+            // SAFETY: only `Kernel::choose` makes this kernel, after it has found that the processor supports
+            // the instructions.
             (Kernel::Avx2, false) => unsafe { run_avx2::<S, false>(self, state, limit, observer) },
             #[cfg(target_arch = "x86_64")]
             // SAFETY: as above.
@@ -117,9 +119,9 @@ impl<S: Scheduler> Engine for S {
     }
 }
 
-/// [`run`], compiled as a whole for processors with 256-bit vectors. Rust neither fuses nor reorders
-/// floating-point operations by itself, so the bits are the same; only the filters in single precision use
-/// fused operations.
+/// [`run`], compiled as a whole for processors with 256-bit vectors. The bits are the same, because Rust
+/// neither fuses nor reorders floating-point operations. Only the filters in single precision use fused
+/// operations.
 #[cfg(target_arch = "x86_64")]
 #[target_feature(enable = "avx2,fma,bmi1,bmi2,lzcnt,popcnt")]
 fn run_avx2<S: Scheduler, const EVENTS: bool>(
@@ -131,7 +133,7 @@ fn run_avx2<S: Scheduler, const EVENTS: bool>(
     run::<S, EVENTS, true>(scheduler, state, limit, observer)
 }
 
-/// Runs events up to `limit`; `EVENTS` tells whether the observer wants rows.
+/// Runs events up to `limit`. `EVENTS`: the observer receives them.
 #[inline(always)]
 fn run<S: Scheduler, const EVENTS: bool, const VECTORS: bool>(
     scheduler: &mut S,
@@ -156,7 +158,7 @@ fn run<S: Scheduler, const EVENTS: bool, const VECTORS: bool>(
         };
         limit.entries -= 1;
         state.world.now = state.world.now.max(time);
-        state.stall.watch(&state.world, time, || event.participants())?;
+        state.stall.count_event(&state.world, time, || event.participants())?;
         let woken = event.resolve::<S::Features, EVENTS>(state, time, observer)?;
         if let Some(pause) = scheduler.update::<VECTORS>(state, event, &woken, limit) {
             return Ok(pause);

@@ -1,19 +1,19 @@
-//! What a scene needs of the engine, as type parameters: each combination is compiled on its own, so that a
-//! scene pays only for what it has.
+//! Features of a scene as type parameters. The engine is compiled separately for each combination, so that a
+//! scene has no cost for features that it does not use.
 
 /// A combination of features.
 pub(crate) trait Features: Send + Sync + 'static {
-    /// Bodies may be accelerated.
+    /// Bodies can be accelerated.
     const GRAVITY: bool;
     /// All particles share one radius and one finite mass.
     const UNIFORM: bool;
-    /// Grains may be put to rest; never with `UNIFORM`, because grains at rest count as of infinite mass.
+    /// Grains can be put to rest. Never with `UNIFORM`, because a grain at rest has infinite mass.
     const REST: bool;
-    /// No contact loses energy: all laws are e = 1.
+    /// No contact loses energy: e = 1 in all laws.
     const ELASTIC: bool;
 }
 
-/// The combination with these features.
+/// The combination of these features.
 pub(crate) struct With<
     const GRAVITY: bool,
     const UNIFORM: bool,
@@ -40,5 +40,5 @@ pub(crate) type Polydisperse = With<false, false>;
 pub(crate) type FallingMonodisperse = With<true, true>;
 /// Any particles under gravity.
 pub(crate) type FallingPolydisperse = With<true, false>;
-/// Any grains under gravity, which may be put to rest.
+/// Any grains under gravity that can be put to rest.
 pub(crate) type Settling = With<true, false, true>;

@@ -1,13 +1,13 @@
-//! The force of the outer world, and its impulse.
+//! The external force on the particles, and its impulse.
 
 use glam::DVec3;
 
 use crate::sum::Sum;
 
-/// A vector that is added up.
+/// A sum of vectors.
 pub(crate) type Total = [Sum; 3];
 
-/// Adds a vector.
+/// Adds a vector to a sum.
 #[inline]
 pub(crate) fn add(total: &mut Total, term: DVec3) {
     for (sum, term) in total.iter_mut().zip(term.to_array()) {
@@ -15,19 +15,19 @@ pub(crate) fn add(total: &mut Total, term: DVec3) {
     }
 }
 
-/// The value of a total.
+/// The value of a sum.
 pub(crate) fn value(total: &Total) -> DVec3 {
     DVec3::from_array(total.each_ref().map(Sum::value))
 }
 
-/// Σ m a of gravity and of the walls that hold particles [force], and its impulse until a time.
+/// The total force Σ m a of gravity and of the walls that support particles [force], and its impulse.
 ///
-/// Both are compensated sums: a grain in a wedge rests and hops on for ten thousands of times while the
-/// impulse of all the others' weight grows, and each time would leave the rounding of that behind.
+/// Both are compensated sums: a grain in a wedge may start and end its rest tens of thousands of times. Each
+/// time the impulse of the weight of all particles is added up, and its rounding error would accumulate.
 #[derive(Debug, Clone, Default)]
 pub(crate) struct Force {
     pub total: Total,
-    /// [mass·length/time], until that [time].
+    /// Impulse [mass·length/time] until the time `until` [time].
     pub impulse: Total,
     pub until: f64,
 }
@@ -40,7 +40,7 @@ impl Force {
         value(&impulse)
     }
 
-    /// From `time` on it is another one.
+    /// Adds `change` to the force from `time` on.
     pub fn change(&mut self, change: DVec3, time: f64) {
         let mut impulse = self.impulse;
         self.add_impulse(&mut impulse, time);
@@ -48,6 +48,7 @@ impl Force {
         add(&mut self.total, change);
     }
 
+    /// Adds the impulse from `self.until` to `time` to a sum.
     fn add_impulse(&self, impulse: &mut Total, time: f64) {
         let span = time - self.until;
         for (impulse, total) in impulse.iter_mut().zip(&self.total) {

@@ -1,11 +1,11 @@
-//! The balance of energies, T + V = T₀ + V₀ − Σ ΔT + Σ terms, by named terms.
+//! The energy balance, T + V = T₀ + V₀ − Σ ΔT + Σ sign · term, with named terms.
 //!
-//! A new way in which energy comes or goes is one more [`Term`]: files, reports and Python take names and
-//! signs from here.
+//! To add a source or sink of energy, add a [`Term`]. Files, reports and Python take names and signs from
+//! here.
 
 use crate::model::{System, WallLaw};
 
-/// A term of the balance beside T, V and the losses Σ ΔT of impacts.
+/// A term of the balance, besides T, V and the losses Σ ΔT of impacts.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 #[repr(usize)]
 pub enum Term {
@@ -15,12 +15,12 @@ pub enum Term {
     WallHeat,
     /// Work of drives on the particles.
     DriveWork,
-    /// Kinetic energy that putting grains to rest has taken.
+    /// Kinetic energy removed by putting grains to rest.
     Rest,
 }
 
 impl Term {
-    /// Every term, each at the index of its number.
+    /// Every term; the index of a term is its discriminant.
     pub const ALL: [Self; 4] = [Self::WallWork, Self::WallHeat, Self::DriveWork, Self::Rest];
 
     /// The name in files and reports.
@@ -43,7 +43,7 @@ impl Term {
         }
     }
 
-    /// 1 if the term is energy given to the particles, −1 if it is energy taken.
+    /// 1 if the term is energy given to the particles, −1 if it is energy taken from them.
     pub fn sign(self) -> f64 {
         match self {
             Self::WallWork | Self::WallHeat | Self::DriveWork => 1.0,
@@ -51,7 +51,7 @@ impl Term {
         }
     }
 
-    /// Whether a system can have this term. Files leave out the others.
+    /// Whether a system can have this term. Files contain only such terms.
     pub fn exists(self, system: &System) -> bool {
         match self {
             Self::WallWork => true,
@@ -62,33 +62,33 @@ impl Term {
     }
 }
 
-/// Energies and their balance (Neumaier sums).
+/// Energies and their balance (compensated sums).
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct Ledger {
-    /// T [energy], bodies of finite mass.
+    /// T of the bodies of finite mass [energy].
     pub kinetic: f64,
-    /// V of gravity, zero at the origin, and of springs [energy].
+    /// V of gravity, zero at the origin, plus that of springs [energy].
     pub potential: f64,
-    /// The part of springs in it, zero without force [energy]; the engine has none.
+    /// The part of V that is in springs, zero without force [energy]. This engine has no springs: 0.
     pub spring: f64,
     /// Σ ΔT so far [energy].
     pub dissipated: f64,
     /// Σ E'_c so far [energy].
     pub carnot: f64,
-    /// The other terms so far \[energy\], by [`Term`].
+    /// The other terms so far \[energy\], indexed by [`Term`].
     pub terms: [f64; Term::ALL.len()],
-    /// T + V − (T₀ + V₀ − Σ ΔT + Σ sign · term), relative to the largest |term|. T counts here what the
-    /// bounces of a completed series that has not come to its end still have to lose.
+    /// T + V − (T₀ + V₀ − Σ ΔT + Σ sign · term), relative to the largest |summand|. T includes here the
+    /// energy that pending series of bounces, completed but not yet ended, will still lose.
     pub residual: f64,
 }
 
 impl Ledger {
-    /// A term so far [energy].
+    /// The value of a term so far [energy].
     pub fn term(&self, term: Term) -> f64 {
         self.terms[term as usize]
     }
 
-    /// What the terms have given to the particles so far [energy].
+    /// Energy that all terms together have given to the particles so far [energy].
     pub fn supplied(&self) -> f64 {
         Term::ALL.into_iter().map(|term| term.sign() * self.term(term)).sum()
     }

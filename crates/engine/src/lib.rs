@@ -1,13 +1,14 @@
 //! Event-driven hard-sphere engine.
 //!
-//! A [`System`] (validated elsewhere) becomes a [`Simulation`], which runs from event to event and hands what
-//! happens to an [`Observer`]. The engine knows neither scene files nor output files.
+//! A [`System`], validated by the caller, becomes a [`Simulation`]. It advances from event to event and
+//! passes each event to an [`Observer`]. The engine does not depend on the formats of scene files and output
+//! files.
 
 pub mod model;
 pub mod report;
 
 #[cfg(test)]
-extern crate self as haff_engine; // the systems of tests/common are made with the public interface
+extern crate self as haff_engine; // tests/common builds its systems with the public interface
 
 mod accumulators;
 mod batch;
@@ -21,6 +22,8 @@ mod entry;
 mod error;
 mod event;
 mod event_loop;
+#[cfg(test)]
+mod examples;
 mod features;
 mod force;
 mod grid;
@@ -38,6 +41,7 @@ mod queue;
 mod random;
 mod resolve;
 mod rest;
+mod scalars;
 mod search_event;
 mod simulation;
 mod stall;
@@ -64,8 +68,10 @@ pub use report::{
     Checkpoint, Counters, EventColumn, EventKind, EventRecord, Frame, NO_PARTNER, Observer, Sample, Silent,
     Stop,
 };
+pub use scalars::{ScalarReader, ScalarWriter};
 pub use simulation::{Simulation, Until};
+pub use sum::Sum;
 pub use thermal::ThermalWall;
 
-/// Version of the trajectories: raised by a release that changes what any scene computes.
+/// Version of the trajectories. A release that changes the trajectory of any scene raises it.
 pub const TRAJECTORY_VERSION: u32 = 5;

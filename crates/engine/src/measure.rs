@@ -1,5 +1,5 @@
-//! What is measured of a state: energies, temperatures, pressure, momenta, overlaps, the hash. Measuring
-//! streams copies of the particles to the present and leaves their anchors alone.
+//! Measurements of a state: energies, temperatures, pressure, momenta, the hash. They move copies of the
+//! particles to the present, and do not change the anchors.
 
 use std::collections::BTreeMap;
 
@@ -20,10 +20,10 @@ use crate::{
 };
 
 /// Particles per block of a parallel sum. Blocks do not depend on the number of threads, and their sums are
-/// added in order.
+/// added in order, so that the result does not depend on it either.
 const BLOCK: usize = 4096;
 
-/// Sums `terms(i)` over all particles, in an order that no thread count changes.
+/// Sums `terms(i)` over i < `count`, in an order that does not depend on the number of threads.
 pub(crate) fn total<const K: usize>(count: usize, terms: impl Fn(u32) -> [f64; K] + Sync) -> [f64; K] {
     let blocks: Vec<Sums<K>> = (0..count.div_ceil(BLOCK))
         .into_par_iter()
@@ -37,7 +37,7 @@ pub(crate) fn total<const K: usize>(count: usize, terms: impl Fn(u32) -> [f64; K
         .collect();
     let mut sums = Sums::ZERO;
     for block in &blocks {
-        sums.join(block);
+        sums.merge(block);
     }
     sums.values()
 }
@@ -50,7 +50,7 @@ pub(crate) struct Totals {
     pub kinetic: f64,
     pub potential: f64,
     pub momentum: DVec3,
-    /// About the origin, from unwrapped positions.
+    /// Angular momentum about the origin, from unwrapped positions.
     pub angular_momentum: DVec3,
 }
 
@@ -77,16 +77,16 @@ impl Totals {
         }
     }
 
-    /// Velocity of the centre of mass.
+    /// Velocity of the center of mass.
     pub fn drift(&self) -> DVec3 {
         if self.mass > 0.0 { self.momentum / self.mass } else { DVec3::ZERO }
     }
 }
 
-/// The balance of energies.
+/// The energy balance.
 ///
-/// A completed series of bounces books its loss at its end: until then the balance counts the energy of the
-/// bounces left out.
+/// The loss of a completed series of bounces is added to the sums at the end of the series. Until then the
+/// balance includes it as a separate energy.
 pub(crate) fn ledger(
     totals: &Totals,
     accumulators: &Accumulators,
@@ -112,41 +112,41 @@ pub(crate) fn ledger(
     }
 }
 
-/// One row of observables at the present; starts the next interval of the pressure.
-pub(crate) fn sample(system: &System, of: &Species, state: &mut State, time: f64) -> Sample {
+/// One row of observables at the present. Starts the next interval of pressure and rates.
+pub(crate) fn sample(system: &System, species_table: &Species, state: &mut State, time: f64) -> Sample {
     let State { world, accumulators, pending, .. } = state;
     let totals = Totals::of(world);
     let d = system.dimension.count() as f64;
     let drift = totals.drift();
 
-    // Over all: Σ m|v − V|² and its second moment.
+    // Over all species: Σ m|v − V|², and the sum of the squares of these terms.
     let [second, fourth] = total(world.particles.len(), |i| {
         let class = world.body(i);
         if class.inverse_mass == 0.0 {
             return [0.0; 2];
         }
         let (_, v) = world.state(i, world.now);
-        // m|v − V|² instead of |v − V|²: the same number for one mass, and zero a₂ for a mixture in
+        // m|v − V|² instead of |v − V|²: this gives the same a₂ for one mass, and zero a₂ for a mixture in
         // equilibrium.
         let square = class.mass * (v - drift).length_squared();
         [square, square * square]
     });
-    // Per species: bodies, Σ m|v − V|². Of a single one this is what has just been added up.
-    let several = system.species.len() as u32;
-    let species: Vec<[f64; 2]> = if several == 1 {
+    // Per species: number of bodies, Σ m|v − V|². For a single species these sums are known already.
+    let species_count = system.species.len() as u32;
+    let species: Vec<[f64; 2]> = if species_count == 1 {
         vec![[totals.bodies, second]]
     } else {
         let of_one = |species: u32| {
             total(world.particles.len(), |i| {
                 let class = world.body(i);
-                if of.of(world, i) != species || class.inverse_mass == 0.0 {
+                if species_table.of(world, i) != species || class.inverse_mass == 0.0 {
                     return [0.0; 2];
                 }
                 let (_, v) = world.state(i, world.now);
                 [1.0, class.mass * (v - drift).length_squared()]
             })
         };
-        (0..several).map(of_one).collect()
+        (0..species_count).map(of_one).collect()
     };
     let bodies = totals.bodies;
     let temperature = if bodies > 0.0 { second / (d * bodies) } else { f64::NAN };
@@ -160,8 +160,9 @@ pub(crate) fn sample(system: &System, of: &Species, state: &mut State, time: f64
             return f64::NAN;
         }
         let volume: f64 = (0..d as usize).map(|axis| system.domain.size[axis]).product();
-        // ∫ T dt: between events the kinetic energy is constant, so it is the final one plus what each event
-        // took, for the time before it; with gravity the ends are averaged instead.
+        // Mean of the kinetic energy over the interval. Without gravity it is constant between events: its
+        // integral is the final energy times the interval, plus the loss of each event times the time before
+        // that event. With gravity the mean of the two ends is used.
         let mean_kinetic = if world.gravity == DVec3::ZERO {
             totals.kinetic + accumulators.loss_moment.value() / span
         } else {
@@ -170,7 +171,7 @@ pub(crate) fn sample(system: &System, of: &Species, state: &mut State, time: f64
         let thermal = mean_kinetic - 0.5 * totals.mass * drift.length_squared();
         (2.0 * thermal + accumulators.virial.value() / span) / (d * volume)
     });
-    let periodic = world.periodicity.along.contains(&true);
+    let periodic = world.periodicity.is_periodic.contains(&true);
     let gravity_impulse = world.force.impulse_until(time);
     let impulse = force::value(&accumulators.impulse);
     let rate = if first || span <= 0.0 { f64::NAN } else { counted as f64 / span };
@@ -201,7 +202,7 @@ pub(crate) fn sample(system: &System, of: &Species, state: &mut State, time: f64
     sample
 }
 
-/// A particle at the present, wrapped into the box: position, velocity, image.
+/// Present position, velocity and image of a particle, wrapped into the box.
 fn present(world: &World, i: usize) -> (DVec3, DVec3, [i32; 3]) {
     let (position, velocity) = world.state(i as u32, world.now);
     let (position, wraps) = world.periodicity.wrap(position);
@@ -209,7 +210,7 @@ fn present(world: &World, i: usize) -> (DVec3, DVec3, [i32; 3]) {
     (position, velocity, [image[0] + wraps[0], image[1] + wraps[1], image[2] + wraps[2]])
 }
 
-/// All particles at the present, wrapped into the box.
+/// The present state of all particles, wrapped into the box.
 pub(crate) fn frame(state: &State, time: f64) -> Frame {
     let world = &state.world;
     let count = world.particles.len();
@@ -229,12 +230,12 @@ pub(crate) fn frame(state: &State, time: f64) -> Frame {
     frame
 }
 
-/// Species of every particle.
+/// The species of every particle.
 #[derive(Debug)]
 pub(crate) enum Species {
-    /// By class: particles of a class are of one species, as in all systems that scenes describe.
+    /// By class: all particles of a class have one species. This holds for all systems made from scene files.
     OfClass(Vec<u32>),
-    /// By row.
+    /// By particle.
     OfRow(Vec<u32>),
 }
 
@@ -251,7 +252,7 @@ impl Species {
 
     fn of(&self, world: &World, i: u32) -> u32 {
         match self {
-            Self::OfClass(species) => species[world.kind(i)],
+            Self::OfClass(species) => species[world.system_class(i)],
             Self::OfRow(species) => species[i as usize],
         }
     }
@@ -260,7 +261,7 @@ impl Species {
 /// A 128-bit hash of every particle's position, velocity and image at the present.
 pub(crate) fn hash(world: &World) -> u128 {
     let mut hasher = Xxh3::new();
-    // In blocks: the hash takes a few bytes at a time slowly, and a frame would be a copy of everything.
+    // In blocks: hashing a few bytes per call is slow, and a frame would be a copy of all particles.
     let mut block = Vec::with_capacity(60 * BLOCK);
     for start in (0..world.particles.len()).step_by(BLOCK) {
         block.clear();
@@ -276,7 +277,7 @@ pub(crate) fn hash(world: &World) -> u128 {
     hasher.digest128()
 }
 
-/// Least and largest coordinate of all particles now along an axis [length].
+/// Least and largest present coordinate of all particles along an axis [length].
 fn extent(world: &World, axis: usize) -> (f64, f64) {
     (0..world.particles.len() as u32)
         .into_par_iter()
@@ -285,8 +286,8 @@ fn extent(world: &World, axis: usize) -> (f64, f64) {
         .reduce(|| (f64::INFINITY, f64::NEG_INFINITY), |a, b| (a.0.min(b.0), a.1.max(b.1)))
 }
 
-/// What the searches know of a state, in which particles at the density around the average one would fill the
-/// volume `filled` [length^d].
+/// The input of partner searches: the geometry of a state. `filled` is the volume that all particles would
+/// occupy at the local density of the average particle [length^d].
 pub(crate) fn geometry(system: &System, world: &World, filled: f64) -> Geometry {
     use haff_neighbors::{Axis, Plane};
     let mut axes = system.domain.boundary.map(|boundary| match boundary {
@@ -308,7 +309,7 @@ pub(crate) fn geometry(system: &System, world: &World, filled: f64) -> Geometry 
     let mut size = system.domain.size;
     for axis in 0..3 {
         if axes[axis] == Axis::Open {
-            // Where the particles are now stands for the size that there is not.
+            // An open axis has no size; the present extent of the particles is used.
             let (low, high) = extent(world, axis);
             size[axis] = (high - low).max(0.0) + 2.0 * movable.max(fixed);
         }

@@ -1,4 +1,4 @@
-//! What is simulated: particles, walls, contact rules and the domain, as plain validated data.
+//! The simulated system: particles, walls, contact laws and the domain, as plain validated data.
 
 use glam::DVec3;
 pub use haff_mechanics::Restitution;
@@ -28,14 +28,14 @@ impl Dimension {
     }
 }
 
-/// What limits the domain along one axis.
+/// The boundary of the domain along one axis.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Boundary {
     /// The domain repeats.
     Periodic,
-    /// Two plane walls at 0 and at L; they stand in [`System::walls`] like any other wall.
+    /// Two plane walls at 0 and at L, which are contained in [`System::walls`].
     Wall,
-    /// Unbounded; the size of the domain is a placeholder.
+    /// Unbounded; the size of the domain along this axis has no meaning.
     Open,
 }
 
@@ -44,31 +44,32 @@ pub enum Boundary {
 pub struct Domain {
     /// Edge lengths L [length].
     pub size: DVec3,
-    /// What happens at the faces of each axis.
+    /// The boundary along each axis.
     pub boundary: [Boundary; 3],
     /// Common acceleration of all bodies of finite mass [length/time²]; zero along periodic axes.
     pub gravity: DVec3,
 }
 
-/// What particles have in common: size and mass. Every particle names its class.
+/// Properties shared by particles: size, mass and contact group.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Class {
     /// Radius R > 0 [length].
     pub radius: f64,
-    /// Mass m > 0 [mass]; infinite for fixed and driven bodies, which feel neither gravity nor impulses.
+    /// Mass m > 0 [mass]; infinite for fixed and driven bodies, which gravity and impulses do not affect.
     pub mass: f64,
     /// Contact group: row of the tables in [`Contacts`], index into [`System::groups`].
     pub group: u32,
 }
 
-/// State of one particle at the start.
+/// Initial state of one particle.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Body {
-    /// Centre [length]; within [0, L) along periodic axes.
+    /// Position of the center [length]; within [0, L) along periodic axes.
     pub position: DVec3,
     /// Velocity [length/time].
     pub velocity: DVec3,
-    /// How often the centre has left the box through each periodic face (upper +1, lower −1).
+    /// Box image per axis: how often the center has left the box through the upper face minus through the
+    /// lower.
     pub image: [i32; 3],
     /// Index into [`System::classes`].
     pub class: u32,
@@ -76,14 +77,14 @@ pub struct Body {
     pub species: u32,
 }
 
-/// Particles that share contact rules: a species, or the explicit particles of one name.
+/// Particles with the same contact laws: a species, or the explicit particles of one name.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Group {
     /// Name as in the scene.
     pub name: String,
 }
 
-/// A plane wall. It fills the half-space behind it; `normal` points to the inside.
+/// A plane wall. Particles are on the side to which `normal` points; the other side is solid.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Wall {
     /// Name as in the scene; `x-`, `x+`, … for the walls of the domain.
@@ -92,7 +93,7 @@ pub struct Wall {
     pub point: DVec3,
     /// Unit normal, towards the particles.
     pub normal: DVec3,
-    /// How it moves.
+    /// Its motion.
     pub motion: WallMotion,
 }
 
@@ -106,7 +107,8 @@ pub struct Contacts {
     /// Contact duration of the TC model [time]: a contact within `tc` of the last contact of either body is
     /// elastic. 0 turns the model off.
     pub tc: f64,
-    /// Speed below which a supported particle is put to rest, where gravity acts [length/time]. 0: never.
+    /// The speed v of rest under gravity [length/time]: supported particles slower than v/2 are put to rest.
+    /// 0: never.
     pub rest_speed: f64,
 }
 
@@ -119,7 +121,7 @@ impl Contacts {
     }
 }
 
-/// Everything the engine needs to know, already validated.
+/// The complete input of the engine, already validated.
 #[derive(Debug, Clone, PartialEq)]
 pub struct System {
     /// 2 or 3.
@@ -136,54 +138,54 @@ pub struct System {
     pub species: Vec<String>,
     /// Walls: those of the domain first (`x-`, `x+`, `y-`, …), then those of the scene.
     pub walls: Vec<Wall>,
-    /// Contact rules.
+    /// Laws of impact.
     pub contacts: Contacts,
-    /// What gives energy to the particles, or takes it, at stated times.
+    /// Drives: actions that add energy to the particles, or remove it, at stated times.
     pub drives: Vec<Drive>,
     /// Seed of the random numbers of drives and walls.
     pub seed: u64,
 }
 
-/// How partners are searched for. A choice never changes the trajectory.
+/// The search for collision partners. The choice never changes the trajectory.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub enum NeighborChoice {
-    /// The engine chooses from the system.
+    /// The engine chooses, depending on the system.
     #[default]
     Auto,
-    /// A grid of cells at least one largest diameter wide.
+    /// A grid of cells whose width is at least the largest diameter.
     Cells,
-    /// Windows of time in which all pairs of a grid are tested at once: for gases in closed boxes, without
-    /// gravity.
+    /// Windows of time: all contacts within a window are found together, with a grid. For gases in closed
+    /// boxes.
     Windows,
-    /// Lists of those within a shell around each particle.
+    /// Neighbor lists: for each particle those within a shell around it.
     Lists,
-    /// Every pair is tested: for tiny systems, and the twin of every other method.
+    /// Every pair is tested: for very small systems, and the reference for every other method.
     AllPairs,
 }
 
-/// Which build of the prediction kernel runs. A choice never changes the trajectory.
+/// The instructions of the prediction kernel. The choice never changes the trajectory.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub enum SimdChoice {
-    /// The best the processor has.
+    /// The best kernel that the processor supports.
     #[default]
     Auto,
-    /// 256-bit vectors; an error where the processor has none.
+    /// 256-bit vectors (AVX2); an error if the processor does not support them.
     Avx2,
-    /// Baseline instructions of the target.
+    /// The baseline instructions of the target.
     Portable,
 }
 
-/// Choices of machinery; none of them changes the trajectory.
+/// Choices of algorithm; none of them changes the trajectory.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub struct Options {
-    /// Partner search.
+    /// The search for collision partners.
     pub neighbors: NeighborChoice,
-    /// Prediction kernel.
+    /// The prediction kernel.
     pub simd: SimdChoice,
 }
 
 impl NeighborChoice {
-    /// The name scenes use.
+    /// The name in scene files.
     pub fn name(self) -> &'static str {
         match self {
             Self::Auto => "auto",

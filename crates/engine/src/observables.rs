@@ -1,5 +1,5 @@
-//! The observables by name. Recorder, reports, Python and documentation take them from this table: a new one
-//! is one more row, or one more [`Term`] of the balance of energies.
+//! The table of observables. Recorder, reports, Python and documentation take names and units from it. To add
+//! an observable, add a row, or a [`Term`] of the energy balance.
 
 use glam::DVec3;
 
@@ -20,7 +20,7 @@ pub enum Quantity {
     Vector(fn(&Sample) -> DVec3),
     /// A number for each species.
     PerSpecies(fn(&Sample) -> &[f64]),
-    /// A term of the balance of energies.
+    /// A term of the energy balance.
     Term(Term),
 }
 
@@ -29,32 +29,32 @@ pub enum Quantity {
 pub struct Observable {
     /// Name in files.
     pub name: &'static str,
-    /// Unit, in words of the scene's units; "1" for numbers.
+    /// Unit, as an expression in the scene's units; "1" for dimensionless numbers.
     pub unit: &'static str,
-    /// Its value.
+    /// How its value follows from a sample.
     pub quantity: Quantity,
-    /// Whether scenes like this have it.
+    /// Whether a scene with these features has it.
     pub exists: fn(Present) -> bool,
 }
 
-/// What a scene has, as far as observables depend on it.
-#[expect(clippy::struct_excessive_bools, reason = "features that are there or not")]
+/// The features of a scene that decide which observables exist.
+#[expect(clippy::struct_excessive_bools, reason = "each feature is present or absent")]
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Present {
-    /// Springs.
+    /// There are springs.
     pub springs: bool,
-    /// A volume: no axis is open.
+    /// There is a volume: no axis is open.
     pub volume: bool,
-    /// An angular momentum: no axis is periodic.
+    /// Angular momentum is defined: no axis is periodic.
     pub angular_momentum: bool,
-    /// Species to name.
+    /// There are named species.
     pub species: bool,
-    /// Terms of the balance of energies, by [`Term`].
+    /// Which terms of the energy balance exist, indexed by [`Term`].
     pub terms: [bool; Term::ALL.len()],
 }
 
 impl Present {
-    /// What a system has; springs are not part of it.
+    /// The features of a system. Springs are not part of a [`System`].
     pub fn of(system: &System) -> Self {
         let axes = &system.domain.boundary[..system.dimension.count()];
         Self {
@@ -66,7 +66,7 @@ impl Present {
         }
     }
 
-    /// Everything, so that every observable exists.
+    /// All features: every observable exists.
     pub fn all() -> Self {
         Self {
             springs: true,
@@ -80,7 +80,7 @@ impl Present {
 
 const ENERGY: &str = "energy";
 
-/// Rows before the terms of the balance of energies.
+/// Rows before the terms of the energy balance.
 const ENERGIES: [Observable; 6] = [
     row("kinetic_energy", ENERGY, Quantity::Real(|s| s.ledger.kinetic), always),
     row("potential_energy", ENERGY, Quantity::Real(|s| s.ledger.potential), always),
@@ -90,7 +90,7 @@ const ENERGIES: [Observable; 6] = [
     row("carnot_energy", ENERGY, Quantity::Real(|s| s.ledger.carnot), always),
 ];
 
-/// Rows after them.
+/// Rows after the terms of the energy balance.
 const OTHERS: [Observable; 12] = [
     row("ledger_residual", "1", Quantity::Real(|s| s.ledger.residual), always),
     row("temperature", ENERGY, Quantity::Real(|s| s.temperature), always),
@@ -111,7 +111,7 @@ const OTHERS: [Observable; 12] = [
     row("mean_free_time", "time", Quantity::Real(|s| s.mean_free_time), always),
 ];
 
-const fn row(
+pub(crate) const fn row(
     name: &'static str,
     unit: &'static str,
     quantity: Quantity,
@@ -124,7 +124,7 @@ fn always(_: Present) -> bool {
     true
 }
 
-/// All observables that scenes like this have, in the order of files.
+/// All observables of a scene with these features, in the order of output files.
 pub fn observables(present: &Present) -> Vec<Observable> {
     let terms = Term::ALL
         .into_iter()
@@ -135,7 +135,7 @@ pub fn observables(present: &Present) -> Vec<Observable> {
 }
 
 impl Quantity {
-    /// Numbers of one sample, of a scene with so many species.
+    /// Length of a vector-valued observable in a scene with this many species; `None` for a scalar.
     pub fn width(self, species: usize) -> Option<usize> {
         match self {
             Self::Real(_) | Self::Count(_) | Self::Term(_) => None,
@@ -144,7 +144,7 @@ impl Quantity {
         }
     }
 
-    /// Appends the numbers of a sample; a count as a number of the same value.
+    /// Appends the values of a sample. Counts are converted to `f64`.
     pub fn append(self, sample: &Sample, numbers: &mut Vec<f64>) {
         match self {
             Self::Real(value) => numbers.push(value(sample)),

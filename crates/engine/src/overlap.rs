@@ -1,5 +1,5 @@
-//! The deepest overlap of all close pairs and of particles with walls, found with grids of its own,
-//! independent of what the engine tracks.
+//! The deepest overlap of all close pairs and of particles with walls. It is found with separate grids,
+//! independently of the engine's search.
 
 use std::ops::Range;
 
@@ -8,29 +8,32 @@ use haff_neighbors::Geometry;
 use rayon::prelude::*;
 
 use crate::{
-    grid::{Level, Slabs, levels, meet, place},
+    grid::{Level, Slabs, levels, visit_pairs, wrapped_position},
     particles::World,
     periodicity::Periodicity,
     tuning::particles,
 };
 
-/// Cells, or particles, looked at by one task.
+/// Cells or particles per parallel task.
 const BLOCK: usize = 4096;
-/// Slabs of the box for which grids are made one after the other, at most, where particles are many.
+/// Largest number of slabs of the box, if there are many particles. Grids are built for one slab after the
+/// other.
 const SLABS: usize = 8;
-/// A pair further apart than this part beyond contact does not overlap, however squares are rounded.
+/// Bound on the relative rounding error of squared distances: a pair whose squared distance is larger than σ²
+/// by more than this fraction does not overlap.
 const ROUNDING: f64 = 1e-14;
-/// What places lose in single precision, in units of the largest coordinate or length, and what sums of radii
-/// lose of themselves: both several times what they can.
+/// Bound on rounding errors in single precision: of positions, relative to the largest coordinate or length,
+/// and of sums of radii, relative to the sum. Several times the largest possible error.
 const COARSE: f32 = 1e-6;
 
-/// Largest overlap that a run goes on with [contact distances], …
+/// Largest overlap with which a run continues [contact distances].
 const ALLOWED: f64 = 1e-12;
-/// … or this many roundings of the coordinates, or of the free path where that is longer, if that is more.
+/// The same bound in units of ε times the largest coordinate or free path. The larger of the two applies.
 const ROUNDINGS: f64 = 16.0;
 
-/// Largest overlap \[length\] that a run goes on with: of bodies whose contact distance is `sigma` \[length\]
-/// and whose largest coordinate, with the way since their last own events, is `reach` \[length\].
+/// Largest overlap with which a run continues \[length\], for bodies with the contact distance `sigma`
+/// \[length\]. `reach` is the largest of their coordinates and of the paths since their own last events
+/// \[length\].
 pub fn allowed_overlap(sigma: f64, reach: f64) -> f64 {
     f64::max(ALLOWED * sigma, ROUNDINGS * f64::EPSILON * reach)
 }
@@ -38,25 +41,27 @@ pub fn allowed_overlap(sigma: f64, reach: f64) -> f64 {
 /// The deepest overlap of all close pairs and of particles with walls.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Overlap {
-    /// Overlap in contact distances (σ of the pair; the radius at a wall); 0 if nothing overlaps.
+    /// Overlap [contact distances: σ of the pair; the radius at a wall]; 0 if nothing overlaps.
     pub depth: f64,
-    /// The particle, and its partner's row (the greater of the two) or, at a wall, `None`.
+    /// The particle, and its partner, which has the higher index, or `None` for a wall.
     pub pair: Option<(u32, Option<u32>)>,
 }
 
 impl Overlap {
     pub(crate) const NONE: Self = Self { depth: 0.0, pair: None };
 
-    /// The deeper of two; of equal ones that of the first rows, so that the order of work does not show.
+    /// The deeper of two overlaps. Of equal ones the pair of lower indices, so that the result does not
+    /// depend on the order of work.
     fn or(self, other: Self) -> Self {
         let equal = other.depth == self.depth && other.pair.is_some() && other.pair < self.pair;
         if other.depth > self.depth || equal { other } else { self }
     }
 }
 
-/// What a search for overlaps has found.
+/// The result of a search for overlaps.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) struct Found {
+    /// The deepest overlap.
     pub deepest: Overlap,
     /// The deepest of those that are more than rounding.
     pub beyond: Overlap,
@@ -70,62 +75,66 @@ impl Found {
     }
 
     /// Adds an overlap of bodies with this contact distance and these coordinates.
-    fn add(&mut self, overlap: Overlap, sigma: f64, places: DVec3) {
+    fn add(&mut self, overlap: Overlap, sigma: f64, coordinates: DVec3) {
         self.deepest = self.deepest.or(overlap);
-        if overlap.depth * sigma > allowed_overlap(sigma, places.max_element() + sigma) {
+        if overlap.depth * sigma > allowed_overlap(sigma, coordinates.max_element() + sigma) {
             self.beyond = self.beyond.or(overlap);
         }
     }
 }
 
-/// The deepest overlap that has been met, and how it is measured.
-struct Meter<'a> {
+/// A search for overlaps, and its result so far.
+struct OverlapSearch<'a> {
     world: &'a World,
-    /// Lengths along periodic axes, infinite along others and beside a radius [length].
+    /// Edge lengths along periodic axes; infinite along other axes and in the component of the radius
+    /// [length].
     edges: Vec4,
-    /// The longest of the finite ones [length].
+    /// The longest finite edge [length].
     longest: f32,
     found: Found,
 }
 
-impl<'a> Meter<'a> {
+impl<'a> OverlapSearch<'a> {
     fn new(world: &'a World) -> Self {
-        let Periodicity { size, along, .. } = world.periodicity;
-        let edges = [0, 1, 2].map(|k| if along[k] { size[k] as f32 } else { f32::INFINITY });
+        let Periodicity { size, is_periodic, .. } = world.periodicity;
+        let edges = [0, 1, 2].map(|k| if is_periodic[k] { size[k] as f32 } else { f32::INFINITY });
         let longest = edges.into_iter().filter(|edge| edge.is_finite()).fold(0.0, f32::max);
         Self { world, edges: Vec3::from(edges).extend(f32::INFINITY), longest, found: Found::NONE }
     }
 
-    /// The sphere at `k` in a level against some others of that or another level.
+    /// Tests the sphere with index `k` of a level against some spheres of the same or another level.
     #[inline]
-    fn meet(&mut self, own: &Level, k: usize, level: &Level, others: Range<usize>) {
+    fn test_candidates(&mut self, own: &Level, k: usize, level: &Level, others: Range<usize>) {
         let sphere = own.spheres[k];
         let slack = COARSE * sphere.truncate().abs().max_element().max(self.longest);
-        // The difference of last components is the sum of radii.
+        // With its last component negated, the difference of last components is the sum of the radii.
         let sphere = sphere * Vec4::new(1.0, 1.0, 1.0, -1.0);
         for (&j, &other) in level.rows[others.clone()].iter().zip(&level.spheres[others]) {
             let d = (other - sphere).abs();
             let nearest = d.min((d - self.edges).abs());
-            // The other may be further out than this one, but no further than it is near.
+            // The coordinates of the other sphere can be larger than those in `slack`, but only by the
+            // distance itself, which the first term covers.
             let near = nearest.w * (1.0 + 4.0 * COARSE) + slack;
             if nearest.truncate().length_squared() < near * near {
-                self.look_closely(own.rows[k], j);
+                self.test_exactly(own.rows[k], j);
             }
         }
     }
 
-    /// [`Self::meet`] for one that is near.
+    /// Tests one pair in double precision.
     #[inline(never)]
-    fn look_closely(&mut self, i: u32, j: u32) {
-        let r = self.world.periodicity.nearest(place(self.world, j) - place(self.world, i));
+    fn test_exactly(&mut self, i: u32, j: u32) {
+        let r =
+            self.world.periodicity.nearest(wrapped_position(self.world, j) - wrapped_position(self.world, i));
         let sigma = self.world.class(i).radius + self.world.class(j).radius;
         if r.length_squared() < sigma * sigma * (1.0 + ROUNDING) {
-            self.touch(i, j, r.length(), sigma);
+            self.add_pair(i, j, r.length(), sigma);
         }
     }
 
+    /// Adds a pair at this distance, if it overlaps.
     #[cold]
-    fn touch(&mut self, i: u32, j: u32, distance: f64, sigma: f64) {
+    fn add_pair(&mut self, i: u32, j: u32, distance: f64, sigma: f64) {
         let movable = |i: u32| self.world.body(i).inverse_mass != 0.0;
         let depth = 1.0 - distance / sigma;
         if depth > 0.0 && (movable(i) || movable(j)) {
@@ -134,9 +143,9 @@ impl<'a> Meter<'a> {
         }
     }
 
-    /// A particle against all walls.
-    fn meet_walls(&mut self, i: u32) {
-        let (position, radius) = (place(self.world, i), self.world.class(i).radius);
+    /// Tests a particle against all walls.
+    fn test_walls(&mut self, i: u32) {
+        let (position, radius) = (wrapped_position(self.world, i), self.world.class(i).radius);
         for wall in 0..self.world.walls.len() as u32 {
             let (gap, _) = self.world.wall_approach(wall, radius, position, DVec3::ZERO, self.world.now);
             if gap < 0.0 && self.world.body(i).inverse_mass != 0.0 {
@@ -147,44 +156,48 @@ impl<'a> Meter<'a> {
         }
     }
 
-    /// Sizes of the coordinates of particle i, at its last own event and now \[length\].
+    /// Magnitudes of the coordinates of particle i, at its own last event and now \[length\].
     fn coordinates(&self, i: u32) -> DVec3 {
         self.world.coordinates(i).max(self.world.state(i, self.world.now).0.abs())
     }
 }
 
-/// The deepest overlap of all the blocks that there are for `count` cells or particles.
-fn deepest_of_blocks(world: &World, count: usize, search: impl Fn(&mut Meter<'_>, usize) + Sync) -> Found {
+/// Calls `test` for all indices below `count`, of cells or particles, in parallel blocks. Returns the
+/// overlaps that it has found.
+fn search_blocks(world: &World, count: usize, test: impl Fn(&mut OverlapSearch<'_>, usize) + Sync) -> Found {
     let blocks = (0..count.div_ceil(BLOCK)).into_par_iter().map(|block| {
-        let mut meter = Meter::new(world);
+        let mut search = OverlapSearch::new(world);
         for k in block * BLOCK..((block + 1) * BLOCK).min(count) {
-            search(&mut meter, k);
+            test(&mut search, k);
         }
-        meter.found
+        search.found
     });
     blocks.reduce(|| Found::NONE, Found::or)
 }
 
-/// Finds the deepest overlap now.
+/// Finds the deepest present overlap.
 pub(crate) fn deepest(world: &World, geometry: &Geometry) -> Found {
     let slabs = if world.particles.len() < particles::SLABS { 1 } else { SLABS };
     deepest_by_slabs(world, geometry, &Slabs::new(world, geometry, slabs))
 }
 
+/// [`deepest`], for the grids of these slabs.
 fn deepest_by_slabs(world: &World, geometry: &Geometry, slabs: &Slabs) -> Found {
     let count = world.particles.len();
     let mut found = Found::NONE;
     if !world.walls.is_empty() {
-        found = deepest_of_blocks(world, count, |meter, i| meter.meet_walls(i as u32));
+        found = search_blocks(world, count, |search, i| search.test_walls(i as u32));
     }
     for slab in 0..slabs.len() {
-        let rows = (0..count as u32).filter(|&i| slabs.knows(slab, i));
+        let rows = (0..count as u32).filter(|&i| slabs.contains(slab, i));
         let levels = levels(world, geometry, &rows, 0.0, slabs);
         for k in 0..levels.len() {
-            // The particles of a cell against each other, those around them, and those of greater levels.
+            // Pairs within a cell, with neighbor cells, and with levels of larger particles.
             let (own, greater) = (&levels[k], &levels[k..]);
-            found = found.or(deepest_of_blocks(world, own.len(), |meter, cell| {
-                meet(world, greater, cell, |k, level, others| meter.meet(own, k, level, others));
+            found = found.or(search_blocks(world, own.len(), |search, cell| {
+                visit_pairs(world, greater, cell, |k, level, others| {
+                    search.test_candidates(own, k, level, others);
+                });
             }));
         }
     }
@@ -208,9 +221,9 @@ mod tests {
         ((z ^ (z >> 31)) >> 11) as f64 / (1_u64 << 53) as f64
     }
 
-    /// Spheres strewn at random, radii over `octaves` powers of two, some of infinite mass, and an oblique
-    /// plane.
-    fn strewn(seed: u64, count: usize, octaves: f64) -> System {
+    /// Spheres at random positions, with radii over `octaves` powers of two, some of infinite mass; and an
+    /// oblique plane for even seeds.
+    fn random_system(seed: u64, count: usize, octaves: f64) -> System {
         let mut state = seed;
         let kinds = [Boundary::Periodic, Boundary::Wall, Boundary::Open];
         let boundary = std::array::from_fn(|_| kinds[(3.0 * number(&mut state)) as usize]);
@@ -256,15 +269,15 @@ mod tests {
         }
     }
 
-    /// Every pair and every wall, one after the other.
+    /// The deepest overlap by a test of every pair and every wall.
     fn by_all_pairs(world: &World) -> Overlap {
         let mut deepest = Overlap::NONE;
         let count = world.particles.len() as u32;
         for i in 0..count {
-            let (class, position) = (world.class(i), place(world, i));
+            let (class, position) = (world.class(i), wrapped_position(world, i));
             for j in i + 1..count {
                 let other = world.class(j);
-                let distance = world.periodicity.nearest(place(world, j) - position).length();
+                let distance = world.periodicity.nearest(wrapped_position(world, j) - position).length();
                 let depth = 1.0 - distance / (class.radius + other.radius);
                 if class.mass.is_finite() || other.mass.is_finite() {
                     deepest = deepest.or(Overlap { depth, pair: Some((i, Some(j))) });
@@ -284,7 +297,8 @@ mod tests {
     fn grids_and_all_pairs_find_the_same_deepest_overlap_at_any_size_ratio() {
         let (mut pairs, mut walls, mut none, mut slabbed) = (0, 0, 0, 0);
         for seed in 0..400 {
-            let system = strewn(seed, [2, 9, 80][seed as usize % 3], [0.0, 1.5, 9.0][seed as usize / 3 % 3]);
+            let system =
+                random_system(seed, [2, 9, 80][seed as usize % 3], [0.0, 1.5, 9.0][seed as usize / 3 % 3]);
             let world = World::new(&system, -50);
             let geometry = geometry(&system, &world, f64::INFINITY);
             let (found, expected) = (deepest(&world, &geometry).deepest, by_all_pairs(&world));
@@ -292,7 +306,7 @@ mod tests {
             slabbed += usize::from(slabs.len() > 1);
             assert_eq!(deepest_by_slabs(&world, &geometry, &slabs).deepest, found, "system {seed} by slabs");
             assert_eq!(found.pair, expected.pair, "system {seed}: {found:?}, {expected:?}");
-            // The sum of a distance from a plane is rounded in two ways.
+            // The two distances from a plane are rounded differently.
             assert!(
                 (found.depth - expected.depth).abs() < 1e-12 * (1.0 + expected.depth),
                 "system {seed}: {found:?}, {expected:?}"

@@ -1,9 +1,8 @@
 /*!
-Pair predictions for candidates that the search keeps as one slice.
+Pair predictions for candidates that the search stores as one slice.
 
-The same arithmetic as a gathered [`batch`](crate::batch), operation by operation, and the same bits: the
-records of four candidates are loaded and transposed in registers instead of being gathered one by one through
-memory.
+The operations are those of a gathered [`batch`], in the same order, so that the bits are the same. But the
+data of four candidates are loaded and transposed in registers, instead of gathered one by one through memory.
 */
 
 use haff_neighbors::{Offsets, Packed};
@@ -13,22 +12,23 @@ use crate::{
     particles::{ClassData, Particle},
 };
 
-/// Candidates per call.
+/// Largest number of candidates per call.
 pub(crate) const MOST: usize = 64;
 
-/// The owner of a list, and what it may meet.
+/// The owner of a list, and its candidates.
 #[derive(Clone, Copy)]
 pub(crate) struct Query<'a> {
     pub owner: &'a Particle,
-    /// The owner's radius [length].
+    /// Radius of the owner [length].
     pub radius: f64,
     /// At most [`MOST`] candidates.
     pub list: &'a [Packed],
     pub offsets: &'a Offsets,
     pub particles: &'a [Particle],
     pub classes: &'a [ClassData],
-    /// Length of a tick [time], and ticks per time.
+    /// Length of a tick [time].
     pub tick: f64,
+    /// Number of ticks per time [1/time].
     pub per_time: f64,
 }
 
@@ -36,32 +36,32 @@ pub(crate) struct Query<'a> {
 #[derive(Debug, Clone)]
 #[repr(C, align(32))]
 pub(crate) struct Delays {
-    /// Time from the later anchor to the contact [time], infinite where there is none.
+    /// Time from the later anchor to the contact [time], infinite without a contact.
     pub delay: [f64; MOST],
-    /// The same from the owner's anchor, rounded [ticks].
-    about: [f64; MOST],
-    /// Bit k is set where candidate k will be met.
+    /// The same from the anchor of the owner, with rounding errors [ticks].
+    rounded: [f64; MOST],
+    /// Bit k is set if there is a contact with candidate k.
     pub hits: u64,
-    /// The same for those hits alone that may be the first, in view of how `about` was rounded.
+    /// The same for those contacts only that could be the earliest, given the rounding errors.
     pub first: u64,
-    /// Whether some of the hits touch already, as far as positions can tell.
+    /// Whether a candidate of `hits` already touches the owner, within the rounding errors of positions.
     pub touching: bool,
 }
 
 impl Delays {
     pub fn new() -> Self {
-        Self { delay: [0.0; MOST], about: [0.0; MOST], hits: 0, first: 0, touching: false }
+        Self { delay: [0.0; MOST], rounded: [0.0; MOST], hits: 0, first: 0, touching: false }
     }
 }
 
-/// Latest rounded time [ticks] of an event that may come before one of the rounded time `least`.
+/// The latest rounded time [ticks] of events that could precede an event with the rounded time `least`.
 #[inline(always)]
 fn bound(least: f64) -> f64 {
     least * (1.0 + 4.0 * f64::EPSILON) + 2.0
 }
 
-/// Predicts all candidates. `UNIFORM`: all have the owner's radius. `LATEST`: no anchor is later than the
-/// owner's.
+/// Predicts all candidates. With `UNIFORM`, all have the radius of the owner. With `LATEST`, no anchor is
+/// later than that of the owner.
 #[inline(always)]
 pub(crate) fn predict<const UNIFORM: bool, const LATEST: bool>(
     kernel: Kernel,
@@ -71,7 +71,7 @@ pub(crate) fn predict<const UNIFORM: bool, const LATEST: bool>(
     match kernel {
         Kernel::Portable => portable::<UNIFORM>(query, out),
         #[cfg(target_arch = "x86_64")]
-        // SAFETY: made by `Kernel::choose` alone, after it has found the features.
+        // SAFETY: only `Kernel::choose` makes this variant, after it has detected the features.
         Kernel::Avx2 => unsafe { avx2::predict::<UNIFORM, LATEST>(query, out) },
     }
 }
@@ -80,15 +80,17 @@ fn portable<const UNIFORM: bool>(query: &Query, out: &mut Delays) {
     let &Query { owner: a, radius, list, offsets, particles, classes, tick, per_time } = query;
     (out.hits, out.first, out.touching) = (0, 0, false);
     let mut least = f64::INFINITY;
-    for (k, (entry, (delay, about))) in list.iter().zip(out.delay.iter_mut().zip(&mut out.about)).enumerate()
+    for (k, (entry, (delay, rounded))) in
+        list.iter().zip(out.delay.iter_mut().zip(&mut out.rounded)).enumerate()
     {
         let b = &particles[entry.id() as usize];
-        let behind = a.time.wrapping_sub(b.time);
-        let (dt_a, dt_b) = ((-behind).max(0) as f64 * tick, behind.max(0) as f64 * tick);
+        let lag = a.time.wrapping_sub(b.time);
+        let (dt_a, dt_b) = ((-lag).max(0) as f64 * tick, lag.max(0) as f64 * tick);
         let sigma = radius + if UNIFORM { radius } else { classes[b.class()].radius };
         let ra = haff_mechanics::drift(a.position, a.velocity, dt_a);
         let rb = haff_mechanics::drift(b.position, b.velocity, dt_b);
-        // Zero for the box itself: it may change the sign of a zero, which decides nothing.
+        // The shift is zero without an image. Its addition can change the sign of a zero, which has no effect
+        // on the result.
         let shift = offsets.0[entry.code()];
         let r = (rb - ra).to_array();
         let v = (b.velocity - a.velocity).to_array();
@@ -98,12 +100,12 @@ fn portable<const UNIFORM: bool>(query: &Query, out: &mut Delays) {
         out.hits |= u64::from(hit) << k;
         let rr = r[0] * r[0] + r[1] * r[1] + r[2] * r[2];
         out.touching |= hit && rr <= sigma * sigma * (1.0 + TOUCHING);
-        *about = (-behind).max(0) as f64 + *delay * per_time;
-        least = least.min(*about);
+        *rounded = (-lag).max(0) as f64 + *delay * per_time;
+        least = least.min(*rounded);
     }
     let bound = bound(least);
-    for (k, about) in out.about[..list.len().min(MOST)].iter().enumerate() {
-        out.first |= u64::from(*about <= bound) << k;
+    for (k, rounded) in out.rounded[..list.len().min(MOST)].iter().enumerate() {
+        out.first |= u64::from(*rounded <= bound) << k;
     }
     out.first &= out.hits;
 }
@@ -126,27 +128,32 @@ mod avx2 {
     use super::{Delays, MOST, Query, TOUCHING, bound};
     use crate::particles::Particle;
 
-    /// Loads words 2k and 2k + 1 of four records and transposes them.
+    /// Loads words 2k and 2k + 1 of four records, and transposes them.
     ///
     /// # Safety
     ///
-    /// Each pointer leads to 2k + 2 readable `f64`.
+    /// Each pointer must point to 2k + 2 readable `f64`.
     #[inline]
     #[target_feature(enable = "avx2")]
     unsafe fn columns(records: [*const f64; 4], k: usize) -> (__m256d, __m256d) {
-        // SAFETY: the caller's promise.
+        // SAFETY: the caller guarantees that words 2k and 2k + 1 are readable.
         let [a, b, c, d] = unsafe { records.map(|record| _mm_loadu_pd(record.add(2 * k))) };
         let ac = _mm256_insertf128_pd::<1>(_mm256_castpd128_pd256(a), c);
         let bd = _mm256_insertf128_pd::<1>(_mm256_castpd128_pd256(b), d);
         (_mm256_unpacklo_pd(ac, bd), _mm256_unpackhi_pd(ac, bd))
     }
 
-    /// The arithmetic of `super::portable`, four candidates at a time.
+    /// The operations of `super::portable` for four candidates at a time.
     #[target_feature(enable = "avx2")]
     pub fn predict<const UNIFORM: bool, const LATEST: bool>(query: &Query, out: &mut Delays) {
-        // 2^52 and 2^84 + 2^52, between which the halves of an integer are placed to be rounded as one.
+        // AVX2 has no conversion of 64-bit integers to `f64`. The two halves of an integer become the lower
+        // bits of the significands of 2^52 and 2^84. The constants are subtracted, and only the last addition
+        // rounds.
+        /// 2^52.
         const LOW: f64 = 4_503_599_627_370_496.0;
+        /// 2^84 + 2^52.
         const HIGH: f64 = 19_342_813_118_337_666_422_669_312.0;
+        /// 2^84.
         const HIGH_ALONE: f64 = 19_342_813_113_834_066_795_298_816.0;
         let &Query { owner, radius, list, offsets, particles, classes, tick, per_time } = query;
         let [ax, ay, az] = owner.position.to_array().map(|x| _mm256_set1_pd(x));
@@ -155,7 +162,7 @@ mod avx2 {
         let (tick, per_time) = (_mm256_set1_pd(tick), _mm256_set1_pd(per_time));
         let zero = _mm256_setzero_pd();
         let infinity = _mm256_set1_pd(f64::INFINITY);
-        let minus = _mm256_set1_pd(-0.0);
+        let sign = _mm256_set1_pd(-0.0);
         let sigma = radius + radius;
         let uniform = _mm256_set1_pd(sigma * sigma);
         let (low_bits, high_bits) =
@@ -169,23 +176,20 @@ mod avx2 {
             let entries: [Packed; 4] = if let Some(group) = list[start..].first_chunk() {
                 *group
             } else {
-                // The last group is filled up with its first candidate, whose copies are not read.
+                // The last group is padded with its first candidate; results of the copies are not read.
                 std::array::from_fn(|k| list[if start + k < list.len() { start + k } else { start }])
             };
             let records = entries.map(|entry| &particles[entry.id() as usize]);
             let pointers = records.map(|record| std::ptr::from_ref::<Particle>(record).cast::<f64>());
-            // SAFETY: a `Particle` is `repr(C)`: position, velocity, time, count and class, eight words
-            // together.
+            // SAFETY: a `Particle` is `repr(C)` and has eight words of 8 bytes: position, velocity, time, and
+            // one word for count and class.
             let ((bx, by), (bz, vx), (vy, vz), (time, _)) = unsafe {
                 (columns(pointers, 0), columns(pointers, 1), columns(pointers, 2), columns(pointers, 3))
             };
-            let behind = _mm256_sub_epi64(own_time, _mm256_castpd_si256(time));
-            let later = if LATEST {
-                _mm256_setzero_si256()
-            } else {
-                _mm256_cmpgt_epi64(_mm256_setzero_si256(), behind)
-            };
-            let ticks = _mm256_sub_epi64(_mm256_xor_si256(behind, later), later);
+            let lag = _mm256_sub_epi64(own_time, _mm256_castpd_si256(time));
+            let later =
+                if LATEST { _mm256_setzero_si256() } else { _mm256_cmpgt_epi64(_mm256_setzero_si256(), lag) };
+            let ticks = _mm256_sub_epi64(_mm256_xor_si256(lag, later), later);
             let upper = _mm256_or_si256(_mm256_srli_epi64::<32>(ticks), high_bits);
             let lower = _mm256_blend_epi32::<0b1010_1010>(ticks, low_bits);
             let ticks =
@@ -202,7 +206,7 @@ mod avx2 {
             let mut rz = separation(az, uz, bz, vz);
             if Packed::any_image(entries) {
                 let shifts = entries.map(|entry| offsets.0[entry.code()].as_ptr());
-                // SAFETY: four words each.
+                // SAFETY: each offset has four words.
                 let ((sx, sy), (sz, _)) = unsafe { (columns(shifts, 0), columns(shifts, 1)) };
                 rx = _mm256_add_pd(rx, sx);
                 ry = _mm256_add_pd(ry, sy);
@@ -232,7 +236,7 @@ mod avx2 {
             let cc = dot(cx, cy, cz, cx, cy, cz);
             let gap = _mm256_sub_pd(rr, sigma2);
             let disc = _mm256_sub_pd(_mm256_mul_pd(vv, sigma2), cc);
-            let approach = _mm256_xor_pd(b, minus);
+            let approach = _mm256_xor_pd(b, sign);
             let den = _mm256_sub_pd(_mm256_sqrt_pd(_mm256_max_pd(disc, zero)), b);
             let beyond = _mm256_cmp_pd::<_CMP_GT_OQ>(_mm256_mul_pd(gap, vv), _mm256_mul_pd(approach, den));
             let time =
@@ -241,17 +245,18 @@ mod avx2 {
             let contact = _mm256_or_pd(_mm256_cmp_pd::<_CMP_GE_OQ>(disc, zero), inside);
             let contact = _mm256_and_pd(_mm256_cmp_pd::<_CMP_LT_OQ>(b, zero), contact);
             let delay = _mm256_blendv_pd(infinity, _mm256_andnot_pd(inside, time), contact);
-            // SAFETY: four words; `Delays` is aligned to 32 bytes, and `start` is a multiple of four.
+            // SAFETY: the slice has four words; `Delays` is aligned to 32 bytes, and `start` is a multiple of
+            // four.
             unsafe { _mm256_store_pd(out.delay[start..start + 4].as_mut_ptr(), delay) };
-            let met = _mm256_cmp_pd::<_CMP_LT_OQ>(delay, infinity);
-            hits |= (_mm256_movemask_pd(met) as u64) << start;
+            let hit = _mm256_cmp_pd::<_CMP_LT_OQ>(delay, infinity);
+            hits |= (_mm256_movemask_pd(hit) as u64) << start;
             let close = _mm256_cmp_pd::<_CMP_LE_OQ>(rr, _mm256_mul_pd(sigma2, touch));
-            touching = _mm256_or_pd(touching, _mm256_and_pd(met, close));
-            let about = _mm256_mul_pd(delay, per_time);
-            let about = if LATEST { about } else { _mm256_add_pd(_mm256_and_pd(later, ticks), about) };
-            least = _mm256_min_pd(least, about);
-            // SAFETY: as above.
-            unsafe { _mm256_store_pd(out.about[start..start + 4].as_mut_ptr(), about) };
+            touching = _mm256_or_pd(touching, _mm256_and_pd(hit, close));
+            let rounded = _mm256_mul_pd(delay, per_time);
+            let rounded = if LATEST { rounded } else { _mm256_add_pd(_mm256_and_pd(later, ticks), rounded) };
+            least = _mm256_min_pd(least, rounded);
+            // SAFETY: as above; `out.rounded` follows the 64 words of `out.delay`.
+            unsafe { _mm256_store_pd(out.rounded[start..start + 4].as_mut_ptr(), rounded) };
             start += 4;
         }
         out.touching = _mm256_movemask_pd(touching) != 0;
@@ -261,8 +266,8 @@ mod avx2 {
         let mut first = 0;
         for start in (0..list.len()).step_by(4) {
             // SAFETY: as above.
-            let about = unsafe { _mm256_load_pd(out.about[start..start + 4].as_ptr()) };
-            first |= (_mm256_movemask_pd(_mm256_cmp_pd::<_CMP_LE_OQ>(about, bound)) as u64) << start;
+            let rounded = unsafe { _mm256_load_pd(out.rounded[start..start + 4].as_ptr()) };
+            first |= (_mm256_movemask_pd(_mm256_cmp_pd::<_CMP_LE_OQ>(rounded, bound)) as u64) << start;
         }
         out.hits = if list.len() < MOST { hits & ((1 << list.len()) - 1) } else { hits };
         out.first = first & out.hits;
@@ -277,7 +282,7 @@ mod tests {
     use haff_mechanics::time_to_contact;
     use haff_neighbors::{Axis, Geometry, Lists, Search};
 
-    /// SplitMix64, as numbers in −1 … 1.
+    /// Random numbers between −1 and 1, by SplitMix64.
     fn uniform(state: &mut u64) -> f64 {
         *state = state.wrapping_add(0x9E37_79B9_7F4A_7C15);
         let mut z = *state;
@@ -286,7 +291,7 @@ mod tests {
         ((z ^ (z >> 31)) >> 11) as f64 / (1_u64 << 52) as f64 - 1.0
     }
 
-    /// One gas after another: particles of three radii, some touching, with anchors of very different ages.
+    /// A random gas: particles with three radii, some of them touching, with anchors of very different ages.
     fn gas(state: &mut u64) -> (Vec<Particle>, Vec<ClassData>, Vec<f64>) {
         let radii = [0.5, 0.4, 0.3];
         let classes = radii.map(|radius| ClassData { radius, mass: 1.0, inverse_mass: 1.0, group: 0 });

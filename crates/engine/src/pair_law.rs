@@ -1,6 +1,6 @@
 //! Laws of impact of two particles.
 //!
-//! A new law is a file with an implementation of [`PairLaw`], and an arm of [`resolve`].
+//! To add a law, implement [`PairLaw`] in a file of its own and add an arm to [`resolve`].
 
 use glam::DVec3;
 use haff_mechanics::{Impact, Restitution, resolve_contact};
@@ -17,7 +17,7 @@ pub(crate) struct PairContact {
     pub bodies: [u32; 2],
     pub classes: [ClassData; 2],
     pub velocities: [DVec3; 2],
-    /// From the first to the second, its length, and the unit vector along it.
+    /// Vector from the first to the second, its length, and the unit vector along it.
     pub r: DVec3,
     pub distance: f64,
     pub n: DVec3,
@@ -28,29 +28,29 @@ pub(crate) struct PairContact {
 impl PairContact {
     /// Approach speed along the line of centers [length/time].
     #[inline(always)]
-    fn approach_speed(&self) -> f64 {
+    pub fn approach_speed(&self) -> f64 {
         (self.velocities[0] - self.velocities[1]).dot(self.r) / self.distance
     }
 
-    fn inverse_masses(&self) -> [f64; 2] {
+    pub fn inverse_masses(&self) -> [f64; 2] {
         self.classes.map(|class| class.inverse_mass)
     }
 
-    /// The coefficient of restitution.
+    /// The coefficient of restitution of this contact.
     #[inline(always)]
-    fn coefficient<F: Features>(&self, world: &World, law: Restitution) -> f64 {
+    pub fn coefficient<F: Features>(&self, world: &World, law: Restitution) -> f64 {
         let ([i, j], [a, b]) = (self.bodies, &self.classes);
         coefficient::<F>(world, law, self.approach_speed(), self.time, [(i, a), (j, b)])
     }
 }
 
-/// What a contact of two particles does.
+/// A law of impact of two particles.
 pub(crate) trait PairLaw {
-    /// Velocities after the impact, and the impact.
+    /// Returns the velocities after the impact, and the impact.
     fn resolve<F: Features>(&self, world: &World, contact: &PairContact) -> (DVec3, DVec3, Impact);
 }
 
-/// Resolves a contact by the law of its pair.
+/// Resolves a contact by the law of the pair.
 #[inline(always)]
 pub(crate) fn resolve<F: Features>(world: &World, contact: &PairContact) -> (DVec3, DVec3, Impact) {
     let restitution = world.restitution(&contact.classes[0], &contact.classes[1]);
@@ -77,8 +77,8 @@ impl PairLaw for Smooth {
     }
 }
 
-/// Smooth spheres that may come to rest on each other: contacts that are one of many are elastic below a
-/// speed, and those that gravity presses together separate at least at a given speed.
+/// Smooth spheres that can come to rest on each other: repeated contacts are elastic below a speed, and
+/// spheres that gravity presses together have a least separation speed.
 struct Settling {
     restitution: Restitution,
 }
@@ -90,13 +90,13 @@ impl PairLaw for Settling {
         let e = contact.coefficient::<F>(world, self.restitution);
         let speed = contact.approach_speed();
         let acceleration = (world.acceleration(i) - world.acceleration(j)).dot(n);
-        let many = contact::is_one_of_many(world, [i, j], time);
-        let separation = contact::separation_speed(world, e, speed, acceleration, many);
+        let repeated = contact::is_repeated_contact(world, [i, j], time);
+        let separation = contact::separation_speed(world, e, speed, acceleration, repeated);
         impact_with_separation(velocities, contact.inverse_masses(), r, e, speed, separation)
     }
 }
 
-/// Restitution of a contact now, or 1 within the contact duration of the TC model.
+/// The coefficient of restitution of a contact at `time`; 1 within the contact duration of the TC model.
 #[inline(always)]
 pub(crate) fn coefficient<F: Features>(
     world: &World,
@@ -121,8 +121,8 @@ pub(crate) fn coefficient<F: Features>(
     law.coefficient(speed)
 }
 
-/// The impact of two bodies whose law says `e`, and who part at the speed `separation`. `r` points from the
-/// first to the second.
+/// The impact of two bodies with the coefficient of restitution `e`, but at least the separation speed
+/// `separation`. `r` points from the first to the second.
 pub(crate) fn impact_with_separation(
     [wi, wj]: [DVec3; 2],
     inverse: [f64; 2],
@@ -131,8 +131,8 @@ pub(crate) fn impact_with_separation(
     speed: f64,
     separation: f64,
 ) -> (DVec3, DVec3, Impact) {
-    // Rounding may have bodies meet that no longer approach: then even e · speed is more than their speed,
-    // and would pull.
+    // By rounding, bodies may touch that no longer approach: `speed` ≤ 0. Then even e times `speed` is above
+    // `speed`, and the impulse would be attractive.
     if separation > speed.max(0.0) {
         return contact::push_apart(inverse, [wi, wj], r.normalize(), speed, separation);
     }
@@ -144,10 +144,9 @@ pub(crate) fn impact_with_separation(
 mod tests {
     use super::*;
 
-    /// Rounding may bring bodies to their contact when they already part: the law of rest must not pull them
-    /// back.
+    /// By rounding, bodies may touch while they already separate. The law must not attract them.
     #[test]
-    fn bodies_that_part_are_not_pulled_together() {
+    fn separating_bodies_do_not_attract() {
         let e = 0.5;
         for speed in [-1e-17, -0.0, 0.0] {
             let velocities = [DVec3::new(speed, 0.3, 0.0), DVec3::ZERO];
@@ -156,7 +155,7 @@ mod tests {
                     impact_with_separation(velocities, [1.0, 1.0], DVec3::X, e, speed, separation);
                 assert_eq!(([wi, wj], impact.impulse), (velocities, 0.0), "{speed}, {separation}");
             }
-            // What gravity presses together hops.
+            // Bodies that gravity presses together separate at the given speed.
             let (wi, wj, impact) = impact_with_separation(velocities, [1.0, 1.0], DVec3::X, e, speed, 0.25);
             assert_eq!(wj.x - wi.x, 0.25);
             assert!(impact.impulse > 0.0 && impact.energy_loss < 0.0, "{impact:?}");

@@ -1,4 +1,4 @@
-//! Particles as the engine keeps them: one cache line each, and tables of what they have in common.
+//! The particles of the engine: one cache line each, and tables of properties by class.
 
 use glam::DVec3;
 use haff_neighbors::with_huge_pages;
@@ -12,7 +12,7 @@ use crate::{
     rest::thresholds::Thresholds,
 };
 
-/// The hot record, one cache line: the *anchor* of a particle, which is its state at its last own event.
+/// The *anchor* of a particle: its state at its own last event. One cache line.
 #[derive(Debug, Clone, Copy, PartialEq)]
 #[repr(C, align(64))]
 pub(crate) struct Particle {
@@ -20,25 +20,26 @@ pub(crate) struct Particle {
     pub velocity: DVec3,
     /// Time of the anchor [ticks].
     pub time: i64,
-    /// Own events so far; marks calendar entries as void or stale.
+    /// Number of own events so far; it invalidates older calendar entries.
     pub count: u32,
-    /// Class, and flags above it.
+    /// Index of the class, and flags in the highest bits.
     class: u32,
 }
 
-/// Walls hold the particle.
+/// Flag: walls support the particle.
 const RESTING: u32 = 1 << 31;
-/// The particle's last contact was with another one, or followed such a contact soon.
+/// Flag: the last contact of the particle was with another particle, or was repeated
+/// ([`crate::rest::contact::is_repeated_wall_contact`]).
 const RECENTLY_HIT: u32 = 1 << 30;
 const FLAGS: u32 = RESTING | RECENTLY_HIT;
 
 impl Particle {
-    /// A particle that rests on nothing and has had no events, as of `time` [ticks].
+    /// A particle with its anchor at `time` [ticks], without support by walls and without events.
     pub fn at(position: DVec3, velocity: DVec3, time: i64, class: u32) -> Self {
         Self { position, velocity, time, count: 0, class }
     }
 
-    /// Sets the anchor at `time` [ticks]: an event of its own.
+    /// Sets the anchor at `time` [ticks], and counts an own event.
     #[inline(always)]
     pub fn set_anchor(&mut self, position: DVec3, velocity: DVec3, time: i64) {
         (self.position, self.velocity, self.time) = (position, velocity, time);
@@ -74,33 +75,33 @@ pub(crate) struct ClassData {
     pub group: usize,
 }
 
-/// Walls a particle rests on; at most three.
+/// The walls that support a particle, at most three.
 pub(crate) type Support = [Option<u16>; 3];
 
-/// All that predictions look at, and nothing of the machinery.
+/// The data that predictions read, without the data of schedulers.
 #[derive(Debug, Clone)]
 pub(crate) struct World {
     pub clock: Clock,
     pub particles: Vec<Particle>,
     pub images: Vec<[i32; 3]>,
-    /// Radius, mass and group by class. Where grains are put to rest, the classes follow once more, with
-    /// infinite mass: those of particles that are asleep.
+    /// Radius, mass and group by class. If grains are put to rest, a second copy of the classes with infinite
+    /// mass follows: the classes of asleep particles.
     pub classes: Vec<ClassData>,
-    /// Number of classes of the system, without those of asleep particles.
-    pub kinds: usize,
-    /// When grains are put to rest, if ever.
+    /// Number of classes of the system, without the copies for asleep particles.
+    pub class_count: usize,
+    /// The conditions under which grains are put to rest; `None` if they never are.
     pub thresholds: Option<Thresholds>,
-    /// Particles of finite mass, and those of them that are asleep.
+    /// Number of particles of finite mass, and how many of them are asleep.
     pub movable: usize,
     pub asleep: usize,
-    /// Whether particles that have sunk into each other are put back: where gravity, sizes or masses can
-    /// press them together. What a scene has, not what an engine is compiled for, so that all engines do the
-    /// same.
-    pub puts_back: bool,
+    /// Whether penetrations are corrected: if gravity, or unequal sizes or masses, can press particles
+    /// together. This depends on the scene, not on the features that an engine is compiled for, so that all
+    /// engines agree.
+    pub corrects_penetration: bool,
     pub walls: Vec<Wall>,
-    /// Walls that particles rest on; empty as long as none ever has.
+    /// The walls that support each particle; empty until the first particle rests on a wall.
     pub support: Vec<Support>,
-    /// Edges of the box, and images.
+    /// Edge lengths of the box, and its periodic images.
     pub periodicity: Periodicity,
     pub gravity: DVec3,
     pub restitution: Vec<Restitution>,
@@ -113,12 +114,12 @@ pub(crate) struct World {
     pub dimension: usize,
     /// Time of the latest event or stop [ticks].
     pub now: i64,
-    /// Longest flight so far along a periodic axis, where it was longer than the box [length]. What is at its
-    /// end has been rounded to a part of it, and so may particles be that have been moved by it.
+    /// Longest flight so far along a periodic axis that was longer than the box [length]; else 0. The
+    /// rounding error of a position after such a flight is relative to its length.
     pub longest_flight: f64,
-    /// Particles that rest on walls.
+    /// Number of particles that rest on walls.
     pub resting: usize,
-    /// Of gravity and of the walls that hold particles.
+    /// Force of gravity and of the walls that support particles.
     pub force: Force,
 }
 
@@ -138,22 +139,22 @@ impl World {
                 group: class.group as usize,
             })
             .collect();
-        let kinds = classes.len();
+        let class_count = classes.len();
         if thresholds.is_some() {
             let asleep = |class: &ClassData| ClassData { mass: f64::INFINITY, inverse_mass: 0.0, ..*class };
             classes.extend_from_within(..);
-            classes[kinds..].iter_mut().for_each(|class| *class = asleep(class));
+            classes[class_count..].iter_mut().for_each(|class| *class = asleep(class));
         }
         let mut world = Self {
             clock: Clock::new(exponent),
             particles,
             images: system.bodies.iter().map(|body| body.image).collect(),
             classes,
-            kinds,
+            class_count,
             thresholds,
             movable: 0,
             asleep: 0,
-            puts_back: false,
+            corrects_penetration: false,
             walls: system.walls.clone(),
             support: Vec::new(),
             periodicity: Periodicity::of(&system.domain),
@@ -173,7 +174,7 @@ impl World {
             class.inverse_mass != 0.0
                 && (class.radius, class.mass) == (world.classes[0].radius, world.classes[0].mass)
         };
-        world.puts_back = world.gravity != DVec3::ZERO || !world.classes.iter().all(alike);
+        world.corrects_penetration = world.gravity != DVec3::ZERO || !world.classes.iter().all(alike);
         for i in 0..world.particles.len() as u32 {
             let class = world.class(i);
             if class.inverse_mass != 0.0 {
@@ -192,26 +193,27 @@ impl World {
         &self.classes[self.particles[i as usize].class()]
     }
 
-    /// Radius, mass and group that particle i has of its own, whether it is asleep or not.
+    /// The radius, mass and group of particle i, with its own mass even if it is asleep.
     #[inline(always)]
     pub fn body(&self, i: u32) -> &ClassData {
         let class = self.particles[i as usize].class();
-        &self.classes[if class < self.kinds { class } else { class - self.kinds }]
+        &self.classes[if class < self.class_count { class } else { class - self.class_count }]
     }
 
-    /// The system's class of particle i.
-    pub fn kind(&self, i: u32) -> usize {
-        self.particles[i as usize].class() % self.kinds
+    /// The class of particle i in the system, whether it is asleep or not.
+    pub fn system_class(&self, i: u32) -> usize {
+        self.particles[i as usize].class() % self.class_count
     }
 
-    /// Whether particle i has been put to rest: it is asleep like a body of infinite mass until it is hit.
+    /// Whether particle i has been put to rest. Until it wakes, it has the properties of a body of infinite
+    /// mass.
     #[inline(always)]
     pub fn is_asleep(&self, i: u32) -> bool {
-        self.particles[i as usize].class() >= self.kinds
+        self.particles[i as usize].class() >= self.class_count
     }
 
-    /// Puts particle i to rest where it is at `ticks`, or lets go of it. Velocity and support by walls are
-    /// lost.
+    /// Puts particle i to rest at its position at `ticks`, or wakes it. In both cases its velocity becomes
+    /// zero, and walls no longer support it.
     pub fn set_asleep(&mut self, i: u32, asleep: bool, ticks: i64) {
         let (position, _) = self.state(i, ticks);
         if self.particles[i as usize].rests() {
@@ -224,31 +226,31 @@ impl World {
         self.particles[i as usize].set_anchor(position, DVec3::ZERO, ticks);
     }
 
-    /// [`Self::set_asleep`] without its account and without anchor.
+    /// [`Self::set_asleep`] without changing the force, the support or the anchor.
     pub fn restore_asleep(&mut self, i: u32, asleep: bool) {
-        let kinds = self.kinds as u32;
+        let class_count = self.class_count as u32;
         if asleep == self.is_asleep(i) {
             return;
         }
         let class = &mut self.particles[i as usize].class;
         if asleep {
-            *class += kinds;
+            *class += class_count;
             self.asleep += 1;
         } else {
-            *class -= kinds;
+            *class -= class_count;
             self.asleep -= 1;
         }
     }
 
-    /// From `ticks` on the force of gravity and of what holds particles is another one.
+    /// Changes the total force of gravity and of supporting walls from `ticks` on.
     fn change_force(&mut self, change: DVec3, ticks: i64) {
         if change != DVec3::ZERO {
             self.force.change(change, self.clock.time(ticks));
         }
     }
 
-    /// Sizes of the coordinates of particle i at its last own event \[length\], or of its longest flight
-    /// before: its position is rounded to parts of them.
+    /// Magnitudes to which the rounding error of the position of particle i is relative \[length\]: those of
+    /// its coordinates at its own last event, or the longest flight if that is longer.
     pub fn coordinates(&self, i: u32) -> DVec3 {
         self.particles[i as usize].position.abs().max(DVec3::splat(self.longest_flight))
     }
@@ -266,14 +268,14 @@ impl World {
         }
     }
 
-    /// The part of gravity along the walls that a particle rests on.
+    /// The part of gravity that the walls under a particle do not balance.
     #[inline(never)]
     fn supported_acceleration(&self, i: u32) -> DVec3 {
         let walls = self.support[i as usize].iter().flatten();
-        supported(self.gravity, &walls.map(|&wall| self.walls[wall as usize].normal))
+        unbalanced_gravity(self.gravity, &walls.map(|&wall| self.walls[wall as usize].normal))
     }
 
-    /// Time since the anchor of particle i [time].
+    /// Time from the anchor of particle i to `ticks` [time].
     #[inline(always)]
     pub fn age(&self, i: u32, ticks: i64) -> f64 {
         (ticks - self.particles[i as usize].time) as f64 * self.clock.tick
@@ -295,7 +297,7 @@ impl World {
         }
     }
 
-    /// [`Self::flight`] for code that is not compiled per feature; the same bits.
+    /// [`Self::flight`] for code that is not compiled per feature. Returns the same bits.
     pub fn state(&self, i: u32, ticks: i64) -> (DVec3, DVec3) {
         if self.gravity == DVec3::ZERO {
             self.flight::<With<false, false>>(i, ticks)
@@ -304,7 +306,7 @@ impl World {
         }
     }
 
-    /// Wraps the anchor of particle i into the box; the wraps per axis.
+    /// Wraps the anchor of particle i into the box. Returns the number of box lengths per axis.
     #[inline(always)]
     pub fn wrap_anchor(&mut self, i: u32) -> [i32; 3] {
         let position = self.particles[i as usize].position;
@@ -314,7 +316,7 @@ impl World {
         self.wrap_anchor_outside(i, position)
     }
 
-    /// Wraps the anchor of particle i, at `position`, which is outside of the box.
+    /// [`Self::wrap_anchor`] for an anchor at `position`, outside of the box.
     #[cold]
     fn wrap_anchor_outside(&mut self, i: u32, position: DVec3) -> [i32; 3] {
         let (position, wraps) = self.periodicity.wrap(position);
@@ -331,8 +333,8 @@ impl World {
         wraps
     }
 
-    /// Signed distance of a particle's surface from a wall, its rate and its acceleration, all along the
-    /// wall's normal, for a flight at `position`, `velocity` at `ticks`.
+    /// Signed distance of a particle's surface from a wall and its rate of change, for a particle at
+    /// `position` with `velocity` at `ticks`.
     #[inline]
     pub fn wall_approach(
         &self,
@@ -355,7 +357,7 @@ impl World {
         ((position - point).dot(wall.normal) - radius, (velocity - wall.motion.velocity()).dot(wall.normal))
     }
 
-    /// When the flight of an anchor touches a wall \[ticks\]; `None` if it never does.
+    /// Time from an anchor until its flight touches a wall \[ticks\]; `None` if it never does.
     #[inline(always)]
     pub fn wall_contact(
         &self,
@@ -371,16 +373,16 @@ impl World {
         Some(delay * self.clock.per_time)
     }
 
-    /// Whether a wall, at rest under gravity, is perpendicular to an axis. The coordinate of a contact with
-    /// it is a number: bounces return to the very level that they have set out from, and rounding takes and
-    /// gives no energy.
+    /// Whether a wall is at rest, under gravity, and perpendicular to an axis. A contact with such a wall has
+    /// a fixed coordinate: every bounce starts and ends at exactly the same height, and rounding changes no
+    /// energy.
     #[inline]
     pub fn is_level(&self, wall: u32) -> bool {
         let wall = &self.walls[wall as usize];
         self.gravity != DVec3::ZERO && !wall.motion.is_moving() && wall.normal.abs().max_element() == 1.0
     }
 
-    /// Sets the walls that particle i rests on from `ticks` on.
+    /// Sets the walls that support particle i from `ticks` on, and changes the force.
     pub fn set_support(&mut self, i: u32, support: Support, ticks: i64) {
         let before = self.acceleration(i);
         self.replace_support(i, support);
@@ -388,7 +390,7 @@ impl World {
         self.change_force(self.class(i).mass * change, ticks);
     }
 
-    /// [`Self::set_support`] without its account.
+    /// [`Self::set_support`] without changing the force.
     pub fn replace_support(&mut self, i: u32, support: Support) {
         if self.support.is_empty() {
             self.support = vec![[None; 3]; self.particles.len()];
@@ -400,7 +402,7 @@ impl World {
         *class = if after { *class | RESTING } else { *class & !RESTING };
     }
 
-    /// Walls that particle i rests on.
+    /// The walls that support particle i.
     pub fn support(&self, i: u32) -> Support {
         if self.particles[i as usize].rests() { self.support[i as usize] } else { [None; 3] }
     }
@@ -427,8 +429,8 @@ impl World {
             })
     }
 
-    /// Largest speed a particle may reach soon: the largest now, of bodies and walls, and what gravity can
-    /// add.
+    /// A bound on the speed of particles: the largest present speed of bodies and walls, plus the gain of a
+    /// fall through `extent`.
     pub fn largest_speed(&self, extent: f64) -> f64 {
         let fastest = (0..self.particles.len() as u32)
             .map(|i| self.state(i, self.now).1.length_squared())
@@ -437,7 +439,7 @@ impl World {
         (fastest + 2.0 * self.gravity.length() * extent).sqrt()
     }
 
-    /// Largest extent of the system along an axis [length].
+    /// Largest extent of the system along any axis [length].
     pub fn extent(&self, open: [bool; 3]) -> f64 {
         let mut extent: f64 = 0.0;
         let radius = self.classes.iter().map(|class| class.radius).fold(0.0, f64::max);
@@ -454,27 +456,27 @@ impl World {
     }
 }
 
-/// The part of `gravity` that the walls with these inward normals do not take up: the vector nearest to it
-/// that points into none of them.
-pub(crate) fn supported(gravity: DVec3, normals: &(impl Iterator<Item = DVec3> + Clone)) -> DVec3 {
+/// The part of `gravity` that walls with these inward normals do not balance: the vector nearest to `gravity`
+/// that points into none of the walls.
+pub(crate) fn unbalanced_gravity(gravity: DVec3, normals: &(impl Iterator<Item = DVec3> + Clone)) -> DVec3 {
     let bound = -1e-12 * gravity.length();
-    let mut best = DVec3::ZERO; // allowed by any walls
-    let mut offer = |a: DVec3| {
+    let mut best = DVec3::ZERO; // points into no wall
+    let mut consider = |a: DVec3| {
         let allowed = normals.clone().all(|n| a.dot(n) >= bound);
         if allowed && (a - gravity).length_squared() < (best - gravity).length_squared() {
             best = a;
         }
     };
-    offer(gravity);
+    consider(gravity);
     for (k, n) in normals.clone().enumerate() {
         let slide = gravity - n * gravity.dot(n);
-        // Once more: a tilted wall would leave as much as gravity is rounded by, and a grain at rest on it
-        // would fall into it.
-        offer(slide - n * slide.dot(n));
+        // The projection is repeated: the rounding error of the first one would let a grain at rest on a
+        // tilted wall fall into it.
+        consider(slide - n * slide.dot(n));
         for m in normals.clone().skip(k + 1) {
             let edge = n.cross(m);
             if edge != DVec3::ZERO {
-                offer(edge * (gravity.dot(edge) / edge.length_squared()));
+                consider(edge * (gravity.dot(edge) / edge.length_squared()));
             }
         }
     }
@@ -486,18 +488,21 @@ mod tests {
     use super::*;
 
     #[test]
-    fn the_hot_record_is_one_cache_line() {
+    fn a_particle_is_one_cache_line() {
         assert_eq!((size_of::<Particle>(), align_of::<Particle>()), (64, 64));
     }
 
     #[test]
-    fn walls_take_up_their_part_of_gravity() {
+    fn walls_balance_their_part_of_gravity() {
         let g = DVec3::new(1.0, 0.0, -10.0);
-        assert_eq!(supported(g, &[DVec3::Z].into_iter()), DVec3::X);
-        assert_eq!(supported(g, &[DVec3::Z, DVec3::NEG_X].into_iter()), DVec3::ZERO);
-        assert_eq!(supported(g, &[DVec3::X].into_iter()), g, "a wall does not pull");
-        // A wedge of walls that are not perpendicular leaves only its edge.
+        assert_eq!(unbalanced_gravity(g, &[DVec3::Z].into_iter()), DVec3::X);
+        assert_eq!(unbalanced_gravity(g, &[DVec3::Z, DVec3::NEG_X].into_iter()), DVec3::ZERO);
+        assert_eq!(unbalanced_gravity(g, &[DVec3::X].into_iter()), g, "a wall does not attract");
+        // Two walls that are not perpendicular leave only the component along their common edge.
         let wedge = [DVec3::Z, DVec3::new(0.6, 0.0, 0.8)];
-        assert_eq!(supported(DVec3::new(-1.0, 2.0, -10.0), &wedge.into_iter()), DVec3::new(0.0, 2.0, 0.0));
+        assert_eq!(
+            unbalanced_gravity(DVec3::new(-1.0, 2.0, -10.0), &wedge.into_iter()),
+            DVec3::new(0.0, 2.0, 0.0)
+        );
     }
 }

@@ -1,4 +1,4 @@
-//! Predictions: what will happen to one particle next. Nothing here changes anything.
+//! Predictions of the next event of a particle. They do not change the state.
 
 use haff_mechanics::{contact::CONTACT_NOISE, time_to_contact_accelerated};
 use haff_neighbors::{Flight, Offsets, Packed, Search, Shift};
@@ -16,7 +16,7 @@ use crate::{
 use glam::DVec3;
 use std::collections::BTreeMap;
 
-/// The earliest physical event of a particle that crosses into another cell before.
+/// The earliest physical event of a particle that first crosses into another cell.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct BestEvent {
     time: i64,
@@ -31,9 +31,10 @@ impl BestEvent {
 /// The candidates of a prediction.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) enum Scope {
-    /// All of them.
+    /// All candidates of the search.
     All,
-    /// Those in the cells that the crossing of this code has brought near; the best of the others is kept.
+    /// Those in the cells that are new neighbors after the crossing with this code. The earliest event with
+    /// other candidates is kept.
     New(u8),
 }
 
@@ -42,7 +43,7 @@ pub(crate) struct Scratch {
     batch: Batch,
     delays: Delays,
     kernel: Kernel,
-    /// Pair predictions made.
+    /// Number of pair predictions.
     pub predictions: u64,
 }
 
@@ -59,11 +60,12 @@ impl Scratch {
 /// Keeps the earliest of the events of one particle.
 pub(crate) struct Earliest<K> {
     pub entry: Entry<K>,
-    /// Whether something was found beyond the horizon.
+    /// Whether an event beyond the horizon was found.
     pub far: bool,
 }
 
 impl<K> Earliest<K> {
+    /// Keeps an event if it is earlier than the one found so far, or of lower rank at the same time.
     #[inline]
     pub fn offer(&mut self, time: i64, target: Target<K>, partner_count: u32) {
         if time > self.entry.time {
@@ -89,8 +91,8 @@ impl<K> Earliest<K> {
     }
 }
 
-/// Next event of particle i, predicted at the present; with the earliest physical one, if a crossing comes
-/// first.
+/// Predicts the next event of particle i from the present. If that is a crossing, returns the earliest
+/// physical event, too.
 #[inline(always)]
 pub(crate) fn predict<F: Features, S: Search>(
     world: &World,
@@ -108,7 +110,7 @@ pub(crate) fn predict<F: Features, S: Search>(
     let movable = F::UNIFORM || world.class(i).inverse_mass != 0.0;
     let packed = if F::GRAVITY || scope != Scope::All || !movable { None } else { search.packed(i) };
     if let (Some(list), Some(offsets)) = (packed, search.offsets()) {
-        meet_packed::<F>(world, i, list, offsets, scratch, &mut earliest);
+        predict_list::<F>(world, i, list, offsets, scratch, &mut earliest);
     } else {
         let position = |k: u32| world.flight::<F>(k, world.now).0;
         let owner = Owner::of::<F>(world, i);
@@ -136,10 +138,10 @@ pub(crate) fn predict<F: Features, S: Search>(
         earliest.offer(rest.end, Target::new(SearchEvent::EndOfBounces), 0);
     }
 
-    // A later crossing need not be known exactly.
+    // A crossing later than the earliest event is not needed exactly.
     let within = earliest.entry.time.saturating_sub(world.now) as f64 * world.clock.tick;
-    if let Some(transfer) = search.next_crossing(i, &flight::<F>(world, i), within) {
-        let delay = transfer.delay * world.clock.per_time;
+    if let Some(crossing) = search.next_crossing(i, &flight::<F>(world, i), within) {
+        let delay = crossing.delay * world.clock.per_time;
         if delay > HORIZON {
             earliest.far = true;
         } else {
@@ -147,7 +149,7 @@ pub(crate) fn predict<F: Features, S: Search>(
             if time < earliest.entry.time {
                 let Entry { time: best, target, partner_count, .. } = earliest.entry;
                 let entry =
-                    Entry { time, target: Target::new(SearchEvent::Crossing(transfer.code)), ..nothing };
+                    Entry { time, target: Target::new(SearchEvent::Crossing(crossing.code)), ..nothing };
                 return (entry, Some(BestEvent { time: best, target, partner_count }));
             }
         }
@@ -158,7 +160,7 @@ pub(crate) fn predict<F: Features, S: Search>(
     (earliest.entry, None)
 }
 
-/// Flight of particle i from where it is now.
+/// The flight of particle i from its present state.
 #[inline(always)]
 pub(crate) fn flight<F: Features>(world: &World, i: u32) -> Flight {
     let (position, velocity) = world.flight::<F>(i, world.now);
@@ -166,7 +168,7 @@ pub(crate) fn flight<F: Features>(world: &World, i: u32) -> Flight {
     Flight { position, velocity, acceleration }
 }
 
-/// The particle whose partners are looked for, kept at hand.
+/// The particle whose partners are predicted: a copy of its data.
 struct Owner {
     i: u32,
     position: DVec3,
@@ -194,7 +196,8 @@ impl Owner {
     }
 }
 
-/// Adds a candidate to the batch: the pair as it is at the later of the two anchors.
+/// Adds a candidate to the batch: relative position and velocity at the later of the two anchors. A pair with
+/// different accelerations is predicted at once.
 #[inline(always)]
 fn gather<F: Features>(
     world: &World,
@@ -205,14 +208,14 @@ fn gather<F: Features>(
     earliest: &mut Earliest<SearchEvent>,
 ) {
     let b = &world.particles[j as usize];
-    let behind = a.time - b.time;
+    let partner_lag = a.time - b.time;
     let tick = world.clock.tick;
-    let (dt_a, dt_b) = ((-behind).max(0) as f64 * tick, behind.max(0) as f64 * tick);
+    let (dt_a, dt_b) = ((-partner_lag).max(0) as f64 * tick, partner_lag.max(0) as f64 * tick);
     let sigma = if F::UNIFORM {
         a.radius + a.radius
     } else {
         let class = &world.classes[b.class()];
-        if !a.movable && class.inverse_mass == 0.0 && !(F::REST && may_be_hit(world, a.i, j)) {
+        if !a.movable && class.inverse_mass == 0.0 && !(F::REST && can_driven_hit_asleep(world, a.i, j)) {
             return; // Two bodies of infinite mass pass through each other.
         }
         a.radius + class.radius
@@ -225,17 +228,27 @@ fn gather<F: Features>(
         va = haff_mechanics::free_flight_velocity(a.velocity, a.acceleration, dt_a);
         vb = haff_mechanics::free_flight_velocity(b.velocity, acceleration, dt_b);
         if acceleration != a.acceleration {
-            let (r, v, relative) =
+            let (r, v, relative_acceleration) =
                 (world.periodicity.image(rb - ra, shift), vb - va, acceleration - a.acceleration);
             scratch.predictions += 1;
             let from = a.time.max(b.time);
-            if is_beyond(r, v, relative, sigma, (earliest.entry.time.saturating_sub(from)) as f64 * tick) {
+            if is_out_of_reach(
+                r,
+                v,
+                relative_acceleration,
+                sigma,
+                (earliest.entry.time.saturating_sub(from)) as f64 * tick,
+            ) {
                 return;
             }
-            let parted = time_to_separate(r, v, relative, sigma, va.length().max(vb.length()));
-            let (r, v) = (r + (v + relative * (0.5 * parted)) * parted, v + relative * parted);
-            if let Some(delay) = time_to_contact_accelerated(r, v, relative, sigma) {
-                let delay = (parted + delay) * world.clock.per_time;
+            let contact_end =
+                spurious_contact_time(r, v, relative_acceleration, sigma, va.length().max(vb.length()));
+            let (r, v) = (
+                r + (v + relative_acceleration * (0.5 * contact_end)) * contact_end,
+                v + relative_acceleration * contact_end,
+            );
+            if let Some(delay) = time_to_contact_accelerated(r, v, relative_acceleration, sigma) {
+                let delay = (contact_end + delay) * world.clock.per_time;
                 earliest.offer_after(from, delay, SearchEvent::Collision(j), b.count);
             }
             return;
@@ -259,45 +272,47 @@ fn gather<F: Features>(
     batch.v[1][k] = v.y;
     batch.v[2][k] = v.z;
     batch.sigma2[k] = sigma * sigma;
-    batch.offset[k] = (-behind).max(0);
+    batch.offset[k] = (-partner_lag).max(0);
     batch.id[k] = j;
     batch.len = k + 1;
 }
 
-/// Whether a particle at rest and the other body, which no impact moves, may meet: a driven one comes along.
-fn may_be_hit(world: &World, i: u32, j: u32) -> bool {
+/// Whether one of two bodies of infinite mass is an asleep particle and the other a driven body, which can
+/// hit it.
+fn can_driven_hit_asleep(world: &World, i: u32, j: u32) -> bool {
     let moves = |k: u32| world.particles[k as usize].velocity != DVec3::ZERO;
     world.is_asleep(i) != world.is_asleep(j) && (moves(i) || moves(j))
 }
 
-/// Time after which a pair that the relative takes apart has parted, if it touches and approaches no faster than
-/// the rounding of its velocities; else 0.
+/// The duration of a spurious contact \[time\]: of a pair that touches, approaches no faster than the
+/// rounding of its velocities, and is separated by its relative acceleration. After this time the pair
+/// recedes. 0 for any other pair.
 ///
-/// Whether such a pair is an ulp apart or an ulp too near is for rounding to say: its times, too, are rounded
-/// anew when the clock's tick changes, and a contact found only then would be in the past.
+/// Whether such a pair has a gap or an overlap of one ulp depends on rounding. Its times are rounded again
+/// when the tick of the clock changes, and a contact that is found only then would be in the past.
 #[inline]
-fn time_to_separate(r: DVec3, v: DVec3, relative: DVec3, sigma: f64, speed: f64) -> f64 {
-    let outward = v.length_squared() + r.dot(relative);
+fn spurious_contact_time(r: DVec3, v: DVec3, relative_acceleration: DVec3, sigma: f64, speed: f64) -> f64 {
+    let outward = v.length_squared() + r.dot(relative_acceleration);
     let spurious = outward > 0.0 && r.dot(v) < 0.0 && is_spurious_recontact(r, v, sigma * sigma, || speed);
     if !spurious {
         return 0.0;
     }
-    // Then the rate r·v has turned from its noise to as much outwards.
+    // After this time r·v has changed from a rounding error below zero to one above.
     let time = 2.0 * CONTACT_NOISE * r.length() * speed / outward;
-    // Where the relative is too weak for that, it is the contact that matters.
-    if speed * time <= PARTED * sigma { time } else { 0.0 }
+    // If the relative acceleration is too weak for that, the contact is predicted.
+    if speed * time <= MAX_SEPARATING_PATH * sigma { time } else { 0.0 }
 }
 
-/// Whether bodies cannot touch within a time, and a little more, as far as their relative speed and
-/// acceleration go.
+/// Whether two bodies cannot touch within `time`, by a bound on their relative path from relative speed and
+/// acceleration, with a margin for rounding.
 #[inline]
-fn is_beyond(r: DVec3, v: DVec3, a: DVec3, sigma: f64, time: f64) -> bool {
-    let way = (v.length() + 0.5 * a.length() * time) * time;
-    let reach = sigma + way * (1.0 + 1e-6) + 1e-9 * sigma;
+fn is_out_of_reach(r: DVec3, v: DVec3, a: DVec3, sigma: f64, time: f64) -> bool {
+    let path = (v.length() + 0.5 * a.length() * time) * time;
+    let reach = sigma + path * (1.0 + 1e-6) + 1e-9 * sigma;
     r.length_squared() > reach * reach
 }
 
-/// Predicts the batch and offers the earliest of it.
+/// Predicts the batch, offers its earliest contact, and clears it.
 #[inline]
 fn flush<F: Features>(world: &World, i: u32, scratch: &mut Scratch, earliest: &mut Earliest<SearchEvent>) {
     let batch = &mut scratch.batch;
@@ -315,17 +330,18 @@ fn flush<F: Features>(world: &World, i: u32, scratch: &mut Scratch, earliest: &m
         if least == f64::INFINITY {
             break;
         }
-        // These sums are rounded; the exact times of all that may be the least decide.
+        // These sums are rounded: all contacts that can be the earliest within rounding are offered, and
+        // their exact times are compared.
         let bound = least * (1.0 + 4.0 * f64::EPSILON) + 2.0;
         let due = |batch: &Batch, k: usize| batch.offset[k] as f64 + batch.delay[k] * per_time <= bound;
-        let mut echoes = false;
+        let mut any_spurious = false;
         for k in 0..batch.len {
             if due(batch, k) && is_batched_recontact::<F>(world, i, batch, k) {
                 batch.delay[k] = f64::INFINITY;
-                echoes = true;
+                any_spurious = true;
             }
         }
-        if echoes {
+        if any_spurious {
             continue;
         }
         let from = world.particles[i as usize].time;
@@ -346,10 +362,10 @@ fn flush<F: Features>(world: &World, i: u32, scratch: &mut Scratch, earliest: &m
     batch.len = 0;
 }
 
-/// Offers the earliest contact of particle i, movable and without acceleration, with the candidates of a
-/// list.
+/// Offers the earliest contact of particle i with the candidates of a list. The particle must have finite
+/// mass and no acceleration.
 #[inline(always)]
-fn meet_packed<F: Features>(
+fn predict_list<F: Features>(
     world: &World,
     i: u32,
     list: &[Packed],
@@ -372,7 +388,7 @@ fn meet_packed<F: Features>(
             tick: world.clock.tick,
             per_time: world.clock.per_time,
         };
-        // No anchor is later than now.
+        // If the owner's anchor is at the present, no anchor is later.
         match (F::UNIFORM, owner.time == world.now) {
             (true, true) => packed::predict::<true, true>(scratch.kernel, &query, delays),
             (true, false) => packed::predict::<true, false>(scratch.kernel, &query, delays),
@@ -411,10 +427,10 @@ fn is_packed_recontact<F: Features>(
     offsets: &Offsets,
 ) -> bool {
     let partner = &world.particles[entry.id() as usize];
-    let behind = owner.time - partner.time;
+    let partner_lag = owner.time - partner.time;
     let tick = world.clock.tick;
-    let ra = haff_mechanics::drift(owner.position, owner.velocity, (-behind).max(0) as f64 * tick);
-    let rb = haff_mechanics::drift(partner.position, partner.velocity, behind.max(0) as f64 * tick);
+    let ra = haff_mechanics::drift(owner.position, owner.velocity, (-partner_lag).max(0) as f64 * tick);
+    let rb = haff_mechanics::drift(partner.position, partner.velocity, partner_lag.max(0) as f64 * tick);
     let [x, y, z, _] = offsets.0[entry.code()];
     let r = rb - ra + DVec3::new(x, y, z);
     let sigma = radius + world.classes[if F::UNIFORM { 0 } else { partner.class() }].radius;
@@ -422,8 +438,8 @@ fn is_packed_recontact<F: Features>(
     is_spurious_recontact(r, partner.velocity - owner.velocity, sigma * sigma, speed)
 }
 
-/// Parting by a relative may take bodies no further than this [contact distances].
-const PARTED: f64 = 1e-13;
+/// Longest path of a pair during a spurious contact [contact distances].
+const MAX_SEPARATING_PATH: f64 = 1e-13;
 
 /// [`is_spurious_recontact`] for a candidate of a batch.
 #[inline]
@@ -435,7 +451,7 @@ fn is_batched_recontact<F: Features>(world: &World, i: u32, batch: &Batch, k: us
     is_spurious_recontact(vector(&batch.r), vector(&batch.v), batch.sigma2[k], larger)
 }
 
-/// Offers the contacts with walls, from the particle's anchor.
+/// Offers the contacts of particle i with walls, predicted from its anchor.
 #[inline]
 fn predict_walls<F: Features>(world: &World, i: u32, walls: &[u16], earliest: &mut Earliest<SearchEvent>) {
     let particle = &world.particles[i as usize];

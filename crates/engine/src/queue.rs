@@ -1,25 +1,25 @@
 /*!
 The calendar of a scheduler in which every particle has exactly one valid entry, its earliest event.
 
-An entry is invalidated by an event of its own particle, and dropped. After an event of its partner its
-particle is predicted again. So each valid entry leaves exactly one successor.
+An event of the entry's own particle invalidates the entry, which is then dropped. After an event of the
+partner, the entry's particle is predicted again. So each valid entry has exactly one successor.
 */
 
 use haff_calendar::{Calendar, Ladder};
 
 use crate::{entry::Entry, features::Features, particles::World, state::State};
 
-/// Entries per particle in the long run, invalidated ones included. A calendar made for less has to be made
-/// anew, which for a moment takes twice the memory.
-const ENTRIES: f64 = 1.75;
+/// Entries per particle in the long run, including invalidated ones. A calendar with a smaller capacity must
+/// be reallocated, which needs twice the memory for a moment.
+const ENTRIES_PER_PARTICLE: f64 = 1.75;
 
-/// Predicts for a [`Queue`].
+/// Predicts the events of a [`Queue`].
 pub(crate) trait Predictor {
-    /// What the particles are like.
+    /// The features of the particles.
     type Features: Features;
-    /// What entries announce.
+    /// The kind of event of an entry.
     type Kind;
-    /// The next event of particle i, predicted at the world's present; one at `i64::MAX` is not entered.
+    /// Predicts the next event of particle i from the present; the time `i64::MAX` means no event.
     fn predict(&mut self, state: &State, i: u32) -> Entry<Self::Kind>;
     /// Prefetches the memory that the next events will read.
     fn prefetch(&self, calendar: &Ladder<Entry<Self::Kind>>, state: &State);
@@ -28,13 +28,12 @@ pub(crate) trait Predictor {
 /// The calendar, with the entries of the present tick.
 pub(crate) struct Queue<K> {
     calendar: Ladder<Entry<K>>,
-    /// Entries of one and the same tick, latest rank first, while there are several.
+    /// If several entries have the same tick, these entries, highest rank first.
     ties: Vec<Entry<K>>,
 }
 
 impl<K> Queue<K> {
-    /// An empty queue, of which the entries up to `ahead` from the next can be
-    /// [prefetched](Predictor::prefetch).
+    /// An empty queue. The entries up to `ahead` after the next one can be [prefetched](Predictor::prefetch).
     pub fn new(particles: usize, ahead: usize) -> Self {
         let mut calendar = Ladder::with_capacity(particles);
         calendar.keep_sorted(ahead + 1);
@@ -50,14 +49,14 @@ impl<K> Queue<K> {
         self.calendar.is_empty() && self.ties.is_empty()
     }
 
-    /// Lays the calendar out for the events of `particles`, of which these are some; nothing may have been
-    /// entered.
+    /// Sizes the calendar for this number of `particles`, given a sample of their events. The calendar must
+    /// be empty.
     pub fn prepare(&mut self, some: &[Entry<K>], particles: usize) {
         let events: Vec<Entry<K>> = some.iter().copied().filter(|entry| entry.time < i64::MAX).collect();
-        self.calendar.prepare(&events, (ENTRIES * particles as f64) as usize);
+        self.calendar.prepare(&events, (ENTRIES_PER_PARTICLE * particles as f64) as usize);
     }
 
-    /// Enters an event, unless it is at no time.
+    /// Adds an entry, unless its time is `i64::MAX`.
     #[inline(always)]
     pub fn push(&mut self, entry: Entry<K>) {
         if entry.time < i64::MAX {
@@ -65,7 +64,8 @@ impl<K> Queue<K> {
         }
     }
 
-    /// The next valid entry whose partner has had no other event, up to `limit`.
+    /// Removes and returns the earliest valid entry up to `limit`; its partner has had no event since its
+    /// prediction.
     #[inline(always)]
     pub fn next<P: Predictor<Kind = K>>(
         &mut self,
@@ -91,9 +91,9 @@ impl<K> Queue<K> {
             if let Some(next) = self.calendar.peek()
                 && next.time == entry.time
             {
-                // Usually the partner's entry for the same collision, and nothing else. The collision will
-                // invalidate it, unless the partner is a body of infinite mass, whose entry must leave its
-                // successor.
+                // Usually this is only the partner's entry for the same collision. The collision will
+                // invalidate it, unless the partner has infinite mass: the entry of such a body stays valid,
+                // and must have a successor.
                 let movable = |i: u32| P::Features::UNIFORM || state.world.class(i).inverse_mass != 0.0;
                 if next.mirrors(&entry) && movable(entry.owner) && movable(next.owner) {
                     self.calendar.pop_until(limit);
@@ -105,7 +105,7 @@ impl<K> Queue<K> {
                     continue;
                 }
             }
-            if has_met_others(&state.world, &entry) {
+            if has_partner_changed(&state.world, &entry) {
                 self.repredict(state, predictor, entry);
                 continue;
             }
@@ -113,8 +113,9 @@ impl<K> Queue<K> {
         }
     }
 
-    /// Of several entries at one tick, the first in rank. Those whose partner has had another event are
-    /// predicted again before, so that the first does not depend on the order of predictions.
+    /// Removes and returns the entry of lowest rank among several entries of one tick. Entries whose partner
+    /// has had another event are predicted again first, so that the result does not depend on the order of
+    /// predictions.
     #[cold]
     fn next_tie<P: Predictor<Kind = K>>(
         &mut self,
@@ -138,7 +139,7 @@ impl<K> Queue<K> {
                     state.accumulators.counters.dropped += 1;
                     return false;
                 }
-                if has_met_others(&state.world, entry) {
+                if has_partner_changed(&state.world, entry) {
                     outdated.push(*entry);
                     return false;
                 }
@@ -157,7 +158,7 @@ impl<K> Queue<K> {
         self.ties.pop()
     }
 
-    /// Predicts again the particle of an entry whose partner has had another event.
+    /// Predicts the particle of an entry again, because the partner has had another event.
     #[inline(always)]
     fn repredict<P: Predictor<Kind = K>>(&mut self, state: &mut State, predictor: &mut P, entry: Entry<K>) {
         state.world.now = state.world.now.max(entry.time);
@@ -169,6 +170,6 @@ impl<K> Queue<K> {
 
 /// Whether the partner of an entry has had another event since the prediction.
 #[inline]
-fn has_met_others<K>(world: &World, entry: &Entry<K>) -> bool {
+fn has_partner_changed<K>(world: &World, entry: &Entry<K>) -> bool {
     entry.target.partner().is_some_and(|j| world.particles[j as usize].count != entry.partner_count)
 }

@@ -1,18 +1,18 @@
-//! Random numbers as hashes of (seed, particle, its event count): every search, thread count and resumed run
-//! draws the same.
+//! Random numbers as hashes of the seed, the particle and its event count. They do not depend on the search
+//! or the number of threads, and are the same in a resumed run.
 
 use std::f64::consts::TAU;
 
-/// What a number is drawn for; numbers of one event are independent.
+/// The sequence of independent random numbers of one event.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Draw {
     state: u64,
 }
 
 impl Draw {
-    /// The numbers of a `count`-th event of a `particle`.
+    /// The sequence of the `count`-th event of a `particle`.
     pub fn new(seed: u64, particle: u32, count: u64) -> Self {
-        // Mixed after each part, so that no two (particle, count) near each other have the same state.
+        // Mixed after each part, so that similar pairs (particle, count) have different states.
         Self { state: mix(mix(mix(seed ^ 0x6861_6666_2064_7261) ^ u64::from(particle)) ^ count) }
     }
 
@@ -27,19 +27,19 @@ impl Draw {
         ((self.uniform() * count as f64) as usize).min(count - 1)
     }
 
-    /// The next number of an exponential distribution of mean 1.
+    /// The next number, from an exponential distribution of mean 1.
     pub fn exponential(&mut self) -> f64 {
         -libm::log(self.uniform())
     }
 
-    /// The next number of a normal distribution of variance 1 (Box and Muller).
+    /// The next number, from a normal distribution of mean 0 and variance 1 (Box and Muller).
     pub fn normal(&mut self) -> f64 {
         let (radius, angle) = ((2.0 * self.exponential()).sqrt(), TAU * self.uniform());
         radius * libm::cos(angle)
     }
 }
 
-/// A number whose bits all depend on all bits of `x` (finalizer of SplitMix64).
+/// A hash of `x`: every bit depends on all bits of `x` (finalizer of SplitMix64).
 #[inline(always)]
 pub(crate) fn mix(x: u64) -> u64 {
     let x = (x ^ (x >> 30)).wrapping_mul(0xBF58_476D_1CE4_E5B9);
@@ -81,7 +81,7 @@ mod tests {
             cross += a * b + a * Draw::new(7, particle, 4).normal() + a * Draw::new(8, particle, 3).normal();
         }
         let n = f64::from(n);
-        // Means, variances of one number, expectations.
+        // Expectation and variance of one term of each sum.
         let expected = [(0.0, 1.0), (1.0, 2.0), (1.0, 1.0), (0.5, 1.0 / 12.0)];
         for (sum, (mean, variance)) in sums.into_iter().zip(expected) {
             let z = (sum / n - mean) / (variance / n).sqrt();

@@ -1,10 +1,10 @@
-//! What a simulation tells of itself: events, frames, samples, counters and checkpoints, as plain data.
+//! The output of a simulation as plain data: events, frames, samples, counters and checkpoints.
 
 use glam::DVec3;
 
 use crate::ledger::Ledger;
 
-/// What an event of the log was.
+/// The kind of an event in the log.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
 #[repr(u8)]
 pub enum EventKind {
@@ -12,25 +12,25 @@ pub enum EventKind {
     Collision = 0,
     /// A particle and a wall.
     Wall = 1,
-    /// A particle comes to rest: at the end of a completed (Zeno) series of bounces, on the wall, or slow and
-    /// supported, where it is.
+    /// A particle comes to rest: on a wall, at the end of a completed (Zeno) series of bounces; or at its
+    /// position, slow and supported, by a settling scan.
     Rest = 2,
     /// A pendulum's string goes slack: bob and pendulum.
     Slack = 3,
     /// A slack string becomes taut, and the velocity along it is lost: bob and pendulum.
     Taut = 4,
-    /// A persistent contact of two particles ends because its force would pull.
+    /// A persistent contact of two particles ends because its force would become attractive.
     Release = 5,
     /// Two particles stick together.
     Stick = 6,
-    /// A persistent contact with a wall ends because its force would pull: particle and wall.
+    /// A persistent contact with a wall ends because its force would become attractive: particle and wall.
     Lift = 7,
     /// End of a completed series of bounces of two particles.
     Settle = 8,
 }
 
 impl EventKind {
-    /// Every kind, each at the place of its number.
+    /// Every kind; the index of a kind is its discriminant.
     pub const ALL: [Self; 9] = [
         Self::Collision,
         Self::Wall,
@@ -59,7 +59,7 @@ impl EventKind {
     }
 }
 
-/// Stands for no partner in [`EventRecord::j`].
+/// Value of [`EventRecord::j`] for an event without a partner.
 pub const NO_PARTNER: u32 = u32::MAX;
 
 /// One row of the event log.
@@ -67,12 +67,12 @@ pub const NO_PARTNER: u32 = u32::MAX;
 pub struct EventRecord {
     /// Time of the event [time].
     pub time: f64,
-    /// What it was.
+    /// Kind of the event.
     pub kind: EventKind,
-    /// Particle row.
+    /// Index of the particle.
     pub i: u32,
-    /// Partner's row (> `i`), or the wall's or pendulum's index; [`NO_PARTNER`] for a particle that is put to
-    /// rest and touches no wall.
+    /// Index of the partner (> `i`), of the wall or of the pendulum; [`NO_PARTNER`] for a particle that is
+    /// put to rest and touches no wall.
     pub j: u32,
     /// v_n = (w_i − w_j)·n > 0 [length/time].
     pub approach_speed: f64,
@@ -147,15 +147,15 @@ impl EventColumn {
 
 /// Receives events as they are resolved. Observers cannot change the simulation.
 pub trait Observer {
-    /// Whether event rows are wanted at all; asked once per call of `Simulation::advance`.
+    /// Whether the observer needs events. Called once per call of `Simulation::advance`.
     fn wants_events(&self) -> bool {
         false
     }
-    /// One event, in order of time.
+    /// Receives one event. Events are in the order of time.
     fn event(&mut self, _event: &EventRecord) {}
 }
 
-/// An observer that wants nothing.
+/// An observer that ignores all events.
 #[derive(Debug, Clone, Copy, Default)]
 pub struct Silent;
 
@@ -168,7 +168,7 @@ pub struct Frame {
     pub time: f64,
     /// Collisions + wall collisions so far.
     pub step: u64,
-    /// Centres [length], wrapped into [0, L) along periodic axes.
+    /// Positions of the centers [length], wrapped into [0, L) along periodic axes.
     pub position: Vec<DVec3>,
     /// Velocities [length/time].
     pub velocity: Vec<DVec3>,
@@ -185,14 +185,14 @@ pub struct Sample {
     pub step: u64,
     /// Energies.
     pub ledger: Ledger,
-    /// T = Σ m|v − V|²/(dN) over bodies of finite mass, V their centre-of-mass velocity.
+    /// T = Σ m|v − V|²/(dN) over bodies of finite mass, V the velocity of their center of mass.
     pub temperature: f64,
-    /// The same per species, about the common V; NaN for a species without bodies of finite mass.
+    /// The same per species, with the common V; NaN for a species without bodies of finite mass.
     pub species_temperature: Vec<f64>,
-    /// a₂ = d⟨v⁴⟩/((d + 2)⟨v²⟩²) − 1 of v − V (NaN without motion).
+    /// a₂ = d⟨v⁴⟩/((d + 2)⟨v²⟩²) − 1, with v − V for v; NaN without motion.
     pub sonine_a2: f64,
-    /// Mean pressure since the previous sample, kinetic and collisional [energy/length^d]; NaN in the first,
-    /// `None` with open axes.
+    /// Mean pressure since the previous sample, kinetic and collisional [energy/length^d]; NaN in the first
+    /// sample, `None` with open axes.
     pub pressure: Option<f64>,
     /// Σ m v of the bodies of finite mass [mass·length/time].
     pub momentum: DVec3,
@@ -204,13 +204,14 @@ pub struct Sample {
     pub collisions: u64,
     /// Sphere–wall collisions so far.
     pub wall_collisions: u64,
-    /// Sphere–sphere collisions per time since the previous sample [1/time]; NaN in the first.
+    /// Sphere–sphere collisions per time since the previous sample [1/time]; NaN in the first sample.
     pub collision_rate: f64,
-    /// N Δt / (2 · collisions) since the previous sample [time]; NaN in the first, ∞ without a collision.
+    /// N Δt / (2 · collisions) since the previous sample [time]; NaN in the first sample, ∞ without a
+    /// collision.
     pub mean_free_time: f64,
 }
 
-/// What the machinery did. Physical totals first, bookkeeping after.
+/// Counts of the run so far: first physical events, then operations of the engine.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub struct Counters {
     /// Sphere–sphere collisions.
@@ -219,38 +220,38 @@ pub struct Counters {
     pub wall_collisions: u64,
     /// Completed series of bounces, and particles put to rest.
     pub rests: u64,
-    /// Particles at rest that were set free again.
+    /// Particles at rest that woke.
     pub wakes: u64,
     /// Pair predictions.
     pub predictions: u64,
-    /// Events dropped because their own particle had collided since.
+    /// Predicted events that were dropped because their own particle had another event before.
     pub dropped: u64,
-    /// Events re-predicted because the partner had collided since.
+    /// Predicted events that were predicted again because the partner had another event before.
     pub stale: u64,
-    /// Cell crossings or renewals of the partner search.
+    /// Cell crossings or list updates of the partner search.
     pub transfers: u64,
-    /// Pairs that a filter has looked at, so that few had to be predicted.
+    /// Pairs tested by a filter before prediction; it rejects most of them.
     pub candidates: u64,
-    /// Windows of time opened.
+    /// Windows of time.
     pub windows: u64,
-    /// Re-basings of the clock.
+    /// Completed epochs of the clock.
     pub epochs: u64,
 }
 
-/// Why `Simulation::advance` returned.
+/// The reason why `Simulation::advance` has returned.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Stop {
-    /// Every event up to the asked time is done; the clock stands there.
+    /// All events up to the requested time have been resolved; it is the present time.
     Time,
-    /// The asked number of collisions is reached.
+    /// The requested number of collisions is reached.
     Collisions,
-    /// The asked number of events is done: a slice ended.
+    /// The requested number of calendar entries is used up.
     Slice,
-    /// Nothing moves and nothing will; or no bound was given and no event will ever come.
+    /// Nothing moves and nothing will; or no time was given and no event is due at any time.
     Rest,
 }
 
-/// The exact state, enough for a bitwise identical continuation on the same [`crate::System`].
+/// The exact state, sufficient for a bitwise identical continuation with the same [`crate::System`].
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct Checkpoint {
     /// Anchor positions [length].
@@ -261,11 +262,11 @@ pub struct Checkpoint {
     pub anchor: Vec<i64>,
     /// Box images of the anchors.
     pub image: Vec<[i32; 3]>,
-    /// Own-collision counters.
+    /// Numbers of own events.
     pub count: Vec<u32>,
-    /// Walls a particle rests on, as digits that are their numbers plus one, and flags of what holds it; 0 if
-    /// it flies.
+    /// The walls that support a particle, as digits that are their indices plus one, and two flags: asleep
+    /// and recently hit. 0 for a particle in free flight.
     pub resting: Vec<u32>,
-    /// Scalars as (name, bits): clock, sums, counters. Names are stable; unknown ones are an error.
+    /// Scalars as (name, bits): clock, sums, counters. Names are stable; an unknown name is an error.
     pub scalars: Vec<(String, u64)>,
 }

@@ -1,4 +1,4 @@
-//! Events happen: velocities change, anchors are set, losses are booked.
+//! Resolves events: changes velocities, sets anchors and records losses.
 
 use glam::DVec3;
 use haff_mechanics::{Bounces, Impact, Restitution, resolve_contact, work_of_moving_body};
@@ -19,52 +19,53 @@ use crate::{
     wall_law::WallLaw,
 };
 
-/// A series of bounces is completed in closed form once the next one would rise by less than this part of the
-/// radius: far below what a coordinate resolves at the size of a system, and far above what rounding does to
-/// a bounce.
+/// A series of bounces is completed in closed form once the next bounce would rise by less than this fraction
+/// of the radius: far below the resolution of a coordinate at the size of a system, and far above the effect
+/// of rounding on a bounce.
 const REST_HEIGHT: f64 = 1e-13;
-/// A series that ends with a plastic impact.
-const LAST: Bounces = Bounces { speeds: 1.0, squares: 1.0 };
-/// A velocity along the normal of a supporting wall below this part of the speed is rounding, not motion.
+/// The sums of a series in which the next impact is plastic, and so the last.
+const PLASTIC_END: Bounces = Bounces { speeds: 1.0, squares: 1.0 };
+/// A velocity along the normal of a supporting wall below this fraction of the speed is rounding error.
 const SUPPORT_NOISE: f64 = 8.0 * f64::EPSILON;
 
-/// A grain that has sunk into a wall or a body that cannot give way, by more than this part of its
-/// coordinates, is put back.
-const PENETRATION: f64 = 2.0 * f64::EPSILON;
+/// A penetration is corrected if it is more than this fraction of the coordinates.
+const PENETRATION_TOLERANCE: f64 = 2.0 * f64::EPSILON;
 
-/// How far a grain has to be put back that is `depth` deep in what it bounces on: not at all, unless that is
-/// more than coordinates of this size resolve.
+/// The distance by which bodies in contact must be moved apart: `depth`, their penetration, if coordinates of
+/// this size resolve it, else 0.
 ///
-/// A bounce under gravity returns to the level that it has set out from, and like bounces are rounded the
-/// same way each time: a million of them would be a million roundings deep. What sinking has taken of the
-/// potential energy, this gives back. In a wedge there are as many without gravity, and ever shorter ones.
+/// A bounce under gravity returns to the height at which it started, and equal bounces are rounded in the
+/// same way every time: without a correction the penetration would grow by one rounding error per bounce. The
+/// correction also restores the potential energy that the penetration has taken. Without gravity, a grain in
+/// a wedge also has very many bounces, which become shorter and shorter.
 #[inline(always)]
-fn excess_penetration(depth: f64, coordinates: DVec3, reach: f64) -> f64 {
-    if depth > PENETRATION * (coordinates.max_element() + reach) { depth } else { 0.0 }
+fn penetration_to_correct(depth: f64, coordinates: DVec3, reach: f64) -> f64 {
+    if depth > PENETRATION_TOLERANCE * (coordinates.max_element() + reach) { depth } else { 0.0 }
 }
 
-/// Position and velocity of particle i in its own event at `time`, from which it sets out anew.
+/// Position and velocity of particle i in its own event at `time`, before the impact.
 #[inline(always)]
 fn state_at_event<F: Features>(world: &World, i: u32, time: i64) -> (DVec3, DVec3) {
     if !F::GRAVITY {
         return world.flight::<F>(i, time);
     }
     let particle = &world.particles[i as usize];
-    // A function of the particle and of the time: no search, no schedule and no resumed run rounds otherwise.
-    let random = mix(time as u64 ^ u64::from(i).rotate_left(32) ^ u64::from(particle.count).rotate_right(16));
+    // The bits depend on the particle and the time only, so that every search, scheduler and resumed run
+    // rounds in the same way.
+    let bits = mix(time as u64 ^ u64::from(i).rotate_left(32) ^ u64::from(particle.count).rotate_right(16));
     haff_mechanics::free_flight_stochastic(
         particle.position,
         particle.velocity,
         world.acceleration(i),
         world.age(i, time),
-        random,
+        bits,
     )
 }
 
-/// Stops where bodies are `depth` deep in each other, with the contact distance `sigma` and these
-/// coordinates, and that is more than rounding.
+/// Returns an error if a penetration of `depth` is more than rounding, for the contact distance `sigma` and
+/// these coordinates.
 #[cold]
-fn check_depth(
+fn check_penetration(
     world: &World,
     depth: f64,
     sigma: f64,
@@ -78,7 +79,7 @@ fn check_depth(
     Err(EngineError::Overlap { time: world.clock.time(time), i, partner, depth: depth / sigma })
 }
 
-/// Sets the anchor of particle i.
+/// Sets the anchor of particle i. Returns an error if the velocity is not finite.
 #[inline(always)]
 fn anchor(world: &mut World, i: u32, position: DVec3, velocity: DVec3, time: i64) -> Result<(), EngineError> {
     world.particles[i as usize].set_anchor(position, velocity, time);
@@ -88,7 +89,8 @@ fn anchor(world: &mut World, i: u32, position: DVec3, velocity: DVec3, time: i64
     Err(EngineError::Overflow { time: world.clock.time(time), i, velocity: velocity.to_array() })
 }
 
-/// Books what an impact at `now` takes. A hop of what rests on each other takes no energy but gives some.
+/// Adds the losses of an impact at `now`. A negative loss, of bodies that separate faster than they approach,
+/// is added to [`Term::Rest`].
 #[inline(always)]
 fn add_impact<F: Features>(accumulators: &mut Accumulators, now: f64, impact: &Impact) {
     if F::ELASTIC {
@@ -102,7 +104,7 @@ fn add_impact<F: Features>(accumulators: &mut Accumulators, now: f64, impact: &I
     }
 }
 
-/// Two particles collide at `time`.
+/// Resolves the collision of two particles at `time`.
 #[inline(always)]
 pub(crate) fn collision<F: Features, const EVENTS: bool>(
     state: &mut State,
@@ -111,7 +113,7 @@ pub(crate) fn collision<F: Features, const EVENTS: bool>(
     time: i64,
     observer: &mut dyn Observer,
 ) -> Result<(), EngineError> {
-    // The lesser first, so that the bits do not depend on which of the two was predicted.
+    // Lower index first, so that the bits do not depend on which of the two owned the entry.
     let (i, j) = (i.min(j), i.max(j));
     if F::GRAVITY {
         end_of_bounces_early::<EVENTS>(state, i, time, observer);
@@ -124,31 +126,30 @@ pub(crate) fn collision<F: Features, const EVENTS: bool>(
     let distance = r.length();
     let n = r / distance;
     let (a, b) = (*world.class(i), *world.class(j));
-    if (!F::UNIFORM || F::GRAVITY) && world.puts_back {
+    if (!F::UNIFORM || F::GRAVITY) && world.corrects_penetration {
         let sigma = a.radius + b.radius;
-        let depth = excess_penetration(sigma - distance, ri.abs().max(rj.abs()), sigma);
+        let depth = penetration_to_correct(sigma - distance, ri.abs().max(rj.abs()), sigma);
         if depth > 0.0 {
-            let places = ri.abs().max(rj.abs()).max(world.coordinates(i)).max(world.coordinates(j));
-            check_depth(world, depth, sigma, places, (i, Some(j)), time)?;
-            // By halves, whatever the masses: a light grain that a heavy one presses against a wall cannot
-            // move the heavy one by its share of their momentum, and would be pressed into the wall ever
-            // deeper.
-            let [back, on] = match (a.inverse_mass == 0.0, b.inverse_mass == 0.0) {
-                // Where grains are put to rest, `resolve_jam` stops jams; putting back ended a heap of the tests
-                // in a collapse.
+            let coordinates = ri.abs().max(rj.abs()).max(world.coordinates(i)).max(world.coordinates(j));
+            check_penetration(world, depth, sigma, coordinates, (i, Some(j)), time)?;
+            // By halves, whatever the masses. Shares by mass would move a light grain between a heavy one and
+            // a wall almost alone, and press it into the wall deeper and deeper.
+            let [shift_i, shift_j] = match (a.inverse_mass == 0.0, b.inverse_mass == 0.0) {
+                // Where grains are put to rest, `resolve_jam` resolves jams instead. With a correction here,
+                // one of the heaps in the tests ended in a collapse.
                 (false, false) if F::REST => [0.0; 2],
                 (false, false) => [0.5 * depth; 2],
                 (false, true) => [depth, 0.0],
                 (true, _) => [0.0, depth],
             };
-            ri -= n * back;
-            rj += n * on;
+            ri -= n * shift_i;
+            rj += n * shift_j;
         }
     }
     let contact = PairContact { bodies: [i, j], classes: [a, b], velocities: [wi, wj], r, distance, n, time };
     let (ui, uj, impact) = pair_law::resolve::<F>(world, &contact);
-    // A body of infinite mass keeps its anchor: its flight has not changed, and neither have predictions with
-    // it.
+    // A body of infinite mass keeps its anchor: its flight has not changed, so predictions with it stay
+    // valid.
     if a.inverse_mass != 0.0 {
         anchor(world, i, ri, ui, time)?;
     }
@@ -179,13 +180,13 @@ pub(crate) fn collision<F: Features, const EVENTS: bool>(
         }
     }
     if EVENTS {
-        let contact = state.world.periodicity.wrap(ri + n * a.radius).0;
-        observer.event(&row(now, EventKind::Collision, [i, j], &impact, n, contact));
+        let contact_point = state.world.periodicity.wrap(ri + n * a.radius).0;
+        observer.event(&row(now, EventKind::Collision, [i, j], &impact, n, contact_point));
     }
     Ok(())
 }
 
-/// Particle i meets a wall at `time`.
+/// Resolves the collision of particle i with a wall at `time`.
 #[inline]
 pub(crate) fn wall<F: Features, const EVENTS: bool>(
     state: &mut State,
@@ -201,10 +202,11 @@ pub(crate) fn wall<F: Features, const EVENTS: bool>(
     let (mut position, velocity) = state_at_event::<F>(world, i, time);
     let class = *world.class(i);
     let (gap, _) = world.wall_approach(wall, class.radius, position, velocity, time);
-    let depth = excess_penetration(-gap, position.abs(), class.radius);
+    let depth = penetration_to_correct(-gap, position.abs(), class.radius);
     if depth > 0.0 {
-        let places = position.abs().max(world.coordinates(i)).max(world.walls[wall as usize].point.abs());
-        check_depth(world, depth, class.radius, places, (i, None), time)?;
+        let coordinates =
+            position.abs().max(world.coordinates(i)).max(world.walls[wall as usize].point.abs());
+        check_penetration(world, depth, class.radius, coordinates, (i, None), time)?;
     }
     if depth > 0.0 || world.is_level(wall) {
         position -= world.walls[wall as usize].normal * gap;
@@ -227,20 +229,21 @@ pub(crate) fn wall<F: Features, const EVENTS: bool>(
 }
 
 /// A contact of a particle with a wall, before its impact.
-struct WallContact {
-    i: u32,
-    wall: u32,
+pub(crate) struct WallContact {
+    pub i: u32,
+    pub wall: u32,
     /// [ticks]
-    time: i64,
-    position: DVec3,
-    velocity: DVec3,
+    pub time: i64,
+    pub position: DVec3,
+    pub velocity: DVec3,
     /// Unit normal into the wall.
-    n: DVec3,
-    wall_velocity: DVec3,
+    pub n: DVec3,
+    pub wall_velocity: DVec3,
 }
 
-/// A particle leaves a wall with a given velocity. What is not work of a moving wall is energy of `term`.
-fn reflect<const EVENTS: bool>(
+/// Lets a particle leave a wall with a given velocity. The energy that is not work of the moving wall is
+/// added to `term`.
+pub(crate) fn reflect<const EVENTS: bool>(
     state: &mut State,
     contact: &WallContact,
     velocity: DVec3,
@@ -261,18 +264,18 @@ fn reflect<const EVENTS: bool>(
     }
     accumulators.add_impulse(change * class.mass);
     if EVENTS {
-        // Along the normal; energy of a term is no loss by restitution.
+        // Only the normal components. The energy of `term` is not a loss by restitution.
         let approach_speed = before.dot(n);
         let impulse = -class.mass * change.dot(n);
         let impact = Impact { approach_speed, impulse, ..Impact::default() };
-        let place = state.world.periodicity.wrap(position + n * class.radius).0;
-        observer.event(&row(now, EventKind::Wall, [i, wall], &impact, n, place));
+        let contact_point = state.world.periodicity.wrap(position + n * class.radius).0;
+        observer.event(&row(now, EventKind::Wall, [i, wall], &impact, n, contact_point));
     }
     keep_support(state, i, time);
     Ok(())
 }
 
-/// A particle meets a wall with a law of restitution.
+/// Resolves a collision of a particle with a wall by a law of restitution.
 #[inline(always)]
 fn bounce<F: Features, const EVENTS: bool>(
     state: &mut State,
@@ -285,23 +288,21 @@ fn bounce<F: Features, const EVENTS: bool>(
     let before = if F::GRAVITY { (world.support(i), world.acceleration(i)) } else { Default::default() };
     let speed = haff_mechanics::approach_speed(velocity, wall_velocity, n);
     let e = coefficient::<F>(world, law, speed, time, [(i, &class), (i, &class)]);
-    let mut among_grains = false;
-    // As for two spheres: a tilted normal is a unit vector only to rounding, and always off the same way.
+    let mut repeated = false;
+    // Resolved as for two spheres, without assuming |n| = 1: the length of a tilted normal has a rounding
+    // error, which is the same at every impact.
     let (after, _, impact) = if F::REST {
         let acceleration = world.acceleration(i).dot(n);
-        among_grains = contact::is_among_grains(world, i, wall, speed, acceleration, time);
-        let separation = if among_grains {
-            contact::separation_speed(world, e, speed, acceleration, true)
-        } else {
-            e * speed
-        };
+        repeated = contact::is_repeated_wall_contact(world, i, wall, speed, acceleration, time);
+        let separation =
+            if repeated { contact::separation_speed(world, e, speed, acceleration, true) } else { e * speed };
         impact_with_separation([velocity, wall_velocity], [class.inverse_mass, 0.0], n, e, speed, separation)
     } else {
         resolve_contact(velocity, wall_velocity, class.inverse_mass, 0.0, n, e)
     };
     anchor(world, i, position, after, time)?;
     if F::REST {
-        world.particles[i as usize].set_recently_hit(among_grains);
+        world.particles[i as usize].set_recently_hit(repeated);
     }
 
     let now = world.clock.time(time);
@@ -313,12 +314,12 @@ fn bounce<F: Features, const EVENTS: bool>(
         accumulators.add_energy(Term::WallWork, now, work_of_moving_body(impact.impulse, n, wall_velocity));
     }
     if EVENTS {
-        let contact = world.periodicity.wrap(position + n * class.radius).0;
-        observer.event(&row(now, EventKind::Wall, [i, wall], &impact, n, contact));
+        let contact_point = world.periodicity.wrap(position + n * class.radius).0;
+        observer.event(&row(now, EventKind::Wall, [i, wall], &impact, n, contact_point));
     }
     if F::GRAVITY {
         keep_support(state, i, time);
-        if !among_grains
+        if !repeated
             && wall_velocity == DVec3::ZERO
             && state.world.wall_law(&class, wall).has_series()
             && let Some(rest) = come_to_rest(state, i, wall, law, before, time)
@@ -329,19 +330,24 @@ fn bounce<F: Features, const EVENTS: bool>(
     Ok(())
 }
 
-/// Completes the series of bounces of particle i on a wall if it is over but for its tail, which is still to
-/// be booked.
+/// Completes the series of bounces of particle i on a wall, if the next bounce is low enough. Returns the
+/// rest of the series, whose losses are added at its end.
 ///
-/// From the outgoing speed u under the acceleration a towards the wall, bounces follow at u, eu, e²u, … and take
-/// 2u/a, 2eu/a, …: together 2u/(a(1 − e)). Their impulses add up to (1 + e) m u/(1 − e), their losses to all
-/// that is left, ½ m u², and their Carnot energies to ½ m u² (1 + e)/(1 − e). Where e depends on the speed,
-/// v₀ = u, v₁ = e(v₀) v₀, …, the sums are 2 Σ vₖ/a, m (2 Σ vₖ − u), ½ m u² and ½ m Σ (vₖ + vₖ₊₁)². Where e
-/// tends to 1 so soon that bounces never end, the next one is the last: the tick of no clock could tell what
-/// would follow.
+/// Under the acceleration a towards the wall, flights with the outgoing speeds u, eu, e²u, … follow. Each
+/// ends with an impact. The sums over the series are
 ///
-/// A particle that slides along other walls into this one is thrown off those by the bounce, falls back on
-/// them, and so on: that series is complete when it is over as seen along the slide. `before` is the support
-/// and acceleration of the slide.
+/// * duration: 2u/a + 2eu/a + … = 2u/(a(1 − e)),
+/// * impulses: (1 + e) m u/(1 − e),
+/// * losses: the remaining energy ½ m u²,
+/// * Carnot energies: ½ m u² (1 + e)/(1 − e).
+///
+/// If e depends on the speed, v₀ = u, v₁ = e(v₀) v₀, …, the same sums are 2 Σ vₖ/a, m (2 Σ vₖ − u), ½ m u²
+/// and ½ m Σ (vₖ + vₖ₊₁)². If e tends to 1 so fast that the bounces never end, the next bounce is made the
+/// last: no tick is short enough to resolve the later ones.
+///
+/// A particle that slides along other walls into this one leaves those walls at the bounce, falls back to
+/// them, and so on. That series is completed once it is low enough for the acceleration along the slide.
+/// `before` is the support and the acceleration before the bounce.
 fn come_to_rest(
     state: &mut State,
     i: u32,
@@ -352,10 +358,11 @@ fn come_to_rest(
 ) -> Option<Pending> {
     let world = &mut state.world;
     let normal = world.walls[wall as usize].normal;
-    let (slid_on, slide) = before;
-    let (acceleration, acceleration_of_slide) = (-world.acceleration(i).dot(normal), -slide.dot(normal));
-    let sliding = slid_on != [None; 3] && acceleration_of_slide > 0.0;
-    let acceleration = if sliding { acceleration_of_slide } else { acceleration };
+    let (sliding_support, acceleration_before) = before;
+    let (acceleration, sliding_acceleration) =
+        (-world.acceleration(i).dot(normal), -acceleration_before.dot(normal));
+    let sliding = sliding_support != [None; 3] && sliding_acceleration > 0.0;
+    let acceleration = if sliding { sliding_acceleration } else { acceleration };
     if law.is_elastic() || acceleration <= 0.0 {
         return None;
     }
@@ -364,7 +371,7 @@ fn come_to_rest(
     let u = velocity.dot(normal).max(0.0);
     let rises = u * u > 2.0 * acceleration * REST_HEIGHT * class.radius;
     if rises
-        && !is_rounding_of_bounces(
+        && !is_loss_below_rounding(
             &law,
             u,
             acceleration,
@@ -374,20 +381,20 @@ fn come_to_rest(
     {
         return None;
     }
-    let mut support = if sliding { slid_on } else { world.support(i) };
-    let free = support.iter_mut().find(|place| place.is_none())?;
-    let bounces = law.bounces(u).unwrap_or(LAST);
+    let mut support = if sliding { sliding_support } else { world.support(i) };
+    let slot = support.iter_mut().find(|wall| wall.is_none())?;
+    let bounces = law.bounces(u).unwrap_or(PLASTIC_END);
     let ticks = 2.0 * u * bounces.speeds / acceleration * world.clock.per_time;
     if ticks > HORIZON {
         return None;
     }
-    *free = Some(wall as u16);
+    *slot = Some(wall as u16);
     let normals = support.into_iter().flatten().map(|wall| world.walls[usize::from(wall)].normal);
-    let settled = along(velocity, normals);
+    let remaining = tangential_velocity(velocity, normals);
     world.set_support(i, support, time);
-    world.particles[i as usize].velocity = settled;
-    let lost = velocity - settled;
-    let energy = 0.5 * class.mass * lost.dot(velocity + settled);
+    world.particles[i as usize].velocity = remaining;
+    let lost = velocity - remaining;
+    let energy = 0.5 * class.mass * lost.dot(velocity + remaining);
     let rest = Pending {
         end: time + crate::clock::whole(ticks),
         wall,
@@ -396,24 +403,24 @@ fn come_to_rest(
         energy_loss: energy,
         carnot_energy: energy * bounces.squares,
     };
-    // From here on the support balances gravity; what the tail does beyond that is to take the last of the
-    // velocity.
+    // From now on the support balances gravity. Beyond that, the rest of the series only removes the velocity
+    // towards the wall.
     state.accumulators.add_impulse(lost * -class.mass);
     Some(rest)
 }
 
-/// Whether the next bounce, from the outgoing speed `u` under the `acceleration` towards the wall, takes no more
-/// energy than half an ulp of the velocity and of coordinates up to `reach` are worth.
+/// Whether the energy loss of the next bounce, from the outgoing speed `u` under the `acceleration` towards
+/// the wall, is at most the energy of half an ulp of the velocity and of coordinates up to `reach`.
 ///
-/// A law that tends to 1 at low speed takes ever less. Further bounces would then be as high as rounding
-/// makes them, and never end.
-fn is_rounding_of_bounces(law: &Restitution, u: f64, acceleration: f64, velocity: DVec3, reach: f64) -> bool {
+/// With a law that tends to 1 at low speed the losses become smaller and smaller. Rounding would then
+/// determine the height of further bounces, and they would never end.
+fn is_loss_below_rounding(law: &Restitution, u: f64, acceleration: f64, velocity: DVec3, reach: f64) -> bool {
     let e = law.coefficient(u);
     (1.0 - e) * (1.0 + e) * u * u <= f64::EPSILON * (acceleration * reach + u * velocity.abs().max_element())
 }
 
-/// The part of a velocity along walls with these normals.
-fn along(velocity: DVec3, mut normals: impl Iterator<Item = DVec3>) -> DVec3 {
+/// The component of a velocity that is tangential to all walls with these normals.
+fn tangential_velocity(velocity: DVec3, mut normals: impl Iterator<Item = DVec3>) -> DVec3 {
     match (normals.next(), normals.next(), normals.next()) {
         (Some(n), None, _) => velocity - n * velocity.dot(n),
         (Some(n), Some(m), None) => {
@@ -429,8 +436,8 @@ fn along(velocity: DVec3, mut normals: impl Iterator<Item = DVec3>) -> DVec3 {
     }
 }
 
-/// Lets go of the supporting walls that particle i now moves away from, or into: it flies again. Those that
-/// keep it push back what rounding has left of its speed towards them.
+/// Keeps only those supporting walls of particle i along which it now moves. The others no longer support it.
+/// Sets the speed towards the kept walls, which is rounding error, to zero.
 pub(crate) fn keep_support(state: &mut State, i: u32, time: i64) {
     let world = &mut state.world;
     if !world.particles[i as usize].rests() {
@@ -456,7 +463,7 @@ pub(crate) fn keep_support(state: &mut State, i: u32, time: i64) {
     state.accumulators.add_impulse((velocity - before) * mass);
 }
 
-/// The completed series of particle i has come to its end.
+/// Ends the completed series of bounces of particle i, and records its losses.
 pub(crate) fn end_of_rest<const EVENTS: bool>(
     state: &mut State,
     i: u32,
@@ -478,12 +485,12 @@ pub(crate) fn end_of_rest<const EVENTS: bool>(
             carnot_energy: rest.carnot_energy,
             ..Impact::default()
         };
-        let contact = world.periodicity.wrap(position + n * world.class(i).radius).0;
-        observer.event(&row(now, EventKind::Rest, [i, rest.wall], &impact, n, contact));
+        let contact_point = world.periodicity.wrap(position + n * world.class(i).radius).0;
+        observer.event(&row(now, EventKind::Rest, [i, rest.wall], &impact, n, contact_point));
     }
 }
 
-/// Another event ends the tail of a series of bounces before its time: the tail is booked now.
+/// Before another event of particle i: ends its completed series of bounces now, if there is one.
 #[inline]
 pub(crate) fn end_of_bounces_early<const EVENTS: bool>(
     state: &mut State,

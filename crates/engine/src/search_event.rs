@@ -1,8 +1,8 @@
-//! The events that the calendar of a search announces.
+//! The events of the calendar of a search.
 
 use crate::entry::{self, Kind};
 
-/// What the entries of this calendar announce.
+/// The kind of event of an entry in this calendar.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) enum SearchEvent {
     /// Collision with particle `.0`.
@@ -11,9 +11,9 @@ pub(crate) enum SearchEvent {
     Wall(u32),
     /// End of a completed series of bounces.
     EndOfBounces,
-    /// Crossing into another cell, or update of a list, by the code of the search.
+    /// Crossing into another cell, or update of a list; `.0` is the code of the search.
     Crossing(u8),
-    /// Nothing within the horizon: a prediction is due there.
+    /// No event within the horizon; at the horizon the particle is predicted again.
     Prediction,
 }
 

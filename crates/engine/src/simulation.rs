@@ -1,4 +1,4 @@
-//! The simulation: a state, the engine compiled for what it needs, and the clock's epochs.
+//! The simulation: a state, an engine compiled for the features of the system, and the epochs of the clock.
 
 use std::collections::BTreeMap;
 
@@ -20,7 +20,7 @@ use crate::{
     particles::World,
     report::{Counters, Frame, Observer, Sample, Stop},
     rest::{
-        standing::{SettlingScan, contacts_of_sleeping, scan},
+        settling_scan::{SettlingScan, contacts_of_asleep, scan},
         state::SettlingState,
         thresholds::Thresholds,
     },
@@ -30,21 +30,21 @@ use crate::{
     windows,
 };
 
-/// Largest number of particles: calendar entries keep two bits of an index for themselves.
+/// Largest number of particles: a calendar entry stores a tag in two of the 32 bits of an index.
 const MAX_PARTICLES: usize = (1 << 30) - 2;
 /// Largest number of walls.
 const MAX_WALLS: usize = u16::MAX as usize;
-/// The tick is changed at the end of an epoch when the system's time scale has changed by 2 to this power.
+/// The tick is changed at the end of an epoch if the system's time scale has changed by 2 to this power.
 const RETUNE_BITS: u32 = 2;
 
-/// How far one call of [`Simulation::advance`] may run.
+/// The bounds of one call of [`Simulation::advance`].
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Until {
-    /// Up to and with this time [time]; `f64::INFINITY` for no bound.
+    /// Up to and including this time [time]; `f64::INFINITY` for no bound.
     pub time: f64,
     /// Up to this total of sphere–sphere collisions; `u64::MAX` for no bound.
     pub collisions: u64,
-    /// At most this many calendar entries, so that the caller can look after signals and progress.
+    /// At most this many calendar entries, so that the caller can handle signals and report progress.
     pub entries: u64,
 }
 
@@ -56,7 +56,7 @@ impl Default for Until {
 
 /// A running simulation.
 pub struct Simulation {
-    /// Without its bodies, which are in the state.
+    /// The system without its bodies, which are in the state.
     system: System,
     species: Species,
     geometry: Geometry,
@@ -64,20 +64,20 @@ pub struct Simulation {
     engine: Box<dyn Engine>,
     choice: Choice,
     actions: Vec<Box<dyn TimedAction>>,
-    /// Time of the last stop as it was asked for [time]; the tick is only the nearest.
-    stopped_at: Option<f64>,
+    /// The requested time of the last stop [time]; the present tick is only the nearest one.
+    stop_time: Option<f64>,
 }
 
 impl Simulation {
     /// Starts a simulation at time 0.
     ///
-    /// The system must be valid: masses and radii positive, no overlaps, particles inside their walls, the
-    /// velocities finite, gravity zero along periodic axes.
+    /// The system must be valid: masses and radii are positive, nothing overlaps, particles are inside their
+    /// walls, velocities are finite, and gravity is zero along periodic axes.
     pub fn new(system: System, options: Options) -> Result<Self, EngineError> {
         let mut world = World::new(&system, 0);
         let extent = world.extent(open_axes(&system));
         let exponent = Clock::exponent_for(extent, world.largest_speed(extent));
-        // All anchors are at tick 0, whatever a tick is.
+        // All anchors are at tick 0, which is time 0 for any length of a tick.
         world.clock = Clock::new(exponent);
         let totals = Totals::of(&world);
         let accumulators = Accumulators {
@@ -124,22 +124,22 @@ impl Simulation {
         }
         let geometry = measure::geometry(&system, &state.world, choice.filled());
         let species = Species::new(&system);
-        // The state has them now; a quarter of the memory of a large system.
+        // The state has a copy of the bodies; they are a quarter of the memory of a large system.
         system.bodies = Vec::new();
         let engine = choice.compile(&system, &geometry);
         let mut simulation =
-            Self { system, species, geometry, state, engine, choice, actions, stopped_at: None };
+            Self { system, species, geometry, state, engine, choice, actions, stop_time: None };
         simulation.rebuild();
         Ok(simulation)
     }
 
-    /// Has the engine search and predict everything afresh.
+    /// Rebuilds the engine's search and all its predictions from the state.
     fn rebuild(&mut self) {
         self.engine.rebuild(&mut self.state, &self.geometry);
         self.choice.after(self.state.accumulators.counters.collisions);
     }
 
-    /// Looks whether another engine serves the present state better. No choice changes the trajectory.
+    /// Changes the engine if another one is better for the present state. No choice changes the trajectory.
     #[cold]
     fn reconsider(&mut self) {
         self.choice.after(self.state.accumulators.counters.collisions);
@@ -150,10 +150,10 @@ impl Simulation {
         }
     }
 
-    /// Runs events until the first of the bounds, or until nothing will move any more.
+    /// Runs events until the first of the bounds, or until nothing moves and no event is due.
     pub fn advance(&mut self, until: Until, observer: &mut dyn Observer) -> Result<Stop, EngineError> {
-        self.stopped_at = None;
-        if self.rests() {
+        self.stop_time = None;
+        if self.is_finished() {
             return Ok(Stop::Rest);
         }
         let mut entries = until.entries;
@@ -162,7 +162,7 @@ impl Simulation {
             let action = self.actions.iter().map(|action| action.next(&self.state)).min().unwrap_or(i64::MAX);
             let slice = entries.min(self.choice.patience);
             let mut limit = Limit {
-                // Events at the very end of an epoch belong to the next.
+                // Events at the last tick of an epoch belong to the next epoch.
                 ticks: target.min(EPOCH - 1).min(action),
                 collisions: until.collisions.min(self.choice.review),
                 entries: slice,
@@ -179,7 +179,7 @@ impl Simulation {
                 Pause::Rest => return Ok(Stop::Rest),
                 Pause::Jam => {
                     let changed = scan(&mut self.state, &self.geometry, true, observer);
-                    if self.take_over(&changed, until, &mut entries) {
+                    if self.reschedule_changed(&changed, until, &mut entries) {
                         return Ok(Stop::Rest);
                     }
                 }
@@ -192,7 +192,7 @@ impl Simulation {
                     }
                     changed.sort_unstable();
                     changed.dedup();
-                    if self.take_over(&changed, until, &mut entries) {
+                    if self.reschedule_changed(&changed, until, &mut entries) {
                         return Ok(Stop::Rest);
                     }
                 }
@@ -201,12 +201,12 @@ impl Simulation {
                         return Ok(Stop::Rest);
                     }
                     if target < EPOCH {
-                        self.stopped_at = Some(until.time);
+                        self.stop_time = Some(until.time);
                         return Ok(Stop::Time);
                     }
                     self.next_epoch();
-                    // A long flight without events must not keep the caller waiting: an epoch counts as an
-                    // entry for each particle.
+                    // An epoch counts as one entry per particle: a long flight without events must return
+                    // to the caller, too.
                     entries = entries.saturating_sub(1 + self.particles() as u64);
                 }
                 Pause::Collisions => {
@@ -225,10 +225,10 @@ impl Simulation {
         }
     }
 
-    /// Has the scheduler predict what an action has changed. Whether nothing moves or will move any more.
+    /// Predicts the particles that an action has changed. Returns whether nothing moves and no event is due.
     ///
-    /// All particles are predicted at once where most have changed.
-    fn take_over(&mut self, changed: &[u32], until: Until, entries: &mut u64) -> bool {
+    /// If most particles have changed, the engine is rebuilt instead.
+    fn reschedule_changed(&mut self, changed: &[u32], until: Until, entries: &mut u64) -> bool {
         let idle = self.engine.is_idle();
         if 2 * changed.len() > self.particles() {
             for &i in changed {
@@ -246,27 +246,27 @@ impl Simulation {
         ended || (until.time == f64::INFINITY && idle && self.engine.is_idle())
     }
 
-    /// Whether drives may set particles in motion that are at rest.
+    /// Whether there are drives: they can set particles at rest in motion.
     fn is_driven(&self) -> bool {
         !self.system.drives.is_empty()
     }
 
-    /// Whether nothing moves, nor will.
-    fn rests(&self) -> bool {
+    /// Whether nothing moves and nothing will.
+    fn is_finished(&self) -> bool {
         self.state.is_at_rest() && !self.is_driven()
     }
 
-    /// Writes what the timed actions of a resumed run need.
+    /// Saves the state of the timed actions for a resumed run.
     pub(crate) fn save_actions(&self, put: &mut dyn FnMut(&str, u64)) {
         self.actions.iter().for_each(|action| action.save(put));
     }
 
-    /// Finds the contacts of the particles at rest in a state.
-    pub(crate) fn find_contacts_of_sleeping(&mut self) {
-        self.state.settling.near = contacts_of_sleeping(&self.state.world, &self.geometry);
+    /// Finds the contacts of all particles at rest, which a checkpoint does not contain.
+    pub(crate) fn find_contacts_of_asleep(&mut self) {
+        self.state.settling.contacts = contacts_of_asleep(&self.state.world, &self.geometry);
     }
 
-    /// Re-bases the clock by one epoch; chooses a new tick if the system has become much slower or faster.
+    /// Starts the next epoch of the clock. Chooses a new tick if the system has become much slower or faster.
     fn next_epoch(&mut self) {
         let world = &mut self.state.world;
         world.now = EPOCH;
@@ -280,9 +280,9 @@ impl Simulation {
                 world.particles[i as usize].time -= EPOCH;
                 continue;
             }
-            // The anchor moves along its own flight, to the last new tick before where it was, but no further
-            // back than `ANCHOR_AGE`: what has happened to it lately (the TC model asks) stays as long ago as
-            // it was.
+            // The anchor moves along its own flight: to the first new tick at or after its old time, but at
+            // most `ANCHOR_AGE` before the present. So the time since a recent event does not change: the TC
+            // model depends on it.
             let clock = if retune { old.with_exponent(exponent) } else { old };
             let ticks = (age as f64 * (old.tick / clock.tick)).min(ANCHOR_AGE as f64).floor();
             let ahead = age as f64 * old.tick - ticks * clock.tick;
@@ -321,12 +321,12 @@ impl Simulation {
 
     /// Present simulated time [time].
     pub fn time(&self) -> f64 {
-        self.stopped_at.unwrap_or_else(|| self.state.world.clock.time(self.state.world.now))
+        self.stop_time.unwrap_or_else(|| self.state.world.clock.time(self.state.world.now))
     }
 
-    /// Sets the time of the present as it was asked for.
-    pub(crate) fn stand_at(&mut self, time: f64) {
-        self.stopped_at = Some(time);
+    /// Sets the requested time of the present.
+    pub(crate) fn set_stop_time(&mut self, time: f64) {
+        self.stop_time = Some(time);
     }
 
     /// All particles now, in the order of the system.
@@ -334,24 +334,24 @@ impl Simulation {
         measure::frame(&self.state, self.time())
     }
 
-    /// One row of observables; the pressure and the rates are those since the previous call.
+    /// One row of observables. Pressure and rates are averages since the previous call.
     pub fn sample(&mut self) -> Sample {
         let time = self.time();
         measure::sample(&self.system, &self.species, &mut self.state, time)
     }
 
-    /// Energies and their balance now.
+    /// Present energies and their balance.
     pub fn ledger(&self) -> Ledger {
         measure::ledger(&Totals::of(&self.state.world), &self.state.accumulators, &self.state.pending)
     }
 
-    /// What has been done so far.
+    /// The counters so far.
     pub fn counters(&self) -> Counters {
         self.state.accumulators.counters
     }
 
-    /// Finds the deepest overlap now over all close pairs and walls, and keeps the largest for
-    /// [`Self::max_overlap`]. An error, if it is more than rounding (see
+    /// Finds the deepest present overlap of all close pairs and of particles with walls, and updates
+    /// [`Self::max_overlap`]. Returns an error if it is more than rounding (see
     /// [`allowed_overlap`](crate::allowed_overlap)).
     pub fn measure_overlap(&mut self) -> Result<Overlap, EngineError> {
         let found = overlap::deepest(&self.state.world, &self.geometry);
@@ -369,7 +369,7 @@ impl Simulation {
         self.state.accumulators.max_overlap
     }
 
-    /// Hash of every particle's position, velocity and image now, as 32 hexadecimal digits.
+    /// Hash of the present position, velocity and image of every particle, as 32 hexadecimal digits.
     pub fn state_hash(&self) -> String {
         format!("{:032x}", measure::hash(&self.state.world))
     }
@@ -379,7 +379,7 @@ impl Simulation {
         self.state.world.particles.len()
     }
 
-    /// The system that is simulated, without its bodies: where they are now tells [`Self::frame`].
+    /// The simulated system without its bodies; [`Self::frame`] returns their present state.
     pub fn system(&self) -> &System {
         &self.system
     }
@@ -389,8 +389,8 @@ impl Simulation {
         self.choice.neighbors
     }
 
-    /// Reverses every velocity: an elastic system without driven bodies retraces its path. Anchors are set to
-    /// now.
+    /// Reverses every velocity and sets all anchors to the present. An elastic system without driven bodies
+    /// then retraces its path.
     pub fn reverse(&mut self) {
         let world = &mut self.state.world;
         for i in 0..world.particles.len() as u32 {
@@ -401,8 +401,8 @@ impl Simulation {
         self.rebuild();
     }
 
-    /// Checks what must always hold and what the engine itself does not look at: finite velocities, no
-    /// overlap beyond `tolerance` [contact distances], a closed ledger.
+    /// Checks invariants that the engine does not check while it runs: finite velocities, no overlap beyond
+    /// `tolerance` [contact distances], a closed energy balance.
     pub fn validate(&mut self, tolerance: f64) -> Result<(), EngineError> {
         let time = self.time();
         let frame = self.frame();
@@ -425,7 +425,7 @@ impl Simulation {
     }
 }
 
-/// The timed actions of a system, which still has its bodies.
+/// The timed actions of a system. The system must still have its bodies.
 pub(crate) fn actions(system: &System) -> Vec<Box<dyn TimedAction>> {
     let mut actions = drive::actions(system);
     if Thresholds::of(system).is_some() {
@@ -434,7 +434,7 @@ pub(crate) fn actions(system: &System) -> Vec<Box<dyn TimedAction>> {
     actions
 }
 
-/// Axes along which the system has no size of its own.
+/// Axes along which the domain has no size: open axes, and z in two dimensions.
 pub(crate) fn open_axes(system: &System) -> [bool; 3] {
     let mut open = system.domain.boundary.map(|boundary| boundary == Boundary::Open);
     open[2] |= system.dimension == Dimension::Two;

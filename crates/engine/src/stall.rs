@@ -1,4 +1,4 @@
-//! Detects an inelastic collapse: very many events at what is one time.
+//! Detects an inelastic collapse: very many events at almost one time.
 
 use std::collections::BTreeSet;
 
@@ -6,23 +6,24 @@ use glam::DVec3;
 
 use crate::{error::EngineError, particles::World};
 
-/// A run of events within this many ticks…
+/// Longest duration of a run of events that counts as a collapse [ticks].
 const SPAN: i64 = 1 << 10;
-/// …of more than this number, and this number per particle, is a collapse.
+/// A run within [`SPAN`] is a collapse if it has more events than this number, plus [`EVENTS_PER_PARTICLE`]
+/// for each particle.
 const EVENTS: u64 = 100_000;
 const EVENTS_PER_PARTICLE: u64 = 10;
-/// Of so many events after that the participants are noted.
-const NOTED: u64 = 10_000;
+/// The participants of this many further events are recorded before the collapse is reported.
+const RECORDED_EVENTS: u64 = 10_000;
 
-/// The run of events in progress. Only collisions, wall collisions and ends of rests count, which all engines
-/// have in common; checkpoints keep it. So a collapse is reported at the same event by every engine and after
-/// every resume.
+/// The present run of events. Only collisions, wall collisions and ends of series of bounces count: these are
+/// the same with every scheduler. Checkpoints contain the run. So a collapse is reported at the same event
+/// with every scheduler and after every resumption.
 #[derive(Debug, Clone, PartialEq)]
 pub(crate) struct Stall {
-    /// When it began \[ticks\], and events since then.
+    /// Start of the run \[ticks\], and number of events since then.
     pub since: i64,
     pub events: u64,
-    /// Participants of the last of very many events.
+    /// Participants of the last [`RECORDED_EVENTS`] events before a collapse.
     pub particles: BTreeSet<u32>,
     pub walls: BTreeSet<u32>,
 }
@@ -34,9 +35,9 @@ impl Default for Stall {
 }
 
 impl Stall {
-    /// Counts an event at `time` \[ticks\]; an error if there have been too many at what is one time.
+    /// Counts an event at `time` \[ticks\]. Returns an error if there have been too many at almost one time.
     #[inline(always)]
-    pub fn watch(
+    pub fn count_event(
         &mut self,
         world: &World,
         time: i64,
@@ -49,22 +50,22 @@ impl Stall {
         }
         if self.events > EVENTS + EVENTS_PER_PARTICLE * world.particles.len() as u64 {
             let (particles, wall) = participants();
-            return self.note(world, time, particles, wall);
+            return self.record_participants(world, time, particles, wall);
         }
         Ok(())
     }
 
-    /// Notes the particles and the wall of an event, and gives up when enough is known.
+    /// Records the particles and the wall of an event. Returns the error of a collapse after enough events.
     #[cold]
-    fn note(
+    fn record_participants(
         &mut self,
         world: &World,
         time: i64,
         particles: [u32; 2],
         wall: Option<u32>,
     ) -> Result<(), EngineError> {
-        let enough = EVENTS + EVENTS_PER_PARTICLE * world.particles.len() as u64 + NOTED;
-        if self.events + NOTED == enough + 1 {
+        let enough = EVENTS + EVENTS_PER_PARTICLE * world.particles.len() as u64 + RECORDED_EVENTS;
+        if self.events + RECORDED_EVENTS == enough + 1 {
             self.particles.clear();
             self.walls.clear();
         }
@@ -74,17 +75,17 @@ impl Stall {
             return Ok(());
         }
         let error = self.collapse(world, time, particles[0]);
-        // The event does not happen: from a checkpoint made now it is counted again.
+        // The event is not resolved: a run that resumes from here counts it again.
         self.events -= 1;
         Err(error)
     }
 
     fn collapse(&self, world: &World, time: i64, particle: u32) -> EngineError {
-        let least = self.particles.first().copied().unwrap_or(particle);
-        let first = world.state(least, time).0;
+        let lowest = self.particles.first().copied().unwrap_or(particle);
+        let first = world.state(lowest, time).0;
         let among: DVec3 =
             self.particles.iter().map(|&i| world.periodicity.nearest(world.state(i, time).0 - first)).sum();
-        // A particle at rest on a wall has no events with it any more.
+        // Supporting walls are added: a particle at rest on a wall has no more events with it.
         let supports = self.particles.iter().flat_map(|&i| world.support(i)).flatten().map(u32::from);
         let walls: BTreeSet<u32> = self.walls.iter().copied().chain(supports).collect();
         let position = first + among / self.particles.len() as f64;

@@ -1,4 +1,5 @@
-//! What a scheduler works on: the particles, the accumulators and what else decides about events to come.
+//! The state that a scheduler reads and changes: particles, accumulators, and everything else on which future
+//! events depend.
 
 use std::collections::BTreeMap;
 
@@ -9,27 +10,28 @@ use crate::{accumulators::Accumulators, particles::World, rest::state::SettlingS
 pub(crate) struct State {
     pub world: World,
     pub accumulators: Accumulators,
+    /// Completed series of bounces by particle.
     pub pending: BTreeMap<u32, Pending>,
     pub stall: Stall,
     pub settling: SettlingState,
 }
 
 impl State {
-    /// Whether nothing moves and no series of bounces is still to be booked.
+    /// Whether nothing moves and no completed series of bounces is pending.
     pub fn is_at_rest(&self) -> bool {
         self.pending.is_empty() && self.world.is_at_rest()
     }
 }
 
-/// A completed series of bounces, up to its end.
+/// A completed series of bounces that has not ended yet.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) struct Pending {
-    /// When the series ends [ticks].
+    /// End of the series [ticks].
     pub end: i64,
     pub wall: u32,
-    /// Approach speed of the first bounce left out [length/time].
+    /// Approach speed of the first bounce that is not computed [length/time].
     pub speed: f64,
-    /// Sums over the bounces left out.
+    /// Sums over all bounces that are not computed.
     pub impulse: f64,
     pub energy_loss: f64,
     pub carnot_energy: f64,

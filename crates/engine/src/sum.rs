@@ -1,9 +1,11 @@
 //! Compensated sums.
 
-/// Neumaier's compensated sum: the error of a long sum stays at a few ulp of its largest partial sum.
+/// Neumaier's compensated sum: the error of a long sum is a few ulp of its largest partial sum.
 #[derive(Debug, Clone, Copy, Default, PartialEq)]
-pub(crate) struct Sum {
+pub struct Sum {
+    /// The rounded sum.
     pub high: f64,
+    /// What rounding has removed from it.
     pub low: f64,
 }
 
@@ -12,7 +14,7 @@ impl Sum {
     #[inline]
     pub fn add(&mut self, term: f64) {
         let sum = self.high + term;
-        // Knuth's error of the sum, which is exact: no branch on which of the two is larger.
+        // Knuth's two-sum: the exact rounding error, without a branch on which operand is larger.
         let added = sum - self.high;
         self.low += (self.high - (sum - added)) + (term - added);
         self.high = sum;
@@ -25,7 +27,7 @@ impl Sum {
     }
 }
 
-/// Several [`Sum`]s side by side, such that the compiler adds to two or more at once.
+/// Several [`Sum`]s in arrays, so that the compiler can vectorize the additions.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Sums<const K: usize> {
     high: [f64; K],
@@ -35,7 +37,7 @@ pub(crate) struct Sums<const K: usize> {
 impl<const K: usize> Sums<K> {
     pub const ZERO: Self = Self { high: [0.0; K], low: [0.0; K] };
 
-    /// Adds a term to each.
+    /// Adds one term to each sum.
     #[inline]
     pub fn add(&mut self, terms: [f64; K]) {
         for k in 0..K {
@@ -45,8 +47,8 @@ impl<const K: usize> Sums<K> {
         }
     }
 
-    /// Adds other sums to them.
-    pub fn join(&mut self, others: &Self) {
+    /// Adds other sums, each to the one with the same index.
+    pub fn merge(&mut self, others: &Self) {
         self.add(others.high);
         self.add(others.low);
     }
@@ -76,7 +78,7 @@ mod tests {
 
     #[test]
     fn sums_side_by_side_and_in_blocks_lose_nothing() {
-        // Small terms after large ones that cancel: within a block of four, and across blocks.
+        // Small terms, and large terms that cancel: within four terms, and across the border of two blocks.
         let within = [1e17, 1.0, -1e17, 1.0];
         let across = |k: usize| match k {
             49 => 1e30,
@@ -89,7 +91,7 @@ mod tests {
             for k in 50 * block..50 * (block + 1) {
                 part.add([within[k % 4], across(k)]);
             }
-            sums.join(&part);
+            sums.merge(&part);
         }
         assert_eq!(sums.values(), [50.0, 98.0 * 0.125]);
     }

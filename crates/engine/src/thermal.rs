@@ -1,9 +1,10 @@
 //! Thermal walls: particles leave with velocities drawn from a Maxwell distribution at the wall's
 //! temperature.
 //!
-//! Relative to the wall, the normal component has the density p(v) = (m v/T) exp(−m v²/2T) of the flux, hence
-//! is √(−2 T ln u/m) of a uniform number u, and each tangential component is Gaussian of variance T/m.
-//! Detailed balance then holds, so that a gas in contact with such walls alone comes to equilibrium at T.
+//! Velocities are relative to the wall. The normal component has the density of the flux,
+//! p(v) = (m v/T) exp(−m v²/2T), so that it is √(−2 T ln u/m) for a uniform random number u. Each tangential
+//! component is Gaussian with variance T/m. Detailed balance then holds: a gas that is in contact with such
+//! walls only comes to equilibrium at T.
 
 use glam::DVec3;
 use haff_mechanics::Restitution;
@@ -22,8 +23,8 @@ pub struct ThermalWall {
 }
 
 impl ThermalWall {
-    /// The velocity relative to the wall after a contact of a particle of this mass; `None` if the reflection
-    /// is not thermal. `n` points into the wall.
+    /// Draws the velocity of a particle of this mass after a contact, relative to the wall; `None` if the
+    /// reflection is not thermal. `n` points into the wall.
     pub(crate) fn velocity(&self, mut draw: Draw, mass: f64, n: DVec3, dimension: usize) -> Option<DVec3> {
         if draw.uniform() >= self.accommodation {
             return None;

@@ -1,17 +1,17 @@
-//! Actions at stated times: settling scans, thermostats, whatever acts on the particles other than by their
-//! events.
+//! Actions at stated times: settling scans, thermostats, and whatever else changes particles outside of their
+//! own events.
 
 use haff_neighbors::Geometry;
 
 use crate::{error::EngineError, report::Observer, state::State};
 
-/// An action at stated times. The event loop runs up to the earliest one, and every scheduler predicts again
-/// what it has changed.
+/// An action at stated times. The event loop runs up to the earliest one. The scheduler then predicts again
+/// the particles that the action has changed.
 pub(crate) trait TimedAction: Send {
-    /// When the action is due next \[ticks\]; `i64::MAX` for never.
+    /// The next time of the action \[ticks\]; `i64::MAX` for never.
     fn next(&self, state: &State) -> i64;
 
-    /// Carries the action out at the present. Returns the particles whose anchors it has set.
+    /// Applies the action at the present. Returns the particles whose anchors it has set.
     fn apply(
         &mut self,
         state: &mut State,
@@ -19,10 +19,10 @@ pub(crate) trait TimedAction: Send {
         observer: &mut dyn Observer,
     ) -> Result<Vec<u32>, EngineError>;
 
-    /// Writes what a resumed run needs beside the state.
+    /// Saves the action's own data, which a resumed run needs beside the state.
     fn save(&self, _put: &mut dyn FnMut(&str, u64)) {}
 
-    /// Reads what [`Self::save`] has written in a run that is resumed at `time`.
+    /// Loads what [`Self::save`] has saved, in a run that is resumed at `time`.
     fn load(&mut self, _take: &mut dyn FnMut(&str) -> u64, _time: f64) -> Result<(), EngineError> {
         Ok(())
     }

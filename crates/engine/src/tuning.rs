@@ -1,11 +1,11 @@
 /*!
-Measured thresholds: numbers of particles and densities from which something else is faster.
+Measured thresholds: numbers of particles and packing fractions above which another method is faster.
 
-Each names the page of `benches/record/` that it comes from. None changes a trajectory. Numbers of particles
-follow the caches of the machines described there.
+Each threshold names the page of `benches/record/` with the measurements. No threshold changes a trajectory.
+The numbers of particles follow from the cache sizes of the machines described there.
 */
 
-/// A number for disks and one for spheres.
+/// A value for disks and one for spheres.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct PerDimension {
     pub disks: f64,
@@ -13,7 +13,7 @@ pub(crate) struct PerDimension {
 }
 
 impl PerDimension {
-    /// The number for this many dimensions, 2 or 3.
+    /// The value for this number of dimensions, 2 or 3.
     pub fn of(self, dimensions: usize) -> f64 {
         if dimensions == 2 { self.disks } else { self.spheres }
     }
@@ -21,56 +21,61 @@ impl PerDimension {
 
 /// Numbers of particles.
 pub(crate) mod particles {
-    /// Up to this many all pairs are tested (throughput.md).
+    /// All pairs are tested up to this number (throughput.md).
     pub(crate) const ALL_PAIRS: usize = 12;
-    /// Windows are chosen from this many on (throughput.md).
+    /// Windows are chosen from this number on (throughput.md).
     pub(crate) const WINDOWS: usize = 100;
 
-    /// The second-level cache no longer holds what events of the calendar with cells or lists read: it is
-    /// prefetched (throughput.md).
+    /// From this number on, the calendar with cells or lists prefetches the data of coming events, which no
+    /// longer fit in the second-level cache (throughput.md).
     pub(crate) const PREFETCH_CALENDAR: usize = 10_000;
-    /// The same for the lists of [`crate::nearby`] …
+    /// The same for the lists of [`crate::nearby`].
     pub(crate) const PREFETCH_LISTS: usize = 15_000;
-    /// … and for windows.
+    /// The same for windows.
     pub(crate) const PREFETCH_WINDOWS: usize = 20_000;
-    /// The third-level cache no longer holds the cells of windows: they are prefetched, too (throughput.md).
-    pub(crate) const PREFETCH_CELLS: usize = 100_000;
-    /// Members of lists come from the third-level cache: shorter lists are faster (throughput.md).
-    pub(crate) const SHORT_LISTS: usize = 40_000;
-    /// Events of windows wait for memory: their work is weighted more than that of opening windows
+    /// From this number on, windows also prefetch cells, which no longer fit in the third-level cache
     /// (throughput.md).
+    pub(crate) const PREFETCH_CELLS: usize = 100_000;
+    /// From this number on, members of lists are read from the third-level cache, and shorter lists are
+    /// faster (throughput.md).
+    pub(crate) const SHORT_LISTS: usize = 40_000;
+    /// Above this number, events of windows wait for memory, and their work has a larger weight relative to
+    /// that of opening windows (throughput.md).
     pub(crate) const WEIGHT_EVENTS: usize = 300_000;
 
-    /// Windows are opened on all cores (threads.md) …
+    /// From this number on, windows are opened on all cores (threads.md).
     pub(crate) const PARALLEL_WINDOWS: usize = 1 << 16;
-    /// … or from this many on, if contacts within a window are rare: what one core has written the other has
-    /// to fetch, and where events are most of the work this costs more than it gains.
+    /// From this number on, windows are opened on all cores if contacts within a window are rare
+    /// (threads.md). Events read data that another core has written, and where events are most of the work
+    /// this transfer costs more than the opening on all cores saves.
     pub(crate) const PARALLEL_RARE_WINDOWS: usize = 1 << 14;
-    /// Contacts are rare if there are fewer than one for so many particles.
+    /// Contacts are rare if a window has fewer than one contact for this number of particles.
     pub(crate) const RARE: usize = 8;
 
-    /// Up to this many, windows keep the array of contacts that a new one has been filled with (memory.md).
+    /// Up to this number, windows keep the array of the contacts found at their opening (memory.md).
     pub(crate) const KEEP_CONTACTS: usize = 800_000;
-    /// Overlaps are searched for in one slab of the box after the other (memory.md).
+    /// From this number on, overlaps are searched for in one slab of the box after the other (memory.md).
     pub(crate) const SLABS: usize = 200_000;
 }
 
-/// Packing fractions around the average particle above which lists are faster (throughput.md).
+/// Packing fractions around the average particle above which lists are chosen, because they are faster than
+/// another search (throughput.md).
 pub(crate) mod dense {
     use super::PerDimension;
 
-    /// Than cells, where all particles have one size …
+    /// Lists instead of cells, if all particles have the same size.
     pub(crate) const CELLS: PerDimension = PerDimension { spheres: 0.18, disks: 0.42 };
-    /// … and where they have not: the width of cells follows the largest, the shell of lists the mean.
+    /// Lists instead of cells, if sizes differ: the width of cells follows from the largest radius, the shell
+    /// of lists from the mean one.
     pub(crate) const CELLS_MIXED: PerDimension = PerDimension { spheres: 0.26, disks: 0.5 };
-    /// Than windows: the lists of [`crate::nearby`] …
+    /// The lists of [`crate::nearby`] instead of windows.
     pub(crate) const WINDOWS: PerDimension = PerDimension { spheres: 0.24, disks: 0.3 };
-    /// … from [`super::particles::PREFETCH_LISTS`] on, …
+    /// The same from [`super::particles::PREFETCH_LISTS`] particles on.
     pub(crate) const WINDOWS_LARGE: PerDimension = PerDimension { spheres: 0.29, disks: 0.34 };
-    /// … the lists of the calendar, …
+    /// The lists of the calendar instead of windows.
     pub(crate) const WINDOWS_OTHER: PerDimension = PerDimension { spheres: 0.38, disks: 0.7 };
-    /// … these under gravity …
+    /// The lists of the calendar instead of windows, under gravity.
     pub(crate) const WINDOWS_FALLING: PerDimension = PerDimension { spheres: 0.55, disks: 0.7 };
-    /// … and where sizes differ too much for [`crate::nearby`].
+    /// The lists of the calendar instead of windows, if sizes differ too much for [`crate::nearby`].
     pub(crate) const WINDOWS_WIDE: PerDimension = PerDimension { spheres: 0.46, disks: 0.7 };
 }

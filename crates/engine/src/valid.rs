@@ -1,8 +1,8 @@
-//! Checks of a checkpoint before the engine takes it over. A checksum only shows that a file is unchanged
-//! since it was written, not that its values are a possible state.
+//! Checks of a checkpoint before the engine uses it. A checksum only proves that a file is unchanged since it
+//! was written, not that its values form a possible state.
 //!
-//! Each bound is either one that no run can leave, or far wider than rounding errors. A checkpoint that the
-//! engine has written is never refused.
+//! Each bound is either one that no run can exceed, or far wider than rounding errors. A checkpoint that the
+//! engine has written is never rejected.
 
 use glam::DVec3;
 
@@ -21,23 +21,24 @@ use crate::{
     sum::Sum,
 };
 
-/// Largest counter: 146 years of 10⁹ events a second.
-const MOST: u64 = 1 << 62;
-/// Largest coordinate and velocity: their squares must be finite. Scenes allow 1e50.
-const FARTHEST: f64 = 1e150;
-/// How far an image must be from the ends of its type, so that a run can continue.
-const TURNS: u32 = 1 << 24;
-/// Largest overlap [contact distances]. Rounding makes 1e-12.
-const DEPTH: f64 = 1e-3;
-/// Overlap that the rounding of coordinates can make, as a part of the largest coordinate.
-const COORDINATE: f64 = 1e-12;
-/// Largest residual of the energy balance, relative to its largest term. Rounding makes 1e-12.
-const BALANCE: f64 = 1e-3;
-/// Largest excess of the clock's exponent over the one for the present speeds. The exponent is chosen at the
-/// start of an epoch, which is 64 crossing times long; speeds do not grow by 2^100 in that time.
-const COARSER: i32 = 100;
+/// Largest value of a counter: 146 years at 10⁹ events per second.
+const MAX_COUNT: u64 = 1 << 62;
+/// Largest coordinate and velocity: their squares must be finite. Scenes allow up to 1e50.
+const MAX_MAGNITUDE: f64 = 1e150;
+/// Least distance of an image number from the limits of its type, so that a run can continue.
+const SPARE_IMAGES: u32 = 1 << 24;
+/// Largest overlap [contact distances]. Rounding causes up to 1e-12.
+const MAX_OVERLAP: f64 = 1e-3;
+/// Largest overlap due to the rounding of coordinates, relative to the largest coordinate.
+const COORDINATE_ERROR: f64 = 1e-12;
+/// Largest residual of the energy balance, relative to its largest term. Rounding causes up to 1e-12.
+const MAX_RESIDUAL: f64 = 1e-3;
+/// Largest excess of the clock's exponent over the exponent for the present speeds. The exponent is chosen at
+/// the start of an epoch, which lasts 64 crossing times. Speeds do not change by a factor of 2^100 in that
+/// time.
+const MAX_EXPONENT_EXCESS: i32 = 100;
 
-/// An error unless a condition holds.
+/// Returns an error unless a condition holds.
 fn require(holds: bool, what: impl FnOnce() -> String) -> Result<(), EngineError> {
     if holds { Ok(()) } else { Err(EngineError::Checkpoint(what())) }
 }
@@ -71,7 +72,7 @@ pub(crate) fn exponent(bits: u64) -> Result<i32, EngineError> {
 /// Checks the clock, the present tick and the present time after a number of epochs.
 pub(crate) fn clock(clock: &Clock, now: i64, time: f64, epochs: u64) -> Result<(), EngineError> {
     count("epochs", epochs)?;
-    // The base is zero in the first epoch.
+    // In the first epoch the base is zero.
     let base = if epochs == 0 { 0.0 } else { f64::MAX };
     within("clock.base", clock.base, 0.0, base)?;
     // Each epoch adds at most half an ulp.
@@ -79,28 +80,28 @@ pub(crate) fn clock(clock: &Clock, now: i64, time: f64, epochs: u64) -> Result<(
     within("clock.base_low", clock.base_low, -low, low)?;
     require((0..=EPOCH).contains(&now), || format!("clock.now = {now} must be in [0, {EPOCH}] ticks"))?;
     let expected = clock.time(now);
-    let slack = slack(clock, time);
-    within("clock.time", time, expected - slack, expected + slack)
+    let tolerance = tolerance(clock, time);
+    within("clock.time", time, expected - tolerance, expected + tolerance)
 }
 
 /// Largest difference between a time and the time of its nearest tick [time].
-fn slack(clock: &Clock, time: f64) -> f64 {
+fn tolerance(clock: &Clock, time: f64) -> f64 {
     clock.tick + 16.0 * f64::EPSILON * (time.abs() + clock.base)
 }
 
 fn count(name: &str, count: u64) -> Result<(), EngineError> {
-    require(count <= MOST, || format!("{name} = {count} must be at most {MOST}"))
+    require(count <= MAX_COUNT, || format!("{name} = {count} must be at most {MAX_COUNT}"))
 }
 
-/// Checks the values of each particle, one by one, against the scene and the present tick of `world`.
+/// Checks the values of each particle against the scene and the present tick of `world`.
 pub(crate) fn particles(system: &System, world: &World, checkpoint: &Checkpoint) -> Result<(), EngineError> {
     let now = world.now;
     let flat = system.dimension == Dimension::Two;
     for i in 0..system.bodies.len() {
         let (position, velocity) = (checkpoint.position[i], checkpoint.velocity[i]);
         for (name, vector) in [("position", position), ("velocity", velocity)] {
-            require(vector.is_finite() && vector.abs().max_element() <= FARTHEST, || {
-                format!("{name}[{i}] = {vector:?} must be finite, at most {FARTHEST:e} in size")
+            require(vector.is_finite() && vector.abs().max_element() <= MAX_MAGNITUDE, || {
+                format!("{name}[{i}] = {vector:?} must be finite, at most {MAX_MAGNITUDE:e} in size")
             })?;
             require(!flat || vector.z == 0.0, || {
                 format!("{name}[{i}] = {vector:?} must have z = 0 in two dimensions")
@@ -112,18 +113,18 @@ pub(crate) fn particles(system: &System, world: &World, checkpoint: &Checkpoint)
         })?;
         for axis in 0..3 {
             let (x, size) = (position[axis], system.domain.size[axis]);
-            let (image, own) = (checkpoint.image[i][axis], system.bodies[i].image[axis]);
+            let (image, initial) = (checkpoint.image[i][axis], system.bodies[i].image[axis]);
             if system.domain.boundary[axis] == Boundary::Periodic {
                 require((0.0..=size).contains(&x), || {
                     format!("position[{i}][{axis}] = {x} must be in [0, {size}), a periodic axis")
                 })?;
-                let most = i32::MAX.unsigned_abs() - TURNS;
+                let most = i32::MAX.unsigned_abs() - SPARE_IMAGES;
                 require(image.unsigned_abs() <= most, || {
                     format!("image[{i}][{axis}] = {image} must be in [-{most}, {most}]")
                 })?;
             } else {
-                require(image == own, || {
-                    format!("image[{i}][{axis}] = {image} must be {own}: the axis is not periodic")
+                require(image == initial, || {
+                    format!("image[{i}][{axis}] = {image} must be {initial}: the axis is not periodic")
                 })?;
             }
         }
@@ -131,7 +132,7 @@ pub(crate) fn particles(system: &System, world: &World, checkpoint: &Checkpoint)
     Ok(())
 }
 
-/// Checks the walls and flags that were decoded for a particle from `code`.
+/// Checks the walls and flags of particle i, which were decoded from `code`.
 pub(crate) fn support(
     world: &World,
     i: u32,
@@ -176,7 +177,7 @@ pub(crate) fn pending(world: &World, i: u32, rest: &Pending) -> Result<(), Engin
     finite(&name("carnot_energy"), rest.carnot_energy)
 }
 
-/// Checks sums and counters one by one; `time` is the present.
+/// Checks each sum and counter; `time` is the present.
 pub(crate) fn accumulators(accumulators: &Accumulators, clock: &Clock, time: f64) -> Result<(), EngineError> {
     let counters = &accumulators.counters;
     for (name, number) in [
@@ -202,7 +203,7 @@ pub(crate) fn accumulators(accumulators: &Accumulators, clock: &Clock, time: f64
     finite("initial_potential", potential)?;
     at_least_zero("sampled_kinetic", accumulators.sampled_kinetic)?;
     at_least_zero("max_overlap", accumulators.max_overlap)?;
-    within("sampled_at", accumulators.sampled_at, 0.0, time + slack(clock, time))?;
+    within("sampled_at", accumulators.sampled_at, 0.0, time + tolerance(clock, time))?;
     for (name, sum) in [
         ("dissipated", &accumulators.dissipated),
         ("carnot", &accumulators.carnot),
@@ -230,7 +231,7 @@ fn total(name: &str, sum: &Sum) -> Result<(), EngineError> {
     finite(name, sum.value())
 }
 
-/// Checks the state as a whole, after its parts: positions now, overlaps and the energy balance.
+/// Checks the state as a whole, after its parts: present positions, overlaps and the energy balance.
 pub(crate) fn whole(system: &System, state: &State, time: f64) -> Result<(), EngineError> {
     at_least_zero("longest_flight", state.world.longest_flight)?;
     let State { world, accumulators, settling, .. } = state;
@@ -242,30 +243,30 @@ pub(crate) fn whole(system: &System, state: &State, time: f64) -> Result<(), Eng
         require(since <= now, || format!("settling.counted_since = {since} must be at most {now} ticks"))?;
         count("settling.waited", settling.waited)?;
         count("settling.recent_contacts", settling.recent_contacts)?;
-        require(settling.events == u64::MAX || settling.events <= MOST, || {
-            format!("settling.events = {} must be at most {MOST}", settling.events)
+        require(settling.events == u64::MAX || settling.events <= MAX_COUNT, || {
+            format!("settling.events = {} must be at most {MAX_COUNT}", settling.events)
         })?;
     }
     let stall = &state.stall;
     require(stall.since <= now, || format!("stall.since = {} must be at most {now} ticks", stall.since))?;
     count("stall.events", stall.events)?;
-    for (what, members, many) in
+    for (what, members, count) in
         [("particle", &stall.particles, world.particles.len()), ("wall", &stall.walls, world.walls.len())]
     {
-        require(members.last().is_none_or(|&last| (last as usize) < many), || {
-            format!("stall.{what}.{} is unknown: the scene has {many}", members.last().unwrap_or(&0))
+        require(members.last().is_none_or(|&last| (last as usize) < count), || {
+            format!("stall.{what}.{} is unknown: the scene has {count}", members.last().unwrap_or(&0))
         })?;
     }
     totals("force", &world.force.total)?;
     totals("force_impulse", &world.force.impulse)?;
-    within("force_until", world.force.until, 0.0, time + slack(&world.clock, time))?;
+    within("force_until", world.force.until, 0.0, time + tolerance(&world.clock, time))?;
 
     let mut farthest: f64 = 0.0;
     let mut smallest = f64::INFINITY;
     for i in 0..world.particles.len() as u32 {
         let (position, velocity) = world.state(i, now);
         let size = position.abs().max_element();
-        require(position.is_finite() && velocity.is_finite() && size <= FARTHEST, || {
+        require(position.is_finite() && velocity.is_finite() && size <= MAX_MAGNITUDE, || {
             format!("particle {i} would be at {position:?} now, at the velocity {velocity:?}")
         })?;
         farthest = farthest.max(size);
@@ -273,9 +274,9 @@ pub(crate) fn whole(system: &System, state: &State, time: f64) -> Result<(), Eng
     }
     let extent = world.extent(open_axes(system));
     let speed = world.largest_speed(extent);
-    let (found, suited) = (world.clock.exponent, Clock::exponent_for(extent, speed));
-    require(speed == 0.0 || found <= suited.saturating_add(COARSER), || {
-        format!("clock.exponent = {found}: the tick is far too coarse, {suited} would suit these speeds")
+    let (found, suitable) = (world.clock.exponent, Clock::exponent_for(extent, speed));
+    require(speed == 0.0 || found <= suitable.saturating_add(MAX_EXPONENT_EXCESS), || {
+        format!("clock.exponent = {found}: the tick is far too coarse, {suitable} would suit these speeds")
     })?;
 
     let walls =
@@ -283,7 +284,7 @@ pub(crate) fn whole(system: &System, state: &State, time: f64) -> Result<(), Eng
     let farthest = walls.fold(farthest.max(extent), f64::max);
     let deepest = overlap::deepest(world, &measure::geometry(system, world, f64::INFINITY)).deepest;
     let depth = deepest.depth;
-    require(depth <= DEPTH + COORDINATE * farthest / smallest, || {
+    require(depth <= MAX_OVERLAP + COORDINATE_ERROR * farthest / smallest, || {
         let (i, partner) = deepest.pair.unwrap_or_default();
         let partner = partner.map_or("a wall".to_owned(), |j| format!("particle {j}"));
         format!("particle {i} and {partner} would overlap by {depth:e} contact distances")
@@ -293,10 +294,10 @@ pub(crate) fn whole(system: &System, state: &State, time: f64) -> Result<(), Eng
     at_least_zero("the kinetic energy", ledger.kinetic)?;
     finite("the potential energy", ledger.potential)?;
     let (residual, kinetic) = (ledger.residual, ledger.kinetic);
-    require(residual.abs() <= BALANCE, || {
+    require(residual.abs() <= MAX_RESIDUAL, || {
         format!("energies do not balance: {residual:e} of them is missing, with the kinetic energy {kinetic}")
     })?;
-    // Losses are negative only by the rounding of energy differences.
+    // Losses can be negative only by the rounding of energy differences.
     let [first, start] = accumulators.initial_energy;
     let energies = [first, start, kinetic, ledger.potential].into_iter().chain(ledger.terms);
     let scale = energies.fold(0.0, |scale: f64, energy| scale.max(energy.abs()));

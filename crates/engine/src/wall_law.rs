@@ -1,12 +1,12 @@
 //! Laws of impact with walls.
 //!
-//! A new law is one more variant of [`WallLaw`], resolved in a file of its own.
+//! To add a law, add a variant of [`WallLaw`] and a file that resolves it.
 
 use haff_mechanics::Restitution;
 
 use crate::thermal::ThermalWall;
 
-/// What happens to a particle that touches a wall.
+/// The law of impact of a particle with a wall.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum WallLaw {
     /// The normal component of the relative velocity is reversed and multiplied by the coefficient of
@@ -23,7 +23,7 @@ impl From<Restitution> for WallLaw {
 }
 
 impl WallLaw {
-    /// The law of restitution, also of the impacts to which it alone applies.
+    /// The law of restitution; of a thermal wall, that of the reflections that are not thermal.
     pub fn restitution(&self) -> Restitution {
         match self {
             Self::Restitution(law) => *law,
@@ -31,11 +31,11 @@ impl WallLaw {
         }
     }
 
-    /// Whether bounces under gravity may become an infinite series, which is then completed in closed form.
+    /// Whether bounces under gravity may form an infinite series, which is then completed in closed form.
     pub(crate) fn has_series(&self) -> bool {
         match self {
             Self::Restitution(law) => !law.is_elastic(),
-            // A thermal reflection would end it.
+            // A thermal reflection would end the series.
             Self::Thermal(wall) => wall.accommodation == 0.0 && !wall.restitution.is_elastic(),
         }
     }

@@ -1,6 +1,6 @@
-//! How walls move: displacement and velocity at a time, and the next contact with a flight.
+//! Motions of walls: displacement and velocity at a time, and the next contact with a flight.
 //!
-//! A new motion is one more variant of [`WallMotion`]; nothing else in the engine depends on which it is.
+//! To add a motion, add a variant of [`WallMotion`]. Nothing else in the engine depends on the variants.
 
 use glam::DVec3;
 use haff_mechanics::time_to_plane;
@@ -11,7 +11,7 @@ pub enum WallMotion {
     /// At rest.
     #[default]
     Fixed,
-    /// At a constant velocity [length/time]; only its component along the normal acts on smooth spheres.
+    /// Moves at a constant velocity [length/time]. Only its normal component acts on smooth spheres.
     Constant(DVec3),
 }
 
@@ -22,13 +22,13 @@ impl From<DVec3> for WallMotion {
 }
 
 impl WallMotion {
-    /// Whether the wall moves at any time.
+    /// Whether the wall moves.
     #[inline]
     pub fn is_moving(&self) -> bool {
         !matches!(self, Self::Fixed)
     }
 
-    /// Velocity [length/time].
+    /// The velocity [length/time].
     #[inline]
     pub fn velocity(&self) -> DVec3 {
         match self {
@@ -37,7 +37,7 @@ impl WallMotion {
         }
     }
 
-    /// Displacement since time 0 at a `time` [length].
+    /// Displacement from time 0 to `time` [length].
     #[inline]
     pub fn displacement(&self, time: f64) -> DVec3 {
         match self {
@@ -46,13 +46,13 @@ impl WallMotion {
         }
     }
 
-    /// Time until a body touches the wall that is at this `distance` \[length\] from it, with this `rate` of
-    /// change [length/time] and relative acceleration `acceleration` [length/time²], both along the normal; `None` if
-    /// it never does.
+    /// Time until a body at this `distance` \[length\] touches the wall; `None` if it never does. `rate` is
+    /// the rate of change of the distance [length/time], `acceleration` the relative acceleration along the
+    /// normal [length/time²].
     #[inline]
     pub(crate) fn time_to_contact(&self, distance: f64, rate: f64, acceleration: f64) -> Option<f64> {
         match self {
-            // In the frame of the wall both are at rest.
+            // In the frame of the wall, a wall at constant velocity is at rest, too.
             Self::Fixed | Self::Constant(_) => time_to_plane(distance, rate, acceleration),
         }
     }

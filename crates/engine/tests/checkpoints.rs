@@ -1,4 +1,4 @@
-//! Checkpoints with impossible values are refused with a message that names the value; true checkpoints are
+//! Checkpoints with impossible values are refused with a message that names the value; valid checkpoints are
 //! accepted.
 
 mod common;
@@ -73,7 +73,7 @@ fn scalar<'a>(checkpoint: &'a mut Checkpoint, name: &str) -> &'a mut u64 {
 }
 
 #[test]
-fn true_checkpoints_are_accepted_at_any_time() {
+fn valid_checkpoints_are_accepted_at_any_time() {
     for (scene, times) in [
         (heap(), &[0.0, 0.5, 3.0, 9.0, 12.0, 40.0, 500.0][..]),
         (disks(), &[0.0, 1.0, 30.0, 300.0]),
@@ -90,7 +90,7 @@ fn true_checkpoints_are_accepted_at_any_time() {
     }
 }
 
-/// With so many walls the code of three of them does not fit into 30 bits.
+/// With this many walls the code of a set of three walls has more than 30 bits.
 #[test]
 fn grains_in_a_corner_of_the_last_of_many_walls_stay_there() {
     let mut scene = system(Dimension::Three, DVec3::splat(9.0), [Boundary::Open; 3]);
@@ -125,7 +125,7 @@ type Damage = (&'static str, fn(&mut Checkpoint));
 const REAL: [f64; 4] = [f64::NAN, f64::INFINITY, -1e300, 1e300];
 
 #[test]
-fn impossible_states_are_refused_by_name() {
+fn errors_name_the_impossible_value() {
     let damages: [Damage; 40] = [
         ("position[0] = DVec3(1e300", |c| c.position[0].x = 1e300),
         ("position[3] = DVec3(NaN", |c| c.position[3].x = f64::NAN),
@@ -178,7 +178,7 @@ fn impossible_states_are_refused_by_name() {
         ("energies do not balance", |c| *scalar(c, "dissipated.high") = (-5000_f64).to_bits()),
         ("force_until = ", |c| *scalar(c, "force_until") = 1e9_f64.to_bits()),
         ("settling.next = -5", |c| *scalar(c, "settling.next") = -5_i64 as u64),
-        ("stands there twice", |c| {
+        ("is given twice", |c| {
             let first = c.scalars[0].clone();
             c.scalars.push(first);
         }),
@@ -186,13 +186,13 @@ fn impossible_states_are_refused_by_name() {
     let scene = heap();
     let good = advanced(&scene, 9.0).checkpoint();
     restore(&scene, &good).unwrap();
-    for (told, damage) in damages {
+    for (expected, damage) in damages {
         let mut bad = good.clone();
         damage(&mut bad);
-        let error = restore(&scene, &bad).map(|_| ()).expect_err(told);
+        let error = restore(&scene, &bad).map(|_| ()).expect_err(expected);
         assert!(
-            matches!(error, EngineError::Checkpoint(_)) && error.to_string().contains(told),
-            "{told}: {error}"
+            matches!(error, EngineError::Checkpoint(_)) && error.to_string().contains(expected),
+            "{expected}: {error}"
         );
     }
     // Every real number must be finite.
@@ -230,7 +230,7 @@ const COUNTS: [&str; 17] = [
     "counted_since",
 ];
 
-/// A grain whose series of bounces is completed and has not ended.
+/// A checkpoint between the completion of a series of bounces and its end.
 #[test]
 fn pending_series_of_bounces_are_checked() {
     let mut scene = system(Dimension::Three, DVec3::splat(4.0), [Boundary::Wall; 3]);
@@ -260,11 +260,11 @@ fn pending_series_of_bounces_are_checked() {
             }
         }),
     ];
-    for (told, damage) in damages {
+    for (expected, damage) in damages {
         let mut bad = good.clone();
         damage(&mut bad);
-        let error = restore(&scene, &bad).map(|_| ()).expect_err(told).to_string();
-        assert!(error.contains(told), "{told}: {error}");
+        let error = restore(&scene, &bad).map(|_| ()).expect_err(expected).to_string();
+        assert!(error.contains(expected), "{expected}: {error}");
     }
 }
 
@@ -297,10 +297,7 @@ fn random_changes_of_a_checkpoint_never_panic() {
             }
         }
     }
-    assert!(
-        2 * refused > mutations,
-        "{refused} of {mutations} were refused: too little was broken to show anything"
-    );
+    assert!(2 * refused > mutations, "{refused} of {mutations} were refused: too few for a conclusion");
 }
 
 fn mutate(checkpoint: &mut Checkpoint, random: &mut Random) {

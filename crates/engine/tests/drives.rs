@@ -1,5 +1,5 @@
-//! Drives: the temperatures that they keep, the same bits with every search and after every resumption, and
-//! the balance of energies.
+//! Drives: the temperatures they maintain, independence of the trajectory of the search and of resumptions,
+//! and the balance of energies.
 
 mod common;
 
@@ -40,13 +40,13 @@ fn trajectory_of_a_driven_gas_is_independent_of_search_threads_slices_and_resump
         for dimension in [Dimension::Three, Dimension::Two] {
             let scene = gas(dimension, 300, 0.9, kind);
             let plain = Options { neighbors: NeighborChoice::AllPairs, simd: SimdChoice::Portable };
-            let mut twin = Simulation::new(scene.clone(), plain).unwrap();
+            let mut reference = Simulation::new(scene.clone(), plain).unwrap();
             let times = [0.1, 1.0, 1.3, 4.0];
             let expected: Vec<_> = times
                 .iter()
                 .map(|&time| {
-                    twin.advance(until(time), &mut Silent).unwrap();
-                    (twin.state_hash(), twin.ledger())
+                    reference.advance(until(time), &mut Silent).unwrap();
+                    (reference.state_hash(), reference.ledger())
                 })
                 .collect();
             for neighbors in [NeighborChoice::Cells, NeighborChoice::Lists, NeighborChoice::Windows] {
@@ -80,7 +80,7 @@ fn rescaling_sets_the_temperature_and_keeps_the_momentum() {
         assert!((sample.momentum - momentum).length() < 1e-11, "{}", sample.momentum);
         assert!(sample.ledger.residual.abs() < 1e-13, "{}", sample.ledger.residual);
     }
-    // Of a gas of which half is driven, that half.
+    // If only half of the gas is driven, the other half keeps its temperature, apart from collisions.
     let mut scene = gas(Dimension::Three, 200, 1.0, kind);
     scene.species.push("other".into());
     scene.bodies.iter_mut().skip(100).for_each(|body| body.species = 1);
@@ -90,8 +90,8 @@ fn rescaling_sets_the_temperature_and_keeps_the_momentum() {
     assert!((simulation.sample().species_temperature[1] / before - 1.0).abs() < 0.2);
 }
 
-/// Velocities of an Andersen gas are Maxwellian: kinetic energies of N particles in one state have the mean
-/// d/2 T and the variance d/2 T², so their mean over independent states has a known error.
+/// The velocities of an Andersen gas are Maxwellian: the kinetic energy of a particle has the mean d/2 T and
+/// the variance d/2 T², so its mean over independent states has a known error.
 #[test]
 fn an_andersen_gas_has_the_maxwell_distribution_of_its_temperature() {
     let (count, temperature) = (400, 2.5);
@@ -102,7 +102,8 @@ fn an_andersen_gas_has_the_maxwell_distribution_of_its_temperature() {
         scene.bodies.iter_mut().for_each(|body| body.velocity = DVec3::ZERO);
         let mut simulation = Simulation::new(scene.clone(), Options::default()).unwrap();
         let (mut energy, mut square, mut states) = (0.0, 0.0, 0.0);
-        // Between states each particle is kicked 6 times on average: what is left of its energy is e⁻⁶ of it.
+        // Between two states each particle gets 6 new velocities on average, and keeps the old one with the
+        // probability e⁻⁶.
         for k in 2..60 {
             simulation.advance(until(3.0 * f64::from(k)), &mut Silent).unwrap();
             for (velocity, body) in simulation.frame().velocity.iter().zip(&scene.bodies) {
@@ -115,7 +116,7 @@ fn an_andersen_gas_has_the_maxwell_distribution_of_its_temperature() {
         }
         let z = (energy / states - d / 2.0) / (d / 2.0 / states).sqrt();
         assert!(z.abs() < 4.0, "d = {d}: mean energy {}, z = {z}", energy / states);
-        // ⟨E²⟩ = d(d + 2)/4, ⟨E⁴⟩ = d(d + 2)(d + 4)(d + 6)/16 of a gamma distribution.
+        // A gamma distribution has ⟨E²⟩ = d(d + 2)/4 and ⟨E⁴⟩ = d(d + 2)(d + 4)(d + 6)/16.
         let (second, fourth) = (d * (d + 2.0) / 4.0, d * (d + 2.0) * (d + 4.0) * (d + 6.0) / 16.0);
         let z = (square / states - second) / ((fourth - second * second) / states).sqrt();
         assert!(z.abs() < 4.0, "d = {d}: mean square {}, z = {z}", square / states);
@@ -130,7 +131,7 @@ fn a_driven_gas_at_rest_does_not_end_the_run() {
     let mut simulation = Simulation::new(scene.clone(), Options::default()).unwrap();
     assert_eq!(simulation.advance(until(2.0), &mut Silent).unwrap(), Stop::Time);
     assert!(simulation.ledger().kinetic > 0.0);
-    // Without motion there is nothing to rescale.
+    // Rescaling velocities of zero has no effect.
     scene.drives[0].kind = DriveKind::Rescale { temperature: 1.0, interval: 0.5 };
     let mut simulation = Simulation::new(scene, Options::default()).unwrap();
     assert_eq!(simulation.advance(until(2.0), &mut Silent).unwrap(), Stop::Time);

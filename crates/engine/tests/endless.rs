@@ -1,5 +1,5 @@
-//! What goes on without end: bounces that lose ever less, grains pressed together, collapses. Each ends, or
-//! stays exact.
+//! Endless sequences of events: bounces with decreasing loss, grains pressed together, collapses. Each one
+//! ends, or stays exact.
 
 mod common;
 
@@ -25,22 +25,22 @@ fn far_from_the_origin(law: Restitution, height: f64) -> System {
     scene
 }
 
-/// The loss of a bounce falls with its speed, the rounding of its coordinate does not.
+/// The loss of a bounce decreases with its speed, but the rounding error of its coordinate does not.
 #[test]
-fn a_grain_comes_to_rest_under_a_law_that_tends_to_elastic() {
+fn a_grain_comes_to_rest_where_restitution_tends_to_one() {
     for (restitution, speed, exponent) in [(0.2, 0.05, 0.75), (0.2, 0.05, 0.5), (0.5, 0.5, 0.9)] {
         let law = Restitution::Cutoff { restitution, speed, exponent };
         let height = 2.0;
         let mut simulation = start(far_from_the_origin(law, height));
         let until = Until { time: 1e9, entries: 1_000_000, ..Until::default() };
         assert_eq!(simulation.advance(until, &mut Silent).unwrap(), Stop::Rest, "{law:?}");
-        // √(2 H/g) to the first bounce, and all that follow from its outgoing speed.
+        // √(2 H/g) to the first bounce, and the series of bounces that starts with its outgoing speed.
         let impact = (2.0 * 0.064 * height).sqrt();
         let first = law.coefficient(impact) * impact;
         let bounces = law.bounces(first).unwrap();
         let expected = (impact + 2.0 * first * bounces.speeds) / 0.064;
         let off = simulation.time() / expected - 1.0;
-        // The last bounces are higher or lower by what rounding has made of them.
+        // Rounding changes the heights of the last bounces.
         assert!(off.abs() < 1e-3, "{law:?}: at rest at {}, expected {expected}", simulation.time());
         let ledger = simulation.ledger();
         assert_eq!(ledger.kinetic, 0.0);
@@ -52,15 +52,14 @@ fn a_grain_comes_to_rest_under_a_law_that_tends_to_elastic() {
     }
 }
 
-/// Flights between like bounces are rounded without a preferred sign: the energy walks at random.
+/// The rounding of flights between equal bounces has no preferred sign: the energy error is a random walk.
 #[test]
-fn the_ledger_of_like_bounces_walks_at_random() {
+fn energy_error_of_equal_bounces_is_a_random_walk() {
     let mut worst = 0.0_f64;
     for seed in 0..20 {
         let mut random = Random(seed);
         let mut scene = system(Dimension::Three, DVec3::splat(10.0), [Boundary::Open; 3]);
-        // Along a wall that moves, elastic within tc: hops as short as tc, which carry the grain along for
-        // ever.
+        // A moving wall, elastic within `contact.tc`: hops as short as tc carry the grain along without end.
         let normal = DVec3::new(random.uniform(-0.2, 0.2), random.uniform(-0.2, 0.2), 1.0).normalize();
         scene.walls.push(Wall {
             name: "floor".into(),
@@ -81,13 +80,13 @@ fn the_ledger_of_like_bounces_walks_at_random() {
         worst = worst.max(simulation.ledger().residual.abs() / (f64::EPSILON * bounces.sqrt()));
     }
     println!("worst residual: {worst:.2} ε √n");
-    // Half an ulp of a component v of the velocity is worth at most ε m v²/2, and 0.3 ulp is the root mean
-    // square of its rounding: some ε T in a bounce, which rounds twice, and less of places. The largest of 20
-    // walks is twice its root mean square.
+    // Half an ulp of a component v of the velocity changes the energy by at most ε m v²/2, and the root mean
+    // square of its rounding is 0.3 ulp: about ε T per bounce, which rounds twice; rounding of positions adds
+    // less. The largest of 20 random walks is at twice the root mean square.
     assert!(worst < 3.0, "{worst} ε √n");
 }
 
-/// A light grain on a wall, and a heavy one that presses on it, on a slope that lets it slide off but slowly.
+/// A heavy grain presses a light grain against a wall, at an angle at which it slides off only slowly.
 fn pressed(mass: f64, tc: f64, slope: f64, neighbors: NeighborChoice) -> Simulation {
     let mut scene = system(Dimension::Three, DVec3::splat(92.0), [Boundary::Wall; 3]);
     set_restitution(&mut scene, 0.41);
@@ -96,15 +95,15 @@ fn pressed(mass: f64, tc: f64, slope: f64, neighbors: NeighborChoice) -> Simulat
     scene.domain.gravity = DVec3::new(0.015, 0.2, -0.038);
     let light = class(&mut scene, 0.4, 1.0);
     let heavy = class(&mut scene, 0.55, mass);
-    let place = DVec3::new(87.0, 92.0 - 0.4, 20.0);
+    let position = DVec3::new(87.0, 92.0 - 0.4, 20.0);
     let towards = DVec3::new(slope, -1.0, -0.3 * slope).normalize();
-    add(&mut scene, light, place, DVec3::ZERO);
-    add(&mut scene, heavy, place + towards * 0.95, DVec3::ZERO);
+    add(&mut scene, light, position, DVec3::ZERO);
+    add(&mut scene, heavy, position + towards * 0.95, DVec3::ZERO);
     Simulation::new(scene, Options { neighbors, simd: SimdChoice::Auto }).unwrap()
 }
 
 #[test]
-fn grains_pressed_together_stay_apart_by_rounding() {
+fn grains_pressed_together_overlap_only_by_rounding() {
     let mut events = 0;
     for mass in [1.0, 28.0, 1e4, 1e9] {
         for (tc, slope) in [(0.0, 0.4), (0.0, 1.0), (1e-3, 0.4), (1e-5, 1.0), (1e-7, 0.01)] {
@@ -121,14 +120,14 @@ fn grains_pressed_together_stay_apart_by_rounding() {
             let counters = simulation.counters();
             events += counters.collisions;
             println!("mass {mass:e}, tc {tc:e}, slope {slope}: {deepest:.1e} {counters:?}");
-            // Some roundings of coordinates up to 92, in contact distances.
+            // A few rounding errors of coordinates up to 92 [contact distances].
             assert!(deepest < 2e-13, "mass {mass}, tc {tc}, slope {slope}: {deepest:e}");
         }
     }
     assert!(events > 100_000, "{events}");
 }
 
-/// Grains that fall onto each other on a floor, without rest: the collapse.
+/// Grains that fall onto each other on a floor, with rest switched off: they collapse.
 fn collapsing() -> System {
     let mut scene = system(Dimension::Two, DVec3::new(12.0, 12.0, 1.0), [Boundary::Wall; 3]);
     set_restitution(&mut scene, 0.3);
@@ -140,7 +139,7 @@ fn collapsing() -> System {
 }
 
 #[test]
-fn a_collapse_is_reported_at_the_same_event_by_every_search_and_after_every_resume() {
+fn a_collapse_is_reported_at_the_same_event_by_every_search_and_after_resumption() {
     let scene = collapsing();
     let options = |neighbors| Options { neighbors, simd: SimdChoice::Auto };
     let run = |neighbors| {
@@ -155,7 +154,7 @@ fn a_collapse_is_reported_at_the_same_event_by_every_search_and_after_every_resu
         assert_eq!(error, expected, "{neighbors:?}");
         assert_eq!(other.state_hash(), first.state_hash(), "{neighbors:?}");
     }
-    // Resumed before the series, in it, while its members are noted, and after the report.
+    // Resumed before the series of events, during it, while its particles are recorded, and after the report.
     let mut simulation = Simulation::new(scene.clone(), options(NeighborChoice::Cells)).unwrap();
     let mut last = None;
     for part in 0.. {
@@ -175,7 +174,7 @@ fn a_collapse_is_reported_at_the_same_event_by_every_search_and_after_every_resu
     }
 }
 
-/// A wall that moves into a corner: a particle there collides without end, the others go on.
+/// A wall moves into a corner: a particle there collides without end, the others move freely.
 fn wedge() -> System {
     let mut scene = gas(6, 0.02, 0.65, 9);
     scene.domain.boundary = [Boundary::Wall; 3];
@@ -192,7 +191,7 @@ fn wedge() -> System {
 }
 
 #[test]
-fn a_wall_that_moves_into_a_wedge_has_the_same_end_in_every_engine() {
+fn a_wall_moving_into_a_wedge_has_the_same_collapse_with_every_search() {
     let scene = wedge();
     let mut ends = Vec::new();
     for neighbors in [NeighborChoice::Cells, NeighborChoice::Lists, NeighborChoice::Windows] {
@@ -201,7 +200,7 @@ fn a_wall_that_moves_into_a_wedge_has_the_same_end_in_every_engine() {
         let error = simulation.advance(Until { time: 500.0, ..Until::default() }, &mut Silent).unwrap_err();
         assert!(matches!(error, EngineError::Collapse { .. }), "{error}");
         let counters = simulation.counters();
-        // Windows are not opened event by event, and do not fill with copies of the particles in the wedge.
+        // A window contains many events, and the particles in the wedge are not registered too often.
         let events = counters.collisions + counters.wall_collisions;
         assert!(counters.windows < events / 200 && counters.candidates < 1000 * events, "{counters:?}");
         ends.push((error, simulation.state_hash()));
@@ -209,18 +208,18 @@ fn a_wall_that_moves_into_a_wedge_has_the_same_end_in_every_engine() {
     assert!(ends.windows(2).all(|pair| pair[0] == pair[1]), "{ends:?}");
 }
 
-/// One particle that is much faster than all others is no reason to make all windows short.
+/// One particle that is much faster than all others would make all windows short, so cells are chosen.
 #[test]
-fn an_outlier_of_speed_is_found_in_a_small_system_too() {
+fn cells_are_chosen_for_a_small_system_with_a_speed_outlier() {
     let mut scene = gas(6, 0.02, 1.0, 9);
     scene.bodies[0].velocity *= 1e6;
     let simulation = start(scene);
     assert_eq!(simulation.neighbors(), NeighborChoice::Cells);
 }
 
-/// Every row of the log is kept while a run goes on, whatever ends it.
+/// The log has a row for every event before the collapse.
 #[test]
-fn a_collapse_keeps_the_rows_before_it() {
+fn the_log_has_all_rows_before_a_collapse() {
     let mut log = Log::default();
     let mut simulation = start(collapsing());
     simulation.advance(Until::default(), &mut log).unwrap_err();

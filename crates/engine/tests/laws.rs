@@ -1,4 +1,4 @@
-//! The laws of mechanics, as the engine keeps them.
+//! The engine obeys the laws of mechanics.
 
 mod common;
 
@@ -30,7 +30,7 @@ fn bouncing_ball(height: f64, radius: f64, gravity: f64, e: f64) -> System {
 }
 
 #[test]
-fn rebound_height_is_e_squared_and_rest_comes_in_finite_time() {
+fn rebound_height_is_e_squared_and_rest_is_reached_in_finite_time() {
     for (height, radius, gravity, e) in [
         (1.0, 0.1, 9.81, 0.8),
         (10.0, 0.5, 1.0, 0.5),
@@ -46,7 +46,7 @@ fn rebound_height_is_e_squared_and_rest_comes_in_finite_time() {
         assert_eq!(rest.kind, EventKind::Rest);
         let mut path = height;
         for (k, bounce) in bounces.iter().enumerate() {
-            // The k-th approach is from height H_k = e^{2k} H.
+            // Before the k-th impact the ball falls from the height H_k = e^{2k} H.
             let found = bounce.approach_speed.powi(2) / (2.0 * gravity);
             let expected = e.powi(2 * k as i32) * height;
             assert!(
@@ -55,7 +55,7 @@ fn rebound_height_is_e_squared_and_rest_comes_in_finite_time() {
             );
             path += if k > 0 { 2.0 * found } else { 0.0 };
         }
-        // What the completed series leaves out: 2 H_k, 2 H_{k+1}, ….
+        // The path of the completed series: 2 H_k + 2 H_{k+1} + ….
         let left = rest.approach_speed.powi(2) / (2.0 * gravity);
         path += 2.0 * left / (1.0 - e * e);
         let expected = height * (1.0 + e * e) / (1.0 - e * e);
@@ -66,7 +66,7 @@ fn rebound_height_is_e_squared_and_rest_comes_in_finite_time() {
             "e = {e}: {} s, not {duration}",
             simulation.time()
         );
-        // All energy of the fall is lost, and the log says where.
+        // All energy of the fall is lost, and the losses of the rows add up to it.
         let lost: f64 = log.0.iter().map(|event| event.energy_loss).sum();
         let energy = 2.0 * gravity * height;
         assert!((lost / energy - 1.0).abs() < 1e-12, "e = {e}: {lost} of {energy} lost");
@@ -74,12 +74,12 @@ fn rebound_height_is_e_squared_and_rest_comes_in_finite_time() {
         let frame = simulation.frame();
         assert!((frame.position[0].z - radius).abs() < 1e-13 * (height + radius));
         assert_eq!(frame.velocity[0], DVec3::ZERO);
-        // ΔH of the momentum: gravity's, the impacts' and the floor's support add up to nothing.
+        // The impulses of gravity, of the impacts and of the supporting floor add up to zero.
         assert!(simulation.sample().external_impulse.length() < 1e-12 * energy.sqrt());
     }
 }
 
-/// Bounces become more elastic as they become slower, but their times add up.
+/// Slower bounces are more elastic, but the sum of their durations is finite.
 #[test]
 fn a_ball_comes_to_rest_under_laws_that_depend_on_the_speed() {
     let cutoff = |restitution, speed, exponent| Restitution::Cutoff { restitution, speed, exponent };
@@ -95,7 +95,7 @@ fn a_ball_comes_to_rest_under_laws_that_depend_on_the_speed() {
         let mut simulation = start(scene);
         let mut log = Log::default();
         assert_eq!(simulation.advance(Until::default(), &mut log).unwrap(), Stop::Rest, "{law:?}");
-        // Bounce by bounce, and at last the integral of what is left, some 10⁻⁶ of itself off.
+        // The sum over bounces, and the integral of the remaining ones, with a relative error of about 10⁻⁶.
         let fall = (2.0 * height / g).sqrt();
         let (mut w, mut speeds) = (g * fall, 0.0);
         for _ in 0..3_000_000 {
@@ -111,7 +111,7 @@ fn a_ball_comes_to_rest_under_laws_that_depend_on_the_speed() {
         assert!(simulation.ledger().residual.abs() < 1e-12, "{law:?}: {:?}", simulation.ledger());
         assert!(simulation.sample().external_impulse.length() < 1e-11, "{law:?}");
     }
-    // These bounces never end, but some time they are too low for any number.
+    // The sum of these bounces diverges, but finally they are below rounding.
     let mut scene = bouncing_ball(1e-6, 0.5, 1.0, 1.0);
     scene.contacts.wall = vec![(cutoff(0.0, 1e-3, 1.0)).into()];
     let mut simulation = start(scene);
@@ -120,10 +120,10 @@ fn a_ball_comes_to_rest_under_laws_that_depend_on_the_speed() {
 }
 
 #[test]
-fn a_ball_at_rest_on_the_floor_stays_and_wakes_when_hit() {
+fn a_ball_on_the_floor_stays_at_rest_until_it_is_hit() {
     let mut scene = bouncing_ball(0.0, 0.5, 1.0, 0.5);
     let ball = 0;
-    // A second one flies in horizontally, one diameter above the floor's reach, and drops on it.
+    // A second ball falls on the first.
     add(&mut scene, ball, DVec3::new(0.3, -0.2, 4.0), DVec3::ZERO);
     let mut simulation = start(scene);
     let mut log = Log::default();
@@ -133,7 +133,7 @@ fn a_ball_at_rest_on_the_floor_stays_and_wakes_when_hit() {
         [(EventKind::Wall, 0), (EventKind::Rest, 0)]
     );
     let before = log.0.len();
-    // The upper one falls 2.5 in √5.
+    // The upper ball falls by 2.5 in a time of √5.
     simulation.advance(Until { time: 5.0_f64.sqrt() + 0.01, ..Until::default() }, &mut log).unwrap();
     assert!(log.0[before..].iter().any(|event| event.kind == EventKind::Collision), "{:?}", log.0);
     assert!(simulation.ledger().residual.abs() < 1e-13);
@@ -167,7 +167,7 @@ fn a_ball_slides_down_a_tilted_plane_without_friction() {
 }
 
 #[test]
-fn momentum_changes_only_by_outer_impulses() {
+fn momentum_changes_only_by_external_impulses() {
     let mut random = Random(3);
     let mut scene = system(Dimension::Three, DVec3::splat(9.0), [Boundary::Wall; 3]);
     scene.domain.gravity = DVec3::new(0.1, 0.0, -0.5);
@@ -188,20 +188,20 @@ fn momentum_changes_only_by_outer_impulses() {
         after.external_impulse
     );
     assert!(after.ledger.residual.abs() < 1e-13, "{:e}", after.ledger.residual);
-    // Carnot: each loss is (1 − e)/(1 + e) of the lost velocities' energy, so their sums are as well.
+    // Carnot: each loss is (1 − e)/(1 + e) of the energy of the lost velocities; so are the sums.
     let ratio = after.ledger.dissipated / after.ledger.carnot;
     assert!((ratio - 0.2 / 1.8).abs() < 1e-12, "{ratio}");
 }
 
 #[test]
-fn smooth_contacts_leave_angular_momentum_alone() {
+fn smooth_contacts_conserve_angular_momentum() {
     let mut random = Random(4);
     let mut scene = system(Dimension::Three, DVec3::splat(6.0), [Boundary::Open; 3]);
     set_restitution(&mut scene, 0.7);
     let (small, large) = (class(&mut scene, 0.3, 1.0), class(&mut scene, 0.6, 4.0));
     scatter(&mut scene, small, 60, 0.0, &mut random);
     scatter(&mut scene, large, 20, 0.0, &mut random);
-    // A cluster that falls into itself and turns.
+    // A cluster that contracts and rotates.
     let middle = DVec3::splat(3.0);
     for body in &mut scene.bodies {
         let r = body.position - middle;
@@ -219,7 +219,7 @@ fn smooth_contacts_leave_angular_momentum_alone() {
 }
 
 #[test]
-fn moving_walls_and_driven_bodies_do_the_work_that_the_energy_shows() {
+fn work_of_moving_walls_and_driven_bodies_equals_the_energy_change() {
     let mut random = Random(6);
     let mut scene = system(Dimension::Three, DVec3::new(12.0, 6.0, 6.0), [Boundary::Wall; 3]);
     scene.walls.push(Wall {
@@ -247,7 +247,7 @@ fn moving_walls_and_driven_bodies_do_the_work_that_the_energy_shows() {
     assert!(simulation.measure_overlap().unwrap().depth < 1e-12);
 }
 
-/// Reversing all velocities of an elastic fluid retraces it, up to the growth of rounding errors.
+/// An elastic fluid with all velocities reversed returns to its start, up to the growth of rounding errors.
 #[test]
 fn a_reversed_elastic_fluid_retraces_its_path() {
     let scene = gas(5, 0.25, 1.0, 11);
@@ -267,8 +267,12 @@ fn a_reversed_elastic_fluid_retraces_its_path() {
         let time = simulation.time();
         simulation.reverse();
         simulation.advance(Until { time: 2.0 * time, ..Until::default() }, &mut Silent).unwrap();
-        // The collision at the moment of the reversal is undone first.
-        assert_eq!(simulation.counters().collisions.abs_diff(2 * collisions), 0, "as many back as forth");
+        // The collision at the time of the reversal is reversed, too.
+        assert_eq!(
+            simulation.counters().collisions.abs_diff(2 * collisions),
+            0,
+            "the same number of collisions in both directions"
+        );
         let error = unwrapped(&simulation)
             .iter()
             .zip(&start_positions)
@@ -277,16 +281,16 @@ fn a_reversed_elastic_fluid_retraces_its_path() {
         println!("{per_particle} collisions a particle: returns to within {error:.1e} σ");
         errors.push(error);
     }
-    // Errors grow by a factor of about 3 to 10 a collision (λ ≈ 1–2 a collision), from 1e-16 and twice the
-    // way.
+    // Errors start at 1e-16 and grow by a factor of about 3 to 10 per collision (λ ≈ 1–2 per collision),
+    // forwards and backwards.
     assert!(errors[0] < 1e-11 && errors[3] < 1e-3, "{errors:?}");
     assert!(errors[0] > 0.0 && errors[3] > errors[0], "{errors:?}");
 }
 
-/// Rounding lets the energy of an elastic gas walk at random: with a unit normal it would rise by 1.4 ε T a
-/// collision.
+/// The energy error of an elastic gas is a random walk. With a unit normal in the impact, the energy would
+/// rise by 1.4 ε T per collision.
 #[test]
-fn rounding_neither_heats_nor_cools_an_elastic_gas() {
+fn energy_error_of_an_elastic_gas_has_no_drift() {
     let mut random = Random(12);
     let collisions = 200_000;
     for masses in [[1.0, 1.0], [0.7, 0.7], [1.0, 2.0], [0.3, 0.7]] {
@@ -299,16 +303,16 @@ fn rounding_neither_heats_nor_cools_an_elastic_gas() {
         let bodies = scene.bodies.len() as f64;
         let mut simulation = start(scene);
         simulation.advance(Until { collisions, ..Until::default() }, &mut Silent).unwrap();
-        // In units of ε T a collision, with 3/2 N T of energy. The random walk of 2.6 ε T a step gives 0.006.
+        // [ε T per collision], with an energy of 3/2 N T. A random walk with steps of 2.6 ε T gives 0.006.
         let found = simulation.ledger().residual / f64::EPSILON * 1.5 * bodies / collisions as f64;
         println!("masses {masses:?}: {found:.4} ε T a collision");
         assert!(found.abs() < 4.0 * 0.006, "masses {masses:?}: {found:.4} ε T a collision");
     }
 }
 
-/// An impact with e = 0 leaves a few ulp of approach; that is no second contact.
+/// An impact with e = 0 leaves an approach speed of a few ulp, which must not give a second contact.
 #[test]
-fn a_plastic_impact_happens_once() {
+fn a_plastic_impact_is_one_event() {
     let mut random = Random(8);
     for _ in 0..500 {
         let mut scene = system(Dimension::Three, DVec3::splat(1.0), [Boundary::Open; 3]);
@@ -340,7 +344,7 @@ fn the_tc_model_makes_repeated_contacts_elastic() {
     let mut scene = system(Dimension::Three, DVec3::splat(1.0), [Boundary::Open; 3]);
     set_restitution(&mut scene, 0.5);
     let ball = class(&mut scene, 0.5, 1.0);
-    // The first hits the second, which then hits the third after a gap of 0.01.
+    // The first ball hits the second, which hits the third after a gap of 0.01.
     for (x, speed) in [(0.0, 1.0), (2.0, 0.0), (3.01, 0.0)] {
         add(&mut scene, ball, DVec3::new(x, 0.0, 0.0), DVec3::new(speed, 0.0, 0.0));
     }
@@ -356,11 +360,11 @@ fn the_tc_model_makes_repeated_contacts_elastic() {
     }
 }
 
-/// Rounding errs the same way in bounces that are alike. Walls, level or tilted, at rest or moving, a corner
-/// of walls, and a driven sphere: a grain that bounces on them for ever, on its own or within the contact
-/// duration, never sinks into them.
+/// Equal bounces could have equal rounding errors, which would add up. A grain that bounces without end, with
+/// e = 1 or elastic within `contact.tc`, must not penetrate: a level or tilted wall, at rest or moving, a
+/// corner of walls, a driven sphere.
 #[test]
-fn bounces_without_end_do_not_sink() {
+fn endless_bounces_do_not_penetrate() {
     let mut random = Random(5);
     let (tilted, other) = (DVec3::new(0.3, 0.1, 1.0).normalize(), DVec3::new(-0.7, 0.2, 1.0).normalize());
     let third = DVec3::new(0.1, -0.8, 1.0).normalize();
@@ -375,7 +379,7 @@ fn bounces_without_end_do_not_sink() {
             let mut scene = system(Dimension::Three, DVec3::ONE, [Boundary::Open; 3]);
             let (radius, height) = (random.uniform(0.1, 1.0), random.uniform(0.5, 1.5));
             let grain = class(&mut scene, radius, 2.0);
-            // A single wall has gravity along its normal, so that the grain stays where it is.
+            // With a single wall gravity is along its normal, so that the grain does not move sideways.
             let up = if normals.len() == 1 { normals[0] } else { DVec3::Z };
             scene.domain.gravity = -up;
             let velocity = up * speed;
@@ -402,9 +406,9 @@ fn bounces_without_end_do_not_sink() {
             let mut stop = Stop::Slice;
             for _ in 0..10 {
                 stop = simulation.advance(Until { entries: 2000, ..Until::default() }, &mut Silent).unwrap();
-                let place = simulation.frame().position[usize::from(normals.is_empty())];
+                let position = simulation.frame().position[usize::from(normals.is_empty())];
                 let depth = simulation.measure_overlap().unwrap().depth * radius;
-                let allowed = 8.0 * f64::EPSILON * (place.abs().max_element() + radius + 0.5);
+                let allowed = 8.0 * f64::EPSILON * (position.abs().max_element() + radius + 0.5);
                 assert!(
                     depth <= allowed,
                     "e = {e}, tc = {tc}, {normals:?} at {speed}: {depth:e}, allowed {allowed:e}"
@@ -422,8 +426,8 @@ fn bounces_without_end_do_not_sink() {
     }
 }
 
-/// Where gravity is all but along a tilted normal, it is its rounding that slides a ball that has come to
-/// rest, or lets it fall into the floor.
+/// Where gravity is nearly along a tilted normal, its component along the plane is rounding: it moves a ball
+/// at rest, but must not move it into the plane.
 #[test]
 fn a_ball_at_rest_on_a_tilted_plane_stays_on_it() {
     for slope in [0.0, 1e-3] {
@@ -447,10 +451,10 @@ fn a_ball_at_rest_on_a_tilted_plane_stays_on_it() {
     }
 }
 
-/// One ball above another on a floor, not put to rest: between them and the floor, infinitely many impacts in
-/// finite time.
+/// One ball above another on a floor, with rest switched off: infinitely many impacts of both and the floor
+/// in finite time.
 #[test]
-fn an_inelastic_collapse_is_reported_not_endured() {
+fn an_inelastic_collapse_is_reported() {
     let mut scene = bouncing_ball(0.5, 0.5, 1.0, 0.3);
     set_restitution(&mut scene, 0.3);
     add(&mut scene, 0, DVec3::new(0.3, -0.2, 2.5), DVec3::ZERO);
@@ -461,7 +465,7 @@ fn an_inelastic_collapse_is_reported_not_endured() {
     };
     assert!(*time > 1.0 && *time < 10.0 && *events > 100_000, "{error}");
     assert_eq!((particles.as_slice(), walls.len()), ([0, 1].as_slice(), 1), "{error}");
-    // The middle of the two, one on the other on the floor.
+    // The center of the two balls, one on the other on the floor.
     assert!((DVec3::from_array(*position) - DVec3::new(0.3, -0.2, 1.0)).length() < 1e-6, "{error}");
     let text = error.to_string();
     for part in ["particles 0, 1, wall floor", "contact.tc", "contact.rest_speed"] {
@@ -471,14 +475,14 @@ fn an_inelastic_collapse_is_reported_not_endured() {
     assert!(simulation.ledger().residual.abs() < 1e-12);
 }
 
-/// A run is as exact after 10⁵ epochs as at its start: two walls and a ball between them.
+/// A ball between two walls: the run is as exact after 10⁵ periods as at its start.
 #[test]
 fn clock_errors_do_not_grow_with_time() {
     let mut scene = system(Dimension::Three, DVec3::new(4.0, 4.0, 4.0), [Boundary::Wall; 3]);
     let ball = class(&mut scene, 0.5, 1.0);
     add(&mut scene, ball, DVec3::new(1.0, 2.0, 2.0), DVec3::new(1.0, 0.0, 0.0));
     let mut simulation = start(scene);
-    // The free way is 3: after 6k the ball is where it was.
+    // The free path is 3: after a time of 6k the ball is at its initial position.
     for periods in [1.0, 1e3, 1e5] {
         simulation.advance(Until { time: 6.0 * periods, ..Until::default() }, &mut Silent).unwrap();
         let frame = simulation.frame();
@@ -488,9 +492,10 @@ fn clock_errors_do_not_grow_with_time() {
     assert!(simulation.counters().epochs > 1000, "{:?}", simulation.counters());
 }
 
-/// A cooling gas slows down by orders of magnitude: the tick follows, and nothing is lost on the way.
+/// A cooling gas slows down by orders of magnitude: the tick is adapted to it, without loss of energy or
+/// contacts.
 #[test]
-fn the_tick_follows_a_gas_that_cools_by_orders_of_magnitude() {
+fn the_tick_adapts_to_a_gas_that_cools_by_orders_of_magnitude() {
     let mut scene = gas(6, 0.05, 0.9, 3);
     let drift = scene.bodies.iter().map(|body| body.velocity).sum::<DVec3>() / 216.0;
     scene.bodies.iter_mut().for_each(|body| body.velocity -= drift);

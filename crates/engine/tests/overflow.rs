@@ -1,6 +1,6 @@
-//! Nothing aborts, and nothing is missed, where cells, lists and buckets hold far more than they were made
-//! for: crystals next to close packing, sizes of many kinds in one cell, thousands of particles in a corner
-//! of a huge box.
+//! Cells, lists and buckets with far more entries than they are designed for: no abort, and no missed
+//! contact. Crystals near close packing, many sizes in one cell, thousands of particles in a corner of a huge
+//! box.
 
 mod common;
 
@@ -10,7 +10,8 @@ use haff_engine::{
     Boundary, Dimension, NeighborChoice, Options, Silent, SimdChoice, Simulation, Stop, System, Until,
 };
 
-/// Runs `collisions` collisions; the hash of the end, after a look at all pairs and at the energy.
+/// Runs `collisions` collisions, checks all pairs for overlaps and the energy, and returns the hash of the
+/// state.
 fn end(name: &str, system: &System, neighbors: NeighborChoice, simd: SimdChoice, collisions: u64) -> String {
     let what = format!("{name}, {neighbors:?}, {simd:?}");
     let mut simulation = Simulation::new(system.clone(), Options { neighbors, simd })
@@ -19,7 +20,7 @@ fn end(name: &str, system: &System, neighbors: NeighborChoice, simd: SimdChoice,
         .advance(Until { collisions, ..Until::default() }, &mut Silent)
         .unwrap_or_else(|error| panic!("{what}: {error}"));
     assert_eq!(stop, Stop::Collisions, "{what}");
-    // Positions are rounded to an ulp of the largest coordinate, and overlaps are told in contact distances.
+    // Positions are rounded to an ulp of the largest coordinate; overlaps are in contact distances.
     let farthest =
         system.bodies.iter().fold(0.0, |far, body| f64::max(far, body.position.abs().max_element()));
     let smallest = system.classes.iter().map(|class| class.radius).fold(f64::INFINITY, f64::min);
@@ -29,7 +30,7 @@ fn end(name: &str, system: &System, neighbors: NeighborChoice, simd: SimdChoice,
     simulation.state_hash()
 }
 
-/// All machineries that serve the system, against the first of `choices`.
+/// Asserts that all `choices` with vector kernels agree with the first one with portable kernels.
 fn assert_same(name: &str, system: &System, choices: &[NeighborChoice], collisions: u64) {
     let expected = end(name, system, choices[0], SimdChoice::Portable, collisions);
     for &choice in choices {
@@ -50,29 +51,29 @@ fn crystal(per_edge: usize, packing_fraction: f64, seed: u64) -> System {
     let step = edge / per_edge as f64;
     for cell in 0..per_edge.pow(3) {
         let corner = [cell % per_edge, cell / per_edge % per_edge, cell / per_edge.pow(2)];
-        for site in [[0.25, 0.25, 0.25], [0.75, 0.75, 0.25], [0.75, 0.25, 0.75], [0.25, 0.75, 0.75]] {
-            let place = DVec3::from_array([0, 1, 2].map(|axis| corner[axis] as f64 + site[axis]));
+        for offset in [[0.25, 0.25, 0.25], [0.75, 0.75, 0.25], [0.75, 0.25, 0.75], [0.25, 0.75, 0.75]] {
+            let site = DVec3::from_array([0, 1, 2].map(|axis| corner[axis] as f64 + offset[axis]));
             let velocity = DVec3::new(random.normal(), random.normal(), random.normal());
-            common::add(&mut scene, sphere, place * step, velocity);
+            common::add(&mut scene, sphere, site * step, velocity);
         }
     }
     scene
 }
 
-/// Twelve neighbors stand within 2 % of the diameter; the closest packing is at 0.7405.
+/// Each sphere has twelve neighbors with gaps below 2 % of the diameter; close packing is at φ = 0.7405.
 #[test]
-fn crystals_next_to_close_packing_run_alike_by_every_search() {
+fn trajectory_of_crystals_near_close_packing_is_independent_of_search() {
     for (packing_fraction, seed) in [(0.70, 1), (0.735, 2)] {
         let scene = crystal(7, packing_fraction, seed);
         assert_same(&format!("φ = {packing_fraction}"), &scene, &SEARCHES, 20_000);
     }
-    // All pairs of a smaller one.
+    // A smaller crystal, for all pairs.
     let choices = [NeighborChoice::AllPairs, SEARCHES[0], SEARCHES[1], SEARCHES[2]];
     assert_same("φ = 0.70, all pairs", &crystal(4, 0.70, 3), &choices, 2000);
 }
 
-/// Radii from 0.5 to 0.5 · `ratio`, three of the largest and most near the least: a cell as wide as the large
-/// ones holds hundreds of the small.
+/// Radii from 0.5 to 0.5 · `ratio`, three of them the largest and most near the smallest: a cell as wide as a
+/// large particle has hundreds of small ones.
 fn sizes(ratio: f64, count: usize, seed: u64) -> System {
     let mut random = Random(seed);
     let radii: Vec<f64> = (0..count)
@@ -92,7 +93,7 @@ fn sizes(ratio: f64, count: usize, seed: u64) -> System {
 }
 
 #[test]
-fn sizes_of_a_wide_range_run_alike_by_every_search() {
+fn trajectory_of_a_wide_range_of_sizes_is_independent_of_search() {
     for (ratio, count) in [(3.0, 700), (10.0, 1500), (30.0, 1500)] {
         let scene = sizes(ratio, count, ratio as u64);
         assert_same(&format!("s = {ratio}"), &scene, &SEARCHES, 4000);
@@ -107,7 +108,7 @@ fn sizes_of_a_wide_range_run_alike_by_every_search() {
     }
 }
 
-/// 22³ spheres at a packing fraction of 0.4, somewhere in a box in which they would fill 10⁻⁹.
+/// 22³ spheres at a packing fraction of 0.4, in a box of which they fill 10⁻⁹.
 fn crowd(boundary: [Boundary; 3], corner: DVec3) -> System {
     let dense = gas(22, 0.4, 0.9, 5);
     let mut scene = system(Dimension::Three, DVec3::splat(2e4), boundary);
@@ -119,10 +120,10 @@ fn crowd(boundary: [Boundary; 3], corner: DVec3) -> System {
     scene
 }
 
-/// Cells and windows have all particles in one cell or a few, and test 10⁸ pairs to begin with; each runs
-/// once.
+/// With cells and windows all particles are in one cell or a few, so that the first search tests 10⁸ pairs;
+/// each choice therefore runs only once.
 #[test]
-fn ten_thousand_particles_in_one_cell_run_alike_by_every_search() {
+fn trajectory_of_ten_thousand_particles_in_one_cell_is_independent_of_search() {
     let walls = DVec3::splat(1.0);
     for (name, boundary, corner, choice) in [
         ("in a periodic box", Boundary::Periodic, DVec3::splat(7e3), NeighborChoice::Windows),

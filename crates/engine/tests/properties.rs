@@ -1,8 +1,8 @@
-//! Random scenes with all features mixed: every engine gives the events of the plain search through all
-//! pairs, one by one, and what physics keeps is kept.
+//! Random scenes with all features mixed: every engine gives the same events as all pairs, and the
+//! conservation laws hold.
 //!
-//! A thousand scenes in every test run; `HAFF_SCENES=100000 cargo test --release -p haff-engine --test
-//! properties` as many as wanted, others with another `HAFF_SEED`.
+//! A test run has a thousand scenes. `HAFF_SCENES=100000 cargo test --release -p haff-engine --test
+//! properties` tries more of them, and `HAFF_SEED` gives others.
 
 mod common;
 mod replay;
@@ -17,9 +17,9 @@ use haff_mechanics::Restitution;
 use proptest::prelude::*;
 use proptest::test_runner::RngSeed;
 
-/// What a scene is made of; the rest follows from the seed. Simpler ones come first, so that a failure
+/// The features of a scene; the rest follows from the seed. Simpler values come first, so that a failure
 /// shrinks to few features.
-#[expect(clippy::struct_excessive_bools, reason = "features that are there or not")]
+#[expect(clippy::struct_excessive_bools, reason = "each feature is on or off")]
 #[derive(Debug, Clone)]
 struct Recipe {
     flat: bool,
@@ -38,18 +38,18 @@ struct Recipe {
     ratios: bool,
     /// Grains come to rest on each other.
     rest: bool,
-    /// All far from the origin, in a box of a hundred times the size.
+    /// The box is a hundred times as large, so that coordinates are large compared with particles.
     far: bool,
-    /// One light grain among heavy ones.
+    /// One light grain in addition.
     light: bool,
-    /// A second plane, which makes a wedge with the ramp or a wall and may move into it.
+    /// A second plane, which makes a wedge with the ramp or a wall and sometimes moves into it.
     wedge: bool,
-    /// Events until a series of them is a collapse, instead of some.
+    /// Run long enough for a collapse to be reported.
     long: bool,
     seed: u64,
 }
 
-/// Nothing but what each scene has to say.
+/// A scene without any optional feature.
 const PLAIN: Recipe = Recipe {
     flat: false,
     boundary: [0; 3],
@@ -115,7 +115,7 @@ fn law(kind: usize, random: &mut Random) -> Restitution {
         2 => Restitution::Constant(0.0),
         3 => Restitution::Viscoelastic { coefficient: random.uniform(0.01, 0.3) },
         4 => Restitution::Cutoff { restitution: 0.3, speed: 0.2, exponent: 0.75 },
-        // Every pair and every wall has its own.
+        // Every pair and every wall gets a law of its own.
         _ => law(random.index(5), random),
     }
 }
@@ -126,7 +126,7 @@ impl Recipe {
         let dimension = if self.flat { Dimension::Two } else { Dimension::Three };
         let d = dimension.count();
         let boundary = self.boundary.map(|k| [Boundary::Periodic, Boundary::Wall, Boundary::Open][k]);
-        // Room for all at a packing fraction of at most some 0.2, so that scattering them finds places.
+        // The packing fraction is at most about 0.2, so that random placement succeeds.
         let edge = (self.particles as f64 * if self.flat { 6.0 } else { 5.0 }).powf(1.0 / d as f64).max(4.0);
         let edge = if self.far { 100.0 * edge } else { edge };
         let size = DVec3::from_array([0; 3].map(|_| edge * random.uniform(1.0, 1.6)));
@@ -192,7 +192,7 @@ impl Recipe {
             let kind = class(&mut scene, radius, mass);
             scene.classes[kind as usize].group = k as u32;
             let count = (self.particles / self.species).max(1);
-            // A wedge may leave too little room for all.
+            // A wedge can leave too little room for all.
             scatter_within_room(&mut scene, kind, count, 1.0, &mut random);
         }
         if self.light {
@@ -221,8 +221,8 @@ impl Recipe {
     }
 }
 
-/// How a run ended; a slice that ends the work on scenes which bounce for ever ends elsewhere with each
-/// engine.
+/// How a run ended. Scenes that bounce without end are stopped by the limit of entries, at an event that
+/// depends on the engine.
 #[derive(Debug, PartialEq)]
 enum End {
     Stop(Stop),
@@ -230,10 +230,10 @@ enum End {
 }
 
 const UNTIL: Until = Until { time: 15.0, collisions: 60, entries: 30_000 };
-/// Enough for a collapse to be reported.
+/// Limits that suffice for a collapse to be reported.
 const LONG: Until = Until { time: 300.0, collisions: 200_000, entries: 250_000 };
 
-/// Runs a system; with `half`, from a checkpoint made when half of the collisions have been.
+/// Runs a system; with `half`, it is restored from a checkpoint after half of the collisions.
 fn run(system: &System, until: Until, options: Options, half: bool) -> (Log, End, Simulation) {
     let mut log = Log::default();
     let mut simulation = Simulation::new(system.clone(), options).unwrap();
@@ -241,7 +241,7 @@ fn run(system: &System, until: Until, options: Options, half: bool) -> (Log, End
     if half && let Ok(Stop::Collisions) = simulation.advance(first, &mut log) {
         simulation = Simulation::restore(system.clone(), options, &simulation.checkpoint()).unwrap();
     } else if half {
-        // It is over before: once more, as a whole.
+        // The run ended before half of the collisions: run it again without a checkpoint.
         return run(system, until, options, false);
     }
     let end = match simulation.advance(until, &mut log) {
@@ -249,14 +249,14 @@ fn run(system: &System, until: Until, options: Options, half: bool) -> (Log, End
         Err(error @ (EngineError::Collapse { .. } | EngineError::Overflow { .. })) => {
             End::Error(error.to_string())
         }
-        // What moves presses a grain into a place without room.
+        // A moving wall or driven body has pressed a grain into too small a space.
         Err(error @ EngineError::Overlap { .. }) if squeezes(system) => End::Error(error.to_string()),
         Err(error) => panic!("{error}"),
     };
     (log, end, simulation)
 }
 
-/// Whether a wall or a body of infinite mass moves.
+/// Whether a wall or a body of infinite mass moves, and so can squeeze grains.
 fn squeezes(system: &System) -> bool {
     let driven = system.bodies.iter().filter(|body| system.classes[body.class as usize].mass.is_infinite());
     let velocities =
@@ -264,12 +264,13 @@ fn squeezes(system: &System) -> bool {
     velocities.into_iter().any(|velocity| velocity != DVec3::ZERO)
 }
 
-/// The walk of the energy stays below this many times its root mean square, of which what is rounded is a
-/// bound.
+/// Bound of the random walk of the energy, in units of its root mean square; the sum of the rounding errors
+/// bounds the latter.
 const WALK: f64 = 4.0;
 
-/// What physics keeps, from a run of the plain search.
-fn keeps_its_laws(
+/// Checks a run with all pairs: order of times, losses of each event, overlaps, and the balances of energy
+/// and momentum.
+fn check_laws(
     system: &System,
     log: &Log,
     simulation: &mut Simulation,
@@ -288,7 +289,7 @@ fn keeps_its_laws(
         prop_assert!(finite(event.normal) && finite(event.position), "not finite: {:?}", event);
         let mass = |body: u32| system.classes[system.bodies[body as usize].class as usize].mass;
         let gain = match event.kind {
-            // Those of a jam lose together.
+            // The rows of a jam are one impact: only the sum of their losses counts.
             EventKind::Rest if system.contacts.rest_speed > 0.0 => {
                 let together = log.0.iter().filter(|row| row.kind == event.kind && row.time == event.time);
                 -together.map(|row| row.energy_loss).sum::<f64>()
@@ -296,12 +297,12 @@ fn keeps_its_laws(
             _ => -event.energy_loss,
         };
         let rounding = match event.kind {
-            // A grain that slides along an oblique wall comes to rest on it with the rounding of its
-            // velocity.
+            // A grain that slides along an oblique wall comes to rest on it with a normal velocity from
+            // rounding.
             EventKind::Rest => 1e-14 * mass(event.i) * fastest * fastest,
-            // What gravity presses together hops, slower than what is put to rest.
+            // Contacts pressed together by gravity rebound with small hops, slower than `rest_speed`.
             EventKind::Wall => 0.5 * mass(event.i) * system.contacts.rest_speed.powi(2),
-            // One of them may be at rest, and then counts as of infinite mass.
+            // A partner at rest has infinite mass in the impact.
             _ => {
                 let finite = [mass(event.i), mass(event.j)].into_iter().filter(|mass| mass.is_finite());
                 0.5 * finite.fold(0.0, f64::max) * system.contacts.rest_speed.powi(2)
@@ -310,16 +311,16 @@ fn keeps_its_laws(
         prop_assert!(gain <= rounding, "gains energy: {:?}", event);
     }
     let overlap = simulation.measure_overlap();
-    // Only a run that has reported it may end with one.
+    // Only a run that has reported an overlap can end with one.
     prop_assert!(overlap.is_ok() || reported, "{}", overlap.unwrap_err());
     let sample = simulation.sample();
-    // Who falls is faster in between than before and after: no faster than in a free fall of that time, or
-    // through the box.
-    let pull = system.domain.gravity.length();
+    // A falling grain is faster during the run than at both ends, but not faster than after a free fall of
+    // this time, or through the box.
+    let gravity = system.domain.gravity.length();
     let open = system.domain.boundary.contains(&Boundary::Open);
     let height = if open { f64::INFINITY } else { system.domain.size.length() };
-    let fall = if pull > 0.0 { (pull * frame.time).min((2.0 * pull * height).sqrt()) } else { 0.0 };
-    let pace: Vec<f64> = system
+    let fall = if gravity > 0.0 { (gravity * frame.time).min((2.0 * gravity * height).sqrt()) } else { 0.0 };
+    let momenta: Vec<f64> = system
         .bodies
         .iter()
         .zip(&frame.velocity)
@@ -328,14 +329,14 @@ fn keeps_its_laws(
         .map(|(mass, speed)| if mass.is_finite() { mass * speed } else { 0.0 })
         .collect();
     // A flight in gravity rounds each component of the velocity and of the position by half an ulp at most,
-    // either way: kinetic and potential energy walk by so much an event, and are otherwise off by a few
-    // roundings of sums. The normal of a tilted wall is a unit vector to rounding alone, always off the same
-    // way, and with it the impulses that momentum is held against.
+    // in either direction: kinetic and potential energy walk at random by this amount per event, and sums add
+    // a few roundings. The normal of a tilted wall is a unit vector to rounding only, and its error, which is
+    // always the same, is also in the impulses that momentum is compared with.
     let bodies = log.0.iter().flat_map(|event| {
         let other = (event.kind == EventKind::Collision).then_some(event.j);
         [Some(event.i), other].into_iter().flatten().map(move |body| (body as usize, event))
     });
-    // What a wall has driven is faster in between than before and after.
+    // A grain that a wall has driven is faster during the run than at both ends.
     let speed_at = |body: usize, event: &EventRecord| {
         let ends = frame.velocity[body].length().max(system.bodies[body].velocity.length());
         ends.max(event.approach_speed)
@@ -344,12 +345,13 @@ fn keeps_its_laws(
         let mass = system.classes[system.bodies[body].class as usize].mass;
         if mass.is_finite() { mass } else { 0.0 }
     };
-    let pace_at = |body: usize, event: &EventRecord| pace[body].max(mass_of(body) * speed_at(body, event));
-    let rounded: f64 = bodies.clone().map(|(body, event)| pace_at(body, event)).sum();
+    let momentum_at =
+        |body: usize, event: &EventRecord| momenta[body].max(mass_of(body) * speed_at(body, event));
+    let rounded: f64 = bodies.clone().map(|(body, event)| momentum_at(body, event)).sum();
     let rounded_energy: f64 = bodies
         .map(|(body, event)| {
             let weight = mass_of(body) * system.domain.gravity.length();
-            (pace_at(body, event) * speed_at(body, event) + weight * event.position.length()).powi(2)
+            (momentum_at(body, event) * speed_at(body, event) + weight * event.position.length()).powi(2)
         })
         .sum::<f64>()
         .sqrt();
@@ -358,9 +360,9 @@ fn keeps_its_laws(
         [ledger.kinetic, ledger.potential, ledger.dissipated, ledger.term(haff_engine::Term::WallWork)]
             .iter()
             .fold(0.0, |a: f64, b| a.max(b.abs()));
-    // In a wedge, and on a wall that moves, impacts are alike, and so is the rounding of the velocities after
-    // them, half an ulp of each component at most; and the work of a wall that moves is a product with its
-    // normal.
+    // In a wedge and on a moving wall the impacts repeat, and so do their rounding errors, at most half an
+    // ulp of each component of the velocity. The work of a moving wall is a product with its normal and has
+    // the error of the normal.
     let tilted: f64 = log
         .0
         .iter()
@@ -370,7 +372,7 @@ fn keeps_its_laws(
             if wall.normal.abs().max_element() == 1.0 && !wall.motion.is_moving() {
                 return 0.0;
             }
-            pace_at(body, event) * speed_at(body, event)
+            momentum_at(body, event) * speed_at(body, event)
                 + 2.0 * event.impulse * wall.motion.velocity().length()
         })
         .sum();
@@ -381,7 +383,7 @@ fn keeps_its_laws(
         ledger.residual
     );
     let off = (sample.momentum - start - sample.external_impulse).length();
-    let scale = pace.iter().sum::<f64>().max(sample.external_impulse.length());
+    let scale = momenta.iter().sum::<f64>().max(sample.external_impulse.length());
     let allowed = 1e-13 * scale + f64::EPSILON * rounded;
     prop_assert!(off <= allowed, "momentum is off by {off:e} of {scale:e}, allowed {allowed:e}");
     Ok(())
@@ -394,8 +396,8 @@ fn check(recipe: &Recipe) -> Result<usize, TestCaseError> {
     let until = if recipe.long { LONG } else { UNTIL };
     let (log, end, mut simulation) = run(&system, until, plain, false);
     let reported = matches!(&end, End::Error(text) if text.contains("overlaps with"));
-    keeps_its_laws(&system, &log, &mut simulation, start, reported)?;
-    // Grains at rest on each other wake without a row of their own.
+    check_laws(&system, &log, &mut simulation, start, reported)?;
+    // The replay is for scenes without rest: the log has no row where a grain at rest wakes.
     if !recipe.rest {
         let epochs = simulation.counters().epochs;
         replay::check(&system, &log.0, &simulation.frame(), epochs).map_err(TestCaseError::fail)?;
@@ -407,21 +409,21 @@ fn check(recipe: &Recipe) -> Result<usize, TestCaseError> {
         if matches!(Simulation::new(system.clone(), options), Err(EngineError::Unsuitable { .. })) {
             continue;
         }
-        let (other, ended, twin) = run(&system, until, options, neighbors == NeighborChoice::Cells);
+        let (other, ended, tested) = run(&system, until, options, neighbors == NeighborChoice::Cells);
         for (row, (a, b)) in log.0.iter().zip(&other.0).enumerate() {
             prop_assert_eq!(a, b, "{:?}, {:?}, event {}", neighbors, simd, row);
         }
         if end != sliced && ended != sliced {
             prop_assert_eq!(log.0.len(), other.0.len(), "{:?}: number of events", neighbors);
             prop_assert_eq!(&end, &ended, "{:?}", neighbors);
-            prop_assert_eq!(simulation.state_hash(), twin.state_hash(), "{:?}: state", neighbors);
+            prop_assert_eq!(simulation.state_hash(), tested.state_hash(), "{:?}: state", neighbors);
         }
     }
     Ok(log.0.len())
 }
 
 #[test]
-fn random_scenes_keep_their_laws_and_do_not_know_their_engine() {
+fn random_scenes_obey_conservation_laws_and_are_independent_of_search() {
     let number =
         |name: &str, default: u32| std::env::var(name).ok().and_then(|n| n.parse().ok()).unwrap_or(default);
     let (scenes, seed) = (number("HAFF_SCENES", 1000), number("HAFF_SEED", 4));
@@ -444,10 +446,10 @@ fn random_scenes_keep_their_laws_and_do_not_know_their_engine() {
     assert!(events.get() > 20 * scenes as usize, "{} events in all", events.get());
 }
 
-/// Scenes whose replay took a wall that holds a grain for one that does not, or the other way round.
+/// Scenes where the replay had the wrong set of walls that support a grain.
 const REPLAYED: [Recipe; 2] = [
-    // A moving ramp pushes a grain along the wall it rests on, so slowly that it leaves that wall by less
-    // than all rounding so far.
+    // A moving ramp pushes a grain along the wall it rests on, and so slowly off this wall that the
+    // displacement is below the accumulated rounding.
     Recipe {
         boundary: [0, 1, 2],
         restitution: 4,
@@ -459,8 +461,8 @@ const REPLAYED: [Recipe; 2] = [
         seed: 12_801_591_799_708_678_778,
         ..PLAIN
     },
-    // A grain that slides along an edge is thrown off one of its walls by rounding, and comes to rest on it
-    // again.
+    // Rounding lifts a grain that slides along an edge off one of the two walls; it comes to rest on this
+    // wall again.
     Recipe {
         boundary: [2, 1, 1],
         particles: 40,
@@ -474,11 +476,11 @@ const REPLAYED: [Recipe; 2] = [
     },
 ];
 
-/// Scenes that random runs have found at fault.
+/// Scenes in which random runs have found errors. Each comment describes the error, which is now fixed.
 #[test]
-fn scenes_once_at_fault_keep_their_laws() {
+fn scenes_with_former_errors_obey_conservation_laws() {
     let found = [
-        // Thousands of like bounces, beside a fall along the wall: momentum.
+        // Thousands of equal bounces during a fall along the wall: the momentum was off.
         Recipe {
             flat: true,
             boundary: [1, 2, 0],
@@ -491,7 +493,7 @@ fn scenes_once_at_fault_keep_their_laws() {
             seed: 9_642_959_682_629_271_077,
             ..PLAIN
         },
-        // A grain that the contact duration kept from coming to rest on a ramp: it sank into it.
+        // `contact.tc` kept a grain from coming to rest on a ramp: the grain penetrated the ramp.
         Recipe {
             boundary: [0, 1, 2],
             particles: 161,
@@ -504,8 +506,8 @@ fn scenes_once_at_fault_keep_their_laws() {
             seed: 9_321_853_567_428_357_864,
             ..PLAIN
         },
-        // A grain that rests on a ramp and is thrown off it by a wall ten thousands of times: the impulse of
-        // the weight of all.
+        // A wall lifts a grain off the ramp it rests on, tens of thousands of times: the total impulse of the
+        // supports was off.
         Recipe {
             boundary: [1, 0, 2],
             particles: 33,
@@ -517,8 +519,8 @@ fn scenes_once_at_fault_keep_their_laws() {
             seed: 7_128_820_349_724_052_757,
             ..PLAIN
         },
-        // A grain between a wall and a ramp, both of e = 0, that touches one after the other until its speed
-        // is gone: it sank into both.
+        // A grain between a wall and a ramp, both of e = 0, touches them in turn until its speed is zero: it
+        // penetrated both.
         Recipe {
             boundary: [1, 0, 2],
             particles: 14,
@@ -528,8 +530,8 @@ fn scenes_once_at_fault_keep_their_laws() {
             seed: 9_776_165_189_665_064_590,
             ..PLAIN
         },
-        // A grain between another one and a viscoelastic wall that it bounces on ever lower: ten thousands of
-        // roundings of its place.
+        // A grain between another grain and a viscoelastic wall bounces with decreasing height: tens of
+        // thousands of roundings of its position.
         Recipe {
             flat: true,
             boundary: [1, 1, 0],
@@ -541,8 +543,8 @@ fn scenes_once_at_fault_keep_their_laws() {
             seed: 137_403_965_237_544_513,
             ..PLAIN
         },
-        // A grain stopped on a driven body, from which gravity takes it off: their contact was found again,
-        // in the past, when the tick changed.
+        // A grain is stopped by a driven body and then leaves it by gravity: when the tick changed, their
+        // contact was predicted again, in the past.
         Recipe {
             boundary: [2, 1, 2],
             particles: 47,
@@ -555,8 +557,8 @@ fn scenes_once_at_fault_keep_their_laws() {
             seed: 12_947_446_997_481_944_515,
             ..PLAIN
         },
-        // A wall that closes a gap drives a grain to 7000 times its speed before rest takes it all: rounding
-        // of what is in between.
+        // A wall that closes a gap drives a grain to 7000 times its speed before it comes to rest: the
+        // rounding errors are those of the largest speed.
         Recipe {
             flat: true,
             boundary: [1, 0, 0],
@@ -571,8 +573,8 @@ fn scenes_once_at_fault_keep_their_laws() {
             seed: 11_176_684_352_271_856_950,
             ..PLAIN
         },
-        // A grain slides eleven times round a periodic box into another one: both are rounded to parts of
-        // that flight, also when a wall has pressed them together afterwards.
+        // A grain slides through eleven periodic images of the box before it hits another grain: the rounding
+        // errors of both are relative to this distance, also after a wall has pressed them together.
         Recipe {
             flat: true,
             boundary: [1, 0, 0],
@@ -586,8 +588,8 @@ fn scenes_once_at_fault_keep_their_laws() {
             seed: 16_336_519_524_857_192_935,
             ..PLAIN
         },
-        // A driven body in many epochs of a clock that a fast grain makes fine: its anchor has been moved at
-        // the end of each fourth.
+        // A fast grain makes the tick short, so there are many epochs: the anchor of a driven body is moved
+        // at the end of every fourth one.
         Recipe {
             flat: true,
             boundary: [1, 0, 0],
@@ -599,8 +601,8 @@ fn scenes_once_at_fault_keep_their_laws() {
             seed: 7_407_130_976_972_376_444,
             ..PLAIN
         },
-        // A series of viscoelastic bounces that ended below rounding, but was not booked yet: 5·10⁻¹¹ of
-        // energy.
+        // A series of viscoelastic bounces ended below rounding, but its loss was not in the ledger yet:
+        // 5·10⁻¹¹ of the energy.
         Recipe {
             flat: true,
             boundary: [1, 0, 0],
@@ -624,7 +626,7 @@ fn scenes_once_at_fault_keep_their_laws() {
             seed: 2_351_363_783_347_639_464,
             ..PLAIN
         },
-        // A heavy grain that hops on a light one at rest.
+        // A heavy grain hops on a light grain at rest.
         Recipe {
             flat: true,
             boundary: [1, 1, 0],
@@ -638,7 +640,7 @@ fn scenes_once_at_fault_keep_their_laws() {
             seed: 14_756_928_281_548_885_707,
             ..PLAIN
         },
-        // A jam is one impact of many: one of its grains gains what others lose.
+        // A jam is one impact of many grains: one of them gains energy that others lose.
         Recipe {
             boundary: [0, 1, 2],
             particles: 6,

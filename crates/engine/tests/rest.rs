@@ -1,4 +1,4 @@
-//! Grains that lean on each other: they come to rest, stay there at no cost, and wake when hit.
+//! Grains supported by each other come to rest, cost nothing while at rest, and wake when hit.
 
 mod common;
 
@@ -29,9 +29,9 @@ fn start(scene: &System, neighbors: NeighborChoice) -> Simulation {
     Simulation::new(scene.clone(), Options { neighbors, ..Options::default() }).unwrap()
 }
 
-/// Asserts that no grain can move down along any of many directions: each one is blocked by a contact.
-/// Independent of how the engine looks for it.
-fn assert_stands(scene: &System, frame: &Frame, gap: f64) {
+/// Asserts that each of many downward directions is blocked by a contact, for every grain. The test shares no
+/// code with the settling scan of the engine.
+fn assert_supported(scene: &System, frame: &Frame, gap: f64) {
     let mut random = Random(1);
     let down = scene.domain.gravity.normalize();
     let flat = scene.dimension == Dimension::Two;
@@ -40,7 +40,8 @@ fn assert_stands(scene: &System, frame: &Frame, gap: f64) {
             let z = if flat { 0.0 } else { random.normal() };
             DVec3::new(random.normal(), random.normal(), z).normalize()
         })
-        // Nearly level ones are left out: a slope of 1e-3 passes for none, and gaps tilt normals.
+        // Nearly horizontal directions are omitted: the engine ignores slopes below 1e-3, and gaps tilt
+        // normals.
         .filter(|d| d.dot(down) > 0.05)
         .collect();
     let radius = |i: usize| scene.classes[scene.bodies[i].class as usize].radius;
@@ -76,14 +77,14 @@ fn heaps_come_to_rest_after_finitely_many_events() {
             assert_eq!(stop, Stop::Rest, "{dimension:?}, e = {e}: t = {}, {ledger:?}", simulation.time());
             let frame = simulation.frame();
             assert!(frame.velocity.iter().all(|v| *v == DVec3::ZERO), "{dimension:?}, e = {e}");
-            assert_stands(&scene, &frame, 0.05 * 0.05);
+            assert_supported(&scene, &frame, 0.05 * 0.05);
             assert_eq!(ledger.kinetic, 0.0);
             assert!(ledger.residual.abs() < 1e-13, "{dimension:?}, e = {e}: {ledger:?}");
-            // The log tells the same losses, those of rest among them: the very terms of the ledger, but for
-            // the rounding of this sum.
+            // The losses in the log, with those of rest, are those of the ledger, up to the rounding of this
+            // sum.
             let lost: f64 = log.0.iter().map(|event| event.energy_loss).sum();
-            let booked = ledger.dissipated + ledger.term(haff_engine::Term::Rest);
-            assert!((lost / booked - 1.0).abs() < 1e-12, "{dimension:?}, e = {e}: {lost}, {booked}");
+            let recorded = ledger.dissipated + ledger.term(haff_engine::Term::Rest);
+            assert!((lost / recorded - 1.0).abs() < 1e-12, "{dimension:?}, e = {e}: {lost}, {recorded}");
             let carnot: f64 = log.0.iter().map(|event| event.carnot_energy).sum();
             assert!(
                 (carnot / ledger.carnot - 1.0).abs() < 1e-12,
@@ -93,23 +94,23 @@ fn heaps_come_to_rest_after_finitely_many_events() {
             let rests = rows(EventKind::Rest);
             let counted = [counters.collisions, counters.wall_collisions, counters.rests];
             assert_eq!([rows(EventKind::Collision), rows(EventKind::Wall), rests], counted);
-            // All lie on each other in the end, so each has been put to rest once more than it has been
-            // woken. The other rows are those of completed series of bounces, which have lost more velocity
-            // than was left unless e = 0, and of jams.
+            // At the end all grains are at rest, so each has been put to rest once more often than it has
+            // been woken. The other rows of rest are those of jams and of completed series of bounces; the
+            // `carnot_energy` of the latter differs from their loss unless e = 0.
             let is_series = |event: &&EventRecord| {
                 event.kind == EventKind::Rest && event.carnot_energy != event.energy_loss
             };
             let series = log.0.iter().filter(is_series).count() as u64;
             assert!(rests - series >= counters.wakes + count as u64, "{series} series, {counters:?}");
-            // What rest has given back to those it has let go is less than what it had taken.
+            // Waking grains get back less energy than was removed when they were put to rest.
             assert!(ledger.term(haff_engine::Term::Rest) > 0.0, "{dimension:?}, e = {e}: {ledger:?}");
-            // Momentum: gravity, impacts and what holds the grains take together what there was.
+            // Gravity, impacts and supports together have removed the initial momentum.
             let mass = |body: &haff_engine::Body| scene.classes[body.class as usize].mass;
             let first: DVec3 = scene.bodies.iter().map(|body| mass(body) * body.velocity).sum();
             let left = first + simulation.sample().external_impulse;
             let scale = simulation.time() * count as f64;
             assert!(left.length() < 1e-12 * scale, "{dimension:?}, e = {e}: {left} of {scale}");
-            // At rest nothing costs anything.
+            // Grains at rest have no events.
             let again = simulation.advance(Until { time: 1e6, ..Until::default() }, &mut Silent).unwrap();
             assert_eq!((again, simulation.counters()), (Stop::Rest, counters));
         }
@@ -117,25 +118,25 @@ fn heaps_come_to_rest_after_finitely_many_events() {
 }
 
 #[test]
-fn rest_does_not_depend_on_the_search_nor_on_a_checkpoint() {
+fn rest_is_independent_of_search_and_checkpoints() {
     for (k, e) in [0.0, 0.01, 0.3, 0.5, 0.9].into_iter().enumerate() {
         for dimension in [Dimension::Three, Dimension::Two] {
             let scene = poured(dimension, 25, 3.4, e, 20 + k as u64);
             let until = |time: f64| Until { time, ..Until::default() };
             let mut expected = Log::default();
-            let mut twin = start(&scene, NeighborChoice::AllPairs);
+            let mut reference = start(&scene, NeighborChoice::AllPairs);
             let mut hashes = Vec::new();
             let times = [4.0, 9.0, 20.0, 60.0];
             for time in times {
-                twin.advance(until(time), &mut expected).unwrap();
-                hashes.push(twin.state_hash());
+                reference.advance(until(time), &mut expected).unwrap();
+                hashes.push(reference.state_hash());
             }
-            assert!(twin.counters().rests > 5, "{:?}", twin.counters());
+            assert!(reference.counters().rests > 5, "{:?}", reference.counters());
             for neighbors in [NeighborChoice::Cells, NeighborChoice::Lists] {
                 let mut log = Log::default();
                 let mut simulation = start(&scene, neighbors);
                 for (time, hash) in times.into_iter().zip(&hashes) {
-                    // In slices, and with a stop, a checkpoint and a resumption on the way.
+                    // In slices, and at each time a checkpoint and a resumption from it.
                     let slice = Until { entries: 777, ..until(time) };
                     while simulation.advance(slice, &mut log).unwrap() == Stop::Slice {}
                     assert_eq!(
@@ -154,7 +155,7 @@ fn rest_does_not_depend_on_the_search_nor_on_a_checkpoint() {
     }
 }
 
-/// A heap at rest, and a grain high above it: it wakes those that it hits, and all come to rest again.
+/// A grain falls on a heap at rest: it wakes the grains that it hits, and all come to rest again.
 #[test]
 fn a_heap_at_rest_wakes_when_it_is_hit() {
     let mut scene = poured(Dimension::Three, 30, 3.3, 0.5, 3);
@@ -166,7 +167,7 @@ fn a_heap_at_rest_wakes_when_it_is_hit() {
     }
     add(&mut scene, 1, DVec3::new(1.6, 1.7, 300.0), DVec3::ZERO);
     let mut simulation = start(&scene, NeighborChoice::Auto);
-    // It falls 300 − 3 in 24: the others are at rest by then.
+    // It falls by 300 − 3 in a time of 24; by then the others are at rest.
     simulation.advance(Until { time: 23.5, ..Until::default() }, &mut Silent).unwrap();
     let before = simulation.frame();
     let moving = before.velocity.iter().filter(|v| **v != DVec3::ZERO).count();
@@ -178,13 +179,13 @@ fn a_heap_at_rest_wakes_when_it_is_hit() {
     let stop = simulation.advance(Until { time: 500.0, ..Until::default() }, &mut Silent).unwrap();
     assert_eq!(stop, Stop::Rest);
     assert!(simulation.counters().wakes > wakes + 5, "{:?}", simulation.counters());
-    assert_stands(&scene, &simulation.frame(), 0.05 * 0.05);
+    assert_supported(&scene, &simulation.frame(), 0.05 * 0.05);
     assert!(simulation.ledger().residual.abs() < 1e-13);
 }
 
-/// A column of grains, one on the other, stands; one that stands next to a pit does not.
+/// A vertical column of grains comes to rest; a grain that is off the axis of the grain below rolls off.
 #[test]
-fn a_column_stands_and_a_grain_on_a_slope_does_not() {
+fn a_vertical_column_comes_to_rest_and_an_unsupported_grain_does_not() {
     let mut scene = system(Dimension::Three, DVec3::new(9.0, 9.0, 9.0), [Boundary::Wall; 3]);
     scene.domain.gravity = DVec3::new(0.0, 0.0, -1.0);
     set_restitution(&mut scene, 0.5);
@@ -196,7 +197,7 @@ fn a_column_stands_and_a_grain_on_a_slope_does_not() {
     let mut simulation = start(&scene, NeighborChoice::Auto);
     let stop = simulation.advance(Until { time: 50.0, ..Until::default() }, &mut Silent).unwrap();
     assert_eq!(stop, Stop::Rest);
-    // Off the axis by more than the slope that passes for none, the upper one rolls off.
+    // The slope at the contact is above the one that the engine ignores, so the upper grain rolls off.
     scene.bodies.truncate(2);
     scene.bodies[1].position.x += 0.02;
     let mut simulation = start(&scene, NeighborChoice::Auto);
@@ -205,7 +206,7 @@ fn a_column_stands_and_a_grain_on_a_slope_does_not() {
     assert!(height < 0.5 + 1e-3, "{height}");
 }
 
-/// A grain that bounces on top of a fixed sphere comes to rest there, off its top it does not.
+/// A grain that bounces on the top of a fixed sphere comes to rest there; beside the top it does not.
 #[test]
 fn a_grain_rests_on_top_of_a_fixed_sphere() {
     for (offset, rests) in [(0.0, true), (0.1, false)] {
@@ -221,14 +222,14 @@ fn a_grain_rests_on_top_of_a_fixed_sphere() {
         assert_eq!(stop == Stop::Rest, rests, "offset {offset}");
         let z = simulation.frame().position[1].z;
         assert_eq!(z > 1.49, rests, "offset {offset}: {z}");
-        // Without walls and jams there are no rows of rest but those of grains that are held from then on.
+        // Without walls and jams, the only rows of rest are those of grains that fall asleep.
         let counters = simulation.counters();
         assert_eq!(counters.rests, counters.wakes + u64::from(rests), "{counters:?}");
         assert!(simulation.ledger().residual.abs() < 1e-13);
     }
 }
 
-/// A moving wall wakes what it meets: nothing passes through a grain at rest.
+/// A moving wall wakes the grains that it touches and does not pass through them.
 #[test]
 fn a_piston_pushes_grains_at_rest() {
     let mut scene = poured(Dimension::Two, 12, 6.3, 0.5, 5);
@@ -241,7 +242,7 @@ fn a_piston_pushes_grains_at_rest() {
     });
     scene.contacts.wall.push((Restitution::Constant(0.5)).into());
     let mut simulation = start(&scene, NeighborChoice::Auto);
-    // At t = 60 it stands at x = 1.
+    // At t = 60 the piston is at x = 1.
     for k in 1..=60 {
         simulation.advance(Until { time: f64::from(k), ..Until::default() }, &mut Silent).unwrap();
         let depth = simulation.measure_overlap().unwrap().depth;
@@ -251,10 +252,10 @@ fn a_piston_pushes_grains_at_rest() {
     assert!(simulation.ledger().residual.abs() < 1e-13);
 }
 
-/// On a wall that moves no series of bounces is completed in closed form: a grain that is alone with it goes
-/// on with small bounces, of which there are not too many.
+/// On a moving wall no series of bounces is completed in closed form: a grain on it keeps bouncing, but the
+/// number of bounces is bounded.
 #[test]
-fn a_grain_on_a_moving_floor_bounces_on_at_little_cost() {
+fn bounces_on_a_moving_floor_are_bounded_in_number() {
     for e in [0.0, 0.01, 0.5, 0.9] {
         for speed in [-0.3, -1e-3, 1e-4, 0.02, 1.0] {
             let mut scene = system(Dimension::Three, DVec3::ONE, [Boundary::Open; 3]);
@@ -270,7 +271,7 @@ fn a_grain_on_a_moving_floor_bounces_on_at_little_cost() {
             let mut simulation = start(&scene, NeighborChoice::Auto);
             let time = 60.0;
             let stop = simulation.advance(Until { time, ..Until::default() }, &mut Silent).unwrap();
-            // Bounces at v/128 and more, which take v/64g each, and the few that have led to them.
+            // Bounces have speeds of v/128 and more and last v/64g each; 100 are for the bounces before them.
             let most = (time / (v / 64.0)) as u64 + 100;
             let counters = simulation.counters();
             assert!(stop == Stop::Time && counters.wall_collisions <= most, "e = {e}, {speed}: {counters:?}");
@@ -301,7 +302,7 @@ fn three_grains_on_a_line_collapse_below_the_critical_restitution_only() {
         let v = simulation.frame().velocity;
         ((v[1].x - v[0].x).min(v[2].x - v[1].x), simulation.counters().collisions)
     };
-    // Above it they part after a few collisions; below it nothing is left of their relative velocities.
+    // Above the critical e they separate after a few collisions; below it their relative velocities vanish.
     for e in [1.05 * critical, 0.1, 0.3] {
         let (speed, collisions) = relative(&line(e));
         assert!(speed > 1e-12 && collisions < 60, "e = {e}: {speed:e} after {collisions}");

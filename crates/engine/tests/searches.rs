@@ -1,5 +1,5 @@
-//! No choice of machinery changes a trajectory: cells, lists, all pairs, kernels and resumes give the same
-//! events, bit by bit.
+//! The trajectory is independent of the search (cells, lists, windows, all pairs), of the kernel, of the
+//! number of threads and of resumptions: all give the same events, bit by bit.
 
 mod common;
 
@@ -10,7 +10,7 @@ use haff_engine::{
     System, Until, Wall,
 };
 
-/// Runs `collisions` collisions and returns the log and the hash.
+/// Runs to `until` and returns the log, the hash of the final state and the simulation.
 fn run(system: &System, options: Options, until: Until) -> (Log, String, Simulation) {
     let mut log = Log::default();
     let mut simulation = Simulation::new(system.clone(), options).unwrap();
@@ -32,13 +32,14 @@ fn options(neighbors: NeighborChoice, simd: SimdChoice) -> Options {
     Options { neighbors, simd }
 }
 
-/// Whether windows of time serve a system.
+/// Whether windows of time support a system.
 fn has_windows(system: &System) -> bool {
-    let asked = options(NeighborChoice::Windows, SimdChoice::Auto);
-    !matches!(Simulation::new(system.clone(), asked), Err(EngineError::Unsuitable { .. }))
+    let windows = options(NeighborChoice::Windows, SimdChoice::Auto);
+    !matches!(Simulation::new(system.clone(), windows), Err(EngineError::Unsuitable { .. }))
 }
 
-fn assert_twins(name: &str, system: &System, until: Until) -> usize {
+/// Asserts that every search and kernel gives the events of all pairs, and returns their number.
+fn assert_same_trajectory(name: &str, system: &System, until: Until) -> usize {
     let (reference, hash, mut plain) =
         run(system, options(NeighborChoice::AllPairs, SimdChoice::Portable), until);
     let sample = format!("{:?}", plain.sample());
@@ -52,7 +53,7 @@ fn assert_twins(name: &str, system: &System, until: Until) -> usize {
     if has_windows(system) {
         choices.push(options(NeighborChoice::Windows, SimdChoice::Portable));
         choices.push(options(NeighborChoice::Windows, SimdChoice::Auto));
-        // Where `Auto` has wider vectors.
+        // Where `Auto` uses wider vectors than AVX2.
         let avx2 = options(NeighborChoice::Windows, SimdChoice::Avx2);
         if !matches!(Simulation::new(system.clone(), avx2), Err(EngineError::NoAvx2)) {
             choices.push(avx2);
@@ -75,10 +76,9 @@ fn assert_twins(name: &str, system: &System, until: Until) -> usize {
     reference.0.len()
 }
 
-/// Large particles among small ones, a hundred times and less as large, in boxes that are hardly three of
-/// them wide.
+/// Size ratios of 30 and 100, in boxes of little more than one to three diameters of the large particle.
 #[test]
-fn windows_serve_very_unequal_sizes() {
+fn windows_support_very_unequal_sizes() {
     for (large, small, edge, boundary) in [
         (3.0, 0.1, 17.0, Boundary::Periodic),
         (5.0, 0.05, 28.5, Boundary::Periodic),
@@ -92,24 +92,28 @@ fn windows_serve_very_unequal_sizes() {
         let grain = class(&mut scene, small, 1.0);
         scatter(&mut scene, grain, 150, 3.0, &mut random);
         assert!(has_windows(&scene), "{name}");
-        let events = assert_twins(&name, &scene, Until { collisions: 400, time: 100.0, entries: 4_000_000 });
+        let events =
+            assert_same_trajectory(&name, &scene, Until { collisions: 400, time: 100.0, entries: 4_000_000 });
         assert!(events > 200, "{name}: {events}");
     }
 }
 
 #[test]
-fn periodic_gases_do_not_know_their_search() {
+fn trajectory_is_independent_of_search() {
     for (seed, (packing, e)) in [(0.02, 1.0), (0.1, 0.9), (0.3, 1.0), (0.45, 0.7)].into_iter().enumerate() {
         let system = gas(4, packing, e, seed as u64);
-        let events =
-            assert_twins(&format!("φ = {packing}"), &system, Until { collisions: 3000, ..Until::default() });
+        let events = assert_same_trajectory(
+            &format!("φ = {packing}"),
+            &system,
+            Until { collisions: 3000, ..Until::default() },
+        );
         assert_eq!(events, 3000);
     }
 }
 
-/// Every feature at once, over hundreds of random systems.
+/// All features mixed, in 200 random systems.
 #[test]
-fn random_scenes_do_not_know_their_search() {
+fn trajectory_of_random_scenes_is_independent_of_search() {
     let mut events = 0;
     for seed in 0..200 {
         let mut random = Random(seed);
@@ -136,8 +140,8 @@ fn random_scenes_do_not_know_their_search() {
                     normal[other] = random.uniform(-0.5, 0.5);
                 }
             }
-            // Without gravity, or the ramp would squeeze grains into the wedge between it and a wall for
-            // ever.
+            // Only without gravity: otherwise grains would be squeezed without end into the wedge between the
+            // ramp and a wall.
             let moves = random.index(4) == 0 && scene.domain.gravity == DVec3::ZERO;
             let velocity = if moves { normal * 0.1 } else { DVec3::ZERO };
             scene.walls.push(Wall {
@@ -164,12 +168,14 @@ fn random_scenes_do_not_know_their_search() {
             scatter(&mut scene, fixed, 1, speed, &mut random);
         }
         let name = format!("seed {seed}: {dimension:?} {boundary:?}");
-        events += assert_twins(&name, &scene, Until { collisions: 150, time: 40.0, entries: 400_000 });
+        events +=
+            assert_same_trajectory(&name, &scene, Until { collisions: 150, time: 40.0, entries: 400_000 });
     }
     assert!(events > 15_000, "{events} events in all");
 }
 
-/// Runs with every build of the engine of lists in periodic boxes, and says what it has done.
+/// Runs with lists, portable and vectorized, asserts that the events are those of cells, and returns the
+/// counters of the lists.
 fn assert_lists(name: &str, system: &System, collisions: u64) -> Counters {
     let until = Until { collisions, ..Until::default() };
     let (reference, hash, _) = run(system, options(NeighborChoice::Cells, SimdChoice::Portable), until);
@@ -183,22 +189,22 @@ fn assert_lists(name: &str, system: &System, collisions: u64) -> Counters {
         assert_eq!(hash, other, "{name}, {simd:?}: state hash");
         simulation.validate(1e-12).unwrap_or_else(|error| panic!("{name}, {simd:?}: {error}"));
         result = simulation.counters();
-        // Others have no filter.
+        // Only `Nearby` has a filter and counts its candidates.
         assert!(result.candidates > 0 && result.transfers > 0, "{name}: {result:?}");
     }
     result
 }
 
 #[test]
-fn lists_that_dismiss_in_single_precision_miss_no_contact() {
+fn single_precision_filter_of_lists_misses_no_contact() {
     for (seed, (packing, e)) in [(0.15, 1.0), (0.3, 0.9), (0.49, 1.0)].into_iter().enumerate() {
         let scene = gas(9, packing, e, 30 + seed as u64);
         let counters = assert_lists(&format!("φ = {packing}"), &scene, 6000);
-        // Of ten members nine are never predicted.
+        // The filter dismisses most members of lists: fewer than 3 of 10 are predicted.
         assert!(10 * counters.predictions < 3 * counters.candidates, "{counters:?}");
     }
     assert_lists("disks", &disks(20, 0.65, 33), 5000);
-    // In a crystal at random speeds, and with one that is very fast or that stands still.
+    // A crystal with random velocities, in which one particle is very fast and one is at rest.
     let mut scene = gas(9, 0.4, 1.0, 34);
     scene.bodies[100].velocity = DVec3::new(150.0, -200.0, 240.0);
     scene.bodies[200].velocity = DVec3::ZERO;
@@ -254,24 +260,24 @@ fn lists_miss_no_contact_with_walls_and_fixed_bodies() {
     assert!(counters.wall_collisions > 100, "{counters:?}");
 }
 
-/// Slower by two orders of magnitude in the end, and in clusters.
+/// At the end the gas is slower by two orders of magnitude, and has clusters.
 #[test]
-fn lists_follow_a_gas_that_cools() {
+fn lists_adapt_to_a_cooling_gas() {
     let mut scene = gas(9, 0.2, 0.5, 36);
     scene.contacts.tc = 1e-3;
     assert_lists("cooling", &scene, 12_000);
 }
 
-/// Contacts of exactly equal times: what comes first must not depend on who was predicted when.
+/// Contacts of exactly equal times: their order must not depend on the order of the predictions.
 #[test]
-fn symmetric_scenes_do_not_know_their_search() {
+fn trajectory_of_symmetric_scenes_is_independent_of_search() {
     // A crystal whose particles all have one speed along the axes.
     let mut crystal = gas(4, 0.2, 1.0, 5);
     for (i, body) in crystal.bodies.iter_mut().enumerate() {
         let sign = if (i / 3) % 2 == 0 { 1.0 } else { -1.0 };
         body.velocity = DVec3::AXES[i % 3] * sign;
     }
-    assert_twins("crystal", &crystal, Until { collisions: 2000, ..Until::default() });
+    assert_same_trajectory("crystal", &crystal, Until { collisions: 2000, ..Until::default() });
 
     // Fifteen touching disks, hit in the middle.
     let mut table = system(Dimension::Two, DVec3::new(40.0, 20.0, 1.0), [Boundary::Wall; 3]);
@@ -284,17 +290,21 @@ fn symmetric_scenes_do_not_know_their_search() {
             add(&mut table, ball, DVec3::new(x, y, 0.0), DVec3::ZERO);
         }
     }
-    let events = assert_twins("breakshot", &table, Until { time: 50.0, collisions: 400, ..Until::default() });
+    let events = assert_same_trajectory(
+        "breakshot",
+        &table,
+        Until { time: 50.0, collisions: 400, ..Until::default() },
+    );
     assert!(events > 20, "{events}");
 }
 
-/// A pair may take longer to meet than its clock's epoch lasts, and its anchors may be older than that.
+/// A contact can be later than the end of the clock's epoch, and its anchors can be older than the epoch.
 #[test]
-fn a_contact_many_epochs_away_happens_in_time() {
+fn a_contact_many_epochs_later_happens_at_its_time() {
     for (gap, speed) in [(3.0, 0.002), (4.0, 0.000_7), (5.0, 0.000_3)] {
         let mut scene = system(Dimension::Three, DVec3::splat(20.0), [Boundary::Periodic; 3]);
         let ball = class(&mut scene, 0.5, 1.0);
-        // The fast one sets the length of an epoch and meets no other.
+        // The fast particle sets the length of an epoch and never collides.
         add(&mut scene, ball, DVec3::new(1.0, 15.0, 15.0), DVec3::new(1.0, 0.0, 0.0));
         add(&mut scene, ball, DVec3::new(5.0, 5.0, 5.0), DVec3::ZERO);
         add(&mut scene, ball, DVec3::new(6.0 + gap, 5.0, 5.0), DVec3::new(-speed, 0.0, 0.0));
@@ -314,7 +324,7 @@ fn a_contact_many_epochs_away_happens_in_time() {
 }
 
 #[test]
-fn a_resumed_run_is_the_run_that_never_stopped() {
+fn a_resumed_run_equals_the_uninterrupted_run() {
     for (seed, gravity) in [(1, false), (2, true)] {
         let mut random = Random(seed);
         let mut scene = system(Dimension::Three, DVec3::splat(8.0), [Boundary::Wall; 3]);
@@ -352,7 +362,7 @@ fn a_resumed_run_is_the_run_that_never_stopped() {
 
 /// Windows are opened in parallel from 65,536 particles on, or from 16,384 where events are rare.
 #[test]
-fn the_thread_count_changes_nothing() {
+fn trajectory_is_independent_of_thread_count() {
     for (system, neighbors) in
         [(gas(12, 0.2, 0.95, 9), NeighborChoice::Lists), (gas(26, 0.01, 0.95, 9), NeighborChoice::Windows)]
     {
@@ -369,7 +379,7 @@ fn the_thread_count_changes_nothing() {
 }
 
 #[test]
-fn a_gas_resumed_with_windows_is_the_gas_that_never_stopped() {
+fn a_gas_resumed_with_windows_equals_the_uninterrupted_run() {
     let scene = gas(7, 0.1, 0.9, 4);
     let whole = Until { time: 6.0, ..Until::default() };
     let (_, hash, mut reference) = run(&scene, options(NeighborChoice::Cells, SimdChoice::Auto), whole);
@@ -377,7 +387,7 @@ fn a_gas_resumed_with_windows_is_the_gas_that_never_stopped() {
     let searches = [NeighborChoice::Windows, NeighborChoice::Windows, NeighborChoice::Lists];
     let mut parts =
         Simulation::new(scene.clone(), options(NeighborChoice::Windows, SimdChoice::Auto)).unwrap();
-    // Slices count the opening of windows, too.
+    // Each window that is opened counts as an entry of the slice.
     for (k, entries) in [1, 10, 100, 300, 500, 700].into_iter().enumerate() {
         let stop = parts.advance(Until { entries, ..whole }, &mut Log::default()).unwrap();
         assert_eq!(stop, Stop::Slice, "part {k}");
@@ -393,10 +403,10 @@ fn a_gas_resumed_with_windows_is_the_gas_that_never_stopped() {
     assert!(parts.counters().collisions > 1000, "{:?}", parts.counters());
 }
 
-/// Close to the densest packing, where every list is longer than in any fluid, and with lists that must
-/// overflow: one large particle among many small ones.
+/// Close to the densest packing, where lists are longer than in any fluid; and one large particle among many
+/// small ones, whose list must overflow.
 #[test]
-fn crowded_systems_do_not_know_their_search() {
+fn trajectory_of_crowded_systems_is_independent_of_search() {
     // A face-centered cubic crystal at φ = 0.7.
     let edge = (4.0 * std::f64::consts::PI / 6.0 / 0.7_f64).cbrt();
     let mut crystal = system(Dimension::Three, DVec3::splat(4.0 * edge), [Boundary::Periodic; 3]);
@@ -409,25 +419,28 @@ fn crowded_systems_do_not_know_their_search() {
         let velocity = DVec3::new(random.normal(), random.normal(), random.normal());
         add(&mut crystal, ball, (cell + corner[k as usize % 4] + 0.25) * edge, velocity);
     }
-    assert_eq!(assert_twins("crystal", &crystal, Until { collisions: 4000, ..Until::default() }), 4000);
+    assert_eq!(
+        assert_same_trajectory("crystal", &crystal, Until { collisions: 4000, ..Until::default() }),
+        4000
+    );
 
     let mut bag = system(Dimension::Three, DVec3::splat(8.0), [Boundary::Periodic; 3]);
     let (large, small) = (class(&mut bag, 2.5, 100.0), class(&mut bag, 0.25, 1.0));
     add(&mut bag, large, DVec3::splat(4.0), DVec3::ZERO);
     scatter(&mut bag, small, 1200, 1.0, &mut random);
-    assert_eq!(assert_twins("bag", &bag, Until { collisions: 3000, ..Until::default() }), 3000);
+    assert_eq!(assert_same_trajectory("bag", &bag, Until { collisions: 3000, ..Until::default() }), 3000);
 }
 
-/// Runs a system with windows and with cells; the same events. Returns what windows have counted, and their
-/// kinetic energies at the start and the end.
+/// Asserts that windows give the events of cells. Returns the counters of windows and the kinetic energies at
+/// the start and the end.
 fn assert_windows(name: &str, system: &System, collisions: u64) -> (Counters, [f64; 2]) {
     let until = Until { collisions, ..Until::default() };
     let (reference, hash, _) = run(system, options(NeighborChoice::Cells, SimdChoice::Auto), until);
     let mut result = None;
     for simd in [SimdChoice::Portable, SimdChoice::Auto] {
-        let asked = options(NeighborChoice::Windows, simd);
-        let before = Simulation::new(system.clone(), asked).unwrap().ledger().kinetic;
-        let (log, other, mut simulation) = run(system, asked, until);
+        let windows = options(NeighborChoice::Windows, simd);
+        let before = Simulation::new(system.clone(), windows).unwrap().ledger().kinetic;
+        let (log, other, mut simulation) = run(system, windows, until);
         for (row, (a, b)) in reference.0.iter().zip(&log.0).enumerate() {
             assert_eq!(a, b, "{name}, {simd:?}, event {row}");
         }
@@ -441,11 +454,11 @@ fn assert_windows(name: &str, system: &System, collisions: u64) -> (Counters, [f
     result.unwrap()
 }
 
-/// Windows are measured in time, and time slows down with the gas: by two orders of magnitude here.
+/// Windows must get longer as the gas gets slower, here by two orders of magnitude.
 #[test]
-fn windows_follow_a_gas_that_cools() {
+fn windows_adapt_to_a_cooling_gas() {
     let mut scene = gas(6, 0.05, 0.5, 21);
-    // Without it, all that is left in the end is the drift of the whole.
+    // Without this correction the energy at the end would be that of the mean velocity.
     let drift = scene.bodies.iter().map(|body| body.velocity).sum::<DVec3>() / scene.bodies.len() as f64;
     for body in &mut scene.bodies {
         body.velocity -= drift;
@@ -456,18 +469,18 @@ fn windows_follow_a_gas_that_cools() {
     assert!(after < 1e-4 * before, "{before} → {after}");
 }
 
-/// Windows as long as others need would carry it through the whole box and on.
+/// In windows that are long enough for the other particles it would cross the whole box more than once.
 #[test]
-fn windows_are_cut_short_for_one_very_fast_particle() {
+fn windows_are_shortened_for_one_very_fast_particle() {
     for (packing, per_edge) in [(0.05, 7), (0.001, 6)] {
         let mut scene = gas(per_edge, packing, 1.0, 22);
         let usual = assert_windows("usual", &scene, 1500).0.windows;
         scene.bodies[100].velocity = DVec3::new(150.0, -200.0, 240.0);
         let fast = assert_windows("fast", &scene, 1500).0.windows;
-        // Only at first: its energy is shared out after a few hundred collisions.
+        // Only at first: after a few hundred collisions its energy is shared by all.
         assert!(4 * fast > 5 * usual, "φ = {packing}: {usual} windows, {fast} with a fast one");
     }
-    // One that is hit and becomes very fast within a window: a heavy wrecking ball, and feathers.
+    // A particle that becomes very fast within a window: heavy particles hit light ones.
     let mut scene = gas(6, 0.02, 1.0, 23);
     let feather = class(&mut scene, 0.5, 1e-4);
     for body in scene.bodies.iter_mut().step_by(2) {
@@ -476,7 +489,7 @@ fn windows_are_cut_short_for_one_very_fast_particle() {
     assert_windows("feathers", &scene, 4000);
 }
 
-/// In dilute gases particles go a hundred diameters within a window, where single precision is at its limits.
+/// In dilute gases particles move by a hundred diameters within a window, at the limits of single precision.
 #[test]
 fn windows_miss_no_contact_in_very_dilute_gases() {
     let mut scene = disks(24, 0.001, 24);
@@ -487,7 +500,7 @@ fn windows_miss_no_contact_in_very_dilute_gases() {
 }
 
 #[test]
-fn windows_serve_mixtures_and_disks_and_boxes_with_walls() {
+fn windows_support_mixtures_disks_and_walls() {
     let mut random = Random(26);
     // Sizes 1 : 10, masses 1 : 1000.
     for boundary in [Boundary::Periodic, Boundary::Wall] {
@@ -511,9 +524,9 @@ fn windows_serve_mixtures_and_disks_and_boxes_with_walls() {
     assert_windows("a channel", &scene, 3000);
 }
 
-/// Under gravity all paths bend alike, and the windows fall with them.
+/// Under gravity the coordinates of windows are relative to a falling frame, in which all paths are straight.
 #[test]
-fn windows_serve_what_falls() {
+fn windows_support_gravity() {
     let mut random = Random(30);
     for (e, g) in [(1.0, 0.3), (0.95, 5.0), (0.9, 0.01)] {
         let boundary = [Boundary::Periodic, Boundary::Wall, Boundary::Wall];
@@ -523,7 +536,7 @@ fn windows_serve_what_falls() {
         let ball = class(&mut scene, 0.5, 1.0);
         scatter(&mut scene, ball, 250, 1.0, &mut random);
         assert_windows(&format!("e = {e}, g = {g}"), &scene, 4000);
-        // Let go of all at once.
+        // All start at rest at the same time.
         for body in &mut scene.bodies {
             body.velocity = DVec3::ZERO;
         }
@@ -538,9 +551,9 @@ fn windows_serve_what_falls() {
     assert_windows("disks of two sizes", &scene, 4000);
 }
 
-/// A particle at rest on the floor no longer falls: cells go on where windows cannot.
+/// A particle at rest on the floor no longer falls, which windows do not support: cells replace them.
 #[test]
-fn an_engine_that_no_longer_serves_is_replaced() {
+fn an_unsupported_engine_is_replaced() {
     let mut scene = system(
         Dimension::Three,
         DVec3::new(20.0, 20.0, 30.0),
@@ -572,18 +585,18 @@ fn cluster(per_edge: usize, packing: f64, e: f64, size: DVec3, seed: u64) -> Sys
     scene
 }
 
-/// A search looks at what is near, however large the box is: grids are folded where most of their cells would
-/// be empty.
+/// The cost of a search is independent of the size of the box: grids are folded where most of their cells
+/// would be empty.
 #[test]
 fn clusters_in_large_boxes_cost_no_more_than_gases() {
     for size in [DVec3::splat(200.0), DVec3::splat(1e6), DVec3::new(20.0, 30.0, 1e5)] {
         let scene = cluster(10, 0.1, 0.8, size, 32);
         let name = format!("a cluster in {size}");
         let per_collision = |counters: &Counters| counters.candidates as f64 / counters.collisions as f64;
-        // Of all thousand, on an unfolded grid.
+        // An unfolded grid would give all thousand particles.
         let candidates = per_collision(&assert_windows(&name, &scene, 1000).0);
         assert!(candidates < 300.0, "{name}: {candidates} candidates a collision");
-        // The lists' coordinates are too coarse for the largest.
+        // The coordinates of lists are too coarse for the largest box.
         if size.max_element() <= 1e5 {
             let candidates = per_collision(&assert_lists(&name, &scene, 1000));
             assert!(candidates < 300.0, "{name}: {candidates} candidates a collision in lists");
@@ -591,9 +604,9 @@ fn clusters_in_large_boxes_cost_no_more_than_gases() {
     }
 }
 
-/// A dense cluster has lists, and windows when it has come apart.
+/// A dense cluster starts with lists; after it has dispersed, windows are faster and replace them.
 #[test]
-fn an_engine_that_others_have_become_better_than_is_replaced() {
+fn an_unprofitable_engine_is_replaced() {
     let scene = cluster(20, 0.52, 1.0, DVec3::splat(60.0), 33);
     let start = Simulation::new(scene.clone(), Options::default()).unwrap();
     assert_eq!(start.neighbors(), NeighborChoice::Lists);
@@ -604,12 +617,12 @@ fn an_engine_that_others_have_become_better_than_is_replaced() {
 }
 
 #[test]
-fn windows_refuse_what_they_cannot_serve() {
+fn windows_are_refused_for_unsupported_systems() {
     let why = |scene: &System| {
-        let asked = options(NeighborChoice::Windows, SimdChoice::Auto);
-        let Err(error) = Simulation::new(scene.clone(), asked) else { return String::new() };
+        let windows = options(NeighborChoice::Windows, SimdChoice::Auto);
+        let Err(error) = Simulation::new(scene.clone(), windows) else { return String::new() };
         assert!(matches!(error, EngineError::Unsuitable { .. }), "{error:?}");
-        // The advice of the message works.
+        // The message recommends `auto`, which must work.
         Simulation::new(scene.clone(), Options::default()).unwrap();
         error.to_string()
     };

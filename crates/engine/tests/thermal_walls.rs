@@ -1,4 +1,5 @@
-//! Thermal walls: equilibrium, heat flux, the same bits everywhere, and the balance of energies.
+//! Thermal walls: equilibrium, heat flux, independence of the trajectory of the search, and the balance of
+//! energies.
 
 mod common;
 
@@ -20,7 +21,7 @@ fn thermal(temperature: f64, accommodation: f64) -> WallLaw {
     WallLaw::Thermal(ThermalWall { temperature, accommodation, restitution: Restitution::Constant(1.0) })
 }
 
-/// A gas between walls along the first axes, at a temperature.
+/// A gas in a box with the given boundaries.
 fn gas(dimension: Dimension, count: usize, edge: f64, radius: f64, walls: [Boundary; 3]) -> System {
     let mut scene = system(dimension, DVec3::splat(edge), walls);
     let kind = class(&mut scene, radius, 2.0);
@@ -40,13 +41,13 @@ fn trajectory_with_thermal_walls_is_independent_of_search_slices_and_resumption(
         scene.contacts.wall[0] = thermal(1.5, 1.0);
         scene.contacts.wall[1] = thermal(0.5, 0.6);
         let plain = Options { neighbors: NeighborChoice::AllPairs, simd: SimdChoice::Portable };
-        let mut twin = Simulation::new(scene.clone(), plain).unwrap();
+        let mut reference = Simulation::new(scene.clone(), plain).unwrap();
         let times = [0.5, 2.0, 6.0];
         let expected: Vec<_> = times
             .iter()
             .map(|&time| {
-                twin.advance(until(time), &mut Silent).unwrap();
-                (twin.state_hash(), twin.ledger())
+                reference.advance(until(time), &mut Silent).unwrap();
+                (reference.state_hash(), reference.ledger())
             })
             .collect();
         for neighbors in [NeighborChoice::Cells, NeighborChoice::Lists, NeighborChoice::Windows] {
@@ -65,8 +66,8 @@ fn trajectory_with_thermal_walls_is_independent_of_search_slices_and_resumption(
     }
 }
 
-/// All walls at T, elastic: canonical. With V, the velocity of the center of mass, subtracted the temperature
-/// is T (N − 1)/N, and the energy has the mean d N T/2 and the variance d N T²/2.
+/// All walls at T and elastic particles give the canonical ensemble: the energy has the mean d N T/2 and the
+/// variance d N T²/2, and the temperature relative to the center-of-mass velocity is T (N − 1)/N.
 #[test]
 fn a_gas_between_walls_of_one_temperature_is_canonical() {
     for (dimension, edge) in [(Dimension::Three, 3.0), (Dimension::Two, 4.0)] {
@@ -85,11 +86,11 @@ fn a_gas_between_walls_of_one_temperature_is_canonical() {
             squares += (sample.ledger.kinetic - mean).powi(2);
         }
         let states = energy.len() as f64;
-        // Each particle meets walls some ten times between states, which are therefore independent.
+        // Between two states each particle hits walls about ten times, so the states are independent.
         let variance = 0.5 * d * n * temperature * temperature;
         let z = (energy.iter().sum::<f64>() / states - mean) / (variance / states).sqrt();
         assert!(z.abs() < 4.0, "d = {d}: mean energy, z = {z}");
-        // Of a gamma distribution of shape k the fourth central moment is 3k(k + 2).
+        // The fourth central moment of a gamma distribution of shape k is 3k(k + 2).
         let shape = 0.5 * d * n;
         let fourth = 3.0 * shape * (shape + 2.0) * temperature.powi(4);
         let z = (squares / states - variance) / ((fourth - variance * variance) / states).sqrt();
@@ -102,7 +103,7 @@ fn a_gas_between_walls_of_one_temperature_is_canonical() {
     }
 }
 
-/// A gas of particles that hardly meet, between plates at T₁ and T₂: T = √(T₁T₂), heat flux
+/// A gas of particles that rarely collide, between plates at T₁ and T₂: T = √(T₁T₂), heat flux
 /// 2n√(2T₁T₂/(πm))(√T₁ − √T₂).
 #[test]
 fn a_nearly_collisionless_gas_between_plates_has_the_free_molecular_heat_flux() {
@@ -112,7 +113,7 @@ fn a_nearly_collisionless_gas_between_plates_has_the_free_molecular_heat_flux() 
     let mut scene = gas(Dimension::Three, count, edge, radius, boundary);
     scene.contacts.wall[0] = thermal(hot, 1.0);
     scene.contacts.wall[1] = thermal(cold, 1.0);
-    // The slowest particles cross the box only after long times: they start at the temperature expected.
+    // The slowest particles need long to cross the box, so the gas starts at the expected temperature.
     let start = (hot * cold).sqrt();
     scene.bodies.iter_mut().for_each(|body| body.velocity *= (start / mass).sqrt());
     let mut simulation = Simulation::new(scene, Options::default()).unwrap();
@@ -123,7 +124,7 @@ fn a_nearly_collisionless_gas_between_plates_has_the_free_molecular_heat_flux() 
     let (mut temperatures, mut heats, intervals, span) = (Vec::new(), Vec::new(), 40, 250.0);
     for k in 1..=intervals {
         let end = 300.0 + span * f64::from(k);
-        // Means over intervals so long that only the slowest particles do not meet a wall in one.
+        // Means over intervals so long that all but the slowest particles hit a wall in each.
         let mut mean = 0.0;
         let mut log = Log::default();
         for part in (0..50).rev() {
@@ -131,8 +132,8 @@ fn a_nearly_collisionless_gas_between_plates_has_the_free_molecular_heat_flux() 
             mean += 2.0 * simulation.ledger().kinetic / (3.0 * count as f64) / 50.0;
         }
         temperatures.push(mean);
-        // From the hot wall. Rows have the normal components, which carry a half: T of 2T for each particle
-        // of a flux at T.
+        // Heat from the hot wall. Rows have only the normal component of the velocity, which carries half of
+        // the energy: T of the 2T per particle in a flux at T.
         let normal = |row: &EventRecord| {
             let after = row.impulse / mass - row.approach_speed;
             0.5 * mass * (after * after - row.approach_speed * row.approach_speed)

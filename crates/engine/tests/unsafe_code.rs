@@ -1,5 +1,5 @@
-//! Runs small enough for Miri through every `unsafe` block of the engine, the vector kernels against the
-//! portable ones:
+//! Runs every `unsafe` block of the engine on systems small enough for Miri, and compares the vector kernels
+//! with the portable ones:
 //!
 //! ```sh
 //! MIRIFLAGS="-Zmiri-disable-isolation -Zmiri-tree-borrows" RAYON_NUM_THREADS=1 \
@@ -7,7 +7,7 @@
 //!     cargo +nightly miri test -p haff-engine --test unsafe_code
 //! ```
 //!
-//! Tree borrows, because the deque of the thread pool is not sound by the older model.
+//! The thread pool's deque violates stacked borrows, hence tree borrows.
 
 mod common;
 
@@ -17,10 +17,11 @@ use haff_engine::{
     Boundary, Dimension, EngineError, NeighborChoice, Options, Silent, SimdChoice, Simulation, System, Until,
 };
 
-/// A hundred times fewer under Miri, which is a thousand times slower.
+/// Number of collisions of a run, reduced under Miri, which is a thousand times slower.
 const COLLISIONS: u64 = if cfg!(miri) { 30 } else { 3000 };
 
-/// Neighbor lists and windows, with and without vectors, with and without a log, against portable cells.
+/// Asserts that cells, lists and windows, with each instruction set, with and without a log, give the state
+/// of portable cells without a log.
 fn assert_alike(name: &str, system: &System) {
     let end = |neighbors, simd, events: bool| {
         let mut simulation = Simulation::new(system.clone(), Options { neighbors, simd }).unwrap();
@@ -38,35 +39,36 @@ fn assert_alike(name: &str, system: &System) {
     for neighbors in [NeighborChoice::Cells, NeighborChoice::Lists, NeighborChoice::Windows] {
         let avx2 = Options { neighbors, simd: SimdChoice::Avx2 };
         let has_avx2 = !matches!(Simulation::new(system.clone(), avx2), Err(EngineError::NoAvx2));
-        let between = has_avx2.then_some((SimdChoice::Avx2, true));
+        let narrower = has_avx2.then_some((SimdChoice::Avx2, true));
         let choices = [(SimdChoice::Portable, true), (SimdChoice::Auto, false), (SimdChoice::Auto, true)];
-        for (simd, events) in choices.into_iter().chain(between) {
+        for (simd, events) in choices.into_iter().chain(narrower) {
             let found = end(neighbors, simd, events);
             assert_eq!(found, expected, "{name}: {neighbors:?}, {simd:?}, with a log: {events}");
         }
     }
 }
 
-/// One size: vectors of eight with their own fast paths.
+/// Equal sizes: kernels with vectors of eight and fast paths for this case.
 #[test]
-fn equal_spheres_run_alike_through_all_kernels() {
+fn all_kernels_agree_for_equal_spheres() {
     assert_alike("equal spheres", &gas(4, 0.15, 1.0, 1));
 }
 
-/// Dense enough for the lists of periodic boxes, which have kernels of their own.
+/// Dense enough for `Nearby`, whose lists have kernels of their own.
 #[test]
-fn dense_spheres_run_alike_through_all_kernels() {
+fn all_kernels_agree_for_dense_spheres() {
     let scene = gas(6, 0.45, 0.95, 4);
     let options = Options { neighbors: NeighborChoice::Lists, ..Options::default() };
     let mut lists = Simulation::new(scene.clone(), options).unwrap();
     lists.advance(Until { collisions: 10, ..Until::default() }, &mut Silent).unwrap();
-    assert!(lists.counters().candidates > 0, "these are the others");
+    assert!(lists.counters().candidates > 0, "the lists are not those of `Nearby`");
     assert_alike("dense spheres", &scene);
 }
 
-/// Sizes, walls, and fixed bodies: the other paths of the same kernels; lists that end within a vector.
+/// Several sizes, walls and fixed bodies: the general paths of the same kernels, and lists whose length is
+/// not a multiple of the vector length.
 #[test]
-fn mixtures_between_walls_run_alike_through_all_kernels() {
+fn all_kernels_agree_for_mixtures_between_walls() {
     let boundary = [Boundary::Periodic, Boundary::Wall, Boundary::Periodic];
     let mut scene = system(Dimension::Three, DVec3::splat(9.5), boundary);
     set_restitution(&mut scene, 0.95);

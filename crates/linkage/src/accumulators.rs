@@ -1,9 +1,7 @@
 //! Sums accumulated over a run.
 
 use glam::DVec3;
-use haff_engine::Counters;
-
-use crate::sum::Sum;
+use haff_engine::{Counters, Sum};
 
 /// Energies and momenta accumulated since the start.
 #[derive(Debug, Clone, Copy, Default, PartialEq)]

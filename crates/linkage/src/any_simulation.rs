@@ -55,7 +55,7 @@ impl AnySimulation {
         }
     }
 
-    /// Goes on from a checkpoint of the same scene.
+    /// Continues from a checkpoint of the same scene.
     pub fn restore(
         system: System,
         joints: Joints,

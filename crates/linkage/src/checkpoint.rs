@@ -1,9 +1,6 @@
 //! The exact state as plain data, in the engine's own type, so that the same code records both.
 
-use std::collections::BTreeMap;
-
-use glam::DVec3;
-use haff_engine::{Checkpoint, System};
+use haff_engine::{Checkpoint, ScalarReader, ScalarWriter, System};
 
 use crate::{
     error::LinkageError,
@@ -11,13 +8,12 @@ use crate::{
     mechanism::Link,
     model::Joints,
     simulation::Simulation,
-    sum::Sum,
     valid,
     world::{Pending, World},
 };
 
 /// Version of the scalars below.
-const VERSION: u64 = 3;
+const VERSION: u64 = 4;
 
 impl Simulation {
     /// The exact state: anchors of all particles, and everything else as named scalars. A simulation
@@ -25,72 +21,56 @@ impl Simulation {
     pub fn checkpoint(&self) -> Checkpoint {
         let world = &self.world;
         let n = world.count();
-        let mut scalars: Vec<(String, u64)> = Vec::new();
-        let mut put = |name: String, bits: u64| scalars.push((name, bits));
-        put("linkage.version".into(), VERSION);
-        put("now.high".into(), world.now.high.to_bits());
-        put("now.low".into(), world.now.low.to_bits());
-        put("clock.time".into(), self.time().to_bits());
-        // An impact that does not end is then given up at the same event after a resume.
-        put("stall.since.high".into(), self.stall.0.high.to_bits());
-        put("stall.since.low".into(), self.stall.0.low.to_bits());
-        put("stall.events".into(), self.stall.1);
+        let mut scalars = ScalarWriter::default();
+        scalars.put("linkage.version", VERSION);
+        scalars.pair("now", world.now.high, world.now.low);
+        scalars.real("clock.time", self.time());
+        // Endless events at one time then give the error at the same event after a resumption.
+        scalars.pair("stall.since", self.stall.0.high, self.stall.0.low);
+        scalars.put("stall.events", self.stall.1);
         let accumulators = &world.accumulators;
-        put("initial_kinetic".into(), accumulators.initial_kinetic.to_bits());
-        put("initial_potential".into(), accumulators.initial_potential.to_bits());
-        put("max_overlap".into(), accumulators.max_overlap.to_bits());
-        put("sampled_at".into(), accumulators.sampled_at.to_bits());
-        put("sampled_collisions".into(), accumulators.sampled_collisions);
-        put("collisions".into(), accumulators.counters.collisions);
-        put("wall_collisions".into(), accumulators.counters.wall_collisions);
-        put("rests".into(), accumulators.counters.rests);
-        put("predictions".into(), accumulators.counters.predictions);
-        let mut sum = |name: &str, sum: &Sum| {
-            scalars.push((format!("{name}.high"), sum.high.to_bits()));
-            scalars.push((format!("{name}.low"), sum.low.to_bits()));
-        };
-        sum("dissipated", &accumulators.dissipated);
-        sum("carnot", &accumulators.carnot);
-        sum("work", &accumulators.work);
-        for axis in 0..3 {
-            sum(&format!("impulse.{axis}"), &accumulators.impulse[axis]);
-            sum(&format!("moment.{axis}"), &accumulators.moment[axis]);
-        }
-        let mut put = |name: String, bits: u64| scalars.push((name, bits));
+        scalars.real("initial_kinetic", accumulators.initial_kinetic);
+        scalars.real("initial_potential", accumulators.initial_potential);
+        scalars.real("max_overlap", accumulators.max_overlap);
+        scalars.real("sampled_at", accumulators.sampled_at);
+        scalars.put("sampled_collisions", accumulators.sampled_collisions);
+        scalars.put("collisions", accumulators.counters.collisions);
+        scalars.put("wall_collisions", accumulators.counters.wall_collisions);
+        scalars.put("rests", accumulators.counters.rests);
+        scalars.put("predictions", accumulators.counters.predictions);
+        scalars.sum("dissipated", &accumulators.dissipated);
+        scalars.sum("carnot", &accumulators.carnot);
+        scalars.sum("work", &accumulators.work);
+        scalars.total("impulse", &accumulators.impulse);
+        scalars.total("moment", &accumulators.moment);
         for i in 0..n {
-            put(format!("body.{i}"), world.body[i] as u64);
-            put(format!("clings.{i}"), u64::from(world.sticks_to_wall[i]));
-            for (axis, x) in ["x", "y", "z"].into_iter().zip(world.offset[i].to_array()) {
-                put(format!("offset.{i}.{axis}"), x.to_bits());
-            }
+            scalars.put(&format!("body.{i}"), world.body[i] as u64);
+            scalars.put(&format!("clings.{i}"), u64::from(world.sticks_to_wall[i]));
+            scalars.vector(&format!("offset.{i}"), world.offset[i]);
         }
         for (flight_key, flight) in &world.flights {
-            put(format!("flight.{flight_key}.start.high"), flight.start.high.to_bits());
-            put(format!("flight.{flight_key}.start.low"), flight.start.low.to_bits());
-            put(format!("flight.{flight_key}.hint"), flight.hint.to_bits());
+            scalars.pair(&format!("flight.{flight_key}.start"), flight.start.high, flight.start.low);
+            scalars.real(&format!("flight.{flight_key}.hint"), flight.hint);
             for (k, &body) in flight.bodies.iter().enumerate() {
-                put(format!("flight.{flight_key}.body.{k}"), body as u64);
+                scalars.put(&format!("flight.{flight_key}.body.{k}"), body as u64);
             }
             for (k, row) in flight.mechanism.rows.iter().enumerate() {
-                put(format!("flight.{flight_key}.row.{k}"), encode(row.link));
+                scalars.put(&format!("flight.{flight_key}.row.{k}"), encode(row.link));
             }
         }
         for (p, &taut) in world.taut.iter().enumerate() {
-            put(format!("taut.{p}"), u64::from(taut));
+            scalars.put(&format!("taut.{p}"), u64::from(taut));
         }
         for (link, axis) in &world.closed {
-            for (name, x) in ["x", "y", "z"].into_iter().zip(axis.to_array()) {
-                put(format!("closed.{}.{name}", encode(*link)), x.to_bits());
-            }
+            scalars.vector(&format!("closed.{}", encode(*link)), *axis);
         }
         for (link, rest) in &world.pending {
             let name = format!("rest.{}", encode(*link));
-            put(format!("{name}.end.high"), rest.end.high.to_bits());
-            put(format!("{name}.end.low"), rest.end.low.to_bits());
-            put(format!("{name}.speed"), rest.speed.to_bits());
-            put(format!("{name}.impulse"), rest.impulse.to_bits());
-            put(format!("{name}.energy_loss"), rest.energy_loss.to_bits());
-            put(format!("{name}.carnot_energy"), rest.carnot_energy.to_bits());
+            scalars.pair(&format!("{name}.end"), rest.end.high, rest.end.low);
+            scalars.real(&format!("{name}.speed"), rest.speed);
+            scalars.real(&format!("{name}.impulse"), rest.impulse);
+            scalars.real(&format!("{name}.energy_loss"), rest.energy_loss);
+            scalars.real(&format!("{name}.carnot_energy"), rest.carnot_energy);
         }
         Checkpoint {
             position: world.anchor.iter().map(|(x, _)| *x).collect(),
@@ -99,7 +79,7 @@ impl Simulation {
             image: vec![[0; 3]; n],
             count: vec![0; n],
             resting: vec![0; n],
-            scalars,
+            scalars: scalars.scalars,
         }
     }
 
@@ -113,65 +93,59 @@ impl Simulation {
         let mut world = World::new(system, joints);
         let n = world.count();
         valid::arrays(checkpoint, n)?;
-        let mut scalars = Scalars {
-            values: checkpoint.scalars.iter().map(|(name, bits)| (name.clone(), *bits)).collect(),
-            wrong: None,
-        };
-        if scalars.values.len() != checkpoint.scalars.len() {
-            return Err(LinkageError::Checkpoint("a scalar occurs twice".into()));
-        }
+        let mut scalars = ScalarReader::new(&checkpoint.scalars).map_err(LinkageError::Checkpoint)?;
         if scalars.take("linkage.version") != VERSION {
             return Err(LinkageError::Checkpoint(
                 "it was written by another version, or belongs to a scene without joints".into(),
             ));
         }
         world.anchor = checkpoint.position.iter().copied().zip(checkpoint.velocity.iter().copied()).collect();
-        world.now = scalars.instant("now");
+        world.now = instant(&mut scalars, "now");
         let time = scalars.real("clock.time");
-        scalars.accumulators(&mut world);
+        read_accumulators(&mut scalars, &mut world);
         for i in 0..n {
             world.body[i] = scalars.index(&format!("body.{i}"), n);
-            world.sticks_to_wall[i] = scalars.flag(&format!("clings.{i}"));
+            world.sticks_to_wall[i] = flag(&mut scalars, &format!("clings.{i}"));
             world.offset[i] = scalars.vector(&format!("offset.{i}"));
         }
         world.body_mass = (0..n).map(|body| world.mass_of(body)).collect();
         for p in 0..world.taut.len() {
-            world.taut[p] = scalars.flag(&format!("taut.{p}"));
+            world.taut[p] = flag(&mut scalars, &format!("taut.{p}"));
         }
-        for code in scalars.codes("closed.", ".x") {
+        for code in scalars.numbers::<u64>("closed.", ".x") {
             let axis = scalars.vector(&format!("closed.{code}"));
-            world.closed.insert(scalars.link(code, &world), axis);
+            world.closed.insert(link(&mut scalars, code, &world), axis);
         }
-        for code in scalars.codes("rest.", ".speed") {
+        for code in scalars.numbers::<u64>("rest.", ".speed") {
             let name = format!("rest.{code}");
             let rest = Pending {
-                end: scalars.instant(&format!("{name}.end")),
+                end: instant(&mut scalars, &format!("{name}.end")),
                 speed: scalars.real(&format!("{name}.speed")),
                 impulse: scalars.real(&format!("{name}.impulse")),
                 energy_loss: scalars.real(&format!("{name}.energy_loss")),
                 carnot_energy: scalars.real(&format!("{name}.carnot_energy")),
             };
-            world.pending.insert(scalars.link(code, &world), rest);
+            world.pending.insert(link(&mut scalars, code, &world), rest);
         }
         let mut flights = Vec::new();
-        let flight_keys = scalars.codes("flight.", ".hint");
+        let flight_keys = scalars.numbers::<u64>("flight.", ".hint");
         for flight_key in &flight_keys {
             let name = format!("flight.{flight_key}");
-            let start = scalars.instant(&format!("{name}.start"));
+            let start = instant(&mut scalars, &format!("{name}.start"));
             let hint = scalars.real(&format!("{name}.hint"));
             let mut bodies = Vec::new();
-            while scalars.values.contains_key(&format!("{name}.body.{}", bodies.len())) {
+            while scalars.contains(&format!("{name}.body.{}", bodies.len())) {
                 bodies.push(scalars.index(&format!("{name}.body.{}", bodies.len()), n));
             }
             let mut links = Vec::new();
-            while scalars.values.contains_key(&format!("{name}.row.{}", links.len())) {
+            while scalars.contains(&format!("{name}.row.{}", links.len())) {
                 let code = scalars.take(&format!("{name}.row.{}", links.len()));
-                links.push(scalars.link(code, &world));
+                links.push(link(&mut scalars, code, &world));
             }
             flights.push((start, hint, bodies, links));
         }
-        let stall = (scalars.instant("stall.since"), scalars.take("stall.events"));
-        scalars.finish()?;
+        let stall = (instant(&mut scalars, "stall.since"), scalars.take("stall.events"));
+        scalars.finish().map_err(LinkageError::Checkpoint)?;
         valid::state(&world, time)?;
         valid::stall(stall, world.now)?;
         for (flight_key, (start, hint, bodies, links)) in flight_keys.into_iter().zip(&flights) {
@@ -222,121 +196,55 @@ fn encode(link: Link) -> u64 {
     }
 }
 
-/// Named numbers, removed one by one.
-struct Scalars {
-    values: BTreeMap<String, u64>,
-    /// The error of the first value that is missing or out of range.
-    wrong: Option<String>,
+fn instant(scalars: &mut ScalarReader, name: &str) -> Instant {
+    let (high, low) = scalars.pair(name);
+    Instant { high, low }
 }
 
-impl Scalars {
-    fn take(&mut self, name: &str) -> u64 {
-        self.values.remove(name).unwrap_or_else(|| {
-            self.wrong.get_or_insert_with(|| format!("it lacks {name}"));
-            0
-        })
-    }
+fn flag(scalars: &mut ScalarReader, name: &str) -> bool {
+    scalars.index(name, 2) == 1
+}
 
-    fn real(&mut self, name: &str) -> f64 {
-        f64::from_bits(self.take(name))
+/// The link of a number.
+fn link(scalars: &mut ScalarReader, code: u64, world: &World) -> Link {
+    let part = |shift: u32| ((code >> shift) & ((1 << 30) - 1)) as usize;
+    let (i, j) = (part(30), part(0));
+    let link = match code >> 60 {
+        0 => Link::Tether(i),
+        1 => Link::Rod(i),
+        2 => Link::Pair(i, j),
+        3 => Link::Wall(i, j),
+        _ => Link::Impact,
+    };
+    let fits = match link {
+        Link::Tether(p) => p < world.joints.pendulums.len(),
+        Link::Rod(r) => r < world.joints.rods.len(),
+        Link::Pair(i, j) => i < j && j < world.count(),
+        Link::Wall(i, w) => i < world.count() && w < world.system.walls.len(),
+        Link::Impact => false,
+    };
+    // Each link has exactly one code.
+    if fits && encode(link) == code {
+        return link;
     }
+    scalars.fail(|| format!("link {code} must be one of the scene"));
+    Link::Impact
+}
 
-    fn instant(&mut self, name: &str) -> Instant {
-        Instant { high: self.real(&format!("{name}.high")), low: self.real(&format!("{name}.low")) }
-    }
-
-    fn sum(&mut self, name: &str) -> Sum {
-        Sum { high: self.real(&format!("{name}.high")), low: self.real(&format!("{name}.low")) }
-    }
-
-    fn vector(&mut self, name: &str) -> DVec3 {
-        DVec3::new(
-            self.real(&format!("{name}.x")),
-            self.real(&format!("{name}.y")),
-            self.real(&format!("{name}.z")),
-        )
-    }
-
-    fn index(&mut self, name: &str, below: usize) -> usize {
-        let index = self.take(name) as usize;
-        if index >= below {
-            self.wrong.get_or_insert_with(|| format!("{name} = {index} must be less than {below}"));
-            return 0;
-        }
-        index
-    }
-
-    fn flag(&mut self, name: &str) -> bool {
-        self.index(name, 2) == 1
-    }
-
-    /// The numbers in names of this form.
-    fn codes(&self, prefix: &str, suffix: &str) -> Vec<u64> {
-        let mut codes: Vec<u64> = self
-            .values
-            .keys()
-            .filter_map(|name| name.strip_prefix(prefix)?.strip_suffix(suffix)?.parse().ok())
-            .collect();
-        codes.sort_unstable();
-        codes
-    }
-
-    /// The link of a number.
-    fn link(&mut self, code: u64, world: &World) -> Link {
-        let part = |shift: u32| ((code >> shift) & ((1 << 30) - 1)) as usize;
-        let (i, j) = (part(30), part(0));
-        let link = match code >> 60 {
-            0 => Link::Tether(i),
-            1 => Link::Rod(i),
-            2 => Link::Pair(i, j),
-            3 => Link::Wall(i, j),
-            _ => Link::Impact,
-        };
-        let fits = match link {
-            Link::Tether(p) => p < world.joints.pendulums.len(),
-            Link::Rod(r) => r < world.joints.rods.len(),
-            Link::Pair(i, j) => i < j && j < world.count(),
-            Link::Wall(i, w) => i < world.count() && w < world.system.walls.len(),
-            Link::Impact => false,
-        };
-        // Each link has exactly one code.
-        if fits && encode(link) == code {
-            return link;
-        }
-        self.wrong.get_or_insert_with(|| format!("link {code} must be one of the scene"));
-        Link::Impact
-    }
-
-    fn accumulators(&mut self, world: &mut World) {
-        let accumulators = &mut world.accumulators;
-        accumulators.initial_kinetic = self.real("initial_kinetic");
-        accumulators.initial_potential = self.real("initial_potential");
-        accumulators.max_overlap = self.real("max_overlap");
-        accumulators.sampled_at = self.real("sampled_at");
-        accumulators.sampled_collisions = self.take("sampled_collisions");
-        accumulators.counters.collisions = self.take("collisions");
-        accumulators.counters.wall_collisions = self.take("wall_collisions");
-        accumulators.counters.rests = self.take("rests");
-        accumulators.counters.predictions = self.take("predictions");
-        accumulators.dissipated = self.sum("dissipated");
-        accumulators.carnot = self.sum("carnot");
-        accumulators.work = self.sum("work");
-        for axis in 0..3 {
-            accumulators.impulse[axis] = self.sum(&format!("impulse.{axis}"));
-            accumulators.moment[axis] = self.sum(&format!("moment.{axis}"));
-        }
-    }
-
-    /// Succeeds if no value was missing, and none is left.
-    fn finish(self) -> Result<(), LinkageError> {
-        if let Some(wrong) = self.wrong {
-            return Err(LinkageError::Checkpoint(wrong));
-        }
-        match self.values.keys().next() {
-            Some(name) => {
-                Err(LinkageError::Checkpoint(format!("{name} is unknown; another version wrote it")))
-            }
-            None => Ok(()),
-        }
-    }
+fn read_accumulators(scalars: &mut ScalarReader, world: &mut World) {
+    let accumulators = &mut world.accumulators;
+    accumulators.initial_kinetic = scalars.real("initial_kinetic");
+    accumulators.initial_potential = scalars.real("initial_potential");
+    accumulators.max_overlap = scalars.real("max_overlap");
+    accumulators.sampled_at = scalars.real("sampled_at");
+    accumulators.sampled_collisions = scalars.take("sampled_collisions");
+    accumulators.counters.collisions = scalars.take("collisions");
+    accumulators.counters.wall_collisions = scalars.take("wall_collisions");
+    accumulators.counters.rests = scalars.take("rests");
+    accumulators.counters.predictions = scalars.take("predictions");
+    accumulators.dissipated = scalars.sum("dissipated");
+    accumulators.carnot = scalars.sum("carnot");
+    accumulators.work = scalars.sum("work");
+    accumulators.impulse = scalars.total("impulse");
+    accumulators.moment = scalars.total("moment");
 }

@@ -181,7 +181,7 @@ mod tests {
     }
 
     #[test]
-    fn a_near_miss_is_passed_and_the_next_crossing_found() {
+    fn the_crossing_after_a_near_miss_is_found() {
         let f = |s: f64| {
             (s.cos() + 1.0 + 1e-11 - 0.01 * (s - 5.0).max(0.0).powi(2), -s.sin() - 0.02 * (s - 5.0).max(0.0))
         };

@@ -54,10 +54,10 @@ mod mechanism;
 pub mod model;
 mod motion;
 mod predict;
+mod predictions;
 mod regroup;
 mod resolve;
 mod simulation;
-mod sum;
 mod valid;
 mod world;
 

@@ -149,7 +149,7 @@ mod tests {
 
     #[test]
     fn unilateral_rows_never_pull() {
-        // The second row would have to pull.
+        // The force of the second row would be negative.
         let (x, active) = complementarity(&[1.0, 0.5, 0.5, 1.0], &[-1.0, 0.7], &[true, true], 1e-14);
         assert_eq!((x, active), (vec![1.0, 0.0], vec![true, false]));
     }

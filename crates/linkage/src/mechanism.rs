@@ -238,13 +238,13 @@ impl Mechanism {
         }
         let states = self.row_states(tau, bodies);
         let matrix = self.compliance(&states);
-        let wanted: Vec<f64> = self
+        let target: Vec<f64> = self
             .rows
             .iter()
             .zip(&states)
             .map(|(row, state)| -Self::row_acceleration(row, state, &a))
             .collect();
-        let (forces, _) = linear::solve(&matrix, &wanted, &vec![true; self.rows.len()]);
+        let (forces, _) = linear::solve(&matrix, &target, &vec![true; self.rows.len()]);
         self.apply(&states, &forces, &mut a);
         (a, forces)
     }
@@ -301,15 +301,15 @@ impl Mechanism {
         let all = vec![true; self.rows.len()];
         for _ in 0..3 {
             let states = self.row_states(tau, bodies);
-            let wanted: Vec<f64> = states.iter().map(|state| -state.gap).collect();
-            let (shift, _) = linear::solve(&self.compliance(&states), &wanted, &all);
+            let target: Vec<f64> = states.iter().map(|state| -state.gap).collect();
+            let (shift, _) = linear::solve(&self.compliance(&states), &target, &all);
             let mut moves = vec![DVec3::ZERO; bodies.len()];
             self.apply(&states, &shift, &mut moves);
             bodies.iter_mut().zip(&moves).for_each(|(body, by)| body.0 += *by);
         }
         let states = self.row_states(tau, bodies);
-        let wanted: Vec<f64> = states.iter().map(|state| -state.rate).collect();
-        let (kick, _) = linear::solve(&self.compliance(&states), &wanted, &all);
+        let target: Vec<f64> = states.iter().map(|state| -state.rate).collect();
+        let (kick, _) = linear::solve(&self.compliance(&states), &target, &all);
         let mut kicks = vec![DVec3::ZERO; bodies.len()];
         self.apply(&states, &kick, &mut kicks);
         bodies.iter_mut().zip(&kicks).for_each(|(body, by)| body.1 += *by);

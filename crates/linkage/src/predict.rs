@@ -124,7 +124,8 @@ impl World {
         let (gap, rate) = f(0.0);
         let touches = gap <= touch;
         if touches && rate < -slow {
-            // The remaining gap is rounding; a heap would fall through it without end.
+            // The remaining gap is rounding: it must not delay the collision, or a heap would have endless
+            // collisions.
             return Prediction { at: start, happens: true };
         }
         let grazes = touches && rate.abs() <= slow;

@@ -269,7 +269,7 @@ impl World {
         Ok(bodies)
     }
 
-    /// The links that hold one of these bodies.
+    /// The links with an end on one of these bodies.
     fn links_of(&self, part: &[usize], links: &[Link]) -> Vec<Link> {
         let mut of: Vec<Link> = links
             .iter()

@@ -110,7 +110,7 @@ impl World {
     }
 
     /// Restitution at an approach speed. In gravity, inelastic bodies that would rise by less than
-    /// `REST_HEIGHT` do not bounce: so a heap, whose contacts are coupled, comes to rest.
+    /// `REST_HEIGHT` do not bounce: this lets a heap, whose contacts are coupled, come to rest.
     fn restitution_at(&self, law: Restitution, approach: f64, size: f64) -> f64 {
         let e = law.coefficient(approach);
         let size = if size > 0.0 { size } else { self.length };
@@ -211,7 +211,7 @@ impl World {
     /// second.
     fn stop_relative_motion(&mut self, bodies: &[usize], of: Row, normal: DVec3) -> Impact {
         let mut mechanism = self.impact_mechanism(bodies);
-        let held = mechanism.rows.len();
+        let before = mechanism.rows.len();
         for axis in [DVec3::X, DVec3::Y, DVec3::Z] {
             mechanism.rows.push(Row {
                 link: Link::Impact,
@@ -223,9 +223,9 @@ impl World {
         let mut states = self.anchors(bodies);
         let rows = mechanism.row_states(0.0, &states);
         let matrix = mechanism.compliance(&rows);
-        let relative = DVec3::new(rows[held].rate, rows[held + 1].rate, rows[held + 2].rate);
+        let relative = DVec3::new(rows[before].rate, rows[before + 1].rate, rows[before + 2].rate);
         let q: Vec<f64> =
-            rows.iter().enumerate().map(|(k, row)| if k < held { 0.0 } else { row.rate }).collect();
+            rows.iter().enumerate().map(|(k, row)| if k < before { 0.0 } else { row.rate }).collect();
         let one_sided: Vec<bool> = mechanism.rows.iter().map(|row| row.unilateral).collect();
         let (impulses, active) = linear::complementarity(&matrix, &q, &one_sided, SQUARE * relative.length());
         self.apply_impulses(bodies, &mechanism, &rows, &impulses, &mut states);
@@ -235,7 +235,7 @@ impl World {
         for (&body, state) in bodies.iter().zip(&states) {
             self.anchor[body] = *state;
         }
-        let impulse = DVec3::from_slice(&impulses[held..]);
+        let impulse = DVec3::from_slice(&impulses[before..]);
         // Carnot's theorem for bodies that do not separate, (2.32): ½ P·(w1 − w2), since no other row does
         // work.
         let loss = -0.5 * impulse.dot(relative);
@@ -318,7 +318,7 @@ impl World {
     fn complete_series(
         &mut self,
         bodies: &[usize],
-        held: &Mechanism,
+        impact_mechanism: &Mechanism,
         row: Row,
         link: Link,
         e: f64,
@@ -330,7 +330,7 @@ impl World {
             return;
         }
         // The acceleration towards the contact while all other rows hold.
-        let mut links: Vec<Link> = held.rows.iter().map(|row| row.link).collect();
+        let mut links: Vec<Link> = impact_mechanism.rows.iter().map(|row| row.link).collect();
         let closed = self.closed.keys().copied().filter(|&other| {
             other != link && self.particles_of(other).iter().any(|&i| bodies.contains(&self.body[i]))
         });
@@ -344,14 +344,14 @@ impl World {
         if acceleration <= tolerance || speed * speed > 2.0 * acceleration * REST_HEIGHT * size {
             return;
         }
-        let mut held = held.clone();
-        held.rows.push(row);
-        let contact = held.rows.len() - 1;
-        let rows = held.row_states(0.0, &states);
-        let mut wanted = vec![0.0; rows.len()];
-        wanted[contact] = -rows[contact].rate;
-        let (impulses, _) = linear::solve(&held.compliance(&rows), &wanted, &vec![true; rows.len()]);
-        self.apply_impulses(bodies, &held, &rows, &impulses, &mut states);
+        let mut with_contact = impact_mechanism.clone();
+        with_contact.rows.push(row);
+        let contact = with_contact.rows.len() - 1;
+        let rows = with_contact.row_states(0.0, &states);
+        let mut target = vec![0.0; rows.len()];
+        target[contact] = -rows[contact].rate;
+        let (impulses, _) = linear::solve(&with_contact.compliance(&rows), &target, &vec![true; rows.len()]);
+        self.apply_impulses(bodies, &with_contact, &rows, &impulses, &mut states);
         for (&body, state) in bodies.iter().zip(&states) {
             self.anchor[body] = *state;
         }

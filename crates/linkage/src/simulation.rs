@@ -1,9 +1,7 @@
 //! A run: from event to event, with frames, samples and the ledger.
 
-use std::collections::BTreeMap;
-
 use glam::DVec3;
-use haff_engine::{Counters, EngineError, Frame, Ledger, Observer, Sample, Stop, System, Term, Until};
+use haff_engine::{Counters, EngineError, Frame, Ledger, Observer, Sample, Stop, Sum, System, Term, Until};
 use xxhash_rust::xxh3::Xxh3;
 
 use crate::{
@@ -13,19 +11,19 @@ use crate::{
     mechanism::Link,
     model::{Joints, Tether},
     motion::{Monitored, Motion},
-    predict::{Key, Prediction},
-    sum::Sum,
+    predict::Key,
+    predictions::Predictions,
     world::World,
 };
 
-/// Events without any progress of time after which an impact is given up.
+/// Events without any progress of time after which a run ends with an error.
 const COLLAPSE: u64 = 100_000;
 
 /// A running simulation of particles with joints.
 #[derive(Debug, Clone)]
 pub struct Simulation {
     pub(crate) world: World,
-    pub(crate) predictions: BTreeMap<Key, Prediction>,
+    pub(crate) predictions: Predictions,
     /// Time of the last progress, and number of events since.
     pub(crate) stall: (Instant, u64),
     pub(crate) stopped_at: Option<f64>,
@@ -73,7 +71,7 @@ impl Simulation {
 
     /// A simulation of a world with flights, without predictions.
     pub(crate) fn without_predictions(world: World) -> Self {
-        Self { stall: (world.now, 0), world, predictions: BTreeMap::new(), stopped_at: None }
+        Self { stall: (world.now, 0), world, predictions: Predictions::default(), stopped_at: None }
     }
 
     /// A simulation of a world with flights.
@@ -84,10 +82,10 @@ impl Simulation {
         simulation
     }
 
-    /// Renews all predictions of these bodies.
+    /// Predicts these bodies again.
     fn predict(&mut self, bodies: &[usize]) {
         let world = &self.world;
-        self.predictions.retain(|key, _| match *key {
+        self.predictions.retain(|key| match *key {
             Key::Pair(i, j) => !bodies.contains(&world.body[i]) && !bodies.contains(&world.body[j]),
             Key::Wall(i, _) => !bodies.contains(&world.body[i]),
             Key::Taut(p) => !bodies.contains(&world.body[world.joints.pendulums[p].bob]),
@@ -125,10 +123,7 @@ impl Simulation {
             if self.world.accumulators.counters.collisions >= until.collisions {
                 return Ok(Stop::Collisions);
             }
-            let next = self.predictions.iter().min_by(|(k, p), (l, q)| {
-                p.at.partial_cmp(&q.at).unwrap_or(std::cmp::Ordering::Equal).then_with(|| k.cmp(l))
-            });
-            let Some((&key, &prediction)) = next else {
+            let Some((key, prediction)) = self.predictions.first() else {
                 if until.time == f64::INFINITY {
                     return Ok(Stop::Rest);
                 }
@@ -170,7 +165,7 @@ impl Simulation {
             })
     }
 
-    /// Gives up if infinitely many events share an instant.
+    /// An error if the number of events without progress of time exceeds the limit.
     fn check_progress(&mut self, key: Key) -> Result<(), LinkageError> {
         let now = self.world.now;
         let resolution =

@@ -4,10 +4,10 @@
 //! by the simulation always passes.
 
 use glam::DVec3;
-use haff_engine::{Checkpoint, Dimension};
+use haff_engine::{Checkpoint, Dimension, Sum};
 
 use crate::{
-    error::LinkageError, instant::Instant, mechanism::Link, model::Tether, simulation::Simulation, sum::Sum,
+    error::LinkageError, instant::Instant, mechanism::Link, model::Tether, simulation::Simulation,
     world::World,
 };
 
@@ -94,9 +94,9 @@ pub(crate) fn flight(
     })?;
     for &link in links {
         // All movable bodies of a link are on the same flight.
-        let held = world.particles_of(link).into_iter().map(|i| world.body[i]);
-        let away = held.clone().find(|&body| !world.immovable(body) && !bodies.contains(&body));
-        require(away.is_none() && held.clone().any(|body| bodies.contains(&body)), || {
+        let linked = world.particles_of(link).into_iter().map(|i| world.body[i]);
+        let away = linked.clone().find(|&body| !world.immovable(body) && !bodies.contains(&body));
+        require(away.is_none() && linked.clone().any(|body| bodies.contains(&body)), || {
             format!("{name}.row: {link:?} must hold bodies of the flight, {bodies:?}")
         })?;
     }
@@ -230,11 +230,11 @@ pub(crate) fn whole(world: World) -> Result<World, LinkageError> {
     let present = |i: usize| world.state(i, now).0;
     for (p, pendulum) in world.joints.pendulums.iter().enumerate() {
         let (bob, length) = (pendulum.bob, pendulum.length);
-        let held = pendulum.tether == Tether::Rod || world.taut[p];
+        let fixed = pendulum.tether == Tether::Rod || world.taut[p];
         let slack = PART * length + rounding;
         for position in [start(bob), present(bob)] {
             let distance = (position - pendulum.pivot).length();
-            require(distance <= length + slack && (!held || distance >= length - slack), || {
+            require(distance <= length + slack && (!fixed || distance >= length - slack), || {
                 format!("the bob of pendulum {p} would be {distance} from its pivot, its length is {length}")
             })?;
         }

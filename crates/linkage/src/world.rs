@@ -13,13 +13,15 @@ use crate::{
     motion::Motion,
 };
 
-/// Two bodies count as touching if their gap is below this part of the scene's length…
+/// Two bodies touch if their gap is below this part of the scene's length, plus `TOUCH_OWN` of their contact
+/// distance.
 const TOUCH: f64 = 2e-14;
-/// … and of their contact distance.
+/// The part of the contact distance in that tolerance.
 const TOUCH_OWN: f64 = 1e-13;
-/// Relative speeds below this part of the bodies' own speeds count as zero…
+/// Relative speeds below this part of the bodies' own speeds, plus `SLOW_SCENE` of the scene's speed, count
+/// as zero.
 const SLOW: f64 = 1e-13;
-/// … and so do those below this part of the scene's speed.
+/// The part of the scene's speed in that tolerance.
 const SLOW_SCENE: f64 = 1e-15;
 /// Contact distance of two points, as a part of the scene's length.
 const POINT: f64 = 1e-12;
@@ -357,7 +359,7 @@ impl World {
         of
     }
 
-    /// Rods, and taut strings, that hold any of these bodies.
+    /// Rods and taut strings with an end on any of these bodies.
     pub fn rigid_links(&self, bodies: &[usize]) -> Vec<Link> {
         let mine = |i: usize| bodies.contains(&self.body[i]) && !self.immovable(self.body[i]);
         let tethers = (0..self.joints.pendulums.len())
@@ -404,7 +406,7 @@ impl World {
         parts.into_values().collect()
     }
 
-    /// Present overlaps [contact distances, for walls radii]: the deepest, 0 if there is none, and one that
+    /// Present overlaps [contact distances, for walls radii]: the deepest, 0 without overlap, and one that
     /// exceeds rounding.
     pub fn overlaps(&self) -> (f64, Option<Overlap>) {
         let n = self.count();
@@ -438,11 +440,11 @@ impl World {
     /// Energy of gravity and of the springs at an instant.
     pub fn potential(&self, at: Instant) -> (f64, f64) {
         let g = self.system.domain.gravity;
-        let gravity: crate::sum::Sum = (0..self.count())
+        let gravity: haff_engine::Sum = (0..self.count())
             .filter(|&i| self.mass[i].is_finite())
             .map(|i| -self.mass[i] * g.dot(self.state(i, at).0))
             .collect();
-        let springs: crate::sum::Sum = self
+        let springs: haff_engine::Sum = self
             .joints
             .springs
             .iter()

@@ -127,7 +127,7 @@ fn errors_name_the_impossible_value() {
         real("sampled_at", 1e9),
         real("carnot.high", -1e9),
         real("dissipated.low", f64::NAN),
-        real("impulse.2.high", f64::INFINITY),
+        real("impulse.z.high", f64::INFINITY),
         real("offset.0.x", 1.0),
         real("flight.0.start.high", 1e9),
     ] {

@@ -13,9 +13,9 @@ const G: f64 = 9.81;
 fn single(angle: f64, speed: f64, tether: Tether) -> Scene {
     let mut scene = Scene::new(0.5);
     scene.gravity = DVec3::new(0.0, 0.0, -G);
-    let place = DVec3::new(angle.sin(), 0.0, -angle.cos());
+    let position = DVec3::new(angle.sin(), 0.0, -angle.cos());
     let velocity = DVec3::new(angle.cos(), 0.0, angle.sin()) * speed;
-    let bob = scene.particle(place.to_array(), velocity.to_array(), 1.5, 0.1);
+    let bob = scene.particle(position.to_array(), velocity.to_array(), 1.5, 0.1);
     scene.pendulum(DVec3::ZERO, 1.0, bob, tether);
     scene
 }
@@ -131,7 +131,7 @@ fn a_spring_pendulum_agrees_with_an_independent_integration() {
     });
     let frame = simulation.frame();
     let expected = DVec3::new(y[0], y[1], y[2]);
-    near("place", (frame.position[0] - expected).length(), 0.0, 2e-12);
+    near("position", (frame.position[0] - expected).length(), 0.0, 2e-12);
     near("ledger", simulation.ledger().residual, 0.0, 1e-12);
     run(&mut simulation, 200.0);
     near("ledger after 200", simulation.ledger().residual, 0.0, 1e-11);
@@ -221,7 +221,7 @@ fn a_spring_whose_ends_pass_through_each_other_reverses() {
     let mut y = vec![-1.0, 20.0];
     run(&mut simulation, 1.0);
     rk4(&mut y, 1.0, 400_000, |y| vec![y[1], -30.0 * (y[0].abs() - 1.0) * y[0].signum()]);
-    near("place", simulation.frame().position[0].x, y[0], 1e-4);
+    near("position", simulation.frame().position[0].x, y[0], 1e-4);
     run(&mut simulation, 40.0);
     assert!(simulation.ledger().residual.abs() < 1e-13, "{:?}", simulation.ledger());
     // By symmetry the extremes are equal on both sides: ½ 400 + 0 = ½ 30 (x − 1)².

@@ -16,8 +16,8 @@ fn falling() -> Scene {
     scene
 }
 
-/// Time in which a body falls through a height, towards an obstacle that rises at this speed.
-fn meeting(gap: f64, closing: f64) -> f64 {
+/// Time in which a falling body closes a gap, with this initial closing speed.
+fn contact_time(gap: f64, closing: f64) -> f64 {
     2.0 * gap / (closing + (closing * closing + 2.0 * G * gap).sqrt())
 }
 
@@ -29,7 +29,7 @@ fn a_driven_sphere_carries_a_particle_that_sticks_to_it() {
         let ball = scene.particle([0.0, 0.0, 1.5], [0.4, 0.0, -2.0], m, 0.2);
         scene.joints.sticking.push([driver as u32, ball as u32]);
         let mut simulation = scene.start();
-        let hit = meeting(1.0, 2.0 + lift);
+        let hit = contact_time(1.0, 2.0 + lift);
         let log = run(&mut simulation, 3.0);
         let stick = log.of(EventKind::Stick);
         assert_eq!(log.0.len(), 1, "{:?}", log.0);
@@ -87,7 +87,7 @@ fn a_moving_wall_carries_a_particle_that_sticks_to_it() {
         let ball = scene.particle([0.0, 0.0, 1.1], [0.5, 0.0, 0.0], m, 0.1);
         scene.joints.sticking_to_walls.push([ball as u32, floor as u32]);
         let mut simulation = scene.start();
-        let hit = meeting(1.0, lift);
+        let hit = contact_time(1.0, lift);
         let log = run(&mut simulation, 2.0);
         assert_eq!(log.0.len(), 1);
         assert_eq!(log.0[0].kind, EventKind::Wall);
@@ -204,9 +204,9 @@ fn particles_stick_to_a_carried_particle() {
     let log = run(&mut simulation, 4.0);
     let times: Vec<f64> = log.of(EventKind::Stick).iter().map(|event| event.time).collect();
     assert_eq!(times.len(), 2, "{:?}", log.0);
-    close("first", times[0], meeting(1.0, lift), 1e-13);
+    close("first", times[0], contact_time(1.0, lift), 1e-13);
     // Its height above its final position on the first, 0.5 + 0.2 + 0.1 above the driver.
-    close("second", times[1], meeting(5.0 - 0.8, lift), 1e-13);
+    close("second", times[1], contact_time(5.0 - 0.8, lift), 1e-13);
     let frame = simulation.frame();
     near("first", frame.position[first].z, 0.5 + 4.0 * lift, 1e-13);
     near("second", frame.position[second].z, 0.8 + 4.0 * lift, 1e-13);

@@ -2,8 +2,8 @@
 
 use crate::Restitution;
 
-/// Below this loss `1 − e`, or after so many bounces, the rest of a series is summed as a power law: the sums
-/// are then accurate to a part in 10⁵, and far better where the loss falls fast.
+/// Below this loss `1 − e`, or after `MAX_BOUNCES` bounces, the remaining bounces are summed as a power law.
+/// The sums are accurate to 10⁻⁵, and more accurate where the loss decreases quickly.
 const SMALL_LOSS: f64 = 1e-3;
 const MAX_BOUNCES: usize = 1000;
 

@@ -36,7 +36,7 @@ proptest! {
         r in vector(), v in vector(), a in vector(), sigma in 0.1..2.0f64, length in -300..300i32, time in -150..150i32,
     ) {
         let (l, t) = (2f64.powi(length), 2f64.powi(time));
-        // Never a factor 2^±1023 at once.
+        // In two steps, because a factor of 2^±1023 would overflow.
         let (v1, a1) = (v * l / t, a * l / t / t);
         prop_assert_eq!(
             time_to_contact(r * l, v1, sigma * l),

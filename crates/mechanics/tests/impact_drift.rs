@@ -40,8 +40,8 @@ fn walk(masses: [f64; 2], sigma: f64, flat: bool, impacts: u32) -> (f64, f64) {
         let (i, j) = (random.random_range(0..64), random.random_range(0..64));
         // The difference of two positions in a box: as in contacts, |r| is within a few ulp of σ.
         let normal = vector(&mut random, flat).normalize() * sigma;
-        let place = DVec3::new(random.random(), random.random(), random.random()) * 7.0;
-        let r = (place + normal) - place;
+        let position = DVec3::new(random.random(), random.random(), random.random()) * 7.0;
+        let r = (position + normal) - position;
         if i == j || (velocity[i] - velocity[j]).dot(r) <= 0.0 {
             continue;
         }
@@ -70,7 +70,7 @@ fn energy_and_momentum_of_an_elastic_gas_do_not_drift() {
     ] {
         let (heat, push) = walk(masses, sigma, flat, 2_000_000);
         println!("masses {masses:?}, σ = {sigma}: energy {heat:+.2} ε T, momentum {push:.2}, by √impacts");
-        // One step of the walk is 2.4 to 2.7 ε T and some 0.6 ε √(mT): four standard deviations.
+        // One step of the walk is 2.4 to 2.7 ε T and about 0.6 ε √(mT): four standard deviations.
         assert!(heat.abs() < 10.0, "masses {masses:?}, σ = {sigma}: energy {heat:+.2} ε T √impacts");
         assert!(push < 3.0, "masses {masses:?}, σ = {sigma}: momentum {push:.2} ε √(mT) √impacts");
     }

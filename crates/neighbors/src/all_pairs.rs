@@ -5,12 +5,13 @@ use glam::DVec3;
 use crate::{Axis, Crossing, Flight, Geometry, Search, Shift};
 
 /**
-All pairs: O(N) candidates, for a handful of particles and as the reference for every other search.
+All pairs: O(N) candidates, for very few particles and as the reference for every other search.
 
 Along a periodic axis each pair is given with its two nearest images, at distances d and L − d. A third could
-touch only after the two have moved L − reach relative to each other. So the candidates of every particle are
-searched again (its *crossing*) when it has moved a third of that since its last search: of two particles, the
-one searched last has moved at most one third since then, and the other at most two.
+touch only after the two have moved by L − reach relative to each other. So the candidates of a particle are
+searched again (its *crossing*) when it has moved by a third of this distance since its last search. Of two
+particles, the one whose candidates were searched last has moved by at most one third since then, and the
+other by at most two thirds.
 */
 #[derive(Debug, Clone)]
 pub struct AllPairs {
@@ -30,7 +31,7 @@ impl AllPairs {
             if !self.periodic[axis] {
                 return 0..=0;
             }
-            // −d/L lies between the two shifts that bring the partner nearest from either side.
+            // −d/L is between the shifts of the two nearest images, one on each side.
             let low = (-d[axis] / self.lengths[axis]).floor() as i32;
             low..=low + 1
         };

@@ -1,10 +1,11 @@
-//! Points on grids, one grid per range of sizes: finds the points within a distance of a position.
+//! Points in the bins of grids, one grid per range of sizes. Finds the points within a distance of a
+//! position.
 
 use crate::{Axis, Geometry, Shift, cells::grid, memory::with_huge_pages};
 
 /// No particle.
 const NONE: u32 = u32::MAX;
-/// Particles whose radii differ by no more than this factor share a grid.
+/// Particles whose radii differ by at most this factor share a grid.
 const SIZE_STEP: f64 = 2.0;
 /// Largest number of grids.
 const MAX_LEVELS: usize = 32;
@@ -18,7 +19,7 @@ pub(crate) struct Point {
     next: u32,
 }
 
-/// One grid.
+/// One grid, for particles of similar size.
 #[derive(Debug, Clone)]
 pub(crate) struct Level {
     /// Bins per axis.
@@ -33,10 +34,10 @@ pub(crate) struct Level {
 }
 
 /**
-Points in linked bins. A bin holds any number of them, in four bytes each.
+Points in bins. A bin is a linked list; it takes four bytes, the index of its first point.
 
-Particles of very different sizes go to grids of different widths: with one grid, a single large particle
-would make the search of a small one visit thousands of small ones.
+Particles of very different sizes are in grids of different widths. With one grid, a single large particle
+would require a long range, and the search of a small particle would visit thousands of small ones.
 */
 #[derive(Debug, Clone)]
 pub(crate) struct Bins {
@@ -75,7 +76,7 @@ impl Bins {
             radii = used.into_iter().map(|level| found[level]).collect();
         }
         for (radius, count) in radii {
-            // About one point a bin: a search then visits fewer points out of range than with wider bins.
+            // About one point per bin: wider bins would contain more points out of range.
             let least = 0.25 * (2.0 * radius + skin);
             let (n, width) = grid(&Geometry { reach: least, ..geometry.without_planes() }, count / 2);
             let bins_of_level = n.iter().map(|&n| n as usize).product();
@@ -112,7 +113,7 @@ impl Bins {
         if self.level.is_empty() { 0 } else { usize::from(self.level[i as usize]) }
     }
 
-    /// Unfolded bin coordinate along an axis.
+    /// Bin coordinate along an axis, not folded into the grid.
     #[inline]
     fn coordinate(level: &Level, axis: usize, x: f64) -> i64 {
         floor(x * level.inverse[axis])
@@ -161,16 +162,16 @@ impl Bins {
         }
     }
 
-    /// Moves point i.
+    /// Moves point i to a position in anchor coordinates.
     pub fn set(&mut self, i: u32, position: glam::DVec3) {
         self.remove(i);
         self.points[i as usize] = self.point(position);
         self.insert(i);
     }
 
-    /// Calls `visit(j, point, d, d·L)` for every image d of every point that may be within `range(radius)` of
-    /// the position `from`, where `radius` is the largest radius of a grid: the image is at its position +
-    /// d·L.
+    /// Calls `visit(j, point, d, d·L)` for every image d of every point that can be within `range(radius)` of
+    /// the position `from`, where `radius` is the largest radius of a grid. The image is at the position of
+    /// the point plus d·L.
     #[inline]
     pub fn near(
         &self,
@@ -196,18 +197,16 @@ impl Bins {
                     }
                     Axis::Open => {
                         low[axis] = Self::coordinate(level, axis, from[axis] - range);
-                        // The grid is folded onto itself: no bin twice.
+                        // The grid is folded onto itself, and no bin must be visited twice.
                         high[axis] = Self::coordinate(level, axis, from[axis] + range).min(low[axis] + n - 1);
                     }
                 }
             }
-            // Bins that the search visits along x and y are folded once; most searches need no more than
-            // this.
             let reach2 = range * range;
             let fold = |axis: usize, c: i64| -> Bin {
                 let (width, position) = (level.width[axis], from[axis]);
-                // Along an open axis a bin represents its folded images too, and along a bounded one the
-                // outermost bins hold the points outside.
+                // The gap is unknown along an open axis, where a bin represents its folded images too, and
+                // for the outermost bins along a bounded axis, which contain the points outside the box.
                 let exact = match self.axes[axis] {
                     Axis::Periodic => true,
                     Axis::Bounded => c > 0 && c < i64::from(level.n[axis]) - 1,
@@ -232,6 +231,8 @@ impl Bins {
                     gap2: gap * gap,
                 }
             };
+            // The first bins along x and y are folded in advance, because the loops below visit them
+            // repeatedly.
             let mut folded = [[Bin::default(); FOLDED]; 2];
             for axis in 0..2 {
                 for (bin, c) in folded[axis].iter_mut().zip(low[axis]..=high[axis]) {
@@ -266,26 +267,27 @@ impl Bins {
     }
 }
 
-/// Number of bins along an axis that are folded in advance.
+/// Number of bins along an axis that are folded in advance, enough for most searches.
 const FOLDED: usize = 8;
 
-/// A bin along one axis: its coordinate in the grid, and its image.
+/// A bin along one axis: its coordinate in the grid, its image d, and d·L [length].
 #[derive(Debug, Clone, Copy, Default)]
 struct Bin {
     cell: usize,
     image: i32,
     offset: f64,
-    /// Square of its distance from the position that is searched from.
+    /// Square of its distance from the center of the search [length²]; 0 if unknown.
     gap2: f64,
 }
 
-/// ⌊x⌋; the baseline of x86-64 has no instruction for it, and the library function is a call.
+/// ⌊x⌋. The baseline of x86-64 has no instruction for it, and `f64::floor` would call a library function.
 #[inline]
 fn floor(x: f64) -> i64 {
     let whole = x as i64;
     whole - i64::from((whole as f64) > x)
 }
 
+/// Index of a bin from its coordinates in the grid.
 #[inline]
 fn index(level: &Level, cell: [usize; 3]) -> usize {
     (cell[2] * level.n[1] as usize + cell[1]) * level.n[0] as usize + cell[0]

@@ -9,14 +9,14 @@ use crate::{Axis, Crossing, Flight, Geometry, Search, Shift, walls::WallTable};
 /// Cells are this factor wider than the largest contact distance, so that rounding of a crossing time can
 /// never bring two particles into contact before they are in neighboring cells.
 const MARGIN: f64 = 1.0 + 1e-9;
-/// Mean number of particles per cell, unless the contact distance makes cells wider.
+/// Mean number of particles per cell, unless the contact distance requires wider cells.
 const OCCUPANCY: f64 = 1.0;
-/// Largest crowding for which more cells are made.
+/// Largest value of [`Geometry::crowding`] up to which the number of cells is increased.
 const MAX_CROWDING: f64 = 8.0;
 /// Bit of an id: the particle has left the box since its anchor was set.
 const OUTSIDE: u32 = 1 << 31;
-/// Bit of an id: it is not a particle but the index of a list in `Cells::overflow` that continues a full
-/// cell.
+/// Bit of an id: the other bits are not a particle but the index of a list in `Cells::overflow`, which
+/// continues a full cell.
 const OVERFLOW: u32 = 1 << 30;
 /// No particle.
 const EMPTY: u32 = u32::MAX;
@@ -24,12 +24,11 @@ const EMPTY: u32 = u32::MAX;
 const SLOTS: usize = 4;
 
 /**
-Cell grid. A particle is in the cell given by its tracked crossings; the cell is never recomputed from its
-position.
+Cell grid. The cell of a particle changes only by its crossings. It is never recomputed from the position.
 
-A particle's cell is given by coordinates in the anchor frame: along a periodic axis, coordinate c is cell c
-mod n in image ⌊c/n⌋. Along an open axis the grid is folded onto itself: cells n apart share their slot, which
-can only add candidates, never lose one.
+Cell coordinates refer to anchor coordinates: along a periodic axis, coordinate c is cell c mod n in image
+⌊c/n⌋. Along an open axis the grid is folded onto itself: coordinates that differ by n share a cell, which can
+only add candidates, never lose one.
 */
 #[derive(Debug, Clone)]
 pub struct Cells {
@@ -38,13 +37,16 @@ pub struct Cells {
     n: [i32; 3],
     /// Cell width per axis [length].
     width: [f64; 3],
+    /// Cell coordinates of each particle.
     coordinate: Vec<[i32; 3]>,
+    /// Ids in each cell.
     slots: Vec<[u32; SLOTS]>,
     overflow: Vec<Vec<u32>>,
+    /// Indices in `overflow` that no cell uses.
     free_overflow: Vec<u32>,
     walls: WallTable,
-    /// Index steps to the cells around one that is inside along every axis: for each code the cells that
-    /// become neighbors by the crossing, and last all of them.
+    /// Differences of index between a cell that is not at the boundary of the grid and cells around it: for
+    /// each code the cells that become neighbors by the crossing, and at [`ALL`] the whole block.
     stencils: [Vec<isize>; 7],
 }
 
@@ -55,9 +57,9 @@ const ALL: usize = 6;
 pub(crate) fn grid(geometry: &Geometry, count: usize) -> ([i32; 3], [f64; 3]) {
     let lengths = geometry.lengths();
     let least = geometry.reach * MARGIN;
-    // A clustered system has more empty cells.
-    let wanted = (count as f64 / OCCUPANCY).max(1.0) * geometry.crowding.clamp(1.0, MAX_CROWDING);
-    // The width that gives the wanted number of cells, over the axes that can be cut at all.
+    // Target for the number of cells. A clustered system has more empty cells.
+    let target = (count as f64 / OCCUPANCY).max(1.0) * geometry.crowding.clamp(1.0, MAX_CROWDING);
+    // The width that gives this number of cells. Axes shorter than this width are not divided.
     let mut cut = geometry.axes.map(|axis| axis != Axis::Flat);
     let mut width = least;
     for _ in 0..3 {
@@ -66,7 +68,7 @@ pub(crate) fn grid(geometry: &Geometry, count: usize) -> ([i32; 3], [f64; 3]) {
             break;
         }
         let volume: f64 = (0..3).filter(|&axis| cut[axis]).map(|axis| lengths[axis]).product();
-        width = least.max((volume / wanted).powf(1.0 / axes as f64));
+        width = least.max((volume / target).powf(1.0 / axes as f64));
         let narrow: Vec<usize> = (0..3).filter(|&axis| cut[axis] && lengths[axis] < width).collect();
         if narrow.is_empty() {
             break;
@@ -81,7 +83,7 @@ pub(crate) fn grid(geometry: &Geometry, count: usize) -> ([i32; 3], [f64; 3]) {
         match geometry.axes[axis] {
             Axis::Flat => {}
             Axis::Open => {
-                // At least three, or a cell would be its own neighbor on both sides.
+                // At least three: otherwise the neighbors on the two sides would be the same cell.
                 n[axis] = (lengths[axis] / width).floor().clamp(3.0, 1e6) as i32;
                 widths[axis] = width;
             }
@@ -95,7 +97,7 @@ pub(crate) fn grid(geometry: &Geometry, count: usize) -> ([i32; 3], [f64; 3]) {
 }
 
 impl Cells {
-    /// Folds a coordinate along `axis` into the grid: (cell, image).
+    /// Folds a cell coordinate along `axis` into the grid: (cell, image).
     #[inline]
     fn fold(&self, axis: usize, c: i32) -> (i32, i32) {
         let n = self.n[axis];
@@ -114,7 +116,7 @@ impl Cells {
         ((cell[2] as usize * self.n[1] as usize) + cell[1] as usize) * self.n[0] as usize + cell[0] as usize
     }
 
-    /// Cell index and image of particle i.
+    /// Index and image of the cell of particle i.
     #[inline]
     fn cell_and_image(&self, i: u32) -> (usize, [i32; 3]) {
         let c = self.coordinate[i as usize];
@@ -159,15 +161,14 @@ impl Cells {
                 self.free_overflow.push(list as u32);
             }
         } else if let Some(at) = slots.iter().position(|slot| *slot != EMPTY && *slot & !OUTSIDE == i) {
-            // Keeps the occupied slots in front.
+            // The occupied slots stay in front of the empty ones.
             let end = slots.iter().position(|slot| *slot == EMPTY).unwrap_or(SLOTS);
             slots[at] = slots[end - 1];
             slots[end - 1] = EMPTY;
         }
     }
 
-    /// Visits the particles of one cell; `shift` is the cell's image relative to i, without the image of j
-    /// itself.
+    /// Visits the particles of one cell. `shift` is the image of the cell relative to i.
     #[inline(always)]
     fn visit_cell<V: FnMut(u32, Shift)>(&self, i: u32, cell: usize, shift: Shift, visit: &mut V) {
         for &id in &self.slots[cell] {
@@ -184,6 +185,7 @@ impl Cells {
         }
     }
 
+    /// Visits one particle of a cell. If it is outside the box, its own image is subtracted from `shift`.
     #[inline(always)]
     fn visit_id<V: FnMut(u32, Shift)>(&self, i: u32, id: u32, shift: Shift, visit: &mut V) {
         let j = id & !OUTSIDE;
@@ -198,8 +200,8 @@ impl Cells {
         }
     }
 
-    /// Range of steps along each axis of the block of cells around one, or of its face that becomes a
-    /// neighbor by the crossing `code`.
+    /// Range of steps along each axis to the cells around a cell, or only to those that become neighbors by
+    /// the crossing `code`.
     fn steps(&self, code: usize) -> [(i32, i32); 3] {
         let mut steps = self.axes.map(|axis| if axis == Axis::Flat { (0, 0) } else { (-1, 1) });
         if code != ALL {
@@ -209,7 +211,7 @@ impl Cells {
         steps
     }
 
-    /// The same as steps of the cell index.
+    /// The same steps as differences of the cell index.
     fn stencil(&self, code: usize) -> Vec<isize> {
         let [x, y, z] = self.steps(code);
         let (nx, ny) = (self.n[0] as isize, self.n[1] as isize);
@@ -224,7 +226,7 @@ impl Cells {
         offsets
     }
 
-    /// Visits the cells around i, or those that have become neighbors by the crossing `code`.
+    /// Visits the cells around i, or only those that have become neighbors by the crossing `code`.
     #[inline]
     fn visit<V: FnMut(u32, Shift)>(&self, i: u32, code: usize, visit: &mut V) {
         let c = self.coordinate[i as usize];
@@ -240,11 +242,11 @@ impl Cells {
         }
     }
 
-    /// Visits the block of cells around i, of which some may lie beyond a face of the box.
+    /// Visits the cells around i at these steps. Some of them can be beyond a face of the box.
     fn visit_block<V: FnMut(u32, Shift)>(&self, i: u32, steps: [(i32, i32); 3], visit: &mut V) {
         let c = self.coordinate[i as usize];
         let own = [self.fold(0, c[0]), self.fold(1, c[1]), self.fold(2, c[2])];
-        // The neighbor `step` away along an axis: (cell, shift), or nothing beyond a bounded edge.
+        // The cell at `step` along an axis: (cell, shift), or `None` beyond the end of a bounded axis.
         let neighbor = |axis: usize, step: i32| -> Option<(i32, i32)> {
             let (cell, image) = own[axis];
             let next = cell + step;

@@ -5,9 +5,9 @@ use glam::DVec3;
 /// Boundary along an axis.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Axis {
-    /// Repeats with the box length.
+    /// The system repeats with the box length L.
     Periodic,
-    /// Particles stay within [0, L].
+    /// Walls keep the particles within [0, L].
     Bounded,
     /// Particles are not confined.
     Open,
@@ -22,7 +22,7 @@ pub struct Plane {
     pub point: DVec3,
     /// Unit normal towards the particles.
     pub normal: DVec3,
-    /// Whether it moves; then every particle may touch it.
+    /// Whether it moves. Any particle can touch a moving wall.
     pub moving: bool,
 }
 
@@ -35,7 +35,8 @@ pub struct Geometry {
     pub axes: [Axis; 3],
     /// Density around the average particle in units of the mean density; 1 if particles fill the box evenly.
     pub crowding: f64,
-    /// Largest contact distance of a pair: largest distance of centres at which two particles touch [length].
+    /// Largest contact distance of a pair: the largest distance of centers at which two particles touch
+    /// [length].
     pub reach: f64,
     /// Largest radius [length].
     pub radius: f64,
@@ -51,7 +52,7 @@ impl Geometry {
         self.size.to_array()
     }
 
-    /// The same box, with neither walls nor radii.
+    /// The same box without walls and radii.
     pub(crate) fn without_planes(&self) -> Self {
         Self { radii: Vec::new(), planes: Vec::new(), ..*self }
     }

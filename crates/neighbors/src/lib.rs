@@ -1,8 +1,8 @@
 /*!
-The search for partners: which particles may collide with which.
+The search for partners: the pairs of particles that can collide.
 
 A [`Search`] keeps a coarse *cell* for every particle (a grid cell, or a sphere around a reference position)
-with one guarantee: two particles whose surfaces could touch before either of them leaves its cell or collides
+with one guarantee: two particles whose surfaces can touch before either of them leaves its cell or collides
 are [candidates](Search::candidates) of each other. Leaving a cell is a *crossing*: the search predicts it and
 carries it out, and never changes the particle's anchor (position, velocity and time of its last own event).
 So trajectories are independent of the search.
@@ -11,7 +11,7 @@ Coordinates are *anchor coordinates*: those of the anchor's free flight, without
 of a pair is given as an integer shift s per axis: the partner's image is at r_j + s·L.
 
 [`Cells`] is the search for particles that are far apart, [`Lists`] for those that are close, [`AllPairs`] the
-plain reference for both and the choice for a handful of particles.
+plain reference for both and the search for very few particles.
 */
 
 mod all_pairs;
@@ -47,16 +47,17 @@ pub struct Flight {
     pub acceleration: DVec3,
 }
 
-/// A predicted crossing into another cell, or update of a list.
+/// A predicted crossing: a particle leaves its cell.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Crossing {
     /// Time from now [time], ≥ 0.
     pub delay: f64,
-    /// Which face is crossed, or what is updated; its meaning belongs to the search that returned it.
+    /// Identifies the crossing, for example by the face that is crossed. Only the search that returned it
+    /// uses it.
     pub code: u8,
 }
 
-/// The search for partners; see the [module documentation](self).
+/// The search for partners; see the [crate documentation](self).
 pub trait Search: Sync + Send + Sized {
     /// Assigns cells to all particles. `positions` are the present ones, in anchor coordinates.
     fn new(geometry: &Geometry, positions: &[DVec3]) -> Self;
@@ -65,7 +66,8 @@ pub trait Search: Sync + Send + Sized {
     /// k.
     fn candidates<P: Fn(u32) -> DVec3, V: FnMut(u32, Shift)>(&self, i: u32, position: P, visit: V);
 
-    /// The same, only for the candidates that are new after the crossing `code`, just carried out.
+    /// The same, but only for the candidates that the crossing `code` has added. It must be the last
+    /// crossing.
     fn new_candidates<P: Fn(u32) -> DVec3, V: FnMut(u32, Shift)>(
         &self,
         i: u32,
@@ -74,14 +76,14 @@ pub trait Search: Sync + Send + Sized {
         visit: V,
     );
 
-    /// All candidates of particle i as one slice, if this search stores them so, and those of i fit.
+    /// All candidates of particle i as one slice, if this search stores them in slices and those of i fit.
     #[inline(always)]
     fn packed(&self, i: u32) -> Option<&[Packed]> {
         let _ = i;
         None
     }
 
-    /// Prefetches what [`Self::packed`] of particle i will read.
+    /// Prefetches the memory that [`Self::packed`] of particle i reads.
     #[inline(always)]
     fn prefetch(&self, i: u32) {
         let _ = i;
@@ -92,7 +94,7 @@ pub trait Search: Sync + Send + Sized {
         None
     }
 
-    /// Indices of the walls that particle i may touch before its next crossing.
+    /// Indices of the walls that particle i can touch before its next crossing.
     fn walls(&self, i: u32) -> &[u16];
 
     /// The next crossing of particle i: `None` if there is none, or none `within` this time from now [time].

@@ -1,4 +1,4 @@
-//! Neighbor lists: for every particle those within a shell around it.
+//! Neighbor lists: for every particle the particles within a range around it.
 
 use glam::DVec3;
 use rayon::prelude::*;
@@ -14,31 +14,31 @@ use crate::{
 /// Pairs are listed at distances larger by this factor than needed, so that rounding of an exit time can
 /// never bring two particles into contact before they are neighbors.
 const MARGIN: f64 = 1.0 + 1e-9;
-/// Bit of a header: it is the index of a list in `Lists::overflow`.
+/// Bit of a header: the other bits are the index of a list in `Lists::overflow`.
 const OVERFLOW: u32 = 1 << 31;
-/// Lists are lengthened when more than one in this many has overflowed.
+/// Inverse of the fraction of lists in `overflow` above which all lists are lengthened.
 const OVERFLOW_PART: usize = 32;
 /// Largest number of words of a list in the table.
 const MAX_WORDS: usize = 64;
 /// Lists with more entries than this are compared by sorting.
 const MANY: usize = 256;
-/// A new reference position is ahead of its particle by this part of half of the skin: this delays the exit
-/// where mean free paths are longer than half of the skin, and hardly advances it where they are short.
+/// A new reference position is ahead of its particle by this fraction of half of the skin. The exit is then
+/// later if mean free paths are longer than half of the skin, and hardly earlier if they are short.
 const AHEAD: f64 = 0.5;
-/// Steps of the iteration for the exit of a curved flight.
+/// Number of steps of the iteration for the exit of a curved flight.
 const STEPS: usize = 8;
 
 /**
 Neighbor lists.
 
-The cell of a particle is a sphere around its *reference position*, where it was when its list was made; the
-radius is half of the skin. Two particles are in each other's lists if their reference positions are closer
-than contact distance and skin: they cannot touch before one of them has left its sphere. A crossing is this
-exit. It moves the reference position to the particle, and updates its own list and those of the partners lost
-and gained; all others remain.
+The cell of a particle is a sphere around its *reference position*: its position when its list was made, or a
+little ahead of that. The radius of the sphere is half of the skin. Two particles are in each other's lists if
+their reference positions are closer than contact distance and skin: they cannot touch before one of them has
+left its sphere. A crossing is the exit from the sphere. It moves the reference position to the particle, and
+updates its own list and those of the partners lost and gained. All other lists remain.
 
-All lists have the same number of words; one that needs more, or contains an image far from the box, is stored
-in `overflow`.
+All lists have the same number of words. A list that needs more, or contains an image far from the box, is
+stored in `overflow`.
 */
 #[derive(Debug, Clone)]
 pub struct Lists {
@@ -56,22 +56,25 @@ pub struct Lists {
     bins: Bins,
     /// Per particle a header (its number of entries, or the index of a list in `overflow`) and its entries.
     words: Vec<Packed>,
-    /// Index of the first list, at the start of a cache line, and words of each.
+    /// Index in `words` of the first list, at the start of a cache line, and number of words per list.
     base: usize,
     stride: usize,
     overflow: Vec<Vec<(u32, Shift)>>,
+    /// Indices in `overflow` that no list uses.
     free_overflow: Vec<u32>,
     offsets: Offsets,
     /// Candidates that the last crossing has added.
     added: Vec<(u32, Shift)>,
+    /// Working space.
     found: Vec<(u32, Shift)>,
     walls: WallTable,
 }
 
 impl Lists {
-    /// Whether the engine may use lists for this many particles.
+    /// Largest number of particles that lists support.
     pub const MAX_PARTICLES: usize = Packed::MAX_PARTICLES;
 
+    /// Index in `words` of the header of the list of i.
     #[inline]
     fn list_start(&self, i: u32) -> usize {
         self.base + i as usize * self.stride
@@ -86,7 +89,7 @@ impl Lists {
         cutoff * cutoff
     }
 
-    /// Finds the neighbors of i by the reference positions.
+    /// Finds the neighbors of i from the reference positions.
     fn find(&self, i: u32, found: &mut Vec<(u32, Shift)>) {
         found.clear();
         let own = self.bins.points[i as usize];
@@ -121,6 +124,7 @@ impl Lists {
         }
     }
 
+    /// The list of i in `overflow`; empty if the list is in the table.
     fn overflow_list(&self, i: u32) -> &[(u32, Shift)] {
         let header = self.words[self.list_start(i)].word();
         if header & OVERFLOW == 0 { &[] } else { &self.overflow[(header & !OVERFLOW) as usize] }
@@ -140,7 +144,7 @@ impl Lists {
         }
     }
 
-    /// Stores the list of i in `overflow` from now on.
+    /// Stores `list` as the list of i in `overflow` from now on.
     #[cold]
     fn move_to_overflow(&mut self, i: u32, list: Vec<(u32, Shift)>) {
         let free = self.free_overflow.pop().unwrap_or_else(|| {
@@ -195,7 +199,7 @@ impl Lists {
         }
     }
 
-    /// Makes `new`, header and entries, the list of i, and updates the lists of the partners lost and gained.
+    /// Makes `new`, a header and entries, the list of i. Updates the lists of the partners lost and gained.
     fn replace_packed(&mut self, i: u32, new: &[Packed; MAX_WORDS]) {
         let start = self.list_start(i);
         let mut old = [Packed::default(); MAX_WORDS];
@@ -217,7 +221,7 @@ impl Lists {
         }
     }
 
-    /// The same for lists of any length.
+    /// [`Self::replace_packed`] for lists of any length.
     #[cold]
     fn replace(&mut self, i: u32, new: &mut [(u32, Shift)]) {
         let mut old = Vec::new();
@@ -236,7 +240,7 @@ impl Lists {
         self.grow();
     }
 
-    /// Lengthens all lists if many have overflowed.
+    /// Lengthens all lists if many have overflowed, and moves those that fit back from `overflow`.
     fn grow(&mut self) {
         let count = self.bins.points.len();
         let overflow = self.overflow.len() - self.free_overflow.len();
@@ -258,6 +262,7 @@ impl Lists {
         }
     }
 
+    /// Allocates the table of lists, `stride` words each.
     fn allocate(&mut self, count: usize, stride: usize) {
         const LINE: usize = 16; // words
         self.stride = stride;
@@ -267,8 +272,8 @@ impl Lists {
     }
 }
 
-/// Square of the distance from a reference position to an image of another; the same bits for both orders, as
-/// negation is exact.
+/// Square of the distance from a reference position to an image of another. The bits are the same for both
+/// orders, because negation is exact.
 #[inline(always)]
 fn distance2(own: &Point, other: &Point, offset: [f64; 3]) -> f64 {
     let r = [0, 1, 2].map(|axis| other.position[axis] - own.position[axis] + offset[axis]);
@@ -297,13 +302,13 @@ fn write(words: &mut [Packed], list: &[(u32, Shift)]) -> bool {
     true
 }
 
-/// Whether a list has this entry; without an early exit, so that whole vectors are compared.
+/// Whether a list has this entry. There is no early exit, so that the compiler compares whole vectors.
 #[inline]
 fn contains(list: &[Packed], entry: Packed) -> bool {
     list.iter().fold(false, |found, other| found | (other.word() == entry.word()))
 }
 
-/// Calls `visit` for every entry of `list` that is not in `other`. Both may be reordered.
+/// Calls `visit` for every entry of `list` that is not in `other`. The call can reorder both.
 fn difference(list: &mut [(u32, Shift)], other: &mut [(u32, Shift)], mut visit: impl FnMut((u32, Shift))) {
     if list.len().max(other.len()) <= MANY {
         list.iter().filter(|entry| !other.contains(entry)).for_each(|entry| visit(*entry));
@@ -337,7 +342,8 @@ impl Search for Lists {
             walls: WallTable::default(),
         };
         if let Some(level) = lists.bins.levels.last() {
-            // A reference position may be beyond a wall that its particle cannot pass.
+            // Twice half of the skin, because a reference position can be beyond a wall that its particle
+            // cannot pass.
             lists.walls = WallTable::new(geometry, level.n, level.width, geometry.radius + 2.0 * half_skin);
         }
         let count = positions.len();
@@ -455,9 +461,9 @@ impl Search for Lists {
         let mut list = Vec::new();
         self.visit(i, |j, shift| list.push((j, shift)));
         for (j, shift) in &mut list {
-            let seen = shift.map(|s| -s);
-            self.remove(*j, i, seen);
-            self.add(*j, i, [seen[0] + wraps[0], seen[1] + wraps[1], seen[2] + wraps[2]]);
+            let reverse = shift.map(|s| -s);
+            self.remove(*j, i, reverse);
+            self.add(*j, i, [reverse[0] + wraps[0], reverse[1] + wraps[1], reverse[2] + wraps[2]]);
             *shift = [shift[0] - wraps[0], shift[1] - wraps[1], shift[2] - wraps[2]];
         }
         self.set(i, &list);
@@ -474,14 +480,15 @@ fn straight_exit(d: DVec3, v: DVec3, half_skin2: f64) -> Option<f64> {
     }
     let gap = (half_skin2 - d.length_squared()).max(0.0);
     let root = (along * along + speed2 * gap).sqrt();
-    // No difference of numbers of the same sign.
+    // No difference of numbers of the same sign, so that no digits cancel.
     Some(if along > 0.0 { gap / (root + along) } else { (root - along) / speed2 })
 }
 
 /// A lower bound, close to the exit itself, of the time at which an accelerated flight from d leaves the
 /// sphere of radius `half_skin`.
 ///
-/// In every step the distance to the surface bounds what speed and acceleration can cover.
+/// Every step advances by the least time in which the speed and the acceleration can cover the distance to
+/// the surface.
 fn curved_exit(d: DVec3, v: DVec3, a: DVec3, half_skin: f64, within: f64) -> f64 {
     let acceleration = a.length();
     let mut time = 0.0;

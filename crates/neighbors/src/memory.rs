@@ -1,18 +1,19 @@
 //! Huge pages for large arrays, and prefetching of cache lines.
 
-/// Arrays of at least this size are allocated on huge pages \[bytes\], …
+/// Arrays of at least this size are allocated on huge pages \[bytes\].
 const LARGE: usize = 1 << 20;
-/// … which usually have this size; an array that needs at most `FEW` of them gets whole ones.
+/// Usual size of a huge page \[bytes\].
 const HUGE: usize = 1 << 21;
+/// The size of an array that needs at most this number of huge pages is rounded up to whole pages.
 const FEW: usize = 8;
-/// Size of other pages: an allocator stores its own header before the array.
+/// Size of other pages \[bytes\]. It also covers the header that an allocator stores before the array.
 const PAGE: usize = 4096;
 
-/// An empty vector with room for `capacity` elements or a few more, on huge pages if it is large and the
-/// system has them.
+/// An empty vector with space for at least `capacity` elements, on huge pages if it is large and the system
+/// has them.
 ///
-/// Without them, each random access to more than a few megabytes costs a walk through the page tables. The
-/// gain is in the benchmark record.
+/// Without huge pages each random access to an array of more than a few megabytes costs a walk through the
+/// page tables. The gain is in the benchmark record.
 pub fn with_huge_pages<T>(capacity: usize) -> Vec<T> {
     let bytes = capacity.saturating_mul(size_of::<T>());
     let few = cfg!(target_os = "linux") && (LARGE..FEW * HUGE - PAGE).contains(&bytes);
@@ -22,13 +23,14 @@ pub fn with_huge_pages<T>(capacity: usize) -> Vec<T> {
     let mut vector: Vec<T> = Vec::with_capacity(capacity);
     #[cfg(target_os = "linux")]
     {
-        let room = vector.spare_capacity_mut();
-        let (start, bytes) = (room.as_mut_ptr().cast::<u8>(), size_of_val(room));
+        let spare = vector.spare_capacity_mut();
+        let (start, bytes) = (spare.as_mut_ptr().cast::<u8>(), size_of_val(spare));
         if bytes >= LARGE {
-            // Including the allocator's header.
+            // The advice must begin at a page, so it includes the allocator's header.
             let before = start as usize % PAGE;
-            // SAFETY: the pages belong to an allocation; the advice changes only how they are backed, also
-            // for other allocations on the same pages, and it may fail without consequence.
+            // SAFETY: the pages belong to an allocation. The advice changes only which physical memory backs
+            // them. This is also true for other allocations on the same pages. If the call fails, nothing
+            // changes.
             unsafe {
                 libc::madvise(
                     start.wrapping_sub(before).cast(),
@@ -41,29 +43,29 @@ pub fn with_huge_pages<T>(capacity: usize) -> Vec<T> {
     vector
 }
 
-/// Prefetches the cache line of `place`, with no other effect. The gain is in the benchmark record; on
-/// processors other than x86-64 nothing happens.
+/// Prefetches the cache line of `value`, without any other effect. On processors other than x86-64 this does
+/// nothing. The gain is in the benchmark record.
 #[inline(always)]
-pub fn prefetch<T>(place: &T) {
-    prefetch_address(place);
+pub fn prefetch<T>(value: &T) {
+    prefetch_address(value);
 }
 
-/// [`prefetch`] of an element, whether it exists or not: the index is not checked against the bounds.
+/// [`prefetch`] of an element. The index is not checked: it can be out of bounds.
 #[inline(always)]
 pub fn prefetch_at<T>(elements: &[T], index: usize) {
     prefetch_address(elements.as_ptr().wrapping_add(index));
 }
 
 #[inline(always)]
-fn prefetch_address<T>(place: *const T) {
+fn prefetch_address<T>(address: *const T) {
     #[cfg(target_arch = "x86_64")]
     // SAFETY: a prefetch has no visible effect and cannot fault at any address; SSE is part of x86-64.
     unsafe {
         use std::arch::x86_64::{_MM_HINT_T0, _mm_prefetch};
-        _mm_prefetch::<_MM_HINT_T0>(place.cast());
+        _mm_prefetch::<_MM_HINT_T0>(address.cast());
     }
     #[cfg(not(target_arch = "x86_64"))]
-    let _ = place;
+    let _ = address;
 }
 
 #[cfg(test)]
@@ -71,7 +73,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn vectors_of_all_sizes_have_room_and_keep_their_elements() {
+    fn vectors_of_all_sizes_have_capacity_and_keep_their_elements() {
         for capacity in [
             0,
             5,

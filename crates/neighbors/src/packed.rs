@@ -1,4 +1,4 @@
-//! Candidates in four bytes.
+//! Candidates of four bytes.
 
 use glam::DVec3;
 
@@ -8,9 +8,10 @@ use crate::Shift;
 const ID_BITS: u32 = 27;
 
 /**
-A candidate and its periodic image, packed: 27 bits of index below five bits of image.
+A candidate and its periodic image in one word: the index in the lower 27 bits, the image code in the upper
+five.
 
-The image code is `sx + 3 sy + 9 sz`, −13 … 13, in two's complement: the image itself (shift 0) has code 0.
+The image code is `sx + 3 sy + 9 sz`, −13 … 13, in two's complement. Without a shift it is 0.
 */
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
 #[repr(transparent)]
@@ -37,25 +38,25 @@ impl Packed {
         self.0 & ((1 << ID_BITS) - 1)
     }
 
-    /// Index of its image in [`Offsets`]; 0 for the particle itself.
+    /// Image code, which is the index in [`Offsets`]; 0 for the particle itself.
     #[inline(always)]
     pub fn code(self) -> usize {
         (self.0 >> ID_BITS) as usize
     }
 
-    /// Whether any of four candidates is an image, not the particle itself.
+    /// Whether any of four candidates is a shifted image.
     #[inline(always)]
     pub fn any_image([a, b, c, d]: [Self; 4]) -> bool {
         (a.0 | b.0 | c.0 | d.0) >> ID_BITS != 0
     }
 
-    /// The image.
+    /// The periodic image.
     #[inline]
     pub fn shift(self) -> Shift {
         if self.code() == 0 {
             return [0; 3];
         }
-        // Sign-extended, then moved to 0 … 26.
+        // The arithmetic shift keeps the sign of the code; adding 13 gives 0 … 26.
         let code = ((self.0 as i32) >> ID_BITS) + 13;
         [code % 3 - 1, code / 3 % 3 - 1, code / 9 - 1]
     }
@@ -72,14 +73,13 @@ impl Packed {
     }
 }
 
-/// Shift vectors s·L of the image codes [length]; a fourth component of zero makes each a whole vector
-/// register.
+/// Shift vectors s·L of the image codes [length]. A fourth component of zero fills up a vector register.
 #[derive(Debug, Clone, PartialEq)]
 #[repr(C, align(32))]
 pub struct Offsets(pub [[f64; 4]; 32]);
 
 impl Offsets {
-    /// The table for a box of edges `size`.
+    /// The table for a box with the edges `size`.
     pub(crate) fn new(size: DVec3) -> Self {
         let mut table = [[0.0; 4]; 32];
         for z in -1..=1 {

@@ -1,10 +1,10 @@
-//! The walls that a particle in a cell may touch.
+//! The walls that a particle in a cell can touch.
 
 use rayon::prelude::*;
 
 use crate::{Axis, Geometry, Plane};
 
-/// For every cell of a grid the walls that a particle assigned to it may touch; empty without walls.
+/// For every cell of a grid the walls that a particle assigned to it can touch; empty without walls.
 #[derive(Debug, Clone, Default)]
 pub(crate) struct WallTable {
     /// Walls of cell c: `ids[start[c]..start[c + 1]]`.
@@ -13,8 +13,8 @@ pub(crate) struct WallTable {
 }
 
 impl WallTable {
-    /// The table of a grid of `n` cells per axis of these widths. `radius` is how far beyond its cell a
-    /// particle may touch \[length\].
+    /// The table of a grid with `n` cells per axis of these widths. `radius` is the largest distance between
+    /// the cell of a particle and a wall that the particle touches \[length\].
     pub fn new(geometry: &Geometry, n: [i32; 3], width: [f64; 3], radius: f64) -> Self {
         if geometry.planes.is_empty() {
             return Self::default();
@@ -52,6 +52,7 @@ impl WallTable {
     }
 }
 
+/// Whether a plane is at most `radius` from a cell, rounding included.
 fn is_near(axes: [Axis; 3], width: [f64; 3], cell: [usize; 3], plane: &Plane, radius: f64) -> bool {
     if plane.moving {
         return true;

@@ -240,7 +240,7 @@ fn shifts_images<S: Search>(
     Ok(())
 }
 
-/// Two thousand particles in one place: lists of 1999 entries, far more than fit in the table.
+/// Two thousand particles close together: lists of 1999 entries, far more than fit in the table.
 #[test]
 fn lists_overflow_and_shrink_again() {
     let count = 2000;
@@ -280,7 +280,7 @@ fn lists_overflow_and_shrink_again() {
     }
 }
 
-/// Ten thousand small particles within what would be one cell of the only large one.
+/// Ten thousand small particles in a region as large as one cell of the only large particle.
 #[test]
 fn lists_of_small_particles_stay_short_beside_a_large_one() {
     let mut positions = vec![DVec3::splat(50.0)];

@@ -7,13 +7,13 @@ use crate::arrays::{column, vectors};
 
 /// Keeps the rows until Python takes them.
 pub struct Log {
-    pub wanted: bool,
+    pub enabled: bool,
     pub rows: Vec<EventRecord>,
 }
 
 impl Observer for Log {
     fn wants_events(&self) -> bool {
-        self.wanted
+        self.enabled
     }
 
     fn event(&mut self, event: &EventRecord) {

@@ -13,7 +13,7 @@ use crate::{
     scenes::Source,
 };
 
-/// Calendar entries between two checks for Ctrl-C: some tens of milliseconds.
+/// Calendar entries between two checks for Ctrl-C: a few tens of milliseconds.
 const SLICE: u64 = 1 << 15;
 
 /// Time, step, positions, velocities and images of one instant.
@@ -112,7 +112,7 @@ impl Simulation {
             })
             .map_err(|error| errors::simulation(py, &error, source.name()))?;
         Ok(Self {
-            moving: Mutex::new(Moving { simulation, log: events::Log { wanted: events, rows: Vec::new() } }),
+            moving: Mutex::new(Moving { simulation, log: events::Log { enabled: events, rows: Vec::new() } }),
             pool,
             name: source.name().to_owned(),
             dimension,

@@ -213,14 +213,14 @@ impl Datasets {
         write_parameters(root, header)?;
         let particles = header.species.len();
         let all = root.create_group("particles")?.create_group("all")?;
-        let place = all.create_group("box")?;
-        place.new_attr::<i32>().create("dimension")?.write_scalar(&3)?;
+        let box_group = all.create_group("box")?;
+        box_group.new_attr::<i32>().create("dimension")?.write_scalar(&3)?;
         let boundary = header.boundary.map(|boundary| match boundary {
             Boundary::Periodic => "periodic",
             Boundary::Wall | Boundary::Open => "none",
         });
         let boundary = boundary.map(|name| FixedAscii::<8>::from_ascii(name).unwrap_or_default());
-        place.new_attr::<FixedAscii<8>>().shape(3).create("boundary")?.write(&boundary)?;
+        box_group.new_attr::<FixedAscii<8>>().shape(3).create("boundary")?.write(&boundary)?;
         let ids: Vec<u32> = (0..particles as u32).collect();
         write_array(&all, "id", &ids)?;
         write_array(&all, "species", &header.species)?;
@@ -229,7 +229,7 @@ impl Datasets {
         let trajectory = if header.frames {
             Some(Trajectory::create(&all, particles, header.compressed)?)
         } else {
-            write_array(&place, "edges", &header.box_size.to_array())?;
+            write_array(&box_group, "edges", &header.box_size.to_array())?;
             None
         };
         let observables = if header.observables { Some(Observables::create(root, header)?) } else { None };

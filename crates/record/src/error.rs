@@ -145,8 +145,8 @@ impl RecordError {
                 _ => Self::io(&path, action, &error),
             };
         }
-        // … and a file that ends too early as `truncated file: eof = 9, sblock->base_addr = 0, stored_eof =
-        // 99`.
+        // It reports a file that ends too early as `truncated file: eof = 9, sblock->base_addr = 0,
+        // stored_eof = 99`.
         if let Some((_, rest)) = text.rsplit_once("truncated file: ") {
             let number = |key| rest.split_once(key)?.1.split(',').next()?.trim().parse::<u64>().ok();
             let reason = match (number("eof = "), number("stored_eof = ")) {

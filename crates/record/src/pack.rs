@@ -60,8 +60,7 @@ impl Packer {
         Self { compressor: Compressor::new(level), planes: Vec::new(), stream: Vec::new() }
     }
 
-    /// A shuffled and compressed chunk of `volume` numbers, of which `values` are the first and the rest are
-    /// zero.
+    /// A shuffled and compressed chunk of `volume` numbers: `values`, and zeros after them.
     pub fn pack<T: Number>(&mut self, values: impl Iterator<Item = T>, volume: usize) -> hdf5::Result<&[u8]> {
         let count = self.shuffle(values, volume);
         // A chunk that is not full is the last one: its zeros are compressed, too.

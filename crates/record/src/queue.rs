@@ -126,7 +126,7 @@ impl Producer {
         self.shared.buffer()
     }
 
-    /// Waits until the queue has space for a message of so many bytes. Returns the writer's error, if there
+    /// Waits until the queue has space for a message of this many bytes. Returns the writer's error, if there
     /// was one in any earlier message.
     pub fn wait(&self, bytes: usize) -> Result<(), RecordError> {
         self.wait_for_space(bytes).map(drop)

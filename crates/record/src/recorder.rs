@@ -18,7 +18,7 @@ use crate::{
     writer::Writer,
 };
 
-/// Writes a run to a file, on a thread of its own.
+/// Writes a run to a file, on a separate thread.
 ///
 /// Every call passes its data to the writer and returns; it waits only while the queue to the disk is full
 /// (64 MiB). Errors of the disk are returned by the next call, at the latest by [`Recorder::finish`]; after
@@ -126,8 +126,8 @@ impl Recorder {
         }
     }
 
-    /// Adds the frame returned by `take`, when there is space for it: a large system then has no more than
-    /// one frame in memory at a time. `take` is not called if frames are not recorded.
+    /// Adds the frame returned by `take`, when there is space for it: a large system then has at most one
+    /// frame in memory at a time. `take` is not called if frames are not recorded.
     pub fn frame_with(&self, take: impl FnOnce() -> Frame) -> Result<(), RecordError> {
         match &self.producer {
             Some(producer) if self.contents.frames => {

@@ -25,7 +25,7 @@ const CHILD: &str = "HAFF_RECORD_TEST_DAMAGE";
 const BATCH: u64 = 75;
 /// Limit on the memory of a child [KiB], including its libraries and threads.
 const MEMORY: u64 = 1 << 20;
-/// A file that takes longer counts as a hang: most take some milliseconds.
+/// A file that takes longer counts as a hang: most take a few milliseconds.
 const TIMEOUT: Duration = Duration::from_secs(30);
 
 /// The original files: name, particles, whether the run is complete. Frames of 1,500 particles are
@@ -85,10 +85,10 @@ fn damage_bytes(bytes: &mut Vec<u8>, seed: u64) {
         4 => {
             let wrong = [0, 1, 1 << 20, 1 << 34, 1 << 40, 1 << 63, u64::MAX, length as u64];
             for k in 0..=choose(seed, 2, 4) as u64 {
-                let place = choose(seed, 10 + k, length.min(40_000) / 8) * 8;
+                let offset = choose(seed, 10 + k, length.min(40_000) / 8) * 8;
                 let value: u64 = wrong[choose(seed, 20 + k, wrong.len())];
                 let size = [4, 8][choose(seed, 30 + k, 2)];
-                bytes[place..place + size].copy_from_slice(&value.to_le_bytes()[..size]);
+                bytes[offset..offset + size].copy_from_slice(&value.to_le_bytes()[..size]);
             }
         }
         _ => {

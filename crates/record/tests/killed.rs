@@ -75,8 +75,8 @@ fn flushed(output: impl std::io::Read) -> u64 {
     lines.filter_map(|line| line.strip_prefix("flushed ")?.parse().ok()).max().unwrap_or(0)
 }
 
-/// Checks every frame and sample in a file, and that there are at least so many. Returns the number of
-/// frames.
+/// Checks every frame and sample in a file, and that there are at least `at_least` of them. Returns the
+/// number of frames.
 fn check(path: &Path, particles: usize, at_least: u64) -> u64 {
     let file = File::open(path).expect("the file opens");
     let all = "particles/all";

@@ -169,8 +169,8 @@ fn corrupted_files_give_errors_not_panics() {
         let mut bytes = whole.clone();
         // The start contains the metadata; later there are more data, where damage has less effect.
         for k in 0..20 {
-            let place = (common::number(seed, k) * 12_000.0) as usize;
-            bytes[place % whole.len()] = (common::number(seed, k + 100) * 256.0) as u8;
+            let offset = (common::number(seed, k) * 12_000.0) as usize;
+            bytes[offset % whole.len()] = (common::number(seed, k + 100) * 256.0) as u8;
         }
         fs::write(&path, &bytes).expect("a corrupted file");
         refused += u32::from(info(&path).is_err());

@@ -1,8 +1,8 @@
 //! A scene file as a tree of values with the position of every key, with overrides applied; and the errors
 //! found in it.
 //!
-//! The time taken is linear in the length of the text and in the number of errors, of which only the first
-//! are kept.
+//! The time taken is linear in the length of the text and in the number of errors. Only the first errors are
+//! kept.
 
 use std::collections::{HashMap, HashSet};
 
@@ -76,14 +76,14 @@ impl Errors {
         if self.first.len() == SceneErrors::MOST && self.first.last().is_some_and(|(last, _)| *last <= rank) {
             return;
         }
-        let place = self.first.partition_point(|(other, _)| *other <= rank);
+        let index = self.first.partition_point(|(other, _)| *other <= rank);
         let draft = make();
         // The same message from two checks is one error.
         if self.first.iter().any(|(other, known)| (*other, known) == (rank, &draft)) {
             self.count -= 1;
             return;
         }
-        self.first.insert(place, (rank, draft));
+        self.first.insert(index, (rank, draft));
         self.first.truncate(SceneErrors::MOST);
     }
 }

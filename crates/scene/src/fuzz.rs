@@ -1,7 +1,7 @@
 //! No input makes the scene crate panic: mutations of valid scenes, scenes of extreme values, and noise.
 //!
-//! Each test run tries some 20,000 inputs; `HAFF_FUZZ_INPUTS=1000000 cargo test --release -p haff-scene fuzz`
-//! tries more.
+//! Each test run tries about 20,000 inputs; `HAFF_FUZZ_INPUTS=1000000 cargo test --release -p haff-scene
+//! fuzz` tries more.
 
 use std::panic::{AssertUnwindSafe, catch_unwind};
 
@@ -310,16 +310,16 @@ fn check(case: u64) -> Result<bool, String> {
             Err(format!("refused without a reason: {}", show()))
         }
         Ok(Err(errors)) => {
-            let told = errors.to_string();
-            let lines: Vec<&str> = told.lines().collect();
+            let message = errors.to_string();
+            let lines: Vec<&str> = message.lines().collect();
             let expected = errors.errors.len() + usize::from(errors.more > 0);
-            if lines.len() != expected || text::escaped_lines(&told) != told {
-                return Err(format!("text of the scene forges a line: {told:?}: {}", show()));
+            if lines.len() != expected || text::escaped_lines(&message) != message {
+                return Err(format!("text of the scene forges a line: {message:?}: {}", show()));
             }
             let mut one_each: Vec<&SceneError> = Vec::new();
             for error in &errors.errors {
                 if one_each.contains(&error) {
-                    return Err(format!("told twice: {error}: {}", show()));
+                    return Err(format!("reported twice: {error}: {}", show()));
                 }
                 one_each.push(error);
             }
@@ -327,7 +327,7 @@ fn check(case: u64) -> Result<bool, String> {
                 || errors.more > 0 && errors.errors.len() < SceneErrors::MOST
             {
                 return Err(format!(
-                    "{} errors told, {} counted: {}",
+                    "{} errors listed, {} counted: {}",
                     errors.errors.len(),
                     errors.more,
                     show()
@@ -388,7 +388,7 @@ fn check(case: u64) -> Result<bool, String> {
 }
 
 #[test]
-fn fuzz_no_input_panics_and_what_is_accepted_is_sound() {
+fn fuzz_no_input_panics_and_accepted_scenes_are_sound() {
     let inputs: u64 = std::env::var("HAFF_FUZZ_INPUTS").ok().and_then(|n| n.parse().ok()).unwrap_or(20_000);
     let (mut accepted, mut slowest) = (0, (0.0, 0));
     for case in 0..inputs {

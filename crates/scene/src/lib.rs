@@ -99,7 +99,7 @@ fn read_text(path: &Path) -> Result<String, SceneErrors> {
     let mut bytes = Vec::new();
     let mut file = File::open(path).map_err(|why| unreadable(&why))?;
     let long = file.metadata().is_ok_and(|metadata| metadata.len() > LONGEST_FILE);
-    // Of a file that is too long, enough to see whether it is text.
+    // Of a file that is too long, enough bytes to determine whether it is text.
     let most = if long { 1 << 12 } else { LONGEST_FILE + 1 };
     file.by_ref().take(most).read_to_end(&mut bytes).map_err(|why| unreadable(&why))?;
     let cut_short = long || bytes.len() as u64 > LONGEST_FILE;

@@ -45,8 +45,8 @@ pub(crate) fn equilibrate(velocity: &mut [DVec3], mass: &[f64], baths: &[Bath], 
         for bath in baths {
             let twice_energy: f64 =
                 bath.members.iter().map(|&i| mass[i] * velocity[i].length_squared()).sum();
-            let wanted = bath.temperature * (dimension.count() * bath.members.len()) as f64;
-            let factor = if twice_energy > 0.0 { (wanted / twice_energy).sqrt() } else { 0.0 };
+            let target = bath.temperature * (dimension.count() * bath.members.len()) as f64;
+            let factor = if twice_energy > 0.0 { (target / twice_energy).sqrt() } else { 0.0 };
             for &i in &bath.members {
                 velocity[i] *= factor;
             }
@@ -80,7 +80,7 @@ mod tests {
             let found = temperature(&velocity, &mass, &bath.members, 3.0);
             assert!(
                 (found / bath.temperature - 1.0).abs() < 1e-13,
-                "T = {found}, asked {}",
+                "T = {found}, expected {}",
                 bath.temperature
             );
         }

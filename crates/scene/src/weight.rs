@@ -1,7 +1,7 @@
 //! Estimates the memory and stack needed to parse a TOML text, before it is parsed.
 //!
-//! The parser takes some hundred bytes for every byte of a text, and 600 for those of a key with many dots;
-//! and it is recursive in the levels of nesting. A pass over the tokens gives an upper bound.
+//! The parser takes about a hundred bytes for every byte of a text, and 600 for every byte of a key with many
+//! dots; and it is recursive in the levels of nesting. A pass over the tokens gives an upper bound.
 
 use toml_parser::Source;
 use toml_parser::lexer::TokenKind;
@@ -10,11 +10,11 @@ use toml_parser::lexer::TokenKind;
 /// 182 MB. Larger systems start from a state file.
 pub const LONGEST_FILE: u64 = 256 << 20;
 
-/// Deepest nesting of tables and arrays. Keys of a scene nest four deep, and the parser gives up at 80 levels
-/// of one kind.
+/// Deepest nesting of tables and arrays. Keys of a scene nest four deep, and the parser reports an error at
+/// 80 levels of one kind.
 const DEEPEST: u32 = 80;
 
-/// Bytes that the parser needs for each token; for each table, of which a short one takes a whole node of a
+/// Bytes that the parser needs for each token; for each table, since even a short one takes a whole node of a
 /// tree; and for each key and each value of an array. Measured, and rounded up: it is 1.1 to 1.5 times what
 /// reading takes in the end.
 const TOKEN: u64 = 52;

@@ -51,7 +51,7 @@ fn every_invalid_scene_is_refused_with_the_error_in_its_first_line() {
             .lines()
             .next()
             .and_then(|line| line.strip_prefix("# expect: "))
-            .unwrap_or_else(|| panic!("{} does not say what to expect", path.display()));
+            .unwrap_or_else(|| panic!("{} does not state the expected error", path.display()));
         match load(&path, &[], &NoStates) {
             Ok(_) => wrong.push(format!("{} was accepted", path.display())),
             Err(errors) => {

@@ -243,7 +243,7 @@ fn recorded_state_sets_positions_velocities_radii_and_box() {
     let momentum: DVec3 = bodies.iter().map(|body| body.velocity).sum();
     let temperature = bodies.iter().map(|body| body.velocity.length_squared()).sum::<f64>() / 9.0;
     assert!(momentum.length() < 1e-14, "momentum {momentum}");
-    assert!((temperature - 2.0).abs() < 1e-14, "T = {temperature}, asked 2");
+    assert!((temperature - 2.0).abs() < 1e-14, "T = {temperature}, expected 2");
 }
 
 #[test]

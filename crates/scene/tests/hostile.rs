@@ -10,13 +10,13 @@ use haff_scene::{ErrorKind, LONGEST_FILE, NoStates, Place, Scene, SceneErrors, p
 const SOUND: &str = "[domain]\nsize = [10, 10, 10]\n[run]\nuntil = 1\n\
                      [[particle]]\nname = \"ball\"\nposition = [5, 5, 5]\nradius = 0.5\nmass = 1\n";
 
-/// Every case here takes far less at linear cost, and far more at quadratic cost.
-const PATIENCE: Duration = Duration::from_secs(30);
+/// Limit for each case: far above a linear cost, and far below a quadratic one.
+const TIME_LIMIT: Duration = Duration::from_secs(30);
 
 fn read(text: &str, overrides: &[String]) -> Result<Scene, SceneErrors> {
     let started = Instant::now();
     let result = parse("scene.toml", text, overrides, &NoStates);
-    assert!(started.elapsed() < PATIENCE, "{:?} for {} bytes", started.elapsed(), text.len());
+    assert!(started.elapsed() < TIME_LIMIT, "{:?} for {} bytes", started.elapsed(), text.len());
     result
 }
 
@@ -24,7 +24,7 @@ fn refused(text: &str) -> SceneErrors {
     read(text, &[]).map(|_| ()).expect_err("the scene must be refused")
 }
 
-fn told(text: &str) -> String {
+fn message(text: &str) -> String {
     refused(text).to_string()
 }
 
@@ -51,9 +51,9 @@ fn first_unknown_keys_are_reported_and_all_are_counted() {
         let Place::File { line, column, .. } = &error.place else { panic!("{error}") };
         assert_eq!((*line, *column, error.path.as_str()), (k + 1, 1, format!("k{}", COUNT - k).as_str()));
     }
-    let told = errors.to_string();
-    assert!(told.ends_with(&format!("\nand {} more", COUNT - SceneErrors::MOST)), "{told}");
-    assert_eq!(told.lines().count(), SceneErrors::MOST + 1);
+    let message = errors.to_string();
+    assert!(message.ends_with(&format!("\nand {} more", COUNT - SceneErrors::MOST)), "{message}");
+    assert_eq!(message.lines().count(), SceneErrors::MOST + 1);
 }
 
 #[test]
@@ -75,7 +75,7 @@ fn unknown_keys_are_found_in_tables_of_every_form() {
                 contact = { restitution = { modle = 1 }, pair = [{ betwen = 1 }] }\n\
                 run = { until = 1 }\noutput = { frames = { lag = 1 }, events = { colums = 1 } }\n\
                 initial = { positions = { files = 1 } }\npendulum = [{ bobb = 1 }]\nspring = [5]\nrod = [{ a.b.c = 1 }]\n";
-    let told = told(text);
+    let message = message(text);
     for key in [
         "species.0.radius.a = 2",
         "species.0.radius.b = 1",
@@ -89,10 +89,10 @@ fn unknown_keys_are_found_in_tables_of_every_form() {
         "pendulum.0.bobb = 1",
         "rod.0.a = { b … }",
     ] {
-        assert!(told.contains(&format!("{key}: unknown key")), "{key} in\n{told}");
+        assert!(message.contains(&format!("{key}: unknown key")), "{key} in\n{message}");
     }
-    assert!(told.contains("spring.0 = 5: must be a table, not an integer"), "{told}");
-    assert!(told.contains("did you mean `between`?") && told.contains("(allowed: log)"), "{told}");
+    assert!(message.contains("spring.0 = 5: must be a table, not an integer"), "{message}");
+    assert!(message.contains("did you mean `between`?") && message.contains("(allowed: log)"), "{message}");
 }
 
 #[test]
@@ -125,8 +125,11 @@ fn overrides_by_name_apply_to_names_set_by_earlier_overrides() {
     let class = &scene.system.classes[0];
     assert_eq!((class.mass, class.radius), (2.0, 0.25));
     let overrides = ["particle.ball.mass=2", "particle.0={ name = \"a\" }", "particle.ball.mass=3"];
-    let told = read(SOUND, &overrides.map(str::to_owned)).expect_err("no ball is left").to_string();
-    assert!(told.contains("nothing in `particle` is named `ball`; take a name (a) or an index"), "{told}");
+    let message = read(SOUND, &overrides.map(str::to_owned)).expect_err("no ball is left").to_string();
+    assert!(
+        message.contains("nothing in `particle` is named `ball`; take a name (a) or an index"),
+        "{message}"
+    );
 }
 
 #[test]
@@ -152,14 +155,14 @@ fn control_characters_of_a_scene_are_escaped_in_messages() {
         let Err(errors) = parse("a\u{1b}\nerror: b.toml", &text, &[], &NoStates) else {
             panic!("accepted: {text}")
         };
-        let told = errors.to_string();
-        assert_eq!(told.lines().count(), errors.errors.len(), "{told:?}");
-        assert_eq!(text::escaped_lines(&told), told, "{told:?}");
-        assert!(told.lines().all(|line| line.starts_with(r"a\u{1b}\nerror: b.toml:")), "{told:?}");
+        let message = errors.to_string();
+        assert_eq!(message.lines().count(), errors.errors.len(), "{message:?}");
+        assert_eq!(text::escaped_lines(&message), message, "{message:?}");
+        assert!(message.lines().all(|line| line.starts_with(r"a\u{1b}\nerror: b.toml:")), "{message:?}");
     }
     for text in ["contact.\u{1b}[2J=1", "run.until=\u{1b}\nerror: x", "title\n=[", "particle.\u{1b}.mass=1"] {
-        let told = read(SOUND, &[text.to_owned()]).expect_err("refused").to_string();
-        assert!(text::escaped(&told) == told && told.starts_with("--set "), "{told:?}");
+        let message = read(SOUND, &[text.to_owned()]).expect_err("refused").to_string();
+        assert!(text::escaped(&message) == message && message.starts_with("--set "), "{message:?}");
     }
 }
 
@@ -182,8 +185,8 @@ fn long_parts_of_an_error_are_cut() {
             assert!(line.chars().count() < 5000, "{} characters", line.chars().count());
         }
     }
-    let told = read(SOUND, &[format!("title=[{long}")]).expect_err("refused").to_string();
-    assert!(told.chars().count() < 5000 && told.contains('…'), "{} characters", told.len());
+    let message = read(SOUND, &[format!("title=[{long}")]).expect_err("refused").to_string();
+    assert!(message.chars().count() < 5000 && message.contains('…'), "{} characters", message.len());
 }
 
 #[test]
@@ -191,16 +194,17 @@ fn texts_beyond_memory_or_stack_limits_are_refused_before_parsing() {
     let key = vec!["a"; 60].join(".");
     let nested = format!("{}{key} = 1{}\n", format!("{key} = {{").repeat(60), "}".repeat(60));
     for text in [&nested, &format!("a = {}{}\n", "[".repeat(100_000), "]".repeat(100_000))] {
-        assert!(told(text).contains("tables and arrays may nest 80 deep"), "{}", told(text));
-        let told = read(SOUND, &[format!("title = {{ {} }}", text.trim())]).expect_err("refused").to_string();
-        assert!(told.contains("may nest 80 deep"), "{told}");
+        assert!(message(text).contains("tables and arrays may nest 80 deep"), "{}", message(text));
+        let message =
+            read(SOUND, &[format!("title = {{ {} }}", text.trim())]).expect_err("refused").to_string();
+        assert!(message.contains("may nest 80 deep"), "{message}");
     }
     // 16 MB of this would be 16 GB of tables. Texts beyond any machine's memory are refused on all.
     let mut dots = String::new();
     for k in 0..600_000 {
         let _ = writeln!(dots, "b{k}{} = 1", ".a".repeat(78));
     }
-    assert!(told(&dots).contains("of memory"), "{}", told(&dots));
+    assert!(message(&dots).contains("of memory"), "{}", message(&dots));
 }
 
 #[test]
@@ -233,17 +237,17 @@ fn file_beyond_the_length_limit_is_refused_without_reading_it() {
 fn integer_out_of_range_is_one_error() {
     let scene = |seed: &str| format!("seed = {seed}\n{SOUND}");
     assert_eq!(
-        told(&scene("18446744073709551615")),
+        message(&scene("18446744073709551615")),
         "scene.toml:1: seed = 18446744073709551615: must be in 0..=9223372036854775807"
     );
-    assert_eq!(told(&scene("-1")), "scene.toml:1: seed = -1: must be in 0..=9223372036854775807");
+    assert_eq!(message(&scene("-1")), "scene.toml:1: seed = -1: must be in 0..=9223372036854775807");
     assert_eq!(
         parse("s", &scene("9223372036854775807"), &[], &NoStates).map(|scene| scene.seed),
         Ok(i64::MAX as u64)
     );
-    assert!(told(&scene("1e19")).contains("must be an integer; written as a float, at most 2^53"));
-    let told = read(SOUND, &["seed=99999999999999999999".to_owned()]).expect_err("refused").to_string();
-    assert_eq!(told, "--set seed=99999999999999999999: must be in 0..=9223372036854775807");
+    assert!(message(&scene("1e19")).contains("must be an integer; written as a float, at most 2^53"));
+    let message = read(SOUND, &["seed=99999999999999999999".to_owned()]).expect_err("refused").to_string();
+    assert_eq!(message, "--set seed=99999999999999999999: must be in 0..=9223372036854775807");
 }
 
 #[test]
@@ -262,8 +266,8 @@ fn text_that_files_cannot_store_is_refused() {
         ("S", "species.0.name"),
         ("ball", "particle.0.name"),
     ] {
-        let told = told(&scene(name, "a\\u0000b"));
-        assert!(told.ends_with(&format!(": {key} = \"a\\u{{0}}b\": must not contain the character NUL (U+0000), which files cannot store")), "{told}");
+        let message = message(&scene(name, "a\\u0000b"));
+        assert!(message.ends_with(&format!(": {key} = \"a\\u{{0}}b\": must not contain the character NUL (U+0000), which files cannot store")), "{message}");
     }
     let joints = "domain.boundary = [\"open\", \"open\", \"open\"]\n[run]\nuntil = 1\n\
                   [[particle]]\nname = \"a\"\nposition = [0, 0, 0]\nradius = 0.1\nmass = 1\n\
@@ -273,8 +277,8 @@ fn text_that_files_cannot_store_is_refused() {
         ("spring", "between = [\"a\", \"b\"]\nstiffness = 1"),
         ("rod", "between = [\"a\", \"b\"]"),
     ] {
-        let told = told(&format!("{joints}[[{list}]]\nname = \"\\u0000\"\n{keys}\n"));
-        assert!(told.contains(&format!("{list}.0.name = \"\\u{{0}}\": must not contain")), "{told}");
+        let message = message(&format!("{joints}[[{list}]]\nname = \"\\u0000\"\n{keys}\n"));
+        assert!(message.contains(&format!("{list}.0.name = \"\\u{{0}}\": must not contain")), "{message}");
     }
 }
 
@@ -283,13 +287,13 @@ fn radii_below_the_rounding_of_coordinates_are_refused() {
     let radius = |radius: f64| SOUND.replace("radius = 0.5", &format!("radius = {radius:e}"));
     let least = 10.0 * 0.5_f64.powi(42);
     assert!(read(&radius(1.001 * least), &[]).is_ok());
-    let told_below = told(&radius(0.999 * least));
+    let message_below = message(&radius(0.999 * least));
     assert!(
-        told_below.contains("particle.0.radius = ") && told_below.contains("must be at least 2.3e-12"),
-        "{told_below}"
+        message_below.contains("particle.0.radius = ") && message_below.contains("must be at least 2.3e-12"),
+        "{message_below}"
     );
     assert!(
-        told(&radius(1e-30))
+        message(&radius(1e-30))
             .contains("particle.0.radius = 1e-30: must be at least 2.3e-12: coordinates up to 10 are")
     );
     // Along open axes the largest coordinate is that of the outermost particle.
@@ -298,13 +302,13 @@ fn radii_below_the_rounding_of_coordinates_are_refused() {
         radius(1e-6).replace("size = [10, 10, 10]", boundary).replace("[5, 5, 5]", &format!("[{x:e}, 0, 0]"))
     };
     assert!(read(&open(-1e6), &[]).is_ok());
-    assert!(told(&open(-1e7)).contains("coordinates up to 10000000 are"), "{}", told(&open(-1e7)));
+    assert!(message(&open(-1e7)).contains("coordinates up to 10000000 are"), "{}", message(&open(-1e7)));
     let species = "[domain]\nsize = [1, 1, 1]\n[run]\nuntil = 1\n[[species]]\nname = \"a\"\ncount = 3\nmass = 1\n\
                    radius = { uniform = [1e-20, 0.1] }\n[initial]\npositions = \"random\"\n";
     assert!(
-        told(species).contains("species.0.radius = { uniform … }: must be at least 2.3e-13"),
+        message(species).contains("species.0.radius = { uniform … }: must be at least 2.3e-13"),
         "{}",
-        told(species)
+        message(species)
     );
 }
 
@@ -324,10 +328,10 @@ fn planes_must_be_their_own_images_along_periodic_axes() {
         (["wall", "wall", "periodic"], "[0, 0, 1]", "z"),
         (["periodic", "wall", "open"], "[-1e-9, 2, 0]", "x"),
     ] {
-        let told = told(&scene(boundary, normal));
+        let message = message(&scene(boundary, normal));
         let expected = format!("must be exactly 0 along {axis}, which is periodic");
-        assert!(told.contains("wall.0.plane.normal = [") && told.contains(&expected), "{told}");
-        assert!(told.contains(&format!("make {axis} \"wall\" or \"open\"")), "{told}");
+        assert!(message.contains("wall.0.plane.normal = [") && message.contains(&expected), "{message}");
+        assert!(message.contains(&format!("make {axis} \"wall\" or \"open\"")), "{message}");
         assert!(
             read(
                 &scene(boundary.map(|kind| if kind == "periodic" { "wall" } else { kind }), "[1, 1, 1]"),
@@ -349,10 +353,10 @@ fn planes_must_be_their_own_images_along_periodic_axes() {
                 [[particle]]\nposition = [8, 1]\nradius = 0.5\nmass = 1\n\
                 [[wall]]\nname = \"tilted\"\nplane = { point = [8, 5], normal = [-0.8, -0.6] }\n";
     assert!(
-        told(flat).contains("wall.0.plane.normal = [-0.8, -0.6]: must be exactly 0 along y"),
+        message(flat).contains("wall.0.plane.normal = [-0.8, -0.6]: must be exactly 0 along y"),
         "{}",
-        told(flat)
+        message(flat)
     );
-    assert!(read(&flat.replace("-0.6", "0"), &[]).is_err(), "the particle stands in that wall");
+    assert!(read(&flat.replace("-0.6", "0"), &[]).is_err(), "the particle is inside that wall");
     assert!(read(&flat.replace("-0.8, -0.6", "1, 0, 0").replace("[8, 5]", "[0, 5]"), &[]).is_ok());
 }

@@ -169,7 +169,10 @@ fn new_species_does_not_change_random_numbers_of_the_others() {
     for k in 0..50 {
         let radius = |scene: &Scene| scene.system.classes[scene.system.bodies[k].class as usize].radius;
         assert_eq!(radius(&alone), radius(&more), "radius of particle {k}");
-        assert_eq!(alone.system.bodies[k].position, more.system.bodies[k].position, "place of particle {k}");
+        assert_eq!(
+            alone.system.bodies[k].position, more.system.bodies[k].position,
+            "position of particle {k}"
+        );
     }
 }
 
@@ -189,7 +192,7 @@ fn velocities_have_zero_momentum_and_the_exact_temperature() {
         let energy: f64 = finite.iter().map(|&k| mass(k) * system.bodies[k].velocity.length_squared()).sum();
         let temperature = energy / (d * 400.0);
         assert!(momentum.length() < 1e-10, "momentum {momentum}");
-        assert!((temperature / 2.5 - 1.0).abs() < 1e-13, "T = {temperature}, asked 2.5");
+        assert!((temperature / 2.5 - 1.0).abs() < 1e-13, "T = {temperature}, expected 2.5");
         assert!(system.bodies[400..].iter().all(|body| body.velocity == DVec3::ZERO), "fixed bodies move");
     }
 }
@@ -202,7 +205,7 @@ fn packing_fraction_is_that_of_the_box() {
             gas(&format!("{{ packing_fraction = {fraction} }}"), 777, "lattice", "")
         );
         let found = scene(&text).packing_fraction;
-        assert!((found / fraction - 1.0).abs() < 1e-13, "φ = {found}, asked {fraction}");
+        assert!((found / fraction - 1.0).abs() < 1e-13, "φ = {found}, expected {fraction}");
     }
 }
 

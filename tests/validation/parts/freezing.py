@@ -29,7 +29,7 @@ def state(file: haff.File, report: dict[str, Any], melting: int = MELTING) -> tu
 
 
 def fluid_state(file: haff.File, report: dict[str, Any]) -> tuple[float, float]:
-    """State of a slow fluid: a sphere diffuses over its diameter in some 700 collisions."""
+    """State of a slow fluid: a sphere diffuses over its diameter in about 700 collisions."""
     return state(file, report, 1000)
 
 

@@ -8,7 +8,7 @@ from ..rows import Row
 from ..runs import Context
 
 FREE_TIMES = 100_000_000
-LOOKS = 50
+CHECKS = 50
 
 
 def long(context: Context) -> list[Row]:
@@ -26,7 +26,7 @@ def long(context: Context) -> list[Row]:
         Gas((4, 4), (1.0, 3.0), 4 * FREE_TIMES // thinned),
     ]
     context.collisions += sum(gas.collisions for gas in gases)
-    found = context.map(follow, [(gas, LOOKS) for gas in gases])
+    found = context.map(follow, [(gas, CHECKS) for gas in gases])
     return [row for gas, walk in zip(gases, found) for row in rows(gas, walk)]
 
 

@@ -43,13 +43,13 @@ class Lags(NamedTuple):
 def diffusion_coefficient(lags: Lags, file: haff.File, report: dict[str, Any]) -> float:
     """D/√T from the slope of the mean square displacement, Einstein's relation."""
     frames = file.frames
-    place = np.array([f.unwrapped for f in frames])[int(MELTING / SPACING) :]
+    position = np.array([f.unwrapped for f in frames])[int(MELTING / SPACING) :]
     interval = float(frames.time[1] - frames.time[0])
     T = float(np.mean(np.sum(frames[-1].velocity ** 2, axis=1)) / 3)
     first, last = (round(lag / SPACING) for lag in lags)
 
     def displaced(lag: int) -> float:
-        return float(np.mean(np.sum((place[lag:] - place[:-lag]) ** 2, axis=2)))
+        return float(np.mean(np.sum((position[lag:] - position[:-lag]) ** 2, axis=2)))
 
     return (displaced(last) - displaced(first)) / (6 * interval * (last - first)) / np.sqrt(T)
 

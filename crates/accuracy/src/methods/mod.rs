@@ -46,8 +46,8 @@ pub trait Method {
     /// Short name for tables: the same for all values of its parameter.
     fn name(&self) -> &str;
 
-    /// The parameter that determines its error, in units of the scene, such as `dt = 0.001`; empty if there
-    /// is none.
+    /// The parameter that determines its error, in units of the scene, such as `dt = 0.001`; empty if it has
+    /// no parameter.
     fn parameter(&self) -> String;
 
     /// The number in [`Self::parameter`].

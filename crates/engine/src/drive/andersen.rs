@@ -1,8 +1,9 @@
-//! The Andersen thermostat: at Poisson times particles get velocities of a Maxwell distribution.
+//! The Andersen thermostat: at the times of a Poisson process, particles get velocities from a Maxwell
+//! distribution.
 //!
-//! The kicks of N particles at the rate ν each are one Poisson process of the rate N ν, whose k-th kick meets
-//! any particle with equal probability. Times, particles and velocities are hashes of the seed and k, or of
-//! the seed, the particle and its event count.
+//! N particles that are kicked at the rate ν each form one Poisson process of rate N ν. Its k-th kick acts on
+//! every particle with equal probability. Times and particles are hashes of the seed and k, velocities of the
+//! seed, the particle and its event count.
 
 use glam::DVec3;
 use haff_neighbors::Geometry;
@@ -16,10 +17,10 @@ pub(super) struct Andersen {
     index: u32,
     driven: Driven,
     temperature: f64,
-    /// Mean time between kicks of any particle \[time\].
+    /// Mean time between two kicks of any particles, 1/(N ν) \[time\].
     mean: f64,
     seed: u64,
-    /// Kicks so far, and the time of the next.
+    /// Number of kicks so far, and the time of the next.
     kicks: u64,
     next: f64,
 }
@@ -34,9 +35,9 @@ impl Andersen {
         action
     }
 
-    /// Time between the last kick and the next, and the particle that it meets.
+    /// Time between the last kick and the next, and the index of the particle that the next kick acts on.
     fn interval(&self) -> (f64, usize) {
-        // Particles have other numbers.
+        // The complement of the seed: the seed itself is used for velocities, so that these are independent.
         let mut draw = Draw::new(!self.seed, self.index, self.kicks);
         let interval = self.mean * draw.exponential();
         (interval, draw.index(self.driven.particles.len().max(1)))
@@ -75,7 +76,7 @@ impl TimedAction for Andersen {
     fn load(&mut self, take: &mut dyn FnMut(&str) -> u64, time: f64) -> Result<(), EngineError> {
         self.kicks = take(&format!("{}.kicks", self.name));
         self.next = f64::from_bits(take(&format!("{}.next", self.name)));
-        // An interval is at most 37 means long, as the least number drawn is 2⁻⁵³.
+        // An interval is at most 37 times the mean, since the smallest random number is 2⁻⁵³.
         let latest = time + 40.0 * self.mean;
         if (time * (1.0 - 1e-15)..=latest).contains(&self.next) {
             return Ok(());

@@ -1,5 +1,5 @@
 /*!
-Drives: what gives energy to the particles, or takes it, at stated times.
+Drives: actions that add energy to the particles, or remove it, at stated times.
 
 A new drive is one more variant of [`DriveKind`] and a [`TimedAction`] in a file of its own.
 */
@@ -16,36 +16,37 @@ use crate::{
 use andersen::Andersen;
 use rescale::Rescale;
 
-/// A drive of some species.
+/// A drive that acts on some species.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Drive {
-    /// What it does.
+    /// How it acts.
     pub kind: DriveKind,
-    /// Species that it acts on, as indices into [`System::species`]; bodies of infinite mass never are.
+    /// Species that it acts on, as indices into [`System::species`]. It never acts on bodies of infinite
+    /// mass.
     pub species: Vec<u32>,
 }
 
-/// What a drive does.
+/// How a drive acts.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum DriveKind {
-    /// Every `interval` \[time\] all velocities relative to the center of mass are multiplied by one factor,
-    /// such that the temperature is this one \[energy\].
+    /// At regular times, all velocities relative to the center of mass are multiplied by one factor, so that
+    /// the temperature becomes a given one.
     Rescale {
         /// Temperature after each action \[energy\].
         temperature: f64,
         /// Time between actions \[time\].
         interval: f64,
     },
-    /// At Poisson times each particle gets a velocity of the Maxwell distribution.
+    /// At the times of a Poisson process, each particle gets a velocity from a Maxwell distribution.
     Andersen {
         /// Temperature of the distribution \[energy\].
         temperature: f64,
-        /// Mean number of kicks of a particle in a unit of time [1/time].
+        /// Mean number of kicks per particle and time [1/time].
         rate: f64,
     },
 }
 
-/// The actions of all drives of a system, which still has its bodies.
+/// The actions of all drives of a system. The system must still have its bodies.
 pub(crate) fn actions(system: &System) -> Vec<Box<dyn TimedAction>> {
     let action = |(index, drive): (usize, &Drive)| -> Box<dyn TimedAction> {
         let driven = Driven::new(system, drive);
@@ -79,7 +80,7 @@ impl Driven {
     }
 }
 
-/// Gives particle i another velocity at the present, and books the work and the impulse.
+/// Gives particle i a new velocity at the present, and adds the work and the impulse to the accumulators.
 fn kick(state: &mut State, i: u32, velocity: DVec3, observer: &mut dyn Observer) -> Result<(), EngineError> {
     let now = state.world.now;
     if observer.wants_events() {

@@ -1,4 +1,4 @@
-//! Rescaling of velocities to a temperature at regular times.
+//! A thermostat that rescales velocities to a temperature at regular times.
 
 use glam::DVec3;
 use haff_neighbors::Geometry;
@@ -12,7 +12,7 @@ pub(super) struct Rescale {
     driven: Driven,
     temperature: f64,
     interval: f64,
-    /// Actions so far.
+    /// Number of actions so far.
     done: u64,
 }
 
@@ -46,7 +46,7 @@ impl TimedAction for Rescale {
         let [twice_thermal] = total(particles.len(), |k| [mass(k) * (velocity(k) - drift).length_squared()]);
         let wanted = (self.driven.dimension * particles.len()) as f64 * self.temperature;
         let factor = (wanted / twice_thermal).sqrt();
-        // Particles without motion have no directions in which to move.
+        // Particles without relative motion have no velocity to scale.
         if !(factor.is_finite() && twice_thermal > 0.0) {
             return Ok(Vec::new());
         }

@@ -1,53 +1,55 @@
 /*!
-The filter: before when no contact of a pair can be.
+The filter. For each pair of a list it computes, in single precision, a time before which the pair cannot
+touch.
 
-With r and v of a pair now, in single precision, and σ the contact distance, widened by a margin, the pair
-comes within σ at
+With the present r and v of a pair, and σ the contact distance, widened by a margin, the pair comes within σ
+at
 
 ```text
 t = c / (−b + √(b² − v² c)),   c = r² − σ²,  b = r·v,
 ```
 
-if it does at all. The true contact comes later: the margin is wider than all that single precision and
-coordinates round until one of the two has left the ball that makes them neighbors. What is added to the
-approach, −b, is more than the rounding of r·v of a pair within σ: whether a touching pair approaches is for
-the exact prediction to say.
+if it does so at all. The true contact is not earlier than this bound: the margin is larger than all rounding
+errors of single precision and of the coordinates, until one of the two particles leaves its skin sphere.
+
+−b is increased by more than the rounding error of r·v of a pair within σ. So the filter keeps every touching
+pair that possibly approaches, and the exact prediction decides whether it does.
 */
 
 use super::{
     frame::Frame,
-    sets::{LANES, MOST},
+    sets::{LANES, MASK_BITS},
 };
 use crate::{compact::CompactParticle, features::Features};
 
-/// The bound of a member that is not met at all; the greatest number whose last bits can name a lane.
+/// The bound of a member without contact: the largest number whose last bits can hold a lane.
 pub(super) const NEVER: f32 = f32::from_bits(0x7f7f_ffff & !LANE);
-/// The last bits of a bound name its lane, so that the least bound tells whose it is: they are far below the
-/// margin.
-const LANE: u32 = MOST as u32 - 1;
+/// Mask of the last bits of a bound. They hold its lane, so that the least bound also gives its member. This
+/// changes a bound by far less than the margin.
+const LANE: u32 = MASK_BITS as u32 - 1;
 
-/// What a time is lengthened by before bounds are compared with it, for the rounding of both.
-const LATER: f32 = 1.0 + 1e-6;
+/// Factor by which a time is increased before bounds are compared with it. It covers the rounding of both.
+const TIME_MARGIN: f32 = 1.0 + 1e-6;
 
-/// Bounds up to this may belong to contacts up to a time [spans]. A bound of zero is not, because of the lane
-/// in it.
+/// The largest bound that can belong to a contact at most `time` from now [spans]. It is above zero for a
+/// time of zero, too: the lane makes a bound of zero a small positive number.
 #[inline(always)]
 pub(super) fn limit(time: f64) -> f32 {
-    time as f32 * LATER + f32::MIN_POSITIVE
+    time as f32 * TIME_MARGIN + f32::MIN_POSITIVE
 }
 
-/// Working space, and the answer.
+/// Bounds of up to [`MASK_BITS`] members of a list, aligned for vector loads.
 #[derive(Debug, Clone, Copy)]
 #[repr(C, align(32))]
 pub(super) struct Bounds {
-    /// Per member, a time from now before which there is no contact [spans], and the lane; [`NEVER`] or more
-    /// where there is none.
-    time: [f32; MOST],
+    /// For each member a time from now before which there is no contact [spans], with the lane in its last
+    /// bits. At least [`NEVER`] if there is no contact.
+    time: [f32; MASK_BITS],
 }
 
 impl Bounds {
     pub fn new() -> Self {
-        Self { time: [NEVER; MOST] }
+        Self { time: [NEVER; MASK_BITS] }
     }
 
     /// The lane of a bound.
@@ -56,20 +58,22 @@ impl Bounds {
         (bound.to_bits() & LANE) as usize
     }
 
-    /// Which of the first `count` members have a bound no later than `limit`, which is less than [`NEVER`].
+    /// Mask of the members among the first `count` whose bound is at most `limit`. `limit` must be less than
+    /// [`NEVER`].
     #[inline(always)]
     pub fn up_to<const VECTORS: bool>(&self, count: usize, limit: f32) -> u64 {
         #[cfg(target_arch = "x86_64")]
         if VECTORS {
-            // SAFETY: the caller has the features.
+            // SAFETY: with `VECTORS` set the caller guarantees AVX2 and FMA.
             return unsafe { avx2::up_to(self, count, limit) };
         }
         self.time[..count].iter().rev().fold(0, |bits, time| bits << 1 | u64::from(*time <= limit))
     }
 }
 
-/// Bounds for the members of `list`, whole groups and at most [`MOST`], that the particle on compact `own` may
-/// meet from `part` of the span on. Returns the least bound.
+/// Computes bounds for the contacts of the particle `own` with the members of `list`, and returns the least
+/// bound. `fraction` is the fraction of the span that has passed. `list` is padded to whole vectors; members
+/// beyond the first [`MASK_BITS`] are ignored.
 ///
 /// With `VECTORS` set the caller must be compiled for AVX2 and FMA, and run where they exist.
 #[inline(always)]
@@ -77,19 +81,19 @@ pub(super) fn bounds<F: Features, const VECTORS: bool>(
     frame: &Frame,
     particles: &[CompactParticle],
     own: &CompactParticle,
-    part: f32,
+    fraction: f32,
     list: &[u32],
     out: &mut Bounds,
 ) -> f32 {
-    let list = &list[..list.len().min(MOST)];
+    let list = &list[..list.len().min(MASK_BITS)];
     #[cfg(target_arch = "x86_64")]
     if VECTORS {
-        // SAFETY: the caller has the features.
-        return unsafe { avx2::bounds::<F>(frame, particles, own, part, list, out) };
+        // SAFETY: with `VECTORS` set the caller guarantees AVX2 and FMA.
+        return unsafe { avx2::bounds::<F>(frame, particles, own, fraction, list, out) };
     }
     let mut least = f32::INFINITY;
     for (lane, (time, &j)) in out.time.iter_mut().zip(list).enumerate() {
-        let bound = bound::<F>(frame, own, &particles[j as usize], part);
+        let bound = bound::<F>(frame, own, &particles[j as usize], fraction);
         *time = f32::from_bits(bound.to_bits() & !LANE | lane as u32);
         least = least.min(*time);
     }
@@ -98,7 +102,7 @@ pub(super) fn bounds<F: Features, const VECTORS: bool>(
 
 /// The bound for one pair: the scalar reference of the vector filter.
 #[inline(always)]
-fn bound<F: Features>(frame: &Frame, own: &CompactParticle, other: &CompactParticle, part: f32) -> f32 {
+fn bound<F: Features>(frame: &Frame, own: &CompactParticle, other: &CompactParticle, fraction: f32) -> f32 {
     let (mut b, mut c, mut vv) = (-frame.noise, -frame.sigma2, 0.0);
     if !F::UNIFORM {
         let sigma = own.radius + other.radius;
@@ -106,13 +110,13 @@ fn bound<F: Features>(frame: &Frame, own: &CompactParticle, other: &CompactParti
     }
     for axis in 0..3 {
         let v = other.v[axis] - own.v[axis];
-        let r = other.x[axis].wrapping_sub(own.x[axis]) as f32 * frame.unit[axis] + v * part;
+        let r = other.x[axis].wrapping_sub(own.x[axis]) as f32 * frame.unit[axis] + v * fraction;
         b += r * v;
         c += r * r;
         vv += v * v;
     }
     let disc = b * b - vv * c;
-    // The sentinel has no number here.
+    // For the sentinel b and `disc` are NaN, so both comparisons are false.
     if b < 0.0 && disc >= 0.0 { (c.max(0.0) / (disc.sqrt() - b)).min(NEVER) } else { NEVER }
 }
 
@@ -127,24 +131,24 @@ mod avx2 {
         _mm256_sqrt_ps, _mm256_store_ps, _mm256_sub_epi32, _mm256_sub_ps,
     };
 
-    use super::{Bounds, Features, Frame, LANE, LANES, MOST, NEVER};
+    use super::{Bounds, Features, Frame, LANE, LANES, MASK_BITS, NEVER};
     use crate::compact::{CompactParticle, avx2::load_halves};
 
-    /// Eight members at a time: their particles are loaded by halves and transposed in registers.
+    /// [`super::bounds`] for eight members at a time.
     #[target_feature(enable = "avx2,fma")]
     #[inline]
     pub(super) fn bounds<F: Features>(
         frame: &Frame,
         particles: &[CompactParticle],
         own: &CompactParticle,
-        part: f32,
+        fraction: f32,
         list: &[u32],
         out: &mut Bounds,
     ) -> f32 {
         let [x, y, z] = own.x.map(|x| _mm256_set1_epi32(x));
         let [u, v, w] = own.v.map(|v| _mm256_set1_ps(v));
         let unit = frame.unit.map(|unit| _mm256_set1_ps(unit));
-        let part = _mm256_set1_ps(part);
+        let fraction = _mm256_set1_ps(fraction);
         let noise = _mm256_set1_ps(-frame.noise);
         let uniform = _mm256_set1_ps(-frame.sigma2);
         let zero = _mm256_setzero_ps();
@@ -152,17 +156,18 @@ mod avx2 {
         let mut least = _mm256_set1_ps(f32::INFINITY);
         let all_but_lane = _mm256_castsi256_ps(_mm256_set1_epi32(!LANE as i32));
         let mut lanes = _mm256_setr_epi32(0, 1, 2, 3, 4, 5, 6, 7);
-        for (slots, time) in list.chunks_exact(LANES).zip(out.time.chunks_exact_mut(LANES)) {
-            // SAFETY: lists name particles and the sentinel; `slots` are eight.
-            let others = unsafe { load_halves(particles, slots) };
+        for (indices, time) in list.chunks_exact(LANES).zip(out.time.chunks_exact_mut(LANES)) {
+            // SAFETY: this code is compiled for AVX2. The eight `indices` are of a list, and a list contains
+            // only indices of particles and of the sentinel, which are all in `particles`.
+            let others = unsafe { load_halves(particles, indices) };
             let u = _mm256_sub_ps(others.v[0], u);
             let v = _mm256_sub_ps(others.v[1], v);
             let w = _mm256_sub_ps(others.v[2], w);
-            let apart = |axis: usize, here, v| {
-                let r = _mm256_cvtepi32_ps(_mm256_sub_epi32(others.x[axis], here));
-                _mm256_fmadd_ps(r, unit[axis], _mm256_mul_ps(v, part))
+            let separation = |axis: usize, own, v| {
+                let r = _mm256_cvtepi32_ps(_mm256_sub_epi32(others.x[axis], own));
+                _mm256_fmadd_ps(r, unit[axis], _mm256_mul_ps(v, fraction))
             };
-            let (x, y, z) = (apart(0, x, u), apart(1, y, v), apart(2, z, w));
+            let (x, y, z) = (separation(0, x, u), separation(1, y, v), separation(2, z, w));
             let sigma2 = if F::UNIFORM {
                 uniform
             } else {
@@ -175,13 +180,14 @@ mod avx2 {
             let disc = _mm256_fmsub_ps(b, b, _mm256_mul_ps(vv, c));
             let den = _mm256_sub_ps(_mm256_sqrt_ps(disc), b);
             let t = _mm256_div_ps(_mm256_max_ps(c, zero), den);
-            let meets =
+            let collides =
                 _mm256_and_ps(_mm256_cmp_ps::<_CMP_LT_OQ>(b, zero), _mm256_cmp_ps::<_CMP_GE_OQ>(disc, zero));
-            let t = _mm256_min_ps(_mm256_blendv_ps(never, t, meets), never);
+            let t = _mm256_min_ps(_mm256_blendv_ps(never, t, collides), never);
             let t = _mm256_or_ps(_mm256_and_ps(t, all_but_lane), _mm256_castsi256_ps(lanes));
             lanes = _mm256_add_epi32(lanes, _mm256_set1_epi32(LANES as i32));
             least = _mm256_min_ps(least, t);
-            // SAFETY: eight words; `Bounds` is aligned to 32 bytes, and the chunks are of 32.
+            // SAFETY: this stores eight words, the length of `time`. `Bounds` is aligned to 32 bytes, and
+            // every chunk of it is 32 bytes long, so `time` is aligned to 32 bytes, too.
             unsafe { _mm256_store_ps(time.as_mut_ptr(), t) };
         }
         let least = _mm_min_ps(_mm256_castps256_ps128(least), _mm256_extractf128_ps::<1>(least));
@@ -194,8 +200,8 @@ mod avx2 {
     pub(super) fn up_to(bounds: &Bounds, count: usize, limit: f32) -> u64 {
         let limit = _mm256_set1_ps(limit);
         let mut bits = 0;
-        for (k, time) in bounds.time[..count.min(MOST)].chunks_exact(LANES).enumerate() {
-            // SAFETY: eight words, aligned as above.
+        for (k, time) in bounds.time[..count.min(MASK_BITS)].chunks_exact(LANES).enumerate() {
+            // SAFETY: this loads the eight words of `time`, which is aligned as in `bounds`.
             let time = unsafe { _mm256_load_ps(time.as_ptr()) };
             bits |= (_mm256_movemask_ps(_mm256_cmp_ps::<_CMP_LE_OQ>(time, limit)) as u64) << (k * LANES);
         }
@@ -270,13 +276,13 @@ mod tests {
         (frame, world)
     }
 
-    /// Bounds of one pair, in one lane of a group whose others are the sentinel: the plain one, and that of
-    /// the vectors.
+    /// Bounds of one pair, without and with vector instructions. The pair is in one lane of a vector; the
+    /// other lanes contain the sentinel.
     fn both<F: Features>(
         frame: &Frame,
         own: &CompactParticle,
         other: &CompactParticle,
-        part: f32,
+        fraction: f32,
         lane: usize,
     ) -> [f32; 2] {
         let particles = [*own, *other, CompactParticle::SENTINEL];
@@ -284,13 +290,13 @@ mod tests {
         list[lane] = 1;
         let mut out = Bounds::new();
         let mut found = [0.0; 2];
-        found[0] = bounds::<F, false>(frame, &particles, own, part, &list, &mut out);
+        found[0] = bounds::<F, false>(frame, &particles, own, fraction, &list, &mut out);
         found[1] = found[0];
         #[cfg(target_arch = "x86_64")]
         if is_x86_feature_detected!("avx2") && is_x86_feature_detected!("fma") {
-            // SAFETY: the features have just been found.
+            // SAFETY: the features have just been detected.
             unsafe {
-                found[1] = avx2::bounds::<F>(frame, &particles, own, part, &list, &mut out);
+                found[1] = avx2::bounds::<F>(frame, &particles, own, fraction, &list, &mut out);
                 assert_eq!(avx2::up_to(&out, LANES, 0.9 * NEVER) == 1 << lane, found[1] < 0.9 * NEVER);
             }
         }
@@ -300,10 +306,11 @@ mod tests {
         found
     }
 
-    /// Pairs within reach of a list, at any part of a span, that graze, touch, meet head on, or do not meet;
-    /// slow ones and fast ones. Returns how many meet, and how many of the bounds are within a hundredth of
-    /// the time.
-    fn judge<F: Features>(radii: [f64; 2], count: usize) -> [usize; 2] {
+    /// Checks the bounds of `count` random pairs at distances within a list, at random times of a span: pairs
+    /// that graze, that touch, that collide head on, and that do not collide; slow pairs and fast pairs.
+    /// Returns the number of pairs that collide, and the number of bounds that are earlier than the contact
+    /// by at most 1 % and 10⁻³ time units.
+    fn check_bounds<F: Features>(radii: [f64; 2], count: usize) -> [usize; 2] {
         let (frame, mut world) = frame(radii);
         let sigma = radii[0] + radii[1];
         let tick = world.clock.tick;
@@ -311,15 +318,15 @@ mod tests {
         let mut random = Random(7);
         let mut found = [0; 2];
         for k in 0..count {
-            let part = (0.5 + 0.5 * random.number()).min(0.99);
-            world.now = frame.begin + (part * (frame.end - frame.begin) as f64) as i64;
-            // Often nearly parallel: the difference of velocities is then far less than they are.
+            let fraction = (0.5 + 0.5 * random.number()).min(0.99);
+            world.now = frame.begin + (fraction * (frame.end - frame.begin) as f64) as i64;
+            // Often the velocities are nearly equal: their difference is then far smaller than they are.
             let common = random.direction() * random.number().abs();
             let slow = libm::pow(10.0, -2.0 - 2.0 * random.number());
             let v = random.direction() * slow.min(1.0);
             let edge = [1.0 - 1e-9, 1.0 - 1e-6, 1.0 - 1e-3, 1.0, 1.0 + 1e-9, 1.2][k % 6];
             let r = match k % 4 {
-                // Grazing in a while.
+                // A grazing contact at a later time.
                 0 => {
                     random.direction().cross(v).normalize() * (edge * sigma) - v.normalize() * random.number()
                 }
@@ -327,10 +334,10 @@ mod tests {
                 2 => v.normalize() * -(edge.max(1.0) * sigma),
                 _ => random.direction() * (sigma * (1.6 + 0.55 * random.number())),
             };
-            let place = (random.direction() + 1.0) * (0.5 * EDGE);
+            let position = (random.direction() + 1.0) * (0.5 * EDGE);
             let velocities = [common * 0.5, common * 0.5 + v * 0.5];
             for (i, (position, velocity)) in
-                [(place, velocities[0]), (place + r, velocities[1])].into_iter().enumerate()
+                [(position, velocities[0]), (position + r, velocities[1])].into_iter().enumerate()
             {
                 let particle = &mut world.particles[i];
                 particle.position = position;
@@ -339,9 +346,9 @@ mod tests {
                 world.wrap_anchor(i as u32);
             }
             let (own, other) = (frame.compact::<F>(&world, 0), frame.compact::<F>(&world, 1));
-            let bounds = both::<F>(&frame, &own, &other, frame.part(world.now), k % LANES);
+            let bounds = both::<F>(&frame, &own, &other, frame.fraction(world.now), k % LANES);
             let expected = haff_mechanics::time_to_contact(r, velocities[1] - velocities[0], sigma);
-            // Beyond this one of them has left its ball.
+            // After this time one of the two particles has possibly left its skin sphere.
             let listed = 0.6 / velocities[0].length().max(velocities[1].length());
             if let Some(time) = expected.filter(|time| *time <= listed) {
                 found[0] += 1;
@@ -356,7 +363,7 @@ mod tests {
             {
                 assert!(
                     bounds[0] >= NEVER && bounds[1] >= NEVER,
-                    "{k}: {bounds:?} for a pair that comes apart"
+                    "{k}: {bounds:?} for a pair that separates"
                 );
             }
         }
@@ -366,15 +373,15 @@ mod tests {
     #[test]
     fn no_bound_is_later_than_the_contact() {
         for found in [
-            judge::<With<false, true>>([0.5, 0.5], 200_000),
-            judge::<With<false, false>>([0.5, 0.3], 200_000),
+            check_bounds::<With<false, true>>([0.5, 0.5], 200_000),
+            check_bounds::<With<false, false>>([0.5, 0.3], 200_000),
         ] {
             assert!(found[0] > 30_000 && 2 * found[1] > found[0], "{found:?}");
         }
     }
 
     #[test]
-    fn nobody_meets_nobody() {
+    fn sentinel_has_no_contact() {
         let (frame, world) = frame([0.5; 2]);
         let own = frame.compact::<With<false, true>>(&world, 0);
         for lane in 0..LANES {

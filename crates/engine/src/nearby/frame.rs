@@ -1,12 +1,14 @@
 /*!
-Coordinates of the filter, and the span of time that they are good for.
+Coordinates of the filter, and the span of time for which they are valid.
 
-Coordinates are integers, 2^32 of them to a periodic edge: the difference of two, taken modulo 2^32, is the
-nearest image at no cost, whatever the box. A bounded edge is treated as a periodic one that is longer by so
-much that particles at its ends are no neighbors. Lengths are in the largest contact distance, times in
-*spans*: a [`CompactParticle`] tells where the present path of its particle would have been at the beginning of the
-span, and how far it goes within it. No particle moves so far that another image of a pair could come to be
-the nearest, nor further than single precision can tell.
+Coordinates are integers, 2³² of them to an edge of the box along a periodic axis: the difference of two
+coordinates, taken modulo 2³², belongs to the nearest image, at no cost and for any box. A bounded axis is
+treated as a periodic one with a longer edge, so that particles at its two ends are not neighbors.
+
+Lengths are in units of the largest contact distance, times in units of the *span*. A [`CompactParticle`]
+contains the position that its particle would have had at the beginning of the span on its present path, and
+its displacement within the span. The displacement of every particle is limited: another image of a pair
+cannot become the nearest one within a span, and single precision is sufficient.
 */
 
 use haff_neighbors::{Axis, Geometry};
@@ -17,14 +19,15 @@ use crate::{
     particles::World,
 };
 
-/// The farthest that particles may go within a span [largest contact distances]: 10^-6 of that is far below
-/// [`MARGIN`].
-const FARTHEST: f64 = 12.0;
-/// Least way within a span that is worth while [largest contact distances].
-const LEAST_WAY: f64 = 0.25;
-/// Part by which contact distances are widened, for all that single precision and coordinates round.
+/// Largest displacement of a particle within a span [largest contact distances]. Its rounding error, about
+/// 10⁻⁶ of it, is far below [`MARGIN`].
+const MAX_DISPLACEMENT: f64 = 12.0;
+/// Least limit of the displacement with which this scheduler is profitable [largest contact distances]:
+/// smaller boxes would need too many spans.
+const MIN_DISPLACEMENT: f64 = 0.25;
+/// Fraction by which contact distances are widened. It covers the rounding of single precision.
 const MARGIN: f64 = 1e-4;
-/// What the rounding of r·v may be, in units of the greatest r and v.
+/// Upper bound of the rounding error of r·v, in units of the largest r times the largest v.
 const NOISE: f64 = 4e-6;
 
 /// Coordinates and the present span.
@@ -32,35 +35,37 @@ const NOISE: f64 = 4e-6;
 pub(super) struct Frame {
     /// The largest contact distance [length].
     sigma: f64,
-    /// What coordinates repeat after [length].
+    /// Lengths after which coordinates repeat [length].
     pub period: [f64; 3],
-    /// Coordinates per length, and largest contact distances per coordinate.
+    /// Coordinates per unit of length, and largest contact distances per coordinate.
     pub per_length: [f64; 3],
     pub unit: [f32; 3],
-    /// Distance beyond which listed particles never are [largest contact distances].
+    /// Largest possible distance of two particles of a list [largest contact distances].
     reach: f64,
-    /// The farthest that the box lets particles go within a span [largest contact distances].
-    farthest: f64,
-    /// The present span [ticks], its length [time], and spans per tick.
+    /// Largest displacement of a particle within a span for this box [largest contact distances].
+    max_displacement: f64,
+    /// Begin and end of the present span [ticks], its length [time], and spans per tick.
     pub begin: i64,
     pub end: i64,
     step: f64,
     pub per_tick: f64,
-    /// Square of the greatest allowed displacement in it.
+    /// Square of the largest displacement allowed within the present span [largest contact distances²].
     pub limit2: f32,
-    /// Square of the widened contact distance of two of the largest; what the rounding of r·v may be.
+    /// Square of the widened contact distance of two of the largest particles [largest contact distances²].
     pub sigma2: f32,
+    /// Upper bound of the rounding error of r·v [largest contact distances²/span].
     pub noise: f32,
+    /// Factor by which contact distances are widened.
     margin: f64,
 }
 
 impl Frame {
-    /// Coordinates for a box in which particles up to `reach` apart are looked at [length]; `None` if it is
-    /// too small, or open.
+    /// Coordinates for a box in which particles of a list are at most `reach` apart [length]; `None` if the
+    /// box is too small, or open along an axis.
     pub fn new(geometry: &Geometry, reach: f64) -> Option<Self> {
         let sigma = geometry.reach;
         let (mut period, mut per_length, mut unit) = (geometry.size.to_array(), [1.0; 3], [1.0; 3]);
-        let mut farthest = FARTHEST;
+        let mut max_displacement = MAX_DISPLACEMENT;
         let mut longest: f64 = 0.0;
         for axis in 0..3 {
             match geometry.axes[axis] {
@@ -71,22 +76,23 @@ impl Frame {
                     let edge = period[axis];
                     per_length[axis] = PERIOD / edge;
                     unit[axis] = (1.0 / (per_length[axis] * sigma)) as f32;
-                    // Two particles come apart at twice the speed of one.
-                    farthest = farthest.min(0.5 * (NEAREST * edge - reach) / sigma);
+                    // The distance of two particles grows at up to twice the speed of one.
+                    max_displacement = max_displacement.min(0.5 * (NEAREST * edge - reach) / sigma);
                     longest = longest.max(edge / sigma);
                 }
                 Axis::Flat => {}
                 Axis::Open => return None,
             }
         }
+        // The last term covers the rounding of coordinates.
         let margin = 1.0 + MARGIN + 4.0 * longest / PERIOD;
-        (farthest >= LEAST_WAY && margin < 1.0 + 2.0 * MARGIN).then_some(Self {
+        (max_displacement >= MIN_DISPLACEMENT && margin < 1.0 + 2.0 * MARGIN).then_some(Self {
             sigma,
             period,
             per_length,
             unit,
             reach: reach / sigma,
-            farthest,
+            max_displacement,
             begin: 0,
             end: 0,
             step: 0.0,
@@ -98,29 +104,29 @@ impl Frame {
         })
     }
 
-    /// Begins a span at the present.
+    /// Begins a span at the present time.
     pub fn begin(&mut self, world: &World) {
         let squares = world.particles.iter().map(|particle| particle.velocity.length_squared());
         let fastest = squares.fold(0.0, f64::max).sqrt() * HEADROOM;
-        // Without motion any span will do.
-        let ticks =
-            (self.farthest * self.sigma / fastest * world.clock.per_time).clamp(1.0, LONGEST_SPAN) as i64;
+        // Without motion the quotient is infinite, and the span has its largest length.
+        let ticks = (self.max_displacement * self.sigma / fastest * world.clock.per_time)
+            .clamp(1.0, LONGEST_SPAN) as i64;
         self.begin = world.now;
         self.end = self.begin + ticks;
         self.step = ticks as f64 * world.clock.tick;
         self.per_tick = 1.0 / ticks as f64;
-        let limit = (fastest * self.step / self.sigma).min(self.farthest) as f32;
+        let limit = (fastest * self.step / self.sigma).min(self.max_displacement) as f32;
         self.limit2 = limit * limit;
         self.noise = (NOISE * self.reach) as f32 * limit;
     }
 
-    /// The present, as a part of the span.
+    /// The fraction of the span that has passed at time `now`.
     #[inline(always)]
-    pub fn part(&self, now: i64) -> f32 {
+    pub fn fraction(&self, now: i64) -> f32 {
         ((now - self.begin) as f64 * self.per_tick) as f32
     }
 
-    /// What the filter is to know of particle i.
+    /// The compact particle of particle i.
     #[inline(always)]
     pub fn compact<F: Features>(&self, world: &World, i: u32) -> CompactParticle {
         let particle = &world.particles[i as usize];

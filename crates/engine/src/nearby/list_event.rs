@@ -1,17 +1,17 @@
-//! Events that the calendar of this scheduler holds.
+//! Events in the calendar of this scheduler.
 
 use crate::entry::{self, Kind};
 
-/// What the entries of this calendar announce.
+/// The event of a calendar entry.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) enum ListEvent {
     /// Collision with particle `.0`.
     Collision(u32),
     /// Collision with wall `.0`.
     Wall(u32),
-    /// The particle leaves the range that its list has been made for.
+    /// The particle leaves its skin sphere, so its list is updated.
     ListUpdate,
-    /// Nothing within the horizon: a prediction is due there.
+    /// No event within the horizon: the particle is predicted again when the horizon is reached.
     Prediction,
 }
 

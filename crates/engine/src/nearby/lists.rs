@@ -1,13 +1,15 @@
 /*!
 Neighbor lists in the coordinates of the [frame](super::frame).
 
-A particle's place is a ball around its *center*. Two particles are in each other's list if their centers are
-closer than contact distance and two ball radii: they cannot touch before one of them has left its ball. A
-transfer is this exit. It moves the center to the particle, and puts right its own list and those of the
-partners lost and won; all others stand.
+Every particle has a *reference position*: its position when its list was made, or a little ahead of that. The
+*skin sphere* of the particle is the sphere around it whose radius is half of the skin. Two particles are in
+each other's list if their reference positions are closer than contact distance and skin: they cannot touch
+before one of them has left its skin sphere. When a particle leaves its skin sphere, its list is updated: its
+reference position moves to the particle, and its own list and those of the partners lost and gained change.
+All other lists remain.
 
-Neighbors are decided by integer differences, so lists contain no periodic images, and nothing changes when a
-particle is wrapped into the box.
+Neighbors are found by differences of integer coordinates, so lists contain no periodic images, and nothing
+changes when a particle is wrapped into the box.
 */
 
 use glam::DVec3;
@@ -17,38 +19,40 @@ use rayon::prelude::*;
 use super::{
     bins::Bins,
     plan::Plan,
-    sets::{LANES, MOST, all, members, place_of},
+    sets::{LANES, MASK_BITS, low_bits, members, position_in},
 };
 use crate::{compact::CompactParticle, features::Features};
 
-/// Pairs are listed this much further away than they need be, for all that single precision rounds [largest
-/// contact distances].
+/// Margin of the distance at which pairs are listed. It covers rounding in single precision [largest contact
+/// distances].
 const SLACK: f32 = 1e-3;
-/// Lists grow when more than one in this many has spilled.
-const SPILLED_PART: usize = 32;
+/// Inverse of the fraction of lists in `overflow` above which all lists are lengthened.
+const OVERFLOW_PART: usize = 32;
 
-/// A center, and how many stand in its particle's list.
+/// A reference position, and the number of members of its particle's list.
 #[derive(Debug, Clone, Copy)]
 #[repr(C, align(16))]
-struct Center {
+struct Reference {
     x: [i32; 3],
     members: u32,
 }
 
-/// A wall at rest: its unit normal, and where it is along that [largest contact distances].
+/// A wall at rest: its unit normal, and its coordinate along this normal [largest contact distances].
 #[derive(Debug, Clone, Copy)]
 struct Plane {
     normal: DVec3,
-    place: f64,
+    offset: f64,
 }
 
-/// The walls of a geometry. One that moves, or is inclined to a periodic axis, may be anywhere.
+/// The walls of a geometry. A wall that moves, or whose normal has a component along a periodic axis, is near
+/// every particle.
 fn planes(geometry: &Geometry) -> Vec<Plane> {
     let periodic = DVec3::from_array(geometry.axes.map(|axis| f64::from(u8::from(axis == Axis::Periodic))));
     let plane = |plane: &haff_neighbors::Plane| {
-        let anywhere = plane.moving || plane.normal * periodic != DVec3::ZERO;
-        let place = if anywhere { f64::INFINITY } else { plane.point.dot(plane.normal) / geometry.reach };
-        Plane { normal: plane.normal, place }
+        let is_everywhere = plane.moving || plane.normal * periodic != DVec3::ZERO;
+        let offset =
+            if is_everywhere { f64::INFINITY } else { plane.point.dot(plane.normal) / geometry.reach };
+        Plane { normal: plane.normal, offset }
     };
     geometry.planes.iter().map(plane).collect()
 }
@@ -56,45 +60,47 @@ fn planes(geometry: &Geometry) -> Vec<Plane> {
 /// Neighbor lists.
 #[derive(Debug, Clone, Default)]
 pub(super) struct Lists {
-    /// Radius of the balls [largest contact distances], and its square.
-    half: f32,
-    half2: f32,
+    /// Half of the skin, which is the radius of a skin sphere [largest contact distances], and its square.
+    half_skin: f32,
+    half_skin2: f32,
+    /// Largest contact distances per coordinate.
     unit: [f32; 3],
-    /// The same for planes, beyond single precision.
+    /// The same in double precision, for distances from walls.
     scale: [f64; 3],
-    centers: Vec<Center>,
+    references: Vec<Reference>,
     bins: Bins,
-    /// The lists, of `stride` words each, filled up with [`Self::sentinel`]. A longer one has the index of
-    /// one in `spilled` as its first word.
+    /// The lists, `stride` words each. The words after the members of a list contain [`Self::sentinel`]. If a
+    /// list has more than `stride` members, it is in `overflow`, and its first word here is the index there.
     words: Vec<u32>,
     stride: usize,
-    spilled: Vec<Vec<u32>>,
-    spare: Vec<u32>,
+    overflow: Vec<Vec<u32>>,
+    /// Indices in `overflow` that no list uses.
+    free_overflow: Vec<u32>,
+    /// Working space of [`Self::renew`].
     found: Vec<u32>,
     planes: Vec<Plane>,
-    /// Whether a particle may touch a wall before it leaves its ball; empty without walls.
+    /// Whether a particle can touch a wall before it leaves its skin sphere; empty without walls.
     near_wall: Vec<bool>,
 }
 
 impl Lists {
-    /// Lists as planned, of particles that have all just been copied at the beginning of the frame's
-    /// span.
+    /// Lists for a plan. All `particles` must have been copied at the beginning of the frame's span.
     pub fn new<F: Features>(plan: &Plan, geometry: &Geometry, particles: &[CompactParticle]) -> Self {
-        let &Plan { ref frame, half, edges, spacing, members } = plan;
+        let &Plan { ref frame, half_skin, edges, spacing, members } = plan;
         let count = particles.len() - 1;
         let mut lists = Self {
-            half: half as f32,
-            half2: (half * half) as f32,
+            half_skin: half_skin as f32,
+            half_skin2: (half_skin * half_skin) as f32,
             unit: frame.unit,
             scale: frame.per_length.map(|per_length| 1.0 / (per_length * geometry.reach)),
-            centers: with_huge_pages(count),
+            references: with_huge_pages(count),
             planes: planes(geometry),
-            bins: Bins::new(edges, frame.unit, 1.0 + 2.0 * (half + f64::from(SLACK)), spacing, count),
+            bins: Bins::new(edges, frame.unit, 1.0 + 2.0 * (half_skin + f64::from(SLACK)), spacing, count),
             ..Self::default()
         };
         for (i, compact) in particles[..count].iter().enumerate() {
-            lists.centers.push(Center { x: compact.x, members: 0 });
-            lists.bins.enter::<false>(i as u32, compact.x);
+            lists.references.push(Reference { x: compact.x, members: 0 });
+            lists.bins.insert::<false>(i as u32, compact.x);
         }
         if !lists.planes.is_empty() {
             lists.near_wall =
@@ -106,7 +112,8 @@ impl Lists {
             .map(|i| lists.find::<F, false, false>(i as u32, particles, &mut sample))
             .collect();
         lengths.sort_unstable();
-        // A start on a lattice has no fluctuations yet.
+        // Particles that start on a lattice have no fluctuations of density yet, so these are added to the
+        // mean.
         let most = lengths.get(lengths.len() * 99 / 100).copied().unwrap_or(0);
         lists.stride = most.max((members + 1.5 * members.sqrt()) as usize).max(1).next_multiple_of(LANES);
         lists.words = with_huge_pages(count * lists.stride);
@@ -127,134 +134,141 @@ impl Lists {
             .collect();
         lists.words = words;
         for (i, (length, list)) in built.into_iter().enumerate() {
-            lists.centers[i].members = length;
+            lists.references[i].members = length;
             if let Some(list) = list {
-                lists.spill(i as u32, &list);
+                lists.move_to_overflow(i as u32, &list);
             }
         }
         lists
     }
 
-    /// The sentinel that fills lists up.
+    /// The index that pads lists: that of [`CompactParticle::SENTINEL`].
     fn sentinel(&self) -> u32 {
-        self.centers.len() as u32
+        self.references.len() as u32
     }
 
-    /// The list of i, filled up to whole groups.
+    /// The list of i, padded to whole vectors.
     #[inline(always)]
     pub fn of(&self, i: u32) -> &[u32] {
-        let (place, members) = (i as usize * self.stride, self.centers[i as usize].members as usize);
+        let (start, members) = (i as usize * self.stride, self.references[i as usize].members as usize);
         if members > self.stride {
-            return &self.spilled[self.words[place] as usize];
+            return &self.overflow[self.words[start] as usize];
         }
-        &self.words[place..place + members.next_multiple_of(LANES)]
+        &self.words[start..start + members.next_multiple_of(LANES)]
     }
 
-    /// Whether particle i may touch a wall before it leaves its ball, where there are walls.
+    /// Whether particle i can touch a wall before it leaves its skin sphere. There must be walls.
     #[inline(always)]
     pub fn is_near_wall(&self, i: u32) -> bool {
         self.near_wall[i as usize]
     }
 
-    /// Whether the ball around a center reaches a wall, with the largest particle at its edge.
-    fn is_near_plane(&self, center: [i32; 3]) -> bool {
-        let place = |axis: usize| f64::from(center[axis] as u32) * self.scale[axis];
-        let center = DVec3::new(place(0), place(1), place(2));
-        let reach = f64::from(self.half + 0.5 + SLACK);
-        self.planes.iter().any(|plane| center.dot(plane.normal) - plane.place <= reach)
+    /// Whether the largest particle, on the surface of the skin sphere around a reference position, can touch
+    /// a wall.
+    fn is_near_plane(&self, reference: [i32; 3]) -> bool {
+        let position = |axis: usize| f64::from(reference[axis] as u32) * self.scale[axis];
+        let reference = DVec3::new(position(0), position(1), position(2));
+        let reach = f64::from(self.half_skin + 0.5 + SLACK);
+        self.planes.iter().any(|plane| reference.dot(plane.normal) - plane.offset <= reach)
     }
 
-    /// Prefetches the list and the center of i.
+    /// Prefetches the list and the reference position of i.
     #[inline(always)]
     pub fn prefetch(&self, i: u32) {
-        let place = i as usize * self.stride;
-        prefetch_at(&self.words, place);
-        prefetch_at(&self.words, place + self.stride - 1);
-        prefetch_at(&self.centers, i as usize);
+        let start = i as usize * self.stride;
+        prefetch_at(&self.words, start);
+        prefetch_at(&self.words, start + self.stride - 1);
+        prefetch_at(&self.references, i as usize);
     }
 
-    /// Where a particle is relative to its center [largest contact distances].
+    /// Displacement of a particle from its reference position [largest contact distances].
     #[inline(always)]
-    fn off_center(&self, i: u32, compact: &CompactParticle, part: f32) -> [f32; 3] {
-        let center = &self.centers[i as usize];
+    fn displacement(&self, i: u32, compact: &CompactParticle, fraction: f32) -> [f32; 3] {
+        let reference = &self.references[i as usize];
         let mut d = [0.0; 3];
         for axis in 0..3 {
-            d[axis] = compact.x[axis].wrapping_sub(center.x[axis]) as f32 * self.unit[axis]
-                + compact.v[axis] * part;
+            d[axis] = compact.x[axis].wrapping_sub(reference.x[axis]) as f32 * self.unit[axis]
+                + compact.v[axis] * fraction;
         }
         d
     }
 
-    /// When particle i leaves its ball, counted from now; `None` if not `within` this time. Times are parts
-    /// of a span.
+    /// Time from now at which particle i leaves its skin sphere; `None` if this is later than `within`
+    /// [spans]. `fraction` is the fraction of the span that has passed.
     #[inline(always)]
-    pub fn exit(&self, i: u32, compact: &CompactParticle, part: f32, within: f32) -> Option<f32> {
-        let (d, v) = (self.off_center(i, compact, part), compact.v);
+    pub fn exit(&self, i: u32, compact: &CompactParticle, fraction: f32, within: f32) -> Option<f32> {
+        let (d, v) = (self.displacement(i, compact, fraction), compact.v);
         let mut end = [0.0; 3];
         for axis in 0..3 {
             end[axis] = d[axis] + v[axis] * within;
         }
-        // A ball is convex: who is inside now and then is inside all the time.
-        if dot(end, end) <= self.half2 { None } else { self.leave_ball(d, v).filter(|delay| *delay < within) }
+        // A sphere is convex: a straight flight between two points inside stays inside.
+        if dot(end, end) <= self.half_skin2 {
+            None
+        } else {
+            self.straight_exit(d, v).filter(|delay| *delay < within)
+        }
     }
 
-    /// When a flight from d leaves the ball; `None` if it stands.
+    /// Time at which a straight flight from d leaves the skin sphere; `None` at rest.
     #[inline(never)]
-    fn leave_ball(&self, d: [f32; 3], v: [f32; 3]) -> Option<f32> {
+    fn straight_exit(&self, d: [f32; 3], v: [f32; 3]) -> Option<f32> {
         let (speed2, along) = (dot(v, v), dot(d, v));
         if speed2 == 0.0 {
             return None;
         }
-        let gap = (self.half2 - dot(d, d)).max(0.0);
+        let gap = (self.half_skin2 - dot(d, d)).max(0.0);
         let root = (along * along + speed2 * gap).sqrt();
-        // No difference of numbers of one sign.
+        // No difference of numbers of the same sign, so that no digits cancel.
         Some(if along > 0.0 { gap / (root + along) } else { (root - along) / speed2 })
     }
 
-    /// Moves the center of i to where it is at `part` of the span and `ahead` of that, and puts right all
-    /// lists.
+    /// Moves the reference position of i to the present position of the particle, and further ahead on its
+    /// path by the fraction `ahead` of half of the skin. Updates all lists that change. `fraction` is the
+    /// fraction of the span that has passed.
     #[inline(always)]
-    pub fn transfer<F: Features, const VECTORS: bool>(
+    pub fn renew<F: Features, const VECTORS: bool>(
         &mut self,
         i: u32,
         particles: &[CompactParticle],
-        part: f32,
+        fraction: f32,
         ahead: f32,
     ) {
         let compact = &particles[i as usize];
         let speed = dot(compact.v, compact.v).sqrt();
-        let ahead = if speed > 0.0 { ahead * self.half / speed } else { 0.0 };
-        self.bins.leave::<VECTORS>(i, self.centers[i as usize].x);
-        let mut place = [0; 3];
+        let ahead = if speed > 0.0 { ahead * self.half_skin / speed } else { 0.0 };
+        self.bins.remove::<VECTORS>(i, self.references[i as usize].x);
+        let mut position = [0; 3];
         for axis in 0..3 {
-            let way = f64::from(compact.v[axis] * (part + ahead)) / f64::from(self.unit[axis]);
-            place[axis] = compact.x[axis].wrapping_add(way as i64 as i32);
+            let displacement = f64::from(compact.v[axis] * (fraction + ahead)) / f64::from(self.unit[axis]);
+            position[axis] = compact.x[axis].wrapping_add(displacement as i64 as i32);
         }
-        self.centers[i as usize].x = place;
+        self.references[i as usize].x = position;
         if !self.planes.is_empty() {
-            self.near_wall[i as usize] = self.is_near_plane(place);
+            self.near_wall[i as usize] = self.is_near_plane(position);
         }
         let mut found = std::mem::take(&mut self.found);
         let length = self.find::<F, VECTORS, true>(i, particles, &mut found);
-        self.bins.enter::<VECTORS>(i, place);
+        self.bins.insert::<VECTORS>(i, position);
         self.replace::<VECTORS>(i, &found, length);
         self.found = found;
     }
 
-    /// Looks for the neighbors of i among the centers, of which its own is not one if it is `OUT`. They are
-    /// the first in `found`, which is longer by whole groups; returns their number.
+    /// Writes the neighbors of i to the start of `found` and returns their number. `found` can be longer; its
+    /// length is a multiple of [`LANES`]. `REMOVED`: the reference position of i has been removed from the
+    /// bins.
     #[inline(always)]
-    fn find<F: Features, const VECTORS: bool, const OUT: bool>(
+    fn find<F: Features, const VECTORS: bool, const REMOVED: bool>(
         &self,
         i: u32,
         particles: &[CompactParticle],
         found: &mut Vec<u32>,
     ) -> usize {
-        let place = self.centers[i as usize].x;
-        let skin = 2.0 * self.half + SLACK;
+        let own = self.references[i as usize].x;
+        let skin = 2.0 * self.half_skin + SLACK;
         let reach = if F::UNIFORM { 1.0 } else { particles[i as usize].radius + 0.5 } + skin;
-        let count = self.bins.near::<VECTORS>(place, reach * reach, found);
-        if F::UNIFORM && OUT {
+        let count = self.bins.near::<VECTORS>(own, reach * reach, found);
+        if F::UNIFORM && REMOVED {
             return count;
         }
         let mut kept = 0;
@@ -265,7 +279,7 @@ impl Lists {
                 let mut d = [0.0; 3];
                 for axis in 0..3 {
                     d[axis] =
-                        self.centers[j as usize].x[axis].wrapping_sub(place[axis]) as f32 * self.unit[axis];
+                        self.references[j as usize].x[axis].wrapping_sub(own[axis]) as f32 * self.unit[axis];
                 }
                 dot(d, d) < reach * reach
             };
@@ -275,43 +289,43 @@ impl Lists {
         kept
     }
 
-    /// Makes the first `length` of `new` the list of i, and puts right the lists of the partners lost and
-    /// won.
+    /// Makes the first `length` of `new` the list of i, and updates the lists of the partners lost and
+    /// gained.
     #[inline(always)]
     fn replace<const VECTORS: bool>(&mut self, i: u32, new: &[u32], length: usize) {
-        let before = self.centers[i as usize].members as usize;
-        if before.max(length) > self.stride || self.stride > MOST {
+        let before = self.references[i as usize].members as usize;
+        if before.max(length) > self.stride || self.stride > MASK_BITS {
             self.replace_long(i, &new[..length]);
             return;
         }
-        let place = i as usize * self.stride;
-        let mut old = [0; MOST];
-        old[..self.stride].copy_from_slice(&self.words[place..place + self.stride]);
-        let mut lost = all(before) & !members::<VECTORS>(&old, before, &new[..length]);
-        let mut won = all(length) & !members::<VECTORS>(new, length, &old[..before]);
+        let start = i as usize * self.stride;
+        let mut old = [0; MASK_BITS];
+        old[..self.stride].copy_from_slice(&self.words[start..start + self.stride]);
+        let mut lost = low_bits(before) & !members::<VECTORS>(&old, before, &new[..length]);
+        let mut gained = low_bits(length) & !members::<VECTORS>(new, length, &old[..before]);
         while lost != 0 {
             self.remove::<VECTORS>(old[lost.trailing_zeros() as usize], i);
             lost &= lost - 1;
         }
-        let mut spilled = false;
-        while won != 0 {
-            spilled |= self.add(new[won.trailing_zeros() as usize], i);
-            won &= won - 1;
+        let mut overflow = false;
+        while gained != 0 {
+            overflow |= self.add(new[gained.trailing_zeros() as usize], i);
+            gained &= gained - 1;
         }
         let sentinel = self.sentinel();
-        let (own, rest) = self.words[place..place + self.stride].split_at_mut(length);
+        let (own, rest) = self.words[start..start + self.stride].split_at_mut(length);
         own.copy_from_slice(&new[..length]);
         rest.fill(sentinel);
-        self.centers[i as usize].members = length as u32;
-        if spilled {
+        self.references[i as usize].members = length as u32;
+        if overflow {
             self.grow();
         }
     }
 
-    /// The same for lists of any length.
+    /// [`Self::replace`] for lists of any length.
     #[cold]
     fn replace_long(&mut self, i: u32, new: &[u32]) {
-        let old = self.of(i)[..self.centers[i as usize].members as usize].to_vec();
+        let old = self.of(i)[..self.references[i as usize].members as usize].to_vec();
         for j in old.iter().filter(|j| !new.contains(j)) {
             self.remove::<false>(*j, i);
         }
@@ -324,59 +338,60 @@ impl Lists {
 
     /// Makes `list` the list of i.
     fn set(&mut self, i: u32, list: &[u32]) {
-        let (sentinel, place) = (self.sentinel(), i as usize * self.stride);
-        if self.centers[i as usize].members as usize > self.stride {
-            self.spare.push(self.words[place]);
+        let (sentinel, start) = (self.sentinel(), i as usize * self.stride);
+        if self.references[i as usize].members as usize > self.stride {
+            self.free_overflow.push(self.words[start]);
         }
-        self.centers[i as usize].members = list.len() as u32;
+        self.references[i as usize].members = list.len() as u32;
         if list.len() > self.stride {
-            self.spill(i, list);
+            self.move_to_overflow(i, list);
         } else {
-            let (own, rest) = self.words[place..place + self.stride].split_at_mut(list.len());
+            let (own, rest) = self.words[start..start + self.stride].split_at_mut(list.len());
             own.copy_from_slice(list);
             rest.fill(sentinel);
         }
     }
 
-    /// Keeps the list of i, which is too long for its place, elsewhere from now on.
+    /// Stores `list` as the list of i in `overflow` from now on.
     #[cold]
-    fn spill(&mut self, i: u32, list: &[u32]) {
+    fn move_to_overflow(&mut self, i: u32, list: &[u32]) {
         let sentinel = self.sentinel();
-        let free = self.spare.pop().unwrap_or_else(|| {
-            self.spilled.push(Vec::new());
-            self.spilled.len() as u32 - 1
+        let free = self.free_overflow.pop().unwrap_or_else(|| {
+            self.overflow.push(Vec::new());
+            self.overflow.len() as u32 - 1
         });
-        let spilled = &mut self.spilled[free as usize];
-        spilled.clear();
-        spilled.extend_from_slice(list);
-        spilled.resize(list.len().next_multiple_of(LANES), sentinel);
+        let overflow = &mut self.overflow[free as usize];
+        overflow.clear();
+        overflow.extend_from_slice(list);
+        overflow.resize(list.len().next_multiple_of(LANES), sentinel);
         self.words[i as usize * self.stride] = free;
     }
 
-    /// Adds j to the list of i; true if the list has spilled because of it.
+    /// Adds j to the list of i; true if the list has moved to `overflow` because of it.
     #[inline]
     fn add(&mut self, i: u32, j: u32) -> bool {
-        let place = i as usize * self.stride;
-        let center = &mut self.centers[i as usize];
-        let length = center.members as usize;
-        center.members += 1;
+        let start = i as usize * self.stride;
+        let reference = &mut self.references[i as usize];
+        let length = reference.members as usize;
+        reference.members += 1;
         if length < self.stride {
-            self.words[place + length] = j;
+            self.words[start + length] = j;
             return false;
         }
-        self.add_to_spilled(i, j, length)
+        self.add_to_overflow(i, j, length)
     }
 
+    /// [`Self::add`] for a list of at least `stride` members; `length` is their number.
     #[cold]
-    fn add_to_spilled(&mut self, i: u32, j: u32, length: usize) -> bool {
-        let (sentinel, place) = (self.sentinel(), i as usize * self.stride);
+    fn add_to_overflow(&mut self, i: u32, j: u32, length: usize) -> bool {
+        let (sentinel, start) = (self.sentinel(), i as usize * self.stride);
         if length == self.stride {
-            let mut list = self.words[place..place + length].to_vec();
+            let mut list = self.words[start..start + length].to_vec();
             list.push(j);
-            self.spill(i, &list);
+            self.move_to_overflow(i, &list);
             return true;
         }
-        let list = &mut self.spilled[self.words[place] as usize];
+        let list = &mut self.overflow[self.words[start] as usize];
         if length == list.len() {
             list.resize(length + LANES, sentinel);
         }
@@ -384,45 +399,47 @@ impl Lists {
         false
     }
 
-    /// Takes j out of the list of i.
+    /// Removes j from the list of i.
     #[inline(always)]
     fn remove<const VECTORS: bool>(&mut self, i: u32, j: u32) {
-        let (sentinel, place) = (self.sentinel(), i as usize * self.stride);
-        let length = self.centers[i as usize].members as usize;
+        let (sentinel, start) = (self.sentinel(), i as usize * self.stride);
+        let length = self.references[i as usize].members as usize;
         if length > self.stride {
-            self.remove_from_spilled(i, j);
+            self.remove_from_overflow(i, j);
             return;
         }
-        let list = &mut self.words[place..place + self.stride];
-        if let Some(at) = place_of::<VECTORS>(list, j) {
+        let list = &mut self.words[start..start + self.stride];
+        if let Some(at) = position_in::<VECTORS>(list, j) {
             list[at] = list[length - 1];
             list[length - 1] = sentinel;
-            self.centers[i as usize].members -= 1;
+            self.references[i as usize].members -= 1;
         }
     }
 
+    /// [`Self::remove`] for a list in `overflow`.
     #[cold]
-    fn remove_from_spilled(&mut self, i: u32, j: u32) {
-        let mut list = self.of(i)[..self.centers[i as usize].members as usize].to_vec();
+    fn remove_from_overflow(&mut self, i: u32, j: u32) {
+        let mut list = self.of(i)[..self.references[i as usize].members as usize].to_vec();
         if let Some(at) = list.iter().position(|&other| other == j) {
             list.swap_remove(at);
             self.set(i, &list);
         }
     }
 
-    /// Gives every list more room if many have spilled.
+    /// Lengthens all lists if many have overflowed.
     fn grow(&mut self) {
-        let count = self.centers.len();
-        if self.spilled.len() - self.spare.len() <= count / SPILLED_PART + 8 {
+        let count = self.references.len();
+        if self.overflow.len() - self.free_overflow.len() <= count / OVERFLOW_PART + 8 {
             return;
         }
         let lists: Vec<(u32, Vec<u32>)> = (0..count as u32)
-            .filter(|&i| self.centers[i as usize].members as usize > self.stride)
-            .map(|i| (i, self.of(i)[..self.centers[i as usize].members as usize].to_vec()))
+            .filter(|&i| self.references[i as usize].members as usize > self.stride)
+            .map(|i| (i, self.of(i)[..self.references[i as usize].members as usize].to_vec()))
             .collect();
         let before = self.stride;
         self.stride += LANES;
-        // In place, from the last: both would be a quarter of all memory.
+        // In place, starting with the last list: an old and a new table at once would take a quarter of all
+        // memory.
         self.words.reserve_exact(count * LANES);
         self.words.resize(count * self.stride, count as u32);
         for i in (0..count).rev() {
@@ -430,9 +447,9 @@ impl Lists {
             self.words.copy_within(i * before..(i + 1) * before, to);
             self.words[to + before..to + self.stride].fill(count as u32);
         }
-        (self.spilled, self.spare) = (Vec::new(), Vec::new());
+        (self.overflow, self.free_overflow) = (Vec::new(), Vec::new());
         for (i, list) in lists {
-            self.centers[i as usize].members = 0;
+            self.references[i as usize].members = 0;
             self.set(i, &list);
         }
     }

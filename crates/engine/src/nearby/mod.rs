@@ -1,10 +1,10 @@
 /*!
-The scheduler with neighbor lists for fluids in closed boxes without gravity.
+The scheduler with neighbor lists for fluids without gravity in boxes with periodic or bounded axes.
 
 Like [`CalendarScheduler`](crate::calendar_scheduler::CalendarScheduler), it keeps for every particle its
-earliest event. But its lists contain no periodic images ([`lists`]), and most members of a list are rejected
-in single precision, eight at a time ([`filter`]), from [compact particles](crate::compact): what cannot
-touch before the earliest event known needs no exact prediction ([`exact`]).
+earliest event. It differs in two points. The lists contain no periodic images ([`lists`]). Most members of a
+list are rejected in single precision, eight at a time ([`filter`]), from [compact particles](crate::compact):
+only the pairs that can touch before the earliest event known so far are predicted exactly ([`narrow_phase`]).
 */
 
 mod bins;
@@ -41,7 +41,8 @@ use plan::Plan;
 pub(crate) use plan::{is_wide, supports};
 use predictor::{FAR_AHEAD, ListPredictor, VectorPredictor, Work};
 
-/// Particles predicted at a time at the start.
+/// Number of particles that are predicted in parallel at the start, before their entries are added to the
+/// queue.
 const BLOCK: usize = 1 << 16;
 
 /// The scheduler for one set of features.
@@ -51,13 +52,13 @@ pub(crate) struct Nearby<F> {
     predictor: ListPredictor<F>,
     bounds: [Bounds; 2],
     work: Work,
-    /// Work that has been added to the counters of the state.
+    /// The part of `work` that has been added to the counters of the state.
     counted: Work,
 }
 
 impl<F: Features> Nearby<F> {
-    /// A scheduler for a system; it has to be [built](Scheduler::rebuild) before it runs. `None` if it does
-    /// not support the system.
+    /// A scheduler for a system. Before a run it must be [built](Scheduler::rebuild). `None` if this
+    /// scheduler does not support the system.
     pub fn new(
         geometry: &Geometry,
         kernel: Kernel,
@@ -83,7 +84,8 @@ impl<F: Features> Nearby<F> {
         })
     }
 
-    /// Out of line, so that the loop of collisions stays short.
+    /// Updates and predicts particle i after a collision with a wall. Not inlined, so that the loop of
+    /// particle collisions stays short.
     #[inline(never)]
     fn update_after_wall<const VECTORS: bool>(&mut self, state: &mut State, i: u32) {
         let (queue, mut predictor) = self.split::<VECTORS>();
@@ -92,7 +94,7 @@ impl<F: Features> Nearby<F> {
         queue.push(predictor.predict(state, i));
     }
 
-    /// The predictor, by vectors or not.
+    /// The queue, and the predictor with or without vector instructions.
     #[inline(always)]
     fn split<const VECTORS: bool>(&mut self) -> (&mut Queue<ListEvent>, VectorPredictor<'_, F, VECTORS>) {
         let Self { queue, predictor, bounds, work, .. } = self;
@@ -133,10 +135,10 @@ impl<F: Features> Scheduler for Nearby<F> {
                 let entries: Vec<Entry> = block.iter().map(|(entry, _)| *entry).collect();
                 self.queue.prepare(&entries, count);
             }
-            for (entry, part) in &block {
+            for (entry, work) in &block {
                 self.queue.push(*entry);
-                self.work.candidates += part.candidates;
-                self.work.predictions += part.predictions;
+                self.work.candidates += work.candidates;
+                self.work.predictions += work.predictions;
             }
         }
     }
@@ -184,14 +186,15 @@ impl<F: Features> Scheduler for Nearby<F> {
             }
         };
         let (queue, mut predictor) = self.split::<VECTORS>();
-        // Both anchors are in place before either is predicted.
+        // Both anchors are updated before either particle is predicted.
         let bodies = [i.min(j), i.max(j)];
         for body in bodies {
             state.world.wrap_anchor(body);
             predictor.predictor.update(&state.world, body);
         }
         for entry in predictor.predict_both(&state.world, bodies) {
-            // A body of infinite mass has not changed: its own entry is valid unless it is this one.
+            // The collision has not changed a body of infinite mass: its own entry is still valid, unless it
+            // is the one of this collision.
             if F::UNIFORM || entry.owner == i || state.world.class(entry.owner).inverse_mass != 0.0 {
                 queue.push(entry);
             }

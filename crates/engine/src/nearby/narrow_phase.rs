@@ -1,4 +1,4 @@
-//! The exact prediction of one pair: the same bits as [`crate::packed`] has for it.
+//! The exact prediction of one pair, with the same bits as the result of [`crate::packed`].
 
 use haff_mechanics::drift;
 
@@ -11,14 +11,14 @@ use crate::{
 
 /// No contact.
 pub(super) const NEVER: i64 = i64::MAX;
-/// A contact further from the later anchor than can be told in ticks.
+/// A contact that exists, but is more than [`LONGEST`] ticks after the later anchor.
 pub(super) const FAR: i64 = i64::MAX - 1;
 
-/// When two particles with these anchors touch [ticks], for the image that is nearest now; [`NEVER`] or
-/// [`FAR`].
+/// Time at which two particles with these anchors touch [ticks], for the image that is nearest now, or
+/// [`NEVER`] or [`FAR`].
 ///
-/// Without a branch that is taken one time and not another, so that the predictions of two pairs overlap in
-/// the processor.
+/// The code contains no branch that is hard to predict. So the processor can overlap the predictions of two
+/// pairs.
 #[inline(always)]
 pub(super) fn contact<F: Features>(world: &World, a: &Particle, b: &Particle) -> i64 {
     let sigma = if F::UNIFORM {
@@ -32,14 +32,14 @@ pub(super) fn contact<F: Features>(world: &World, a: &Particle, b: &Particle) ->
         a.radius + b.radius
     };
     let tick = world.clock.tick;
-    // The earlier anchor is carried on to the later one.
+    // The earlier anchor is advanced to the time of the later one.
     let behind = a.time - b.time;
     let (dt_a, dt_b) = ((-behind).max(0) as f64 * tick, behind.max(0) as f64 * tick);
-    let apart = drift(b.position, b.velocity, dt_b) - drift(a.position, a.velocity, dt_a);
+    let separation = drift(b.position, b.velocity, dt_b) - drift(a.position, a.velocity, dt_a);
     let v = b.velocity - a.velocity;
     let from = a.time.max(b.time);
-    let here = apart + v * ((world.now - from) as f64 * tick);
-    let r = apart + world.periodicity.offset(here);
+    let present = separation + v * ((world.now - from) as f64 * tick);
+    let r = separation + world.periodicity.offset(present);
     let ss = sigma * sigma;
     let delay = batch::delay(r.to_array(), v.to_array(), ss);
     if is_spurious_recontact(r, v, ss, || larger_speed(a, b)) {

@@ -1,5 +1,7 @@
-//! The next event of a particle by its list: bounds in single precision first, then exact predictions of
-//! those that may be the first.
+/*!
+The next event of a particle from its list: bounds in single precision first, then exact predictions of the
+members that can be the first to collide.
+*/
 
 use std::marker::PhantomData;
 
@@ -13,7 +15,7 @@ use super::{
     lists::Lists,
     narrow_phase,
     plan::Plan,
-    sets::MOST,
+    sets::MASK_BITS,
 };
 use crate::{
     clock::{HORIZON, whole},
@@ -26,28 +28,29 @@ use crate::{
     state::State,
 };
 
-/// A new center lies this part of the ball's radius ahead of its particle.
+/// A new reference position is ahead of its particle by this fraction of half of the skin.
 const AHEAD: f32 = 0.5;
-/// Of the event so many entries ahead, anchors, compact particles and lists are asked for, …
+/// Distance of an event from the next one in the calendar, in entries, at which its anchors, compact
+/// particles and lists are prefetched.
 pub(super) const FAR_AHEAD: usize = 8;
-/// … and of this nearer one the compact particles of those in the lists.
+/// The same distance for the anchors and compact particles of the members of these lists.
 const NEARLY_DUE: usize = 3;
 
-/// No time within reach [spans].
+/// Later than any event [spans], but below [`filter::NEVER`], as [`Bounds::up_to`] requires.
 const NEVER: f32 = 0.5 * filter::NEVER;
 
-/// All that predictions need besides the world.
+/// The data of predictions, except for the world.
 pub(super) struct ListPredictor<F> {
     pub plan: Plan,
-    /// Of every particle, and a sentinel.
+    /// The compact particles of all particles, then the sentinel.
     pub particles: Vec<CompactParticle>,
     pub lists: Lists,
-    /// Whether the particles are too many for the cache.
+    /// Whether members of lists are prefetched, because the particles are too many for the cache.
     pub prefetches: bool,
     pub features: PhantomData<F>,
 }
 
-/// Pairs that the filter has looked at, and exact predictions.
+/// Number of pairs that the filter has processed, and of exact predictions.
 #[derive(Debug, Clone, Copy, Default)]
 pub(super) struct Work {
     pub candidates: u64,
@@ -55,7 +58,7 @@ pub(super) struct Work {
 }
 
 impl<F: Features> ListPredictor<F> {
-    /// Begins a span at the present: all compact particles are made afresh.
+    /// Begins a span at the present time: all compact particles are computed from their anchors.
     #[cold]
     pub fn begin(&mut self, world: &World) {
         self.plan.frame.begin(world);
@@ -64,7 +67,7 @@ impl<F: Features> ListPredictor<F> {
         }
     }
 
-    /// Copies the new flight of particle i.
+    /// Copies the new path of particle i. If the particle is too fast for the span, a new span begins.
     #[inline(always)]
     pub fn update(&mut self, world: &World, i: u32) {
         let compact = self.plan.frame.compact::<F>(world, i);
@@ -75,17 +78,17 @@ impl<F: Features> ListPredictor<F> {
         }
     }
 
-    /// Makes the list of particle i anew, now.
+    /// Updates the list of particle i at the present time.
     #[inline(always)]
     pub fn update_list<const VECTORS: bool>(&mut self, world: &World, i: u32) {
         if world.now > self.plan.frame.end {
             self.begin(world);
         }
-        let part = self.plan.frame.part(world.now);
-        self.lists.transfer::<F, VECTORS>(i, &self.particles, part, AHEAD);
+        let fraction = self.plan.frame.fraction(world.now);
+        self.lists.renew::<F, VECTORS>(i, &self.particles, fraction, AHEAD);
     }
 
-    /// The next event of particle i, predicted at the world's present, which is within the span.
+    /// The next event of particle i, predicted at the world's present time, which must be within the span.
     ///
     /// With `VECTORS` set the caller must be compiled for AVX2 and FMA, and run where they exist.
     #[inline(always)]
@@ -96,14 +99,14 @@ impl<F: Features> ListPredictor<F> {
         bounds: &mut Bounds,
         work: &mut Work,
     ) -> Entry {
-        let part = self.plan.frame.part(world.now);
-        let query = self.query::<VECTORS>(i, part, bounds, work);
+        let fraction = self.plan.frame.fraction(world.now);
+        let query = self.query::<VECTORS>(i, fraction, bounds, work);
         let contact = Self::first(world, &query, work);
         self.decide::<VECTORS>(world, &query, contact, bounds, work)
     }
 
-    /// The same for two particles, step by step for both: the processor need not wait for one to be done
-    /// before it begins with the other.
+    /// [`Self::predict`] for two particles, each step for both, so that the processor can overlap the two
+    /// predictions.
     #[inline(always)]
     fn predict_both<const VECTORS: bool>(
         &self,
@@ -112,9 +115,9 @@ impl<F: Features> ListPredictor<F> {
         [a, b]: &mut [Bounds; 2],
         work: &mut Work,
     ) -> [Entry; 2] {
-        let part = self.plan.frame.part(world.now);
-        let one = self.query::<VECTORS>(i, part, a, work);
-        let other = self.query::<VECTORS>(j, part, b, work);
+        let fraction = self.plan.frame.fraction(world.now);
+        let one = self.query::<VECTORS>(i, fraction, a, work);
+        let other = self.query::<VECTORS>(j, fraction, b, work);
         let contacts = [Self::first(world, &one, work), Self::first(world, &other, work)];
         [
             self.decide::<VECTORS>(world, &one, contacts[0], a, work),
@@ -127,18 +130,18 @@ impl<F: Features> ListPredictor<F> {
     fn query<const VECTORS: bool>(
         &self,
         i: u32,
-        part: f32,
+        fraction: f32,
         bounds: &mut Bounds,
         work: &mut Work,
     ) -> Query<'_> {
         let (compact, list) = (&self.particles[i as usize], self.lists.of(i));
         work.candidates += list.len() as u64;
         let least =
-            filter::bounds::<F, VECTORS>(&self.plan.frame, &self.particles, compact, part, list, bounds);
-        Query { i, part, compact, list, least }
+            filter::bounds::<F, VECTORS>(&self.plan.frame, &self.particles, compact, fraction, list, bounds);
+        Query { i, fraction, compact, list, least }
     }
 
-    /// The contact with the first by its bound.
+    /// The exact contact with the member that has the least bound [ticks].
     #[inline(always)]
     fn first(world: &World, query: &Query, work: &mut Work) -> i64 {
         if query.least >= filter::NEVER {
@@ -149,7 +152,7 @@ impl<F: Features> ListPredictor<F> {
         narrow_phase::contact::<F>(world, &world.particles[i], &world.particles[j])
     }
 
-    /// The next event of particle i, when the contact with the first by its bound is known.
+    /// The next event of the particle of a query. `contact` is that with the member that has the least bound.
     #[inline(always)]
     fn decide<const VECTORS: bool>(
         &self,
@@ -160,7 +163,7 @@ impl<F: Features> ListPredictor<F> {
         work: &mut Work,
     ) -> Entry {
         let frame = &self.plan.frame;
-        let &Query { i, part, compact, list, least } = query;
+        let &Query { i, fraction, compact, list, least } = query;
         let particle = &world.particles[i as usize];
         let nothing = Entry::none(i, particle.count);
         let mut earliest = Earliest { entry: nothing, far: false };
@@ -169,7 +172,7 @@ impl<F: Features> ListPredictor<F> {
             let lane = Bounds::lane(least);
             Self::offer(world, &mut earliest, list[lane], contact);
             within = self.until(world, &earliest);
-            let length = list.len().min(MOST);
+            let length = list.len().min(MASK_BITS);
             let mut others = bounds.up_to::<VECTORS>(length, within) & !(1 << lane);
             while others != 0 {
                 let j = list[others.trailing_zeros() as usize];
@@ -180,16 +183,16 @@ impl<F: Features> ListPredictor<F> {
             }
             within = self.until(world, &earliest);
         }
-        if list.len() > MOST {
-            self.query_rest::<VECTORS>(world, i, part, &mut earliest, bounds, work);
+        if list.len() > MASK_BITS {
+            self.query_rest::<VECTORS>(world, i, fraction, &mut earliest, bounds, work);
             within = self.until(world, &earliest);
         }
         if !world.walls.is_empty() && self.lists.is_near_wall(i) {
             Self::predict_walls(world, i, &mut earliest);
             within = self.until(world, &earliest).min(NEVER);
         }
-        // A later update of the list need not be known exactly.
-        if let Some(delay) = self.lists.exit(i, compact, part, within) {
+        // An update of the list after the earliest event is not needed.
+        if let Some(delay) = self.lists.exit(i, compact, fraction, within) {
             let delay = f64::from(delay) / frame.per_tick;
             if delay > HORIZON {
                 earliest.far = true;
@@ -206,6 +209,7 @@ impl<F: Features> ListPredictor<F> {
         earliest.entry
     }
 
+    /// Offers a contact with particle j [ticks] as the earliest event.
     #[inline(always)]
     fn offer(world: &World, earliest: &mut Earliest<ListEvent>, j: u32, contact: i64) {
         if contact < narrow_phase::FAR {
@@ -216,14 +220,14 @@ impl<F: Features> ListPredictor<F> {
         }
     }
 
-    /// From now to the earliest event known, and a little more [spans].
+    /// Largest bound of a contact that can be before the earliest event known so far [spans].
     #[inline(always)]
     fn until(&self, world: &World, earliest: &Earliest<ListEvent>) -> f32 {
         let ticks = earliest.entry.time.saturating_sub(world.now).max(0);
         filter::limit(ticks as f64 * self.plan.frame.per_tick)
     }
 
-    /// Offers the contacts of a particle with all walls.
+    /// Offers the contacts of a particle with all walls as the earliest event.
     #[inline(never)]
     fn predict_walls(world: &World, i: u32, earliest: &mut Earliest<ListEvent>) {
         let particle = &world.particles[i as usize];
@@ -238,21 +242,21 @@ impl<F: Features> ListPredictor<F> {
         }
     }
 
-    /// Adds the members of a long list beyond the first [`MOST`].
+    /// Offers the contacts with the members of a long list beyond the first [`MASK_BITS`].
     #[cold]
     fn query_rest<const VECTORS: bool>(
         &self,
         world: &World,
         i: u32,
-        part: f32,
+        fraction: f32,
         earliest: &mut Earliest<ListEvent>,
         bounds: &mut Bounds,
         work: &mut Work,
     ) {
-        for list in self.lists.of(i)[MOST..].chunks(MOST) {
+        for list in self.lists.of(i)[MASK_BITS..].chunks(MASK_BITS) {
             let compact = &self.particles[i as usize];
-            // Not compiled for vectors.
-            filter::bounds::<F, false>(&self.plan.frame, &self.particles, compact, part, list, bounds);
+            // Without vector instructions, because this function is not compiled for them.
+            filter::bounds::<F, false>(&self.plan.frame, &self.particles, compact, fraction, list, bounds);
             let mut others = bounds.up_to::<false>(list.len(), self.until(world, earliest).min(NEVER));
             while others != 0 {
                 let j = list[others.trailing_zeros() as usize];
@@ -268,15 +272,15 @@ impl<F: Features> ListPredictor<F> {
 /// Bounds for the contacts of particle i with the members of its list.
 struct Query<'a> {
     i: u32,
-    /// The present, as a part of the span.
-    part: f32,
+    /// The fraction of the span that has passed.
+    fraction: f32,
     compact: &'a CompactParticle,
     list: &'a [u32],
-    /// The least bound of the first [`MOST`].
+    /// The least bound of the first [`MASK_BITS`].
     least: f32,
 }
 
-/// A [`ListPredictor`] by vectors or not, with its working space.
+/// A [`ListPredictor`] with its working space, which uses vector instructions if `VECTORS` is set.
 pub(super) struct VectorPredictor<'a, F, const VECTORS: bool> {
     pub predictor: &'a mut ListPredictor<F>,
     pub bounds: &'a mut [Bounds; 2],
@@ -284,7 +288,7 @@ pub(super) struct VectorPredictor<'a, F, const VECTORS: bool> {
 }
 
 impl<F: Features, const VECTORS: bool> VectorPredictor<'_, F, VECTORS> {
-    /// The next events of two particles, predicted at the world's present.
+    /// The next events of two particles, predicted at the world's present time.
     #[inline(always)]
     pub fn predict_both(&mut self, world: &World, bodies: [u32; 2]) -> [Entry; 2] {
         if world.now > self.predictor.plan.frame.end {
@@ -305,14 +309,16 @@ impl<F: Features, const VECTORS: bool> Predictor for VectorPredictor<'_, F, VECT
         }
         #[cfg(target_arch = "x86_64")]
         if VECTORS {
-            // SAFETY: the caller has the features.
+            // SAFETY: with `VECTORS` set the caller guarantees the features of `predict_avx2`.
             return unsafe { self.predictor.predict_avx2(&state.world, i, &mut self.bounds[0], self.work) };
         }
         self.predictor.predict::<false>(&state.world, i, &mut self.bounds[0], self.work)
     }
 
-    /// First the anchors, compact particles and lists of particles, later those of the members of these (the sentinel
-    /// has no anchor).
+    /// Prefetches in two steps. For the event [`FAR_AHEAD`] entries after the next one: the anchors, compact
+    /// particles and lists of its particles. For the event [`NEARLY_DUE`] entries after the next one: the
+    /// anchors and compact particles of the members of these lists. The sentinel has no anchor, but a
+    /// prefetch beyond the last anchor has no effect.
     #[inline(always)]
     fn prefetch(&self, calendar: &Ladder<Entry>, state: &State) {
         let ListPredictor { particles, lists, prefetches, .. } = &*self.predictor;
@@ -348,7 +354,7 @@ impl<F: Features, const VECTORS: bool> Predictor for VectorPredictor<'_, F, VECT
 
 #[cfg(target_arch = "x86_64")]
 impl<F: Features> ListPredictor<F> {
-    /// One copy of the code, so that the loop stays short.
+    /// Not inlined: one copy of this code keeps the loop of events short.
     #[target_feature(enable = "avx2,fma,bmi1,bmi2,lzcnt,popcnt")]
     #[inline(never)]
     fn predict_avx2(&self, world: &World, i: u32, bounds: &mut Bounds, work: &mut Work) -> Entry {

@@ -1,20 +1,20 @@
 /*!
-Short lists of particles: the place of a particle in one, and the members of one that are in another.
+Short lists of indices: the position of an index in a list, and the elements of one list that are in another.
 
-Whole vectors are compared, without a branch on each element: it could not be predicted.
+Whole vectors are compared, without a branch for each element, which the processor could not predict.
 */
 
 pub(super) use crate::compact::LANES;
 
-/// Most elements of a list that are told as bits.
-pub(super) const MOST: usize = u64::BITS as usize;
+/// Largest number of list elements for which a mask has bits.
+pub(super) const MASK_BITS: usize = u64::BITS as usize;
 
-/// The first place of `j` in a list of whole vectors.
+/// The first position of `j` in a list of whole vectors.
 ///
-/// With `VECTORS` set the caller must be compiled for AVX2, and run where it exists; so for all of this
-/// module.
+/// With `VECTORS` set the caller must be compiled for AVX2, and run where it exists. This holds for all
+/// functions of this module.
 #[inline(always)]
-pub(super) fn place_of<const VECTORS: bool>(list: &[u32], j: u32) -> Option<usize> {
+pub(super) fn position_in<const VECTORS: bool>(list: &[u32], j: u32) -> Option<usize> {
     for (k, vector) in list.chunks_exact(LANES).enumerate() {
         let equal = equal::<VECTORS>(vector, j);
         if equal != 0 {
@@ -24,41 +24,41 @@ pub(super) fn place_of<const VECTORS: bool>(list: &[u32], j: u32) -> Option<usiz
     None
 }
 
-/// Which of eight are `j`.
+/// Mask of the elements equal to `j` in a vector of eight.
 #[inline(always)]
 fn equal<const VECTORS: bool>(vector: &[u32], j: u32) -> u32 {
     #[cfg(target_arch = "x86_64")]
     if VECTORS && let Some(vector) = vector.first_chunk() {
-        // SAFETY: the caller has the features.
+        // SAFETY: with `VECTORS` set the caller guarantees AVX2.
         return unsafe { avx2::equal(vector, j) };
     }
     vector.iter().rev().fold(0, |bits, &other| bits << 1 | u32::from(other == j))
 }
 
-/// Which of a list's first `count` elements, [`MOST`] at most, stand in `among`. The list goes on to whole
-/// vectors.
+/// Mask of the elements among the first `count` of a list that are in `among`. `count` is at most
+/// [`MASK_BITS`], and the list is padded to whole vectors.
 #[inline(always)]
 pub(super) fn members<const VECTORS: bool>(list: &[u32], count: usize, among: &[u32]) -> u64 {
-    debug_assert!(count <= MOST && count <= list.len());
+    debug_assert!(count <= MASK_BITS && count <= list.len());
     let mut found = 0;
     for (k, vector) in list[..count.next_multiple_of(LANES)].chunks_exact(LANES).enumerate() {
-        found |= u64::from(any::<VECTORS>(vector, among)) << (k * LANES);
+        found |= u64::from(equal_any::<VECTORS>(vector, among)) << (k * LANES);
     }
-    found & all(count)
+    found & low_bits(count)
 }
 
-/// As many bits as there are elements.
-pub(super) fn all(count: usize) -> u64 {
-    if count == 0 { 0 } else { u64::MAX >> (MOST - count) }
+/// Mask with the lowest `count` bits set.
+pub(super) fn low_bits(count: usize) -> u64 {
+    if count == 0 { 0 } else { u64::MAX >> (MASK_BITS - count) }
 }
 
-/// Which of eight stand in `among`.
+/// Mask of the elements in a vector of eight that are in `among`.
 #[inline(always)]
-fn any<const VECTORS: bool>(vector: &[u32], among: &[u32]) -> u32 {
+fn equal_any<const VECTORS: bool>(vector: &[u32], among: &[u32]) -> u32 {
     #[cfg(target_arch = "x86_64")]
     if VECTORS && let Some(vector) = vector.first_chunk() {
-        // SAFETY: the caller has the features.
-        return unsafe { avx2::any(vector, among) };
+        // SAFETY: with `VECTORS` set the caller guarantees AVX2.
+        return unsafe { avx2::equal_any(vector, among) };
     }
     among.iter().fold(0, |found, &j| found | equal::<false>(vector, j))
 }
@@ -75,7 +75,7 @@ mod avx2 {
     #[target_feature(enable = "avx2")]
     #[inline]
     fn load(vector: &[u32; LANES]) -> __m256i {
-        // SAFETY: eight words.
+        // SAFETY: this loads the eight words of `vector`; the load needs no alignment.
         unsafe { _mm256_loadu_si256(vector.as_ptr().cast()) }
     }
 
@@ -93,7 +93,7 @@ mod avx2 {
 
     #[target_feature(enable = "avx2")]
     #[inline]
-    pub(super) fn any(vector: &[u32; LANES], among: &[u32]) -> u32 {
+    pub(super) fn equal_any(vector: &[u32; LANES], among: &[u32]) -> u32 {
         let vector = load(vector);
         let mut found = _mm256_setzero_si256();
         for &j in among {
@@ -110,11 +110,11 @@ mod tests {
     #[cfg(target_arch = "x86_64")]
     #[target_feature(enable = "avx2")]
     fn with_vectors(list: &[u32], count: usize, among: &[u32], j: u32) -> (u64, Option<usize>) {
-        (members::<true>(list, count, among), place_of::<true>(list, j))
+        (members::<true>(list, count, among), position_in::<true>(list, j))
     }
 
     #[test]
-    fn members_and_places_are_those_of_plain_loops() {
+    fn members_and_positions_match_plain_loops() {
         let mut seed = 1_u64;
         let mut random = |n: u64| {
             seed = seed.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
@@ -122,21 +122,21 @@ mod tests {
         };
         let mut found = [0; 2];
         for _ in 0..20_000 {
-            let count = random(MOST as u64 + 1) as usize;
+            let count = random(MASK_BITS as u64 + 1) as usize;
             let list: Vec<u32> = (0..count.next_multiple_of(LANES)).map(|_| random(60) as u32).collect();
             let among: Vec<u32> = (0..random(40)).map(|_| random(60) as u32).collect();
             let j = random(60) as u32;
             let expected =
                 (0..count).filter(|&k| among.contains(&list[k])).fold(0, |bits, k| bits | 1_u64 << k);
-            let place = list.iter().position(|&other| other == j);
+            let position = list.iter().position(|&other| other == j);
             assert_eq!(members::<false>(&list, count, &among), expected);
-            assert_eq!(place_of::<false>(&list, j), place);
+            assert_eq!(position_in::<false>(&list, j), position);
             #[cfg(target_arch = "x86_64")]
             if is_x86_feature_detected!("avx2") {
-                // SAFETY: the feature has just been found.
-                assert_eq!(unsafe { with_vectors(&list, count, &among, j) }, (expected, place));
+                // SAFETY: the feature has just been detected.
+                assert_eq!(unsafe { with_vectors(&list, count, &among, j) }, (expected, position));
             }
-            found[0] += usize::from(place.is_some());
+            found[0] += usize::from(position.is_some());
             found[1] += expected.count_ones() as usize;
         }
         assert!(found[0] > 5000 && found[1] > 100_000, "{found:?}");

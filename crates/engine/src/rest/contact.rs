@@ -1,4 +1,4 @@
-//! What rest means for single contacts: which are elastic, which wake.
+//! The rules of rest for single contacts: which are elastic, and which wake a grain.
 
 use glam::DVec3;
 use haff_mechanics::Impact;
@@ -6,24 +6,28 @@ use haff_mechanics::Impact;
 use super::{support::is_supported, thresholds::Thresholds};
 use crate::{particles::World, state::State};
 
-/// A flight from a wall back to it has been undisturbed if it took this part of the time it takes by its end.
+/// A flight from a wall back to it was undisturbed if it took at least this fraction of 2 v/a, the duration
+/// that follows from its speed v at the end and the acceleration a.
 const UNDISTURBED: f64 = 1.0 - 1e-9;
 
-/// Whether particle i has had a contact a short while before `time` \[ticks\].
-fn is_soon(world: &World, thresholds: &Thresholds, i: u32, time: i64) -> bool {
+/// Whether particle i had a contact within [`Thresholds::recent`] before `time` \[ticks\].
+fn had_recent_contact(world: &World, thresholds: &Thresholds, i: u32, time: i64) -> bool {
     let particle = &world.particles[i as usize];
-    world.class(i).inverse_mass != 0.0 && particle.count > 0 && world.age(i, time) < thresholds.soon
+    world.class(i).inverse_mass != 0.0 && particle.count > 0 && world.age(i, time) < thresholds.recent
 }
 
-/// Whether one of two particles has had a contact a short while before `time`.
-pub(crate) fn is_one_of_many(world: &World, pair: [u32; 2], time: i64) -> bool {
-    world.thresholds.is_some_and(|thresholds| pair.iter().any(|&i| is_soon(world, &thresholds, i, time)))
+/// Whether a contact of two particles at `time` is repeated: one of them had another contact shortly before.
+pub(crate) fn is_repeated_contact(world: &World, pair: [u32; 2], time: i64) -> bool {
+    world
+        .thresholds
+        .is_some_and(|thresholds| pair.iter().any(|&i| had_recent_contact(world, &thresholds, i, time)))
 }
 
-/// Whether the contact of particle i with a wall is one of many: its last one, a short while before `time`,
-/// was with a grain, or one of many. A grain that has come back from this wall undisturbed is alone with it,
-/// unless the wall moves: on that no series of bounces is completed in closed form.
-pub(crate) fn is_among_grains(
+/// Whether a contact of particle i with a wall at `time` is repeated: its last contact was shortly before,
+/// and was with a grain or itself repeated. A grain that returns to the wall undisturbed bounces on it alone,
+/// and its contact is not repeated. On a moving wall every contact shortly after another one is repeated,
+/// because a series of bounces on it is not completed in closed form.
+pub(crate) fn is_repeated_wall_contact(
     world: &World,
     i: u32,
     wall: u32,
@@ -35,27 +39,28 @@ pub(crate) fn is_among_grains(
     let moves = world.walls[wall as usize].motion.is_moving();
     let recently_hit = world.particles[i as usize].is_recently_hit()
         && world.age(i, time) * acceleration < 2.0 * speed * UNDISTURBED;
-    is_soon(world, thresholds, i, time) && (moves || recently_hit)
+    had_recent_contact(world, thresholds, i, time) && (moves || recently_hit)
 }
 
-/// The speed at which two bodies part that approach at `speed`, where the law says `e`.
+/// The separation speed of two bodies that approach at `speed`, with the coefficient of restitution `e`.
 ///
-/// Contacts that are one of many are elastic below a speed, and take no more than down to it, unless there is
-/// no speed worth the name. Bodies that gravity presses together, with the relative acceleration `acceleration` along
-/// the normal, never part more slowly than they fall towards each other in a given time.
-pub(crate) fn separation_speed(world: &World, e: f64, speed: f64, acceleration: f64, many: bool) -> f64 {
+/// A repeated contact is elastic for approaches slower than [`Thresholds::elastic`], and never reduces a
+/// faster one below that speed. Negligible approaches follow `e`. `acceleration` is the relative acceleration
+/// along the normal, positive if it presses the bodies together. Such bodies separate at least at the speed
+/// that they would gain by falling towards each other for [`Thresholds::fall_time`].
+pub(crate) fn separation_speed(world: &World, e: f64, speed: f64, acceleration: f64, repeated: bool) -> f64 {
     let Some(thresholds) = &world.thresholds else { return e * speed };
     let mut separation = e * speed;
-    if many && speed > thresholds.nothing {
+    if repeated && speed > thresholds.negligible {
         separation = separation.max(speed.min(thresholds.elastic));
     }
-    separation.max(acceleration * thresholds.hop)
+    separation.max(acceleration * thresholds.fall_time)
 }
 
-/// A contact of bodies that part faster than they approach. Velocities after it, and the impact, whose loss
-/// is negative.
+/// Resolves a contact of bodies that separate faster than they approach. Returns the velocities after it, and
+/// the impact, whose energy loss is negative.
 ///
-/// `n` points from the first to the second.
+/// `n` is the unit vector from the first body to the second.
 pub(crate) fn push_apart(
     inverse: [f64; 2],
     [wi, wj]: [DVec3; 2],
@@ -76,8 +81,8 @@ pub(crate) fn push_apart(
     (wi - n * (impulse * inverse[0]), wj + n * (impulse * inverse[1]), impact)
 }
 
-/// Before the collision of i and j: wakes the one that is at rest if it is hit hard enough. All that wake, in
-/// order.
+/// Before a collision of i and j: if one of them is asleep, wakes it if the impact is fast enough or the
+/// other body has infinite mass. Returns all grains that wake, in ascending order.
 pub(crate) fn wake_if_hit(state: &mut State, i: u32, j: u32, time: i64) -> Vec<u32> {
     let world = &state.world;
     let (at_rest, other) = if world.is_asleep(i) { (i, j) } else { (j, i) };
@@ -91,22 +96,23 @@ pub(crate) fn wake_if_hit(state: &mut State, i: u32, j: u32, time: i64) -> Vec<u
     Vec::new()
 }
 
-/// Lets go of particle i, if it is at rest, and of those that do not stand without it. All of them, in order.
+/// Wakes particle i, if it is asleep, and all grains that are not supported without it. Returns them in
+/// ascending order.
 pub(crate) fn wake(state: &mut State, i: u32, time: i64) -> Vec<u32> {
     let mut woken = Vec::new();
-    let mut falling = vec![i];
-    while let Some(i) = falling.pop() {
+    let mut unsupported = vec![i];
+    while let Some(i) = unsupported.pop() {
         let world = &mut state.world;
         let Some(thresholds) = world.thresholds.filter(|_| world.is_asleep(i)) else { continue };
         world.set_asleep(i, false, time);
         world.particles[i as usize].set_recently_hit(true);
         state.accumulators.counters.wakes += 1;
         woken.push(i);
-        for j in std::mem::take(&mut state.settling.near[i as usize]) {
-            let near = &mut state.settling.near[j as usize];
-            near.retain(|&other| other != i);
-            if world.is_asleep(j) && !is_supported(world, &thresholds, j, near.iter().copied()) {
-                falling.push(j);
+        for j in std::mem::take(&mut state.settling.contacts[i as usize]) {
+            let contacts = &mut state.settling.contacts[j as usize];
+            contacts.retain(|&other| other != i);
+            if world.is_asleep(j) && !is_supported(world, &thresholds, j, contacts.iter().copied()) {
+                unsupported.push(j);
             }
         }
     }

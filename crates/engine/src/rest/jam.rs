@@ -1,4 +1,4 @@
-//! Grains jammed without any room, which would hop without end.
+//! Jams: grains without any room to move, which would collide without end.
 
 use std::iter;
 
@@ -7,20 +7,21 @@ use haff_neighbors::Geometry;
 
 use super::{
     settle::{end_series, record_loss},
-    state::MOMENT,
-    support::{contacts, normals},
+    state::JAM_DURATION,
+    support::{find_contacts, normals},
     thresholds::Thresholds,
 };
 use crate::{particles::World, report::Observer, resolve, state::State};
 
-/// Room of what is jammed [gaps that pass for contacts].
-const ROOM: f64 = 1e-6;
-/// The impact is solved for when all impulses change speeds by less than this part of those that are none, …
+/// Largest gap between jammed bodies [largest gap of a contact, `Thresholds::gap`].
+const JAM_GAP: f64 = 1e-6;
+/// The iteration has converged if no impulse changes a speed by more than this fraction of
+/// [`Thresholds::negligible`].
 const ACCURACY: f64 = 0.1;
-/// … or after this many rounds.
+/// Largest number of iterations.
 const ROUNDS: usize = 2000;
 
-/// A contact of a jam: of a grain with another one of the jam, or with what cannot give way.
+/// A contact in a jam: of a grain with another grain of the jam, or with an immovable body or wall.
 struct Contact {
     grain: usize,
     other: Option<usize>,
@@ -31,9 +32,9 @@ struct Contact {
     impulse: f64,
 }
 
-/// Takes from grains that have just had contacts the velocity with which they press on each other and on
-/// bodies and walls that cannot give way: one plastic impact on all these contacts at once. It leaves the
-/// velocities nearest to theirs, in kinetic energy, at which nothing approaches. Who has changed.
+/// Resolves a jam: one plastic impact on all contacts of the grains that have just had contacts, with each
+/// other and with immovable bodies and walls. The new velocities are those nearest to the old ones, in the
+/// norm of the kinetic energy, at which no contact closes. Returns the grains whose velocity has changed.
 pub(super) fn resolve_jam(
     state: &mut State,
     geometry: &Geometry,
@@ -41,18 +42,18 @@ pub(super) fn resolve_jam(
     observer: &mut dyn Observer,
 ) -> Vec<u32> {
     let world = &state.world;
-    let (now, tight) = (world.now, Thresholds { gap: ROOM * thresholds.gap, ..*thresholds });
+    let (now, narrow) = (world.now, Thresholds { gap: JAM_GAP * thresholds.gap, ..*thresholds });
     let recent: Vec<u32> = (0..world.particles.len() as u32)
         .filter(|&i| {
             world.class(i).inverse_mass != 0.0
                 && world.particles[i as usize].count > 0
-                && world.age(i, now) <= MOMENT * thresholds.period
+                && world.age(i, now) <= JAM_DURATION * thresholds.period
         })
         .collect();
-    let mut jam = jam(world, geometry, &tight, &recent);
+    let mut jam = jam_contacts(world, geometry, &narrow, &recent);
     let mut velocities: Vec<DVec3> = recent.iter().map(|&i| world.state(i, now).1).collect();
     let inverse: Vec<f64> = recent.iter().map(|&i| world.class(i).inverse_mass).collect();
-    solve(&mut jam, &mut velocities, &inverse, ACCURACY * thresholds.nothing);
+    solve(&mut jam, &mut velocities, &inverse, ACCURACY * thresholds.negligible);
     let mut changed = Vec::new();
     for (&i, after) in recent.iter().zip(velocities) {
         let (position, before) = state.world.state(i, now);
@@ -73,15 +74,17 @@ pub(super) fn resolve_jam(
     changed
 }
 
-/// All contacts of these grains, in order.
-fn jam(world: &World, geometry: &Geometry, tight: &Thresholds, recent: &[u32]) -> Vec<Contact> {
+/// All contacts of these grains; the grains are in ascending order.
+fn jam_contacts(world: &World, geometry: &Geometry, narrow: &Thresholds, recent: &[u32]) -> Vec<Contact> {
     let mut jam = Vec::new();
-    for (grain, (&i, near)) in recent.iter().zip(contacts(world, geometry, tight, recent)).enumerate() {
+    for (grain, (&i, contacts)) in
+        recent.iter().zip(find_contacts(world, geometry, narrow, recent)).enumerate()
+    {
         let position = world.state(i, world.now).0;
         let inverse = world.class(i).inverse_mass;
-        for j in near {
+        for j in contacts {
             let other = recent.binary_search(&j).ok();
-            // A pair is met twice.
+            // Each pair of grains is in two lists; it becomes one contact.
             if other.is_some_and(|other| other < grain) {
                 continue;
             }
@@ -89,19 +92,20 @@ fn jam(world: &World, geometry: &Geometry, tight: &Thresholds, recent: &[u32]) -
             let mass = 1.0 / (inverse + world.class(j).inverse_mass);
             jam.push(Contact { grain, other, normal: r.normalize_or_zero(), mass, impulse: 0.0 });
         }
-        let walls = normals(world, tight.gap, i, iter::empty()).into_iter();
+        let walls = normals(world, narrow.gap, i, iter::empty()).into_iter();
         let mass = 1.0 / inverse;
         jam.extend(walls.map(|normal| Contact { grain, other: None, normal, mass, impulse: 0.0 }));
     }
     jam
 }
 
-/// Projected Gauss–Seidel: one contact after the other is given the impulse that stops its approach, but
-/// never pulls. Where that does not come to an end, because normals are all but opposite, the grains stop.
+/// Projected Gauss–Seidel iteration: each contact in turn gets the impulse that stops its approach; total
+/// impulses are never attractive. If it does not converge, because normals are almost opposite, the
+/// velocities of the grains concerned are set to zero.
 fn solve(jam: &mut [Contact], velocities: &mut [DVec3], inverse: &[f64], accuracy: f64) {
-    let mut unsolved = Vec::new();
+    let mut unconverged = Vec::new();
     for _ in 0..ROUNDS {
-        unsolved.clear();
+        unconverged.clear();
         for contact in &mut *jam {
             let &mut Contact { grain, other, normal, mass, .. } = contact;
             let relative = velocities[grain] - other.map_or(DVec3::ZERO, |other| velocities[other]);
@@ -113,14 +117,14 @@ fn solve(jam: &mut [Contact], velocities: &mut [DVec3], inverse: &[f64], accurac
                 velocities[other] -= normal * (change * inverse[other]);
             }
             if change.abs() > accuracy * mass {
-                unsolved.extend([Some(grain), other].into_iter().flatten());
+                unconverged.extend([Some(grain), other].into_iter().flatten());
             }
         }
-        if unsolved.is_empty() {
+        if unconverged.is_empty() {
             break;
         }
     }
-    for grain in unsolved {
+    for grain in unconverged {
         velocities[grain] = DVec3::ZERO;
     }
 }
@@ -129,9 +133,9 @@ fn solve(jam: &mut [Contact], velocities: &mut [DVec3], inverse: &[f64], accurac
 mod tests {
     use super::*;
 
-    /// A light grain between a heavy one and a wall: one after the other they would collide without end.
+    /// A light grain between a heavy one and a wall: impacts resolved one by one would never end.
     #[test]
-    fn a_jam_is_stopped_at_once_and_nothing_is_pulled() {
+    fn a_jam_is_resolved_at_once_without_attraction() {
         let contact = |grain, other, normal, mass| Contact { grain, other, normal, mass, impulse: 0.0 };
         let inverse = [1.0, 0.1, 1.0];
         let tilted = DVec3::new(0.6, 0.8, 0.0);
@@ -140,7 +144,7 @@ mod tests {
             contact(0, Some(1), -tilted, 1.0 / 1.1),
             contact(1, Some(2), -DVec3::Y, 1.0 / 1.1),
         ];
-        // The third flies off.
+        // The third moves away.
         let start = [DVec3::ZERO, DVec3::new(-1.0, -0.2, 0.3), DVec3::Y];
         let mut velocities = start;
         solve(&mut jam, &mut velocities, &inverse, 1e-16);

@@ -1,35 +1,39 @@
 /*!
-Rest: grains in contact come to rest under gravity after finitely many events, cost nothing then, and wake
-when hit.
+Rest: grains in contact come to rest under gravity after finitely many events. A grain at rest has no events
+until an impact wakes it.
 
-Bounces that lose a constant part of their speed are infinitely many in a finite time. A flat wall under a
-single grain completes them in closed form (`resolve::come_to_rest`); between grains nothing does. So a speed
-v, `contact.rest_speed`, is stated:
+A series of bounces that lose a constant fraction of their speed has infinitely many bounces in a finite time.
+For a single grain on a flat wall the series is completed in closed form (`resolve::come_to_rest`). For grains
+on grains there is no closed form. The scene therefore states a speed v, `contact.rest_speed`:
 
-* *Slow and soon*: contacts that follow the last one of either body sooner than 10 v/g are elastic below v/8,
-  and take no more than down to it, so that impacts cannot accumulate. For walls that holds for grains that
-  have met another grain, not for one that is alone with them. What is then left without height, because it
-  has been let go where it touches, parts at least as fast as it falls in v/128g.
-* *Settling scan*: every v/g the largest set of grains is looked for that are slower than v/2 and stand, each on
-  those of the set, on grains at rest, on fixed bodies and on walls that do not move: its weight lies in the
-  cone of the normals of contacts narrower than v²/4g, twice what a speed of v/2 can rise. As the set is the
-  largest, arches are found, whose stones stand only together; as its lowest grain must stand on something
-  else, nothing floats.
-* *Jams*: grains driven into a place without any room would collide without end. Too many contacts at what is
-  nearly one time are a jam: those who had them lose the velocity with which they press on each other and on
-  what cannot give way, in one plastic impact on all their contacts together, and a settling scan follows at once.
-* The grains of the set are *asleep*: velocity zero, infinite mass, no entry in the calendar.
-* An impact faster than v, or any of a moving wall or driven body, *wakes* a grain, and with it those that no
-  longer stand.
+* *Repeated contacts*: a contact that follows the last contact of either body within 10 v/g is elastic if the
+  approach is slower than v/8, and otherwise never reduces the speed below v/8. Impacts then cannot accumulate
+  at one time. For walls this holds only for grains whose last contact was with another grain or itself
+  repeated, not for a grain that bounces on a wall alone. Bodies that gravity presses together separate at
+  least at the speed that they would gain by falling towards each other for v/128g; without this, grains that
+  start in contact have no height from which to bounce.
+* *Settling scan*: every v/g a scan finds the largest set of grains that are slower than v/2 and supported. A
+  grain is supported if its weight lies in the cone of the normals of its contacts with grains of the set,
+  grains at rest, fixed bodies and walls that do not move. Two bodies are in contact if their gap is below
+  v²/4g, twice the height to which a speed of v/2 can rise. Because the set is the largest, it contains
+  arches, whose stones support each other only together. Because the lowest grain must be supported by
+  something outside the set, no group of grains floats.
+* *Jams*: grains pushed into a space without any room would collide without end. Too many contacts within a
+  very short time are a jam. All grains with a contact in that time lose the velocity with which they press on
+  each other and on immovable bodies, in one plastic impact on all their contacts at once. A settling scan
+  follows immediately.
+* Grains of the set become *asleep*: zero velocity, infinite mass, no entry in the calendar.
+* An impact faster than v, or any impact of a moving wall or driven body, *wakes* a grain, and with it all
+  grains that are no longer supported.
 
-What is neglected: whether the contacts of all grains together can balance their weights. A grain at rest
-holds any load, as with friction, until an impact shakes it.
+Neglected: whether the contact forces of all grains together can balance their weights. A grain at rest bears
+any load, as if there were friction, until an impact wakes it.
 */
 
 pub(crate) mod contact;
 mod jam;
 mod settle;
-pub(crate) mod standing;
+pub(crate) mod settling_scan;
 pub(crate) mod state;
 mod support;
 pub(crate) mod thresholds;

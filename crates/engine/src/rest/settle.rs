@@ -1,4 +1,4 @@
-//! What putting a grain to rest takes, and its account.
+//! Putting a grain to rest, and recording what it loses.
 
 use glam::DVec3;
 
@@ -10,7 +10,7 @@ use crate::{
     state::State,
 };
 
-/// Puts particle i to rest, and books what it loses.
+/// Puts particle i to rest, and records its losses.
 pub(super) fn settle(state: &mut State, i: u32, thresholds: &Thresholds, observer: &mut dyn Observer) {
     end_series(state, i, observer);
     let velocity = state.world.state(i, state.world.now).1;
@@ -21,7 +21,7 @@ pub(super) fn settle(state: &mut State, i: u32, thresholds: &Thresholds, observe
     record_loss(state, i, momentum, [energy, energy], thresholds, observer);
 }
 
-/// Books the completed series of bounces of particle i, if there is one, before its time.
+/// If particle i is in a completed series of bounces, ends the series now and records its losses.
 pub(super) fn end_series(state: &mut State, i: u32, observer: &mut dyn Observer) {
     let time = state.world.now;
     if observer.wants_events() {
@@ -31,7 +31,7 @@ pub(super) fn end_series(state: &mut State, i: u32, observer: &mut dyn Observer)
     }
 }
 
-/// Books a momentum, an energy and a Carnot energy that rest takes from particle i.
+/// Records the momentum, energy and Carnot energy that particle i loses by being put to rest.
 pub(super) fn record_loss(
     state: &mut State,
     i: u32,

@@ -1,19 +1,19 @@
-//! Contacts of grains, and whether they support them.
+//! The contacts of grains, and whether these support a grain.
 
 use glam::DVec3;
 use haff_neighbors::Geometry;
 
 use super::thresholds::Thresholds;
 use crate::{
-    grid::{Slabs, levels, meet, place},
-    particles::{World, supported},
+    grid::{Slabs, levels, visit_pairs, wrapped_position},
+    particles::{World, unbalanced_gravity},
 };
 
-/// A grain is supported if what its contacts leave of gravity is less than this part of it.
-const SLOPE: f64 = 1e-3;
+/// A grain is supported if its contacts leave at most this fraction of gravity unbalanced.
+const MAX_UNBALANCED: f64 = 1e-3;
 
-/// Normals, towards particle i, of its contacts with these particles and with walls that do not move, all of
-/// them where they are now.
+/// Normals of the contacts of particle i with the particles `near` and with walls that do not move, at the
+/// present. They point towards particle i.
 pub(super) fn normals(world: &World, gap: f64, i: u32, near: impl Iterator<Item = u32>) -> Vec<DVec3> {
     let (position, _) = world.state(i, world.now);
     let mut normals: Vec<DVec3> = near
@@ -30,7 +30,7 @@ pub(super) fn normals(world: &World, gap: f64, i: u32, near: impl Iterator<Item 
     normals
 }
 
-/// Whether particle i stands on these particles and on walls that do not move.
+/// Whether particle i is supported by the particles `near` and by walls that do not move.
 pub(super) fn is_supported(
     world: &World,
     thresholds: &Thresholds,
@@ -38,45 +38,48 @@ pub(super) fn is_supported(
     near: impl Iterator<Item = u32>,
 ) -> bool {
     let normals = normals(world, thresholds.gap, i, near);
-    supported(world.gravity, &normals.iter().copied()).length() <= SLOPE * world.gravity.length()
+    unbalanced_gravity(world.gravity, &normals.iter().copied()).length()
+        <= MAX_UNBALANCED * world.gravity.length()
 }
 
-/// Whether body i holds others without being at rest by a scan: of infinite mass, and not moving.
+/// Whether body i is fixed: its own mass is infinite, and it does not move.
 pub(super) fn is_fixed(world: &World, i: u32) -> bool {
     world.body(i).inverse_mass == 0.0 && world.particles[i as usize].velocity == DVec3::ZERO
 }
 
-/// Of each of these particles those in contact that are among them, asleep or fixed; in order.
-pub(super) fn contacts(
+/// For each particle of `chosen`, those particles in contact with it that are in `chosen`, asleep or fixed.
+/// Each list is in ascending order.
+pub(super) fn find_contacts(
     world: &World,
     geometry: &Geometry,
     thresholds: &Thresholds,
-    some: &[u32],
+    chosen: &[u32],
 ) -> Vec<Vec<u32>> {
-    let mut slot = vec![u32::MAX; world.particles.len()];
-    for (k, &i) in some.iter().enumerate() {
-        slot[i as usize] = k as u32;
+    // `u32::MAX`: not chosen.
+    let mut index_of = vec![u32::MAX; world.particles.len()];
+    for (index, &i) in chosen.iter().enumerate() {
+        index_of[i as usize] = index as u32;
     }
     let solid = (0..world.particles.len() as u32)
-        .filter(|&i| slot[i as usize] != u32::MAX || world.is_asleep(i) || is_fixed(world, i));
-    let mut near = vec![Vec::new(); some.len()];
+        .filter(|&i| index_of[i as usize] != u32::MAX || world.is_asleep(i) || is_fixed(world, i));
+    let mut contacts = vec![Vec::new(); chosen.len()];
     let levels = levels(world, geometry, &solid, thresholds.gap, &Slabs::BOX);
     for first in 0..levels.len() {
         for cell in 0..levels[first].len() {
-            meet(world, &levels[first..], cell, |k, level, others| {
-                let i = levels[first].rows[k];
-                let (position, radius) = (place(world, i), world.class(i).radius);
+            visit_pairs(world, &levels[first..], cell, |own, level, others| {
+                let i = levels[first].rows[own];
+                let (position, radius) = (wrapped_position(world, i), world.class(i).radius);
                 for &j in &level.rows[others] {
-                    let slots = [slot[i as usize], slot[j as usize]];
+                    let indices = [index_of[i as usize], index_of[j as usize]];
                     let reach = radius + world.class(j).radius + thresholds.gap;
-                    if slots == [u32::MAX; 2] {
+                    if indices == [u32::MAX; 2] {
                         continue;
                     }
-                    let r = world.periodicity.nearest(place(world, j) - position);
+                    let r = world.periodicity.nearest(wrapped_position(world, j) - position);
                     if r.length_squared() <= reach * reach {
-                        for (slot, partner) in slots.into_iter().zip([j, i]) {
-                            if slot != u32::MAX {
-                                near[slot as usize].push(partner);
+                        for (index, partner) in indices.into_iter().zip([j, i]) {
+                            if index != u32::MAX {
+                                contacts[index as usize].push(partner);
                             }
                         }
                     }
@@ -84,8 +87,8 @@ pub(super) fn contacts(
             });
         }
     }
-    for contacts in &mut near {
-        contacts.sort_unstable();
+    for list in &mut contacts {
+        list.sort_unstable();
     }
-    near
+    contacts
 }

@@ -1,31 +1,31 @@
-//! The speeds, lengths and times that follow from `contact.rest_speed`.
+//! Speeds, lengths and times derived from `contact.rest_speed`.
 
 use crate::model::System;
 
-/// When grains are put to rest.
+/// The conditions under which grains are put to rest.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) struct Thresholds {
-    /// Slower grains are put to rest, if they stand [length/time].
+    /// Slower grains are put to rest if they are supported [length/time].
     pub speed: f64,
-    /// Faster impacts wake [length/time].
+    /// Faster impacts wake a grain [length/time].
     pub wake: f64,
-    /// Surfaces closer than this are in contact \[length\].
+    /// Bodies with a smaller gap between their surfaces are in contact \[length\].
     pub gap: f64,
-    /// Slower impacts are elastic, …
+    /// Repeated contacts with a slower approach are elastic [length/time].
     pub elastic: f64,
-    /// … if they follow another contact within this [time].
-    pub soon: f64,
-    /// Bodies that gravity presses together part at least as fast as they fall towards each other in this
-    /// time [time].
-    pub hop: f64,
-    /// Slower approaches are none, and end by the law [length/time].
-    pub nothing: f64,
-    /// Between two censuses [time].
+    /// A contact within this time after another one of the same body is repeated [time].
+    pub recent: f64,
+    /// Bodies that gravity presses together separate at least at the speed that they would gain by falling
+    /// towards each other for this time [time].
+    pub fall_time: f64,
+    /// For slower approaches, repeated contacts follow the law of restitution, too [length/time].
+    pub negligible: f64,
+    /// Time between two settling scans [time].
     pub period: f64,
 }
 
 impl Thresholds {
-    /// Those of a system; `None` where no grain is put to rest.
+    /// The thresholds of a system; `None` if no grain is put to rest.
     pub fn of(system: &System) -> Option<Self> {
         let (v, g) = (system.contacts.rest_speed, system.domain.gravity.length());
         (v > 0.0 && g > 0.0).then(|| Self {
@@ -33,9 +33,9 @@ impl Thresholds {
             speed: v / 2.0,
             gap: v * v / (4.0 * g),
             elastic: v / 8.0,
-            soon: 10.0 * v / g,
-            hop: v / (128.0 * g),
-            nothing: 1e-6 * v,
+            recent: 10.0 * v / g,
+            fall_time: v / (128.0 * g),
+            negligible: 1e-6 * v,
             period: v / g,
         })
     }

@@ -1,13 +1,13 @@
 /*!
-The grid of a window: in which cells particles are, at any time within it.
+The grid of a window: the cells in which particles are at any time within the window.
 
-A particle is registered in every cell that its path through the window touches. So a search for partners
-reads at the cells near its own path only, however fast others are. A particle that takes a new path is
-registered along that too; where it was registered before does no harm, since what is tested is always its
-path of now.
+A particle is registered in every cell that its path through the window touches. Therefore a search for
+partners reads only the cells near its own path, independent of the speed of the partners. A particle with a
+new path is also registered along that path. Its old entries are harmless, since searches always test its
+present path.
 
-Cells are found in single precision: which of two cells a particle on their common face is in does not matter,
-as long as searches reach a little further ([`SLACK`]) than contacts do.
+Cells are computed in single precision. A particle on a face can be assigned to either cell, as long as
+searches have a slightly longer range ([`SLACK`]) than contacts.
 */
 
 use std::ops::Range;
@@ -17,22 +17,24 @@ use haff_neighbors::{Geometry, prefetch_at, with_huge_pages};
 use super::axes::Axes;
 use crate::compact::LANES;
 
-/// Entries of a block; with its link it fills half a cache line.
+/// Entries of a block. Together with its link they fill half a cache line.
 const ENTRIES: usize = 7;
-/// What searches reach further [cells]: ten times the rounding of a place among the most cells,
-/// [`super::axes`].
+/// Distance by which the range of searches is extended [cells]: ten times the rounding error of a grid
+/// coordinate for the largest number of cells, see [`super::axes`].
 const SLACK: f32 = 2e-3;
-/// Cells per axis of the blocks of cells that searches have tables for.
-const TABLED: usize = 4;
-/// Cells per part of the grid that is filled in parallel, at least, and parts at most, about: paths that
-/// leave a part are registered afterwards, one by one.
-const PART: usize = 4096;
-const PARTS: usize = 20;
+/// Boxes of cells with up to this many cells along each axis have a table of their cells.
+const TABLE_SIZE: usize = 4;
+/// Smallest number of cells in a part of the grid; parts are filled in parallel. Paths that leave their part
+/// are registered afterwards, one by one, so that large parts are better.
+const CELLS_PER_PART: usize = 4096;
+/// Approximate limit of the number of parts.
+const MAX_PARTS: usize = 20;
 
-/// Of those registered one by one the cells are asked for so many ahead.
-const AHEAD: usize = 16;
+/// Where slots are registered one by one, the cell of the slot that comes this many later is prefetched.
+const CELLS_AHEAD: usize = 16;
 
-/// Up to seven entries, and what follows: the number of entries in three bits, the next block above.
+/// Up to seven entries, and a link: its lowest three bits are the number of entries, the others are the index
+/// of the next block, or 0.
 #[derive(Debug, Clone, Copy)]
 #[repr(C, align(32))]
 pub(super) struct Block {
@@ -41,29 +43,30 @@ pub(super) struct Block {
 }
 
 impl Block {
-    /// Its first entries: slots, of now or of a window before.
+    /// The first two entries. In an empty block they are 0 or slots from an earlier window.
     #[inline(always)]
-    pub fn first(&self) -> [u32; 2] {
+    pub fn first_entries(&self) -> [u32; 2] {
         [self.entries[0], self.entries[1]]
     }
 }
 
-/// The cell of a place along each axis, and the one beside it that the place is nearer to.
+/// The eight cells nearest to a position: along each axis the cell of the position, and the nearer of its two
+/// neighbors.
 #[derive(Debug, Clone, Copy, Default)]
 pub(super) struct NearestCells([[i32; 4]; 2]);
 
 const EMPTY: Block = Block { entries: [0; ENTRIES], link: 0 };
 
-/// Slots gathered from cells for several searches, each filled up to whole vectors.
+/// Slots gathered from cells for several searches, padded to whole vectors for each search.
 #[derive(Debug, Clone, Default)]
 pub(super) struct Candidates {
-    /// Slots; only the first `len` mean anything.
+    /// Slots; only the first `len` are valid.
     pub slots: Vec<u32>,
-    /// Search that each vector of [`LANES`] slots belongs to.
+    /// Index of the search to which each vector of [`LANES`] slots belongs.
     pub owner: Vec<u32>,
-    /// Slots so far, a multiple of [`LANES`] between searches.
+    /// Number of slots, a multiple of [`LANES`] between searches.
     pub len: usize,
-    /// Blocks gathered so far.
+    /// Number of blocks gathered.
     pub blocks: u64,
 }
 
@@ -72,7 +75,7 @@ impl Candidates {
         Self { slots: vec![0; 1024], owner: vec![0; 1024 / LANES + LANES], ..Self::default() }
     }
 
-    /// Makes room for so many blocks and a last vector.
+    /// Reserves space for this many blocks and a last vector.
     #[inline(always)]
     fn reserve(&mut self, blocks: usize) {
         if self.len + (blocks + 2) * LANES > self.slots.len() {
@@ -92,27 +95,28 @@ impl Candidates {
     ///
     /// # Safety
     ///
-    /// There must be [room](Self::reserve) for it.
+    /// Space for the block must be [reserved](Self::reserve).
     #[inline(always)]
     unsafe fn push(&mut self, block: &Block, wanted: bool) -> u32 {
         debug_assert!(self.len + LANES <= self.slots.len());
-        // The whole block in one move; what lies beyond its entries is overwritten by the next.
-        // SAFETY: a block is as long as `LANES` slots, and the caller has made room.
+        // The whole block is copied at once; what follows its entries is overwritten by the next block.
+        // SAFETY: a block has the size of `LANES` slots, and the caller has reserved space for it.
         unsafe {
             let to = self.slots.as_mut_ptr().add(self.len).cast::<[u32; LANES]>();
             to.write(std::ptr::from_ref(block).cast::<[u32; LANES]>().read());
         }
-        // A mask, not a branch: it cannot be predicted.
+        // A mask instead of a branch, which would be mispredicted.
         self.len += (block.link & (7 * u32::from(wanted))) as usize;
         block.link
     }
 
-    /// Ends the search that began at `from`: the last vector is filled up with `own`.
+    /// Ends the search whose slots begin at `from`: the last vector is padded with `own`.
     #[inline(always)]
     fn end(&mut self, from: usize, search: u32, own: u32) {
         self.slots[self.len..self.len + LANES].fill(own);
         self.len = self.len.next_multiple_of(LANES);
-        // Up to eight vectors in one move; what lies beyond belongs to the next search, which comes later.
+        // Eight elements are written at once; those beyond the last vector are overwritten by the next
+        // search.
         let (first, last) = (from / LANES, self.len / LANES);
         self.owner[first..first + LANES].fill(search);
         if last > first + LANES {
@@ -121,55 +125,56 @@ impl Candidates {
     }
 }
 
-/// A cell of a block of cells: the step from the index of the first, inside the grid, and the steps along the
-/// axes.
+/// A cell in a box of cells, relative to the first cell of the box: the offset of its index, for boxes inside
+/// the grid, and the offsets along the axes.
 #[derive(Debug, Clone, Copy)]
-struct Step {
-    inside: u32,
+struct Offset {
+    index: u32,
     x: u8,
     y: u8,
     z: u8,
 }
 
-/// Cells and who is registered in them.
+/// Cells and the slots that are registered in them.
 #[derive(Debug, Clone, Default)]
 pub(super) struct Cells {
     pub axes: Axes,
-    /// The first block of every cell, then those that full cells go on in.
+    /// The first block of every cell, followed by the further blocks of cells with more than one.
     blocks: Vec<Block>,
+    /// Number of cells.
     count: usize,
-    /// Steps from the first cell for all shapes of up to `TABLED` cells along each axis.
-    tables: Vec<Box<[Step]>>,
+    /// The cells of all boxes of up to [`TABLE_SIZE`] cells along each axis.
+    tables: Vec<Box<[Offset]>>,
 }
 
 impl Cells {
-    /// Empty cells about `width` wide [length], for `particles`.
+    /// Empty cells of about this width [length] for this number of particles.
     pub fn new(geometry: &Geometry, width: f64, particles: usize) -> Self {
         let axes = Axes::new(geometry, width, particles);
         let cells = axes.n.iter().map(|&n| n as usize).product();
         let (nx, ny) = (axes.n[0] as u32, axes.n[1] as u32);
         let mut tables = Vec::new();
-        for shape in 0..TABLED.pow(3) as u8 {
-            let most = TABLED as u8;
-            let (sx, sy, sz) = (shape % most, shape / most % most, shape / most / most);
+        for shape in 0..TABLE_SIZE.pow(3) as u8 {
+            let size = TABLE_SIZE as u8;
+            let (sx, sy, sz) = (shape % size, shape / size % size, shape / size / size);
             let mut table = Vec::new();
             for z in 0..=sz {
                 for y in 0..=sy {
                     for x in 0..=sx {
-                        let inside = (u32::from(z) * ny + u32::from(y)) * nx + u32::from(x);
-                        table.push(Step { inside, x, y, z });
+                        let index = (u32::from(z) * ny + u32::from(y)) * nx + u32::from(x);
+                        table.push(Offset { index, x, y, z });
                     }
                 }
             }
             tables.push(table.into_boxed_slice());
         }
-        // Room for full cells to go on.
+        // With space for further blocks of full cells.
         let mut blocks = with_huge_pages(cells + cells / 8);
         blocks.resize(cells, EMPTY);
         Self { axes, blocks, count: cells, tables }
     }
 
-    /// The cell of a coordinate.
+    /// The cell of these coordinates.
     pub fn cell_of(&self, x: [i32; 3]) -> u32 {
         self.axes.index(self.axes.fold(self.axes.cells(self.axes.grid_coordinates(x)))) as u32
     }
@@ -191,7 +196,7 @@ impl Cells {
         }
     }
 
-    /// A full first block moves behind a new one.
+    /// Adds a slot to a cell whose first block is full: a new first block is linked to it.
     #[cold]
     #[inline(never)]
     fn add_block(&mut self, cell: usize, slot: u32) {
@@ -203,41 +208,44 @@ impl Cells {
         self.blocks[cell] = Block { entries, link: next << 3 | 1 };
     }
 
-    /// The grid in parts, always the same ones, that can be [filled](Part::fill) in parallel;
-    /// [`Self::complete`] has to follow. `rows` are the first slots of the rows of cells, as slots are
-    /// sorted: it does not matter if some have left their rows since.
+    /// Splits the grid into parts that can be [filled](Part::fill) in parallel; [`Self::complete`] must
+    /// follow. The parts are always the same. `rows` are the first slots of the rows of cells when slots were
+    /// last sorted. Particles that have left their row since then are registered correctly all the same.
     pub fn parts<'a>(&'a mut self, rows: &[u32], mut lowest: &'a mut [u32]) -> Vec<Part<'a>> {
         self.blocks.truncate(self.count);
-        let across = self.axes.n[0] as usize;
-        let rows_in_all = self.count / across;
-        let deep = PART.max(self.count / PARTS).div_ceil(across);
-        let mut parts = Vec::with_capacity(rows_in_all.div_ceil(deep));
-        for (part, blocks) in self.blocks.chunks_mut(deep * across).enumerate() {
-            let slots = rows[part * deep]..rows[((part + 1) * deep).min(rows_in_all)];
+        let nx = self.axes.n[0] as usize;
+        let row_count = self.count / nx;
+        let rows_per_part = CELLS_PER_PART.max(self.count / MAX_PARTS).div_ceil(nx);
+        let mut parts = Vec::with_capacity(row_count.div_ceil(rows_per_part));
+        for (part, blocks) in self.blocks.chunks_mut(rows_per_part * nx).enumerate() {
+            let slots = rows[part * rows_per_part]..rows[((part + 1) * rows_per_part).min(row_count)];
             let (own, others) = lowest.split_at_mut(slots.len());
             lowest = others;
-            parts.push(Part { first: part * deep * across, blocks, slots, lowest: own });
+            parts.push(Part { first: part * rows_per_part * nx, blocks, slots, lowest: own });
         }
         parts
     }
 
-    /// Registers those who have found no room in their part.
-    pub fn complete(&mut self, left: &[(u32, u32)]) {
-        for (k, &(cell, slot)) in left.iter().enumerate() {
-            if let Some(&(cell, _)) = left.get(k + AHEAD) {
+    /// Registers the `leftover` (cell, slot) that the parts could not hold.
+    pub fn complete(&mut self, leftover: &[(u32, u32)]) {
+        for (k, &(cell, slot)) in leftover.iter().enumerate() {
+            if let Some(&(cell, _)) = leftover.get(k + CELLS_AHEAD) {
                 prefetch_at(&self.blocks, cell as usize);
             }
             self.add(cell as usize, slot);
         }
     }
 
-    /// Registers a slot that has taken a new path, in all cells within `extent` [length] of the path from
-    /// `x`, the `part` of the displacement `v` [length] long; without an extent, but for the cell of `x`,
-    /// where its old path has brought it.
+    /// Registers a slot along a new path, which leads from `x` by the `fraction` of the displacement `v`
+    /// [length].
+    ///
+    /// With an `extent` [length] greater than 0, the slot is registered in all cells within this distance of
+    /// the bounding box of the path. Otherwise it is registered in all cells of the path but that of `x`,
+    /// where it is registered already, because its old path ended there.
     #[inline(always)]
-    pub fn register(&mut self, slot: u32, x: [i32; 3], v: [f32; 3], part: f32, extent: f32) {
+    pub fn register(&mut self, slot: u32, x: [i32; 3], v: [f32; 3], fraction: f32, extent: f32) {
         let axes = self.axes;
-        trace::<false>(&axes, x, v, part, extent, |cell| {
+        trace::<false>(&axes, x, v, fraction, extent, |cell| {
             if extent > 0.0 {
                 let block = &self.blocks[cell];
                 if block.entries[..(block.link & 7) as usize].contains(&slot) {
@@ -248,11 +256,12 @@ impl Cells {
         });
     }
 
-    /// Gathers, for the search of number `search` from slot `own`, all that are registered within `reach`
-    /// [length] of the box around the path from `x`, the `part` of the displacement `v` [length] long.
+    /// Gathers the candidates of slot `own` for the search with the index `search`: all slots registered
+    /// within `reach` [length] of the bounding box of a path. The path leads from `x` by the `fraction` of
+    /// the displacement `v` [length]; slot `own` is registered within `extent` [length] of it.
     ///
-    /// With `HALF`, those alone that are registered in the cell `lowest` of its own or a later one: of two
-    /// that are near each other the one with the lesser `lowest` finds the other.
+    /// With `HALF`, only the cells from `lowest` on are read, the lowest cell in which `own` is registered:
+    /// of two neighbors the one with the lower `lowest` finds the other.
     #[inline(always)]
     #[expect(clippy::too_many_arguments, reason = "in registers, on the hottest path")]
     pub fn gather<const HALF: bool>(
@@ -261,64 +270,69 @@ impl Cells {
         own: u32,
         x: [i32; 3],
         v: [f32; 3],
-        part: f32,
+        fraction: f32,
         [reach, extent]: [f32; 2],
         lowest: u32,
         candidates: &mut Candidates,
     ) {
         let axes = &self.axes;
-        let path = PathBox::new(axes, x, v, part);
+        let path = PathBox::new(axes, x, v, fraction);
         let (low, count) = path.span(axes, reach);
-        let past = |k: usize| low[k] + count[k] > axes.n[k];
-        let outside = (low[0] | low[1] | low[2]) < 0 || past(0) | past(1) | past(2);
+        let exceeds = |k: usize| low[k] + count[k] > axes.n[k];
+        let outside = (low[0] | low[1] | low[2]) < 0 || exceeds(0) | exceeds(1) | exceeds(2);
         let from = candidates.len;
         let mut links = 0;
-        if count[0].max(count[1]).max(count[2]) > TABLED as i32 {
+        if count[0].max(count[1]).max(count[2]) > TABLE_SIZE as i32 {
             let blocks = count.iter().map(|&count| count as usize).product();
             candidates.reserve(blocks);
             candidates.blocks += blocks as u64;
             self.for_each_cell(low, count, |cell| {
-                // SAFETY: there is room for as many blocks as there are cells.
+                // SAFETY: space is reserved for one block per cell.
                 links |= unsafe { candidates.push(&self.blocks[cell], !HALF || cell >= lowest as usize) };
             });
         } else {
-            let shape = ((count[2] - 1) * TABLED as i32 + count[1] - 1) * TABLED as i32 + count[0] - 1;
+            let shape =
+                ((count[2] - 1) * TABLE_SIZE as i32 + count[1] - 1) * TABLE_SIZE as i32 + count[0] - 1;
             let table = &self.tables[shape as usize];
             candidates.reserve(table.len());
             if outside {
                 candidates.blocks += table.len() as u64;
-                // Some of the cells lie beyond an edge: where each row, column and plane is, is found first.
+                // Some cells are beyond an edge: the index of each column, row and plane is folded first.
                 let start = axes.fold(low);
-                let mut at = [[0; TABLED]; 3];
+                let mut folded = [[0; TABLE_SIZE]; 3];
                 for k in 0..3 {
-                    for step in 0..TABLED {
+                    for step in 0..TABLE_SIZE {
                         let c = start[k] + step as i32;
-                        at[k][step] = if c >= axes.n[k] { c - axes.n[k] } else { c };
+                        folded[k][step] = if c >= axes.n[k] { c - axes.n[k] } else { c };
                     }
                 }
-                for &Step { x, y, z, .. } in table {
-                    let [x, y, z] =
-                        [at[0][x as usize % TABLED], at[1][y as usize % TABLED], at[2][z as usize % TABLED]];
+                for &Offset { x, y, z, .. } in table {
+                    let [x, y, z] = [
+                        folded[0][x as usize % TABLE_SIZE],
+                        folded[1][y as usize % TABLE_SIZE],
+                        folded[2][z as usize % TABLE_SIZE],
+                    ];
                     let cell = axes.index([x, y, z, 0]);
-                    // SAFETY: there is room for as many blocks as there are steps.
+                    // SAFETY: space is reserved for one block per element of the table.
                     links |= unsafe { candidates.push(&self.blocks[cell], !HALF || cell >= lowest as usize) };
                 }
             } else {
                 let first = axes.index(low);
-                let mut steps = &table[..];
+                let mut offsets = &table[..];
                 if HALF {
-                    // The table goes through the cells in their order; nothing of the own path is before its
-                    // box.
+                    // The table is in the order of the cells, and `own` is registered in no cell before the
+                    // first one of its bounding box.
                     let (own, _) = path.span(axes, extent);
-                    let at = |k: usize| own[k] - low[k];
-                    let skipped = (at(2) * count[1] + at(1)) * count[0] + at(0);
-                    steps = &table[(skipped as usize).min(table.len())..];
+                    let offset = |k: usize| own[k] - low[k];
+                    let skipped = (offset(2) * count[1] + offset(1)) * count[0] + offset(0);
+                    offsets = &table[(skipped as usize).min(table.len())..];
                 }
-                candidates.blocks += steps.len() as u64;
-                for &Step { inside, .. } in steps {
-                    let cell = first + inside as usize;
+                candidates.blocks += offsets.len() as u64;
+                for &Offset { index, .. } in offsets {
+                    let cell = first + index as usize;
                     debug_assert!(cell < self.count);
-                    // SAFETY: as above; nothing of the block of cells is outside the grid.
+                    // SAFETY: as above; all cells of the box are inside the grid, so that `cell` is the index
+                    // of a block.
                     links |= unsafe { candidates.push(self.blocks.get_unchecked(cell), true) };
                 }
             }
@@ -333,21 +347,21 @@ impl Cells {
         candidates.end(from, search, own);
     }
 
-    /// The cells around the place that a path has come to after a `part` of the window.
+    /// The cells nearest to the position on a path after a `fraction` of the window.
     #[inline(always)]
-    pub fn around(&self, x: [i32; 3], v: [f32; 3], part: f32) -> NearestCells {
+    pub fn nearest(&self, x: [i32; 3], v: [f32; 3], fraction: f32) -> NearestCells {
         let axes = &self.axes;
         let v = [v[0], v[1], v[2], 0.0];
-        let mut place = axes.grid_coordinates(x);
+        let mut position = axes.grid_coordinates(x);
         for k in 0..4 {
-            place[k] += v[k] * part * axes.cells[k];
+            position[k] += v[k] * fraction * axes.cells[k];
         }
-        let cells = axes.cells(place);
-        let home = axes.fold(cells);
-        let mut near = [home; 2];
+        let cells = axes.cells(position);
+        let own = axes.fold(cells);
+        let mut nearest = [own; 2];
         for k in 0..3 {
-            let (c, n) = (home[k], axes.n[k]);
-            near[1][k] = if place[k] - (cells[k] as f32) < 0.5 {
+            let (c, n) = (own[k], axes.n[k]);
+            nearest[1][k] = if position[k] - (cells[k] as f32) < 0.5 {
                 if c == 0 { n - 1 } else { c - 1 }
             } else if c == n - 1 {
                 0
@@ -355,44 +369,44 @@ impl Cells {
                 c + 1
             };
         }
-        NearestCells(near)
+        NearestCells(nearest)
     }
 
     /// Visits the first blocks of these cells.
     #[inline(always)]
-    pub fn visit(&self, near: &NearestCells, mut visit: impl FnMut(&Block)) {
-        for [_, _, z, _] in near.0 {
-            for [_, y, _, _] in near.0 {
+    pub fn visit(&self, cells: &NearestCells, mut visit: impl FnMut(&Block)) {
+        for [_, _, z, _] in cells.0 {
+            for [_, y, _, _] in cells.0 {
                 let row = (z * self.axes.n[1] + y) * self.axes.n[0];
-                for [x, ..] in near.0 {
-                    // There may be less cells than when these were found.
+                for [x, ..] in cells.0 {
+                    // The grid can have fewer cells than when these were determined.
                     visit(&self.blocks[((row + x) as usize).min(self.count - 1)]);
                 }
             }
         }
     }
 
-    /// Visits all cells of a block of cells, wherever it lies.
+    /// Visits all cells of a box of cells, which can extend beyond the edges of the grid.
     #[inline(always)]
     fn for_each_cell(&self, low: [i32; 4], count: [i32; 3], visit: impl FnMut(usize)) {
         for_each_cell(&self.axes, low, count, visit);
     }
 
-    /// Adds the blocks that a cell goes on in.
+    /// Adds the further blocks of a cell.
     #[cold]
     #[inline(never)]
     fn follow(&self, mut link: u32, candidates: &mut Candidates) {
         while link > 7 {
             candidates.reserve(1);
-            // SAFETY: there is room.
+            // SAFETY: space for a block has just been reserved.
             link = unsafe { candidates.push(&self.blocks[(link >> 3) as usize], true) };
         }
     }
 }
 
-/// A part of the grid, and the slots that were in it when they were sorted.
+/// A part of the grid, and the slots that were in it when slots were last sorted.
 pub(super) struct Part<'a> {
-    /// Its first cell.
+    /// The first cell of the part.
     first: usize,
     blocks: &'a mut [Block],
     slots: Range<u32>,
@@ -400,38 +414,38 @@ pub(super) struct Part<'a> {
 }
 
 impl Part<'_> {
-    /// Empties its cells, and registers its slots; `path` tells where the path of a slot begins, its
-    /// displacement and its extent. Sets the least cell that each slot is registered in. Adds to `left`
-    /// (cell, slot) for which there is no room in the part.
+    /// Empties the cells of the part and registers its slots. `path` returns the start of the path of a slot,
+    /// its displacement and its extent. Sets the lowest cell in which each slot is registered. Adds to
+    /// `leftover` the (cell, slot) whose cell is full or in another part.
     #[inline(always)]
     pub fn fill(
         self,
         axes: &Axes,
         path: impl Fn(u32) -> ([i32; 3], [f32; 3], f32),
-        left: &mut Vec<(u32, u32)>,
+        leftover: &mut Vec<(u32, u32)>,
     ) {
         for block in self.blocks.iter_mut() {
             block.link = 0;
         }
         for (slot, lowest) in self.slots.zip(self.lowest) {
             let (x, v, extent) = path(slot);
-            let mut least = usize::MAX;
+            let mut first_cell = usize::MAX;
             trace::<true>(axes, x, v, 1.0, extent, |cell| {
-                least = least.min(cell);
+                first_cell = first_cell.min(cell);
                 match self.blocks.get_mut(cell.wrapping_sub(self.first)) {
                     Some(block) if block.link < ENTRIES as u32 => {
                         block.entries[block.link as usize] = slot;
                         block.link += 1;
                     }
-                    _ => left.push((cell as u32, slot)),
+                    _ => leftover.push((cell as u32, slot)),
                 }
             });
-            *lowest = least as u32;
+            *lowest = first_cell as u32;
         }
     }
 }
 
-/// The box around a path, in cells.
+/// The bounding box of a path [cells].
 #[derive(Debug, Clone, Copy)]
 struct PathBox {
     low: [f32; 4],
@@ -439,22 +453,22 @@ struct PathBox {
 }
 
 impl PathBox {
-    /// The box around the path from `x`, the `part` of the displacement `v` [length] long.
+    /// The bounding box of the path that leads from `x` by the `fraction` of the displacement `v` [length].
     #[inline(always)]
-    fn new(axes: &Axes, x: [i32; 3], v: [f32; 3], part: f32) -> Self {
+    fn new(axes: &Axes, x: [i32; 3], v: [f32; 3], fraction: f32) -> Self {
         let v = [v[0], v[1], v[2], 0.0];
-        let place = axes.grid_coordinates(x);
+        let start = axes.grid_coordinates(x);
         let (mut low, mut high) = ([0.0; 4], [0.0; 4]);
         for k in 0..4 {
-            let way = v[k] * part * axes.cells[k];
-            low[k] = place[k] + if way < 0.0 { way } else { 0.0 };
-            high[k] = place[k] + if way > 0.0 { way } else { 0.0 };
+            let displacement = v[k] * fraction * axes.cells[k];
+            low[k] = start[k] + if displacement < 0.0 { displacement } else { 0.0 };
+            high[k] = start[k] + if displacement > 0.0 { displacement } else { 0.0 };
         }
         Self { low, high }
     }
 
-    /// First cell, counted on beyond the edges, and number of cells per axis, of the box and `reach` [length]
-    /// around it.
+    /// First cell and number of cells per axis of this box, extended by `reach` [length] to all sides. The
+    /// numbers of cells continue beyond the edges.
     #[inline(always)]
     fn span(&self, axes: &Axes, reach: f32) -> ([i32; 4], [i32; 3]) {
         let (mut low, mut high) = ([0.0; 4], [0.0; 4]);
@@ -469,12 +483,12 @@ impl PathBox {
     }
 }
 
-/// Visits all cells of a block of cells, wherever it lies.
+/// Visits all cells of a box of cells, which can extend beyond the edges of the grid.
 #[inline(always)]
 fn for_each_cell(axes: &Axes, low: [i32; 4], count: [i32; 3], mut visit: impl FnMut(usize)) {
     let n = axes.n;
     let start = axes.fold(low);
-    let wrapped = |at: i32, axis: usize| if at >= n[axis] { at - n[axis] } else { at };
+    let wrapped = |c: i32, axis: usize| if c >= n[axis] { c - n[axis] } else { c };
     for z in 0..count[2] {
         let plane = wrapped(start[2] + z, 2) * n[1];
         for y in 0..count[1] {
@@ -486,67 +500,69 @@ fn for_each_cell(axes: &Axes, low: [i32; 4], count: [i32; 3], mut visit: impl Fn
     }
 }
 
-/// Visits the cells within `extent` [length] of the path from `x`, the `part` of the displacement `v`
-/// [length] long; without an extent, the cell of `x` only if `FIRST`.
+/// Visits the cells of the path that leads from `x` by the `fraction` of the displacement `v` [length].
+///
+/// With an `extent` [length] greater than 0, these are all cells within this distance of its bounding box.
+/// Otherwise the cell of `x` is visited only with `FIRST`.
 #[inline(always)]
 fn trace<const FIRST: bool>(
     axes: &Axes,
     x: [i32; 3],
     v: [f32; 3],
-    part: f32,
+    fraction: f32,
     extent: f32,
     mut visit: impl FnMut(usize),
 ) {
     if extent > 0.0 {
-        let (low, count) = PathBox::new(axes, x, v, part).span(axes, extent);
+        let (low, count) = PathBox::new(axes, x, v, fraction).span(axes, extent);
         return for_each_cell(axes, low, count, visit);
     }
     let v = [v[0], v[1], v[2], 0.0];
     let from = axes.grid_coordinates(x);
-    let (mut way, mut to) = ([0.0; 4], [0.0; 4]);
+    let (mut displacement, mut to) = ([0.0; 4], [0.0; 4]);
     for k in 0..4 {
-        way[k] = v[k] * part * axes.cells[k];
-        to[k] = from[k] + way[k];
+        displacement[k] = v[k] * fraction * axes.cells[k];
+        to[k] = from[k] + displacement[k];
     }
     let (first, last) = (axes.cells(from), axes.cells(to));
     if FIRST {
         visit(axes.index(axes.fold(first)));
     }
     if last != first {
-        // Mostly a single face is crossed.
+        // In most cases a single face is crossed.
         let faces = |k: usize| last[k].abs_diff(first[k]);
         if faces(0) + faces(1) + faces(2) == 1 {
             visit(axes.index(axes.fold(last)));
         } else {
-            trace_on(axes, from, way, first, last, visit);
+            trace_rest(axes, from, displacement, first, last, visit);
         }
     }
 }
 
-/// The rest of a path that leaves its first cell.
+/// Visits the cells of a path after its first cell.
 #[inline(never)]
-fn trace_on(
+fn trace_rest(
     axes: &Axes,
     from: [f32; 4],
-    way: [f32; 4],
+    displacement: [f32; 4],
     first: [i32; 4],
     last: [i32; 4],
     mut visit: impl FnMut(usize),
 ) {
-    // Part of the way to the next face on each axis, and from face to face.
-    let (mut next, mut every) = ([f32::INFINITY; 3], [0.0; 3]);
-    let mut left = [0; 3];
+    // For each axis: the fraction of the path up to the next face, and between two faces.
+    let (mut next, mut interval) = ([f32::INFINITY; 3], [0.0; 3]);
+    let mut remaining = [0; 3];
     for axis in 0..3 {
         if last[axis] != first[axis] {
-            left[axis] = last[axis].abs_diff(first[axis]);
-            let part = from[axis] - first[axis] as f32;
-            let gap = if way[axis] > 0.0 { 1.0 - part } else { part };
-            every[axis] = 1.0 / way[axis].abs();
-            next[axis] = gap * every[axis];
+            remaining[axis] = last[axis].abs_diff(first[axis]);
+            let within = from[axis] - first[axis] as f32;
+            let gap = if displacement[axis] > 0.0 { 1.0 - within } else { within };
+            interval[axis] = 1.0 / displacement[axis].abs();
+            next[axis] = gap * interval[axis];
         }
     }
     let mut cell = first;
-    for _ in 0..left[0] + left[1] + left[2] {
+    for _ in 0..remaining[0] + remaining[1] + remaining[2] {
         let axis = if next[0] <= next[1] && next[0] <= next[2] {
             0
         } else if next[1] <= next[2] {
@@ -554,9 +570,9 @@ fn trace_on(
         } else {
             2
         };
-        cell[axis] += if way[axis] > 0.0 { 1 } else { -1 };
-        left[axis] -= 1;
-        next[axis] = if left[axis] > 0 { next[axis] + every[axis] } else { f32::INFINITY };
+        cell[axis] += if displacement[axis] > 0.0 { 1 } else { -1 };
+        remaining[axis] -= 1;
+        next[axis] = if remaining[axis] > 0 { next[axis] + interval[axis] } else { f32::INFINITY };
         visit(axes.index(axes.fold(cell)));
     }
 }

@@ -1,18 +1,19 @@
 /*!
-The filter: which pairs may touch within the window.
+The filter: it selects the pairs that could touch within the window.
 
-With r and v of a pair at the start of the window (v: displacement within it), f(θ) = |r + v θ|² − σ² for 0 ≤
-θ ≤ 1. The pair may touch after θ₀ if f has a root at all and one of [θ₀, 1] lies between or beyond its roots:
+Let r be the relative position of a pair at the start of the window, v its relative displacement within the
+window, and f(θ) = |r + v θ|² − σ² for 0 ≤ θ ≤ 1. The pair could touch at or after θ₀ if f has real roots, the
+first root is not after θ = 1, and the second root is not before θ = θ₀:
 
 ```text
 f(θ) = c + 2 b θ + v² θ²,   c = r² − σ²,  b = r·v
-b² ≥ c v²                        there are roots
-−b ≤ v²   or  f(1)  ≤ 0          the first is not after the end
-−b ≥ θ₀v² or  f(θ₀) ≤ 0          the second is not before the beginning
+b² ≥ c v²                        f has real roots
+−b ≤ v²   or  f(1)  ≤ 0          the first root is not after the end
+−b ≥ θ₀v² or  f(θ₀) ≤ 0          the second root is not before the start
 ```
 
-σ is widened by a [`margin`] for all that single precision rounds. No pair is rejected by the sign of r·v
-alone: whether a touching pair approaches is for the exact prediction to say.
+σ is widened by a [`margin`] that covers the rounding in single precision. No pair is rejected by the sign of
+r·v alone: the exact prediction decides whether a touching pair approaches.
 */
 
 use super::{
@@ -24,33 +25,35 @@ use crate::{
     features::Features,
 };
 
-/// Part by which contact distances are widened at least: 10⁻³ costs 0.3 % more exact predictions.
-const LEAST_MARGIN: f64 = 1e-3;
-/// What the squares of long ways round off, in squares of the way: 1.5 of f32's ε. From ways of 150 on, the
-/// least margin alone was seen to miss grazing contacts.
+/// Smallest relative widening of contact distances: 10⁻³ costs 0.3 % more exact predictions.
+const MIN_MARGIN: f64 = 1e-3;
+/// Rounding error of the squared relative displacement, relative to that square: 1.5 times the ε of `f32`.
+/// Without this term the filter rejects grazing contacts beyond displacements of 150 contact distances
+/// (benches/record/throughput.md).
 const ROUNDING: f64 = 1.8e-7;
-/// The farthest that particles may go within a window [least contact distances]: the margin stays below 5 %,
-/// …
-pub(super) const FARTHEST: f64 = 250.0;
-/// … and how far they may go at little more than the least margin.
-pub(super) const NEAR: f64 = 25.0;
+/// Largest displacement of a particle within a window [smallest contact distances]: up to here the margin
+/// without the rounding of coordinates is below 5 %.
+pub(super) const MAX_DISPLACEMENT: f64 = 250.0;
+/// Displacement [smallest contact distances] up to which this margin is below 1.5 times [`MIN_MARGIN`].
+pub(super) const SHORT_DISPLACEMENT: f64 = 25.0;
 
-/// Factor by which contact distances are widened if no particle moves further than this within the window
-/// [least contact distances], and coordinates are rounded by so much. Two come apart at twice the speed of
-/// one.
-pub(super) fn margin(farthest: f64, rounding: f64) -> f32 {
-    let way = 2.0 * farthest;
-    (1.0 + LEAST_MARGIN + ROUNDING * way * way + rounding) as f32
+/// Factor by which contact distances are widened if no particle is displaced by more than `displacement`
+/// within the window, and coordinates have a rounding error of up to `rounding` [both in smallest contact
+/// distances].
+pub(super) fn margin(displacement: f64, rounding: f64) -> f32 {
+    // The relative displacement of two particles is up to twice that of one.
+    let relative = 2.0 * displacement;
+    (1.0 + MIN_MARGIN + ROUNDING * relative * relative + rounding) as f32
 }
 
-/// A particle whose partners are looked for.
+/// A particle whose partners are searched for.
 #[derive(Debug, Clone, Copy, Default)]
 pub(super) struct Query {
     pub slot: u32,
     pub compact: CompactParticle,
-    /// Where it is at the start of the search [coordinates].
+    /// Position at the start of the search [coordinates].
     pub start: [i32; 3],
-    /// Start of the search, as a part of the window.
+    /// Start of the search, as a fraction of the window.
     pub from: f32,
 }
 
@@ -59,9 +62,9 @@ pub(super) struct Query {
 pub(super) struct Scratch {
     candidates: Candidates,
     masks: Vec<u8>,
-    /// Candidate pairs: the number of a search, and the slot that it has found.
+    /// Pairs that have passed the filter: the index of a query, and the slot found by its search.
     pub pairs: Vec<(u32, u32)>,
-    /// What has been done so far.
+    /// Work done so far.
     pub work: Work,
 }
 
@@ -70,7 +73,8 @@ impl Scratch {
         Self { candidates: Candidates::new(), masks: Vec::new(), pairs: Vec::new(), work: Work::default() }
     }
 
-    /// Collects the pairs of so many vectors from their masks, which are followed by a word of zeros at least.
+    /// Adds the pairs of this many vectors from their masks, which are followed by at least one word of
+    /// zeros.
     #[cfg(target_arch = "x86_64")]
     #[inline(always)]
     fn collect(&mut self, vectors: usize) {
@@ -84,24 +88,25 @@ impl Scratch {
                 let k = word * 64 + bits.trailing_zeros() as usize;
                 bits &= bits - 1;
                 debug_assert!(k < slots.len() && count < pairs.capacity());
-                // SAFETY: no vector beyond those counted has a bit, and there is room for a hit of every
-                // slot.
+                // SAFETY: no mask beyond these vectors has a bit set, so that `k` is an index of `slots` and
+                // `k / LANES` an index of `owner`; `pairs` has capacity for one more pair per slot.
                 unsafe {
                     to.add(count).write((*owner.get_unchecked(k / LANES), *slots.get_unchecked(k)));
                 }
                 count += 1;
             }
         }
-        // SAFETY: so many have been written.
+        // SAFETY: the loop has written all pairs up to `count`.
         unsafe { pairs.set_len(count) };
     }
 }
 
-/// Finds all particles that the queries may touch in what is left of the window, each once per query. With the
-/// `lowest` cell of every slot and `HALF` set, of two that may touch the one whose lowest cell comes first
-/// finds the other, which is enough if all are searched.
+/// Finds all particles that the queries could touch in the rest of the window.
 ///
-/// With `VECTORS` set the caller must be compiled for AVX2 and FMA, and run where they exist.
+/// With `HALF`, a pair is found only by the query of its particle with the lower cell in `lowest`, the lowest
+/// cell that each slot is registered in. Every pair is found if all particles are queried.
+///
+/// With `VECTORS`, the caller must be compiled for AVX2 and FMA, and run on a processor that has them.
 #[inline(always)]
 pub(super) fn search<F: Features, const HALF: bool, const VECTORS: bool>(
     particles: &[CompactParticle],
@@ -125,7 +130,7 @@ pub(super) fn search<F: Features, const HALF: bool, const VECTORS: bool>(
     scratch.work.blocks += std::mem::take(&mut scratch.candidates.blocks);
     if VECTORS {
         #[cfg(target_arch = "x86_64")]
-        // SAFETY: the caller has the features.
+        // SAFETY: the caller guarantees that the processor has AVX2 and FMA.
         unsafe {
             avx2::filter::<F>(particles, cells.axes.unit, queries, scratch);
         }
@@ -139,26 +144,27 @@ pub(super) fn search<F: Features, const HALF: bool, const VECTORS: bool>(
             }
         }
     }
-    // Who is registered in several cells has been met several times. Most of them are found among the last
-    // few, without a branch; those who are not are predicted twice, which does no harm.
+    // A particle that is registered in several cells can be found several times. Most repetitions are among
+    // the last four pairs and are removed here without a branch. The others are predicted twice, which is
+    // harmless: the second event is dropped as invalidated.
     let pairs = &mut scratch.pairs;
     let mut last = [u64::MAX; 4];
     let mut kept = 0;
     for k in 0..pairs.len() {
         let pair @ (search, slot) = pairs[k];
         let key = u64::from(search) << 32 | u64::from(slot);
-        let known = last.iter().fold(0, |known, &before| known | u8::from(before == key));
+        let repeated = last.iter().fold(0, |repeated, &before| repeated | u8::from(before == key));
         let own = queries[search as usize].slot;
         let below = HALF && (lowest[slot as usize], slot) < (lowest[own as usize], own);
         last[k % 4] = key;
         pairs[kept] = pair;
-        kept += usize::from(known | u8::from(below) == 0);
+        kept += usize::from(repeated | u8::from(below) == 0);
     }
     pairs.truncate(kept);
 }
 
 /// The filter for one candidate: the scalar reference of the vector filter.
-#[expect(clippy::neg_cmp_op_on_partial_ord, reason = "what is not a number passes")]
+#[expect(clippy::neg_cmp_op_on_partial_ord, reason = "NaN passes")]
 #[inline(always)]
 fn passes<F: Features>(other: &CompactParticle, unit: [f32; 3], query: &Query) -> bool {
     let own = &query.compact;
@@ -177,9 +183,9 @@ fn passes<F: Features>(other: &CompactParticle, unit: [f32; 3], query: &Query) -
     let begin = c + query.from * (two + query.from * vv);
     let first = (-b - vv).min(end);
     let second = (query.from * vv + b).min(begin);
-    // Overflow makes a NaN: not greater than zero, so it passes.
-    let worst = (c * vv - b * b).max(first).max(second);
-    !(worst > 0.0)
+    // An overflow leads to NaN, which is not greater than zero: the pair passes.
+    let largest = (c * vv - b * b).max(first).max(second);
+    !(largest > 0.0)
 }
 
 #[cfg(target_arch = "x86_64")]
@@ -194,8 +200,9 @@ mod avx2 {
     use super::{Features, LANES, Query, Scratch};
     use crate::compact::{CompactParticle, avx2::load_whole};
 
-    /// Eight candidates at a time: their particles are loaded whole and transposed in registers. What has
-    /// passed is looked at after all are tested, so that no test waits for a branch on the one before.
+    /// Tests eight candidates at a time: their particles are loaded whole and transposed in registers. The
+    /// masks are evaluated after all tests: with a branch on each mask windows reached 0.86 instead of 1.09
+    /// million collisions per second (benches/record/throughput.md).
     #[target_feature(enable = "avx2,fma")]
     #[inline]
     pub(super) fn filter<F: Features>(
@@ -221,7 +228,7 @@ mod avx2 {
         scratch.collect(vectors);
     }
 
-    /// Which of eight slots pass.
+    /// The mask of those of eight slots that pass.
     #[target_feature(enable = "avx2,fma")]
     #[inline]
     fn test<F: Features>(
@@ -231,7 +238,8 @@ mod avx2 {
         slots: &[u32],
     ) -> u8 {
         let own = &query.compact;
-        // SAFETY: what is registered in cells is a slot; `slots` are eight.
+        // SAFETY: cells hold only indices of slots, which are indices of `particles`; `slots` has eight
+        // elements.
         let others = unsafe { load_whole(particles, slots) };
         let difference = |axis: usize| {
             let r = _mm256_sub_epi32(others.x[axis], _mm256_set1_epi32(own.x[axis]));
@@ -254,17 +262,17 @@ mod avx2 {
         let c = _mm256_fnmadd_ps(sigma, sigma, rr);
         let two = _mm256_add_ps(b, b);
         let end = _mm256_add_ps(c, _mm256_add_ps(two, vv));
-        let minus = _mm256_sub_ps(zero, _mm256_add_ps(b, vv));
-        let first = _mm256_min_ps(minus, end);
+        let minus_slope = _mm256_sub_ps(zero, _mm256_add_ps(b, vv));
+        let first = _mm256_min_ps(minus_slope, end);
         let begin = _mm256_fmadd_ps(from, _mm256_fmadd_ps(from, vv, two), c);
         let second = _mm256_min_ps(_mm256_fmadd_ps(from, vv, b), begin);
-        let none = _mm256_fmsub_ps(c, vv, _mm256_mul_ps(b, b));
-        let worst = _mm256_max_ps(_mm256_max_ps(first, second), none);
-        let pass = _mm256_cmp_ps::<_CMP_NGT_UQ>(worst, zero);
-        // SAFETY: `slots` are eight.
+        let no_root = _mm256_fmsub_ps(c, vv, _mm256_mul_ps(b, b));
+        let largest = _mm256_max_ps(_mm256_max_ps(first, second), no_root);
+        let pass = _mm256_cmp_ps::<_CMP_NGT_UQ>(largest, zero);
+        // SAFETY: `slots` has eight elements.
         let slots = unsafe { _mm256_loadu_si256(slots.as_ptr().cast()) };
-        let me = _mm256_castsi256_ps(_mm256_cmpeq_epi32(slots, _mm256_set1_epi32(query.slot as i32)));
-        _mm256_movemask_ps(_mm256_andnot_ps(me, pass)) as u8
+        let own_slot = _mm256_castsi256_ps(_mm256_cmpeq_epi32(slots, _mm256_set1_epi32(query.slot as i32)));
+        _mm256_movemask_ps(_mm256_andnot_ps(own_slot, pass)) as u8
     }
 }
 

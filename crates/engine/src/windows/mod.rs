@@ -1,14 +1,15 @@
 /*!
-The engine of time windows: no crossings, and memory is streamed.
+The scheduler for time windows: it has no cell crossings, and it reads memory in order.
 
-Time is cut into windows. At the start of one, every particle is registered in the cells along its path
-through it ([`cells`]), and pairs that may touch before its end are found cell by cell ([`filter`]) and
-predicted from their anchors ([`exact`]). Contacts within the window, all of them, go to the queue. Events
-run in order; particles that have had one are registered along their new paths and predicted anew, up to the
-window's end. A stale event needs no successor: whatever else its particles may meet is in the queue already.
+Time is divided into windows. At the start of a window, every particle is registered in all cells that its
+path through the window touches ([`cells`]). Pairs that could touch before the window ends are found cell by
+cell ([`filter`]) and predicted from their anchors ([`narrow_phase`]). All contacts within the window are
+added to the queue. Events are resolved in the order of time. The particles of an event are registered along
+their new paths and predicted again, up to the end of the window. An invalidated event needs no successor: all
+other contacts of its particles are already in the queue.
 
-Particles stand in *slots*, sorted by cell every few windows, so that what is near in space is near in memory.
-How long windows are and how wide cells is tuned on the way ([`tune`]).
+Particles are stored in *slots*, which are sorted by cell every few windows, so that neighbors in space are
+close in memory. The length of windows and the width of cells are tuned during the run ([`tune`]).
 */
 
 mod axes;
@@ -20,6 +21,7 @@ mod opening;
 mod random;
 mod space;
 mod tune;
+mod walls;
 mod window_event;
 
 use std::marker::PhantomData;
@@ -45,74 +47,84 @@ use cells::{Cells, NearestCells};
 use filter::{Query, Scratch};
 use space::Space;
 use tune::{Tuner, Work};
+use walls::Planes;
 use window_event::{Contact, WindowEvent};
 
-/// Events ahead for which particles are prefetched, and the contents of their slots.
-const PARTICLES: usize = 20;
-const SLOTS: usize = 14;
-/// Events ahead for which cells are prefetched, and by how many fewer the compact particles in them.
-const CELLS: usize = 9;
-const TURNS: usize = 5;
-/// Part of the least contact distance that the rounding of coordinates may come to.
-const MOST_ROUNDING: f64 = 0.02;
-/// Windows are chosen with at most so many walls, …
-const FEW_WALLS: usize = 16;
-/// … where no particle is faster than the mean by more than this factor, which would make windows short, …
-const OUTLIER: f64 = 30.0;
-/// … and where the nearest image allows ways of so many mean distances of particles, so that the fastest do
-/// not make windows short.
-const ROOM: f64 = 0.5;
+/// Particles are prefetched for the event that is this many events ahead.
+const PARTICLES_AHEAD: usize = 20;
+/// Slots are prefetched for the event that is this many events ahead.
+const SLOTS_AHEAD: usize = 14;
+/// Cells are prefetched for the event that is this many events ahead.
+const CELLS_AHEAD: usize = 9;
+/// Length of the ring of cells. The compact particles in a set of cells are prefetched when the set is the
+/// oldest of the ring.
+const RING: usize = 5;
+/// Largest rounding error of coordinates, as a fraction of the smallest contact distance.
+const MAX_ROUNDING: f64 = 0.02;
+/// Windows are profitable with at most this many walls.
+const MAX_WALLS: usize = 16;
+/// Windows are profitable if no particle is faster than the mean speed by more than this factor: the fastest
+/// particle limits the length of windows.
+const MAX_SPEED_RATIO: f64 = 30.0;
+/// Windows are profitable if the nearest image allows displacements of at least this many mean distances
+/// between neighboring particles. With a smaller limit, windows would be short.
+const MIN_DISPLACEMENT: f64 = 0.5;
 
-/// A window ends early after so many searches for each particle, and so many more: each event adds a particle
-/// to the cells along its new path, and a few particles that collide very often would fill theirs with copies
-/// of themselves.
+/// A window ends early after this many searches per particle, plus [`SEARCHES`]. Each event registers a
+/// particle again along its new path, so that a few particles that collide very often would fill their cells
+/// with repeated entries.
 const SEARCHES_PER_PARTICLE: u64 = 4;
+/// See [`SEARCHES_PER_PARTICLE`].
 const SEARCHES: u64 = 1000;
 
 /// The scheduler for one set of features.
 pub(crate) struct Windows<F> {
     kernel: Kernel,
     geometry: Geometry,
-    /// Least radius [length].
-    least: f64,
-    /// Acceleration of all [length/time²].
+    /// Smallest radius [length].
+    smallest_radius: f64,
+    /// Acceleration of all particles [length/time²].
     gravity: DVec3,
     space: Space<F>,
-    /// Slot of every particle.
+    /// Slot of each particle.
     slot_of: Vec<u32>,
     queue: WindowQueue<WindowEvent>,
     /// Contacts found by the batch phase.
     found: Vec<WindowEvent>,
-    /// When the window began [ticks], and its length [time].
+    /// Start of the window [ticks].
     begin: i64,
+    /// Length of the window [time].
     step: f64,
-    /// Mean distance of particles where they are [length].
+    /// Mean distance between neighboring particles at the local density [length].
     spacing: f64,
-    /// Mean path in the window [spacings], and the width that the cells were made for.
+    /// Mean length of a path in the window [spacings].
     path: f64,
+    /// Width that the cells were made for [spacings].
     width: f64,
-    /// Displacement in the window beyond which the nearest image may be the wrong one, or the margin too
-    /// small [length].
-    farthest: f32,
+    /// Largest displacement in the window [length]. Beyond it the nearest image could be the wrong one, or
+    /// the margin of the filter too small.
+    max_displacement: f32,
     tuner: Tuner,
-    /// Searches after which the present window ends early.
-    last_search: u64,
-    /// Windows since the copies were made, and how many there shall be.
-    opened: u64,
-    last_window: u64,
-    /// The cells around the events to come, one after the other, and whose turn it is.
-    around: [NearestCells; TURNS],
-    turn: usize,
+    /// Total number of searches after which the present window ends early.
+    search_limit: u64,
+    /// Number of windows since the slots were filled from the anchors.
+    fill_age: u64,
+    /// Number of windows after which the slots are filled again.
+    fill_interval: u64,
+    /// Ring buffer of the prefetched cells around coming events.
+    cell_ring: [NearestCells; RING],
+    /// Index of its oldest element.
+    ring_position: usize,
     scratch: Scratch,
-    /// Work up to when the copies were made, before the present window's.
-    judged: Work,
-    /// Work since then that opening windows has taken.
-    opening: Work,
+    /// Work up to the last update of the tuner.
+    tuned_work: Work,
+    /// The part of the work since then that was spent on opening windows.
+    opening_work: Work,
     /// Work that has been added to the counters of the state.
     counted: Work,
 }
 
-/// Why windows cannot simulate a system, or nothing.
+/// The reason why windows cannot simulate a system; `None` if they can.
 pub(crate) fn unsuitable(system: &System, summary: &SystemSummary) -> Option<String> {
     let axes = system.dimension.count();
     let largest = summary.largest;
@@ -135,7 +147,7 @@ pub(crate) fn unsuitable(system: &System, summary: &SystemSummary) -> Option<Str
             Boundary::Periodic | Boundary::Wall => {}
         }
         let periodic = system.domain.boundary[axis] == Boundary::Periodic;
-        if axes::rounding(system.domain.size[axis], periodic, summary.least) > MOST_ROUNDING {
+        if axes::rounding(system.domain.size[axis], periodic, summary.least) > MAX_ROUNDING {
             return Some(format!(
                 "an edge of {} is too long for the least radius, {}",
                 system.domain.size[axis], summary.least
@@ -145,23 +157,24 @@ pub(crate) fn unsuitable(system: &System, summary: &SystemSummary) -> Option<Str
     None
 }
 
-/// Whether windows support a state of a system that is not [unsuitable]: under gravity all particles have to
-/// fall.
+/// Whether windows support this state of a system for which [`unsuitable`] returns `None`: under gravity all
+/// particles must be falling.
 pub(crate) fn supports(world: &World) -> bool {
     world.gravity == DVec3::ZERO || world.resting == 0
 }
 
-/// Whether windows are likely to be the fastest for a state that they support and that is not dense.
+/// Whether windows are likely to be the fastest scheduler for a state that they support and that is not
+/// dense.
 pub(crate) fn is_profitable(system: &System, summary: &SystemSummary, density: &LocalDensity) -> bool {
-    let room = ROOM * summary.spacing(density.packing);
-    let is_roomy = |axis: usize| {
+    let displacement = MIN_DISPLACEMENT * summary.spacing(density.packing);
+    let allows_displacement = |axis: usize| {
         system.domain.boundary[axis] != Boundary::Periodic
-            || 0.5 * NEAREST * system.domain.size[axis] - summary.largest >= room
+            || 0.5 * NEAREST * system.domain.size[axis] - summary.largest >= displacement
     };
     summary.count >= particles::WINDOWS
-        && system.walls.len() <= FEW_WALLS
-        && density.is_even(OUTLIER)
-        && (0..system.dimension.count()).all(is_roomy)
+        && system.walls.len() <= MAX_WALLS
+        && density.speeds_are_within(MAX_SPEED_RATIO)
+        && (0..system.dimension.count()).all(allows_displacement)
 }
 
 impl<F: Features> Windows<F> {
@@ -175,12 +188,12 @@ impl<F: Features> Windows<F> {
         let count = summary.count;
         let mut queue = WindowQueue::default();
         if count > particles::PREFETCH_WINDOWS {
-            queue.keep_sorted(PARTICLES + 1);
+            queue.keep_sorted(PARTICLES_AHEAD + 1);
         }
         Self {
             kernel,
             geometry: geometry.clone(),
-            least: summary.least,
+            smallest_radius: summary.least,
             gravity: system.domain.gravity,
             space: Space {
                 cells: Cells::default(),
@@ -192,6 +205,7 @@ impl<F: Features> Windows<F> {
                 end: 0,
                 common_radius: 0.0,
                 contacts: 0,
+                planes: Planes::default(),
                 features: PhantomData,
             },
             slot_of: vec![0; count],
@@ -202,24 +216,28 @@ impl<F: Features> Windows<F> {
             spacing: summary.spacing(density.packing),
             path: 0.0,
             width: 0.0,
-            farthest: 0.0,
+            max_displacement: 0.0,
             tuner: Tuner::new(density.packing, system.dimension.count(), count),
-            last_search: 0,
-            opened: 0,
-            last_window: 0,
-            around: [NearestCells::default(); TURNS],
-            turn: 0,
+            search_limit: 0,
+            fill_age: 0,
+            fill_interval: 0,
+            cell_ring: [NearestCells::default(); RING],
+            ring_position: 0,
             scratch: Scratch::new(),
-            judged: Work::default(),
-            opening: Work::default(),
+            tuned_work: Work::default(),
+            opening_work: Work::default(),
             counted: Work::default(),
         }
     }
 
-    /// Takes the new flight of a particle, and enters what it will meet. False if it has become too fast for
-    /// the window.
+    /// Updates particles after a change of their flights, and adds their contacts to the queue. Returns false
+    /// if one of them has become too fast for the window.
     #[inline(always)]
-    fn renew<const K: usize, const VECTORS: bool>(&mut self, world: &World, bodies: [u32; K]) -> bool {
+    fn predict_again<const K: usize, const VECTORS: bool>(
+        &mut self,
+        world: &World,
+        bodies: [u32; K],
+    ) -> bool {
         let mut queries = [Query::default(); K];
         for (query, body) in queries.iter_mut().zip(bodies) {
             *query = self.update(world, body);
@@ -236,8 +254,8 @@ impl<F: Features> Windows<F> {
         };
         self.space.predict::<false, VECTORS>(world, &queries, &mut self.scratch, push);
         // Register after searching: a search that reads a line just written in parts stalls on store
-        // forwarding. At their present positions the particles are registered already, because their old
-        // paths ended there.
+        // forwarding. In the cells of their present positions the particles are already registered, because
+        // their old paths ended there.
         for query in &queries {
             self.register(query);
         }
@@ -256,10 +274,10 @@ impl<F: Features> Windows<F> {
     /// Whether a particle is too fast for the window.
     #[inline(always)]
     fn is_too_fast(&self, query: &Query) -> bool {
-        !query.compact.is_within(self.farthest * self.farthest)
+        !query.compact.is_within(self.max_displacement * self.max_displacement)
     }
 
-    /// Copies the new flight of particle i into its slot; how it is looked from now.
+    /// Copies the new flight of particle i to its slot. Returns the query for its partners from now on.
     #[inline(always)]
     fn update(&mut self, world: &World, i: u32) -> Query {
         let particle = &world.particles[i as usize];
@@ -267,45 +285,45 @@ impl<F: Features> Windows<F> {
         let from = ((particle.time - self.begin) as f64 * (world.clock.tick / self.step)) as f32;
         let (mut position, mut velocity) = (particle.position, particle.velocity);
         if F::GRAVITY {
-            // In the frame that has been falling since the window began all paths are straight.
-            let fallen = (particle.time - self.begin) as f64 * world.clock.tick;
-            position -= self.gravity * (0.5 * fallen * fallen);
-            velocity -= self.gravity * fallen;
+            // In the frame that has been falling since the window began, all paths are straight.
+            let elapsed = (particle.time - self.begin) as f64 * world.clock.tick;
+            position -= self.gravity * (0.5 * elapsed * elapsed);
+            velocity -= self.gravity * elapsed;
         }
         let (velocity, position) = (velocity.to_array(), position.to_array());
-        let (mut v, mut place) = ([0.0; 3], [0; 3]);
+        let (mut v, mut start) = ([0.0; 3], [0; 3]);
         for axis in 0..3 {
             v[axis] = (velocity[axis] * self.step) as f32;
-            place[axis] = self.space.cells.axes.coordinate(axis, position[axis]);
+            start[axis] = self.space.cells.axes.coordinate(axis, position[axis]);
         }
-        let back = self.space.cells.axes.displacement(v, from);
+        let displacement = self.space.cells.axes.displacement(v, from);
         self.space.anchors[slot as usize] = *particle;
         let compact = &mut self.space.particles[slot as usize];
         for axis in 0..3 {
-            compact.x[axis] = place[axis].wrapping_sub(back[axis]);
+            compact.x[axis] = start[axis].wrapping_sub(displacement[axis]);
         }
         compact.v = v;
         let compact = *compact;
-        Query { slot, compact, start: place, from }
+        Query { slot, compact, start, from }
     }
 
-    /// The bodies of the collision that is `ahead` events from now in the queue, and its time [ticks].
+    /// The particles of the collision that is `ahead` events from now in the queue, and its time [ticks].
     #[inline(always)]
     fn peek(&self, ahead: usize) -> Option<([u32; 2], i64)> {
         let WindowEvent(entry) = self.queue.upcoming(ahead)?;
         Some(([entry.owner, entry.target.partner()?], entry.time))
     }
 
-    /// Prefetches the particles of the next events, and their slots.
+    /// Prefetches the particles of coming events, and later the contents of their slots.
     #[inline(always)]
     fn prefetch_events(&self, world: &World) {
-        if let Some((bodies, _)) = self.peek(PARTICLES) {
+        if let Some((bodies, _)) = self.peek(PARTICLES_AHEAD) {
             for body in bodies {
                 prefetch_at(&world.particles, body as usize);
                 prefetch_at(&self.slot_of, body as usize);
             }
         }
-        if let Some((bodies, _)) = self.peek(SLOTS) {
+        if let Some((bodies, _)) = self.peek(SLOTS_AHEAD) {
             for body in bodies {
                 let slot = self.slot_of[body as usize] as usize;
                 prefetch_at(&self.space.particles, slot);
@@ -314,48 +332,49 @@ impl<F: Features> Windows<F> {
         }
     }
 
-    /// Prefetches what the searches after the next events will read: the cells around them, later the compact particles
-    /// of the particles in these.
+    /// Prefetches what the searches after coming events will read: the cells around these events, and later
+    /// the compact particles in these cells.
     #[inline(always)]
     fn prefetch_cells(&mut self, world: &World) {
         let Space { cells, particles, .. } = &self.space;
-        let turn = self.turn;
-        self.turn = (turn + 1) % TURNS;
-        if let Some(([body, _], time)) = self.peek(CELLS) {
+        let position = self.ring_position;
+        self.ring_position = (position + 1) % RING;
+        if let Some(([body, _], time)) = self.peek(CELLS_AHEAD) {
             let compact = &particles[self.slot_of[body as usize] as usize];
-            let part = ((time - self.begin) as f64 * (world.clock.tick / self.step)) as f32;
-            let block = cells.around(compact.x, compact.v, part);
-            cells.visit(&block, prefetch);
-            self.around[turn] = block;
+            let fraction = ((time - self.begin) as f64 * (world.clock.tick / self.step)) as f32;
+            let nearest = cells.nearest(compact.x, compact.v, fraction);
+            cells.visit(&nearest, prefetch);
+            self.cell_ring[position] = nearest;
         }
-        // Those of the event that was so far ahead `TURNS` events ago; others may have come between, which
-        // does no harm.
-        cells.visit(&self.around[self.turn], |cell| {
-            for slot in cell.first() {
+        // The oldest cells of the ring. Contacts that were added to the queue since then can have delayed
+        // their event, which is harmless.
+        cells.visit(&self.cell_ring[self.ring_position], |block| {
+            for slot in block.first_entries() {
                 prefetch_at(particles, slot as usize);
             }
         });
     }
 
-    /// Entries that opening a window counts as: it takes time, and the caller watches for signals.
+    /// Number of entries that opening a window counts as: opening takes time, and the caller checks for
+    /// signals whenever the limit of entries is used up.
     fn entries_of_opening(&self) -> u64 {
         1 + self.space.particles.len() as u64 / 16
     }
 
-    /// Whether so many events have been in the window that it shall end early.
+    /// Whether the window has to end early because of too many searches.
     ///
-    /// Tested where an event is dropped and after those of one particle: a few that collide very often have
-    /// many of these, and the others cost nothing by it.
+    /// Tested only after invalidated events and after events that change a single particle: a few particles
+    /// that collide very often cause many of these. For other events the test costs nothing.
     #[inline(always)]
-    fn is_crowded(&self) -> bool {
-        self.scratch.work.searches > self.last_search
+    fn exceeds_search_limit(&self) -> bool {
+        self.scratch.work.searches > self.search_limit
     }
 
-    /// Ends the window, and opens another at the present.
+    /// Ends the window early, and opens the next one at the present.
     #[cold]
     fn reopen(&mut self, world: &World, limit: &mut Limit) {
         limit.entries = limit.entries.saturating_sub(self.entries_of_opening());
-        self.start_afresh(world);
+        self.start_from_anchors(world);
         self.open(world);
     }
 }
@@ -369,7 +388,8 @@ impl<F: Features> Scheduler for Windows<F> {
     }
 
     fn rebuild(&mut self, state: &mut State, _geometry: &Geometry) {
-        self.start_afresh(&state.world);
+        self.space.planes = Planes::new(&state.world);
+        self.start_from_anchors(&state.world);
         self.open(&state.world);
     }
 
@@ -406,7 +426,7 @@ impl<F: Features> Scheduler for Windows<F> {
                 return Next::Event(entry.time, event);
             }
             state.accumulators.counters.dropped += 1;
-            if self.is_crowded() {
+            if self.exceeds_search_limit() {
                 self.reopen(&state.world, limit);
                 if limit.entries == 0 {
                     return Next::Interrupted;
@@ -423,16 +443,16 @@ impl<F: Features> Scheduler for Windows<F> {
         _woken: &[u32],
         limit: &mut Limit,
     ) -> Option<Pause> {
-        let one = match event {
+        let changed = match event {
             Impact::Pair(Collision([i, j])) => {
                 state.world.wrap_anchor(i);
                 state.world.wrap_anchor(j);
                 let world = &state.world;
-                // A body of infinite mass has not changed: its entries in the queue are valid.
+                // A collision does not change a body of infinite mass: its entries in the queue stay valid.
                 let movable = |body: u32| F::UNIFORM || world.class(body).inverse_mass != 0.0;
                 match (movable(i), movable(j)) {
                     (true, true) => {
-                        if !self.renew::<2, VECTORS>(world, [i.min(j), i.max(j)]) {
+                        if !self.predict_again::<2, VECTORS>(world, [i.min(j), i.max(j)]) {
                             self.reopen(world, limit);
                         }
                         return None;
@@ -449,7 +469,7 @@ impl<F: Features> Scheduler for Windows<F> {
                 i
             }
         };
-        if !self.renew::<1, VECTORS>(&state.world, [one]) || self.is_crowded() {
+        if !self.predict_again::<1, VECTORS>(&state.world, [changed]) || self.exceeds_search_limit() {
             self.reopen(&state.world, limit);
         }
         None
@@ -459,17 +479,19 @@ impl<F: Features> Scheduler for Windows<F> {
         for &body in bodies {
             state.world.wrap_anchor(body);
         }
-        // Each renewed particle is registered once more, so that for many a new window costs less.
+        // Each particle that is predicted again is registered once more, so that for many particles a new
+        // window costs less.
         let few = bodies.len() as u64 <= SEARCHES;
-        let renewed = few && bodies.iter().all(|&body| self.renew::<1, false>(&state.world, [body]));
-        if !renewed || self.is_crowded() {
-            self.start_afresh(&state.world);
+        let is_predicted =
+            few && bodies.iter().all(|&body| self.predict_again::<1, false>(&state.world, [body]));
+        if !is_predicted || self.exceeds_search_limit() {
+            self.start_from_anchors(&state.world);
             self.open(&state.world);
         }
     }
 
     fn is_idle(&self) -> bool {
-        // In a closed box there is always a next contact, unless nothing moves, which is tested elsewhere.
+        // In a closed box there is always a next contact, unless nothing moves; the simulation tests that.
         false
     }
 

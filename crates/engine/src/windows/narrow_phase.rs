@@ -1,4 +1,4 @@
-//! The exact prediction of one pair: the same bits as [`crate::predict`] has for it.
+//! The exact prediction of one pair, with the same bits as that of [`crate::predict`].
 
 use glam::DVec3;
 use haff_mechanics::time_to_contact_unscaled;
@@ -10,8 +10,8 @@ use crate::{
     particles::{Particle, World},
 };
 
-/// When two particles with these anchors touch [ticks], for the image that is nearest now; `None` if they do
-/// not.
+/// The time when two particles with these anchors touch [ticks], for the image that is nearest at present;
+/// `None` without contact.
 #[inline(always)]
 pub(super) fn contact<F: Features>(world: &World, a: &Particle, b: &Particle) -> Option<i64> {
     let sigma = if F::UNIFORM {
@@ -26,15 +26,16 @@ pub(super) fn contact<F: Features>(world: &World, a: &Particle, b: &Particle) ->
     };
     let tick = world.clock.tick;
     let now = world.now;
-    // Gravity points along no periodic axis.
-    let here = |p: &Particle| p.position + p.velocity * ((now - p.time) as f64 * tick);
-    let apart = here(b) - here(a);
-    let behind = a.time - b.time;
-    let dt = behind.abs() as f64 * tick;
-    let (dt_a, dt_b) = if behind < 0 { (dt, 0.0) } else { (0.0, dt) };
+    // These positions only select the periodic image. Gravity is left out, since it points along no periodic
+    // axis.
+    let position_now = |p: &Particle| p.position + p.velocity * ((now - p.time) as f64 * tick);
+    let separation_now = position_now(b) - position_now(a);
+    let lag = a.time - b.time;
+    let dt = lag.abs() as f64 * tick;
+    let (dt_a, dt_b) = if lag < 0 { (dt, 0.0) } else { (0.0, dt) };
     let (ra, rb, va, vb);
     if F::GRAVITY {
-        // Both fall alike.
+        // Both particles have the same acceleration, so that their relative motion is straight.
         let g = world.gravity;
         ra = haff_mechanics::free_flight(a.position, a.velocity, g, dt_a);
         rb = haff_mechanics::free_flight(b.position, b.velocity, g, dt_b);
@@ -45,7 +46,7 @@ pub(super) fn contact<F: Features>(world: &World, a: &Particle, b: &Particle) ->
         rb = haff_mechanics::drift(b.position, b.velocity, dt_b);
         (va, vb) = (a.velocity, b.velocity);
     }
-    let r = (rb - ra) + world.periodicity.offset(apart);
+    let r = (rb - ra) + world.periodicity.offset(separation_now);
     let v = vb - va;
     let delay = time_to_contact_unscaled(r, v, sigma * sigma)?;
     let from = a.time.max(b.time);
@@ -56,7 +57,7 @@ pub(super) fn contact<F: Features>(world: &World, a: &Particle, b: &Particle) ->
     (ticks <= LONGEST).then(|| from + whole(ticks))
 }
 
-/// When a particle with this anchor touches a wall [ticks].
+/// The time when a particle with this anchor touches a wall [ticks]; `None` without contact.
 #[inline(always)]
 pub(super) fn wall_contact<F: Features>(
     world: &World,

@@ -1,13 +1,13 @@
-//! How windows are opened: streaming, registration and the batch phase, on all cores.
+//! The opening of windows on all cores: moving of particles, registration, and the batch phase.
 
 use haff_neighbors::{Axis, prefetch_at, with_huge_pages};
 use rayon::prelude::*;
 
 use super::{
     SEARCHES, SEARCHES_PER_PARTICLE, Windows,
-    axes::{self, MOST_WINDOWS},
+    axes::{self, MAX_WINDOWS},
     cells::Cells,
-    filter::{FARTHEST, NEAR, Scratch, margin},
+    filter::{MAX_DISPLACEMENT, SHORT_DISPLACEMENT, Scratch, margin},
     space::{Fall, Space, TASK},
     tune::Work,
     window_event::WindowEvent,
@@ -21,24 +21,25 @@ use crate::{
     tuning::particles::KEEP_CONTACTS,
 };
 
-const LEAST_WINDOWS: u64 = 3;
-/// Searches that a trial of the tuner takes, so that its counts mean something.
+/// Smallest number of windows after which the slots are filled from the anchors again.
+const MIN_WINDOWS: u64 = 3;
+/// Approximate number of searches in a trial of the tuner. The counts of shorter trials are too noisy.
 const TRIAL: u64 = 200_000;
-/// While slots are filled, particles are asked for so many slots ahead.
-const AHEAD: usize = 16;
+/// While slots are filled, the particle for the slot that comes this many slots later is prefetched.
+const SLOTS_AHEAD: usize = 16;
 
 impl<F: Features> Windows<F> {
-    /// Starts a window at the present, from the anchors.
-    pub(super) fn start_afresh(&mut self, world: &World) {
+    /// Starts a window at the present, with slots filled from the anchors.
+    pub(super) fn start_from_anchors(&mut self, world: &World) {
         let count = world.particles.len();
         let [path, width] = self.tuner.values;
         if self.width != width {
             self.width = width;
-            // The old ones go first: they are a tenth of all memory.
+            // The old cells are freed first: they are about a tenth of all memory (benches/record/memory.md).
             self.space.cells = Cells::default();
             self.space.cells = Cells::new(&self.geometry, width * self.spacing, count);
         }
-        // By blocks, so that the sum does not depend on the number of threads.
+        // Summed in fixed blocks, so that the rounding does not depend on the number of threads.
         let blocks: Vec<(f64, f64)> = world
             .particles
             .par_chunks(TASK)
@@ -50,58 +51,62 @@ impl<F: Features> Windows<F> {
                     }
                     velocity.length_squared()
                 });
-                squares.fold((0.0, 0.0), |(sum, most), square| (sum + square, f64::max(most, square)))
+                squares.fold((0.0, 0.0), |(sum, largest), square| (sum + square, f64::max(largest, square)))
             })
             .collect();
-        let (sum, most) = blocks
+        let (sum, largest) = blocks
             .into_iter()
-            .fold((0.0, 0.0), |(sum, most), block| (sum + block.0, f64::max(most, block.1)));
-        let (mut mean_square, fastest) = (sum / count.max(1) as f64, most.sqrt());
+            .fold((0.0, 0.0), |(sum, largest), block| (sum + block.0, f64::max(largest, block.1)));
+        let (mut mean_square, fastest) = (sum / count.max(1) as f64, largest.sqrt());
         if F::GRAVITY {
-            // Particles that have just begun to fall are soon as fast as this.
+            // Particles that start to fall from rest reach this speed within about one spacing.
             mean_square += self.gravity.length() * self.spacing;
         }
         let mean = mean_square.sqrt();
-        // Two particles come apart at twice the speed of one.
-        let contact = 2.0 * self.least;
+        let contact = 2.0 * self.smallest_radius;
         let rounding = (0..3)
             .filter(|&axis| self.geometry.axes[axis] != Axis::Flat)
             .map(|axis| {
                 let periodic = self.geometry.axes[axis] == Axis::Periodic;
-                axes::rounding(self.geometry.size[axis], periodic, self.least)
+                axes::rounding(self.geometry.size[axis], periodic, self.smallest_radius)
             })
             .fold(0.0, f64::max);
-        let widest = 2.0 * self.geometry.radius * f64::from(margin(FARTHEST, rounding));
-        let farthest = (0..3)
+        let largest_contact = 2.0 * self.geometry.radius * f64::from(margin(MAX_DISPLACEMENT, rounding));
+        let limit = (0..3)
             .map(|axis| match self.geometry.axes[axis] {
-                Axis::Periodic => 0.5 * (NEAREST * self.geometry.size[axis] - widest),
-                // There the range of coordinates is the limit.
+                // The relative displacement of two particles is up to twice that of one.
+                Axis::Periodic => 0.5 * (NEAREST * self.geometry.size[axis] - largest_contact),
+                // Without periodic images the range of coordinates is the limit.
                 Axis::Bounded | Axis::Open => NEAREST * self.geometry.size[axis],
                 Axis::Flat => f64::INFINITY,
             })
             .zip(self.space.cells.axes.period)
-            .map(|(farthest, period)| if period > 0.0 { farthest.min(NEAREST * period) } else { farthest })
-            .fold(FARTHEST * contact, f64::min);
-        let windows = (TRIAL / count.max(1) as u64).clamp(LEAST_WINDOWS, MOST_WINDOWS);
-        // The last window has to be short enough for particles that have been falling in all of them.
-        let gain = if F::GRAVITY { self.gravity.length() * (windows + 1) as f64 } else { 0.0 };
-        let longest = longest_step(farthest, HEADROOM * fastest, gain);
+            .map(|(limit, period)| if period > 0.0 { limit.min(NEAREST * period) } else { limit })
+            .fold(MAX_DISPLACEMENT * contact, f64::min);
+        let windows = (TRIAL / count.max(1) as u64).clamp(MIN_WINDOWS, MAX_WINDOWS);
+        // Speed that a falling particle has gained at the end of the last window before the next fill,
+        // divided by the length of a window. That window must be short enough for this speed, too.
+        let speed_gain = if F::GRAVITY { self.gravity.length() * (windows + 1) as f64 } else { 0.0 };
+        let longest = longest_step(limit, HEADROOM * fastest, speed_gain);
         let step = (path * self.spacing / mean).min(longest);
-        // Without motion any window will do.
+        // The length is clamped because a system without motion allows windows of any length.
         let ticks = (step * world.clock.per_time).clamp(1.0, LONGEST_SPAN) as i64;
         self.begin = world.now;
         self.space.end = self.begin + ticks;
         self.step = ticks as f64 * world.clock.tick;
         self.path = mean * self.step / self.spacing;
-        // No further than particles are likely to move: single precision rounds long displacements more.
-        let farthest =
-            farthest.min(((HEADROOM * fastest + gain * self.step) * self.step).max(NEAR * contact));
-        self.farthest = (farthest - gain * self.step * self.step) as f32;
-        let margin = margin(farthest / contact, rounding);
-        self.space.common_radius = self.least as f32 * margin;
+        // The limit is lowered to the displacement that particles are likely to reach: the margin grows with
+        // its square.
+        let limit = limit.min(
+            ((HEADROOM * fastest + speed_gain * self.step) * self.step).max(SHORT_DISPLACEMENT * contact),
+        );
+        // Without the displacement that falling adds up to the last window.
+        self.max_displacement = (limit - speed_gain * self.step * self.step) as f32;
+        let margin = margin(limit / contact, rounding);
+        self.space.common_radius = self.smallest_radius as f32 * margin;
         self.fill(world, margin);
-        self.opened = 0;
-        self.last_window = windows;
+        self.fill_age = 0;
+        self.fill_interval = windows;
     }
 
     /// Fills the slots, in the order of their cells, from the anchors.
@@ -119,30 +124,30 @@ impl<F: Features> Windows<F> {
                 count: 0,
             }
         };
-        // First the cell of every particle, then its slot.
+        // A counting sort. `slot_of` first holds the cell of every particle, then its slot.
         self.slot_of
             .par_iter_mut()
             .enumerate()
             .for_each(|(i, cell)| *cell = cells.cell_of(compact(i as u32).x));
-        let mut place = vec![0_u32; cells.len() + 1];
+        let mut next_slot = vec![0_u32; cells.len() + 1];
         for &cell in &self.slot_of {
-            place[cell as usize + 1] += 1;
+            next_slot[cell as usize + 1] += 1;
         }
-        for cell in 1..place.len() {
-            place[cell] += place[cell - 1];
+        for cell in 1..next_slot.len() {
+            next_slot[cell] += next_slot[cell - 1];
         }
         ids.resize(count, 0);
         for (i, slot) in self.slot_of.iter_mut().enumerate() {
-            let place = &mut place[*slot as usize];
-            *slot = *place;
-            *place += 1;
+            let next = &mut next_slot[*slot as usize];
+            *slot = *next;
+            *next += 1;
             ids[*slot as usize] = i as u32;
         }
-        // By now the place of a cell is where the next begins.
-        let across = cells.axes.n[0] as usize;
+        // Now `next_slot` of a cell is the first slot of the next cell.
+        let nx = cells.axes.n[0] as usize;
         rows.clear();
         rows.push(0);
-        rows.extend(place[..cells.len()].chunks_exact(across).map(|row| row[across - 1]));
+        rows.extend(next_slot[..cells.len()].chunks_exact(nx).map(|row| row[nx - 1]));
         lowest.resize(count, 0);
         if particles.is_empty() && count > 0 {
             (*particles, *anchors) = (with_huge_pages(count), with_huge_pages(count));
@@ -151,7 +156,7 @@ impl<F: Features> Windows<F> {
         }
         let ids = &*ids;
         particles.par_iter_mut().zip(anchors).enumerate().for_each(|(slot, (own, anchor))| {
-            if let Some(&later) = ids.get(slot + AHEAD) {
+            if let Some(&later) = ids.get(slot + SLOTS_AHEAD) {
                 prefetch_at(&world.particles, later as usize);
             }
             let i = ids[slot];
@@ -163,16 +168,16 @@ impl<F: Features> Windows<F> {
     /// Starts the next window.
     pub(super) fn next_window(&mut self, state: &mut State) {
         state.world.now = self.space.end;
-        self.opened += 1;
-        if self.opened >= self.last_window {
+        self.fill_age += 1;
+        if self.fill_age >= self.fill_interval {
             let work = self.scratch.work;
-            let opening = std::mem::take(&mut self.opening);
-            let events = work.since(&self.judged).since(&opening);
-            self.tuner.judge(&opening, &events, self.path * self.opened as f64);
-            self.judged = work;
+            let opening = std::mem::take(&mut self.opening_work);
+            let events = work.since(&self.tuned_work).since(&opening);
+            self.tuner.update(&opening, &events, self.path * self.fill_age as f64);
+            self.tuned_work = work;
             let [path, width] = self.tuner.values;
             tracing::debug!(path, width, "next lengths of windows and widths of cells");
-            self.start_afresh(&state.world);
+            self.start_from_anchors(&state.world);
         } else {
             let ticks = self.space.end - self.begin;
             self.begin = self.space.end;
@@ -183,19 +188,15 @@ impl<F: Features> Windows<F> {
         self.open(&state.world);
     }
 
-    /// The fall of all particles in the time of a window.
+    /// The change of all positions and displacements by gravity in one window.
     fn fall(&self) -> Fall {
         if !F::GRAVITY {
             return Fall::default();
         }
-        let faster = self.gravity * (self.step * self.step);
+        let gain = self.gravity * (self.step * self.step);
         Fall {
-            displacement: self
-                .space
-                .cells
-                .axes
-                .displacement((0.5 * faster).to_array().map(|way| way as f32), 1.0),
-            faster: faster.to_array().map(|way| way as f32),
+            displacement: self.space.cells.axes.displacement((0.5 * gain).to_array().map(|x| x as f32), 1.0),
+            gain: gain.to_array().map(|x| x as f32),
         }
     }
 
@@ -204,12 +205,13 @@ impl<F: Features> Windows<F> {
         match self.kernel {
             Kernel::Portable => self.find_contacts::<false>(world),
             #[cfg(target_arch = "x86_64")]
-            // SAFETY: made by `Kernel::choose` alone, after it has found the features.
+            // SAFETY: only `Kernel::choose` makes this variant, after it has detected the features.
             Kernel::Avx2 => unsafe { self.find_contacts_avx2(world) },
         }
     }
 
-    /// The batch phase: all contacts of the window, as things stand.
+    /// The batch phase: registers all particles and finds all contacts of the window from the present
+    /// flights.
     #[inline(always)]
     fn find_contacts<const VECTORS: bool>(&mut self, world: &World) {
         let before = self.scratch.work;
@@ -238,13 +240,13 @@ impl<F: Features> Windows<F> {
             }
         }
         self.scratch.work.windows += 1;
-        self.last_search =
+        self.search_limit =
             self.scratch.work.searches + SEARCHES + SEARCHES_PER_PARTICLE * self.space.particles.len() as u64;
         self.scratch.work.entries += found.len() as u64;
-        self.opening.add(&self.scratch.work.since(&before));
+        self.opening_work.add(&self.scratch.work.since(&before));
         self.space.contacts = found.len();
         self.queue.open(self.begin, self.space.end, &found);
-        // Of very large systems they are not kept: they are in the queue now, and their number is not used.
+        // In very large systems this array is freed, to save memory: the queue has its own copy.
         if self.space.particles.len() <= KEEP_CONTACTS {
             self.found = found;
         }
@@ -257,7 +259,7 @@ impl<F: Features> Windows<F> {
     }
 }
 
-/// The longest time t in which v t + a t² is no more than `farthest`.
-fn longest_step(farthest: f64, v: f64, a: f64) -> f64 {
-    2.0 * farthest / (v + (v * v + 4.0 * a * farthest).sqrt())
+/// The longest time t for which v t + a t² ≤ `displacement`.
+fn longest_step(displacement: f64, v: f64, a: f64) -> f64 {
+    2.0 * displacement / (v + (v * v + 4.0 * a * displacement).sqrt())
 }

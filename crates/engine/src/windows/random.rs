@@ -1,6 +1,6 @@
-//! Random numbers for the tests of windows.
+//! Random numbers for tests of windows.
 
-/// SplitMix64.
+/// The generator SplitMix64 with its state.
 pub(super) struct Random(pub u64);
 
 impl Random {

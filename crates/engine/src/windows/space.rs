@@ -7,8 +7,10 @@ use super::{
     cells::{Cells, Part},
     filter::{self, Query, Scratch},
     narrow_phase,
+    walls::Planes,
     window_event::{Contact, Entry, WindowEvent},
 };
+use glam::DVec3;
 use haff_neighbors::prefetch_at;
 use rayon::prelude::*;
 
@@ -21,49 +23,55 @@ use crate::{
     tuning::particles::{PARALLEL_RARE_WINDOWS, PARALLEL_WINDOWS, RARE},
 };
 
-/// Slots that the batch phase searches for at a time.
+/// Number of queries that the batch phase searches for at a time.
 const BLOCK: usize = 32;
-/// Slots per parallel task.
+/// Number of slots per parallel task.
 pub(super) const TASK: usize = 4096;
-/// Cells of a strip in a plane, about.
+/// Approximate number of cells of a strip in one plane.
 const STRIP: usize = 512;
 
-/// The particles in a window, as searches read them.
+/// The data of a window that searches read.
 pub(super) struct Space<F> {
     pub cells: Cells,
+    /// The compact particle in each slot.
     pub particles: Vec<CompactParticle>,
-    /// Least cell that each slot is registered in at the start of the window.
+    /// Lowest cell in which each slot is registered at the start of the window.
     pub lowest: Vec<u32>,
-    /// First slots of the rows of cells when the slots were sorted, and the number of slots.
+    /// First slot of each row of cells when slots were last sorted; the last element is the number of slots.
     pub rows: Vec<u32>,
-    /// Particles in the order of the slots, and their anchors.
+    /// Particle in each slot.
     pub ids: Vec<u32>,
+    /// Anchor of the particle in each slot.
     pub anchors: Vec<Particle>,
     /// End of the window [ticks].
     pub end: i64,
-    /// Least radius, widened [length]: what searches look for around their paths, besides their own radius.
+    /// Smallest radius, with its margin [length]. Searches extend to this distance around a path plus the
+    /// radius of its own particle; larger particles are registered farther around their paths.
     pub common_radius: f32,
     /// Contacts found when the last window was opened.
     pub contacts: usize,
+    /// The walls, for bounds on the distance from them.
+    pub planes: Planes,
     pub features: PhantomData<F>,
 }
 
 impl<F: Features> Space<F> {
-    /// How far around its path a particle of this widened radius has to be registered [length].
+    /// Distance around its path within which a particle with this radius, including the margin, is registered
+    /// [length].
     #[inline(always)]
     pub fn extent(&self, radius: f32) -> f32 {
         if F::UNIFORM { 0.0 } else { radius - self.common_radius }
     }
 
-    /// Whether opening a window is for all cores.
+    /// Whether windows are opened on all cores.
     pub fn is_parallel(&self) -> bool {
         let count = self.particles.len();
-        let much =
+        let is_large =
             count >= PARALLEL_WINDOWS || count >= PARALLEL_RARE_WINDOWS && self.contacts < count / RARE;
-        much && rayon::current_num_threads() > 1
+        is_large && rayon::current_num_threads() > 1
     }
 
-    /// Moves all particles on by one window, in parallel if that is worth while.
+    /// Moves all particles to the start of the next window, in parallel if that is profitable.
     #[inline(always)]
     pub fn stream(&mut self, kernel: Kernel, fall: Fall) {
         let axes = self.cells.axes;
@@ -71,7 +79,7 @@ impl<F: Features> Space<F> {
             self.particles.par_chunks_mut(TASK).for_each(|particles| match kernel {
                 Kernel::Portable => stream::<F>(&axes, fall, particles),
                 #[cfg(target_arch = "x86_64")]
-                // SAFETY: made by `Kernel::choose` alone, after it has found the features.
+                // SAFETY: only `Kernel::choose` makes this variant, after it has detected the features.
                 Kernel::Avx2 => unsafe { stream_avx2::<F>(&axes, fall, particles) },
             });
         } else {
@@ -79,56 +87,57 @@ impl<F: Features> Space<F> {
         }
     }
 
-    /// Registers all particles along the paths of the window that begins, in parallel if that is worth while.
+    /// Registers all particles along their paths in the new window, in parallel if that is profitable.
     #[inline(always)]
     pub fn register_all(&mut self, kernel: Kernel) {
         let is_parallel = self.is_parallel();
         let Self { cells, particles, lowest, rows, common_radius, .. } = self;
         let (axes, particles, common_radius) = (cells.axes, &*particles, *common_radius);
         let parts = cells.parts(rows, lowest);
-        let mut left = Vec::new();
+        let mut leftover = Vec::new();
         if is_parallel {
-            let lefts: Vec<Vec<(u32, u32)>> = parts
+            let leftovers: Vec<Vec<(u32, u32)>> = parts
                 .into_par_iter()
                 .map(|part| {
-                    let mut left = Vec::new();
+                    let mut leftover = Vec::new();
                     match kernel {
-                        Kernel::Portable => fill::<F>(part, &axes, particles, common_radius, &mut left),
+                        Kernel::Portable => fill::<F>(part, &axes, particles, common_radius, &mut leftover),
                         #[cfg(target_arch = "x86_64")]
-                        // SAFETY: as above.
+                        // SAFETY: only `Kernel::choose` makes this variant, after it has detected the
+                        // features.
                         Kernel::Avx2 => unsafe {
-                            fill_avx2::<F>(part, &axes, particles, common_radius, &mut left);
+                            fill_avx2::<F>(part, &axes, particles, common_radius, &mut leftover);
                         },
                     }
-                    left
+                    leftover
                 })
                 .collect();
-            left = lefts.concat();
+            leftover = leftovers.concat();
         } else {
             for part in parts {
-                fill::<F>(part, &axes, particles, common_radius, &mut left);
+                fill::<F>(part, &axes, particles, common_radius, &mut leftover);
             }
         }
-        cells.complete(&left);
+        cells.complete(&leftover);
     }
 
-    /// Slots in strips that are searched one after the other: some rows of a plane of cells, then those above
-    /// them in the next plane. Cells and particles of a strip's surroundings stay in the cache.
+    /// Slots of strips, in the order in which they are searched: some rows of a plane of cells, then the same
+    /// rows of the next plane. The cells and particles around a strip stay in the cache.
     pub fn strips(&self) -> Vec<Range<usize>> {
-        let [across, deep, high] = [0, 1, 2].map(|axis| self.cells.axes.n[axis] as usize);
-        let thick = (STRIP / across).clamp(1, deep);
-        let mut strips = Vec::with_capacity(high * deep.div_ceil(thick));
-        for row in (0..deep).step_by(thick) {
-            for plane in 0..high {
-                let first = plane * deep;
-                let end = (row + thick).min(deep);
+        let [nx, ny, nz] = [0, 1, 2].map(|axis| self.cells.axes.n[axis] as usize);
+        let rows_per_strip = (STRIP / nx).clamp(1, ny);
+        let mut strips = Vec::with_capacity(nz * ny.div_ceil(rows_per_strip));
+        for row in (0..ny).step_by(rows_per_strip) {
+            for plane in 0..nz {
+                let first = plane * ny;
+                let end = (row + rows_per_strip).min(ny);
                 strips.push(self.rows[first + row] as usize..self.rows[first + end] as usize);
             }
         }
         strips
     }
 
-    /// [`Self::scan`] from a thread that has not been told which instructions there are.
+    /// [`Self::scan`] for the `kernel`, from code that is compiled for the baseline instruction set.
     pub fn scan_anywhere(
         &self,
         kernel: Kernel,
@@ -140,12 +149,12 @@ impl<F: Features> Space<F> {
         match kernel {
             Kernel::Portable => self.scan::<false>(world, slots, scratch, found),
             #[cfg(target_arch = "x86_64")]
-            // SAFETY: made by `Kernel::choose` alone, after it has found the features.
+            // SAFETY: only `Kernel::choose` makes this variant, after it has detected the features.
             Kernel::Avx2 => unsafe { self.scan_avx2(world, slots, scratch, found) },
         }
     }
 
-    /// Finds all contacts of the window that start from these slots.
+    /// Finds the contacts of these slots in the window; each pair is found from one of its slots only.
     #[inline(always)]
     pub fn scan<const VECTORS: bool>(
         &self,
@@ -165,7 +174,7 @@ impl<F: Features> Space<F> {
         }
     }
 
-    /// Emits all contacts of the queries up to the window's end.
+    /// Emits all contacts of the queries up to the end of the window.
     #[inline(always)]
     pub fn predict<const HALF: bool, const VECTORS: bool>(
         &self,
@@ -203,18 +212,21 @@ impl<F: Features> Space<F> {
         }
     }
 
-    /// Emits the contacts of a query with walls.
+    /// Emits the contacts of a query with walls up to the end of the window.
     fn predict_walls(&self, world: &World, query: &Query, mut emit: impl FnMut(WindowEvent)) {
         let anchor = &self.anchors[query.slot as usize];
         let class = &world.classes[anchor.class()];
         if class.inverse_mass == 0.0 {
             return;
         }
-        for wall in 0..world.walls.len() as u32 {
-            let Some(time) = narrow_phase::wall_contact::<F>(world, anchor, class.radius, wall) else {
-                continue;
-            };
-            if time <= self.end {
+        let acceleration = if F::GRAVITY { world.gravity } else { DVec3::ZERO };
+        let duration = (self.end - anchor.time) as f64 * world.clock.tick;
+        let (planes, radius) = (&self.planes, class.radius);
+        planes.for_each_in_reach(world, anchor, radius, acceleration, duration, |wall| {
+            let contact = narrow_phase::wall_contact::<F>(world, anchor, radius, wall);
+            if let Some(time) = contact
+                && time <= self.end
+            {
                 emit(WindowEvent(Entry {
                     time,
                     owner: self.ids[query.slot as usize],
@@ -223,7 +235,7 @@ impl<F: Features> Space<F> {
                     partner_count: 0,
                 }));
             }
-        }
+        });
     }
 
     #[cfg(target_arch = "x86_64")]
@@ -239,23 +251,24 @@ impl<F: Features> Space<F> {
     }
 }
 
-/// The fall of all particles within a window [coordinates], and what the displacement in a window is then
-/// longer by [length].
+/// The effect of gravity on all particles within a window.
 #[derive(Debug, Clone, Copy, Default)]
 pub(super) struct Fall {
+    /// Displacement relative to free flight without gravity [coordinates].
     pub displacement: [i32; 3],
-    pub faster: [f32; 3],
+    /// Increase of the displacement from one window to the next [length].
+    pub gain: [f32; 3],
 }
 
 #[inline(always)]
 fn stream<F: Features>(axes: &Axes, fall: Fall, particles: &mut [CompactParticle]) {
     for compact in particles {
-        let way = axes.displacement(compact.v, 1.0);
+        let displacement = axes.displacement(compact.v, 1.0);
         for axis in 0..3 {
-            compact.x[axis] = compact.x[axis].wrapping_add(way[axis]);
+            compact.x[axis] = compact.x[axis].wrapping_add(displacement[axis]);
             if F::GRAVITY {
                 compact.x[axis] = compact.x[axis].wrapping_add(fall.displacement[axis]);
-                compact.v[axis] += fall.faster[axis];
+                compact.v[axis] += fall.gain[axis];
             }
         }
     }
@@ -267,13 +280,13 @@ fn fill<F: Features>(
     axes: &Axes,
     particles: &[CompactParticle],
     common_radius: f32,
-    left: &mut Vec<(u32, u32)>,
+    leftover: &mut Vec<(u32, u32)>,
 ) {
     let path = |slot: u32| {
         let CompactParticle { x, v, radius, .. } = particles[slot as usize];
         (x, v, if F::UNIFORM { 0.0 } else { radius - common_radius })
     };
-    part.fill(axes, path, left);
+    part.fill(axes, path, leftover);
 }
 
 #[cfg(target_arch = "x86_64")]
@@ -289,7 +302,7 @@ fn fill_avx2<F: Features>(
     axes: &Axes,
     particles: &[CompactParticle],
     common_radius: f32,
-    left: &mut Vec<(u32, u32)>,
+    leftover: &mut Vec<(u32, u32)>,
 ) {
-    fill::<F>(part, axes, particles, common_radius, left);
+    fill::<F>(part, axes, particles, common_radius, leftover);
 }

@@ -1,5 +1,5 @@
-//! The contacts of a window in the order of events, ties included: all that can happen in the window is
-//! known.
+//! The contacts of a window, in the order of events. Simultaneous events are ordered, too, which is possible
+//! because all contacts of the window are known.
 
 use std::cmp::Ordering;
 
@@ -7,7 +7,7 @@ use haff_calendar::Event;
 
 use crate::entry::{self, Kind};
 
-/// What a window holds.
+/// Kinds of contacts in a window.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum Contact {
     /// With particle `.0`.
@@ -31,10 +31,10 @@ impl Kind for Contact {
     }
 }
 
-/// A contact of a window.
+/// Queue entry of a contact.
 pub(super) type Entry = entry::Entry<Contact>;
 
-/// An entry in the order of events, ties by rank.
+/// An entry, ordered by time, then by rank.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) struct WindowEvent(pub Entry);
 
@@ -42,7 +42,8 @@ impl Ord for WindowEvent {
     #[inline]
     fn cmp(&self, other: &Self) -> Ordering {
         self.0.time.cmp(&other.0.time).then_with(|| self.0.rank().cmp(&other.0.rank())).then_with(|| {
-            // Only to make the order total: either announces the same event, or one is invalidated.
+            // Only to make the order total: both entries are for the same event, or one of them is
+            // invalidated.
             self.0.cmp(&other.0)
         })
     }

@@ -1,4 +1,4 @@
-//! Systems to test with, and a generator that needs no crate.
+//! Systems for tests, and a random number generator without dependencies.
 #![allow(dead_code)]
 
 use glam::DVec3;
@@ -27,7 +27,7 @@ impl Random {
         (self.next() % n as u64) as usize
     }
 
-    /// Twelve uniform numbers make a normal one, near enough.
+    /// An approximately normal number: the sum of twelve uniform ones.
     pub fn normal(&mut self) -> f64 {
         (0..12).map(|_| self.uniform(-0.5, 0.5)).sum()
     }
@@ -90,12 +90,12 @@ pub fn add(system: &mut System, class: u32, position: DVec3, velocity: DVec3) {
     system.bodies.push(Body { position, velocity, image: [0; 3], class, species: 0 });
 }
 
-/// Adds `count` particles at random places where they touch nothing, with normal velocities.
+/// Adds `count` particles at random positions without contacts, with normal velocities.
 pub fn scatter(system: &mut System, class: u32, count: usize, speed: f64, random: &mut Random) {
     assert!(scatter_within_room(system, class, count, speed, random), "no room");
 }
 
-/// [`scatter`], with fewer particles and `false` where walls leave no room.
+/// As [`scatter`], but if there is not enough room adds fewer particles and returns `false`.
 pub fn scatter_within_room(
     system: &mut System,
     class: u32,
@@ -141,7 +141,7 @@ pub fn scatter_within_room(
     true
 }
 
-/// A periodic gas of equal spheres on a simple cubic lattice with random velocities.
+/// A periodic gas of equal spheres, which start on a simple cubic lattice with random velocities.
 pub fn gas(per_edge: usize, packing_fraction: f64, e: f64, seed: u64) -> System {
     let count = per_edge.pow(3);
     let edge = (count as f64 * std::f64::consts::PI / 6.0 / packing_fraction).cbrt();
@@ -151,18 +151,18 @@ pub fn gas(per_edge: usize, packing_fraction: f64, e: f64, seed: u64) -> System 
     let mut random = Random(seed);
     let step = edge / per_edge as f64;
     for i in 0..count {
-        let place = DVec3::new(
+        let site = DVec3::new(
             (i % per_edge) as f64,
             (i / per_edge % per_edge) as f64,
             (i / per_edge / per_edge) as f64,
         );
         let velocity = DVec3::new(random.normal(), random.normal(), random.normal());
-        add(&mut system, grain, (place + 0.5) * step, velocity);
+        add(&mut system, grain, (site + 0.5) * step, velocity);
     }
     system
 }
 
-/// Keeps every event row.
+/// Stores every event row.
 #[derive(Default)]
 pub struct Log(pub Vec<EventRecord>);
 
@@ -184,13 +184,13 @@ pub fn disks(per_edge: usize, area_fraction: f64, seed: u64) -> System {
     let mut random = Random(seed);
     let step = edge / per_edge as f64;
     for i in 0..count {
-        let place = DVec3::new((i % per_edge) as f64 + 0.5, (i / per_edge) as f64 + 0.5, 0.0);
-        add(&mut system, grain, place * step, DVec3::new(random.normal(), random.normal(), 0.0));
+        let site = DVec3::new((i % per_edge) as f64 + 0.5, (i / per_edge) as f64 + 0.5, 0.0);
+        add(&mut system, grain, site * step, DVec3::new(random.normal(), random.normal(), 0.0));
     }
     system
 }
 
-/// A gas on a lattice as [`gas`], with radii in equal parts from a quarter of the largest up to it.
+/// As [`gas`], with 16 equally probable radii from a quarter of the largest up to it.
 pub fn polydisperse(per_edge: usize, packing_fraction: f64, seed: u64) -> System {
     let radii: Vec<f64> = (0..16).map(|k| 0.125 + 0.375 * f64::from(k) / 15.0).collect();
     let volume = radii.iter().map(|radius| radius.powi(3)).sum::<f64>() / 16.0 / 0.125;

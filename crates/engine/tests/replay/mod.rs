@@ -1,24 +1,23 @@
 //! The event log replayed: every particle's last position and velocity follow from its rows.
 //!
-//! Nothing here is shared with the engine: a particle flies on from row to row, and each row changes its
-//! velocity by the impulse that it states. A missed, doubled or misplaced event shows as a particle that is
-//! somewhere else.
+//! Shares no code with the engine. Between rows a particle flies freely, and each row changes its velocity by
+//! the impulse of the row. A missed, doubled or misplaced event gives a wrong final position.
 
 use glam::DVec3;
 use haff_engine::{EventKind, EventRecord, Frame, NO_PARTNER, System};
 
-/// Roundings of a row, of its velocities and of its place.
+/// Rounding errors per row, of the velocities and of the position [ε].
 const ROUNDINGS: f64 = 32.0;
 
-/// A particle on its way, and how far rounding may have taken it.
+/// State of a particle, with bounds of its rounding errors.
 #[derive(Clone)]
 struct Flier {
     time: f64,
     position: DVec3,
     velocity: DVec3,
-    /// Walls that hold it.
+    /// Walls that support it.
     support: Vec<usize>,
-    /// Walls that held it before its last bounce.
+    /// Walls that supported it before its last bounce.
     slid_on: Vec<usize>,
     /// Bounds of the errors of velocity and position.
     off: [f64; 2],
@@ -36,20 +35,20 @@ impl Flier {
     fn fly(&mut self, system: &System, mass: f64, time: f64) {
         let dt = (time - self.time).max(0.0);
         let a = self.acceleration(system, mass);
-        let way = (self.velocity + a * (0.5 * dt)) * dt;
-        let pace = self.velocity.length() + a.length() * dt;
-        self.position += way;
+        let displacement = (self.velocity + a * (0.5 * dt)) * dt;
+        let speed = self.velocity.length() + a.length() * dt;
+        self.position += displacement;
         self.velocity += a * dt;
         // Times are rounded, too.
         self.off[1] += self.off[0] * dt
-            + ROUNDINGS * f64::EPSILON * (self.position.length() + way.length() + pace * time);
-        self.off[0] += ROUNDINGS * f64::EPSILON * pace;
+            + ROUNDINGS * f64::EPSILON * (self.position.length() + displacement.length() + speed * time);
+        self.off[0] += ROUNDINGS * f64::EPSILON * speed;
         self.time = time;
     }
 
-    /// Changes the velocity, where something moves at `speed`; and lets go of the walls that the particle
-    /// moves away from. Its velocity was along them, so that only the rounding of this one step is in
-    /// question.
+    /// Changes the velocity and removes the walls that the particle moves away from. `speed` is a bound of
+    /// the speeds of the partners before the impact. The velocity was parallel to these walls, so the
+    /// threshold is the rounding of this step alone.
     fn kick(&mut self, system: &System, change: DVec3, speed: f64) {
         self.velocity += change;
         let rounding = ROUNDINGS * f64::EPSILON * (self.velocity.length() + speed + change.length());
@@ -63,7 +62,7 @@ impl Flier {
     }
 }
 
-/// The vector nearest to `gravity` that points into none of the walls with these normals.
+/// The vector nearest to `gravity` that does not point into any wall with these normals.
 fn along(gravity: DVec3, normals: &[DVec3]) -> DVec3 {
     let mut best = DVec3::ZERO;
     let mut offer = |a: DVec3| {
@@ -85,8 +84,8 @@ fn along(gravity: DVec3, normals: &[DVec3]) -> DVec3 {
     best
 }
 
-/// Replays a log from the start and compares with the last frame, `epochs` of the clock later: an old anchor
-/// is moved up its flight at the end of an epoch, which rounds.
+/// Replays a log from the start and compares the result with the last frame. `epochs` is the number of epochs
+/// of the clock: at the end of an epoch old anchors are moved along their flight, which rounds.
 pub fn check(system: &System, rows: &[EventRecord], last: &Frame, epochs: u64) -> Result<(), String> {
     let mass = |i: usize| system.classes[system.bodies[i].class as usize].mass;
     let mut fliers: Vec<Flier> = system
@@ -137,7 +136,7 @@ pub fn check(system: &System, rows: &[EventRecord], last: &Frame, epochs: u64) -
             flier.fly(system, mass(i), last.time);
             let rounding = f64::EPSILON * epochs as f64;
             flier.off[0] += rounding * flier.velocity.length();
-            // Anchors are within the box, or near it where it is open.
+            // Anchors are in the box, or outside it along open axes.
             flier.off[1] += rounding * (system.domain.size.length() + last.position[i].length())
                 + rounding * flier.velocity.length() * last.time;
             let position = last.position[i] + images(last.image[i]) * system.domain.size;
@@ -151,7 +150,8 @@ pub fn check(system: &System, rows: &[EventRecord], last: &Frame, epochs: u64) -
             }
             Ok(())
         };
-        // A series of bounces may be completed, and its row, at its end, still to come.
+        // A series of bounces can be completed while its row, which is written at its end, is not in the log
+        // yet.
         let series = (0..system.walls.len()).filter(|_| mass(i).is_finite()).map(|wall| {
             let mut flier = flier.clone();
             settle(system, &mut flier, wall, last.time, mass(i));
@@ -165,17 +165,17 @@ pub fn check(system: &System, rows: &[EventRecord], last: &Frame, epochs: u64) -
     Ok(())
 }
 
-/// A completed series of bounces: the grain has been at the wall, near enough, since its last row, and is
-/// held by it.
+/// Completes a series of bounces: since its last row the grain has been at the wall within rounding, and now
+/// the wall supports it.
 fn settle(system: &System, flier: &mut Flier, wall: usize, time: f64, mass: f64) {
     let normal = system.walls[wall].normal;
     let before = flier.velocity;
     let dt = (time - flier.time).max(0.0);
-    let pace = before.length() + system.domain.gravity.length() * dt;
-    // A grain that slides on walls into another one bounces on them all; it comes to rest on all of them at
-    // once.
+    let speed = before.length() + system.domain.gravity.length() * dt;
+    // A grain that slides along walls into another wall bounces on all of them, and comes to rest on all of
+    // them at the same time.
     let mut slid_on = std::mem::take(&mut flier.slid_on);
-    // Rounding may have thrown it off this very wall before.
+    // Rounding can have lifted it off this same wall before.
     slid_on.retain(|&other| other != wall);
     let normals: Vec<DVec3> = slid_on.iter().map(|&wall| system.walls[wall].normal).collect();
     if !slid_on.is_empty() && along(system.domain.gravity, &normals).dot(normal) < 0.0 {
@@ -184,16 +184,16 @@ fn settle(system: &System, flier: &mut Flier, wall: usize, time: f64, mass: f64)
     if !flier.support.contains(&wall) {
         flier.support.push(wall);
     }
-    // The velocity that it keeps is the one along all the walls that hold it.
+    // It keeps the velocity component parallel to all walls that support it.
     let normals: Vec<DVec3> = flier.support.iter().map(|&wall| system.walls[wall].normal).collect();
     flier.velocity = along_all(before, &normals);
     flier.fly(system, mass, time);
-    // A bounce is as low as 10⁻¹³ of a radius, or as rounding makes it.
+    // The last bounces rise by 10⁻¹³ of a radius, or by rounding.
     flier.off[1] += before.dot(normal).abs() * dt + 1e-12 * (1.0 + flier.position.length());
-    flier.off[0] += ROUNDINGS * f64::EPSILON * pace;
+    flier.off[0] += ROUNDINGS * f64::EPSILON * speed;
 }
 
-/// The part of a velocity along walls with these normals.
+/// The component of a velocity parallel to all walls with these normals.
 fn along_all(velocity: DVec3, normals: &[DVec3]) -> DVec3 {
     match *normals {
         [n, m] if n.cross(m) != DVec3::ZERO => {

@@ -19,10 +19,10 @@ pub(crate) use numeric::Numeric;
 pub(crate) use spin::Spin;
 pub(crate) use swing::Swing;
 
-/// Relative deviation within which two pendulums swing in phase, for contacts as long as the pendulums: for
-/// smaller ones the line of centers has a larger rounding error…
+/// Relative deviation within which two pendulums swing in phase. For contact distances smaller than the
+/// length of the pendulums a larger one is used, because the line of centers has a larger rounding error.
 const IN_PHASE: f64 = 1e-12;
-/// … but at most this deviation.
+/// Upper limit of that deviation.
 const MAX_IN_PHASE: f64 = 1e-9;
 /// Velocities and accelerations below this part of their scale count as zero.
 const STILL: f64 = 1e-13;
@@ -221,9 +221,9 @@ impl Motion {
             (Self::Swing(swings), Monitored::Row(i)) => {
                 let row = &mechanism.rows[i];
                 let Some(k) = row.a.body().or(row.b.body()) else { return (1.0, 0.0) };
-                let (pull, slope) = swings[k].tension(tau);
+                let (tension, slope) = swings[k].tension(tau);
                 let inwards = -row.sign * mechanism.mass[k];
-                (inwards * pull, inwards * slope)
+                (inwards * tension, inwards * slope)
             }
             (Self::Modes(modes), Monitored::Row(i)) => modes.row_force(i, tau),
             (Self::Modes(modes), Monitored::Coil(i)) => modes.coil_length(i, tau),

@@ -1,7 +1,7 @@
 /*!
 Masses and springs on one line in normal modes.
 
-Displacements `d` of the nodes (bodies, or several that are held together) along the line from their initial
+Displacements `d` of the nodes (bodies, or several at constant distances) along the line from their initial
 positions satisfy M d̈ = F₀ − K d, with F₀ all forces at the start. Each mode c of M^{−1/2} K M^{−1/2} is an
 oscillator that starts at 0: c = f (1 − cos ωt)/ω² + ċ₀ sin(ωt)/ω, or ċ₀ t + ½ f t² where ω = 0. Across the
 line all bodies have the same motion.
@@ -60,7 +60,8 @@ impl Modes {
         let speeds: f64 = bodies.iter().map(|(_, v)| v.length()).fold(0.0, f64::max);
         let (a, forces) = mechanism.accelerations(0.0, bodies);
         let scale = mechanism.acceleration_scale(bodies);
-        // Nodes: bodies that rows along the line hold together; and those that rows hold in place.
+        // Nodes: sets of bodies at constant distances by rows along the line. Some rows fix a node to a
+        // point.
         let mut node: Vec<usize> = (0..n).collect();
         let mut clamped = vec![false; n];
         let mut anchored = false;
@@ -98,7 +99,7 @@ impl Modes {
                 return None;
             }
         }
-        // Across the line all bodies move alike; bodies tied to a point of space do not leave the line.
+        // Across the line all bodies have the same motion; bodies fixed to a point do not leave the line.
         let perpendicular = |v: DVec3| v - line * v.dot(line);
         let (slide, across) = (perpendicular(bodies[0].1), perpendicular(a[0]));
         let alike = bodies.iter().all(|(_, v)| (perpendicular(*v) - slide).length() <= ALIGNED * speeds)

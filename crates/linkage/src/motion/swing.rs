@@ -223,9 +223,9 @@ mod tests {
                 let difference = (of.relative(t + h).0 - of.relative(t - h).0) / (2.0 * h);
                 let ((r, v), a) = (of.relative(t), (of.relative(t + h).1 - of.relative(t - h).1) / (2.0 * h));
                 assert!((difference - v).length() < 1e-6, "{difference} {v}");
-                let pull = -(a - DVec3::new(0.0, -2.0, 0.0)).dot(r) / 1.3;
+                let inward = -(a - DVec3::new(0.0, -2.0, 0.0)).dot(r) / 1.3;
                 let (tension, slope) = of.tension(t);
-                assert!((pull - tension).abs() < 1e-5, "{pull} {tension}");
+                assert!((inward - tension).abs() < 1e-5, "{inward} {tension}");
                 let numeric = (of.tension(t + h).0 - of.tension(t - h).0) / (2.0 * h);
                 assert!((numeric - slope).abs() < 1e-5, "{numeric} {slope}");
             }

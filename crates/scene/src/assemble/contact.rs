@@ -31,18 +31,18 @@ pub(super) fn among<'n, I: Iterator<Item = &'n str>>(name: &str, known: impl Fn(
 
 /// Index of the wall of each entry of `[[wall]]` among all walls: those of the boundary, then those with a
 /// shape.
-fn wall_places(configs: &[WallConfig], walls: &[String]) -> Vec<Option<usize>> {
+fn wall_indices(configs: &[WallConfig], walls: &[String]) -> Vec<Option<usize>> {
     let boundary = |config: &WallConfig| walls.iter().position(|name| config.names_boundary(name));
     let shapes = configs.iter().filter(|config| boundary(config).is_none()).count();
     let mut next = walls.len().saturating_sub(shapes);
-    let mut place = |config: &WallConfig| {
-        let place = boundary(config).or_else(|| {
+    let mut index = |config: &WallConfig| {
+        let index = boundary(config).or_else(|| {
             next += 1;
             Some(next - 1)
         });
-        place.filter(|&place| place < walls.len())
+        index.filter(|&index| index < walls.len())
     };
-    configs.iter().map(&mut place).collect()
+    configs.iter().map(&mut index).collect()
 }
 
 /// Names of contact groups: species, then the distinct names of particles.
@@ -220,14 +220,14 @@ impl Assembler<'_> {
         let mut pair = vec![general; groups * groups];
         let mut wall = vec![wall_rule; groups * walls.len()];
         let configs = self.config.wall.clone().unwrap_or_default();
-        let places_of_walls = wall_places(&configs, walls);
+        let indices_of_walls = wall_indices(&configs, walls);
         for (k, config) in configs.iter().enumerate() {
             let path = item("wall", k, "restitution");
-            if let (Some(rule), Some(place)) =
-                (self.restitution(&path, config.restitution.as_ref()), places_of_walls[k])
+            if let (Some(rule), Some(index)) =
+                (self.restitution(&path, config.restitution.as_ref()), indices_of_walls[k])
             {
                 for group in 0..groups {
-                    wall[group * walls.len() + place] = rule;
+                    wall[group * walls.len() + index] = rule;
                 }
             }
         }
@@ -236,8 +236,8 @@ impl Assembler<'_> {
                 self.document
                     .report(&item("wall", k, "sticks"), "contradicts restitution: give one of the two");
             }
-            if let Some(place) = places_of_walls[k] {
-                self.clinging.extend((0..groups).map(|group| [group as u32, place as u32]));
+            if let Some(index) = indices_of_walls[k] {
+                self.clinging.extend((0..groups).map(|group| [group as u32, index as u32]));
             }
         }
         let mut seen: BTreeMap<(usize, usize), usize> = BTreeMap::new();
@@ -317,10 +317,10 @@ impl Assembler<'_> {
         self.clinging.extend(clinging);
         let mut wall: Vec<WallLaw> = wall.into_iter().map(WallLaw::from).collect();
         for (k, config) in configs.iter().enumerate() {
-            if let (Some([temperature, accommodation]), Some(place)) =
-                (self.thermal(k, config), places_of_walls[k])
+            if let (Some([temperature, accommodation]), Some(index)) =
+                (self.thermal(k, config), indices_of_walls[k])
             {
-                for law in wall.iter_mut().skip(place).step_by(walls.len()) {
+                for law in wall.iter_mut().skip(index).step_by(walls.len()) {
                     let restitution = law.restitution();
                     *law = WallLaw::Thermal(ThermalWall { temperature, accommodation, restitution });
                 }

@@ -60,7 +60,7 @@ fn available_memory() -> Option<f64> {
 /// A scene under construction.
 struct Assembler<'a> {
     document: Document,
-    /// As written, with overrides; defaults are filled in on the way and make the resolved scene.
+    /// As written, with overrides; the checks add the defaults, which makes the resolved scene.
     config: SceneConfig,
     states: &'a dyn StateSource,
     limits: Limits,

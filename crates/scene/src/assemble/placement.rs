@@ -225,7 +225,7 @@ impl Assembler<'_> {
                 Ok(sites) => self.mixed(sites, rows),
                 Err(found) => {
                     let text = format!(
-                        "the lattice has room for {found} particles of radius {largest} here, {count} are asked for; \
+                        "the lattice has room for {found} particles of radius {largest} here, {count} are required; \
                          enlarge the box or take \"random\""
                     );
                     self.document.report(&path, text);

@@ -20,7 +20,7 @@ const MAX_RECORDS: f64 = 1e8;
 const MAX_WALL_TIME: f64 = 1e10;
 
 impl Assembler<'_> {
-    /// The keys of `[run]`, each by itself and against each other.
+    /// Checks the keys of `[run]`, alone and against each other.
     pub(super) fn run_shape(&mut self) {
         let run = self.config.run.clone().unwrap_or_default();
         if let Some(until) = run.until {
@@ -70,7 +70,7 @@ impl Assembler<'_> {
         }
     }
 
-    /// The keys of `[output]`, each by itself and against each other.
+    /// Checks the keys of `[output]`, alone and against each other.
     pub(super) fn output_shape(&mut self) {
         let output = self.config.output.clone().unwrap_or_default();
         match &output.file {
@@ -146,7 +146,7 @@ impl Assembler<'_> {
     pub(super) fn output_plan(&mut self, system: &System, run: &RunPlan, rate: f64) -> OutputPlan {
         let n = system.bodies.len() as f64;
         let steady = system.contacts.are_elastic() && system.drives.is_empty() && rate > 0.0;
-        // The run's length in simulated time, where it can be told beforehand.
+        // The run's length in simulated time, where it can be predicted.
         let length = run.until.or_else(|| {
             let collisions = run.collisions.filter(|_| steady)?;
             Some(2.0 * collisions as f64 / (n * rate)).filter(|length| (1e-50..=1e50).contains(length))
@@ -212,9 +212,9 @@ fn event_columns(config: &EventsConfig) -> Vec<EventColumn> {
         EventsConfig::All(true) => EventColumn::ALL.to_vec(),
         EventsConfig::Some(events) => {
             let columns = events.columns.as_deref().unwrap_or_default();
-            let mut wanted: Vec<EventColumn> = columns.iter().map(|&column| column.into()).collect();
-            wanted.push(EventColumn::Time);
-            EventColumn::ALL.into_iter().filter(|column| wanted.contains(column)).collect()
+            let mut requested: Vec<EventColumn> = columns.iter().map(|&column| column.into()).collect();
+            requested.push(EventColumn::Time);
+            EventColumn::ALL.into_iter().filter(|column| requested.contains(column)).collect()
         }
     }
 }

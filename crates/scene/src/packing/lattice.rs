@@ -2,7 +2,7 @@
 //!
 //! fcc is the checkerboard lattice: the points (i, j, k) of a cuboid grid with i + j + k even. So is the
 //! triangular lattice in the plane, with rows √3 times closer than the points of a row are apart. One
-//! enumeration serves both: it tries numbers of grid planes per axis and keeps those that leave the largest
+//! enumeration supports both: it tries numbers of grid planes per axis and keeps those that leave the largest
 //! distance between neighbors.
 
 use glam::DVec3;
@@ -73,7 +73,7 @@ fn best_planes(axes: &[Axis; 3], count: usize, dimensions: usize) -> Option<[usi
         }
         let distance = nearest(axes, planes);
         let better =
-            best.is_none_or(|(held, d)| distance > d || (distance == d && sites(planes) < sites(held)));
+            best.is_none_or(|(chosen, d)| distance > d || (distance == d && sites(planes) < sites(chosen)));
         if better {
             *best = Some((planes, distance));
         }
@@ -140,11 +140,11 @@ pub(crate) fn lattice(room: &Room, count: usize, radius: f64, seed: u64) -> Resu
     let obstacles = Obstacles::new(room, radius);
     // Touching is fine, and rounding may take an ulp or two of the distance.
     let contact = 2.0 * radius * (1.0 - 1e-14);
-    let mut wanted = count;
+    let mut requested = count;
     let mut found = 0;
     // Each round requests more sites by the number that was missing in the last one.
     for _ in 0..64 {
-        let Some(planes) = best_planes(&axes, wanted, dimensions) else { break };
+        let Some(planes) = best_planes(&axes, requested, dimensions) else { break };
         if nearest(&axes, planes) < contact {
             break;
         }
@@ -166,7 +166,7 @@ pub(crate) fn lattice(room: &Room, count: usize, radius: f64, seed: u64) -> Resu
             leave_out(&mut out, count, seed);
             return Ok(out);
         }
-        wanted += (count - out.len()).max(wanted / 50).max(1);
+        requested += (count - out.len()).max(requested / 50).max(1);
     }
     Err(found)
 }

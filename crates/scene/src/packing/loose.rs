@@ -93,7 +93,7 @@ fn push_apart(room: &Room, radius: &[f64], mut position: Vec<DVec3>) -> Result<V
     // From here on particles are sorted by position, so that neighbors are close in memory: for 10⁶ particles
     // in random order a round takes several times as long. Sums are still formed in the order of the rows.
     let order = by_place(&position, 2.0 * largest);
-    let place = inverse(&order);
+    let sorted_index = inverse(&order);
     let mut bodies: Vec<Body> = order
         .iter()
         .map(|&row| Body { row, position: position[row as usize], radius: all_radii[row as usize] })
@@ -109,7 +109,7 @@ fn push_apart(room: &Room, radius: &[f64], mut position: Vec<DVec3>) -> Result<V
     let (mut worst_of_window, mut worst_before) = (f64::INFINITY, f64::INFINITY);
     for round in 0..ROUNDS {
         if drift > 0.5 * skin {
-            list.build(&mut grid, &bodies, &place, skin, movable, periods);
+            list.build(&mut grid, &bodies, &sorted_index, skin, movable, periods);
             drift = 0.0;
             clear_until.fill(0.0);
         }
@@ -199,11 +199,11 @@ fn by_place(position: &[DVec3], width: f64) -> Vec<u32> {
 
 /// The inverse of a permutation.
 fn inverse(order: &[u32]) -> Vec<u32> {
-    let mut place = vec![0; order.len()];
+    let mut inverse = vec![0; order.len()];
     for (k, &row) in order.iter().enumerate() {
-        place[row as usize] = k as u32;
+        inverse[row as usize] = k as u32;
     }
-    place
+    inverse
 }
 
 /// The step that moves a particle out of its overlaps, its largest overlap, and its distance from the nearest
@@ -270,18 +270,18 @@ impl Neighbors {
         &self.partner[self.start[i]..self.start[i + 1]]
     }
 
-    /// `place`: sorted index of each row's body.
+    /// `sorted_index`: sorted index of each row's body.
     fn build(
         &mut self,
         grid: &mut Grid,
         bodies: &[Body],
-        place: &[u32],
+        sorted_index: &[u32],
         skin: f64,
         movable: usize,
         periods: Periods,
     ) {
         grid.clear();
-        for &k in place {
+        for &k in sorted_index {
             grid.insert(k as usize, bodies[k as usize].position);
         }
         // Each pair once, from its smaller particle: `visit` covers its level and those above.
@@ -317,7 +317,7 @@ impl Neighbors {
         }
         let mut fill = self.start.clone();
         self.partner = vec![0; self.start[bodies.len()]];
-        for &k in place {
+        for &k in sorted_index {
             for &j in &halves[k as usize] {
                 self.partner[fill[k as usize]] = j;
                 self.partner[fill[j as usize]] = k;

@@ -39,38 +39,38 @@ struct Pair {
 }
 
 impl Pair {
-    /// A pair whose way in the window is up to `way` contact distances long, of one of the kinds that are
-    /// hard to tell.
-    fn new(random: &mut Random, way: f64, sigma: f64) -> Self {
-        let v = direction(random) * (way * sigma * libm::pow(10.0, random.uniform(-3.0, 0.0)));
+    /// A pair with a relative displacement of up to `displacement` contact distances, close to the limit
+    /// between contact and no contact.
+    fn new(random: &mut Random, displacement: f64, sigma: f64) -> Self {
+        let v = direction(random) * (displacement * sigma * libm::pow(10.0, random.uniform(-3.0, 0.0)));
         let from = if random.index(2) == 0 { 0.0 } else { random.uniform(0.0, 1.0) };
-        // Within a few times the rounding of f64 of what just touches, or up to two margins off.
+        // Distances that differ from the contact distance by 0 to 3·10⁻³ of it.
         let edge = [1.0 - 1e-9, 1.0 - 1e-5, 1.0 - 1e-3, 1.0, 1.0 + 1e-9, 1.0 + 1e-4, 1.0 + 3e-3];
         let distance = sigma * edge[random.index(7) as usize];
-        let then = match random.index(4) {
+        let theta = match random.index(4) {
             0 => from,
             1 => 1.0,
             _ => random.uniform(from, 1.0),
         };
         let r = match random.index(4) {
-            // Grazing: nearest to each other `then`.
-            0 => direction(random).cross(v).normalize() * distance - v * then,
-            // At this distance `then`, in any direction.
-            1 => direction(random) * distance - v * then,
-            // Head on.
-            2 => v.normalize() * distance - v * then,
+            // Grazing: the closest approach is at `theta`.
+            0 => direction(random).cross(v).normalize() * distance - v * theta,
+            // At this distance at `theta`, in any direction.
+            1 => direction(random) * distance - v * theta,
+            // Head-on.
+            2 => v.normalize() * distance - v * theta,
             _ => direction(random) * (random.uniform(0.9, 3.0) * sigma) - v * random.uniform(-0.5, 1.5),
         };
         Self { r, v, from, sigma }
     }
 
-    /// Least distance in what is left of the window [contact distances].
+    /// Smallest distance in the rest of the window [contact distances].
     fn least_distance(&self) -> f64 {
         let theta = (-self.r.dot(self.v) / self.v.length_squared()).clamp(self.from, 1.0);
         (self.r + self.v * theta).length() / self.sigma
     }
 
-    /// A query, and its partner's compact.
+    /// The query of one particle, and its partner.
     fn particles(
         &self,
         random: &mut Random,
@@ -78,7 +78,7 @@ impl Pair {
         share: f64,
         margin: f32,
     ) -> (Query, CompactParticle) {
-        let place = DVec3::from_array([0; 3].map(|_| random.uniform(0.3, 0.7) * EDGE));
+        let position = DVec3::from_array([0; 3].map(|_| random.uniform(0.3, 0.7) * EDGE));
         let v = direction(random) * (random.uniform(0.0, 1.0) * self.v.length());
         let compact = |x: DVec3, v: DVec3, radius: f64| CompactParticle {
             x: [0, 1, 2].map(|axis| cells.axes.coordinate(axis, x[axis])),
@@ -86,18 +86,19 @@ impl Pair {
             v: v.to_array().map(|v| v as f32),
             count: 0,
         };
-        let own = compact(place, v, share * self.sigma);
-        let other = compact(place + self.r, v + self.v, (1.0 - share) * self.sigma);
+        let own = compact(position, v, share * self.sigma);
+        let other = compact(position + self.r, v + self.v, (1.0 - share) * self.sigma);
         (Query { slot: 0, compact: own, start: own.x, from: self.from as f32 }, other)
     }
 }
 
-/// What the vector filters say, those that the processor has; `place` tells the lane.
+/// Whether the pair passes the vector filter, for one vector and for two; `lane` selects the lane that tests
+/// it. Empty if the processor has no vectors.
 fn pass_vectors<F: Features>(
     other: &CompactParticle,
     unit: [f32; 3],
     query: &Query,
-    place: usize,
+    lane: usize,
 ) -> Vec<bool> {
     let mut found = Vec::new();
     #[cfg(target_arch = "x86_64")]
@@ -106,22 +107,22 @@ fn pass_vectors<F: Features>(
         let kernel = Kernel::choose(SimdChoice::Auto);
         let scratch = |groups: usize| {
             let mut scratch = Scratch::new();
-            let lane = place % (groups * LANES);
+            let lane = lane % (groups * LANES);
             scratch.candidates.slots[..groups * LANES].fill(query.slot);
             scratch.candidates.slots[lane] = 1;
-            // The other group belongs to another search.
+            // The other vector belongs to another query.
             for group in 0..groups {
                 scratch.candidates.owner[group] = u32::from(group != lane / LANES);
             }
             scratch.candidates.len = groups * LANES;
             scratch
         };
-        // Of another particle, which meets all others.
+        // The other query is that of another particle, for which all slots are candidates.
         let queries = [*query, Query { slot: 2, ..*query }];
         if kernel != Some(Kernel::Portable) {
             for groups in [1, 2] {
                 let mut scratch = scratch(groups);
-                // SAFETY: the features have just been found.
+                // SAFETY: `Kernel::choose` has just detected the features.
                 unsafe { avx2::filter::<F>(&particles, unit, &queries, &mut scratch) };
                 found.push(scratch.pairs.contains(&(0, 1)));
             }
@@ -130,30 +131,30 @@ fn pass_vectors<F: Features>(
     found
 }
 
-/// What the filters make of hard pairs, in counts.
+/// Results of the filters, in numbers of pairs.
 #[derive(Debug, PartialEq)]
-struct Verdict {
+struct Counts {
     contacts: usize,
-    /// Contacts that one of the filters rejects.
+    /// Contacts that at least one filter rejects.
     missed: usize,
-    /// Pairs that one of them passes though they stay further apart than twice the margin.
-    vain: usize,
-    /// Pairs that only one of them passes though they touch, or stay further apart than twice the margin.
+    /// Pairs that at least one filter passes although their distance always exceeds twice the margin.
+    unnecessary: usize,
+    /// Pairs, outside the range between contact and twice the margin, for which the filters differ.
     different: usize,
 }
 
-/// Judges `count` pairs that go up to `way` contact distances relative to each other.
-fn judge<F: Features>(way: f64, count: usize) -> Verdict {
+/// Tests `count` pairs with relative displacements of up to `displacement` contact distances.
+fn check<F: Features>(displacement: f64, count: usize) -> Counts {
     let cells = cells();
     let unit = cells.axes.unit;
-    let mut random = Random(way.to_bits());
-    let margin = margin(0.5 * way, 0.0);
+    let mut random = Random(displacement.to_bits());
+    let margin = margin(0.5 * displacement, 0.0);
     let outside = 1.0 + 2.0 * (f64::from(margin) - 1.0);
-    let mut verdict = Verdict { contacts: 0, missed: 0, vain: 0, different: 0 };
+    let mut counts = Counts { contacts: 0, missed: 0, unnecessary: 0, different: 0 };
     for k in 0..count {
         let (sigma, share) =
             if F::UNIFORM { (1.0, 0.5) } else { (random.uniform(0.2, 1.0), random.uniform(0.1, 0.9)) };
-        let pair = Pair::new(&mut random, way, sigma);
+        let pair = Pair::new(&mut random, displacement, sigma);
         let (query, other) = pair.particles(&mut random, &cells, share, margin);
         let least = pair.least_distance();
         let portable = passes::<F>(&other, unit, &query);
@@ -162,27 +163,30 @@ fn judge<F: Features>(way: f64, count: usize) -> Verdict {
         let any = vectors.iter().any(|&passes| passes);
         let touches = least <= 1.0;
         let apart = least > outside;
-        verdict.contacts += usize::from(touches);
-        verdict.missed += usize::from(touches && !(portable && all));
-        verdict.vain += usize::from(apart && (portable || any));
-        verdict.different +=
+        counts.contacts += usize::from(touches);
+        counts.missed += usize::from(touches && !(portable && all));
+        counts.unnecessary += usize::from(apart && (portable || any));
+        counts.different +=
             usize::from((touches || apart) && vectors.iter().any(|&passes| passes != portable));
     }
-    verdict
+    counts
 }
 
-/// Against f64, for pairs that graze, touch at the start or the end of the search, or pass by within the
-/// margin, slow ones and such as go as far as windows allow.
+/// The reference is the smallest distance in `f64`. The pairs graze, touch at the start or the end of the
+/// search, or pass within the margin; their displacements range from short ones to the longest that windows
+/// allow.
 #[test]
-fn no_contact_is_ever_rejected() {
-    for way in [0.1, 1.0, 3.0, 10.0, 30.0, 2.0 * NEAR, 100.0, 200.0, 300.0, 2.0 * FARTHEST] {
-        for (kind, verdict) in [
-            ("one size", judge::<With<false, true>>(way, 30_000)),
-            ("sizes", judge::<With<false, false>>(way, 30_000)),
+fn no_contact_is_rejected() {
+    for displacement in
+        [0.1, 1.0, 3.0, 10.0, 30.0, 2.0 * SHORT_DISPLACEMENT, 100.0, 200.0, 300.0, 2.0 * MAX_DISPLACEMENT]
+    {
+        for (kind, counts) in [
+            ("one size", check::<With<false, true>>(displacement, 30_000)),
+            ("sizes", check::<With<false, false>>(displacement, 30_000)),
         ] {
-            assert!(verdict.contacts > 10_000, "{kind}, way {way}: {verdict:?}");
-            let none = Verdict { missed: 0, vain: 0, different: 0, ..verdict };
-            assert_eq!(verdict, none, "{kind}, way {way}");
+            assert!(counts.contacts > 10_000, "{kind}, displacement {displacement}: {counts:?}");
+            let expected = Counts { missed: 0, unnecessary: 0, different: 0, ..counts };
+            assert_eq!(counts, expected, "{kind}, displacement {displacement}");
         }
     }
 }
@@ -193,7 +197,7 @@ fn a_particle_does_not_find_itself() {
     let compact = CompactParticle { x: [1, 2, 3], radius: 0.5, v: [1.0, 0.0, 0.0], count: 0 };
     let query = Query { slot: 1, compact, start: compact.x, from: 0.0 };
     for lane in 0..2 * LANES {
-        // Lane `lane` holds slot 1, which is the query's own.
+        // Lane `lane` holds slot 1, the slot of the query.
         let found = pass_vectors::<With<false, true>>(&compact, cells.axes.unit, &query, lane);
         assert!(!found.contains(&true), "{lane}: {found:?}");
     }

@@ -1,0 +1,21 @@
+use super::two_spheres;
+use crate::observables::{Observable, Quantity, row};
+
+/// Energy lost per collision of two particles; no number before the first collision.
+const LOSS_PER_COLLISION: Observable = row(
+    "loss_per_collision",
+    "energy",
+    Quantity::Real(|sample| sample.ledger.dissipated / sample.collisions as f64),
+    |_present| true,
+);
+
+#[test]
+fn the_row_gives_the_name_and_the_number_of_a_sample() {
+    let mut simulation = two_spheres();
+    let until = crate::Until { time: 2.0, ..crate::Until::default() };
+    simulation.advance(until, &mut crate::Silent).expect("no error");
+    let mut numbers = Vec::new();
+    LOSS_PER_COLLISION.quantity.append(&simulation.sample(), &mut numbers);
+    // One contact at relative speed 2 with e = 0.5: μ v² (1 − e²)/2.
+    assert_eq!((LOSS_PER_COLLISION.name, numbers), ("loss_per_collision", vec![0.5 * 0.5 * 4.0 * 0.75]));
+}

@@ -1,0 +1,76 @@
+//! A lower bound on the distance from walls until the end of the window.
+//!
+//! Most particles touch no wall within a window. Without this bound, exact predictions with six walls take a
+//! third of all instructions in a closed box.
+
+use glam::DVec3;
+
+use crate::{
+    particles::{Particle, World},
+    wall_motion::WallMotion,
+};
+
+/// Rounding of a distance from a wall is less than this part of the extent of the system.
+const SLACK: f64 = 1e-9;
+
+/// The walls of a system as planes.
+#[derive(Debug, Clone, Default)]
+pub(super) struct Planes {
+    planes: Vec<Plane>,
+    /// Distances up to this are treated as contacts [length].
+    slack: f64,
+}
+
+#[derive(Debug, Clone, Copy)]
+struct Plane {
+    normal: DVec3,
+    /// Of the plane at time 0 from the origin, along the normal [length].
+    offset: f64,
+    /// Velocity along the normal [length/time]; `None` for a motion without a bound.
+    speed: Option<f64>,
+}
+
+impl Planes {
+    pub fn new(world: &World) -> Self {
+        let planes = world.walls.iter().map(|wall| Plane {
+            normal: wall.normal,
+            offset: wall.point.dot(wall.normal),
+            speed: match wall.motion {
+                WallMotion::Fixed | WallMotion::Constant(_) => Some(wall.motion.velocity().dot(wall.normal)),
+            },
+        });
+        let extent = world
+            .walls
+            .iter()
+            .map(|wall| wall.point.length())
+            .fold(world.periodicity.size.length(), f64::max);
+        Self { planes: planes.collect(), slack: SLACK * extent }
+    }
+
+    /// Calls `predict` for each wall that a particle with this anchor can touch within the `duration` [time]
+    /// after the anchor. `acceleration` is that of its flight.
+    #[inline(always)]
+    pub fn for_each_in_reach(
+        &self,
+        world: &World,
+        anchor: &Particle,
+        radius: f64,
+        acceleration: DVec3,
+        duration: f64,
+        mut predict: impl FnMut(u32),
+    ) {
+        let time = world.clock.time(anchor.time);
+        for (wall, plane) in self.planes.iter().enumerate() {
+            let in_reach = plane.speed.is_none_or(|speed| {
+                let distance = plane.normal.dot(anchor.position) - plane.offset - speed * time - radius;
+                let rate = plane.normal.dot(anchor.velocity) - speed;
+                // Not larger than the smallest distance: an acceleration away from the wall is left out.
+                let approach = rate.min(0.0) + 0.5 * plane.normal.dot(acceleration).min(0.0) * duration;
+                distance + approach * duration <= self.slack
+            });
+            if in_reach {
+                predict(wall as u32);
+            }
+        }
+    }
+}

@@ -1,0 +1,87 @@
+//! The predictions of all events, and a calendar of their times.
+
+use std::{cmp::Ordering, collections::BTreeMap};
+
+use haff_calendar::{Calendar, Event, Heap};
+
+use crate::predict::{Key, Prediction};
+
+/// One prediction for each [`Key`] at most. Entries of the calendar whose prediction has been replaced or
+/// removed are invalid; they are dropped when they are reached.
+#[derive(Debug, Clone)]
+pub(crate) struct Predictions {
+    current: BTreeMap<Key, Prediction>,
+    calendar: Heap<Entry>,
+}
+
+impl Default for Predictions {
+    fn default() -> Self {
+        Self { current: BTreeMap::new(), calendar: Heap::with_capacity(0) }
+    }
+}
+
+impl Predictions {
+    /// Sets the prediction of a key.
+    pub fn insert(&mut self, key: Key, prediction: Prediction) {
+        self.current.insert(key, prediction);
+        self.calendar.push(Entry { key, prediction });
+    }
+
+    /// Removes the prediction of a key.
+    pub fn remove(&mut self, key: &Key) {
+        self.current.remove(key);
+    }
+
+    /// Keeps the predictions of these keys only.
+    pub fn retain(&mut self, mut keep: impl FnMut(&Key) -> bool) {
+        self.current.retain(|key, _| keep(key));
+    }
+
+    /// Whether nothing is predicted.
+    pub fn is_empty(&self) -> bool {
+        self.current.is_empty()
+    }
+
+    /// The earliest prediction; of several at one time, the one of the first key.
+    pub fn first(&mut self) -> Option<(Key, Prediction)> {
+        while let Some(&Entry { key, prediction }) = self.calendar.peek() {
+            if self.current.get(&key) == Some(&prediction) {
+                return Some((key, prediction));
+            }
+            self.calendar.pop_until(i64::MAX);
+        }
+        None
+    }
+}
+
+/// A calendar entry, in the order of instants and keys.
+#[derive(Debug, Clone, Copy, PartialEq)]
+struct Entry {
+    key: Key,
+    prediction: Prediction,
+}
+
+impl Eq for Entry {}
+
+impl Ord for Entry {
+    fn cmp(&self, other: &Self) -> Ordering {
+        let (at, other_at) = (self.prediction.at, other.prediction.at);
+        at.partial_cmp(&other_at)
+            .unwrap_or(Ordering::Equal)
+            .then_with(|| self.key.cmp(&other.key))
+            .then_with(|| self.prediction.happens.cmp(&other.prediction.happens))
+    }
+}
+
+impl PartialOrd for Entry {
+    fn partial_cmp(&self, other: &Self) -> Option<Ordering> {
+        Some(self.cmp(other))
+    }
+}
+
+impl Event for Entry {
+    /// The bits of a time that is not negative increase with it; half of them keep to the calendar's range.
+    fn time(&self) -> i64 {
+        (self.prediction.at.high.max(0.0).to_bits() >> 1) as i64
+    }
+}
