@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from .errors import FileError, MissingDataError, NotApplicableError
 from .reader import File
+from .recorded import shaped_walls
 
 __all__ = [
     "angles",
@@ -114,9 +115,14 @@ def restitution(run: File, first: str, second: str) -> float | dict[str, object]
 
 def wall_restitution(run: File, name: str, wall: int) -> float | dict[str, object] | str:
     """The scene's law for a particle by its name on a wall by its row."""
-    contact, own = run.scene.get("contact", {}), wall - 2 * len(_sides(run))
-    of = run.scene["wall"][own] if own >= 0 else {}
-    called = of.get("name") or "xyz"[_sides(run)[wall // 2]] + "-+"[wall % 2]
+    contact, sides = run.scene.get("contact", {}), _sides(run)
+    if wall < 2 * len(sides):
+        called = "xyz"[sides[wall // 2]] + "-+"[wall % 2]
+        entries = (entry for entry in run.scene.get("wall", ()) if entry.get("name") == called and "plane" not in entry)
+        of = next(entries, {})
+    else:
+        of = shaped_walls(run.scene)[wall - 2 * len(sides)]
+        called = of.get("name")
     for pair in contact.get("pair", ()):
         if sorted(pair["between"]) == sorted((name, called)):
             return "sticks" if pair.get("sticks") else pair.get("restitution", 1.0)
@@ -182,7 +188,7 @@ def _sides(run: File) -> list[int]:
 
 def count_walls(run: File) -> int:
     """Number of walls: those of the box and those of the scene."""
-    return 2 * len(_sides(run)) + len(run.scene.get("wall", ()))
+    return 2 * len(_sides(run)) + len(shaped_walls(run.scene))
 
 
 def plane(run: File, wall: int) -> tuple[Array, Array]:
@@ -195,6 +201,6 @@ def plane(run: File, wall: int) -> tuple[Array, Array]:
         point = np.zeros(3)
         point[axis] = run.box.size[axis] if upper else 0.0
         return point, normal
-    given = run.scene["wall"][wall - 2 * len(sides)]["plane"]
+    given = shaped_walls(run.scene)[wall - 2 * len(sides)]["plane"]
     point, normal = vector(given["point"]), vector(given["normal"])
     return point, normal / np.linalg.norm(normal)

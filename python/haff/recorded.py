@@ -75,7 +75,7 @@ _SCENE: dict[str, Any] = {
     "wall": [
         {
             "name": _TEXT,
-            "plane!": {"point!": _VECTOR, "normal!": _DIRECTION},
+            "plane": {"point!": _VECTOR, "normal!": _DIRECTION},
             "velocity": _VECTOR,
             "restitution": _LAW,
             "sticks": _FLAG,
@@ -95,6 +95,11 @@ def parsed(text: str) -> dict[str, Any]:
         raise SceneFault(f"is not valid TOML: {brief(error)}") from None
     _check(scene, _SCENE, "")
     return scene
+
+
+def shaped_walls(scene: dict[str, Any]) -> list[dict[str, Any]]:
+    """The walls that follow those of the box. Entries without a shape set properties of a wall of the box."""
+    return [wall for wall in scene.get("wall", ()) if "plane" in wall]
 
 
 def _check(value: Any, wanted: Any, key: str) -> None:

@@ -86,6 +86,8 @@ fn count<E: Event, const GROUPS: usize, const REVERSED: bool>(
 
 #[cfg(test)]
 mod tests {
+    use haff_testing::Random;
+
     use super::*;
 
     /// Time, and an id that makes the order total.
@@ -100,11 +102,8 @@ mod tests {
 
     #[test]
     fn any_number_of_events_is_sorted_equal_times_included() {
-        let mut state = 1_u64;
-        let mut random = || {
-            state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1);
-            state >> 33
-        };
+        let mut generator = Random(1);
+        let mut random = || generator.bits() >> 33;
         for count in 0..40 {
             for range in [2, 20, 1 << 30] {
                 for _ in 0..20 {

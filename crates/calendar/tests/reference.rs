@@ -4,6 +4,7 @@
 use std::collections::BTreeSet;
 
 use haff_calendar::{Calendar, Event, Heap, Ladder, WindowQueue};
+use haff_testing::Random;
 use proptest::prelude::*;
 
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
@@ -125,11 +126,8 @@ proptest! {
 #[test]
 fn ladder_agrees_with_heap_on_events_years_ahead() {
     let (mut heap, mut ladder) = (Heap::with_capacity(16), Ladder::with_capacity(16));
-    let mut state = 1_u64;
-    let mut random = |n: u64| {
-        state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
-        (state >> 33) % n
-    };
+    let mut generator = Random(1);
+    let mut random = |n: u64| generator.bits() % n;
     let (mut contents, mut id) = (Contents::default(), 0);
     let mut push =
         |now: i64, ahead: u64, contents: &mut Contents, heap: &mut Heap<Item>, ladder: &mut Ladder<Item>| {
@@ -272,13 +270,12 @@ fn many_events_in_one_bucket_of_a_window_queue_take_logarithmic_time() {
     let first = Counted(Item { time: 0, id: 0 });
     queue.open(0, 1 << 50, &[first]);
     heap.push(first.0);
-    let mut random = 1_u64;
+    let mut random = Random(1);
     for k in 1..=EVENTS {
         let (a, b) = (heap.pop_until(i64::MAX).unwrap(), queue.pop_until(i64::MAX).unwrap());
         assert_eq!(a, b.0);
         // One event at the next tick, and a later one.
-        random = random.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
-        let later = 1_000_000 + (random >> 44) as i64;
+        let later = 1_000_000 + (random.bits() >> 44) as i64;
         for (ahead, id) in [(1, 2 * k), (later, 2 * k + 1)] {
             let item = Item { time: a.time + ahead, id };
             heap.push(item);

@@ -143,13 +143,11 @@ pub(crate) fn delay([rx, ry, rz]: [f64; 3], [vx, vy, vz]: [f64; 3], sigma2: f64)
 mod tests {
     use super::*;
     use haff_mechanics::time_to_contact;
+    use haff_testing::Random;
 
     /// Random pairs, many of which graze or touch.
-    fn fill(batch: &mut Batch, state: &mut u64) {
-        let mut uniform = || {
-            *state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
-            (*state >> 11) as f64 / (1_u64 << 53) as f64 * 2.0 - 1.0
-        };
+    fn fill(batch: &mut Batch, random: &mut Random) {
+        let mut uniform = || random.uniform(-1.0, 1.0);
         batch.len = LANES - 3;
         for k in 0..batch.len {
             for axis in 0..3 {
@@ -163,10 +161,10 @@ mod tests {
 
     #[test]
     fn every_kernel_has_the_bits_of_the_reference() {
-        let mut state = 3;
+        let mut random = Random(3);
         let (mut hits, mut batch) = (0, Batch::new());
         for _ in 0..2000 {
-            fill(&mut batch, &mut state);
+            fill(&mut batch, &mut random);
             for choice in [SimdChoice::Portable, SimdChoice::Avx2, SimdChoice::Auto] {
                 let Some(kernel) = Kernel::choose(choice) else { continue };
                 batch.predict(kernel);

@@ -16,7 +16,7 @@ use crate::{
     particles::World,
     rest::thresholds::Thresholds,
     summary::{LocalDensity, SystemSummary},
-    tuning::{dense, particles},
+    tuning::{lists_above, particles},
     windows::{self, Windows},
 };
 
@@ -115,16 +115,16 @@ impl Choice {
         let limits = match (windows, mixed) {
             (true, _) if nearby::supports(system, &self.summary) => {
                 if self.summary.count < particles::PREFETCH_LISTS {
-                    dense::WINDOWS
+                    lists_above::WINDOWS
                 } else {
-                    dense::WINDOWS_LARGE
+                    lists_above::WINDOWS_LARGE
                 }
             }
-            (true, _) if system.domain.gravity != DVec3::ZERO => dense::WINDOWS_FALLING,
-            (true, _) if nearby::is_wide(&self.summary) => dense::WINDOWS_WIDE,
-            (true, _) => dense::WINDOWS_OTHER,
-            (false, true) => dense::CELLS_MIXED,
-            (false, false) => dense::CELLS,
+            (true, _) if system.domain.gravity != DVec3::ZERO => lists_above::WINDOWS_FALLING,
+            (true, _) if nearby::is_wide(&self.summary) => lists_above::WINDOWS_WIDE,
+            (true, _) => lists_above::WINDOWS_OTHER,
+            (false, true) => lists_above::CELLS_MIXED,
+            (false, false) => lists_above::CELLS,
         };
         let hysteresis = match self.neighbors {
             NeighborChoice::Auto => 1.0,

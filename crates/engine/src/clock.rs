@@ -7,6 +7,8 @@ below the rounding error of a coordinate. Ticks count from the start of the pres
 times is a difference of integers, and is rounded only once, when it is converted to `f64`.
 */
 
+use crate::instant::Instant;
+
 /// Length of an epoch [ticks]: about 64 times the time in which the fastest particle crosses the system.
 pub(crate) const EPOCH: i64 = 1 << 60;
 /// At the end of an epoch, older anchors than this are moved forward to the age [`ANCHOR_AGE`] [ticks].
@@ -52,6 +54,14 @@ impl Clock {
     pub fn exponent_for(extent: f64, speed: f64) -> i32 {
         let crossing = if speed > 0.0 { extent / speed } else { 1.0 };
         exponent_of(crossing) - TICKS_PER_CROSSING
+    }
+
+    /// Time at `ticks`, without rounding.
+    pub fn instant(&self, ticks: i64) -> Instant {
+        // Each half of the ticks is a number without rounding.
+        let (upper, lower) = (ticks >> 32 << 32, ticks & 0xffff_ffff);
+        let start = Instant { high: self.base, low: self.base_low };
+        start.after(upper as f64 * self.tick).after(lower as f64 * self.tick)
     }
 
     /// Time at `ticks`.

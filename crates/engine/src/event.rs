@@ -132,7 +132,7 @@ impl PhysicalEvent for AnyEvent {
         match self {
             Self::Impact(impact) => impact.resolve::<F, EVENTS>(state, time, observer),
             Self::EndOfBounces(i) => {
-                resolve::end_of_rest::<EVENTS>(state, i, time, observer);
+                resolve::end_of_bounces::<EVENTS>(state, i, time, observer);
                 Ok(Vec::new())
             }
         }

@@ -27,6 +27,7 @@ mod examples;
 mod features;
 mod force;
 mod grid;
+mod instant;
 mod ledger;
 mod measure;
 mod nearby;
@@ -57,6 +58,7 @@ mod wall_motion;
 mod windows;
 
 pub use error::{EngineError, Fault};
+pub use instant::Instant;
 pub use ledger::{Ledger, Term};
 pub use model::{
     Body, Boundary, Class, Contacts, Dimension, Domain, Drive, DriveKind, Group, NeighborChoice, Options,
@@ -72,6 +74,7 @@ pub use scalars::{ScalarReader, ScalarWriter};
 pub use simulation::{Simulation, Until};
 pub use sum::Sum;
 pub use thermal::ThermalWall;
+pub use wall_motion::{Approach, WallTime};
 
 /// Version of the trajectories. A release that changes the trajectory of any scene raises it.
 pub const TRAJECTORY_VERSION: u32 = 5;

@@ -206,38 +206,31 @@ fn deepest_by_slabs(world: &World, geometry: &Geometry, slabs: &Slabs) -> Found 
 
 #[cfg(test)]
 mod tests {
+    use haff_testing::Random;
+
     use super::*;
     use crate::{
         measure::geometry,
         model::{Body, Boundary, Class, Contacts, Dimension, Domain, Group, Restitution, System, Wall},
     };
 
-    /// A number in [0, 1) (SplitMix64).
-    fn number(state: &mut u64) -> f64 {
-        *state = state.wrapping_add(0x9E37_79B9_7F4A_7C15);
-        let mut z = *state;
-        z = (z ^ (z >> 30)).wrapping_mul(0xBF58_476D_1CE4_E5B9);
-        z = (z ^ (z >> 27)).wrapping_mul(0x94D0_49BB_1331_11EB);
-        ((z ^ (z >> 31)) >> 11) as f64 / (1_u64 << 53) as f64
-    }
-
     /// Spheres at random positions, with radii over `octaves` powers of two, some of infinite mass; and an
     /// oblique plane for even seeds.
     fn random_system(seed: u64, count: usize, octaves: f64) -> System {
-        let mut state = seed;
+        let mut random = Random(seed);
         let kinds = [Boundary::Periodic, Boundary::Wall, Boundary::Open];
-        let boundary = std::array::from_fn(|_| kinds[(3.0 * number(&mut state)) as usize]);
-        let size = DVec3::from_array([0.0; 3].map(|_: f64| 4.0 + 30.0 * number(&mut state)));
+        let boundary = std::array::from_fn(|_| kinds[(3.0 * random.uniform(0.0, 1.0)) as usize]);
+        let size = DVec3::from_array([0.0; 3].map(|_: f64| 4.0 + 30.0 * random.uniform(0.0, 1.0)));
         let classes: Vec<Class> = (0..count)
             .map(|_| Class {
-                radius: (-octaves * number(&mut state)).exp2(),
-                mass: if number(&mut state) < 0.1 { f64::INFINITY } else { 1.0 },
+                radius: (-octaves * random.uniform(0.0, 1.0)).exp2(),
+                mass: if random.uniform(0.0, 1.0) < 0.1 { f64::INFINITY } else { 1.0 },
                 group: 0,
             })
             .collect();
         let bodies = (0..count)
             .map(|i| Body {
-                position: size * DVec3::from_array([0.0; 3].map(|_: f64| number(&mut state))),
+                position: size * DVec3::from_array([0.0; 3].map(|_: f64| random.uniform(0.0, 1.0))),
                 velocity: DVec3::ZERO,
                 image: [0; 3],
                 class: i as u32,

@@ -281,25 +281,21 @@ mod tests {
     use glam::DVec3;
     use haff_mechanics::time_to_contact;
     use haff_neighbors::{Axis, Geometry, Lists, Search};
+    use haff_testing::Random;
 
-    /// Random numbers between −1 and 1, by SplitMix64.
-    fn uniform(state: &mut u64) -> f64 {
-        *state = state.wrapping_add(0x9E37_79B9_7F4A_7C15);
-        let mut z = *state;
-        z = (z ^ (z >> 30)).wrapping_mul(0xBF58_476D_1CE4_E5B9);
-        z = (z ^ (z >> 27)).wrapping_mul(0x94D0_49BB_1331_11EB);
-        ((z ^ (z >> 31)) >> 11) as f64 / (1_u64 << 52) as f64 - 1.0
+    fn uniform(random: &mut Random) -> f64 {
+        random.uniform(-1.0, 1.0)
     }
 
     /// A random gas: particles with three radii, some of them touching, with anchors of very different ages.
-    fn gas(state: &mut u64) -> (Vec<Particle>, Vec<ClassData>, Vec<f64>) {
+    fn gas(random: &mut Random) -> (Vec<Particle>, Vec<ClassData>, Vec<f64>) {
         let radii = [0.5, 0.4, 0.3];
         let classes = radii.map(|radius| ClassData { radius, mass: 1.0, inverse_mass: 1.0, group: 0 });
         let particles: Vec<Particle> = (0..120)
             .map(|k| {
-                let mut vector = || DVec3::new(uniform(state), uniform(state), uniform(state));
+                let mut vector = || DVec3::new(uniform(random), uniform(random), uniform(random));
                 let (position, velocity) = (vector() * 2.5 + 2.5, vector());
-                let age = (uniform(state).abs() * f64::from(1_u32 << (k % 31)) * 1e9) as i64;
+                let age = (uniform(random).abs() * f64::from(1_u32 << (k % 31)) * 1e9) as i64;
                 Particle::at(position, velocity, 1_000 - age, k % 3)
             })
             .collect();
@@ -307,8 +303,8 @@ mod tests {
         (particles, classes.to_vec(), sizes)
     }
 
-    fn check<const UNIFORM: bool, const LATEST: bool>(state: &mut u64) -> usize {
-        let (mut particles, classes, sizes) = gas(state);
+    fn check<const UNIFORM: bool, const LATEST: bool>(random: &mut Random) -> usize {
+        let (mut particles, classes, sizes) = gas(random);
         let (tick, size) = (2.0_f64.powi(-40), DVec3::splat(5.0));
         let geometry = Geometry {
             size,
@@ -382,13 +378,13 @@ mod tests {
 
     #[test]
     fn every_kernel_has_the_bits_of_the_reference() {
-        let mut state = 11;
+        let mut random = Random(11);
         let mut hits = [0; 4];
         for _ in 0..40 {
-            hits[0] += check::<true, true>(&mut state);
-            hits[1] += check::<true, false>(&mut state);
-            hits[2] += check::<false, true>(&mut state);
-            hits[3] += check::<false, false>(&mut state);
+            hits[0] += check::<true, true>(&mut random);
+            hits[1] += check::<true, false>(&mut random);
+            hits[2] += check::<false, true>(&mut random);
+            hits[3] += check::<false, false>(&mut random);
         }
         assert!(hits.iter().all(|&hits| hits > 1000), "{hits:?}");
     }

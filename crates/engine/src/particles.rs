@@ -10,6 +10,7 @@ use crate::{
     model::{Body, Restitution, System, Wall, WallLaw},
     periodicity::Periodicity,
     rest::thresholds::Thresholds,
+    wall_motion::Approach,
 };
 
 /// The *anchor* of a particle: its state at its own last event. One cache line.
@@ -351,10 +352,12 @@ impl World {
         }
         let wall = &self.walls[wall as usize];
         let mut point = wall.point;
+        let mut relative = velocity;
         if wall.motion.is_moving() {
-            point += wall.motion.displacement(self.clock.time(ticks));
+            point += wall.motion.displacement(wall.normal, (&self.clock, ticks));
+            relative -= wall.motion.velocity(wall.normal, (&self.clock, ticks));
         }
-        ((position - point).dot(wall.normal) - radius, (velocity - wall.motion.velocity()).dot(wall.normal))
+        ((position - point).dot(wall.normal) - radius, relative.dot(wall.normal))
     }
 
     /// Time from an anchor until its flight touches a wall \[ticks\]; `None` if it never does.
@@ -369,7 +372,13 @@ impl World {
         let (distance, rate) =
             self.wall_approach(wall, radius, anchor.position, anchor.velocity, anchor.time);
         let wall = &self.walls[wall as usize];
-        let delay = wall.motion.time_to_contact(distance, rate, acceleration.dot(wall.normal))?;
+        let approach = Approach {
+            distance,
+            rate,
+            speed: anchor.velocity.dot(wall.normal),
+            acceleration: acceleration.dot(wall.normal),
+        };
+        let delay = wall.motion.time_to_contact(&approach, (&self.clock, anchor.time))?;
         Some(delay * self.clock.per_time)
     }
 
@@ -434,7 +443,7 @@ impl World {
     pub fn largest_speed(&self, extent: f64) -> f64 {
         let fastest = (0..self.particles.len() as u32)
             .map(|i| self.state(i, self.now).1.length_squared())
-            .chain(self.walls.iter().map(|wall| wall.motion.velocity().length_squared()))
+            .chain(self.walls.iter().map(|wall| wall.motion.max_speed().powi(2)))
             .fold(0.0, f64::max);
         (fastest + 2.0 * self.gravity.length() * extent).sqrt()
     }

@@ -1,5 +1,6 @@
-//! The periodic images of positions and of pairs. A new boundary condition, with images that are displaced or
-//! have their own velocity, changes this file only.
+//! The periodic images of positions and of pairs in double precision. Searches visit images by whole edges,
+//! and coordinates of compact particles repeat with the box: a boundary with other images changes these, too
+//! (CONTRIBUTING.md).
 
 use glam::DVec3;
 use haff_neighbors::Shift;

@@ -212,7 +212,7 @@ pub(crate) fn wall<F: Features, const EVENTS: bool>(
         position -= world.walls[wall as usize].normal * gap;
     }
     let plane = &world.walls[wall as usize];
-    let (n, wall_velocity) = (-plane.normal, plane.motion.velocity());
+    let (n, wall_velocity) = (-plane.normal, plane.motion.velocity(plane.normal, (&world.clock, time)));
     let contact = WallContact { i, wall, time, position, velocity, n, wall_velocity };
     match world.wall_law(&class, wall) {
         WallLaw::Restitution(law) => bounce::<F, EVENTS>(state, &contact, law, observer),
@@ -464,7 +464,7 @@ pub(crate) fn keep_support(state: &mut State, i: u32, time: i64) {
 }
 
 /// Ends the completed series of bounces of particle i, and records its losses.
-pub(crate) fn end_of_rest<const EVENTS: bool>(
+pub(crate) fn end_of_bounces<const EVENTS: bool>(
     state: &mut State,
     i: u32,
     time: i64,
@@ -499,7 +499,7 @@ pub(crate) fn end_of_bounces_early<const EVENTS: bool>(
     observer: &mut dyn Observer,
 ) {
     if state.world.particles[i as usize].rests() && state.pending.contains_key(&i) {
-        end_of_rest::<EVENTS>(state, i, time, observer);
+        end_of_bounces::<EVENTS>(state, i, time, observer);
     }
 }
 

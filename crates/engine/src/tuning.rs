@@ -60,7 +60,7 @@ pub(crate) mod particles {
 
 /// Packing fractions around the average particle above which lists are chosen, because they are faster than
 /// another search (throughput.md).
-pub(crate) mod dense {
+pub(crate) mod lists_above {
     use super::PerDimension;
 
     /// Lists instead of cells, if all particles have the same size.

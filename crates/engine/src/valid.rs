@@ -10,6 +10,7 @@ use crate::{
     accumulators::Accumulators,
     clock::{Clock, EPOCH, OLDEST_ANCHOR},
     error::EngineError,
+    instant::Instant,
     ledger::Term,
     measure::{self, Totals},
     model::{Boundary, Dimension, System},
@@ -279,8 +280,9 @@ pub(crate) fn whole(system: &System, state: &State, time: f64) -> Result<(), Eng
         format!("clock.exponent = {found}: the tick is far too coarse, {suitable} would suit these speeds")
     })?;
 
-    let walls =
-        world.walls.iter().map(|wall| (wall.point + wall.motion.displacement(time)).abs().max_element());
+    let walls = world.walls.iter().map(|wall| {
+        (wall.point + wall.motion.displacement(wall.normal, Instant::at(time))).abs().max_element()
+    });
     let farthest = walls.fold(farthest.max(extent), f64::max);
     let deepest = overlap::deepest(world, &measure::geometry(system, world, f64::INFINITY)).deepest;
     let depth = deepest.depth;

@@ -45,7 +45,7 @@ impl WallLaw {
         matches!(self, Self::Thermal(_))
     }
 
-    /// Whether no impact loses energy.
+    /// Whether restitution takes no energy; a thermal wall may exchange heat.
     pub fn is_elastic(&self) -> bool {
         self.restitution() == Restitution::Constant(1.0)
     }

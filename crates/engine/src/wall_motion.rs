@@ -5,14 +5,61 @@
 use glam::DVec3;
 use haff_mechanics::time_to_plane;
 
+use crate::{clock::Clock, instant::Instant};
+
 /// The motion of a wall.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub enum WallMotion {
     /// At rest.
     #[default]
     Fixed,
-    /// Moves at a constant velocity [length/time]. Only its normal component acts on smooth spheres.
+    /// At a constant velocity [length/time]; only its component along the normal acts on smooth spheres.
     Constant(DVec3),
+}
+
+/// A time at which the state of a wall is asked for: rounded for displacements at constant velocity, without
+/// rounding for phases of oscillations.
+pub trait WallTime: Copy {
+    /// The time, rounded \[time\].
+    fn time(self) -> f64;
+    /// The time without rounding.
+    fn instant(self) -> Instant;
+}
+
+impl WallTime for Instant {
+    fn time(self) -> f64 {
+        self.high
+    }
+
+    fn instant(self) -> Instant {
+        self
+    }
+}
+
+/// Ticks of a clock.
+impl WallTime for (&Clock, i64) {
+    #[inline]
+    fn time(self) -> f64 {
+        self.0.time(self.1)
+    }
+
+    #[inline]
+    fn instant(self) -> Instant {
+        self.0.instant(self.1)
+    }
+}
+
+/// The approach of a body to a wall, along the wall's normal.
+#[derive(Debug, Clone, Copy)]
+pub struct Approach {
+    /// Distance of the body's surface from the wall \[length\].
+    pub distance: f64,
+    /// Its rate of change [length/time].
+    pub rate: f64,
+    /// Velocity of the body [length/time].
+    pub speed: f64,
+    /// Its acceleration [length/time²].
+    pub acceleration: f64,
 }
 
 impl From<DVec3> for WallMotion {
@@ -22,38 +69,56 @@ impl From<DVec3> for WallMotion {
 }
 
 impl WallMotion {
-    /// Whether the wall moves.
+    /// Whether the wall moves at any time.
     #[inline]
     pub fn is_moving(&self) -> bool {
         !matches!(self, Self::Fixed)
     }
 
-    /// The velocity [length/time].
+    /// Velocity of a wall with this normal [length/time].
     #[inline]
-    pub fn velocity(&self) -> DVec3 {
+    pub fn velocity(&self, _normal: DVec3, _at: impl WallTime) -> DVec3 {
         match self {
             Self::Fixed => DVec3::ZERO,
             Self::Constant(velocity) => *velocity,
         }
     }
 
-    /// Displacement from time 0 to `time` [length].
+    /// Displacement of a wall with this normal from its given position, which it has at time 0 or on average
+    /// [length].
     #[inline]
-    pub fn displacement(&self, time: f64) -> DVec3 {
+    pub fn displacement(&self, _normal: DVec3, at: impl WallTime) -> DVec3 {
         match self {
             Self::Fixed => DVec3::ZERO,
-            Self::Constant(velocity) => *velocity * time,
+            Self::Constant(velocity) => *velocity * at.time(),
         }
     }
 
-    /// Time until a body at this `distance` \[length\] touches the wall; `None` if it never does. `rate` is
-    /// the rate of change of the distance [length/time], `acceleration` the relative acceleration along the
-    /// normal [length/time²].
-    #[inline]
-    pub(crate) fn time_to_contact(&self, distance: f64, rate: f64, acceleration: f64) -> Option<f64> {
+    /// Largest speed [length/time].
+    pub fn max_speed(&self) -> f64 {
         match self {
-            // In the frame of the wall, a wall at constant velocity is at rest, too.
-            Self::Fixed | Self::Constant(_) => time_to_plane(distance, rate, acceleration),
+            Self::Fixed => 0.0,
+            Self::Constant(velocity) => velocity.length(),
+        }
+    }
+
+    /// A bound: the displacement along the normal differs from that at this mean velocity [length/time] by at
+    /// most this distance \[length\].
+    pub(crate) fn bound(&self, normal: DVec3) -> (f64, f64) {
+        match self {
+            Self::Fixed => (0.0, 0.0),
+            Self::Constant(velocity) => (velocity.dot(normal), 0.0),
+        }
+    }
+
+    /// Time from `at` until a body touches the wall; `None` if it never does.
+    #[inline]
+    pub fn time_to_contact(&self, approach: &Approach, _at: impl WallTime) -> Option<f64> {
+        match self {
+            // In the frame of the wall both have straight or parabolic paths.
+            Self::Fixed | Self::Constant(_) => {
+                time_to_plane(approach.distance, approach.rate, approach.acceleration)
+            }
         }
     }
 }

@@ -304,7 +304,7 @@ fn mutate(checkpoint: &mut Checkpoint, random: &mut Random) {
     let i = random.index(checkpoint.position.len());
     let axis = random.index(3);
     let bits = |random: &mut Random, old: u64| match random.index(5) {
-        0 => random.next(),
+        0 => random.bits(),
         1 => old ^ (1 << random.index(64)),
         2 => [0, 1, u64::MAX, 1 << 63, i64::MAX as u64, 1 << 62][random.index(6)],
         3 => REAL[random.index(4)].to_bits(),

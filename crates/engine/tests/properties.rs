@@ -259,8 +259,11 @@ fn run(system: &System, until: Until, options: Options, half: bool) -> (Log, End
 /// Whether a wall or a body of infinite mass moves, and so can squeeze grains.
 fn squeezes(system: &System) -> bool {
     let driven = system.bodies.iter().filter(|body| system.classes[body.class as usize].mass.is_infinite());
-    let velocities =
-        system.walls.iter().map(|wall| wall.motion.velocity()).chain(driven.map(|body| body.velocity));
+    let velocities = system
+        .walls
+        .iter()
+        .map(|wall| wall.motion.velocity(wall.normal, haff_engine::Instant::ZERO))
+        .chain(driven.map(|body| body.velocity));
     velocities.into_iter().any(|velocity| velocity != DVec3::ZERO)
 }
 
@@ -373,7 +376,7 @@ fn check_laws(
                 return 0.0;
             }
             momentum_at(body, event) * speed_at(body, event)
-                + 2.0 * event.impulse * wall.motion.velocity().length()
+                + 2.0 * event.impulse * wall.motion.velocity(wall.normal, haff_engine::Instant::ZERO).length()
         })
         .sum();
     let allowed = 1e-13 + f64::EPSILON * (WALK * rounded_energy + tilted) / largest;

@@ -1,11 +1,10 @@
 //! Checks of joints against each other and against their system.
 
 use glam::DVec3;
-use haff_engine::{Boundary, System};
+use haff_engine::{Boundary, Instant, System};
 
 use crate::{
     error::LinkageError,
-    instant::Instant,
     linear,
     mechanism::{Link, Mechanism},
     model::{Joints, SpringEnd, Tether},

@@ -1,10 +1,9 @@
 //! The exact state as plain data, in the engine's own type, so that the same code records both.
 
-use haff_engine::{Checkpoint, ScalarReader, ScalarWriter, System};
+use haff_engine::{Checkpoint, Instant, ScalarReader, ScalarWriter, System};
 
 use crate::{
     error::LinkageError,
-    instant::Instant,
     mechanism::Link,
     model::Joints,
     simulation::Simulation,

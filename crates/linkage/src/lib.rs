@@ -48,7 +48,6 @@ mod checkpoint;
 mod crossing;
 mod elliptic;
 mod error;
-mod instant;
 mod linear;
 mod mechanism;
 pub mod model;

@@ -4,9 +4,10 @@
 use glam::DVec3;
 use haff_mechanics::{time_to_contact, time_to_contact_accelerated, time_to_plane};
 
+use haff_engine::Instant;
+
 use crate::{
     crossing::{Search, first_crossing},
-    instant::Instant,
     mechanism::Link,
     motion::{Monitored, Motion},
     world::{Flight, World},
@@ -155,16 +156,14 @@ impl World {
         let start = from.max(self.since(i));
         let Some((flight, a)) = self.path(i, start) else { return Prediction::NEVER };
         let of = &self.system.walls[wall];
-        let point = self.wall_point(wall, start);
+        // Walls of scenes with joints move at a constant velocity, if at all.
+        let (point, velocity) = (self.wall_point(wall, start), self.wall_velocity(wall, start));
         let f = |s: f64| {
             let (x, v) = a.state(s);
-            (
-                of.normal.dot(x - (point + of.motion.velocity() * s)) - self.radius[i],
-                of.normal.dot(v - of.motion.velocity()),
-            )
+            (of.normal.dot(x - (point + velocity * s)) - self.radius[i], of.normal.dot(v - velocity))
         };
         let (gap, rate) = f(0.0);
-        let slow = self.slow(a.state(0.0).1, of.motion.velocity());
+        let slow = self.slow(a.state(0.0).1, velocity);
         let touch = self.touch(self.radius[i]);
         if gap <= touch && rate < -slow {
             return Prediction { at: start, happens: true };

@@ -197,8 +197,9 @@ impl World {
                     let (x, v) = self.state(i, self.now);
                     let of = &self.system.walls[wall];
                     let gap = of.normal.dot(x - self.wall_point(wall, self.now)) - self.radius[i];
-                    let rate = of.normal.dot(v - of.motion.velocity());
-                    if gap <= self.touch(self.radius[i]) && rate.abs() <= self.slow(v, of.motion.velocity()) {
+                    let velocity = self.wall_velocity(wall, self.now);
+                    let rate = of.normal.dot(v - velocity);
+                    if gap <= self.touch(self.radius[i]) && rate.abs() <= self.slow(v, velocity) {
                         links.push(link);
                     }
                 }

@@ -83,7 +83,7 @@ impl World {
     ) -> Result<Vec<usize>, LinkageError> {
         let bodies = self.end_flights(&[self.body[i]], observer);
         let of = &self.system.walls[wall];
-        let (normal, velocity) = (-of.normal, of.motion.velocity());
+        let (normal, velocity) = (-of.normal, self.wall_velocity(wall, self.now));
         let approach = (self.state(i, self.now).1 - velocity).dot(normal);
         let link = Link::Wall(i, wall);
         let mut row = self.row(link, &bodies, self.now);

@@ -1,13 +1,14 @@
 //! A run: from event to event, with frames, samples and the ledger.
 
 use glam::DVec3;
-use haff_engine::{Counters, EngineError, Frame, Ledger, Observer, Sample, Stop, Sum, System, Term, Until};
+use haff_engine::{
+    Counters, EngineError, Frame, Instant, Ledger, Observer, Sample, Stop, Sum, System, Term, Until,
+};
 use xxhash_rust::xxh3::Xxh3;
 
 use crate::{
     check,
     error::LinkageError,
-    instant::Instant,
     mechanism::Link,
     model::{Joints, Tether},
     motion::{Monitored, Motion},

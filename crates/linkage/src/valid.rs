@@ -4,12 +4,9 @@
 //! by the simulation always passes.
 
 use glam::DVec3;
-use haff_engine::{Checkpoint, Dimension, Sum};
+use haff_engine::{Checkpoint, Dimension, Instant, Sum};
 
-use crate::{
-    error::LinkageError, instant::Instant, mechanism::Link, model::Tether, simulation::Simulation,
-    world::World,
-};
+use crate::{error::LinkageError, mechanism::Link, model::Tether, simulation::Simulation, world::World};
 
 /// Largest counter: 146 years of 10⁹ events a second.
 const MOST: u64 = 1 << 62;
@@ -195,9 +192,9 @@ fn accumulators(world: &World, time: f64) -> Result<(), LinkageError> {
     total("dissipated", &accumulators.dissipated)?;
     total("carnot", &accumulators.carnot)?;
     total("work", &accumulators.work)?;
-    for axis in 0..3 {
-        total(&format!("impulse.{axis}"), &accumulators.impulse[axis])?;
-        total(&format!("moment.{axis}"), &accumulators.moment[axis])?;
+    for (k, axis) in ["x", "y", "z"].into_iter().enumerate() {
+        total(&format!("impulse.{axis}"), &accumulators.impulse[k])?;
+        total(&format!("moment.{axis}"), &accumulators.moment[k])?;
     }
     Ok(())
 }

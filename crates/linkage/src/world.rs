@@ -3,11 +3,10 @@
 use std::collections::{BTreeMap, BTreeSet};
 
 use glam::DVec3;
-use haff_engine::{Overlap, System, allowed_overlap, model::Restitution};
+use haff_engine::{Instant, Overlap, System, allowed_overlap, model::Restitution};
 
 use crate::{
     accumulators::Accumulators,
-    instant::Instant,
     mechanism::{Coil, End, Link, Mechanism, Motions, Row, Shape},
     model::{Joints, SpringEnd, Tether},
     motion::Motion,
@@ -245,7 +244,13 @@ impl World {
     /// A point of a wall at an instant.
     pub fn wall_point(&self, wall: usize, at: Instant) -> DVec3 {
         let wall = &self.system.walls[wall];
-        wall.point + wall.motion.velocity() * at.time()
+        wall.point + wall.motion.displacement(wall.normal, at)
+    }
+
+    /// Velocity of a wall at an instant.
+    pub fn wall_velocity(&self, wall: usize, at: Instant) -> DVec3 {
+        let wall = &self.system.walls[wall];
+        wall.motion.velocity(wall.normal, at)
     }
 
     /// Particles of a body.
@@ -306,7 +311,7 @@ impl World {
             },
             Link::Wall(i, w) => Row {
                 link,
-                a: End::Fixed(self.wall_point(w, at), self.system.walls[w].motion.velocity()),
+                a: End::Fixed(self.wall_point(w, at), self.wall_velocity(w, at)),
                 b: self.end(i, bodies, at),
                 shape: Shape::Along(self.system.walls[w].normal, self.radius[i]),
                 sign: 1.0,

@@ -7,6 +7,7 @@ use common::Scene;
 use glam::DVec3;
 use haff_engine::{Checkpoint, Silent, Until};
 use haff_linkage::{LinkageError, Simulation, SpringEnd, Tether};
+use haff_testing::Random;
 
 /// Pendulums on a string and a rod, a dumbbell, a spring, balls that stick together, and one that bounces to
 /// rest.
@@ -139,31 +140,14 @@ fn errors_name_the_impossible_value() {
     }
 }
 
-/// SplitMix64.
-struct Random(u64);
-
-impl Random {
-    fn next(&mut self) -> u64 {
-        self.0 = self.0.wrapping_add(0x9E37_79B9_7F4A_7C15);
-        let mut z = self.0;
-        z = (z ^ (z >> 30)).wrapping_mul(0xBF58_476D_1CE4_E5B9);
-        z = (z ^ (z >> 27)).wrapping_mul(0x94D0_49BB_1331_11EB);
-        z ^ (z >> 31)
-    }
-
-    fn index(&mut self, n: usize) -> usize {
-        (self.next() % n as u64) as usize
-    }
-
-    /// Another value of the same 64 bits.
-    fn change(&mut self, old: u64) -> u64 {
-        match self.index(5) {
-            0 => self.next(),
-            1 => old ^ (1 << self.index(64)),
-            2 => [0, 1, 2, u64::MAX, 1 << 63, 1 << 60][self.index(6)],
-            3 => [f64::NAN, f64::INFINITY, -1e300, 1e300][self.index(4)].to_bits(),
-            _ => (f64::from_bits(old) * (self.index(1000) as f64 / 250.0 - 2.0)).to_bits(),
-        }
+/// Another value of the same 64 bits.
+fn change(random: &mut Random, old: u64) -> u64 {
+    match random.index(5) {
+        0 => random.bits(),
+        1 => old ^ (1 << random.index(64)),
+        2 => [0, 1, 2, u64::MAX, 1 << 63, 1 << 60][random.index(6)],
+        3 => [f64::NAN, f64::INFINITY, -1e300, 1e300][random.index(4)].to_bits(),
+        _ => (f64::from_bits(old) * (random.index(1000) as f64 / 250.0 - 2.0)).to_bits(),
     }
 }
 
@@ -183,14 +167,16 @@ fn randomly_changed_checkpoints_never_panic() {
             let (i, axis) = (random.index(bad.position.len()), random.index(3));
             match random.index(6) {
                 0 => {
-                    bad.position[i][axis] = f64::from_bits(random.change(bad.position[i][axis].to_bits()));
+                    bad.position[i][axis] =
+                        f64::from_bits(change(&mut random, bad.position[i][axis].to_bits()));
                 }
                 1 => {
-                    bad.velocity[i][axis] = f64::from_bits(random.change(bad.velocity[i][axis].to_bits()));
+                    bad.velocity[i][axis] =
+                        f64::from_bits(change(&mut random, bad.velocity[i][axis].to_bits()));
                 }
                 _ => {
                     let scalar = random.index(bad.scalars.len());
-                    bad.scalars[scalar].1 = random.change(bad.scalars[scalar].1);
+                    bad.scalars[scalar].1 = change(&mut random, bad.scalars[scalar].1);
                 }
             }
         }

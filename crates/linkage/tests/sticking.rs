@@ -99,13 +99,15 @@ fn a_moving_wall_carries_a_particle_that_sticks_to_it() {
         let frame = simulation.frame();
         near(
             "it moves with the wall",
-            (frame.velocity[ball] - scene.walls[floor].motion.velocity()).length(),
+            (frame.velocity[ball] - scene.walls[floor].motion.velocity(DVec3::Z, haff_engine::Instant::ZERO))
+                .length(),
             0.0,
             0.0,
         );
         near("height", frame.position[ball].z, 0.1 + 2.0 * lift, 1e-13);
         near("along", frame.position[ball].x, 0.5 * hit - 0.3 * (2.0 - hit), 1e-13);
-        let work = m * lost.dot(scene.walls[floor].motion.velocity()) + m * G * lift * (2.0 - hit);
+        let work = m * lost.dot(scene.walls[floor].motion.velocity(DVec3::Z, haff_engine::Instant::ZERO))
+            + m * G * lift * (2.0 - hit);
         near("work", simulation.ledger().term(haff_engine::Term::WallWork), work, 1e-12);
         assert!(simulation.ledger().residual.abs() < 1e-14, "{:?}", simulation.ledger());
     }

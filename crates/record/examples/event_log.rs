@@ -15,26 +15,10 @@ use std::{
 use glam::DVec3;
 use haff_engine::{Boundary, EventColumn, EventKind, EventRecord, Present};
 use haff_record::{Header, Recorder};
+use haff_testing::Random;
 
 const BATCH: usize = 1 << 13;
 const PARTICLES: u32 = 32_000;
-
-/// SplitMix64.
-struct Random(u64);
-
-impl Random {
-    fn bits(&mut self) -> u64 {
-        self.0 = self.0.wrapping_add(0x9E37_79B9_7F4A_7C15);
-        let mut z = self.0;
-        z = (z ^ (z >> 30)).wrapping_mul(0xBF58_476D_1CE4_E5B9);
-        z = (z ^ (z >> 27)).wrapping_mul(0x94D0_49BB_1331_11EB);
-        z ^ (z >> 31)
-    }
-
-    fn unit(&mut self) -> f64 {
-        (self.bits() >> 11) as f64 / (1_u64 << 53) as f64
-    }
-}
 
 /// Elastic collisions of unit spheres: approach speeds of the Rayleigh distribution, normals on the sphere.
 fn events(count: usize) -> Vec<EventRecord> {
@@ -43,10 +27,11 @@ fn events(count: usize) -> Vec<EventRecord> {
     let mut time = 0.0;
     (0..count)
         .map(|_| {
-            time -= random.unit().ln() * 1e-5;
+            time -= random.uniform(0.0, 1.0).ln() * 1e-5;
             let (a, b) = (random.bits() as u32 % PARTICLES, random.bits() as u32 % PARTICLES);
-            let speed = 2.0 * (-random.unit().ln()).sqrt();
-            let (z, angle) = (2.0 * random.unit() - 1.0, std::f64::consts::TAU * random.unit());
+            let speed = 2.0 * (-random.uniform(0.0, 1.0).ln()).sqrt();
+            let (z, angle) =
+                (2.0 * random.uniform(0.0, 1.0) - 1.0, std::f64::consts::TAU * random.uniform(0.0, 1.0));
             let rho = (1.0 - z * z).sqrt();
             EventRecord {
                 time,
@@ -58,7 +43,12 @@ fn events(count: usize) -> Vec<EventRecord> {
                 energy_loss: 0.0,
                 carnot_energy: speed * speed,
                 normal: DVec3::new(rho * angle.cos(), rho * angle.sin(), z),
-                position: box_size * DVec3::new(random.unit(), random.unit(), random.unit()),
+                position: box_size
+                    * DVec3::new(
+                        random.uniform(0.0, 1.0),
+                        random.uniform(0.0, 1.0),
+                        random.uniform(0.0, 1.0),
+                    ),
             }
         })
         .collect()

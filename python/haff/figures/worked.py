@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from .. import measured, mechanics
 from ..errors import NotApplicableError
 from ..reader import File
+from ..recorded import shaped_walls
 from .trajectories import body_name
 
 __all__ = ["Worked", "worked"]
@@ -307,7 +308,7 @@ def _impact(run: File) -> Worked:
     elif measured.count_walls(run) == 1:
         point, normal = measured.plane(run, 0)
         e, m2 = measured.wall_restitution(run, run.species_names[run.species[0]], 0), np.inf
-        w2 = measured.vector(run.scene["wall"][0].get("velocity", (0, 0, 0)))
+        w2 = measured.vector(shaped_walls(run.scene)[0].get("velocity", (0, 0, 0)))
         approach = (w2 - w[0]) @ normal
         if approach <= 0:
             raise NotApplicableError("the ball does not meet the wall")

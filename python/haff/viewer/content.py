@@ -12,6 +12,7 @@ from ..errors import ArgumentError, NotApplicableError
 from ..extent import Extent, extent
 from ..figures.style import CYCLE, SPEED_MAP
 from ..reader import File
+from ..recorded import shaped_walls
 from ..selection import choose
 from ..text import escaped
 from . import collisions, curves, joints
@@ -159,5 +160,5 @@ def _walls(file: File) -> list[dict[str, Any]]:
             "normal": _vector(wall["plane"].get("normal", ())),
             "velocity": _vector(wall.get("velocity", ())),
         }
-        for wall in file.scene.get("wall", [])
+        for wall in shaped_walls(file.scene)
     ]

@@ -289,19 +289,15 @@ mod avx2 {
 
 #[cfg(test)]
 mod tests {
-    use super::*;
+    use haff_testing::Random;
 
-    /// A linear congruential generator. The upper half of its state is random enough for positions.
-    fn next(state: &mut u64) -> i32 {
-        *state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
-        (*state >> 32) as i32
-    }
+    use super::*;
 
     /// One, two and many bins along an axis, some of them with more than one block, and bins onto which a
     /// large box with a cluster is folded. Each reference position moves before it is searched from.
     #[test]
     fn each_neighbor_is_found_once() {
-        let mut state = 1;
+        let mut random = Random(1);
         for edges in
             [[8.0, 8.0, 8.0], [4.1, 12.0, 6.5], [5.0, 9.0, 0.0], [30.0, 6.0, 5.0], [640.0, 5000.0, 320.0]]
         {
@@ -311,7 +307,7 @@ mod tests {
             let mut coordinate = |axis: usize| {
                 // Clusters between 10 and 20 wide.
                 let empty = (edges[axis] / 10.0).max(1.0).log2() as u32;
-                if edges[axis] > 0.0 { next(&mut state) >> empty } else { 0 }
+                if edges[axis] > 0.0 { (random.bits() as i32) >> empty } else { 0 }
             };
             let mut positions: Vec<[i32; 3]> = (0..600).map(|_| [0, 1, 2].map(&mut coordinate)).collect();
             for (i, x) in positions.iter().enumerate() {

@@ -213,25 +213,17 @@ mod avx2 {
 mod tests {
     use glam::DVec3;
     use haff_neighbors::{Axis, Geometry};
+    use haff_testing::Random;
 
     use super::*;
     use crate::{features::With, model::System, particles::World};
 
-    /// SplitMix64, as numbers in −1 … 1.
-    struct Random(u64);
+    fn number(random: &mut Random) -> f64 {
+        random.uniform(-1.0, 1.0)
+    }
 
-    impl Random {
-        fn number(&mut self) -> f64 {
-            self.0 = self.0.wrapping_add(0x9E37_79B9_7F4A_7C15);
-            let mut z = self.0;
-            z = (z ^ (z >> 30)).wrapping_mul(0xBF58_476D_1CE4_E5B9);
-            z = (z ^ (z >> 27)).wrapping_mul(0x94D0_49BB_1331_11EB);
-            ((z ^ (z >> 31)) >> 11) as f64 / (1_u64 << 52) as f64 - 1.0
-        }
-
-        fn direction(&mut self) -> DVec3 {
-            DVec3::new(self.number(), self.number(), self.number()).normalize()
-        }
+    fn direction(random: &mut Random) -> DVec3 {
+        DVec3::new(number(random), number(random), number(random)).normalize()
     }
 
     const EDGE: f64 = 40.0;
@@ -318,23 +310,24 @@ mod tests {
         let mut random = Random(7);
         let mut found = [0; 2];
         for k in 0..count {
-            let fraction = (0.5 + 0.5 * random.number()).min(0.99);
+            let fraction = (0.5 + 0.5 * number(&mut random)).min(0.99);
             world.now = frame.begin + (fraction * (frame.end - frame.begin) as f64) as i64;
             // Often the velocities are nearly equal: their difference is then far smaller than they are.
-            let common = random.direction() * random.number().abs();
-            let slow = libm::pow(10.0, -2.0 - 2.0 * random.number());
-            let v = random.direction() * slow.min(1.0);
+            let common = direction(&mut random) * number(&mut random).abs();
+            let slow = libm::pow(10.0, -2.0 - 2.0 * number(&mut random));
+            let v = direction(&mut random) * slow.min(1.0);
             let edge = [1.0 - 1e-9, 1.0 - 1e-6, 1.0 - 1e-3, 1.0, 1.0 + 1e-9, 1.2][k % 6];
             let r = match k % 4 {
                 // A grazing contact at a later time.
                 0 => {
-                    random.direction().cross(v).normalize() * (edge * sigma) - v.normalize() * random.number()
+                    direction(&mut random).cross(v).normalize() * (edge * sigma)
+                        - v.normalize() * number(&mut random)
                 }
-                1 => random.direction() * (edge.max(1.0) * sigma),
+                1 => direction(&mut random) * (edge.max(1.0) * sigma),
                 2 => v.normalize() * -(edge.max(1.0) * sigma),
-                _ => random.direction() * (sigma * (1.6 + 0.55 * random.number())),
+                _ => direction(&mut random) * (sigma * (1.6 + 0.55 * number(&mut random))),
             };
-            let position = (random.direction() + 1.0) * (0.5 * EDGE);
+            let position = (direction(&mut random) + 1.0) * (0.5 * EDGE);
             let velocities = [common * 0.5, common * 0.5 + v * 0.5];
             for (i, (position, velocity)) in
                 [(position, velocities[0]), (position + r, velocities[1])].into_iter().enumerate()

@@ -105,6 +105,8 @@ mod avx2 {
 
 #[cfg(test)]
 mod tests {
+    use haff_testing::Random;
+
     use super::*;
 
     #[cfg(target_arch = "x86_64")]
@@ -115,14 +117,11 @@ mod tests {
 
     #[test]
     fn members_and_positions_match_plain_loops() {
-        let mut seed = 1_u64;
-        let mut random = |n: u64| {
-            seed = seed.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
-            (seed >> 33) % n
-        };
+        let mut generator = Random(1);
+        let mut random = |n: usize| generator.index(n);
         let mut found = [0; 2];
         for _ in 0..20_000 {
-            let count = random(MASK_BITS as u64 + 1) as usize;
+            let count = random(MASK_BITS + 1);
             let list: Vec<u32> = (0..count.next_multiple_of(LANES)).map(|_| random(60) as u32).collect();
             let among: Vec<u32> = (0..random(40)).map(|_| random(60) as u32).collect();
             let j = random(60) as u32;

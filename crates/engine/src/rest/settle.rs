@@ -25,9 +25,9 @@ pub(super) fn settle(state: &mut State, i: u32, thresholds: &Thresholds, observe
 pub(super) fn end_series(state: &mut State, i: u32, observer: &mut dyn Observer) {
     let time = state.world.now;
     if observer.wants_events() {
-        resolve::end_of_rest::<true>(state, i, time, observer);
+        resolve::end_of_bounces::<true>(state, i, time, observer);
     } else {
-        resolve::end_of_rest::<false>(state, i, time, observer);
+        resolve::end_of_bounces::<false>(state, i, time, observer);
     }
 }
 

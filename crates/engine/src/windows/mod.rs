@@ -17,8 +17,6 @@ mod cells;
 mod filter;
 mod narrow_phase;
 mod opening;
-#[cfg(test)]
-mod random;
 mod space;
 mod tune;
 mod walls;

@@ -5,10 +5,7 @@
 
 use glam::DVec3;
 
-use crate::{
-    particles::{Particle, World},
-    wall_motion::WallMotion,
-};
+use crate::particles::{Particle, World};
 
 /// Rounding of a distance from a wall is less than this part of the extent of the system.
 const SLACK: f64 = 1e-9;
@@ -24,20 +21,17 @@ pub(super) struct Planes {
 #[derive(Debug, Clone, Copy)]
 struct Plane {
     normal: DVec3,
-    /// Of the plane at time 0 from the origin, along the normal [length].
+    /// Distance of the plane from the origin along the normal, at time 0 and at the most [length].
     offset: f64,
-    /// Velocity along the normal [length/time]; `None` for a motion without a bound.
-    speed: Option<f64>,
+    /// Mean velocity along the normal [length/time].
+    speed: f64,
 }
 
 impl Planes {
     pub fn new(world: &World) -> Self {
-        let planes = world.walls.iter().map(|wall| Plane {
-            normal: wall.normal,
-            offset: wall.point.dot(wall.normal),
-            speed: match wall.motion {
-                WallMotion::Fixed | WallMotion::Constant(_) => Some(wall.motion.velocity().dot(wall.normal)),
-            },
+        let planes = world.walls.iter().map(|wall| {
+            let (speed, amplitude) = wall.motion.bound(wall.normal);
+            Plane { normal: wall.normal, offset: wall.point.dot(wall.normal) + amplitude, speed }
         });
         let extent = world
             .walls
@@ -61,14 +55,11 @@ impl Planes {
     ) {
         let time = world.clock.time(anchor.time);
         for (wall, plane) in self.planes.iter().enumerate() {
-            let in_reach = plane.speed.is_none_or(|speed| {
-                let distance = plane.normal.dot(anchor.position) - plane.offset - speed * time - radius;
-                let rate = plane.normal.dot(anchor.velocity) - speed;
-                // Not larger than the smallest distance: an acceleration away from the wall is left out.
-                let approach = rate.min(0.0) + 0.5 * plane.normal.dot(acceleration).min(0.0) * duration;
-                distance + approach * duration <= self.slack
-            });
-            if in_reach {
+            let distance = plane.normal.dot(anchor.position) - plane.offset - plane.speed * time - radius;
+            let rate = plane.normal.dot(anchor.velocity) - plane.speed;
+            // Not larger than the smallest distance: an acceleration away from the wall is left out.
+            let approach = rate.min(0.0) + 0.5 * plane.normal.dot(acceleration).min(0.0) * duration;
+            if distance + approach * duration <= self.slack {
                 predict(wall as u32);
             }
         }

@@ -1,4 +1,4 @@
-//! Systems for tests, and a random number generator without dependencies.
+//! Systems for tests.
 #![allow(dead_code)]
 
 use glam::DVec3;
@@ -6,32 +6,7 @@ use haff_engine::{
     Body, Boundary, Class, Contacts, Dimension, Domain, EventRecord, Group, Observer, System, Wall,
 };
 use haff_mechanics::Restitution;
-
-/// SplitMix64.
-pub struct Random(pub u64);
-
-impl Random {
-    pub fn next(&mut self) -> u64 {
-        self.0 = self.0.wrapping_add(0x9E37_79B9_7F4A_7C15);
-        let mut z = self.0;
-        z = (z ^ (z >> 30)).wrapping_mul(0xBF58_476D_1CE4_E5B9);
-        z = (z ^ (z >> 27)).wrapping_mul(0x94D0_49BB_1331_11EB);
-        z ^ (z >> 31)
-    }
-
-    pub fn uniform(&mut self, low: f64, high: f64) -> f64 {
-        low + (high - low) * (self.next() >> 11) as f64 / (1_u64 << 53) as f64
-    }
-
-    pub fn index(&mut self, n: usize) -> usize {
-        (self.next() % n as u64) as usize
-    }
-
-    /// An approximately normal number: the sum of twelve uniform ones.
-    pub fn normal(&mut self) -> f64 {
-        (0..12).map(|_| self.uniform(-0.5, 0.5)).sum()
-    }
-}
+pub use haff_testing::Random;
 
 /// An empty system in a box.
 pub fn system(dimension: Dimension, size: DVec3, boundary: [Boundary; 3]) -> System {

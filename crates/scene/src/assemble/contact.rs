@@ -1,4 +1,4 @@
-//! Names, walls and contact rules.
+//! Walls and contact rules.
 
 use std::collections::{BTreeMap, HashMap, HashSet};
 
@@ -7,27 +7,15 @@ use haff_mechanics::Restitution;
 
 use super::Assembler;
 use super::domain::DomainPlan;
-use super::values::{at, item, not_negative, positive, storable};
+use super::names::{MAX_GROUPS, Names, among};
+use super::values::{at, item, not_negative, positive};
 use crate::config::{ContactConfig, RestitutionConfig, RestitutionLaw, WallConfig};
-use crate::document::Path;
-use crate::text::{LONGEST, cut, nearest, some_of};
 
-/// The table of pair rules has the square of this many entries.
-const MAX_GROUPS: usize = 1000;
 /// Walls are 16-bit numbers in the engine; a plane is tested by every particle near it.
 const MAX_WALLS: usize = 10_000;
 
-/// Name of the group of explicit particles that have none.
-const UNNAMED: &str = "particle";
-
 /// A key of a table and its value.
 type Key = (&'static str, Option<f64>);
-
-/// Message for an unknown name, with the most similar name and the first of the existing ones.
-pub(super) fn among<'n, I: Iterator<Item = &'n str>>(name: &str, known: impl Fn() -> I) -> String {
-    let near = nearest(name, known()).map_or_else(String::new, |best| format!("; did you mean \"{best}\"?"));
-    format!("\"{}\"{near} (known: {})", cut(name, LONGEST), some_of(known()))
-}
 
 /// Index of the wall of each entry of `[[wall]]` among all walls: those of the boundary, then those with a
 /// shape.
@@ -45,89 +33,7 @@ fn wall_indices(configs: &[WallConfig], walls: &[String]) -> Vec<Option<usize>> 
     configs.iter().map(&mut index).collect()
 }
 
-/// Names of contact groups: species, then the distinct names of particles.
-pub(super) struct Names {
-    pub(super) all: Vec<String>,
-    pub(super) species: usize,
-    /// The first explicit particle of each group beyond the species.
-    first: Vec<usize>,
-    /// Group of each explicit particle.
-    pub(super) of_particle: Vec<u32>,
-}
-
 impl Assembler<'_> {
-    pub(super) fn names(&mut self) -> Names {
-        let mut all: Vec<String> = Vec::new();
-        for (k, species) in self.config.species.iter().flatten().enumerate() {
-            all.push(species.name.clone().unwrap_or_else(|| format!("species.{k}")));
-        }
-        let species = all.len();
-        let mut index: BTreeMap<String, u32> = BTreeMap::new();
-        let (mut first, mut of_particle) = (Vec::new(), Vec::new());
-        for (k, particle) in self.config.particle.iter_mut().flatten().enumerate() {
-            let name = particle.name.get_or_insert_with(|| UNNAMED.to_owned());
-            let next = all.len() as u32;
-            let group = *index.entry(name.clone()).or_insert(next);
-            if group == next {
-                all.push(name.clone());
-                first.push(k);
-            }
-            of_particle.push(group);
-        }
-        Names { all, species, first, of_particle }
-    }
-
-    /// Names of species and walls are unique, and no particle has the name of one.
-    pub(super) fn check_names(&mut self, names: &Names, walls: &[String]) {
-        let mut taken: BTreeMap<String, String> = BTreeMap::new();
-        let mut uses: Vec<(String, Path, String)> = Vec::new();
-        for (k, species) in self.config.species.iter().flatten().enumerate() {
-            match &species.name {
-                Some(name) => uses.push((name.clone(), item("species", k, "name"), format!("species.{k}"))),
-                None => self
-                    .document
-                    .report_missing(&item("species", k, "name"), "missing: a species needs a name"),
-            }
-        }
-        for (group, name) in names.all.iter().enumerate().skip(names.species) {
-            let first = names.first[group - names.species];
-            uses.push((name.clone(), item("particle", first, "name"), format!("particle.{first}")));
-        }
-        let listed = self.config.wall.as_ref().map_or(0, Vec::len);
-        for (k, name) in walls.iter().enumerate() {
-            let own = (k + listed).checked_sub(walls.len());
-            match own {
-                None => {
-                    taken.insert(name.clone(), "a wall of the domain".into());
-                }
-                Some(own) => uses.push((name.clone(), item("wall", own, "name"), format!("wall.{own}"))),
-            }
-        }
-        for (name, path, label) in uses {
-            if name.trim().is_empty() {
-                // Walls without a name have been reported.
-                if path[0] != "wall" || !self.document.was_reported(&path) {
-                    self.document.report(&path, "must not be empty");
-                }
-                continue;
-            }
-            storable(&mut self.document, &path, &name);
-            if let Some(other) = taken.get(&name) {
-                let message = format!("the name \"{name}\" is taken by {other}; names must differ");
-                self.document.report(&path, message);
-            }
-            taken.entry(name).or_insert(label);
-        }
-        if names.all.len() > MAX_GROUPS {
-            let list = if names.species > MAX_GROUPS { "species" } else { "particle" };
-            let message = format!(
-                "{} different names of species and particles, at most {MAX_GROUPS} are possible; particles may share one",
-                names.all.len()
-            );
-            self.document.report(&at([list]), message);
-        }
-    }
-
     /// The walls of `[[wall]]`.
     pub(super) fn extra_walls(&mut self, domain: &DomainPlan) -> Vec<Wall> {
         let configs = self.config.wall.clone().unwrap_or_default();
@@ -237,13 +143,13 @@ impl Assembler<'_> {
                     .report(&item("wall", k, "sticks"), "contradicts restitution: give one of the two");
             }
             if let Some(index) = indices_of_walls[k] {
-                self.clinging.extend((0..groups).map(|group| [group as u32, index as u32]));
+                self.sticking_to_walls.extend((0..groups).map(|group| [group as u32, index as u32]));
             }
         }
         let mut seen: BTreeMap<(usize, usize), usize> = BTreeMap::new();
         // Rules of pairs for groups and walls take precedence over those of the walls.
         let mut ruled: HashSet<[u32; 2]> = HashSet::new();
-        let mut clinging: Vec<[u32; 2]> = Vec::new();
+        let mut sticking_to_walls: Vec<[u32; 2]> = Vec::new();
         let mut places: HashMap<&str, usize> = HashMap::new();
         for (position, name) in names.all.iter().chain(walls).enumerate() {
             places.entry(name).or_insert(position);
@@ -297,7 +203,7 @@ impl Assembler<'_> {
                 let entry = [i as u32, (j - names.all.len()) as u32];
                 // A second rule for the same two is an error, which has been reported.
                 if ruled.insert(entry) && sticks {
-                    clinging.push(entry);
+                    sticking_to_walls.push(entry);
                 }
             } else if sticks {
                 self.sticking.push([i as u32, j as u32]);
@@ -313,8 +219,8 @@ impl Assembler<'_> {
                 wall[i * walls.len() + j - names.all.len()] = rule;
             }
         }
-        self.clinging.retain(|entry| !ruled.contains(entry));
-        self.clinging.extend(clinging);
+        self.sticking_to_walls.retain(|entry| !ruled.contains(entry));
+        self.sticking_to_walls.extend(sticking_to_walls);
         let mut wall: Vec<WallLaw> = wall.into_iter().map(WallLaw::from).collect();
         for (k, config) in configs.iter().enumerate() {
             if let (Some([temperature, accommodation]), Some(index)) =

@@ -4,7 +4,7 @@ use haff_engine::{Drive, DriveKind};
 
 use super::{
     Assembler,
-    contact::{Names, among},
+    names::{Names, among},
     values::{item, not_negative, positive},
 };
 use crate::config::DriveKindConfig;

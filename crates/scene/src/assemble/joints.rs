@@ -7,7 +7,7 @@ use haff_engine::System;
 use haff_linkage::{Joints, LinkageError, Pendulum, Rod, Spring, SpringEnd, Tether};
 
 use super::Assembler;
-use super::contact::among;
+use super::names::among;
 use super::values::{at, item, not_negative, positive, storable};
 use crate::document::Path;
 use crate::joints::TetherConfig;
@@ -23,7 +23,7 @@ impl Assembler<'_> {
             || config.spring.is_some()
             || config.rod.is_some()
             || !self.sticking.is_empty()
-            || !self.clinging.is_empty()
+            || !self.sticking_to_walls.is_empty()
     }
 
     /// Fills in the positions of particles that an angle places.
@@ -145,7 +145,7 @@ impl Assembler<'_> {
         self.check_joint_names();
         let mut joints = Joints {
             sticking: self.sticking.clone(),
-            sticking_to_walls: self.clinging.clone(),
+            sticking_to_walls: self.sticking_to_walls.clone(),
             ..Joints::default()
         };
         for (k, config) in self.config.pendulum.clone().unwrap_or_default().into_iter().enumerate() {

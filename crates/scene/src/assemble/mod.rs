@@ -7,6 +7,7 @@ mod contact;
 mod domain;
 mod drive;
 mod joints;
+mod names;
 mod particles;
 mod placement;
 mod plan;
@@ -68,7 +69,7 @@ struct Assembler<'a> {
     seed: u64,
     /// Pairs of groups that stick.
     sticking: Vec<[u32; 2]>,
-    clinging: Vec<[u32; 2]>,
+    sticking_to_walls: Vec<[u32; 2]>,
     unreadable: bool,
 }
 
@@ -93,7 +94,7 @@ pub(crate) fn assemble(
         dimension: Dimension::Three,
         seed: 0,
         sticking: Vec::new(),
-        clinging: Vec::new(),
+        sticking_to_walls: Vec::new(),
         unreadable: false,
     };
     let result = if garbled { Err(Refused) } else { assembler.scene(name) };

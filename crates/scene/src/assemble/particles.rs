@@ -8,7 +8,7 @@ use glam::DVec3;
 use haff_engine::{Body, Class, Dimension};
 
 use super::Assembler;
-use super::contact::Names;
+use super::names::Names;
 use super::values::{at, item, mass, not_negative, positive, storable};
 use crate::config::{InitialConfig, PackingConfig, PositionsConfig, RadiusConfig};
 use crate::random::{Purpose, Stream};

@@ -5,9 +5,9 @@ use haff_neighbors::{
     Axis::{self, Bounded, Flat, Periodic},
     Geometry,
 };
+use haff_testing::Random;
 
 use super::*;
-use crate::windows::random::Random;
 
 fn geometry(size: DVec3, axes: [Axis; 3]) -> Geometry {
     Geometry { size, axes, reach: 1.0, crowding: 1.0, radius: 0.5, radii: Vec::new(), planes: Vec::new() }

@@ -1,8 +1,9 @@
 use glam::DVec3;
 use haff_neighbors::{Axis, Geometry};
+use haff_testing::Random;
 
 use super::*;
-use crate::{batch::Kernel, features::With, model::SimdChoice, windows::random::Random};
+use crate::{batch::Kernel, features::With, model::SimdChoice};
 
 /// Edge of the box [length].
 const EDGE: f64 = 2048.0;
@@ -46,7 +47,7 @@ impl Pair {
         let from = if random.index(2) == 0 { 0.0 } else { random.uniform(0.0, 1.0) };
         // Distances that differ from the contact distance by 0 to 3·10⁻³ of it.
         let edge = [1.0 - 1e-9, 1.0 - 1e-5, 1.0 - 1e-3, 1.0, 1.0 + 1e-9, 1.0 + 1e-4, 1.0 + 3e-3];
-        let distance = sigma * edge[random.index(7) as usize];
+        let distance = sigma * edge[random.index(7)];
         let theta = match random.index(4) {
             0 => from,
             1 => 1.0,

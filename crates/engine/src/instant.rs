@@ -3,8 +3,10 @@
 
 /// An instant \[time\]: `high + low` with |low| at most half an ulp of `high`.
 #[derive(Debug, Clone, Copy, PartialEq, PartialOrd, Default)]
-pub(crate) struct Instant {
+pub struct Instant {
+    /// The time, rounded.
     pub high: f64,
+    /// What rounding has taken off.
     pub low: f64,
 }
 
@@ -55,10 +57,21 @@ impl Instant {
     pub fn time(self) -> f64 {
         self.high
     }
+
+    /// `frequency` · time in cycles, reduced to 0 ≤ u < 1: with the error of a few ulp of one cycle, however
+    /// many have gone by.
+    pub fn cycles(self, frequency: f64) -> f64 {
+        let product = frequency * self.high;
+        // Exact: the product's rounding error is a number.
+        let error = frequency.mul_add(self.high, -product);
+        let cycles = (product - product.floor()) + (error + frequency * self.low);
+        let cycles = cycles - cycles.floor();
+        if cycles < 1.0 { cycles } else { 0.0 }
+    }
 }
 
 /// a + b as the rounded sum and its error.
-fn two_sum(a: f64, b: f64) -> (f64, f64) {
+pub(crate) fn two_sum(a: f64, b: f64) -> (f64, f64) {
     let sum = a + b;
     let part = sum - a;
     (sum, (a - (sum - part)) + (b - part))
