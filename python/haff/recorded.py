@@ -77,6 +77,7 @@ _SCENE: dict[str, Any] = {
             "name": _TEXT,
             "plane": {"point!": _VECTOR, "normal!": _DIRECTION},
             "velocity": _VECTOR,
+            "motion": {"kind!": _TEXT, "amplitude!": _POSITIVE, "frequency!": _POSITIVE, "phase": _NUMBER},
             "restitution": _LAW,
             "sticks": _FLAG,
         }

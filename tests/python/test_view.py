@@ -344,3 +344,10 @@ def test_points_of_many_particles_are_drawn_as_spheres_of_few(show, tmp_path, br
     covered = (pictures[0].std(axis=2) > 12).mean()
     # Only outlines differ, by rounding.
     assert covered > 0.05 and differs.mean() < 0.1 * covered
+
+
+def test_an_oscillating_wall_of_the_box_is_in_the_page(command, tmp_path):
+    with command.run("vibrated_gas", run__until=10.0, output__frames=1.0).open() as run:
+        page = Page(haff.view(run, tmp_path / "gas.html"))
+    assert page.header["motions"] == {"z-": {"kind": "sine", "amplitude": 0.2, "frequency": 2.0, "phase": 0.0}}
+    assert page.header["walls"] == []

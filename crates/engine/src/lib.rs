@@ -62,7 +62,7 @@ pub use instant::Instant;
 pub use ledger::{Ledger, Term};
 pub use model::{
     Body, Boundary, Class, Contacts, Dimension, Domain, Drive, DriveKind, Group, NeighborChoice, Options,
-    SimdChoice, System, Wall, WallLaw, WallMotion,
+    Oscillating, SimdChoice, System, Wall, WallLaw, WallMotion,
 };
 pub use observables::{Observable, Present, Quantity, observables};
 pub use overlap::{Overlap, allowed_overlap};

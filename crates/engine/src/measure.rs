@@ -326,7 +326,7 @@ pub(crate) fn geometry(system: &System, world: &World, filled: f64) -> Geometry 
         planes: system
             .walls
             .iter()
-            .map(|wall| Plane { point: wall.point, normal: wall.normal, moving: wall.motion.is_moving() })
+            .map(|wall| Plane { point: wall.point, normal: wall.normal, sweep: wall.motion.sweep() })
             .collect(),
     }
 }

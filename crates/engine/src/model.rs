@@ -6,7 +6,7 @@ pub use haff_mechanics::Restitution;
 pub use crate::{
     drive::{Drive, DriveKind},
     wall_law::WallLaw,
-    wall_motion::WallMotion,
+    wall_motion::{Oscillating, WallMotion},
 };
 
 /// Number of space dimensions.

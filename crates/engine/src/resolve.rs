@@ -320,7 +320,7 @@ fn bounce<F: Features, const EVENTS: bool>(
     if F::GRAVITY {
         keep_support(state, i, time);
         if !repeated
-            && wall_velocity == DVec3::ZERO
+            && !state.world.walls[wall as usize].motion.is_moving()
             && state.world.wall_law(&class, wall).has_series()
             && let Some(rest) = come_to_rest(state, i, wall, law, before, time)
         {

@@ -3,7 +3,7 @@
 //! To add a motion, add a variant of [`WallMotion`]. Nothing else in the engine depends on the variants.
 
 use glam::DVec3;
-use haff_mechanics::time_to_plane;
+use haff_mechanics::{Oscillation, time_to_plane};
 
 use crate::{clock::Clock, instant::Instant};
 
@@ -15,6 +15,24 @@ pub enum WallMotion {
     Fixed,
     /// At a constant velocity [length/time]; only its component along the normal acts on smooth spheres.
     Constant(DVec3),
+    /// Shifted along the normal, about its given position.
+    Oscillating(Oscillating),
+}
+
+/// An oscillation and its phase at time 0.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Oscillating {
+    /// Form, amplitude and frequency.
+    pub oscillation: Oscillation,
+    /// Phase at time 0 in cycles, 0 ≤ u < 1.
+    pub cycles: f64,
+}
+
+impl Oscillating {
+    /// Phase at a time in cycles, from 0 to 2.
+    fn at(&self, time: impl WallTime) -> f64 {
+        self.cycles + time.instant().cycles(self.oscillation.frequency)
+    }
 }
 
 /// A time at which the state of a wall is asked for: rounded for displacements at constant velocity, without
@@ -77,20 +95,22 @@ impl WallMotion {
 
     /// Velocity of a wall with this normal [length/time].
     #[inline]
-    pub fn velocity(&self, _normal: DVec3, _at: impl WallTime) -> DVec3 {
+    pub fn velocity(&self, normal: DVec3, at: impl WallTime) -> DVec3 {
         match self {
             Self::Fixed => DVec3::ZERO,
             Self::Constant(velocity) => *velocity,
+            Self::Oscillating(motion) => normal * motion.oscillation.velocity(motion.at(at)),
         }
     }
 
     /// Displacement of a wall with this normal from its given position, which it has at time 0 or on average
     /// [length].
     #[inline]
-    pub fn displacement(&self, _normal: DVec3, at: impl WallTime) -> DVec3 {
+    pub fn displacement(&self, normal: DVec3, at: impl WallTime) -> DVec3 {
         match self {
             Self::Fixed => DVec3::ZERO,
             Self::Constant(velocity) => *velocity * at.time(),
+            Self::Oscillating(motion) => normal * motion.oscillation.shift(motion.at(at)),
         }
     }
 
@@ -99,6 +119,7 @@ impl WallMotion {
         match self {
             Self::Fixed => 0.0,
             Self::Constant(velocity) => velocity.length(),
+            Self::Oscillating(motion) => motion.oscillation.max_speed(),
         }
     }
 
@@ -108,17 +129,33 @@ impl WallMotion {
         match self {
             Self::Fixed => (0.0, 0.0),
             Self::Constant(velocity) => (velocity.dot(normal), 0.0),
+            Self::Oscillating(motion) => (0.0, motion.oscillation.amplitude),
+        }
+    }
+
+    /// The largest distance from the given position, at any time \[length\].
+    pub fn sweep(&self) -> f64 {
+        match self {
+            Self::Fixed => 0.0,
+            Self::Constant(_) => f64::INFINITY,
+            Self::Oscillating(motion) => motion.oscillation.amplitude,
         }
     }
 
     /// Time from `at` until a body touches the wall; `None` if it never does.
     #[inline]
-    pub fn time_to_contact(&self, approach: &Approach, _at: impl WallTime) -> Option<f64> {
+    pub fn time_to_contact(&self, approach: &Approach, at: impl WallTime) -> Option<f64> {
         match self {
             // In the frame of the wall both have straight or parabolic paths.
             Self::Fixed | Self::Constant(_) => {
                 time_to_plane(approach.distance, approach.rate, approach.acceleration)
             }
+            Self::Oscillating(motion) => motion.oscillation.time_to_contact(
+                approach.distance,
+                approach.speed,
+                approach.acceleration,
+                motion.at(at),
+            ),
         }
     }
 }

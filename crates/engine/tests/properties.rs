@@ -10,10 +10,10 @@ mod replay;
 use common::{Log, Random, class, scatter_within_room, system};
 use glam::DVec3;
 use haff_engine::{
-    Boundary, Dimension, EngineError, EventKind, EventRecord, Group, NeighborChoice, Options, SimdChoice,
-    Simulation, Stop, System, Until, Wall,
+    Boundary, Dimension, EngineError, EventKind, EventRecord, Group, NeighborChoice, Options, Oscillating,
+    SimdChoice, Simulation, Stop, System, Until, Wall, WallMotion,
 };
-use haff_mechanics::Restitution;
+use haff_mechanics::{Oscillation, Restitution, Waveform};
 use proptest::prelude::*;
 use proptest::test_runner::RngSeed;
 
@@ -74,7 +74,7 @@ const PLAIN: Recipe = Recipe {
 fn recipe() -> impl Strategy<Value = Recipe> {
     let few_or_many = prop_oneof![1 => 1..4_usize, 6 => 2..16_usize, 3 => 16..60_usize, 1 => 60..=200_usize];
     let shape = (any::<bool>(), [0..3_usize, 0..3, 0..3], few_or_many, 1..=3_usize, 0..6_usize);
-    let extras = (any::<bool>(), 0..4_usize, any::<bool>(), any::<bool>(), any::<bool>(), any::<u64>());
+    let extras = (any::<bool>(), 0..6_usize, any::<bool>(), any::<bool>(), any::<bool>(), any::<u64>());
     let seldom = || prop::bool::weighted(0.2);
     let ends = (seldom(), seldom(), seldom(), prop::bool::weighted(0.01));
     (shape, extras, (seldom(), seldom(), seldom()), ends).prop_map(
@@ -145,13 +145,17 @@ impl Recipe {
                 normal[other] = random.uniform(-0.5, 0.5);
             }
             let normal = normal.normalize();
-            let velocity = if self.ramp == 3 { normal * 0.1 } else { DVec3::ZERO };
-            scene.walls.push(Wall {
-                name: "ramp".into(),
-                point: size * 0.15,
-                normal,
-                motion: velocity.into(),
-            });
+            let motion = match self.ramp {
+                3 => (normal * 0.1).into(),
+                4 | 5 => {
+                    let waveform = if self.ramp == 4 { Waveform::Sine } else { Waveform::Triangle };
+                    let frequency = 10_f64.powf(random.uniform(-1.0, 0.5));
+                    let oscillation = Oscillation { waveform, amplitude: 0.1, frequency };
+                    WallMotion::Oscillating(Oscillating { oscillation, cycles: random.uniform(0.0, 1.0) })
+                }
+                _ => WallMotion::Fixed,
+            };
+            scene.walls.push(Wall { name: "ramp".into(), point: size * 0.15, normal, motion });
         }
         if self.wedge
             && let Some(axis) = (0..d).rev().find(|&axis| free(axis))
@@ -259,12 +263,8 @@ fn run(system: &System, until: Until, options: Options, half: bool) -> (Log, End
 /// Whether a wall or a body of infinite mass moves, and so can squeeze grains.
 fn squeezes(system: &System) -> bool {
     let driven = system.bodies.iter().filter(|body| system.classes[body.class as usize].mass.is_infinite());
-    let velocities = system
-        .walls
-        .iter()
-        .map(|wall| wall.motion.velocity(wall.normal, haff_engine::Instant::ZERO))
-        .chain(driven.map(|body| body.velocity));
-    velocities.into_iter().any(|velocity| velocity != DVec3::ZERO)
+    let walls = system.walls.iter().map(|wall| wall.motion.max_speed());
+    walls.chain(driven.map(|body| body.velocity.length())).any(|speed| speed > 0.0)
 }
 
 /// Bound of the random walk of the energy, in units of its root mean square; the sum of the rounding errors
@@ -375,8 +375,7 @@ fn check_laws(
             if wall.normal.abs().max_element() == 1.0 && !wall.motion.is_moving() {
                 return 0.0;
             }
-            momentum_at(body, event) * speed_at(body, event)
-                + 2.0 * event.impulse * wall.motion.velocity(wall.normal, haff_engine::Instant::ZERO).length()
+            momentum_at(body, event) * speed_at(body, event) + 2.0 * event.impulse * wall.motion.max_speed()
         })
         .sum();
     let allowed = 1e-13 + f64::EPSILON * (WALK * rounded_energy + tilted) / largest;

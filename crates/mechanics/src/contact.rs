@@ -61,6 +61,7 @@ pub fn time_to_contact(r: DVec3, v: DVec3, sigma: f64) -> Option<f64> {
 /// let (r, v) = (DVec3::new(5.0, 0.3, 0.0), DVec3::new(-2.0, 0.1, 0.0));
 /// assert_eq!(time_to_contact_unscaled(r, v, 1.44), time_to_contact(r, v, 1.2));
 /// ```
+#[expect(clippy::neg_cmp_op_on_partial_ord, reason = "not a number gives no contact")]
 #[inline]
 #[must_use]
 pub fn time_to_contact_unscaled(r: DVec3, v: DVec3, sigma2: f64) -> Option<f64> {
@@ -76,7 +77,7 @@ pub fn time_to_contact_unscaled(r: DVec3, v: DVec3, sigma2: f64) -> Option<f64> 
         return Some(0.0);
     }
     let disc = vv * ss - r.cross(v).length_squared();
-    if disc.is_nan() || disc < 0.0 {
+    if !(disc >= 0.0) {
         return None;
     }
     let denominator = disc.sqrt() - b;

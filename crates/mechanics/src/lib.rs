@@ -12,6 +12,8 @@ simulator is based.
 | [`contact`] | the contact time of two spheres in straight relative flight |
 | [`curved`] | their contact time under a relative acceleration (a fixed sphere in gravity) |
 | [`plane`] | the time at which a sphere touches a wall, or a centre leaves its cell |
+| [`oscillation`] | the shift of an oscillating wall, and the time at which a sphere touches it |
+| [`bounces`] | the sums over an infinite series of bounces |
 | [`flight`] | the state of a body after a given time |
 
 # Sign conventions
@@ -35,6 +37,7 @@ pub mod contact;
 pub mod curved;
 pub mod flight;
 pub mod impact;
+pub mod oscillation;
 pub mod plane;
 pub mod restitution;
 mod roots;
@@ -48,6 +51,7 @@ pub use impact::{
     Impact, StickingImpact, approach_speed, impact, reduced_mass, resolve_contact, resolve_pair,
     resolve_sticking, resolve_wall, work_of_moving_body,
 };
+pub use oscillation::{Oscillation, Waveform};
 pub use plane::{time_to_face, time_to_plane};
 pub use restitution::{Restitution, RestitutionError};
 

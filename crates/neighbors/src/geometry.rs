@@ -22,8 +22,9 @@ pub struct Plane {
     pub point: DVec3,
     /// Unit normal towards the particles.
     pub normal: DVec3,
-    /// Whether it moves. Any particle can touch a moving wall.
-    pub moving: bool,
+    /// The largest distance of the wall from this position at any time \[length\]: 0 if it does not move,
+    /// infinite if it moves on and on.
+    pub sweep: f64,
 }
 
 /// The box, its walls and the largest sizes.

@@ -54,13 +54,13 @@ impl WallTable {
 
 /// Whether a plane is at most `radius` from a cell, rounding included.
 fn is_near(axes: [Axis; 3], width: [f64; 3], cell: [usize; 3], plane: &Plane, radius: f64) -> bool {
-    if plane.moving {
+    if plane.sweep == f64::INFINITY {
         return true;
     }
     let normal = plane.normal.to_array();
     let point = plane.point.to_array();
     let mut distance = 0.0;
-    let mut slack = radius;
+    let mut slack = radius + plane.sweep;
     for axis in 0..3 {
         if normal[axis] == 0.0 {
             continue;

@@ -317,6 +317,35 @@ pub struct WallConfig {
     /// Velocity of the wall [length/time]; default 0.
     #[schemars(length(min = 2, max = 3))]
     pub velocity: Option<Vec<f64>>,
+    /// Oscillation along the normal; also of a wall of `domain.boundary`.
+    pub motion: Option<MotionConfig>,
+}
+
+/// The oscillation of a wall: a shift along its normal, about its given position.
+#[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields, default)]
+pub struct MotionConfig {
+    /// Form of the shift.
+    #[schemars(required)]
+    pub kind: Option<MotionKindConfig>,
+    /// Largest shift A [length].
+    #[schemars(required, extend("exclusiveMinimum" = 0))]
+    pub amplitude: Option<f64>,
+    /// Cycles in a unit of time, f [1/time].
+    #[schemars(required, extend("exclusiveMinimum" = 0))]
+    pub frequency: Option<f64>,
+    /// Phase at time 0 [radians]; default 0.
+    pub phase: Option<f64>,
+}
+
+/// Form of an oscillation.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum MotionKindConfig {
+    /// A sin(2π f t + phase)
+    Sine,
+    /// Between ±A at the constant speed 4 A f, in phase with the sine.
+    Triangle,
 }
 
 impl WallConfig {

@@ -59,6 +59,7 @@ def write(file: File, blobs: Blobs, frames: str | slice | int | None, size: floa
         ),
         "losses": None if losses is None else {"largest": losses.largest, "decades": collisions.DECADES},
         "walls": _walls(file),
+        "motions": _motions(file),
         "joints": linked,
         "curves": curves.find(file),
         "collisions": None if log is None else log.sample(blobs, float(keys.time[0]), float(keys.time[-1]), notes),
@@ -152,6 +153,12 @@ def _vector(values) -> list[float]:
     return [*map(float, values), 0.0, 0.0, 0.0][:3]
 
 
+def _motions(file: File) -> dict[str, dict[str, Any]]:
+    """The oscillations of walls of the box, by their names."""
+    entries = [wall for wall in file.scene.get("wall", []) if "plane" not in wall and "motion" in wall]
+    return {escaped(wall["name"]): wall["motion"] for wall in entries if "name" in wall}
+
+
 def _walls(file: File) -> list[dict[str, Any]]:
     return [
         {
@@ -159,6 +166,7 @@ def _walls(file: File) -> list[dict[str, Any]]:
             "point": _vector(wall["plane"].get("point", ())),
             "normal": _vector(wall["plane"].get("normal", ())),
             "velocity": _vector(wall.get("velocity", ())),
+            "motion": wall.get("motion"),
         }
         for wall in shaped_walls(file.scene)
     ]

@@ -89,6 +89,12 @@ function cut(point, normal, space) {
   return found.sort((a, b) => angle(a) - angle(b));
 }
 
+// The shift of an oscillating wall along its normal.
+function shift(motion, time) {
+  const sine = Math.sin(2 * Math.PI * motion.frequency * time + (motion.phase || 0));
+  return motion.amplitude * (motion.kind === "sine" ? sine : (2 / Math.PI) * Math.asin(sine));
+}
+
 class Surroundings {
   constructor(scene, theme) {
     this.scene = scene;
@@ -128,7 +134,9 @@ class Surroundings {
       if (header.boundary[k] !== "wall") continue;
       for (const sign of [1, -1]) {
         const point = sign > 0 ? this.space.low : this.space.high;
-        planes.push({ point, normal: [0, 1, 2].map((c) => (c === k ? sign : 0)), velocity: [0, 0, 0] });
+        const normal = [0, 1, 2].map((c) => (c === k ? sign : 0));
+        const motion = header.motions["xyz"[k] + (sign > 0 ? "-" : "+")];
+        planes.push({ point, normal, velocity: [0, 0, 0], motion });
       }
     }
     for (const wall of [...planes, ...header.walls]) {
@@ -147,7 +155,7 @@ class Surroundings {
         part = surface(found, WALL[theme], header.walls.includes(wall) ? 0.28 : 0.1);
       }
       this.parts.push(part);
-      if (wall.velocity.some((value) => value)) this.moving.push([part, wall.velocity]);
+      if (wall.motion || wall.velocity.some((value) => value)) this.moving.push([part, wall]);
     }
     if (header.joints.length) {
       const points = header.joints.reduce((sum, joint) => sum + 2 * this.pieces(joint), 0);
@@ -164,7 +172,11 @@ class Surroundings {
   // Moves walls and joints; `where(index)` is the position of a particle.
   move(time, where, visible) {
     for (const part of this.parts) part.visible = visible || part === this.joints;
-    for (const [part, velocity] of this.moving) part.position.set(...velocity.map((value) => value * time));
+    for (const [part, wall] of this.moving) {
+      const length = Math.hypot(...wall.normal);
+      const shifted = wall.motion ? shift(wall.motion, time) / length : 0;
+      part.position.set(...wall.velocity.map((value, k) => value * time + wall.normal[k] * shifted));
+    }
     if (!this.joints) return;
     const positions = this.joints.geometry.getAttribute("position");
     let row = 0;

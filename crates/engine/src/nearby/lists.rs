@@ -37,21 +37,24 @@ struct Reference {
     members: u32,
 }
 
-/// A wall at rest: its unit normal, and its coordinate along this normal [largest contact distances].
+/// A wall: its unit normal, and its largest coordinate along this normal [largest contact distances].
 #[derive(Debug, Clone, Copy)]
 struct Plane {
     normal: DVec3,
     offset: f64,
 }
 
-/// The walls of a geometry. A wall that moves, or whose normal has a component along a periodic axis, is near
-/// every particle.
+/// The walls of a geometry. A wall that moves on and on, or whose normal has a component along a periodic
+/// axis, is near every particle.
 fn planes(geometry: &Geometry) -> Vec<Plane> {
     let periodic = DVec3::from_array(geometry.axes.map(|axis| f64::from(u8::from(axis == Axis::Periodic))));
     let plane = |plane: &haff_neighbors::Plane| {
-        let is_everywhere = plane.moving || plane.normal * periodic != DVec3::ZERO;
-        let offset =
-            if is_everywhere { f64::INFINITY } else { plane.point.dot(plane.normal) / geometry.reach };
+        let is_everywhere = plane.sweep == f64::INFINITY || plane.normal * periodic != DVec3::ZERO;
+        let offset = if is_everywhere {
+            f64::INFINITY
+        } else {
+            (plane.point.dot(plane.normal) + plane.sweep) / geometry.reach
+        };
         Plane { normal: plane.normal, offset }
     };
     geometry.planes.iter().map(plane).collect()

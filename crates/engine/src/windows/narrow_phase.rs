@@ -25,14 +25,9 @@ pub(super) fn contact<F: Features>(world: &World, a: &Particle, b: &Particle) ->
         a.radius + b.radius
     };
     let tick = world.clock.tick;
-    let now = world.now;
-    // These positions only select the periodic image. Gravity is left out, since it points along no periodic
-    // axis.
-    let position_now = |p: &Particle| p.position + p.velocity * ((now - p.time) as f64 * tick);
-    let separation_now = position_now(b) - position_now(a);
+    // The earlier anchor is moved to the time of the later one, without a branch that could not be predicted.
     let lag = a.time - b.time;
-    let dt = lag.abs() as f64 * tick;
-    let (dt_a, dt_b) = if lag < 0 { (dt, 0.0) } else { (0.0, dt) };
+    let (dt_a, dt_b) = ((-lag).max(0) as f64 * tick, lag.max(0) as f64 * tick);
     let (ra, rb, va, vb);
     if F::GRAVITY {
         // Both particles have the same acceleration, so that their relative motion is straight.
@@ -46,10 +41,12 @@ pub(super) fn contact<F: Features>(world: &World, a: &Particle, b: &Particle) ->
         rb = haff_mechanics::drift(b.position, b.velocity, dt_b);
         (va, vb) = (a.velocity, b.velocity);
     }
-    let r = (rb - ra) + world.periodicity.offset(separation_now);
-    let v = vb - va;
-    let delay = time_to_contact_unscaled(r, v, sigma * sigma)?;
+    let (apart, v) = (rb - ra, vb - va);
     let from = a.time.max(b.time);
+    // The image that is the nearest now. Gravity moves both alike.
+    let now = apart + v * ((world.now - from) as f64 * tick);
+    let r = apart + world.periodicity.offset(now);
+    let delay = time_to_contact_unscaled(r, v, sigma * sigma)?;
     if is_spurious_recontact(r, v, sigma * sigma, || va.length().max(vb.length())) {
         return None;
     }

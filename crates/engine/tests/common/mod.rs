@@ -3,7 +3,7 @@
 
 use glam::DVec3;
 use haff_engine::{
-    Body, Boundary, Class, Contacts, Dimension, Domain, EventRecord, Group, Observer, System, Wall,
+    Body, Boundary, Class, Contacts, Dimension, Domain, EventRecord, Group, Instant, Observer, System, Wall,
 };
 use haff_mechanics::Restitution;
 pub use haff_testing::Random;
@@ -107,7 +107,10 @@ pub fn scatter_within_room(
                 }
             }
             r.length() > radius + system.classes[body.class as usize].radius
-        }) && system.walls.iter().all(|wall| (position - wall.point).dot(wall.normal) > radius);
+        }) && system.walls.iter().all(|wall| {
+            let point = wall.point + wall.motion.displacement(wall.normal, Instant::ZERO);
+            (position - point).dot(wall.normal) > radius
+        });
         if clear {
             add(system, class, position, velocity);
             placed += 1;

@@ -120,8 +120,7 @@ pub fn check(system: &System, rows: &[EventRecord], last: &Frame, epochs: u64) -
             EventKind::Wall => {
                 let wall = &system.walls[row.j as usize];
                 fliers[i].fly(system, mass(i), row.time);
-                let speed = fliers[i].velocity.length()
-                    + wall.motion.velocity(wall.normal, haff_engine::Instant::ZERO).length();
+                let speed = fliers[i].velocity.length() + wall.motion.max_speed();
                 let flier = &mut fliers[i];
                 flier.slid_on.clone_from(&flier.support);
                 fliers[i].kick(system, change * (-1.0 / mass(i)), speed);

@@ -6,5 +6,6 @@
 mod big;
 mod cases;
 mod judge;
+mod oscillations;
 mod planes;
 mod spheres;

@@ -7,7 +7,7 @@ use haff_mechanics::Restitution;
 
 use super::Assembler;
 use super::domain::DomainPlan;
-use super::names::{MAX_GROUPS, Names, among};
+use super::names::{MAX_GROUPS, Names, among, wall_indices};
 use super::values::{at, item, not_negative, positive};
 use crate::config::{ContactConfig, RestitutionConfig, RestitutionLaw, WallConfig};
 
@@ -16,22 +16,6 @@ const MAX_WALLS: usize = 10_000;
 
 /// A key of a table and its value.
 type Key = (&'static str, Option<f64>);
-
-/// Index of the wall of each entry of `[[wall]]` among all walls: those of the boundary, then those with a
-/// shape.
-fn wall_indices(configs: &[WallConfig], walls: &[String]) -> Vec<Option<usize>> {
-    let boundary = |config: &WallConfig| walls.iter().position(|name| config.names_boundary(name));
-    let shapes = configs.iter().filter(|config| boundary(config).is_none()).count();
-    let mut next = walls.len().saturating_sub(shapes);
-    let mut index = |config: &WallConfig| {
-        let index = boundary(config).or_else(|| {
-            next += 1;
-            Some(next - 1)
-        });
-        index.filter(|&index| index < walls.len())
-    };
-    configs.iter().map(&mut index).collect()
-}
 
 impl Assembler<'_> {
     /// The walls of `[[wall]]`.

@@ -7,6 +7,7 @@ mod contact;
 mod domain;
 mod drive;
 mod joints;
+mod motion;
 mod names;
 mod particles;
 mod placement;
@@ -143,6 +144,7 @@ impl Assembler<'_> {
             domain.wall_names().into_iter().chain(extra_walls.iter().map(|wall| wall.name.clone())).collect();
         self.check_names(&names, &wall_names);
         let contacts = self.contacts(&names, &wall_names);
+        let motions = self.wall_motions();
         let drives = self.drives(&names);
         let initial = self.initial(species.len());
         self.run_shape();
@@ -157,7 +159,8 @@ impl Assembler<'_> {
         self.fix_size(&mut domain, &species, &rows, state.as_ref());
         self.gate()?;
         let system_domain = domain.finish(self.dimension, &rows);
-        let walls = domain.walls(&system_domain, extra_walls);
+        let mut walls = domain.walls(&system_domain, extra_walls);
+        self.set_motions(&mut walls, &wall_names, &motions, &rows);
         self.check_box(&system_domain, &rows, initial.positions.as_ref());
         self.check_resolution(&system_domain, &species, &rows, initial.positions.as_ref());
         self.gate()?;

@@ -4,6 +4,7 @@ use std::collections::BTreeMap;
 
 use super::Assembler;
 use super::values::{at, item, storable};
+use crate::config::WallConfig;
 use crate::document::Path;
 use crate::text::{LONGEST, cut, nearest, some_of};
 
@@ -26,6 +27,22 @@ pub(super) struct Names {
     first: Vec<usize>,
     /// Group of each explicit particle.
     pub(super) of_particle: Vec<u32>,
+}
+
+/// Index of the wall of each entry of `[[wall]]` among all walls: those of the boundary, then those with a
+/// shape.
+pub(super) fn wall_indices(configs: &[WallConfig], walls: &[String]) -> Vec<Option<usize>> {
+    let boundary = |config: &WallConfig| walls.iter().position(|name| config.names_boundary(name));
+    let shapes = configs.iter().filter(|config| boundary(config).is_none()).count();
+    let mut next = walls.len().saturating_sub(shapes);
+    let mut index = |config: &WallConfig| {
+        let index = boundary(config).or_else(|| {
+            next += 1;
+            Some(next - 1)
+        });
+        index.filter(|&index| index < walls.len())
+    };
+    configs.iter().map(&mut index).collect()
 }
 
 impl Assembler<'_> {
@@ -66,10 +83,16 @@ impl Assembler<'_> {
             let first = names.first[group - names.species];
             uses.push((name.clone(), item("particle", first, "name"), format!("particle.{first}")));
         }
-        let listed = self.config.wall.as_ref().map_or(0, Vec::len);
-        for (k, name) in walls.iter().enumerate() {
-            let own = (k + listed).checked_sub(walls.len());
-            match own {
+        // The entry of each wall that has a shape.
+        let configs = self.config.wall.as_deref().unwrap_or_default();
+        let mut entry_of = vec![None; walls.len()];
+        for (entry, index) in wall_indices(configs, walls).into_iter().enumerate() {
+            if let Some(index) = index.filter(|&index| !configs[entry].names_boundary(&walls[index])) {
+                entry_of[index] = Some(entry);
+            }
+        }
+        for (name, entry) in walls.iter().zip(entry_of) {
+            match entry {
                 None => {
                     taken.insert(name.clone(), "a wall of the domain".into());
                 }

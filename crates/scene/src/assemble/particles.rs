@@ -110,6 +110,11 @@ impl Rows {
         self.classes[self.bodies[row].class as usize].mass
     }
 
+    /// Whether a body has infinite mass.
+    pub(super) fn is_fixed(&self, row: usize) -> bool {
+        self.mass(row) == f64::INFINITY
+    }
+
     pub(super) fn largest_radius(&self) -> f64 {
         self.classes.iter().map(|class| class.radius).fold(0.0, f64::max)
     }

@@ -6,6 +6,7 @@ use glam::DVec3;
 use haff_engine::{Boundary, Class, Dimension, Domain, Wall};
 
 use super::domain::TOLERANCE;
+use super::motion::at_start;
 use super::particles::{Initial, Rows, SpeciesPlan};
 use super::values::{at, item};
 use super::{Assembler, Refused};
@@ -143,7 +144,7 @@ impl Assembler<'_> {
                 }
             }
             for wall in walls {
-                let distance = (position - wall.point).dot(wall.normal);
+                let distance = (position - at_start(wall)).dot(wall.normal);
                 // Far from the origin the rounding of coordinates is significant.
                 let slack = TOLERANCE
                     * (radius + wall.point.abs().max_element().max(position.abs().max_element()) * 1e-3);
@@ -191,8 +192,13 @@ impl Assembler<'_> {
         let Some(PositionsConfig::Packing(packing)) = initial.positions else { return };
         let obstacles: Vec<(DVec3, f64)> =
             (count..rows.bodies.len()).map(|row| (rows.bodies[row].position, rows.radius(row))).collect();
-        let listed = self.config.wall.as_ref().map_or(0, Vec::len);
-        let planes = &walls[walls.len() - listed..];
+        let of_domain = 2 * domain.boundary.iter().filter(|&&boundary| boundary == Boundary::Wall).count();
+        let moved = |(index, wall): (usize, &Wall)| {
+            let is_plane = index >= of_domain || wall.motion.is_moving();
+            is_plane.then(|| Wall { point: at_start(wall), ..wall.clone() })
+        };
+        let planes: Vec<Wall> = walls.iter().enumerate().filter_map(moved).collect();
+        let planes = &planes[..];
         let room = Room { dimension: self.dimension, domain, planes, obstacles: &obstacles };
         let radius: Vec<f64> = (0..count).map(|row| rows.radius(row)).collect();
         let largest = radius.iter().copied().fold(0.0, f64::max);
