@@ -89,4 +89,28 @@ mod tests {
         assert!(event > late && event < late.after(1e-9));
         assert_eq!(Instant::NEVER.since(late), f64::INFINITY);
     }
+
+    /// f t with all its bits, as an integer times a power of two.
+    fn exact_cycles(frequency: f64, time: f64) -> f64 {
+        let parts = |x: f64| ((x.to_bits() & ((1 << 52) - 1)) | 1 << 52, (x.to_bits() >> 52) as i32 - 1075);
+        let ((m, a), (n, b)) = (parts(frequency), parts(time));
+        let shift = -(a + b);
+        let product = u128::from(m) * u128::from(n);
+        (product & ((1 << shift) - 1)) as f64 / libm::exp2(f64::from(shift))
+    }
+
+    #[test]
+    fn phases_are_exact_after_a_thousand_million_periods() {
+        for frequency in [1.0 / 3.0, 0.1, 7.3, 1.0, 123.456_789] {
+            for time in [1e9 + 0.123_456_7, 3.333e9, 0.7, 1e12 / 7.0] {
+                for low in [0.0, 1e-9 / 3.0, -1e-8 / 7.0] {
+                    let found = Instant { high: time, low }.cycles(frequency);
+                    let exact = exact_cycles(frequency, time) + frequency * low;
+                    let error = found - exact;
+                    let error = (error - error.round()).abs();
+                    assert!((0.0..1.0).contains(&found) && error < 4e-16, "{frequency}, {time}: {error:e}");
+                }
+            }
+        }
+    }
 }

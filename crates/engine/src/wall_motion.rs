@@ -35,7 +35,7 @@ impl Oscillating {
     }
 }
 
-/// A time at which the state of a wall is asked for: rounded for displacements at constant velocity, without
+/// A time of the state of a wall: rounded for displacements at constant velocity, without
 /// rounding for phases of oscillations.
 pub trait WallTime: Copy {
     /// The time, rounded \[time\].
