@@ -34,6 +34,7 @@ mod nearby;
 mod observables;
 mod overlap;
 mod packed;
+mod pair_flight;
 mod pair_law;
 mod particles;
 mod periodicity;
@@ -74,7 +75,7 @@ pub use scalars::{ScalarReader, ScalarWriter};
 pub use simulation::{Simulation, Until};
 pub use sum::Sum;
 pub use thermal::ThermalWall;
-pub use wall_motion::{Approach, WallTime};
+pub use wall_motion::WallTime;
 
 /// Version of the trajectories. A release that changes the trajectory of any scene raises it.
 pub const TRAJECTORY_VERSION: u32 = 5;

@@ -326,7 +326,11 @@ pub(crate) fn geometry(system: &System, world: &World, filled: f64) -> Geometry 
         planes: system
             .walls
             .iter()
-            .map(|wall| Plane { point: wall.point, normal: wall.normal, sweep: wall.motion.sweep() })
+            .map(|wall| Plane {
+                point: wall.point,
+                normal: wall.normal,
+                sweep: wall.motion.sweep(wall.normal),
+            })
             .collect(),
     }
 }

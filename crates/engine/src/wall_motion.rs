@@ -35,8 +35,8 @@ impl Oscillating {
     }
 }
 
-/// A time of the state of a wall: rounded for displacements at constant velocity, without
-/// rounding for phases of oscillations.
+/// A time of the state of a wall: rounded for displacements at constant velocity, without rounding for phases
+/// of oscillations.
 pub trait WallTime: Copy {
     /// The time, rounded \[time\].
     fn time(self) -> f64;
@@ -69,7 +69,7 @@ impl WallTime for (&Clock, i64) {
 
 /// The approach of a body to a wall, along the wall's normal.
 #[derive(Debug, Clone, Copy)]
-pub struct Approach {
+pub(crate) struct Approach {
     /// Distance of the body's surface from the wall \[length\].
     pub distance: f64,
     /// Its rate of change [length/time].
@@ -133,18 +133,15 @@ impl WallMotion {
         }
     }
 
-    /// The largest distance from the given position, at any time \[length\].
-    pub fn sweep(&self) -> f64 {
-        match self {
-            Self::Fixed => 0.0,
-            Self::Constant(_) => f64::INFINITY,
-            Self::Oscillating(motion) => motion.oscillation.amplitude,
-        }
+    /// The largest distance from the given position along the normal, at any time \[length\].
+    pub fn sweep(&self, normal: DVec3) -> f64 {
+        let (speed, amplitude) = self.bound(normal);
+        if speed == 0.0 { amplitude } else { f64::INFINITY }
     }
 
     /// Time from `at` until a body touches the wall; `None` if it never does.
     #[inline]
-    pub fn time_to_contact(&self, approach: &Approach, at: impl WallTime) -> Option<f64> {
+    pub(crate) fn time_to_contact(&self, approach: &Approach, at: impl WallTime) -> Option<f64> {
         match self {
             // In the frame of the wall both have straight or parabolic paths.
             Self::Fixed | Self::Constant(_) => {

@@ -5,11 +5,11 @@ mod common;
 
 use std::f64::consts::{PI, TAU};
 
-use common::{Log, Random, class, scatter, set_restitution, system};
+use common::{Log, Random, check_independence, class, scatter, set_restitution, system};
 use glam::DVec3;
 use haff_engine::{
-    Boundary, Dimension, EngineError, EventKind, NeighborChoice, Options, Oscillating, Silent, SimdChoice,
-    Simulation, Stop, System, Term, Until, WallMotion,
+    Boundary, Dimension, EngineError, EventKind, Options, Oscillating, Simulation, System, Term, Until,
+    WallMotion,
 };
 use haff_mechanics::{Oscillation, Waveform};
 
@@ -39,30 +39,9 @@ fn trajectory_with_oscillating_walls_is_independent_of_search_slices_and_resumpt
         scene.walls[0].point.x = -0.3;
         scene.walls[1].motion = oscillating(Waveform::Triangle, 0.2, 1.3, 0.1);
         scene.walls[1].point.x += 0.2;
-        let plain = Options { neighbors: NeighborChoice::AllPairs, simd: SimdChoice::Portable };
-        let mut reference = Simulation::new(scene.clone(), plain).unwrap();
-        let times = [0.5, 2.0, 6.0];
-        let expected: Vec<_> = times
-            .iter()
-            .map(|&time| {
-                reference.advance(until(time), &mut Silent).unwrap();
-                (reference.state_hash(), reference.ledger())
-            })
-            .collect();
+        let reference = check_independence(&scene, &[0.5, 2.0, 6.0]);
         assert!(reference.counters().wall_collisions > 30, "{:?}", reference.counters());
-        for neighbors in [NeighborChoice::Cells, NeighborChoice::Lists, NeighborChoice::Windows] {
-            let options = Options { neighbors, simd: SimdChoice::Auto };
-            let mut simulation = Simulation::new(scene.clone(), options).unwrap();
-            for (&time, (hash, ledger)) in times.iter().zip(&expected) {
-                let slice = Until { entries: 333, ..until(time) };
-                while simulation.advance(slice, &mut Silent).unwrap() == Stop::Slice {}
-                assert_eq!(&simulation.state_hash(), hash, "{neighbors:?}, t = {time}");
-                assert_eq!(simulation.ledger().terms, ledger.terms, "{neighbors:?}, t = {time}");
-                simulation = Simulation::restore(scene.clone(), options, &simulation.checkpoint()).unwrap();
-            }
-        }
         let ledger = reference.ledger();
-        assert!(ledger.residual.abs() < 1e-12, "{ledger:?}");
         assert!(ledger.term(Term::WallWork) > 0.0, "{ledger:?}");
     }
 }
@@ -113,6 +92,7 @@ fn a_ball_on_a_sine_plate_has_its_bifurcations_at_the_theoretical_accelerations(
         let doubling = first.hypot(2.0 * (1.0 + e * e) / ((1.0 + e) * (1.0 + e)));
         // Above Γ₁ the orbit exists and is kept for as long as its rounding error is not amplified.
         let kept = impacts(e, first * 1.001, 0.0, 20);
+        assert!(kept.len() >= 19, "e = {e}: {} impacts in 20 periods", kept.len());
         for (k, time) in kept.iter().enumerate() {
             assert!((time - (k + 1) as f64).abs() < 1e-6, "e = {e}: impact {k} at {time}");
         }

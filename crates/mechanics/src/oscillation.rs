@@ -78,15 +78,6 @@ impl Oscillation {
         }
     }
 
-    /// Acceleration at a phase in `cycles` [length/time²]; zero for a triangle.
-    #[must_use]
-    pub fn acceleration(&self, cycles: f64) -> f64 {
-        match self.waveform {
-            Waveform::Sine => -self.max_acceleration() * sin_cos(cycles).0,
-            Waveform::Triangle => 0.0,
-        }
-    }
-
     /// Largest speed [length/time].
     #[must_use]
     pub fn max_speed(&self) -> f64 {
@@ -131,7 +122,7 @@ impl Oscillation {
         }
         let start =
             Start { height: distance + self.shift(cycles), speed, acceleration, cycles: reduced(cycles) };
-        let mut piece = Piece { time: 0.0, gap: distance, rate: speed - self.velocity(cycles) };
+        let mut piece = Piece { time: 0.0, gap: distance };
         // A flight within reach of the plane is touched within about a cycle; a flight at rest need not be.
         let mut idle = 0;
         loop {
@@ -167,9 +158,7 @@ impl Oscillation {
     }
 
     fn piece(&self, start: &Start, time: f64) -> Piece {
-        let (height, speed) = start.at(time);
-        let cycles = self.phase(start, time);
-        Piece { time, gap: height - self.shift(cycles), rate: speed - self.velocity(cycles) }
+        Piece { time, gap: start.at(time).0 - self.shift(self.phase(start, time)) }
     }
 
     fn phase(&self, start: &Start, time: f64) -> f64 {
@@ -222,18 +211,17 @@ impl Oscillation {
             let moved = 2.0 * self.amplitude * libm::sin(0.5 * omega * t) * sin_cos(reduced(cycles + half)).1;
             (piece.gap + (speed + 0.5 * acceleration * t) * t - moved, rate(t).0)
         };
-        let mut length = length;
-        if length == f64::INFINITY {
-            // The relative velocity is monotonic for ever: until the body is certainly behind the plane, or
-            // certainly leaves it behind.
+        let length = if length < f64::INFINITY {
+            length
+        } else if acceleration < 0.0 {
+            // The relative velocity is monotonic without end: until the body is certainly behind the plane,
             let (height, _) = start.at(piece.time);
-            length = if acceleration < 0.0 {
-                time_to_plane(height + 2.0 * self.amplitude, speed, acceleration)?
-            } else {
-                ((2.0 * self.max_speed() - speed) / acceleration).max(0.0)
-            };
-        }
-        let (first, last) = (piece.rate, rate(length).0);
+            time_to_plane(height + 2.0 * self.amplitude, speed, acceleration)?
+        } else {
+            // or is certainly faster than the plane.
+            ((2.0 * self.max_speed() - speed) / acceleration).max(0.0)
+        };
+        let (first, last) = (rate(0.0).0, rate(length).0);
         // The part of the piece in which the gap decreases.
         let (from, to) = match (first < 0.0, last < 0.0) {
             (true, true) => (0.0, length),
@@ -273,6 +261,4 @@ struct Piece {
     /// Since the start of the search.
     time: f64,
     gap: f64,
-    /// Relative velocity.
-    rate: f64,
 }

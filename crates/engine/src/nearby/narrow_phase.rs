@@ -1,11 +1,10 @@
 //! The exact prediction of one pair, with the same bits as the result of [`crate::packed`].
 
-use haff_mechanics::drift;
-
 use crate::{
     batch::{self, is_spurious_recontact},
     clock::{LONGEST, whole},
     features::Features,
+    pair_flight::PairFlight,
     particles::{Particle, World},
 };
 
@@ -21,28 +20,9 @@ pub(super) const FAR: i64 = i64::MAX - 1;
 /// pairs.
 #[inline(always)]
 pub(super) fn contact<F: Features>(world: &World, a: &Particle, b: &Particle) -> i64 {
-    let sigma = if F::UNIFORM {
-        let radius = world.classes[0].radius;
-        radius + radius
-    } else {
-        let (a, b) = (&world.classes[a.class()], &world.classes[b.class()]);
-        if a.inverse_mass + b.inverse_mass == 0.0 {
-            return NEVER; // Two bodies of infinite mass pass through each other.
-        }
-        a.radius + b.radius
-    };
-    let tick = world.clock.tick;
-    // The earlier anchor is advanced to the time of the later one.
-    let behind = a.time - b.time;
-    let (dt_a, dt_b) = ((-behind).max(0) as f64 * tick, behind.max(0) as f64 * tick);
-    let separation = drift(b.position, b.velocity, dt_b) - drift(a.position, a.velocity, dt_a);
-    let v = b.velocity - a.velocity;
-    let from = a.time.max(b.time);
-    let present = separation + v * ((world.now - from) as f64 * tick);
-    let r = separation + world.periodicity.offset(present);
-    let ss = sigma * sigma;
-    let delay = batch::delay(r.to_array(), v.to_array(), ss);
-    if is_spurious_recontact(r, v, ss, || larger_speed(a, b)) {
+    let Some(PairFlight { from, r, v, sigma2, .. }) = PairFlight::of::<F>(world, a, b) else { return NEVER };
+    let delay = batch::delay(r.to_array(), v.to_array(), sigma2);
+    if is_spurious_recontact(r, v, sigma2, || larger_speed(a, b)) {
         return NEVER;
     }
     let ticks = delay * world.clock.per_time;
@@ -50,6 +30,8 @@ pub(super) fn contact<F: Features>(world: &World, a: &Particle, b: &Particle) ->
     if ticks <= LONGEST { from + whole(ticks.min(LONGEST)) } else { far }
 }
 
+/// Without gravity the velocities of the anchors are those of the flights: read again in this rare case, they
+/// take no registers in the others.
 #[cold]
 fn larger_speed(a: &Particle, b: &Particle) -> f64 {
     a.velocity.length().max(b.velocity.length())

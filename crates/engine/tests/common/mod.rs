@@ -3,7 +3,8 @@
 
 use glam::DVec3;
 use haff_engine::{
-    Body, Boundary, Class, Contacts, Dimension, Domain, EventRecord, Group, Instant, Observer, System, Wall,
+    Body, Boundary, Class, Contacts, Dimension, Domain, EventRecord, Group, Instant, NeighborChoice,
+    Observer, Options, Silent, SimdChoice, Simulation, Stop, System, Until, Wall,
 };
 use haff_mechanics::Restitution;
 pub use haff_testing::Random;
@@ -182,4 +183,35 @@ pub fn polydisperse(per_edge: usize, packing_fraction: f64, seed: u64) -> System
         body.class = first + random.index(16) as u32;
     }
     system
+}
+
+/// Runs a scene with all pairs to each of these times, and with the other searches to the same states: in
+/// slices, and restored from a checkpoint after each. Returns the first simulation.
+pub fn check_independence(scene: &System, times: &[f64]) -> Simulation {
+    let until = |time: f64| Until { time, ..Until::default() };
+    let plain = Options { neighbors: NeighborChoice::AllPairs, simd: SimdChoice::Portable };
+    let mut reference = Simulation::new(scene.clone(), plain).unwrap();
+    let state = |simulation: &Simulation| (simulation.state_hash(), simulation.ledger().terms);
+    let expected: Vec<_> = times
+        .iter()
+        .map(|&time| {
+            reference.advance(until(time), &mut Silent).unwrap();
+            state(&reference)
+        })
+        .collect();
+    for neighbors in [NeighborChoice::Cells, NeighborChoice::Lists, NeighborChoice::Windows] {
+        let options = Options { neighbors, simd: SimdChoice::Auto };
+        let mut simulation = Simulation::new(scene.clone(), options).unwrap();
+        for (&time, expected) in times.iter().zip(&expected) {
+            let slice = Until { entries: 333, ..until(time) };
+            while simulation.advance(slice, &mut Silent).unwrap() == Stop::Slice {}
+            assert_eq!(&state(&simulation), expected, "{neighbors:?}, t = {time}");
+            let checkpoint = simulation.checkpoint();
+            simulation = Simulation::restore(scene.clone(), options, &checkpoint).unwrap();
+            assert_eq!(simulation.checkpoint(), checkpoint, "{neighbors:?}, t = {time}");
+        }
+        let residual = simulation.ledger().residual;
+        assert!(residual.abs() < 1e-13, "{neighbors:?}: ledger {residual:e}");
+    }
+    reference
 }

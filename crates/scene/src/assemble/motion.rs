@@ -95,11 +95,13 @@ impl Assembler<'_> {
         }
         for (k, (index, motion)) in indices.iter().zip(motions).enumerate() {
             let (Some(index), Some(motion)) = (*index, motion) else { continue };
-            let (wall, amplitude) = (&walls[index], motion.sweep());
+            let wall = &walls[index];
+            let amplitude = motion.sweep(wall.normal);
             let path = item("wall", k, "motion.amplitude");
             for other in walls.iter().enumerate().filter(|(j, _)| *j != index).map(|(_, other)| other) {
                 let gap = (other.point - wall.point).dot(wall.normal);
-                let sweep = if other.motion.sweep().is_finite() { other.motion.sweep() } else { 0.0 };
+                let sweep =
+                    Some(other.motion.sweep(other.normal)).filter(|sweep| sweep.is_finite()).unwrap_or(0.0);
                 if other.normal.dot(wall.normal) < -1.0 + 1e-12 && amplitude + sweep >= gap {
                     let own =
                         if sweep > 0.0 { format!(", less its amplitude {sweep}") } else { String::new() };

@@ -1,0 +1,216 @@
+//! Random scenes: their features, how they are drawn, and the systems that follow.
+
+use glam::DVec3;
+use haff_engine::{Boundary, Dimension, Group, Oscillating, System, Wall, WallMotion};
+use haff_mechanics::{Oscillation, Restitution, Waveform};
+use proptest::prelude::*;
+
+use crate::common::{Random, class, scatter_within_room, system};
+
+/// The features of a scene; the rest follows from the seed. Simpler values come first, so that a failure
+/// shrinks to few features.
+#[expect(clippy::struct_excessive_bools, reason = "each feature is on or off")]
+#[derive(Debug, Clone)]
+pub struct Recipe {
+    pub flat: bool,
+    pub boundary: [usize; 3],
+    pub particles: usize,
+    pub species: usize,
+    pub restitution: usize,
+    pub gravity: bool,
+    pub ramp: usize,
+    pub fixed: bool,
+    pub tc: bool,
+    pub fast: bool,
+    /// Speeds over twelve orders of magnitude.
+    pub speeds: bool,
+    /// Mass ratios up to 10⁹, size ratios up to 30.
+    pub ratios: bool,
+    /// Grains come to rest on each other.
+    pub rest: bool,
+    /// The box is a hundred times as large, so that coordinates are large compared with particles.
+    pub far: bool,
+    /// One light grain in addition.
+    pub light: bool,
+    /// A second plane, which makes a wedge with the ramp or a wall and sometimes moves into it.
+    pub wedge: bool,
+    /// Run long enough for a collapse to be reported.
+    pub long: bool,
+    pub seed: u64,
+}
+
+/// A scene without any optional feature.
+pub const PLAIN: Recipe = Recipe {
+    flat: false,
+    boundary: [0; 3],
+    particles: 2,
+    species: 1,
+    restitution: 0,
+    gravity: false,
+    ramp: 0,
+    fixed: false,
+    tc: false,
+    fast: false,
+    speeds: false,
+    ratios: false,
+    rest: false,
+    far: false,
+    light: false,
+    wedge: false,
+    long: false,
+    seed: 0,
+};
+
+pub fn recipe() -> impl Strategy<Value = Recipe> {
+    let few_or_many = prop_oneof![1 => 1..4_usize, 6 => 2..16_usize, 3 => 16..60_usize, 1 => 60..=200_usize];
+    let shape = (any::<bool>(), [0..3_usize, 0..3, 0..3], few_or_many, 1..=3_usize, 0..6_usize);
+    let extras = (any::<bool>(), 0..6_usize, any::<bool>(), any::<bool>(), any::<bool>(), any::<u64>());
+    let seldom = || prop::bool::weighted(0.2);
+    let ends = (seldom(), seldom(), seldom(), prop::bool::weighted(0.01));
+    (shape, extras, (seldom(), seldom(), seldom()), ends).prop_map(
+        |(
+            (flat, boundary, particles, species, restitution),
+            (gravity, ramp, fixed, tc, fast, seed),
+            (speeds, ratios, rest),
+            (far, light, wedge, long),
+        )| {
+            Recipe {
+                flat,
+                boundary,
+                particles,
+                species,
+                restitution,
+                gravity,
+                ramp,
+                fixed,
+                tc,
+                fast,
+                speeds,
+                ratios,
+                rest,
+                far,
+                light,
+                wedge,
+                long,
+                seed,
+            }
+        },
+    )
+}
+
+fn law(kind: usize, random: &mut Random) -> Restitution {
+    match kind {
+        0 => Restitution::Constant(1.0),
+        1 => Restitution::Constant(random.uniform(0.5, 1.0)),
+        2 => Restitution::Constant(0.0),
+        3 => Restitution::Viscoelastic { coefficient: random.uniform(0.01, 0.3) },
+        4 => Restitution::Cutoff { restitution: 0.3, speed: 0.2, exponent: 0.75 },
+        // Every pair and every wall gets a law of its own.
+        _ => law(random.index(5), random),
+    }
+}
+
+impl Recipe {
+    pub fn build(&self) -> System {
+        let mut random = Random(self.seed);
+        let dimension = if self.flat { Dimension::Two } else { Dimension::Three };
+        let d = dimension.count();
+        let boundary = self.boundary.map(|k| [Boundary::Periodic, Boundary::Wall, Boundary::Open][k]);
+        // The packing fraction is at most about 0.2, so that random placement succeeds.
+        let edge = (self.particles as f64 * if self.flat { 6.0 } else { 5.0 }).powf(1.0 / d as f64).max(4.0);
+        let edge = if self.far { 100.0 * edge } else { edge };
+        let size = DVec3::from_array([0; 3].map(|_| edge * random.uniform(1.0, 1.6)));
+        let mut scene = system(dimension, size, boundary);
+        let free = |axis: usize| axis < d && boundary[axis] != Boundary::Periodic;
+        if self.gravity {
+            for axis in (0..d).filter(|&axis| free(axis)) {
+                scene.domain.gravity[axis] = random.uniform(-1.0, 1.0);
+            }
+        }
+        if self.ramp > 1
+            && let Some(axis) = (0..d).find(|&axis| free(axis))
+        {
+            let mut normal = DVec3::AXES[axis];
+            for other in (0..d).filter(|&other| other != axis && free(other)) {
+                normal[other] = random.uniform(-0.5, 0.5);
+            }
+            let normal = normal.normalize();
+            let motion = match self.ramp {
+                3 => (normal * 0.1).into(),
+                4 | 5 => {
+                    let waveform = if self.ramp == 4 { Waveform::Sine } else { Waveform::Triangle };
+                    let frequency = 10_f64.powf(random.uniform(-1.0, 0.5));
+                    let oscillation = Oscillation { waveform, amplitude: 0.1, frequency };
+                    WallMotion::Oscillating(Oscillating { oscillation, cycles: random.uniform(0.0, 1.0) })
+                }
+                _ => WallMotion::Fixed,
+            };
+            scene.walls.push(Wall { name: "ramp".into(), point: size * 0.15, normal, motion });
+        }
+        if self.wedge
+            && let Some(axis) = (0..d).rev().find(|&axis| free(axis))
+        {
+            let mut normal = -DVec3::AXES[axis];
+            for other in (0..d).filter(|&other| other != axis && free(other)) {
+                normal[other] = random.uniform(-0.9, 0.9);
+            }
+            let normal = normal.normalize();
+            let velocity = normal * [0.0, 0.05, 0.3][random.index(3)];
+            scene.walls.push(Wall {
+                name: "wedge".into(),
+                point: size * 0.9,
+                normal,
+                motion: velocity.into(),
+            });
+        }
+        let (groups, walls) = (self.species + usize::from(self.fixed), scene.walls.len());
+        scene.groups = (0..groups).map(|k| Group { name: format!("group {k}") }).collect();
+        let mut pair = vec![Restitution::Constant(1.0); groups * groups];
+        for a in 0..groups {
+            for b in 0..=a {
+                let rule = law(self.restitution, &mut random);
+                (pair[a * groups + b], pair[b * groups + a]) = (rule, rule);
+            }
+        }
+        scene.contacts.pair = pair;
+        scene.contacts.wall =
+            (0..groups * walls).map(|_| law(self.restitution, &mut random).into()).collect();
+        if self.tc {
+            scene.contacts.tc = 10_f64.powf(random.uniform(-6.0, -1.0));
+        }
+        for k in 0..self.species {
+            let alone = self.species == 1;
+            let (least, orders) = if self.ratios { (0.02, 4.5) } else { (0.1, 3.0) };
+            let radius = if alone { 0.5 } else { random.uniform(least, 0.6) };
+            let mass = if alone { 1.0 } else { 10_f64.powf(random.uniform(-orders, orders)) };
+            let kind = class(&mut scene, radius, mass);
+            scene.classes[kind as usize].group = k as u32;
+            let count = (self.particles / self.species).max(1);
+            // A wedge can leave too little room for all.
+            scatter_within_room(&mut scene, kind, count, 1.0, &mut random);
+        }
+        if self.light {
+            let [radius, mass] = [random.uniform(0.1, 0.5), 10_f64.powf(random.uniform(-6.0, -1.0))];
+            let kind = class(&mut scene, radius, mass);
+            scatter_within_room(&mut scene, kind, 1, 1.0, &mut random);
+        }
+        if self.fast {
+            scene.bodies[0].velocity *= 10_f64.powf(random.uniform(0.0, 4.0));
+        }
+        if self.speeds {
+            for body in &mut scene.bodies {
+                body.velocity *= 10_f64.powf(random.uniform(-8.0, 4.0));
+            }
+        }
+        if self.rest {
+            scene.contacts.rest_speed = 10_f64.powf(random.uniform(-3.0, -1.0));
+        }
+        if self.fixed {
+            let kind = class(&mut scene, 0.5, f64::INFINITY);
+            scene.classes[kind as usize].group = self.species as u32;
+            let speed = if random.index(2) == 0 { 0.0 } else { 0.2 };
+            scatter_within_room(&mut scene, kind, 1, speed, &mut random);
+        }
+        scene
+    }
+}
