@@ -56,6 +56,18 @@ def test_sonine_coefficient_of_van_noije_and_ernst(e, a2):
     assert theory.sonine_a2(e, 3) == pytest.approx(a2, abs=6e-5)
 
 
+def test_heated_gas_balances_its_heating_by_hand():
+    # Spheres of mass 2 at e = 0.5, number density 0.01: ω = 0.04 √(π T/2); 3 · 2 ξ₀² = 0.75 ω T (1 + 3 a₂/16).
+    a2 = 16 * 0.5 * 0.5 / (73 + 168 - 36 - 52.5 + 3.75)
+    assert theory.sonine_a2_heated(0.5, 3) == pytest.approx(a2, rel=1e-14)
+    T = float(theory.heated_temperature(0.1, 0.5, 0.01, 1.0, 2.0))
+    assert 0.75 * 0.04 * math.sqrt(math.pi * T / 2) * T * (1 + 3 * a2 / 16) == pytest.approx(0.6, rel=1e-14)
+    # The formula of the impact integral: d √π ξ₀²/((1 − e²) Ω_d g₀ n σ^(d − 1)).
+    disks = float(theory.heated_temperature(0.1, 0.8, 0.2, 1.5, 1.0, 1.3, d=2, a2=0))
+    assert disks == pytest.approx((2 * math.sqrt(math.pi) * 0.1 / (0.36 * 2 * math.pi * 1.3 * 0.2 * 1.5)) ** (2 / 3))
+    assert theory.heated_temperature(0.1, 1.0, 0.01, 1.0) == math.inf
+
+
 def test_sonine_coefficient_vanishes_at_one_over_root_two():
     assert abs(theory.sonine_a2(math.sqrt(0.5), 2)) < 1e-16
 

@@ -62,8 +62,8 @@ pub use error::{EngineError, Fault};
 pub use instant::Instant;
 pub use ledger::{Ledger, Term};
 pub use model::{
-    Body, Boundary, Class, Contacts, Dimension, Domain, Drive, DriveKind, Group, NeighborChoice, Options,
-    Oscillating, SimdChoice, System, Wall, WallLaw, WallMotion,
+    Body, Boundary, Class, Contacts, Dimension, Domain, Drive, DriveKind, Group, KickTimes, NeighborChoice,
+    Options, Oscillating, SimdChoice, System, Wall, WallLaw, WallMotion,
 };
 pub use observables::{Observable, Present, Quantity, observables};
 pub use overlap::{Overlap, allowed_overlap};

@@ -4,7 +4,7 @@ use glam::DVec3;
 pub use haff_mechanics::Restitution;
 
 pub use crate::{
-    drive::{Drive, DriveKind},
+    drive::{Drive, DriveKind, KickTimes},
     wall_law::WallLaw,
     wall_motion::{Oscillating, WallMotion},
 };

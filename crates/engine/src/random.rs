@@ -3,6 +3,8 @@
 
 use std::f64::consts::TAU;
 
+use glam::DVec3;
+
 /// The sequence of independent random numbers of one event.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Draw {
@@ -36,6 +38,12 @@ impl Draw {
     pub fn normal(&mut self) -> f64 {
         let (radius, angle) = ((2.0 * self.exponential()).sqrt(), TAU * self.uniform());
         radius * libm::cos(angle)
+    }
+
+    /// A vector with a normal number in each of the first `dimension` components.
+    pub fn normals(&mut self, dimension: usize) -> DVec3 {
+        let mut component = |axis: usize| if axis < dimension { self.normal() } else { 0.0 };
+        DVec3::new(component(0), component(1), component(2))
     }
 }
 

@@ -6,8 +6,8 @@ mod common;
 use common::{Random, check_independence, class, scatter, set_restitution, system};
 use glam::DVec3;
 use haff_engine::{
-    Boundary, Dimension, Drive, DriveKind, EngineError, Options, Silent, Simulation, Stop, System, Term,
-    Until,
+    Boundary, Dimension, Drive, DriveKind, EngineError, KickTimes, Options, Silent, Simulation, Stop, System,
+    Term, Until,
 };
 
 fn until(time: f64) -> Until {
@@ -27,8 +27,15 @@ fn gas(dimension: Dimension, count: usize, e: f64, kind: DriveKind) -> System {
     scene
 }
 
-fn kinds() -> [DriveKind; 2] {
+const NOISE: [DriveKind; 2] = [
+    DriveKind::WhiteNoise { strength: 0.4, kicks: KickTimes::Poisson { rate: 3.0 } },
+    DriveKind::WhiteNoise { strength: 0.4, kicks: KickTimes::Regular { interval: 0.25 } },
+];
+
+fn kinds() -> [DriveKind; 4] {
     [
+        NOISE[0],
+        NOISE[1],
         DriveKind::Rescale { temperature: 2.5, interval: 0.25 },
         DriveKind::Andersen { temperature: 2.5, rate: 0.7 },
     ]
@@ -98,6 +105,43 @@ fn an_andersen_gas_has_the_maxwell_distribution_of_its_temperature() {
         let z = (square / states - second) / ((fourth - second * second) / states).sqrt();
         assert!(z.abs() < 4.0, "d = {d}: mean square {}, z = {z}", square / states);
         assert!(simulation.ledger().residual.abs() < 1e-13, "{:?}", simulation.ledger());
+    }
+}
+
+/// An elastic gas of N particles keeps all energy that it gets. A kick of variance s² per component changes
+/// the energy of a particle by m v·Δ + m Δ²/2. Its mean is d m s²/2, and the mean of its square
+/// m² s² v² + m² s⁴ d(d + 2)/4, with v² = d ξ₀² t on average.
+#[test]
+fn white_noise_heats_at_its_mean_power_and_kicks_at_intervals_keep_the_momentum() {
+    let (count, time, strength) = (400_u32, 50.0, 0.4);
+    for dimension in [Dimension::Three, Dimension::Two] {
+        for kind in NOISE {
+            let d = dimension.count() as f64;
+            let mut scene = gas(dimension, count as usize, 1.0, kind);
+            scene.bodies.iter_mut().for_each(|body| body.velocity = DVec3::ZERO);
+            scene.classes.iter_mut().for_each(|class| class.mass = 1.0);
+            let mut simulation = Simulation::new(scene, Options::default()).unwrap();
+            simulation.advance(until(time), &mut Silent).unwrap();
+            let sample = simulation.sample();
+            let n = f64::from(count);
+            // Number of kicks of a particle, s², and ⟨X²⟩ or, for a fixed number of kicks, the variance.
+            let (kicks, square, fourth, share) = match kind {
+                DriveKind::WhiteNoise { kicks: KickTimes::Regular { interval }, .. } => {
+                    assert!(sample.momentum.length() < 1e-12 * n, "{}", sample.momentum);
+                    (time / interval, strength * interval, d / 2.0, 1.0 - 1.0 / n)
+                }
+                DriveKind::WhiteNoise { kicks: KickTimes::Poisson { rate }, .. } => {
+                    (rate * time, strength / rate, d * (d + 2.0) / 4.0, 1.0)
+                }
+                _ => unreachable!(),
+            };
+            let mean = n * kicks * d * square / 2.0 * share;
+            let variance = n * kicks * (square * d * strength * time / 2.0 + fourth * square * square);
+            let z = (sample.ledger.kinetic - mean) / variance.sqrt();
+            assert!(z.abs() < 4.0, "{kind:?}, d = {d}: {} for {mean}, z = {z}", sample.ledger.kinetic);
+            let given = sample.ledger.term(Term::DriveWork);
+            assert!((given / sample.ledger.kinetic - 1.0).abs() < 1e-12, "{given}");
+        }
     }
 }
 

@@ -379,6 +379,9 @@ pub struct DriveConfig {
     /// Temperature that it drives to [energy].
     #[schemars(range(min = 0.0))]
     pub temperature: Option<f64>,
+    /// Of white noise: variance that each component of a velocity gets in a unit of time [length²/time³].
+    #[schemars(range(min = 0.0))]
+    pub strength: Option<f64>,
     /// Time between actions \[time\].
     #[schemars(extend("exclusiveMinimum" = 0))]
     pub interval: Option<f64>,
@@ -400,6 +403,10 @@ pub enum DriveKindConfig {
     /// At Poisson times, `rate` for each particle, a particle gets a velocity of the Maxwell distribution of
     /// `temperature`.
     Andersen,
+    /// Each component of a velocity gets normal random numbers: at Poisson times of mean `rate` for each
+    /// particle, or for all particles at every `interval`, with their mean taken out. Either `rate` or
+    /// `interval`.
+    WhiteNoise,
 }
 
 impl DriveKindConfig {
@@ -408,6 +415,7 @@ impl DriveKindConfig {
         match self {
             Self::Rescale => "rescale",
             Self::Andersen => "andersen",
+            Self::WhiteNoise => "white_noise",
         }
     }
 }

@@ -72,6 +72,7 @@ from .equilibrium import (
     periodic_contact_value,
     virial_disks,
 )
+from .heated import heated_temperature, sonine_a2_heated
 from .mixtures import (
     MixtureRates,
     granular_temperatures,
@@ -105,6 +106,7 @@ __all__ = [
     "granular_temperatures",
     "haff_temperature",
     "haff_time",
+    "heated_temperature",
     "henderson",
     "kolafa_labik_malijevsky",
     "loss_distribution",
@@ -120,6 +122,7 @@ __all__ = [
     "periodic_contact_value",
     "periodic_rate_factor",
     "sonine_a2",
+    "sonine_a2_heated",
     "sonine_component",
     "sonine_polynomial",
     "virial_disks",

@@ -6,6 +6,8 @@ A new drive is one more variant of [`DriveKind`] and a [`TimedAction`] in a file
 
 mod andersen;
 mod rescale;
+mod times;
+mod white_noise;
 
 use glam::DVec3;
 
@@ -15,6 +17,8 @@ use crate::{
 };
 use andersen::Andersen;
 use rescale::Rescale;
+use times::{Poisson, Regular};
+use white_noise::{IntervalNoise, Kicks, PoissonNoise};
 
 /// A drive that acts on some species.
 #[derive(Debug, Clone, PartialEq)]
@@ -44,18 +48,49 @@ pub enum DriveKind {
         /// Mean number of kicks per particle and time [1/time].
         rate: f64,
     },
+    /// Random changes of velocity: the variance of each component grows by `strength` in a unit of time.
+    WhiteNoise {
+        /// ξ₀² [length²/time³].
+        strength: f64,
+        /// When the kicks are.
+        kicks: KickTimes,
+    },
+}
+
+/// Times of the kicks of white noise.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum KickTimes {
+    /// For each particle the times of a Poisson process.
+    Poisson {
+        /// Mean number of kicks per particle and time [1/time].
+        rate: f64,
+    },
+    /// All particles at once. Their momentum is kept.
+    Regular {
+        /// Time between kicks \[time\].
+        interval: f64,
+    },
 }
 
 /// The actions of all drives of a system. The system must still have its bodies.
 pub(crate) fn actions(system: &System) -> Vec<Box<dyn TimedAction>> {
     let action = |(index, drive): (usize, &Drive)| -> Box<dyn TimedAction> {
         let driven = Driven::new(system, drive);
+        let poisson = |rate: f64| Poisson::new(index, driven.particles.len(), rate, system.seed);
         match drive.kind {
             DriveKind::Rescale { temperature, interval } => {
-                Box::new(Rescale::new(index, driven, temperature, interval))
+                Box::new(Rescale::new(Regular::new(index, interval), driven, temperature))
             }
             DriveKind::Andersen { temperature, rate } => {
-                Box::new(Andersen::new(index, driven, temperature, rate, system.seed))
+                Box::new(Andersen::new(poisson(rate), driven, temperature, system.seed))
+            }
+            DriveKind::WhiteNoise { strength, kicks: KickTimes::Poisson { rate } } => {
+                let times = poisson(rate);
+                Box::new(PoissonNoise { times, kicks: Kicks::new(driven, strength / rate, system.seed) })
+            }
+            DriveKind::WhiteNoise { strength, kicks: KickTimes::Regular { interval } } => {
+                let kicks = Kicks::new(driven, strength * interval, system.seed);
+                Box::new(IntervalNoise { times: Regular::new(index, interval), kicks })
             }
         }
     };

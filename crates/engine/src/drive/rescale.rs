@@ -3,28 +3,25 @@
 use glam::DVec3;
 use haff_neighbors::Geometry;
 
-use super::{Driven, kick};
+use super::{Driven, kick, times::Regular};
 use crate::{error::EngineError, measure::total, report::Observer, state::State, timed::TimedAction};
 
 #[derive(Debug)]
 pub(super) struct Rescale {
-    name: String,
+    times: Regular,
     driven: Driven,
     temperature: f64,
-    interval: f64,
-    /// Number of actions so far.
-    done: u64,
 }
 
 impl Rescale {
-    pub fn new(index: usize, driven: Driven, temperature: f64, interval: f64) -> Self {
-        Self { name: format!("drive.{index}.done"), driven, temperature, interval, done: 0 }
+    pub fn new(times: Regular, driven: Driven, temperature: f64) -> Self {
+        Self { times, driven, temperature }
     }
 }
 
 impl TimedAction for Rescale {
     fn next(&self, state: &State) -> i64 {
-        state.world.clock.ticks((self.done + 1) as f64 * self.interval)
+        self.times.next(state)
     }
 
     fn apply(
@@ -33,7 +30,7 @@ impl TimedAction for Rescale {
         _geometry: &Geometry,
         observer: &mut dyn Observer,
     ) -> Result<Vec<u32>, EngineError> {
-        self.done += 1;
+        self.times.advance();
         let world = &state.world;
         let particles = &self.driven.particles;
         let velocity = |k: u32| world.state(particles[k as usize], world.now).1;
@@ -58,18 +55,10 @@ impl TimedAction for Rescale {
     }
 
     fn save(&self, put: &mut dyn FnMut(&str, u64)) {
-        put(&self.name, self.done);
+        self.times.save(put);
     }
 
     fn load(&mut self, take: &mut dyn FnMut(&str) -> u64, time: f64) -> Result<(), EngineError> {
-        self.done = take(&self.name);
-        let last = self.done as f64 * self.interval;
-        if (last - time).abs() <= self.interval * (1.0 + f64::EPSILON * self.done as f64) {
-            return Ok(());
-        }
-        Err(EngineError::Checkpoint(format!(
-            "{} = {} actions every {} do not fit to the time {time}",
-            self.name, self.done, self.interval
-        )))
+        self.times.load(take, time)
     }
 }

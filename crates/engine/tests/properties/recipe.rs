@@ -1,7 +1,10 @@
 //! Random scenes: their features, how they are drawn, and the systems that follow.
 
 use glam::DVec3;
-use haff_engine::{Boundary, Dimension, Group, Oscillating, System, Wall, WallMotion};
+use haff_engine::{
+    Boundary, Dimension, Drive, DriveKind, Group, KickTimes, Oscillating, System, ThermalWall, Wall, WallLaw,
+    WallMotion,
+};
 use haff_mechanics::{Oscillation, Restitution, Waveform};
 use proptest::prelude::*;
 
@@ -36,6 +39,10 @@ pub struct Recipe {
     pub wedge: bool,
     /// Run long enough for a collapse to be reported.
     pub long: bool,
+    /// A drive: none, `rescale`, `andersen`, or white noise by Poisson kicks or at intervals.
+    pub drive: usize,
+    /// Some walls are thermal.
+    pub thermal: bool,
     pub seed: u64,
 }
 
@@ -58,6 +65,8 @@ pub const PLAIN: Recipe = Recipe {
     light: false,
     wedge: false,
     long: false,
+    drive: 0,
+    thermal: false,
     seed: 0,
 };
 
@@ -67,12 +76,14 @@ pub fn recipe() -> impl Strategy<Value = Recipe> {
     let extras = (any::<bool>(), 0..6_usize, any::<bool>(), any::<bool>(), any::<bool>(), any::<u64>());
     let seldom = || prop::bool::weighted(0.2);
     let ends = (seldom(), seldom(), seldom(), prop::bool::weighted(0.01));
-    (shape, extras, (seldom(), seldom(), seldom()), ends).prop_map(
+    let drive = prop_oneof![8 => Just(0), 2 => 1..5_usize];
+    (shape, extras, (seldom(), seldom(), seldom()), ends, (drive, prop::bool::weighted(0.1))).prop_map(
         |(
             (flat, boundary, particles, species, restitution),
             (gravity, ramp, fixed, tc, fast, seed),
             (speeds, ratios, rest),
             (far, light, wedge, long),
+            (drive, thermal),
         )| {
             Recipe {
                 flat,
@@ -92,6 +103,8 @@ pub fn recipe() -> impl Strategy<Value = Recipe> {
                 light,
                 wedge,
                 long,
+                drive,
+                thermal,
                 seed,
             }
         },
@@ -175,6 +188,14 @@ impl Recipe {
         scene.contacts.pair = pair;
         scene.contacts.wall =
             (0..groups * walls).map(|_| law(self.restitution, &mut random).into()).collect();
+        if self.thermal {
+            for law in scene.contacts.wall.iter_mut().step_by(2) {
+                if let WallLaw::Restitution(restitution) = *law {
+                    let (temperature, accommodation) = (random.uniform(0.0, 3.0), random.uniform(0.0, 1.0));
+                    *law = WallLaw::Thermal(ThermalWall { temperature, accommodation, restitution });
+                }
+            }
+        }
         if self.tc {
             scene.contacts.tc = 10_f64.powf(random.uniform(-6.0, -1.0));
         }
@@ -205,6 +226,18 @@ impl Recipe {
         if self.rest {
             scene.contacts.rest_speed = 10_f64.powf(random.uniform(-3.0, -1.0));
         }
+        let (temperature, rate, interval) = (1.5, random.uniform(0.1, 10.0), random.uniform(0.01, 0.5));
+        let noise = |kicks: KickTimes| DriveKind::WhiteNoise { strength: 0.3, kicks };
+        let kind = match self.drive {
+            // Scenes refuse drives of grains that are put to rest.
+            _ if self.rest => None,
+            1 => Some(DriveKind::Rescale { temperature, interval }),
+            2 => Some(DriveKind::Andersen { temperature, rate }),
+            3 => Some(noise(KickTimes::Poisson { rate })),
+            4 => Some(noise(KickTimes::Regular { interval })),
+            _ => None,
+        };
+        scene.drives = kind.map(|kind| Drive { kind, species: vec![0] }).into_iter().collect();
         if self.fixed {
             let kind = class(&mut scene, 0.5, f64::INFINITY);
             scene.classes[kind as usize].group = self.species as u32;

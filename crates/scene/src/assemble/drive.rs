@@ -1,13 +1,13 @@
 //! Drives: which particles they act on, and with what.
 
-use haff_engine::{Drive, DriveKind};
+use haff_engine::{Drive, DriveKind, KickTimes};
 
 use super::{
     Assembler,
     names::{Names, among},
     values::{item, not_negative, positive},
 };
-use crate::config::DriveKindConfig;
+use crate::config::{DriveConfig, DriveKindConfig};
 
 impl Assembler<'_> {
     /// The drives of `[[drive]]`.
@@ -27,34 +27,67 @@ impl Assembler<'_> {
             let Some(kind) = config.kind else {
                 self.document.report_missing(
                     &path("kind"),
-                    "missing: a drive needs a kind: \"rescale\" or \"andersen\"",
+                    "missing: a drive needs a kind: \"rescale\", \"andersen\" or \"white_noise\"",
                 );
                 continue;
             };
-            let mut number = |key: &str, value: Option<f64>, positive_only: bool| {
-                let Some(value) = value else {
-                    let why = format!("missing: a drive of kind \"{}\" needs it", kind.name());
-                    self.document.report_missing(&path(key), why);
-                    return 1.0;
-                };
-                let check = if positive_only { positive } else { not_negative };
-                check(&mut self.document, &path(key), value);
-                value
-            };
-            let kind = match kind {
-                DriveKindConfig::Andersen => DriveKind::Andersen {
-                    temperature: number("temperature", config.temperature, false),
-                    rate: number("rate", config.rate, true),
-                },
-                DriveKindConfig::Rescale => DriveKind::Rescale {
-                    temperature: number("temperature", config.temperature, false),
-                    interval: number("interval", config.interval, true),
-                },
-            };
+            let kind = self.drive_kind(k, kind, &config);
             let species = self.driven_species(k, config.species, names);
             drives.push(Drive { kind, species });
         }
         drives
+    }
+
+    /// What a drive does, with the values of its kind.
+    fn drive_kind(&mut self, k: usize, kind: DriveKindConfig, config: &DriveConfig) -> DriveKind {
+        let used: &[&str] = match kind {
+            DriveKindConfig::Rescale => &["temperature", "interval"],
+            DriveKindConfig::Andersen => &["temperature", "rate"],
+            DriveKindConfig::WhiteNoise => &["strength", "rate", "interval"],
+        };
+        let values = [
+            ("temperature", config.temperature),
+            ("strength", config.strength),
+            ("rate", config.rate),
+            ("interval", config.interval),
+        ];
+        for (key, _) in values.iter().filter(|(key, value)| value.is_some() && !used.contains(key)) {
+            let why = format!("a drive of kind \"{}\" has no {key}, but {}", kind.name(), used.join(", "));
+            self.document.report(&item("drive", k, key), why);
+        }
+        let mut number = |key: &str| {
+            let path = item("drive", k, key);
+            let Some(value) = values.iter().find(|(name, _)| *name == key).and_then(|(_, value)| *value)
+            else {
+                let why = format!("missing: a drive of kind \"{}\" needs it", kind.name());
+                self.document.report_missing(&path, why);
+                return 1.0;
+            };
+            let check = if matches!(key, "rate" | "interval") { positive } else { not_negative };
+            check(&mut self.document, &path, value);
+            value
+        };
+        match kind {
+            DriveKindConfig::Andersen => {
+                DriveKind::Andersen { temperature: number("temperature"), rate: number("rate") }
+            }
+            DriveKindConfig::Rescale => {
+                DriveKind::Rescale { temperature: number("temperature"), interval: number("interval") }
+            }
+            DriveKindConfig::WhiteNoise => {
+                let strength = number("strength");
+                let kicks = match (config.rate, config.interval) {
+                    (_, None) => KickTimes::Poisson { rate: number("rate") },
+                    (None, Some(_)) => KickTimes::Regular { interval: number("interval") },
+                    (Some(_), Some(_)) => {
+                        let why = "either rate (kicks at Poisson times) or interval (kicks of all at once), not both";
+                        self.document.report(&item("drive", k, "interval"), why);
+                        KickTimes::Regular { interval: 1.0 }
+                    }
+                };
+                DriveKind::WhiteNoise { strength, kicks }
+            }
+        }
     }
 
     /// The species that a drive acts on, all if none are named.

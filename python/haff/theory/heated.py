@@ -1,0 +1,51 @@
+"""The steady state of a gas heated by white noise."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from ._common import Array, check_dimension
+from .collisions import collision_frequency
+
+
+def sonine_a2_heated(e: ArrayLike, d: int = 3) -> Array:
+    r"""Second Sonine coefficient of a gas heated by white noise.
+
+    .. math:: a_2 = \frac{16(1 - e)(1 - 2e^2)}{73 + 56d - 24de - 105e + 30(1 - e)e^2}
+
+    (van Noije–Ernst 1998), defined as for :func:`sonine_a2`. It leaves out the higher coefficients
+    (docs/validation.md has those of the Boltzmann equation).
+    """
+    e, d = np.asarray(e, float), check_dimension(d)
+    return 16 * (1 - e) * (1 - 2 * e**2) / (73 + 56 * d - 24 * d * e - 105 * e + 30 * (1 - e) * e**2)
+
+
+def heated_temperature(
+    strength: ArrayLike,
+    e: ArrayLike,
+    n: ArrayLike,
+    sigma: ArrayLike,
+    m: ArrayLike = 1.0,
+    g0: ArrayLike = 1.0,
+    d: int = 3,
+    a2: ArrayLike | None = None,
+) -> Array:
+    r"""Temperature of the steady state of a gas heated by white noise [energy].
+
+    .. math:: \frac{d\,m\,\xi_0^2}2 = \frac{(1 - e^2)\,\omega(T)\,T}2\Bigl(1 + \frac{3a_2}{16}\Bigr)
+
+    with :math:`\omega` of :func:`collision_frequency`, and :math:`a_2` there zero.
+
+    Parameters
+    ----------
+    strength
+        :math:`\xi_0^2` [length²/time³]: variance that each component of a velocity gets in a unit of time.
+    a2
+        Sonine coefficient; default :func:`sonine_a2_heated` of ``e`` and ``d``. Infinite temperature at e = 1.
+    """
+    strength, e, m = np.asarray(strength, float), np.asarray(e, float), np.asarray(m, float)
+    a2 = sonine_a2_heated(e, d) if a2 is None else np.asarray(a2, float)
+    rate = collision_frequency(n, sigma, 1.0, m, g0, d)
+    with np.errstate(divide="ignore"):
+        return (d * m * strength / ((1 - e**2) * rate * (1 + 3 * a2 / 16))) ** (2 / 3)
