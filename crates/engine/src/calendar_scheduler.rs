@@ -186,6 +186,7 @@ impl<F: Features, S: Search + 'static> Scheduler for CalendarScheduler<F, S> {
                     return Next::Event(entry.time, AnyEvent::Impact(Impact::Wall { i, wall }));
                 }
                 SearchEvent::EndOfBounces => return Next::Event(entry.time, AnyEvent::EndOfBounces(i)),
+                SearchEvent::Release => return Next::Event(entry.time, AnyEvent::Release(i)),
                 SearchEvent::Crossing(code) => Scope::New(code),
                 SearchEvent::Prediction => Scope::All,
             };
@@ -227,7 +228,7 @@ impl<F: Features, S: Search + 'static> Scheduler for CalendarScheduler<F, S> {
                 }
                 bodies
             }
-            AnyEvent::Impact(Impact::Wall { i, .. }) => {
+            AnyEvent::Impact(Impact::Wall { i, .. }) | AnyEvent::Release(i) => {
                 self.predictor.wrap_anchor(state, i);
                 self.schedule(state, i, Scope::All);
                 [i, i]

@@ -13,7 +13,7 @@ use crate::{
     },
     model::{NeighborChoice, System},
     nearby::{self, Nearby},
-    particles::World,
+    particles::{World, can_carry},
     rest::thresholds::Thresholds,
     summary::{LocalDensity, SystemSummary},
     tuning::{lists_above, particles},
@@ -182,7 +182,7 @@ impl Choice {
         if Thresholds::of(system).is_some() {
             return self.compile_for_rest(geometry);
         }
-        let gravity = system.domain.gravity != DVec3::ZERO;
+        let gravity = system.domain.gravity != DVec3::ZERO || can_carry(system);
         if !gravity && summary.uniform && system.contacts.are_elastic() {
             if *neighbors == NeighborChoice::Windows {
                 return Box::new(Windows::<ElasticMonodisperse>::new(

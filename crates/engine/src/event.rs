@@ -1,7 +1,9 @@
 //! Physical events. Each scheduler has a type for exactly those events that can occur in it, so that its
 //! event loop contains no others.
 
-use crate::{error::EngineError, features::Features, report::Observer, resolve, rest::contact, state::State};
+use crate::{
+    carried, error::EngineError, features::Features, report::Observer, resolve, rest::contact, state::State,
+};
 
 /// A physical event: the event loop resolves it, and the collapse detector counts it.
 pub(crate) trait PhysicalEvent: Copy {
@@ -48,11 +50,13 @@ pub(crate) enum Impact {
     Wall { i: u32, wall: u32 },
 }
 
-/// An impact, or the end of a completed series of bounces of a particle.
+/// An impact, the end of a completed series of bounces of a particle, or its release by the wall that carries
+/// it.
 #[derive(Debug, Clone, Copy)]
 pub(crate) enum AnyEvent {
     Impact(Impact),
     EndOfBounces(u32),
+    Release(u32),
 }
 
 impl PhysicalEvent for Collision {
@@ -118,7 +122,7 @@ impl PhysicalEvent for AnyEvent {
     fn participants(self) -> ([u32; 2], Option<u32>) {
         match self {
             Self::Impact(impact) => impact.participants(),
-            Self::EndOfBounces(i) => ([i, i], None),
+            Self::EndOfBounces(i) | Self::Release(i) => ([i, i], None),
         }
     }
 
@@ -135,6 +139,10 @@ impl PhysicalEvent for AnyEvent {
                 resolve::end_of_bounces::<EVENTS>(state, i, time, observer);
                 Ok(Vec::new())
             }
+            Self::Release(i) => {
+                carried::release::<EVENTS>(state, i, time, observer)?;
+                Ok(Vec::new())
+            }
         }
     }
 
@@ -143,6 +151,7 @@ impl PhysicalEvent for AnyEvent {
         match self {
             Self::Impact(impact) => impact.pause::<F>(state, time),
             Self::EndOfBounces(_) => state.is_at_rest().then_some(Pause::Rest),
+            Self::Release(_) => None,
         }
     }
 }

@@ -13,6 +13,7 @@ extern crate self as haff_engine; // tests/common builds its systems with the pu
 mod accumulators;
 mod batch;
 mod calendar_scheduler;
+mod carried;
 mod checkpoint;
 mod choice;
 mod clock;

@@ -52,6 +52,8 @@ pub(crate) struct Totals {
     pub momentum: DVec3,
     /// Angular momentum about the origin, from unwrapped positions.
     pub angular_momentum: DVec3,
+    /// What walls have given to the grains that they carry: energy, and momentum.
+    pub carried: (f64, DVec3),
 }
 
 impl Totals {
@@ -74,6 +76,7 @@ impl Totals {
             potential,
             momentum: DVec3::new(px, py, pz),
             angular_momentum: DVec3::new(hx, hy, hz),
+            carried: world.all_carried(),
         }
     }
 
@@ -95,7 +98,8 @@ pub(crate) fn ledger(
     let bounces: f64 = pending.values().map(|series| series.energy_loss).sum();
     let [kinetic, potential] = accumulators.initial_energy;
     let dissipated = accumulators.dissipated.value();
-    let terms = accumulators.terms.map(|sum| sum.value());
+    let mut terms = accumulators.terms.map(|sum| sum.value());
+    terms[Term::WallWork as usize] += totals.carried.0;
     let supplied = Term::ALL.map(|term| -term.sign() * terms[term as usize]);
     let energies = [totals.kinetic, totals.potential, -kinetic, -potential, dissipated, bounces];
     let energies = || energies.into_iter().chain(supplied);
@@ -163,7 +167,7 @@ pub(crate) fn sample(system: &System, species_table: &Species, state: &mut State
         // Mean of the kinetic energy over the interval. Without gravity it is constant between events: its
         // integral is the final energy times the interval, plus the loss of each event times the time before
         // that event. With gravity the mean of the two ends is used.
-        let mean_kinetic = if world.gravity == DVec3::ZERO {
+        let mean_kinetic = if world.flies_straight() {
             totals.kinetic + accumulators.loss_moment.value() / span
         } else {
             0.5 * (totals.kinetic + accumulators.sampled_kinetic)
@@ -173,7 +177,7 @@ pub(crate) fn sample(system: &System, species_table: &Species, state: &mut State
     });
     let periodic = world.periodicity.is_periodic.contains(&true);
     let gravity_impulse = world.force.impulse_until(time);
-    let impulse = force::value(&accumulators.impulse);
+    let impulse = force::value(&accumulators.impulse) + totals.carried.1;
     let rate = if first || span <= 0.0 { f64::NAN } else { counted as f64 / span };
     let sample = Sample {
         time,

@@ -100,6 +100,9 @@ pub(crate) struct World {
     /// engines agree.
     pub corrects_penetration: bool,
     pub walls: Vec<Wall>,
+    /// Whether a wall can carry grains: it oscillates, and does not reflect all of them elastically or
+    /// thermally.
+    pub carries: bool,
     /// The walls that support each particle; empty until the first particle rests on a wall.
     pub support: Vec<Support>,
     /// Edge lengths of the box, and its periodic images.
@@ -157,6 +160,7 @@ impl World {
             asleep: 0,
             corrects_penetration: false,
             walls: system.walls.clone(),
+            carries: can_carry(system),
             support: Vec::new(),
             periodicity: Periodicity::of(&system.domain),
             gravity: system.domain.gravity,
@@ -175,7 +179,7 @@ impl World {
             class.inverse_mass != 0.0
                 && (class.radius, class.mass) == (world.classes[0].radius, world.classes[0].mass)
         };
-        world.corrects_penetration = world.gravity != DVec3::ZERO || !world.classes.iter().all(alike);
+        world.corrects_penetration = !world.flies_straight() || !world.classes.iter().all(alike);
         for i in 0..world.particles.len() as u32 {
             let class = world.class(i);
             if class.inverse_mass != 0.0 {
@@ -256,7 +260,12 @@ impl World {
         self.particles[i as usize].position.abs().max(DVec3::splat(self.longest_flight))
     }
 
-    /// Acceleration of a particle in its flight [length/time²].
+    /// Whether particles have no acceleration in their flights.
+    pub fn flies_straight(&self) -> bool {
+        self.gravity == DVec3::ZERO && !self.carries
+    }
+
+    /// Acceleration of a particle in its flight [length/time²], without that of a wall that carries it.
     #[inline(always)]
     pub fn acceleration(&self, i: u32) -> DVec3 {
         let particle = &self.particles[i as usize];
@@ -289,10 +298,14 @@ impl World {
         let dt = self.age(i, ticks);
         if F::GRAVITY {
             let a = self.acceleration(i);
-            (
+            let flight = (
                 haff_mechanics::free_flight(particle.position, particle.velocity, a, dt),
                 haff_mechanics::free_flight_velocity(particle.velocity, a, dt),
-            )
+            );
+            match self.carrier(i) {
+                Some(wall) => self.carried(i, wall, ticks, flight),
+                None => flight,
+            }
         } else {
             (haff_mechanics::drift(particle.position, particle.velocity, dt), particle.velocity)
         }
@@ -300,7 +313,7 @@ impl World {
 
     /// [`Self::flight`] for code that is not compiled per feature. Returns the same bits.
     pub fn state(&self, i: u32, ticks: i64) -> (DVec3, DVec3) {
-        if self.gravity == DVec3::ZERO {
+        if self.flies_straight() {
             self.flight::<With<false, false>>(i, ticks)
         } else {
             self.flight::<With<true, false>>(i, ticks)
@@ -463,6 +476,14 @@ impl World {
         }
         extent.max(2.0 * radius)
     }
+}
+
+/// Whether a wall can carry grains: it oscillates, and grains bounce on it with losses.
+pub(crate) fn can_carry(system: &System) -> bool {
+    let walls = system.walls.len();
+    (0..walls)
+        .filter(|&wall| system.walls[wall].motion.carries())
+        .any(|wall| system.contacts.wall.iter().skip(wall).step_by(walls).any(WallLaw::has_series))
 }
 
 /// The part of `gravity` that walls with these inward normals do not balance: the vector nearest to `gravity`

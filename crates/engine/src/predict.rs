@@ -5,6 +5,7 @@ use haff_neighbors::{Flight, Offsets, Packed, Search, Shift};
 
 use crate::{
     batch::{Batch, Kernel, LANES, is_spurious_recontact},
+    carried,
     clock::{HORIZON, LONGEST, whole},
     entry::{Entry, Kind, Target},
     features::Features,
@@ -107,6 +108,10 @@ pub(crate) fn predict<F: Features, S: Search>(
     let nothing = Entry::none(i, particle.count);
     let mut earliest = Earliest { entry: nothing, far: false };
 
+    let carrier = if F::GRAVITY { world.carrier(i) } else { None };
+    if let Some(wall) = carrier {
+        carried::predict_release(world, i, wall, &mut earliest);
+    }
     let movable = F::UNIFORM || world.class(i).inverse_mass != 0.0;
     let packed = if F::GRAVITY || scope != Scope::All || !movable { None } else { search.packed(i) };
     if let (Some(list), Some(offsets)) = (packed, search.offsets()) {
@@ -140,7 +145,11 @@ pub(crate) fn predict<F: Features, S: Search>(
 
     // A crossing later than the earliest event is not needed exactly.
     let within = earliest.entry.time.saturating_sub(world.now) as f64 * world.clock.tick;
-    if let Some(crossing) = search.next_crossing(i, &flight::<F>(world, i), within) {
+    let crossing = match carrier {
+        Some(wall) => carried::next_crossing::<F, S>(world, search, i, wall, within),
+        None => search.next_crossing(i, &flight::<F>(world, i), within),
+    };
+    if let Some(crossing) = crossing {
         let delay = crossing.delay * world.clock.per_time;
         if delay > HORIZON {
             earliest.far = true;
@@ -177,6 +186,8 @@ struct Owner {
     radius: f64,
     movable: bool,
     acceleration: DVec3,
+    /// The wall that carries it.
+    carrier: Option<u32>,
 }
 
 impl Owner {
@@ -192,6 +203,7 @@ impl Owner {
             radius: class.radius,
             movable: class.inverse_mass != 0.0,
             acceleration: if F::GRAVITY { world.acceleration(i) } else { DVec3::ZERO },
+            carrier: if F::GRAVITY { world.carrier(i) } else { None },
         }
     }
 }
@@ -220,13 +232,26 @@ fn gather<F: Features>(
         }
         a.radius + class.radius
     };
-    let (ra, rb, va, vb);
+    let (mut ra, mut rb, va, vb);
     if F::GRAVITY {
         let acceleration = world.acceleration(j);
         ra = haff_mechanics::free_flight(a.position, a.velocity, a.acceleration, dt_a);
         rb = haff_mechanics::free_flight(b.position, b.velocity, acceleration, dt_b);
         va = haff_mechanics::free_flight_velocity(a.velocity, a.acceleration, dt_a);
         vb = haff_mechanics::free_flight_velocity(b.velocity, acceleration, dt_b);
+        if world.carries {
+            let carrier = world.carrier(j);
+            if carrier != a.carrier {
+                scratch.predictions += 1;
+                carried::predict_pair::<F>(world, [a.i, j], shift, sigma, a.time.max(b.time), earliest);
+                return;
+            }
+            if carrier.is_some() {
+                // The same motion along the normal, which leaves the relative velocity as it is.
+                let from = a.time.max(b.time);
+                (ra, rb) = (world.flight::<F>(a.i, from).0, world.flight::<F>(j, from).0);
+            }
+        }
         if acceleration != a.acceleration {
             let (r, v, relative_acceleration) =
                 (world.periodicity.image(rb - ra, shift), vb - va, acceleration - a.acceleration);
@@ -464,6 +489,12 @@ fn predict_walls<F: Features>(world: &World, i: u32, walls: &[u16], earliest: &m
     let support = if F::GRAVITY { world.support(i) } else { [None; 3] };
     for &wall in walls {
         if F::GRAVITY && support.contains(&Some(wall)) {
+            continue;
+        }
+        if F::GRAVITY
+            && let Some(carrier) = world.carrier(i)
+            && carried::predict_wall::<F>(world, i, carrier, u32::from(wall), earliest)
+        {
             continue;
         }
         if asleep && !world.walls[usize::from(wall)].motion.is_moving() {

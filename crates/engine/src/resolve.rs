@@ -5,6 +5,7 @@ use haff_mechanics::{Bounces, Impact, Restitution, resolve_contact, work_of_movi
 
 use crate::{
     accumulators::Accumulators,
+    carried,
     clock::HORIZON,
     error::EngineError,
     features::Features,
@@ -17,14 +18,15 @@ use crate::{
     rest::contact,
     state::{Pending, State},
     wall_law::WallLaw,
+    wall_motion::WallMotion,
 };
 
 /// A series of bounces is completed in closed form once the next bounce would rise by less than this fraction
 /// of the radius: far below the resolution of a coordinate at the size of a system, and far above the effect
 /// of rounding on a bounce.
-const REST_HEIGHT: f64 = 1e-13;
+pub(crate) const REST_HEIGHT: f64 = 1e-13;
 /// The sums of a series in which the next impact is plastic, and so the last.
-const PLASTIC_END: Bounces = Bounces { speeds: 1.0, squares: 1.0 };
+pub(crate) const PLASTIC_END: Bounces = Bounces { speeds: 1.0, squares: 1.0 };
 /// A velocity along the normal of a supporting wall below this fraction of the speed is rounding error.
 const SUPPORT_NOISE: f64 = 8.0 * f64::EPSILON;
 
@@ -48,6 +50,15 @@ fn penetration_to_correct(depth: f64, coordinates: DVec3, reach: f64) -> f64 {
 fn state_at_event<F: Features>(world: &World, i: u32, time: i64) -> (DVec3, DVec3) {
     if !F::GRAVITY {
         return world.flight::<F>(i, time);
+    }
+    if let Some(wall) = world.carrier(i) {
+        let particle = &world.particles[i as usize];
+        let (a, dt) = (world.acceleration(i), world.age(i, time));
+        let along = (
+            haff_mechanics::free_flight(particle.position, particle.velocity, a, dt),
+            haff_mechanics::free_flight_velocity(particle.velocity, a, dt),
+        );
+        return world.carried(i, wall, time, along);
     }
     let particle = &world.particles[i as usize];
     // The bits depend on the particle and the time only, so that every search, scheduler and resumed run
@@ -81,7 +92,13 @@ fn check_penetration(
 
 /// Sets the anchor of particle i. Returns an error if the velocity is not finite.
 #[inline(always)]
-fn anchor(world: &mut World, i: u32, position: DVec3, velocity: DVec3, time: i64) -> Result<(), EngineError> {
+pub(crate) fn anchor(
+    world: &mut World,
+    i: u32,
+    position: DVec3,
+    velocity: DVec3,
+    time: i64,
+) -> Result<(), EngineError> {
     world.particles[i as usize].set_anchor(position, velocity, time);
     if velocity.is_finite() {
         return Ok(());
@@ -319,12 +336,15 @@ fn bounce<F: Features, const EVENTS: bool>(
     }
     if F::GRAVITY {
         keep_support(state, i, time);
-        if !repeated
-            && !state.world.walls[wall as usize].motion.is_moving()
-            && state.world.wall_law(&class, wall).has_series()
-            && let Some(rest) = come_to_rest(state, i, wall, law, before, time)
-        {
-            state.pending.insert(i, rest);
+        if !repeated && state.world.wall_law(&class, wall).has_series() {
+            let rest = match state.world.walls[wall as usize].motion {
+                WallMotion::Fixed => come_to_rest(state, i, wall, law, before, time),
+                WallMotion::Oscillating(_) => carried::start(state, i, wall, law, time),
+                WallMotion::Constant(_) => None,
+            };
+            if let Some(rest) = rest {
+                state.pending.insert(i, rest);
+            }
         }
     }
     Ok(())
@@ -361,9 +381,11 @@ fn come_to_rest(
     let (sliding_support, acceleration_before) = before;
     let (acceleration, sliding_acceleration) =
         (-world.acceleration(i).dot(normal), -acceleration_before.dot(normal));
-    let sliding = sliding_support != [None; 3] && sliding_acceleration > 0.0;
+    // An oscillating wall that carried it does not let it fall back in the same way.
+    let was_carried = sliding_support[0].is_some_and(|wall| world.walls[usize::from(wall)].motion.carries());
+    let sliding = sliding_support != [None; 3] && !was_carried && sliding_acceleration > 0.0;
     let acceleration = if sliding { sliding_acceleration } else { acceleration };
-    if law.is_elastic() || acceleration <= 0.0 {
+    if law.is_elastic() || acceleration <= 0.0 || world.carrier(i).is_some() {
         return None;
     }
     let class = *world.class(i);
@@ -448,6 +470,10 @@ pub(crate) fn keep_support(state: &mut State, i: u32, time: i64) {
     let noise = SUPPORT_NOISE * velocity.length();
     let mut support: Support = [None; 3];
     let mut kept = 0;
+    if let Some(wall) = world.carrier(i) {
+        carried::keep_or_end(state, i, wall, noise, time);
+        return;
+    }
     for wall in world.support(i).into_iter().flatten() {
         let normal = world.walls[usize::from(wall)].normal;
         let speed = velocity.dot(normal);
@@ -503,7 +529,7 @@ pub(crate) fn end_of_bounces_early<const EVENTS: bool>(
     }
 }
 
-fn row(
+pub(crate) fn row(
     time: f64,
     kind: EventKind,
     [i, j]: [u32; 2],

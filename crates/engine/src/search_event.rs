@@ -11,6 +11,8 @@ pub(crate) enum SearchEvent {
     Wall(u32),
     /// End of a completed series of bounces.
     EndOfBounces,
+    /// The particle leaves the wall that carries it.
+    Release,
     /// Crossing into another cell, or update of a list; `.0` is the code of the search.
     Crossing(u8),
     /// No event within the horizon; at the horizon the particle is predicted again.
@@ -24,6 +26,7 @@ impl Kind for SearchEvent {
             Self::Collision(j) => (entry::COLLISION, j),
             Self::Wall(wall) => (entry::WALL, wall),
             Self::EndOfBounces => (entry::END_OF_BOUNCES, 0),
+            Self::Release => (entry::END_OF_BOUNCES, 1),
             Self::Crossing(code) => (entry::UPDATE, u32::from(code)),
             Self::Prediction => (entry::UPDATE, entry::PREDICTION),
         }
@@ -34,7 +37,8 @@ impl Kind for SearchEvent {
         match tag {
             entry::COLLISION => Self::Collision(index),
             entry::WALL => Self::Wall(index),
-            entry::END_OF_BOUNCES => Self::EndOfBounces,
+            entry::END_OF_BOUNCES if index == 0 => Self::EndOfBounces,
+            entry::END_OF_BOUNCES => Self::Release,
             _ if index == entry::PREDICTION => Self::Prediction,
             _ => Self::Crossing(index as u8),
         }

@@ -2,6 +2,7 @@
 
 use std::collections::BTreeMap;
 
+use glam::DVec3;
 use haff_neighbors::{Geometry, Lists};
 
 use crate::{
@@ -287,9 +288,16 @@ impl Simulation {
             let ticks = (age as f64 * (old.tick / clock.tick)).min(ANCHOR_AGE as f64).floor();
             let ahead = age as f64 * old.tick - ticks * clock.tick;
             let a = world.acceleration(i);
+            let carried = world.carrier(i).map_or(DVec3::ZERO, |wall| {
+                let wall = &world.walls[wall as usize];
+                let start = old.instant(world.particles[i as usize].time);
+                wall.motion.displacement(wall.normal, start.after(ahead))
+                    - wall.motion.displacement(wall.normal, start)
+            });
             let particle = &mut world.particles[i as usize];
             particle.position = haff_mechanics::free_flight(particle.position, particle.velocity, a, ahead);
             particle.velocity = haff_mechanics::free_flight_velocity(particle.velocity, a, ahead);
+            particle.position += carried;
             particle.time = -(ticks as i64);
             world.wrap_anchor(i);
         }
@@ -394,7 +402,11 @@ impl Simulation {
     pub fn reverse(&mut self) {
         let world = &mut self.state.world;
         for i in 0..world.particles.len() as u32 {
-            let (position, velocity) = world.state(i, world.now);
+            let (position, mut velocity) = world.state(i, world.now);
+            if let Some(wall) = world.carrier(i) {
+                let n = world.walls[wall as usize].normal;
+                velocity -= n * velocity.dot(n);
+            }
             world.particles[i as usize].set_anchor(position, -velocity, world.now);
             world.wrap_anchor(i);
         }

@@ -153,11 +153,20 @@ pub(crate) fn support(
     if walls.is_empty() {
         return Ok(());
     }
+    let moves = |wall: &u16| world.walls[usize::from(*wall)].motion.is_moving();
+    if world.carries
+        && world.thresholds.is_none()
+        && world.carrier(i).is_some()
+        && walls.len() == 1
+        && !asleep
+    {
+        return Ok(());
+    }
     if asleep || body.inverse_mass == 0.0 || world.gravity == DVec3::ZERO {
         return refuse("what is asleep, or feels no gravity, rests on no wall");
     }
-    if walls.iter().any(|&wall| world.walls[usize::from(wall)].motion.is_moving()) {
-        return refuse("nothing rests on a wall that moves");
+    if walls.iter().any(moves) {
+        return refuse("nothing rests on a wall that moves, unless it oscillates and is the only one");
     }
     Ok(())
 }

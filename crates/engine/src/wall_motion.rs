@@ -3,7 +3,7 @@
 //! To add a motion, add a variant of [`WallMotion`]. Nothing else in the engine depends on the variants.
 
 use glam::DVec3;
-use haff_mechanics::{Oscillation, time_to_plane};
+use haff_mechanics::{Oscillation, Waveform, time_to_plane};
 
 use crate::{clock::Clock, instant::Instant};
 
@@ -120,6 +120,55 @@ impl WallMotion {
             Self::Fixed => 0.0,
             Self::Constant(velocity) => velocity.length(),
             Self::Oscillating(motion) => motion.oscillation.max_speed(),
+        }
+    }
+
+    /// Acceleration along the normal [length/time²].
+    pub(crate) fn acceleration(&self, at: impl WallTime) -> f64 {
+        match self {
+            Self::Fixed | Self::Constant(_) => 0.0,
+            Self::Oscillating(motion) => motion.oscillation.acceleration(motion.at(at)),
+        }
+    }
+
+    /// Largest magnitude of the acceleration [length/time²].
+    pub(crate) fn max_acceleration(&self) -> f64 {
+        match self {
+            Self::Fixed | Self::Constant(_) => 0.0,
+            Self::Oscillating(motion) => motion.oscillation.max_acceleration(),
+        }
+    }
+
+    /// Duration of a cycle \[time\]; infinite without one.
+    pub(crate) fn period(&self) -> f64 {
+        match self {
+            Self::Fixed | Self::Constant(_) => f64::INFINITY,
+            Self::Oscillating(motion) => 1.0 / motion.oscillation.frequency,
+        }
+    }
+
+    /// Whether the wall accelerates, so that it can carry a grain and be left by it.
+    #[inline]
+    pub(crate) fn carries(&self) -> bool {
+        matches!(self, Self::Oscillating(_))
+    }
+
+    /// Time from `at` until the wall is left by a body that it carries, whose own acceleration along the
+    /// normal is `acceleration` [length/time²]; `None` if it never is.
+    pub(crate) fn time_to_release(&self, acceleration: f64, at: impl WallTime) -> Option<f64> {
+        match self {
+            Self::Fixed | Self::Constant(_) => None,
+            Self::Oscillating(motion) => motion.oscillation.time_to_release(acceleration, motion.at(at)),
+        }
+    }
+
+    /// Velocity along the normal of a body that leaves the wall at `at` [length/time]: that of the wall, at a
+    /// corner of a triangle the one before it.
+    pub(crate) fn release_speed(&self, normal: DVec3, at: impl WallTime) -> f64 {
+        let speed = self.velocity(normal, at).dot(normal);
+        match self {
+            Self::Oscillating(motion) if motion.oscillation.waveform == Waveform::Triangle => -speed,
+            _ => speed,
         }
     }
 

@@ -33,6 +33,7 @@ either order.
 #![forbid(unsafe_code)]
 
 pub mod bounces;
+pub mod bounded;
 pub mod contact;
 pub mod curved;
 pub mod flight;
@@ -44,6 +45,7 @@ mod roots;
 mod scale;
 
 pub use bounces::Bounces;
+pub use bounded::first_contact_bounded;
 pub use contact::{is_rounding_noise, time_to_contact, time_to_contact_unscaled};
 pub use curved::time_to_contact_accelerated;
 pub use flight::{drift, free_flight, free_flight_stochastic, free_flight_velocity};

@@ -78,6 +78,50 @@ impl Oscillation {
         }
     }
 
+    /// Acceleration at a phase in `cycles` [length/time²]; zero for a triangle, also at its corners.
+    #[must_use]
+    pub fn acceleration(&self, cycles: f64) -> f64 {
+        match self.waveform {
+            Waveform::Sine => -self.max_acceleration() * sin_cos(cycles).0,
+            Waveform::Triangle => 0.0,
+        }
+    }
+
+    /// Time until a body that the plane carries leaves it \[time\], or `None`: until the plane falls faster
+    /// than the body's own `acceleration` [length/time²] (positive away from the plane, so that of a weight
+    /// is negative), or until a corner of a triangle.
+    ///
+    /// The time is later by a few roundings of the phase: then the plane recedes, and a corner has gone by.
+    ///
+    /// ```
+    /// use haff_mechanics::{Oscillation, Waveform};
+    /// let plate = Oscillation { waveform: Waveform::Sine, amplitude: 1.0, frequency: 1.0 };
+    /// // With a weight of half the largest acceleration it is left where sin θ = ½.
+    /// let t = plate.time_to_release(-0.5 * plate.max_acceleration(), 0.0).unwrap();
+    /// assert!((t - 1.0 / 12.0).abs() < 1e-14);
+    /// ```
+    #[must_use]
+    pub fn time_to_release(&self, acceleration: f64, cycles: f64) -> Option<f64> {
+        const LATER: f64 = 8.0 * f64::EPSILON;
+        let now = reduced(cycles);
+        let wait = match self.waveform {
+            Waveform::Sine => {
+                let sine = -acceleration / self.max_acceleration();
+                if sine >= 1.0 {
+                    return None;
+                }
+                if sin_cos(now).0 >= sine {
+                    return Some(0.0);
+                }
+                reduced(libm::asin(sine.max(-1.0)) / TAU - now)
+            }
+            // Corners are at 0.25 and 0.75. One that rounding has just passed is the next one for a body that
+            // is released there, so it is not excluded.
+            Waveform::Triangle => reduced(0.25 - now).min(reduced(0.75 - now)),
+        };
+        Some((wait + LATER) / self.frequency)
+    }
+
     /// Largest speed [length/time].
     #[must_use]
     pub fn max_speed(&self) -> f64 {

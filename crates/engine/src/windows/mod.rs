@@ -155,10 +155,10 @@ pub(crate) fn unsuitable(system: &System, summary: &SystemSummary) -> Option<Str
     None
 }
 
-/// Whether windows support this state of a system for which [`unsuitable`] returns `None`: under gravity all
-/// particles must be falling.
+/// Whether windows support this state of a system for which [`unsuitable`] returns `None`: no wall
+/// may support a particle.
 pub(crate) fn supports(world: &World) -> bool {
-    world.gravity == DVec3::ZERO || world.resting == 0
+    world.resting == 0
 }
 
 /// Whether windows are likely to be the fastest scheduler for a state that they support and that is not
