@@ -174,6 +174,9 @@ class Feature:
     # Keys of [output]; times in mean free times of the plain scene.
     output: dict[str, object] | None = None
     top: dict[str, object] = field(default_factory=dict)
+    # Entries of [[wall]] and [[drive]]; a rate is in kicks of a particle in a mean free time of the plain scene.
+    walls: list[dict[str, object]] = field(default_factory=list)
+    drive: dict[str, float | str] | None = None
 
 
 def sphere(name: str, count: int, radius: object = 0.5, density: float = 6 / np.pi) -> dict[str, object]:
@@ -199,6 +202,17 @@ FEATURES = [
     ),
     Feature("walls all around", domain={"boundary": ["wall", "wall", "wall"]}),
     Feature("gravity over a floor", domain={"boundary": ["periodic", "periodic", "wall"], "gravity": "scale"}),
+    Feature(
+        "gravity over a vibrating floor",
+        domain={"boundary": ["periodic", "periodic", "wall"], "gravity": "scale"},
+        walls=[{"name": "z-", "restitution": 0.9, "motion": {"kind": "sine", "amplitude": 0.01, "frequency": 1.0}}],
+    ),
+    Feature(
+        "thermal walls all around",
+        domain={"boundary": ["wall", "wall", "wall"]},
+        walls=[{"name": name, "temperature": 1.0} for name in ("x-", "x+", "y-", "y+", "z-", "z+")],
+    ),
+    Feature("white noise, a kick in a mean free time", drive={"kind": "white_noise", "strength": 1e-9, "rate": 1.0}),
     Feature("disks", top={"dimension": 2}),
     Feature("recording: nothing due", output={}),
     Feature("recording: all events", output={"events": True}),
@@ -239,6 +253,11 @@ def scene(feature: Feature, phi: float, mean_free_time: float) -> str:
         lines += [f"[{name}]", *[f"{key} = {toml(value)}" for key, value in keys.items()]]
     for a, b, restitution in feature.pairs:
         lines += ["[[contact.pair]]", f'between = ["{a}", "{b}"]', f"restitution = {restitution}"]
+    for keys in feature.walls:
+        lines += ["[[wall]]", *[f"{key} = {toml(value)}" for key, value in keys.items()]]
+    if feature.drive:
+        drive = feature.drive | {"rate": float(feature.drive["rate"]) / mean_free_time}
+        lines += ["[[drive]]", *[f"{key} = {toml(value)}" for key, value in drive.items()]]
     for keys in species:
         lines += ["[[species]]", *[f"{key} = {toml(value)}" for key, value in keys.items()]]
     return "\n".join(lines) + "\n"

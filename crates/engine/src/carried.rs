@@ -353,12 +353,16 @@ pub(crate) fn next_crossing<F: Features, S: Search>(
     loop {
         let ticks = world.now + whole(elapsed * world.clock.per_time);
         let (position, velocity) = world.flight::<F>(i, ticks);
-        let crossing = [along + bound, along - bound]
-            .into_iter()
-            .filter_map(|acceleration| {
-                search.next_crossing(i, &Flight { position, velocity, acceleration }, within - elapsed)
-            })
-            .min_by(|a, b| a.delay.total_cmp(&b.delay))?;
+        let [with, against] = [along + bound, along - bound].map(|acceleration| {
+            search.next_crossing(i, &Flight { position, velocity, acceleration }, within - elapsed)
+        });
+        // A crossing that does not depend on the acceleration of the wall is exact.
+        if let (Some(a), Some(b)) = (&with, &against)
+            && a.delay == b.delay
+        {
+            return Some(Crossing { delay: elapsed + a.delay, ..*a });
+        }
+        let crossing = with.into_iter().chain(against).min_by(|a, b| a.delay.total_cmp(&b.delay))?;
         // A particle at a face may turn back: it crosses if it is still there a little later.
         if at_face && crossing.delay <= least {
             return Some(Crossing { delay: elapsed, ..crossing });

@@ -278,9 +278,15 @@ impl World {
         }
     }
 
-    /// The part of gravity that the walls under a particle do not balance.
+    /// The part of gravity that the walls under a particle do not balance, or that is along its carrier.
     #[inline(never)]
     fn supported_acceleration(&self, i: u32) -> DVec3 {
+        if let Some(wall) = self.carrier(i) {
+            // A wall that accelerates carries a grain also against gravity.
+            let n = self.walls[wall as usize].normal;
+            let along = self.gravity - n * self.gravity.dot(n);
+            return along - n * along.dot(n);
+        }
         let walls = self.support[i as usize].iter().flatten();
         unbalanced_gravity(self.gravity, &walls.map(|&wall| self.walls[wall as usize].normal))
     }

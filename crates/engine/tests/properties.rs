@@ -457,6 +457,51 @@ fn scenes_with_former_errors_obey_conservation_laws() {
             seed: 14_981_057_028_972_551_245,
             ..PLAIN
         },
+        // A grain slid on the oscillating ramp that carried it into a wall: both held it.
+        Recipe {
+            boundary: [1, 0, 1],
+            particles: 1,
+            restitution: 2,
+            gravity: true,
+            ramp: 4,
+            fixed: true,
+            seed: 1_505_822_609_933_031_162,
+            ..PLAIN
+        },
+        // A grain carried by a ramp of triangular motion left its cell without a crossing.
+        Recipe {
+            boundary: [2, 1, 0],
+            particles: 7,
+            restitution: 2,
+            gravity: true,
+            ramp: 5,
+            fast: true,
+            light: true,
+            seed: 16_268_886_430_880_774_076,
+            ..PLAIN
+        },
+        // A ramp that carried a grain against gravity did not balance gravity: the energy was off.
+        Recipe {
+            boundary: [0, 1, 2],
+            particles: 4,
+            restitution: 5,
+            gravity: true,
+            ramp: 4,
+            tc: true,
+            seed: 6_995_711_486_851_887_860,
+            ..PLAIN
+        },
+        // The images of a carried grain were not searched again by all pairs.
+        Recipe {
+            restitution: 1,
+            gravity: true,
+            ramp: 4,
+            boundary: [0, 0, 1],
+            fast: true,
+            wedge: true,
+            seed: 10_996_528_908_313_835_151,
+            ..PLAIN
+        },
     ];
     for recipe in found.into_iter().chain(REPLAYED) {
         if let Err(error) = check(&recipe) {

@@ -33,7 +33,7 @@ def settings(dimension: int, e: float, collisions: float) -> dict[str, Any]:
     """White noise whose heating Maxwell velocities balance at T = 1: (1 − e²)/d between two collisions."""
     rate = omega(dimension)
     return {
-        "domain.dimension": dimension,
+        "dimension": dimension,
         "contact.restitution": e,
         "drive.0.strength": (1 - e**2) / dimension * rate,
         "drive.0.rate": boltzmann.KICKS * rate,
