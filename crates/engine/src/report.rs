@@ -23,8 +23,8 @@ pub enum EventKind {
     Release = 5,
     /// Two particles stick together.
     Stick = 6,
-    /// A persistent contact with a wall ends because its force would become attractive: particle and wall. Also
-    /// of a grain that an oscillating wall carried.
+    /// A persistent contact with a wall ends because its force would become attractive: particle and wall.
+    /// Also of a grain that an oscillating wall carried.
     Lift = 7,
     /// End of a completed series of bounces of two particles.
     Settle = 8,
