@@ -1,4 +1,7 @@
-"""The record: validation.json has the measurements part by part, validation.md and validation.png present them."""
+"""The record: validation.json has the measurements part by part.
+
+validation.md and validation.png present the z-scores, validation-bounds.md what only has a bound.
+"""
 
 from __future__ import annotations
 
@@ -48,12 +51,13 @@ def rows_of(stored: dict[str, Any]) -> list[Row]:
 
 
 def write(record: dict[str, Any], directory: Path, parts: dict[str, Part]) -> None:
-    """Writes validation.json, validation.md and validation.png."""
+    """Writes validation.json, validation.md, validation-bounds.md and validation.png."""
     directory.mkdir(parents=True, exist_ok=True)
     # In the order of the record, not of measurement.
     record["parts"] = {name: record["parts"][name] for name in parts if name in record["parts"]}
     (directory / "validation.json").write_text(json.dumps(record, indent=1, ensure_ascii=False) + "\n")
     (directory / "validation.md").write_text(markdown(record, parts))
+    (directory / "validation-bounds.md").write_text(bounds_page(record))
     figure(record, parts, directory / "validation.png")
 
 
@@ -95,14 +99,15 @@ def summary(rows: list[Row]) -> str:
 
 
 def markdown(record: dict[str, Any], parts: dict[str, Part]) -> str:
-    """The record as a page: every z-score, and of the bounds the worst case of each quantity."""
+    """The record as a page: every part and every z-score."""
     stored = {name: rows_of(part) for name, part in record["parts"].items()}
     everything = [row for rows in stored.values() for row in rows]
     lines = [
         "# Validation",
         "",
         "Written by `scripts/validate`; [docs/validation.md](../../docs/validation.md) explains the figures, and",
-        "validation.json has every row. *Measured* is the mean of independent runs with its standard error; *expected*",
+        "validation.json has every row; [validation-bounds.md](validation-bounds.md) has the quantities that only have",
+        "a bound. *Measured* is the mean of independent runs with its standard error; *expected*",
         "has the uncertainty of the theory or of the published figure, added in quadrature; z is the deviation in this",
         f"combined error (for few runs, from Student's t). A figure passes if |z| < {Z_LIMIT:g}.",
         "",
@@ -121,9 +126,23 @@ def markdown(record: dict[str, Any], parts: dict[str, Part]) -> str:
             f"- **{parts[name].title}** (`{name}`). {parts[name].about} *{summary(stored[name])}. {effort},"
             f" on {part['machine']}, haff {part['version']}, {part['date']}.*"
         )
-    for heading, found in (("Figures with a z-score", scored(stored)), ("Bounds", bounds(stored))):
-        lines += ["", f"## {heading}", "", *found] if found else []
+    found = scored(stored)
+    lines += ["", "## Figures with a z-score", "", *found] if found else []
     lines += ["", "## Tried and lost", "", *LOST]
+    return "\n".join(lines) + "\n"
+
+
+def bounds_page(record: dict[str, Any]) -> str:
+    """The quantities that only have a bound as a page: of each the worst case."""
+    stored = {name: rows_of(part) for name, part in record["parts"].items()}
+    lines = [
+        "# Validation: bounds",
+        "",
+        "Written by `scripts/validate`. Quantities without a statistical error, which must not exceed a bound, and of",
+        "each the case that is closest to it; [validation.md](validation.md) describes the parts.",
+        "",
+        *bounds(stored),
+    ]
     return "\n".join(lines) + "\n"
 
 
