@@ -48,6 +48,7 @@ pub fn check(options: &Check) -> Result<u8, Failure> {
     // Expected simulated time of the run, at the initial collision rate.
     let by_collisions = scene.run.collisions.map(|count| count as f64 / rate.unwrap_or(f64::NAN));
     let until = scene.run.until.into_iter().chain(by_collisions).fold(f64::INFINITY, f64::min);
+    let samples = records(scene.output.observables, until) + records(scene.output.frames, until);
     let size = scene.output.file.as_ref().map(|_| {
         haff_record::estimate_file_size(&FileSize {
             particles: particles as u64,
@@ -56,14 +57,15 @@ pub fn check(options: &Check) -> Result<u8, Failure> {
             } else {
                 records(scene.output.frames, until)
             },
-            samples: records(scene.output.observables, until) + records(scene.output.frames, until),
+            samples,
             events: (rate.unwrap_or(0.0) * until) as u64,
             columns: &scene.output.events,
             compressed: scene.output.compressed,
             dimension: axes,
+            measured: estimate::measured(system, samples, until),
         })
     });
-    let memory = estimate::memory(particles);
+    let memory = estimate::memory(particles) + estimate::correlations(&system.measure, particles);
     if options.json {
         let report = json!({
             "title": scene.title, "particles": particles, "dimension": axes,

@@ -1,6 +1,6 @@
 //! Estimates of memory and initial temperature, for `haff check`.
 
-use haff_engine::System;
+use haff_engine::{Correlations, Grid, Measure, System};
 
 /// Temperature T = Σ m|v − V|²/(dN) of the bodies of finite mass at the start; 0 without any.
 pub fn temperature(system: &System) -> f64 {
@@ -20,4 +20,21 @@ pub fn temperature(system: &System) -> f64 {
 pub fn memory(particles: usize) -> u64 {
     // Measured: peak resident memory of elastic gases with 10⁵ and 10⁶ particles, with frames.
     particles as u64 * 250 + (12 << 20)
+}
+
+/// Numbers that measurements add to a file until a time.
+pub fn measured(system: &System, samples: u64, until: f64) -> u64 {
+    let (measure, d) = (&system.measure, system.dimension.count() as u64);
+    let stress = if measure.stress { 3 * d * d } else { 0 };
+    let walls = if measure.wall_forces { 4 * system.walls.len() as u64 } else { 0 };
+    let rows = |grid: &Grid| if until.is_finite() { (until / grid.interval) as u64 } else { 0 };
+    // Two densities, velocity, temperature and pressure tensor.
+    let profiles = measure.profiles.iter().map(|grid| rows(grid) * grid.cells() as u64 * (6 + d * d));
+    samples * (stress + walls) + profiles.sum::<u64>()
+}
+
+/// Memory for earlier states of correlations \[bytes\]: sixteen at each of about ten levels.
+pub fn correlations(measure: &Measure, particles: usize) -> u64 {
+    let Correlations { msd, vacf, tracers, .. } = measure.correlations;
+    (u64::from(msd) + u64::from(vacf)) * particles.min(tracers) as u64 * 10 * 16 * 24
 }

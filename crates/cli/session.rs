@@ -4,7 +4,7 @@
 use std::time::{Duration, Instant};
 
 use console::Term;
-use haff_engine::{EngineError, EventRecord, Observer, Sample, Stop, Until};
+use haff_engine::{EngineError, EventRecord, Observer, ProfileRow, Sample, Stop, Until};
 use haff_linkage::{AnySimulation, AnySimulationError, LinkageError};
 use haff_record::{RecordError, Recorder};
 use haff_scene::{OutputPlan, RunPlan};
@@ -115,6 +115,14 @@ impl EventLog<'_> {
 impl Observer for EventLog<'_> {
     fn wants_events(&self) -> bool {
         self.enabled
+    }
+
+    fn profile(&mut self, row: ProfileRow) {
+        if let Some(recorder) = self.recorder
+            && self.error.is_none()
+        {
+            self.error = recorder.profile(row).err();
+        }
     }
 
     fn event(&mut self, event: &EventRecord) {
@@ -296,7 +304,9 @@ impl Session<'_> {
     }
 
     fn checkpoint(&self) -> Result<(), RecordError> {
-        self.recorder.map_or(Ok(()), |recorder| recorder.checkpoint_with(|| self.simulation.checkpoint()))
+        let Some(recorder) = self.recorder else { return Ok(()) };
+        recorder.correlations(self.simulation.correlations())?;
+        recorder.checkpoint_with(|| self.simulation.checkpoint())
     }
 
     /// Collisions + wall collisions so far.

@@ -42,6 +42,7 @@ pub fn empty(size: DVec3, boundary: [Boundary; 3], restitution: f64, wall_restit
         },
         walls,
         drives: Vec::new(),
+        measure: haff_engine::Measure::default(),
         seed: 0,
     }
 }

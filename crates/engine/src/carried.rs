@@ -110,6 +110,7 @@ fn add_carried(state: &mut State, i: u32, wall: u32, speed: f64, time: i64, sign
     let (energy, momentum) = world.carried_energy(wall, world.class(i).mass, speed, time);
     accumulators.add_energy(Term::WallWork, world.clock.time(time), sign * energy);
     accumulators.add_impulse(sign * momentum);
+    world.add_wall_impulse(wall, sign * momentum);
 }
 
 /// After an event of particle i, which has set its anchor with its whole velocity: the wall still carries it
@@ -131,6 +132,7 @@ pub(crate) fn keep_or_end(state: &mut State, i: u32, wall: u32, noise: f64, time
     particle.position -= n * gap;
     particle.velocity -= n * velocity.dot(n);
     let mass = world.class(i).mass;
+    world.add_wall_impulse(wall, n * (-mass * relative));
     state.accumulators.add_impulse(n * (-mass * relative));
 }
 
@@ -171,6 +173,7 @@ pub(crate) fn start(state: &mut State, i: u32, wall: u32, law: Restitution, time
     let now = world.clock.time(time);
     // The bounces end at the speed of the wall, whose work that is.
     state.accumulators.add_energy(Term::WallWork, now, -mass * u * speed);
+    world.add_wall_impulse(wall, n * (-mass * u));
     state.accumulators.add_impulse(n * (-mass * u));
     add_carried(state, i, wall, speed, time, -1.0);
     Some(Pending {

@@ -7,6 +7,7 @@ use crate::{
     error::EngineError,
     force::Force,
     ledger::Term,
+    measurements::{Words, measurements},
     model::{Options, System},
     particles::{Support, World},
     report::Checkpoint,
@@ -153,6 +154,7 @@ impl Simulation {
             count: world.particles.iter().map(|particle| particle.count).collect(),
             resting: (0..world.particles.len() as u32).map(resting).collect(),
             scalars: scalars.scalars,
+            measured: self.save_measurements(),
         }
     }
 
@@ -286,9 +288,18 @@ impl Simulation {
             accumulators.counters.windows,
         ) = (predictions, candidates, windows);
         valid::accumulators(&accumulators, &world.clock, time)?;
-        let state = State { world, accumulators, pending, stall, settling };
+        let mut state = State { world, accumulators, pending, stall, settling };
         valid::whole(&system, &state, time)?;
-        let mut simulation = Self::start(system, options, state, actions)?;
+        let mut measurements = measurements(&system, &state);
+        let mut words = Words::new(&checkpoint.measured);
+        if let Some(sums) = &mut state.world.wall_sums {
+            sums.load(&mut words, time)?;
+        }
+        for measurement in &mut measurements {
+            measurement.load(&mut words, time)?;
+        }
+        words.finish()?;
+        let mut simulation = Self::start(system, options, state, actions, measurements)?;
         simulation.find_contacts_of_asleep();
         // The predictions after a resumption are not part of the run: their counters are restored.
         let counters = &mut simulation.state.accumulators.counters;

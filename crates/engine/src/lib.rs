@@ -31,6 +31,7 @@ mod grid;
 mod instant;
 mod ledger;
 mod measure;
+mod measurements;
 mod nearby;
 mod observables;
 mod overlap;
@@ -62,15 +63,18 @@ mod windows;
 pub use error::{EngineError, Fault};
 pub use instant::Instant;
 pub use ledger::{Ledger, Term};
+pub use measurements::{
+    CORRELATIONS, Correlation, CorrelationKind, Correlations, Grid, GridAxis, Measure, StressTensor,
+};
 pub use model::{
     Body, Boundary, Class, Contacts, Dimension, Domain, Drive, DriveKind, Group, KickTimes, NeighborChoice,
     Options, Oscillating, SimdChoice, System, Wall, WallLaw, WallMotion,
 };
-pub use observables::{Observable, Present, Quantity, observables};
+pub use observables::{Observable, Present, Quantity, Sizes, observables};
 pub use overlap::{Overlap, allowed_overlap};
 pub use report::{
-    Checkpoint, Counters, EventColumn, EventKind, EventRecord, Frame, NO_PARTNER, Observer, Sample, Silent,
-    Stop,
+    Checkpoint, Counters, EventColumn, EventKind, EventRecord, Exchange, Frame, NO_PARTNER, Observer,
+    Partner, ProfileRow, Sample, Silent, Stop, VelocityChange,
 };
 pub use scalars::{ScalarReader, ScalarWriter};
 pub use simulation::{Simulation, Until};

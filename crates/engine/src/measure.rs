@@ -179,8 +179,11 @@ pub(crate) fn sample(system: &System, species_table: &Species, state: &mut State
     let gravity_impulse = world.force.impulse_until(time);
     let impulse = force::value(&accumulators.impulse) + totals.carried.1;
     let rate = if first || span <= 0.0 { f64::NAN } else { counted as f64 / span };
-    let sample = Sample {
+    let mut sample = Sample {
         time,
+        stress: None,
+        wall_force: Vec::new(),
+        wall_heat_flow: Vec::new(),
         step: accumulators.counters.collisions + accumulators.counters.wall_collisions,
         ledger: ledger(&totals, accumulators, pending),
         temperature,
@@ -203,6 +206,7 @@ pub(crate) fn sample(system: &System, species_table: &Species, state: &mut State
     accumulators.sampled_at = time;
     accumulators.sampled_collisions = accumulators.counters.collisions;
     accumulators.sampled_kinetic = totals.kinetic;
+    world.complete_walls(time, &mut sample);
     sample
 }
 

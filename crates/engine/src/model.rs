@@ -5,6 +5,7 @@ pub use haff_mechanics::Restitution;
 
 pub use crate::{
     drive::{Drive, DriveKind, KickTimes},
+    measurements::{Correlations, Grid, GridAxis, Measure},
     wall_law::WallLaw,
     wall_motion::{Oscillating, WallMotion},
 };
@@ -144,6 +145,8 @@ pub struct System {
     pub drives: Vec<Drive>,
     /// Seed of the random numbers of drives and walls.
     pub seed: u64,
+    /// What to measure while the run goes on.
+    pub measure: Measure,
 }
 
 /// The search for collision partners. The choice never changes the trajectory.

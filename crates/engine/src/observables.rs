@@ -5,6 +5,7 @@ use glam::DVec3;
 
 use crate::{
     ledger::Term,
+    measurements::StressTensor,
     model::{Boundary, System},
     report::Sample,
 };
@@ -20,6 +21,12 @@ pub enum Quantity {
     Vector(fn(&Sample) -> DVec3),
     /// A number for each species.
     PerSpecies(fn(&Sample) -> &[f64]),
+    /// A number for each wall.
+    PerWall(fn(&Sample) -> &[f64]),
+    /// A vector for each wall.
+    VectorPerWall(fn(&Sample) -> &[DVec3]),
+    /// A tensor.
+    Tensor(fn(&Sample) -> [f64; 9]),
     /// A term of the energy balance.
     Term(Term),
 }
@@ -49,6 +56,10 @@ pub struct Present {
     pub angular_momentum: bool,
     /// There are named species.
     pub species: bool,
+    /// The pressure tensor is measured.
+    pub stress: bool,
+    /// The forces on walls are measured.
+    pub wall_forces: bool,
     /// Which terms of the energy balance exist, indexed by [`Term`].
     pub terms: [bool; Term::ALL.len()],
 }
@@ -62,6 +73,8 @@ impl Present {
             volume: !axes.contains(&Boundary::Open),
             angular_momentum: !axes.contains(&Boundary::Periodic),
             species: !system.species.is_empty(),
+            stress: system.measure.stress,
+            wall_forces: system.measure.wall_forces && !system.walls.is_empty(),
             terms: Term::ALL.map(|term| term.exists(system)),
         }
     }
@@ -73,12 +86,15 @@ impl Present {
             volume: true,
             angular_momentum: true,
             species: true,
+            stress: true,
+            wall_forces: true,
             terms: [true; Term::ALL.len()],
         }
     }
 }
 
 const ENERGY: &str = "energy";
+const PRESSURE: &str = "energy/length^d";
 
 /// Rows before the terms of the energy balance.
 const ENERGIES: [Observable; 6] = [
@@ -91,12 +107,17 @@ const ENERGIES: [Observable; 6] = [
 ];
 
 /// Rows after the terms of the energy balance.
-const OTHERS: [Observable; 12] = [
+const OTHERS: [Observable; 17] = [
     row("ledger_residual", "1", Quantity::Real(|s| s.ledger.residual), always),
     row("temperature", ENERGY, Quantity::Real(|s| s.temperature), always),
     row("species_temperature", ENERGY, Quantity::PerSpecies(|s| &s.species_temperature), |p| p.species),
     row("sonine_a2", "1", Quantity::Real(|s| s.sonine_a2), always),
-    row("pressure", "energy/length^d", Quantity::Real(|s| s.pressure.unwrap_or(f64::NAN)), |p| p.volume),
+    row("pressure", PRESSURE, Quantity::Real(|s| s.pressure.unwrap_or(f64::NAN)), |p| p.volume),
+    row("pressure_tensor", PRESSURE, Quantity::Tensor(|s| stress(s).total()), |p| p.stress),
+    row("pressure_tensor_kinetic", PRESSURE, Quantity::Tensor(|s| stress(s).kinetic), |p| p.stress),
+    row("pressure_tensor_collisional", PRESSURE, Quantity::Tensor(|s| stress(s).collisional), |p| p.stress),
+    row("wall_force", "mass length/time^2", Quantity::VectorPerWall(|s| &s.wall_force), |p| p.wall_forces),
+    row("wall_heat_flow", "energy/time", Quantity::PerWall(|s| &s.wall_heat_flow), |p| p.wall_forces),
     row("momentum", "mass length/time", Quantity::Vector(|s| s.momentum), always),
     row("external_impulse", "mass length/time", Quantity::Vector(|s| s.external_impulse), always),
     row(
@@ -120,6 +141,10 @@ pub(crate) const fn row(
     Observable { name, unit, quantity, exists }
 }
 
+fn stress(sample: &Sample) -> StressTensor {
+    sample.stress.unwrap_or(StressTensor { kinetic: [f64::NAN; 9], collisional: [f64::NAN; 9] })
+}
+
 fn always(_: Present) -> bool {
     true
 }
@@ -134,23 +159,51 @@ pub fn observables(present: &Present) -> Vec<Observable> {
     ENERGIES.into_iter().filter(exists).chain(terms).chain(OTHERS.into_iter().filter(exists)).collect()
 }
 
+/// The numbers on which the shapes of observables depend.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub struct Sizes {
+    /// Number of species.
+    pub species: usize,
+    /// Number of walls.
+    pub walls: usize,
+    /// 2 or 3.
+    pub dimension: usize,
+}
+
+impl Sizes {
+    /// Those of a system.
+    pub fn of(system: &System) -> Self {
+        Self { species: system.species.len(), walls: system.walls.len(), dimension: system.dimension.count() }
+    }
+}
+
+/// The d·d components of a tensor in the first d dimensions.
+fn leading(tensor: &[f64; 9], d: usize) -> impl Iterator<Item = f64> {
+    (0..9).filter(move |k| k / 3 < d && k % 3 < d).map(|k| tensor[k])
+}
+
 impl Quantity {
-    /// Length of a vector-valued observable in a scene with this many species; `None` for a scalar.
-    pub fn width(self, species: usize) -> Option<usize> {
+    /// Shape of the value in a scene of these sizes; empty for a number.
+    pub fn shape(self, sizes: Sizes) -> Vec<usize> {
         match self {
-            Self::Real(_) | Self::Count(_) | Self::Term(_) => None,
-            Self::Vector(_) => Some(3),
-            Self::PerSpecies(_) => Some(species),
+            Self::Real(_) | Self::Count(_) | Self::Term(_) => Vec::new(),
+            Self::Vector(_) => vec![3],
+            Self::PerSpecies(_) => vec![sizes.species],
+            Self::PerWall(_) => vec![sizes.walls],
+            Self::VectorPerWall(_) => vec![sizes.walls, 3],
+            Self::Tensor(_) => vec![sizes.dimension; 2],
         }
     }
 
-    /// Appends the values of a sample. Counts are converted to `f64`.
-    pub fn append(self, sample: &Sample, numbers: &mut Vec<f64>) {
+    /// Appends the values of a sample in a scene of these sizes. Counts are converted to `f64`.
+    pub fn append(self, sample: &Sample, sizes: Sizes, numbers: &mut Vec<f64>) {
         match self {
             Self::Real(value) => numbers.push(value(sample)),
             Self::Count(value) => numbers.push(value(sample) as f64),
             Self::Vector(value) => numbers.extend(value(sample).to_array()),
-            Self::PerSpecies(values) => numbers.extend(values(sample)),
+            Self::PerSpecies(values) | Self::PerWall(values) => numbers.extend(values(sample)),
+            Self::VectorPerWall(values) => numbers.extend(values(sample).iter().flat_map(|v| v.to_array())),
+            Self::Tensor(value) => numbers.extend(leading(&value(sample), sizes.dimension)),
             Self::Term(term) => numbers.push(sample.ledger.term(term)),
         }
     }

@@ -245,6 +245,7 @@ mod tests {
         };
         System {
             drives: Vec::new(),
+            measure: crate::Measure::default(),
             seed: 0,
             dimension: Dimension::Three,
             domain: Domain { size, boundary, gravity: DVec3::ZERO },

@@ -2,7 +2,7 @@
 
 use glam::DVec3;
 
-use crate::ledger::Ledger;
+use crate::{ledger::Ledger, measurements::StressTensor};
 
 /// The kind of an event in the log.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
@@ -154,6 +154,73 @@ pub trait Observer {
     }
     /// Receives one event. Events are in the order of time.
     fn event(&mut self, _event: &EventRecord) {}
+    /// Receives the changes of velocities of one event or kick, if the observer wants events.
+    fn exchange(&mut self, _exchange: &Exchange) {}
+    /// Receives a row of a profile, at the end of its interval.
+    fn profile(&mut self, _row: ProfileRow) {}
+}
+
+/// The velocities that one event changes: an impact, or the kick of a drive. What gravity and the end of a series
+/// of bounces change is not included.
+#[derive(Debug, Clone, Copy)]
+pub struct Exchange<'a> {
+    /// Time of the event \[time\].
+    pub time: f64,
+    /// The particles of finite mass whose velocities change: one or two.
+    pub changes: &'a [VelocityChange],
+    /// Where the momentum of the first change comes from.
+    pub partner: Partner,
+}
+
+/// A change of velocity.
+#[derive(Debug, Clone, Copy)]
+pub struct VelocityChange {
+    /// Index of the particle.
+    pub i: u32,
+    /// Its mass [mass].
+    pub mass: f64,
+    /// Velocity before [length/time].
+    pub before: DVec3,
+    /// Velocity after [length/time].
+    pub after: DVec3,
+}
+
+/// The other side of an [`Exchange`].
+#[derive(Debug, Clone, Copy)]
+pub enum Partner {
+    /// Another particle, or a body of infinite mass.
+    Particle {
+        /// Center of the first particle \[length\].
+        position: DVec3,
+        /// Vector from there to the center of the other one.
+        branch: DVec3,
+    },
+    /// A wall.
+    Wall(u32),
+    /// A drive.
+    Drive,
+}
+
+/// One row of a profile, with values by cell of its [`Grid`](crate::Grid): means over the interval that ends at
+/// its time.
+#[derive(Debug, Clone, PartialEq, Default)]
+pub struct ProfileRow {
+    /// Index of the profile.
+    pub profile: usize,
+    /// End of the interval \[time\].
+    pub time: f64,
+    /// Collisions + wall collisions so far.
+    pub step: u64,
+    /// Number density [1/length^d].
+    pub density: Vec<f64>,
+    /// Mass density [mass/length^d].
+    pub mass_density: Vec<f64>,
+    /// Momentum by mass [length/time]; NaN in an empty cell.
+    pub velocity: Vec<DVec3>,
+    /// Σ m|v − u|²/(d N), with the velocity u of the cell \[energy\]; NaN in an empty cell.
+    pub temperature: Vec<f64>,
+    /// Pressure tensor relative to u, d·d numbers a cell [energy/length^d].
+    pub pressure: Vec<f64>,
 }
 
 /// An observer that ignores all events.
@@ -195,6 +262,14 @@ pub struct Sample {
     /// Mean pressure since the previous sample, kinetic and collisional [energy/length^d]; NaN in the first
     /// sample, `None` with open axes.
     pub pressure: Option<f64>,
+    /// Mean pressure tensor since the previous sample, if it is measured; NaN in the first sample.
+    pub stress: Option<StressTensor>,
+    /// Mean force of the particles on each wall since the previous sample [mass·length/time²], and the heat that it
+    /// gives to them [energy/time]: energy in the frame of the wall, so without its work. Empty if they are not
+    /// measured; NaN in the first sample.
+    pub wall_force: Vec<DVec3>,
+    /// See [`Self::wall_force`].
+    pub wall_heat_flow: Vec<f64>,
     /// Σ m v of the bodies of finite mass [mass·length/time].
     pub momentum: DVec3,
     /// Impulse on the particles by walls, bodies of infinite mass and gravity so far [mass·length/time].
@@ -270,4 +345,6 @@ pub struct Checkpoint {
     pub resting: Vec<u32>,
     /// Scalars as (name, bits): clock, sums, counters. Names are stable; an unknown name is an error.
     pub scalars: Vec<(String, u64)>,
+    /// Data of the measurements, as bits of numbers in their order.
+    pub measured: Vec<u64>,
 }

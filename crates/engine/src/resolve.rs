@@ -12,9 +12,9 @@ use crate::{
     ledger::Term,
     overlap::allowed_overlap,
     pair_law::{self, PairContact, coefficient, impact_with_separation},
-    particles::{Particle, Support, World},
+    particles::{ClassData, Particle, Support, World},
     random::{Draw, mix},
-    report::{EventKind, EventRecord, Observer},
+    report::{EventKind, EventRecord, Exchange, Observer, Partner, VelocityChange},
     rest::contact,
     state::{Pending, State},
     wall_law::WallLaw,
@@ -197,6 +197,16 @@ pub(crate) fn collision<F: Features, const EVENTS: bool>(
         }
     }
     if EVENTS {
+        let change =
+            |i, class: &ClassData, before, after| VelocityChange { i, mass: class.mass, before, after };
+        let changes = [change(i, &a, wi, ui), change(j, &b, wj, uj)];
+        let (changes, position, branch) = match (a.inverse_mass == 0.0, b.inverse_mass == 0.0) {
+            (false, false) => (&changes[..], ri, n * distance),
+            (false, true) => (&changes[..1], ri, n * distance),
+            (true, _) => (&changes[1..], rj, n * -distance),
+        };
+        let partner = Partner::Particle { position, branch };
+        observer.exchange(&Exchange { time: now, changes, partner });
         let contact_point = state.world.periodicity.wrap(ri + n * a.radius).0;
         observer.event(&row(now, EventKind::Collision, [i, j], &impact, n, contact_point));
     }
@@ -280,7 +290,11 @@ pub(crate) fn reflect<const EVENTS: bool>(
         accumulators.add_energy(Term::WallWork, now, class.mass * change.dot(wall_velocity));
     }
     accumulators.add_impulse(change * class.mass);
+    state.world.add_wall_impulse(wall, change * class.mass);
+    state.world.add_wall_heat(wall, 0.5 * class.mass * change.dot(before + after));
     if EVENTS {
+        let changes = [VelocityChange { i, mass: class.mass, before: contact.velocity, after: velocity }];
+        observer.exchange(&Exchange { time: now, changes: &changes, partner: Partner::Wall(wall) });
         // Only the normal components. The energy of `term` is not a loss by restitution.
         let approach_speed = before.dot(n);
         let impulse = -class.mass * change.dot(n);
@@ -327,10 +341,14 @@ fn bounce<F: Features, const EVENTS: bool>(
     accumulators.counters.wall_collisions += 1;
     add_impact::<F>(accumulators, now, &impact);
     accumulators.add_impulse(n * -impact.impulse);
+    world.add_wall_impulse(wall, n * -impact.impulse);
+    world.add_wall_heat(wall, -impact.energy_loss);
     if wall_velocity != DVec3::ZERO {
         accumulators.add_energy(Term::WallWork, now, work_of_moving_body(impact.impulse, n, wall_velocity));
     }
     if EVENTS {
+        let changes = [VelocityChange { i, mass: class.mass, before: velocity, after }];
+        observer.exchange(&Exchange { time: now, changes: &changes, partner: Partner::Wall(wall) });
         let contact_point = world.periodicity.wrap(position + n * class.radius).0;
         observer.event(&row(now, EventKind::Wall, [i, wall], &impact, n, contact_point));
     }
@@ -428,6 +446,7 @@ fn come_to_rest(
     // From now on the support balances gravity. Beyond that, the rest of the series only removes the velocity
     // towards the wall.
     state.accumulators.add_impulse(lost * -class.mass);
+    state.world.add_support_impulse(support, lost * -class.mass);
     Some(rest)
 }
 
@@ -485,8 +504,9 @@ pub(crate) fn keep_support(state: &mut State, i: u32, time: i64) {
     }
     world.particles[i as usize].velocity = velocity;
     world.set_support(i, support, time);
-    let mass = world.class(i).mass;
-    state.accumulators.add_impulse((velocity - before) * mass);
+    let impulse = (velocity - before) * world.class(i).mass;
+    world.add_support_impulse(support, impulse);
+    state.accumulators.add_impulse(impulse);
 }
 
 /// Ends the completed series of bounces of particle i, and records its losses.
@@ -502,6 +522,8 @@ pub(crate) fn end_of_bounces<const EVENTS: bool>(
     let now = world.clock.time(time);
     state.accumulators.counters.rests += 1;
     state.accumulators.add_losses(now, rest.energy_loss, rest.carnot_energy);
+    state.world.add_wall_heat(rest.wall, -rest.energy_loss);
+    let world = &state.world;
     if EVENTS {
         let (position, _) = world.state(i, time);
         let impact = Impact {

@@ -16,6 +16,7 @@ use crate::{
     event_loop::{Engine, Limit},
     ledger::Ledger,
     measure::{self, Species, Totals},
+    measurements::{Correlation, Measurement, measurements, observe},
     model::{Boundary, Dimension, NeighborChoice, Options, System},
     overlap::{self, Overlap},
     particles::World,
@@ -65,6 +66,7 @@ pub struct Simulation {
     engine: Box<dyn Engine>,
     choice: Choice,
     actions: Vec<Box<dyn TimedAction>>,
+    measurements: Vec<Box<dyn Measurement>>,
     /// The requested time of the last stop [time]; the present tick is only the nearest one.
     stop_time: Option<f64>,
 }
@@ -95,7 +97,8 @@ impl Simulation {
             stall: Stall::default(),
         };
         let actions = actions(&system);
-        Self::start(system, options, state, actions)
+        let measurements = measurements(&system, &state);
+        Self::start(system, options, state, actions, measurements)
     }
 
     /// Builds the engine for a state.
@@ -104,6 +107,7 @@ impl Simulation {
         options: Options,
         state: State,
         actions: Vec<Box<dyn TimedAction>>,
+        measurements: Vec<Box<dyn Measurement>>,
     ) -> Result<Self, EngineError> {
         for (what, count, limit) in
             [("particles", system.bodies.len(), MAX_PARTICLES), ("walls", system.walls.len(), MAX_WALLS)]
@@ -129,7 +133,7 @@ impl Simulation {
         system.bodies = Vec::new();
         let engine = choice.compile(&system, &geometry);
         let mut simulation =
-            Self { system, species, geometry, state, engine, choice, actions, stop_time: None };
+            Self { system, species, geometry, state, engine, choice, actions, measurements, stop_time: None };
         simulation.rebuild();
         Ok(simulation)
     }
@@ -160,15 +164,17 @@ impl Simulation {
         let mut entries = until.entries;
         loop {
             let target = self.state.world.clock.ticks(until.time);
-            let action = self.actions.iter().map(|action| action.next(&self.state)).min().unwrap_or(i64::MAX);
+            let due = self.next_due();
             let slice = entries.min(self.choice.patience);
             let mut limit = Limit {
                 // Events at the last tick of an epoch belong to the next epoch.
-                ticks: target.min(EPOCH - 1).min(action),
+                ticks: target.min(EPOCH - 1).min(due),
                 collisions: until.collisions.min(self.choice.review),
                 entries: slice,
             };
-            let pause = self.engine.advance(&mut self.state, &mut limit, observer).inspect_err(|error| {
+            let (engine, state) = (&mut self.engine, &mut self.state);
+            let run = |observer: &mut dyn Observer| engine.advance(state, &mut limit, observer);
+            let pause = observe(&mut self.measurements, observer, run).inspect_err(|error| {
                 if let EngineError::Overlap { depth, .. } = error {
                     self.state.accumulators.max_overlap = self.state.accumulators.max_overlap.max(*depth);
                 }
@@ -184,15 +190,8 @@ impl Simulation {
                         return Ok(Stop::Rest);
                     }
                 }
-                Pause::Time if limit.ticks == action => {
-                    let mut changed = Vec::new();
-                    for due in &mut self.actions {
-                        if due.next(&self.state) == action {
-                            changed.extend(due.apply(&mut self.state, &self.geometry, observer)?);
-                        }
-                    }
-                    changed.sort_unstable();
-                    changed.dedup();
+                Pause::Time if limit.ticks == due => {
+                    let changed = self.act_and_measure(due, observer)?;
                     if self.reschedule_changed(&changed, until, &mut entries) {
                         return Ok(Stop::Rest);
                     }
@@ -224,6 +223,34 @@ impl Simulation {
                 return Ok(Stop::Slice);
             }
         }
+    }
+
+    /// The time of the next action or measurement \[ticks\].
+    fn next_due(&self) -> i64 {
+        let actions = self.actions.iter().map(|action| action.next(&self.state));
+        let measurements = self.measurements.iter().map(|measurement| measurement.next(&self.state));
+        actions.chain(measurements).min().unwrap_or(i64::MAX)
+    }
+
+    /// Applies the actions that are due at this time, then takes the states of measurements. Returns the
+    /// particles that have changed.
+    fn act_and_measure(&mut self, due: i64, observer: &mut dyn Observer) -> Result<Vec<u32>, EngineError> {
+        let Self { actions, state, geometry, measurements, .. } = self;
+        let mut changed = Vec::new();
+        for action in actions {
+            if action.next(state) == due {
+                let apply = |observer: &mut dyn Observer| action.apply(state, geometry, observer);
+                changed.extend(observe(measurements, observer, apply)?);
+            }
+        }
+        for measurement in measurements {
+            if measurement.next(state) == due {
+                measurement.take(state, observer);
+            }
+        }
+        changed.sort_unstable();
+        changed.dedup();
+        Ok(changed)
     }
 
     /// Predicts the particles that an action has changed. Returns whether nothing moves and no event is due.
@@ -260,6 +287,16 @@ impl Simulation {
     /// Saves the state of the timed actions for a resumed run.
     pub(crate) fn save_actions(&self, put: &mut dyn FnMut(&str, u64)) {
         self.actions.iter().for_each(|action| action.save(put));
+    }
+
+    /// Saves the data of the measurements for a resumed run.
+    pub(crate) fn save_measurements(&self) -> Vec<u64> {
+        let mut words = Vec::new();
+        if let Some(sums) = &self.state.world.wall_sums {
+            sums.save(&mut words);
+        }
+        self.measurements.iter().for_each(|measurement| measurement.save(&mut words));
+        words
     }
 
     /// Finds the contacts of all particles at rest, which a checkpoint does not contain.
@@ -314,6 +351,9 @@ impl Simulation {
             world.clock = world.clock.with_exponent(exponent);
         }
         world.now = 0;
+        if retune {
+            (0..world.particles.len() as u32).for_each(|i| world.drop_past_wall_contacts(i));
+        }
         self.state.stall = Stall::default();
         self.state.accumulators.counters.epochs += 1;
         let clock = &self.state.world.clock;
@@ -345,7 +385,16 @@ impl Simulation {
     /// One row of observables. Pressure and rates are averages since the previous call.
     pub fn sample(&mut self) -> Sample {
         let time = self.time();
-        measure::sample(&self.system, &self.species, &mut self.state, time)
+        let mut sample = measure::sample(&self.system, &self.species, &mut self.state, time);
+        for measurement in &mut self.measurements {
+            measurement.complete(&self.state, time, &mut sample);
+        }
+        sample
+    }
+
+    /// The correlations in time so far, of those that are measured.
+    pub fn correlations(&self) -> Vec<Correlation> {
+        self.measurements.iter().flat_map(|measurement| measurement.correlations()).collect()
     }
 
     /// Present energies and their balance.

@@ -3,8 +3,8 @@
 
 use crate::{Joints, LinkageError, simulation::Simulation as Linkage};
 use haff_engine::{
-    Checkpoint, Counters, EngineError, Fault, Frame, Ledger, Observer, Options, Sample, Simulation, Stop,
-    System, Until,
+    Checkpoint, Correlation, Counters, EngineError, Fault, Frame, Ledger, Observer, Options, Sample,
+    Simulation, Stop, System, Until,
 };
 
 /// A running simulation of either kind.
@@ -87,6 +87,14 @@ impl AnySimulation {
     /// One row of observables.
     pub fn sample(&mut self) -> Sample {
         either!(self, simulation => simulation.sample())
+    }
+
+    /// The correlations in time so far, of those that are measured.
+    pub fn correlations(&self) -> Vec<Correlation> {
+        match self {
+            Self::Granular(simulation) => simulation.correlations(),
+            Self::Linkage(_) => Vec::new(),
+        }
     }
 
     /// Energies and their balance now.

@@ -372,6 +372,9 @@ impl Simulation {
         world.accumulators.sampled_collisions = collisions;
         Sample {
             time,
+            stress: None,
+            wall_force: Vec::new(),
+            wall_heat_flow: Vec::new(),
             step: collisions + world.accumulators.counters.wall_collisions,
             ledger,
             temperature,

@@ -38,7 +38,7 @@ pub fn first_contact_bounded(
             return None;
         }
         if gap <= tolerance && rate < 0.0 {
-            return Some(approach(time, (gap, rate), &distance));
+            return Some(approach(time, (gap, rate), until, &distance));
         }
         let gap = gap.max(0.0);
         // The zero of gap + rate t − ½ bound t².
@@ -53,11 +53,11 @@ pub fn first_contact_bounded(
     }
 }
 
-/// Newton's method from a time at which the distance is nearly zero and falls.
-fn approach(time: f64, (gap, rate): (f64, f64), distance: impl Fn(f64) -> (f64, f64)) -> f64 {
+/// Newton's method from a time at which the distance is nearly zero and falls, within [0, `until`].
+fn approach(time: f64, (gap, rate): (f64, f64), until: f64, distance: impl Fn(f64) -> (f64, f64)) -> f64 {
     let (mut time, mut gap, mut rate) = (time, gap, rate);
     for _ in 0..8 {
-        let next = (time - gap / rate).max(0.0);
+        let next = (time - gap / rate).clamp(0.0, until);
         let (next_gap, next_rate) = distance(next);
         // Where rounding decides, the steps do not become smaller any more.
         if next == time || next_rate >= 0.0 || next_gap.abs() >= gap.abs() {
@@ -93,5 +93,11 @@ mod tests {
         assert_eq!(first_contact_bounded(|t| (1.0 + t, 1.0), 0.0, 1.0, 10.0), None);
         assert_eq!(first_contact_bounded(|t| (1.0 - t, -1.0), 0.0, 1.0, 10.0), Some(1.0));
         assert_eq!(first_contact_bounded(|t| (1.0 - t, -1.0), 0.0, 1.0, 0.5), None);
+        // A rate that is only rounding: Newton's step does not leave the interval.
+        let barely = |t: f64| {
+            assert!(t <= 0.5, "{t}");
+            (1e-15, -1e-18)
+        };
+        assert_eq!(first_contact_bounded(barely, 1.0, 1.0, 0.5), Some(0.0));
     }
 }

@@ -1,14 +1,16 @@
 //! The event log of a live simulation.
 
-use haff_engine::{EventRecord, Observer};
+use haff_engine::{EventRecord, Observer, ProfileRow};
 use pyo3::{prelude::*, types::PyDict};
 
 use crate::arrays::{column, vectors};
 
-/// Keeps the rows until Python takes them.
+/// Keeps rows of events and of profiles until Python takes them.
+#[derive(Default)]
 pub struct Log {
     pub enabled: bool,
     pub rows: Vec<EventRecord>,
+    pub profiles: Vec<ProfileRow>,
 }
 
 impl Observer for Log {
@@ -18,6 +20,10 @@ impl Observer for Log {
 
     fn event(&mut self, event: &EventRecord) {
         self.rows.push(*event);
+    }
+
+    fn profile(&mut self, row: ProfileRow) {
+        self.profiles.push(row);
     }
 }
 

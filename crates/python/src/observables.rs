@@ -1,22 +1,32 @@
 //! Samples and counters as dicts, named as in files.
 
-use haff_engine::{Counters, Observable, Present, Quantity, Sample, observables};
+use haff_engine::{Counters, Observable, Present, Quantity, Sample, Sizes, observables};
+use numpy::PyArrayMethods;
 use pyo3::{prelude::*, types::PyDict};
 
-use crate::arrays::{column, vector};
+use crate::arrays::column;
 
 /// A row of observables, as in files.
-pub fn sample<'py>(py: Python<'py>, sample: &Sample, present: Present) -> PyResult<Bound<'py, PyDict>> {
+pub fn sample<'py>(
+    py: Python<'py>,
+    sample: &Sample,
+    present: Present,
+    sizes: Sizes,
+) -> PyResult<Bound<'py, PyDict>> {
     let row = PyDict::new(py);
     row.set_item("time", sample.time)?;
     row.set_item("step", sample.step)?;
     for Observable { name, quantity, .. } in observables(&present) {
-        match quantity {
-            Quantity::Real(value) => row.set_item(name, value(sample))?,
-            Quantity::Count(value) => row.set_item(name, value(sample))?,
-            Quantity::Vector(value) => row.set_item(name, vector(py, value(sample)))?,
-            Quantity::PerSpecies(values) => row.set_item(name, column(py, values(sample).to_vec()))?,
-            Quantity::Term(term) => row.set_item(name, sample.ledger.term(term))?,
+        if let Quantity::Count(value) = quantity {
+            row.set_item(name, value(sample))?;
+            continue;
+        }
+        let mut numbers = Vec::new();
+        quantity.append(sample, sizes, &mut numbers);
+        match quantity.shape(sizes).as_slice() {
+            [] => row.set_item(name, numbers.first())?,
+            [_] => row.set_item(name, column(py, numbers))?,
+            shape => row.set_item(name, column(py, numbers).reshape(shape.to_vec())?)?,
         }
     }
     Ok(row)

@@ -1,6 +1,6 @@
 //! A simulation that Python advances.
 
-use haff_engine::{Boundary, Domain, EventKind, Present, Stop, Until};
+use haff_engine::{Boundary, Domain, EventKind, Grid, Present, Sizes, Stop, Until};
 use haff_linkage::AnySimulation;
 use haff_scene::Scene;
 use numpy::{PyArray1, PyArray2};
@@ -9,7 +9,7 @@ use pyo3::{exceptions::PyValueError, prelude::*, types::PyDict};
 
 use crate::{
     arrays::{column, triples, vector, vectors},
-    errors, events, observables,
+    errors, events, measured, observables,
     scenes::Source,
 };
 
@@ -34,6 +34,8 @@ pub struct Simulation {
     name: String,
     dimension: usize,
     present: Present,
+    sizes: Sizes,
+    grids: Vec<Grid>,
     domain: Domain,
     #[pyo3(get)]
     species_names: Vec<String>,
@@ -103,6 +105,7 @@ impl Simulation {
         let (dimension, domain, species_names) =
             (system.dimension.count(), system.domain, system.species.clone());
         let wall_names = system.walls.iter().map(|wall| wall.name.clone()).collect();
+        let (sizes, grids) = (Sizes::of(&system), system.measure.profiles.clone());
         let present = Present { springs: !joints.springs.is_empty(), ..Present::of(&system) };
         let start = || AnySimulation::new(system, joints, options);
         let simulation = py
@@ -112,11 +115,16 @@ impl Simulation {
             })
             .map_err(|error| errors::simulation(py, &error, source.name()))?;
         Ok(Self {
-            moving: Mutex::new(Moving { simulation, log: events::Log { enabled: events, rows: Vec::new() } }),
+            moving: Mutex::new(Moving {
+                simulation,
+                log: events::Log { enabled: events, ..events::Log::default() },
+            }),
             pool,
             name: source.name().to_owned(),
             dimension,
             present,
+            sizes,
+            grids,
             domain,
             species_names,
             wall_names,
@@ -166,7 +174,7 @@ impl Simulation {
 
     fn sample<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
         let sample = self.read(py, |moving| moving.simulation.sample());
-        observables::sample(py, &sample, self.present)
+        observables::sample(py, &sample, self.present, self.sizes)
     }
 
     fn counters<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
@@ -177,6 +185,18 @@ impl Simulation {
     fn take_events<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
         let rows = self.read(py, |moving| std::mem::take(&mut moving.log.rows));
         events::columns(py, &rows)
+    }
+
+    /// The rows of profiles since the last call, by the letters of the axes.
+    fn take_profiles<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
+        let rows = self.read(py, |moving| std::mem::take(&mut moving.log.profiles));
+        measured::profiles(py, &self.grids, &rows, self.dimension)
+    }
+
+    /// The correlations in time so far, by name.
+    fn correlations<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
+        let found = self.read(py, |moving| moving.simulation.correlations());
+        measured::correlations(py, &found)
     }
 
     fn max_overlap(&self, py: Python<'_>) -> f64 {

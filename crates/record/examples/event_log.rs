@@ -95,6 +95,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
         events: columns,
         compressed: !uncompressed,
         present: Present { springs: false, volume: true, angular_momentum: false, ..Present::all() },
+        measure: haff_engine::Measure::default(),
     };
     // The same rows repeatedly: longer than deflate's window, so that it cannot use the repetition.
     let made = events(64 * BATCH);

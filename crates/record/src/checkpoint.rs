@@ -1,10 +1,10 @@
 //! Checkpoints: two slots, written alternately, so that one of them is complete at any instant.
 //!
 //! A slot is valid when the checksum in its `header`, which is written last, fits its content. The header is
-//! `[sequence, frames, samples, events, tail, scalars, resting, checksum]`: a running number that shows which
+//! `[sequence, frames, samples, events, tail, scalars, resting, measured, checksum]`: a running number that shows which
 //! slot is newer, the rows that trajectory, observables and event log have at that moment (those of the event
 //! log including its `tail` rows that do not fill a chunk and are stored here), the number of scalars, the
-//! number of entries of `resting`.
+//! number of entries of `resting`, the number of words of the measurements.
 
 use glam::DVec3;
 use haff_engine::{Checkpoint, EventRecord};
@@ -19,8 +19,8 @@ use crate::{
 };
 
 /// Names of the entries of a slot's header, in order.
-const HEADER: [&str; 8] =
-    ["sequence", "frames", "samples", "events", "tail", "scalars", "resting", "checksum"];
+const HEADER: [&str; 9] =
+    ["sequence", "frames", "samples", "events", "tail", "scalars", "resting", "measured", "checksum"];
 /// Rows per chunk of data of variable length.
 const CHUNK: usize = 1024;
 /// Vectors written at a time.
@@ -46,6 +46,14 @@ pub(crate) struct Saved {
     pub tail: Vec<EventRecord>,
 }
 
+impl Saved {
+    /// Time of the state.
+    pub fn time(&self) -> f64 {
+        let time = self.state.scalars.iter().find(|(name, _)| name == "clock.time");
+        time.map_or(f64::INFINITY, |(_, bits)| f64::from_bits(*bits))
+    }
+}
+
 /// One of the two slots.
 #[derive(Debug)]
 pub(crate) struct Slot {
@@ -58,6 +66,7 @@ pub(crate) struct Slot {
     resting: Dataset,
     names: Series,
     values: Series,
+    measured: Series,
     tail: Option<Series>,
     particles: usize,
 }
@@ -81,6 +90,7 @@ impl Slot {
             resting: fixed::<u32>(&group, "resting", &[particles])?,
             names: Series::create::<Name>(&group, "scalar_names", &[], &plain)?,
             values: Series::create::<u64>(&group, "scalars", &[], &plain)?,
+            measured: Series::create::<u64>(&group, "measured", &[], &plain)?,
             tail: if events { Some(Series::create::<Row>(&group, "tail", &[], &plain)?) } else { None },
             particles,
         })
@@ -109,6 +119,7 @@ impl Slot {
             resting: dataset("resting", &[particles])?,
             names: Series::open(&group, "scalar_names")?.expect(&[])?,
             values: Series::open(&group, "scalars")?.expect(&[])?,
+            measured: Series::open(&group, "measured")?.expect(&[])?,
             tail: if group.link_exists("tail") {
                 Some(Series::open(&group, "tail")?.expect(&[])?)
             } else {
@@ -135,6 +146,7 @@ impl Slot {
             .unzip();
         overwrite(&mut self.names, &names)?;
         overwrite(&mut self.values, &values)?;
+        overwrite(&mut self.measured, &state.measured)?;
         if let Some(tail) = &mut self.tail {
             overwrite(tail, &saved.tail.iter().map(Row::from).collect::<Vec<_>>())?;
         }
@@ -155,12 +167,13 @@ impl Slot {
     pub fn read(&self) -> hdf5::Result<Option<Saved>> {
         let found = read_all::<u64>(&self.header)?;
         let Ok(found) = <[u64; HEADER.len()]>::try_from(found) else { return Ok(None) };
-        let [sequence, frames, samples, events, tail, scalars, resting, _] =
+        let [sequence, frames, samples, events, tail, scalars, resting, measured, _] =
             found.map(|value| value as usize);
         let fits = scalars <= self.names.rows().min(self.values.rows())
             && tail <= self.tail.as_ref().map_or(0, Series::rows)
             && tail <= events
-            && resting <= self.particles;
+            && resting <= self.particles
+            && measured <= self.measured.rows();
         if sequence == 0 || !fits {
             return Ok(None);
         }
@@ -186,6 +199,7 @@ impl Slot {
             image: read_all::<i32>(&self.image)?.as_chunks().0.to_vec(),
             count: read_all(&self.count)?,
             resting: stopped,
+            measured: self.measured.read(0, measured)?,
             scalars: names.into_iter().zip(self.values.read::<u64>(0, scalars)?).collect(),
         };
         let saved = Saved { sequence: found[0], progress: Progress { frames, samples, events }, state, tail };
@@ -277,6 +291,7 @@ fn header(saved: &Saved) -> [u64; HEADER.len()] {
         tail.len() as u64,
         state.scalars.len() as u64,
         state.resting.len() as u64,
+        state.measured.len() as u64,
         0,
     ];
     let mut sum = Xxh3::new();
@@ -306,6 +321,9 @@ fn header(saved: &Saved) -> [u64; HEADER.len()] {
     }
     for (name, bits) in &state.scalars {
         put(&mut name.bytes().chain([0]).chain(bits.to_le_bytes()));
+    }
+    for part in state.measured.chunks(1024) {
+        put(&mut part.iter().flat_map(|word| word.to_le_bytes()));
     }
     for event in tail {
         put(&mut Row::from(event).bytes());

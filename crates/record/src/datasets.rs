@@ -2,7 +2,7 @@
 
 use std::str::FromStr;
 
-use haff_engine::{Boundary, Observable, Present, Quantity, observables};
+use haff_engine::{Boundary, Observable, Present, Quantity, Sizes, observables};
 use hdf5::{
     Group, H5Type,
     types::{FixedAscii, VarLenUnicode},
@@ -12,6 +12,7 @@ use crate::{
     checkpoint::Slot,
     events::Columns,
     header::Header,
+    measured::{CorrelationTables, Profiles},
     series::{SERIES_CHUNK, Series, Storage},
 };
 
@@ -36,7 +37,7 @@ pub(crate) struct Clock {
 }
 
 impl Clock {
-    fn create(group: &Group) -> hdf5::Result<Self> {
+    pub fn create(group: &Group) -> hdf5::Result<Self> {
         let storage = Storage::plain(SERIES_CHUNK, &[]);
         Ok(Self {
             step: Series::create::<i64>(group, "step", &[], &storage)?,
@@ -44,7 +45,7 @@ impl Clock {
         })
     }
 
-    fn open(group: &Group) -> hdf5::Result<Self> {
+    pub fn open(group: &Group) -> hdf5::Result<Self> {
         Ok(Self {
             step: Series::open(group, "step")?.expect(&[])?,
             time: Series::open(group, "time")?.expect(&[])?,
@@ -132,6 +133,7 @@ impl Trajectory {
 pub(crate) struct Observables {
     pub series: Vec<(Series, Quantity)>,
     pub clock: Clock,
+    pub sizes: Sizes,
 }
 
 impl Observables {
@@ -147,13 +149,12 @@ impl Observables {
                 write_text_attribute(&element, "label", term.label())?;
                 element.new_attr::<f64>().create("balance")?.write_scalar(&term.sign())?;
             }
-            let width = quantity.width(header.species_names.len());
-            let width = width.as_slice();
-            let storage = Storage::plain(SERIES_CHUNK.div_ceil(width.iter().product()), width);
+            let width = quantity.shape(header.sizes());
+            let storage = Storage::plain((SERIES_CHUNK / width.iter().product::<usize>()).max(1), &width);
             series.push((
                 match quantity {
-                    Quantity::Count(_) => Series::create::<i64>(&element, "value", width, &storage)?,
-                    _ => Series::create_real(&element, "value", width, &storage)?,
+                    Quantity::Count(_) => Series::create::<i64>(&element, "value", &width, &storage)?,
+                    _ => Series::create_real(&element, "value", &width, &storage)?,
                 },
                 quantity,
             ));
@@ -166,23 +167,23 @@ impl Observables {
             }
         }
         let Some((clock, _)) = clock else { return Err("no observables".into()) };
-        Ok(Self { series, clock })
+        Ok(Self { series, clock, sizes: header.sizes() })
     }
 
-    fn open(root: &Group, species: usize) -> hdf5::Result<Self> {
+    fn open(root: &Group, sizes: Sizes) -> hdf5::Result<Self> {
         let group = root.group("observables")?;
         let mut series = Vec::new();
         let mut clock = None;
         for Observable { name, quantity, .. } in observables(&Present::all()) {
             if group.link_exists(name) {
-                let width = quantity.width(species);
-                let values = Series::open(&group, &format!("{name}/value"))?.expect(width.as_slice())?;
+                let width = quantity.shape(sizes);
+                let values = Series::open(&group, &format!("{name}/value"))?.expect(&width)?;
                 series.push((values, quantity));
                 clock.get_or_insert(name);
             }
         }
         let Some(first) = clock else { return Err("no observables".into()) };
-        Ok(Self { series, clock: Clock::open(&group.group(first)?)? })
+        Ok(Self { series, clock: Clock::open(&group.group(first)?)?, sizes })
     }
 
     /// Number of complete samples.
@@ -203,6 +204,8 @@ pub(crate) struct Datasets {
     pub trajectory: Option<Trajectory>,
     pub observables: Option<Observables>,
     pub events: Option<Columns>,
+    pub profiles: Profiles,
+    pub correlations: CorrelationTables,
     pub slots: [Slot; 2],
 }
 
@@ -240,21 +243,30 @@ impl Datasets {
         };
         let checkpoint = root.create_group("checkpoint")?;
         let slot = |name| Slot::create(&checkpoint, name, particles, !header.events.is_empty());
-        Ok(Self { trajectory, observables, events, slots: [slot("0")?, slot("1")?] })
+        Ok(Self {
+            trajectory,
+            observables,
+            events,
+            profiles: Profiles::create(root, &header.measure.profiles, header.dimension)?,
+            correlations: CorrelationTables::create(root, &header.measure.correlations)?,
+            slots: [slot("0")?, slot("1")?],
+        })
     }
 
     /// Opens all growing datasets, and checks the shapes of their rows.
-    pub fn open(root: &Group, particles: usize, species: usize) -> hdf5::Result<Self> {
+    pub fn open(root: &Group, particles: usize, sizes: Sizes) -> hdf5::Result<Self> {
         let all = root.group("particles/all")?;
         let trajectory =
             if all.link_exists("position") { Some(Trajectory::open(&all, particles)?) } else { None };
         let observables =
-            if root.link_exists("observables") { Some(Observables::open(root, species)?) } else { None };
+            if root.link_exists("observables") { Some(Observables::open(root, sizes)?) } else { None };
         let events =
             if root.link_exists("events") { Some(Columns::open(&root.group("events")?)?) } else { None };
         let checkpoint = root.group("checkpoint")?;
         let slots = [Slot::open(&checkpoint, "0", particles)?, Slot::open(&checkpoint, "1", particles)?];
-        Ok(Self { trajectory, observables, events, slots })
+        let profiles = Profiles::open(root)?;
+        let correlations = CorrelationTables::open(root)?;
+        Ok(Self { trajectory, observables, events, profiles, correlations, slots })
     }
 }
 
@@ -298,7 +310,7 @@ pub(crate) fn write_text(group: &Group, name: &str, value: &str) -> hdf5::Result
     write_scalar(group, name, &text(value)?)
 }
 
-fn write_text_attribute(group: &Group, name: &str, value: &str) -> hdf5::Result<()> {
+pub(crate) fn write_text_attribute(group: &Group, name: &str, value: &str) -> hdf5::Result<()> {
     group.new_attr::<VarLenUnicode>().create(name)?.write_scalar(&text(value)?)
 }
 

@@ -1,7 +1,7 @@
 //! The description of a run, written to a file before it starts.
 
 use glam::DVec3;
-use haff_engine::{Boundary, EventColumn, Present, System};
+use haff_engine::{Boundary, EventColumn, Measure, Present, Sizes, System};
 
 /// Version of the scene schema and of the file layout that this crate writes and reads.
 pub const SCHEMA: i64 = 1;
@@ -51,9 +51,16 @@ pub struct Header {
     pub compressed: bool,
     /// The parts of the scene that its observables depend on.
     pub present: Present,
+    /// Profiles and correlations.
+    pub measure: Measure,
 }
 
 impl Header {
+    /// The numbers on which the shapes of observables depend.
+    pub(crate) fn sizes(&self) -> Sizes {
+        Sizes { species: self.species_names.len(), walls: self.wall_names.len(), dimension: self.dimension }
+    }
+
     /// The part of the header that follows from the system: everything except the texts, the seed and the
     /// versions, which are empty or zero, with frames, observables and compression on and events off.
     ///
@@ -98,6 +105,7 @@ impl Header {
             events: Vec::new(),
             compressed: true,
             present: Present::of(system),
+            measure: system.measure.clone(),
         }
     }
 }

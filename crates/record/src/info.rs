@@ -3,7 +3,7 @@
 use std::path::Path;
 
 use glam::DVec3;
-use haff_engine::{Checkpoint, Counters, Ledger, Sample, Term};
+use haff_engine::{Checkpoint, Counters, Ledger, Sample, Sizes, StressTensor, Term};
 use hdf5::{Dataset, Group, H5Type, types::VarLenUnicode};
 
 use crate::{
@@ -123,6 +123,11 @@ pub(crate) struct Parameters {
 }
 
 impl Parameters {
+    /// The numbers on which the shapes of observables depend.
+    pub fn sizes(&self) -> Sizes {
+        Sizes { species: self.species_names.len(), walls: self.wall_names.len(), dimension: self.dimension }
+    }
+
     /// Reads them; fails for files that haff has not written, or not this version of it.
     pub fn read(file: &Group, path: &Path) -> Result<Self, RecordError> {
         for part in ["h5md", "parameters", "parameters/schema"] {
@@ -232,8 +237,7 @@ pub fn info(path: impl AsRef<Path>) -> Result<Info, RecordError> {
 }
 
 fn read_info(file: &hdf5::File, parameters: Parameters, path: &Path) -> Result<Info, RecordError> {
-    let datasets =
-        Datasets::open(file, parameters.particles, parameters.species_names.len()).doing(path, READ)?;
+    let datasets = Datasets::open(file, parameters.particles, parameters.sizes()).doing(path, READ)?;
     let checkpoint = newest(&datasets.slots, |_| true).doing(path, READ)?;
     let mut range: Option<(f64, f64)> = None;
     let frames = match &datasets.trajectory {
@@ -357,6 +361,15 @@ fn read_sample(file: &Group, observables: &Observables, row: usize) -> hdf5::Res
             terms[term as usize] = real(term.name())?;
         }
     }
+    let dimension = observables.sizes.dimension;
+    let tensor = |name: &str| -> hdf5::Result<Option<[f64; 9]>> {
+        let found = read(name)?;
+        let mut tensor = [0.0; 9];
+        for (k, &component) in found.iter().enumerate().take(dimension * dimension) {
+            tensor[3 * (k / dimension) + k % dimension] = component;
+        }
+        Ok((!found.is_empty()).then_some(tensor))
+    };
     let vector = |name: &str| -> hdf5::Result<Option<DVec3>> { Ok(vectors(&read(name)?).first().copied()) };
     Ok(Sample {
         time: observables.clock.time.read::<f64>(row, row + 1)?[0],
@@ -374,6 +387,12 @@ fn read_sample(file: &Group, observables: &Observables, row: usize) -> hdf5::Res
         species_temperature: read("species_temperature")?,
         sonine_a2: real("sonine_a2")?,
         pressure: read("pressure")?.first().copied(),
+        stress: match (tensor("pressure_tensor_kinetic")?, tensor("pressure_tensor_collisional")?) {
+            (Some(kinetic), Some(collisional)) => Some(StressTensor { kinetic, collisional }),
+            _ => None,
+        },
+        wall_force: vectors(&read("wall_force")?),
+        wall_heat_flow: read("wall_heat_flow")?,
         momentum: vector("momentum")?.unwrap_or(DVec3::NAN),
         external_impulse: vector("external_impulse")?.unwrap_or(DVec3::NAN),
         angular_momentum: vector("angular_momentum")?,
@@ -393,8 +412,7 @@ pub fn last_state(path: impl AsRef<Path>) -> Result<State, RecordError> {
     let path = path.as_ref();
     file::read(path, |file| {
         let parameters = Parameters::read(file, path)?;
-        let datasets =
-            Datasets::open(file, parameters.particles, parameters.species_names.len()).doing(path, READ)?;
+        let datasets = Datasets::open(file, parameters.particles, parameters.sizes()).doing(path, READ)?;
         let missing = || RecordError::Missing { path: path.to_owned(), what: "frames" };
         let trajectory = datasets.trajectory.ok_or_else(missing)?;
         let row = trajectory.rows().doing(path, READ)?.checked_sub(1).ok_or_else(missing)?;

@@ -13,11 +13,13 @@ and [`last_state`] read.
 | `particles/all/box` | attributes `dimension` = 3 and `boundary`; `edges` \[F\]\[3\] at the frames' steps and times |
 | `particles/all/{id,species,mass,radius}` | \[N\] |
 | `observables/…` | `value` \[S\] or \[S\]\[k\], `step` \[S\], `time` \[S\], the last two hard-linked |
+| `profiles/…/{density,mass_density,velocity,temperature,pressure}` | `value` \[R\]\[bins…\]\[…\], `step` \[R\], `time` \[R\]; `position/value` \[bins\], of several axes \[bins…\]\[axes\] |
+| `correlations/{msd,vacf,stress,helfand}` | `lag`, `value`, `error`, `count` \[L\], replaced with every checkpoint |
 | `events/…` | one column per dataset, \[E\] or \[E\]\[3\]: `time`, and those selected by the scene; `kind` is an HDF5 enum |
 | `parameters/…` | `scene` (TOML), `title`, `seed`, `version`, `git_revision`, `schema`, `trajectory_version`, `dimension`, `box_origin`, `species_names`, `wall_names`; after the run `summary` (JSON) |
 | `checkpoint/{0,1}` | two slots, written alternately |
 
-No dataset has a `unit`: all units are the user's own. Disks are written with D = 3 and z = 0.
+Units are expressions in the user's own: attributes `unit`. Disks are written with D = 3 and z = 0.
 
 # Killed processes
 
@@ -70,6 +72,7 @@ mod file;
 mod header;
 mod heap;
 mod info;
+mod measured;
 mod pack;
 mod queue;
 mod recorder;

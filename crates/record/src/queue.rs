@@ -9,7 +9,7 @@ use std::{
     },
 };
 
-use haff_engine::{Checkpoint, EventRecord, Frame, Sample};
+use haff_engine::{Checkpoint, Correlation, EventRecord, Frame, ProfileRow, Sample};
 
 use crate::error::RecordError;
 
@@ -29,6 +29,8 @@ pub(crate) enum Message {
     Frame(Frame),
     Sample(Sample),
     Events(Vec<EventRecord>),
+    Profile(ProfileRow),
+    Correlations(Vec<Correlation>),
     Checkpoint(Box<Checkpoint>),
     /// Write everything so far to the file, and reply.
     Flush(SyncSender<()>),
@@ -45,7 +47,13 @@ impl Message {
             Self::Frame(frame) => frame.position.len() * FRAME_BYTES,
             Self::Sample(sample) => size_of::<Sample>() + 8 * sample.species_temperature.len(),
             Self::Events(events) => size_of_val(events.as_slice()),
-            Self::Checkpoint(state) => state.position.len() * CHECKPOINT_BYTES + 64 * state.scalars.len(),
+            Self::Profile(row) => 8 * (4 * row.density.len() + 3 * row.velocity.len() + row.pressure.len()),
+            Self::Correlations(correlations) => 32 * correlations.iter().map(|c| c.lag.len()).sum::<usize>(),
+            Self::Checkpoint(state) => {
+                state.position.len() * CHECKPOINT_BYTES
+                    + 64 * state.scalars.len()
+                    + size_of_val(state.measured.as_slice())
+            }
             Self::Flush(_) => 0,
             Self::Finish { summary, .. } => summary.len(),
         }

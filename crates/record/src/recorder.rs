@@ -6,7 +6,7 @@ use std::{
     thread::{self, JoinHandle},
 };
 
-use haff_engine::{Checkpoint, EventRecord, Frame, Sample};
+use haff_engine::{Checkpoint, Correlation, EventRecord, Frame, ProfileRow, Sample};
 
 use crate::{
     checkpoint::mismatch,
@@ -45,6 +45,8 @@ pub(crate) struct Contents {
     pub frames: bool,
     pub observables: bool,
     pub events: bool,
+    /// Number of profiles.
+    pub profiles: usize,
 }
 
 impl Recorder {
@@ -73,6 +75,7 @@ impl Recorder {
             frames: header.frames,
             observables: header.observables,
             events: !header.events.is_empty(),
+            profiles: header.measure.profiles.len(),
         };
         Self::start(path, Writer::new(file, datasets, header.box_size), contents)
     }
@@ -164,6 +167,21 @@ impl Recorder {
         } else {
             Ok(())
         }
+    }
+
+    /// Adds a row to a profile.
+    pub fn profile(&self, row: ProfileRow) -> Result<(), RecordError> {
+        if row.profile < self.contents.profiles || self.producer.is_none() {
+            self.send(Message::Profile(row))
+        } else {
+            Err(self
+                .unfit(format!("a row of profile {}; the file has {}", row.profile, self.contents.profiles)))
+        }
+    }
+
+    /// Replaces the correlations in time.
+    pub fn correlations(&self, correlations: Vec<Correlation>) -> Result<(), RecordError> {
+        if correlations.is_empty() { Ok(()) } else { self.send(Message::Correlations(correlations)) }
     }
 
     /// Stores a checkpoint beside the previous one, and flushes the file. A resumed run continues from here:

@@ -65,8 +65,8 @@ impl Recorder {
         drop(datasets);
         let file = WritableFile::append(path)?;
         let prepare = || {
-            let datasets = Datasets::open(file.root(), parameters.particles, parameters.species_names.len())
-                .doing(path, READ)?;
+            let datasets =
+                Datasets::open(file.root(), parameters.particles, parameters.sizes()).doing(path, READ)?;
             let saved = newest_complete(&datasets, path)?;
             let resumed = describe(parameters.clone(), &datasets, &saved, path)?;
             let [first, second] = [&datasets.slots[0], &datasets.slots[1]].map(Slot::sequence);
@@ -86,6 +86,7 @@ impl Recorder {
             frames: datasets.trajectory.is_some(),
             observables: datasets.observables.is_some(),
             events: datasets.events.is_some(),
+            profiles: datasets.profiles.count(),
         };
         // The slot of the checkpoint that is used stays; the other one is written next.
         let next_slot = usize::from(first == saved.sequence);
@@ -109,8 +110,7 @@ pub fn resumable(path: impl AsRef<Path>) -> Result<Resumed, RecordError> {
 fn open(path: &Path) -> Result<(Parameters, Datasets), RecordError> {
     file::read(path, |file| {
         let parameters = Parameters::read(file, path)?;
-        let datasets =
-            Datasets::open(file, parameters.particles, parameters.species_names.len()).doing(path, READ)?;
+        let datasets = Datasets::open(file, parameters.particles, parameters.sizes()).doing(path, READ)?;
         Ok((parameters, datasets))
     })
 }

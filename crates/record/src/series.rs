@@ -230,6 +230,12 @@ impl Series {
         self.dataset.write_slice(view, self.select(start, start + count))
     }
 
+    /// Replaces all rows.
+    pub fn replace<T: H5Type>(&mut self, data: &[T]) -> hdf5::Result<()> {
+        self.resize(data.len() / self.width())?;
+        if data.is_empty() { Ok(()) } else { self.write(0, data) }
+    }
+
     /// Reads rows `start..end`, flat.
     pub fn read<T: H5Type>(&self, start: usize, end: usize) -> hdf5::Result<Vec<T>> {
         declared::check_rows(&self.dataset, end.saturating_sub(start), self.width(), None)?;

@@ -1,6 +1,6 @@
 //! Estimate of the size of a file.
 
-use haff_engine::{EventColumn, Present, observables};
+use haff_engine::{EventColumn, Present, Sizes, observables};
 
 use crate::{datasets::frame_storage, events::EVENT_CHUNK};
 
@@ -21,6 +21,8 @@ pub struct FileSize<'a> {
     pub columns: &'a [EventColumn],
     /// Whether frames and the event log are compressed.
     pub compressed: bool,
+    /// Numbers that measurements add: to rows of observables, and as rows of profiles.
+    pub measured: u64,
 }
 
 /// A double with a random mantissa, compressed [bytes].
@@ -44,7 +46,7 @@ fn event_row(column: EventColumn, size: &FileSize) -> f64 {
 
 /// Expected size of a file [bytes], to about a tenth beyond a megabyte.
 pub fn estimate_file_size(size: &FileSize) -> u64 {
-    let FileSize { particles, dimension, frames, samples, events, .. } = *size;
+    let FileSize { particles, dimension, frames, samples, events, measured, .. } = *size;
     // Groups, headers and the first chunk of every small series.
     let fixed = 250_000;
     // id, species, mass, radius; two checkpoint slots of 76 bytes.
@@ -53,10 +55,11 @@ pub fn estimate_file_size(size: &FileSize) -> u64 {
     // Images, small numbers, shrink to about 3 bytes.
     let vectors = if compressed { 2.0 * dimension as f64 * PACKED + 3.0 } else { 24.0 + 24.0 + 12.0 };
     let per_frame = 8 + 8 + 24;
+    let sizes = Sizes { species: 1, walls: 0, dimension };
     let per_sample = 16
-        + observables(&Present::all())
+        + observables(&Present { stress: false, wall_forces: false, ..Present::all() })
             .iter()
-            .map(|observable| 8 * observable.quantity.width(1).unwrap_or(1) as u64)
+            .map(|observable| 8 * observable.quantity.shape(sizes).iter().product::<usize>() as u64)
             .sum::<u64>();
     let event: f64 = size.columns.iter().map(|&column| event_row(column, size)).sum();
     // Uncompressed chunks are whole.
@@ -66,6 +69,7 @@ pub fn estimate_file_size(size: &FileSize) -> u64 {
         frames.saturating_mul(per_frame),
         (frames as f64 * particles as f64 * vectors) as u64,
         samples.saturating_mul(per_sample),
+        measured.saturating_mul(8),
         (rows as f64 * event) as u64,
     ]
     .into_iter()

@@ -87,6 +87,7 @@ impl Writer {
             // Back to whole chunks; the remaining rows are in the checkpoint.
             events.truncate(rows.events - saved.tail.len()).doing(&path, WRITE)?;
         }
+        datasets.profiles.truncate(saved.time()).doing(&path, WRITE)?;
         let parameters = self.file.root().group("parameters").doing(&path, WRITE)?;
         if parameters.link_exists("summary") {
             parameters.unlink("summary").doing(&path, WRITE)?;
@@ -182,6 +183,14 @@ impl Writer {
                 self.checkpoint(*state)?;
                 self.file.publish()
             }
+            Message::Profile(row) => {
+                self.dirty = true;
+                self.datasets.profiles.append(&row).doing(self.file.path(), WRITE)
+            }
+            Message::Correlations(correlations) => {
+                self.dirty = true;
+                self.datasets.correlations.write(&correlations).doing(self.file.path(), WRITE)
+            }
             // Handled by `process_messages`.
             Message::Events(_) | Message::Flush(_) | Message::Finish { .. } => Ok(()),
         }
@@ -209,14 +218,14 @@ impl Writer {
 
     fn write_samples(&mut self) -> Result<(), RecordError> {
         let samples = std::mem::take(&mut self.samples);
-        let Some(Observables { series, .. }) = &mut self.datasets.observables else { return Ok(()) };
+        let Some(Observables { series, sizes, .. }) = &mut self.datasets.observables else { return Ok(()) };
         for (series, quantity) in series {
             if let Quantity::Count(value) = *quantity {
                 series.append(&samples.iter().map(|sample| value(sample) as i64).collect::<Vec<_>>())
             } else {
                 let mut numbers = Vec::new();
                 for sample in &samples {
-                    quantity.append(sample, &mut numbers);
+                    quantity.append(sample, *sizes, &mut numbers);
                 }
                 series.append(&numbers)
             }
@@ -283,6 +292,7 @@ impl Writer {
             self.event_times.clear();
             appended = true;
         }
+        appended |= self.datasets.profiles.append_times().doing(self.file.path(), WRITE)?;
         if appended {
             self.file.flush()?;
         }

@@ -4,7 +4,7 @@ mod common;
 
 use std::fs;
 
-use common::{checkpoint, event, events, frame, header, sample};
+use common::{checkpoint, correlation, event, events, frame, header, profile_row, sample};
 use haff_engine::{EventColumn, EventKind, EventRecord, Term};
 use haff_record::{EVENT_CHUNK, Header, RecordError, Recorder, info, last_state};
 use hdf5::{File, H5Type, filters::Filter};
@@ -45,6 +45,34 @@ fn column<T: H5Type>(file: &File, path: &str) -> Vec<T> {
 
 fn shape(file: &File, path: &str) -> Vec<usize> {
     file.dataset(path).unwrap_or_else(|error| panic!("{path}: {error}")).shape()
+}
+
+/// Checks the profiles and the correlation of a synthetic run with this many rows.
+fn check_measured(file: &File, rows: u64) {
+    let d = column::<u32>(file, "parameters/dimension")[0] as usize;
+    for (profile, name, bins) in [(0, "z", vec![5]), (1, "xy", vec![3, 2])] {
+        let expected: Vec<_> = (0..rows).map(|k| profile_row(profile, k, d as u64)).collect();
+        let value = |field: &str| format!("profiles/{name}/{field}/value");
+        let with = |more: &[usize]| [&[rows as usize][..], &bins, more].concat();
+        assert_eq!(shape(file, &value("density")), with(&[]));
+        assert_eq!(shape(file, &value("velocity")), with(&[3]));
+        assert_eq!(shape(file, &value("pressure")), with(&[d, d]));
+        let pressures: Vec<f64> = expected.iter().flat_map(|row| row.pressure.clone()).collect();
+        assert!(column::<f64>(file, &value("pressure")) == pressures, "{name}: pressures differ");
+        let temperatures: Vec<f64> = expected.iter().flat_map(|row| row.temperature.clone()).collect();
+        assert!(column::<f64>(file, &value("temperature")) == temperatures, "{name}: temperatures differ");
+        let times: Vec<f64> = expected.iter().map(|row| row.time).collect();
+        for element in ["density", "pressure", "position"] {
+            assert_eq!(column::<f64>(file, &format!("profiles/{name}/{element}/time")), times);
+        }
+    }
+    assert_eq!(column::<f64>(file, "profiles/z/position/value"), [0.5, 1.5, 2.5, 3.5, 4.5]);
+    let centers = column::<f64>(file, "profiles/xy/position/value");
+    assert_eq!(shape(file, "profiles/xy/position/value"), [3, 2, 2]);
+    assert_eq!(centers[..6], [0.5, 0.5, 0.5, 1.5, 1.5, 0.5]);
+    let expected = correlation((rows - 1) % 30);
+    assert_eq!(column::<f64>(file, "correlations/msd/value"), expected.value);
+    assert_eq!(column::<i64>(file, "correlations/msd/count").len(), expected.count.len());
 }
 
 /// Checks frames, samples and events of a synthetic run against their rows.
@@ -107,6 +135,12 @@ fn check(path: &std::path::Path, particles: usize, frames: u64, samples: u64, ev
     assert!(column::<f64>(&file, "observables/species_temperature/value") == species, "temperatures differ");
     let collisions: Vec<i64> = (0..samples as i64).map(|k| 4 * k).collect();
     assert_eq!(column::<i64>(&file, "observables/collisions/value"), collisions);
+    let forces: Vec<f64> = expected.iter().flat_map(|s| &s.wall_force).flat_map(|v| v.to_array()).collect();
+    assert_eq!(shape(&file, "observables/wall_force/value"), [samples as usize, 2, 3]);
+    assert!(column::<f64>(&file, "observables/wall_force/value") == forces, "forces on walls differ");
+    let d = column::<u32>(&file, "parameters/dimension")[0] as usize;
+    assert_eq!(shape(&file, "observables/pressure_tensor/value"), [samples as usize, d, d]);
+    check_measured(&file, samples);
 
     let expected: Vec<_> = (0..events).map(event).collect();
     let kinds = expected.iter().map(|e| match e.kind {
@@ -139,9 +173,24 @@ fn check(path: &std::path::Path, particles: usize, frames: u64, samples: u64, ev
 }
 
 fn record(recorder: &Recorder, particles: usize, rows: std::ops::Range<u64>, events_per_row: u64) {
+    record_in(3, recorder, particles, rows, events_per_row);
+}
+
+/// Records rows in this dimension.
+fn record_in(
+    dimension: u64,
+    recorder: &Recorder,
+    particles: usize,
+    rows: std::ops::Range<u64>,
+    events_per_row: u64,
+) {
     for k in rows {
         recorder.frame(frame(k, particles)).expect("a frame");
         recorder.sample(sample(k)).expect("a sample");
+        for profile in [0, 1] {
+            recorder.profile(profile_row(profile, k, dimension)).expect("a row of a profile");
+        }
+        recorder.correlations(vec![correlation(k % 30)]).expect("correlations");
         recorder.events(events(k * events_per_row, (k + 1) * events_per_row)).expect("events");
     }
 }
@@ -239,7 +288,7 @@ fn disks_and_files_with_few_datasets_are_read_back() {
     let particles = 2000;
     let wanted = Header { dimension: 2, ..header(particles) };
     let recorder = Recorder::create(&path, wanted, false).expect("a new file");
-    record(&recorder, particles, 0..4, 30_000);
+    record_in(2, &recorder, particles, 0..4, 30_000);
     recorder.finish("{}", true).expect("a finished file");
     check(&path, particles, 4, 4, 120_000);
     let file = File::open(&path).expect("the file opens");
@@ -431,6 +480,8 @@ fn the_estimated_file_size_is_accurate_to_15_percent() {
             events,
             columns,
             compressed,
+            // The pressure tensor with its parts, and force and heat of two walls.
+            measured: samples * (27 + 8),
         });
         let ratio = estimate as f64 / size as f64;
         assert!((0.85..1.15).contains(&ratio), "N = {particles}: {estimate} bytes expected, {size} found");

@@ -50,6 +50,8 @@ pub struct SceneConfig {
     pub wall: Option<Vec<WallConfig>>,
     /// What gives energy to the particles, or takes it, at stated times.
     pub drive: Option<Vec<DriveConfig>>,
+    /// Measurements while the run goes on.
+    pub measure: Option<MeasureConfig>,
     /// Particles that hang on strings or rods from fixed points.
     pub pendulum: Option<Vec<PendulumConfig>>,
     /// Springs between particles, or between a particle and a point.
@@ -391,6 +393,67 @@ pub struct DriveConfig {
     /// Names of the species that it acts on; default all. Bodies of infinite mass are never driven.
     #[schemars(length(min = 1))]
     pub species: Option<Vec<String>>,
+}
+
+/// Measurements while the run goes on. All are off by default, and free when off.
+#[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields, default)]
+pub struct MeasureConfig {
+    /// The pressure tensor, as the mean since the previous sample: `observables/pressure_tensor` and its parts.
+    pub stress: Option<bool>,
+    /// The force of the particles on each wall and the heat that it gives to them, as means since the previous
+    /// sample: `observables/wall_force` and `observables/wall_heat_flow`.
+    pub wall_forces: Option<bool>,
+    /// Profiles along an axis, or on a grid: density, velocity, temperature and pressure tensor.
+    pub profiles: Option<Vec<ProfileConfig>>,
+    /// The mean square displacement by lag: `correlations/msd`.
+    pub msd: Option<bool>,
+    /// The autocorrelation of velocities by lag: `correlations/vacf`.
+    pub vacf: Option<bool>,
+    /// The autocorrelation of the pressure tensor by lag, and the mean square of its integral:
+    /// `correlations/stress` and `correlations/helfand`.
+    pub stress_correlation: Option<bool>,
+    /// Shortest lag of correlations [time]; default `output.observables`.
+    #[schemars(extend("exclusiveMinimum" = 0))]
+    pub interval: Option<f64>,
+    /// Largest number of particles whose displacements and velocities are followed; of more, this many are
+    /// chosen at equal distances in their order. Each needs up to 6 kB. Default 20000.
+    #[serde(deserialize_with = "shapes::whole")]
+    #[schemars(range(min = 1))]
+    pub tracers: Option<i64>,
+}
+
+/// A profile: means over the cells of a grid and over intervals of time.
+#[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields, default)]
+pub struct ProfileConfig {
+    /// One axis, such as `"z"`, or the letters of two or three for a grid, such as `"xz"`.
+    #[schemars(required)]
+    pub axis: Option<String>,
+    /// Number of cells along the axis, or one number for each axis.
+    #[schemars(required)]
+    pub bins: Option<BinsConfig>,
+    /// Time between rows [time].
+    #[schemars(required, extend("exclusiveMinimum" = 0))]
+    pub interval: Option<f64>,
+    /// Number of states in the mean of each row; default 10. Contacts count all.
+    #[serde(deserialize_with = "shapes::whole")]
+    #[schemars(range(min = 1))]
+    pub samples: Option<i64>,
+    /// The range that the cells divide [length], two numbers for each axis; default the box. An open axis needs
+    /// it.
+    #[schemars(length(min = 2, max = 6))]
+    pub range: Option<Vec<f64>>,
+}
+
+/// Numbers of cells.
+#[derive(Debug, Clone, PartialEq, Serialize, JsonSchema)]
+#[serde(untagged)]
+pub enum BinsConfig {
+    /// The same along all axes.
+    Each(#[schemars(range(min = 1.0))] f64),
+    /// One for each axis.
+    PerAxis(#[schemars(length(min = 1, max = 3))] Vec<f64>),
 }
 
 /// What a drive does.

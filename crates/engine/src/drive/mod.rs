@@ -12,7 +12,12 @@ mod white_noise;
 use glam::DVec3;
 
 use crate::{
-    error::EngineError, ledger::Term, model::System, report::Observer, resolve, state::State,
+    error::EngineError,
+    ledger::Term,
+    model::System,
+    report::{Exchange, Observer, Partner, VelocityChange},
+    resolve,
+    state::State,
     timed::TimedAction,
 };
 use andersen::Andersen;
@@ -133,6 +138,10 @@ fn kick(state: &mut State, i: u32, velocity: DVec3, observer: &mut dyn Observer)
     let change = velocity - before;
     state.accumulators.add_energy(Term::DriveWork, time, 0.5 * mass * change.dot(velocity + before));
     state.accumulators.add_impulse(change * mass);
+    if observer.wants_events() {
+        let changes = [VelocityChange { i, mass, before, after: velocity }];
+        observer.exchange(&Exchange { time, changes: &changes, partner: Partner::Drive });
+    }
     resolve::keep_support(state, i, now);
     Ok(())
 }

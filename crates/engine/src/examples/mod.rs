@@ -49,6 +49,7 @@ fn two_spheres() -> Simulation {
             rest_speed: 0.0,
         },
         drives: Vec::new(),
+        measure: crate::Measure::default(),
         seed: 0,
     };
     Simulation::new(system, Options::default()).expect("the system is valid")

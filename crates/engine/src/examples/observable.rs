@@ -1,5 +1,5 @@
 use super::two_spheres;
-use crate::observables::{Observable, Quantity, row};
+use crate::observables::{Observable, Quantity, Sizes, row};
 
 /// Energy lost per collision of two particles; no number before the first collision.
 const LOSS_PER_COLLISION: Observable = row(
@@ -15,7 +15,7 @@ fn the_row_gives_the_name_and_the_number_of_a_sample() {
     let until = crate::Until { time: 2.0, ..crate::Until::default() };
     simulation.advance(until, &mut crate::Silent).expect("no error");
     let mut numbers = Vec::new();
-    LOSS_PER_COLLISION.quantity.append(&simulation.sample(), &mut numbers);
+    LOSS_PER_COLLISION.quantity.append(&simulation.sample(), Sizes::of(simulation.system()), &mut numbers);
     // One contact at relative speed 2 with e = 0.5: μ v² (1 − e²)/2.
     assert_eq!((LOSS_PER_COLLISION.name, numbers), ("loss_per_collision", vec![0.5 * 0.5 * 4.0 * 0.75]));
 }

@@ -248,6 +248,7 @@ mod tests {
         };
         let system = System {
             drives: Vec::new(),
+            measure: crate::Measure::default(),
             seed: 0,
             dimension: crate::model::Dimension::Three,
             domain: crate::model::Domain {

@@ -4,7 +4,7 @@
 use glam::DVec3;
 use haff_engine::{
     Body, Boundary, Class, Contacts, Dimension, Domain, EventRecord, Group, Instant, NeighborChoice,
-    Observer, Options, Silent, SimdChoice, Simulation, Stop, System, Until, Wall,
+    Observer, Options, ProfileRow, Silent, SimdChoice, Simulation, Stop, System, Until, Wall,
 };
 use haff_mechanics::Restitution;
 pub use haff_testing::Random;
@@ -32,6 +32,7 @@ pub fn system(dimension: Dimension, size: DVec3, boundary: [Boundary; 3]) -> Sys
     let wall_rules = vec![Restitution::Constant(1.0); walls.len()];
     System {
         drives: Vec::new(),
+        measure: haff_engine::Measure::default(),
         seed: 0,
         dimension,
         domain: Domain { size, boundary, gravity: DVec3::ZERO },
@@ -141,9 +142,9 @@ pub fn gas(per_edge: usize, packing_fraction: f64, e: f64, seed: u64) -> System 
     system
 }
 
-/// Stores every event row.
+/// Stores every event row, and every row of a profile.
 #[derive(Default)]
-pub struct Log(pub Vec<EventRecord>);
+pub struct Log(pub Vec<EventRecord>, pub Vec<ProfileRow>);
 
 impl Observer for Log {
     fn wants_events(&self) -> bool {
@@ -151,6 +152,9 @@ impl Observer for Log {
     }
     fn event(&mut self, event: &EventRecord) {
         self.0.push(*event);
+    }
+    fn profile(&mut self, row: ProfileRow) {
+        self.1.push(row);
     }
 }
 

@@ -2,8 +2,8 @@
 
 use glam::DVec3;
 use haff_engine::{
-    Boundary, Dimension, Drive, DriveKind, Group, KickTimes, Oscillating, System, ThermalWall, Wall, WallLaw,
-    WallMotion,
+    Boundary, Correlations, Dimension, Drive, DriveKind, Grid, GridAxis, Group, KickTimes, Measure,
+    Oscillating, System, ThermalWall, Wall, WallLaw, WallMotion,
 };
 use haff_mechanics::{Oscillation, Restitution, Waveform};
 use proptest::prelude::*;
@@ -43,6 +43,8 @@ pub struct Recipe {
     pub drive: usize,
     /// Some walls are thermal.
     pub thermal: bool,
+    /// Everything that can be measured is measured.
+    pub measure: bool,
     pub seed: u64,
 }
 
@@ -67,6 +69,7 @@ pub const PLAIN: Recipe = Recipe {
     long: false,
     drive: 0,
     thermal: false,
+    measure: false,
     seed: 0,
 };
 
@@ -77,13 +80,14 @@ pub fn recipe() -> impl Strategy<Value = Recipe> {
     let seldom = || prop::bool::weighted(0.2);
     let ends = (seldom(), seldom(), seldom(), prop::bool::weighted(0.01));
     let drive = prop_oneof![8 => Just(0), 2 => 1..5_usize];
-    (shape, extras, (seldom(), seldom(), seldom()), ends, (drive, prop::bool::weighted(0.1))).prop_map(
+    let last = (drive, prop::bool::weighted(0.1), seldom());
+    (shape, extras, (seldom(), seldom(), seldom()), ends, last).prop_map(
         |(
             (flat, boundary, particles, species, restitution),
             (gravity, ramp, fixed, tc, fast, seed),
             (speeds, ratios, rest),
             (far, light, wedge, long),
-            (drive, thermal),
+            (drive, thermal, measure),
         )| {
             Recipe {
                 flat,
@@ -105,6 +109,7 @@ pub fn recipe() -> impl Strategy<Value = Recipe> {
                 long,
                 drive,
                 thermal,
+                measure,
                 seed,
             }
         },
@@ -120,6 +125,31 @@ fn law(kind: usize, random: &mut Random) -> Restitution {
         4 => Restitution::Cutoff { restitution: 0.3, speed: 0.2, exponent: 0.75 },
         // Every pair and every wall gets a law of its own.
         _ => law(random.index(5), random),
+    }
+}
+
+/// All measurements that a scene can have.
+fn measure_all(scene: &System, random: &mut Random) -> Measure {
+    let d = scene.dimension.count();
+    let open = |axis: usize| scene.domain.boundary[axis] == Boundary::Open;
+    let closed = !(0..d).any(open);
+    let axis = |axis: usize, bins: usize| GridAxis { axis, low: 0.0, high: scene.domain.size[axis], bins };
+    let profile = |axes: Vec<GridAxis>, interval: f64| Grid { axes, interval, samples: 3 };
+    // Without a volume there is no pressure. Grains that sleep on each other transmit no forces.
+    let pressure = closed && scene.contacts.rest_speed == 0.0;
+    let profiles =
+        vec![profile(vec![axis(0, 7)], 0.3), profile((0..d).map(|k| axis(k, 2 + k)).collect(), 0.7)];
+    Measure {
+        stress: pressure,
+        wall_forces: scene.contacts.rest_speed == 0.0,
+        profiles: if closed { profiles } else { Vec::new() },
+        correlations: Correlations {
+            msd: true,
+            vacf: true,
+            stress: pressure,
+            interval: 10_f64.powf(random.uniform(-2.0, 0.0)),
+            tracers: 30,
+        },
     }
 }
 
@@ -243,6 +273,9 @@ impl Recipe {
             scene.classes[kind as usize].group = self.species as u32;
             let speed = if random.index(2) == 0 { 0.0 } else { 0.2 };
             scatter_within_room(&mut scene, kind, 1, speed, &mut random);
+        }
+        if self.measure {
+            scene.measure = measure_all(&scene, &mut random);
         }
         scene
     }

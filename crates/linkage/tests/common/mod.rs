@@ -72,6 +72,7 @@ impl Scene {
         }
         let system = System {
             drives: Vec::new(),
+            measure: haff_engine::Measure::default(),
             seed: 0,
             dimension: Dimension::Three,
             domain: Domain { size: DVec3::ONE, boundary: [Boundary::Open; 3], gravity: self.gravity },

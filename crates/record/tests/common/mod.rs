@@ -3,7 +3,8 @@
 
 use glam::DVec3;
 use haff_engine::{
-    Boundary, Checkpoint, EventColumn, EventKind, EventRecord, Frame, Ledger, Present, Sample, Term,
+    Boundary, Checkpoint, Correlation, Correlations, EventColumn, EventKind, EventRecord, Frame, Grid,
+    GridAxis, Ledger, Measure, Present, ProfileRow, Sample, StressTensor, Term,
 };
 use haff_record::Header;
 
@@ -18,6 +19,32 @@ pub fn number(a: u64, b: u64) -> f64 {
 
 pub fn vector(a: u64, b: u64) -> DVec3 {
     DVec3::new(number(a, 3 * b), number(a, 3 * b + 1), number(a, 3 * b + 2))
+}
+
+fn axis(axis: usize, bins: usize) -> GridAxis {
+    GridAxis { axis, low: 0.0, high: bins as f64, bins }
+}
+
+/// A row of profile 0 with 5 cells, or of profile 1 with 6, in d dimensions.
+pub fn profile_row(profile: usize, k: u64, d: u64) -> ProfileRow {
+    let cells = 5 + profile as u64;
+    let all = |salt: u64| (0..cells).map(|cell| number(k * 8 + salt, cell)).collect::<Vec<_>>();
+    ProfileRow {
+        profile,
+        time: (k + 1) as f64 / 5.0,
+        step: k * 10,
+        density: all(1),
+        mass_density: all(2),
+        velocity: (0..cells).map(|cell| vector(k * 8 + 3, cell)).collect(),
+        temperature: all(4),
+        pressure: (0..d * d * cells).map(|value| number(k * 8 + 5, value)).collect(),
+    }
+}
+
+/// A correlation with one more lag for each `k`.
+pub fn correlation(k: u64) -> Correlation {
+    let all = |salt: u64| (0..k).map(|lag| number(salt, lag)).collect::<Vec<_>>();
+    Correlation { name: "msd", lag: all(1), value: all(2), error: all(3), count: (0..k).collect() }
 }
 
 pub fn header(particles: usize) -> Header {
@@ -43,6 +70,14 @@ pub fn header(particles: usize) -> Header {
         events: EventColumn::ALL.to_vec(),
         compressed: true,
         present: Present { springs: false, volume: false, angular_momentum: false, ..Present::all() },
+        measure: Measure {
+            profiles: vec![
+                Grid { axes: vec![axis(2, 5)], interval: 1.0, samples: 1 },
+                Grid { axes: vec![axis(0, 3), axis(1, 2)], interval: 1.0, samples: 1 },
+            ],
+            correlations: Correlations { msd: true, ..Correlations::default() },
+            ..Measure::default()
+        },
     }
 }
 
@@ -75,6 +110,9 @@ pub fn sample(k: u64) -> Sample {
         species_temperature: vec![x(8), x(9)],
         sonine_a2: x(10),
         pressure: None,
+        stress: Some(StressTensor { kinetic: [x(15); 9], collisional: [x(16); 9] }),
+        wall_force: vec![vector(k, 23), vector(k, 24)],
+        wall_heat_flow: vec![x(17), x(18)],
         momentum: vector(k, 11),
         external_impulse: vector(k, 12),
         angular_momentum: None,
@@ -119,5 +157,6 @@ pub fn checkpoint(k: u64, particles: usize) -> Checkpoint {
             .map(|s| (format!("scalar.{s}"), s ^ k))
             .chain([("clock.time".to_owned(), (k as f64).to_bits()), ("collisions".to_owned(), 4 * k)])
             .collect(),
+        measured: (0..(k * 5) % 17).collect(),
     }
 }

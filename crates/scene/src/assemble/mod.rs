@@ -7,6 +7,7 @@ mod contact;
 mod domain;
 mod drive;
 mod joints;
+mod measure;
 mod motion;
 mod names;
 mod particles;
@@ -149,6 +150,7 @@ impl Assembler<'_> {
         let initial = self.initial(species.len());
         self.run_shape();
         self.output_shape();
+        self.measure_shape();
         self.count_particles(&species, explicit.len());
         self.gate()?;
 
@@ -170,7 +172,7 @@ impl Assembler<'_> {
         self.gate()?;
         self.draw_velocities(&species, &mut rows, &initial, state.as_ref());
 
-        let system = System {
+        let mut system = System {
             dimension: self.dimension,
             domain: system_domain,
             bodies: rows.bodies,
@@ -181,6 +183,7 @@ impl Assembler<'_> {
             contacts,
             drives,
             seed: self.seed,
+            measure: haff_engine::Measure::default(),
         };
         let first = rows.species;
         let joints = self.joints(first, &|row| system.bodies[row].position);
@@ -191,6 +194,8 @@ impl Assembler<'_> {
         let run = self.run_plan(&system);
         self.gate()?;
         let output = self.output_plan(&system, &run, rate);
+        self.gate()?;
+        system.measure = self.measure(&system, &run, &output);
         self.gate()?;
         Ok(Scene {
             title: self.config.title.clone().unwrap_or_default(),

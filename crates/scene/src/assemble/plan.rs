@@ -14,7 +14,7 @@ use crate::config::{
 use crate::scene::{OutputPlan, RunPlan, Schedule};
 
 /// Largest number of records: more are taken for a mistake, since they would fill a disk.
-const MAX_RECORDS: f64 = 1e8;
+pub(super) const MAX_RECORDS: f64 = 1e8;
 
 /// The largest time on the clock [s], about three centuries.
 const MAX_WALL_TIME: f64 = 1e10;

@@ -3,10 +3,13 @@
 use std::fmt;
 
 use serde::Deserialize;
-use serde::de::{self, Deserializer, MapAccess, Visitor, value::MapAccessDeserializer};
+use serde::de::{
+    self, Deserializer, MapAccess, SeqAccess, Visitor,
+    value::{MapAccessDeserializer, SeqAccessDeserializer},
+};
 
 use super::{
-    EventColumnsConfig, EventsConfig, FileConfig, LogConfig, OutputFileConfig, PackingConfig,
+    BinsConfig, EventColumnsConfig, EventsConfig, FileConfig, LogConfig, OutputFileConfig, PackingConfig,
     PositionsConfig, RadiusConfig, RadiusDistribution, RestitutionConfig, RestitutionModelConfig,
     ScheduleConfig, WallTimeConfig,
 };
@@ -42,7 +45,7 @@ pub(super) fn whole<'de, D: Deserializer<'de>>(deserializer: D) -> Result<Option
 /// there. serde's `untagged` tries all variants and can only report that none fits.
 macro_rules! by_shape {
     ($type:ident, $expecting:literal $(, number $number:expr)? $(, text $text:expr)? $(, boolean $boolean:expr)?
-     $(, table $table:expr, of $keys:ty)?) => {
+     $(, list $list:expr)? $(, table $table:expr, of $keys:ty)?) => {
         impl<'de> Deserialize<'de> for $type {
             fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
                 struct Shapes;
@@ -62,6 +65,9 @@ macro_rules! by_shape {
                     })?
                     $(fn visit_bool<E: de::Error>(self, value: bool) -> Result<$type, E> {
                         $boolean(value)
+                    })?
+                    $(fn visit_seq<A: SeqAccess<'de>>(self, list: A) -> Result<$type, A::Error> {
+                        Ok($list(Deserialize::deserialize(SeqAccessDeserializer::new(list))?))
                     })?
                     $(fn visit_map<A: MapAccess<'de>>(self, map: A) -> Result<$type, A::Error> {
                         Ok($table(Deserialize::deserialize(MapAccessDeserializer::new(map))?))
@@ -87,6 +93,11 @@ by_shape!(
         PackingConfig::deserialize(de::value::StrDeserializer::<E>::new(text)).map(PositionsConfig::Packing)
     },
     table PositionsConfig::File, of FileConfig
+);
+by_shape!(
+    BinsConfig, "a number, or a list with one number for each axis",
+    number BinsConfig::Each,
+    list BinsConfig::PerAxis
 );
 by_shape!(
     RestitutionConfig, "a number in [0, 1] or a table { model = … }",

@@ -1,0 +1,264 @@
+//! Profiles along one, two or three axes: densities, velocity, temperature and pressure tensor in the cells of a
+//! grid.
+//!
+//! The fields are those of I. Goldhirsch, Granular Matter 12, 239 (2010), with the cell as the coarse-graining
+//! function: what particles have counts in the cell of their center, averaged over several states; what a contact
+//! transfers counts in each cell with the part of the line between the centers that is inside, for all contacts
+//! of the interval. So the sums over all cells are those of the system.
+
+use glam::DVec3;
+
+use super::{
+    Measurement, Words,
+    stress::{Tensor, product},
+    words::{fault, put_sums},
+};
+use crate::{
+    error::EngineError,
+    model::System,
+    particles::World,
+    report::{Exchange, Observer, Partner, ProfileRow},
+    state::State,
+    sum::Sum,
+};
+
+/// One axis of a grid.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct GridAxis {
+    /// 0, 1 or 2 for x, y or z.
+    pub axis: usize,
+    /// The range that the cells divide \[length\].
+    pub low: f64,
+    /// End of the range \[length\].
+    pub high: f64,
+    /// Number of cells.
+    pub bins: usize,
+}
+
+impl GridAxis {
+    /// Centers of the cells \[length\].
+    pub fn centers(&self) -> Vec<f64> {
+        let width = (self.high - self.low) / self.bins as f64;
+        (0..self.bins).map(|k| self.low + width * (k as f64 + 0.5)).collect()
+    }
+}
+
+/// The grid of a profile, and when it is measured.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Grid {
+    /// One to three axes. The last one varies fastest in the arrays of [`ProfileRow`].
+    pub axes: Vec<GridAxis>,
+    /// Time between rows \[time\].
+    pub interval: f64,
+    /// Number of states in the mean of a row, at equal times; the last one at the end of its interval.
+    pub samples: u64,
+}
+
+impl Grid {
+    /// The name in files: the letters of the axes.
+    pub fn name(&self) -> String {
+        self.axes.iter().map(|axis| ["x", "y", "z"][axis.axis]).collect()
+    }
+
+    /// Number of cells.
+    pub fn cells(&self) -> usize {
+        self.axes.iter().map(|axis| axis.bins).product()
+    }
+}
+
+/// Numbers per cell: count, mass, momentum, Σ m v ⊗ v, Σ r ⊗ J.
+const COUNT: usize = 0;
+const MASS: usize = 1;
+const MOMENTUM: usize = 2;
+const KINETIC: usize = 5;
+const VIRIAL: usize = 14;
+const FIELDS: usize = 23;
+
+pub(super) struct Profile {
+    index: usize,
+    grid: Grid,
+    dimension: usize,
+    /// Edge length of periodic axes of the grid, else 0.
+    period: Vec<f64>,
+    /// Volume of a cell.
+    volume: f64,
+    /// Number of states taken so far.
+    taken: u64,
+    sums: Vec<[Sum; FIELDS]>,
+    /// Where a contact leaves cells, as fractions of the line between the centers.
+    faces: Vec<f64>,
+}
+
+impl Profile {
+    pub fn new(system: &System, index: usize, grid: &Grid) -> Self {
+        let periodic = crate::periodicity::Periodicity::of(&system.domain).is_periodic;
+        let dimension = system.dimension.count();
+        let width = |axis: usize| match grid.axes.iter().find(|of_grid| of_grid.axis == axis) {
+            Some(axis) => (axis.high - axis.low) / axis.bins as f64,
+            None => system.domain.size[axis],
+        };
+        let period = |axis: &GridAxis| if periodic[axis.axis] { system.domain.size[axis.axis] } else { 0.0 };
+        Self {
+            index,
+            dimension,
+            period: grid.axes.iter().map(period).collect(),
+            volume: (0..dimension).map(width).product(),
+            taken: 0,
+            sums: vec![[Sum::default(); FIELDS]; grid.cells()],
+            faces: Vec::new(),
+            grid: grid.clone(),
+        }
+    }
+
+    /// The cell of a position; `None` outside of the grid.
+    fn cell(&self, position: DVec3) -> Option<usize> {
+        let mut cell = 0;
+        for (axis, period) in self.grid.axes.iter().zip(&self.period) {
+            let mut x = position[axis.axis];
+            if *period > 0.0 {
+                x -= (x / period).floor() * period;
+            }
+            let bins = axis.bins as f64;
+            let mut bin = ((x - axis.low) / (axis.high - axis.low) * bins).floor();
+            // The upper end is part of the last cell; along periodic axes only rounding leads there.
+            if bin == bins && x <= axis.high {
+                bin -= 1.0;
+            }
+            if !(0.0..bins).contains(&bin) {
+                return None;
+            }
+            cell = cell * axis.bins + bin as usize;
+        }
+        Some(cell)
+    }
+
+    /// Adds a transfer from `start` along `branch`, to each cell its part of the line.
+    fn transfer(&mut self, start: DVec3, branch: DVec3, virial: Tensor) {
+        let mut faces = std::mem::take(&mut self.faces);
+        faces.clear();
+        for axis in &self.grid.axes {
+            let scale = axis.bins as f64 / (axis.high - axis.low);
+            let from = (start[axis.axis] - axis.low) * scale;
+            let way = branch[axis.axis] * scale;
+            let (first, last) = (from.min(from + way).ceil(), from.max(from + way).floor());
+            let mut face = first;
+            while face <= last {
+                faces.push(((face - from) / way).clamp(0.0, 1.0));
+                face += 1.0;
+            }
+        }
+        faces.push(1.0);
+        faces.sort_unstable_by(f64::total_cmp);
+        let mut left = 0.0;
+        for &right in &faces {
+            let part = right - left;
+            if part > 0.0
+                && let Some(cell) = self.cell(start + branch * (0.5 * (left + right)))
+            {
+                for (sum, term) in self.sums[cell][VIRIAL..].iter_mut().zip(virial) {
+                    sum.add(part * term);
+                }
+            }
+            left = right;
+        }
+        self.faces = faces;
+    }
+
+    /// Adds the particles at the present.
+    fn add_state(&mut self, world: &World) {
+        for i in 0..world.particles.len() as u32 {
+            let class = world.body(i);
+            if class.inverse_mass == 0.0 {
+                continue;
+            }
+            let (position, velocity) = world.state(i, world.now);
+            let Some(cell) = self.cell(position) else { continue };
+            let sums = &mut self.sums[cell];
+            let momentum = class.mass * velocity;
+            sums[COUNT].add(1.0);
+            sums[MASS].add(class.mass);
+            for (sum, term) in sums[MOMENTUM..].iter_mut().zip(momentum.to_array()) {
+                sum.add(term);
+            }
+            for (sum, term) in sums[KINETIC..].iter_mut().zip(product(momentum, velocity)) {
+                sum.add(term);
+            }
+        }
+    }
+
+    /// The row of the interval that ends at `time`. Starts the next interval.
+    fn row(&mut self, time: f64) -> ProfileRow {
+        let d = self.dimension;
+        let (states, span) = (self.grid.samples as f64, self.grid.interval);
+        let mut row = ProfileRow { profile: self.index, time, ..ProfileRow::default() };
+        for sums in &mut self.sums {
+            let of = |k: usize| sums[k].value() / states;
+            let mass = of(MASS);
+            let momentum = DVec3::new(of(MOMENTUM), of(MOMENTUM + 1), of(MOMENTUM + 2));
+            // NaN in an empty cell.
+            let velocity = momentum / mass;
+            let flow = if mass > 0.0 { product(momentum, velocity) } else { [0.0; 9] };
+            row.density.push(of(COUNT) / self.volume);
+            row.mass_density.push(mass / self.volume);
+            row.velocity.push(velocity);
+            let mut thermal = 0.0;
+            for k in (0..9).filter(|k| k / 3 < d && k % 3 < d) {
+                let kinetic = of(KINETIC + k) - flow[k];
+                if k % 4 == 0 {
+                    thermal += kinetic;
+                }
+                let virial = sums[VIRIAL + k].value() / span;
+                row.pressure.push((kinetic + virial) / self.volume);
+            }
+            row.temperature.push(thermal / (d as f64 * of(COUNT)));
+            *sums = [Sum::default(); FIELDS];
+        }
+        row
+    }
+
+    /// Time of state number `k` \[time\]: multiples of the interval are exact.
+    fn time(&self, k: u64) -> f64 {
+        let (whole, part) = (k / self.grid.samples, k % self.grid.samples);
+        (whole as f64 + part as f64 / self.grid.samples as f64) * self.grid.interval
+    }
+}
+
+impl Measurement for Profile {
+    fn exchange(&mut self, exchange: &Exchange) {
+        if let (Partner::Particle { branch, position }, Some(change)) =
+            (exchange.partner, exchange.changes.first())
+        {
+            let impulse = -change.mass * (change.after - change.before);
+            self.transfer(position, branch, product(branch, impulse));
+        }
+    }
+
+    fn next(&self, state: &State) -> i64 {
+        state.world.clock.ticks(self.time(self.taken + 1))
+    }
+
+    fn take(&mut self, state: &State, observer: &mut dyn Observer) {
+        self.taken += 1;
+        self.add_state(&state.world);
+        if self.taken.is_multiple_of(self.grid.samples) {
+            let counters = state.accumulators.counters;
+            let step = counters.collisions + counters.wall_collisions;
+            observer.profile(ProfileRow { step, ..self.row(self.time(self.taken)) });
+        }
+    }
+
+    fn save(&self, words: &mut Vec<u64>) {
+        words.push(self.taken);
+        self.sums.iter().for_each(|sums| put_sums(words, sums));
+    }
+
+    fn load(&mut self, words: &mut Words, time: f64) -> Result<(), EngineError> {
+        self.taken = words.take()?;
+        let next = (self.time(self.taken), self.time(self.taken.saturating_add(1)));
+        let rounding = 1e-9 * self.grid.interval;
+        if !(next.0 - rounding <= time && time <= next.1 + rounding) {
+            return Err(fault(&format!("{} states of a profile do not fit to the time {time}", self.taken)));
+        }
+        self.sums.iter_mut().try_for_each(|sums| words.sums(sums))
+    }
+}

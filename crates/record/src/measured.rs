@@ -1,0 +1,292 @@
+//! Profiles and correlations: the groups `profiles` and `correlations`.
+
+use haff_engine::{CORRELATIONS, Correlation, CorrelationKind, Correlations, Grid, ProfileRow};
+use hdf5::Group;
+
+use crate::{
+    datasets::{Clock, write_text_attribute},
+    declared::read_attribute,
+    series::{SERIES_CHUNK, Series, Storage},
+};
+
+/// Largest number of values in a chunk of a profile.
+const PROFILE_CHUNK: usize = 1 << 16;
+/// Rows per chunk of a correlation: more than the lags of any run, so that no chunk is ever freed.
+const LAGS: usize = 1024;
+
+/// Attribute with the index of a profile in the scene.
+const INDEX: &str = "index";
+
+/// A field of profiles.
+struct Field {
+    name: &'static str,
+    unit: &'static str,
+    /// Shape of the value in a cell, in d dimensions.
+    shape: fn(usize) -> Vec<usize>,
+    values: fn(&ProfileRow) -> Vec<f64>,
+}
+
+const FIELDS: [Field; 5] = [
+    Field { name: "density", unit: "1/length^d", shape: |_| Vec::new(), values: |row| row.density.clone() },
+    Field {
+        name: "mass_density",
+        unit: "mass/length^d",
+        shape: |_| Vec::new(),
+        values: |row| row.mass_density.clone(),
+    },
+    Field {
+        name: "velocity",
+        unit: "length/time",
+        shape: |_| vec![3],
+        values: |row| row.velocity.iter().flat_map(|v| v.to_array()).collect(),
+    },
+    Field {
+        name: "temperature",
+        unit: "energy",
+        shape: |_| Vec::new(),
+        values: |row| row.temperature.clone(),
+    },
+    Field {
+        name: "pressure",
+        unit: "energy/length^d",
+        shape: |d| vec![d, d],
+        values: |row| row.pressure.clone(),
+    },
+];
+
+/// Rows of one profile.
+#[derive(Debug)]
+pub(crate) struct Profile {
+    series: Vec<Series>,
+    clock: Clock,
+    /// Steps and times of rows whose values have been written, but not flushed.
+    pending: Vec<(i64, f64)>,
+}
+
+/// The shape of a chunk for rows of this shape: at most [`PROFILE_CHUNK`] values.
+fn chunk(width: &[usize]) -> Vec<usize> {
+    let mut shape = width.to_vec();
+    while shape.iter().product::<usize>() > PROFILE_CHUNK
+        && let Some(longest) = shape.iter_mut().max()
+    {
+        *longest = longest.div_ceil(2);
+    }
+    let rows = (PROFILE_CHUNK / shape.iter().product::<usize>().max(1)).clamp(1, SERIES_CHUNK);
+    std::iter::once(rows).chain(shape).collect()
+}
+
+impl Profile {
+    fn create(all: &Group, index: usize, grid: &Grid, dimension: usize) -> hdf5::Result<Self> {
+        let group = all.create_group(&grid.name())?;
+        group.new_attr::<u32>().create(INDEX)?.write_scalar(&(index as u32))?;
+        let mut series = Vec::with_capacity(FIELDS.len());
+        let mut clock = None;
+        for field in &FIELDS {
+            let element = group.create_group(field.name)?;
+            write_text_attribute(&element, "unit", field.unit)?;
+            let cells = grid.axes.iter().map(|axis| axis.bins);
+            let width: Vec<usize> = cells.chain((field.shape)(dimension)).collect();
+            let storage = Storage { chunk: chunk(&width), compressed: false };
+            series.push(Series::create_real(&element, "value", &width, &storage)?);
+            match &clock {
+                None => clock = Some(Clock::create(&element)?),
+                Some(_) => link_clock(&group, field.name)?,
+            }
+        }
+        write_centers(&group, grid)?;
+        let clock = clock.ok_or("no fields of profiles")?;
+        Ok(Self { series, clock, pending: Vec::new() })
+    }
+
+    fn open(group: &Group) -> hdf5::Result<Self> {
+        let open = |field: &Field| Series::open(group, &format!("{}/value", field.name));
+        Ok(Self {
+            series: FIELDS.iter().map(open).collect::<hdf5::Result<_>>()?,
+            clock: Clock::open(&group.group(FIELDS[0].name)?)?,
+            pending: Vec::new(),
+        })
+    }
+
+    fn append(&mut self, row: &ProfileRow) -> hdf5::Result<()> {
+        for (series, field) in self.series.iter_mut().zip(&FIELDS) {
+            series.append(&(field.values)(row))?;
+        }
+        self.pending.push((row.step as i64, row.time));
+        Ok(())
+    }
+
+    /// Adds the steps and times of the rows whose values have been flushed. Returns whether there were any.
+    fn append_times(&mut self) -> hdf5::Result<bool> {
+        let (steps, times): (Vec<i64>, Vec<f64>) = self.pending.drain(..).unzip();
+        self.clock.step.append(&steps)?;
+        self.clock.time.append(&times)?;
+        Ok(!times.is_empty())
+    }
+
+    /// Drops the rows after `time`.
+    fn truncate(&mut self, time: f64) -> hdf5::Result<()> {
+        let rows = self.series.iter().map(Series::rows).fold(self.clock.rows(), usize::min);
+        let rows = self.clock.time.without_trailing_nan(rows)?;
+        let times = self.clock.time.read::<f64>(0, rows)?;
+        let kept = times.partition_point(|&of_row| of_row <= time);
+        self.clock.truncate(kept)?;
+        self.series.iter_mut().try_for_each(|series| series.resize(kept))
+    }
+}
+
+/// The centers of the cells: `[bins]` for one axis, `[bins…][axes]` for several.
+fn write_centers(group: &Group, grid: &Grid) -> hdf5::Result<()> {
+    let element = group.create_group("position")?;
+    write_text_attribute(&element, "unit", "length")?;
+    link_clock(group, "position")?;
+    let axes: Vec<Vec<f64>> = grid.axes.iter().map(haff_engine::GridAxis::centers).collect();
+    let mut shape: Vec<usize> = axes.iter().map(Vec::len).collect();
+    let cells: usize = shape.iter().product();
+    let mut values = Vec::with_capacity(cells * axes.len());
+    for cell in 0..cells {
+        let mut below = cells;
+        for axis in &axes {
+            below /= axis.len();
+            values.push(axis[cell / below % axis.len()]);
+        }
+    }
+    if axes.len() > 1 {
+        shape.push(axes.len());
+    }
+    let values = ndarray::ArrayViewD::from_shape(shape.clone(), &values)?;
+    let dataset = element.new_dataset::<f64>().obj_track_times(false).shape(shape).create("value")?;
+    dataset.write(values)
+}
+
+/// Gives an element the steps and times of the first field.
+fn link_clock(group: &Group, name: &str) -> hdf5::Result<()> {
+    ["step", "time"].into_iter().try_for_each(|part| {
+        group.link_hard(&format!("{}/{part}", FIELDS[0].name), &format!("{name}/{part}"))
+    })
+}
+
+/// All profiles of a file.
+#[derive(Debug, Default)]
+pub(crate) struct Profiles(Vec<Profile>);
+
+impl Profiles {
+    pub fn create(root: &Group, grids: &[Grid], dimension: usize) -> hdf5::Result<Self> {
+        if grids.is_empty() {
+            return Ok(Self::default());
+        }
+        let all = root.create_group("profiles")?;
+        let create = |(index, grid): (usize, &Grid)| Profile::create(&all, index, grid, dimension);
+        Ok(Self(grids.iter().enumerate().map(create).collect::<hdf5::Result<_>>()?))
+    }
+
+    pub fn open(root: &Group) -> hdf5::Result<Self> {
+        if !root.link_exists("profiles") {
+            return Ok(Self::default());
+        }
+        let mut found = Vec::new();
+        for group in root.group("profiles")?.groups()? {
+            let index = read_attribute::<u32>(&group.attr(INDEX)?, 1)?;
+            found.push((index.first().copied(), Profile::open(&group)?));
+        }
+        found.sort_by_key(|(index, _)| *index);
+        Ok(Self(found.into_iter().map(|(_, profile)| profile).collect()))
+    }
+
+    /// Number of profiles.
+    pub fn count(&self) -> usize {
+        self.0.len()
+    }
+
+    /// Appends the values of a row; it exists after [`Self::append_times`].
+    pub fn append(&mut self, row: &ProfileRow) -> hdf5::Result<()> {
+        match self.0.get_mut(row.profile) {
+            Some(profile) => profile.append(row),
+            None => Err(format!("there is no profile {}", row.profile).into()),
+        }
+    }
+
+    /// Completes the rows whose values have been flushed. Returns whether there were any.
+    pub fn append_times(&mut self) -> hdf5::Result<bool> {
+        let mut appended = false;
+        for profile in &mut self.0 {
+            appended |= profile.append_times()?;
+        }
+        Ok(appended)
+    }
+
+    /// Drops the rows after `time`.
+    pub fn truncate(&mut self, time: f64) -> hdf5::Result<()> {
+        self.0.iter_mut().try_for_each(|profile| profile.truncate(time))
+    }
+}
+
+/// The columns of a correlation.
+#[derive(Debug)]
+struct Columns {
+    name: &'static str,
+    lag: Series,
+    value: Series,
+    error: Series,
+    count: Series,
+}
+
+/// All correlations of a file. They are replaced as a whole.
+#[derive(Debug, Default)]
+pub(crate) struct CorrelationTables(Vec<Columns>);
+
+impl CorrelationTables {
+    pub fn create(root: &Group, measured: &Correlations) -> hdf5::Result<Self> {
+        if !measured.any() {
+            return Ok(Self::default());
+        }
+        let all = root.create_group("correlations")?;
+        let create = |kind: &CorrelationKind| -> hdf5::Result<Columns> {
+            let group = all.create_group(kind.name)?;
+            write_text_attribute(&group, "unit", kind.unit)?;
+            let storage = Storage::plain(LAGS, &[]);
+            let real = |name: &str| Series::create_real(&group, name, &[], &storage);
+            Ok(Columns {
+                name: kind.name,
+                lag: real("lag")?,
+                value: real("value")?,
+                error: real("error")?,
+                count: Series::create::<i64>(&group, "count", &[], &storage)?,
+            })
+        };
+        let kinds = CORRELATIONS.iter().filter(|kind| (kind.exists)(measured));
+        Ok(Self(kinds.map(create).collect::<hdf5::Result<_>>()?))
+    }
+
+    pub fn open(root: &Group) -> hdf5::Result<Self> {
+        if !root.link_exists("correlations") {
+            return Ok(Self::default());
+        }
+        let all = root.group("correlations")?;
+        let open = |kind: &CorrelationKind| -> hdf5::Result<Columns> {
+            let group = all.group(kind.name)?;
+            let column = |name: &str| Series::open(&group, name)?.expect(&[]);
+            Ok(Columns {
+                name: kind.name,
+                lag: column("lag")?,
+                value: column("value")?,
+                error: column("error")?,
+                count: column("count")?,
+            })
+        };
+        let found = CORRELATIONS.iter().filter(|kind| all.link_exists(kind.name));
+        Ok(Self(found.map(open).collect::<hdf5::Result<_>>()?))
+    }
+
+    /// Replaces all values.
+    pub fn write(&mut self, correlations: &[Correlation]) -> hdf5::Result<()> {
+        for columns in &mut self.0 {
+            let Some(found) = correlations.iter().find(|found| found.name == columns.name) else { continue };
+            let counts: Vec<i64> = found.count.iter().map(|&count| count as i64).collect();
+            columns.lag.replace(&found.lag)?;
+            columns.value.replace(&found.value)?;
+            columns.error.replace(&found.error)?;
+            columns.count.replace(&counts)?;
+        }
+        Ok(())
+    }
+}
