@@ -11,10 +11,12 @@ from numpy.typing import ArrayLike, NDArray
 from scipy.spatial import cKDTree
 
 from . import theory
-from .errors import ArgumentError, NotApplicableError
+from .errors import ArgumentError, MissingDataError, NotApplicableError
 from .layout import computing
 
 if TYPE_CHECKING:
+    import xarray
+
     from .frames import Frame
     from .reader import File
 
@@ -22,15 +24,23 @@ __all__ = [
     "CoolingLaw",
     "Estimate",
     "Overlap",
+    "Transport",
     "block_average",
+    "cluster_sizes",
     "cooling_law",
     "drawn_frames",
     "kinetic_energy",
     "max_overlap",
     "radial_distribution",
+    "running_integral",
     "scaled_velocities",
+    "self_diffusion",
+    "shear_viscosity",
     "sonine_a2",
+    "structure_factor",
     "temperature",
+    "velocity_histogram",
+    "viscosity_scale",
 ]
 
 Array = NDArray[np.float64]
@@ -199,6 +209,180 @@ def radial_distribution(frames: Iterable[Frame], r_max: float, bins: int, r_min:
     if first:
         raise NotApplicableError("no frames")
     return np.asarray(rdf.bin_centers, float), np.asarray(rdf.rdf, float)
+
+
+def structure_factor(frames: Iterable[Frame], k_max: float, bins: int) -> tuple[Array, Array]:
+    """Static structure factor S(k) by freud, averaged over frames: wave numbers [1/length] and values.
+
+    Direct sums over wave vectors of the periodic box; bins without a wave vector are left out. Raises
+    :class:`NotApplicableError` unless the box is periodic in three dimensions.
+    """
+    import freud
+
+    sums, counted, centers = np.zeros(bins), np.zeros(bins), np.zeros(bins)
+    for frame in frames:
+        box = frame.box
+        if not box.fully_periodic or box.dimension != 3:
+            raise NotApplicableError("S(k) needs a periodic box in three dimensions")
+        least = 2 * np.pi / box.size.min()
+        if not k_max > least:
+            raise NotApplicableError(f"S(k) needs k_max above that of the longest wave, {least:g}")
+        factor = freud.diffraction.StaticStructureFactorDirect(bins=bins, k_max=k_max, k_min=0.99 * least)
+        with computing(frame.file.path, "S(k)"):
+            factor.compute((freud.box.Box(*box.size), frame.position - box.size / 2))
+        found = np.asarray(factor.S_k, float)
+        known = np.isfinite(found)
+        sums[known] += found[known]
+        counted += known
+        centers = np.asarray(factor.bin_centers, float)
+    known = counted > 0
+    if not known.any():
+        raise NotApplicableError("no frames")
+    return centers[known], sums[known] / counted[known]
+
+
+def cluster_sizes(frame: Frame, reach: float) -> NDArray[np.int64]:
+    """Numbers of particles in the clusters of a frame by freud, the largest first.
+
+    Two particles belong to one cluster if their centres are at most ``reach`` [length] apart, or linked by others.
+    """
+    import freud
+
+    box = frame.box
+    points = np.asarray(frame.position, float).copy()
+    size = np.where(box.periodic, box.size, 0.0)[: box.dimension]
+    # Along other axes a box wide enough that no pair is linked through its faces.
+    span = np.ptp(points[:, : box.dimension], axis=0) + 4 * reach
+    edges = np.where(size > 0, size, span)
+    if np.any(edges[size > 0] <= 2 * reach):
+        raise NotApplicableError(f"the box is too small for clusters of reach {reach:g}")
+    low = np.where(size > 0, 0.0, points[:, : box.dimension].min(axis=0) - 2 * reach)
+    points[:, : box.dimension] -= low + edges / 2
+    with computing(frame.file.path, "clusters"):
+        cluster = freud.cluster.Cluster()
+        cluster.compute((freud.box.Box(*edges, is2D=box.dimension == 2), points), neighbors={"r_max": reach})
+        return np.sort(np.bincount(np.asarray(cluster.cluster_idx)))[::-1].astype(np.int64)
+
+
+def velocity_histogram(frames: Iterable[Frame], bins: int = 61, reach: float = 5.0) -> tuple[Array, Array]:
+    """Distribution of the components of scaled velocities (:func:`scaled_velocities`), averaged over frames.
+
+    Returns the centres of the bins between -``reach`` and ``reach`` and the density. A Maxwell distribution gives the
+    normal density with variance 1/2.
+    """
+    edges = np.linspace(-reach, reach, bins + 1)
+    counts, total = np.zeros(bins), 0
+    for frame in frames:
+        values = scaled_velocities(frame)[:, : frame.box.dimension].ravel()
+        counts += np.histogram(values, edges)[0]
+        total += len(values)
+    if total == 0:
+        raise NotApplicableError("no frames")
+    return 0.5 * (edges[1:] + edges[:-1]), counts / (total * (edges[1] - edges[0]))
+
+
+class Transport(NamedTuple):
+    """A coefficient of transport by both ways, from lags in a window."""
+
+    einstein: float
+    """From the slope of a mean square."""
+    einstein_error: float
+    """Standard error: that of the mean square at the end of the window, over the length of the window."""
+    green_kubo: float
+    """From the integral of an autocorrelation; NaN if that was not measured."""
+    green_kubo_error: float
+    """Standard error, with the errors of the lags taken as independent."""
+    start: float
+    """Start of the window [time]."""
+    end: float
+    """End of the window [time]."""
+
+
+def self_diffusion(file: File, start: float | None = None, end: float | None = None) -> Transport:
+    """D [length²/time] of ``measure.msd`` and ``measure.vacf``: slope/2d of ⟨|Δr|²⟩, and ∫⟨v(t)·v(0)⟩dt/d.
+
+    ``start``, ``end``: the window of lags [time]; default 20 and 80 mean free times, after the fast relaxation and
+    most of the flow that a particle drags along.
+    """
+    found, d = file.correlations, file.dimension
+    if "msd" not in found:
+        raise MissingDataError(f"{file.path}: no mean square displacement (set measure.msd in the scene)")
+    window = _window(file, found["msd"], (start, end), (20.0, 80.0))
+    return _transport(found["msd"], found.get("vacf"), window, 1 / d)
+
+
+def shear_viscosity(file: File, start: float | None = None, end: float | None = None) -> Transport:
+    """η [mass/(length^(d−2) time)] of ``measure.stress_correlation``.
+
+    (V/2T) times the slope of ⟨(∫P_xy dt)²⟩, and (V/T) ∫⟨P_xy(t)P_xy(0)⟩dt, averaged over the independent components of
+    the traceless part of the tensor (P. J. Daivis, D. J. Evans, J. Chem. Phys. 100, 541 (1994)).
+
+    ``start``, ``end``: the window of lags [time]; default 15 and 30 mean free times.
+    """
+    found = file.correlations
+    if "helfand" not in found:
+        raise MissingDataError(
+            f"{file.path}: no autocorrelation of the pressure tensor (set measure.stress_correlation)"
+        )
+    window = _window(file, found["helfand"], (start, end), (15.0, 30.0))
+    return _transport(found["helfand"], found["stress"], window, viscosity_scale(file))
+
+
+def viscosity_scale(file: File) -> float:
+    """V/T, the factor of the Green–Kubo relation of the viscosity, with the mean temperature of the samples."""
+    temperature = float(np.nanmean(file.observables["temperature"]))
+    return float(file.box.volume) / temperature
+
+
+def running_integral(correlation: xarray.Dataset) -> tuple[Array, Array]:
+    """Lags, and the integral of an autocorrelation from 0 to each of them, by the rule of trapezoids."""
+    lag, value = correlation["lag"].to_numpy(), correlation["value"].to_numpy()
+    steps = np.diff(lag) * 0.5 * (value[1:] + value[:-1])
+    return lag, np.concatenate([[0.0], np.cumsum(steps)])
+
+
+def _window(
+    file: File, mean_square: xarray.Dataset, given: tuple[float | None, float | None], default: tuple[float, float]
+) -> tuple[float, float]:
+    """The window of lags, at most up to the last one with an error."""
+    lag, error = mean_square["lag"].to_numpy(), mean_square["error"].to_numpy()
+    known = lag[np.isfinite(error)]
+    if len(known) < 4:
+        raise NotApplicableError(f"{file.path}: the run is too short for a slope")
+    table = file.observables if "observables" in file else None
+    times = table["mean_free_time"].to_numpy() if table is not None and "mean_free_time" in table else np.array([])
+    times = times[np.isfinite(times)]
+    mean_free_time = float(np.median(times)) if len(times) else np.inf
+    start, end = (
+        value if value is not None else most * mean_free_time for value, most in zip(given, default, strict=True)
+    )
+    end = min(end, known[-1])
+    start = min(start, end / 4) if given[0] is None and not start < 0.75 * end else start
+    if not 0 <= start < end or np.sum((lag >= start) & (lag <= end)) < 2:
+        raise NotApplicableError(f"{file.path}: fewer than two lags between {start:g} and {end:g}")
+    return start, end
+
+
+def _transport(
+    mean_square: xarray.Dataset, product: xarray.Dataset | None, window: tuple[float, float], scale: float
+) -> Transport:
+    start, end = window
+    lag, value, error = (mean_square[name].to_numpy() for name in ("lag", "value", "error"))
+    inside = (lag >= start) & (lag <= end) & (error > 0)
+    slope = np.polyfit(lag[inside], value[inside], 1, w=1 / error[inside])[0]
+    slope_error = error[inside][-1] / (end - start)
+    integral, integral_error = np.nan, np.nan
+    if product is not None:
+        times, running = running_integral(product)
+        inside = (times >= start) & (times <= end)
+        integral = float(np.mean(running[inside]))
+        widths = np.gradient(times)
+        widths[0] = 0.5 * (times[1] - times[0])
+        upto = times <= end
+        integral_error = float(np.sqrt(np.nansum((widths * product["error"].to_numpy())[upto] ** 2)))
+    return Transport(
+        0.5 * scale * slope, 0.5 * scale * slope_error, scale * integral, scale * integral_error, start, end
+    )
 
 
 class CoolingLaw(NamedTuple):

@@ -9,7 +9,7 @@ import pandas as pd
 
 from .column import Column
 from .errors import MissingDataError
-from .layout import Array, complete, component, computing
+from .layout import AXES, Array, complete, component, computing
 from .output import library
 from .text import brief
 
@@ -61,16 +61,22 @@ def balance(file: File) -> dict[str, tuple[str, float]]:
 def columns(file: File) -> tuple[Column, Column, dict[str, Column]]:
     """Time, step and values, by name; reads only the data needed to check that all have the same times."""
     stored, found = file.stored, {}
-    wide = {3, len(file.species_names), *range(1, _WIDEST + 1)}
+    wide = {3, len(file.species_names), len(file.wall_names), *range(1, _WIDEST + 1)}
+    matrices = {(file.dimension, file.dimension), (len(file.wall_names), 3)}
     clock: tuple[Column, Column] | None = None
     for name in names(file):
         place = f"observables/{name}"
         if name in _TAKEN:
             raise stored.wrong(place, f"must not be named so; {', '.join(_TAKEN)} have other meanings")
         kinds = "iu" if name in _COUNTS else "fiu"
-        column = stored.column(f"{place}/value", (None, None) if stored.rank(f"{place}/value") == 2 else (None,), kinds)
-        if column.width and column.width[0] not in wide:
-            raise stored.wrong(column.place, f"has rows of {column.width[0]} numbers; must have 1, 3 or one a species")
+        column = stored.column(f"{place}/value", (None,) * min(max(stored.rank(f"{place}/value"), 1), 3), kinds)
+        if len(column.width) == 2 and column.width not in matrices:
+            allowed = ", ".join(f"{rows} × {columns}" for rows, columns in sorted(matrices))
+            raise stored.wrong(column.place, f"has rows of {column.width} numbers; must have {allowed}")
+        if len(column.width) == 1 and column.width[0] not in wide:
+            raise stored.wrong(
+                column.place, f"has rows of {column.width[0]} numbers; must have 1, 3, one a species or one a wall"
+            )
         found[name] = column
         own = stored.column(f"{place}/time", (None,), "f"), stored.column(f"{place}/step", (None,), "iu")
         clock = clock or own
@@ -100,15 +106,14 @@ def table(file: File) -> pd.DataFrame:
     time, step, values = arrays(file)
     columns: dict[str, Array] = {"time": time, "step": step}
     for name, value in values.items():
-        if value.ndim == 1:
-            columns[name] = value
-        else:
-            for k, label in enumerate(_labels(file, name, value.shape[1])):
-                if f"{name}_{label}" in values:
-                    raise file.stored.wrong(
-                        f"observables/{name}", f"has a component {brief(label)!r} that is an observable, too"
-                    )
-                columns[f"{name}_{label}"] = value[:, k]
+        labels = _labels(file, name, value.shape[1:])
+        for index in np.ndindex(value.shape[1:]):
+            suffix = _joined([labels[k][i] for k, i in enumerate(index)])
+            if suffix and f"{name}{suffix}" in values:
+                raise file.stored.wrong(
+                    f"observables/{name}", f"has a component {brief(suffix[1:])!r} that is an observable, too"
+                )
+            columns[f"{name}{suffix}"] = value[(slice(None), *index)]
     return pd.DataFrame(columns)
 
 
@@ -119,20 +124,40 @@ def dataset(file: File) -> xarray.Dataset:
     variables: dict[str, Any] = {"step": ("time", step)}
     coords: dict[str, Any] = {"time": time}
     for name, value in values.items():
-        if value.ndim == 1:
-            variables[name] = ("time", value)
-            continue
-        labels = _labels(file, name, value.shape[1])
-        dim = "species" if labels is file.species_names else "axis" if len(labels) == 3 else f"{name}_component"
-        variables[name] = (("time", dim), value)
-        coords[dim] = labels
+        labels = _labels(file, name, value.shape[1:])
+        dims = [_dimension(file, name, found) for found in labels]
+        if len(labels) == 2 and labels[0] is not file.wall_names:
+            dims = ["row", "column"]
+        coords |= zip(dims, labels)
+        unit = file.stored.attribute(f"observables/{name}", "unit")
+        variables[name] = (("time", *dims), value, {"units": unit} if isinstance(unit, str) else {})
     with computing(file.path, "xarray"):
         return xarray.Dataset(variables, coords, attrs={"title": file.title, "file": str(file.path)})
 
 
-def _labels(file: File, name: str, width: int) -> list[str]:
-    species = file.species_names
-    # Two species of the same name would share a column.
-    if name.startswith("species_") and width == len(species) == len(set(species)):
-        return species
-    return [component(c, width) for c in range(width)]
+def _labels(file: File, name: str, shape: tuple[int, ...]) -> list[list[str]]:
+    """Names of the components along each axis of a value."""
+    labels = []
+    for axis, width in enumerate(shape):
+        # Two species or walls of the same name would share a column.
+        for prefix, known in (("species_", file.species_names), ("wall_", file.wall_names)):
+            if axis == 0 and name.startswith(prefix) and width == len(known) == len(set(known)):
+                labels.append(known)
+                break
+        else:
+            tensor = len(shape) == 2 and name.startswith("pressure")
+            labels.append([AXES[c] if tensor else component(c, width) for c in range(width)])
+    return labels
+
+
+def _dimension(file: File, name: str, labels: list[str]) -> str:
+    if labels is file.species_names:
+        return "species"
+    if labels is file.wall_names:
+        return "wall"
+    return "axis" if len(labels) == 3 else f"{name}_component"
+
+
+def _joined(labels: list[str]) -> str:
+    """Suffix of a component: `_z-_x` of a wall's force, `_xy` of a tensor."""
+    return "_" + ("" if all(label in AXES for label in labels) else "_").join(labels) if labels else ""

@@ -17,7 +17,7 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
-from . import observables
+from . import measurements, observables
 from .column import LARGEST, SMALLEST, Column
 from .errors import FileError, HaffError, MissingDataError, NotApplicableError
 from .events import Events
@@ -101,7 +101,9 @@ class File:
         self.close()
 
     def __contains__(self, part: object) -> bool:
-        """Whether the file holds ``"frames"``, ``"observables"`` or ``"events"``."""
+        """Whether the file holds ``"frames"``, ``"observables"``, ``"events"``, ``"profiles"``, ``"correlations"``."""
+        if part in ("profiles", "correlations"):
+            return bool(self.stored.members(str(part)))
         try:
             return part in ("frames", "observables", "events") and getattr(self, str(part)) is not None
         except MissingDataError:
@@ -127,6 +129,9 @@ class File:
                 lines.append(f"  {part:<12} {len(table):,} samples of {escaped(', '.join(observables.names(self)))}")
             else:
                 lines.append(f"  {part:<12} {repr(getattr(self, part))[1:-1].split(': ', 1)[1]}")
+        for part in ("profiles", "correlations"):
+            if part in self:
+                lines.append(f"  {part:<12} {escaped(', '.join(self.stored.members(part)))}")
         return "\n".join(lines) + ">"
 
     # --- what was simulated ----------------------------------------------------------------------
@@ -170,6 +175,11 @@ class File:
         most = max(len(self._recorded_names), len(self))
         column.require(species, (species >= 0) & (species < most), f"in [0, {most})")
         return species.astype(np.int64)
+
+    @cached_property
+    def wall_names(self) -> list[str]:
+        """Names of the walls, by the index that event rows use."""
+        return self.stored.texts("parameters/wall_names") or []
 
     @cached_property
     def species_names(self) -> list[str]:
@@ -281,6 +291,29 @@ class File:
         Needs xarray: ``pip install haff[analysis]``.
         """
         return observables.dataset(self)
+
+    @cached_property
+    def profiles(self) -> dict[str, xarray.Dataset]:
+        """The profiles of ``measure.profiles``, by the letters of their axes: ``run.profiles["z"]``.
+
+        Each is a dataset with the dimensions ``time`` and the axes: number density ``density``, ``mass_density``,
+        ``velocity`` (``component``), ``temperature`` and ``pressure`` (``row``, ``column``); every array has its unit
+        in ``attrs["units"]``. A row is the mean over the interval that ends at its time; a cell without particles has
+        no velocity and no temperature, NaN. Raises :class:`MissingDataError` if the scene measured none. Needs xarray:
+        ``pip install haff[analysis]``.
+        """
+        return measurements.profiles(self)
+
+    @cached_property
+    def correlations(self) -> dict[str, xarray.Dataset]:
+        """The correlations in time of ``[measure]``: ``"msd"``, ``"vacf"``, ``"stress"`` and ``"helfand"``.
+
+        Each is a dataset with the dimension ``lag`` [time]: ``value``, its standard ``error`` (NaN for less than eight
+        pairs of states) and ``count``, the number of pairs. Raises :class:`MissingDataError` if the scene measured
+        none. Needs xarray: ``pip install haff[analysis]``. :func:`haff.analysis.self_diffusion` and
+        :func:`haff.analysis.shear_viscosity` take coefficients of transport from them.
+        """
+        return measurements.correlations(self)
 
     def to_mdanalysis(self) -> MDAnalysis.Universe:
         """The trajectory as an MDAnalysis universe; needs ``pip install haff[analysis]``.

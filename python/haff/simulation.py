@@ -4,15 +4,19 @@ from __future__ import annotations
 
 import math
 from functools import cached_property
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
+from . import measurements
 from .frames import Box
 from .layout import AXES
 from .scenes import Scene, compiled, source
+
+if TYPE_CHECKING:
+    import xarray
 
 __all__ = ["Simulation"]
 
@@ -190,6 +194,19 @@ class Simulation:
             else:
                 columns[name] = values
         return pd.DataFrame(columns)
+
+    def take_profiles(self) -> dict[str, xarray.Dataset]:
+        """The rows of ``measure.profiles`` since the last call, as :attr:`haff.File.profiles`."""
+        found = {}
+        for name, columns in self._core.take_profiles().items():
+            time, centers = columns.pop("time"), columns.pop("centers")
+            found[name] = measurements.profile(time, centers, columns)
+        return found
+
+    @property
+    def correlations(self) -> dict[str, xarray.Dataset]:
+        """The correlations in time of ``[measure]`` so far, as :attr:`haff.File.correlations`."""
+        return {name: measurements.correlation(name, columns) for name, columns in self._core.correlations().items()}
 
     # --- the scene ---------------------------------------------------------------------------
 

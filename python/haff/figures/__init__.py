@@ -13,7 +13,19 @@ from ..layout import computing
 from ..output import replacing
 from ..reader import File
 from ..text import escaped
-from . import closed_form, ledger, losses, snapshot, structure, temperature, trajectories, velocity
+from . import (
+    closed_form,
+    ledger,
+    losses,
+    msd,
+    profiles,
+    snapshot,
+    stress,
+    structure,
+    temperature,
+    trajectories,
+    velocity,
+)
 from .style import style
 
 __all__ = ["KINDS", "Kind", "Result", "draw", "save_all"]
@@ -31,6 +43,9 @@ KINDS: dict[str, Kind] = {
     "energy": Kind(ledger.draw, "energy ledger: where the energy went, and its residual"),
     "velocity": Kind(velocity.draw, "velocity distribution with its Sonine correction"),
     "structure": Kind(structure.draw, "pair distribution g(r) with the contact value of theory"),
+    "profiles": Kind(profiles.draw, "density, temperature and pressure along an axis, or maps"),
+    "msd": Kind(msd.draw, "mean square displacement with its slope, and the running coefficient of self-diffusion"),
+    "stress": Kind(stress.draw, "pressure tensor, and the running shear viscosity"),
     "snapshot": Kind(snapshot.draw, "picture of a frame"),
     "losses": Kind(losses.draw, "histogram of the energy lost per event"),
     "closed_form": Kind(closed_form.draw, "few bodies: heights, angles, compression or velocities against theory"),

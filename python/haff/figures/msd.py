@@ -1,0 +1,59 @@
+"""Mean square displacement and velocity autocorrelation, with the coefficient of self-diffusion."""
+
+from __future__ import annotations
+
+import numpy as np
+from matplotlib.figure import Figure
+
+from .. import analysis
+from ..errors import NotApplicableError
+from ..reader import File
+from .style import BLUE, GREEN, GREY, RED, headline, number
+from .temperature import facts
+
+
+def draw(file: File) -> Figure:
+    """⟨|Δr|²⟩ against lag with its slope, and the running coefficients of Einstein and of Green and Kubo below."""
+    found = file.correlations
+    if "msd" not in found:
+        raise NotApplicableError("no mean square displacement (set measure.msd in the scene)")
+    msd, d = found["msd"], file.dimension
+    lag, value, error = (msd[name].to_numpy() for name in ("lag", "value", "error"))
+    if len(lag) < 8 or not value[-1] > 0:
+        raise NotApplicableError("fewer than eight lags of the mean square displacement")
+    result = analysis.self_diffusion(file)
+
+    figure = Figure(figsize=(6.4, 6.2), layout="constrained")
+    top, below = figure.subplots(2, 1, sharex=True, height_ratios=(1.6, 1))
+    top.loglog(lag, value, "o", color=BLUE, ms=3, label="simulation")
+    known = np.isfinite(error)
+    top.fill_between(lag[known], *_band(value[known], error[known]), color=BLUE, alpha=0.25, lw=0)
+    window = np.array([result.start, result.end])
+    offset = np.interp(result.end, lag, value) - 2 * d * result.einstein * result.end
+    top.loglog(window, offset + 2 * d * result.einstein * window, color=RED, lw=2.5, alpha=0.7,
+               label=rf"slope $2dD$,  $D$ = {number(result.einstein)} ± {result.einstein_error:.1g}")  # fmt: skip
+    if "vacf" in found:
+        start = float(found["vacf"]["value"][0])
+        early = lag[lag <= max(lag[0], np.sqrt(np.interp(result.start, lag, value) / start))]
+        top.loglog(early, start * early**2, color=GREY, lw=1.2, ls="--", label=r"$\langle v^2\rangle t^2$")
+    top.set_ylabel(r"$\langle|\mathbf{r}(t)-\mathbf{r}(0)|^2\rangle$  [length²]")
+    top.legend(loc="upper left")
+
+    running = np.gradient(value, lag) / (2 * d)
+    below.semilogx(lag, running, color=BLUE, lw=1.3, label="Einstein, slope of the above")
+    if "vacf" in found:
+        times, integral = analysis.running_integral(found["vacf"])
+        below.semilogx(times[1:], integral[1:] / d, color=GREEN, lw=1.3, label="Green–Kubo")
+    below.axvspan(*window, color=GREY, alpha=0.15, lw=0)
+    below.axhline(result.einstein, color=RED, lw=1, alpha=0.7)
+    below.set_ylim(0, 1.6 * result.einstein if result.einstein > 0 else None)
+    below.set_xlabel("lag $t$  [scene’s unit of time]")
+    below.set_ylabel("$D(t)$  [length²/time]")
+    below.legend(loc="lower right")
+    headline(figure, "Self-diffusion", facts(file))
+    return figure
+
+
+def _band(value: np.ndarray, error: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Two errors to both sides, positive for the logarithmic axis."""
+    return np.maximum(value - 2 * error, 1e-3 * value), value + 2 * error
