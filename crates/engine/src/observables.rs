@@ -202,7 +202,9 @@ impl Quantity {
             Self::Count(value) => numbers.push(value(sample) as f64),
             Self::Vector(value) => numbers.extend(value(sample).to_array()),
             Self::PerSpecies(values) | Self::PerWall(values) => numbers.extend(values(sample)),
-            Self::VectorPerWall(values) => numbers.extend(values(sample).iter().flat_map(|v| v.to_array())),
+            Self::VectorPerWall(values) => {
+                numbers.extend(values(sample).iter().flat_map(DVec3::to_array));
+            }
             Self::Tensor(value) => numbers.extend(leading(&value(sample), sizes.dimension)),
             Self::Term(term) => numbers.push(sample.ledger.term(term)),
         }

@@ -407,8 +407,8 @@ impl World {
 
     /// Sets the anchor of particle i to the present if its prediction has a contact with a wall before.
     ///
-    /// After an impact with e = 0 a grain and a wall have the same velocity, but for rounding. A new tick changes
-    /// the rounding, and a contact can appear at the time of an anchor that had none.
+    /// After an impact with e = 0 a grain and a wall have the same velocity, but for rounding. A new tick
+    /// changes the rounding, and a contact can appear at the time of an anchor that had none.
     pub fn drop_past_wall_contacts(&mut self, i: u32) {
         let anchor = self.particles[i as usize];
         let class = *self.class(i);

@@ -160,8 +160,8 @@ pub trait Observer {
     fn profile(&mut self, _row: ProfileRow) {}
 }
 
-/// The velocities that one event changes: an impact, or the kick of a drive. What gravity and the end of a series
-/// of bounces change is not included.
+/// The velocities that one event changes: an impact, or the kick of a drive. What gravity and the end of a
+/// series of bounces change is not included.
 #[derive(Debug, Clone, Copy)]
 pub struct Exchange<'a> {
     /// Time of the event \[time\].
@@ -201,8 +201,8 @@ pub enum Partner {
     Drive,
 }
 
-/// One row of a profile, with values by cell of its [`Grid`](crate::Grid): means over the interval that ends at
-/// its time.
+/// One row of a profile, with values by cell of its [`Grid`](crate::Grid): means over the interval that ends
+/// at its time.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct ProfileRow {
     /// Index of the profile.
@@ -264,9 +264,9 @@ pub struct Sample {
     pub pressure: Option<f64>,
     /// Mean pressure tensor since the previous sample, if it is measured; NaN in the first sample.
     pub stress: Option<StressTensor>,
-    /// Mean force of the particles on each wall since the previous sample [mass·length/time²], and the heat that it
-    /// gives to them [energy/time]: energy in the frame of the wall, so without its work. Empty if they are not
-    /// measured; NaN in the first sample.
+    /// Mean force of the particles on each wall since the previous sample [mass·length/time²], and the heat
+    /// that it gives to them [energy/time]: energy in the frame of the wall, so without its work. Empty if
+    /// they are not measured; NaN in the first sample.
     pub wall_force: Vec<DVec3>,
     /// See [`Self::wall_force`].
     pub wall_heat_flow: Vec<f64>,

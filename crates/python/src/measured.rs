@@ -6,8 +6,8 @@ use pyo3::{prelude::*, types::PyDict};
 
 use crate::arrays::column;
 
-/// All rows of all profiles: by the letters of the axes a dict with `time`, the centers of the cells by axis, and
-/// the fields, each `[rows][bins...]` and the shape of the value in a cell.
+/// All rows of all profiles: by the letters of the axes a dict with `time`, the centers of the cells by axis,
+/// and the fields, each `[rows][bins...]` and the shape of the value in a cell.
 pub fn profiles<'py>(
     py: Python<'py>,
     grids: &[Grid],
@@ -33,7 +33,7 @@ pub fn profiles<'py>(
         table.set_item("centers", centers)?;
         table.set_item("density", field(&|row| row.density.clone(), &[])?)?;
         table.set_item("mass_density", field(&|row| row.mass_density.clone(), &[])?)?;
-        let velocity = |row: &ProfileRow| row.velocity.iter().flat_map(|v| v.to_array()).collect();
+        let velocity = |row: &ProfileRow| row.velocity.iter().flat_map(glam::DVec3::to_array).collect();
         table.set_item("velocity", field(&velocity, &[3])?)?;
         table.set_item("temperature", field(&|row| row.temperature.clone(), &[])?)?;
         table.set_item("pressure", field(&|row| row.pressure.clone(), &[dimension; 2])?)?;

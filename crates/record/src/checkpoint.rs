@@ -1,10 +1,10 @@
 //! Checkpoints: two slots, written alternately, so that one of them is complete at any instant.
 //!
 //! A slot is valid when the checksum in its `header`, which is written last, fits its content. The header is
-//! `[sequence, frames, samples, events, tail, scalars, resting, measured, checksum]`: a running number that shows which
-//! slot is newer, the rows that trajectory, observables and event log have at that moment (those of the event
-//! log including its `tail` rows that do not fill a chunk and are stored here), the number of scalars, the
-//! number of entries of `resting`, the number of words of the measurements.
+//! `[sequence, frames, samples, events, tail, scalars, resting, measured, checksum]`: a running number that
+//! shows which slot is newer, the rows that trajectory, observables and event log have at that moment (those
+//! of the event log including its `tail` rows that do not fill a chunk and are stored here), the number of
+//! scalars, the number of entries of `resting`, the number of words of the measurements.
 
 use glam::DVec3;
 use haff_engine::{Checkpoint, EventRecord};

@@ -118,6 +118,8 @@ pub(crate) struct Parameters {
     /// Number of species whose temperatures are recorded.
     pub species_sampled: Option<usize>,
     pub wall_names: Vec<String>,
+    /// Number of walls on which the forces are recorded.
+    pub walls_sampled: Option<usize>,
     pub summary: Option<String>,
     pub complete: bool,
 }
@@ -152,6 +154,7 @@ impl Parameters {
         let summary = if group.link_exists("summary") { Some(group.dataset("summary")?) } else { None };
         let sampled = "observables/species_temperature";
         let species_names = texts(group, "species_names", path)?;
+        let wall_names = texts(group, "wall_names", path)?;
         let count = |name: &str| -> hdf5::Result<u64> {
             Ok(elements(&file.dataset(&format!("particles/all/{name}"))?.get_shape()?))
         };
@@ -185,7 +188,9 @@ impl Parameters {
             species_sampled: (file.link_exists("observables") && file.link_exists(sampled))
                 .then_some(species_names.len()),
             species_names,
-            wall_names: texts(group, "wall_names", path)?,
+            walls_sampled: (file.link_exists("observables") && file.link_exists("observables/wall_force"))
+                .then_some(wall_names.len()),
+            wall_names,
             complete: match &summary {
                 Some(summary) => read_attribute::<u8>(&summary.attr("complete")?, 1)? != [0],
                 None => false,

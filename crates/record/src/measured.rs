@@ -38,7 +38,7 @@ const FIELDS: [Field; 5] = [
         name: "velocity",
         unit: "length/time",
         shape: |_| vec![3],
-        values: |row| row.velocity.iter().flat_map(|v| v.to_array()).collect(),
+        values: |row| row.velocity.iter().flat_map(glam::DVec3::to_array).collect(),
     },
     Field {
         name: "temperature",

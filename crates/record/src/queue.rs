@@ -27,7 +27,7 @@ const MAX_FREE_BUFFERS: usize = 4;
 #[derive(Debug)]
 pub(crate) enum Message {
     Frame(Frame),
-    Sample(Sample),
+    Sample(Box<Sample>),
     Events(Vec<EventRecord>),
     Profile(ProfileRow),
     Correlations(Vec<Correlation>),
@@ -45,7 +45,9 @@ impl Message {
     fn bytes(&self) -> usize {
         match self {
             Self::Frame(frame) => frame.position.len() * FRAME_BYTES,
-            Self::Sample(sample) => size_of::<Sample>() + 8 * sample.species_temperature.len(),
+            Self::Sample(sample) => {
+                size_of::<Sample>() + 8 * (sample.species_temperature.len() + 4 * sample.wall_force.len())
+            }
             Self::Events(events) => size_of_val(events.as_slice()),
             Self::Profile(row) => 8 * (4 * row.density.len() + 3 * row.velocity.len() + row.pressure.len()),
             Self::Correlations(correlations) => 32 * correlations.iter().map(|c| c.lag.len()).sum::<usize>(),

@@ -42,6 +42,8 @@ pub(crate) struct Contents {
     pub particles: usize,
     /// Number of species; `None` if their temperatures are not recorded.
     pub species: Option<usize>,
+    /// Number of walls; `None` if the forces on them are not recorded.
+    pub walls: Option<usize>,
     pub frames: bool,
     pub observables: bool,
     pub events: bool,
@@ -72,6 +74,7 @@ impl Recorder {
         let contents = Contents {
             particles: header.species.len(),
             species: Some(header.species_names.len()).filter(|&count| header.observables && count > 0),
+            walls: Some(header.wall_names.len()).filter(|_| header.observables && header.present.wall_forces),
             frames: header.frames,
             observables: header.observables,
             events: !header.events.is_empty(),
@@ -148,8 +151,12 @@ impl Recorder {
         if let Some(species) = self.contents.species.filter(|&species| species != found) {
             return Err(self.unfit(format!("temperatures of {found} species; the file has {species}")));
         }
+        let found = sample.wall_force.len();
+        if let Some(walls) = self.contents.walls.filter(|&walls| walls != found) {
+            return Err(self.unfit(format!("forces on {found} walls; the file has {walls}")));
+        }
         if self.contents.observables || self.producer.is_none() {
-            self.send(Message::Sample(sample))
+            self.send(Message::Sample(Box::new(sample)))
         } else {
             Ok(())
         }

@@ -83,6 +83,7 @@ impl Recorder {
         let contents = Contents {
             particles: parameters.particles,
             species: parameters.species_sampled,
+            walls: parameters.walls_sampled,
             frames: datasets.trajectory.is_some(),
             observables: datasets.observables.is_some(),
             events: datasets.events.is_some(),

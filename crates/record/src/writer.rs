@@ -176,7 +176,7 @@ impl Writer {
             Message::Sample(sample) => {
                 self.dirty = true;
                 self.progress.samples += 1;
-                self.samples.push(sample);
+                self.samples.push(*sample);
                 if self.samples.len() >= SAMPLE_BATCH { self.write_samples() } else { Ok(()) }
             }
             Message::Checkpoint(state) => {

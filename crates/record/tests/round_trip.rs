@@ -135,7 +135,8 @@ fn check(path: &std::path::Path, particles: usize, frames: u64, samples: u64, ev
     assert!(column::<f64>(&file, "observables/species_temperature/value") == species, "temperatures differ");
     let collisions: Vec<i64> = (0..samples as i64).map(|k| 4 * k).collect();
     assert_eq!(column::<i64>(&file, "observables/collisions/value"), collisions);
-    let forces: Vec<f64> = expected.iter().flat_map(|s| &s.wall_force).flat_map(|v| v.to_array()).collect();
+    let forces: Vec<f64> =
+        expected.iter().flat_map(|s| &s.wall_force).flat_map(glam::DVec3::to_array).collect();
     assert_eq!(shape(&file, "observables/wall_force/value"), [samples as usize, 2, 3]);
     assert!(column::<f64>(&file, "observables/wall_force/value") == forces, "forces on walls differ");
     let d = column::<u32>(&file, "parameters/dimension")[0] as usize;

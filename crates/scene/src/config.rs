@@ -399,10 +399,11 @@ pub struct DriveConfig {
 #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct MeasureConfig {
-    /// The pressure tensor, as the mean since the previous sample: `observables/pressure_tensor` and its parts.
+    /// The pressure tensor, as the mean since the previous sample: `observables/pressure_tensor` and its
+    /// parts.
     pub stress: Option<bool>,
-    /// The force of the particles on each wall and the heat that it gives to them, as means since the previous
-    /// sample: `observables/wall_force` and `observables/wall_heat_flow`.
+    /// The force of the particles on each wall and the heat that it gives to them, as means since the
+    /// previous sample: `observables/wall_force` and `observables/wall_heat_flow`.
     pub wall_forces: Option<bool>,
     /// Profiles along an axis, or on a grid: density, velocity, temperature and pressure tensor.
     pub profiles: Option<Vec<ProfileConfig>>,
@@ -440,8 +441,8 @@ pub struct ProfileConfig {
     #[serde(deserialize_with = "shapes::whole")]
     #[schemars(range(min = 1))]
     pub samples: Option<i64>,
-    /// The range that the cells divide [length], two numbers for each axis; default the box. An open axis needs
-    /// it.
+    /// The range that the cells divide [length], two numbers for each axis; default the box. An open axis
+    /// needs it.
     #[schemars(length(min = 2, max = 6))]
     pub range: Option<Vec<f64>>,
 }

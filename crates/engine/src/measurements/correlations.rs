@@ -93,9 +93,9 @@ struct StressCorrelation {
     helfand: MultipleTau,
 }
 
-/// The symmetric traceless part of a tensor as independent components of equal variance: P_xy, (P_xx − P_yy)/2,
-/// and in three dimensions P_xz, P_yz, (P_xx + P_yy − 2 P_zz)/(2√3). The mean of their squares is the variance of
-/// P_xy (P. J. Daivis, D. J. Evans, J. Chem. Phys. 100, 541 (1994)).
+/// The symmetric traceless part of a tensor as independent components of equal variance: P_xy, (P_xx −
+/// P_yy)/2, and in three dimensions P_xz, P_yz, (P_xx + P_yy − 2 P_zz)/(2√3). The mean of their squares is
+/// the variance of P_xy (P. J. Daivis, D. J. Evans, J. Chem. Phys. 100, 541 (1994)).
 fn traceless(tensor: &Tensor, dimension: usize) -> Vec<f64> {
     let [xx, xy, xz, yx, yy, yz, zx, zy, zz] = *tensor;
     let mut components = vec![0.5 * (xy + yx), 0.5 * (xx - yy)];
@@ -212,7 +212,7 @@ impl Measurement for Correlator {
             let lags = correlation.lags();
             found.push(Correlation {
                 name: kind.name,
-                lag: lags.iter().map(|lag| self.time(lag.lag)).collect(),
+                lag: lags.iter().map(|lag| self.time(lag.steps)).collect(),
                 value: lags.iter().map(|lag| lag.value).collect(),
                 error: lags.iter().map(|lag| lag.error).collect(),
                 count: lags.iter().map(|lag| lag.count).collect(),

@@ -1,9 +1,11 @@
 /*!
-Measurements while a run goes on: the pressure tensor, the forces on walls, profiles, and correlations in time.
+Measurements while a run goes on: the pressure tensor, the forces on walls, profiles, and correlations in
+time.
 
-A measurement receives every change of velocity ([`Exchange`]), takes states at its own times, and adds its values
-to samples, rows of profiles or correlations. It never changes the state, so that no measurement changes a
-trajectory. Without measurements none of this is called: the event loop then computes no [`Exchange`].
+A measurement receives every change of velocity ([`Exchange`]), takes states at its own times, and adds its
+values to samples, rows of profiles or correlations. It never changes the state, so that no measurement
+changes a trajectory. Without measurements none of this is called: the event loop then computes no
+[`Exchange`].
 
 A new measurement is one more field of [`Measure`] and a [`Measurement`] in a file of its own.
 */

@@ -1,10 +1,10 @@
 //! Correlations in time at lags that are spaced nearly logarithmically, computed while states come in.
 //!
-//! The multiple-tau correlator: the lags of the first level are multiples of the interval between states, and each
-//! further level takes every second state of the one before (D. Frenkel, B. Smit, Understanding Molecular
-//! Simulation, section 4.4.2), or the mean of two for noisy signals (J. Ramírez, S. K. Sukumaran, B. Vorselaars,
-//! A. E. Likhtman, J. Chem. Phys. 133, 154103 (2010)). Errors of the means are those of blocks of growing length
-//! (H. Flyvbjerg, H. G. Petersen, J. Chem. Phys. 91, 461 (1989)).
+//! The multiple-tau correlator: the lags of the first level are multiples of the interval between states, and
+//! each further level takes every second state of the one before (D. Frenkel, B. Smit, Understanding
+//! Molecular Simulation, section 4.4.2), or the mean of two for noisy signals (J. Ramírez, S. K. Sukumaran,
+//! B. Vorselaars, A. E. Likhtman, J. Chem. Phys. 133, 154103 (2010)). Errors of the means are those of blocks
+//! of growing length (H. Flyvbjerg, H. G. Petersen, J. Chem. Phys. 91, 461 (1989)).
 
 use std::collections::VecDeque;
 
@@ -58,12 +58,11 @@ impl Blocks {
             let deviation = value - block.mean;
             block.mean += deviation / block.count as f64;
             block.squares += deviation * (value - block.mean);
-            match block.pending.take() {
-                Some(first) => value = 0.5 * (first + value),
-                None => {
-                    block.pending = Some(value);
-                    return;
-                }
+            if let Some(first) = block.pending.take() {
+                value = 0.5 * (first + value);
+            } else {
+                block.pending = Some(value);
+                return;
             }
         }
     }
@@ -139,7 +138,7 @@ pub(super) struct MultipleTau {
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct Lag {
     /// In intervals.
-    pub lag: u64,
+    pub steps: u64,
     pub value: f64,
     pub error: f64,
     /// Number of pairs of states.
@@ -182,7 +181,7 @@ impl MultipleTau {
                     return;
                 };
                 state.iter_mut().zip(first).for_each(|(later, first)| *later = 0.5 * (first + *later));
-            } else if level.seen % 2 == 0 || level.seen == 1 {
+            } else if level.seen.is_multiple_of(2) || level.seen == 1 {
                 return;
             }
         }
@@ -192,7 +191,7 @@ impl MultipleTau {
     pub fn lags(&self) -> Vec<Lag> {
         let of_level = |(k, level): (usize, &Level)| {
             let lag = |(lag, blocks): (usize, &Blocks)| Lag {
-                lag: (lag as u64) << k,
+                steps: (lag as u64) << k,
                 value: blocks.mean(),
                 error: blocks.error(),
                 count: blocks.count(),
@@ -273,19 +272,21 @@ mod tests {
         let values = signal(1000);
         for operation in [Operation::SquareDifference, Operation::Product] {
             let mut correlation = MultipleTau::new(operation, 1, 1.0);
-            values.iter().for_each(|&value| correlation.add(vec![value]));
+            for &value in &values {
+                correlation.add(vec![value]);
+            }
             let lags = correlation.lags();
-            let first = if operation == Operation::Product { 0 } else { 1 };
-            assert_eq!(lags[0].lag, first);
-            assert_eq!(lags.last().map(|lag| lag.lag), Some(960), "15 · 64 of 1000 states");
-            assert!(lags.windows(2).all(|pair| pair[0].lag < pair[1].lag));
+            let first = u64::from(operation != Operation::Product);
+            assert_eq!(lags[0].steps, first);
+            assert_eq!(lags.last().map(|lag| lag.steps), Some(960), "15 · 64 of 1000 states");
+            assert!(lags.windows(2).all(|pair| pair[0].steps < pair[1].steps));
             for lag in lags {
-                let every = (lag.lag.max(1).div_ceil(16) as usize).next_power_of_two();
-                let exact = direct(&values, lag.lag as usize, every, |a, b| match operation {
+                let every = (lag.steps.max(1).div_ceil(16) as usize).next_power_of_two();
+                let exact = direct(&values, lag.steps as usize, every, |a, b| match operation {
                     Operation::SquareDifference => (a - b).powi(2),
                     _ => a * b,
                 });
-                assert!((lag.value - exact).abs() < 1e-12, "lag {}: {} and {exact}", lag.lag, lag.value);
+                assert!((lag.value - exact).abs() < 1e-12, "lag {}: {} and {exact}", lag.steps, lag.value);
             }
         }
     }
@@ -294,10 +295,12 @@ mod tests {
     fn means_of_states_keep_the_integral_of_a_correlation() {
         let values = signal(1 << 14);
         let mut correlation = MultipleTau::new(Operation::ProductOfMeans, 1, 1.0);
-        values.iter().for_each(|&value| correlation.add(vec![value]));
+        for &value in &values {
+            correlation.add(vec![value]);
+        }
         // For the autoregressive signal: variance (1/12)/(1 − 0.64) and correlation 0.8^lag.
-        for lag in correlation.lags().iter().filter(|lag| lag.lag <= 16) {
-            let exact = 0.8_f64.powi(lag.lag as i32) / 12.0 / 0.36;
+        for lag in correlation.lags().iter().filter(|lag| lag.steps <= 16) {
+            let exact = 0.8_f64.powi(lag.steps as i32) / 12.0 / 0.36;
             assert!((lag.value - exact).abs() < 4.0 * lag.error, "{lag:?}, exactly {exact}");
         }
     }
@@ -309,7 +312,9 @@ mod tests {
         let (mut means, mut errors) = (Vec::new(), 0.0);
         for run in values.chunks(length) {
             let mut blocks = Blocks::default();
-            run.iter().for_each(|&value| blocks.add(value));
+            for &value in run {
+                blocks.add(value);
+            }
             means.push(blocks.mean());
             errors += blocks.error() / runs as f64;
         }
@@ -327,14 +332,20 @@ mod tests {
             let mut whole = MultipleTau::new(operation, 2, 2.0);
             let mut part = whole.clone();
             let states: Vec<Vec<f64>> = values.chunks_exact(2).map(<[f64]>::to_vec).collect();
-            states.iter().for_each(|state| whole.add(state.clone()));
-            states[..101].iter().for_each(|state| part.add(state.clone()));
+            for state in &states {
+                whole.add(state.clone());
+            }
+            for state in &states[..101] {
+                part.add(state.clone());
+            }
             let mut words = Vec::new();
             part.save(&mut words);
             let mut resumed = MultipleTau::new(operation, 2, 2.0);
             let mut reader = Words::new(&words);
             assert!(resumed.load(&mut reader).is_ok() && reader.finish().is_ok());
-            states[101..].iter().for_each(|state| resumed.add(state.clone()));
+            for state in &states[101..] {
+                resumed.add(state.clone());
+            }
             assert_eq!(format!("{:?}", resumed.lags()), format!("{:?}", whole.lags()));
             for end in 0..words.len() {
                 assert!(MultipleTau::new(operation, 2, 2.0).load(&mut Words::new(&words[..end])).is_err());

@@ -1,10 +1,10 @@
-//! Profiles along one, two or three axes: densities, velocity, temperature and pressure tensor in the cells of a
-//! grid.
+//! Profiles along one, two or three axes: densities, velocity, temperature and pressure tensor in the cells
+//! of a grid.
 //!
-//! The fields are those of I. Goldhirsch, Granular Matter 12, 239 (2010), with the cell as the coarse-graining
-//! function: what particles have counts in the cell of their center, averaged over several states; what a contact
-//! transfers counts in each cell with the part of the line between the centers that is inside, for all contacts
-//! of the interval. So the sums over all cells are those of the system.
+//! The fields are those of I. Goldhirsch, Granular Matter 12, 239 (2010), with the cell as the
+//! coarse-graining function: what particles have counts in the cell of their center, averaged over several
+//! states; what a contact transfers counts in each cell with the part of the line between the centers that is
+//! inside, for all contacts of the interval. So the sums over all cells are those of the system.
 
 use glam::DVec3;
 

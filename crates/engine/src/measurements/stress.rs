@@ -1,10 +1,10 @@
 //! The pressure tensor, as the mean over an interval.
 //!
-//! V P = ⟨Σ m v ⊗ v⟩ + (1/Δt) Σ r ⊗ J, with the vector r between the centers of two particles in contact and the
-//! impulse J on the one to which it points (J. H. Irving, J. G. Kirkwood, J. Chem. Phys. 18, 817 (1950)). Particles
-//! without acceleration have constant velocities between events, so that the integral of the first term over the
-//! interval is its value at the end times Δt, minus every change times the time before it. With gravity, or on
-//! walls that carry grains, it is the mean of the values at both ends.
+//! V P = ⟨Σ m v ⊗ v⟩ + (1/Δt) Σ r ⊗ J, with the vector r between the centers of two particles in contact and
+//! the impulse J on the one to which it points (J. H. Irving, J. G. Kirkwood, J. Chem. Phys. 18, 817 (1950)).
+//! Particles without acceleration have constant velocities between events, so that the integral of the first
+//! term over the interval is its value at the end times Δt, minus every change times the time before it. With
+//! gravity, or on walls that carry grains, it is the mean of the values at both ends.
 
 use glam::DVec3;
 
@@ -107,8 +107,8 @@ impl StressSums {
         }
     }
 
-    /// The mean over the interval that ends at `time`, which is the present, with `momentum` ⊗ velocity of the
-    /// center of mass taken off; NaN for an empty interval. Starts the next interval.
+    /// The mean over the interval that ends at `time`, which is the present, with `momentum` ⊗ velocity of
+    /// the center of mass taken off; NaN for an empty interval. Starts the next interval.
     pub fn finish(&mut self, world: &World, time: f64, drift: Tensor) -> StressTensor {
         let (span, volume) = (time - self.since, self.volume);
         let end = kinetic(world);

@@ -20,8 +20,8 @@ use crate::{
 struct WallSum {
     /// Impulse on the particles by impacts [mass·length/time].
     impulse: Total,
-    /// Energy given to the particles in the frame of the wall: that of thermal reflections, minus the losses of
-    /// impacts \[energy\].
+    /// Energy given to the particles in the frame of the wall: that of thermal reflections, minus the losses
+    /// of impacts \[energy\].
     heat: Sum,
     /// Force on the particles that rest on the wall.
     support: Force,
@@ -108,8 +108,8 @@ impl World {
         }
     }
 
-    /// Adds the force by which walls support particle i from `ticks` on to the sums of the walls, or takes it off
-    /// (`sign` −1), if these are measured.
+    /// Adds the force by which walls support particle i from `ticks` on to the sums of the walls, or takes it
+    /// off (`sign` −1), if these are measured.
     pub fn change_support_of_walls(&mut self, i: u32, sign: f64, ticks: i64) {
         let class = *self.class(i);
         if self.wall_sums.is_none() || class.inverse_mass == 0.0 {
@@ -140,7 +140,8 @@ impl World {
         shares(&normals, vector).into_iter().map(|(k, share)| (walls[k], share)).collect()
     }
 
-    /// Adds to a sample the force on each wall and the heat that it gives, as means since the previous sample.
+    /// Adds to a sample the force on each wall and the heat that it gives, as means since the previous
+    /// sample.
     pub fn complete_walls(&mut self, time: f64, sample: &mut Sample) {
         let Some(mut sums) = self.wall_sums.take() else { return };
         let carried = self.carried_by_wall();
@@ -180,7 +181,8 @@ impl World {
 }
 
 /// The components of a vector along at most three normals that span it: (index of the normal, component). Of
-/// several possible ones the first, with as few normals as possible, whose components point along the normals.
+/// several possible ones the first, with as few normals as possible, whose components point along the
+/// normals.
 fn shares(normals: &[DVec3], vector: DVec3) -> Vec<(usize, DVec3)> {
     let noise = 1e-12 * vector.length();
     if vector == DVec3::ZERO {

@@ -180,14 +180,13 @@ impl Assembler<'_> {
         output: &OutputPlan,
     ) -> f64 {
         let path = at(["measure", "interval"]);
-        let interval = match (config.interval, output.observables) {
-            (Some(interval), _) | (None, Schedule::Every(interval)) => interval,
-            (None, _) => {
-                let why =
-                    "missing: the shortest lag of correlations, since output.observables is not an interval";
-                self.document.report_missing(&path, why);
-                return 1.0;
-            }
+        let of_samples =
+            if let Schedule::Every(interval) = output.observables { Some(interval) } else { None };
+        let Some(interval) = config.interval.or(of_samples) else {
+            let why =
+                "missing: the shortest lag of correlations, since output.observables is not an interval";
+            self.document.report_missing(&path, why);
+            return 1.0;
         };
         if run.until.is_some_and(|until| until / interval > MAX_RECORDS) {
             self.document.report(&path, "makes more than 1e8 states until run.until");
