@@ -1,6 +1,12 @@
 //! Commands written in Python, such as `haff plot`: passed on to the package haff.
 
-use std::{env, ffi::OsString, mem, path::PathBuf, process::Command};
+use std::{
+    env,
+    ffi::OsString,
+    mem,
+    path::{Path, PathBuf},
+    process::Command,
+};
 
 use clap::CommandFactory;
 
@@ -27,6 +33,25 @@ fn interpreter() -> PathBuf {
         .flat_map(|folder| ["python3", "python", "python.exe"].map(|name| folder.join(name)))
         .find(|path| path.is_file())
         .unwrap_or_else(|| PathBuf::from("python3"))
+}
+
+/// The state in a file of another program, as `haff.foreign.main` writes it.
+pub fn foreign_state(path: &Path, index: i64) -> Result<Vec<u8>, String> {
+    /// As [`PROGRAM`].
+    const READ: &str = "\
+import importlib.util, sys
+if importlib.util.find_spec('haff') is None:
+    sys.exit(127)
+from haff import foreign
+sys.exit(foreign.main(sys.argv[1], int(sys.argv[2])))";
+    let done = Command::new(interpreter()).args(["-c", READ]).arg(path).arg(index.to_string()).output();
+    let needs = "needs the Python package haff: pip install . in the sources of haff";
+    let done = done.map_err(|error| format!("{}: {needs}; {error}", path.display()))?;
+    match done.status.code() {
+        Some(0) => Ok(done.stdout),
+        Some(NO_PACKAGE) => Err(format!("{}: {needs}", path.display())),
+        _ => Err(String::from_utf8_lossy(&done.stderr).lines().last().unwrap_or("cannot be read").to_owned()),
+    }
 }
 
 /// Runs `python -m haff COMMAND …` and returns its exit status.

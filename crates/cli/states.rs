@@ -2,21 +2,30 @@
 
 use std::path::{Path, PathBuf};
 
+use glam::DVec3;
 use haff_scene::{State, StateSource};
+use serde::Deserialize;
+
+use crate::python;
 
 /// Reads the states that scenes start from.
 pub struct States;
 
 impl StateSource for States {
-    fn last_state(&self, path: &Path) -> Result<State, String> {
-        let state = haff_record::last_state(path).map_err(|error| error.to_string())?;
+    fn state(&self, path: &Path, index: i64) -> Result<State, String> {
+        let ending = path.extension().map(|ending| ending.to_string_lossy().to_lowercase());
+        if ending.is_some_and(|ending| FOREIGN.contains(&ending.as_str())) {
+            return foreign(path, index);
+        }
+        let state = haff_record::state(path, index).map_err(|error| error.to_string())?;
         Ok(State {
-            size: state.box_size,
+            size: Some(state.box_size),
             position: state.position,
-            velocity: state.velocity,
-            image: state.image,
+            velocity: Some(state.velocity),
+            image: Some(state.image),
             radius: state.radius,
-            mass: state.mass,
+            mass: Some(state.mass),
+            precision: 0.0,
         })
     }
 }
@@ -26,7 +35,43 @@ impl StateSource for States {
 pub struct OwnStates(pub PathBuf);
 
 impl StateSource for OwnStates {
-    fn last_state(&self, path: &Path) -> Result<State, String> {
-        States.last_state(&self.0).or_else(|_| States.last_state(path))
+    fn state(&self, path: &Path, index: i64) -> Result<State, String> {
+        States.state(&self.0, -1).or_else(|_| States.state(path, index))
     }
+}
+
+/// Endings of files of other programs.
+const FOREIGN: [&str; 4] = ["gsd", "xyz", "extxyz", "csv"];
+
+/// What the Python package writes before the numbers.
+#[derive(Debug, Deserialize)]
+struct Header {
+    count: usize,
+    size: Option<[f64; 3]>,
+    precision: f64,
+    velocity: bool,
+    mass: bool,
+}
+
+/// Reads a file of another program through the Python package, which has the libraries for it.
+fn foreign(path: &Path, index: i64) -> Result<State, String> {
+    let bytes = python::foreign_state(path, index)?;
+    let damaged = || format!("{}: the Python package has returned no state", path.display());
+    let end = bytes.iter().position(|&byte| byte == b'\n').ok_or_else(damaged)?;
+    let header: Header = serde_json::from_slice(&bytes[..end]).map_err(|_| damaged())?;
+    let mut numbers = bytes[end + 1..].as_chunks::<8>().0.iter().map(|&bytes| f64::from_le_bytes(bytes));
+    let mut reals = |count: usize| -> Result<Vec<f64>, String> {
+        let values: Vec<f64> = numbers.by_ref().take(count).collect();
+        if values.len() == count { Ok(values) } else { Err(damaged()) }
+    };
+    let vectors = |flat: Vec<f64>| flat.chunks_exact(3).map(DVec3::from_slice).collect::<Vec<_>>();
+    Ok(State {
+        size: header.size.map(DVec3::from_array),
+        position: vectors(reals(3 * header.count)?),
+        radius: reals(header.count)?,
+        velocity: if header.velocity { Some(vectors(reals(3 * header.count)?)) } else { None },
+        mass: if header.mass { Some(reals(header.count)?) } else { None },
+        image: None,
+        precision: header.precision,
+    })
 }

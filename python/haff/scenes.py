@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any, TypeAlias
 
 import numpy as np
 
-from . import reader
+from . import foreign, reader
 from .errors import FileError, HaffError, MissingDataError, SceneError, SceneProblem
 
 if TYPE_CHECKING:
@@ -129,13 +129,18 @@ def schema() -> dict[str, Any]:
     return json.loads(compiled().schema())
 
 
-def last_state(path: str | os.PathLike[str]) -> dict[str, np.ndarray]:
-    """The last frame of an output file, for scenes that start from it (``positions = { file = … }``)."""
+def recorded_state(path: str | os.PathLike[str], index: int = -1) -> dict[str, Any]:
+    """A frame of an output file, or of one of another program, for scenes with ``positions = { file = … }``."""
+    if Path(path).suffix.lower() in foreign.ENDINGS:
+        return {"image": None, **foreign.read(path, index)._asdict()}
     with reader.open(path) as file:
         if len(file.frames) == 0:
             raise MissingDataError(f"{path}: no complete frame")
-        frame = file.frames[-1]
+        if not -len(file.frames) <= index < len(file.frames):
+            raise MissingDataError(f"{path}: has {len(file.frames)} frames; there is no frame {index}")
+        frame = file.frames[index]
         return {
+            "precision": 0.0,
             "size": np.asarray(file.box.size, np.float64),
             "position": np.asarray(frame.position, np.float64),
             "velocity": np.asarray(frame.velocity, np.float64),

@@ -122,7 +122,7 @@ class Reader:
             ("to_mdanalysis", file.to_mdanalysis),
             ("restitution_from", lambda: haff.restitution_from(file)),
             ("restitution_from(times)", lambda: haff.restitution_from(file, "times")),
-            ("last_state", lambda: scenes.last_state(self.path)),
+            ("recorded_state", lambda: scenes.recorded_state(self.path)),
             ("g(r)", lambda: analysis.radial_distribution(analysis.drawn_frames(file, 2), 1.0, 10)),
             ("view", lambda: haff.view(file, self.folder / "x.html", size=1.0, overwrite=True)),
         ]

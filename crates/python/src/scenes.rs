@@ -37,32 +37,43 @@ impl Source {
     }
 }
 
-/// Recorded states, read by `haff.scenes.last_state` through h5py: no HDF5 is linked here.
+/// Recorded states, read by `haff.scenes.recorded_state` through h5py: no HDF5 is linked here.
 struct Files;
 
 impl StateSource for Files {
-    fn last_state(&self, path: &Path) -> Result<State, String> {
-        Python::attach(|py| state(py, path).map_err(|error| error.value(py).to_string()))
+    fn state(&self, path: &Path, index: i64) -> Result<State, String> {
+        Python::attach(|py| state(py, path, index).map_err(|error| error.value(py).to_string()))
     }
 }
 
-fn state(py: Python<'_>, path: &Path) -> PyResult<State> {
+fn state(py: Python<'_>, path: &Path, index: i64) -> PyResult<State> {
     let module = py.import(intern!(py, "haff.scenes"))?;
-    let stored = module.call_method1(intern!(py, "last_state"), (path,))?;
-    let reals = |name: &str| -> PyResult<Vec<f64>> {
-        Ok(stored.get_item(name)?.extract::<PyReadonlyArrayDyn<f64>>()?.as_array().iter().copied().collect())
+    let stored = module.call_method1(intern!(py, "recorded_state"), (path, index))?;
+    let reals = |name: &str| -> PyResult<Option<Vec<f64>>> {
+        let values = stored.get_item(name)?;
+        if values.is_none() {
+            return Ok(None);
+        }
+        Ok(Some(values.extract::<PyReadonlyArrayDyn<f64>>()?.as_array().iter().copied().collect()))
     };
-    let vectors = |name: &str| -> PyResult<Vec<DVec3>> {
-        Ok(reals(name)?.chunks_exact(3).map(DVec3::from_slice).collect())
+    let vectors = |name: &str| -> PyResult<Option<Vec<DVec3>>> {
+        Ok(reals(name)?.map(|flat| flat.chunks_exact(3).map(DVec3::from_slice).collect()))
     };
-    let image = stored.get_item("image")?.extract::<PyReadonlyArrayDyn<i32>>()?;
+    let image = stored.get_item("image")?;
+    let image = if image.is_none() {
+        None
+    } else {
+        let flat = image.extract::<PyReadonlyArrayDyn<i32>>()?;
+        Some(flat.as_array().iter().copied().collect::<Vec<_>>().as_chunks().0.to_vec())
+    };
     Ok(State {
-        size: DVec3::from_slice(&reals("size")?),
-        position: vectors("position")?,
+        size: vectors("size")?.and_then(|size| size.first().copied()),
+        position: vectors("position")?.unwrap_or_default(),
         velocity: vectors("velocity")?,
-        image: image.as_array().iter().copied().collect::<Vec<_>>().as_chunks().0.to_vec(),
-        radius: reals("radius")?,
+        image,
+        radius: reals("radius")?.unwrap_or_default(),
         mass: reals("mass")?,
+        precision: stored.get_item("precision")?.extract()?,
     })
 }
 

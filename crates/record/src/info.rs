@@ -408,19 +408,32 @@ fn read_sample(file: &Group, observables: &Observables, row: usize) -> hdf5::Res
     })
 }
 
-/// Reads the last frame of a file.
+/// Reads the last frame of a file; see [`state`].
+pub fn last_state(path: impl AsRef<Path>) -> Result<State, RecordError> {
+    state(path, -1)
+}
+
+/// Reads a frame of a file, from the end if `index` is negative.
 ///
 /// # Errors
 ///
-/// Those of [`info`], and [`RecordError::Missing`] if there are no frames.
-pub fn last_state(path: impl AsRef<Path>) -> Result<State, RecordError> {
+/// Those of [`info`], and [`RecordError::Missing`] if there is no such frame.
+pub fn state(path: impl AsRef<Path>, index: i64) -> Result<State, RecordError> {
     let path = path.as_ref();
     file::read(path, |file| {
         let parameters = Parameters::read(file, path)?;
         let datasets = Datasets::open(file, parameters.particles, parameters.sizes()).doing(path, READ)?;
         let missing = || RecordError::Missing { path: path.to_owned(), what: "frames" };
         let trajectory = datasets.trajectory.ok_or_else(missing)?;
-        let row = trajectory.rows().doing(path, READ)?.checked_sub(1).ok_or_else(missing)?;
+        let rows = trajectory.rows().doing(path, READ)?;
+        if rows == 0 {
+            return Err(missing());
+        }
+        let from_end = if index < 0 { index.saturating_add(rows as i64) } else { index };
+        let row = usize::try_from(from_end)
+            .ok()
+            .filter(|&row| row < rows)
+            .ok_or_else(|| RecordError::Missing { path: path.to_owned(), what: "frame of this index" })?;
         let read = || -> hdf5::Result<State> {
             let all = file.group("particles/all")?;
             let edges = trajectory.edges.read::<f64>(row, row + 1)?;

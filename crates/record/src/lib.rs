@@ -85,7 +85,7 @@ pub use error::RecordError;
 pub use events::EVENT_CHUNK;
 pub use file::is_being_written;
 pub use header::{Header, SCHEMA};
-pub use info::{Info, State, info, last_state};
+pub use info::{Info, State, info, last_state, state};
 pub use recorder::Recorder;
 pub use resume::{Resumed, resumable};
 pub use size::{FileSize, estimate_file_size};

@@ -183,13 +183,16 @@ pub enum PackingConfig {
     Random,
 }
 
-/// An output file of haff.
+/// A file with states: an output file of haff, GSD, extended XYZ (`.xyz`, `.extxyz`) or CSV.
 #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct FileConfig {
     /// Path, relative to the current directory.
     #[schemars(required)]
     pub file: Option<String>,
+    /// Which frame; from the end if negative. Default −1, the last.
+    #[serde(deserialize_with = "shapes::whole")]
+    pub index: Option<i64>,
 }
 
 /// A particle placed by hand.

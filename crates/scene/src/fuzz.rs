@@ -20,7 +20,7 @@ const LIMITS: Limits = Limits { particles: 300, memory: 1 << 28 };
 struct AnyState(State);
 
 impl StateSource for AnyState {
-    fn last_state(&self, path: &std::path::Path) -> Result<State, String> {
+    fn state(&self, path: &std::path::Path, _index: i64) -> Result<State, String> {
         if path.as_os_str().len().is_multiple_of(3) { Err("unreadable".into()) } else { Ok(self.0.clone()) }
     }
 }
@@ -292,13 +292,14 @@ fn input(case: u64) -> (String, Vec<String>, AnyState) {
     let n = [33, 33, 33, 20, 60, 0, 5][random.below(7)];
     let sane = random.below(2) == 0;
     let mut number = |scale: f64| if sane { random.between(0.0, scale) } else { wild_number(&mut random) };
-    let mut state = State { size: DVec3::splat(6.0), ..State::default() };
+    let mut state = State { size: Some(DVec3::splat(6.0)), ..State::default() };
     for k in 0..n {
         state.position.push(DVec3::new(number(6.0), number(6.0), number(6.0)));
-        state.velocity.push(DVec3::new(number(1.0), number(1.0), number(1.0)));
-        state.image.push([0; 3]);
+        let velocity = DVec3::new(number(1.0), number(1.0), number(1.0));
+        state.velocity.get_or_insert_default().push(velocity);
+        state.image.get_or_insert_default().push([0; 3]);
         state.radius.push(if k < 3 { 0.5 } else { number(0.2) });
-        state.mass.push(1.0);
+        state.mass.get_or_insert_default().push(1.0);
     }
     (text, overrides, AnyState(state))
 }

@@ -7,27 +7,29 @@ use glam::DVec3;
 /// All particles of a recorded frame, in scene order.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct State {
-    /// Edge lengths of the box [length].
-    pub size: DVec3,
+    /// Edge lengths of the box [length], if the file has them.
+    pub size: Option<DVec3>,
     /// Centres [length], within [0, L) along periodic axes.
     pub position: Vec<DVec3>,
-    /// Velocities [length/time].
-    pub velocity: Vec<DVec3>,
-    /// Box images.
-    pub image: Vec<[i32; 3]>,
+    /// Velocities [length/time], if the file has them.
+    pub velocity: Option<Vec<DVec3>>,
+    /// Box images, if the file has them.
+    pub image: Option<Vec<[i32; 3]>>,
     /// Radii [length].
     pub radius: Vec<f64>,
-    /// Masses [mass].
-    pub mass: Vec<f64>,
+    /// Masses [mass], if the file has them.
+    pub mass: Option<Vec<f64>>,
+    /// Relative precision of the numbers, if it is less than that of doubles.
+    pub precision: f64,
 }
 
 /// Reads recorded states.
 pub trait StateSource {
-    /// The last frame of the file at `path` (relative to the current directory).
+    /// The frame `index` of the file at `path` (relative to the current directory); from the end if negative.
     ///
     /// # Errors
     /// The reason why the file cannot be read.
-    fn last_state(&self, path: &Path) -> Result<State, String>;
+    fn state(&self, path: &Path, index: i64) -> Result<State, String>;
 }
 
 /// For scenes without recorded states: every file is an error.
@@ -35,7 +37,7 @@ pub trait StateSource {
 pub struct NoStates;
 
 impl StateSource for NoStates {
-    fn last_state(&self, path: &Path) -> Result<State, String> {
+    fn state(&self, path: &Path, _index: i64) -> Result<State, String> {
         Err(format!("{}: no reader for state files is at hand", path.display()))
     }
 }

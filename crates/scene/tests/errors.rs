@@ -210,7 +210,7 @@ fn missing_scene_file_is_unreadable_not_invalid() {
 struct Recorded(State);
 
 impl StateSource for Recorded {
-    fn last_state(&self, _: &Path) -> Result<State, String> {
+    fn state(&self, _: &Path, _: i64) -> Result<State, String> {
         Ok(self.0.clone())
     }
 }
@@ -219,7 +219,15 @@ fn recorded() -> State {
     let position: Vec<DVec3> = (0..3).map(|k| DVec3::new(1.0 + 2.0 * f64::from(k), 3.0, 3.0)).collect();
     let velocity = vec![DVec3::new(1.0, 2.0, 3.0), DVec3::ZERO, DVec3::NEG_X];
     let (radius, mass) = (vec![0.5, 0.6, 0.7], vec![1.0; 3]);
-    State { size: DVec3::splat(10.0), position, velocity, image: vec![[0, 1, 2]; 3], radius, mass }
+    State {
+        size: Some(DVec3::splat(10.0)),
+        position,
+        velocity: Some(velocity),
+        image: Some(vec![[0, 1, 2]; 3]),
+        radius,
+        mass: Some(mass),
+        precision: 0.0,
+    }
 }
 
 const FROM_FILE: &str = "species = [{ name = \"a\", count = 3, radius = { uniform = [0.4, 0.8] }, mass = 1.0 }]\n\
@@ -230,12 +238,10 @@ fn recorded_state_sets_positions_velocities_radii_and_box() {
     let state = recorded();
     let scene =
         parse("s.toml", FROM_FILE, &[], &Recorded(state.clone())).unwrap_or_else(|errors| panic!("{errors}"));
-    assert_eq!(scene.system.domain.size, state.size);
+    assert_eq!(Some(scene.system.domain.size), state.size);
+    let velocities = state.velocity.clone().unwrap();
     for (k, body) in scene.system.bodies.iter().enumerate() {
-        assert_eq!(
-            (body.position, body.velocity, body.image),
-            (state.position[k], state.velocity[k], [0, 1, 2])
-        );
+        assert_eq!((body.position, body.velocity, body.image), (state.position[k], velocities[k], [0, 1, 2]));
         assert_eq!(scene.system.classes[body.class as usize].radius, state.radius[k]);
     }
     let warmed = parse("s.toml", FROM_FILE, &["initial.temperature=2".into()], &Recorded(state));
@@ -249,7 +255,7 @@ fn recorded_state_sets_positions_velocities_radii_and_box() {
 #[test]
 fn recorded_state_that_does_not_fit_the_scene_is_refused() {
     type Change = fn(&mut State);
-    let cases: [(Change, &str); 6] = [
+    let cases: [(Change, &str); 8] = [
         (
             |s| {
                 s.position.pop();
@@ -257,10 +263,12 @@ fn recorded_state_that_does_not_fit_the_scene_is_refused() {
             "the file holds 2 positions but other numbers",
         ),
         (|s| s.radius[1] = 0.9, "particle 1 of the file has radius 0.9, species \"a\" wants 0.4 to 0.8"),
-        (|s| s.mass[2] = 2.0, "particle 2 of the file has mass 2, species \"a\" wants 1"),
+        (|s| s.mass = Some(vec![1.0, 1.0, 2.0]), "particle 2 of the file has mass 2, species \"a\" wants 1"),
         (|s| s.position[1].x = 1.9, "particles 0 and 1 overlap by 2.0e-1"),
-        (|s| s.velocity[0].y = f64::NAN, "no finite position and velocity"),
-        (|s| s.size.z = 0.0, "the file has no box"),
+        (|s| s.velocity = Some(vec![DVec3::NAN; 3]), "no finite position and velocity"),
+        (|s| s.size = Some(DVec3::new(10.0, 10.0, 0.0)), "the file has no box"),
+        (|s| s.size = None, "the file has no box"),
+        (|s| s.velocity = None, "the file has no velocities: give initial.temperature"),
     ];
     for (change, expected) in cases {
         let mut state = recorded();

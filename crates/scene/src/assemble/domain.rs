@@ -190,8 +190,10 @@ impl Assembler<'_> {
             plan.size = Some(DVec3::splat(edge * (1.0 + 4.0 * f64::EPSILON)));
         } else if let (None, Some(state)) = (plan.size, state) {
             let path = at(["initial", "positions"]);
-            if (0..d).all(|axis| (SMALLEST..=LARGEST).contains(&state.size[axis])) {
-                plan.size = Some(state.size);
+            if let Some(size) =
+                state.size.filter(|size| (0..d).all(|axis| (SMALLEST..=LARGEST).contains(&size[axis])))
+            {
+                plan.size = Some(size);
             } else {
                 self.document.report(&path, "the file has no box: give domain.size");
                 return;

@@ -32,22 +32,32 @@ impl Assembler<'_> {
         let Some(PositionsConfig::File(file)) = &initial.positions else { return Ok(None) };
         let path = at(["initial", "positions"]);
         let name = file.file.clone().unwrap_or_default();
-        let state = self.states.last_state(Path::new(&name)).map_err(|why| {
+        let state = self.states.state(Path::new(&name), file.index.unwrap_or(-1)).map_err(|why| {
             self.document.report(&path, why);
             self.unreadable = true;
             Refused
         })?;
         let n = state.position.len();
+        let tolerance = TOLERANCE.max(state.precision);
         let dimension = self.dimension;
         let mut fail = |message: String| {
             self.document.report(&path, message);
             Err(Refused)
         };
-        let lengths = [state.velocity.len(), state.image.len(), state.radius.len(), state.mass.len()];
-        if lengths.iter().any(|&length| length != n) {
+        let lengths = [
+            Some(state.radius.len()),
+            state.velocity.as_ref().map(Vec::len),
+            state.image.as_ref().map(Vec::len),
+            state.mass.as_ref().map(Vec::len),
+        ];
+        if lengths.into_iter().flatten().any(|length| length != n) {
             return fail(format!(
                 "the file holds {n} positions but other numbers of velocities, radii or masses"
             ));
+        }
+        let heated = initial.temperature.is_some() || species.iter().all(|plan| plan.temperature.is_some());
+        if state.velocity.is_none() && !heated {
+            return fail("the file has no velocities: give initial.temperature".to_owned());
         }
         if n != rows.species && n != rows.bodies.len() {
             return fail(format!("the file holds {n} particles, the species ask for {}", rows.species));
@@ -65,7 +75,7 @@ impl Assembler<'_> {
                 let [low, high] = plan.radius.range();
                 let radius = state.radius[row];
                 let fits = |x: f64, low: f64, high: f64| {
-                    x >= low * (1.0 - TOLERANCE) && x <= high * (1.0 + TOLERANCE)
+                    x >= low * (1.0 - tolerance) && x <= high * (1.0 + tolerance)
                 };
                 if !fits(radius, low, high) {
                     return fail(format!(
@@ -75,14 +85,15 @@ impl Assembler<'_> {
                 }
                 let radius = if plan.radius.is_fixed() { low } else { radius };
                 let mass = plan.mass.of(radius, dimension);
-                if !(mass == state.mass[row] || fits(state.mass[row], mass, mass)) {
-                    let found = state.mass[row];
+                let found = state.mass.as_ref().map_or(mass, |masses| masses[row]);
+                if !(mass == found || fits(found, mass, mass)) {
                     return fail(format!(
                         "particle {row} of the file has mass {found}, species \"{}\" wants {mass}",
                         plan.name
                     ));
                 }
-                let (position, velocity) = (state.position[row], state.velocity[row]);
+                let velocity = state.velocity.as_ref().map_or(DVec3::ZERO, |velocities| velocities[row]);
+                let position = state.position[row];
                 if !(position.is_finite() && velocity.is_finite()) {
                     return fail(format!("particle {row} of the file has no finite position and velocity"));
                 }
@@ -91,7 +102,9 @@ impl Assembler<'_> {
                 }
                 rows.bodies[row].class = rows.class(radius, mass, k as u32);
                 rows.bodies[row].position = position;
-                rows.bodies[row].image = state.image[row];
+                if let Some(images) = &state.image {
+                    rows.bodies[row].image = images[row];
+                }
                 row += 1;
             }
         }
@@ -110,10 +123,11 @@ impl Assembler<'_> {
         let from_file = at(["initial", "positions"]);
         let periods = Periods::new(domain);
         if let Some(state) = state {
-            for axis in 0..d {
-                let (here, there) = (domain.size[axis], state.size[axis]);
+            let tolerance = TOLERANCE.max(state.precision);
+            for axis in (0..d).filter(|_| state.size.is_some()) {
+                let (here, there) = (domain.size[axis], state.size.unwrap_or(domain.size)[axis]);
                 if domain.boundary[axis] == Boundary::Periodic
-                    && (there.is_nan() || (here - there).abs() > TOLERANCE * here)
+                    && (there.is_nan() || (here - there).abs() > tolerance * here)
                 {
                     let name = ["x", "y", "z"][axis];
                     let text =
@@ -277,8 +291,8 @@ impl Assembler<'_> {
             let rows_here = row..row + plan.count;
             row += plan.count;
             let Some(temperature) = plan.temperature.or(initial.temperature) else {
-                if let Some(state) = state {
-                    velocity[rows_here.clone()].copy_from_slice(&state.velocity[rows_here]);
+                if let Some(velocities) = state.and_then(|state| state.velocity.as_ref()) {
+                    velocity[rows_here.clone()].copy_from_slice(&velocities[rows_here]);
                 }
                 continue;
             };

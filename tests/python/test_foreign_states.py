@@ -1,0 +1,131 @@
+"""Scenes that start from files of other programs: GSD, extended XYZ and CSV, in the command and in live simulations."""
+
+from __future__ import annotations
+
+import numpy as np
+import pandas as pd
+import pytest
+
+import haff
+from haff import foreign
+from haff.errors import FileError, SceneError
+
+
+def scene(file, **more):
+    return {
+        "species": [{"name": "grain", "count": 200, "radius": {"uniform": [0.3, 0.5]}, "density": 1.0}],
+        "initial": {"positions": {"file": str(file), **more}},
+        "contact": {"restitution": 0.9},
+        "run": {"until": 2.0},
+    }
+
+
+@pytest.fixture(scope="module")
+def gas(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("states")
+    start = scene("") | {
+        "domain": {"packing_fraction": 0.1},
+        "initial": {"temperature": 1.0},
+        "output": {"frames": 0.5},
+    }
+    haff.run(start, file=folder / "gas.h5", seed=2)
+    with haff.open(folder / "gas.h5") as run:
+        for ending in ("gsd", "xyz", "csv"):
+            options = {"to": "extxyz"} if ending == "xyz" else {"table": "frames"} if ending == "csv" else {}
+            run.export(folder / f"gas.{ending}", **options)
+        yield run
+
+
+@pytest.mark.parametrize(("ending", "precision"), [("gsd", 1e-6), ("xyz", 0.0), ("csv", 0.0)])
+@pytest.mark.parametrize("index", [-1, 0, 2])
+def test_a_scene_starts_from_a_frame_of_another_programs_file(gas, ending, precision, index):
+    frame = gas.frames[index]
+    settings = {"domain": {"size": list(frame.box.size)}} if ending == "csv" else {}
+    live = haff.Simulation(scene(gas.path.with_suffix(f".{ending}"), index=index) | settings)
+    np.testing.assert_allclose(live.positions, frame.position, atol=precision * frame.box.size[0])
+    np.testing.assert_allclose(live.velocities, frame.velocity, atol=10 * precision)
+    np.testing.assert_allclose(live.radii, gas.radius, rtol=precision)
+    np.testing.assert_allclose(live.box.size, frame.box.size, rtol=precision)
+
+
+def test_the_command_reads_the_same_state_as_python(gas, command, tmp_path):
+    start = scene(gas.path.with_suffix(".xyz"), index=1)
+    haff.save_scene(start, tmp_path / "from_xyz.toml")
+    command("run", tmp_path / "from_xyz.toml", "-o", tmp_path / "out.h5", "--quiet")
+    live = haff.Simulation(start)
+    with haff.open(tmp_path / "out.h5") as run:
+        np.testing.assert_array_equal(run.frames[0].position, live.positions)
+        live.advance(2.0)
+        np.testing.assert_array_equal(run.frames[-1].position, live.positions)
+    # A complete run is not started again, whether its first state is still there or not.
+    command("run", "--resume", tmp_path / "out.h5", "--quiet")
+
+
+def test_a_frame_of_an_output_file_is_chosen_by_its_index(gas):
+    live = haff.Simulation(scene(gas.path, index=1))
+    np.testing.assert_array_equal(live.velocities, gas.frames[1].velocity)
+    with pytest.raises(FileError, match="there is no frame 77"):
+        haff.Simulation(scene(gas.path, index=77))
+
+
+def test_the_command_refuses_a_frame_that_a_file_lacks(gas, command, tmp_path):
+    for ending in ("h5", "xyz"):
+        haff.save_scene(scene(gas.path.with_suffix(f".{ending}"), index=77), tmp_path / "scene.toml")
+        found = command("check", tmp_path / "scene.toml", check=False)
+        assert found.returncode == 4 and "frame" in found.stderr, found.stderr
+
+
+def test_velocities_that_a_file_lacks_are_drawn_from_a_temperature(gas, tmp_path):
+    table = pd.DataFrame(gas.frames[0].position, columns=list("xyz")).assign(diameter=2 * gas.radius)
+    table.to_csv(tmp_path / "places.csv", index=False)
+    box = {"domain": {"size": list(gas.box.size)}}
+    with pytest.raises(SceneError, match=r"no velocities: give initial\.temperature"):
+        haff.Simulation(scene(tmp_path / "places.csv") | box)
+    warm = scene(tmp_path / "places.csv") | box
+    warm["initial"]["temperature"] = 2.0
+    assert haff.Simulation(warm).sample()["temperature"] == pytest.approx(2.0)
+    with pytest.raises(SceneError, match=r"no box: give domain\.size"):
+        haff.Simulation(warm | {"domain": {}})
+
+
+@pytest.mark.parametrize(
+    ("name", "text", "message"),
+    [
+        ("a.csv", "x,y,z\n1,2,3\n", "lacks radii: its columns are x, y, z; one must be radius"),
+        ("b.csv", "radius\n1\n", "lacks positions"),
+        ("c.csv", "", "cannot be read"),
+        ("d.csv", "x,y,z,radius\n1,2,inf,1\n", "has a position that is not finite"),
+        ("a.xyz", "1\nProperties=pos:R:3\n1 2 3\n", "lacks radii: its properties are pos; one must be radius:R:1"),
+        ("b.xyz", "1\nsome comment\nHe 1 2 3\n", "is not extended XYZ"),
+        ("c.xyz", "2\nProperties=pos:R:3\n1 2 3\n", "frame 0 ends early"),
+        ("d.xyz", "two\n", "is not XYZ"),
+        (
+            "e.xyz",
+            '1\nLattice="1 1 0 0 1 0 0 0 1" Properties=pos:R:3:radius:R:1\n1 2 3 1\n',
+            "has a tilted lattice",
+        ),
+        ("a.gsd", "no gsd", "cannot be read"),
+    ],
+)
+def test_files_that_no_scene_can_start_from_are_refused_with_what_they_lack(tmp_path, name, text, message):
+    (tmp_path / name).write_text(text)
+    with pytest.raises(FileError, match=message):
+        foreign.read(tmp_path / name)
+    with pytest.raises(FileError, match=message):
+        haff.Simulation(scene(tmp_path / name))
+
+
+def test_a_gsd_file_without_diameters_is_refused(tmp_path):
+    gsd = pytest.importorskip("gsd.hoomd")
+    with gsd.open(str(tmp_path / "points.gsd"), "w") as file:
+        frame = gsd.Frame()
+        frame.particles.N, frame.particles.position = 1, [[0, 0, 0]]
+        frame.configuration.box = [5, 5, 5, 0, 0, 0]
+        file.append(frame)
+    with pytest.raises(FileError, match="lacks radii: it has neither particles/diameter nor spheres in type_shapes"):
+        foreign.read(tmp_path / "points.gsd")
+
+
+def test_a_missing_file_is_named():
+    with pytest.raises(FileError, match=r"nowhere\.gsd: there is no such file"):
+        foreign.read("nowhere.gsd")
