@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
+from dataclasses import dataclass
 from functools import cached_property
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, TypeAlias
 
 import numpy as np
 import pandas as pd
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from . import measurements
 from .frames import Box
@@ -19,6 +21,34 @@ if TYPE_CHECKING:
     import xarray
 
 __all__ = ["Simulation"]
+
+
+Callback: TypeAlias = "Callable[[Simulation], object]"
+_NEVER = 2**64 - 1
+
+
+@dataclass
+class _Call:
+    """A function that is called at times, or every so many collisions."""
+
+    function: Callback
+    interval: float = math.inf
+    count: int = _NEVER
+    done: int = 0
+    """Number of calls since time 0, or number of collisions at the last one."""
+
+    @property
+    def time(self) -> float:
+        return (self.done + 1) * self.interval
+
+    @property
+    def collisions(self) -> int:
+        return _NEVER if self.count == _NEVER else self.done + self.count
+
+    def make(self, simulation: Simulation) -> bool:
+        """Calls it; returns whether to stop."""
+        self.done = self.done + 1 if self.count == _NEVER else simulation.collisions
+        return self.function(simulation) is True
 
 
 class Simulation:
@@ -65,6 +95,7 @@ class Simulation:
     def __init__(self, scene: Scene, /, *, threads: int | None = None, events: bool = False, **overrides: Any) -> None:
         self._core = compiled().Simulation(source(scene, overrides), threads=threads, events=events)
         self._records_events = events
+        self._calls: list[_Call] = []
         self._frame: tuple[Any, ...] | None = None
 
     # --- advancing --------------------------------------------------------------------------------
@@ -81,7 +112,8 @@ class Simulation:
 
         Returns
         -------
-        ``"until"``, ``"collisions"``, or ``"rest"``: nothing moves any more.
+        ``"until"``, ``"collisions"``, ``"rest"``: nothing moves any more, or ``"call"``: a function of :meth:`every` or
+        :meth:`every_collisions` has stopped it.
 
         Raises
         ------
@@ -110,8 +142,28 @@ class Simulation:
         return self._advance(until, self._core.collisions_asked)
 
     def _advance(self, until: float, collisions: int | None) -> str:
-        self._frame = None
-        return self._core.advance(until, 2**64 - 1 if collisions is None else int(collisions))
+        most = _NEVER if collisions is None else int(collisions)
+        while True:
+            self._frame = None
+            time = min((call.time for call in self._calls), default=math.inf)
+            total = min((call.collisions for call in self._calls), default=_NEVER)
+            reason = self._core.advance(min(until, time), min(most, total))
+            due = [
+                call
+                for call in self._calls
+                if (reason == "until" and call.time <= self.time)
+                or (reason == "collisions" and call.collisions <= self.collisions)
+            ]
+            if not due:
+                return reason
+            # In the order in which they were made; each sees the changes of those before.
+            stops = [call.make(self) for call in due]
+            if any(stops):
+                return "call"
+            if reason == "until" and self.time >= until:
+                return reason
+            if reason == "collisions" and self.collisions >= most:
+                return reason
 
     # --- present state ---------------------------------------------------------------------------------------
 
@@ -132,13 +184,25 @@ class Simulation:
 
     @property
     def positions(self) -> NDArray[np.float64]:
-        """``[N, 3]`` centres [length], within [0, L) along periodic axes; z = 0 in 2D. A read-only snapshot."""
+        """``[N, 3]`` centres [length], within [0, L) along periodic axes; z = 0 in 2D.
+
+        A read-only snapshot; assign an array to move the particles. Positions outside of a periodic box are wrapped
+        into it, and the images count that.
+        """
         return self._snapshot()[2]
+
+    @positions.setter
+    def positions(self, values: ArrayLike) -> None:
+        self._change(positions=self._vectors("positions", values))
 
     @property
     def velocities(self) -> NDArray[np.float64]:
-        """``[N, 3]`` velocities [length/time]; z = 0 in 2D. A read-only snapshot."""
+        """``[N, 3]`` velocities [length/time]; z = 0 in 2D. A read-only snapshot; assign an array to change them."""
         return self._snapshot()[3]
+
+    @velocities.setter
+    def velocities(self, values: ArrayLike) -> None:
+        self._change(velocities=self._vectors("velocities", values))
 
     @property
     def images(self) -> NDArray[np.int32]:
@@ -149,6 +213,97 @@ class Simulation:
     def unwrapped(self) -> NDArray[np.float64]:
         """``[N, 3]`` positions that do not jump at periodic faces, position + image · L [length]."""
         return self.positions + self.images * np.where(self.box.periodic, self.box.size, 0.0)
+
+    # --- changing the state ----------------------------------------------------------------------------------
+
+    def add(
+        self,
+        positions: ArrayLike,
+        velocities: ArrayLike = 0.0,
+        *,
+        species: str | None = None,
+        radius: ArrayLike | None = None,
+        mass: ArrayLike | None = None,
+    ) -> NDArray[np.int64]:
+        """Add particles at the present time; returns their rows, the last ones.
+
+        Parameters
+        ----------
+        positions
+            ``[M, 3]`` or ``[3]`` centres [length].
+        velocities
+            The same shape, or one for all [length/time].
+        species
+            Name of a species of the scene; default the first. It gives the laws of contact.
+        radius, mass
+            One for all, or ``[M]``; default those of the species, if all its particles have the same.
+
+        Raises
+        ------
+        ValueError
+            An overlap, a value that is not possible, or a scene whose correlations follow its particles. Nothing is
+            changed then.
+        """
+        places = np.atleast_2d(np.asarray(positions, float))
+        if places.ndim != 2 or places.shape[1] != 3:
+            raise ValueError(f"positions of shape {places.shape}: must be [M, 3]")
+        count = len(places)
+        kind = self.species_names[0] if species is None else species
+        if kind not in self.species_names:
+            raise ValueError(f"species = {kind!r}: must be one of {', '.join(self.species_names)}")
+        index = self.species_names.index(kind)
+        members = self.species == index
+        values = []
+        for name, given, present in (("radius", radius, self.radii), ("mass", mass, self.masses)):
+            known = np.unique(present[members])
+            if given is None and len(known) != 1:
+                raise ValueError(f"{name}: must be given, for the particles of species {kind!r} differ")
+            values.append(np.broadcast_to(known[0] if given is None else np.asarray(given, float), count).tolist())
+        speeds = np.broadcast_to(np.asarray(velocities, float), (count, 3)).tolist()
+        before = len(self)
+        self._change(add=list(zip(places.tolist(), speeds, *values, [index] * count)))
+        return np.arange(before, before + count)
+
+    def remove(self, rows: ArrayLike) -> None:
+        """Remove particles at the present time, by their rows or by a mask ``[N]``; the rows of later ones move up."""
+        chosen = np.atleast_1d(np.asarray(rows))
+        if chosen.dtype == bool:
+            if chosen.shape != (len(self),):
+                raise ValueError(f"a mask of shape {chosen.shape} for {len(self)} particles")
+            chosen = np.flatnonzero(chosen)
+        if len(chosen) and not np.issubdtype(chosen.dtype, np.integer):
+            raise ValueError(f"rows of type {chosen.dtype}: must be integers or a mask")
+        chosen = np.where(chosen < 0, chosen + len(self), chosen)
+        if np.any((chosen < 0) | (chosen >= len(self))):
+            raise ValueError(f"rows must be within {len(self)} particles")
+        self._change(remove=chosen.tolist())
+
+    def _change(self, **what: Any) -> None:
+        self._core.change(**what)
+        self._frame = None
+
+    def _vectors(self, name: str, values: ArrayLike) -> NDArray[np.float64]:
+        array = np.array(np.broadcast_to(np.asarray(values, float), (len(self), 3)))
+        return np.ascontiguousarray(array)
+
+    # --- calls at times or every so many collisions --------------------------------------------------------------
+
+    def every(self, interval: float, call: Callback) -> None:
+        """Call ``call(simulation)`` at each multiple of ``interval`` [time] from now on, after all events at that time.
+
+        It may change the state. If it returns ``True``, :meth:`advance` stops there, with ``"call"``.
+        """
+        interval = float(interval)
+        if not (interval > 0 and math.isfinite(interval)):
+            raise ValueError(f"interval = {interval}: must be positive and finite")
+        done = math.floor(self.time / interval * (1 + 1e-15))
+        self._calls.append(_Call(call, interval=interval, done=done))
+
+    def every_collisions(self, count: int, call: Callback) -> None:
+        """Call ``call(simulation)`` whenever ``count`` more collisions have happened; see :meth:`every`."""
+        if count < 1:
+            raise ValueError(f"count = {count}: must be at least 1")
+        self._calls.append(_Call(call, count=int(count), done=self.collisions))
 
     def _snapshot(self) -> tuple[Any, ...]:
         # After Ctrl-C, or while another thread advances, the time shows whether the last snapshot is still valid.

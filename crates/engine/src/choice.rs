@@ -39,7 +39,7 @@ const ENTRIES: u64 = 2;
 /// The choice of a scheduler, and the data that it is based on.
 pub(crate) struct Choice {
     pub summary: SystemSummary,
-    kernel: Kernel,
+    pub kernel: Kernel,
     /// The search that the caller requests.
     requested: NeighborChoice,
     /// The present choice.

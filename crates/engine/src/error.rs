@@ -78,6 +78,9 @@ pub enum EngineError {
     /// A checkpoint is invalid, does not belong to this system, or was written by another version.
     #[error("the checkpoint does not fit: {0}")]
     Checkpoint(String),
+    /// A change of the state is not possible; it is as before.
+    #[error("the state cannot be changed: {0}")]
+    Change(String),
     /// There are more particles or walls than indices can represent.
     #[error("{what} = {count}: at most {limit} are possible")]
     TooMany {
@@ -102,7 +105,7 @@ impl EngineError {
     /// The class of the error, as far as callers distinguish them.
     pub fn fault(&self) -> Fault {
         match self {
-            Self::NoAvx2 | Self::TooMany { .. } | Self::Unsuitable { .. } => Fault::Invalid,
+            Self::NoAvx2 | Self::Change(_) | Self::TooMany { .. } | Self::Unsuitable { .. } => Fault::Invalid,
             Self::Checkpoint(_) => Fault::Checkpoint,
             Self::Collapse { .. }
             | Self::Overflow { .. }

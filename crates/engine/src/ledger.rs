@@ -17,11 +17,13 @@ pub enum Term {
     DriveWork,
     /// Kinetic energy removed by putting grains to rest.
     Rest,
+    /// Energy given by changes of the state from outside.
+    Change,
 }
 
 impl Term {
     /// Every term; the index of a term is its discriminant.
-    pub const ALL: [Self; 4] = [Self::WallWork, Self::WallHeat, Self::DriveWork, Self::Rest];
+    pub const ALL: [Self; 5] = [Self::WallWork, Self::WallHeat, Self::DriveWork, Self::Rest, Self::Change];
 
     /// The name in files and reports.
     pub fn name(self) -> &'static str {
@@ -30,6 +32,7 @@ impl Term {
             Self::WallHeat => "wall_heat",
             Self::DriveWork => "drive_work",
             Self::Rest => "rest_energy",
+            Self::Change => "change_work",
         }
     }
 
@@ -40,13 +43,14 @@ impl Term {
             Self::WallHeat => "heat from walls",
             Self::DriveWork => "work of drives",
             Self::Rest => "taken by rest",
+            Self::Change => "given by changes",
         }
     }
 
     /// 1 if the term is energy given to the particles, −1 if it is energy taken from them.
     pub fn sign(self) -> f64 {
         match self {
-            Self::WallWork | Self::WallHeat | Self::DriveWork => 1.0,
+            Self::WallWork | Self::WallHeat | Self::DriveWork | Self::Change => 1.0,
             Self::Rest => -1.0,
         }
     }
@@ -58,6 +62,8 @@ impl Term {
             Self::WallHeat => system.contacts.wall.iter().any(WallLaw::is_thermal),
             Self::DriveWork => !system.drives.is_empty(),
             Self::Rest => system.contacts.rest_speed > 0.0,
+            // Only live simulations are changed.
+            Self::Change => false,
         }
     }
 }

@@ -14,6 +14,7 @@ mod accumulators;
 mod batch;
 mod calendar_scheduler;
 mod carried;
+mod change;
 mod checkpoint;
 mod choice;
 mod clock;
@@ -60,6 +61,7 @@ mod wall_law;
 mod wall_motion;
 mod windows;
 
+pub use change::{Change, NewParticle};
 pub use error::{EngineError, Fault};
 pub use instant::Instant;
 pub use ledger::{Ledger, Term};

@@ -258,7 +258,7 @@ impl Species {
         Self::OfClass(of_class.into_iter().map(Option::unwrap_or_default).collect())
     }
 
-    fn of(&self, world: &World, i: u32) -> u32 {
+    pub fn of(&self, world: &World, i: u32) -> u32 {
         match self {
             Self::OfClass(species) => species[world.system_class(i)],
             Self::OfRow(species) => species[i as usize],

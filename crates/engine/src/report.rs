@@ -28,11 +28,13 @@ pub enum EventKind {
     Lift = 7,
     /// End of a completed series of bounces of two particles.
     Settle = 8,
+    /// The state was changed from outside: no particle, no partner.
+    Change = 9,
 }
 
 impl EventKind {
     /// Every kind; the index of a kind is its discriminant.
-    pub const ALL: [Self; 9] = [
+    pub const ALL: [Self; 10] = [
         Self::Collision,
         Self::Wall,
         Self::Rest,
@@ -42,6 +44,7 @@ impl EventKind {
         Self::Stick,
         Self::Lift,
         Self::Settle,
+        Self::Change,
     ];
 
     /// The name in files.
@@ -56,6 +59,7 @@ impl EventKind {
             Self::Stick => "stick",
             Self::Lift => "lift",
             Self::Settle => "settle",
+            Self::Change => "change",
         }
     }
 }

@@ -59,14 +59,15 @@ impl Default for Until {
 /// A running simulation.
 pub struct Simulation {
     /// The system without its bodies, which are in the state.
-    system: System,
-    species: Species,
+    pub(crate) system: System,
+    pub(crate) species: Species,
     geometry: Geometry,
     pub(crate) state: State,
     engine: Box<dyn Engine>,
     choice: Choice,
     actions: Vec<Box<dyn TimedAction>>,
-    measurements: Vec<Box<dyn Measurement>>,
+    pub(crate) measurements: Vec<Box<dyn Measurement>>,
+    pub(crate) options: Options,
     /// The requested time of the last stop [time]; the present tick is only the nearest one.
     stop_time: Option<f64>,
 }
@@ -132,8 +133,18 @@ impl Simulation {
         // The state has a copy of the bodies; they are a quarter of the memory of a large system.
         system.bodies = Vec::new();
         let engine = choice.compile(&system, &geometry);
-        let mut simulation =
-            Self { system, species, geometry, state, engine, choice, actions, measurements, stop_time: None };
+        let mut simulation = Self {
+            system,
+            species,
+            geometry,
+            state,
+            engine,
+            choice,
+            actions,
+            measurements,
+            options,
+            stop_time: None,
+        };
         simulation.rebuild();
         Ok(simulation)
     }
@@ -272,6 +283,11 @@ impl Simulation {
         }
         let ended = !changed.is_empty() && self.state.is_at_rest();
         ended || (until.time == f64::INFINITY && idle && self.engine.is_idle())
+    }
+
+    /// The instructions of predictions.
+    pub(crate) fn kernel(&self) -> Kernel {
+        self.choice.kernel
     }
 
     /// Whether there are drives: they can set particles at rest in motion.

@@ -1,9 +1,12 @@
 //! A simulation that Python advances.
 
-use haff_engine::{Boundary, Domain, EventKind, Grid, Present, Sizes, Stop, Until};
+use glam::DVec3;
+use haff_engine::{
+    Boundary, Change, Domain, EngineError, EventKind, Grid, NewParticle, Present, Sizes, Stop, Term, Until,
+};
 use haff_linkage::AnySimulation;
 use haff_scene::Scene;
-use numpy::{PyArray1, PyArray2};
+use numpy::{PyArray1, PyArray2, PyReadonlyArray2};
 use parking_lot::{Mutex, MutexGuard};
 use pyo3::{exceptions::PyValueError, prelude::*, types::PyDict};
 
@@ -19,10 +22,15 @@ const SLICE: u64 = 1 << 15;
 /// Time, step, positions, velocities and images of one instant.
 type Frame<'py> = (f64, u64, Bound<'py, PyArray2<f64>>, Bound<'py, PyArray2<f64>>, Bound<'py, PyArray2<i32>>);
 
+/// A particle to be added: position, velocity, radius, mass, index of the species.
+type Added = ([f64; 3], [f64; 3], f64, f64, u32);
+
 /// The mutable part.
 struct Moving {
     simulation: AnySimulation,
     log: events::Log,
+    /// Whether the state has been changed from outside.
+    changed: bool,
 }
 
 /// A running simulation. Other threads may read while one advances: they get the lock between slices.
@@ -53,12 +61,26 @@ pub struct Simulation {
     until: Option<f64>,
     #[pyo3(get)]
     collisions_asked: Option<u64>,
-    #[pyo3(get)]
+    /// Radii, masses and species; another lock than that of the simulation, which another thread may hold long.
+    columns: Mutex<Columns>,
+}
+
+/// One value for each particle.
+struct Columns {
     radius: Py<PyArray1<f64>>,
-    #[pyo3(get)]
     mass: Py<PyArray1<f64>>,
-    #[pyo3(get)]
     species: Py<PyArray1<i64>>,
+}
+
+impl Columns {
+    fn new(py: Python<'_>, properties: &[(f64, f64, u32)]) -> Self {
+        Self {
+            radius: column(py, properties.iter().map(|(radius, _, _)| *radius).collect()).unbind(),
+            mass: column(py, properties.iter().map(|(_, mass, _)| *mass).collect()).unbind(),
+            species: column(py, properties.iter().map(|(_, _, species)| i64::from(*species)).collect())
+                .unbind(),
+        }
+    }
 }
 
 impl Simulation {
@@ -95,13 +117,11 @@ impl Simulation {
         let pool = pool.transpose()?;
         let Scene { system, joints, title, seed, run, options, resolved, packing_fraction, .. } =
             source.scene(py)?;
-        let of_class = |value: fn(&haff_engine::Class) -> f64| -> Vec<f64> {
-            system.bodies.iter().map(|body| value(&system.classes[body.class as usize])).collect()
+        let properties = |body: &haff_engine::Body| {
+            let class = &system.classes[body.class as usize];
+            (class.radius, class.mass, body.species)
         };
-        let radius = column(py, of_class(|class| class.radius)).unbind();
-        let mass = column(py, of_class(|class| class.mass)).unbind();
-        let species = system.bodies.iter().map(|body| i64::from(body.species)).collect();
-        let species = column(py, species).unbind();
+        let columns = Mutex::new(Columns::new(py, &system.bodies.iter().map(properties).collect::<Vec<_>>()));
         let (dimension, domain, species_names) =
             (system.dimension.count(), system.domain, system.species.clone());
         let wall_names = system.walls.iter().map(|wall| wall.name.clone()).collect();
@@ -118,6 +138,7 @@ impl Simulation {
             moving: Mutex::new(Moving {
                 simulation,
                 log: events::Log { enabled: events, ..events::Log::default() },
+                changed: false,
             }),
             pool,
             name: source.name().to_owned(),
@@ -134,9 +155,7 @@ impl Simulation {
             packing_fraction,
             until: run.until,
             collisions_asked: run.collisions,
-            radius,
-            mass,
-            species,
+            columns,
         })
     }
 
@@ -145,7 +164,7 @@ impl Simulation {
         loop {
             let bounds = Until { time: until, collisions, entries: SLICE };
             let stop = self
-                .read(py, |Moving { simulation, log }| simulation.advance(bounds, log))
+                .read(py, |Moving { simulation, log, .. }| simulation.advance(bounds, log))
                 .map_err(|error| errors::simulation(py, &error, &self.name))?;
             match stop {
                 Stop::Time => return Ok("until"),
@@ -154,6 +173,70 @@ impl Simulation {
                 Stop::Slice => py.check_signals()?,
             }
         }
+    }
+
+    /// Changes the state: arrays `[N][3]` of all positions or velocities, rows of particles to be removed, and
+    /// particles to be added as (position, velocity, radius, mass, index of the species).
+    #[pyo3(signature = (*, positions=None, velocities=None, remove=Vec::new(), add=Vec::new()))]
+    fn change(
+        &self,
+        py: Python<'_>,
+        positions: Option<PyReadonlyArray2<'_, f64>>,
+        velocities: Option<PyReadonlyArray2<'_, f64>>,
+        remove: Vec<u32>,
+        add: Vec<Added>,
+    ) -> PyResult<()> {
+        let vectors = |array: Option<PyReadonlyArray2<'_, f64>>| {
+            array.map(|array| {
+                let rows = array.as_array();
+                rows.rows().into_iter().map(|row| DVec3::new(row[0], row[1], row[2])).collect()
+            })
+        };
+        let add = add.into_iter().map(|(position, velocity, radius, mass, species)| NewParticle {
+            position: position.into(),
+            velocity: velocity.into(),
+            radius,
+            mass,
+            species,
+        });
+        let change = Change {
+            positions: vectors(positions),
+            velocities: vectors(velocities),
+            remove,
+            add: add.collect(),
+        };
+        let properties = self
+            .read(py, |Moving { simulation, log, changed }| match simulation {
+                AnySimulation::Granular(granular) => {
+                    granular.change(&change, log)?;
+                    *changed = true;
+                    Ok(Some(granular.properties()))
+                }
+                AnySimulation::Linkage(_) => Ok(None),
+            })
+            .map_err(|error: EngineError| PyValueError::new_err(error.to_string()))?;
+        let properties = properties.ok_or_else(|| {
+            let why =
+                "the state cannot be changed: the scene has pendulums, springs, rods or sticking contacts";
+            PyValueError::new_err(why)
+        })?;
+        *self.columns.lock() = Columns::new(py, &properties);
+        Ok(())
+    }
+
+    #[getter]
+    fn radius(&self, py: Python<'_>) -> Py<PyArray1<f64>> {
+        self.columns.lock().radius.clone_ref(py)
+    }
+
+    #[getter]
+    fn mass(&self, py: Python<'_>) -> Py<PyArray1<f64>> {
+        self.columns.lock().mass.clone_ref(py)
+    }
+
+    #[getter]
+    fn species(&self, py: Python<'_>) -> Py<PyArray1<i64>> {
+        self.columns.lock().species.clone_ref(py)
     }
 
     #[getter]
@@ -173,8 +256,10 @@ impl Simulation {
     }
 
     fn sample<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
-        let sample = self.read(py, |moving| moving.simulation.sample());
-        observables::sample(py, &sample, self.present, self.sizes)
+        let (sample, changed) = self.read(py, |moving| (moving.simulation.sample(), moving.changed));
+        let mut present = self.present;
+        present.terms[Term::Change as usize] = changed;
+        observables::sample(py, &sample, present, self.sizes)
     }
 
     fn counters<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {

@@ -34,6 +34,8 @@ pub(crate) enum Kind {
     Lift = 7,
     #[hdf5(rename = "settle")]
     Settle = 8,
+    #[hdf5(rename = "change")]
+    Change = 9,
 }
 
 impl Number for Kind {
@@ -56,6 +58,7 @@ impl From<EventKind> for Kind {
             EventKind::Stick => Self::Stick,
             EventKind::Lift => Self::Lift,
             EventKind::Settle => Self::Settle,
+            EventKind::Change => Self::Change,
         }
     }
 }
@@ -72,6 +75,7 @@ impl From<Kind> for EventKind {
             Kind::Stick => Self::Stick,
             Kind::Lift => Self::Lift,
             Kind::Settle => Self::Settle,
+            Kind::Change => Self::Change,
         }
     }
 }

@@ -35,6 +35,8 @@ enum Kind {
     Lift = 7,
     #[hdf5(rename = "settle")]
     Settle = 8,
+    #[hdf5(rename = "change")]
+    Change = 9,
 }
 
 fn column<T: H5Type>(file: &File, path: &str) -> Vec<T> {
@@ -154,6 +156,7 @@ fn check(path: &std::path::Path, particles: usize, frames: u64, samples: u64, ev
         EventKind::Stick => Kind::Stick,
         EventKind::Lift => Kind::Lift,
         EventKind::Settle => Kind::Settle,
+        EventKind::Change => Kind::Change,
     });
     assert!(column::<Kind>(&file, "events/kind") == kinds.collect::<Vec<_>>(), "kinds differ");
     let ids: Vec<u32> = expected.iter().map(|e| e.j).collect();

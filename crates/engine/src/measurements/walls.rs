@@ -59,6 +59,15 @@ impl WallSums {
         }
     }
 
+    /// Ends the forces on particles that rest on walls: from `time` on none do.
+    pub fn end_support(&mut self, time: f64) {
+        for wall in &mut self.walls {
+            let force = force::value(&wall.support.total);
+            wall.support.change(-force, time);
+            wall.support.total = Total::default();
+        }
+    }
+
     pub fn save(&self, words: &mut Vec<u64>) {
         words.push(u64::from(self.sampled_at.is_some()));
         put_reals(words, &[self.sampled_at.unwrap_or(0.0)]);
@@ -163,7 +172,7 @@ impl World {
     }
 
     /// Momentum along its normal that each wall has given to the grains that it carries.
-    fn carried_by_wall(&self) -> Vec<DVec3> {
+    pub fn carried_by_wall(&self) -> Vec<DVec3> {
         let carries = |wall: u32| self.carries && self.walls[wall as usize].motion.carries();
         (0..self.walls.len() as u32)
             .map(|wall| {

@@ -1,0 +1,310 @@
+//! Changes of the state from outside: velocities, positions, particles added and removed.
+//!
+//! A change starts a new epoch at the present, with all particles in free flight: those that rested come to rest
+//! again by their next contacts. Energy and momentum that it gives are terms of the balances, and the event log
+//! has a row for it. It is a function of the state alone, so that the run stays reproducible.
+
+use std::collections::BTreeMap;
+
+use glam::DVec3;
+use haff_mechanics::Impact;
+
+use crate::{
+    accumulators::Accumulators,
+    choice::Choice,
+    clock::Clock,
+    error::EngineError,
+    force::Force,
+    ledger::Term,
+    measure::{self, Totals},
+    measurements::WallSums,
+    model::{Body, Boundary, Class, Dimension, System},
+    overlap,
+    particles::World,
+    report::{EventKind, EventRecord, Exchange, NO_PARTNER, Observer, Partner, VelocityChange},
+    resolve,
+    rest::state::SettlingState,
+    simulation::{Simulation, actions, open_axes},
+    stall::Stall,
+    state::State,
+};
+
+/// A particle to be added.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct NewParticle {
+    /// Position of the center \[length\].
+    pub position: DVec3,
+    /// Velocity [length/time].
+    pub velocity: DVec3,
+    /// Radius \[length\].
+    pub radius: f64,
+    /// Mass \[mass\]; infinite for a fixed or driven body.
+    pub mass: f64,
+    /// Index into [`System::species`].
+    pub species: u32,
+}
+
+/// A change of the state.
+#[derive(Debug, Clone, PartialEq, Default)]
+pub struct Change {
+    /// New positions of all particles \[length\].
+    pub positions: Option<Vec<DVec3>>,
+    /// New velocities of all particles [length/time].
+    pub velocities: Option<Vec<DVec3>>,
+    /// Indices of particles to be removed, each once.
+    pub remove: Vec<u32>,
+    /// Particles to be added, after all others.
+    pub add: Vec<NewParticle>,
+}
+
+/// Keeps the rows of events until the change has succeeded.
+#[derive(Default)]
+struct Rows(Vec<EventRecord>);
+
+impl Observer for Rows {
+    fn wants_events(&self) -> bool {
+        true
+    }
+
+    fn event(&mut self, event: &EventRecord) {
+        self.0.push(*event);
+    }
+}
+
+impl Simulation {
+    /// Changes the state at the present time.
+    ///
+    /// # Errors
+    /// [`EngineError::Change`] for a change that is not possible; the state is then as before.
+    pub fn change(&mut self, change: &Change, observer: &mut dyn Observer) -> Result<(), EngineError> {
+        let time = self.time();
+        let (system, survivors) = self.changed_system(change)?;
+        let old = &self.state.world;
+        let instant = old.clock.instant(old.now);
+        let mut world = World::new(&system, 0);
+        let extent = world.extent(open_axes(&system));
+        world.clock = Clock::new(Clock::exponent_for(extent, world.largest_speed(extent)));
+        (world.clock.base, world.clock.base_low) = (instant.high, instant.low);
+        world.longest_flight = old.longest_flight;
+        for (new, &i) in survivors.iter().enumerate() {
+            // The anchor is set anew: an own event, so that random numbers are not repeated.
+            world.particles[new].count = old.particles[i as usize].count.wrapping_add(1);
+        }
+        self.check_places(&system, &world)?;
+
+        let mut rows = Rows::default();
+        let mut state = self.state.clone();
+        let pending: Vec<u32> = state.pending.keys().copied().collect();
+        let now = state.world.now;
+        for i in pending {
+            resolve::end_of_bounces::<true>(&mut state, i, now, &mut rows);
+        }
+        let (before, after) = (Totals::of(&state.world), Totals::of(&world));
+        let sums = state.world.wall_sums.take();
+        world.wall_sums = sums.map(|sums| Box::new(sums.without_support(&state.world, time)));
+        let mut impulse = state.world.force.impulse;
+        for (sum, total) in impulse.iter_mut().zip(&state.world.force.total) {
+            sum.add(total.value() * (time - state.world.force.until));
+        }
+        world.force = Force { impulse, until: time, ..world.force };
+        let mut accumulators: Accumulators = state.accumulators;
+        let (work, momentum) = before.carried;
+        accumulators.add_energy(Term::WallWork, time, work);
+        accumulators.add_impulse(momentum);
+        let energy = |totals: &Totals| totals.kinetic + totals.potential;
+        accumulators.add_energy(Term::Change, time, energy(&after) - energy(&before));
+        accumulators.add_impulse(after.momentum - before.momentum);
+        accumulators.counters.epochs += 1;
+        let exchanges = self.changed_velocities(&world, &survivors);
+        let state = State {
+            world,
+            accumulators,
+            pending: BTreeMap::new(),
+            stall: Stall::default(),
+            settling: SettlingState::default(),
+        };
+        let actions = self.moved_actions(&system, time)?;
+        let mut changed = Self::start(system, self.options, state, actions, Vec::new())?;
+        changed.measurements = std::mem::take(&mut self.measurements);
+        changed.set_stop_time(time);
+        *self = changed;
+        for change in exchanges {
+            let exchange = Exchange { time, changes: &[change], partner: Partner::Drive };
+            self.measurements.iter_mut().for_each(|measurement| measurement.exchange(&exchange));
+            observer.exchange(&exchange);
+        }
+        if observer.wants_events() {
+            rows.0.iter().for_each(|row| observer.event(row));
+            let ids = [NO_PARTNER; 2];
+            let row =
+                resolve::row(time, EventKind::Change, ids, &Impact::default(), DVec3::ZERO, DVec3::ZERO);
+            observer.event(&row);
+        }
+        Ok(())
+    }
+
+    /// Radius, mass and species of every particle; the species is an index into [`System::species`].
+    pub fn properties(&self) -> Vec<(f64, f64, u32)> {
+        let world = &self.state.world;
+        let of = |i: u32| {
+            let class = world.body(i);
+            (class.radius, class.mass, self.species.of(world, i))
+        };
+        (0..world.particles.len() as u32).map(of).collect()
+    }
+
+    /// The changed system with its bodies at the present, and which of the particles are left.
+    fn changed_system(&self, change: &Change) -> Result<(System, Vec<u32>), EngineError> {
+        let refuse = |what: String| Err(EngineError::Change(what));
+        let frame = self.frame();
+        let count = frame.position.len();
+        for (name, given) in [("positions", &change.positions), ("velocities", &change.velocities)] {
+            if let Some(given) = given
+                && given.len() != count
+            {
+                return refuse(format!("{} {name} for {count} particles", given.len()));
+            }
+        }
+        if (!change.add.is_empty() || !change.remove.is_empty()) && self.system.measure.correlations.any() {
+            return refuse("correlations follow the particles: none can be added or removed".to_owned());
+        }
+        let mut removed = vec![false; count];
+        for &i in &change.remove {
+            match removed.get_mut(i as usize) {
+                Some(flag) if !*flag => *flag = true,
+                Some(_) => return refuse(format!("particle {i} is removed twice")),
+                None => return refuse(format!("there is no particle {i} of {count}")),
+            }
+        }
+        let world = &self.state.world;
+        let mut system = self.system.clone();
+        let mut survivors = Vec::new();
+        for i in (0..count as u32).filter(|&i| !removed[i as usize]) {
+            let k = i as usize;
+            let mut body = Body {
+                position: frame.position[k],
+                velocity: change.velocities.as_ref().map_or(frame.velocity[k], |v| v[k]),
+                image: frame.image[k],
+                class: world.system_class(i) as u32,
+                species: self.species.of(world, i),
+            };
+            if let Some(positions) = &change.positions {
+                let (position, wraps) = world.periodicity.wrap(positions[k]);
+                body.position = position;
+                for (image, turns) in body.image.iter_mut().zip(wraps) {
+                    *image = image.wrapping_add(turns);
+                }
+            }
+            system.bodies.push(body);
+            survivors.push(i);
+        }
+        for new in &change.add {
+            let class = added_class(&mut system, new)?;
+            let (position, image) = world.periodicity.wrap(new.position);
+            let body = Body { position, velocity: new.velocity, image, class, species: new.species };
+            system.bodies.push(body);
+        }
+        for (k, body) in system.bodies.iter().enumerate() {
+            if !(body.position.is_finite() && body.velocity.is_finite()) {
+                return refuse(format!("particle {k} needs a finite position and velocity"));
+            }
+            let flat = system.dimension == Dimension::Two;
+            if flat && (body.position.z != 0.0 || body.velocity.z != 0.0) {
+                return refuse(format!("particle {k} leaves the plane z = 0"));
+            }
+        }
+        if system.bodies.is_empty() {
+            return refuse("no particle is left".to_owned());
+        }
+        Ok((system, survivors))
+    }
+
+    /// Fails if a particle overlaps with another one or with a wall.
+    fn check_places(&self, system: &System, world: &World) -> Result<(), EngineError> {
+        let choice = Choice::new(self.options.neighbors, self.kernel(), system, world);
+        let found = overlap::deepest(world, &measure::geometry(system, world, choice.filled()));
+        let Some((i, partner)) = found.beyond.pair else { return Ok(()) };
+        let partner = partner.map_or_else(|| "a wall".to_owned(), |j| format!("particle {j}"));
+        let depth = found.beyond.depth;
+        Err(EngineError::Change(format!(
+            "particle {i} would overlap with {partner} by {depth:.1e} contact distances"
+        )))
+    }
+
+    /// The change of the velocity of each particle of finite mass; from or to zero if it is added or removed.
+    fn changed_velocities(&self, world: &World, survivors: &[u32]) -> Vec<VelocityChange> {
+        let old = &self.state.world;
+        let mut changes = BTreeMap::new();
+        for i in 0..old.particles.len() as u32 {
+            let before = old.state(i, old.now).1;
+            changes.insert(i, (old.body(i).mass, before, DVec3::ZERO));
+        }
+        let mut found = Vec::new();
+        for new in 0..world.particles.len() as u32 {
+            let after = world.particles[new as usize].velocity;
+            let mass = world.body(new).mass;
+            let before = survivors.get(new as usize).and_then(|i| changes.remove(i));
+            let before = before.map_or(DVec3::ZERO, |(_, before, _)| before);
+            found.push(VelocityChange { i: new, mass, before, after });
+        }
+        let removed =
+            changes.into_iter().map(|(i, (mass, before, after))| VelocityChange { i, mass, before, after });
+        found.extend(removed);
+        found.retain(|change| change.mass.is_finite() && change.before != change.after);
+        found
+    }
+
+    /// The timed actions of the changed system, each at the point where it was.
+    fn moved_actions(
+        &self,
+        system: &System,
+        time: f64,
+    ) -> Result<Vec<Box<dyn crate::timed::TimedAction>>, EngineError> {
+        let mut saved = BTreeMap::new();
+        self.save_actions(&mut |name, bits| {
+            saved.insert(name.to_owned(), bits);
+        });
+        let mut moved = actions(system);
+        for action in &mut moved {
+            action.load(&mut |name| saved.get(name).copied().unwrap_or(0), time)?;
+        }
+        Ok(moved)
+    }
+}
+
+/// The class of an added particle.
+fn added_class(system: &mut System, new: &NewParticle) -> Result<u32, EngineError> {
+    let refuse = |what: &str| Err(EngineError::Change(what.to_owned()));
+    if !(new.radius > 0.0 && new.radius.is_finite()) {
+        return refuse("a radius must be positive and finite");
+    }
+    if new.mass <= 0.0 || new.mass.is_nan() {
+        return refuse("a mass must be positive; infinite for a fixed or driven body");
+    }
+    let periodic = |axis: &usize| system.domain.boundary[*axis] == Boundary::Periodic;
+    let edges = (0..system.dimension.count()).filter(periodic).map(|axis| system.domain.size[axis]);
+    if edges.fold(f64::INFINITY, f64::min) < 2.0 * new.radius {
+        return refuse("a particle must be smaller than the periodic box");
+    }
+    let Some(name) = system.species.get(new.species as usize) else { return refuse("an unknown species") };
+    let Some(group) = system.groups.iter().position(|group| group.name == *name) else {
+        return refuse("a species without laws of contact");
+    };
+    let class = Class { radius: new.radius, mass: new.mass, group: group as u32 };
+    let found = system.classes.iter().position(|known| *known == class);
+    Ok(found.unwrap_or_else(|| {
+        system.classes.push(class);
+        system.classes.len() - 1
+    }) as u32)
+}
+
+impl WallSums {
+    /// These sums, without the forces on particles that the walls of `world` support or carry until `time`.
+    fn without_support(mut self, world: &World, time: f64) -> Self {
+        self.end_support(time);
+        for (wall, momentum) in world.carried_by_wall().into_iter().enumerate() {
+            self.add_impulse(wall as u32, momentum);
+        }
+        self
+    }
+}

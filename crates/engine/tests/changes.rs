@@ -1,0 +1,191 @@
+//! Changes of the state from outside: balances of energy and momentum, independence of the search, and changes
+//! that are not possible.
+
+mod common;
+
+use common::{Log, Random, add, class, gas, scatter_within_room, set_restitution, system};
+use glam::DVec3;
+use haff_engine::{
+    Boundary, Change, Dimension, Drive, DriveKind, EngineError, EventKind, KickTimes, NeighborChoice,
+    NewParticle, Options, Silent, SimdChoice, Simulation, System, Term, Until,
+};
+
+fn until(time: f64) -> Until {
+    Until { time, ..Until::default() }
+}
+
+fn start(system: &System) -> Simulation {
+    Simulation::new(system.clone(), Options::default()).unwrap()
+}
+
+fn velocities(simulation: &Simulation, change: impl Fn(DVec3) -> DVec3) -> Change {
+    let velocities = simulation.frame().velocity.into_iter().map(change).collect();
+    Change { velocities: Some(velocities), ..Change::default() }
+}
+
+fn new(position: DVec3, velocity: DVec3) -> NewParticle {
+    NewParticle { position, velocity, radius: 0.5, mass: 1.0, species: 0 }
+}
+
+/// Grains that fall, rest and bounce between walls, with a drive and everything measured.
+fn busy() -> System {
+    let mut system = system(Dimension::Three, DVec3::splat(8.0), [Boundary::Wall; 3]);
+    system.domain.gravity = DVec3::new(0.0, 0.0, -5.0);
+    let grain = class(&mut system, 0.5, 1.0);
+    scatter_within_room(&mut system, grain, 40, 1.0, &mut Random(4));
+    set_restitution(&mut system, 0.8);
+    let noise = DriveKind::WhiteNoise { strength: 0.1, kicks: KickTimes::Poisson { rate: 1.0 } };
+    system.drives.push(Drive { kind: noise, species: vec![0] });
+    system.measure.stress = true;
+    system.measure.wall_forces = true;
+    system
+}
+
+#[test]
+fn balances_of_energy_and_momentum_hold_across_changes() {
+    let mut simulation = start(&busy());
+    let first = simulation.sample();
+    for k in 1..=8 {
+        simulation.advance(until(f64::from(k)), &mut Silent).unwrap();
+        let change = match k % 4 {
+            0 => velocities(&simulation, |v| 1.5 * v),
+            1 => velocities(&simulation, |v| DVec3::new(v.x, v.y, 2.0)),
+            2 => Change { remove: vec![k as u32, 3 * k as u32], ..Change::default() },
+            _ => {
+                let place = simulation.frame().position[0];
+                let free = DVec3::new(8.0 - place.x, 8.0 - place.y, 7.4);
+                Change { add: vec![new(free, DVec3::new(0.0, 1.0, -1.0))], ..Change::default() }
+            }
+        };
+        let (before, ledger) = (simulation.time(), simulation.ledger());
+        simulation.change(&change, &mut Silent).unwrap();
+        assert_eq!(simulation.time(), before);
+        let now = simulation.ledger();
+        assert!(now.residual.abs() < 1e-13, "{k}: {:e}", now.residual);
+        let given = now.term(Term::Change) - ledger.term(Term::Change);
+        let gained = now.kinetic + now.potential - ledger.kinetic - ledger.potential;
+        assert!((given - gained).abs() < 1e-9 + 1e-12 * gained.abs(), "{k}: {given} and {gained}");
+    }
+    simulation.advance(until(9.0), &mut Silent).unwrap();
+    let sample = simulation.sample();
+    assert!(sample.ledger.residual.abs() < 1e-12, "{:e}", sample.ledger.residual);
+    let off = sample.momentum - first.momentum - sample.external_impulse;
+    assert!(off.length() < 1e-10, "{off}");
+}
+
+#[test]
+fn a_change_does_not_depend_on_the_search_and_is_a_row_of_the_event_log() {
+    let mut ends = Vec::new();
+    for neighbors in
+        [NeighborChoice::AllPairs, NeighborChoice::Cells, NeighborChoice::Lists, NeighborChoice::Windows]
+    {
+        let options = Options { neighbors, simd: SimdChoice::Auto };
+        let mut simulation = Simulation::new(busy(), options).unwrap();
+        let mut log = Log::default();
+        simulation.advance(until(1.5), &mut log).unwrap();
+        let change = velocities(&simulation, |v| 30.0 * v);
+        simulation.change(&change, &mut log).unwrap();
+        simulation.advance(until(2.0), &mut log).unwrap();
+        let rows: Vec<_> = log.0.iter().filter(|row| row.kind == EventKind::Change).collect();
+        assert_eq!(rows.iter().map(|row| row.time).collect::<Vec<_>>(), [1.5]);
+        assert!(log.0.windows(2).all(|pair| pair[0].time <= pair[1].time));
+        ends.push((simulation.state_hash(), log.0.len()));
+    }
+    assert!(ends.windows(2).all(|pair| pair[0] == pair[1]), "{ends:?}");
+}
+
+#[test]
+fn a_changed_run_resumes_with_the_same_bits() {
+    let mut whole = start(&busy());
+    whole.advance(until(1.0), &mut Silent).unwrap();
+    let change = velocities(&whole, |v| -2.0 * v);
+    whole.change(&change, &mut Silent).unwrap();
+    let checkpoint = whole.checkpoint();
+    let mut resumed = Simulation::restore(busy(), Options::default(), &checkpoint).unwrap();
+    for simulation in [&mut whole, &mut resumed] {
+        simulation.advance(until(3.0), &mut Silent).unwrap();
+    }
+    assert_eq!(whole.state_hash(), resumed.state_hash());
+}
+
+#[test]
+fn moved_particles_collide_where_they_are() {
+    let mut system = system(Dimension::Three, DVec3::splat(20.0), [Boundary::Periodic; 3]);
+    let grain = class(&mut system, 0.5, 1.0);
+    add(&mut system, grain, DVec3::splat(1.0), DVec3::X);
+    add(&mut system, grain, DVec3::splat(10.0), DVec3::ZERO);
+    let mut simulation = start(&system);
+    simulation.advance(until(1.0), &mut Silent).unwrap();
+    // Beyond the upper face: wrapped, and counted as an image.
+    let positions = vec![DVec3::new(25.0, 5.0, 5.0), DVec3::new(8.0, 5.0, 5.0)];
+    simulation.change(&Change { positions: Some(positions), ..Change::default() }, &mut Silent).unwrap();
+    let frame = simulation.frame();
+    assert_eq!((frame.position[0], frame.image[0]), (DVec3::splat(5.0), [1, 0, 0]));
+    let mut log = Log::default();
+    simulation.advance(until(4.0), &mut log).unwrap();
+    assert_eq!(log.0.len(), 1);
+    assert!((log.0[0].time - 3.0).abs() < 1e-12, "{}", log.0[0].time);
+}
+
+#[test]
+fn the_pressure_tensor_and_the_pressure_agree_across_changes() {
+    let mut system = gas(6, 0.2, 0.9, 5);
+    system.measure.stress = true;
+    let mut simulation = start(&system);
+    simulation.sample();
+    simulation.advance(until(0.5), &mut Silent).unwrap();
+    let change = velocities(&simulation, |v| 2.0 * v);
+    simulation.change(&change, &mut Silent).unwrap();
+    simulation.advance(until(0.8), &mut Silent).unwrap();
+    simulation.change(&Change { remove: vec![5, 17], ..Change::default() }, &mut Silent).unwrap();
+    simulation.advance(until(1.0), &mut Silent).unwrap();
+    let sample = simulation.sample();
+    let (stress, pressure) = (sample.stress.unwrap().total(), sample.pressure.unwrap());
+    let trace = (stress[0] + stress[4] + stress[8]) / 3.0;
+    assert!((trace - pressure).abs() < 1e-12 * pressure, "{trace} and {pressure}");
+}
+
+#[test]
+fn impossible_changes_are_refused_and_change_nothing() {
+    let mut system = gas(4, 0.2, 1.0, 7);
+    let mut simulation = start(&system);
+    simulation.advance(until(0.3), &mut Silent).unwrap();
+    let before = (simulation.state_hash(), simulation.ledger());
+    let place = simulation.frame().position[3];
+    let rows = |vector: DVec3, count: usize| Some(vec![vector; count]);
+    for (change, expected) in [
+        (Change { velocities: rows(DVec3::X, 3), ..Change::default() }, "3 velocities for 64 particles"),
+        (
+            Change { velocities: rows(DVec3::NAN, 64), ..Change::default() },
+            "particle 0 needs a finite position",
+        ),
+        (Change { positions: rows(DVec3::X, 64), ..Change::default() }, "would overlap with"),
+        (Change { remove: vec![1, 1], ..Change::default() }, "particle 1 is removed twice"),
+        (Change { remove: vec![64], ..Change::default() }, "there is no particle 64 of 64"),
+        (Change { remove: (0..64).collect(), ..Change::default() }, "no particle is left"),
+        (Change { add: vec![new(place, DVec3::ZERO)], ..Change::default() }, "would overlap with particle"),
+        (
+            Change { add: vec![NewParticle { mass: -1.0, ..new(place, DVec3::X) }], ..Change::default() },
+            "a mass must be positive",
+        ),
+        (
+            Change { add: vec![NewParticle { radius: 90.0, ..new(place, DVec3::X) }], ..Change::default() },
+            "smaller than the periodic box",
+        ),
+        (
+            Change { add: vec![NewParticle { species: 9, ..new(place, DVec3::X) }], ..Change::default() },
+            "an unknown species",
+        ),
+    ] {
+        match simulation.change(&change, &mut Silent) {
+            Err(EngineError::Change(why)) => assert!(why.contains(expected), "{why}, not {expected}"),
+            other => panic!("{expected}: {other:?}"),
+        }
+        assert_eq!((simulation.state_hash(), simulation.ledger()), before, "{expected}");
+    }
+    system.measure.correlations =
+        haff_engine::Correlations { msd: true, interval: 0.1, tracers: 9, ..Default::default() };
+    let mut followed = start(&system);
+    let refused = followed.change(&Change { remove: vec![0], ..Change::default() }, &mut Silent);
+    assert!(matches!(refused, Err(EngineError::Change(why)) if why.contains("correlations follow")));
+}
