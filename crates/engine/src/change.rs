@@ -1,8 +1,8 @@
 //! Changes of the state from outside: velocities, positions, particles added and removed.
 //!
-//! A change starts a new epoch at the present, with all particles in free flight: those that rested come to rest
-//! again by their next contacts. Energy and momentum that it gives are terms of the balances, and the event log
-//! has a row for it. It is a function of the state alone, so that the run stays reproducible.
+//! A change starts a new epoch at the present, with all particles in free flight: those that rested come to
+//! rest again by their next contacts. Energy and momentum that it gives are terms of the balances, and the
+//! event log has a row for it. It is a function of the state alone, so that the run stays reproducible.
 
 use std::collections::BTreeMap;
 

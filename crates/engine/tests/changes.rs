@@ -1,5 +1,5 @@
-//! Changes of the state from outside: balances of energy and momentum, independence of the search, and changes
-//! that are not possible.
+//! Changes of the state from outside: balances of energy and momentum, independence of the search, and
+//! changes that are not possible.
 
 mod common;
 

@@ -61,7 +61,8 @@ pub struct Simulation {
     until: Option<f64>,
     #[pyo3(get)]
     collisions_asked: Option<u64>,
-    /// Radii, masses and species; another lock than that of the simulation, which another thread may hold long.
+    /// Radii, masses and species; another lock than that of the simulation, which another thread may hold
+    /// long.
     columns: Mutex<Columns>,
 }
 
@@ -175,8 +176,8 @@ impl Simulation {
         }
     }
 
-    /// Changes the state: arrays `[N][3]` of all positions or velocities, rows of particles to be removed, and
-    /// particles to be added as (position, velocity, radius, mass, index of the species).
+    /// Changes the state: arrays `[N][3]` of all positions or velocities, rows of particles to be removed,
+    /// and particles to be added as (position, velocity, radius, mass, index of the species).
     #[pyo3(signature = (*, positions=None, velocities=None, remove=Vec::new(), add=Vec::new()))]
     fn change(
         &self,
