@@ -177,6 +177,8 @@ class Feature:
     # Entries of [[wall]] and [[drive]]; a rate is in kicks of a particle in a mean free time of the plain scene.
     walls: list[dict[str, object]] = field(default_factory=list)
     drive: dict[str, float | str] | None = None
+    # Keys of [measure]; intervals in mean free times of the plain scene.
+    measure: dict[str, object] = field(default_factory=dict)
 
 
 def sphere(name: str, count: int, radius: object = 0.5, density: float = 6 / np.pi) -> dict[str, object]:
@@ -214,6 +216,19 @@ FEATURES = [
     ),
     Feature("white noise, a kick in a mean free time", drive={"kind": "white_noise", "strength": 1e-9, "rate": 1.0}),
     Feature("disks", top={"dimension": 2}),
+    Feature("measuring: pressure tensor", measure={"stress": True}),
+    Feature(
+        "measuring: profile of 50 cells, a state every mean free time",
+        measure={"profiles": [{"axis": "z", "bins": 50, "interval": 10.0}]},
+    ),
+    Feature(
+        "measuring: displacements and velocities of all every mean free time",
+        measure={"msd": True, "vacf": True, "interval": 1.0},
+    ),
+    Feature(
+        "measuring: autocorrelation of the tensor every tenth of a mean free time",
+        measure={"stress_correlation": True, "interval": 0.1},
+    ),
     Feature("recording: nothing due", output={}),
     Feature("recording: all events", output={"events": True}),
     Feature("recording: all events, stored as they are", output={"events": True, "compression": "none"}),
@@ -258,6 +273,13 @@ def scene(feature: Feature, phi: float, mean_free_time: float) -> str:
     if feature.drive:
         drive = feature.drive | {"rate": float(feature.drive["rate"]) / mean_free_time}
         lines += ["[[drive]]", *[f"{key} = {toml(value)}" for key, value in drive.items()]]
+    if feature.measure:
+        measure = dict(feature.measure)
+        if "interval" in measure:
+            measure["interval"] = float(measure["interval"]) * mean_free_time
+        for profile in measure.get("profiles", []):
+            measure["profiles"] = [profile | {"interval": profile["interval"] * mean_free_time}]
+        lines += ["[measure]", *[f"{key} = {toml(value)}" for key, value in measure.items()]]
     for keys in species:
         lines += ["[[species]]", *[f"{key} = {toml(value)}" for key, value in keys.items()]]
     return "\n".join(lines) + "\n"
