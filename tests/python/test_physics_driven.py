@@ -86,3 +86,15 @@ def test_a_large_grain_rises_in_a_shaken_bed(command):
     above = heights[:, large].mean(axis=1) - heights[:, ~large].mean(axis=1)
     # Of four seeds three rise by more than 3.4 until the end, and the fourth by 2.6.
     assert above[20:80].mean() < -2 and above[200:].mean() > above[20:80].mean() + 2
+
+
+def test_grains_collect_in_one_chamber_if_the_floor_gives_little_energy(command):
+    def fuller(frequency):
+        with command.run("maxwell_demon", wall__0__motion__frequency=frequency).open() as run:
+            left = np.array([(frame.position[:, 0] < 20).mean() for frame in run.frames[100:]])
+            assert run.observables["ledger_residual"].abs().max() < 1e-12
+        return max(left.mean(), 1 - left.mean())
+
+    # Eggers' theory has one state below a critical dissipation, two above.
+    assert fuller(8.0) > 0.8
+    assert fuller(40.0) < 0.55

@@ -22,6 +22,7 @@ pub fn empty(size: DVec3, boundary: [Boundary; 3], restitution: f64, wall_restit
                 point,
                 normal,
                 motion: WallMotion::Fixed,
+                partition: None,
             };
             walls.push(wall('-', DVec3::ZERO, unit));
             walls.push(wall('+', unit * size, -unit));
@@ -49,7 +50,13 @@ pub fn empty(size: DVec3, boundary: [Boundary; 3], restitution: f64, wall_restit
 
 /// Adds a plane wall at rest; its unit normal points to the inside.
 pub fn add_wall(system: &mut System, name: &str, point: DVec3, normal: DVec3, restitution: f64) {
-    system.walls.push(Wall { name: name.to_owned(), point, normal, motion: WallMotion::Fixed });
+    system.walls.push(Wall {
+        name: name.to_owned(),
+        point,
+        normal,
+        motion: WallMotion::Fixed,
+        partition: None,
+    });
     system.contacts.wall.push((Restitution::Constant(restitution)).into());
 }
 

@@ -69,8 +69,8 @@ pub use measurements::{
     CORRELATIONS, Correlation, CorrelationKind, Correlations, Grid, GridAxis, Measure, StressTensor,
 };
 pub use model::{
-    Body, Boundary, Class, Contacts, Dimension, Domain, Drive, DriveKind, Group, KickTimes, NeighborChoice,
-    Options, Oscillating, SimdChoice, System, Wall, WallLaw, WallMotion,
+    Body, Boundary, Class, Contacts, Dimension, Domain, Drive, DriveKind, Group, Hole, KickTimes,
+    NeighborChoice, Options, Oscillating, Partition, SimdChoice, System, Wall, WallLaw, WallMotion,
 };
 pub use observables::{Observable, Present, Quantity, Sizes, observables};
 pub use overlap::{Overlap, allowed_overlap};

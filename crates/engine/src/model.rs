@@ -1,7 +1,7 @@
 //! The simulated system: particles, walls, contact laws and the domain, as plain validated data.
 
 use glam::DVec3;
-pub use haff_mechanics::Restitution;
+pub use haff_mechanics::{Hole, Partition, Restitution};
 
 pub use crate::{
     drive::{Drive, DriveKind, KickTimes},
@@ -85,7 +85,8 @@ pub struct Group {
     pub name: String,
 }
 
-/// A plane wall. Particles are on the side to which `normal` points; the other side is solid.
+/// A plane wall. Particles are on the side to which `normal` points; the other side is solid, unless it is a
+/// partition.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Wall {
     /// Name as in the scene; `x-`, `x+`, … for the walls of the domain.
@@ -96,6 +97,8 @@ pub struct Wall {
     pub normal: DVec3,
     /// Its motion.
     pub motion: WallMotion,
+    /// The same plane, if particles are on both sides. It does not move, and gravity is parallel to it.
+    pub partition: Option<Partition>,
 }
 
 /// Laws of impact of every pair of contact groups and of every group with every wall.

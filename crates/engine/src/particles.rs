@@ -368,6 +368,11 @@ impl World {
         velocity: DVec3,
         ticks: i64,
     ) -> (f64, f64) {
+        if let Some(partition) = &self.walls[wall as usize].partition {
+            let r = partition.from_nearest(position);
+            let distance = r.length();
+            return (distance - radius, velocity.dot(r) / distance);
+        }
         if self.is_level(wall) {
             let wall = &self.walls[wall as usize];
             let contact = wall.point.dot(wall.normal) + radius;
@@ -392,6 +397,10 @@ impl World {
         acceleration: DVec3,
         wall: u32,
     ) -> Option<f64> {
+        if let Some(partition) = &self.walls[wall as usize].partition {
+            let delay = partition.time_to_contact(anchor.position, anchor.velocity, acceleration, radius)?;
+            return Some(delay * self.clock.per_time);
+        }
         let (distance, rate) =
             self.wall_approach(wall, radius, anchor.position, anchor.velocity, anchor.time);
         let wall = &self.walls[wall as usize];
@@ -433,7 +442,20 @@ impl World {
     #[inline]
     pub fn is_level(&self, wall: u32) -> bool {
         let wall = &self.walls[wall as usize];
-        self.gravity != DVec3::ZERO && !wall.motion.is_moving() && wall.normal.abs().max_element() == 1.0
+        self.gravity != DVec3::ZERO
+            && !wall.motion.is_moving()
+            && wall.partition.is_none()
+            && wall.normal.abs().max_element() == 1.0
+    }
+
+    /// Unit normal of a wall towards a particle in contact.
+    #[inline]
+    pub fn wall_normal(&self, wall: u32, position: DVec3) -> DVec3 {
+        let wall = &self.walls[wall as usize];
+        match &wall.partition {
+            Some(partition) => partition.from_nearest(position).normalize_or(wall.normal),
+            None => wall.normal,
+        }
     }
 
     /// Sets the walls that support particle i from `ticks` on, and changes the force.

@@ -235,11 +235,12 @@ pub(crate) fn wall<F: Features, const EVENTS: bool>(
             position.abs().max(world.coordinates(i)).max(world.walls[wall as usize].point.abs());
         check_penetration(world, depth, class.radius, coordinates, (i, None), time)?;
     }
+    let normal = world.wall_normal(wall, position);
     if depth > 0.0 || world.is_level(wall) {
-        position -= world.walls[wall as usize].normal * gap;
+        position -= normal * gap;
     }
     let plane = &world.walls[wall as usize];
-    let (n, wall_velocity) = (-plane.normal, plane.motion.velocity(plane.normal, (&world.clock, time)));
+    let (n, wall_velocity) = (-normal, plane.motion.velocity(plane.normal, (&world.clock, time)));
     let contact = WallContact { i, wall, time, position, velocity, n, wall_velocity };
     match world.wall_law(&class, wall) {
         WallLaw::Restitution(law) => bounce::<F, EVENTS>(state, &contact, law, observer),

@@ -36,7 +36,13 @@ fn plate(motion: WallMotion, e: f64, height: f64, velocity: DVec3) -> System {
     class(&mut scene, RADIUS, 2.0);
     let shift = motion.displacement(DVec3::Z, haff_engine::Instant::ZERO).z;
     scene.bodies.push(ball(DVec3::new(1.0, 1.0, shift + height + RADIUS), velocity));
-    scene.walls.push(Wall { name: "plate".into(), point: DVec3::ZERO, normal: DVec3::Z, motion });
+    scene.walls.push(Wall {
+        name: "plate".into(),
+        point: DVec3::ZERO,
+        normal: DVec3::Z,
+        motion,
+        partition: None,
+    });
     scene.contacts.wall.push(Restitution::Constant(e).into());
     set_restitution(&mut scene, e);
     scene.domain.gravity = -DVec3::Z;

@@ -66,6 +66,7 @@ fn energy_error_of_equal_bounces_is_a_random_walk() {
             point: DVec3::ZERO,
             normal,
             motion: (normal * 1e-2).into(),
+            partition: None,
         });
         scene.contacts.wall.push((Restitution::Constant(0.3)).into());
         scene.contacts.tc = 1e-4;
@@ -185,7 +186,13 @@ fn wedge() -> System {
     let normal = DVec3::new(0.55, 0.0, 0.836).normalize();
     let point = DVec3::new(0.15 * edge, 0.5 * edge, 0.0);
     scene.bodies.retain(|body| (body.position - point).dot(normal) > 0.55);
-    scene.walls.push(Wall { name: "plane".into(), point, normal, motion: (normal * 0.24).into() });
+    scene.walls.push(Wall {
+        name: "plane".into(),
+        point,
+        normal,
+        motion: (normal * 0.24).into(),
+        partition: None,
+    });
     scene.contacts.wall = vec![(Restitution::Constant(0.3)).into(); scene.walls.len()];
     scene
 }

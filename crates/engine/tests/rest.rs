@@ -239,6 +239,7 @@ fn a_piston_pushes_grains_at_rest() {
         point: DVec3::new(-2.0, 0.0, 0.0),
         normal: DVec3::X,
         motion: (push).into(),
+        partition: None,
     });
     scene.contacts.wall.push((Restitution::Constant(0.5)).into());
     let mut simulation = start(&scene, NeighborChoice::Auto);
@@ -262,7 +263,13 @@ fn bounces_on_a_moving_floor_are_bounded_in_number() {
             scene.domain.gravity = DVec3::NEG_Z;
             let velocity = DVec3::Z * speed;
             let (name, point) = ("floor".to_owned(), DVec3::ZERO);
-            scene.walls.push(haff_engine::Wall { name, point, normal: DVec3::Z, motion: velocity.into() });
+            scene.walls.push(haff_engine::Wall {
+                name,
+                point,
+                normal: DVec3::Z,
+                motion: velocity.into(),
+                partition: None,
+            });
             scene.contacts.wall.push((Restitution::Constant(e)).into());
             let v = 0.05;
             scene.contacts.rest_speed = v;

@@ -151,6 +151,7 @@ fn trajectory_of_random_scenes_is_independent_of_search() {
                 point: size * 0.2,
                 normal: normal.normalize(),
                 motion: velocity.into(),
+                partition: None,
             });
             scene.contacts.wall.push((scene.contacts.pair[0]).into());
         }
@@ -244,7 +245,13 @@ fn lists_miss_no_contact_with_walls_and_fixed_bodies() {
             let point =
                 scene.bodies.iter().map(|body| body.position.dot(normal)).fold(f64::INFINITY, f64::min);
             let point = normal * (point - 0.71);
-            inclined.walls.push(Wall { name: "ramp".into(), point, normal, motion: DVec3::ZERO.into() });
+            inclined.walls.push(Wall {
+                name: "ramp".into(),
+                point,
+                normal,
+                motion: DVec3::ZERO.into(),
+                partition: None,
+            });
             let laws =
                 inclined.contacts.wall.chunks(6).flat_map(|laws| [laws, &laws[..1]].concat()).collect();
             inclined.contacts.wall = laws;

@@ -39,6 +39,7 @@ pub mod curved;
 pub mod flight;
 pub mod impact;
 pub mod oscillation;
+pub mod partition;
 pub mod plane;
 pub mod restitution;
 mod roots;
@@ -54,6 +55,7 @@ pub use impact::{
     resolve_sticking, resolve_wall, work_of_moving_body,
 };
 pub use oscillation::{Oscillation, Waveform};
+pub use partition::{Hole, Partition};
 pub use plane::{time_to_face, time_to_plane};
 pub use restitution::{Restitution, RestitutionError};
 

@@ -372,6 +372,23 @@ pub struct PlaneConfig {
     /// periodic axes must be exactly 0, so that the plane repeats with the box.
     #[schemars(required, length(min = 2, max = 3))]
     pub normal: Option<Vec<f64>>,
+    /// A round hole; in two dimensions a gap. The plane is then a partition, with particles on both sides.
+    pub hole: Option<HoleConfig>,
+    /// `true`: a partition without a hole. Default false: behind the plane is nothing.
+    #[serde(rename = "two-sided")]
+    pub two_sided: Option<bool>,
+}
+
+/// A hole in a plane.
+#[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields, default)]
+pub struct HoleConfig {
+    /// Its center, a point of the plane [length].
+    #[schemars(required, length(min = 2, max = 3))]
+    pub center: Option<Vec<f64>>,
+    /// Its radius [length], larger than that of every particle.
+    #[schemars(required, extend("exclusiveMinimum" = 0))]
+    pub radius: Option<f64>,
 }
 
 /// A drive of the particles.

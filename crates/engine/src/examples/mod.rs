@@ -41,6 +41,7 @@ fn two_spheres() -> Simulation {
             point: DVec3::ZERO,
             normal: DVec3::Z,
             motion: WallMotion::Fixed,
+            partition: None,
         }],
         contacts: Contacts {
             pair: vec![Restitution::Constant(0.5)],

@@ -25,13 +25,20 @@ struct Plane {
     offset: f64,
     /// Mean velocity along the normal [length/time].
     speed: f64,
+    /// Particles are on both sides.
+    two_sided: bool,
 }
 
 impl Planes {
     pub fn new(world: &World) -> Self {
         let planes = world.walls.iter().map(|wall| {
             let (speed, amplitude) = wall.motion.bound(wall.normal);
-            Plane { normal: wall.normal, offset: wall.point.dot(wall.normal) + amplitude, speed }
+            Plane {
+                normal: wall.normal,
+                offset: wall.point.dot(wall.normal) + amplitude,
+                speed,
+                two_sided: wall.partition.is_some(),
+            }
         });
         let extent = world
             .walls
@@ -55,8 +62,10 @@ impl Planes {
     ) {
         let time = world.clock.time(anchor.time);
         for (wall, plane) in self.planes.iter().enumerate() {
-            let distance = plane.normal.dot(anchor.position) - plane.offset - plane.speed * time - radius;
+            let height = plane.normal.dot(anchor.position) - plane.offset - plane.speed * time;
             let rate = plane.normal.dot(anchor.velocity) - plane.speed;
+            let behind = plane.two_sided && height < 0.0;
+            let (distance, rate) = if behind { (-height - radius, -rate) } else { (height - radius, rate) };
             // Not larger than the smallest distance: an acceleration away from the wall is left out.
             let approach = rate.min(0.0) + 0.5 * plane.normal.dot(acceleration).min(0.0) * duration;
             if distance + approach * duration <= self.slack {

@@ -2,8 +2,8 @@
 
 use glam::DVec3;
 use haff_engine::{
-    Boundary, Correlations, Dimension, Drive, DriveKind, Grid, GridAxis, Group, KickTimes, Measure,
-    Oscillating, System, ThermalWall, Wall, WallLaw, WallMotion,
+    Boundary, Correlations, Dimension, Drive, DriveKind, Grid, GridAxis, Group, Hole, KickTimes, Measure,
+    Oscillating, Partition, System, ThermalWall, Wall, WallLaw, WallMotion,
 };
 use haff_mechanics::{Oscillation, Restitution, Waveform};
 use proptest::prelude::*;
@@ -45,6 +45,8 @@ pub struct Recipe {
     pub thermal: bool,
     /// Everything that can be measured is measured.
     pub measure: bool,
+    /// A partition with a hole divides the box.
+    pub partition: bool,
     pub seed: u64,
 }
 
@@ -70,6 +72,7 @@ pub const PLAIN: Recipe = Recipe {
     drive: 0,
     thermal: false,
     measure: false,
+    partition: false,
     seed: 0,
 };
 
@@ -80,14 +83,14 @@ pub fn recipe() -> impl Strategy<Value = Recipe> {
     let seldom = || prop::bool::weighted(0.2);
     let ends = (seldom(), seldom(), seldom(), prop::bool::weighted(0.01));
     let drive = prop_oneof![8 => Just(0), 2 => 1..5_usize];
-    let last = (drive, prop::bool::weighted(0.1), seldom());
+    let last = (drive, prop::bool::weighted(0.1), seldom(), seldom());
     (shape, extras, (seldom(), seldom(), seldom()), ends, last).prop_map(
         |(
             (flat, boundary, particles, species, restitution),
             (gravity, ramp, fixed, tc, fast, seed),
             (speeds, ratios, rest),
             (far, light, wedge, long),
-            (drive, thermal, measure),
+            (drive, thermal, measure, partition),
         )| {
             Recipe {
                 flat,
@@ -110,6 +113,7 @@ pub fn recipe() -> impl Strategy<Value = Recipe> {
                 drive,
                 thermal,
                 measure,
+                partition,
                 seed,
             }
         },
@@ -188,7 +192,13 @@ impl Recipe {
                 }
                 _ => WallMotion::Fixed,
             };
-            scene.walls.push(Wall { name: "ramp".into(), point: size * 0.15, normal, motion });
+            scene.walls.push(Wall {
+                name: "ramp".into(),
+                point: size * 0.15,
+                normal,
+                motion,
+                partition: None,
+            });
         }
         if self.wedge
             && let Some(axis) = (0..d).rev().find(|&axis| free(axis))
@@ -204,7 +214,16 @@ impl Recipe {
                 point: size * 0.9,
                 normal,
                 motion: velocity.into(),
+                partition: None,
             });
+        }
+        if self.partition && !self.rest && (0..d).all(free) {
+            scene.domain.gravity.x = 0.0;
+            let point = size * random.uniform(0.4, 0.6);
+            let hole = Some(Hole { center: point, radius: random.uniform(0.7, 1.5) });
+            let partition = Some(Partition { point, normal: DVec3::X, hole });
+            let (name, normal, motion) = ("partition".into(), DVec3::X, WallMotion::Fixed);
+            scene.walls.push(Wall { name, point, normal, motion, partition });
         }
         let (groups, walls) = (self.species + usize::from(self.fixed), scene.walls.len());
         scene.groups = (0..groups).map(|k| Group { name: format!("group {k}") }).collect();

@@ -63,12 +63,17 @@ impl Assembler<'_> {
             if plane.normal.is_some() && self.document.count() == errors {
                 self.check_normal(&item("wall", k, "plane.normal"), normal, domain);
             }
-            walls.push(Wall {
+            let mut wall = Wall {
                 name: config.name.clone().unwrap_or_default(),
                 point,
                 normal,
                 motion: velocity.into(),
-            });
+                partition: None,
+            };
+            if self.document.count() == errors {
+                wall.partition = self.partition(k, config, &wall);
+            }
+            walls.push(wall);
         }
         walls
     }

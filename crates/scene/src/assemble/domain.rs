@@ -57,7 +57,13 @@ impl DomainPlan {
             let normal = DVec3::AXES[axis];
             let upper = normal * domain.size[axis];
             for (name, point, normal) in [(&pair[0], DVec3::ZERO, normal), (&pair[1], upper, -normal)] {
-                walls.push(Wall { name: name.clone(), point, normal, motion: WallMotion::Fixed });
+                walls.push(Wall {
+                    name: name.clone(),
+                    point,
+                    normal,
+                    motion: WallMotion::Fixed,
+                    partition: None,
+                });
             }
         }
         walls.extend(extra);

@@ -11,6 +11,7 @@ mod measure;
 mod motion;
 mod names;
 mod particles;
+mod partition;
 mod placement;
 mod plan;
 mod values;
@@ -163,6 +164,7 @@ impl Assembler<'_> {
         let system_domain = domain.finish(self.dimension, &rows);
         let mut walls = domain.walls(&system_domain, extra_walls);
         self.set_motions(&mut walls, &wall_names, &motions, &rows);
+        self.check_partitions(&walls, &system_domain, &rows);
         self.check_box(&system_domain, &rows, initial.positions.as_ref());
         self.check_resolution(&system_domain, &species, &rows, initial.positions.as_ref());
         self.gate()?;

@@ -158,7 +158,10 @@ impl Assembler<'_> {
                 }
             }
             for wall in walls {
-                let distance = (position - at_start(wall)).dot(wall.normal);
+                let distance = match &wall.partition {
+                    Some(partition) => partition.from_nearest(position).length(),
+                    None => (position - at_start(wall)).dot(wall.normal),
+                };
                 // Far from the origin the rounding of coordinates is significant.
                 let slack = TOLERANCE
                     * (radius + wall.point.abs().max_element().max(position.abs().max_element()) * 1e-3);

@@ -253,7 +253,13 @@ fn push(
         }
     }
     for plane in room.planes {
-        wall((p - plane.point).dot(plane.normal), plane.normal);
+        match &plane.partition {
+            Some(partition) => {
+                let r = partition.from_nearest(p);
+                wall(r.length(), r.normalize_or(plane.normal));
+            }
+            None => wall((p - plane.point).dot(plane.normal), plane.normal),
+        }
     }
     (step, worst, clear)
 }

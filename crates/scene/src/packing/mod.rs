@@ -34,7 +34,10 @@ impl Room<'_> {
     }
 
     fn behind_a_plane(&self, position: DVec3, radius: f64) -> bool {
-        self.planes.iter().any(|plane| (position - plane.point).dot(plane.normal) < radius)
+        self.planes.iter().any(|plane| match &plane.partition {
+            Some(partition) => partition.from_nearest(position).length() < radius,
+            None => (position - plane.point).dot(plane.normal) < radius,
+        })
     }
 }
 
