@@ -8,7 +8,7 @@ use crate::{
     features::{Features, With},
     force::Force,
     measurements::WallSums,
-    model::{Body, Restitution, System, Wall, WallLaw},
+    model::{Body, DriveKind, Restitution, System, Wall, WallLaw},
     periodicity::Periodicity,
     rest::thresholds::Thresholds,
     wall_motion::Approach,
@@ -126,6 +126,8 @@ pub(crate) struct World {
     pub resting: usize,
     /// Force of gravity and of the walls that support particles.
     pub force: Force,
+    /// Speed that drives and thermal walls give to the lightest particles [length/time].
+    given_speed: f64,
     /// Forces on walls, if they are measured.
     pub wall_sums: Option<Box<WallSums>>,
 }
@@ -177,6 +179,7 @@ impl World {
             longest_flight: 0.0,
             resting: 0,
             force: Force::default(),
+            given_speed: given_speed(system),
             wall_sums: system.measure.wall_forces.then(|| Box::new(WallSums::new(system.walls.len()))),
         };
         let alike = |class: &ClassData| {
@@ -514,7 +517,9 @@ impl World {
             .map(|i| self.state(i, self.now).1.length_squared())
             .chain(self.walls.iter().map(|wall| wall.motion.max_speed().powi(2)))
             .fold(0.0, f64::max);
-        (fastest + 2.0 * self.gravity.length() * extent).sqrt()
+        let present = (fastest + 2.0 * self.gravity.length() * extent).sqrt();
+        // What is given soon, if the present speeds are much lower: the tick is chosen for a whole epoch.
+        if self.given_speed > GIVEN_RATIO * present { self.given_speed } else { present }
     }
 
     /// Largest extent of the system along any axis [length].
@@ -532,6 +537,30 @@ impl World {
         }
         extent.max(2.0 * radius)
     }
+}
+
+/// A tick that is chosen for a speed serves for speeds up to this many times as large.
+const GIVEN_RATIO: f64 = 4.0;
+/// Few particles are faster than this many thermal speeds.
+const FAST: f64 = 3.0;
+
+/// Speed that drives and thermal walls give to the lightest particles [length/time].
+fn given_speed(system: &System) -> f64 {
+    let finite = system.classes.iter().map(|class| class.mass).filter(|mass| mass.is_finite());
+    let lightest = finite.fold(f64::INFINITY, f64::min);
+    let extent = system.domain.size.max_element();
+    let driven = system.drives.iter().map(|drive| match drive.kind {
+        DriveKind::Rescale { temperature, .. } | DriveKind::Andersen { temperature, .. } => {
+            (temperature / lightest).sqrt()
+        }
+        // The speed that a particle reaches while it crosses the system.
+        DriveKind::WhiteNoise { strength, .. } => (strength * extent).cbrt(),
+    });
+    let thermal = system.contacts.wall.iter().filter_map(|law| match law {
+        WallLaw::Thermal(wall) => Some((wall.temperature / lightest).sqrt()),
+        WallLaw::Restitution(_) => None,
+    });
+    FAST * driven.chain(thermal).fold(0.0, f64::max)
 }
 
 /// Whether a wall can carry grains: it oscillates, and grains bounce on it with losses.

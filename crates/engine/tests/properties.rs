@@ -560,6 +560,22 @@ fn scenes_with_former_errors_obey_conservation_laws() {
             seed: 4_313_848_481_575_773_114,
             ..PLAIN
         },
+        // XX
+        Recipe {
+            boundary: [2, 1, 1],
+            particles: 12,
+            species: 2,
+            restitution: 5,
+            ramp: 2,
+            fixed: true,
+            ratios: true,
+            far: true,
+            drive: 2,
+            thermal: true,
+            partition: true,
+            seed: 13_933_417_233_481_059_801,
+            ..PLAIN
+        },
         // The time of the first event of an epoch was an ulp before that of the last event of the one before.
         Recipe {
             flat: true,
