@@ -97,7 +97,7 @@ pub struct Wall {
     pub normal: DVec3,
     /// Its motion.
     pub motion: WallMotion,
-    /// The same plane, if particles are on both sides. It does not move, and gravity is parallel to it.
+    /// The same plane, if particles are on both sides. It does not move, and no grain rests on it.
     pub partition: Option<Partition>,
 }
 

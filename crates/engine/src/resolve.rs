@@ -355,7 +355,9 @@ fn bounce<F: Features, const EVENTS: bool>(
     }
     if F::GRAVITY {
         keep_support(state, i, time);
-        if !repeated && state.world.wall_law(&class, wall).has_series() {
+        // Supports have the normal of the wall: no grain rests on a partition.
+        let can_rest = state.world.walls[wall as usize].partition.is_none();
+        if can_rest && !repeated && state.world.wall_law(&class, wall).has_series() {
             let rest = match state.world.walls[wall as usize].motion {
                 WallMotion::Fixed => come_to_rest(state, i, wall, law, before, time),
                 WallMotion::Oscillating(_) => carried::start(state, i, wall, law, time),

@@ -576,6 +576,20 @@ fn scenes_with_former_errors_obey_conservation_laws() {
             seed: 13_933_417_233_481_059_801,
             ..PLAIN
         },
+        // A grain that slid down a tilted wall was accelerated towards a partition.
+        Recipe {
+            flat: true,
+            boundary: [1, 2, 0],
+            particles: 16,
+            species: 3,
+            restitution: 5,
+            gravity: true,
+            fast: true,
+            wedge: true,
+            partition: true,
+            seed: 3_827_168_627_932_850_006,
+            ..PLAIN
+        },
         // The time of the first event of an epoch was an ulp before that of the last event of the one before.
         Recipe {
             flat: true,

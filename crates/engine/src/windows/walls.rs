@@ -64,10 +64,12 @@ impl Planes {
         for (wall, plane) in self.planes.iter().enumerate() {
             let height = plane.normal.dot(anchor.position) - plane.offset - plane.speed * time;
             let rate = plane.normal.dot(anchor.velocity) - plane.speed;
+            let pull = plane.normal.dot(acceleration);
             let behind = plane.two_sided && height < 0.0;
-            let (distance, rate) = if behind { (-height - radius, -rate) } else { (height - radius, rate) };
+            let (height, rate, pull) = if behind { (-height, -rate, -pull) } else { (height, rate, pull) };
+            let distance = height - radius;
             // Not larger than the smallest distance: an acceleration away from the wall is left out.
-            let approach = rate.min(0.0) + 0.5 * plane.normal.dot(acceleration).min(0.0) * duration;
+            let approach = rate.min(0.0) + 0.5 * pull.min(0.0) * duration;
             if distance + approach * duration <= self.slack {
                 predict(wall as u32);
             }

@@ -59,7 +59,7 @@ impl Assembler<'_> {
         let off = (center - wall.point).dot(wall.normal);
         let scale = center.abs().max(wall.point.abs()).max_element().max(radius);
         if off.abs() > IN_PLANE * scale {
-            self.document.report(&path, format!("must be in the plane: it is {:e} above it", off));
+            self.document.report(&path, format!("must be in the plane: it is {off:e} above it"));
         }
         Some(Hole { center: center - wall.normal * off, radius })
     }
