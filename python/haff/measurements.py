@@ -9,7 +9,6 @@ import numpy as np
 
 from .errors import MissingDataError
 from .layout import AXES, Array, complete
-from .output import library
 
 if TYPE_CHECKING:
     import xarray
@@ -71,7 +70,8 @@ def _shape(rank: int, dimension: int) -> tuple[int, ...]:
 
 def profile(time: Array, centers: Mapping[str, Array], fields: Mapping[str, Array]) -> xarray.Dataset:
     """Rows of one profile as a dataset with the dimensions ``time``, the axes, and those of vectors and tensors."""
-    xarray = library("xarray", "analysis")
+    import xarray
+
     variables: dict[str, Any] = {}
     coords: dict[str, Any] = {"time": ("time", time, {"long_name": "time", "units": "time"})}
     for axis, values in centers.items():
@@ -107,7 +107,8 @@ def correlations(file: File) -> dict[str, xarray.Dataset]:
 
 def correlation(name: str, columns: Mapping[str, Array]) -> xarray.Dataset:
     """A correlation as a dataset with the dimension ``lag``."""
-    xarray = library("xarray", "analysis")
+    import xarray
+
     about, unit = _CORRELATIONS[name]
     variables = {
         "value": ("lag", columns["value"], {"long_name": about, "units": unit}),

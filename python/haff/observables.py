@@ -10,7 +10,6 @@ import pandas as pd
 from .column import Column
 from .errors import MissingDataError
 from .layout import AXES, Array, complete, component, computing
-from .output import library
 from .text import brief
 
 if TYPE_CHECKING:
@@ -119,7 +118,8 @@ def table(file: File) -> pd.DataFrame:
 
 def dataset(file: File) -> xarray.Dataset:
     """The samples with vectors kept whole; see :meth:`haff.File.to_xarray`."""
-    xarray = library("xarray", "analysis")
+    import xarray
+
     time, step, values = arrays(file)
     variables: dict[str, Any] = {"step": ("time", step)}
     coords: dict[str, Any] = {"time": time}

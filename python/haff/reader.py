@@ -286,10 +286,7 @@ class File:
         return observables.table(self)
 
     def to_xarray(self) -> xarray.Dataset:
-        """The observables as a dataset with dimensions ``time``, ``axis`` and ``species``.
-
-        Needs xarray: ``pip install haff[analysis]``.
-        """
+        """The observables as a dataset with dimensions ``time``, ``axis`` and ``species``."""
         return observables.dataset(self)
 
     @cached_property
@@ -299,8 +296,7 @@ class File:
         Each is a dataset with the dimensions ``time`` and the axes: number density ``density``, ``mass_density``,
         ``velocity`` (``component``), ``temperature`` and ``pressure`` (``row``, ``column``); every array has its unit
         in ``attrs["units"]``. A row is the mean over the interval that ends at its time; a cell without particles has
-        no velocity and no temperature, NaN. Raises :class:`MissingDataError` if the scene measured none. Needs xarray:
-        ``pip install haff[analysis]``.
+        no velocity and no temperature, NaN. Raises :class:`MissingDataError` if the scene measured none.
         """
         return measurements.profiles(self)
 
@@ -310,8 +306,8 @@ class File:
 
         Each is a dataset with the dimension ``lag`` [time]: ``value``, its standard ``error`` (NaN for less than eight
         pairs of states) and ``count``, the number of pairs. Raises :class:`MissingDataError` if the scene measured
-        none. Needs xarray: ``pip install haff[analysis]``. :func:`haff.analysis.self_diffusion` and
-        :func:`haff.analysis.shear_viscosity` take coefficients of transport from them.
+        none. :func:`haff.analysis.self_diffusion` and :func:`haff.analysis.shear_viscosity` take coefficients of
+        transport from them.
         """
         return measurements.correlations(self)
 

@@ -97,8 +97,6 @@ def sweep(
     >>> study = haff.sweep(gas, {"contact.restitution": [0.8, 0.9]}, seeds=4, output="study")   # doctest: +SKIP
     >>> study["dissipated_energy"].mean("seed")                                                  # doctest: +SKIP
     """
-    # Checked before hours of running, not after.
-    library("xarray", "sweep")
     values = {key: _several(key, several) for key, several in (values or {}).items()}
     # Workers may have another working directory.
     folder = Path(output).absolute()
@@ -211,7 +209,8 @@ def _dataset(
     folder: Path,
     series: Sequence[str],
 ) -> xarray.Dataset:
-    xarray = library("xarray", "sweep")
+    import xarray
+
     coordinates = {key: _coordinate(key, several) for key, several in values.items()}
     if "seed" not in coordinates or seeds is not None:
         # A seed among the values must be a single one, from which the others are derived.

@@ -61,7 +61,6 @@ def test_observables_are_a_data_frame_with_named_components(files):
 
 
 def test_observables_go_to_xarray_with_whole_vectors(files):
-    pytest.importorskip("xarray")
     with haff.open(files["cooling"]) as run:
         data = run.to_xarray()
         assert data["momentum"].dims == ("time", "axis")

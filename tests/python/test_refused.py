@@ -288,7 +288,6 @@ def test_error_of_a_series_missing_in_a_sweep_file_names_it(path):
 
 
 def test_sweep_scene_that_is_not_text_differs_from_the_given_one(tmp_path):
-    pytest.importorskip("xarray")
     pytest.importorskip("haff._engine")
     (tmp_path / "scene.toml").write_bytes(b"\xff\xfe")
     with pytest.raises(haff.FileError, match=r"scene\.toml belongs to another sweep"):

@@ -15,11 +15,11 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+import xarray
 
 import haff
 from conftest import ROOT, executable
 
-xarray = pytest.importorskip("xarray")
 GAS = ROOT / "tests" / "gas.toml"
 WORKFLOW = ROOT / "workflows" / "snakemake"
 # Long enough to be killed during the run; a checkpoint every few milliseconds.

@@ -2,14 +2,18 @@
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING
+
 import numpy as np
-import xarray
 from matplotlib.figure import Figure
 
 from ..errors import NotApplicableError
 from ..reader import File
 from .style import BLUE, CYCLE, RED, SPEED_MAP, headline
 from .temperature import facts
+
+if TYPE_CHECKING:
+    import xarray
 
 MOST_ARROWS = 24
 """Arrows along an axis of a map."""
