@@ -351,3 +351,47 @@ def test_an_oscillating_wall_of_the_box_is_in_the_page(command, tmp_path):
         page = Page(haff.view(run, tmp_path / "gas.html"))
     assert page.header["motions"] == {"z-": {"kind": "sine", "amplitude": 0.2, "frequency": 2.0, "phase": 0.0}}
     assert page.header["walls"] == []
+
+
+@pytest.mark.parametrize("dimension", [2, 3])
+def test_a_partition_is_drawn_with_its_hole(show, tmp_path, dimension):
+    scene = {
+        "schema": 1,
+        "dimension": dimension,
+        "domain": {"size": [20.0, 12.0, 10.0][:dimension], "boundary": ["wall"] * dimension},
+        "species": [{"name": "grain", "count": 20, "radius": 0.5, "mass": 1.0}],
+        "initial": {"temperature": 1.0},
+        "wall": [
+            {
+                "name": "partition",
+                "plane": {
+                    "point": [10.0, 0.0, 0.0][:dimension],
+                    "normal": [1.0, 0.0, 0.0][:dimension],
+                    "hole": {"center": [10.0, 5.0, 4.0][:dimension], "radius": 2.0},
+                },
+            }
+        ],
+        "run": {"until": 1.0},
+        "output": {"frames": 0.5},
+    }
+    haff.run(scene, file=tmp_path / "chambers.h5")
+    page = show(tmp_path / "chambers.h5")
+    # Areas of the surfaces in the plane x = 10: the partition in space, or half of its strip on a plane.
+    triangles = np.array(
+        page.evaluate(
+            """() => haffView.player.surroundings.parts.filter((part) => part.isMesh).flatMap((part) => {
+              const at = part.geometry.getAttribute("position").array, corners = [...part.geometry.index.array];
+              return corners.map((k) => [at[3 * k], at[3 * k + 1], at[3 * k + 2]]);
+            })"""
+        )
+    ).reshape(-1, 3, 3)
+    near = triangles[np.all(np.abs(triangles[:, :, 0] - 10.0) < 0.5, axis=1)]
+    area = np.linalg.norm(np.cross(near[:, 1] - near[:, 0], near[:, 2] - near[:, 0]), axis=1).sum() / 2
+    if dimension == 3:
+        # The rim is drawn by chords between 64 points and the corners' directions.
+        assert 12.0 * 10.0 - area == pytest.approx(np.pi * 4.0, rel=2e-3)
+    else:
+        thick = np.ptp(near[:, :, 0])
+        assert area / thick == pytest.approx(12.0 - 4.0, rel=1e-6)
+        rows = near[:, :, 1]
+        assert not np.any((rows > 3.01) & (rows < 6.99))

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from typing import Any
 
 import matplotlib as mpl
@@ -159,6 +160,10 @@ def _motions(file: File) -> dict[str, dict[str, Any]]:
     return {escaped(wall["name"]): wall["motion"] for wall in entries if "name" in wall}
 
 
+def _hole(hole: Mapping[str, Any] | None) -> dict[str, Any] | None:
+    return None if hole is None else {"center": _vector(hole["center"]), "radius": float(hole["radius"])}
+
+
 def _walls(file: File) -> list[dict[str, Any]]:
     return [
         {
@@ -167,6 +172,8 @@ def _walls(file: File) -> list[dict[str, Any]]:
             "normal": _vector(wall["plane"].get("normal", ())),
             "velocity": _vector(wall.get("velocity", ())),
             "motion": wall.get("motion"),
+            "partition": "hole" in wall["plane"] or bool(wall["plane"].get("two-sided")),
+            "hole": _hole(wall["plane"].get("hole")),
         }
         for wall in shaped_walls(file.scene)
     ]

@@ -45,10 +45,13 @@ function lines(points, color, opacity) {
   return found;
 }
 
-function surface(points, color, opacity) {
+// Three corners of each triangle of a convex polygon.
+const fan = (points) => points.slice(2).flatMap((_, k) => [0, k + 1, k + 2]);
+
+function surface(points, color, opacity, triangles = fan(points)) {
   const geometry = new THREE.BufferGeometry();
   geometry.setAttribute("position", new THREE.BufferAttribute(new Float32Array(points.flat()), 3));
-  geometry.setIndex(points.slice(2).flatMap((_, k) => [0, k + 1, k + 2]));
+  geometry.setIndex(triangles);
   const material = new THREE.MeshBasicMaterial({
     color,
     transparent: true,
@@ -87,6 +90,54 @@ function cut(point, normal, space) {
     return Math.atan2(r.dot(v), r.dot(u));
   };
   return found.sort((a, b) => angle(a) - angle(b));
+}
+
+// What a round hole leaves of a convex polygon: pairs of points, on the rim and on the edge of the polygon.
+function pierced(corners, normal, { center, radius }) {
+  const n = new THREE.Vector3(...normal).normalize();
+  const u = new THREE.Vector3(...corners[0].map((value, k) => value - center[k])).projectOnPlane(n).normalize();
+  const v = n.clone().cross(u);
+  const flat = corners.map((at) => {
+    const r = new THREE.Vector3(...at.map((value, k) => value - center[k]));
+    return [r.dot(u), r.dot(v)];
+  });
+  const angles = Array.from({ length: 64 }, (_, k) => (k * Math.PI) / 32);
+  angles.push(...flat.map(([x, y]) => (Math.atan2(y, x) + 2 * Math.PI) % (2 * Math.PI)));
+  angles.sort((a, b) => a - b);
+  const points = angles.flatMap((angle) => {
+    const [c, s] = [Math.cos(angle), Math.sin(angle)];
+    // Distance of the edge along the ray.
+    let edge = 0;
+    flat.forEach(([x, y], k) => {
+      const [p, q] = flat[(k + 1) % flat.length];
+      const [across, length] = [c * (q - y) - s * (p - x), x * (q - y) - y * (p - x)];
+      const along = x * s - y * c;
+      if (across !== 0 && length / across > 0 && along / across >= -1e-9 && along / across <= 1 + 1e-9) {
+        edge = Math.max(edge, length / across);
+      }
+    });
+    const at = (distance) => center.map((value, k) => value + distance * (c * u.getComponent(k) + s * v.getComponent(k)));
+    return [at(Math.min(radius, edge)), at(edge)];
+  });
+  const triangles = angles.flatMap((_, k) => {
+    const [a, b] = [2 * k, 2 * ((k + 1) % angles.length)];
+    return [a, a + 1, b, b, a + 1, b + 1];
+  });
+  return { points, triangles };
+}
+
+// What a gap of twice the radius leaves of the line from a to b.
+function gapped(a, b, { center, radius }) {
+  const length = Math.hypot(b[0] - a[0], b[1] - a[1]);
+  const middle = ((center[0] - a[0]) * (b[0] - a[0]) + (center[1] - a[1]) * (b[1] - a[1])) / length;
+  const at = (distance) => {
+    const x = Math.min(Math.max(distance / length, 0), 1);
+    return a.map((value, k) => value + (b[k] - value) * x);
+  };
+  return [
+    [a, at(middle - radius)],
+    [at(middle + radius), b],
+  ];
 }
 
 // The shift of an oscillating wall along its normal.
@@ -144,13 +195,21 @@ class Surroundings {
       if (found.length < 3) continue;
       let part;
       if (flat) {
-        // Seen from above a wall is a line: drawn as a strip on its outer side.
+        // Seen from above a wall is a line: drawn as a strip on its outer side, a partition on both.
         const length = Math.hypot(...wall.normal);
         const out = wall.normal.map((value) => (-value / length) * thick);
         const ends = found.filter((at) => at[2] > 0).map(([x, y]) => [x, y, 0]);
         if (ends.length < 2) continue;
-        const [a, b] = ends;
-        part = surface([a, b, b.map((v, k) => v + out[k]), a.map((v, k) => v + out[k])], WALL[theme], 1);
+        const strips = wall.hole ? gapped(...ends, wall.hole) : [ends];
+        const inner = wall.partition ? -0.5 : 0;
+        const corners = strips.flatMap(([a, b]) =>
+          [[a, inner], [b, inner], [b, inner + 1], [a, inner + 1]].map(([at, by]) => at.map((v, k) => v + by * out[k])),
+        );
+        const triangles = strips.flatMap((_, k) => [0, 1, 2, 0, 2, 3].map((corner) => 4 * k + corner));
+        part = surface(corners, WALL[theme], 1, triangles);
+      } else if (wall.hole) {
+        const { points, triangles } = pierced(found, wall.normal, wall.hole);
+        part = surface(points, WALL[theme], 0.28, triangles);
       } else {
         part = surface(found, WALL[theme], header.walls.includes(wall) ? 0.28 : 0.1);
       }
