@@ -1,29 +1,28 @@
-//! Running sums over the events of a simulation.
+//! Running sums over the events of a simulation. They are independent of the order of the events.
 
 use glam::DVec3;
 
 use crate::{
-    force::{self, Total},
+    exact_sum::{ExactSum, ExactSums},
     ledger::Term,
     report::Counters,
-    sum::Sum,
 };
 
+/// Names of the sums in checkpoints, besides the terms of the energy balance.
+const IMPACTS: [&str; 4] = ["virial", "carnot", "dissipated", "loss_moment"];
+const IMPULSE: [&str; 3] = ["impulse.x", "impulse.y", "impulse.z"];
+
 /// Sums over events. The sums for the pressure cover the time since the previous sample.
-#[derive(Debug, Clone, Default, PartialEq)]
+#[derive(Debug, Clone, Default)]
 pub(crate) struct Accumulators {
-    /// Σ ΔT, Σ E'_c.
-    pub dissipated: Sum,
-    pub carnot: Sum,
+    /// Σ J |r₁₂| since the previous sample, Σ E'_c, Σ ΔT, and Σ (ΔT − W)(t − t_previous). Without gravity the
+    /// last sum makes the mean kinetic energy of the interval exact.
+    impacts: ExactSums<4>,
     /// The other terms of the energy balance, indexed by [`Term`].
-    pub terms: [Sum; Term::ALL.len()],
+    terms: [ExactSum; Term::ALL.len()],
     /// Impulse on the particles by walls, by bodies of infinite mass and by the support of resting particles.
-    pub impulse: Total,
+    impulse: ExactSums<3>,
     pub counters: Counters,
-    /// Σ J |r₁₂| since the previous sample.
-    pub virial: Sum,
-    /// Σ (ΔT − W)(t − t_previous). Without gravity it makes the mean kinetic energy of the interval exact.
-    pub loss_moment: Sum,
     /// Time of the previous sample [time], the number of collisions until then, and the kinetic energy then.
     pub sampled_at: f64,
     pub sampled_collisions: u64,
@@ -35,25 +34,81 @@ pub(crate) struct Accumulators {
 }
 
 impl Accumulators {
+    /// Sums of a simulation that starts with these energies, kinetic and potential.
+    pub fn new(initial_energy: [f64; 2]) -> Self {
+        let [sampled_kinetic, _] = initial_energy;
+        Self { initial_energy, sampled_kinetic, sampled_collisions: u64::MAX, ..Self::default() }
+    }
+
+    /// Names and sums, for checkpoints.
+    pub fn sums_mut(&mut self) -> impl Iterator<Item = (&'static str, &mut ExactSum)> {
+        let impacts = IMPACTS.into_iter().zip(self.impacts.sums_mut());
+        let impulse = IMPULSE.into_iter().zip(self.impulse.sums_mut());
+        let terms = Term::ALL.into_iter().map(Term::name).zip(&mut self.terms);
+        terms.chain(impacts).chain(impulse)
+    }
+
+    /// Σ J |r₁₂| since the previous sample.
+    pub fn virial(&self) -> f64 {
+        self.impacts.value(0)
+    }
+
+    /// Σ E'_c.
+    pub fn carnot(&self) -> f64 {
+        self.impacts.value(1)
+    }
+
+    /// Σ ΔT.
+    pub fn dissipated(&self) -> f64 {
+        self.impacts.value(2)
+    }
+
+    /// Σ (ΔT − W)(t − t_previous) since the previous sample.
+    pub fn loss_moment(&self) -> f64 {
+        self.impacts.value(3)
+    }
+
+    /// The other terms of the energy balance, indexed by [`Term`].
+    pub fn terms(&self) -> [f64; Term::ALL.len()] {
+        self.terms.each_ref().map(ExactSum::value)
+    }
+
+    /// The impulse by walls, by bodies of infinite mass and by the support of resting particles.
+    pub fn impulse(&self) -> DVec3 {
+        DVec3::from_array([0, 1, 2].map(|axis| self.impulse.value(axis)))
+    }
+
+    /// Starts the next interval between samples.
+    pub fn start_interval(&mut self, time: f64, kinetic: f64) {
+        let [virial, _, _, loss_moment] = self.impacts.sums_mut();
+        (*virial, *loss_moment) = Default::default();
+        self.sampled_at = time;
+        self.sampled_collisions = self.counters.collisions;
+        self.sampled_kinetic = kinetic;
+    }
+
     /// Adds an external impulse.
     #[inline]
     pub fn add_impulse(&mut self, impulse: DVec3) {
-        force::add(&mut self.impulse, impulse);
+        self.impulse.add(impulse.to_array());
     }
 
-    /// Counts a collision and adds its virial, J |r₁₂|.
+    /// Adds the virial J |r₁₂| of an impact at `time`, and its losses.
     #[inline(always)]
-    pub fn add_collision(&mut self, virial: f64) {
-        self.counters.collisions += 1;
-        self.virial.add(virial);
+    pub fn add_impact(&mut self, time: f64, virial: f64, energy_loss: f64, carnot_energy: f64) {
+        self.impacts.add([virial, carnot_energy, energy_loss, energy_loss * (time - self.sampled_at)]);
+    }
+
+    /// Adds the virial J |r₁₂| and the Carnot energy of an elastic impact.
+    #[inline(always)]
+    pub fn add_elastic_impact(&mut self, virial: f64, carnot_energy: f64) {
+        self.impacts.add([virial, carnot_energy]);
     }
 
     /// Adds the losses of one event at `time`.
     #[inline]
     pub fn add_losses(&mut self, time: f64, energy_loss: f64, carnot_energy: f64) {
-        self.dissipated.add(energy_loss);
-        self.carnot.add(carnot_energy);
-        self.loss_moment.add(energy_loss * (time - self.sampled_at));
+        self.add_impact(time, 0.0, energy_loss, carnot_energy);
     }
 
     /// Adds the energy of a term at `time`: energy given to the particles, or taken from them if the sign of
@@ -61,6 +116,6 @@ impl Accumulators {
     #[inline]
     pub fn add_energy(&mut self, term: Term, time: f64, energy: f64) {
         self.terms[term as usize].add(energy);
-        self.loss_moment.add(-term.sign() * energy * (time - self.sampled_at));
+        self.impacts.add([0.0, 0.0, 0.0, -term.sign() * energy * (time - self.sampled_at)]);
     }
 }

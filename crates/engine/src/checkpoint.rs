@@ -6,7 +6,6 @@ use crate::{
     accumulators::Accumulators,
     error::EngineError,
     force::Force,
-    ledger::Term,
     measurements::{Words, measurements},
     model::{Options, System},
     particles::{Support, World},
@@ -68,20 +67,10 @@ impl Simulation {
         scalars.real("clock.base_low", world.clock.base_low);
         scalars.put("clock.now", world.now as u64);
         scalars.real("clock.time", self.time());
-        let terms = Term::ALL.into_iter().zip(accumulators.terms).map(|(term, sum)| (term.name(), sum));
-        for (name, sum) in terms.chain([
-            ("dissipated", accumulators.dissipated),
-            ("carnot", accumulators.carnot),
-            ("virial", accumulators.virial),
-            ("loss_moment", accumulators.loss_moment),
-        ]) {
-            scalars.sum(name, &sum);
+        for (name, sum) in accumulators.clone().sums_mut() {
+            scalars.exact_sum(name, sum);
         }
-        for (name, total) in [
-            ("impulse", &accumulators.impulse),
-            ("force", &world.force.total),
-            ("force_impulse", &world.force.impulse),
-        ] {
+        for (name, total) in [("force", &world.force.total), ("force_impulse", &world.force.impulse)] {
             scalars.total(name, total);
         }
         scalars.real("force_until", world.force.until);
@@ -216,15 +205,10 @@ impl Simulation {
             }
             valid::support(&world, i as u32, u64::from(code), asleep, recently_hit)?;
         }
-        let mut accumulators = Accumulators {
-            dissipated: scalars.sum("dissipated"),
-            carnot: scalars.sum("carnot"),
-            terms: Term::ALL.map(|term| scalars.sum(term.name())),
-            impulse: scalars.total("impulse"),
-            virial: scalars.sum("virial"),
-            loss_moment: scalars.sum("loss_moment"),
-            ..Accumulators::default()
-        };
+        let mut accumulators = Accumulators::default();
+        for (name, sum) in accumulators.sums_mut() {
+            *sum = scalars.exact_sum(name);
+        }
         world.force = Force {
             total: scalars.total("force"),
             impulse: scalars.total("force_impulse"),
@@ -287,7 +271,7 @@ impl Simulation {
             accumulators.counters.candidates,
             accumulators.counters.windows,
         ) = (predictions, candidates, windows);
-        valid::accumulators(&accumulators, &world.clock, time)?;
+        valid::accumulators(&mut accumulators, &world.clock, time)?;
         let mut state = State { world, accumulators, pending, stall, settling };
         valid::whole(&system, &state, time)?;
         let mut measurements = measurements(&system, &state);

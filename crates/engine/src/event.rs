@@ -74,7 +74,7 @@ impl PhysicalEvent for Collision {
     ) -> Result<Vec<u32>, EngineError> {
         let Self([i, j]) = self;
         let woken = if F::REST { contact::wake_if_hit(state, i, j, time) } else { Vec::new() };
-        resolve::collision::<F, EVENTS>(state, i, j, time, observer)?;
+        resolve::collision::<F, EVENTS>(state, [i, j], time, observer)?;
         Ok(woken)
     }
 

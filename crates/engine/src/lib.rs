@@ -24,6 +24,7 @@ mod entry;
 mod error;
 mod event;
 mod event_loop;
+mod exact_sum;
 #[cfg(test)]
 mod examples;
 mod features;

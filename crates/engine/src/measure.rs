@@ -10,7 +10,6 @@ use xxhash_rust::xxh3::Xxh3;
 
 use crate::{
     accumulators::Accumulators,
-    force,
     ledger::{Ledger, Term},
     model::{Boundary, Dimension, System},
     particles::World,
@@ -97,8 +96,8 @@ pub(crate) fn ledger(
 ) -> Ledger {
     let bounces: f64 = pending.values().map(|series| series.energy_loss).sum();
     let [kinetic, potential] = accumulators.initial_energy;
-    let dissipated = accumulators.dissipated.value();
-    let mut terms = accumulators.terms.map(|sum| sum.value());
+    let dissipated = accumulators.dissipated();
+    let mut terms = accumulators.terms();
     terms[Term::WallWork as usize] += totals.carried.0;
     let supplied = Term::ALL.map(|term| -term.sign() * terms[term as usize]);
     let energies = [totals.kinetic, totals.potential, -kinetic, -potential, dissipated, bounces];
@@ -110,7 +109,7 @@ pub(crate) fn ledger(
         potential: totals.potential,
         spring: 0.0,
         dissipated,
-        carnot: accumulators.carnot.value(),
+        carnot: accumulators.carnot(),
         terms,
         residual: if scale > 0.0 { balance.value() / scale } else { 0.0 },
     }
@@ -168,16 +167,16 @@ pub(crate) fn sample(system: &System, species_table: &Species, state: &mut State
         // integral is the final energy times the interval, plus the loss of each event times the time before
         // that event. With gravity the mean of the two ends is used.
         let mean_kinetic = if world.flies_straight() {
-            totals.kinetic + accumulators.loss_moment.value() / span
+            totals.kinetic + accumulators.loss_moment() / span
         } else {
             0.5 * (totals.kinetic + accumulators.sampled_kinetic)
         };
         let thermal = mean_kinetic - 0.5 * totals.mass * drift.length_squared();
-        (2.0 * thermal + accumulators.virial.value() / span) / (d * volume)
+        (2.0 * thermal + accumulators.virial() / span) / (d * volume)
     });
     let periodic = world.periodicity.is_periodic.contains(&true);
     let gravity_impulse = world.force.impulse_until(time);
-    let impulse = force::value(&accumulators.impulse) + totals.carried.1;
+    let impulse = accumulators.impulse() + totals.carried.1;
     let rate = if first || span <= 0.0 { f64::NAN } else { counted as f64 / span };
     let mut sample = Sample {
         time,
@@ -201,11 +200,7 @@ pub(crate) fn sample(system: &System, species_table: &Species, state: &mut State
         collision_rate: rate,
         mean_free_time: bodies / (2.0 * rate),
     };
-    accumulators.virial = Sum::default();
-    accumulators.loss_moment = Sum::default();
-    accumulators.sampled_at = time;
-    accumulators.sampled_collisions = accumulators.counters.collisions;
-    accumulators.sampled_kinetic = totals.kinetic;
+    accumulators.start_interval(time, totals.kinetic);
     world.complete_walls(time, &mut sample);
     sample
 }

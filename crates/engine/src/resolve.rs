@@ -100,43 +100,62 @@ pub(crate) fn anchor(
     time: i64,
 ) -> Result<(), EngineError> {
     world.particles[i as usize].set_anchor(position, velocity, time);
+    check_velocity(world, i, velocity, time)
+}
+
+/// Returns an error if the new velocity of particle i is not finite.
+#[inline(always)]
+fn check_velocity(world: &World, i: u32, velocity: DVec3, time: i64) -> Result<(), EngineError> {
     if velocity.is_finite() {
         return Ok(());
     }
     Err(EngineError::Overflow { time: world.clock.time(time), i, velocity: velocity.to_array() })
 }
 
-/// Adds the losses of an impact at `now`. A negative loss, of bodies that separate faster than they approach,
-/// is added to [`Term::Rest`].
+/// Adds the virial of an impact at `now`, 0 for a wall, and its losses. A negative loss, of bodies that
+/// separate faster than they approach, is added to [`Term::Rest`].
 #[inline(always)]
-fn add_impact<F: Features>(accumulators: &mut Accumulators, now: f64, impact: &Impact) {
+fn add_impact<F: Features>(accumulators: &mut Accumulators, now: f64, virial: f64, impact: &Impact) {
     if F::ELASTIC {
-        accumulators.carnot.add(impact.carnot_energy);
+        accumulators.add_elastic_impact(virial, impact.carnot_energy);
         return;
     }
     let taken = if F::REST { impact.energy_loss.max(0.0) } else { impact.energy_loss };
-    accumulators.add_losses(now, taken, impact.carnot_energy);
-    if F::REST {
-        accumulators.add_energy(Term::Rest, now, impact.energy_loss.min(0.0));
+    accumulators.add_impact(now, virial, taken, impact.carnot_energy);
+    if F::REST && impact.energy_loss < 0.0 {
+        accumulators.add_energy(Term::Rest, now, impact.energy_loss);
     }
 }
 
-/// Resolves the collision of two particles at `time`.
+/// An impact of two particles.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct PairImpact {
+    /// In ascending order.
+    bodies: [u32; 2],
+    classes: [ClassData; 2],
+    /// Positions at the contact.
+    positions: [DVec3; 2],
+    /// Velocities before and after the impact.
+    before: [DVec3; 2],
+    after: [DVec3; 2],
+    /// Unit vector from the first to the second, and the distance of their centers.
+    n: DVec3,
+    distance: f64,
+    impact: Impact,
+}
+
+/// The impact of two particles at `time`: a function of their anchors.
+///
+/// # Errors
+/// An overlap that is more than rounding, or a velocity that is not finite.
 #[inline(always)]
-pub(crate) fn collision<F: Features, const EVENTS: bool>(
-    state: &mut State,
-    i: u32,
-    j: u32,
+pub(crate) fn collide<F: Features>(
+    world: &World,
+    bodies: [u32; 2],
     time: i64,
-    observer: &mut dyn Observer,
-) -> Result<(), EngineError> {
+) -> Result<PairImpact, EngineError> {
     // Lower index first, so that the bits do not depend on which of the two owned the entry.
-    let (i, j) = (i.min(j), i.max(j));
-    if F::GRAVITY {
-        end_of_bounces_early::<EVENTS>(state, i, time, observer);
-        end_of_bounces_early::<EVENTS>(state, j, time, observer);
-    }
-    let world = &mut state.world;
+    let (i, j) = (bodies[0].min(bodies[1]), bodies[0].max(bodies[1]));
     let (mut ri, wi) = state_at_event::<F>(world, i, time);
     let (mut rj, wj) = state_at_event::<F>(world, j, time);
     let r = world.periodicity.nearest(rj - ri);
@@ -165,13 +184,57 @@ pub(crate) fn collision<F: Features, const EVENTS: bool>(
     }
     let contact = PairContact { bodies: [i, j], classes: [a, b], velocities: [wi, wj], r, distance, n, time };
     let (ui, uj, impact) = pair_law::resolve::<F>(world, &contact);
+    if a.inverse_mass != 0.0 {
+        check_velocity(world, i, ui, time)?;
+    }
+    if b.inverse_mass != 0.0 {
+        check_velocity(world, j, uj, time)?;
+    }
+    Ok(PairImpact {
+        bodies: [i, j],
+        classes: [a, b],
+        positions: [ri, rj],
+        before: [wi, wj],
+        after: [ui, uj],
+        n,
+        distance,
+        impact,
+    })
+}
+
+/// Resolves the collision of two particles at `time`.
+#[inline(always)]
+pub(crate) fn collision<F: Features, const EVENTS: bool>(
+    state: &mut State,
+    [i, j]: [u32; 2],
+    time: i64,
+    observer: &mut dyn Observer,
+) -> Result<(), EngineError> {
+    if F::GRAVITY {
+        end_of_bounces_early::<EVENTS>(state, i.min(j), time, observer);
+        end_of_bounces_early::<EVENTS>(state, i.max(j), time, observer);
+    }
+    let impact = collide::<F>(&state.world, [i, j], time)?;
+    apply::<F, EVENTS>(state, &impact, time, observer);
+    Ok(())
+}
+
+/// Sets the anchors of two particles after their impact, and adds its energies.
+#[inline(always)]
+pub(crate) fn apply<F: Features, const EVENTS: bool>(
+    state: &mut State,
+    &PairImpact { bodies: [i, j], classes: [a, b], positions, before, after, n, distance, impact }: &PairImpact,
+    time: i64,
+    observer: &mut dyn Observer,
+) {
+    let world = &mut state.world;
     // A body of infinite mass keeps its anchor: its flight has not changed, so predictions with it stay
     // valid.
     if a.inverse_mass != 0.0 {
-        anchor(world, i, ri, ui, time)?;
+        world.particles[i as usize].set_anchor(positions[0], after[0], time);
     }
     if b.inverse_mass != 0.0 {
-        anchor(world, j, rj, uj, time)?;
+        world.particles[j as usize].set_anchor(positions[1], after[1], time);
     }
     if F::REST {
         world.particles[i as usize].set_recently_hit(true);
@@ -184,22 +247,23 @@ pub(crate) fn collision<F: Features, const EVENTS: bool>(
     }
 
     let accumulators = &mut state.accumulators;
-    accumulators.add_collision(impact.impulse * distance);
-    add_impact::<F>(accumulators, now, &impact);
+    accumulators.counters.collisions += 1;
+    add_impact::<F>(accumulators, now, impact.impulse * distance, &impact);
     if !F::UNIFORM {
         // The impulse on i is −J n, on j +J n.
         if a.inverse_mass == 0.0 {
             accumulators.add_impulse(n * impact.impulse);
-            accumulators.add_energy(Term::WallWork, now, work_of_moving_body(impact.impulse, -n, wi));
+            accumulators.add_energy(Term::WallWork, now, work_of_moving_body(impact.impulse, -n, before[0]));
         } else if b.inverse_mass == 0.0 {
             accumulators.add_impulse(n * -impact.impulse);
-            accumulators.add_energy(Term::WallWork, now, work_of_moving_body(impact.impulse, n, wj));
+            accumulators.add_energy(Term::WallWork, now, work_of_moving_body(impact.impulse, n, before[1]));
         }
     }
     if EVENTS {
         let change =
             |i, class: &ClassData, before, after| VelocityChange { i, mass: class.mass, before, after };
-        let changes = [change(i, &a, wi, ui), change(j, &b, wj, uj)];
+        let changes = [change(i, &a, before[0], after[0]), change(j, &b, before[1], after[1])];
+        let [ri, rj] = positions;
         let (changes, position, branch) = match (a.inverse_mass == 0.0, b.inverse_mass == 0.0) {
             (false, false) => (&changes[..], ri, n * distance),
             (false, true) => (&changes[..1], ri, n * distance),
@@ -210,7 +274,6 @@ pub(crate) fn collision<F: Features, const EVENTS: bool>(
         let contact_point = state.world.periodicity.wrap(ri + n * a.radius).0;
         observer.event(&row(now, EventKind::Collision, [i, j], &impact, n, contact_point));
     }
-    Ok(())
 }
 
 /// Resolves the collision of particle i with a wall at `time`.
@@ -225,7 +288,27 @@ pub(crate) fn wall<F: Features, const EVENTS: bool>(
     if F::GRAVITY {
         end_of_bounces_early::<EVENTS>(state, i, time, observer);
     }
-    let world = &mut state.world;
+    let (contact, outcome) = collide_with_wall::<F>(&state.world, i, wall, time)?;
+    match outcome {
+        WallOutcome::Bounce(bounce) => apply_bounce::<F, EVENTS>(state, &contact, &bounce, observer),
+        WallOutcome::Reflection(velocity) => {
+            reflect::<EVENTS>(state, &contact, velocity, Term::WallHeat, observer)?;
+        }
+    }
+    Ok(())
+}
+
+/// The impact of particle i on a wall at `time`: a function of its anchor.
+///
+/// # Errors
+/// An overlap that is more than rounding, or a velocity that is not finite.
+#[inline(always)]
+pub(crate) fn collide_with_wall<F: Features>(
+    world: &World,
+    i: u32,
+    wall: u32,
+    time: i64,
+) -> Result<(WallContact, WallOutcome), EngineError> {
     let (mut position, velocity) = state_at_event::<F>(world, i, time);
     let class = *world.class(i);
     let (gap, _) = world.wall_approach(wall, class.radius, position, velocity, time);
@@ -242,18 +325,60 @@ pub(crate) fn wall<F: Features, const EVENTS: bool>(
     let plane = &world.walls[wall as usize];
     let (n, wall_velocity) = (-normal, plane.motion.velocity(plane.normal, (&world.clock, time)));
     let contact = WallContact { i, wall, time, position, velocity, n, wall_velocity };
-    match world.wall_law(&class, wall) {
-        WallLaw::Restitution(law) => bounce::<F, EVENTS>(state, &contact, law, observer),
+    let outcome = match world.wall_law(&class, wall) {
+        WallLaw::Restitution(law) => WallOutcome::Bounce(bounce::<F>(world, &contact, law)),
         WallLaw::Thermal(law) => {
             let draw = Draw::new(world.seed, i, u64::from(world.particles[i as usize].count));
             match law.velocity(draw, class.mass, n, world.dimension) {
-                Some(relative) => {
-                    reflect::<EVENTS>(state, &contact, wall_velocity + relative, Term::WallHeat, observer)
-                }
-                None => bounce::<F, EVENTS>(state, &contact, law.restitution, observer),
+                Some(relative) => WallOutcome::Reflection(wall_velocity + relative),
+                None => WallOutcome::Bounce(bounce::<F>(world, &contact, law.restitution)),
             }
         }
-    }
+    };
+    let (WallOutcome::Bounce(WallBounce { after, .. }) | WallOutcome::Reflection(after)) = outcome;
+    check_velocity(world, i, after, time)?;
+    Ok((contact, outcome))
+}
+
+/// What a wall does with a particle.
+#[derive(Debug, Clone, Copy)]
+pub(crate) enum WallOutcome {
+    Bounce(WallBounce),
+    /// The particle leaves a thermal wall with this velocity.
+    Reflection(DVec3),
+}
+
+/// An impact on a wall by a law of restitution.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct WallBounce {
+    law: Restitution,
+    /// Velocity after the impact.
+    after: DVec3,
+    impact: Impact,
+    /// Whether the impact repeats a recent one, see [`contact::is_repeated_wall_contact`].
+    repeated: bool,
+}
+
+/// The impact of a particle on a wall by a law of restitution.
+#[inline(always)]
+fn bounce<F: Features>(world: &World, contact: &WallContact, law: Restitution) -> WallBounce {
+    let &WallContact { i, wall, time, velocity, n, wall_velocity, .. } = contact;
+    let class = world.class(i);
+    let speed = haff_mechanics::approach_speed(velocity, wall_velocity, n);
+    let e = coefficient::<F>(world, law, speed, time, [(i, class), (i, class)]);
+    let mut repeated = false;
+    // Resolved as for two spheres, without assuming |n| = 1: the length of a tilted normal has a rounding
+    // error, which is the same at every impact.
+    let (after, _, impact) = if F::REST {
+        let acceleration = world.acceleration(i).dot(n);
+        repeated = contact::is_repeated_wall_contact(world, i, wall, speed, acceleration, time);
+        let separation =
+            if repeated { contact::separation_speed(world, e, speed, acceleration, true) } else { e * speed };
+        impact_with_separation([velocity, wall_velocity], [class.inverse_mass, 0.0], n, e, speed, separation)
+    } else {
+        resolve_contact(velocity, wall_velocity, class.inverse_mass, 0.0, n, e)
+    };
+    WallBounce { law, after, impact, repeated }
 }
 
 /// A contact of a particle with a wall, before its impact.
@@ -307,32 +432,19 @@ pub(crate) fn reflect<const EVENTS: bool>(
     Ok(())
 }
 
-/// Resolves a collision of a particle with a wall by a law of restitution.
+/// Sets the anchor of a particle after its impact on a wall, and adds the energies of the impact.
 #[inline(always)]
-fn bounce<F: Features, const EVENTS: bool>(
+fn apply_bounce<F: Features, const EVENTS: bool>(
     state: &mut State,
-    &WallContact { i, wall, time, position, velocity, n, wall_velocity }: &WallContact,
-    law: Restitution,
+    contact: &WallContact,
+    &WallBounce { law, after, impact, repeated }: &WallBounce,
     observer: &mut dyn Observer,
-) -> Result<(), EngineError> {
+) {
+    let &WallContact { i, wall, time, position, velocity, n, wall_velocity } = contact;
     let world = &mut state.world;
     let class = *world.class(i);
     let before = if F::GRAVITY { (world.support(i), world.acceleration(i)) } else { Default::default() };
-    let speed = haff_mechanics::approach_speed(velocity, wall_velocity, n);
-    let e = coefficient::<F>(world, law, speed, time, [(i, &class), (i, &class)]);
-    let mut repeated = false;
-    // Resolved as for two spheres, without assuming |n| = 1: the length of a tilted normal has a rounding
-    // error, which is the same at every impact.
-    let (after, _, impact) = if F::REST {
-        let acceleration = world.acceleration(i).dot(n);
-        repeated = contact::is_repeated_wall_contact(world, i, wall, speed, acceleration, time);
-        let separation =
-            if repeated { contact::separation_speed(world, e, speed, acceleration, true) } else { e * speed };
-        impact_with_separation([velocity, wall_velocity], [class.inverse_mass, 0.0], n, e, speed, separation)
-    } else {
-        resolve_contact(velocity, wall_velocity, class.inverse_mass, 0.0, n, e)
-    };
-    anchor(world, i, position, after, time)?;
+    world.particles[i as usize].set_anchor(position, after, time);
     if F::REST {
         world.particles[i as usize].set_recently_hit(repeated);
     }
@@ -340,7 +452,7 @@ fn bounce<F: Features, const EVENTS: bool>(
     let now = world.clock.time(time);
     let accumulators = &mut state.accumulators;
     accumulators.counters.wall_collisions += 1;
-    add_impact::<F>(accumulators, now, &impact);
+    add_impact::<F>(accumulators, now, 0.0, &impact);
     accumulators.add_impulse(n * -impact.impulse);
     world.add_wall_impulse(wall, n * -impact.impulse);
     world.add_wall_heat(wall, -impact.energy_loss);
@@ -368,7 +480,6 @@ fn bounce<F: Features, const EVENTS: bool>(
             }
         }
     }
-    Ok(())
 }
 
 /// Completes the series of bounces of particle i on a wall, if the next bounce is low enough. Returns the

@@ -4,7 +4,7 @@ use std::{collections::BTreeMap, str::FromStr};
 
 use glam::DVec3;
 
-use crate::sum::Sum;
+use crate::{exact_sum::ExactSum, sum::Sum};
 
 /// Parts of the names of vectors.
 const AXES: [&str; 3] = ["x", "y", "z"];
@@ -43,6 +43,13 @@ impl ScalarWriter {
     /// Adds a compensated sum.
     pub fn sum(&mut self, name: &str, sum: &Sum) {
         self.pair(name, sum.high, sum.low);
+    }
+
+    /// Adds all parts of an exact sum.
+    pub(crate) fn exact_sum(&mut self, name: &str, sum: &ExactSum) {
+        for (k, part) in sum.parts().into_iter().enumerate() {
+            self.real(&format!("{name}.{k}"), part);
+        }
     }
 
     /// Adds compensated sums of vectors.
@@ -126,6 +133,22 @@ impl ScalarReader {
     pub fn sum(&mut self, name: &str) -> Sum {
         let (high, low) = self.pair(name);
         Sum { high, low }
+    }
+
+    /// Takes all parts of an exact sum.
+    pub(crate) fn exact_sum(&mut self, name: &str) -> ExactSum {
+        let mut sum = ExactSum::default();
+        let mut part = Some(self.take(&format!("{name}.0")));
+        for k in 1.. {
+            let Some(bits) = part else { break };
+            let term = f64::from_bits(bits);
+            if !term.is_finite() {
+                self.fail(|| format!("{name}.{} = {term:?} must be finite", k - 1));
+            }
+            sum.add(term);
+            part = self.take_if_present(&format!("{name}.{k}"));
+        }
+        sum
     }
 
     /// Takes compensated sums of vectors.

@@ -84,12 +84,7 @@ impl Simulation {
         // All anchors are at tick 0, which is time 0 for any length of a tick.
         world.clock = Clock::new(exponent);
         let totals = Totals::of(&world);
-        let accumulators = Accumulators {
-            initial_energy: [totals.kinetic, totals.potential],
-            sampled_kinetic: totals.kinetic,
-            sampled_collisions: u64::MAX,
-            ..Accumulators::default()
-        };
+        let accumulators = Accumulators::new([totals.kinetic, totals.potential]);
         let state = State {
             world,
             accumulators,
@@ -158,6 +153,7 @@ impl Simulation {
     /// Changes the engine if another one is better for the present state. No choice changes the trajectory.
     #[cold]
     fn reconsider(&mut self) {
+        self.state.accumulators.sums_mut().for_each(|(_, sum)| sum.normalize());
         self.choice.after(self.state.accumulators.counters.collisions);
         if self.choice.reconsider(&self.system, &self.state.world) {
             self.geometry = measure::geometry(&self.system, &self.state.world, self.choice.filled());

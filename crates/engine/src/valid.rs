@@ -11,7 +11,6 @@ use crate::{
     clock::{Clock, EPOCH, OLDEST_ANCHOR},
     error::EngineError,
     instant::Instant,
-    ledger::Term,
     measure::{self, Totals},
     model::{Boundary, Dimension, System},
     overlap,
@@ -188,7 +187,11 @@ pub(crate) fn pending(world: &World, i: u32, rest: &Pending) -> Result<(), Engin
 }
 
 /// Checks each sum and counter; `time` is the present.
-pub(crate) fn accumulators(accumulators: &Accumulators, clock: &Clock, time: f64) -> Result<(), EngineError> {
+pub(crate) fn accumulators(
+    accumulators: &mut Accumulators,
+    clock: &Clock,
+    time: f64,
+) -> Result<(), EngineError> {
     let counters = &accumulators.counters;
     for (name, number) in [
         ("collisions", counters.collisions),
@@ -214,18 +217,10 @@ pub(crate) fn accumulators(accumulators: &Accumulators, clock: &Clock, time: f64
     at_least_zero("sampled_kinetic", accumulators.sampled_kinetic)?;
     at_least_zero("max_overlap", accumulators.max_overlap)?;
     within("sampled_at", accumulators.sampled_at, 0.0, time + tolerance(clock, time))?;
-    for (name, sum) in [
-        ("dissipated", &accumulators.dissipated),
-        ("carnot", &accumulators.carnot),
-        ("virial", &accumulators.virial),
-        ("loss_moment", &accumulators.loss_moment),
-    ] {
-        total(name, sum)?;
+    for (name, sum) in accumulators.sums_mut() {
+        finite(name, sum.value())?;
     }
-    for (term, sum) in Term::ALL.into_iter().zip(&accumulators.terms) {
-        total(term.name(), sum)?;
-    }
-    totals("impulse", &accumulators.impulse)
+    Ok(())
 }
 
 fn totals(name: &str, sums: &[Sum; 3]) -> Result<(), EngineError> {

@@ -176,8 +176,8 @@ fn errors_name_the_impossible_value() {
         ("sampled_at = -1", |c| *scalar(c, "sampled_at") = (-1_f64).to_bits()),
         ("initial_kinetic = -1", |c| *scalar(c, "initial_kinetic") = (-1_f64).to_bits()),
         ("max_overlap = NaN", |c| *scalar(c, "max_overlap") = f64::NAN.to_bits()),
-        ("carnot = -5000", |c| *scalar(c, "carnot.high") = (-5000_f64).to_bits()),
-        ("energies do not balance", |c| *scalar(c, "dissipated.high") = (-5000_f64).to_bits()),
+        ("carnot = -5000", |c| *scalar(c, "carnot.0") = (-5000_f64).to_bits()),
+        ("energies do not balance", |c| *scalar(c, "dissipated.0") = (-5000_f64).to_bits()),
         ("force_until = ", |c| *scalar(c, "force_until") = 1e9_f64.to_bits()),
         ("settling.next = -5", |c| *scalar(c, "settling.next") = -5_i64 as u64),
         ("is given twice", |c| {

@@ -44,7 +44,7 @@ fn a_captured_particle_is_at_rest_and_the_balance_has_its_energy() {
     let event = Capture(1);
     event.resolve::<Polydisperse, false>(&mut simulation.state, time, &mut Silent).expect("no overflow");
     assert_eq!(simulation.state.world.state(1, time), (DVec3::new(5.75, 2.0, 2.0), DVec3::ZERO));
-    assert_eq!(simulation.state.accumulators.dissipated.value(), 0.5);
+    assert_eq!(simulation.state.accumulators.dissipated(), 0.5);
     assert_eq!(event.pause::<Polydisperse>(&mut simulation.state, time), None);
     Capture(0).resolve::<Polydisperse, false>(&mut simulation.state, time, &mut Silent).expect("no overflow");
     assert_eq!(event.pause::<Polydisperse>(&mut simulation.state, time), Some(Pause::Rest));

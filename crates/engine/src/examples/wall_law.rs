@@ -32,6 +32,6 @@ fn a_particle_leaves_the_wall_at_the_given_speed_and_the_balance_has_the_energy(
         WallContact { i: 0, wall: 0, time: 0, position, velocity, n: -DVec3::Z, wall_velocity: DVec3::ZERO };
     constant_speed::<false>(&mut simulation.state, &contact, 3.0, &mut Silent).expect("no overflow");
     assert_eq!(simulation.state.world.state(0, 0), (position, DVec3::new(1.0, 0.0, 3.0)));
-    let heat = simulation.state.accumulators.terms[Term::WallHeat as usize].value();
+    let heat = simulation.state.accumulators.terms()[Term::WallHeat as usize];
     assert_eq!(heat, 0.5 * (3.0 * 3.0 - 0.5 * 0.5));
 }

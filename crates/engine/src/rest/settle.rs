@@ -42,7 +42,7 @@ pub(super) fn record_loss(
 ) {
     let State { world, accumulators, .. } = state;
     accumulators.add_energy(Term::Rest, world.clock.time(world.now), energy);
-    accumulators.carnot.add(carnot_energy);
+    accumulators.add_elastic_impact(0.0, carnot_energy);
     accumulators.add_impulse(-momentum);
     accumulators.counters.rests += 1;
     if observer.wants_events() {

@@ -42,7 +42,7 @@ use crate::{
     tuning::particles,
 };
 use cells::{Cells, NearestCells};
-use filter::{Query, Scratch};
+use filter::{MAX_DISPLACEMENT, Query, Scratch};
 use space::Space;
 use tune::{Tuner, Work};
 use walls::Planes;
@@ -64,8 +64,8 @@ const MAX_WALLS: usize = 16;
 /// Windows are profitable if no particle is faster than the mean speed by more than this factor: the fastest
 /// particle limits the length of windows.
 const MAX_SPEED_RATIO: f64 = 30.0;
-/// Windows are profitable if the nearest image allows displacements of at least this many mean distances
-/// between neighboring particles. With a smaller limit, windows would be short.
+/// Windows are profitable if the nearest image and the filter allow displacements of at least this many mean
+/// distances between neighboring particles. With a smaller limit, windows would be short.
 const MIN_DISPLACEMENT: f64 = 0.5;
 
 /// A window ends early after this many searches per particle, plus [`SEARCHES`]. Each event registers a
@@ -172,6 +172,7 @@ pub(crate) fn is_profitable(system: &System, summary: &SystemSummary, density: &
     summary.count >= particles::WINDOWS
         && system.walls.len() <= MAX_WALLS
         && density.speeds_are_within(MAX_SPEED_RATIO)
+        && MAX_DISPLACEMENT * 2.0 * summary.least >= displacement
         && (0..system.dimension.count()).all(allows_displacement)
 }
 
