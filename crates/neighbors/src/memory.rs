@@ -50,10 +50,36 @@ pub fn prefetch<T>(value: &T) {
     prefetch_address(value);
 }
 
+/// Elements in memory, one after the other.
+pub trait Elements {
+    /// The type of the elements.
+    type Element;
+    /// The address of the first element.
+    fn start(&self) -> *const Self::Element;
+}
+
+impl<T> Elements for [T] {
+    type Element = T;
+
+    #[inline(always)]
+    fn start(&self) -> *const T {
+        self.as_ptr()
+    }
+}
+
+impl<T> Elements for Vec<T> {
+    type Element = T;
+
+    #[inline(always)]
+    fn start(&self) -> *const T {
+        self.as_ptr()
+    }
+}
+
 /// [`prefetch`] of an element. The index is not checked: it can be out of bounds.
 #[inline(always)]
-pub fn prefetch_at<T>(elements: &[T], index: usize) {
-    prefetch_address(elements.as_ptr().wrapping_add(index));
+pub fn prefetch_at<E: Elements + ?Sized>(elements: &E, index: usize) {
+    prefetch_address(elements.start().wrapping_add(index));
 }
 
 #[inline(always)]
