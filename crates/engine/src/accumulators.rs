@@ -78,6 +78,21 @@ impl Accumulators {
         DVec3::from_array([0, 1, 2].map(|axis| self.impulse.value(axis)))
     }
 
+    /// Adds the sums and counters of another thread, and sets them to zero.
+    pub fn merge(&mut self, other: &mut Self) {
+        self.impacts.merge(&mut other.impacts);
+        self.impulse.merge(&mut other.impulse);
+        for (sum, other) in self.terms.iter_mut().zip(&other.terms) {
+            sum.merge(other);
+        }
+        let counters = other.counters;
+        self.counters.collisions += counters.collisions;
+        self.counters.wall_collisions += counters.wall_collisions;
+        self.counters.rests += counters.rests;
+        self.counters.dropped += counters.dropped;
+        *other = Self::default();
+    }
+
     /// Starts the next interval between samples.
     pub fn start_interval(&mut self, time: f64, kinetic: f64) {
         let [virial, _, _, loss_moment] = self.impacts.sums_mut();

@@ -139,7 +139,7 @@ impl Simulation {
             position: world.particles.iter().map(|particle| particle.position).collect(),
             velocity: world.particles.iter().map(|particle| particle.velocity).collect(),
             anchor: world.particles.iter().map(|particle| particle.time).collect(),
-            image: world.images.clone(),
+            image: world.images.to_vec(),
             count: world.particles.iter().map(|particle| particle.count).collect(),
             resting: (0..world.particles.len() as u32).map(resting).collect(),
             scalars: scalars.scalars,
@@ -180,7 +180,7 @@ impl Simulation {
             particle.time = checkpoint.anchor[i];
             particle.count = checkpoint.count[i];
         }
-        world.images.clone_from(&checkpoint.image);
+        world.images.copy_from_slice(&checkpoint.image);
         let digits = Digits::of(&world);
         for (i, &code) in checkpoint.resting.iter().enumerate() {
             let name = format!("support.{i}");

@@ -95,15 +95,14 @@ pub(crate) mod avx2 {
     ///
     /// # Safety
     ///
-    /// The caller must be compiled for AVX2; `indices` has eight elements, which are indices of `particles`.
+    /// The caller must be compiled for AVX2; `indices` has eight elements, which are indices of the particles
+    /// that begin at `start`.
     #[inline(always)]
-    pub(crate) unsafe fn load_whole(particles: &[CompactParticle], indices: &[u32]) -> Eight {
-        debug_assert!(indices[..8].iter().all(|&index| (index as usize) < particles.len()));
+    pub(crate) unsafe fn load_whole(start: *const CompactParticle, indices: &[u32]) -> Eight {
         // SAFETY: the caller guarantees AVX2 and eight valid indices; a particle has 32 bytes and is aligned
         // to 32 bytes.
         unsafe {
-            let row =
-                |k: usize| _mm256_load_ps(particles.as_ptr().add(*indices.get_unchecked(k) as usize).cast());
+            let row = |k: usize| _mm256_load_ps(start.add(*indices.get_unchecked(k) as usize).cast());
             let (r0, r1, r2, r3) = (row(0), row(1), row(2), row(3));
             let (r4, r5, r6, r7) = (row(4), row(5), row(6), row(7));
             transpose(

@@ -31,6 +31,8 @@ pub(crate) enum Next<E> {
     Nothing,
     /// Updates of the scheduler's own data have used up the limit of entries.
     Interrupted,
+    /// [`Scheduler::take_step`] must follow.
+    Step,
 }
 
 /// Finds the events of a state in the order of time.
@@ -49,6 +51,8 @@ pub(crate) trait Scheduler: Send {
     /// Finds the earliest event up to `limit`, and carries out the updates of the scheduler's own data before
     /// it.
     fn next<const VECTORS: bool>(&mut self, state: &mut State, limit: &mut Limit) -> Next<Self::Event>;
+    /// Takes several events at once, on several threads, after [`Next::Step`].
+    fn take_step(&mut self, _: &mut State, _: &mut Limit, _: &mut dyn Observer, _events: bool) {}
     /// Predicts the particles of an event that has been resolved, and the grains that it has `woken`.
     fn update<const VECTORS: bool>(
         &mut self,
@@ -159,6 +163,10 @@ fn run<S: Scheduler, const EVENTS: bool, const VECTORS: bool>(
                 return Ok(Pause::Time);
             }
             Next::Interrupted => return Ok(Pause::Entries),
+            Next::Step => {
+                scheduler.take_step(state, limit, observer, EVENTS);
+                continue;
+            }
         };
         limit.entries -= 1;
         state.world.now = state.world.now.max(time);

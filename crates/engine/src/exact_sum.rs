@@ -63,7 +63,6 @@ impl ExactSum {
     }
 
     /// Adds another sum.
-    #[cfg_attr(not(test), expect(dead_code, reason = "sums of several workers"))]
     pub fn merge(&mut self, other: &Self) {
         for (bin, other) in self.bins.as_flattened_mut().iter_mut().zip(other.bins.as_flattened()) {
             *bin += other;
@@ -267,6 +266,13 @@ impl<const K: usize> ExactSums<K> {
     pub fn sums_mut(&mut self) -> &mut [ExactSum; K] {
         self.empty();
         &mut self.sums
+    }
+
+    /// Adds other sums.
+    pub fn merge(&mut self, other: &mut Self) {
+        for (sum, other) in self.sums_mut().iter_mut().zip(other.sums_mut()) {
+            sum.merge(other);
+        }
     }
 
     /// Sum k.

@@ -1,7 +1,7 @@
 //! The particles of the engine: one cache line each, and tables of properties by class.
 
 use glam::DVec3;
-use haff_neighbors::with_huge_pages;
+use haff_neighbors::{Array, with_huge_pages};
 
 use crate::{
     clock::Clock,
@@ -84,8 +84,8 @@ pub(crate) type Support = [Option<u16>; 3];
 #[derive(Debug, Clone)]
 pub(crate) struct World {
     pub clock: Clock,
-    pub particles: Vec<Particle>,
-    pub images: Vec<[i32; 3]>,
+    pub particles: Array<Particle>,
+    pub images: Array<[i32; 3]>,
     /// Radius, mass and group by class. If grains are put to rest, a second copy of the classes with infinite
     /// mass follows: the classes of asleep particles.
     pub classes: Vec<ClassData>,
@@ -134,7 +134,7 @@ pub(crate) struct World {
 
 impl World {
     pub fn new(system: &System, exponent: i32) -> Self {
-        let mut particles = with_huge_pages(system.bodies.len());
+        let mut particles: Vec<Particle> = with_huge_pages(system.bodies.len());
         let anchor = |body: &Body| Particle::at(body.position, body.velocity, 0, body.class);
         particles.extend(system.bodies.iter().map(anchor));
         let thresholds = Thresholds::of(system);
@@ -156,7 +156,7 @@ impl World {
         }
         let mut world = Self {
             clock: Clock::new(exponent),
-            particles,
+            particles: particles.into(),
             images: system.bodies.iter().map(|body| body.image).collect(),
             classes,
             class_count,
@@ -198,6 +198,32 @@ impl World {
             }
         }
         world
+    }
+
+    /// A world with the same laws, without particles.
+    pub fn without_particles(&self) -> Self {
+        Self {
+            particles: Array::default(),
+            images: Array::default(),
+            classes: self.classes.clone(),
+            walls: self.walls.clone(),
+            support: Vec::new(),
+            restitution: self.restitution.clone(),
+            wall_laws: self.wall_laws.clone(),
+            force: Force::default(),
+            wall_sums: None,
+            ..*self
+        }
+    }
+
+    /// Gives this world the particles of another one.
+    ///
+    /// # Safety
+    ///
+    /// As for [`Array::alias`].
+    pub unsafe fn share_particles(&mut self, other: &mut Self) {
+        // SAFETY: guaranteed by the caller.
+        (self.particles, self.images) = unsafe { (other.particles.alias(), other.images.alias()) };
     }
 
     #[inline(always)]

@@ -289,13 +289,24 @@ pub(crate) fn wall<F: Features, const EVENTS: bool>(
         end_of_bounces_early::<EVENTS>(state, i, time, observer);
     }
     let (contact, outcome) = collide_with_wall::<F>(&state.world, i, wall, time)?;
+    apply_wall::<F, EVENTS>(state, &contact, &outcome, observer);
+    Ok(())
+}
+
+/// Sets the anchor of a particle after its impact on a wall, and adds the energies of the impact.
+#[inline(always)]
+pub(crate) fn apply_wall<F: Features, const EVENTS: bool>(
+    state: &mut State,
+    contact: &WallContact,
+    outcome: &WallOutcome,
+    observer: &mut dyn Observer,
+) {
     match outcome {
-        WallOutcome::Bounce(bounce) => apply_bounce::<F, EVENTS>(state, &contact, &bounce, observer),
+        WallOutcome::Bounce(bounce) => apply_bounce::<F, EVENTS>(state, contact, bounce, observer),
         WallOutcome::Reflection(velocity) => {
-            reflect::<EVENTS>(state, &contact, velocity, Term::WallHeat, observer)?;
+            reflect::<EVENTS>(state, contact, *velocity, Term::WallHeat, observer);
         }
     }
-    Ok(())
 }
 
 /// The impact of particle i on a wall at `time`: a function of its anchor.
@@ -335,9 +346,26 @@ pub(crate) fn collide_with_wall<F: Features>(
             }
         }
     };
-    let (WallOutcome::Bounce(WallBounce { after, .. }) | WallOutcome::Reflection(after)) = outcome;
-    check_velocity(world, i, after, time)?;
+    check_velocity(world, i, outcome.velocity(), time)?;
     Ok((contact, outcome))
+}
+
+impl PairImpact {
+    /// The particles with their positions and velocities after the impact.
+    #[inline(always)]
+    pub fn after(&self) -> [(u32, DVec3, DVec3); 2] {
+        [0, 1].map(|k| (self.bodies[k], self.positions[k], self.after[k]))
+    }
+}
+
+impl WallOutcome {
+    /// The velocity after the impact.
+    pub fn velocity(&self) -> DVec3 {
+        match self {
+            Self::Bounce(bounce) => bounce.after,
+            Self::Reflection(velocity) => *velocity,
+        }
+    }
 }
 
 /// What a wall does with a particle.
@@ -402,12 +430,12 @@ pub(crate) fn reflect<const EVENTS: bool>(
     velocity: DVec3,
     term: Term,
     observer: &mut dyn Observer,
-) -> Result<(), EngineError> {
+) {
     let &WallContact { i, wall, time, position, n, wall_velocity, .. } = contact;
     let change = velocity - contact.velocity;
     let (before, after) = (contact.velocity - wall_velocity, velocity - wall_velocity);
     let class = *state.world.class(i);
-    anchor(&mut state.world, i, position, velocity, time)?;
+    state.world.particles[i as usize].set_anchor(position, velocity, time);
     let now = state.world.clock.time(time);
     let accumulators = &mut state.accumulators;
     accumulators.counters.wall_collisions += 1;
@@ -429,7 +457,6 @@ pub(crate) fn reflect<const EVENTS: bool>(
         observer.event(&row(now, EventKind::Wall, [i, wall], &impact, n, contact_point));
     }
     keep_support(state, i, time);
-    Ok(())
 }
 
 /// Sets the anchor of a particle after its impact on a wall, and adds the energies of the impact.

@@ -55,6 +55,22 @@ impl Stall {
         Ok(())
     }
 
+    /// Whether this number of further events cannot be a collapse.
+    pub fn allows(&self, world: &World, events: u64) -> bool {
+        self.events + events <= EVENTS + EVENTS_PER_PARTICLE * world.particles.len() as u64
+    }
+
+    /// Counts events at these times \[ticks\], in order, that [are no collapse](Self::allows).
+    pub fn count_sorted(&mut self, times: &[i64]) {
+        for &time in times {
+            self.events += 1;
+            if time.saturating_sub(self.since) >= SPAN {
+                self.since = time;
+                self.events = 0;
+            }
+        }
+    }
+
     /// Records the particles and the wall of an event. Returns the error of a collapse after enough events.
     #[cold]
     fn record_participants(

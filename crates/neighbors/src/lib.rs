@@ -15,6 +15,7 @@ plain reference for both and the search for very few particles.
 */
 
 mod all_pairs;
+mod array;
 mod bins;
 mod cells;
 mod geometry;
@@ -25,10 +26,11 @@ mod shell;
 mod walls;
 
 pub use all_pairs::AllPairs;
+pub use array::Array;
 pub use cells::Cells;
 pub use geometry::{Axis, Geometry, Plane};
 pub use lists::Lists;
-pub use memory::{prefetch, prefetch_at, with_huge_pages};
+pub use memory::{Elements, prefetch, prefetch_at, with_huge_pages};
 pub use packed::{Offsets, Packed};
 
 use glam::DVec3;

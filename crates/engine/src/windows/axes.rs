@@ -140,6 +140,12 @@ impl Axes {
         axes
     }
 
+    /// Whether cells beyond an edge of an axis are those at the other edge.
+    #[inline(always)]
+    pub fn wraps(&self, axis: usize) -> bool {
+        self.low[axis] < 0.0
+    }
+
     /// The coordinate of a position along an axis [length].
     #[inline(always)]
     pub fn coordinate(&self, axis: usize, position: f64) -> i32 {

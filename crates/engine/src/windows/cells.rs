@@ -10,9 +10,9 @@ Cells are computed in single precision. A particle on a face can be assigned to 
 searches have a slightly longer range ([`SLACK`]) than contacts.
 */
 
-use std::ops::Range;
+use std::{ops::Range, sync::Arc};
 
-use haff_neighbors::{Geometry, prefetch_at, with_huge_pages};
+use haff_neighbors::{Array, Elements, Geometry, prefetch_at, with_huge_pages};
 
 use super::axes::Axes;
 use crate::compact::LANES;
@@ -54,6 +54,14 @@ impl Block {
 /// neighbors.
 #[derive(Debug, Clone, Copy, Default)]
 pub(super) struct NearestCells([[i32; 4]; 2]);
+
+impl NearestCells {
+    /// Whether `contains` accepts all of them; its arguments are an axis and an index along it.
+    #[inline(always)]
+    pub fn are_within(&self, contains: impl Fn(usize, i32) -> bool) -> bool {
+        self.0.iter().all(|cell| (0..3).all(|axis| contains(axis, cell[axis])))
+    }
+}
 
 const EMPTY: Block = Block { entries: [0; ENTRIES], link: 0 };
 
@@ -136,15 +144,20 @@ struct Offset {
 }
 
 /// Cells and the slots that are registered in them.
-#[derive(Debug, Clone, Default)]
+#[derive(Debug, Default)]
 pub(super) struct Cells {
     pub axes: Axes,
     /// The first block of every cell, followed by the further blocks of cells with more than one.
-    blocks: Vec<Block>,
+    blocks: Array<Block>,
     /// Number of cells.
     count: usize,
+    /// Index of the next further block, and of the first one that must not be used.
+    next: usize,
+    limit: usize,
+    /// Whether a slot could not be registered, because there was no further block.
+    is_full: bool,
     /// The cells of all boxes of up to [`TABLE_SIZE`] cells along each axis.
-    tables: Vec<Box<[Offset]>>,
+    tables: Arc<[Box<[Offset]>]>,
 }
 
 impl Cells {
@@ -169,14 +182,72 @@ impl Cells {
             tables.push(table.into_boxed_slice());
         }
         // With space for further blocks of full cells.
-        let mut blocks = with_huge_pages(cells + cells / 8);
+        let mut blocks: Vec<Block> = with_huge_pages(cells + cells / 8);
         blocks.resize(cells, EMPTY);
-        Self { axes, blocks, count: cells, tables }
+        Self {
+            axes,
+            blocks: blocks.into(),
+            count: cells,
+            next: cells,
+            limit: usize::MAX,
+            is_full: false,
+            tables: tables.into(),
+        }
     }
 
     /// The cell of these coordinates.
     pub fn cell_of(&self, x: [i32; 3]) -> u32 {
         self.axes.index(self.axes.fold(self.axes.cells(self.axes.grid_coordinates(x)))) as u32
+    }
+
+    /// Cells with the same blocks, for another thread.
+    ///
+    /// # Safety
+    ///
+    /// As for [`Array::alias`], for the blocks of each cell; each thread [has](Self::limit_to) further blocks
+    /// of its own.
+    pub unsafe fn alias(&mut self) -> Self {
+        Self {
+            axes: self.axes,
+            // SAFETY: guaranteed by the caller.
+            blocks: unsafe { self.blocks.alias() },
+            count: self.count,
+            next: 0,
+            limit: 0,
+            is_full: false,
+            tables: Arc::clone(&self.tables),
+        }
+    }
+
+    /// Renews the blocks of an alias, which may have been moved in memory.
+    ///
+    /// # Safety
+    ///
+    /// That of [`Self::alias`].
+    pub unsafe fn renew(&mut self, alias: &mut Self) {
+        // SAFETY: guaranteed by the caller.
+        alias.blocks = unsafe { self.blocks.alias() };
+    }
+
+    /// Reserves this number of further blocks for aliases. Returns the index of the first one.
+    pub fn reserve(&mut self, blocks: usize) -> usize {
+        let first = self.next;
+        self.next += blocks;
+        let next = self.next;
+        if next > self.blocks.len() {
+            self.blocks.change(|blocks| blocks.resize(next, EMPTY));
+        }
+        first
+    }
+
+    /// Lets cells of an alias use these further blocks.
+    pub fn limit_to(&mut self, blocks: Range<usize>) {
+        (self.next, self.limit) = (blocks.start, blocks.end);
+    }
+
+    /// Whether a slot could not be registered.
+    pub fn is_full(&self) -> bool {
+        self.is_full
     }
 
     /// Number of cells.
@@ -200,24 +271,31 @@ impl Cells {
     #[cold]
     #[inline(never)]
     fn add_block(&mut self, cell: usize, slot: u32) {
-        let next = self.blocks.len() as u32;
-        let full = self.blocks[cell];
-        self.blocks.push(full);
+        let next = self.next;
+        if next >= self.limit {
+            self.is_full = true;
+            return;
+        }
+        if next == self.blocks.len() {
+            self.blocks.change(|blocks| blocks.push(EMPTY));
+        }
+        self.blocks[next] = self.blocks[cell];
+        self.next += 1;
         let mut entries = [0; ENTRIES];
         entries[0] = slot;
-        self.blocks[cell] = Block { entries, link: next << 3 | 1 };
+        self.blocks[cell] = Block { entries, link: (next as u32) << 3 | 1 };
     }
 
     /// Splits the grid into parts that can be [filled](Part::fill) in parallel; [`Self::complete`] must
     /// follow. The parts are always the same. `rows` are the first slots of the rows of cells when slots were
     /// last sorted. Particles that have left their row since then are registered correctly all the same.
     pub fn parts<'a>(&'a mut self, rows: &[u32], mut lowest: &'a mut [u32]) -> Vec<Part<'a>> {
-        self.blocks.truncate(self.count);
+        self.next = self.count;
         let nx = self.axes.n[0] as usize;
         let row_count = self.count / nx;
         let rows_per_part = CELLS_PER_PART.max(self.count / MAX_PARTS).div_ceil(nx);
         let mut parts = Vec::with_capacity(row_count.div_ceil(rows_per_part));
-        for (part, blocks) in self.blocks.chunks_mut(rows_per_part * nx).enumerate() {
+        for (part, blocks) in (&mut *self.blocks)[..self.count].chunks_mut(rows_per_part * nx).enumerate() {
             let slots = rows[part * rows_per_part]..rows[((part + 1) * rows_per_part).min(row_count)];
             let (own, others) = lowest.split_at_mut(slots.len());
             lowest = others;
@@ -328,12 +406,13 @@ impl Cells {
                     offsets = &table[(skipped as usize).min(table.len())..];
                 }
                 candidates.blocks += offsets.len() as u64;
+                let blocks = self.blocks.start();
                 for &Offset { index, .. } in offsets {
                     let cell = first + index as usize;
                     debug_assert!(cell < self.count);
                     // SAFETY: as above; all cells of the box are inside the grid, so that `cell` is the index
                     // of a block.
-                    links |= unsafe { candidates.push(self.blocks.get_unchecked(cell), true) };
+                    links |= unsafe { candidates.push(&*blocks.add(cell), true) };
                 }
             }
         }
@@ -481,6 +560,18 @@ impl PathBox {
         let count = |k: usize| (high[k] - low[k] + 1).min(axes.n[k]);
         (low, [count(0), count(1), count(2)])
     }
+}
+
+/// First cell and number of cells per axis of the bounding box of a path, extended by `reach` [length].
+#[inline(always)]
+pub(super) fn path_span(
+    axes: &Axes,
+    x: [i32; 3],
+    v: [f32; 3],
+    fraction: f32,
+    reach: f32,
+) -> ([i32; 4], [i32; 3]) {
+    PathBox::new(axes, x, v, fraction).span(axes, reach)
 }
 
 /// Visits all cells of a box of cells, which can extend beyond the edges of the grid.

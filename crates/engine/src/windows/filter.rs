@@ -16,6 +16,8 @@ b² ≥ c v²                        f has real roots
 r·v alone: the exact prediction decides whether a touching pair approaches.
 */
 
+use haff_neighbors::Array;
+
 use super::{
     cells::{Candidates, Cells},
     tune::Work,
@@ -109,7 +111,7 @@ impl Scratch {
 /// With `VECTORS`, the caller must be compiled for AVX2 and FMA, and run on a processor that has them.
 #[inline(always)]
 pub(super) fn search<F: Features, const HALF: bool, const VECTORS: bool>(
-    particles: &[CompactParticle],
+    particles: &Array<CompactParticle>,
     cells: &Cells,
     lowest: &[u32],
     common_radius: f32,
@@ -197,8 +199,13 @@ mod avx2 {
         _mm256_set1_epi32, _mm256_set1_ps, _mm256_setzero_ps, _mm256_sub_epi32, _mm256_sub_ps,
     };
 
+    use haff_neighbors::{Array, Elements};
+
     use super::{Features, LANES, Query, Scratch};
-    use crate::compact::{CompactParticle, avx2::load_whole};
+    use crate::compact::{
+        CompactParticle,
+        avx2::{Eight, load_whole},
+    };
 
     /// Tests eight candidates at a time: their particles are loaded whole and transposed in registers. The
     /// masks are evaluated after all tests: with a branch on each mask windows reached 0.86 instead of 1.09
@@ -206,7 +213,7 @@ mod avx2 {
     #[target_feature(enable = "avx2,fma")]
     #[inline]
     pub(super) fn filter<F: Features>(
-        particles: &[CompactParticle],
+        particles: &Array<CompactParticle>,
         unit: [f32; 3],
         queries: &[Query],
         scratch: &mut Scratch,
@@ -219,10 +226,15 @@ mod avx2 {
         }
         let unit = unit.map(|unit| _mm256_set1_ps(unit));
         let owner = &candidates.owner[..vectors];
+        let start = particles.start();
         for ((slots, &owner), mask) in
             candidates.slots[..candidates.len].chunks_exact(LANES).zip(owner).zip(&mut masks[..vectors])
         {
-            *mask = test::<F>(particles, unit, &queries[owner as usize], slots);
+            debug_assert!(slots.iter().all(|&slot| (slot as usize) < particles.len()));
+            // SAFETY: cells hold only indices of slots, which are indices of `particles`; `slots` has eight
+            // elements.
+            let others = unsafe { load_whole(start, slots) };
+            *mask = test::<F>(&others, unit, &queries[owner as usize], slots);
         }
         masks[vectors..vectors + LANES].fill(0);
         scratch.collect(vectors);
@@ -231,16 +243,8 @@ mod avx2 {
     /// The mask of those of eight slots that pass.
     #[target_feature(enable = "avx2,fma")]
     #[inline]
-    fn test<F: Features>(
-        particles: &[CompactParticle],
-        unit: [__m256; 3],
-        query: &Query,
-        slots: &[u32],
-    ) -> u8 {
+    fn test<F: Features>(others: &Eight, unit: [__m256; 3], query: &Query, slots: &[u32]) -> u8 {
         let own = &query.compact;
-        // SAFETY: cells hold only indices of slots, which are indices of `particles`; `slots` has eight
-        // elements.
-        let others = unsafe { load_whole(particles, slots) };
         let difference = |axis: usize| {
             let r = _mm256_sub_epi32(others.x[axis], _mm256_set1_epi32(own.x[axis]));
             _mm256_mul_ps(_mm256_cvtepi32_ps(r), unit[axis])

@@ -31,13 +31,14 @@ const SLOTS_AHEAD: usize = 16;
 impl<F: Features> Windows<F> {
     /// Starts a window at the present, with slots filled from the anchors.
     pub(super) fn start_from_anchors(&mut self, world: &World) {
+        self.steps.drop_blocks();
         let count = world.particles.len();
         let [path, width] = self.tuner.values;
         if self.width != width {
             self.width = width;
             // The old cells are freed first: they are about a tenth of all memory (benches/record/memory.md).
-            self.space.cells = Cells::default();
-            self.space.cells = Cells::new(&self.geometry, width * self.spacing, count);
+            self.worker.space.cells = Cells::default();
+            self.worker.space.cells = Cells::new(&self.geometry, width * self.spacing, count);
         }
         // Summed in fixed blocks, so that the rounding does not depend on the number of threads.
         let blocks: Vec<(f64, f64)> = world
@@ -47,7 +48,8 @@ impl<F: Features> Windows<F> {
                 let squares = block.iter().map(|particle| {
                     let mut velocity = particle.velocity;
                     if F::GRAVITY {
-                        velocity += self.gravity * ((world.now - particle.time) as f64 * world.clock.tick);
+                        velocity +=
+                            self.worker.gravity * ((world.now - particle.time) as f64 * world.clock.tick);
                     }
                     velocity.length_squared()
                 });
@@ -60,7 +62,7 @@ impl<F: Features> Windows<F> {
         let (mut mean_square, fastest) = (sum / count.max(1) as f64, largest.sqrt());
         if F::GRAVITY {
             // Particles that start to fall from rest reach this speed within about one spacing.
-            mean_square += self.gravity.length() * self.spacing;
+            mean_square += self.worker.gravity.length() * self.spacing;
         }
         let mean = mean_square.sqrt();
         let contact = 2.0 * self.smallest_radius;
@@ -80,30 +82,31 @@ impl<F: Features> Windows<F> {
                 Axis::Bounded | Axis::Open => NEAREST * self.geometry.size[axis],
                 Axis::Flat => f64::INFINITY,
             })
-            .zip(self.space.cells.axes.period)
+            .zip(self.worker.space.cells.axes.period)
             .map(|(limit, period)| if period > 0.0 { limit.min(NEAREST * period) } else { limit })
             .fold(MAX_DISPLACEMENT * contact, f64::min);
         let windows = (TRIAL / count.max(1) as u64).clamp(MIN_WINDOWS, MAX_WINDOWS);
         // Speed that a falling particle has gained at the end of the last window before the next fill,
         // divided by the length of a window. That window must be short enough for this speed, too.
-        let speed_gain = if F::GRAVITY { self.gravity.length() * (windows + 1) as f64 } else { 0.0 };
+        let speed_gain = if F::GRAVITY { self.worker.gravity.length() * (windows + 1) as f64 } else { 0.0 };
         let longest = longest_step(limit, HEADROOM * fastest, speed_gain);
         let step = (path * self.spacing / mean).min(longest);
         // The length is clamped because a system without motion allows windows of any length.
         let ticks = (step * world.clock.per_time).clamp(1.0, LONGEST_SPAN) as i64;
-        self.begin = world.now;
-        self.space.end = self.begin + ticks;
-        self.step = ticks as f64 * world.clock.tick;
-        self.path = mean * self.step / self.spacing;
+        self.worker.begin = world.now;
+        self.worker.space.end = self.worker.begin + ticks;
+        self.worker.step = ticks as f64 * world.clock.tick;
+        self.path = mean * self.worker.step / self.spacing;
         // The limit is lowered to the displacement that particles are likely to reach: the margin grows with
         // its square.
         let limit = limit.min(
-            ((HEADROOM * fastest + speed_gain * self.step) * self.step).max(SHORT_DISPLACEMENT * contact),
+            ((HEADROOM * fastest + speed_gain * self.worker.step) * self.worker.step)
+                .max(SHORT_DISPLACEMENT * contact),
         );
         // Without the displacement that falling adds up to the last window.
-        self.max_displacement = (limit - speed_gain * self.step * self.step) as f32;
+        self.worker.max_displacement = (limit - speed_gain * self.worker.step * self.worker.step) as f32;
         let margin = margin(limit / contact, rounding);
-        self.space.common_radius = self.smallest_radius as f32 * margin;
+        self.worker.space.common_radius = self.smallest_radius as f32 * margin;
         self.fill(world, margin);
         self.fill_age = 0;
         self.fill_interval = windows;
@@ -112,8 +115,8 @@ impl<F: Features> Windows<F> {
     /// Fills the slots, in the order of their cells, from the anchors.
     fn fill(&mut self, world: &World, margin: f32) {
         let count = world.particles.len();
-        let Space { cells, particles, lowest, rows, ids, anchors, .. } = &mut self.space;
-        let (axes, step) = (cells.axes, self.step);
+        let Space { cells, particles, lowest, rows, ids, anchors, .. } = &mut self.worker.space;
+        let (axes, step) = (cells.axes, self.worker.step);
         let compact = |i: u32| {
             let (position, velocity) = world.flight::<F>(i, world.now);
             let p = position.to_array();
@@ -125,19 +128,20 @@ impl<F: Features> Windows<F> {
             }
         };
         // A counting sort. `slot_of` first holds the cell of every particle, then its slot.
-        self.slot_of
+        self.worker
+            .slot_of
             .par_iter_mut()
             .enumerate()
             .for_each(|(i, cell)| *cell = cells.cell_of(compact(i as u32).x));
         let mut next_slot = vec![0_u32; cells.len() + 1];
-        for &cell in &self.slot_of {
+        for &cell in &self.worker.slot_of {
             next_slot[cell as usize + 1] += 1;
         }
         for cell in 1..next_slot.len() {
             next_slot[cell] += next_slot[cell - 1];
         }
-        ids.resize(count, 0);
-        for (i, slot) in self.slot_of.iter_mut().enumerate() {
+        ids.change(|ids| ids.resize(count, 0));
+        for (i, slot) in self.worker.slot_of.iter_mut().enumerate() {
             let next = &mut next_slot[*slot as usize];
             *slot = *next;
             *next += 1;
@@ -150,12 +154,17 @@ impl<F: Features> Windows<F> {
         rows.extend(next_slot[..cells.len()].chunks_exact(nx).map(|row| row[nx - 1]));
         lowest.resize(count, 0);
         if particles.is_empty() && count > 0 {
-            (*particles, *anchors) = (with_huge_pages(count), with_huge_pages(count));
-            particles.resize(count, CompactParticle::default());
-            anchors.resize(count, world.particles[0]);
+            particles.change(|particles| {
+                *particles = with_huge_pages(count);
+                particles.resize(count, CompactParticle::default());
+            });
+            anchors.change(|anchors| {
+                *anchors = with_huge_pages(count);
+                anchors.resize(count, world.particles[0]);
+            });
         }
-        let ids = &*ids;
-        particles.par_iter_mut().zip(anchors).enumerate().for_each(|(slot, (own, anchor))| {
+        let ids: &[u32] = ids;
+        particles.par_iter_mut().zip(anchors.par_iter_mut()).enumerate().for_each(|(slot, (own, anchor))| {
             if let Some(&later) = ids.get(slot + SLOTS_AHEAD) {
                 prefetch_at(&world.particles, later as usize);
             }
@@ -167,10 +176,10 @@ impl<F: Features> Windows<F> {
 
     /// Starts the next window.
     pub(super) fn next_window(&mut self, state: &mut State) {
-        state.world.now = self.space.end;
+        state.world.now = self.worker.space.end;
         self.fill_age += 1;
         if self.fill_age >= self.fill_interval {
-            let work = self.scratch.work;
+            let work = self.worker.scratch.work;
             let opening = std::mem::take(&mut self.opening_work);
             let events = work.since(&self.tuned_work).since(&opening);
             self.tuner.update(&opening, &events, self.path * self.fill_age as f64);
@@ -179,11 +188,11 @@ impl<F: Features> Windows<F> {
             tracing::debug!(path, width, "next lengths of windows and widths of cells");
             self.start_from_anchors(&state.world);
         } else {
-            let ticks = self.space.end - self.begin;
-            self.begin = self.space.end;
-            self.space.end += ticks;
+            let ticks = self.worker.space.end - self.worker.begin;
+            self.worker.begin = self.worker.space.end;
+            self.worker.space.end += ticks;
             let fall = self.fall();
-            self.space.stream(self.kernel, fall);
+            self.worker.space.stream(self.kernel, fall);
         }
         self.open(&state.world);
     }
@@ -193,9 +202,14 @@ impl<F: Features> Windows<F> {
         if !F::GRAVITY {
             return Fall::default();
         }
-        let gain = self.gravity * (self.step * self.step);
+        let gain = self.worker.gravity * (self.worker.step * self.worker.step);
         Fall {
-            displacement: self.space.cells.axes.displacement((0.5 * gain).to_array().map(|x| x as f32), 1.0),
+            displacement: self
+                .worker
+                .space
+                .cells
+                .axes
+                .displacement((0.5 * gain).to_array().map(|x| x as f32), 1.0),
             gain: gain.to_array().map(|x| x as f32),
         }
     }
@@ -214,13 +228,14 @@ impl<F: Features> Windows<F> {
     /// flights.
     #[inline(always)]
     fn find_contacts<const VECTORS: bool>(&mut self, world: &World) {
-        let before = self.scratch.work;
-        self.space.register_all(self.kernel);
+        self.steps.drop_blocks();
+        let before = self.worker.scratch.work;
+        self.worker.space.register_all(self.kernel);
         let mut found = std::mem::take(&mut self.found);
         found.clear();
-        let strips = self.space.strips();
-        if self.space.is_parallel() {
-            let (space, kernel) = (&self.space, self.kernel);
+        let strips = self.worker.space.strips();
+        if self.worker.space.is_parallel() {
+            let (space, kernel) = (&self.worker.space, self.kernel);
             let parts: Vec<(Vec<WindowEvent>, Work)> = strips
                 .into_par_iter()
                 .map_init(Scratch::new, |scratch, slots| {
@@ -232,22 +247,26 @@ impl<F: Features> Windows<F> {
                 .collect();
             for (mut part, work) in parts {
                 found.append(&mut part);
-                self.scratch.work.add(&work);
+                self.worker.scratch.work.add(&work);
             }
         } else {
             for slots in strips {
-                self.space.scan::<VECTORS>(world, slots, &mut self.scratch, &mut found);
+                self.worker.space.scan::<VECTORS>(world, slots, &mut self.worker.scratch, &mut found);
             }
         }
-        self.scratch.work.windows += 1;
-        self.search_limit =
-            self.scratch.work.searches + SEARCHES + SEARCHES_PER_PARTICLE * self.space.particles.len() as u64;
-        self.scratch.work.entries += found.len() as u64;
-        self.opening_work.add(&self.scratch.work.since(&before));
-        self.space.contacts = found.len();
-        self.queue.open(self.begin, self.space.end, &found);
+        self.worker.scratch.work.windows += 1;
+        self.search_limit = self.worker.scratch.work.searches
+            + SEARCHES
+            + SEARCHES_PER_PARTICLE * self.worker.space.particles.len() as u64;
+        self.worker.scratch.work.entries += found.len() as u64;
+        self.opening_work.add(&self.worker.scratch.work.since(&before));
+        self.worker.space.contacts = found.len();
+        if !self.prepare_steps(world, &found) {
+            self.end_steps();
+            self.worker.queue.open(self.worker.begin, self.worker.space.end, &found);
+        }
         // In very large systems this array is freed, to save memory: the queue has its own copy.
-        if self.space.particles.len() <= KEEP_CONTACTS {
+        if self.worker.space.particles.len() <= KEEP_CONTACTS {
             self.found = found;
         }
     }

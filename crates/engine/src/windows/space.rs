@@ -11,7 +11,7 @@ use super::{
     window_event::{Contact, Entry, WindowEvent},
 };
 use glam::DVec3;
-use haff_neighbors::prefetch_at;
+use haff_neighbors::{Array, prefetch_at};
 use rayon::prelude::*;
 
 use crate::{
@@ -34,15 +34,15 @@ const STRIP: usize = 512;
 pub(super) struct Space<F> {
     pub cells: Cells,
     /// The compact particle in each slot.
-    pub particles: Vec<CompactParticle>,
+    pub particles: Array<CompactParticle>,
     /// Lowest cell in which each slot is registered at the start of the window.
     pub lowest: Vec<u32>,
     /// First slot of each row of cells when slots were last sorted; the last element is the number of slots.
     pub rows: Vec<u32>,
     /// Particle in each slot.
-    pub ids: Vec<u32>,
+    pub ids: Array<u32>,
     /// Anchor of the particle in each slot.
-    pub anchors: Vec<Particle>,
+    pub anchors: Array<Particle>,
     /// End of the window [ticks].
     pub end: i64,
     /// Smallest radius, with its margin [length]. Searches extend to this distance around a path plus the
@@ -56,6 +56,30 @@ pub(super) struct Space<F> {
 }
 
 impl<F: Features> Space<F> {
+    /// The same space for another thread, without what only the opening of windows needs.
+    ///
+    /// # Safety
+    ///
+    /// As for [`Array::alias`]: no thread changes cells and slots that another one uses.
+    pub unsafe fn alias(&mut self) -> Self {
+        // SAFETY: guaranteed by the caller.
+        unsafe {
+            Self {
+                cells: self.cells.alias(),
+                particles: self.particles.alias(),
+                lowest: Vec::new(),
+                rows: Vec::new(),
+                ids: self.ids.alias(),
+                anchors: self.anchors.alias(),
+                end: self.end,
+                common_radius: self.common_radius,
+                contacts: self.contacts,
+                planes: self.planes.clone(),
+                features: PhantomData,
+            }
+        }
+    }
+
     /// Distance around its path within which a particle with this radius, including the margin, is registered
     /// [length].
     #[inline(always)]

@@ -124,7 +124,7 @@ fn pass_vectors<F: Features>(
             for groups in [1, 2] {
                 let mut scratch = scratch(groups);
                 // SAFETY: `Kernel::choose` has just detected the features.
-                unsafe { avx2::filter::<F>(&particles, unit, &queries, &mut scratch) };
+                unsafe { avx2::filter::<F>(&particles.to_vec().into(), unit, &queries, &mut scratch) };
                 found.push(scratch.pairs.contains(&(0, 1)));
             }
         }
