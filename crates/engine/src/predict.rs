@@ -67,7 +67,7 @@ pub(crate) struct Earliest<K> {
 
 impl<K> Earliest<K> {
     /// Keeps an event if it is earlier than the one found so far, or of lower rank at the same time.
-    #[inline]
+    #[inline(always)]
     pub fn offer(&mut self, time: i64, target: Target<K>, partner_count: u32) {
         if time > self.entry.time {
             return;
@@ -79,7 +79,7 @@ impl<K> Earliest<K> {
     }
 
     /// Offers an event `delay` [ticks] after `from`.
-    #[inline]
+    #[inline(always)]
     pub fn offer_after(&mut self, from: i64, delay: f64, kind: K, partner_count: u32)
     where
         K: Kind,
