@@ -31,11 +31,24 @@ impl<T> Array<T> {
     ///
     /// # Safety
     ///
-    /// While the alias exists, its owner is neither dropped nor changed in length. As long as one thread
+    /// The alias is not used once its owner has been dropped or has another length. As long as one thread
     /// changes an element through one of them, no other thread reads or changes this element.
     #[must_use]
     pub unsafe fn alias(&mut self) -> Self {
         Self { start: self.start, len: self.len, capacity: None }
+    }
+
+    /// Number of elements. Unlike the length of a slice, it borrows no elements.
+    #[inline(always)]
+    #[must_use]
+    pub fn len(&self) -> usize {
+        self.len
+    }
+
+    /// Whether there are no elements.
+    #[must_use]
+    pub fn is_empty(&self) -> bool {
+        self.len == 0
     }
 
     /// Changes the vector.

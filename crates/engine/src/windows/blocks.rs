@@ -117,17 +117,17 @@ pub(super) struct Steps<F> {
     blocks: Vec<Block<F>>,
     settings: Settings,
     /// Counts over the run.
-    pub counts: Counts,
+    counts: Counts,
 }
 
 /// How events have been taken.
 #[derive(Debug, Clone, Copy, Default)]
-pub(crate) struct Counts {
+struct Counts {
     /// Events by round.
-    pub rounds: [u64; ROUNDS],
+    rounds: [u64; ROUNDS],
     /// Steps, and how many of them were undone.
-    pub steps: u64,
-    pub undone: u64,
+    steps: u64,
+    undone: u64,
 }
 
 /// What a thread has for one block.
@@ -460,12 +460,12 @@ impl<F: Features> Windows<F> {
                     let entry = &pending[k].0;
                     let slot = slot_of[entry.owner as usize] as usize;
                     let x = place(axes, &particles[slot], step.fraction(entry.time));
-                    present.planes.iter().position(|planes| metric.contains(planes, x)).unwrap_or(0) as u8
+                    present.planes.iter().position(|planes| metric.contains(planes, x)).unwrap_or(0) as u32
                 };
-                let targets: Vec<u8> =
+                let targets: Vec<u32> =
                     (0..pending.len()).into_par_iter().with_min_len(1024).map(target).collect();
                 for (entry, target) in pending.drain(..).zip(targets) {
-                    blocks[usize::from(target)].contacts.push(entry);
+                    blocks[target as usize].contacts.push(entry);
                 }
             }
             let earlier = &*earlier;
@@ -532,8 +532,9 @@ impl<F: Features> Windows<F> {
         if let Some(&last) = times.last() {
             state.world.now = state.world.now.max(last);
         }
-        limit.entries = limit.entries.saturating_sub(total).max(1);
-        events.sort_unstable_by_key(|row| row.0);
+        limit.entries = limit.entries.saturating_sub(total);
+        // Stable: a pair can collide twice at one time.
+        events.sort_by_key(|row| row.0);
         exchanges.sort_by_key(|row| row.0);
         // Of every event, the exchange comes first, and not every event has one.
         let mut exchanges = exchanges.into_iter().peekable();
@@ -881,11 +882,15 @@ impl<F: Features> Block<F> {
         let (metric, planes) = (&present.step.metric, present.planes);
         let space = &self.worker.space;
         let extent = space.extent(space.particles[slot].radius);
-        if metric.is_deep(planes, x, extent) {
+        // Of a particle with an event in this window, only the last of its paths is stored. It is registered
+        // along the earlier ones up to the end of the window: from an event at a place b, up to a
+        // displacement of the window ahead of b, and the present place is up to another one away from b.
+        let has_turned = self.state.world.particles[body as usize].time > present.step.begin;
+        let displacements = if has_turned { 2.0 } else { 1.0 };
+        if metric.is_deep(planes, x, displacements * metric.speed + extent) {
             return true;
         }
-        // Of a particle with an event in this window, only the last of its paths is stored.
-        if self.state.world.particles[body as usize].time > present.step.begin {
+        if has_turned {
             return false;
         }
         let compact = &space.particles[slot];
@@ -921,7 +926,7 @@ impl<F: Features> Block<F> {
         }
         let space = &self.worker.space;
         let reach = space.particles[slot].radius + space.common_radius;
-        if planes.is_whole() || metric.is_deep(planes, x, reach) {
+        if planes.is_whole() || metric.is_deep(planes, x, metric.speed + reach) {
             return Stays::Inside;
         }
         let axes = &space.cells.axes;

@@ -241,12 +241,12 @@ impl Metric {
         (0..3).all(|k| self.width[k] == 0.0 || 2.0 * reach / self.width[k] + 2.0 <= LONGEST as f32)
     }
 
-    /// Whether a place is so far from the faces that no path of one window, with cells within `reach`
-    /// [length] of it, leaves these planes.
+    /// Whether all cells within a distance [length] of a place are in these planes.
     #[inline(always)]
-    pub fn is_deep(&self, planes: &Planes, x: [f32; 3], reach: f32) -> bool {
+    pub fn is_deep(&self, planes: &Planes, x: [f32; 3], distance: f32) -> bool {
         let (z, width) = (self.along(x, planes), self.width[self.axis]);
-        let needed = (self.speed + reach) / width + 2.0;
+        // One cell for the cell of the place, and one for the rounding of coordinates.
+        let needed = distance / width + 2.0;
         let below = planes.known[0] == f32::INFINITY || z - planes.first as f32 >= needed;
         let above = planes.known[1] == f32::INFINITY || planes.end as f32 - z >= needed;
         below && above
