@@ -78,7 +78,7 @@ impl Accumulators {
         DVec3::from_array([0, 1, 2].map(|axis| self.impulse.value(axis)))
     }
 
-    /// Adds the sums and counters of another thread, and sets them to zero.
+    /// Adds the sums and counters of another thread.
     pub fn merge(&mut self, other: &mut Self) {
         self.impacts.merge(&mut other.impacts);
         self.impulse.merge(&mut other.impulse);
@@ -90,7 +90,6 @@ impl Accumulators {
         self.counters.wall_collisions += counters.wall_collisions;
         self.counters.rests += counters.rests;
         self.counters.dropped += counters.dropped;
-        *other = Self::default();
     }
 
     /// Starts the next interval between samples.

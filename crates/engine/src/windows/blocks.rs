@@ -11,35 +11,27 @@
 //! where the front of an earlier one has not expected it, or a limit is exceeded, the step is undone, and its
 //! events are taken one after the other.
 
-use std::collections::BTreeMap;
+mod block;
 
-use glam::DVec3;
 use haff_neighbors::prefetch_at;
 use rayon::prelude::*;
 
 use super::{
     Windows,
-    axes::Axes,
-    cells::path_span,
-    front::{Dilations, Fields, Metric, Planes, Sources},
+    front::{Dilations, Metric, Planes, Sources},
     space::TASK,
-    window_event::{Contact, Entry, WindowEvent},
-    worker::Worker,
+    window_event::{Entry, WindowEvent},
 };
 use crate::{
-    accumulators::Accumulators,
-    batch::Kernel,
     compact::CompactParticle,
     event_loop::Limit,
     features::Features,
-    particles::{Particle, World},
-    report::{EventRecord, Exchange, Observer, Partner, VelocityChange},
-    resolve,
-    rest::state::SettlingState,
-    stall::Stall,
+    particles::World,
+    report::{Exchange, Observer, VelocityChange},
     state::State,
     tuning::particles::PARALLEL_EVENTS,
 };
+use block::{Block, Round, Step, place};
 
 /// The largest speed of fronts, relative to that of the fastest particle when the window is opened.
 const SPEED: f32 = 1.25;
@@ -91,14 +83,6 @@ impl Settings {
 /// prefetched.
 const AHEAD: usize = 12;
 
-/// One of the rounds of a step.
-#[derive(Default)]
-struct Round {
-    planes: Vec<Planes>,
-    sources: Vec<Sources>,
-    fields: Fields,
-}
-
 /// The steps of the present window.
 pub(super) struct Steps<F> {
     /// Contacts of the steps that have not begun, by step.
@@ -128,53 +112,6 @@ struct Counts {
     /// Steps, and how many of them were undone.
     steps: u64,
     undone: u64,
-}
-
-/// What a thread has for one block.
-struct Block<F> {
-    worker: Worker<F>,
-    state: State,
-    /// Contacts at the start of the round.
-    contacts: Vec<WindowEvent>,
-    /// Events that are left to the next round.
-    left: Vec<WindowEvent>,
-    undo: Vec<Undo>,
-    /// Changes of the images of particles in a step.
-    wraps: Vec<(u32, [i32; 3])>,
-    rows: Rows,
-    /// Times of the events \[ticks\], those of a round in order.
-    times: Vec<i64>,
-    /// Where the times of the present round begin.
-    first_time: usize,
-    is_failed: bool,
-}
-
-/// A particle before its first event in a step.
-struct Undo {
-    i: u32,
-    particle: Particle,
-}
-
-/// Order of simultaneous rows.
-type Key = (i64, (u32, u32, u32));
-
-/// Rows of events of one block.
-#[derive(Default)]
-struct Rows {
-    key: Key,
-    events: Vec<(Key, EventRecord)>,
-    exchanges: Vec<(Key, f64, [Option<VelocityChange>; 2], Partner)>,
-}
-
-impl Observer for Rows {
-    fn event(&mut self, event: &EventRecord) {
-        self.events.push((self.key, *event));
-    }
-
-    fn exchange(&mut self, exchange: &Exchange) {
-        let change = |k: usize| exchange.changes.get(k).copied();
-        self.exchanges.push((self.key, exchange.time, [change(0), change(1)], exchange.partner));
-    }
 }
 
 impl<F> Default for Steps<F> {
@@ -321,24 +258,7 @@ impl<F: Features> Windows<F> {
             let mut worker = unsafe { self.worker.alias() };
             worker.space.cells.limit_to(first..first + spare);
             first += spare;
-            self.steps.blocks.push(Block {
-                worker,
-                state: State {
-                    world: world.without_particles(),
-                    accumulators: Accumulators::default(),
-                    pending: BTreeMap::new(),
-                    stall: Stall::default(),
-                    settling: SettlingState::default(),
-                },
-                contacts: Vec::new(),
-                left: Vec::new(),
-                undo: Vec::new(),
-                wraps: Vec::new(),
-                rows: Rows::default(),
-                times: Vec::new(),
-                first_time: 0,
-                is_failed: false,
-            });
+            self.steps.blocks.push(Block::new(worker, world));
         }
         true
     }
@@ -401,9 +321,9 @@ impl<F: Features> Windows<F> {
     ) -> bool {
         let Some(metric) = self.steps.metric else { return false };
         let per_time = state.world.clock.tick / self.worker.step;
-        let fraction = |ticks: i64| ((ticks - self.worker.begin) as f64 * per_time) as f32;
         let (from, to) = (self.steps.end, self.worker.horizon);
-        let step = Step { metric, from, to, begin: self.worker.begin, per_time, start: fraction(from) };
+        let step = Step { metric, from, to, begin: self.worker.begin, per_time };
+        let start = step.fraction(from);
         let mut pending = std::mem::take(&mut self.steps.pending);
         pending.clear();
         pending.extend_from_slice(contacts);
@@ -417,7 +337,6 @@ impl<F: Features> Windows<F> {
             }
             block.state.world.now = state.world.now;
             block.state.accumulators.sampled_at = state.accumulators.sampled_at;
-            block.is_failed = false;
         }
         let mut is_failed = false;
         for round in 0..ROUNDS {
@@ -428,15 +347,14 @@ impl<F: Features> Windows<F> {
             let present = &mut present[0];
             if round == 0 {
                 for planes in &mut present.planes {
-                    planes.known =
-                        planes.known.map(|time| if time == f32::INFINITY { time } else { step.start });
+                    planes.known = planes.known.map(|time| if time == f32::INFINITY { time } else { start });
                 }
             }
             if round == 1 {
                 let axes = &self.worker.space.cells.axes;
                 set_known(&mut present.planes, &metric, &pending, |entry: &Entry| {
                     let slot = self.worker.slot_of[entry.owner as usize] as usize;
-                    let time = fraction(entry.time);
+                    let time = step.fraction(entry.time);
                     (place(axes, &self.worker.space.particles[slot], time), time)
                 });
             }
@@ -445,8 +363,7 @@ impl<F: Features> Windows<F> {
             for block in blocks.iter_mut() {
                 block.contacts.clear();
             }
-            let single = present.planes.len() == 1;
-            if single {
+            if present.planes.len() == 1 {
                 blocks[0].contacts.append(&mut pending);
             } else {
                 let (slot_of, particles) = (&self.worker.slot_of, &self.worker.space.particles);
@@ -517,15 +434,12 @@ impl<F: Features> Windows<F> {
         for block in &mut self.steps.blocks {
             state.accumulators.merge(&mut block.state.accumulators);
             state.world.longest_flight = state.world.longest_flight.max(block.state.world.longest_flight);
-            let work = std::mem::take(&mut block.worker.scratch.work);
-            self.worker.scratch.work.add(&work);
+            self.worker.scratch.work.add(&block.worker.scratch.work);
             self.worker.later.append(&mut block.worker.later);
-            block.undo.clear();
-            block.wraps.clear();
             times.append(&mut block.times);
-            block.first_time = 0;
             events.append(&mut block.rows.events);
             exchanges.append(&mut block.rows.exchanges);
+            block.clear();
         }
         times.sort_unstable();
         state.stall.count_sorted(&times);
@@ -561,18 +475,8 @@ impl<F: Features> Windows<F> {
                     *image -= turns;
                 }
             }
-            block.state.accumulators = Accumulators::default();
-            block.state.pending.clear();
-            block.state.world.resting = 0;
-            block.state.world.longest_flight = 0.0;
-            let work = std::mem::take(&mut block.worker.scratch.work);
-            self.worker.scratch.work.add(&work);
-            block.worker.later.clear();
-            block.left.clear();
-            block.times.clear();
-            block.first_time = 0;
-            block.rows.events.clear();
-            block.rows.exchanges.clear();
+            self.worker.scratch.work.add(&block.worker.scratch.work);
+            block.clear();
         }
     }
 }
@@ -640,387 +544,6 @@ fn set_known(
                 }
             }
         }
-    }
-}
-
-impl Planes {
-    /// Whether nothing is beyond these planes.
-    #[inline(always)]
-    fn is_whole(&self) -> bool {
-        self.known == [f32::INFINITY; 2]
-    }
-}
-
-/// The place of a particle in its window after a fraction of it [cells].
-#[inline(always)]
-fn place(axes: &Axes, particle: &CompactParticle, fraction: f32) -> [f32; 3] {
-    let mut x = axes.grid_coordinates(particle.x);
-    for k in 0..3 {
-        x[k] += particle.v[k] * fraction * axes.cells[k];
-        let n = axes.n[k] as f32;
-        if axes.wraps(k) {
-            if x[k] < 0.0 {
-                x[k] += n;
-            }
-            if x[k] >= n {
-                x[k] -= n;
-            }
-        }
-    }
-    [x[0], x[1], x[2]]
-}
-
-/// The present step, for all blocks.
-struct Step {
-    metric: Metric,
-    /// After `from`, up to and including `to` [ticks].
-    from: i64,
-    to: i64,
-    /// Start of the window [ticks], and its length as fractions per tick.
-    begin: i64,
-    per_time: f64,
-    /// Start of the step as a fraction of the window.
-    start: f32,
-}
-
-impl<F: Features> Block<F> {
-    /// Takes the events of a round.
-    #[expect(clippy::too_many_arguments, reason = "one call")]
-    fn run(
-        &mut self,
-        kernel: Kernel,
-        step: &Step,
-        planes: &Planes,
-        sources: &mut Sources,
-        fields: Fields,
-        earlier: &[Round],
-        events: bool,
-    ) {
-        let mut present = Present { step, planes, sources, fields, earlier };
-        match (kernel, events) {
-            (Kernel::Portable, false) => self.take::<false, false>(&mut present),
-            (Kernel::Portable, true) => self.take::<true, false>(&mut present),
-            #[cfg(target_arch = "x86_64")]
-            // SAFETY: only `Kernel::choose` makes this variant, after it has detected the features.
-            (Kernel::Avx2, false) => unsafe { self.take_avx2::<false>(&mut present) },
-            #[cfg(target_arch = "x86_64")]
-            // SAFETY: as above.
-            (Kernel::Avx2, true) => unsafe { self.take_avx2::<true>(&mut present) },
-        }
-    }
-
-    #[cfg(target_arch = "x86_64")]
-    #[target_feature(enable = "avx2,fma,bmi1,bmi2,lzcnt,popcnt")]
-    fn take_avx2<const EVENTS: bool>(&mut self, present: &mut Present) {
-        self.take::<EVENTS, true>(present);
-    }
-
-    #[inline(always)]
-    fn take<const EVENTS: bool, const VECTORS: bool>(&mut self, present: &mut Present) {
-        let (from, to) = (present.step.from, present.step.to);
-        self.worker.horizon = to;
-        self.worker.queue.open(from, to, &self.contacts);
-        while let Some(event) = self.worker.queue.pop_until(to) {
-            let (metric, planes) = (&present.step.metric, present.planes);
-            let contains = |axis: usize, c: i32| axis != metric.axis || metric.contains_cells(planes, c, 1);
-            self.worker.prefetch(&self.state.world, contains);
-            if !self.take_event::<EVENTS, VECTORS>(present, event) {
-                self.is_failed = true;
-                return;
-            }
-        }
-    }
-
-    /// Takes an event or leaves it over. Returns false if the step must be undone.
-    #[inline(always)]
-    fn take_event<const EVENTS: bool, const VECTORS: bool>(
-        &mut self,
-        present: &mut Present,
-        event: WindowEvent,
-    ) -> bool {
-        match event.0.target.kind() {
-            Contact::Collision(j) => self.take_collision::<EVENTS, VECTORS>(present, event, j),
-            Contact::Wall(wall) => self.take_wall_collision::<EVENTS, VECTORS>(present, event, wall),
-        }
-    }
-
-    #[inline(always)]
-    fn take_collision<const EVENTS: bool, const VECTORS: bool>(
-        &mut self,
-        present: &mut Present,
-        event: WindowEvent,
-        j: u32,
-    ) -> bool {
-        let entry = event.0;
-        let i = entry.owner;
-        let (world, step) = (&self.state.world, present.step);
-        let (a, b) = (&world.particles[i as usize], &world.particles[j as usize]);
-        if a.count != entry.own_count || b.count != entry.partner_count {
-            self.state.accumulators.counters.dropped += 1;
-            return true;
-        }
-        let time = step.fraction(entry.time);
-        let slots = [self.worker.slot_of[i as usize] as usize, self.worker.slot_of[j as usize] as usize];
-        let space = &self.worker.space;
-        let places = [
-            place(&space.cells.axes, &space.particles[slots[0]], time),
-            place(&space.cells.axes, &space.particles[slots[1]], time),
-        ];
-        if !self.is_known(present, [i, j], slots, &places, time) {
-            return self.leave(present, event, &places, time);
-        }
-        let Ok(impact) = resolve::collide::<F>(world, [i, j], entry.time) else { return false };
-        for (k, (body, position, velocity)) in impact.after().into_iter().enumerate() {
-            // In the order of the indices.
-            let k = if i < j { k } else { 1 - k };
-            let place = places[k];
-            match self.stays(present, body, slots[k], place, (position, velocity), entry.time) {
-                Stays::Inside => {}
-                Stays::Outside => return self.leave(present, event, &places, time),
-                Stays::TooFast => return false,
-            }
-        }
-        if !present.is_expected(&places, time) {
-            return false;
-        }
-        self.save(step, i);
-        self.save(step, j);
-        self.state.world.now = entry.time;
-        self.rows.key = (entry.time, entry.rank());
-        resolve::apply::<F, EVENTS>(&mut self.state, &impact, entry.time, &mut self.rows);
-        self.times.push(entry.time);
-        self.wrap(i);
-        self.wrap(j);
-        let world = &self.state.world;
-        if F::GRAVITY && (world.resting != 0 || !self.state.pending.is_empty()) {
-            return false;
-        }
-        let movable = |body: u32| F::UNIFORM || world.class(body).inverse_mass != 0.0;
-        match (movable(i), movable(j)) {
-            (true, true) => self.worker.predict_again::<2, VECTORS>(world, [i.min(j), i.max(j)]),
-            (true, false) => self.worker.predict_again::<1, VECTORS>(world, [i]),
-            (false, _) => self.worker.predict_again::<1, VECTORS>(world, [j]),
-        }
-    }
-
-    #[inline(never)]
-    fn take_wall_collision<const EVENTS: bool, const VECTORS: bool>(
-        &mut self,
-        present: &mut Present,
-        event: WindowEvent,
-        wall: u32,
-    ) -> bool {
-        let entry = event.0;
-        let i = entry.owner;
-        let (world, step) = (&self.state.world, present.step);
-        if world.particles[i as usize].count != entry.own_count {
-            self.state.accumulators.counters.dropped += 1;
-            return true;
-        }
-        let time = step.fraction(entry.time);
-        let slot = self.worker.slot_of[i as usize] as usize;
-        let space = &self.worker.space;
-        let places = [place(&space.cells.axes, &space.particles[slot], time)];
-        if !self.is_known(present, [i], [slot], &places, time) {
-            return self.leave(present, event, &places, time);
-        }
-        let Ok((contact, outcome)) = resolve::collide_with_wall::<F>(world, i, wall, entry.time) else {
-            return false;
-        };
-        let after = (contact.position, outcome.velocity());
-        match self.stays(present, i, slot, places[0], after, entry.time) {
-            Stays::Inside => {}
-            Stays::Outside => return self.leave(present, event, &places, time),
-            Stays::TooFast => return false,
-        }
-        if !present.is_expected(&places, time) {
-            return false;
-        }
-        self.save(step, i);
-        self.state.world.now = entry.time;
-        self.rows.key = (entry.time, entry.rank());
-        resolve::apply_wall::<F, EVENTS>(&mut self.state, &contact, &outcome, &mut self.rows);
-        self.times.push(entry.time);
-        self.wrap(i);
-        let world = &self.state.world;
-        if F::GRAVITY && (world.resting != 0 || !self.state.pending.is_empty()) {
-            return false;
-        }
-        self.worker.predict_again::<1, VECTORS>(world, [i])
-    }
-
-    /// Whether nothing unknown can have changed an event, and its particles are registered in no cells but
-    /// those of this block.
-    #[inline(always)]
-    fn is_known<const K: usize>(
-        &self,
-        present: &Present,
-        bodies: [u32; K],
-        slots: [usize; K],
-        places: &[[f32; 3]; K],
-        time: f32,
-    ) -> bool {
-        let (metric, planes) = (&present.step.metric, present.planes);
-        if planes.is_whole() {
-            return true;
-        }
-        for k in 0..K {
-            let x = places[k];
-            let is_known = metric.contains(planes, x)
-                && metric.arrival_from_faces(planes, x, 0.0) > time
-                && !present.fields.is_reached(metric, x, time);
-            if !is_known || !self.is_registered_inside(present, bodies[k], slots[k], x) {
-                return false;
-            }
-        }
-        true
-    }
-
-    /// Whether a particle is registered in cells of this block only.
-    #[inline(always)]
-    fn is_registered_inside(&self, present: &Present, body: u32, slot: usize, x: [f32; 3]) -> bool {
-        let (metric, planes) = (&present.step.metric, present.planes);
-        let space = &self.worker.space;
-        let extent = space.extent(space.particles[slot].radius);
-        // Of a particle with an event in this window, only the last of its paths is stored. It is registered
-        // along the earlier ones up to the end of the window: from an event at a place b, up to a
-        // displacement of the window ahead of b, and the present place is up to another one away from b.
-        let has_turned = self.state.world.particles[body as usize].time > present.step.begin;
-        let displacements = if has_turned { 2.0 } else { 1.0 };
-        if metric.is_deep(planes, x, displacements * metric.speed + extent) {
-            return true;
-        }
-        if has_turned {
-            return false;
-        }
-        let compact = &space.particles[slot];
-        let (low, count) = path_span(&space.cells.axes, compact.x, compact.v, 1.0, extent);
-        metric.contains_cells(planes, low[metric.axis], count[metric.axis])
-    }
-
-    /// Whether the cells along a new path, and those that a search around it reads, are in this block.
-    #[inline(always)]
-    fn stays(
-        &self,
-        present: &Present,
-        body: u32,
-        slot: usize,
-        x: [f32; 3],
-        (mut position, mut velocity): (DVec3, DVec3),
-        ticks: i64,
-    ) -> Stays {
-        let (step, planes) = (present.step, present.planes);
-        let metric = &step.metric;
-        let world = &self.state.world;
-        if !F::UNIFORM && world.class(body).inverse_mass == 0.0 {
-            return Stays::Inside;
-        }
-        if F::GRAVITY {
-            let elapsed = (ticks - step.begin) as f64 * world.clock.tick;
-            position -= self.worker.gravity * (0.5 * elapsed * elapsed);
-            velocity -= self.worker.gravity * elapsed;
-        }
-        let square = velocity.length_squared() * (self.worker.step * self.worker.step);
-        if square > f64::from(metric.speed) * f64::from(metric.speed) {
-            return Stays::TooFast;
-        }
-        let space = &self.worker.space;
-        let reach = space.particles[slot].radius + space.common_radius;
-        if planes.is_whole() || metric.is_deep(planes, x, metric.speed + reach) {
-            return Stays::Inside;
-        }
-        let axes = &space.cells.axes;
-        let (p, u) = (position.to_array(), velocity.to_array());
-        let (mut start, mut v) = ([0; 3], [0.0; 3]);
-        for k in 0..3 {
-            start[k] = axes.coordinate(k, p[k]);
-            v[k] = (u[k] * self.worker.step) as f32;
-        }
-        let (low, count) = path_span(axes, start, v, 1.0 - step.fraction(ticks), reach);
-        if metric.contains_cells(planes, low[metric.axis], count[metric.axis]) {
-            Stays::Inside
-        } else {
-            Stays::Outside
-        }
-    }
-
-    /// Wraps the anchor of a particle into the box.
-    #[inline(always)]
-    fn wrap(&mut self, i: u32) {
-        let wraps = self.state.world.wrap_anchor(i);
-        if wraps != [0; 3] {
-            self.wraps.push((i, wraps));
-        }
-    }
-
-    /// Saves a particle before its first event in a step.
-    #[inline(always)]
-    fn save(&mut self, step: &Step, i: u32) {
-        let particle = self.state.world.particles[i as usize];
-        if particle.time <= step.from {
-            self.undo.push(Undo { i, particle });
-        }
-    }
-
-    /// Leaves an event to the next round.
-    #[cold]
-    #[inline(never)]
-    fn leave(&mut self, present: &mut Present, event: WindowEvent, places: &[[f32; 3]], time: f32) -> bool {
-        let Present { step, planes, sources, fields, .. } = present;
-        let metric = &step.metric;
-        self.left.push(event);
-        let end = ((step.to - step.begin) as f64 * step.per_time) as f32;
-        // One source for both particles of a pair: each is half a contact distance from it.
-        let x = metric.middle(places);
-        // A place of another block is behind the face.
-        if metric.contains(planes, x) && metric.arrival_from_faces(planes, x, metric.source) > time {
-            fields.add(metric, planes, sources, x, time, end);
-        }
-        true
-    }
-}
-
-/// Where a new path leads.
-enum Stays {
-    Inside,
-    Outside,
-    /// The particle is faster than the front.
-    TooFast,
-}
-
-/// What a block uses in a round besides its own data.
-struct Present<'a> {
-    step: &'a Step,
-    planes: &'a Planes,
-    sources: &'a mut Sources,
-    fields: Fields,
-    earlier: &'a [Round],
-}
-
-impl Present<'_> {
-    /// Whether the fronts of all earlier rounds expect an event at these places.
-    #[inline(always)]
-    fn is_expected(&self, places: &[[f32; 3]], time: f32) -> bool {
-        let step = self.step;
-        self.earlier
-            .iter()
-            .all(|round| places.iter().all(|&x| round.expects(&step.metric, x, time, step.start)))
-    }
-}
-
-impl Step {
-    /// A time as a fraction of the window.
-    #[inline(always)]
-    fn fraction(&self, ticks: i64) -> f32 {
-        ((ticks - self.begin) as f64 * self.per_time) as f32
-    }
-}
-
-impl Round {
-    /// Whether an event of a later round can be at this place and time.
-    fn expects(&self, metric: &Metric, x: [f32; 3], time: f32, begin: f32) -> bool {
-        let block = self.planes.iter().position(|planes| metric.contains(planes, x));
-        block.is_some_and(|k| self.fields.expects(metric, &self.planes[k], &self.sources[k], x, time, begin))
     }
 }
 

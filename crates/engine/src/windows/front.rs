@@ -38,6 +38,14 @@ pub(super) struct Planes {
     pub known: [f32; 2],
 }
 
+impl Planes {
+    /// Whether nothing is beyond these planes.
+    #[inline(always)]
+    pub fn is_whole(&self) -> bool {
+        self.known == [f32::INFINITY; 2]
+    }
+}
+
 /// Distances, in lengths and in cells.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Metric {

@@ -15,6 +15,7 @@ use crate::{
         Body, Boundary, Class, Contacts, Dimension, Domain, Group, NeighborChoice, Options, Restitution,
         System, Wall,
     },
+    report::EventRecord,
     thermal::ThermalWall,
     wall_law::WallLaw,
     wall_motion::WallMotion,

@@ -1,0 +1,498 @@
+//! One block: takes the events of a round, or leaves them over.
+
+use std::collections::BTreeMap;
+
+use glam::DVec3;
+
+use super::super::{
+    axes::Axes,
+    cells::path_span,
+    front::{Fields, Metric, Planes, Sources},
+    tune::Work,
+    window_event::{Contact, Entry, WindowEvent},
+    worker::Worker,
+};
+use crate::{
+    accumulators::Accumulators,
+    batch::Kernel,
+    compact::CompactParticle,
+    features::Features,
+    particles::{Particle, World},
+    report::{EventRecord, Exchange, Observer, Partner, VelocityChange},
+    resolve,
+    rest::state::SettlingState,
+    stall::Stall,
+    state::State,
+};
+
+/// One of the rounds of a step.
+#[derive(Default)]
+pub(super) struct Round {
+    pub planes: Vec<Planes>,
+    pub sources: Vec<Sources>,
+    pub fields: Fields,
+}
+
+impl Round {
+    /// Whether an event of a later round can be at this place and time.
+    fn expects(&self, metric: &Metric, x: [f32; 3], time: f32, begin: f32) -> bool {
+        let block = self.planes.iter().position(|planes| metric.contains(planes, x));
+        block.is_some_and(|k| self.fields.expects(metric, &self.planes[k], &self.sources[k], x, time, begin))
+    }
+}
+
+/// What a thread has for one block.
+pub(super) struct Block<F> {
+    pub worker: Worker<F>,
+    pub state: State,
+    /// Contacts at the start of the round.
+    pub contacts: Vec<WindowEvent>,
+    /// Events that are left to the next round.
+    pub left: Vec<WindowEvent>,
+    pub undo: Vec<Undo>,
+    /// Changes of the images of particles in a step.
+    pub wraps: Vec<(u32, [i32; 3])>,
+    pub rows: Rows,
+    /// Times of the events \[ticks\], those of a round in order.
+    pub times: Vec<i64>,
+    /// Where the times of the present round begin.
+    pub first_time: usize,
+    pub is_failed: bool,
+}
+
+/// A particle before its first event in a step.
+pub(super) struct Undo {
+    pub i: u32,
+    pub particle: Particle,
+}
+
+/// Order of simultaneous rows.
+pub(super) type Key = (i64, (u32, u32, u32));
+
+/// Rows of events of one block.
+#[derive(Default)]
+pub(super) struct Rows {
+    pub key: Key,
+    pub events: Vec<(Key, EventRecord)>,
+    pub exchanges: Vec<(Key, f64, [Option<VelocityChange>; 2], Partner)>,
+}
+
+impl Observer for Rows {
+    fn event(&mut self, event: &EventRecord) {
+        self.events.push((self.key, *event));
+    }
+
+    fn exchange(&mut self, exchange: &Exchange) {
+        let change = |k: usize| exchange.changes.get(k).copied();
+        self.exchanges.push((self.key, exchange.time, [change(0), change(1)], exchange.partner));
+    }
+}
+
+/// The place of a particle in its window after a fraction of it [cells].
+#[inline(always)]
+pub(super) fn place(axes: &Axes, particle: &CompactParticle, fraction: f32) -> [f32; 3] {
+    let mut x = axes.grid_coordinates(particle.x);
+    for k in 0..3 {
+        x[k] += particle.v[k] * fraction * axes.cells[k];
+        let n = axes.n[k] as f32;
+        if axes.wraps(k) {
+            if x[k] < 0.0 {
+                x[k] += n;
+            }
+            if x[k] >= n {
+                x[k] -= n;
+            }
+        }
+    }
+    [x[0], x[1], x[2]]
+}
+
+/// The present step, for all blocks.
+pub(super) struct Step {
+    pub metric: Metric,
+    /// After `from`, up to and including `to` [ticks].
+    pub from: i64,
+    pub to: i64,
+    /// Start of the window [ticks], and its length as fractions per tick.
+    pub begin: i64,
+    pub per_time: f64,
+}
+
+impl<F> Block<F> {
+    /// A block with this worker, and with a world without particles.
+    pub fn new(worker: Worker<F>, world: &World) -> Self {
+        Self {
+            worker,
+            state: State {
+                world: world.without_particles(),
+                accumulators: Accumulators::default(),
+                pending: BTreeMap::new(),
+                stall: Stall::default(),
+                settling: SettlingState::default(),
+            },
+            contacts: Vec::new(),
+            left: Vec::new(),
+            undo: Vec::new(),
+            wraps: Vec::new(),
+            rows: Rows::default(),
+            times: Vec::new(),
+            first_time: 0,
+            is_failed: false,
+        }
+    }
+
+    /// Removes all that a step has left in the block.
+    pub fn clear(&mut self) {
+        self.state.accumulators = Accumulators::default();
+        self.state.pending.clear();
+        self.state.world.resting = 0;
+        self.state.world.longest_flight = 0.0;
+        self.worker.scratch.work = Work::default();
+        self.worker.later.clear();
+        self.left.clear();
+        self.undo.clear();
+        self.wraps.clear();
+        self.rows.events.clear();
+        self.rows.exchanges.clear();
+        self.times.clear();
+        self.first_time = 0;
+        self.is_failed = false;
+    }
+}
+
+impl<F: Features> Block<F> {
+    /// Takes the events of a round.
+    #[expect(clippy::too_many_arguments, reason = "one call")]
+    pub fn run(
+        &mut self,
+        kernel: Kernel,
+        step: &Step,
+        planes: &Planes,
+        sources: &mut Sources,
+        fields: Fields,
+        earlier: &[Round],
+        events: bool,
+    ) {
+        let mut present = Present { step, planes, sources, fields, earlier };
+        match (kernel, events) {
+            (Kernel::Portable, false) => self.take::<false, false>(&mut present),
+            (Kernel::Portable, true) => self.take::<true, false>(&mut present),
+            #[cfg(target_arch = "x86_64")]
+            // SAFETY: only `Kernel::choose` makes this variant, after it has detected the features.
+            (Kernel::Avx2, false) => unsafe { self.take_avx2::<false>(&mut present) },
+            #[cfg(target_arch = "x86_64")]
+            // SAFETY: as above.
+            (Kernel::Avx2, true) => unsafe { self.take_avx2::<true>(&mut present) },
+        }
+    }
+
+    #[cfg(target_arch = "x86_64")]
+    #[target_feature(enable = "avx2,fma,bmi1,bmi2,lzcnt,popcnt")]
+    fn take_avx2<const EVENTS: bool>(&mut self, present: &mut Present) {
+        self.take::<EVENTS, true>(present);
+    }
+
+    #[inline(always)]
+    fn take<const EVENTS: bool, const VECTORS: bool>(&mut self, present: &mut Present) {
+        let (from, to) = (present.step.from, present.step.to);
+        self.worker.horizon = to;
+        self.worker.queue.open(from, to, &self.contacts);
+        while let Some(event) = self.worker.queue.pop_until(to) {
+            let (metric, planes) = (&present.step.metric, present.planes);
+            let contains = |axis: usize, c: i32| axis != metric.axis || metric.contains_cells(planes, c, 1);
+            self.worker.prefetch(&self.state.world, contains);
+            if !self.take_event::<EVENTS, VECTORS>(present, event) {
+                self.is_failed = true;
+                return;
+            }
+        }
+    }
+
+    /// Takes an event or leaves it over. Returns false if the step must be undone.
+    #[inline(always)]
+    fn take_event<const EVENTS: bool, const VECTORS: bool>(
+        &mut self,
+        present: &mut Present,
+        event: WindowEvent,
+    ) -> bool {
+        match event.0.target.kind() {
+            Contact::Collision(j) => self.take_collision::<EVENTS, VECTORS>(present, event, j),
+            Contact::Wall(wall) => self.take_wall_collision::<EVENTS, VECTORS>(present, event, wall),
+        }
+    }
+
+    #[inline(always)]
+    fn take_collision<const EVENTS: bool, const VECTORS: bool>(
+        &mut self,
+        present: &mut Present,
+        event: WindowEvent,
+        j: u32,
+    ) -> bool {
+        let entry = event.0;
+        let i = entry.owner;
+        let (world, step) = (&self.state.world, present.step);
+        let (a, b) = (&world.particles[i as usize], &world.particles[j as usize]);
+        if a.count != entry.own_count || b.count != entry.partner_count {
+            self.state.accumulators.counters.dropped += 1;
+            return true;
+        }
+        let time = step.fraction(entry.time);
+        let slots = [self.worker.slot_of[i as usize] as usize, self.worker.slot_of[j as usize] as usize];
+        let space = &self.worker.space;
+        let places = [
+            place(&space.cells.axes, &space.particles[slots[0]], time),
+            place(&space.cells.axes, &space.particles[slots[1]], time),
+        ];
+        if !self.is_known(present, [i, j], slots, &places, time) {
+            return self.leave(present, event, &places, time);
+        }
+        let Ok(impact) = resolve::collide::<F>(world, [i, j], entry.time) else { return false };
+        for (k, (body, position, velocity)) in impact.after().into_iter().enumerate() {
+            // In the order of the indices.
+            let k = if i < j { k } else { 1 - k };
+            let place = places[k];
+            match self.stays(present, body, slots[k], place, (position, velocity), entry.time) {
+                Stays::Inside => {}
+                Stays::Outside => return self.leave(present, event, &places, time),
+                Stays::TooFast => return false,
+            }
+        }
+        if !present.is_expected(&places, time) {
+            return false;
+        }
+        self.save(step, i);
+        self.save(step, j);
+        self.start_event(&entry);
+        resolve::apply::<F, EVENTS>(&mut self.state, &impact, entry.time, &mut self.rows);
+        self.wrap(i);
+        self.wrap(j);
+        if self.has_resting() {
+            return false;
+        }
+        let world = &self.state.world;
+        let movable = |body: u32| F::UNIFORM || world.class(body).inverse_mass != 0.0;
+        match (movable(i), movable(j)) {
+            (true, true) => self.worker.predict_again::<2, VECTORS>(world, [i.min(j), i.max(j)]),
+            (true, false) => self.worker.predict_again::<1, VECTORS>(world, [i]),
+            (false, _) => self.worker.predict_again::<1, VECTORS>(world, [j]),
+        }
+    }
+
+    #[inline(never)]
+    fn take_wall_collision<const EVENTS: bool, const VECTORS: bool>(
+        &mut self,
+        present: &mut Present,
+        event: WindowEvent,
+        wall: u32,
+    ) -> bool {
+        let entry = event.0;
+        let i = entry.owner;
+        let (world, step) = (&self.state.world, present.step);
+        if world.particles[i as usize].count != entry.own_count {
+            self.state.accumulators.counters.dropped += 1;
+            return true;
+        }
+        let time = step.fraction(entry.time);
+        let slot = self.worker.slot_of[i as usize] as usize;
+        let space = &self.worker.space;
+        let places = [place(&space.cells.axes, &space.particles[slot], time)];
+        if !self.is_known(present, [i], [slot], &places, time) {
+            return self.leave(present, event, &places, time);
+        }
+        let Ok((contact, outcome)) = resolve::collide_with_wall::<F>(world, i, wall, entry.time) else {
+            return false;
+        };
+        let after = (contact.position, outcome.velocity());
+        match self.stays(present, i, slot, places[0], after, entry.time) {
+            Stays::Inside => {}
+            Stays::Outside => return self.leave(present, event, &places, time),
+            Stays::TooFast => return false,
+        }
+        if !present.is_expected(&places, time) {
+            return false;
+        }
+        self.save(step, i);
+        self.start_event(&entry);
+        resolve::apply_wall::<F, EVENTS>(&mut self.state, &contact, &outcome, &mut self.rows);
+        self.wrap(i);
+        !self.has_resting() && self.worker.predict_again::<1, VECTORS>(&self.state.world, [i])
+    }
+
+    /// Whether nothing unknown can have changed an event, and its particles are registered in no cells but
+    /// those of this block.
+    #[inline(always)]
+    fn is_known<const K: usize>(
+        &self,
+        present: &Present,
+        bodies: [u32; K],
+        slots: [usize; K],
+        places: &[[f32; 3]; K],
+        time: f32,
+    ) -> bool {
+        let (metric, planes) = (&present.step.metric, present.planes);
+        if planes.is_whole() {
+            return true;
+        }
+        for k in 0..K {
+            let x = places[k];
+            let is_known = metric.contains(planes, x)
+                && metric.arrival_from_faces(planes, x, 0.0) > time
+                && !present.fields.is_reached(metric, x, time);
+            if !is_known || !self.is_registered_inside(present, bodies[k], slots[k], x) {
+                return false;
+            }
+        }
+        true
+    }
+
+    /// Whether a particle is registered in cells of this block only.
+    #[inline(always)]
+    fn is_registered_inside(&self, present: &Present, body: u32, slot: usize, x: [f32; 3]) -> bool {
+        let (metric, planes) = (&present.step.metric, present.planes);
+        let space = &self.worker.space;
+        let extent = space.extent(space.particles[slot].radius);
+        // Of a particle with an event in this window, only the last of its paths is stored. It is registered
+        // along the earlier ones up to the end of the window: from an event at a place b, up to a
+        // displacement of the window ahead of b, and the present place is up to another one away from b.
+        let has_turned = self.state.world.particles[body as usize].time > present.step.begin;
+        let displacements = if has_turned { 2.0 } else { 1.0 };
+        if metric.is_deep(planes, x, displacements * metric.speed + extent) {
+            return true;
+        }
+        if has_turned {
+            return false;
+        }
+        let compact = &space.particles[slot];
+        let (low, count) = path_span(&space.cells.axes, compact.x, compact.v, 1.0, extent);
+        metric.contains_cells(planes, low[metric.axis], count[metric.axis])
+    }
+
+    /// Whether the cells along a new path, and those that a search around it reads, are in this block.
+    #[inline(always)]
+    fn stays(
+        &self,
+        present: &Present,
+        body: u32,
+        slot: usize,
+        x: [f32; 3],
+        (mut position, mut velocity): (DVec3, DVec3),
+        ticks: i64,
+    ) -> Stays {
+        let (step, planes) = (present.step, present.planes);
+        let metric = &step.metric;
+        let world = &self.state.world;
+        if !F::UNIFORM && world.class(body).inverse_mass == 0.0 {
+            return Stays::Inside;
+        }
+        if F::GRAVITY {
+            let elapsed = (ticks - step.begin) as f64 * world.clock.tick;
+            position -= self.worker.gravity * (0.5 * elapsed * elapsed);
+            velocity -= self.worker.gravity * elapsed;
+        }
+        let square = velocity.length_squared() * (self.worker.step * self.worker.step);
+        if square > f64::from(metric.speed) * f64::from(metric.speed) {
+            return Stays::TooFast;
+        }
+        let space = &self.worker.space;
+        let reach = space.particles[slot].radius + space.common_radius;
+        if planes.is_whole() || metric.is_deep(planes, x, metric.speed + reach) {
+            return Stays::Inside;
+        }
+        let axes = &space.cells.axes;
+        let (p, u) = (position.to_array(), velocity.to_array());
+        let (mut start, mut v) = ([0; 3], [0.0; 3]);
+        for k in 0..3 {
+            start[k] = axes.coordinate(k, p[k]);
+            v[k] = (u[k] * self.worker.step) as f32;
+        }
+        let (low, count) = path_span(axes, start, v, 1.0 - step.fraction(ticks), reach);
+        if metric.contains_cells(planes, low[metric.axis], count[metric.axis]) {
+            Stays::Inside
+        } else {
+            Stays::Outside
+        }
+    }
+
+    /// Sets the present and the key of rows to an event.
+    #[inline(always)]
+    fn start_event(&mut self, entry: &Entry) {
+        self.state.world.now = entry.time;
+        self.rows.key = (entry.time, entry.rank());
+        self.times.push(entry.time);
+    }
+
+    /// Whether a wall supports a particle: windows do not support this.
+    #[inline(always)]
+    fn has_resting(&self) -> bool {
+        F::GRAVITY && (self.state.world.resting != 0 || !self.state.pending.is_empty())
+    }
+
+    /// Wraps the anchor of a particle into the box.
+    #[inline(always)]
+    fn wrap(&mut self, i: u32) {
+        let wraps = self.state.world.wrap_anchor(i);
+        if wraps != [0; 3] {
+            self.wraps.push((i, wraps));
+        }
+    }
+
+    /// Saves a particle before its first event in a step.
+    #[inline(always)]
+    fn save(&mut self, step: &Step, i: u32) {
+        let particle = self.state.world.particles[i as usize];
+        if particle.time <= step.from {
+            self.undo.push(Undo { i, particle });
+        }
+    }
+
+    /// Leaves an event to the next round.
+    #[cold]
+    #[inline(never)]
+    fn leave(&mut self, present: &mut Present, event: WindowEvent, places: &[[f32; 3]], time: f32) -> bool {
+        let Present { step, planes, sources, fields, .. } = present;
+        let metric = &step.metric;
+        self.left.push(event);
+        let end = step.fraction(step.to);
+        // One source for both particles of a pair: each is half a contact distance from it.
+        let x = metric.middle(places);
+        // A place of another block is behind the face.
+        if metric.contains(planes, x) && metric.arrival_from_faces(planes, x, metric.source) > time {
+            fields.add(metric, planes, sources, x, time, end);
+        }
+        true
+    }
+}
+
+/// Where a new path leads.
+enum Stays {
+    Inside,
+    Outside,
+    /// The particle is faster than the front.
+    TooFast,
+}
+
+/// What a block uses in a round besides its own data.
+struct Present<'a> {
+    step: &'a Step,
+    planes: &'a Planes,
+    sources: &'a mut Sources,
+    fields: Fields,
+    earlier: &'a [Round],
+}
+
+impl Present<'_> {
+    /// Whether the fronts of all earlier rounds expect an event at these places.
+    #[inline(always)]
+    fn is_expected(&self, places: &[[f32; 3]], time: f32) -> bool {
+        let (metric, start) = (&self.step.metric, self.step.fraction(self.step.from));
+        self.earlier.iter().all(|round| places.iter().all(|&x| round.expects(metric, x, time, start)))
+    }
+}
+
+impl Step {
+    /// A time as a fraction of the window.
+    #[inline(always)]
+    pub fn fraction(&self, ticks: i64) -> f32 {
+        ((ticks - self.begin) as f64 * self.per_time) as f32
+    }
+}
