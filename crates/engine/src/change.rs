@@ -122,6 +122,7 @@ impl Simulation {
             pending: BTreeMap::new(),
             stall: Stall::default(),
             settling: SettlingState::default(),
+            blocks: self.state.blocks,
         };
         let actions = self.moved_actions(&system, time)?;
         let mut changed = Self::start(system, self.options, state, actions, Vec::new())?;

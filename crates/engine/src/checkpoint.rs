@@ -9,7 +9,7 @@ use crate::{
     measurements::{Words, measurements},
     model::{Options, System},
     particles::{Support, World},
-    report::Checkpoint,
+    report::{BlockCounts, Checkpoint},
     rest::state::SettlingState,
     scalars::{ScalarReader, ScalarWriter},
     simulation::{Simulation, actions},
@@ -60,7 +60,7 @@ impl Digits {
 impl Simulation {
     /// The exact present state.
     pub fn checkpoint(&self) -> Checkpoint {
-        let State { world, accumulators, pending, settling, stall } = &self.state;
+        let State { world, accumulators, pending, settling, stall, blocks: _ } = &self.state;
         let mut scalars = ScalarWriter::default();
         scalars.put("clock.exponent", i64::from(world.clock.exponent) as u64);
         scalars.real("clock.base", world.clock.base);
@@ -272,7 +272,8 @@ impl Simulation {
             accumulators.counters.windows,
         ) = (predictions, candidates, windows);
         valid::accumulators(&mut accumulators, &world.clock, time)?;
-        let mut state = State { world, accumulators, pending, stall, settling };
+        let mut state =
+            State { world, accumulators, pending, stall, settling, blocks: BlockCounts::default() };
         valid::whole(&system, &state, time)?;
         let mut measurements = measurements(&system, &state);
         let mut words = Words::new(&checkpoint.measured);

@@ -36,7 +36,8 @@ pub(crate) struct CompactParticle {
     pub radius: f32,
     /// Displacement within the span of time [unit of length of the filter].
     pub v: [f32; 3],
-    /// Event counter of the particle. In windows it is 0, because they read the counter of the anchor.
+    /// In lists: the event counter of the particle. Windows read the counter of the anchor; there this is
+    /// [`Self::longest`].
     pub count: u32,
 }
 
@@ -49,6 +50,20 @@ impl CompactParticle {
     pub fn is_within(&self, limit2: f32) -> bool {
         let v = self.v;
         v[0] * v[0] + v[1] * v[1] + v[2] * v[2] <= limit2
+    }
+
+    /// In windows: the square of the longest displacement among the earlier paths in the window [length²], if
+    /// these are [noted](Self::note_path).
+    pub fn longest(&self) -> f32 {
+        f32::from_bits(self.count)
+    }
+
+    /// Notes that the particle is about to leave its path.
+    #[inline(always)]
+    pub fn note_path(&mut self) {
+        let v = self.v;
+        let square = v[0] * v[0] + v[1] * v[1] + v[2] * v[2];
+        self.count = self.longest().max(square).to_bits();
     }
 
     /// Copies the particle to `target` in two halves, as [`avx2::load_halves`] reads it: a load stalls on

@@ -31,7 +31,7 @@ pub(crate) enum Next<E> {
     Nothing,
     /// Updates of the scheduler's own data have used up the limit of entries.
     Interrupted,
-    /// [`Scheduler::take_step`] must follow.
+    /// [`Scheduler::take_steps`] must follow.
     Step,
 }
 
@@ -52,7 +52,7 @@ pub(crate) trait Scheduler: Send {
     /// it.
     fn next<const VECTORS: bool>(&mut self, state: &mut State, limit: &mut Limit) -> Next<Self::Event>;
     /// Takes several events at once, on several threads, after [`Next::Step`].
-    fn take_step(&mut self, _: &mut State, _: &mut Limit, _: &mut dyn Observer, _events: bool) {}
+    fn take_steps(&mut self, _: &mut State, _: &mut Limit, _: &mut dyn Observer, _events: bool) {}
     /// Predicts the particles of an event that has been resolved, and the grains that it has `woken`.
     fn update<const VECTORS: bool>(
         &mut self,
@@ -63,6 +63,10 @@ pub(crate) trait Scheduler: Send {
     ) -> Option<Pause>;
     /// Predicts these particles. Their anchors have been set to the present by something other than an event.
     fn reschedule(&mut self, state: &mut State, bodies: &[u32]);
+    /// Why events are taken on one thread; `None` if they are taken on all.
+    fn serial_reason(&self, _: &State) -> Option<&'static str> {
+        Some("only windows take events on several threads")
+    }
     /// Whether there is no further event at any time.
     fn is_idle(&self) -> bool;
     /// Adds the work done since the last call to the counters of the state.
@@ -75,6 +79,8 @@ pub(crate) trait Engine: Send {
     fn rebuild(&mut self, state: &mut State, geometry: &Geometry);
     /// Predicts these particles. Their anchors have been set to the present by something other than an event.
     fn reschedule(&mut self, state: &mut State, bodies: &[u32]);
+    /// Why events are taken on one thread; `None` if they are taken on all.
+    fn serial_reason(&self, state: &State) -> Option<&'static str>;
     /// Whether there is no further event at any time.
     fn is_idle(&self) -> bool;
     /// Runs events.
@@ -95,6 +101,10 @@ impl<S: Scheduler> Engine for S {
     fn reschedule(&mut self, state: &mut State, bodies: &[u32]) {
         Scheduler::reschedule(self, state, bodies);
         self.count_work(state);
+    }
+
+    fn serial_reason(&self, state: &State) -> Option<&'static str> {
+        Scheduler::serial_reason(self, state)
     }
 
     fn is_idle(&self) -> bool {
@@ -164,7 +174,7 @@ fn run<S: Scheduler, const EVENTS: bool, const VECTORS: bool>(
             }
             Next::Interrupted => return Ok(Pause::Entries),
             Next::Step => {
-                scheduler.take_step(state, limit, observer, EVENTS);
+                scheduler.take_steps(state, limit, observer, EVENTS);
                 continue;
             }
         };

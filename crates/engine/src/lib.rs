@@ -76,8 +76,8 @@ pub use model::{
 pub use observables::{Observable, Present, Quantity, Sizes, observables};
 pub use overlap::{Overlap, allowed_overlap};
 pub use report::{
-    Checkpoint, Counters, EventColumn, EventKind, EventRecord, Exchange, Frame, NO_PARTNER, Observer,
-    Partner, ProfileRow, Sample, Silent, Stop, VelocityChange,
+    BlockCounts, Checkpoint, Counters, EventColumn, EventKind, EventRecord, Exchange, Frame, NO_PARTNER,
+    Observer, Partner, ProfileRow, Sample, Silent, Stop, VelocityChange,
 };
 pub use scalars::{ScalarReader, ScalarWriter};
 pub use simulation::{Simulation, Until};

@@ -318,6 +318,45 @@ pub struct Counters {
     pub epochs: u64,
 }
 
+/// How several threads have taken events since the start of the simulation or its continuation. Unlike
+/// [`Counters`] it depends on the number of threads.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub struct BlockCounts {
+    /// Largest number of blocks into which space was cut.
+    pub blocks: u64,
+    /// Events that blocks have taken in the first round of a step.
+    pub first: u64,
+    /// Events that blocks have taken in further rounds, at the faces of those of the first one.
+    pub further: u64,
+    /// Events of the last round, in which a single block takes what is left.
+    pub last: u64,
+    /// Steps of windows.
+    pub steps: u64,
+    /// Steps that were undone, and their events taken one after the other.
+    pub undone: u64,
+    /// The sum, over the rounds, of the events of the block with most of them. The other events of the run
+    /// are taken one after the other.
+    pub critical_path: u64,
+}
+
+impl BlockCounts {
+    /// Number of events that blocks have taken.
+    pub fn events(&self) -> u64 {
+        self.first + self.further + self.last
+    }
+
+    /// Adds the counts of a step.
+    pub(crate) fn add(&mut self, other: &Self) {
+        self.blocks = self.blocks.max(other.blocks);
+        self.first += other.first;
+        self.further += other.further;
+        self.last += other.last;
+        self.steps += other.steps;
+        self.undone += other.undone;
+        self.critical_path += other.critical_path;
+    }
+}
+
 /// The reason why `Simulation::advance` has returned.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Stop {

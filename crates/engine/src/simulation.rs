@@ -20,7 +20,7 @@ use crate::{
     model::{Boundary, Dimension, NeighborChoice, Options, System},
     overlap::{self, Overlap},
     particles::World,
-    report::{Counters, Frame, Observer, Sample, Stop},
+    report::{BlockCounts, Counters, Frame, Observer, Sample, Stop},
     rest::{
         settling_scan::{SettlingScan, contacts_of_asleep, scan},
         state::SettlingState,
@@ -90,6 +90,7 @@ impl Simulation {
             accumulators,
             pending: BTreeMap::new(),
             settling: SettlingState::default(),
+            blocks: BlockCounts::default(),
             stall: Stall::default(),
         };
         let actions = actions(&system);
@@ -417,6 +418,16 @@ impl Simulation {
     /// The counters so far.
     pub fn counters(&self) -> Counters {
         self.state.accumulators.counters
+    }
+
+    /// How several threads have taken events so far.
+    pub fn block_counts(&self) -> BlockCounts {
+        self.state.blocks
+    }
+
+    /// Why one thread takes the events at present, one after the other; `None` if several threads do.
+    pub fn serial_reason(&self) -> Option<&'static str> {
+        self.engine.serial_reason(&self.state)
     }
 
     /// Finds the deepest present overlap of all close pairs and of particles with walls, and updates

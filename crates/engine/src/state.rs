@@ -3,7 +3,10 @@
 
 use std::collections::BTreeMap;
 
-use crate::{accumulators::Accumulators, particles::World, rest::state::SettlingState, stall::Stall};
+use crate::{
+    accumulators::Accumulators, particles::World, report::BlockCounts, rest::state::SettlingState,
+    stall::Stall,
+};
 
 /// The state of a simulation, without the data of its scheduler.
 #[derive(Debug, Clone)]
@@ -14,6 +17,8 @@ pub(crate) struct State {
     pub pending: BTreeMap<u32, Pending>,
     pub stall: Stall,
     pub settling: SettlingState,
+    /// How threads have taken events; not part of what is saved.
+    pub blocks: BlockCounts,
 }
 
 impl State {

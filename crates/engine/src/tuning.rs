@@ -53,7 +53,7 @@ pub(crate) mod particles {
     pub(crate) const RARE: usize = 8;
 
     /// From this number on, events of windows are taken on several threads (threads.md).
-    pub(crate) const PARALLEL_EVENTS: usize = 400_000;
+    pub(crate) const PARALLEL_EVENTS: usize = 100_000;
     /// Up to this number, windows keep the array of the contacts found at their opening (memory.md).
     pub(crate) const KEEP_CONTACTS: usize = 800_000;
     /// From this number on, overlaps are searched for in one slab of the box after the other (memory.md).

@@ -62,7 +62,7 @@ pub fn time_to_contact(r: DVec3, v: DVec3, sigma: f64) -> Option<f64> {
 /// assert_eq!(time_to_contact_unscaled(r, v, 1.44), time_to_contact(r, v, 1.2));
 /// ```
 #[expect(clippy::neg_cmp_op_on_partial_ord, reason = "not a number gives no contact")]
-#[inline]
+#[inline(always)]
 #[must_use]
 pub fn time_to_contact_unscaled(r: DVec3, v: DVec3, sigma2: f64) -> Option<f64> {
     let (b, rr, vv, ss) = (r.dot(v), r.length_squared(), v.length_squared(), sigma2);

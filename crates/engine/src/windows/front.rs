@@ -2,19 +2,18 @@
 //!
 //! Outside of a block, and after an event that the block has left to a later round, nothing is known. What
 //! happens there spreads at most with the largest speed c, and in an impact by a contact distance σ. A
-//! *front* is the field T(x) of the earliest times at which it can have arrived, the least of
+//! *front* is the field T(x) of the earliest times at which it can have arrived, in a step that begins at
+//! t₀: the least of
 //!
-//! * t_f + max(0, |x − x_f| − 5σ)/c for each face f from whose other side nothing is known after t_f,
-//! * t_s + max(0, |x − x_s| − 3.5σ)/c for each source s, an event at t_s that has been left over.
+//! * t₀ + max(0, g − d_f)/c, where g is the distance from the nearest face with another block beyond it,
+//! * t_s + max(0, |x − x_s| − d_s)/c for each source s, an event at t_s that has been left over.
 //!
 //! An event is taken if its time is before T. All events of later rounds are tested to be in the same field
-//! with both distances less by 2σ. Such an event changes particles there. Until their next event they move at
-//! most with c, and T changes by at most |Δx|/c over Δx, so that they stay in the field with distances less
-//! by 2σ. What they then touch is at most σ away, in the field with distances less by σ, and so is that
-//! particle until its own next event. An event that has been taken is outside of the field. So no event of a
+//! with both distances less by d_i ≥ σ. Such an event changes particles there. Until their next event they
+//! move at most with c, and T changes by at most |Δx|/c over Δx, so that they stay in the field with
+//! distances less by d_i. What they then touch is at most σ away, and so in the field itself, and it stays
+//! there until its own next event. An event that has been taken is outside of the field. So no event of a
 //! later round can reach a particle before an event of it that has been taken.
-
-use haff_neighbors::Array;
 
 use super::axes::Axes;
 
@@ -27,50 +26,84 @@ pub(super) struct Dilations {
     pub inner: f32,
 }
 
-/// The planes of cells `first` ≤ plane < `end` along the axis of the blocks. On a periodic axis `end` can be
-/// larger than the number of planes.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub(super) struct Planes {
-    pub first: i32,
-    pub end: i32,
-    /// The times \[fractions of the window\] until which the other sides of the first and the last face are
-    /// known; infinite where nothing is beyond the face.
-    pub known: [f32; 2],
+/// A grid coordinate beyond all grids.
+const FAR: f32 = 1e30;
+
+/// A cuboid of cells: along each axis the cells `first` ≤ c < `end`. On a periodic axis `end` can be larger
+/// than the number of cells.
+#[derive(Debug, Clone, Copy, Default)]
+pub(super) struct Bounds {
+    pub first: [i32; 3],
+    pub end: [i32; 3],
+    /// The faces with another block beyond them [cells]; far away where there is none.
+    low: [f32; 3],
+    high: [f32; 3],
+    /// Whether no other block is beyond any face.
+    pub is_whole: bool,
 }
 
-impl Planes {
-    /// Whether nothing is beyond these planes.
+impl Bounds {
+    /// Bounds of these cells. `shared`: whether another block is beyond the lower and the upper face of each
+    /// axis.
+    pub fn new(first: [i32; 3], end: [i32; 3], shared: [[bool; 2]; 3]) -> Self {
+        let face = |k: usize, side: usize, c: i32, far: f32| if shared[k][side] { c as f32 } else { far };
+        Self {
+            first,
+            end,
+            low: [0, 1, 2].map(|k| face(k, 0, first[k], -FAR)),
+            high: [0, 1, 2].map(|k| face(k, 1, end[k], FAR)),
+            is_whole: shared == [[false; 2]; 3],
+        }
+    }
+
+    /// Number of cells along each axis.
+    fn counts(&self) -> [i32; 3] {
+        [0, 1, 2].map(|k| self.end[k] - self.first[k])
+    }
+
+    /// Whether cells `low` to `low` + `count` − 1 of an axis with `n` cells are within these bounds.
     #[inline(always)]
-    pub fn is_whole(&self) -> bool {
-        self.known == [f32::INFINITY; 2]
+    pub fn contains_cells(&self, axis: usize, n: i32, low: i32, count: i32) -> bool {
+        let (first, end) = (self.first[axis], self.end[axis]);
+        // Only a periodic axis has cells before its first one and after its last one.
+        let low = if low < first { low + n } else { low };
+        let low = if low >= first + n { low - n } else { low };
+        // Without images, the cells at an edge also hold what is beyond it.
+        (low >= first || self.low[axis] == -FAR) && (low + count <= end || self.high[axis] == FAR)
     }
 }
 
 /// Distances, in lengths and in cells.
-#[derive(Debug, Clone, Copy)]
+#[derive(Debug, Clone, Copy, Default)]
 pub(super) struct Metric {
-    /// Axis along which blocks follow each other.
-    pub axis: usize,
-    /// Number of cells along each axis, and whether the cells beyond an edge are those at the other one.
+    /// Number of cells along each axis, and the same as a length of repetition, 0 if there is none [cells].
     pub n: [i32; 3],
-    pub wraps: [bool; 3],
-    /// Edges of a cell [length]; 0 along an axis without extension.
-    pub width: [f32; 3],
+    period: [f32; 3],
+    /// Edges of a cell [length]; 1 along an axis without extension.
+    width: [f32; 3],
     /// Largest speed [length per window].
     pub speed: f32,
     /// Distances [length].
-    pub face: f32,
+    face: f32,
     pub source: f32,
-    pub inner: f32,
+    inner: f32,
+}
+
+/// The distances of a place from the nearest face with another block beyond it [length]; negative outside of
+/// the block.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Depth {
+    pub distance: f32,
+    /// From the nearest cell that is certain to be in the block, with the rounding of coordinates.
+    pub of_cells: f32,
 }
 
 impl Metric {
-    pub fn new(axes: &Axes, axis: usize, speed: f32, sigma: f32, dilations: Dilations) -> Self {
-        let width = |k: usize| if axes.cells[k] > 0.0 { 1.0 / axes.cells[k] } else { 0.0 };
+    pub fn new(axes: &Axes, speed: f32, sigma: f32, dilations: Dilations) -> Self {
+        let width = |k: usize| if axes.cells[k] > 0.0 { 1.0 / axes.cells[k] } else { 1.0 };
         Self {
-            axis,
             n: [axes.n[0], axes.n[1], axes.n[2]],
-            wraps: [0, 1, 2].map(|k| axes.wraps(k)),
+            period: [0, 1, 2].map(|k| if axes.wraps(k) { axes.n[k] as f32 } else { 0.0 }),
             width: [0, 1, 2].map(width),
             speed,
             face: dilations.face * sigma,
@@ -79,82 +112,40 @@ impl Metric {
         }
     }
 
-    /// The grid coordinate along the axis of blocks, as seen from `planes`: not before its first plane, if
-    /// the axis is periodic.
+    /// The distances of a place from the faces of a block.
     #[inline(always)]
-    fn along(&self, x: [f32; 3], planes: &Planes) -> f32 {
-        let (z, first, n) = (x[self.axis], planes.first as f32, self.n[self.axis] as f32);
-        if !self.wraps[self.axis] {
-            return z;
-        }
-        let z = if z < first { z + n } else { z };
-        if z >= first + n { z - n } else { z }
-    }
-
-    /// Whether a place is in these planes.
-    #[inline(always)]
-    pub fn contains(&self, planes: &Planes, x: [f32; 3]) -> bool {
-        let z = self.along(x, planes);
-        z >= planes.first as f32 && z < planes.end as f32
-    }
-
-    /// Whether cells `low` to `low` + `count` − 1 are in these planes.
-    #[inline(always)]
-    pub fn contains_cells(&self, planes: &Planes, low: i32, count: i32) -> bool {
-        if planes.known == [f32::INFINITY; 2] {
-            return true;
-        }
-        let mut low = low;
-        if self.wraps[self.axis] {
-            let n = self.n[self.axis];
-            if low < planes.first {
-                low += n;
-            }
-            if low >= planes.first + n {
-                low -= n;
-            }
-        }
-        // Without images, the cells at an edge also hold what is beyond it.
-        (low >= planes.first || planes.known[0] == f32::INFINITY)
-            && (low + count <= planes.end || planes.known[1] == f32::INFINITY)
-    }
-
-    /// The time from which on the other sides of the faces can have an effect at a place, which is in the
-    /// planes; with distances less by `less` [length].
-    #[inline(always)]
-    pub fn arrival_from_faces(&self, planes: &Planes, x: [f32; 3], less: f32) -> f32 {
-        let (z, width, distance) = (self.along(x, planes), self.width[self.axis], self.face - less);
-        let time = |known: f32, gap: f32| known + (gap * width - distance).max(0.0) / self.speed;
-        let below = time(planes.known[0], z - planes.first as f32);
-        let above = time(planes.known[1], planes.end as f32 - z);
-        below.min(above)
-    }
-
-    /// The time at which an effect of an event can arrive at a face.
-    pub fn arrival_at_face(&self, face: i32, x: [f32; 3], time: f32) -> f32 {
-        let n = self.n[self.axis] as f32;
-        let mut gap = (x[self.axis] - face as f32).abs();
-        if self.wraps[self.axis] {
-            gap %= n;
-            gap = gap.min(n - gap);
-        }
-        time + (gap * self.width[self.axis] - self.face).max(0.0) / self.speed
-    }
-
-    /// The place in the middle of one or two places, which are near each other.
-    pub fn middle(&self, places: &[[f32; 3]]) -> [f32; 3] {
-        let &[mut a, b] = places else { return places[0] };
+    pub fn depth(&self, bounds: &Bounds, x: [f32; 3]) -> Depth {
+        let mut depth = Depth { distance: FAR, of_cells: FAR };
         for k in 0..3 {
-            let n = self.n[k] as f32;
+            let z = if x[k] < bounds.low[k] { x[k] + self.period[k] } else { x[k] };
+            let gap = (z - bounds.low[k]).min(bounds.high[k] - z);
+            depth.distance = depth.distance.min(gap * self.width[k]);
+            // One cell for the cell of the place, and one for the rounding of coordinates.
+            depth.of_cells = depth.of_cells.min((gap - 2.0) * self.width[k]);
+        }
+        depth
+    }
+
+    /// Whether what is beyond the faces cannot have an effect at this depth in a time since the start of the
+    /// step [windows]; with distances less by `less` [length].
+    #[inline(always)]
+    pub fn is_clear(&self, depth: Depth, elapsed: f32, less: f32) -> bool {
+        depth.distance > self.face - less + self.speed * elapsed
+    }
+
+    /// The place in the middle of two places, which are near each other.
+    pub fn middle(&self, mut a: [f32; 3], b: [f32; 3]) -> [f32; 3] {
+        for k in 0..3 {
+            let n = self.period[k];
             let mut d = b[k] - a[k];
-            if self.wraps[k] && d.abs() > 0.5 * n {
+            if n > 0.0 && d.abs() > 0.5 * n {
                 d -= n * d.signum();
             }
             a[k] += 0.5 * d;
-            if self.wraps[k] && a[k] < 0.0 {
+            if a[k] < 0.0 {
                 a[k] += n;
             }
-            if self.wraps[k] && a[k] >= n {
+            if n > 0.0 && a[k] >= n {
                 a[k] -= n;
             }
         }
@@ -167,8 +158,8 @@ impl Metric {
         let mut sum = 0.0;
         for k in 0..3 {
             let mut d = (a[k] - b[k]).abs();
-            let n = self.n[k] as f32;
-            if self.wraps[k] && d > 0.5 * n {
+            let n = self.period[k];
+            if n > 0.0 && d > 0.5 * n {
                 d = (n - d).abs();
             }
             sum += (d * self.width[k]) * (d * self.width[k]);
@@ -176,93 +167,14 @@ impl Metric {
         sum
     }
 
-    /// The index of the cell of a place.
-    #[inline(always)]
-    pub fn cell(&self, x: [f32; 3]) -> usize {
-        let (a, b, c) = (floor(x[0]), floor(x[1]), floor(x[2]));
-        self.index([self.wrapped(0, a), self.wrapped(1, b), self.wrapped(2, c)])
-    }
-
-    #[inline(always)]
-    fn wrapped(&self, k: usize, c: i32) -> i32 {
-        let n = self.n[k];
-        if (0..n).contains(&c) {
-            c
-        } else if self.wraps[k] {
-            c.rem_euclid(n)
-        } else {
-            c.clamp(0, n - 1)
-        }
-    }
-
-    #[inline(always)]
-    fn index(&self, c: [i32; 3]) -> usize {
-        ((c[2] * self.n[1] + c[1]) * self.n[0] + c[0]) as usize
-    }
-
-    /// Visits the cells within `reach` [length] of a place, and in these planes: the index of each, and the
-    /// square of its distance from the place [length²].
-    #[inline(always)]
-    fn visit(&self, planes: &Planes, x: [f32; 3], reach: f32, mut visit: impl FnMut(usize, f32)) {
-        // Along each axis: the part of the index, and the square of the distance.
-        let mut lines = [[(0_usize, 0.0_f32); LONGEST]; 3];
-        let mut counts = [0; 3];
-        let mut stride = 1;
-        for k in 0..3 {
-            let r = if self.width[k] > 0.0 { reach / self.width[k] } else { 0.0 };
-            let (low, high) = (floor(x[k] - r), floor(x[k] + r));
-            let (low, high) = if self.wraps[k] {
-                (low, high.min(low + self.n[k] - 1))
-            } else {
-                (low.max(0), high.min(self.n[k] - 1))
-            };
-            for c in low..=high.min(low + LONGEST as i32 - 1) {
-                let gap = (c as f32 - x[k]).max(x[k] - (c + 1) as f32).max(0.0) * self.width[k];
-                let c = self.wrapped(k, c);
-                if k == self.axis && !self.contains_cells(planes, c, 1) {
-                    continue;
-                }
-                lines[k][counts[k]] = (c as usize * stride, gap * gap);
-                counts[k] += 1;
-            }
-            stride *= self.n[k] as usize;
-        }
-        let most = reach * reach;
-        for &(plane, z) in &lines[2][..counts[2]] {
-            for &(row, y) in &lines[1][..counts[1]] {
-                let aside = y + z;
-                if aside > most {
-                    continue;
-                }
-                for &(cell, x) in &lines[0][..counts[0]] {
-                    let square = aside + x;
-                    if square <= most {
-                        visit(plane + row + cell, square);
-                    }
-                }
-            }
-        }
-    }
-
-    /// Whether [`Self::visit`] reaches all cells within `reach` [length].
+    /// Whether [`Front::lines`] reaches all cells within `reach` [length].
     pub fn reaches(&self, reach: f32) -> bool {
-        (0..3).all(|k| self.width[k] == 0.0 || 2.0 * reach / self.width[k] + 2.0 <= LONGEST as f32)
-    }
-
-    /// Whether all cells within a distance [length] of a place are in these planes.
-    #[inline(always)]
-    pub fn is_deep(&self, planes: &Planes, x: [f32; 3], distance: f32) -> bool {
-        let (z, width) = (self.along(x, planes), self.width[self.axis]);
-        // One cell for the cell of the place, and one for the rounding of coordinates.
-        let needed = distance / width + 2.0;
-        let below = planes.known[0] == f32::INFINITY || z - planes.first as f32 >= needed;
-        let above = planes.known[1] == f32::INFINITY || planes.end as f32 - z >= needed;
-        below && above
+        (0..3).all(|k| self.n[k] <= LONGEST || 2.0 * reach / self.width[k] + 2.0 <= LONGEST as f32)
     }
 }
 
-/// Most cells along an axis that [`Metric::visit`] visits.
-const LONGEST: usize = 32;
+/// Most cells along an axis that [`Front::lines`] visits.
+const LONGEST: i32 = 32;
 
 /// The largest integer that is not above a number.
 #[inline(always)]
@@ -273,123 +185,253 @@ fn floor(x: f32) -> i32 {
 
 /// End of a list of sources.
 const NONE: u32 = u32::MAX;
+/// The arrival in cells that are not reached in the step.
+const NEVER: u8 = u8::MAX;
+/// Sources are found by cells that are larger than those of the grid: 2 to the power of this number.
+const COARSE: u32 = 1;
 
-/// The sources of one block in a round.
+/// The field of a block in a round.
 #[derive(Debug, Default)]
-pub(super) struct Sources {
+pub(super) struct Front {
+    metric: Metric,
+    pub bounds: Bounds,
+    /// Number of cells along each axis, and of larger cells.
+    counts: [i32; 3],
+    coarse: [i32; 3],
+    /// The time from which on sources can have an effect in each cell [parts of the step].
+    arrival: Vec<u8>,
+    /// The same for each row of cells along the first axis: most rows are not reached, and their times stay
+    /// in the cache.
+    rows: Vec<u8>,
+    /// The first source in each of the larger cells, in `sources`.
+    first: Vec<u32>,
     /// Place, time, and the next source in the same cell.
-    list: Vec<([f32; 3], f32, u32)>,
-    /// Cells that have a finite time.
+    sources: Vec<([f32; 3], f32, u32)>,
+    /// Cells with a finite time, and their rows.
     reached: Vec<u32>,
+    reached_rows: Vec<u32>,
+    /// Start of the step [windows], and parts of the step per window.
+    start: f32,
+    parts: f32,
 }
 
-/// The fields of a round on the cells of the grid. Blocks have aliases of it.
-#[derive(Debug, Default)]
-pub(super) struct Fields {
-    /// The time from which on sources can have an effect in each cell, and in each row of cells along the
-    /// first axis: most rows are not reached, and their times stay in the cache.
-    arrival: Array<f32>,
-    rows: Array<f32>,
-    /// The first source in each cell, in the list of its block.
-    first: Array<u32>,
-}
-
-impl Fields {
-    /// Fields without sources, for these numbers of cells and of rows.
-    pub fn resize(&mut self, cells: usize, rows: usize) {
-        if self.first.len() != cells {
-            self.arrival = vec![f32::INFINITY; cells].into();
-            self.first = vec![NONE; cells].into();
-        }
-        if self.rows.len() != rows {
-            self.rows = vec![f32::INFINITY; rows].into();
+impl Front {
+    /// A field without sources, in the memory of another one.
+    pub fn new(metric: Metric, bounds: Bounds, other: Option<Self>) -> Self {
+        let counts = bounds.counts();
+        let coarse = counts.map(|count| (count + (1 << COARSE) - 1) >> COARSE);
+        // A block without another one beyond it leaves nothing over.
+        let cells = |counts: [i32; 3]| {
+            if bounds.is_whole { 0 } else { counts.iter().map(|&count| count as usize).product() }
+        };
+        let other = other.unwrap_or_default();
+        let (mut arrival, mut rows, mut first) = (other.arrival, other.rows, other.first);
+        arrival.clear();
+        arrival.resize(cells(counts), NEVER);
+        rows.clear();
+        rows.resize(cells([1, counts[1], counts[2]]), NEVER);
+        first.clear();
+        first.resize(cells(coarse), NONE);
+        Self {
+            metric,
+            bounds,
+            counts,
+            coarse,
+            arrival,
+            rows,
+            first,
+            sources: Vec::new(),
+            reached: Vec::new(),
+            reached_rows: Vec::new(),
+            start: 0.0,
+            parts: 0.0,
         }
     }
 
-    /// The same fields, for another thread.
-    ///
-    /// # Safety
-    ///
-    /// Each thread uses only the cells of its own block.
-    pub unsafe fn alias(&mut self) -> Self {
-        // SAFETY: guaranteed by the caller.
-        unsafe { Self { arrival: self.arrival.alias(), rows: self.rows.alias(), first: self.first.alias() } }
+    /// Removes all sources, and begins a step [windows].
+    pub fn begin(&mut self, start: f32, end: f32) {
+        for &cell in &self.reached {
+            self.arrival[cell as usize] = NEVER;
+        }
+        for &row in &self.reached_rows {
+            self.rows[row as usize] = NEVER;
+        }
+        self.reached.clear();
+        self.reached_rows.clear();
+        for k in 0..self.sources.len() {
+            let cell = self.coarse_cell(self.sources[k].0);
+            self.first[cell] = NONE;
+        }
+        self.sources.clear();
+        self.start = start;
+        self.parts = 254.0 / (end - start).max(f32::MIN_POSITIVE);
     }
 
-    /// Whether sources can have an effect at a place and time.
+    /// Whether nothing unknown can have an effect at a place of this depth at this time.
     #[inline(always)]
-    pub fn is_reached(&self, metric: &Metric, x: [f32; 3], time: f32) -> bool {
-        let cell = metric.cell(x);
-        self.rows[cell / metric.n[0] as usize] <= time && self.arrival[cell] <= time
+    pub fn is_clear(&self, depth: Depth, x: [f32; 3], time: f32) -> bool {
+        self.metric.is_clear(depth, time - self.start, 0.0) && {
+            let ([a, b, c], part) = (self.cell(x), self.part(time));
+            let row = (c * self.counts[1] + b) as usize;
+            self.rows[row] > part || self.arrival[row * self.counts[0] as usize + a as usize] > part
+        }
     }
 
-    /// Adds a source.
-    pub fn add(
-        &mut self,
-        metric: &Metric,
-        planes: &Planes,
-        sources: &mut Sources,
-        x: [f32; 3],
-        time: f32,
-        end: f32,
-    ) {
-        let cell = metric.cell(x);
-        sources.list.push((x, time, self.first[cell]));
-        self.first[cell] = sources.list.len() as u32 - 1;
-        sources.reached.push(cell as u32);
-        let reach = metric.source + metric.speed * (end - time).max(0.0);
-        let near = metric.source * metric.source;
-        metric.visit(planes, x, reach, |cell, square| {
-            let later = if square <= near { 0.0 } else { (square.sqrt() - metric.source) / metric.speed };
-            let arrival = time + later;
-            let known = &mut self.arrival[cell];
-            if arrival < *known {
-                if *known == f32::INFINITY {
-                    sources.reached.push(cell as u32);
+    /// Adds a source, up to the end of the step [windows], if its effects can come before those of the faces.
+    pub fn add(&mut self, x: [f32; 3], time: f32, end: f32) {
+        let metric = self.metric;
+        let depth = metric.depth(&self.bounds, x);
+        // A place of another block is behind a face.
+        if !metric.is_clear(depth, time - self.start, metric.source) {
+            return;
+        }
+        let cell = self.coarse_cell(x);
+        self.sources.push((x, time, self.first[cell]));
+        self.first[cell] = self.sources.len() as u32 - 1;
+        // A little further, because the square of a distance is rounded.
+        let reach = metric.source + 1.001 * metric.speed * (end - time).max(0.0);
+        let lines = self.lines(x, reach, 0);
+        let (part, per_length) = ((time - self.start) * self.parts, self.parts / metric.speed);
+        let arrival = |square: f32| {
+            let later = (square.sqrt() - metric.source).max(0.0) * per_length;
+            (part + later) as u8
+        };
+        let most = reach * reach;
+        for (start, aside) in lines.rows().filter(|row| row.1 <= most) {
+            let row = start / self.counts[0] as usize;
+            lower(&mut self.rows[row], arrival(aside), row, &mut self.reached_rows);
+            for &(cell, along) in lines.row() {
+                let (cell, square) = (start + cell as usize, aside + along);
+                if square <= most {
+                    lower(&mut self.arrival[cell], arrival(square), cell, &mut self.reached);
                 }
-                *known = arrival;
-                let row = &mut self.rows[cell / metric.n[0] as usize];
-                *row = row.min(arrival);
             }
-        });
+        }
     }
 
-    /// Whether an event of a later round can be at this place and time. `begin` is the earliest time of a
-    /// source.
-    pub fn expects(
-        &self,
-        metric: &Metric,
-        planes: &Planes,
-        sources: &Sources,
-        x: [f32; 3],
-        time: f32,
-        begin: f32,
-    ) -> bool {
-        if metric.arrival_from_faces(planes, x, metric.inner) <= time {
+    /// Whether an event of a later round can be at this place and time.
+    pub fn expects(&self, x: [f32; 3], time: f32) -> bool {
+        let (metric, elapsed) = (&self.metric, time - self.start);
+        let depth = metric.depth(&self.bounds, x);
+        if !metric.is_clear(depth, elapsed, metric.inner) {
             return true;
         }
         let distance = metric.source - metric.inner;
-        let mut found = false;
-        metric.visit(planes, x, distance + metric.speed * (time - begin).max(0.0), |cell, _| {
-            let mut next = self.first[cell];
-            while !found && next != NONE {
-                let (source, at, following) = sources.list[next as usize];
-                let reach = distance + metric.speed * (time - at);
-                found = at <= time && metric.square(x, source) <= reach * reach;
-                next = following;
+        let lines = self.lines(x, distance + metric.speed * elapsed, COARSE);
+        for (start, _) in lines.rows() {
+            for &(cell, _) in lines.row() {
+                let mut next = self.first[start + cell as usize];
+                while next != NONE {
+                    let (source, at, following) = self.sources[next as usize];
+                    let reach = distance + metric.speed * (time - at);
+                    if at <= time && metric.square(x, source) <= reach * reach {
+                        return true;
+                    }
+                    next = following;
+                }
             }
-        });
-        found
+        }
+        false
     }
 
-    /// Removes all sources of a block.
-    pub fn clear(&mut self, metric: &Metric, sources: &mut Sources) {
-        for &cell in &sources.reached {
-            self.arrival[cell as usize] = f32::INFINITY;
-            self.rows[cell as usize / metric.n[0] as usize] = f32::INFINITY;
-            self.first[cell as usize] = NONE;
+    /// The part of the step in which a time falls.
+    #[inline(always)]
+    fn part(&self, time: f32) -> u8 {
+        ((time - self.start) * self.parts) as u8
+    }
+
+    /// The coordinates of a place in the block, from its first cell on [cells].
+    #[inline(always)]
+    fn place(&self, x: [f32; 3]) -> [f32; 3] {
+        let mut place = [0.0; 3];
+        for k in 0..3 {
+            let z = if x[k] < self.bounds.low[k] { x[k] + self.metric.period[k] } else { x[k] };
+            place[k] = z - self.bounds.first[k] as f32;
         }
-        sources.list.clear();
-        sources.reached.clear();
+        place
+    }
+
+    /// The cell of a place in the block, from its first one on.
+    #[inline(always)]
+    fn cell(&self, x: [f32; 3]) -> [i32; 3] {
+        let place = self.place(x);
+        [0, 1, 2].map(|k| floor(place[k]).max(0).min(self.counts[k] - 1))
+    }
+
+    /// The larger cell of a place in the block.
+    fn coarse_cell(&self, x: [f32; 3]) -> usize {
+        index(self.cell(x).map(|c| c >> COARSE), self.coarse)
+    }
+
+    /// The cells, or larger cells, of the block within `reach` [length] of a place.
+    #[inline(always)]
+    fn lines(&self, x: [f32; 3], reach: f32, coarse: u32) -> Lines {
+        let (place, metric) = (self.place(x), &self.metric);
+        let counts = if coarse == 0 { self.counts } else { self.coarse };
+        let mut lines = Lines { lines: [[(0, 0.0); LONGEST as usize]; 3], counts: [0; 3] };
+        let mut stride = 1;
+        for k in 0..3 {
+            let r = reach / metric.width[k];
+            let (low, high) = (floor(place[k] - r), floor(place[k] + r));
+            // Along an axis that is not cut, the cells beyond an edge are those at the other one.
+            let n = self.counts[k];
+            let wraps = metric.period[k] > 0.0 && n == metric.n[k];
+            let (low, high) =
+                if wraps { (low, high.min(low + n - 1)) } else { (low.max(0), high.min(n - 1)) };
+            let mut previous = -1;
+            for c in low..=high.min(low + LONGEST - 1) {
+                let gap = (c as f32 - place[k]).max(place[k] - (c + 1) as f32).max(0.0) * metric.width[k];
+                let c = (if wraps { c.rem_euclid(n) } else { c }) >> coarse;
+                if c == previous {
+                    continue;
+                }
+                previous = c;
+                lines.lines[k][lines.counts[k]] = (c as u32 * stride, gap * gap);
+                lines.counts[k] += 1;
+            }
+            stride *= counts[k] as u32;
+        }
+        lines
+    }
+}
+
+/// The index of a cell.
+#[inline(always)]
+fn index(cell: [i32; 3], counts: [i32; 3]) -> usize {
+    ((cell[2] * counts[1] + cell[1]) * counts[0] + cell[0]) as usize
+}
+
+/// The cells of a cuboid around a place: along each axis, the parts of their indices and the squares of their
+/// distances [length²].
+struct Lines {
+    lines: [[(u32, f32); LONGEST as usize]; 3],
+    counts: [usize; 3],
+}
+
+impl Lines {
+    /// The rows of cells along the first axis: the part of the index, and the square of the distance.
+    #[inline(always)]
+    fn rows(&self) -> impl Iterator<Item = (usize, f32)> {
+        let [_, second, third] = [0, 1, 2].map(|k| &self.lines[k][..self.counts[k]]);
+        third
+            .iter()
+            .flat_map(move |&(plane, z)| second.iter().map(move |&(row, y)| ((plane + row) as usize, y + z)))
+    }
+
+    /// The cells of a row.
+    #[inline(always)]
+    fn row(&self) -> &[(u32, f32)] {
+        &self.lines[0][..self.counts[0]]
+    }
+}
+
+/// Sets the time of a cell or row to an earlier one. The first time, adds its index to `reached`.
+#[inline(always)]
+fn lower(time: &mut u8, at: u8, index: usize, reached: &mut Vec<u32>) {
+    if at < *time {
+        if *time == NEVER {
+            reached.push(index as u32);
+        }
+        *time = at;
     }
 }

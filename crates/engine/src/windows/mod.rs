@@ -301,7 +301,6 @@ impl<F: Features> Scheduler for Windows<F> {
     }
 
     fn reschedule(&mut self, state: &mut State, bodies: &[u32]) {
-        self.steps.mark_serial();
         for &body in bodies {
             state.world.wrap_anchor(body);
         }
@@ -313,11 +312,23 @@ impl<F: Features> Scheduler for Windows<F> {
         if !is_predicted || self.exceeds_search_limit() {
             self.start_from_anchors(&state.world);
             self.open(&state.world);
+        } else {
+            self.test_speeds(bodies);
         }
     }
 
-    fn take_step(&mut self, state: &mut State, limit: &mut Limit, observer: &mut dyn Observer, events: bool) {
-        Windows::take_step(self, state, limit, observer, events);
+    fn take_steps(
+        &mut self,
+        state: &mut State,
+        limit: &mut Limit,
+        observer: &mut dyn Observer,
+        events: bool,
+    ) {
+        Windows::take_steps(self, state, limit, observer, events);
+    }
+
+    fn serial_reason(&self, state: &State) -> Option<&'static str> {
+        Windows::serial_reason(self, &state.world)
     }
 
     fn is_idle(&self) -> bool {

@@ -80,6 +80,27 @@ impl<F: Features> Space<F> {
         }
     }
 
+    /// For each cell of an axis and its end: the number of particles in cells with a lower index along this
+    /// axis, when slots were last sorted.
+    pub fn slots_up_to(&self, axis: usize) -> Vec<u64> {
+        let axes = &self.cells.axes;
+        let mut sums = vec![0; axes.n[axis] as usize + 1];
+        if axis == 0 {
+            for particle in &self.particles {
+                sums[axes.fold(axes.cells(axes.grid_coordinates(particle.x)))[0] as usize + 1] += 1;
+            }
+        } else {
+            for (row, slots) in self.rows.windows(2).enumerate() {
+                let (y, z) = (row % axes.n[1] as usize, row / axes.n[1] as usize);
+                sums[1 + if axis == 1 { y } else { z }] += u64::from(slots[1] - slots[0]);
+            }
+        }
+        for plane in 1..sums.len() {
+            sums[plane] += sums[plane - 1];
+        }
+        sums
+    }
+
     /// Distance around its path within which a particle with this radius, including the margin, is registered
     /// [length].
     #[inline(always)]
@@ -288,6 +309,7 @@ pub(super) struct Fall {
 fn stream<F: Features>(axes: &Axes, fall: Fall, particles: &mut [CompactParticle]) {
     for compact in particles {
         let displacement = axes.displacement(compact.v, 1.0);
+        compact.count = 0;
         for axis in 0..3 {
             compact.x[axis] = compact.x[axis].wrapping_add(displacement[axis]);
             if F::GRAVITY {

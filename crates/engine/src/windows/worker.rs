@@ -121,11 +121,13 @@ impl<F: Features> Worker<F> {
         bodies: [u32; K],
     ) -> bool {
         let mut queries = [Query::default(); K];
+        let mut is_too_fast = false;
         for (query, body) in queries.iter_mut().zip(bodies) {
-            *query = self.update(world, body);
+            let is_slow;
+            (*query, is_slow) = self.update(world, body);
+            is_too_fast |= !is_slow;
         }
-        let too_fast = queries.iter().any(|query| self.is_too_fast(query));
-        if too_fast {
+        if is_too_fast {
             return false;
         }
         let (queue, later, horizon) = (&mut self.queue, &mut self.later, self.horizon);
@@ -168,15 +170,10 @@ impl<F: Features> Worker<F> {
         self.space.cells.register(query.slot, query.start, v, 1.0 - query.from, extent);
     }
 
-    /// Whether a particle is too fast for the window.
+    /// Copies the new flight of particle i to its slot. Returns the query for its partners from now on, and
+    /// whether the particle is slow enough for the window.
     #[inline(always)]
-    fn is_too_fast(&self, query: &Query) -> bool {
-        !query.compact.is_within(self.max_displacement * self.max_displacement)
-    }
-
-    /// Copies the new flight of particle i to its slot. Returns the query for its partners from now on.
-    #[inline(always)]
-    fn update(&mut self, world: &World, i: u32) -> Query {
+    fn update(&mut self, world: &World, i: u32) -> (Query, bool) {
         let particle = &world.particles[i as usize];
         let slot = self.slot_of[i as usize];
         let from = ((particle.time - self.begin) as f64 * (world.clock.tick / self.step)) as f32;
@@ -195,13 +192,16 @@ impl<F: Features> Worker<F> {
         }
         let displacement = self.space.cells.axes.displacement(v, from);
         self.space.anchors[slot as usize] = *particle;
-        let compact = &mut self.space.particles[slot as usize];
+        let stored = &mut self.space.particles[slot as usize];
+        let mut compact = CompactParticle { x: [0; 3], radius: stored.radius, v, count: stored.count };
         for axis in 0..3 {
             compact.x[axis] = start[axis].wrapping_sub(displacement[axis]);
         }
-        compact.v = v;
-        let compact = *compact;
-        Query { slot, compact, start, from }
+        compact.store(stored);
+        // Tested here, where the components are in registers: a load stalls on store forwarding if it covers
+        // parts of two stores that have just been made.
+        let is_slow = compact.is_within(self.max_displacement * self.max_displacement);
+        (Query { slot, compact, start, from }, is_slow)
     }
 
     /// The particles of the collision that is `ahead` events from now in the queue, and its time [ticks].

@@ -7,44 +7,31 @@ use glam::DVec3;
 use super::super::{
     axes::Axes,
     cells::path_span,
-    front::{Fields, Metric, Planes, Sources},
+    front::{Depth, Front, Metric},
     tune::Work,
     window_event::{Contact, Entry, WindowEvent},
     worker::Worker,
 };
+use super::cut::Round;
 use crate::{
     accumulators::Accumulators,
     batch::Kernel,
     compact::CompactParticle,
     features::Features,
     particles::{Particle, World},
-    report::{EventRecord, Exchange, Observer, Partner, VelocityChange},
+    report::{BlockCounts, EventRecord, Exchange, Observer, Partner, VelocityChange},
     resolve,
     rest::state::SettlingState,
     stall::Stall,
     state::State,
 };
 
-/// One of the rounds of a step.
-#[derive(Default)]
-pub(super) struct Round {
-    pub planes: Vec<Planes>,
-    pub sources: Vec<Sources>,
-    pub fields: Fields,
-}
-
-impl Round {
-    /// Whether an event of a later round can be at this place and time.
-    fn expects(&self, metric: &Metric, x: [f32; 3], time: f32, begin: f32) -> bool {
-        let block = self.planes.iter().position(|planes| metric.contains(planes, x));
-        block.is_some_and(|k| self.fields.expects(metric, &self.planes[k], &self.sources[k], x, time, begin))
-    }
-}
-
 /// What a thread has for one block.
 pub(super) struct Block<F> {
     pub worker: Worker<F>,
     pub state: State,
+    /// The front of the present round.
+    pub front: Front,
     /// Contacts at the start of the round.
     pub contacts: Vec<WindowEvent>,
     /// Events that are left to the next round.
@@ -66,8 +53,8 @@ pub(super) struct Undo {
     pub particle: Particle,
 }
 
-/// Order of simultaneous rows.
-pub(super) type Key = (i64, (u32, u32, u32));
+/// Order of rows: the time and the rank of the event, and the round: a pair can collide twice at one time.
+pub(super) type Key = (i64, (u32, u32, u32), usize);
 
 /// Rows of events of one block.
 #[derive(Default)]
@@ -116,6 +103,8 @@ pub(super) struct Step {
     /// Start of the window [ticks], and its length as fractions per tick.
     pub begin: i64,
     pub per_time: f64,
+    /// Whether the longest displacement of all particles has been noted since the start of the window.
+    pub has_noted: bool,
 }
 
 impl<F> Block<F> {
@@ -123,12 +112,14 @@ impl<F> Block<F> {
     pub fn new(worker: Worker<F>, world: &World) -> Self {
         Self {
             worker,
+            front: Front::default(),
             state: State {
                 world: world.without_particles(),
                 accumulators: Accumulators::default(),
                 pending: BTreeMap::new(),
                 stall: Stall::default(),
                 settling: SettlingState::default(),
+                blocks: BlockCounts::default(),
             },
             contacts: Vec::new(),
             left: Vec::new(),
@@ -162,44 +153,34 @@ impl<F> Block<F> {
 
 impl<F: Features> Block<F> {
     /// Takes the events of a round.
-    #[expect(clippy::too_many_arguments, reason = "one call")]
-    pub fn run(
-        &mut self,
-        kernel: Kernel,
-        step: &Step,
-        planes: &Planes,
-        sources: &mut Sources,
-        fields: Fields,
-        earlier: &[Round],
-        events: bool,
-    ) {
-        let mut present = Present { step, planes, sources, fields, earlier };
+    pub fn run(&mut self, kernel: Kernel, step: &Step, earlier: &[Round], events: bool) {
+        let present = Present { step, earlier };
         match (kernel, events) {
-            (Kernel::Portable, false) => self.take::<false, false>(&mut present),
-            (Kernel::Portable, true) => self.take::<true, false>(&mut present),
+            (Kernel::Portable, false) => self.take::<false, false>(&present),
+            (Kernel::Portable, true) => self.take::<true, false>(&present),
             #[cfg(target_arch = "x86_64")]
             // SAFETY: only `Kernel::choose` makes this variant, after it has detected the features.
-            (Kernel::Avx2, false) => unsafe { self.take_avx2::<false>(&mut present) },
+            (Kernel::Avx2, false) => unsafe { self.take_avx2::<false>(&present) },
             #[cfg(target_arch = "x86_64")]
             // SAFETY: as above.
-            (Kernel::Avx2, true) => unsafe { self.take_avx2::<true>(&mut present) },
+            (Kernel::Avx2, true) => unsafe { self.take_avx2::<true>(&present) },
         }
     }
 
     #[cfg(target_arch = "x86_64")]
     #[target_feature(enable = "avx2,fma,bmi1,bmi2,lzcnt,popcnt")]
-    fn take_avx2<const EVENTS: bool>(&mut self, present: &mut Present) {
+    fn take_avx2<const EVENTS: bool>(&mut self, present: &Present) {
         self.take::<EVENTS, true>(present);
     }
 
     #[inline(always)]
-    fn take<const EVENTS: bool, const VECTORS: bool>(&mut self, present: &mut Present) {
+    fn take<const EVENTS: bool, const VECTORS: bool>(&mut self, present: &Present) {
         let (from, to) = (present.step.from, present.step.to);
         self.worker.horizon = to;
         self.worker.queue.open(from, to, &self.contacts);
         while let Some(event) = self.worker.queue.pop_until(to) {
-            let (metric, planes) = (&present.step.metric, present.planes);
-            let contains = |axis: usize, c: i32| axis != metric.axis || metric.contains_cells(planes, c, 1);
+            let (n, bounds) = (present.step.metric.n, self.front.bounds);
+            let contains = |axis: usize, c: i32| bounds.contains_cells(axis, n[axis], c, 1);
             self.worker.prefetch(&self.state.world, contains);
             if !self.take_event::<EVENTS, VECTORS>(present, event) {
                 self.is_failed = true;
@@ -212,7 +193,7 @@ impl<F: Features> Block<F> {
     #[inline(always)]
     fn take_event<const EVENTS: bool, const VECTORS: bool>(
         &mut self,
-        present: &mut Present,
+        present: &Present,
         event: WindowEvent,
     ) -> bool {
         match event.0.target.kind() {
@@ -224,7 +205,7 @@ impl<F: Features> Block<F> {
     #[inline(always)]
     fn take_collision<const EVENTS: bool, const VECTORS: bool>(
         &mut self,
-        present: &mut Present,
+        present: &Present,
         event: WindowEvent,
         j: u32,
     ) -> bool {
@@ -237,21 +218,15 @@ impl<F: Features> Block<F> {
             return true;
         }
         let time = step.fraction(entry.time);
-        let slots = [self.worker.slot_of[i as usize] as usize, self.worker.slot_of[j as usize] as usize];
-        let space = &self.worker.space;
-        let places = [
-            place(&space.cells.axes, &space.particles[slots[0]], time),
-            place(&space.cells.axes, &space.particles[slots[1]], time),
-        ];
-        if !self.is_known(present, [i, j], slots, &places, time) {
+        let places = [self.place(step, i, time), self.place(step, j, time)];
+        if !self.is_known(present, &places, time) {
             return self.leave(present, event, &places, time);
         }
         let Ok(impact) = resolve::collide::<F>(world, [i, j], entry.time) else { return false };
-        for (k, (body, position, velocity)) in impact.after().into_iter().enumerate() {
+        for (k, (_, position, velocity)) in impact.after().into_iter().enumerate() {
             // In the order of the indices.
             let k = if i < j { k } else { 1 - k };
-            let place = places[k];
-            match self.stays(present, body, slots[k], place, (position, velocity), entry.time) {
+            match self.stays(present, &places[k], (position, velocity), entry.time) {
                 Stays::Inside => {}
                 Stays::Outside => return self.leave(present, event, &places, time),
                 Stays::TooFast => return false,
@@ -260,8 +235,10 @@ impl<F: Features> Block<F> {
         if !present.is_expected(&places, time) {
             return false;
         }
-        self.save(step, i);
-        self.save(step, j);
+        for place in &places {
+            self.save(step, place.body);
+            self.worker.space.particles[place.slot].note_path();
+        }
         self.start_event(&entry);
         resolve::apply::<F, EVENTS>(&mut self.state, &impact, entry.time, &mut self.rows);
         self.wrap(i);
@@ -281,7 +258,7 @@ impl<F: Features> Block<F> {
     #[inline(never)]
     fn take_wall_collision<const EVENTS: bool, const VECTORS: bool>(
         &mut self,
-        present: &mut Present,
+        present: &Present,
         event: WindowEvent,
         wall: u32,
     ) -> bool {
@@ -293,17 +270,15 @@ impl<F: Features> Block<F> {
             return true;
         }
         let time = step.fraction(entry.time);
-        let slot = self.worker.slot_of[i as usize] as usize;
-        let space = &self.worker.space;
-        let places = [place(&space.cells.axes, &space.particles[slot], time)];
-        if !self.is_known(present, [i], [slot], &places, time) {
+        let places = [self.place(step, i, time)];
+        if !self.is_known(present, &places, time) {
             return self.leave(present, event, &places, time);
         }
         let Ok((contact, outcome)) = resolve::collide_with_wall::<F>(world, i, wall, entry.time) else {
             return false;
         };
         let after = (contact.position, outcome.velocity());
-        match self.stays(present, i, slot, places[0], after, entry.time) {
+        match self.stays(present, &places[0], after, entry.time) {
             Stays::Inside => {}
             Stays::Outside => return self.leave(present, event, &places, time),
             Stays::TooFast => return false,
@@ -312,33 +287,34 @@ impl<F: Features> Block<F> {
             return false;
         }
         self.save(step, i);
+        self.worker.space.particles[places[0].slot].note_path();
         self.start_event(&entry);
         resolve::apply_wall::<F, EVENTS>(&mut self.state, &contact, &outcome, &mut self.rows);
         self.wrap(i);
         !self.has_resting() && self.worker.predict_again::<1, VECTORS>(&self.state.world, [i])
     }
 
+    /// The place of a particle after a fraction of the window.
+    #[inline(always)]
+    fn place(&self, step: &Step, body: u32, time: f32) -> Place {
+        let slot = self.worker.slot_of[body as usize] as usize;
+        let space = &self.worker.space;
+        let x = place(&space.cells.axes, &space.particles[slot], time);
+        Place { body, slot, x, depth: step.metric.depth(&self.front.bounds, x) }
+    }
+
     /// Whether nothing unknown can have changed an event, and its particles are registered in no cells but
     /// those of this block.
     #[inline(always)]
-    fn is_known<const K: usize>(
-        &self,
-        present: &Present,
-        bodies: [u32; K],
-        slots: [usize; K],
-        places: &[[f32; 3]; K],
-        time: f32,
-    ) -> bool {
-        let (metric, planes) = (&present.step.metric, present.planes);
-        if planes.is_whole() {
+    fn is_known<const K: usize>(&self, present: &Present, places: &[Place; K], time: f32) -> bool {
+        if self.front.bounds.is_whole {
             return true;
         }
-        for k in 0..K {
-            let x = places[k];
-            let is_known = metric.contains(planes, x)
-                && metric.arrival_from_faces(planes, x, 0.0) > time
-                && !present.fields.is_reached(metric, x, time);
-            if !is_known || !self.is_registered_inside(present, bodies[k], slots[k], x) {
+        // A loop instead of `Iterator::all`, which can remain a call compiled for the baseline instruction
+        // set.
+        for place in places {
+            let is_clear = self.front.is_clear(place.depth, place.x, time);
+            if !is_clear || !self.is_registered_inside(present, place) {
                 return false;
             }
         }
@@ -347,24 +323,33 @@ impl<F: Features> Block<F> {
 
     /// Whether a particle is registered in cells of this block only.
     #[inline(always)]
-    fn is_registered_inside(&self, present: &Present, body: u32, slot: usize, x: [f32; 3]) -> bool {
-        let (metric, planes) = (&present.step.metric, present.planes);
-        let space = &self.worker.space;
-        let extent = space.extent(space.particles[slot].radius);
+    fn is_registered_inside(&self, present: &Present, place: &Place) -> bool {
+        let (space, step) = (&self.worker.space, present.step);
+        let compact = &space.particles[place.slot];
+        let extent = space.extent(compact.radius);
         // Of a particle with an event in this window, only the last of its paths is stored. It is registered
         // along the earlier ones up to the end of the window: from an event at a place b, up to a
-        // displacement of the window ahead of b, and the present place is up to another one away from b.
-        let has_turned = self.state.world.particles[body as usize].time > present.step.begin;
-        let displacements = if has_turned { 2.0 } else { 1.0 };
-        if metric.is_deep(planes, x, displacements * metric.speed + extent) {
-            return true;
+        // displacement of the window away from b, and the present place is up to another one away from b.
+        let has_turned = self.state.world.particles[place.body as usize].time > step.begin;
+        let displacement = if !step.has_noted {
+            step.metric.speed
+        } else if has_turned {
+            let mut last = *compact;
+            last.note_path();
+            last.longest().sqrt()
+        } else {
+            return self.contains(path_span(&space.cells.axes, compact.x, compact.v, 1.0, extent), step);
+        };
+        place.depth.of_cells >= 2.0 * displacement + extent
+    }
+
+    /// Whether these cells, the first one and their number along each axis, are in this block.
+    fn contains(&self, (low, count): ([i32; 4], [i32; 3]), step: &Step) -> bool {
+        let mut is_inside = true;
+        for k in 0..3 {
+            is_inside &= self.front.bounds.contains_cells(k, step.metric.n[k], low[k], count[k]);
         }
-        if has_turned {
-            return false;
-        }
-        let compact = &space.particles[slot];
-        let (low, count) = path_span(&space.cells.axes, compact.x, compact.v, 1.0, extent);
-        metric.contains_cells(planes, low[metric.axis], count[metric.axis])
+        is_inside
     }
 
     /// Whether the cells along a new path, and those that a search around it reads, are in this block.
@@ -372,16 +357,14 @@ impl<F: Features> Block<F> {
     fn stays(
         &self,
         present: &Present,
-        body: u32,
-        slot: usize,
-        x: [f32; 3],
+        place: &Place,
         (mut position, mut velocity): (DVec3, DVec3),
         ticks: i64,
     ) -> Stays {
-        let (step, planes) = (present.step, present.planes);
+        let step = present.step;
         let metric = &step.metric;
         let world = &self.state.world;
-        if !F::UNIFORM && world.class(body).inverse_mass == 0.0 {
+        if !F::UNIFORM && world.class(place.body).inverse_mass == 0.0 {
             return Stays::Inside;
         }
         if F::GRAVITY {
@@ -394,8 +377,8 @@ impl<F: Features> Block<F> {
             return Stays::TooFast;
         }
         let space = &self.worker.space;
-        let reach = space.particles[slot].radius + space.common_radius;
-        if planes.is_whole() || metric.is_deep(planes, x, metric.speed + reach) {
+        let reach = space.particles[place.slot].radius + space.common_radius;
+        if place.depth.of_cells >= metric.speed + reach {
             return Stays::Inside;
         }
         let axes = &space.cells.axes;
@@ -405,8 +388,7 @@ impl<F: Features> Block<F> {
             start[k] = axes.coordinate(k, p[k]);
             v[k] = (u[k] * self.worker.step) as f32;
         }
-        let (low, count) = path_span(axes, start, v, 1.0 - step.fraction(ticks), reach);
-        if metric.contains_cells(planes, low[metric.axis], count[metric.axis]) {
+        if self.contains(path_span(axes, start, v, 1.0 - step.fraction(ticks), reach), step) {
             Stays::Inside
         } else {
             Stays::Outside
@@ -417,7 +399,7 @@ impl<F: Features> Block<F> {
     #[inline(always)]
     fn start_event(&mut self, entry: &Entry) {
         self.state.world.now = entry.time;
-        self.rows.key = (entry.time, entry.rank());
+        (self.rows.key.0, self.rows.key.1) = (entry.time, entry.rank());
         self.times.push(entry.time);
     }
 
@@ -448,19 +430,23 @@ impl<F: Features> Block<F> {
     /// Leaves an event to the next round.
     #[cold]
     #[inline(never)]
-    fn leave(&mut self, present: &mut Present, event: WindowEvent, places: &[[f32; 3]], time: f32) -> bool {
-        let Present { step, planes, sources, fields, .. } = present;
-        let metric = &step.metric;
+    fn leave(&mut self, present: &Present, event: WindowEvent, places: &[Place], time: f32) -> bool {
+        let step = present.step;
         self.left.push(event);
-        let end = step.fraction(step.to);
         // One source for both particles of a pair: each is half a contact distance from it.
-        let x = metric.middle(places);
-        // A place of another block is behind the face.
-        if metric.contains(planes, x) && metric.arrival_from_faces(planes, x, metric.source) > time {
-            fields.add(metric, planes, sources, x, time, end);
-        }
+        let (first, last) = (places[0].x, places[places.len() - 1].x);
+        self.front.add(step.metric.middle(first, last), time, step.fraction(step.to));
         true
     }
+}
+
+/// The place of a particle at an event.
+struct Place {
+    body: u32,
+    slot: usize,
+    /// Grid coordinates [cells].
+    x: [f32; 3],
+    depth: Depth,
 }
 
 /// Where a new path leads.
@@ -474,18 +460,14 @@ enum Stays {
 /// What a block uses in a round besides its own data.
 struct Present<'a> {
     step: &'a Step,
-    planes: &'a Planes,
-    sources: &'a mut Sources,
-    fields: Fields,
     earlier: &'a [Round],
 }
 
 impl Present<'_> {
     /// Whether the fronts of all earlier rounds expect an event at these places.
     #[inline(always)]
-    fn is_expected(&self, places: &[[f32; 3]], time: f32) -> bool {
-        let (metric, start) = (&self.step.metric, self.step.fraction(self.step.from));
-        self.earlier.iter().all(|round| places.iter().all(|&x| round.expects(metric, x, time, start)))
+    fn is_expected(&self, places: &[Place], time: f32) -> bool {
+        self.earlier.iter().all(|round| places.iter().all(|place| round.expects(place.x, time)))
     }
 }
 

@@ -1,9 +1,6 @@
 //! Blocks give the trajectory of a single queue, also if they must undo their steps.
 
-use std::{
-    cell::Cell,
-    sync::atomic::{AtomicU64, Ordering},
-};
+use std::cell::Cell;
 
 use glam::DVec3;
 use haff_testing::Random;
@@ -121,7 +118,11 @@ impl Observer for Log {
 }
 
 /// The rows, the state, the sums and the samples of a run with these settings.
-fn run(system: &System, settings: Settings, threads: usize) -> (Vec<EventRecord>, String, String) {
+fn run(
+    system: &System,
+    settings: Settings,
+    threads: usize,
+) -> (Vec<EventRecord>, String, String, BlockCounts) {
     SETTINGS.set(settings);
     let options = Options { neighbors: NeighborChoice::Windows, ..Options::default() };
     let mut simulation = Simulation::new(system.clone(), options).unwrap();
@@ -140,23 +141,7 @@ fn run(system: &System, settings: Settings, threads: usize) -> (Vec<EventRecord>
     });
     samples.push(simulation.sample());
     simulation.validate(1e-9).unwrap();
-    (log.0, simulation.state_hash(), format!("{samples:?}"))
-}
-
-/// Events taken by blocks, and steps undone. Other tests of this crate have too few particles for blocks.
-static TAKEN: AtomicU64 = AtomicU64::new(0);
-static UNDONE: AtomicU64 = AtomicU64::new(0);
-
-impl<F> Drop for Steps<F> {
-    fn drop(&mut self) {
-        TAKEN.fetch_add(self.counts.rounds.iter().sum(), Ordering::Relaxed);
-        UNDONE.fetch_add(self.counts.undone, Ordering::Relaxed);
-    }
-}
-
-/// Both counts since the last call.
-fn counts() -> [u64; 2] {
-    [TAKEN.swap(0, Ordering::Relaxed), UNDONE.swap(0, Ordering::Relaxed)]
+    (log.0, simulation.state_hash(), format!("{samples:?}"), simulation.block_counts())
 }
 
 #[test]
@@ -165,17 +150,23 @@ fn blocks_give_the_trajectory_the_sums_and_the_rows_of_one_queue() {
         let expected = run(&system, Settings { blocks: Some(1), ..SMALL }, 1);
         assert!(expected.0.len() > 1000, "{name}: {} events", expected.0.len());
         let narrow = Dilations { face: 1.0, source: 0.6, inner: 0.5 };
-        for (blocks, threads, dilations) in
-            [(2, 1, None), (2, 2, None), (3, 2, None), (4, 3, None), (2, 8, None), (2, 2, Some(narrow))]
-        {
+        for (blocks, threads, dilations) in [
+            (2, 1, None),
+            (2, 2, None),
+            (3, 2, None),
+            (4, 3, None),
+            (8, 4, None),
+            (2, 8, None),
+            (2, 2, Some(narrow)),
+            (4, 2, Some(narrow)),
+        ] {
             let dilations = dilations.unwrap_or(SMALL.dilations);
-            let _ = counts();
             let settings = Settings { blocks: Some(blocks), dilations, ..SMALL };
             let found = run(&system, settings, threads);
-            let [taken, undone] = counts();
-            let text = format!("{name}: {blocks} blocks, {threads} threads, {dilations:?}");
-            assert!(taken > 100 || dilations.face == 1.0, "{text}: {taken} events of blocks");
-            assert!(undone > 0 || dilations.face > 1.0, "{text}: nothing undone");
+            let counts = found.3;
+            let text = format!("{name}: {blocks} blocks, {threads} threads, {dilations:?}, {counts:?}");
+            assert!(counts.events() > 100 || dilations.face == 1.0, "{text}: few events of blocks");
+            assert!(counts.undone > 0 || dilations.face > 1.0, "{text}: nothing undone");
             assert_eq!(found.0.len(), expected.0.len(), "{text}");
             for (row, (a, b)) in found.0.iter().zip(&expected.0).enumerate() {
                 assert_eq!(a, b, "{text}: row {row}");
