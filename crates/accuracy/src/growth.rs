@@ -117,7 +117,11 @@ pub fn measure(solution: &Solution, bits: usize, seed: u64) -> Result<Growth, Er
         [NeighborChoice::AllPairs, NeighborChoice::Cells, NeighborChoice::Lists, NeighborChoice::Windows]
     {
         for simd in [SimdChoice::Portable, SimdChoice::Avx2] {
-            let found = match follow(&solution.system, Options { neighbors, simd }, &solution.times) {
+            let found = match follow(
+                &solution.system,
+                Options { neighbors, simd, ..Options::default() },
+                &solution.times,
+            ) {
                 // Not supported for this scene, or by this processor.
                 Err(Error::Engine(
                     haff_engine::EngineError::Unsuitable { .. } | haff_engine::EngineError::NoAvx2,

@@ -11,7 +11,7 @@ use crate::{
         ElasticMonodisperse, FallingMonodisperse, FallingPolydisperse, Features, Monodisperse, Polydisperse,
         Settling,
     },
-    model::{NeighborChoice, System},
+    model::{NeighborChoice, Options, System},
     nearby::{self, Nearby},
     particles::{World, can_carry},
     rest::thresholds::Thresholds,
@@ -42,6 +42,8 @@ pub(crate) struct Choice {
     pub kernel: Kernel,
     /// The search that the caller requests.
     requested: NeighborChoice,
+    /// The number of blocks that the caller requests.
+    blocks: Option<u16>,
     /// The present choice.
     pub neighbors: NeighborChoice,
     /// The local density when this choice was made.
@@ -54,13 +56,14 @@ pub(crate) struct Choice {
 
 impl Choice {
     /// Chooses for the present state of a world.
-    pub fn new(requested: NeighborChoice, kernel: Kernel, system: &System, world: &World) -> Self {
+    pub fn new(options: Options, kernel: Kernel, system: &System, world: &World) -> Self {
         let summary = SystemSummary::of(system, world);
         let density = LocalDensity::of(system, &summary, world);
         let mut choice = Self {
             summary,
             kernel,
-            requested,
+            requested: options.neighbors,
+            blocks: options.blocks,
             neighbors: NeighborChoice::Auto,
             density,
             review: 0,
@@ -157,10 +160,14 @@ impl Choice {
             ($features:ty) => {{
                 let (kernel, count) = (*kernel, summary.count);
                 match neighbors {
-                    NeighborChoice::Windows => {
-                        Box::new(Windows::<$features>::new(geometry, kernel, system, summary, density))
-                            as Box<dyn Engine>
-                    }
+                    NeighborChoice::Windows => Box::new(Windows::<$features>::new(
+                        geometry,
+                        kernel,
+                        system,
+                        summary,
+                        density,
+                        self.blocks,
+                    )) as Box<dyn Engine>,
                     // Very small systems need no special engine for equal sizes.
                     NeighborChoice::AllPairs if <$features>::GRAVITY => {
                         Box::new(CalendarScheduler::<FallingPolydisperse, AllPairs>::new(
@@ -186,7 +193,12 @@ impl Choice {
         if !gravity && summary.uniform && system.contacts.are_elastic() {
             if *neighbors == NeighborChoice::Windows {
                 return Box::new(Windows::<ElasticMonodisperse>::new(
-                    geometry, *kernel, system, summary, density,
+                    geometry,
+                    *kernel,
+                    system,
+                    summary,
+                    density,
+                    self.blocks,
                 ));
             }
             if let Some(engine) = self.compile_for_lists::<ElasticMonodisperse>(system, geometry) {

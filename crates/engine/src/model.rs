@@ -188,6 +188,9 @@ pub struct Options {
     pub neighbors: NeighborChoice,
     /// The prediction kernel.
     pub simd: SimdChoice,
+    /// Number of blocks of space whose events are taken at the same time, as long as the scene uses windows
+    /// and suits; 1 for one event after the other. `None`: that of threads, in large systems.
+    pub blocks: Option<u16>,
 }
 
 impl NeighborChoice {

@@ -118,7 +118,7 @@ impl Simulation {
             return Err(EngineError::TooMany { what: "particles for neighbor lists", count, limit });
         }
         let kernel = Kernel::choose(options.simd).ok_or(EngineError::NoAvx2)?;
-        let choice = Choice::new(options.neighbors, kernel, &system, &state.world);
+        let choice = Choice::new(options, kernel, &system, &state.world);
         if options.neighbors == NeighborChoice::Windows
             && let Some(why) = windows::unsuitable(&system, &choice.summary)
         {

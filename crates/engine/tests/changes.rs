@@ -7,7 +7,7 @@ use common::{Log, Random, add, class, gas, scatter_within_room, set_restitution,
 use glam::DVec3;
 use haff_engine::{
     Boundary, Change, Dimension, Drive, DriveKind, EngineError, EventKind, KickTimes, NeighborChoice,
-    NewParticle, Options, Silent, SimdChoice, Simulation, System, Term, Until,
+    NewParticle, Options, Silent, Simulation, System, Term, Until,
 };
 
 fn until(time: f64) -> Until {
@@ -79,7 +79,7 @@ fn a_change_does_not_depend_on_the_search_and_is_a_row_of_the_event_log() {
     for neighbors in
         [NeighborChoice::AllPairs, NeighborChoice::Cells, NeighborChoice::Lists, NeighborChoice::Windows]
     {
-        let options = Options { neighbors, simd: SimdChoice::Auto };
+        let options = Options { neighbors, ..Options::default() };
         let mut simulation = Simulation::new(busy(), options).unwrap();
         let mut log = Log::default();
         simulation.advance(until(1.5), &mut log).unwrap();

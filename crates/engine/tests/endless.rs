@@ -6,8 +6,7 @@ mod common;
 use common::{Log, Random, add, class, gas, set_restitution, system};
 use glam::DVec3;
 use haff_engine::{
-    Boundary, Dimension, EngineError, NeighborChoice, Options, Silent, SimdChoice, Simulation, Stop, System,
-    Until, Wall,
+    Boundary, Dimension, EngineError, NeighborChoice, Options, Silent, Simulation, Stop, System, Until, Wall,
 };
 use haff_mechanics::Restitution;
 
@@ -100,7 +99,7 @@ fn pressed(mass: f64, tc: f64, slope: f64, neighbors: NeighborChoice) -> Simulat
     let towards = DVec3::new(slope, -1.0, -0.3 * slope).normalize();
     add(&mut scene, light, position, DVec3::ZERO);
     add(&mut scene, heavy, position + towards * 0.95, DVec3::ZERO);
-    Simulation::new(scene, Options { neighbors, simd: SimdChoice::Auto }).unwrap()
+    Simulation::new(scene, Options { neighbors, ..Options::default() }).unwrap()
 }
 
 #[test]
@@ -142,7 +141,7 @@ fn collapsing() -> System {
 #[test]
 fn a_collapse_is_reported_at_the_same_event_by_every_search_and_after_resumption() {
     let scene = collapsing();
-    let options = |neighbors| Options { neighbors, simd: SimdChoice::Auto };
+    let options = |neighbors| Options { neighbors, ..Options::default() };
     let run = |neighbors| {
         let mut simulation = Simulation::new(scene.clone(), options(neighbors)).unwrap();
         let error = simulation.advance(Until::default(), &mut Silent).unwrap_err();
@@ -202,7 +201,7 @@ fn a_wall_moving_into_a_wedge_has_the_same_collapse_with_every_search() {
     let scene = wedge();
     let mut ends = Vec::new();
     for neighbors in [NeighborChoice::Cells, NeighborChoice::Lists, NeighborChoice::Windows] {
-        let options = Options { neighbors, simd: SimdChoice::Auto };
+        let options = Options { neighbors, ..Options::default() };
         let mut simulation = Simulation::new(scene.clone(), options).unwrap();
         let error = simulation.advance(Until { time: 500.0, ..Until::default() }, &mut Silent).unwrap_err();
         assert!(matches!(error, EngineError::Collapse { .. }), "{error}");

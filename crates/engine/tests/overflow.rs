@@ -14,7 +14,7 @@ use haff_engine::{
 /// state.
 fn end(name: &str, system: &System, neighbors: NeighborChoice, simd: SimdChoice, collisions: u64) -> String {
     let what = format!("{name}, {neighbors:?}, {simd:?}");
-    let mut simulation = Simulation::new(system.clone(), Options { neighbors, simd })
+    let mut simulation = Simulation::new(system.clone(), Options { neighbors, simd, ..Options::default() })
         .unwrap_or_else(|error| panic!("{what}: {error}"));
     let stop = simulation
         .advance(Until { collisions, ..Until::default() }, &mut Silent)

@@ -9,11 +9,13 @@ mod common;
 mod recipe;
 mod replay;
 
+use std::sync::LazyLock;
+
 use common::Log;
 use glam::DVec3;
 use haff_engine::{
-    Boundary, EngineError, EventKind, EventRecord, NeighborChoice, Options, Sample, SimdChoice, Simulation,
-    Stop, System, Until, WallMotion,
+    Body, Boundary, EngineError, EventKind, EventRecord, NeighborChoice, Options, Sample, SimdChoice,
+    Simulation, Stop, System, Until, WallMotion,
 };
 use proptest::prelude::*;
 use proptest::test_runner::RngSeed;
@@ -232,10 +234,18 @@ fn check_measured(
     Ok(())
 }
 
-fn check(recipe: &Recipe) -> Result<usize, TestCaseError> {
+/// Numbers of threads, more than most machines have processors, too.
+const THREADS: [usize; 5] = [1, 2, 3, 4, 8];
+static POOLS: LazyLock<[rayon::ThreadPool; 5]> = LazyLock::new(|| {
+    THREADS.map(|threads| rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap())
+});
+
+/// Checks a scene. Returns the number of its events, and of those that blocks have taken in the last run.
+fn check(recipe: &Recipe) -> Result<[u64; 2], TestCaseError> {
     let system = recipe.build();
     let start = Simulation::new(system.clone(), Options::default()).unwrap().sample().momentum;
-    let plain = Options { neighbors: NeighborChoice::AllPairs, simd: SimdChoice::Portable };
+    let plain =
+        Options { neighbors: NeighborChoice::AllPairs, simd: SimdChoice::Portable, ..Options::default() };
     let until = if recipe.long { LONG } else { UNTIL };
     let (log, end, mut simulation) = run(&system, until, plain, false);
     let all_measured = measured(&log, &simulation);
@@ -259,22 +269,73 @@ fn check(recipe: &Recipe) -> Result<usize, TestCaseError> {
     let sliced = End::Stop(Stop::Slice);
     for neighbors in [NeighborChoice::Cells, NeighborChoice::Lists, NeighborChoice::Windows] {
         let simd = if recipe.seed.is_multiple_of(2) { SimdChoice::Auto } else { SimdChoice::Portable };
-        let options = Options { neighbors, simd };
+        let options = Options { neighbors, simd, ..Options::default() };
         if matches!(Simulation::new(system.clone(), options), Err(EngineError::Unsuitable { .. })) {
             continue;
         }
         let (other, ended, tested) = run(&system, until, options, neighbors == NeighborChoice::Cells);
         for (row, (a, b)) in log.0.iter().zip(&other.0).enumerate() {
-            prop_assert_eq!(a, b, "{:?}, {:?}, event {}", neighbors, simd, row);
+            prop_assert_eq!(a, b, "{:?}, event {}", options, row);
         }
         if end != sliced && ended != sliced {
-            prop_assert_eq!(log.0.len(), other.0.len(), "{:?}: number of events", neighbors);
-            prop_assert_eq!(&end, &ended, "{:?}", neighbors);
-            prop_assert_eq!(simulation.state_hash(), tested.state_hash(), "{:?}: state", neighbors);
-            prop_assert_eq!(&all_measured, &measured(&other, &tested), "{:?}", neighbors);
+            prop_assert_eq!(log.0.len(), other.0.len(), "{:?}: number of events", options);
+            prop_assert_eq!(&end, &ended, "{:?}", options);
+            prop_assert_eq!(simulation.state_hash(), tested.state_hash(), "{:?}: state", options);
+            prop_assert_eq!(&all_measured, &measured(&other, &tested), "{:?}", options);
         }
     }
-    Ok(log.0.len())
+    Ok([log.0.len() as u64, check_blocks(recipe, &system, until)?])
+}
+
+/// Copies of a system side by side along its last axis, as a system. With `varied`, the particles of each copy
+/// are slower than those of the next one; otherwise events of all copies are simultaneous.
+fn tiled(system: &System, copies: u32, varied: bool) -> System {
+    let axis = system.dimension.count() - 1;
+    let shift = DVec3::AXES[axis] * system.domain.size[axis];
+    let mut tiled = system.clone();
+    tiled.domain.size[axis] *= f64::from(copies);
+    for copy in (1..copies).map(f64::from) {
+        let speed = if varied { 1.0 + 0.01 * copy } else { 1.0 };
+        tiled.bodies.extend(system.bodies.iter().map(|body| Body {
+            position: body.position + shift * copy,
+            velocity: body.velocity * speed,
+            ..*body
+        }));
+    }
+    for wall in tiled.walls.iter_mut().filter(|wall| wall.normal == -DVec3::AXES[axis]) {
+        wall.point += shift * f64::from(copies - 1);
+    }
+    tiled
+}
+
+/// Checks that blocks on several threads give the events, the state and the measurements of one queue.
+/// Returns the number of events that blocks have taken.
+fn check_blocks(recipe: &Recipe, system: &System, until: Until) -> Result<u64, TestCaseError> {
+    let (blocks, threads) = (2 + (recipe.seed >> 8) % 7, (recipe.seed >> 16) as usize % THREADS.len());
+    let system = tiled(system, 8, recipe.seed % 3 > 0);
+    let until = Until { collisions: 8 * until.collisions.min(100), ..until };
+    let options = Options { neighbors: NeighborChoice::Windows, ..Options::default() };
+    let one = Options { blocks: Some(1), ..options };
+    // A ramp or a partition can cut through the copies.
+    if !Simulation::new(system.clone(), one).is_ok_and(|mut new| new.measure_overlap().is_ok()) {
+        return Ok(0);
+    }
+    let (log, end, expected) = run(&system, until, one, false);
+    let options = Options { blocks: Some(blocks as u16), ..options };
+    let half = recipe.seed % 5 == 0;
+    let (other, ended, tested) = POOLS[threads].install(|| run(&system, until, options, half));
+    let text = format!("{blocks} blocks, {} threads", THREADS[threads]);
+    for (row, (a, b)) in log.0.iter().zip(&other.0).enumerate() {
+        prop_assert_eq!(a, b, "{}, event {}", &text, row);
+    }
+    let sliced = End::Stop(Stop::Slice);
+    if end != sliced && ended != sliced {
+        prop_assert_eq!(&end, &ended, "{}", &text);
+        prop_assert_eq!(log.0.len(), other.0.len(), "{}: number of events", &text);
+        prop_assert_eq!(expected.state_hash(), tested.state_hash(), "{}: state", &text);
+        prop_assert_eq!(measured(&log, &expected), measured(&other, &tested), "{}", &text);
+    }
+    Ok(tested.block_counts().events())
 }
 
 /// Checks half of the random scenes: those of one of two seeds.
@@ -288,17 +349,20 @@ fn check_random_scenes(half: u64) {
         failure_persistence: None,
         ..ProptestConfig::default()
     };
-    let events = std::cell::Cell::new(0);
+    let counts = std::cell::Cell::new([0, 0]);
     let mut runner = proptest::test_runner::TestRunner::new(config);
     let outcome = runner.run(&recipe(), |recipe| {
-        events.set(events.get() + check(&recipe)?);
+        let ([events, taken], [more, more_taken]) = (counts.get(), check(&recipe)?);
+        counts.set([events + more, taken + more_taken]);
         Ok(())
     });
     if let Err(error) = outcome {
         panic!("{error}");
     }
-    println!("{scenes} scenes, {} events", events.get());
-    assert!(events.get() > 20 * scenes as usize, "{} events in all", events.get());
+    let [events, taken] = counts.get();
+    println!("{scenes} scenes, {events} events; {taken} taken by blocks");
+    assert!(events > 20 * u64::from(scenes), "{events} events in all");
+    assert!(taken > 10 * u64::from(scenes), "{taken} events taken by blocks");
 }
 
 // In two tests, for two processors.

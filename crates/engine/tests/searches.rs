@@ -31,7 +31,7 @@ fn run(system: &System, options: Options, until: Until) -> (Log, String, Simulat
 }
 
 fn options(neighbors: NeighborChoice, simd: SimdChoice) -> Options {
-    Options { neighbors, simd }
+    Options { neighbors, simd, ..Options::default() }
 }
 
 /// Whether windows of time support a system.
@@ -372,15 +372,20 @@ fn a_resumed_run_equals_the_uninterrupted_run() {
 /// Windows are opened in parallel from 65,536 particles on, or from 16,384 where events are rare.
 #[test]
 fn trajectory_is_independent_of_thread_count() {
-    for (system, neighbors) in
-        [(gas(12, 0.2, 0.95, 9), NeighborChoice::Lists), (gas(26, 0.01, 0.95, 9), NeighborChoice::Windows)]
-    {
+    let windows = NeighborChoice::Windows;
+    for (system, neighbors, blocks) in [
+        (gas(12, 0.2, 0.95, 9), NeighborChoice::Lists, None),
+        (gas(26, 0.01, 0.95, 9), windows, None),
+        (gas(26, 0.01, 0.95, 9), windows, Some(2)),
+        (gas(20, 0.1, 0.95, 9), windows, Some(8)),
+    ] {
         let until = Until { collisions: 5000, ..Until::default() };
-        let hashes: Vec<String> = [1, 2, 3]
+        let hashes: Vec<String> = [1, 2, 3, 4, 8]
             .into_iter()
             .map(|threads| {
                 let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
-                pool.install(|| run(&system, options(neighbors, SimdChoice::Auto), until).1)
+                let options = Options { blocks, ..options(neighbors, SimdChoice::Auto) };
+                pool.install(|| run(&system, options, until).1)
             })
             .collect();
         assert!(hashes.iter().all(|hash| *hash == hashes[0]), "{neighbors:?}: {hashes:?}");

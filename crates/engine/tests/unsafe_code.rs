@@ -24,7 +24,8 @@ const COLLISIONS: u64 = if cfg!(miri) { 30 } else { 3000 };
 /// of portable cells without a log.
 fn assert_alike(name: &str, system: &System) {
     let end = |neighbors, simd, events: bool| {
-        let mut simulation = Simulation::new(system.clone(), Options { neighbors, simd }).unwrap();
+        let mut simulation =
+            Simulation::new(system.clone(), Options { neighbors, simd, ..Options::default() }).unwrap();
         let until = Until { collisions: COLLISIONS, ..Until::default() };
         let mut log = common::Log::default();
         if events {
@@ -37,7 +38,7 @@ fn assert_alike(name: &str, system: &System) {
     };
     let expected = end(NeighborChoice::Cells, SimdChoice::Portable, false);
     for neighbors in [NeighborChoice::Cells, NeighborChoice::Lists, NeighborChoice::Windows] {
-        let avx2 = Options { neighbors, simd: SimdChoice::Avx2 };
+        let avx2 = Options { neighbors, simd: SimdChoice::Avx2, ..Options::default() };
         let has_avx2 = !matches!(Simulation::new(system.clone(), avx2), Err(EngineError::NoAvx2));
         let narrower = has_avx2.then_some((SimdChoice::Avx2, true));
         let choices = [(SimdChoice::Portable, true), (SimdChoice::Auto, false), (SimdChoice::Auto, true)];

@@ -15,6 +15,8 @@ mod awake;
 mod block;
 mod cut;
 
+use std::{cmp::Reverse, collections::BinaryHeap};
+
 use haff_neighbors::prefetch_at;
 use rayon::prelude::*;
 
@@ -34,7 +36,7 @@ use crate::{
     state::State,
     tuning::particles::PARALLEL_EVENTS,
 };
-use block::{Block, Key, Step, place};
+use block::{Block, Row, Rows, Step, place};
 use cut::Round;
 
 /// The largest speed of fronts, relative to that of the fastest particle when the window is opened.
@@ -43,6 +45,8 @@ const SPEED: f32 = 1.25;
 /// in a step, and a source is seldom reached by the cone of another one.
 const STEPS_PER_CONTACT: f32 = 130.0;
 const MAX_STEPS: f32 = 64.0;
+/// Most events of a block in a step: this number, and so many for each contact known at its start.
+const MOST: (usize, usize) = (1000, 20);
 /// Blocks of entries for full cells, for each block: this number, and one for so many cells.
 const SPARE: (usize, usize) = (1024, 64);
 
@@ -52,10 +56,10 @@ struct Settings {
     /// Smallest number of particles, and of contacts of a step for each block.
     min_particles: usize,
     min_contacts: usize,
-    /// Number of blocks; `None`: that of threads, if there are several.
+    /// Number of blocks; `None`: that of threads.
     blocks: Option<usize>,
-    /// Smallest thickness of a block [largest contact distances], without the ways of the fastest particles.
-    thickness: f32,
+    /// Smallest thickness of a block [largest contact distances], and [longest displacements].
+    thickness: [f32; 2],
     /// Distances of fronts.
     dilations: Dilations,
 }
@@ -65,20 +69,31 @@ impl Settings {
         min_particles: PARALLEL_EVENTS,
         min_contacts: 150,
         blocks: None,
-        thickness: 20.0,
+        thickness: [20.0, 2.0],
         dilations: Dilations { face: 4.1, source: 2.6, inner: 1.1 },
     };
 
-    #[cfg(not(test))]
-    fn present() -> Self {
-        Self::MEASURED
+    /// Those for a number of blocks, if it is given.
+    fn new(blocks: Option<u16>) -> Self {
+        // As many as are wanted, in systems of any size.
+        let forced = |blocks| Self {
+            min_particles: 0,
+            min_contacts: 1,
+            thickness: [1.0, 0.0],
+            blocks,
+            ..Self::MEASURED
+        };
+        blocks.map_or(Self::MEASURED, |blocks| forced(Some(usize::from(blocks))))
     }
+}
 
-    /// Those of a test, if it has set any.
+/// The settings for a number of blocks, or those of a test, if it has set any.
+fn settings(blocks: Option<u16>) -> Settings {
     #[cfg(test)]
-    fn present() -> Self {
-        tests::SETTINGS.get()
+    if let Some(settings) = tests::SETTINGS.get() {
+        return settings;
     }
+    Settings::new(blocks)
 }
 
 /// Where contacts are distributed to blocks, the particle of the contact that comes this many later is
@@ -106,8 +121,9 @@ pub(super) struct Steps<F> {
     settings: Settings,
 }
 
-impl<F> Default for Steps<F> {
-    fn default() -> Self {
+impl<F> Steps<F> {
+    /// No steps yet, for this number of blocks, if it is given.
+    pub fn new(blocks: Option<u16>) -> Self {
         Self {
             contacts: Vec::new(),
             pending: Vec::new(),
@@ -119,12 +135,10 @@ impl<F> Default for Steps<F> {
             metric: None,
             rounds: Vec::new(),
             blocks: Vec::new(),
-            settings: Settings::present(),
+            settings: settings(blocks),
         }
     }
-}
 
-impl<F> Steps<F> {
     /// The step in which a time falls.
     fn step_of(&self, begin: i64, time: i64) -> usize {
         let last = self.ends.len() - 1;
@@ -150,7 +164,7 @@ impl<F: Features> Windows<F> {
     /// Why events are taken on one thread, if they are.
     pub(super) fn serial_reason(&self, world: &World) -> Option<&'static str> {
         if self.steps.settings.blocks.unwrap_or_else(rayon::current_num_threads) < 2 {
-            Some("there is one thread")
+            Some("there is one thread or block")
         } else if world.particles.len() < self.steps.settings.min_particles {
             Some("there are too few particles")
         } else if world.wall_sums.is_some() {
@@ -180,14 +194,16 @@ impl<F: Features> Windows<F> {
         let most = settings.blocks.unwrap_or_else(rayon::current_num_threads);
         let lengths = [0, 1, 2].map(|k| axes.n[k] as f32 / axes.cells[k].max(f32::MIN_POSITIVE));
         let lengths = [0, 1, 2].map(|k| if axes.n[k] > 1 { lengths[k] } else { 0.0 });
-        let blocks = cut::divide(lengths, most, settings.thickness * sigma + 2.0 * speed);
+        let blocks =
+            cut::divide(lengths, most, settings.thickness[0] * sigma + settings.thickness[1] * speed);
         let blocks_in_all: usize = blocks.iter().product();
         let density = found.len() as f32 / particles.len().max(1) as f32;
         // In a step no particle moves by more than a contact distance, so that a block does not read what is
         // deep in another one.
         let least = (speed / sigma).ceil();
-        let wanted = (density * STEPS_PER_CONTACT).clamp(1.0, MAX_STEPS).max(least) as usize;
-        let count = wanted.min(found.len() / (settings.min_contacts * blocks_in_all).max(1));
+        let wanted = (density * STEPS_PER_CONTACT).max(least).clamp(1.0, MAX_STEPS) as usize;
+        let most = found.len().checked_div(settings.min_contacts * blocks_in_all);
+        let count = wanted.min(most.unwrap_or(usize::MAX));
         if blocks_in_all < 2 || (count as f32) < least || !metric.reaches(metric.source + sigma) {
             return false;
         }
@@ -348,8 +364,15 @@ impl<F: Features> Windows<F> {
         let Some(metric) = self.steps.metric else { return false };
         let per_time = state.world.clock.tick / self.worker.step;
         let (from, to) = (self.steps.end, self.worker.horizon);
-        let step =
-            Step { metric, from, to, begin: self.worker.begin, per_time, has_noted: self.steps.has_noted };
+        let step = Step {
+            metric,
+            from,
+            to,
+            begin: self.worker.begin,
+            per_time,
+            most: MOST.0 + MOST.1 * contacts.len(),
+            has_noted: self.steps.has_noted,
+        };
         let mut pending = std::mem::take(&mut self.steps.pending);
         pending.clear();
         pending.extend_from_slice(contacts);
@@ -376,7 +399,7 @@ impl<F: Features> Windows<F> {
             let blocks = &mut self.steps.blocks[..fronts.len()];
             for (block, front) in blocks.iter_mut().zip(&mut *fronts) {
                 front.begin(step.fraction(from), step.fraction(to));
-                block.rows.key.2 = round;
+                block.rows.rounds.push(block.rows.rows.len());
                 std::mem::swap(&mut block.front, front);
             }
             let kernel = self.kernel;
@@ -467,28 +490,27 @@ impl<F: Features> Windows<F> {
 
     /// Gives the rows of all blocks to the observer, in the order of the events.
     fn deliver_rows(&mut self, observer: &mut dyn Observer) {
-        let blocks = &self.steps.blocks;
-        // The keys are sorted instead of the rows, which are long. Of one key, rows are in one block and in
-        // the order of their indices.
-        let sorted = |keys: &dyn Fn(&Block<F>) -> Vec<Key>| {
-            let mut sorted: Vec<(Key, usize, usize)> = Vec::new();
-            for (k, block) in blocks.iter().enumerate() {
-                sorted.extend(keys(block).into_iter().enumerate().map(|(row, key)| (key, k, row)));
-            }
-            sorted.sort_unstable();
-            sorted
-        };
-        let events = sorted(&|block| block.rows.events.iter().map(|row| row.0).collect());
-        let exchanges = sorted(&|block| block.rows.exchanges.iter().map(|row| row.0).collect());
-        // Of every event, the exchange comes first, and not every event has one.
-        let mut exchanges = exchanges.into_iter().peekable();
-        for (key, k, row) in events {
-            while let Some((_, k, row)) = exchanges.next_if(|exchange| exchange.0 <= key) {
-                let (_, time, changes, partner) = blocks[k].rows.exchanges[row];
+        // An event can lead to another one at the same time with a lower rank. Therefore the rows of a block in
+        // a round keep their order, and those of different blocks and rounds, which are independent, are merged.
+        let mut parts: Vec<&[Row]> = Vec::new();
+        for Rows { rows, rounds } in self.steps.blocks.iter().map(|block| &block.rows) {
+            let ends = rounds.iter().skip(1).copied().chain([rows.len()]);
+            parts.extend(rounds.iter().zip(ends).map(|(&start, end)| &rows[start..end]));
+        }
+        let first = |part: &[Row], k: usize| part.first().map(|row| Reverse((row.key, k)));
+        let mut next: BinaryHeap<_> =
+            parts.iter().enumerate().filter_map(|(k, part)| first(part, k)).collect();
+        while let Some(Reverse((_, k))) = next.pop() {
+            let Some((row, rest)) = parts[k].split_first() else { continue };
+            parts[k] = rest;
+            next.extend(first(rest, k));
+            if let Some((time, changes, partner)) = row.exchange {
                 let changes: Vec<VelocityChange> = changes.into_iter().flatten().collect();
                 observer.exchange(&Exchange { time, changes: &changes, partner });
             }
-            observer.event(&blocks[k].rows.events[row].1);
+            if let Some(event) = &row.event {
+                observer.event(event);
+            }
         }
     }
 

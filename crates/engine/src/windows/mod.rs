@@ -159,6 +159,7 @@ impl<F: Features> Windows<F> {
         system: &System,
         summary: &SystemSummary,
         density: &LocalDensity,
+        blocks: Option<u16>,
     ) -> Self {
         let count = summary.count;
         Self {
@@ -166,7 +167,7 @@ impl<F: Features> Windows<F> {
             geometry: geometry.clone(),
             smallest_radius: summary.least,
             worker: Worker::new(system.domain.gravity, count),
-            steps: Steps::default(),
+            steps: Steps::new(blocks),
             found: Vec::new(),
             spacing: summary.spacing(density.packing),
             path: 0.0,

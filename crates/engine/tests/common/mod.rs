@@ -197,7 +197,8 @@ pub fn polydisperse(per_edge: usize, packing_fraction: f64, seed: u64) -> System
 /// slices, and restored from a checkpoint after each. Returns the first simulation.
 pub fn check_independence(scene: &System, times: &[f64]) -> Simulation {
     let until = |time: f64| Until { time, ..Until::default() };
-    let plain = Options { neighbors: NeighborChoice::AllPairs, simd: SimdChoice::Portable };
+    let plain =
+        Options { neighbors: NeighborChoice::AllPairs, simd: SimdChoice::Portable, ..Options::default() };
     let mut reference = Simulation::new(scene.clone(), plain).unwrap();
     let state = |simulation: &Simulation| (simulation.state_hash(), simulation.ledger().terms);
     let expected: Vec<_> = times
@@ -207,8 +208,14 @@ pub fn check_independence(scene: &System, times: &[f64]) -> Simulation {
             state(&reference)
         })
         .collect();
-    for neighbors in [NeighborChoice::Cells, NeighborChoice::Lists, NeighborChoice::Windows] {
-        let options = Options { neighbors, simd: SimdChoice::Auto };
+    for (neighbors, blocks) in [
+        (NeighborChoice::Cells, None),
+        (NeighborChoice::Lists, None),
+        (NeighborChoice::Windows, None),
+        (NeighborChoice::Windows, Some(2)),
+        (NeighborChoice::Windows, Some(3)),
+    ] {
+        let options = Options { neighbors, blocks, ..Options::default() };
         let mut simulation = Simulation::new(scene.clone(), options).unwrap();
         for (&time, expected) in times.iter().zip(&expected) {
             let slice = Until { entries: 333, ..until(time) };

@@ -263,7 +263,14 @@ impl Assembler<'_> {
             SimdConfig::Avx2 => SimdChoice::Avx2,
             SimdConfig::Portable => SimdChoice::Portable,
         };
-        Options { neighbors, simd }
+        let blocks = engine.blocks.and_then(|blocks| match blocks {
+            1..=1024 => Some(blocks as u16),
+            _ => {
+                self.document.report(&at(["engine", "blocks"]), "must be in 1..=1024");
+                None
+            }
+        });
+        Options { neighbors, simd, blocks }
     }
 
     fn resolved(&mut self) -> Result<String, Refused> {

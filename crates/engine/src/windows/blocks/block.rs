@@ -53,25 +53,36 @@ pub(super) struct Undo {
     pub particle: Particle,
 }
 
-/// Order of rows: the time and the rank of the event, and the round: a pair can collide twice at one time.
-pub(super) type Key = (i64, (u32, u32, u32), usize);
+/// Order of rows: the time and the rank of the event.
+pub(super) type Key = (i64, (u32, u32, u32));
 
-/// Rows of events of one block.
+/// The rows of an event.
+pub(super) struct Row {
+    pub key: Key,
+    pub exchange: Option<(f64, [Option<VelocityChange>; 2], Partner)>,
+    pub event: Option<EventRecord>,
+}
+
+/// Rows of events of one block, in the order in which it has taken them.
 #[derive(Default)]
 pub(super) struct Rows {
-    pub key: Key,
-    pub events: Vec<(Key, EventRecord)>,
-    pub exchanges: Vec<(Key, f64, [Option<VelocityChange>; 2], Partner)>,
+    pub rows: Vec<Row>,
+    /// Where the rows of each round begin.
+    pub rounds: Vec<usize>,
 }
 
 impl Observer for Rows {
     fn event(&mut self, event: &EventRecord) {
-        self.events.push((self.key, *event));
+        if let Some(row) = self.rows.last_mut() {
+            row.event = Some(*event);
+        }
     }
 
     fn exchange(&mut self, exchange: &Exchange) {
         let change = |k: usize| exchange.changes.get(k).copied();
-        self.exchanges.push((self.key, exchange.time, [change(0), change(1)], exchange.partner));
+        if let Some(row) = self.rows.last_mut() {
+            row.exchange = Some((exchange.time, [change(0), change(1)], exchange.partner));
+        }
     }
 }
 
@@ -103,6 +114,8 @@ pub(super) struct Step {
     /// Start of the window [ticks], and its length as fractions per tick.
     pub begin: i64,
     pub per_time: f64,
+    /// Most events of a block: more are a collapse, which is found where events are taken one after the other.
+    pub most: usize,
     /// Whether the longest displacement of all particles has been noted since the start of the window.
     pub has_noted: bool,
 }
@@ -143,8 +156,8 @@ impl<F> Block<F> {
         self.left.clear();
         self.undo.clear();
         self.wraps.clear();
-        self.rows.events.clear();
-        self.rows.exchanges.clear();
+        self.rows.rows.clear();
+        self.rows.rounds.clear();
         self.times.clear();
         self.first_time = 0;
         self.is_failed = false;
@@ -182,7 +195,8 @@ impl<F: Features> Block<F> {
             let (n, bounds) = (present.step.metric.n, self.front.bounds);
             let contains = |axis: usize, c: i32| bounds.contains_cells(axis, n[axis], c, 1);
             self.worker.prefetch(&self.state.world, contains);
-            if !self.take_event::<EVENTS, VECTORS>(present, event) {
+            let is_endless = self.times.len() > present.step.most;
+            if is_endless || !self.take_event::<EVENTS, VECTORS>(present, event) {
                 self.is_failed = true;
                 return;
             }
@@ -239,7 +253,7 @@ impl<F: Features> Block<F> {
             self.save(step, place.body);
             self.worker.space.particles[place.slot].note_path();
         }
-        self.start_event(&entry);
+        self.start_event::<EVENTS>(&entry);
         resolve::apply::<F, EVENTS>(&mut self.state, &impact, entry.time, &mut self.rows);
         self.wrap(i);
         self.wrap(j);
@@ -288,7 +302,7 @@ impl<F: Features> Block<F> {
         }
         self.save(step, i);
         self.worker.space.particles[places[0].slot].note_path();
-        self.start_event(&entry);
+        self.start_event::<EVENTS>(&entry);
         resolve::apply_wall::<F, EVENTS>(&mut self.state, &contact, &outcome, &mut self.rows);
         self.wrap(i);
         !self.has_resting() && self.worker.predict_again::<1, VECTORS>(&self.state.world, [i])
@@ -395,11 +409,13 @@ impl<F: Features> Block<F> {
         }
     }
 
-    /// Sets the present and the key of rows to an event.
+    /// Begins an event.
     #[inline(always)]
-    fn start_event(&mut self, entry: &Entry) {
+    fn start_event<const EVENTS: bool>(&mut self, entry: &Entry) {
         self.state.world.now = entry.time;
-        (self.rows.key.0, self.rows.key.1) = (entry.time, entry.rank());
+        if EVENTS {
+            self.rows.rows.push(Row { key: (entry.time, entry.rank()), exchange: None, event: None });
+        }
         self.times.push(entry.time);
     }
 

@@ -20,12 +20,17 @@ use crate::{
 
 thread_local! {
     /// The settings of simulations that are made by this thread.
-    pub(super) static SETTINGS: Cell<Settings> = const { Cell::new(Settings::MEASURED) };
+    pub(super) static SETTINGS: Cell<Option<Settings>> = const { Cell::new(None) };
 }
 
 /// Blocks for systems of any size.
-const SMALL: Settings =
-    Settings { min_particles: 0, min_contacts: 1, blocks: Some(2), thickness: 1.0, ..Settings::MEASURED };
+const SMALL: Settings = Settings {
+    min_particles: 0,
+    min_contacts: 1,
+    blocks: Some(2),
+    thickness: [1.0, 0.0],
+    ..Settings::MEASURED
+};
 
 /// Particles on a distorted lattice of spacing 1, with these radii in turn, in a box of these edges.
 fn scene(dimension: Dimension, edges: [u32; 3], boundary: [Boundary; 3], radii: &[f64], e: f64) -> System {
@@ -123,10 +128,10 @@ fn run(
     settings: Settings,
     threads: usize,
 ) -> (Vec<EventRecord>, String, String, BlockCounts) {
-    SETTINGS.set(settings);
+    SETTINGS.set(Some(settings));
     let options = Options { neighbors: NeighborChoice::Windows, ..Options::default() };
     let mut simulation = Simulation::new(system.clone(), options).unwrap();
-    SETTINGS.set(Settings::MEASURED);
+    SETTINGS.set(None);
     let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
     let mut log = Log::default();
     let mut samples = Vec::new();
