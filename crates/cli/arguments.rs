@@ -215,6 +215,10 @@ pub struct Bench {
     /// Vector instructions, as `engine.simd` of a scene.
     #[arg(long, value_name = "SIMD", value_parser = ["auto", "avx2", "portable"])]
     pub simd: Option<String>,
+    /// Blocks whose events are taken at the same time, as `engine.blocks` of a scene; the events of the longest
+    /// block of each round are reported.
+    #[arg(long, value_name = "B", value_parser = clap::value_parser!(u16).range(1..=1024))]
+    pub blocks: Option<u16>,
     /// Set a key of the scene by its dotted path, the value in TOML.
     #[arg(long, value_name = "KEY=VALUE")]
     pub set: Vec<String>,
@@ -233,7 +237,7 @@ pub struct Bench {
     /// Measure run time against error instead, on scenes with known answers, beside other methods; and how
     /// errors grow.
     #[arg(long, conflicts_with_all = ["scene", "n", "phi", "collisions", "melt", "repeats", "threads", "seed",
-        "neighbors", "simd", "set", "print_scene", "list"])]
+        "neighbors", "simd", "blocks", "set", "print_scene", "list"])]
     pub accuracy: bool,
     /// A short --accuracy: larger steps, shorter runs, fewer starts; a few seconds.
     #[arg(long, requires = "accuracy")]

@@ -123,6 +123,7 @@ fn plan(options: &Bench, cell: Cell) -> Plan<'_> {
     for (key, value) in [("neighbors", &options.neighbors), ("simd", &options.simd)] {
         set.extend(value.iter().map(|value| format!("engine.{key}=\"{value}\"")));
     }
+    set.extend(options.blocks.map(|blocks| format!("engine.blocks={blocks}")));
     Plan { source, collisions: options.collisions, melt: options.melt, repeats: options.repeats, set }
 }
 
@@ -223,6 +224,7 @@ fn child(options: &Bench, cell: Cell, signals: &Signals) -> Result<(u8, Option<V
     pass("seed", options.seed.map(|seed| seed.to_string()));
     pass("neighbors", options.neighbors.clone());
     pass("simd", options.simd.clone());
+    pass("blocks", options.blocks.map(|blocks| blocks.to_string()));
     for set in &options.set {
         pass("set", Some(set.clone()));
     }

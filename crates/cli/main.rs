@@ -25,6 +25,7 @@ mod single;
 mod states;
 mod sweep;
 mod terminal;
+mod threads;
 mod watch;
 
 use std::process::ExitCode;

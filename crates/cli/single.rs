@@ -16,6 +16,7 @@ use crate::{
     output::{self, shown},
     session::{Ending, Outcome, Session},
     states::OwnStates,
+    threads,
 };
 
 /// A run that has ended, with or without an error.
@@ -205,6 +206,7 @@ fn report(outcome: &Outcome, context: &Context) -> Value {
         "max_overlap": simulation.max_overlap(),
         "peak_memory_bytes": peak_memory(),
         "threads": rayon::current_num_threads(),
+        "blocks": blocks(outcome),
         "neighbors": simulation.search(),
         "seed": context.seed,
         "version": VERSION,
@@ -231,6 +233,13 @@ fn report(outcome: &Outcome, context: &Context) -> Value {
         report["error"] = json!(error.to_string());
     }
     report
+}
+
+/// How many threads have taken the events.
+fn blocks(outcome: &Outcome) -> Value {
+    let counters = outcome.simulation.counters();
+    let (counts, reason) = outcome.simulation.blocks();
+    threads::report(&counts, counters.collisions + counters.wall_collisions, reason)
 }
 
 /// Prints the run in a few lines.
@@ -262,6 +271,11 @@ fn print_summary(outcome: &Outcome, context: &Context) {
         counters.wall_collisions,
         ledger.residual,
         simulation.max_overlap()
+    ));
+    output::message(format_args!(
+        "threads: {}; {}",
+        rayon::current_num_threads(),
+        threads::words(&blocks(outcome))
     ));
     let rest = ledger.term(Term::Rest);
     if rest != 0.0 {

@@ -4,7 +4,7 @@ use haff_engine::{Counters, TRAJECTORY_VERSION};
 use serde_json::{Map, Value, json};
 
 use super::measure::{Measured, Stretch};
-use crate::{arguments::VERSION, memory::peak_memory, output::shown, session::Ending};
+use crate::{arguments::VERSION, memory::peak_memory, output::shown, session::Ending, threads};
 
 /// Middle of the rates, and the least and the largest [1/s].
 fn rates(stretches: &[Stretch]) -> (f64, [f64; 2], Vec<f64>) {
@@ -66,6 +66,8 @@ pub fn report(cell: &Measured, scene: &str, phi: Option<f64>) -> Value {
         .map(|(name, count)| (name.clone(), json!(count.as_u64().unwrap_or(0) as f64 / collisions as f64)))
         .collect();
     let memory = peak_memory();
+    let events = after.collisions + after.wall_collisions;
+    let blocks = threads::report(&simulation.block_counts(), events, simulation.serial_reason());
     let mut report = json!({
         "scene": scene,
         "n": particles,
@@ -102,6 +104,7 @@ pub fn report(cell: &Measured, scene: &str, phi: Option<f64>) -> Value {
         "peak_memory_bytes": memory,
         "bytes_per_particle": memory.map(|bytes| bytes as f64 / particles as f64),
         "threads": rayon::current_num_threads(),
+        "blocks": blocks,
         "neighbors": simulation.neighbors().name(),
         "seed": cell.seed,
         "version": VERSION,
@@ -117,7 +120,7 @@ pub fn report(cell: &Measured, scene: &str, phi: Option<f64>) -> Value {
 /// The table's head.
 pub fn head() -> String {
     format!(
-        "{:<10} {:>9} {:>7} {:>3} {:<9} {:>9} {:>6} {:>8}  {:>9} {:>7} {:>7} {:>9}  {:>8} {:>8}",
+        "{:<10} {:>9} {:>7} {:>3} {:<9} {:>9} {:>6} {:>8}  {:>9} {:>7} {:>7} {:>9}  {:>8} {:>8}  {:<14}",
         "scene",
         "N",
         "φ",
@@ -131,7 +134,8 @@ pub fn head() -> String {
         "dropped",
         "transfers",
         "start s",
-        "B/partcl"
+        "B/partcl",
+        "blocks, undone"
     )
 }
 
@@ -151,8 +155,15 @@ pub fn line(report: &Value) -> String {
     let per = &report["per_collision"];
     // A long path is cut at its start.
     let name = shown(text("scene").rsplit('/').next().unwrap_or_default());
+    // Shares in percent: inside of blocks, at their faces, one after the other; and the steps undone.
+    let blocks = match threads::shares(&report["blocks"]) {
+        Some([first, further, rest]) => {
+            format!("{first:.0}+{further:.0}+{rest:.0} %, {}", report["blocks"]["undone"])
+        }
+        None => "–".to_owned(),
+    };
     format!(
-        "{name:<10} {:>9} {} {:>3} {:<9} {} {} {}  {} {} {} {}  {} {}",
+        "{name:<10} {:>9} {} {:>3} {:<9} {} {} {}  {} {} {} {}  {} {}  {blocks}",
         report["n"],
         report["phi"]
             .as_f64()

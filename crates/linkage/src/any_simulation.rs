@@ -3,8 +3,8 @@
 
 use crate::{Joints, LinkageError, simulation::Simulation as Linkage};
 use haff_engine::{
-    Checkpoint, Correlation, Counters, EngineError, Fault, Frame, Ledger, Observer, Options, Sample,
-    Simulation, Stop, System, Until,
+    BlockCounts, Checkpoint, Correlation, Counters, EngineError, Fault, Frame, Ledger, Observer, Options,
+    Sample, Simulation, Stop, System, Until,
 };
 
 /// A running simulation of either kind.
@@ -143,6 +143,16 @@ impl AnySimulation {
         match self {
             Self::Granular(simulation) => simulation.neighbors().name(),
             Self::Linkage(_) => "conservative_advancement",
+        }
+    }
+
+    /// How several threads have taken events so far, and why one thread takes them at present, if so.
+    pub fn blocks(&self) -> (BlockCounts, Option<&'static str>) {
+        match self {
+            Self::Granular(simulation) => (simulation.block_counts(), simulation.serial_reason()),
+            Self::Linkage(_) => {
+                (BlockCounts::default(), Some("there are pendulums, springs, rods or sticking contacts"))
+            }
         }
     }
 }

@@ -14,8 +14,8 @@
 mod awake;
 mod block;
 mod cut;
-
-use std::{cmp::Reverse, collections::BinaryHeap};
+mod ownership;
+mod rows;
 
 use haff_neighbors::prefetch_at;
 use rayon::prelude::*;
@@ -32,12 +32,13 @@ use crate::{
     event_loop::Limit,
     features::Features,
     particles::World,
-    report::{BlockCounts, Exchange, Observer, VelocityChange},
+    report::{BlockCounts, Observer},
     state::State,
     tuning::particles::PARALLEL_EVENTS,
 };
-use block::{Block, Row, Rows, Step, place};
+use block::{Block, Step, place};
 use cut::Round;
+use ownership::Ownership;
 
 /// The largest speed of fronts, relative to that of the fastest particle when the window is opened.
 const SPEED: f32 = 1.25;
@@ -45,6 +46,9 @@ const SPEED: f32 = 1.25;
 /// in a step, and a source is seldom reached by the cone of another one.
 const STEPS_PER_CONTACT: f32 = 130.0;
 const MAX_STEPS: f32 = 64.0;
+/// Factors of the distances of fronts: if a step is undone because of an event that a front has not expected,
+/// it is tried again with the next one.
+const DILATIONS: [f32; 2] = [1.0, 1.6];
 /// Most events of a block in a step: this number, and so many for each contact known at its start.
 const MOST: (usize, usize) = (1000, 20);
 /// Blocks of entries for full cells, for each block: this number, and one for so many cells.
@@ -109,11 +113,15 @@ pub(super) struct Steps<F> {
     /// The end of each step [ticks], and the next step.
     ends: Vec<i64>,
     next: usize,
+    /// Number of steps that blocks have begun in the window.
+    attempts: usize,
     /// End of the last step [ticks].
     end: i64,
     /// Whether particles have been changed since then by something other than a block.
     is_serial: bool,
-    /// Whether all changes of the window have been made by blocks, and none was undone.
+    /// Whether the last step was undone because of an event that a front had not expected.
+    is_unexpected: bool,
+    /// Whether all changes of the window have been made by blocks.
     has_noted: bool,
     metric: Option<Metric>,
     rounds: Vec<Round>,
@@ -129,8 +137,10 @@ impl<F> Steps<F> {
             pending: Vec::new(),
             ends: Vec::new(),
             next: 0,
+            attempts: 0,
             end: 0,
             is_serial: false,
+            is_unexpected: false,
             has_noted: false,
             metric: None,
             rounds: Vec::new(),
@@ -204,12 +214,15 @@ impl<F: Features> Windows<F> {
         let wanted = (density * STEPS_PER_CONTACT).max(least).clamp(1.0, MAX_STEPS) as usize;
         let most = found.len().checked_div(settings.min_contacts * blocks_in_all);
         let count = wanted.min(most.unwrap_or(usize::MAX));
-        if blocks_in_all < 2 || (count as f32) < least || !metric.reaches(metric.source + sigma) {
+        if blocks_in_all < 2
+            || (count as f32) < least
+            || !metric.reaches(DILATIONS[1] * metric.source + sigma)
+        {
             return false;
         }
         self.steps.metric = Some(metric);
         (self.steps.is_serial, self.steps.has_noted) = (false, true);
-        self.steps.next = 0;
+        (self.steps.next, self.steps.attempts) = (0, 0);
         self.steps.end = self.worker.begin;
         self.worker.horizon = self.worker.begin;
         self.worker.queue.open(self.worker.begin, self.worker.space.end, &[]);
@@ -228,13 +241,14 @@ impl<F: Features> Windows<F> {
         let most = self.steps.rounds.iter().map(|round| round.fronts.len()).max().unwrap_or(1);
         let spare = SPARE.0 + self.worker.space.cells.len() / SPARE.1;
         let mut first = self.worker.space.cells.reserve(most * spare);
+        let ownership = Ownership::new(world.particles.len());
         for _ in 0..most {
             // SAFETY: blocks are dropped before the window's arrays are changed; see the module's description
             // for which elements a block uses.
             let mut worker = unsafe { self.worker.alias() };
             worker.space.cells.limit_to(first..first + spare);
             first += spare;
-            self.steps.blocks.push(Block::new(worker, world));
+            self.steps.blocks.push(Block::new(worker, world, ownership.clone()));
         }
         true
     }
@@ -338,7 +352,15 @@ impl<F: Features> Windows<F> {
             >= self.steps.settings.min_contacts / 8 * self.steps.rounds[0].fronts.len()
             && state.world.resting == 0
             && contacts.iter().all(|entry| entry.0.time > from);
-        let is_taken = suits && self.run_rounds(state, &contacts, limit, observer, events);
+        let mut is_taken = false;
+        for factor in DILATIONS {
+            let Some(metric) = self.steps.metric.filter(|_| suits) else { break };
+            let metric = metric.widened(factor);
+            is_taken = self.run_rounds(state, metric, &contacts, limit, observer, events);
+            if is_taken || !std::mem::take(&mut self.steps.is_unexpected) {
+                break;
+            }
+        }
         if is_taken {
             self.worker.queue.open(from, to, &[]);
         } else {
@@ -356,12 +378,12 @@ impl<F: Features> Windows<F> {
     fn run_rounds(
         &mut self,
         state: &mut State,
+        metric: Metric,
         contacts: &[WindowEvent],
         limit: &mut Limit,
         observer: &mut dyn Observer,
         events: bool,
     ) -> bool {
-        let Some(metric) = self.steps.metric else { return false };
         let per_time = state.world.clock.tick / self.worker.step;
         let (from, to) = (self.steps.end, self.worker.horizon);
         let step = Step {
@@ -389,6 +411,7 @@ impl<F: Features> Windows<F> {
         let mut counts = BlockCounts { blocks, steps: 1, ..BlockCounts::default() };
         let mut is_failed = false;
         let rounds = self.steps.rounds.len();
+        self.steps.attempts += 1;
         for round in 0..rounds {
             if pending.is_empty() {
                 break;
@@ -397,9 +420,12 @@ impl<F: Features> Windows<F> {
             let (earlier, present) = self.steps.rounds.split_at_mut(round);
             let fronts = &mut present[0].fronts;
             let blocks = &mut self.steps.blocks[..fronts.len()];
-            for (block, front) in blocks.iter_mut().zip(&mut *fronts) {
-                front.begin(step.fraction(from), step.fraction(to));
-                block.rows.rounds.push(block.rows.rows.len());
+            for (k, (block, front)) in blocks.iter_mut().zip(&mut *fronts).enumerate() {
+                block.ownership.begin(self.steps.attempts * rounds + round, k);
+                #[cfg(debug_assertions)]
+                block.worker.space.cells.own(front.bounds);
+                front.begin(metric, step.fraction(from), step.fraction(to));
+                block.rows.begin_round();
                 std::mem::swap(&mut block.front, front);
             }
             let kernel = self.kernel;
@@ -417,6 +443,7 @@ impl<F: Features> Windows<F> {
                 }) += taken;
                 block.first_time = block.times.len();
                 pending.append(&mut block.left);
+                self.steps.is_unexpected |= block.is_unexpected;
                 is_failed |= block.is_failed || block.worker.space.cells.is_full();
             }
             counts.critical_path += longest;
@@ -430,7 +457,8 @@ impl<F: Features> Windows<F> {
             || state.accumulators.counters.collisions + total >= limit.collisions
             || !state.stall.allows(&state.world, total)
         {
-            state.blocks.add(&BlockCounts { steps: 1, undone: 1, ..BlockCounts::default() });
+            let critical_path = counts.critical_path;
+            state.blocks.add(&BlockCounts { steps: 1, undone: 1, critical_path, ..BlockCounts::default() });
             self.undo_step(state);
             return false;
         }
@@ -484,34 +512,8 @@ impl<F: Features> Windows<F> {
             state.world.now = state.world.now.max(last);
         }
         limit.entries = limit.entries.saturating_sub(total);
-        self.deliver_rows(observer);
+        rows::deliver(self.steps.blocks.iter().map(|block| &block.rows), observer);
         self.steps.blocks.iter_mut().for_each(Block::clear);
-    }
-
-    /// Gives the rows of all blocks to the observer, in the order of the events.
-    fn deliver_rows(&mut self, observer: &mut dyn Observer) {
-        // An event can lead to another one at the same time with a lower rank. Therefore the rows of a block in
-        // a round keep their order, and those of different blocks and rounds, which are independent, are merged.
-        let mut parts: Vec<&[Row]> = Vec::new();
-        for Rows { rows, rounds } in self.steps.blocks.iter().map(|block| &block.rows) {
-            let ends = rounds.iter().skip(1).copied().chain([rows.len()]);
-            parts.extend(rounds.iter().zip(ends).map(|(&start, end)| &rows[start..end]));
-        }
-        let first = |part: &[Row], k: usize| part.first().map(|row| Reverse((row.key, k)));
-        let mut next: BinaryHeap<_> =
-            parts.iter().enumerate().filter_map(|(k, part)| first(part, k)).collect();
-        while let Some(Reverse((_, k))) = next.pop() {
-            let Some((row, rest)) = parts[k].split_first() else { continue };
-            parts[k] = rest;
-            next.extend(first(rest, k));
-            if let Some((time, changes, partner)) = row.exchange {
-                let changes: Vec<VelocityChange> = changes.into_iter().flatten().collect();
-                observer.exchange(&Exchange { time, changes: &changes, partner });
-            }
-            if let Some(event) = &row.event {
-                observer.event(event);
-            }
-        }
     }
 
     /// Restores all particles as they were before the step.
@@ -521,6 +523,7 @@ impl<F: Features> Windows<F> {
                 let slot = self.worker.slot_of[undo.i as usize] as usize;
                 state.world.particles[undo.i as usize] = undo.particle;
                 self.worker.space.anchors[slot] = undo.particle;
+                self.worker.space.particles[slot].note_path();
                 self.worker.set_path(&state.world, undo.i);
             }
             for (i, wraps) in block.wraps.drain(..) {

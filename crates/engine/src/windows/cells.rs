@@ -15,6 +15,8 @@ use std::{ops::Range, sync::Arc};
 use haff_neighbors::{Array, Elements, Geometry, prefetch_at, with_huge_pages};
 
 use super::axes::Axes;
+#[cfg(debug_assertions)]
+use super::front::Bounds;
 use crate::compact::LANES;
 
 /// Entries of a block. Together with its link they fill half a cache line.
@@ -158,6 +160,9 @@ pub(super) struct Cells {
     is_full: bool,
     /// The cells of all boxes of up to [`TABLE_SIZE`] cells along each axis.
     tables: Arc<[Box<[Offset]>]>,
+    /// The cells that may be used, if not all; for assertions.
+    #[cfg(debug_assertions)]
+    owned: Option<Bounds>,
 }
 
 impl Cells {
@@ -192,6 +197,8 @@ impl Cells {
             limit: usize::MAX,
             is_full: false,
             tables: tables.into(),
+            #[cfg(debug_assertions)]
+            owned: None,
         }
     }
 
@@ -216,6 +223,8 @@ impl Cells {
             limit: 0,
             is_full: false,
             tables: Arc::clone(&self.tables),
+            #[cfg(debug_assertions)]
+            owned: None,
         }
     }
 
@@ -245,6 +254,24 @@ impl Cells {
         (self.next, self.limit) = (blocks.start, blocks.end);
     }
 
+    /// Lets an alias use these cells only, and asserts it.
+    #[cfg(debug_assertions)]
+    pub fn own(&mut self, bounds: Bounds) {
+        self.owned = Some(bounds);
+    }
+
+    /// Asserts that a cell may be used.
+    #[inline(always)]
+    fn check_owned(&self, _cell: usize) {
+        #[cfg(debug_assertions)]
+        if let Some(bounds) = &self.owned {
+            let n = self.axes.n.map(|n| n as usize);
+            let cell = [_cell % n[0], _cell / n[0] % n[1], _cell / n[0] / n[1]];
+            let is_owned = (0..3).all(|k| bounds.contains_cells(k, self.axes.n[k], cell[k] as i32, 1));
+            assert!(is_owned, "cell {cell:?} is outside of the block {bounds:?}");
+        }
+    }
+
     /// Whether a slot could not be registered.
     pub fn is_full(&self) -> bool {
         self.is_full
@@ -257,6 +284,7 @@ impl Cells {
 
     #[inline(always)]
     fn add(&mut self, cell: usize, slot: u32) {
+        self.check_owned(cell);
         let block = &mut self.blocks[cell];
         let count = (block.link & 7) as usize;
         if count < ENTRIES {
@@ -365,6 +393,7 @@ impl Cells {
             candidates.reserve(blocks);
             candidates.blocks += blocks as u64;
             self.for_each_cell(low, count, |cell| {
+                self.check_owned(cell);
                 // SAFETY: space is reserved for one block per cell.
                 links |= unsafe { candidates.push(&self.blocks[cell], !HALF || cell >= lowest as usize) };
             });
@@ -391,6 +420,7 @@ impl Cells {
                         folded[2][z as usize % TABLE_SIZE],
                     ];
                     let cell = axes.index([x, y, z, 0]);
+                    self.check_owned(cell);
                     // SAFETY: space is reserved for one block per element of the table.
                     links |= unsafe { candidates.push(&self.blocks[cell], !HALF || cell >= lowest as usize) };
                 }
@@ -410,6 +440,7 @@ impl Cells {
                 for &Offset { index, .. } in offsets {
                     let cell = first + index as usize;
                     debug_assert!(cell < self.count);
+                    self.check_owned(cell);
                     // SAFETY: as above; all cells of the box are inside the grid, so that `cell` is the index
                     // of a block.
                     links |= unsafe { candidates.push(&*blocks.add(cell), true) };

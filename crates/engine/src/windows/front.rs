@@ -112,6 +112,11 @@ impl Metric {
         }
     }
 
+    /// The same with distances of fronts larger by a factor.
+    pub fn widened(self, factor: f32) -> Self {
+        Self { face: factor * self.face, source: factor * self.source, ..self }
+    }
+
     /// The distances of a place from the faces of a block.
     #[inline(always)]
     pub fn depth(&self, bounds: &Bounds, x: [f32; 3]) -> Depth {
@@ -248,8 +253,8 @@ impl Front {
         }
     }
 
-    /// Removes all sources, and begins a step [windows].
-    pub fn begin(&mut self, start: f32, end: f32) {
+    /// Removes all sources, and begins a step [windows] with these distances.
+    pub fn begin(&mut self, metric: Metric, start: f32, end: f32) {
         for &cell in &self.reached {
             self.arrival[cell as usize] = NEVER;
         }
@@ -263,6 +268,7 @@ impl Front {
             self.first[cell] = NONE;
         }
         self.sources.clear();
+        self.metric = metric;
         self.start = start;
         self.parts = 254.0 / (end - start).max(f32::MIN_POSITIVE);
     }

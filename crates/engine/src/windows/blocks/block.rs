@@ -12,14 +12,14 @@ use super::super::{
     window_event::{Contact, Entry, WindowEvent},
     worker::Worker,
 };
-use super::cut::Round;
+use super::{cut::Round, ownership::Ownership, rows::Rows};
 use crate::{
     accumulators::Accumulators,
     batch::Kernel,
     compact::CompactParticle,
     features::Features,
     particles::{Particle, World},
-    report::{BlockCounts, EventRecord, Exchange, Observer, Partner, VelocityChange},
+    report::BlockCounts,
     resolve,
     rest::state::SettlingState,
     stall::Stall,
@@ -29,6 +29,8 @@ use crate::{
 /// What a thread has for one block.
 pub(super) struct Block<F> {
     pub worker: Worker<F>,
+    /// For assertions.
+    pub ownership: Ownership,
     pub state: State,
     /// The front of the present round.
     pub front: Front,
@@ -44,46 +46,16 @@ pub(super) struct Block<F> {
     pub times: Vec<i64>,
     /// Where the times of the present round begin.
     pub first_time: usize,
+    /// Whether the step must be undone, and whether because of an event that the front of an earlier round
+    /// has not expected.
     pub is_failed: bool,
+    pub is_unexpected: bool,
 }
 
 /// A particle before its first event in a step.
 pub(super) struct Undo {
     pub i: u32,
     pub particle: Particle,
-}
-
-/// Order of rows: the time and the rank of the event.
-pub(super) type Key = (i64, (u32, u32, u32));
-
-/// The rows of an event.
-pub(super) struct Row {
-    pub key: Key,
-    pub exchange: Option<(f64, [Option<VelocityChange>; 2], Partner)>,
-    pub event: Option<EventRecord>,
-}
-
-/// Rows of events of one block, in the order in which it has taken them.
-#[derive(Default)]
-pub(super) struct Rows {
-    pub rows: Vec<Row>,
-    /// Where the rows of each round begin.
-    pub rounds: Vec<usize>,
-}
-
-impl Observer for Rows {
-    fn event(&mut self, event: &EventRecord) {
-        if let Some(row) = self.rows.last_mut() {
-            row.event = Some(*event);
-        }
-    }
-
-    fn exchange(&mut self, exchange: &Exchange) {
-        let change = |k: usize| exchange.changes.get(k).copied();
-        if let Some(row) = self.rows.last_mut() {
-            row.exchange = Some((exchange.time, [change(0), change(1)], exchange.partner));
-        }
-    }
 }
 
 /// The place of a particle in its window after a fraction of it [cells].
@@ -122,9 +94,10 @@ pub(super) struct Step {
 
 impl<F> Block<F> {
     /// A block with this worker, and with a world without particles.
-    pub fn new(worker: Worker<F>, world: &World) -> Self {
+    pub fn new(worker: Worker<F>, world: &World, ownership: Ownership) -> Self {
         Self {
             worker,
+            ownership,
             front: Front::default(),
             state: State {
                 world: world.without_particles(),
@@ -142,6 +115,7 @@ impl<F> Block<F> {
             times: Vec::new(),
             first_time: 0,
             is_failed: false,
+            is_unexpected: false,
         }
     }
 
@@ -156,11 +130,10 @@ impl<F> Block<F> {
         self.left.clear();
         self.undo.clear();
         self.wraps.clear();
-        self.rows.rows.clear();
-        self.rows.rounds.clear();
+        self.rows.clear();
         self.times.clear();
         self.first_time = 0;
-        self.is_failed = false;
+        (self.is_failed, self.is_unexpected) = (false, false);
     }
 }
 
@@ -226,8 +199,15 @@ impl<F: Features> Block<F> {
         let entry = event.0;
         let i = entry.owner;
         let (world, step) = (&self.state.world, present.step);
+        self.ownership.read(i);
         let (a, b) = (&world.particles[i as usize], &world.particles[j as usize]);
-        if a.count != entry.own_count || b.count != entry.partner_count {
+        // In this order: the partner of a particle with another path can be in another block.
+        if a.count != entry.own_count {
+            self.state.accumulators.counters.dropped += 1;
+            return true;
+        }
+        self.ownership.read(j);
+        if b.count != entry.partner_count {
             self.state.accumulators.counters.dropped += 1;
             return true;
         }
@@ -247,9 +227,11 @@ impl<F: Features> Block<F> {
             }
         }
         if !present.is_expected(&places, time) {
+            self.is_unexpected = true;
             return false;
         }
         for place in &places {
+            self.ownership.change(place.body);
             self.save(step, place.body);
             self.worker.space.particles[place.slot].note_path();
         }
@@ -298,8 +280,10 @@ impl<F: Features> Block<F> {
             Stays::TooFast => return false,
         }
         if !present.is_expected(&places, time) {
+            self.is_unexpected = true;
             return false;
         }
+        self.ownership.change(i);
         self.save(step, i);
         self.worker.space.particles[places[0].slot].note_path();
         self.start_event::<EVENTS>(&entry);
@@ -344,7 +328,9 @@ impl<F: Features> Block<F> {
         // Of a particle with an event in this window, only the last of its paths is stored. It is registered
         // along the earlier ones up to the end of the window: from an event at a place b, up to a
         // displacement of the window away from b, and the present place is up to another one away from b.
-        let has_turned = self.state.world.particles[place.body as usize].time > step.begin;
+        // After a step that was undone, it is registered along paths that it does not take.
+        let has_turned =
+            self.state.world.particles[place.body as usize].time > step.begin || compact.longest() > 0.0;
         let displacement = if !step.has_noted {
             step.metric.speed
         } else if has_turned {
@@ -414,7 +400,10 @@ impl<F: Features> Block<F> {
     fn start_event<const EVENTS: bool>(&mut self, entry: &Entry) {
         self.state.world.now = entry.time;
         if EVENTS {
-            self.rows.rows.push(Row { key: (entry.time, entry.rank()), exchange: None, event: None });
+            let world = &self.state.world;
+            let is_movable = |body: &u32| F::UNIFORM || world.class(*body).inverse_mass != 0.0;
+            let changed = [Some(entry.owner), entry.target.partner()].map(|body| body.filter(is_movable));
+            self.rows.begin_event(entry.time, entry.rank(), changed);
         }
         self.times.push(entry.time);
     }
