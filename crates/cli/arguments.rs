@@ -215,8 +215,8 @@ pub struct Bench {
     /// Vector instructions, as `engine.simd` of a scene.
     #[arg(long, value_name = "SIMD", value_parser = ["auto", "avx2", "portable"])]
     pub simd: Option<String>,
-    /// Blocks whose events are taken at the same time, as `engine.blocks` of a scene; the events of the longest
-    /// block of each round are reported.
+    /// Blocks whose events are taken at the same time, as `engine.blocks` of a scene. JSON has the sum of the
+    /// events of the longest block of each round.
     #[arg(long, value_name = "B", value_parser = clap::value_parser!(u16).range(1..=1024))]
     pub blocks: Option<u16>,
     /// Set a key of the scene by its dotted path, the value in TOML.

@@ -287,8 +287,8 @@ fn check(recipe: &Recipe) -> Result<[u64; 2], TestCaseError> {
     Ok([log.0.len() as u64, check_blocks(recipe, &system, until)?])
 }
 
-/// Copies of a system side by side along its last axis, as a system. With `varied`, the particles of each copy
-/// are slower than those of the next one; otherwise events of all copies are simultaneous.
+/// Copies of a system side by side along its last axis, as a system. With `varied`, the particles of each
+/// copy are slower than those of the next one; otherwise events of all copies are simultaneous.
 fn tiled(system: &System, copies: u32, varied: bool) -> System {
     let axis = system.dimension.count() - 1;
     let shift = DVec3::AXES[axis] * system.domain.size[axis];
@@ -312,7 +312,7 @@ fn tiled(system: &System, copies: u32, varied: bool) -> System {
 /// Returns the number of events that blocks have taken.
 fn check_blocks(recipe: &Recipe, system: &System, until: Until) -> Result<u64, TestCaseError> {
     let (blocks, threads) = (2 + (recipe.seed >> 8) % 7, (recipe.seed >> 16) as usize % THREADS.len());
-    let system = tiled(system, 8, recipe.seed % 3 > 0);
+    let system = tiled(system, 8, !recipe.seed.is_multiple_of(3));
     let until = Until { collisions: 8 * until.collisions.min(100), ..until };
     let options = Options { neighbors: NeighborChoice::Windows, ..Options::default() };
     let one = Options { blocks: Some(1), ..options };
@@ -322,7 +322,7 @@ fn check_blocks(recipe: &Recipe, system: &System, until: Until) -> Result<u64, T
     }
     let (log, end, expected) = run(&system, until, one, false);
     let options = Options { blocks: Some(blocks as u16), ..options };
-    let half = recipe.seed % 5 == 0;
+    let half = recipe.seed.is_multiple_of(5);
     let (other, ended, tested) = POOLS[threads].install(|| run(&system, until, options, half));
     let text = format!("{blocks} blocks, {} threads", THREADS[threads]);
     for (row, (a, b)) in log.0.iter().zip(&other.0).enumerate() {

@@ -332,9 +332,16 @@ impl<F: Features> Windows<F> {
         }
         let mut contacts = std::mem::take(&mut self.steps.contacts[step]);
         let (from, mut to) = (self.worker.horizon, self.steps.ends[step]);
-        if limit.ticks < to {
+        let mut until = limit.ticks;
+        // Near a limit of collisions, less than what is expected up to it.
+        let remaining = limit.collisions.saturating_sub(state.accumulators.counters.collisions);
+        let part = usize::try_from(remaining / 4 * 3).unwrap_or(usize::MAX);
+        if part < contacts.len() {
+            until = until.min(contacts.select_nth_unstable_by_key(part, |entry| entry.0.time).1.0.time);
+        }
+        if until < to {
             // A part of the step.
-            to = limit.ticks;
+            to = until;
             let rest = contacts.extract_if(.., |entry| entry.0.time > to);
             self.steps.contacts[step].extend(rest);
         } else {
@@ -422,7 +429,6 @@ impl<F: Features> Windows<F> {
             let blocks = &mut self.steps.blocks[..fronts.len()];
             for (k, (block, front)) in blocks.iter_mut().zip(&mut *fronts).enumerate() {
                 block.ownership.begin(self.steps.attempts * rounds + round, k);
-                #[cfg(debug_assertions)]
                 block.worker.space.cells.own(front.bounds);
                 front.begin(metric, step.fraction(from), step.fraction(to));
                 block.rows.begin_round();

@@ -14,9 +14,7 @@ use std::{ops::Range, sync::Arc};
 
 use haff_neighbors::{Array, Elements, Geometry, prefetch_at, with_huge_pages};
 
-use super::axes::Axes;
-#[cfg(debug_assertions)]
-use super::front::Bounds;
+use super::{axes::Axes, front::Bounds};
 use crate::compact::LANES;
 
 /// Entries of a block. Together with its link they fill half a cache line.
@@ -161,7 +159,6 @@ pub(super) struct Cells {
     /// The cells of all boxes of up to [`TABLE_SIZE`] cells along each axis.
     tables: Arc<[Box<[Offset]>]>,
     /// The cells that may be used, if not all; for assertions.
-    #[cfg(debug_assertions)]
     owned: Option<Bounds>,
 }
 
@@ -197,7 +194,6 @@ impl Cells {
             limit: usize::MAX,
             is_full: false,
             tables: tables.into(),
-            #[cfg(debug_assertions)]
             owned: None,
         }
     }
@@ -223,7 +219,6 @@ impl Cells {
             limit: 0,
             is_full: false,
             tables: Arc::clone(&self.tables),
-            #[cfg(debug_assertions)]
             owned: None,
         }
     }
@@ -254,19 +249,19 @@ impl Cells {
         (self.next, self.limit) = (blocks.start, blocks.end);
     }
 
-    /// Lets an alias use these cells only, and asserts it.
-    #[cfg(debug_assertions)]
+    /// Lets an alias use these cells only; debug assertions test it.
     pub fn own(&mut self, bounds: Bounds) {
         self.owned = Some(bounds);
     }
 
     /// Asserts that a cell may be used.
     #[inline(always)]
-    fn check_owned(&self, _cell: usize) {
-        #[cfg(debug_assertions)]
-        if let Some(bounds) = &self.owned {
+    fn check_owned(&self, cell: usize) {
+        if cfg!(debug_assertions)
+            && let Some(bounds) = &self.owned
+        {
             let n = self.axes.n.map(|n| n as usize);
-            let cell = [_cell % n[0], _cell / n[0] % n[1], _cell / n[0] / n[1]];
+            let cell = [cell % n[0], cell / n[0] % n[1], cell / n[0] / n[1]];
             let is_owned = (0..3).all(|k| bounds.contains_cells(k, self.axes.n[k], cell[k] as i32, 1));
             assert!(is_owned, "cell {cell:?} is outside of the block {bounds:?}");
         }

@@ -263,13 +263,10 @@ impl Assembler<'_> {
             SimdConfig::Avx2 => SimdChoice::Avx2,
             SimdConfig::Portable => SimdChoice::Portable,
         };
-        let blocks = engine.blocks.and_then(|blocks| match blocks {
-            1..=1024 => Some(blocks as u16),
-            _ => {
-                self.document.report(&at(["engine", "blocks"]), "must be in 1..=1024");
-                None
-            }
-        });
+        let blocks = engine.blocks.map(|blocks| u16::try_from(blocks).unwrap_or(0));
+        if blocks.is_some_and(|blocks| !(1..=1024).contains(&blocks)) {
+            self.document.report(&at(["engine", "blocks"]), "must be in 1..=1024");
+        }
         Options { neighbors, simd, blocks }
     }
 

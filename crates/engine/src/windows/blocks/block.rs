@@ -46,8 +46,8 @@ pub(super) struct Block<F> {
     pub times: Vec<i64>,
     /// Where the times of the present round begin.
     pub first_time: usize,
-    /// Whether the step must be undone, and whether because of an event that the front of an earlier round
-    /// has not expected.
+    /// Whether the step must be undone, and whether because of an event that an earlier front has not
+    /// expected.
     pub is_failed: bool,
     pub is_unexpected: bool,
 }
@@ -86,7 +86,7 @@ pub(super) struct Step {
     /// Start of the window [ticks], and its length as fractions per tick.
     pub begin: i64,
     pub per_time: f64,
-    /// Most events of a block: more are a collapse, which is found where events are taken one after the other.
+    /// Most events of a block: more are a collapse, which is found where events are taken in order.
     pub most: usize,
     /// Whether the longest displacement of all particles has been noted since the start of the window.
     pub has_noted: bool,

@@ -1,7 +1,6 @@
 //! Assertions that no block reads or changes a particle that another one changes in the same round. They are
-//! compiled with debug assertions only; those for cells are in [`super::super::cells`].
+//! made with debug assertions only; those for cells are in [`super::super::cells`].
 
-#[cfg(debug_assertions)]
 use std::sync::{
     Arc,
     atomic::{AtomicU64, Ordering},
@@ -10,53 +9,41 @@ use std::sync::{
 /// The particles that one block has changed in the present round.
 #[derive(Clone, Default)]
 pub(super) struct Ownership {
-    /// For each particle, the round and the block that have changed it last.
-    #[cfg(debug_assertions)]
+    /// For each particle, the round and the block that have changed it last; empty without assertions.
     changes: Arc<Vec<AtomicU64>>,
     /// The present round and the block.
-    #[cfg(debug_assertions)]
     present: [u32; 2],
 }
 
-#[cfg_attr(not(debug_assertions), expect(clippy::unused_self, reason = "empty without assertions"))]
 impl Ownership {
-    /// Begins a round, which has another number than all rounds of the window before, for a block.
-    #[inline(always)]
-    pub fn begin(&mut self, _round: usize, _block: usize) {
-        #[cfg(debug_assertions)]
-        {
-            self.present = [_round as u32 + 1, _block as u32 + 1];
-        }
+    /// Ownership of all blocks, for this number of particles.
+    pub fn new(particles: usize) -> Self {
+        let particles = if cfg!(debug_assertions) { particles } else { 0 };
+        Self { changes: Arc::new((0..particles).map(|_| AtomicU64::new(0)).collect()), present: [0; 2] }
     }
 
-    /// Ownership of all blocks, for this number of particles.
-    pub fn new(_particles: usize) -> Self {
-        Self {
-            #[cfg(debug_assertions)]
-            changes: Arc::new((0.._particles).map(|_| AtomicU64::new(0)).collect()),
-            #[cfg(debug_assertions)]
-            present: [0; 2],
-        }
+    /// Begins a round, which has another number than all rounds of the window before, for a block.
+    pub fn begin(&mut self, round: usize, block: usize) {
+        self.present = [round as u32 + 1, block as u32 + 1];
     }
 
     /// Asserts that no other block has changed a particle in this round.
     #[inline(always)]
-    pub fn read(&self, _i: u32) {
-        #[cfg(debug_assertions)]
-        self.test(_i, self.changes[_i as usize].load(Ordering::Relaxed));
+    pub fn read(&self, i: u32) {
+        if cfg!(debug_assertions) {
+            self.test(i, self.changes[i as usize].load(Ordering::Relaxed));
+        }
     }
 
     /// The same, and marks the particle as changed by this block.
     #[inline(always)]
-    pub fn change(&self, _i: u32) {
-        #[cfg(debug_assertions)]
-        {
+    pub fn change(&self, i: u32) {
+        if cfg!(debug_assertions) {
             let [round, block] = self.present.map(u64::from);
-            self.test(_i, self.changes[_i as usize].swap(round << 32 | block, Ordering::Relaxed));
+            self.test(i, self.changes[i as usize].swap(round << 32 | block, Ordering::Relaxed));
         }
     }
 
-    #[cfg(debug_assertions)]
     fn test(&self, i: u32, change: u64) {
         let [round, block] = self.present.map(u64::from);
         assert!(
@@ -67,7 +54,7 @@ impl Ownership {
     }
 }
 
-#[cfg(test)]
+#[cfg(all(test, debug_assertions))]
 mod tests {
     use super::*;
 
