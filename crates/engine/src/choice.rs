@@ -100,6 +100,12 @@ impl Choice {
         (self.review, self.patience) = (collisions + interval, ENTRIES * interval);
     }
 
+    /// Whether windows would take events on several threads.
+    fn has_parallel_windows(&self, world: &World) -> bool {
+        let blocks = self.blocks.map_or_else(rayon::current_num_threads, usize::from);
+        blocks > 1 && self.summary.count >= particles::PARALLEL_DENSE && world.wall_sums.is_none()
+    }
+
     /// The best search for a state: lists for dense states, windows for other states that they support, cells
     /// otherwise.
     fn best(&self, system: &System, world: &World, density: &LocalDensity) -> NeighborChoice {
@@ -119,6 +125,8 @@ impl Choice {
             (true, _) if nearby::supports(system, &self.summary) => {
                 if self.summary.count < particles::PREFETCH_LISTS {
                     lists_above::WINDOWS
+                } else if self.has_parallel_windows(world) {
+                    lists_above::WINDOWS_PARALLEL
                 } else {
                     lists_above::WINDOWS_LARGE
                 }

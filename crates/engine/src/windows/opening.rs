@@ -261,11 +261,13 @@ impl<F: Features> Windows<F> {
         self.worker.scratch.work.entries += found.len() as u64;
         self.opening_work.add(&self.worker.scratch.work.since(&before));
         self.worker.space.contacts = found.len();
-        if !self.prepare_steps(world, &found) {
-            self.end_steps();
-            self.worker.queue.open(self.worker.begin, self.worker.space.end, &found);
+        if self.prepare_steps(world, &found) {
+            // Freed, to save memory: the steps have their own copies.
+            return;
         }
-        // In very large systems this array is freed, to save memory: the queue has its own copy.
+        self.end_steps();
+        self.worker.queue.open(self.worker.begin, self.worker.space.end, &found);
+        // In very large systems, too.
         if self.worker.space.particles.len() <= KEEP_CONTACTS {
             self.found = found;
         }
