@@ -70,9 +70,10 @@ def assert_same(found: dict[str, np.ndarray], whole: dict[str, np.ndarray], abou
 
 
 def test_resumed_file_equals_that_of_an_uninterrupted_run(tmp_path):
-    """For all datasets and any number of threads; with windows, with lists, and in a box with gravity."""
+    """For all datasets and any number of threads; with windows, in blocks, with lists, and in a box with gravity."""
     cases = {
         "gas": [],
+        "blocks": ['engine.neighbors="windows"', "engine.blocks=2", "species.0.count=3000"],
         "lists": ['engine.neighbors="lists"'],
         "box": ["domain.gravity=[0.0, 0.0, -0.1]", 'domain.boundary=["periodic", "wall", "wall"]'],
     }
@@ -90,7 +91,7 @@ def test_resumed_file_equals_that_of_an_uninterrupted_run(tmp_path):
                 break
         while report["stopped"] == "wall_time" and legs < 300:
             before = report["simulated_time"]
-            report = resume(part, threads=1 + legs % 2)
+            report = resume(part, threads=1 + legs % 4)
             assert report["resumed_from"] == before
             legs += 1
         assert legs > 0, "the run must be longer than its wall time"
@@ -104,11 +105,13 @@ def test_resumed_file_equals_that_of_an_uninterrupted_run(tmp_path):
             "max_overlap",
         ):
             assert report[key] == whole[key], f"{name}: {key}"
+        assert (whole["blocks"]["first"] > 0) == (name == "blocks"), whole["blocks"]
         assert_same(contents(part), contents(tmp_path / f"{name}.h5"), f"of {name} after {legs} legs")
         # A complete file is left as it is.
         before = part.read_bytes()
         again = resume(part)
-        assert again == report | {"resumed_from": report["simulated_time"]}
+        # A run counts the events of its own blocks.
+        assert again == report | {"resumed_from": report["simulated_time"], "blocks": again["blocks"]}
         assert part.read_bytes() == before
 
 
