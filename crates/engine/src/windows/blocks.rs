@@ -80,14 +80,14 @@ impl Settings {
     /// Those for a number of blocks, if it is given.
     fn new(blocks: Option<u16>) -> Self {
         // As many as are wanted, in systems of any size.
-        let forced = |blocks| Self {
+        let Some(blocks) = blocks else { return Self::MEASURED };
+        Self {
             min_particles: 0,
             min_contacts: 1,
             thickness: [1.0, 0.0],
-            blocks,
+            blocks: Some(blocks.into()),
             ..Self::MEASURED
-        };
-        blocks.map_or(Self::MEASURED, |blocks| forced(Some(usize::from(blocks))))
+        }
     }
 }
 
@@ -212,8 +212,7 @@ impl<F: Features> Windows<F> {
         // deep in another one.
         let least = (speed / sigma).ceil();
         let wanted = (density * STEPS_PER_CONTACT).max(least).clamp(1.0, MAX_STEPS) as usize;
-        let most = found.len().checked_div(settings.min_contacts * blocks_in_all);
-        let count = wanted.min(most.unwrap_or(usize::MAX));
+        let count = wanted.min(found.len() / (settings.min_contacts * blocks_in_all));
         if blocks_in_all < 2
             || (count as f32) < least
             || !metric.reaches(DILATIONS[1] * metric.source + sigma)

@@ -262,7 +262,11 @@ impl Cells {
         {
             let n = self.axes.n.map(|n| n as usize);
             let cell = [cell % n[0], cell / n[0] % n[1], cell / n[0] / n[1]];
-            let is_owned = (0..3).all(|k| bounds.contains_cells(k, self.axes.n[k], cell[k] as i32, 1));
+            // Another formula than that of blocks.
+            let is_owned = (0..3).all(|k| {
+                let (owned, c) = (bounds.first[k]..bounds.end[k], cell[k] as i32);
+                owned.contains(&c) || owned.contains(&(c + self.axes.n[k]))
+            });
             assert!(is_owned, "cell {cell:?} is outside of the block {bounds:?}");
         }
     }

@@ -38,20 +38,23 @@ pub(super) struct Bounds {
     /// The faces with another block beyond them [cells]; far away where there is none.
     low: [f32; 3],
     high: [f32; 3],
+    /// Number of cells after which an axis repeats; 0 if it does not.
+    period: [i32; 3],
     /// Whether no other block is beyond any face.
     pub is_whole: bool,
 }
 
 impl Bounds {
-    /// Bounds of these cells. `shared`: whether another block is beyond the lower and the upper face of each
-    /// axis.
-    pub fn new(first: [i32; 3], end: [i32; 3], shared: [[bool; 2]; 3]) -> Self {
+    /// Bounds of these cells of a grid. `shared`: whether another block is beyond the lower and the upper
+    /// face of each axis.
+    pub fn new(axes: &Axes, first: [i32; 3], end: [i32; 3], shared: [[bool; 2]; 3]) -> Self {
         let face = |k: usize, side: usize, c: i32, far: f32| if shared[k][side] { c as f32 } else { far };
         Self {
             first,
             end,
             low: [0, 1, 2].map(|k| face(k, 0, first[k], -FAR)),
             high: [0, 1, 2].map(|k| face(k, 1, end[k], FAR)),
+            period: [0, 1, 2].map(|k| if axes.wraps(k) { axes.n[k] } else { 0 }),
             is_whole: shared == [[false; 2]; 3],
         }
     }
@@ -61,13 +64,12 @@ impl Bounds {
         [0, 1, 2].map(|k| self.end[k] - self.first[k])
     }
 
-    /// Whether cells `low` to `low` + `count` − 1 of an axis with `n` cells are within these bounds.
+    /// Whether cells `low` to `low` + `count` − 1 of an axis are within these bounds.
     #[inline(always)]
-    pub fn contains_cells(&self, axis: usize, n: i32, low: i32, count: i32) -> bool {
-        let (first, end) = (self.first[axis], self.end[axis]);
-        // Only a periodic axis has cells before its first one and after its last one.
-        let low = if low < first { low + n } else { low };
-        let low = if low >= first + n { low - n } else { low };
+    pub fn contains_cells(&self, axis: usize, low: i32, count: i32) -> bool {
+        let (first, end, period) = (self.first[axis], self.end[axis], self.period[axis]);
+        let low = if low < first { low + period } else { low };
+        let low = if period > 0 && low >= first + period { low - period } else { low };
         // Without images, the cells at an edge also hold what is beyond it.
         (low >= first || self.low[axis] == -FAR) && (low + count <= end || self.high[axis] == FAR)
     }
@@ -439,5 +441,42 @@ fn lower(time: &mut u8, at: u8, index: usize, reached: &mut Vec<u32>) {
             reached.push(index as u32);
         }
         *time = at;
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use glam::DVec3;
+    use haff_neighbors::{Axis, Geometry};
+
+    use super::*;
+
+    #[test]
+    fn a_part_of_a_walled_axis_contains_no_cells_of_another_part() {
+        for (kind, wraps) in [(Axis::Bounded, false), (Axis::Periodic, true)] {
+            let size = DVec3::splat(20.0);
+            let geometry = Geometry {
+                size,
+                axes: [kind; 3],
+                reach: 1.0,
+                crowding: 1.0,
+                radius: 0.5,
+                radii: Vec::new(),
+                planes: Vec::new(),
+            };
+            let axes = Axes::new(&geometry, 1.0, 8000);
+            let shared = [[false; 2], [false; 2], [true, wraps]];
+            let last = Bounds::new(&axes, [0, 0, 12], [20; 3], shared);
+            for (low, count, expected) in
+                [(9, 1, false), (11, 2, false), (12, 8, true), (19, 2, !wraps), (-1, 1, wraps), (0, 1, false)]
+            {
+                assert_eq!(
+                    last.contains_cells(2, low, count),
+                    expected,
+                    "{kind:?}: {count} cells from {low}"
+                );
+            }
+            assert!(last.contains_cells(1, 3, 20), "{kind:?}: an axis that is not cut");
+        }
     }
 }

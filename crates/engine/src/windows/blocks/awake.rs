@@ -18,11 +18,12 @@ thread_local! {
     static IS_AWAKE: Cell<bool> = const { Cell::new(false) };
 }
 
-/// Sets a flag at the end of a scope, also after a panic.
+/// Ends a call at the end of a scope, also after a panic.
 struct Done<'a>(&'a AtomicBool);
 
 impl Drop for Done<'_> {
     fn drop(&mut self) {
+        IS_AWAKE.set(false);
         self.0.store(true, Ordering::Release);
     }
 }
@@ -56,10 +57,7 @@ pub(super) fn with_awake_threads<R>(work: impl FnOnce() -> R) -> R {
             IS_AWAKE.set(false);
         });
         IS_AWAKE.set(true);
-        let done = Done(done);
-        let result = work();
-        drop(done);
-        IS_AWAKE.set(false);
-        result
+        let _done = Done(done);
+        work()
     })
 }

@@ -165,8 +165,8 @@ impl<F: Features> Block<F> {
         self.worker.horizon = to;
         self.worker.queue.open(from, to, &self.contacts);
         while let Some(event) = self.worker.queue.pop_until(to) {
-            let (n, bounds) = (present.step.metric.n, self.front.bounds);
-            let contains = |axis: usize, c: i32| bounds.contains_cells(axis, n[axis], c, 1);
+            let bounds = self.front.bounds;
+            let contains = |axis: usize, c: i32| bounds.contains_cells(axis, c, 1);
             self.worker.prefetch(&self.state.world, contains);
             let is_endless = self.times.len() > present.step.most;
             if is_endless || !self.take_event::<EVENTS, VECTORS>(present, event) {
@@ -338,16 +338,16 @@ impl<F: Features> Block<F> {
             last.note_path();
             last.longest().sqrt()
         } else {
-            return self.contains(path_span(&space.cells.axes, compact.x, compact.v, 1.0, extent), step);
+            return self.contains(path_span(&space.cells.axes, compact.x, compact.v, 1.0, extent));
         };
         place.depth.of_cells >= 2.0 * displacement + extent
     }
 
     /// Whether these cells, the first one and their number along each axis, are in this block.
-    fn contains(&self, (low, count): ([i32; 4], [i32; 3]), step: &Step) -> bool {
+    fn contains(&self, (low, count): ([i32; 4], [i32; 3])) -> bool {
         let mut is_inside = true;
         for k in 0..3 {
-            is_inside &= self.front.bounds.contains_cells(k, step.metric.n[k], low[k], count[k]);
+            is_inside &= self.front.bounds.contains_cells(k, low[k], count[k]);
         }
         is_inside
     }
@@ -388,7 +388,7 @@ impl<F: Features> Block<F> {
             start[k] = axes.coordinate(k, p[k]);
             v[k] = (u[k] * self.worker.step) as f32;
         }
-        if self.contains(path_span(axes, start, v, 1.0 - step.fraction(ticks), reach), step) {
+        if self.contains(path_span(axes, start, v, 1.0 - step.fraction(ticks), reach)) {
             Stays::Inside
         } else {
             Stays::Outside

@@ -39,7 +39,7 @@ impl Round {
         for z in &parts[2] {
             for y in &parts[1] {
                 for x in &parts[0] {
-                    let bounds = Bounds::new([x.0, y.0, z.0], [x.1, y.1, z.1], [x.2, y.2, z.2]);
+                    let bounds = Bounds::new(axes, [x.0, y.0, z.0], [x.1, y.1, z.1], [x.2, y.2, z.2]);
                     fronts.push(Front::new(metric, bounds, others.next()));
                 }
             }

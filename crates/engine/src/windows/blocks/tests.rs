@@ -23,15 +23,6 @@ thread_local! {
     pub(super) static SETTINGS: Cell<Option<Settings>> = const { Cell::new(None) };
 }
 
-/// Blocks for systems of any size.
-const SMALL: Settings = Settings {
-    min_particles: 0,
-    min_contacts: 1,
-    blocks: Some(2),
-    thickness: [1.0, 0.0],
-    ..Settings::MEASURED
-};
-
 /// Particles on a distorted lattice of spacing 1, with these radii in turn, in a box of these edges.
 fn scene(dimension: Dimension, edges: [u32; 3], boundary: [Boundary; 3], radii: &[f64], e: f64) -> System {
     let mut random = Random(7);
@@ -152,7 +143,7 @@ fn run(
 #[test]
 fn blocks_give_the_trajectory_the_sums_and_the_rows_of_one_queue() {
     for (name, system) in scenes() {
-        let expected = run(&system, Settings { blocks: Some(1), ..SMALL }, 1);
+        let expected = run(&system, Settings::new(Some(1)), 1);
         assert!(expected.0.len() > 1000, "{name}: {} events", expected.0.len());
         let narrow = Dilations { face: 1.0, source: 0.6, inner: 0.5 };
         for (blocks, threads, dilations) in [
@@ -165,8 +156,8 @@ fn blocks_give_the_trajectory_the_sums_and_the_rows_of_one_queue() {
             (2, 2, Some(narrow)),
             (4, 2, Some(narrow)),
         ] {
-            let dilations = dilations.unwrap_or(SMALL.dilations);
-            let settings = Settings { blocks: Some(blocks), dilations, ..SMALL };
+            let dilations = dilations.unwrap_or(Settings::MEASURED.dilations);
+            let settings = Settings { dilations, ..Settings::new(Some(blocks)) };
             let found = run(&system, settings, threads);
             let counts = found.3;
             let text = format!("{name}: {blocks} blocks, {threads} threads, {dilations:?}, {counts:?}");
