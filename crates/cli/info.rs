@@ -142,6 +142,9 @@ pub fn info(options: &Info) -> Result<u8, Failure> {
             line(name, value.as_str().map_or_else(|| value.to_string(), str::to_owned));
         }
     }
+    if let (Some(threads), Some(text)) = (summary["threads"].as_u64(), summary["blocks"]["text"].as_str()) {
+        line("threads", format!("{threads}; {text}"));
+    }
     line("file size", bytes(info.file_size));
     output::lines(lines.join("\n")).map(|()| 0)
 }

@@ -272,11 +272,9 @@ fn print_summary(outcome: &Outcome, context: &Context) {
         ledger.residual,
         simulation.max_overlap()
     ));
-    output::message(format_args!(
-        "threads: {}; {}",
-        rayon::current_num_threads(),
-        threads::words(&blocks(outcome))
-    ));
+    let served = blocks(outcome);
+    let text = served["text"].as_str().unwrap_or_default();
+    output::message(format_args!("threads: {}; {text}", rayon::current_num_threads()));
     let rest = ledger.term(Term::Rest);
     if rest != 0.0 {
         output::message(format_args!(

@@ -13,7 +13,7 @@ fn others(counts: &BlockCounts, collisions: u64) -> u64 {
 /// after the other.
 pub fn report(counts: &BlockCounts, collisions: u64, reason: Option<&str>) -> Value {
     let others = others(counts, collisions);
-    json!({
+    let mut report = json!({
         "count": counts.blocks.max(1),
         "first": counts.first,
         "further": counts.further,
@@ -23,7 +23,9 @@ pub fn report(counts: &BlockCounts, collisions: u64, reason: Option<&str>) -> Va
         "undone": counts.undone,
         "critical_path": counts.critical_path + others,
         "reason": reason,
-    })
+    });
+    report["text"] = words(&report).into();
+    report
 }
 
 /// Shares of events in percent, from [`report`]: in blocks, at their faces, and one after the other.
@@ -35,7 +37,7 @@ pub fn shares(report: &Value) -> Option<[f64; 3]> {
 }
 
 /// The same in words.
-pub fn words(report: &Value) -> String {
+fn words(report: &Value) -> String {
     match (shares(report), report["reason"].as_str()) {
         (Some([first, further, rest]), _) => format!(
             "events in {} blocks at a time: {first:.1} % inside, {further:.1} % at their faces, {rest:.1} % one after \
@@ -65,8 +67,9 @@ mod tests {
         let report = report(&counts, 1000, None);
         assert_eq!((report["others"].as_u64(), report["critical_path"].as_u64()), (Some(50), Some(550)));
         assert_eq!(shares(&report), Some([70.0, 20.0, 10.0]));
-        assert!(words(&report).contains("1 of 9 steps undone"), "{}", words(&report));
+        let text = report["text"].as_str().unwrap();
+        assert!(text.contains("1 of 9 steps undone"), "{text}");
         let serial = super::report(&BlockCounts::default(), 1000, Some("there is one thread or block"));
-        assert_eq!(words(&serial), "events one after the other: there is one thread or block");
+        assert_eq!(serial["text"], "events one after the other: there is one thread or block");
     }
 }

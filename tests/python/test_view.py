@@ -107,6 +107,11 @@ def test_few_bodies_follow_their_exact_paths(files, tmp_path):
     assert np.allclose(position[fall, 0, 2], 2.5 - 9.81 * time[fall] ** 2 / 2, atol=1e-6)
 
 
+def test_page_says_how_many_threads_have_served(files, tmp_path):
+    served = page_of(files["cooling"], tmp_path).header["served"]
+    assert re.match(r"threads: \d+; events one after the other: there ", served), served
+
+
 def test_too_many_frames_are_thinned_with_a_message(files, tmp_path, capsys):
     page = page_of(files["cooling"], tmp_path, "--size", "0.2")
     assert "4 of 8 frames, one in 2" in capsys.readouterr().err and "4 of 8 frames" in page.header["notes"][0]

@@ -319,7 +319,8 @@ impl Path {
         let mut start = self.from + (world.now - self.from).max(0) / period * period;
         let again = start + 3 * period;
         let end = earliest.entry.time.min(again);
-        while start < end {
+        // Also if that event is at the start itself: of simultaneous ones the lowest rank counts.
+        while start <= end {
             let until = (end - start).min(period) + 1;
             let at = |time: f64| distance(start + whole(time * per_time));
             let found = first_contact_bounded(at, self.bound, self.scale, until as f64 * world.clock.tick);

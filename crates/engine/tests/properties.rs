@@ -640,7 +640,7 @@ fn scenes_with_former_errors_obey_conservation_laws() {
             seed: 4_313_848_481_575_773_114,
             ..PLAIN
         },
-        // XX
+        // The tick was chosen for the speeds at the start, far below those that a drive and a thermal wall give.
         Recipe {
             boundary: [2, 1, 1],
             particles: 12,
@@ -684,6 +684,20 @@ fn scenes_with_former_errors_obey_conservation_laws() {
             speeds: true,
             light: true,
             seed: 5_807_157_289_978_195_913,
+            ..PLAIN
+        },
+        // A light grain on an oscillating ramp hit two others in turn at one time: which one came first depended
+        // on the order of the candidates.
+        Recipe {
+            flat: true,
+            boundary: [1, 0, 0],
+            particles: 4,
+            species: 2,
+            restitution: 5,
+            gravity: true,
+            ramp: 4,
+            light: true,
+            seed: 13_227_874_816_066_278_759,
             ..PLAIN
         },
     ];

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import math
 from collections.abc import Mapping
 from typing import Any
@@ -65,9 +66,19 @@ def write(file: File, blobs: Blobs, frames: str | slice | int | None, size: floa
         "curves": curves.find(file),
         "collisions": None if log is None else log.sample(blobs, float(keys.time[0]), float(keys.time[-1]), notes),
     }
+    header["served"] = escaped(_served(file))
     header["frames"] = _frames(file, blobs, keys, room, losses)
     header["notes"] = notes
     blobs.header(header)
+
+
+def _served(file: File) -> str:
+    """How many threads have served the run, as `haff run` prints it; empty for a run that is not complete."""
+    try:
+        summary = json.loads(file.stored.text("parameters/summary") or "{}")
+        return f"threads: {int(summary['threads'])}; {summary['blocks']['text']}"
+    except (ValueError, TypeError, KeyError):
+        return ""
 
 
 def _thin(file: File, chosen, size: float, losses: bool, notes: list[str]):

@@ -297,6 +297,7 @@ class Player {
     find("curves").hidden = !header.curves;
     find("show-curves").checked = Boolean(header.curves);
     find("notes").textContent = header.notes.join("; ");
+    find("served").textContent = header.served;
     if (this.last === 0) for (const id of ["play", "scrub", "speed"]) find(id).disabled = true;
     find("play").onclick = () => this.setPlaying(!this.playing);
     find("scrub").oninput = (event) => {
