@@ -156,6 +156,51 @@ impl<E: Event> Ladder<E> {
         self.min_run = events.min(SHORT / 2);
     }
 
+    /// Moves all events up to `limit` to `events`, in no particular order.
+    pub fn take_until(&mut self, limit: i64, events: &mut Vec<E>) {
+        if self.taken >= self.review_budget {
+            self.review();
+        }
+        let before = events.len();
+        let taken = self.run.iter().rev().take_while(|event| event.time() <= limit).count();
+        events.extend(self.run.drain(self.run.len() - taken..));
+        while self.late.peek().is_some_and(|Reverse(event)| event.time() <= limit) {
+            events.extend(self.late.pop().map(|late| late.0));
+        }
+        self.len -= events.len() - before;
+        // Whole buckets are not sorted.
+        while self.run.is_empty() && self.late.is_empty() && self.len > 0 {
+            let end = (self.coarse_now + 1) << self.fine_bits;
+            while self.fine_now + 1 < end && (self.fine_now + 2) << self.shift <= limit.saturating_add(1) {
+                self.fine_now += 1;
+                self.buckets += 1;
+                let slot = (self.fine_now & ((1 << self.fine_bits) - 1)) as usize;
+                self.len -= self.fine[slot].len();
+                events.append(&mut self.fine[slot]);
+            }
+            if self.len == 0 {
+                break;
+            }
+            if self.fine_now + 1 < end {
+                let more = self.fine_now + 1;
+                // Only a part of the next bucket, or none of it.
+                if more << self.shift <= limit {
+                    self.advance();
+                    let taken = self.run.iter().rev().take_while(|event| event.time() <= limit).count();
+                    self.len -= taken;
+                    events.extend(self.run.drain(self.run.len() - taken..));
+                }
+                break;
+            }
+            // Beyond the limit, nothing is moved.
+            if end << self.shift > limit {
+                break;
+            }
+            self.next_coarse();
+        }
+        self.taken = self.taken.saturating_add((events.len() - before) as u32);
+    }
+
     /// Adds the next non-empty fine bucket to the run. False if all buckets are empty.
     #[inline(always)]
     fn advance(&mut self) -> bool {

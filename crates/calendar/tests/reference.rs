@@ -24,6 +24,7 @@ enum Operation {
     Push(i64),
     Pop,
     PopUntil(i64),
+    TakeUntil(i64),
     Clear,
 }
 
@@ -33,6 +34,7 @@ fn operation(spread: i64) -> impl Strategy<Value = Operation> {
         1 => (-5_i64..3).prop_map(Operation::Push),
         10 => Just(Operation::Pop),
         3 => (0..spread / 4 + 1).prop_map(Operation::PopUntil),
+        1 => (0..spread / 4 + 1).prop_map(Operation::TakeUntil),
         1 => Just(Operation::Clear),
     ]
 }
@@ -85,6 +87,17 @@ fn run_both(operations: &[Operation]) {
                 let (a, b) = (heap.pop_until(limit), ladder.pop_until(limit));
                 contents.take([a, b]);
                 now = a.map_or(now, |item| item.time);
+            }
+            Operation::TakeUntil(ahead) => {
+                let limit = now.saturating_add(ahead);
+                let mut all = Vec::new();
+                ladder.take_until(limit, &mut all);
+                all.sort_unstable();
+                for item in all {
+                    contents.take([heap.pop_until(limit), Some(item)]);
+                    now = item.time;
+                }
+                assert!(heap.next_time().is_none_or(|time| time > limit));
             }
             Operation::Clear => {
                 contents = Contents::default();

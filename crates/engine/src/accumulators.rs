@@ -90,6 +90,8 @@ impl Accumulators {
         self.counters.wall_collisions += counters.wall_collisions;
         self.counters.rests += counters.rests;
         self.counters.dropped += counters.dropped;
+        self.counters.stale += counters.stale;
+        self.counters.transfers += counters.transfers;
     }
 
     /// Starts the next interval between samples.

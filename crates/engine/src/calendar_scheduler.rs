@@ -3,7 +3,6 @@
 
 use std::marker::PhantomData;
 
-use haff_calendar::{Calendar, Ladder};
 use haff_neighbors::{Geometry, Search, prefetch_at};
 use rayon::prelude::*;
 
@@ -79,11 +78,11 @@ impl<F: Features, S: Search + 'static> Predictor for SearchPredictor<F, S> {
 
     /// First prefetches the particles and their lists, then the members of the lists.
     #[inline(always)]
-    fn prefetch(&self, calendar: &Ladder<Entry<SearchEvent>>, state: &State) {
+    fn prefetch<'a>(&self, upcoming: impl Fn(usize) -> Option<&'a Entry<SearchEvent>>, state: &State) {
         if !self.prefetches {
             return;
         }
-        if let Some(entry) = calendar.upcoming(FAR_AHEAD) {
+        if let Some(entry) = upcoming(FAR_AHEAD) {
             prefetch_at(&state.world.particles, entry.owner as usize);
             self.search.prefetch(entry.owner);
             if let Some(j) = entry.target.partner() {
@@ -91,7 +90,7 @@ impl<F: Features, S: Search + 'static> Predictor for SearchPredictor<F, S> {
                 self.search.prefetch(j);
             }
         }
-        if let Some(entry) = calendar.upcoming(NEARLY_DUE) {
+        if let Some(entry) = upcoming(NEARLY_DUE) {
             let neighbors = |i: u32| {
                 for entry in self.search.packed(i).unwrap_or_default() {
                     prefetch_at(&state.world.particles, entry.id() as usize);
@@ -99,7 +98,7 @@ impl<F: Features, S: Search + 'static> Predictor for SearchPredictor<F, S> {
             };
             neighbors(entry.owner);
             if let Some(j) = entry.target.partner()
-                && !calendar.upcoming(NEARLY_DUE + 1).is_some_and(|next| next.mirrors(entry))
+                && !upcoming(NEARLY_DUE + 1).is_some_and(|next| next.mirrors(entry))
             {
                 neighbors(j);
             }

@@ -100,12 +100,6 @@ impl Choice {
         (self.review, self.patience) = (collisions + interval, ENTRIES * interval);
     }
 
-    /// Whether windows would take events on several threads.
-    fn has_parallel_windows(&self, world: &World) -> bool {
-        let blocks = self.blocks.map_or_else(rayon::current_num_threads, usize::from);
-        blocks > 1 && self.summary.count >= particles::PARALLEL_DENSE && world.wall_sums.is_none()
-    }
-
     /// The best search for a state: lists for dense states, windows for other states that they support, cells
     /// otherwise.
     fn best(&self, system: &System, world: &World, density: &LocalDensity) -> NeighborChoice {
@@ -125,8 +119,6 @@ impl Choice {
             (true, _) if nearby::supports(system, &self.summary) => {
                 if self.summary.count < particles::PREFETCH_LISTS {
                     lists_above::WINDOWS
-                } else if self.has_parallel_windows(world) {
-                    lists_above::WINDOWS_PARALLEL
                 } else {
                     lists_above::WINDOWS_LARGE
                 }
@@ -234,7 +226,8 @@ impl Choice {
         if self.neighbors != NeighborChoice::Lists {
             return None;
         }
-        let engine = Nearby::<F>::new(geometry, self.kernel, system, &self.summary, &self.density)?;
+        let engine =
+            Nearby::<F>::new(geometry, self.kernel, system, &self.summary, &self.density, self.blocks)?;
         Some(Box::new(engine))
     }
 

@@ -94,6 +94,8 @@ pub(crate) mod avx2 {
         _mm256_load_ps, _mm256_permute2f128_ps, _mm256_shuffle_ps, _mm256_unpackhi_ps, _mm256_unpacklo_ps,
     };
 
+    use haff_neighbors::{Array, Elements};
+
     use super::CompactParticle;
 
     /// Eight compact particles, one lane each.
@@ -144,13 +146,13 @@ pub(crate) mod avx2 {
     ///
     /// That of [`load_whole`].
     #[inline(always)]
-    pub(crate) unsafe fn load_halves(particles: &[CompactParticle], indices: &[u32]) -> Eight {
+    pub(crate) unsafe fn load_halves(particles: &Array<CompactParticle>, indices: &[u32]) -> Eight {
         debug_assert!(indices[..8].iter().all(|&index| (index as usize) < particles.len()));
         // SAFETY: as in `load_whole`; the two halves of a particle have 16 bytes each and are aligned to 16
         // bytes.
         unsafe {
             let half = |k: usize, half: usize| {
-                let particle = particles.as_ptr().add(*indices.get_unchecked(k) as usize);
+                let particle = particles.start().add(*indices.get_unchecked(k) as usize);
                 _mm_load_ps(particle.cast::<f32>().add(4 * half))
             };
             let rows = |k: usize, part: usize| {

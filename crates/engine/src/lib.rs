@@ -12,6 +12,7 @@ extern crate self as haff_engine; // tests/common builds its systems with the pu
 
 mod accumulators;
 mod batch;
+mod blocks;
 mod calendar_scheduler;
 mod carried;
 mod change;

@@ -22,7 +22,10 @@ pub(crate) trait Predictor {
     /// Predicts the next event of particle i from the present; the time `i64::MAX` means no event.
     fn predict(&mut self, state: &State, i: u32) -> Entry<Self::Kind>;
     /// Prefetches the memory that the next events will read.
-    fn prefetch(&self, calendar: &Ladder<Entry<Self::Kind>>, state: &State);
+    /// `upcoming` returns the entry that is this many entries after the next one, if it is known.
+    fn prefetch<'a>(&self, upcoming: impl Fn(usize) -> Option<&'a Entry<Self::Kind>>, state: &State)
+    where
+        Self::Kind: 'a;
 }
 
 /// The calendar, with the entries of the present tick.
@@ -56,6 +59,12 @@ impl<K> Queue<K> {
         self.calendar.prepare(&events, (ENTRIES_PER_PARTICLE * particles as f64) as usize);
     }
 
+    /// Moves the entries up to `limit` to `entries`, invalidated ones too.
+    pub fn take_until(&mut self, limit: i64, entries: &mut Vec<Entry<K>>) {
+        entries.append(&mut self.ties);
+        self.calendar.take_until(limit, entries);
+    }
+
     /// Adds an entry, unless its time is `i64::MAX`.
     #[inline(always)]
     pub fn push(&mut self, entry: Entry<K>) {
@@ -83,7 +92,7 @@ impl<K> Queue<K> {
                 }
             }
             let entry = self.calendar.pop_until(limit)?;
-            predictor.prefetch(&self.calendar, state);
+            predictor.prefetch(|ahead| self.calendar.upcoming(ahead), state);
             if state.world.particles[entry.owner as usize].count != entry.own_count {
                 state.accumulators.counters.dropped += 1;
                 continue;
@@ -97,7 +106,7 @@ impl<K> Queue<K> {
                 let movable = |i: u32| P::Features::UNIFORM || state.world.class(i).inverse_mass != 0.0;
                 if next.mirrors(&entry) && movable(entry.owner) && movable(next.owner) {
                     self.calendar.pop_until(limit);
-                    predictor.prefetch(&self.calendar, state);
+                    predictor.prefetch(|ahead| self.calendar.upcoming(ahead), state);
                     state.accumulators.counters.dropped += 1;
                 }
                 if self.calendar.next_time() == Some(entry.time) {

@@ -52,11 +52,8 @@ pub(crate) mod particles {
     /// Contacts are rare if a window has fewer than one contact for this number of particles.
     pub(crate) const RARE: usize = 8;
 
-    /// From this number on, events of windows are taken on several threads (threads.md).
+    /// From this number on, events of windows and lists are taken on several threads (threads.md).
     pub(crate) const PARALLEL_EVENTS: usize = 100_000;
-    /// From this number on, windows on several threads are faster than lists in denser systems, too: at a
-    /// packing fraction of 0.3 on two threads 1.2 times with 500,000 spheres, 0.9 times with 100,000.
-    pub(crate) const PARALLEL_DENSE: usize = 400_000;
     /// Up to this number, windows keep the array of the contacts found at their opening (memory.md).
     pub(crate) const KEEP_CONTACTS: usize = 800_000;
     /// From this number on, overlaps are searched for in one slab of the box after the other (memory.md).
@@ -77,9 +74,6 @@ pub(crate) mod lists_above {
     pub(crate) const WINDOWS: PerDimension = PerDimension { spheres: 0.24, disks: 0.3 };
     /// The same from [`super::particles::PREFETCH_LISTS`] particles on.
     pub(crate) const WINDOWS_LARGE: PerDimension = PerDimension { spheres: 0.29, disks: 0.34 };
-    /// The same from [`super::particles::PARALLEL_DENSE`] particles on, where events of windows are taken on
-    /// several threads (threads.md).
-    pub(crate) const WINDOWS_PARALLEL: PerDimension = PerDimension { spheres: 0.34, disks: 0.46 };
     /// The lists of the calendar instead of windows.
     pub(crate) const WINDOWS_OTHER: PerDimension = PerDimension { spheres: 0.38, disks: 0.7 };
     /// The lists of the calendar instead of windows, under gravity.

@@ -321,21 +321,35 @@ fn check_blocks(recipe: &Recipe, system: &System, until: Until) -> Result<u64, T
         return Ok(0);
     }
     let (log, end, expected) = run(&system, until, one, false);
-    let options = Options { blocks: Some(blocks as u16), ..options };
     let half = recipe.seed.is_multiple_of(5);
-    let (other, ended, tested) = POOLS[threads].install(|| run(&system, until, options, half));
-    let text = format!("{blocks} blocks, {} threads", THREADS[threads]);
+    let mut taken = 0;
+    for neighbors in [NeighborChoice::Windows, NeighborChoice::Lists] {
+        let options = Options { neighbors, blocks: Some(blocks as u16), ..options };
+        let (other, ended, tested) = POOLS[threads].install(|| run(&system, until, options, half));
+        let text = format!("{neighbors:?}, {blocks} blocks, {} threads", THREADS[threads]);
+        compare(&text, (&log, &end, &expected), (&other, &ended, &tested))?;
+        taken += tested.block_counts().events();
+    }
+    Ok(taken)
+}
+
+/// Checks that two runs have the same events, state and measurements.
+fn compare(
+    text: &str,
+    (log, end, expected): (&Log, &End, &Simulation),
+    (other, ended, tested): (&Log, &End, &Simulation),
+) -> Result<(), TestCaseError> {
     for (row, (a, b)) in log.0.iter().zip(&other.0).enumerate() {
-        prop_assert_eq!(a, b, "{}, event {}", &text, row);
+        prop_assert_eq!(a, b, "{}, event {}", text, row);
     }
     let sliced = End::Stop(Stop::Slice);
-    if end != sliced && ended != sliced {
-        prop_assert_eq!(&end, &ended, "{}", &text);
-        prop_assert_eq!(log.0.len(), other.0.len(), "{}: number of events", &text);
-        prop_assert_eq!(expected.state_hash(), tested.state_hash(), "{}: state", &text);
-        prop_assert_eq!(measured(&log, &expected), measured(&other, &tested), "{}", &text);
+    if *end != sliced && *ended != sliced {
+        prop_assert_eq!(end, ended, "{}", text);
+        prop_assert_eq!(log.0.len(), other.0.len(), "{}: number of events", text);
+        prop_assert_eq!(expected.state_hash(), tested.state_hash(), "{}: state", text);
+        prop_assert_eq!(measured(log, expected), measured(other, tested), "{}", text);
     }
-    Ok(tested.block_counts().events())
+    Ok(())
 }
 
 /// Checks half of the random scenes: those of one of two seeds.

@@ -375,6 +375,8 @@ fn trajectory_is_independent_of_thread_count() {
     let windows = NeighborChoice::Windows;
     for (system, neighbors, blocks) in [
         (gas(12, 0.2, 0.95, 9), NeighborChoice::Lists, None),
+        (gas(12, 0.3, 0.95, 9), NeighborChoice::Lists, Some(2)),
+        (gas(20, 0.5, 0.95, 9), NeighborChoice::Lists, Some(8)),
         (gas(26, 0.01, 0.95, 9), windows, None),
         (gas(26, 0.01, 0.95, 9), windows, Some(2)),
         (gas(20, 0.1, 0.95, 9), windows, Some(8)),

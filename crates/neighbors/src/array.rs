@@ -3,7 +3,7 @@
 use std::{
     fmt,
     mem::ManuallyDrop,
-    ops::{Deref, DerefMut, Index, IndexMut},
+    ops::{Deref, DerefMut, Index, IndexMut, Range},
     ptr::NonNull,
 };
 
@@ -49,6 +49,27 @@ impl<T> Array<T> {
     #[must_use]
     pub fn is_empty(&self) -> bool {
         self.len == 0
+    }
+
+    /// The elements of a range. Only these are borrowed.
+    #[inline(always)]
+    #[must_use]
+    pub fn part(&self, range: Range<usize>) -> &[T] {
+        if range.start > range.end || range.end > self.len {
+            out_of_bounds(range.end, self.len);
+        }
+        // SAFETY: the range has been checked.
+        unsafe { std::slice::from_raw_parts(self.start.add(range.start).as_ptr(), range.len()) }
+    }
+
+    /// The same, to change them.
+    #[inline(always)]
+    pub fn part_mut(&mut self, range: Range<usize>) -> &mut [T] {
+        if range.start > range.end || range.end > self.len {
+            out_of_bounds(range.end, self.len);
+        }
+        // SAFETY: the range has been checked.
+        unsafe { std::slice::from_raw_parts_mut(self.start.add(range.start).as_ptr(), range.len()) }
     }
 
     /// Changes the vector.
@@ -198,6 +219,8 @@ mod tests {
         assert!((0..1000).all(|k| array[k] == k as u64 + 1000 * (k as u64 % 2)));
         array.change(|vector| vector.push(7));
         assert_eq!((array.len(), array[1000], array.clone().iter().count()), (1001, 7, 1001));
+        array.part_mut(3..5).fill(9);
+        assert_eq!(array.part(2..6), [2, 9, 9, 1005]);
     }
 
     #[test]

@@ -6,9 +6,10 @@ three along each axis. A bin is a chain of blocks of eight slots with ids and co
 the id [`NONE`].
 */
 
-use haff_neighbors::with_huge_pages;
+use haff_neighbors::{Array, Elements, with_huge_pages};
 
 use super::sets::{LANES, position_in};
+use crate::blocks::Grid;
 
 /// No particle, and no block.
 const NONE: u32 = u32::MAX;
@@ -19,6 +20,8 @@ const MARGIN: f64 = 1.0 + 1e-6;
 const PER_BIN: f64 = 4.5;
 /// The number of bins is limited to the number of particles, but never to less than this.
 const FEW_BINS: usize = 4096;
+/// Number of spare blocks that are lent to an alias.
+const LENT: usize = 64;
 /// Largest number of bins along an axis.
 const MAX_PER_AXIS: f64 = 65_536.0;
 
@@ -49,9 +52,13 @@ pub(super) struct Bins {
     /// Largest contact distances per coordinate.
     unit: [f32; 3],
     /// The first block of every bin in the order of the bins, then the continuations of full blocks.
-    blocks: Vec<Block>,
+    blocks: Array<Block>,
     /// For each block the next one of its chain, or [`NONE`].
-    next: Vec<u32>,
+    next: Array<u32>,
+    /// Blocks that no chain uses.
+    spare: Vec<u32>,
+    /// Whether this is an alias for one thread of several, which uses only the spare blocks lent to it.
+    is_alias: bool,
 }
 
 impl Bins {
@@ -75,7 +82,63 @@ impl Bins {
         let count = n.iter().product::<i64>() as usize;
         let mut blocks = with_huge_pages(count + count / 64);
         blocks.resize(count, EMPTY);
-        Self { n, fold, searched, unit, blocks, next: vec![NONE; count] }
+        let next = vec![NONE; count].into();
+        Self { n, fold, searched, unit, blocks: blocks.into(), next, spare: Vec::new(), is_alias: false }
+    }
+
+    /// Allocates the spare blocks of this number of aliases.
+    pub fn reserve(&mut self, aliases: usize) {
+        while self.spare.len() < aliases * LENT {
+            self.add_block();
+        }
+    }
+
+    /// The same bins for another thread, with [reserved](Self::reserve) spare blocks until they are
+    /// [taken back](Self::take_back).
+    ///
+    /// # Safety
+    ///
+    /// As for [`Array::alias`]: no thread changes bins that another one uses.
+    pub unsafe fn alias(&mut self) -> Self {
+        let spare = self.spare.split_off(self.spare.len().saturating_sub(LENT));
+        // SAFETY: guaranteed by the caller.
+        unsafe {
+            Self { blocks: self.blocks.alias(), next: self.next.alias(), spare, is_alias: true, ..*self }
+        }
+    }
+
+    /// Takes back the blocks that an alias has not used.
+    pub fn take_back(&mut self, alias: &mut Self) {
+        self.spare.append(&mut alias.spare);
+    }
+
+    /// Adds a spare block.
+    fn add_block(&mut self) {
+        self.spare.push(self.blocks.len() as u32);
+        self.blocks.change(|blocks| blocks.push(EMPTY));
+        self.next.change(|next| next.push(NONE));
+    }
+
+    /// Width of the widest bins [largest contact distances].
+    pub fn widest(&self, unit: [f32; 3]) -> f32 {
+        let width = |k: usize| if self.n[k] > 1 { self.length(k, unit) / self.n[k] as f32 } else { 0.0 };
+        width(0).max(width(1)).max(width(2))
+    }
+
+    /// The length after which coordinates repeat [largest contact distances].
+    fn length(&self, axis: usize, unit: [f32; 3]) -> f32 {
+        unit[axis] * 2.0_f32.powi(32)
+    }
+
+    /// The grid of bins, in largest contact distances; `None` if the box is folded onto them. All axes are
+    /// periodic: beyond the last bins of a bounded axis are the first ones, too.
+    pub fn grid(&self, unit: [f32; 3]) -> Option<Grid> {
+        (self.fold == [0; 3]).then(|| Grid {
+            n: self.n.map(|n| n as i32),
+            cells: [0, 1, 2]
+                .map(|k| if self.n[k] > 1 { self.n[k] as f32 / self.length(k, unit) } else { 0.0 }),
+            wraps: self.n.map(|n| n > 1),
+        })
     }
 
     /// Index along an axis of the bin of a coordinate.
@@ -91,9 +154,10 @@ impl Bins {
         ((cz * self.n[1] + cy) * self.n[0] + cx) as usize
     }
 
-    /// Inserts the reference position x of particle i. For `VECTORS` see [`Self::near`].
+    /// Inserts the reference position x of particle i. Returns false if an alias has no space for it. For
+    /// `VECTORS` see [`Self::near`].
     #[inline(always)]
-    pub fn insert<const VECTORS: bool>(&mut self, i: u32, x: [i32; 3]) {
+    pub fn insert<const VECTORS: bool>(&mut self, i: u32, x: [i32; 3]) -> bool {
         let mut at = self.bin(x);
         loop {
             let block = &mut self.blocks[at];
@@ -102,12 +166,14 @@ impl Bins {
                 for axis in 0..3 {
                     block.x[axis][slot] = x[axis];
                 }
-                return;
+                return true;
             }
             if self.next[at] == NONE {
-                self.next[at] = self.blocks.len() as u32;
-                self.blocks.push(EMPTY);
-                self.next.push(NONE);
+                if self.spare.is_empty() && !self.is_alias {
+                    self.add_block();
+                }
+                let Some(block) = self.spare.pop() else { return false };
+                self.next[at] = block;
             }
             at = self.next[at] as usize;
         }
@@ -150,14 +216,14 @@ impl Bins {
         let range = Range { x, unit: self.unit, reach2 };
         let mut continuations = [NONE; MAX_SEARCHED + 1];
         let (mut count, mut chains) = (0, 0);
-        let (blocks, next) = (&self.blocks[..], &self.next[..]);
+        let (blocks, next) = (self.blocks.start(), self.next.start());
         for &z in &cells[2][..self.searched[2]] {
             for &y in &cells[1][..self.searched[1]] {
                 let row = (z * self.n[1] + y) * self.n[0];
                 for &cell in &cells[0][..self.searched[0]] {
                     let at = (row + cell) as usize;
                     debug_assert!(
-                        at < next.len() && count + LANES <= found.len() && chains < continuations.len()
+                        at < self.next.len() && count + LANES <= found.len() && chains < continuations.len()
                     );
                     // SAFETY: the index of a cell along each axis is less than its `n`, and there are at
                     // least as many `blocks`, each with its `next`, as the product of the three `n`. At most
@@ -165,9 +231,9 @@ impl Bins {
                     // `continuations` for one chain of each.
                     unsafe {
                         let target = &mut *found.as_mut_ptr().add(count).cast::<[u32; LANES]>();
-                        count += range.select::<VECTORS>(blocks.get_unchecked(at), target);
+                        count += range.select::<VECTORS>(&*blocks.add(at), target);
                         // Counted without a branch, which the processor could not predict.
-                        let next = *next.get_unchecked(at);
+                        let next = *next.add(at);
                         *continuations.get_unchecked_mut(chains) = next;
                         chains += usize::from(next != NONE);
                     }
@@ -181,9 +247,9 @@ impl Bins {
                     found.resize(2 * found.len(), 0);
                 }
                 if let Some(target) = found[count..].first_chunk_mut() {
-                    count += range.select::<VECTORS>(&blocks[at as usize], target);
+                    count += range.select::<VECTORS>(&self.blocks[at as usize], target);
                 }
-                at = next[at as usize];
+                at = self.next[at as usize];
             }
         }
         count

@@ -16,6 +16,8 @@ errors of single precision and of the coordinates, until one of the two particle
 pair that possibly approaches, and the exact prediction decides whether it does.
 */
 
+use haff_neighbors::Array;
+
 use super::{
     frame::Frame,
     sets::{LANES, MASK_BITS},
@@ -79,7 +81,7 @@ impl Bounds {
 #[inline(always)]
 pub(super) fn bounds<F: Features, const VECTORS: bool>(
     frame: &Frame,
-    particles: &[CompactParticle],
+    particles: &Array<CompactParticle>,
     own: &CompactParticle,
     fraction: f32,
     list: &[u32],
@@ -131,7 +133,7 @@ mod avx2 {
         _mm256_sqrt_ps, _mm256_store_ps, _mm256_sub_epi32, _mm256_sub_ps,
     };
 
-    use super::{Bounds, Features, Frame, LANE, LANES, MASK_BITS, NEVER};
+    use super::{Array, Bounds, Features, Frame, LANE, LANES, MASK_BITS, NEVER};
     use crate::compact::{CompactParticle, avx2::load_halves};
 
     /// [`super::bounds`] for eight members at a time.
@@ -139,7 +141,7 @@ mod avx2 {
     #[inline]
     pub(super) fn bounds<F: Features>(
         frame: &Frame,
-        particles: &[CompactParticle],
+        particles: &Array<CompactParticle>,
         own: &CompactParticle,
         fraction: f32,
         list: &[u32],
@@ -278,7 +280,7 @@ mod tests {
         fraction: f32,
         lane: usize,
     ) -> [f32; 2] {
-        let particles = [*own, *other, CompactParticle::SENTINEL];
+        let particles: Array<_> = [*own, *other, CompactParticle::SENTINEL].into_iter().collect();
         let mut list = [2; LANES];
         list[lane] = 1;
         let mut out = Bounds::new();

@@ -11,6 +11,7 @@ its displacement within the span. The displacement of every particle is limited:
 cannot become the nearest one within a span, and single precision is sufficient.
 */
 
+use glam::DVec3;
 use haff_neighbors::{Axis, Geometry};
 
 use crate::{
@@ -141,6 +142,18 @@ impl Frame {
             compact.v[axis] = (velocity[axis] * scale) as f32;
         }
         compact
+    }
+
+    /// Whether the present span allows the displacement of a particle with this velocity.
+    #[inline(always)]
+    pub fn allows(&self, velocity: DVec3) -> bool {
+        let scale = self.step / self.sigma;
+        let velocity = velocity.to_array();
+        let mut compact = CompactParticle::default();
+        for axis in 0..3 {
+            compact.v[axis] = (velocity[axis] * scale) as f32;
+        }
+        compact.is_within(self.limit2)
     }
 
     /// The coordinate of a position along an axis [length].

@@ -13,7 +13,7 @@ changes when a particle is wrapped into the box.
 */
 
 use glam::DVec3;
-use haff_neighbors::{Axis, Geometry, prefetch_at, with_huge_pages};
+use haff_neighbors::{Array, Axis, Geometry, prefetch_at, with_huge_pages};
 use rayon::prelude::*;
 
 use super::{
@@ -21,13 +21,15 @@ use super::{
     plan::Plan,
     sets::{LANES, MASK_BITS, low_bits, members, position_in},
 };
-use crate::{compact::CompactParticle, features::Features};
+use crate::{blocks::Grid, compact::CompactParticle, features::Features};
 
 /// Margin of the distance at which pairs are listed. It covers rounding in single precision [largest contact
 /// distances].
 const SLACK: f32 = 1e-3;
 /// Inverse of the fraction of lists in `overflow` above which all lists are lengthened.
 const OVERFLOW_PART: usize = 32;
+/// Number of lists of `overflow` that are lent to an alias.
+const LENT: usize = 4 * MASK_BITS;
 
 /// A reference position, and the number of members of its particle's list.
 #[derive(Debug, Clone, Copy)]
@@ -70,25 +72,29 @@ pub(super) struct Lists {
     unit: [f32; 3],
     /// The same in double precision, for distances from walls.
     scale: [f64; 3],
-    references: Vec<Reference>,
+    references: Array<Reference>,
     bins: Bins,
     /// The lists, `stride` words each. The words after the members of a list contain [`Self::sentinel`]. If a
     /// list has more than `stride` members, it is in `overflow`, and its first word here is the index there.
-    words: Vec<u32>,
+    words: Array<u32>,
     stride: usize,
-    overflow: Vec<Vec<u32>>,
+    overflow: Array<Vec<u32>>,
     /// Indices in `overflow` that no list uses.
     free_overflow: Vec<u32>,
     /// Working space of [`Self::renew`].
     found: Vec<u32>,
     planes: Vec<Plane>,
     /// Whether a particle can touch a wall before it leaves its skin sphere; empty without walls.
-    near_wall: Vec<bool>,
+    near_wall: Array<bool>,
+    /// How often lists have been lengthened.
+    growths: usize,
+    /// Whether this is an alias for one thread of several, which uses only memory that has been lent to it.
+    is_alias: bool,
 }
 
 impl Lists {
     /// Lists for a plan. All `particles` must have been copied at the beginning of the frame's span.
-    pub fn new<F: Features>(plan: &Plan, geometry: &Geometry, particles: &[CompactParticle]) -> Self {
+    pub fn new<F: Features>(plan: &Plan, geometry: &Geometry, particles: &Array<CompactParticle>) -> Self {
         let &Plan { ref frame, half_skin, edges, spacing, members } = plan;
         let count = particles.len() - 1;
         let mut lists = Self {
@@ -96,18 +102,19 @@ impl Lists {
             half_skin2: (half_skin * half_skin) as f32,
             unit: frame.unit,
             scale: frame.per_length.map(|per_length| 1.0 / (per_length * geometry.reach)),
-            references: with_huge_pages(count),
             planes: planes(geometry),
             bins: Bins::new(edges, frame.unit, 1.0 + 2.0 * (half_skin + f64::from(SLACK)), spacing, count),
             ..Self::default()
         };
-        for (i, compact) in particles[..count].iter().enumerate() {
-            lists.references.push(Reference { x: compact.x, members: 0 });
+        let mut references = with_huge_pages(count);
+        for (i, compact) in particles.part(0..count).iter().enumerate() {
+            references.push(Reference { x: compact.x, members: 0 });
             lists.bins.insert::<false>(i as u32, compact.x);
         }
+        lists.references = references.into();
         if !lists.planes.is_empty() {
             lists.near_wall =
-                particles[..count].iter().map(|compact| lists.is_near_plane(compact.x)).collect();
+                particles.part(0..count).iter().map(|compact| lists.is_near_plane(compact.x)).collect();
         }
         let mut sample = Vec::new();
         let mut lengths: Vec<usize> = (0..count)
@@ -119,9 +126,9 @@ impl Lists {
         // mean.
         let most = lengths.get(lengths.len() * 99 / 100).copied().unwrap_or(0);
         lists.stride = most.max((members + 1.5 * members.sqrt()) as usize).max(1).next_multiple_of(LANES);
-        lists.words = with_huge_pages(count * lists.stride);
-        lists.words.resize(count * lists.stride, count as u32);
-        let (mut words, stride) = (std::mem::take(&mut lists.words), lists.stride);
+        let stride = lists.stride;
+        let mut words = with_huge_pages(count * stride);
+        words.resize(count * stride, count as u32);
         let built: Vec<(u32, Option<Vec<u32>>)> = words
             .par_chunks_mut(stride)
             .enumerate()
@@ -135,7 +142,7 @@ impl Lists {
                 (length as u32, None)
             })
             .collect();
-        lists.words = words;
+        lists.words = words.into();
         for (i, (length, list)) in built.into_iter().enumerate() {
             lists.references[i].members = length;
             if let Some(list) = list {
@@ -143,6 +150,66 @@ impl Lists {
             }
         }
         lists
+    }
+
+    /// Allocates what is lent to this number of aliases: an allocation while there are aliases would move the
+    /// memory that they use.
+    pub fn reserve(&mut self, aliases: usize) {
+        let more = (aliases * LENT).saturating_sub(self.free_overflow.len());
+        if more > 0 {
+            let first = self.overflow.len() as u32;
+            self.free_overflow.extend(first..first + more as u32);
+            self.overflow.change(|overflow| overflow.resize(overflow.len() + more, Vec::new()));
+        }
+        self.bins.reserve(aliases);
+    }
+
+    /// The same lists for another thread, with [reserved](Self::reserve) memory for some further members until
+    /// it is [taken back](Self::take_back).
+    ///
+    /// # Safety
+    ///
+    /// As for [`Array::alias`]: no thread changes reference positions, lists and bins that another one uses.
+    pub unsafe fn alias(&mut self) -> Self {
+        let kept = self.free_overflow.len().saturating_sub(LENT);
+        // SAFETY: guaranteed by the caller.
+        unsafe {
+            Self {
+                references: self.references.alias(),
+                bins: self.bins.alias(),
+                words: self.words.alias(),
+                overflow: self.overflow.alias(),
+                near_wall: self.near_wall.alias(),
+                planes: self.planes.clone(),
+                free_overflow: self.free_overflow.split_off(kept),
+                found: Vec::new(),
+                is_alias: true,
+                ..*self
+            }
+        }
+    }
+
+    /// Takes back the memory that an alias has not used.
+    pub fn take_back(&mut self, alias: &mut Self) {
+        if self.growths == alias.growths {
+            self.free_overflow.append(&mut alias.free_overflow);
+        }
+        self.bins.take_back(&mut alias.bins);
+    }
+
+    /// Distances along an axis within which an update reads and changes bins and lists, from the place of its
+    /// particle [largest contact distances]: half of the distance that two updates at the same time need.
+    pub fn reach(&self) -> f32 {
+        // An update reads its bin and one on each side, and changes its bin. It changes lists of particles
+        // whose reference positions are up to a contact distance and the skin away; reference positions are
+        // up to half of the skin from their particles, and a new one is half of that ahead.
+        let bins = 0.5 * (3.0 * self.bins.widest(self.unit) + 3.0 * self.half_skin);
+        bins.max(1.0 + 5.0 * self.half_skin)
+    }
+
+    /// The grid of blocks: that of bins. `None` if a bin holds several places of the box.
+    pub fn grid(&self) -> Option<Grid> {
+        self.bins.grid(self.unit)
     }
 
     /// The index that pads lists: that of [`CompactParticle::SENTINEL`].
@@ -157,7 +224,7 @@ impl Lists {
         if members > self.stride {
             return &self.overflow[self.words[start] as usize];
         }
-        &self.words[start..start + members.next_multiple_of(LANES)]
+        self.words.part(start..start + members.next_multiple_of(LANES))
     }
 
     /// Whether particle i can touch a wall before it leaves its skin sphere. There must be walls.
@@ -228,33 +295,60 @@ impl Lists {
 
     /// Moves the reference position of i to the present position of the particle, and further ahead on its
     /// path by the fraction `ahead` of half of the skin. Updates all lists that change. `fraction` is the
-    /// fraction of the span that has passed.
+    /// fraction of the span that has passed. Returns false, and changes nothing, if an alias would need
+    /// memory for it.
     #[inline(always)]
     pub fn renew<F: Features, const VECTORS: bool>(
         &mut self,
         i: u32,
-        particles: &[CompactParticle],
+        particles: &Array<CompactParticle>,
         fraction: f32,
         ahead: f32,
-    ) {
+    ) -> bool {
         let compact = &particles[i as usize];
         let speed = dot(compact.v, compact.v).sqrt();
         let ahead = if speed > 0.0 { ahead * self.half_skin / speed } else { 0.0 };
-        self.bins.remove::<VECTORS>(i, self.references[i as usize].x);
         let mut position = [0; 3];
         for axis in 0..3 {
             let displacement = f64::from(compact.v[axis] * (fraction + ahead)) / f64::from(self.unit[axis]);
             position[axis] = compact.x[axis].wrapping_add(displacement as i64 as i32);
         }
-        self.references[i as usize].x = position;
+        self.set_reference::<F, VECTORS>(i, position, particles)
+    }
+
+    /// The reference position of i.
+    pub fn reference(&self, i: u32) -> [i32; 3] {
+        self.references[i as usize].x
+    }
+
+    /// Moves the reference position of i, and updates all lists that change. Returns false, and changes
+    /// nothing, if an alias would need memory for it.
+    #[inline(always)]
+    pub fn set_reference<F: Features, const VECTORS: bool>(
+        &mut self,
+        i: u32,
+        position: [i32; 3],
+        particles: &Array<CompactParticle>,
+    ) -> bool {
+        let before = std::mem::replace(&mut self.references[i as usize].x, position);
+        self.bins.remove::<VECTORS>(i, before);
+        let mut found = std::mem::take(&mut self.found);
+        let length = self.find::<F, VECTORS, true>(i, particles, &mut found);
+        let has_room = self.bins.insert::<VECTORS>(i, position);
+        let is_moved = has_room && self.replace::<VECTORS>(i, &found, length);
+        self.found = found;
+        if !is_moved {
+            if has_room {
+                self.bins.remove::<VECTORS>(i, position);
+            }
+            self.bins.insert::<VECTORS>(i, before);
+            self.references[i as usize].x = before;
+            return false;
+        }
         if !self.planes.is_empty() {
             self.near_wall[i as usize] = self.is_near_plane(position);
         }
-        let mut found = std::mem::take(&mut self.found);
-        let length = self.find::<F, VECTORS, true>(i, particles, &mut found);
-        self.bins.insert::<VECTORS>(i, position);
-        self.replace::<VECTORS>(i, &found, length);
-        self.found = found;
+        true
     }
 
     /// Writes the neighbors of i to the start of `found` and returns their number. `found` can be longer; its
@@ -264,7 +358,7 @@ impl Lists {
     fn find<F: Features, const VECTORS: bool, const REMOVED: bool>(
         &self,
         i: u32,
-        particles: &[CompactParticle],
+        particles: &Array<CompactParticle>,
         found: &mut Vec<u32>,
     ) -> usize {
         let own = self.references[i as usize].x;
@@ -293,19 +387,25 @@ impl Lists {
     }
 
     /// Makes the first `length` of `new` the list of i, and updates the lists of the partners lost and
-    /// gained.
+    /// gained. Returns false, and changes nothing, if an alias would need memory for it.
     #[inline(always)]
-    fn replace<const VECTORS: bool>(&mut self, i: u32, new: &[u32], length: usize) {
+    fn replace<const VECTORS: bool>(&mut self, i: u32, new: &[u32], length: usize) -> bool {
         let before = self.references[i as usize].members as usize;
         if before.max(length) > self.stride || self.stride > MASK_BITS {
+            if self.is_alias && self.free_overflow.len() <= length {
+                return false;
+            }
             self.replace_long(i, &new[..length]);
-            return;
+            return true;
         }
         let start = i as usize * self.stride;
         let mut old = [0; MASK_BITS];
-        old[..self.stride].copy_from_slice(&self.words[start..start + self.stride]);
+        old[..self.stride].copy_from_slice(self.words.part(start..start + self.stride));
         let mut lost = low_bits(before) & !members::<VECTORS>(&old, before, &new[..length]);
         let mut gained = low_bits(length) & !members::<VECTORS>(new, length, &old[..before]);
+        if self.is_alias && self.free_overflow.len() < MASK_BITS {
+            return false;
+        }
         while lost != 0 {
             self.remove::<VECTORS>(old[lost.trailing_zeros() as usize], i);
             lost &= lost - 1;
@@ -316,13 +416,14 @@ impl Lists {
             gained &= gained - 1;
         }
         let sentinel = self.sentinel();
-        let (own, rest) = self.words[start..start + self.stride].split_at_mut(length);
+        let (own, rest) = self.words.part_mut(start..start + self.stride).split_at_mut(length);
         own.copy_from_slice(&new[..length]);
         rest.fill(sentinel);
         self.references[i as usize].members = length as u32;
         if overflow {
             self.grow();
         }
+        true
     }
 
     /// [`Self::replace`] for lists of any length.
@@ -349,7 +450,7 @@ impl Lists {
         if list.len() > self.stride {
             self.move_to_overflow(i, list);
         } else {
-            let (own, rest) = self.words[start..start + self.stride].split_at_mut(list.len());
+            let (own, rest) = self.words.part_mut(start..start + self.stride).split_at_mut(list.len());
             own.copy_from_slice(list);
             rest.fill(sentinel);
         }
@@ -360,7 +461,7 @@ impl Lists {
     fn move_to_overflow(&mut self, i: u32, list: &[u32]) {
         let sentinel = self.sentinel();
         let free = self.free_overflow.pop().unwrap_or_else(|| {
-            self.overflow.push(Vec::new());
+            self.overflow.change(|overflow| overflow.push(Vec::new()));
             self.overflow.len() as u32 - 1
         });
         let overflow = &mut self.overflow[free as usize];
@@ -389,7 +490,7 @@ impl Lists {
     fn add_to_overflow(&mut self, i: u32, j: u32, length: usize) -> bool {
         let (sentinel, start) = (self.sentinel(), i as usize * self.stride);
         if length == self.stride {
-            let mut list = self.words[start..start + length].to_vec();
+            let mut list = self.words.part(start..start + length).to_vec();
             list.push(j);
             self.move_to_overflow(i, &list);
             return true;
@@ -411,7 +512,7 @@ impl Lists {
             self.remove_from_overflow(i, j);
             return;
         }
-        let list = &mut self.words[start..start + self.stride];
+        let list = self.words.part_mut(start..start + self.stride);
         if let Some(at) = position_in::<VECTORS>(list, j) {
             list[at] = list[length - 1];
             list[length - 1] = sentinel;
@@ -432,7 +533,8 @@ impl Lists {
     /// Lengthens all lists if many have overflowed.
     fn grow(&mut self) {
         let count = self.references.len();
-        if self.overflow.len() - self.free_overflow.len() <= count / OVERFLOW_PART + 8 {
+        let used = self.overflow.len().saturating_sub(self.free_overflow.len());
+        if self.is_alias || used <= count / OVERFLOW_PART + 8 {
             return;
         }
         let lists: Vec<(u32, Vec<u32>)> = (0..count as u32)
@@ -441,16 +543,20 @@ impl Lists {
             .collect();
         let before = self.stride;
         self.stride += LANES;
+        self.growths += 1;
         // In place, starting with the last list: an old and a new table at once would take a quarter of all
         // memory.
-        self.words.reserve_exact(count * LANES);
-        self.words.resize(count * self.stride, count as u32);
-        for i in (0..count).rev() {
-            let to = i * self.stride;
-            self.words.copy_within(i * before..(i + 1) * before, to);
-            self.words[to + before..to + self.stride].fill(count as u32);
-        }
-        (self.overflow, self.free_overflow) = (Vec::new(), Vec::new());
+        let stride = self.stride;
+        self.words.change(|words| {
+            words.reserve_exact(count * LANES);
+            words.resize(count * stride, count as u32);
+            for i in (0..count).rev() {
+                let to = i * stride;
+                words.copy_within(i * before..(i + 1) * before, to);
+                words[to + before..to + stride].fill(count as u32);
+            }
+        });
+        (self.overflow, self.free_overflow) = (Array::default(), Vec::new());
         for (i, list) in lists {
             self.references[i as usize].members = 0;
             self.set(i, &list);

@@ -8,6 +8,7 @@ only the pairs that can touch before the earliest event known so far are predict
 */
 
 mod bins;
+mod block;
 mod filter;
 mod frame;
 mod list_event;
@@ -16,10 +17,11 @@ mod narrow_phase;
 mod plan;
 mod predictor;
 mod sets;
+mod steps;
 
 use std::marker::PhantomData;
 
-use haff_neighbors::{Geometry, with_huge_pages};
+use haff_neighbors::{Array, Geometry, with_huge_pages};
 use rayon::prelude::*;
 
 use crate::{
@@ -30,6 +32,7 @@ use crate::{
     features::Features,
     model::System,
     queue::{Predictor, Queue},
+    report::Observer,
     state::State,
     summary::{LocalDensity, SystemSummary},
     tuning::particles::PREFETCH_LISTS,
@@ -40,6 +43,7 @@ use lists::Lists;
 use plan::Plan;
 pub(crate) use plan::{is_wide, supports};
 use predictor::{FAR_AHEAD, ListPredictor, VectorPredictor, Work};
+use steps::Steps;
 
 /// Number of particles that are predicted in parallel at the start, before their entries are added to the
 /// queue.
@@ -50,6 +54,9 @@ pub(crate) struct Nearby<F> {
     kernel: Kernel,
     queue: Queue<ListEvent>,
     predictor: ListPredictor<F>,
+    /// The events after this time [ticks] are taken in steps; those up to it are in the queue.
+    horizon: i64,
+    steps: Steps<F>,
     bounds: [Bounds; 2],
     work: Work,
     /// The part of `work` that has been added to the counters of the state.
@@ -65,6 +72,7 @@ impl<F: Features> Nearby<F> {
         system: &System,
         summary: &SystemSummary,
         density: &LocalDensity,
+        blocks: Option<u16>,
     ) -> Option<Self> {
         let plan = Plan::new(geometry, system, summary, density)?;
         let count = summary.count;
@@ -73,11 +81,13 @@ impl<F: Features> Nearby<F> {
             queue: Queue::new(count, FAR_AHEAD),
             predictor: ListPredictor {
                 plan,
-                particles: Vec::new(),
+                particles: Array::default(),
                 lists: Lists::default(),
                 prefetches: count >= PREFETCH_LISTS,
                 features: PhantomData,
             },
+            horizon: i64::MAX,
+            steps: Steps::new(blocks),
             bounds: [Bounds::new(); 2],
             work: Work::default(),
             counted: Work::default(),
@@ -113,10 +123,12 @@ impl<F: Features> Scheduler for Nearby<F> {
     fn rebuild(&mut self, state: &mut State, geometry: &Geometry) {
         let count = state.world.particles.len();
         self.queue.clear();
+        self.steps.clear();
         let predictor = &mut self.predictor;
         if predictor.particles.is_empty() {
-            predictor.particles = with_huge_pages(count + 1);
-            predictor.particles.resize(count + 1, CompactParticle::SENTINEL);
+            let mut particles = with_huge_pages(count + 1);
+            particles.resize(count + 1, CompactParticle::SENTINEL);
+            predictor.particles = particles.into();
         }
         predictor.begin(&state.world);
         predictor.lists = Lists::default();
@@ -137,17 +149,20 @@ impl<F: Features> Scheduler for Nearby<F> {
             }
             for (entry, work) in &block {
                 self.queue.push(*entry);
-                self.work.candidates += work.candidates;
-                self.work.predictions += work.predictions;
+                self.work.add(*work);
             }
         }
+        self.begin_steps(state);
     }
 
     #[inline(always)]
     fn next<const VECTORS: bool>(&mut self, state: &mut State, limit: &mut Limit) -> Next<Impact> {
+        let until = limit.ticks.min(self.horizon);
         let (queue, mut predictor) = self.split::<VECTORS>();
         loop {
-            let Some(entry) = queue.next(state, &mut predictor, limit.ticks) else { return Next::Nothing };
+            let Some(entry) = queue.next(state, &mut predictor, until) else {
+                return if limit.ticks <= until || self.is_idle() { Next::Nothing } else { Next::Step };
+            };
             let i = entry.owner;
             let updates = match entry.target.kind() {
                 ListEvent::Collision(j) => {
@@ -214,7 +229,21 @@ impl<F: Features> Scheduler for Nearby<F> {
     }
 
     fn is_idle(&self) -> bool {
-        self.queue.is_empty()
+        self.queue.is_empty() && self.steps.is_empty()
+    }
+
+    fn take_steps(
+        &mut self,
+        state: &mut State,
+        limit: &mut Limit,
+        observer: &mut dyn Observer,
+        events: bool,
+    ) {
+        Nearby::take_steps(self, state, limit, observer, events);
+    }
+
+    fn serial_reason(&self, state: &State) -> Option<&'static str> {
+        Nearby::serial_reason(self, &state.world)
     }
 
     fn count_work(&mut self, state: &mut State) {

@@ -36,6 +36,7 @@ pub(crate) fn is_wide(summary: &SystemSummary) -> bool {
 }
 
 /// The layout of the lists for one system, made before the run.
+#[derive(Debug, Clone)]
 pub(super) struct Plan {
     pub frame: Frame,
     /// Half of the skin [largest contact distances].

@@ -6,8 +6,7 @@ members that can be the first to collide.
 use std::marker::PhantomData;
 
 use glam::DVec3;
-use haff_calendar::{Calendar, Ladder};
-use haff_neighbors::prefetch_at;
+use haff_neighbors::{Array, prefetch_at};
 
 use super::{
     filter::{self, Bounds},
@@ -43,7 +42,7 @@ const NEVER: f32 = 0.5 * filter::NEVER;
 pub(super) struct ListPredictor<F> {
     pub plan: Plan,
     /// The compact particles of all particles, then the sentinel.
-    pub particles: Vec<CompactParticle>,
+    pub particles: Array<CompactParticle>,
     pub lists: Lists,
     /// Whether members of lists are prefetched, because the particles are too many for the cache.
     pub prefetches: bool,
@@ -55,6 +54,13 @@ pub(super) struct ListPredictor<F> {
 pub(super) struct Work {
     pub candidates: u64,
     pub predictions: u64,
+}
+
+impl Work {
+    pub fn add(&mut self, other: Self) {
+        self.candidates += other.candidates;
+        self.predictions += other.predictions;
+    }
 }
 
 impl<F: Features> ListPredictor<F> {
@@ -78,14 +84,44 @@ impl<F: Features> ListPredictor<F> {
         }
     }
 
+    /// The same data for another thread.
+    ///
+    /// # Safety
+    ///
+    /// As for [`Array::alias`]: no thread changes particles, lists and bins that another one uses.
+    pub unsafe fn alias(&mut self) -> Self {
+        Self {
+            plan: self.plan.clone(),
+            // SAFETY: guaranteed by the caller.
+            particles: unsafe { self.particles.alias() },
+            // SAFETY: as above.
+            lists: unsafe { self.lists.alias() },
+            prefetches: self.prefetches,
+            features: PhantomData,
+        }
+    }
+
+    /// Copies the new path of particle i, whose displacement the present span allows.
+    #[inline(always)]
+    pub fn copy(&mut self, world: &World, i: u32) {
+        self.plan.frame.compact::<F>(world, i).store(&mut self.particles[i as usize]);
+    }
+
+    /// Updates the list of particle i at the present time, which must be within the span. Returns false if an
+    /// alias would need memory for it.
+    #[inline(always)]
+    pub fn renew_list<const VECTORS: bool>(&mut self, world: &World, i: u32) -> bool {
+        let fraction = self.plan.frame.fraction(world.now);
+        self.lists.renew::<F, VECTORS>(i, &self.particles, fraction, AHEAD)
+    }
+
     /// Updates the list of particle i at the present time.
     #[inline(always)]
     pub fn update_list<const VECTORS: bool>(&mut self, world: &World, i: u32) {
         if world.now > self.plan.frame.end {
             self.begin(world);
         }
-        let fraction = self.plan.frame.fraction(world.now);
-        self.lists.renew::<F, VECTORS>(i, &self.particles, fraction, AHEAD);
+        self.renew_list::<VECTORS>(world, i);
     }
 
     /// The next event of particle i, predicted at the world's present time, which must be within the span.
@@ -320,9 +356,9 @@ impl<F: Features, const VECTORS: bool> Predictor for VectorPredictor<'_, F, VECT
     /// anchors and compact particles of the members of these lists. The sentinel has no anchor, but a
     /// prefetch beyond the last anchor has no effect.
     #[inline(always)]
-    fn prefetch(&self, calendar: &Ladder<Entry>, state: &State) {
+    fn prefetch<'a>(&self, upcoming: impl Fn(usize) -> Option<&'a Entry>, state: &State) {
         let ListPredictor { particles, lists, prefetches, .. } = &*self.predictor;
-        if let Some(entry) = calendar.upcoming(FAR_AHEAD) {
+        if let Some(entry) = upcoming(FAR_AHEAD) {
             let partner = entry.target.partner().unwrap_or(entry.owner);
             for i in [entry.owner, partner] {
                 prefetch_at(&state.world.particles, i as usize);
@@ -333,7 +369,7 @@ impl<F: Features, const VECTORS: bool> Predictor for VectorPredictor<'_, F, VECT
         if !prefetches {
             return;
         }
-        if let Some(entry) = calendar.upcoming(NEARLY_DUE)
+        if let Some(entry) = upcoming(NEARLY_DUE)
             && state.world.particles[entry.owner as usize].count == entry.own_count
         {
             let neighbors = |i: u32| {
@@ -344,7 +380,7 @@ impl<F: Features, const VECTORS: bool> Predictor for VectorPredictor<'_, F, VECT
             };
             neighbors(entry.owner);
             if let Some(j) = entry.target.partner()
-                && !calendar.upcoming(NEARLY_DUE + 1).is_some_and(|next| next.mirrors(entry))
+                && !upcoming(NEARLY_DUE + 1).is_some_and(|next| next.mirrors(entry))
             {
                 neighbors(j);
             }

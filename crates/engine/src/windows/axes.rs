@@ -10,7 +10,10 @@ A *grid coordinate* is a position in units of the width of a cell, in single pre
 
 use haff_neighbors::{Axis, Geometry};
 
-use crate::compact::{PERIOD, coordinate};
+use crate::{
+    blocks::Grid,
+    compact::{PERIOD, coordinate},
+};
 
 /// Largest number of windows after which the slots are filled from the anchors again.
 pub(super) const MAX_WINDOWS: u64 = 16;
@@ -144,6 +147,16 @@ impl Axes {
     #[inline(always)]
     pub fn wraps(&self, axis: usize) -> bool {
         self.low[axis] < 0.0
+    }
+
+    /// The grid of blocks.
+    #[inline(always)]
+    pub fn grid(&self) -> Grid {
+        Grid {
+            n: [self.n[0], self.n[1], self.n[2]],
+            cells: [self.cells[0], self.cells[1], self.cells[2]],
+            wraps: [self.wraps(0), self.wraps(1), self.wraps(2)],
+        }
     }
 
     /// The coordinate of a position along an axis [length].

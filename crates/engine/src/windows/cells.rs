@@ -14,7 +14,8 @@ use std::{ops::Range, sync::Arc};
 
 use haff_neighbors::{Array, Elements, Geometry, prefetch_at, with_huge_pages};
 
-use super::{axes::Axes, front::Bounds};
+use super::axes::Axes;
+use crate::blocks::Bounds;
 use crate::compact::LANES;
 
 /// Entries of a block. Together with its link they fill half a cache line.

@@ -16,7 +16,6 @@ mod axes;
 mod blocks;
 mod cells;
 mod filter;
-mod front;
 mod narrow_phase;
 mod opening;
 mod space;

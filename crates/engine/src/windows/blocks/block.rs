@@ -1,181 +1,90 @@
 //! One block: takes the events of a round, or leaves them over.
 
-use std::collections::BTreeMap;
-
 use glam::DVec3;
 
 use super::super::{
     axes::Axes,
     cells::path_span,
-    front::{Depth, Front, Metric},
     tune::Work,
-    window_event::{Contact, Entry, WindowEvent},
+    window_event::{Contact, WindowEvent},
     worker::Worker,
 };
-use super::{cut::Round, ownership::Ownership, rows::Rows};
 use crate::{
-    accumulators::Accumulators,
-    batch::Kernel,
+    blocks::{Block, Bounds, Ownership, Part, Place, Present, Step, wrap_place},
     compact::CompactParticle,
     features::Features,
-    particles::{Particle, World},
-    report::BlockCounts,
+    particles::World,
     resolve,
-    rest::state::SettlingState,
-    stall::Stall,
-    state::State,
 };
 
 /// What a thread has for one block.
-pub(super) struct Block<F> {
+pub(super) struct WindowBlock<F> {
     pub worker: Worker<F>,
-    /// For assertions.
-    pub ownership: Ownership,
-    pub state: State,
-    /// The front of the present round.
-    pub front: Front,
-    /// Contacts at the start of the round.
-    pub contacts: Vec<WindowEvent>,
-    /// Events that are left to the next round.
-    pub left: Vec<WindowEvent>,
-    pub undo: Vec<Undo>,
-    /// Changes of the images of particles in a step.
-    pub wraps: Vec<(u32, [i32; 3])>,
-    pub rows: Rows,
-    /// Times of the events \[ticks\], those of a round in order.
-    pub times: Vec<i64>,
-    /// Where the times of the present round begin.
-    pub first_time: usize,
-    /// Whether the step must be undone, and whether because of an event that an earlier front has not
-    /// expected.
-    pub is_failed: bool,
-    pub is_unexpected: bool,
-}
-
-/// A particle before its first event in a step.
-pub(super) struct Undo {
-    pub i: u32,
-    pub particle: Particle,
+    pub part: Part<WindowEvent>,
+    /// Whether the longest displacement of all particles has been noted since the start of the window.
+    pub has_noted: bool,
 }
 
 /// The place of a particle in its window after a fraction of it [cells].
 #[inline(always)]
 pub(super) fn place(axes: &Axes, particle: &CompactParticle, fraction: f32) -> [f32; 3] {
-    let mut x = axes.grid_coordinates(particle.x);
+    let grid = axes.grid_coordinates(particle.x);
+    let mut x = [grid[0], grid[1], grid[2]];
     for k in 0..3 {
         x[k] += particle.v[k] * fraction * axes.cells[k];
-        let n = axes.n[k] as f32;
-        if axes.wraps(k) {
-            if x[k] < 0.0 {
-                x[k] += n;
-            }
-            if x[k] >= n {
-                x[k] -= n;
-            }
-        }
     }
-    [x[0], x[1], x[2]]
+    wrap_place(&axes.grid(), &mut x);
+    x
 }
 
-/// The present step, for all blocks.
-pub(super) struct Step {
-    pub metric: Metric,
-    /// After `from`, up to and including `to` [ticks].
-    pub from: i64,
-    pub to: i64,
-    /// Start of the window [ticks], and its length as fractions per tick.
-    pub begin: i64,
-    pub per_time: f64,
-    /// Most events of a block: more are a collapse, which is found where events are taken in order.
-    pub most: usize,
-    /// Whether the longest displacement of all particles has been noted since the start of the window.
-    pub has_noted: bool,
-}
-
-impl<F> Block<F> {
+impl<F> WindowBlock<F> {
     /// A block with this worker, and with a world without particles.
     pub fn new(worker: Worker<F>, world: &World, ownership: Ownership) -> Self {
-        Self {
-            worker,
-            ownership,
-            front: Front::default(),
-            state: State {
-                world: world.without_particles(),
-                accumulators: Accumulators::default(),
-                pending: BTreeMap::new(),
-                stall: Stall::default(),
-                settling: SettlingState::default(),
-                blocks: BlockCounts::default(),
-            },
-            contacts: Vec::new(),
-            left: Vec::new(),
-            undo: Vec::new(),
-            wraps: Vec::new(),
-            rows: Rows::default(),
-            times: Vec::new(),
-            first_time: 0,
-            is_failed: false,
-            is_unexpected: false,
-        }
+        Self { worker, part: Part::new(world, ownership), has_noted: false }
     }
 
     /// Removes all that a step has left in the block.
     pub fn clear(&mut self) {
-        self.state.accumulators = Accumulators::default();
-        self.state.pending.clear();
-        self.state.world.resting = 0;
-        self.state.world.longest_flight = 0.0;
+        self.part.clear();
         self.worker.scratch.work = Work::default();
         self.worker.later.clear();
-        self.left.clear();
-        self.undo.clear();
-        self.wraps.clear();
-        self.rows.clear();
-        self.times.clear();
-        self.first_time = 0;
-        (self.is_failed, self.is_unexpected) = (false, false);
     }
 }
 
-impl<F: Features> Block<F> {
-    /// Takes the events of a round.
-    pub fn run(&mut self, kernel: Kernel, step: &Step, earlier: &[Round], events: bool) {
-        let present = Present { step, earlier };
-        match (kernel, events) {
-            (Kernel::Portable, false) => self.take::<false, false>(&present),
-            (Kernel::Portable, true) => self.take::<true, false>(&present),
-            #[cfg(target_arch = "x86_64")]
-            // SAFETY: only `Kernel::choose` makes this variant, after it has detected the features.
-            (Kernel::Avx2, false) => unsafe { self.take_avx2::<false>(&present) },
-            #[cfg(target_arch = "x86_64")]
-            // SAFETY: as above.
-            (Kernel::Avx2, true) => unsafe { self.take_avx2::<true>(&present) },
-        }
+impl<F: Features> Block for WindowBlock<F> {
+    type Event = WindowEvent;
+
+    fn part(&mut self) -> &mut Part<WindowEvent> {
+        &mut self.part
     }
 
-    #[cfg(target_arch = "x86_64")]
-    #[target_feature(enable = "avx2,fma,bmi1,bmi2,lzcnt,popcnt")]
-    fn take_avx2<const EVENTS: bool>(&mut self, present: &Present) {
-        self.take::<EVENTS, true>(present);
+    fn begin_round(&mut self, bounds: Bounds) {
+        self.worker.space.cells.own(bounds);
+    }
+
+    fn is_full(&self) -> bool {
+        self.worker.space.cells.is_full()
     }
 
     #[inline(always)]
     fn take<const EVENTS: bool, const VECTORS: bool>(&mut self, present: &Present) {
         let (from, to) = (present.step.from, present.step.to);
         self.worker.horizon = to;
-        self.worker.queue.open(from, to, &self.contacts);
+        self.worker.queue.open(from, to, &self.part.known);
         while let Some(event) = self.worker.queue.pop_until(to) {
-            let bounds = self.front.bounds;
+            let bounds = self.part.front.bounds;
             let contains = |axis: usize, c: i32| bounds.contains_cells(axis, c, 1);
-            self.worker.prefetch(&self.state.world, contains);
-            let is_endless = self.times.len() > present.step.most;
+            self.worker.prefetch(&self.part.state.world, contains);
+            let is_endless = self.part.times.len() > present.step.most;
             if is_endless || !self.take_event::<EVENTS, VECTORS>(present, event) {
-                self.is_failed = true;
+                self.part.is_failed = true;
                 return;
             }
         }
     }
+}
 
+impl<F: Features> WindowBlock<F> {
     /// Takes an event or leaves it over. Returns false if the step must be undone.
     #[inline(always)]
     fn take_event<const EVENTS: bool, const VECTORS: bool>(
@@ -198,23 +107,23 @@ impl<F: Features> Block<F> {
     ) -> bool {
         let entry = event.0;
         let i = entry.owner;
-        let (world, step) = (&self.state.world, present.step);
-        self.ownership.read(i);
+        let (world, step) = (&self.part.state.world, present.step);
+        self.part.ownership.read(i);
         let (a, b) = (&world.particles[i as usize], &world.particles[j as usize]);
         // In this order: the partner of a particle with another path can be in another block.
         if a.count != entry.own_count {
-            self.state.accumulators.counters.dropped += 1;
+            self.part.state.accumulators.counters.dropped += 1;
             return true;
         }
-        self.ownership.read(j);
+        self.part.ownership.read(j);
         if b.count != entry.partner_count {
-            self.state.accumulators.counters.dropped += 1;
+            self.part.state.accumulators.counters.dropped += 1;
             return true;
         }
         let time = step.fraction(entry.time);
         let places = [self.place(step, i, time), self.place(step, j, time)];
         if !self.is_known(present, &places, time) {
-            return self.leave(present, event, &places, time);
+            return self.part.leave(step, event, &places, time);
         }
         let Ok(impact) = resolve::collide::<F>(world, [i, j], entry.time) else { return false };
         for (k, (_, position, velocity)) in impact.after().into_iter().enumerate() {
@@ -222,27 +131,25 @@ impl<F: Features> Block<F> {
             let k = if i < j { k } else { 1 - k };
             match self.stays(present, &places[k], (position, velocity), entry.time) {
                 Stays::Inside => {}
-                Stays::Outside => return self.leave(present, event, &places, time),
+                Stays::Outside => return self.part.leave(step, event, &places, time),
                 Stays::TooFast => return false,
             }
         }
-        if !present.is_expected(&places, time) {
-            self.is_unexpected = true;
-            return false;
+        if !present.is_expected(&self.part.state.world, &places, time) {
+            return self.part.reject();
         }
         for place in &places {
-            self.ownership.change(place.body);
-            self.save(step, place.body);
+            self.part.save(step, place.body);
             self.worker.space.particles[place.slot].note_path();
         }
-        self.start_event::<EVENTS>(&entry);
-        resolve::apply::<F, EVENTS>(&mut self.state, &impact, entry.time, &mut self.rows);
-        self.wrap(i);
-        self.wrap(j);
+        self.part.start_event::<F, _, EVENTS>(&entry);
+        resolve::apply::<F, EVENTS>(&mut self.part.state, &impact, entry.time, &mut self.part.rows);
+        self.part.wrap(i);
+        self.part.wrap(j);
         if self.has_resting() {
             return false;
         }
-        let world = &self.state.world;
+        let world = &self.part.state.world;
         let movable = |body: u32| F::UNIFORM || world.class(body).inverse_mass != 0.0;
         match (movable(i), movable(j)) {
             (true, true) => self.worker.predict_again::<2, VECTORS>(world, [i.min(j), i.max(j)]),
@@ -260,15 +167,15 @@ impl<F: Features> Block<F> {
     ) -> bool {
         let entry = event.0;
         let i = entry.owner;
-        let (world, step) = (&self.state.world, present.step);
+        let (world, step) = (&self.part.state.world, present.step);
         if world.particles[i as usize].count != entry.own_count {
-            self.state.accumulators.counters.dropped += 1;
+            self.part.state.accumulators.counters.dropped += 1;
             return true;
         }
         let time = step.fraction(entry.time);
         let places = [self.place(step, i, time)];
         if !self.is_known(present, &places, time) {
-            return self.leave(present, event, &places, time);
+            return self.part.leave(step, event, &places, time);
         }
         let Ok((contact, outcome)) = resolve::collide_with_wall::<F>(world, i, wall, entry.time) else {
             return false;
@@ -276,20 +183,18 @@ impl<F: Features> Block<F> {
         let after = (contact.position, outcome.velocity());
         match self.stays(present, &places[0], after, entry.time) {
             Stays::Inside => {}
-            Stays::Outside => return self.leave(present, event, &places, time),
+            Stays::Outside => return self.part.leave(step, event, &places, time),
             Stays::TooFast => return false,
         }
-        if !present.is_expected(&places, time) {
-            self.is_unexpected = true;
-            return false;
+        if !present.is_expected(&self.part.state.world, &places, time) {
+            return self.part.reject();
         }
-        self.ownership.change(i);
-        self.save(step, i);
+        self.part.save(step, i);
         self.worker.space.particles[places[0].slot].note_path();
-        self.start_event::<EVENTS>(&entry);
-        resolve::apply_wall::<F, EVENTS>(&mut self.state, &contact, &outcome, &mut self.rows);
-        self.wrap(i);
-        !self.has_resting() && self.worker.predict_again::<1, VECTORS>(&self.state.world, [i])
+        self.part.start_event::<F, _, EVENTS>(&entry);
+        resolve::apply_wall::<F, EVENTS>(&mut self.part.state, &contact, &outcome, &mut self.part.rows);
+        self.part.wrap(i);
+        !self.has_resting() && self.worker.predict_again::<1, VECTORS>(&self.part.state.world, [i])
     }
 
     /// The place of a particle after a fraction of the window.
@@ -298,20 +203,20 @@ impl<F: Features> Block<F> {
         let slot = self.worker.slot_of[body as usize] as usize;
         let space = &self.worker.space;
         let x = place(&space.cells.axes, &space.particles[slot], time);
-        Place { body, slot, x, depth: step.metric.depth(&self.front.bounds, x) }
+        Place { body, slot, x, depth: step.metric.depth(&self.part.front.bounds, x) }
     }
 
     /// Whether nothing unknown can have changed an event, and its particles are registered in no cells but
     /// those of this block.
     #[inline(always)]
     fn is_known<const K: usize>(&self, present: &Present, places: &[Place; K], time: f32) -> bool {
-        if self.front.bounds.is_whole {
+        if self.part.front.bounds.is_whole {
             return true;
         }
         // A loop instead of `Iterator::all`, which can remain a call compiled for the baseline instruction
         // set.
         for place in places {
-            let is_clear = self.front.is_clear(place.depth, place.x, time);
+            let is_clear = self.part.front.is_clear(place.depth, place.x, time);
             if !is_clear || !self.is_registered_inside(present, place) {
                 return false;
             }
@@ -330,8 +235,8 @@ impl<F: Features> Block<F> {
         // displacement of the window away from b, and the present place is up to another one away from b.
         // After a step that was undone, it is registered along paths that it does not take.
         let has_turned =
-            self.state.world.particles[place.body as usize].time > step.begin || compact.longest() > 0.0;
-        let displacement = if !step.has_noted {
+            self.part.state.world.particles[place.body as usize].time > step.begin || compact.longest() > 0.0;
+        let displacement = if !self.has_noted {
             step.metric.speed
         } else if has_turned {
             let mut last = *compact;
@@ -347,7 +252,7 @@ impl<F: Features> Block<F> {
     fn contains(&self, (low, count): ([i32; 4], [i32; 3])) -> bool {
         let mut is_inside = true;
         for k in 0..3 {
-            is_inside &= self.front.bounds.contains_cells(k, low[k], count[k]);
+            is_inside &= self.part.front.bounds.contains_cells(k, low[k], count[k]);
         }
         is_inside
     }
@@ -363,7 +268,7 @@ impl<F: Features> Block<F> {
     ) -> Stays {
         let step = present.step;
         let metric = &step.metric;
-        let world = &self.state.world;
+        let world = &self.part.state.world;
         if !F::UNIFORM && world.class(place.body).inverse_mass == 0.0 {
             return Stays::Inside;
         }
@@ -395,63 +300,11 @@ impl<F: Features> Block<F> {
         }
     }
 
-    /// Begins an event.
-    #[inline(always)]
-    fn start_event<const EVENTS: bool>(&mut self, entry: &Entry) {
-        self.state.world.now = entry.time;
-        if EVENTS {
-            let world = &self.state.world;
-            let is_movable = |body: &u32| F::UNIFORM || world.class(*body).inverse_mass != 0.0;
-            let changed = [Some(entry.owner), entry.target.partner()].map(|body| body.filter(is_movable));
-            self.rows.begin_event(entry.time, entry.rank(), changed);
-        }
-        self.times.push(entry.time);
-    }
-
     /// Whether a wall supports a particle: windows do not support this.
     #[inline(always)]
     fn has_resting(&self) -> bool {
-        F::GRAVITY && (self.state.world.resting != 0 || !self.state.pending.is_empty())
+        F::GRAVITY && (self.part.state.world.resting != 0 || !self.part.state.pending.is_empty())
     }
-
-    /// Wraps the anchor of a particle into the box.
-    #[inline(always)]
-    fn wrap(&mut self, i: u32) {
-        let wraps = self.state.world.wrap_anchor(i);
-        if wraps != [0; 3] {
-            self.wraps.push((i, wraps));
-        }
-    }
-
-    /// Saves a particle before its first event in a step.
-    #[inline(always)]
-    fn save(&mut self, step: &Step, i: u32) {
-        let particle = self.state.world.particles[i as usize];
-        if particle.time <= step.from {
-            self.undo.push(Undo { i, particle });
-        }
-    }
-
-    /// Leaves an event to the next round.
-    #[cold]
-    #[inline(never)]
-    fn leave(&mut self, present: &Present, event: WindowEvent, places: &[Place], time: f32) -> bool {
-        let step = present.step;
-        self.left.push(event);
-        // One source for both particles of a pair: each is half a contact distance from it.
-        let (first, last) = (places[0].x, places[places.len() - 1].x);
-        self.front.add(step.metric.middle(first, last), time, step.fraction(step.to));
-        true
-    }
-}
-
-/// The place of a particle at an event.
-struct Place {
-    body: u32,
-    slot: usize,
-    /// Grid coordinates [cells].
-    x: [f32; 3],
-    depth: Depth,
 }
 
 /// Where a new path leads.
@@ -460,26 +313,4 @@ enum Stays {
     Outside,
     /// The particle is faster than the front.
     TooFast,
-}
-
-/// What a block uses in a round besides its own data.
-struct Present<'a> {
-    step: &'a Step,
-    earlier: &'a [Round],
-}
-
-impl Present<'_> {
-    /// Whether the fronts of all earlier rounds expect an event at these places.
-    #[inline(always)]
-    fn is_expected(&self, places: &[Place], time: f32) -> bool {
-        self.earlier.iter().all(|round| places.iter().all(|place| round.expects(place.x, time)))
-    }
-}
-
-impl Step {
-    /// A time as a fraction of the window.
-    #[inline(always)]
-    pub fn fraction(&self, ticks: i64) -> f32 {
-        ((ticks - self.begin) as f64 * self.per_time) as f32
-    }
 }

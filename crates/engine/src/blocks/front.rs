@@ -15,12 +15,12 @@
 //! there until its own next event. An event that has been taken is outside of the field. So no event of a
 //! later round can reach a particle before an event of it that has been taken.
 
-use super::axes::Axes;
+use super::Grid;
 
 /// Distances from faces and from sources, and what tests of later rounds subtract from them [largest contact
 /// distances].
 #[derive(Debug, Clone, Copy)]
-pub(super) struct Dilations {
+pub(crate) struct Dilations {
     pub face: f32,
     pub source: f32,
     pub inner: f32,
@@ -32,7 +32,7 @@ const FAR: f32 = 1e30;
 /// A cuboid of cells: along each axis the cells `first` ≤ c < `end`. On a periodic axis `end` can be larger
 /// than the number of cells.
 #[derive(Debug, Clone, Copy, Default)]
-pub(super) struct Bounds {
+pub(crate) struct Bounds {
     pub first: [i32; 3],
     pub end: [i32; 3],
     /// The faces with another block beyond them [cells]; far away where there is none.
@@ -47,14 +47,14 @@ pub(super) struct Bounds {
 impl Bounds {
     /// Bounds of these cells of a grid. `shared`: whether another block is beyond the lower and the upper
     /// face of each axis.
-    pub fn new(axes: &Axes, first: [i32; 3], end: [i32; 3], shared: [[bool; 2]; 3]) -> Self {
+    pub fn new(grid: &Grid, first: [i32; 3], end: [i32; 3], shared: [[bool; 2]; 3]) -> Self {
         let face = |k: usize, side: usize, c: i32, far: f32| if shared[k][side] { c as f32 } else { far };
         Self {
             first,
             end,
             low: [0, 1, 2].map(|k| face(k, 0, first[k], -FAR)),
             high: [0, 1, 2].map(|k| face(k, 1, end[k], FAR)),
-            period: [0, 1, 2].map(|k| if axes.wraps(k) { axes.n[k] } else { 0 }),
+            period: [0, 1, 2].map(|k| if grid.wraps[k] { grid.n[k] } else { 0 }),
             is_whole: shared == [[false; 2]; 3],
         }
     }
@@ -77,7 +77,7 @@ impl Bounds {
 
 /// Distances, in lengths and in cells.
 #[derive(Debug, Clone, Copy, Default)]
-pub(super) struct Metric {
+pub(crate) struct Metric {
     /// Number of cells along each axis, and the same as a length of repetition, 0 if there is none [cells].
     pub n: [i32; 3],
     period: [f32; 3],
@@ -85,6 +85,8 @@ pub(super) struct Metric {
     width: [f32; 3],
     /// Largest speed [length per window].
     pub speed: f32,
+    /// The largest contact distance [length].
+    sigma: f32,
     /// Distances [length].
     face: f32,
     pub source: f32,
@@ -94,20 +96,21 @@ pub(super) struct Metric {
 /// The distances of a place from the nearest face with another block beyond it [length]; negative outside of
 /// the block.
 #[derive(Debug, Clone, Copy)]
-pub(super) struct Depth {
+pub(crate) struct Depth {
     pub distance: f32,
     /// From the nearest cell that is certain to be in the block, with the rounding of coordinates.
     pub of_cells: f32,
 }
 
 impl Metric {
-    pub fn new(axes: &Axes, speed: f32, sigma: f32, dilations: Dilations) -> Self {
-        let width = |k: usize| if axes.cells[k] > 0.0 { 1.0 / axes.cells[k] } else { 1.0 };
+    pub fn new(grid: &Grid, speed: f32, sigma: f32, dilations: Dilations) -> Self {
+        let width = |k: usize| if grid.cells[k] > 0.0 { 1.0 / grid.cells[k] } else { 1.0 };
         Self {
-            n: [axes.n[0], axes.n[1], axes.n[2]],
-            period: [0, 1, 2].map(|k| if axes.wraps(k) { axes.n[k] as f32 } else { 0.0 }),
+            n: grid.n,
+            period: [0, 1, 2].map(|k| if grid.wraps[k] { grid.n[k] as f32 } else { 0.0 }),
             width: [0, 1, 2].map(width),
             speed,
+            sigma,
             face: dilations.face * sigma,
             source: dilations.source * sigma,
             inner: dilations.inner * sigma,
@@ -174,6 +177,12 @@ impl Metric {
         sum
     }
 
+    /// Whether sources reach a contact distance farther than what tests of later rounds subtract.
+    #[inline(always)]
+    pub fn has_wide_sources(&self) -> bool {
+        self.source >= self.inner + self.sigma
+    }
+
     /// Whether [`Front::lines`] reaches all cells within `reach` [length].
     pub fn reaches(&self, reach: f32) -> bool {
         (0..3).all(|k| self.n[k] <= LONGEST || 2.0 * reach / self.width[k] + 2.0 <= LONGEST as f32)
@@ -199,7 +208,7 @@ const COARSE: u32 = 1;
 
 /// The field of a block in a round.
 #[derive(Debug, Default)]
-pub(super) struct Front {
+pub(crate) struct Front {
     metric: Metric,
     pub bounds: Bounds,
     /// Number of cells along each axis, and of larger cells.
@@ -217,6 +226,8 @@ pub(super) struct Front {
     /// Cells with a finite time, and their rows.
     reached: Vec<u32>,
     reached_rows: Vec<u32>,
+    /// Number of cells at each face that it reaches at the start of the step.
+    shadow: [[i32; 2]; 3],
     /// Start of the step [windows], and parts of the step per window.
     start: f32,
     parts: f32,
@@ -250,6 +261,7 @@ impl Front {
             sources: Vec::new(),
             reached: Vec::new(),
             reached_rows: Vec::new(),
+            shadow: [[0; 2]; 3],
             start: 0.0,
             parts: 0.0,
         }
@@ -271,6 +283,11 @@ impl Front {
         }
         self.sources.clear();
         self.metric = metric;
+        let cells = |k: usize| (metric.face / metric.width[k]) as i32;
+        let bounds = &self.bounds;
+        self.shadow = [0, 1, 2].map(|k| {
+            [bounds.low[k] > -FAR, bounds.high[k] < FAR].map(|shared| if shared { cells(k) } else { 0 })
+        });
         self.start = start;
         self.parts = 254.0 / (end - start).max(f32::MIN_POSITIVE);
     }
@@ -293,6 +310,10 @@ impl Front {
         if !metric.is_clear(depth, time - self.start, metric.source) {
             return;
         }
+        // In lists both partners have an entry for their collision.
+        if self.sources.last().is_some_and(|&(place, at, _)| place == x && at == time) {
+            return;
+        }
         let cell = self.coarse_cell(x);
         self.sources.push((x, time, self.first[cell]));
         self.first[cell] = self.sources.len() as u32 - 1;
@@ -300,7 +321,11 @@ impl Front {
         let reach = metric.source + 1.001 * metric.speed * (end - time).max(0.0);
         let lines = self.lines(x, reach, 0);
         let (part, per_length) = ((time - self.start) * self.parts, self.parts / metric.speed);
+        let near = metric.source * metric.source;
         let arrival = |square: f32| {
+            if square <= near {
+                return part as u8;
+            }
             let later = (square.sqrt() - metric.source).max(0.0) * per_length;
             (part + later) as u8
         };
@@ -384,8 +409,13 @@ impl Front {
             // Along an axis that is not cut, the cells beyond an edge are those at the other one.
             let n = self.counts[k];
             let wraps = metric.period[k] > 0.0 && n == metric.n[k];
-            let (low, high) =
-                if wraps { (low, high.min(low + n - 1)) } else { (low.max(0), high.min(n - 1)) };
+            // Cells that the faces reach at the start of the step need no times of sources.
+            let shadow = if coarse == 0 { self.shadow[k] } else { [0; 2] };
+            let (low, high) = if wraps {
+                (low, high.min(low + n - 1))
+            } else {
+                (low.max(shadow[0]), high.min(n - 1 - shadow[1]))
+            };
             let mut previous = -1;
             for c in low..=high.min(low + LONGEST - 1) {
                 let gap = (c as f32 - place[k]).max(place[k] - (c + 1) as f32).max(0.0) * metric.width[k];
@@ -446,37 +476,20 @@ fn lower(time: &mut u8, at: u8, index: usize, reached: &mut Vec<u32>) {
 
 #[cfg(test)]
 mod tests {
-    use glam::DVec3;
-    use haff_neighbors::{Axis, Geometry};
-
     use super::*;
 
     #[test]
     fn a_part_of_a_walled_axis_contains_no_cells_of_another_part() {
-        for (kind, wraps) in [(Axis::Bounded, false), (Axis::Periodic, true)] {
-            let size = DVec3::splat(20.0);
-            let geometry = Geometry {
-                size,
-                axes: [kind; 3],
-                reach: 1.0,
-                crowding: 1.0,
-                radius: 0.5,
-                radii: Vec::new(),
-                planes: Vec::new(),
-            };
-            let axes = Axes::new(&geometry, 1.0, 8000);
+        for (kind, wraps) in [("walled", false), ("periodic", true)] {
+            let grid = Grid { n: [20; 3], cells: [1.0; 3], wraps: [wraps; 3] };
             let shared = [[false; 2], [false; 2], [true, wraps]];
-            let last = Bounds::new(&axes, [0, 0, 12], [20; 3], shared);
+            let last = Bounds::new(&grid, [0, 0, 12], [20; 3], shared);
             for (low, count, expected) in
                 [(9, 1, false), (11, 2, false), (12, 8, true), (19, 2, !wraps), (-1, 1, wraps), (0, 1, false)]
             {
-                assert_eq!(
-                    last.contains_cells(2, low, count),
-                    expected,
-                    "{kind:?}: {count} cells from {low}"
-                );
+                assert_eq!(last.contains_cells(2, low, count), expected, "{kind}: {count} cells from {low}");
             }
-            assert!(last.contains_cells(1, 3, 20), "{kind:?}: an axis that is not cut");
+            assert!(last.contains_cells(1, 3, 20), "{kind}: an axis that is not cut");
         }
     }
 }

@@ -8,7 +8,7 @@ use std::{
 use crate::report::{EventRecord, Exchange, Observer, Partner, VelocityChange};
 
 /// The rows of an event.
-pub(super) struct Row {
+pub(crate) struct Row {
     /// Time \[ticks\], and rank among simultaneous events.
     pub time: i64,
     pub rank: (u32, u32, u32),
@@ -20,7 +20,7 @@ pub(super) struct Row {
 
 /// The rows of one block, in the order in which it has taken the events.
 #[derive(Default)]
-pub(super) struct Rows {
+pub(crate) struct Rows {
     rows: Vec<Row>,
     /// The row at which each round begins.
     rounds: Vec<usize>,
@@ -72,7 +72,7 @@ impl Row {
 }
 
 /// Gives the rows of all blocks to an observer, in the order of the events.
-pub(super) fn deliver<'a>(blocks: impl Iterator<Item = &'a Rows>, observer: &mut dyn Observer) {
+pub(crate) fn deliver<'a>(blocks: impl Iterator<Item = &'a Rows>, observer: &mut dyn Observer) {
     let mut sorted: Vec<(i64, usize, usize, usize)> = Vec::new();
     let blocks: Vec<&Rows> = blocks.collect();
     for (k, Rows { rows, rounds }) in blocks.iter().enumerate() {

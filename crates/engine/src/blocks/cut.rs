@@ -5,14 +5,14 @@
 //! first ones. What is left lies at faces of the first round along one axis and of the second round along
 //! another one; further rounds are shifted along some of the axes. The last round is a single block.
 
-use super::super::{
-    axes::Axes,
+use super::{
+    Grid,
     front::{Bounds, Front, Metric},
 };
 
 /// One of the rounds of a step: blocks that fill the grid.
 #[derive(Debug, Default)]
-pub(super) struct Round {
+pub(crate) struct Round {
     pub fronts: Vec<Front>,
     /// For each axis, the part in which a cell is.
     part_of: [Vec<u16>; 3],
@@ -22,15 +22,15 @@ pub(super) struct Round {
 
 impl Round {
     /// A round with these faces along each axis, in the memory of another one.
-    pub fn new(metric: Metric, axes: &Axes, faces: &[Vec<i32>; 3], other: &mut Self) -> Self {
-        let parts = [0, 1, 2].map(|k| parts(&faces[k], axes.n[k], axes.wraps(k)));
+    fn new(metric: Metric, grid: &Grid, faces: &[Vec<i32>; 3], other: &mut Self) -> Self {
+        let parts = [0, 1, 2].map(|k| parts(&faces[k], grid.n[k], grid.wraps[k]));
         let mut part_of = std::mem::take(&mut other.part_of);
         for k in 0..3 {
             part_of[k].clear();
-            part_of[k].resize(axes.n[k] as usize, 0);
+            part_of[k].resize(grid.n[k] as usize, 0);
             for (part, &(first, end, _)) in parts[k].iter().enumerate() {
                 for c in first..end {
-                    part_of[k][(c % axes.n[k]) as usize] = part as u16;
+                    part_of[k][(c % grid.n[k]) as usize] = part as u16;
                 }
             }
         }
@@ -39,7 +39,7 @@ impl Round {
         for z in &parts[2] {
             for y in &parts[1] {
                 for x in &parts[0] {
-                    let bounds = Bounds::new(axes, [x.0, y.0, z.0], [x.1, y.1, z.1], [x.2, y.2, z.2]);
+                    let bounds = Bounds::new(grid, [x.0, y.0, z.0], [x.1, y.1, z.1], [x.2, y.2, z.2]);
                     fronts.push(Front::new(metric, bounds, others.next()));
                 }
             }
@@ -63,6 +63,34 @@ impl Round {
     }
 }
 
+/// Cuts the grid into this number of blocks along each axis, with about the same number of particles in each
+/// part of an axis. `up_to` are, for each axis that is cut, the numbers of particles in cells with a lower
+/// index, for each cell and the end. `rounds` gives and receives memory.
+pub(crate) fn cut(
+    metric: Metric,
+    grid: &Grid,
+    blocks: [usize; 3],
+    up_to: impl Fn(usize) -> Vec<u64>,
+    rounds: &mut Vec<Round>,
+) {
+    let planes = [0, 1, 2].map(|k| if blocks[k] > 1 { up_to(k) } else { Vec::new() });
+    let faces = |k: usize, is_shifted: bool| -> Vec<i32> {
+        let (count, shift) = (blocks[k] as u64, u64::from(is_shifted));
+        let particles = planes[k].last().copied().unwrap_or(0);
+        let face = |part: u64| {
+            let target = particles * (2 * part + shift) / (2 * count);
+            planes[k].iter().position(|&sum| sum >= target).unwrap_or(0) as i32
+        };
+        if count > 1 { (0..count).map(face).collect() } else { Vec::new() }
+    };
+    let shifts = shifts(blocks);
+    rounds.resize_with(shifts.len() + 1, Round::default);
+    let all = shifts.iter().map(|shift| [0, 1, 2].map(|k| faces(k, shift[k])));
+    for (round, faces) in rounds.iter_mut().zip(all.chain([Default::default()])) {
+        *round = Round::new(metric, grid, &faces, round);
+    }
+}
+
 /// The parts between these faces along an axis of `n` cells: the first cell, the end, and whether another
 /// part is beyond each side.
 fn parts(faces: &[i32], n: i32, wraps: bool) -> Vec<(i32, i32, [bool; 2])> {
@@ -82,7 +110,7 @@ fn parts(faces: &[i32], n: i32, wraps: bool) -> Vec<(i32, i32, [bool; 2])> {
 
 /// The numbers of blocks along each axis of a box of these lengths: at most `most` blocks, none thinner than
 /// `thickness`, with the smallest faces in total.
-pub(super) fn divide(lengths: [f32; 3], most: usize, thickness: f32) -> [usize; 3] {
+pub(crate) fn divide(lengths: [f32; 3], most: usize, thickness: f32) -> [usize; 3] {
     let largest = lengths.map(|length| ((length / thickness) as usize).max(1));
     let faces = |blocks: [usize; 3]| -> f32 {
         (0..3).filter(|&k| blocks[k] > 1).map(|k| blocks[k] as f32 / lengths[k]).sum()
@@ -107,7 +135,7 @@ pub(super) fn divide(lengths: [f32; 3], most: usize, thickness: f32) -> [usize; 
 }
 
 /// Along which axes each round is shifted, but the last one, for these numbers of blocks.
-pub(super) fn shifts(blocks: [usize; 3]) -> Vec<[bool; 3]> {
+fn shifts(blocks: [usize; 3]) -> Vec<[bool; 3]> {
     let all: Vec<[bool; 3]> = (0..8_u32)
         .map(|bits| [0, 1, 2].map(|k| bits >> k & 1 == 1))
         .filter(|shift| (0..3).all(|k| blocks[k] > 1 || !shift[k]))

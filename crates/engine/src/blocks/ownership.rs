@@ -1,5 +1,5 @@
 //! Assertions that no block reads or changes a particle that another one changes in the same round. They are
-//! made with debug assertions only; those for cells are in [`super::super::cells`].
+//! made with debug assertions only; those for cells are in `windows::cells`.
 
 use std::sync::{
     Arc,
@@ -8,7 +8,7 @@ use std::sync::{
 
 /// The particles that one block has changed in the present round.
 #[derive(Clone, Default)]
-pub(super) struct Ownership {
+pub(crate) struct Ownership {
     /// For each particle, the round and the block that have changed it last; empty without assertions.
     changes: Arc<Vec<AtomicU64>>,
     /// The present round and the block.

@@ -30,7 +30,7 @@ impl Drop for Done<'_> {
 
 /// Calls `work`. Until it returns, other threads of the pool look for work without sleeping: as many as there
 /// are processors.
-pub(super) fn with_awake_threads<R>(work: impl FnOnce() -> R) -> R {
+pub(crate) fn with_awake_threads<R>(work: impl FnOnce() -> R) -> R {
     let processors = available_parallelism().map_or(1, usize::from);
     let helpers = rayon::current_num_threads().min(processors).saturating_sub(1);
     if helpers == 0 || IS_AWAKE.get() {

@@ -82,7 +82,7 @@ fn scene(dimension: Dimension, edges: [u32; 3], boundary: [Boundary; 3], radii: 
 }
 
 /// A gas, a mixture between walls of which one is thermal, disks, and falling grains.
-fn scenes() -> Vec<(&'static str, System)> {
+fn scenes() -> Vec<(&'static str, NeighborChoice, System)> {
     let periodic = [Boundary::Periodic; 3];
     let gas = scene(Dimension::Three, [9, 9, 24], periodic, &[0.4], 0.9);
     let walls = [Boundary::Wall, Boundary::Periodic, Boundary::Wall];
@@ -96,7 +96,12 @@ fn scenes() -> Vec<(&'static str, System)> {
     let floor = [Boundary::Periodic, Boundary::Periodic, Boundary::Wall];
     let mut falling = scene(Dimension::Three, [9, 9, 24], floor, &[0.4], 1.0);
     falling.domain.gravity = DVec3::new(0.0, 0.0, -0.2);
-    vec![("gas", gas), ("mixture", mixture), ("disks", disks), ("falling", falling)]
+    let with = |name, system: &System| {
+        [NeighborChoice::Windows, NeighborChoice::Lists].map(|neighbors| (name, neighbors, system.clone()))
+    };
+    let mut all = [with("gas", &gas), with("mixture", &mixture), with("disks", &disks)].concat();
+    all.push(("falling", NeighborChoice::Windows, falling));
+    all
 }
 
 /// All events of a run.
@@ -116,11 +121,12 @@ impl Observer for Log {
 /// The rows, the state, the sums and the samples of a run with these settings.
 fn run(
     system: &System,
+    neighbors: NeighborChoice,
     settings: Settings,
     threads: usize,
 ) -> (Vec<EventRecord>, String, String, BlockCounts) {
     SETTINGS.set(Some(settings));
-    let options = Options { neighbors: NeighborChoice::Windows, ..Options::default() };
+    let options = Options { neighbors, ..Options::default() };
     let mut simulation = Simulation::new(system.clone(), options).unwrap();
     SETTINGS.set(None);
     let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
@@ -142,8 +148,8 @@ fn run(
 
 #[test]
 fn blocks_give_the_trajectory_the_sums_and_the_rows_of_one_queue() {
-    for (name, system) in scenes() {
-        let expected = run(&system, Settings::new(Some(1)), 1);
+    for (name, neighbors, system) in scenes() {
+        let expected = run(&system, neighbors, Settings::new(Some(1)), 1);
         assert!(expected.0.len() > 1000, "{name}: {} events", expected.0.len());
         let narrow = Dilations { face: 1.0, source: 0.6, inner: 0.5 };
         for (blocks, threads, dilations) in [
@@ -158,9 +164,11 @@ fn blocks_give_the_trajectory_the_sums_and_the_rows_of_one_queue() {
         ] {
             let dilations = dilations.unwrap_or(Settings::MEASURED.dilations);
             let settings = Settings { dilations, ..Settings::new(Some(blocks)) };
-            let found = run(&system, settings, threads);
+            let found = run(&system, neighbors, settings, threads);
             let counts = found.3;
-            let text = format!("{name}: {blocks} blocks, {threads} threads, {dilations:?}, {counts:?}");
+            let text = format!(
+                "{name}, {neighbors:?}: {blocks} blocks, {threads} threads, {dilations:?}, {counts:?}"
+            );
             assert!(counts.events() > 100 || dilations.face == 1.0, "{text}: few events of blocks");
             assert!(counts.undone > 0 || dilations.face > 1.0, "{text}: nothing undone");
             assert_eq!(found.0.len(), expected.0.len(), "{text}");
