@@ -31,7 +31,8 @@ pub(crate) struct Part<E> {
     pub known: Vec<E>,
     /// Events that are left to the next round.
     pub left: Vec<E>,
-    pub undo: Vec<Undo>,
+    /// Particles before their first event in a step.
+    saved: Saved,
     /// Changes of the images of particles in a step.
     pub wraps: Vec<(u32, [i32; 3])>,
     pub rows: Rows,
@@ -45,10 +46,11 @@ pub(crate) struct Part<E> {
     pub is_unexpected: bool,
 }
 
-/// A particle before its first event in a step.
-pub(crate) struct Undo {
-    pub i: u32,
-    pub particle: Particle,
+/// Particles with their indices: apart from each other, because a particle fills a cache line.
+#[derive(Default)]
+struct Saved {
+    indices: Vec<u32>,
+    particles: Vec<Particle>,
 }
 
 /// The place of a particle at an event.
@@ -122,7 +124,7 @@ impl<E> Part<E> {
             },
             known: Vec::new(),
             left: Vec::new(),
-            undo: Vec::new(),
+            saved: Saved::default(),
             wraps: Vec::new(),
             rows: Rows::default(),
             times: Vec::new(),
@@ -151,7 +153,8 @@ impl<E> Part<E> {
         self.state.world.resting = 0;
         self.state.world.longest_flight = 0.0;
         self.left.clear();
-        self.undo.clear();
+        self.saved.indices.clear();
+        self.saved.particles.clear();
         self.wraps.clear();
         self.rows.clear();
         self.times.clear();
@@ -162,7 +165,7 @@ impl<E> Part<E> {
     /// Restores the particles and images that the part has changed in a step, and calls `restored` for each
     /// particle.
     pub fn undo(&mut self, state: &mut State, mut restored: impl FnMut(&World, u32)) {
-        for Undo { i, particle } in self.undo.drain(..) {
+        for (i, particle) in self.saved.indices.drain(..).zip(self.saved.particles.drain(..)) {
             state.world.particles[i as usize] = particle;
             restored(&state.world, i);
         }
@@ -201,7 +204,8 @@ impl<E> Part<E> {
         self.ownership.change(i);
         let particle = self.state.world.particles[i as usize];
         if particle.time <= step.from {
-            self.undo.push(Undo { i, particle });
+            self.saved.indices.push(i);
+            self.saved.particles.push(particle);
         }
     }
 

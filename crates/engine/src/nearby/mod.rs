@@ -133,6 +133,7 @@ impl<F: Features> Scheduler for Nearby<F> {
         predictor.begin(&state.world);
         predictor.lists = Lists::default();
         predictor.lists = Lists::new::<F>(&predictor.plan, geometry, &predictor.particles);
+        let in_steps = self.begin_steps(state);
         let (predictor, world) = (&self.predictor, &state.world);
         let mut block = Vec::with_capacity(BLOCK.min(count));
         for start in (0..count).step_by(BLOCK) {
@@ -145,14 +146,21 @@ impl<F: Features> Scheduler for Nearby<F> {
                 .collect_into_vec(&mut block);
             if start == 0 {
                 let entries: Vec<Entry> = block.iter().map(|(entry, _)| *entry).collect();
-                self.queue.prepare(&entries, count);
+                if in_steps {
+                    self.steps.prepare(&entries, count);
+                } else {
+                    self.queue.prepare(&entries, count);
+                }
             }
             for (entry, work) in &block {
-                self.queue.push(*entry);
+                if in_steps {
+                    self.steps.push(*entry, count);
+                } else {
+                    self.queue.push(*entry);
+                }
                 self.work.add(*work);
             }
         }
-        self.begin_steps(state);
     }
 
     #[inline(always)]

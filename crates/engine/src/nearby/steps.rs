@@ -119,6 +119,21 @@ impl<F: Features> Steps<F> {
         self.calendars.iter().all(Calendar::is_empty) && self.incoming.iter().all(Vec::is_empty)
     }
 
+    /// Prepares the calendars for one entry of each particle, given some of them.
+    pub fn prepare(&mut self, some: &[Entry], particles: usize) {
+        let events: Vec<Entry> = some.iter().copied().filter(|entry| entry.time < i64::MAX).collect();
+        let each = particles.div_ceil(self.calendars.len().max(1));
+        self.calendars.iter_mut().for_each(|calendar| calendar.prepare(&events, each));
+    }
+
+    /// Adds the first entry of a particle.
+    pub fn push(&mut self, entry: Entry, particles: usize) {
+        let calendar = entry.owner as usize * self.calendars.len() / particles;
+        if entry.time < i64::MAX {
+            self.calendars[calendar].push(entry);
+        }
+    }
+
     /// Moves all entries to a queue.
     fn move_to(&mut self, queue: &mut Queue<ListEvent>) {
         for calendar in &mut self.calendars {
@@ -147,17 +162,18 @@ impl<F: Features> Nearby<F> {
         }
     }
 
-    /// Begins steps at the present time, if events can be taken by blocks. Otherwise all entries are in the
-    /// queue from now on.
-    pub(super) fn begin_steps(&mut self, state: &mut State) {
-        self.steps.move_to(&mut self.queue);
+    /// Begins steps at the present time, without entries, if events can be taken by blocks. Returns false if
+    /// all events are taken from the queue.
+    pub(super) fn begin_steps(&mut self, state: &State) -> bool {
         self.horizon = i64::MAX;
-        if self.serial_reason(&state.world).is_none() && self.cut(&state.world) {
+        let is_possible = self.serial_reason(&state.world).is_none() && self.cut(&state.world);
+        if is_possible {
             self.horizon = state.world.now;
-            // About right for the first one: the fastest particle moves by a part of a contact distance.
-            self.steps.ticks =
-                0.01 / (f64::from(self.steps.metric.speed) * self.predictor.plan.frame.per_tick);
+            let per_tick = self.predictor.plan.frame.per_tick;
+            // Short, because the number of entries is not known: the next ones become longer.
+            self.steps.ticks = 1e-4 / (f64::from(self.steps.metric.speed) * per_tick);
         }
+        is_possible
     }
 
     /// Cuts space into blocks for the present span. Returns false if there would be less than two.
