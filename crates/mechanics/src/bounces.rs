@@ -42,6 +42,7 @@ impl Restitution {
             }
             Self::Viscoelastic { .. } => (0.2, 0.6),
             Self::Cutoff { exponent, .. } => (exponent, 0.0),
+            Self::Table(table) => return self.bounces_to_constant(u, table.first_speed()),
         };
         if p >= 1.0 {
             return None;
@@ -69,11 +70,51 @@ impl Restitution {
         // Otherwise the remaining speed is zero in floating point.
         Some(Bounces { speeds, squares })
     }
+
+    /// The sums for a law that is constant up to the speed `constant` \[length/time\]. `None` if that speed is
+    /// not reached.
+    fn bounces_to_constant(&self, u: f64, constant: f64) -> Option<Bounces> {
+        let (mut v, mut speeds, mut squares) = (1.0, 0.0, 0.0);
+        for _ in 0..MAX_BOUNCES {
+            let e = self.coefficient(v * u);
+            if v * u <= constant {
+                let rest = Self::Constant(e).bounces(v * u)?;
+                return Some(Bounces {
+                    speeds: speeds + v * rest.speeds,
+                    squares: squares + v * v * rest.squares,
+                });
+            }
+            let next = e * v;
+            speeds += v;
+            squares += (v + next) * (v + next);
+            v = next;
+        }
+        None
+    }
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn bounces_by_a_table_end_as_those_of_its_first_value() {
+        let table = |speeds: &[f64], values: &[f64]| {
+            Restitution::Table(crate::RestitutionTable::of(speeds, values).unwrap())
+        };
+        let law = table(&[0.1, 1.0], &[0.5, 0.8]);
+        for u in [1e-3, 0.1, 0.7, 3.0, 50.0] {
+            let (found, expected) = (law.bounces(u).unwrap(), one_by_one(law, 0.0, u));
+            let close = |a: f64, b: f64| (a - b).abs() <= 1e-13 * b;
+            assert!(
+                close(found.speeds, expected.speeds / u) && close(found.squares, expected.squares / (u * u)),
+                "{u}: {found:?}, {expected:?}"
+            );
+        }
+        // Elastic at low speeds; and a speed that is not passed.
+        assert!(table(&[0.1, 1.0], &[1.0, 0.8]).bounces(3.0).is_none());
+        assert!(table(&[0.0, 1.0, 2.0], &[0.5, 1.0, 0.5]).bounces(3.0).is_none());
+    }
 
     /// Bounce by bounce; the remainder is then its leading integral, with a relative error below 10⁻⁵.
     fn one_by_one(law: Restitution, p: f64, u: f64) -> Bounces {

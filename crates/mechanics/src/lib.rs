@@ -57,7 +57,7 @@ pub use impact::{
 pub use oscillation::{Oscillation, Waveform};
 pub use partition::{Hole, Partition};
 pub use plane::{time_to_face, time_to_plane};
-pub use restitution::{Restitution, RestitutionError};
+pub use restitution::{Restitution, RestitutionError, RestitutionTable};
 
 /// The README's examples are tests.
 #[cfg(doctest)]

@@ -1,5 +1,7 @@
 //! The coefficient of restitution `e` as a function of the approach speed.
 
+use std::sync::Mutex;
+
 use thiserror::Error;
 
 /// A law for the coefficient of restitution, the ratio of the restitution to the compression impulse (2.11).
@@ -22,6 +24,70 @@ pub enum Restitution {
         /// Power law below the cut-off, > 0; 3/4 by default.
         exponent: f64,
     },
+    /// Measured values.
+    Table(&'static RestitutionTable),
+}
+
+/// Measured coefficients of restitution: linear between the approach speeds, constant beyond them.
+#[derive(Debug, PartialEq)]
+pub struct RestitutionTable {
+    /// Increasing approach speeds [length/time].
+    speeds: Vec<f64>,
+    /// The coefficient at each of them, in [0, 1].
+    values: Vec<f64>,
+}
+
+/// All tables, for the whole process: laws are copied for every contact, so that a table is never freed. Equal
+/// tables are kept once.
+static TABLES: Mutex<Vec<&'static RestitutionTable>> = Mutex::new(Vec::new());
+
+impl RestitutionTable {
+    /// The table with these approach speeds [length/time] and coefficients, as many as speeds.
+    ///
+    /// # Errors
+    /// No values, other numbers of speeds than of values, speeds that do not increase or are negative, and
+    /// values outside [0, 1].
+    pub fn of(speeds: &[f64], values: &[f64]) -> Result<&'static Self, RestitutionError> {
+        let error = |parameter, value, allowed| Err(RestitutionError { parameter, value, allowed });
+        if let Some(&value) = values.iter().find(|value| !(0.0..=1.0).contains(*value)) {
+            return error("values", value, "must be in [0, 1]");
+        }
+        if let Some(&speed) = speeds.iter().find(|speed| !(speed.is_finite() && **speed >= 0.0)) {
+            return error("speeds", speed, "must be zero or positive, and finite");
+        }
+        if let Some(pair) = speeds.windows(2).find(|pair| pair[0] >= pair[1]) {
+            return error("speeds", pair[1], "must be above the speed before it");
+        }
+        if values.is_empty() || values.len() != speeds.len() {
+            return error("values", values.len() as f64, "must be as many as speeds, and at least one");
+        }
+        let table = Self { speeds: speeds.to_vec(), values: values.to_vec() };
+        // A panic elsewhere cannot leave the list incomplete.
+        let mut tables = TABLES.lock().unwrap_or_else(std::sync::PoisonError::into_inner);
+        if let Some(known) = tables.iter().find(|known| ***known == table) {
+            return Ok(known);
+        }
+        let table: &'static Self = Box::leak(Box::new(table));
+        tables.push(table);
+        Ok(table)
+    }
+
+    /// The coefficient at an approach speed [length/time].
+    #[must_use]
+    pub fn coefficient(&self, speed: f64) -> f64 {
+        let Self { speeds, values } = self;
+        let next = speeds.partition_point(|other| *other <= speed);
+        let Some(&after) = values.get(next) else { return values[values.len() - 1] };
+        let Some(k) = next.checked_sub(1) else { return after };
+        let part = (speed - speeds[k]) / (speeds[next] - speeds[k]);
+        // By rounding, the sum can be outside of the two values.
+        (values[k] + (after - values[k]) * part).clamp(values[k].min(after), values[k].max(after))
+    }
+
+    /// The speed up to which the coefficient is constant [length/time].
+    pub(crate) fn first_speed(&self) -> f64 {
+        self.speeds[0]
+    }
 }
 
 /// A parameter of a [`Restitution`] outside its range.
@@ -69,6 +135,7 @@ impl Restitution {
                     1.0 - (1.0 - restitution) * libm::pow(approach_speed.max(0.0) / speed, exponent)
                 }
             }
+            Self::Table(table) => table.coefficient(approach_speed),
         }
     }
 
@@ -79,6 +146,7 @@ impl Restitution {
             Self::Constant(e) => e == 1.0,
             Self::Viscoelastic { coefficient } => coefficient == 0.0,
             Self::Cutoff { restitution, .. } => restitution == 1.0,
+            Self::Table(table) => table.values.iter().all(|&e| e == 1.0),
         }
     }
 
@@ -124,6 +192,8 @@ impl Restitution {
                 positive("speed", speed)?;
                 positive("exponent", exponent)
             }
+            // Checked when it was made.
+            Self::Table(_) => Ok(()),
         }
     }
 }
@@ -143,6 +213,33 @@ mod tests {
     use super::*;
     use proptest::prelude::*;
     use proptest::test_runner::RngSeed;
+
+    #[test]
+    fn a_table_is_linear_between_its_speeds_and_constant_beyond() {
+        let table = RestitutionTable::of(&[1.0, 2.0, 4.0], &[0.9, 0.7, 0.8]).unwrap();
+        for (speed, expected) in
+            [(-1.0, 0.9), (0.0, 0.9), (1.0, 0.9), (1.5, 0.8), (2.0, 0.7), (3.0, 0.75), (4.0, 0.8), (1e9, 0.8)]
+        {
+            let e = Restitution::Table(table).coefficient(speed);
+            assert!((e - expected).abs() < 1e-15, "{speed}: {e}");
+        }
+        let again = RestitutionTable::of(&[1.0, 2.0, 4.0], &[0.9, 0.7, 0.8]).unwrap();
+        assert!(std::ptr::eq(table, again));
+        assert!(!Restitution::Table(table).is_elastic());
+        assert!(Restitution::Table(RestitutionTable::of(&[0.0, 3.0], &[1.0, 1.0]).unwrap()).is_elastic());
+        for (speeds, values, message) in [
+            (&[][..], &[][..], "values = 0 must be as many as speeds"),
+            (&[1.0], &[0.5, 0.6], "values = 2 must be as many as speeds"),
+            (&[1.0, 1.0], &[0.5, 0.6], "speeds = 1 must be above the speed before it"),
+            (&[2.0, 1.0], &[0.5, 0.6], "speeds = 1 must be above"),
+            (&[-1.0, 1.0], &[0.5, 0.6], "speeds = -1 must be zero or positive"),
+            (&[0.0, f64::NAN], &[0.5, 0.6], "speeds = NaN must be"),
+            (&[0.0, 1.0], &[0.5, 1.1], "values = 1.1 must be in [0, 1]"),
+        ] {
+            let error = RestitutionTable::of(speeds, values).unwrap_err().to_string();
+            assert!(error.starts_with(message), "{error}");
+        }
+    }
 
     /// The quotient as printed by Müller and Pöschel.
     fn pade(x: f64) -> f64 {

@@ -127,7 +127,8 @@ pub enum RadiusConfig {
     Distribution(RadiusDistribution),
 }
 
-/// A distribution of radii: `{ uniform = [a, b] }` or `{ normal = [mean, sd], min = …, max = … }`.
+/// A distribution of radii: `{ uniform = [a, b] }`, `{ normal = [mean, sd], min = …, max = … }`, the same with
+/// `lognormal` or `schulz`, `{ power = [min, max, exponent] }`, or `{ list = […] }`.
 #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct RadiusDistribution {
@@ -137,10 +138,21 @@ pub struct RadiusDistribution {
     /// Normal with this mean and standard deviation [length].
     #[schemars(length(equal = 2))]
     pub normal: Option<Vec<f64>>,
-    /// Smallest radius of `normal` [length]; default a tenth of the mean.
+    /// Lognormal: the radius has this mean and standard deviation [length].
+    #[schemars(length(equal = 2))]
+    pub lognormal: Option<Vec<f64>>,
+    /// Distribution of Schulz (a gamma distribution) with this mean and standard deviation [length].
+    #[schemars(length(equal = 2))]
+    pub schulz: Option<Vec<f64>>,
+    /// Smallest and largest radius [length], and the exponent a of the density R^a between them.
+    #[schemars(length(equal = 3))]
+    pub power: Option<Vec<f64>>,
+    /// The radii of the particles in turn [length]; after the last one the first one again.
+    pub list: Option<Vec<f64>>,
+    /// Smallest radius of `normal`, `lognormal` and `schulz` [length]; default a tenth of the mean.
     #[schemars(extend("exclusiveMinimum" = 0))]
     pub min: Option<f64>,
-    /// Largest radius of `normal` [length]; default none.
+    /// Largest radius of `normal`, `lognormal` and `schulz` [length]; default none.
     #[schemars(extend("exclusiveMinimum" = 0))]
     pub max: Option<f64>,
 }
@@ -266,14 +278,17 @@ pub enum RestitutionConfig {
     Model(RestitutionModelConfig),
 }
 
-/// `{ model = "viscoelastic", coefficient = … }` or
-/// `{ model = "cutoff", restitution = …, speed = …, exponent = … }`.
+/// `{ model = "viscoelastic", coefficient = … }`, `{ model = "cutoff", restitution = …, speed = …, exponent = … }`,
+/// or a measured table `{ speeds = […], values = […] }`.
 #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct RestitutionModelConfig {
-    /// The law.
-    #[schemars(required)]
+    /// The law, if there is no table.
     pub model: Option<RestitutionLaw>,
+    /// Table: increasing approach speeds [length/time].
+    pub speeds: Option<Vec<f64>>,
+    /// Table: the restitution at each of these speeds, in [0, 1]; linear between them, constant beyond.
+    pub values: Option<Vec<f64>>,
     /// viscoelastic: δ at unit approach speed [(time/length)^(1/5)].
     #[schemars(range(min = 0.0))]
     pub coefficient: Option<f64>,

@@ -57,6 +57,24 @@ impl Stream {
         }
     }
 
+    /// Gamma deviate of this shape, with scale 1: Marsaglia and Tsang, ACM Trans. Math. Softw. 26, 363 (2000).
+    pub(crate) fn gamma(&mut self, shape: f64) -> f64 {
+        // For a shape below 1 from that of shape + 1.
+        let more = if shape < 1.0 { 1.0 } else { 0.0 };
+        let d = shape + more - 1.0 / 3.0;
+        let c = 1.0 / (9.0 * d).sqrt();
+        let deviate = loop {
+            let [x, _] = self.normal_pair();
+            let v = (1.0 + c * x) * (1.0 + c * x) * (1.0 + c * x);
+            // 1 − u is never zero.
+            let u = 1.0 - self.unit();
+            if v > 0.0 && libm::log(u) < 0.5 * x * x + d - d * v + d * libm::log(v) {
+                break d * v;
+            }
+        };
+        if more == 0.0 { deviate } else { deviate * libm::pow(1.0 - self.unit(), 1.0 / shape) }
+    }
+
     /// Normal deviate restricted to [low, high], by rejection against the highest density there.
     /// `low` and `high` are in units of the standard deviation about the mean.
     pub(crate) fn truncated_normal(&mut self, low: f64, high: f64) -> f64 {

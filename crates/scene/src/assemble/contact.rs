@@ -3,13 +3,13 @@
 use std::collections::{BTreeMap, HashMap, HashSet};
 
 use haff_engine::{Boundary, Contacts, ThermalWall, Wall, WallLaw};
-use haff_mechanics::Restitution;
+use haff_mechanics::{Restitution, RestitutionTable};
 
 use super::Assembler;
 use super::domain::DomainPlan;
 use super::names::{MAX_GROUPS, Names, among, wall_indices};
 use super::values::{at, item, not_negative, positive};
-use crate::config::{ContactConfig, RestitutionConfig, RestitutionLaw, WallConfig};
+use crate::config::{ContactConfig, RestitutionConfig, RestitutionLaw, RestitutionModelConfig, WallConfig};
 
 /// Walls are 16-bit numbers in the engine; a plane is tested by every particle near it.
 const MAX_WALLS: usize = 10_000;
@@ -277,6 +277,43 @@ impl Assembler<'_> {
         speed
     }
 
+    /// Measured coefficients of restitution, if they are valid.
+    fn restitution_table(&mut self, path: &[String], config: &RestitutionModelConfig) -> Option<Restitution> {
+        let sub = |key: &str| {
+            let mut path = path.to_vec();
+            path.push(key.to_owned());
+            path
+        };
+        let extra = [
+            ("model", config.model.is_some()),
+            ("coefficient", config.coefficient.is_some()),
+            ("restitution", config.restitution.is_some()),
+            ("speed", config.speed.is_some()),
+            ("exponent", config.exponent.is_some()),
+        ];
+        let mut sound = true;
+        for (key, _) in extra.into_iter().filter(|(_, given)| *given) {
+            self.document.report(&sub(key), "does not belong to a table of speeds and values");
+            sound = false;
+        }
+        for (key, list) in [("speeds", &config.speeds), ("values", &config.values)] {
+            if list.is_none() {
+                self.document.report_missing(&sub(key), "missing: a table has speeds and values");
+                sound = false;
+            }
+        }
+        let (Some(speeds), Some(values)) = (&config.speeds, &config.values) else { return None };
+        match RestitutionTable::of(speeds, values) {
+            Ok(table) if sound => Some(Restitution::Table(table)),
+            Ok(_) => None,
+            Err(error) => {
+                let why = format!("{} {}", error.value, error.allowed);
+                self.document.report(&sub(error.parameter), &why);
+                None
+            }
+        }
+    }
+
     /// A law of restitution, if there is one and it is valid.
     fn restitution(&mut self, path: &[String], config: Option<&RestitutionConfig>) -> Option<Restitution> {
         let sub = |key: &str| {
@@ -294,8 +331,12 @@ impl Assembler<'_> {
             }
             RestitutionConfig::Model(model) => model,
         };
+        if model.speeds.is_some() || model.values.is_some() {
+            return self.restitution_table(path, model);
+        }
         let Some(law) = model.model else {
-            self.document.report_missing(&sub("model"), "missing: \"viscoelastic\" or \"cutoff\"");
+            let why = "missing: \"viscoelastic\" or \"cutoff\"; or give speeds and values";
+            self.document.report_missing(&sub("model"), why);
             return None;
         };
         let (needed, extra): (&[Key], &[Key]) = match law {

@@ -14,6 +14,7 @@ mod particles;
 mod partition;
 mod placement;
 mod plan;
+mod sizes;
 mod values;
 
 use glam::DVec3;

@@ -9,42 +9,10 @@ use haff_engine::{Body, Class, Dimension};
 
 use super::Assembler;
 use super::names::Names;
+use super::sizes::RadiusLaw;
 use super::values::{at, item, mass, not_negative, positive, storable};
-use crate::config::{InitialConfig, PackingConfig, PositionsConfig, RadiusConfig};
+use crate::config::{InitialConfig, PackingConfig, PositionsConfig};
 use crate::random::{Purpose, Stream};
-
-/// Radii of a species.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub(super) enum RadiusLaw {
-    Fixed(f64),
-    Uniform(f64, f64),
-    Normal { mean: f64, sd: f64, min: f64, max: f64 },
-}
-
-impl RadiusLaw {
-    pub(super) fn is_fixed(self) -> bool {
-        matches!(self, Self::Fixed(_))
-    }
-
-    /// Smallest and largest radius.
-    pub(super) fn range(self) -> [f64; 2] {
-        match self {
-            Self::Fixed(radius) => [radius, radius],
-            Self::Uniform(a, b) => [a, b],
-            Self::Normal { min, max, .. } => [min, max],
-        }
-    }
-
-    fn draw(self, random: &mut Stream) -> f64 {
-        match self {
-            Self::Fixed(radius) => radius,
-            Self::Uniform(a, b) => random.between(a, b),
-            Self::Normal { mean, sd, min, max } => {
-                (mean + sd * random.truncated_normal((min - mean) / sd, (max - mean) / sd)).clamp(min, max)
-            }
-        }
-    }
-}
 
 /// Mass of a body, given or from its density.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -173,71 +141,6 @@ impl Assembler<'_> {
         plans
     }
 
-    fn radius_law(&mut self, k: usize, config: Option<&RadiusConfig>) -> RadiusLaw {
-        let path = |key: &str| item("species", k, key);
-        let fallback = RadiusLaw::Fixed(1.0);
-        let distribution = match config {
-            None => {
-                let why = "missing: a number, { uniform = [a, b] } or { normal = [mean, sd] }";
-                self.document.report_missing(&path("radius"), why);
-                return fallback;
-            }
-            Some(RadiusConfig::Fixed(radius)) => {
-                positive(&mut self.document, &path("radius"), *radius);
-                return RadiusLaw::Fixed(*radius);
-            }
-            Some(RadiusConfig::Distribution(distribution)) => distribution.clone(),
-        };
-        let mut pair = |key: &str, values: &[f64]| -> Option<[f64; 2]> {
-            let path = path(key);
-            let &[a, b] = values else {
-                self.document.report(&path, "must have two numbers");
-                return None;
-            };
-            let sound = positive(&mut self.document, &path, a) && positive(&mut self.document, &path, b);
-            sound.then_some([a, b])
-        };
-        match (&distribution.uniform, &distribution.normal) {
-            (Some(values), None) => {
-                let Some([a, b]) = pair("radius.uniform", values) else { return fallback };
-                if a > b {
-                    self.document.report(&path("radius.uniform"), "must have the smaller radius first");
-                }
-                for (key, value) in [("radius.min", distribution.min), ("radius.max", distribution.max)] {
-                    if value.is_some() {
-                        self.document.report(&path(key), "belongs to normal distributions only");
-                    }
-                }
-                RadiusLaw::Uniform(a, b)
-            }
-            (None, Some(values)) => {
-                let Some([mean, sd]) = pair("radius.normal", values) else { return fallback };
-                let min = distribution.min.unwrap_or(0.1 * mean);
-                let max = distribution.max.unwrap_or(mean + 8.5 * sd);
-                let mut sound = true;
-                for (key, value) in [("radius.min", min), ("radius.max", max)] {
-                    sound &= positive(&mut self.document, &path(key), value);
-                }
-                if sound && min > max {
-                    self.document.report(&path("radius"), format!("must have min ≤ max, not {min} > {max}"));
-                } else if sound && (min > mean + 8.0 * sd || max < mean - 8.0 * sd) {
-                    let text = "the range from min to max lies more than 8 standard deviations from the mean";
-                    self.document.report(&path("radius"), text);
-                }
-                RadiusLaw::Normal { mean, sd, min, max }
-            }
-            (Some(_), Some(_)) => {
-                self.document.report(&path("radius"), "contradiction: give uniform or normal, not both");
-                fallback
-            }
-            (None, None) => {
-                self.document
-                    .report_missing(&path("radius"), "must have uniform = [a, b] or normal = [mean, sd]");
-                fallback
-            }
-        }
-    }
-
     fn mass_law(&mut self, list: &str, k: usize, given: Option<f64>, density: Option<f64>) -> MassLaw {
         let path = |key: &str| item(list, k, key);
         match (given, density) {
@@ -358,7 +261,7 @@ impl Assembler<'_> {
         for (k, plan) in species.iter().enumerate() {
             for i in 0..plan.count {
                 let mut random = Stream::new(self.seed, Purpose::Radius, &plan.name, i);
-                let radius = plan.radius.draw(&mut random);
+                let radius = plan.radius.draw(i, &mut random);
                 let mass = plan.mass.of(radius, self.dimension);
                 rows.push(DVec3::ZERO, DVec3::ZERO, radius, mass, k as u32);
             }

@@ -1,0 +1,302 @@
+//! Laws of the radii of a species: their parameters, ranges and draws.
+
+use super::{
+    Assembler,
+    values::{item, positive},
+};
+use crate::{
+    config::{RadiusConfig, RadiusDistribution},
+    random::Stream,
+};
+
+/// Radii of a species.
+#[derive(Debug, Clone, PartialEq)]
+pub(super) enum RadiusLaw {
+    Fixed(f64),
+    Uniform(f64, f64),
+    Normal {
+        mean: f64,
+        sd: f64,
+        min: f64,
+        max: f64,
+    },
+    /// The logarithm is normal with this mean and standard deviation.
+    LogNormal {
+        log_mean: f64,
+        log_sd: f64,
+        min: f64,
+        max: f64,
+    },
+    /// The distribution of Schulz: a gamma distribution of this shape and scale.
+    Schulz {
+        shape: f64,
+        scale: f64,
+        min: f64,
+        max: f64,
+    },
+    /// Density ∝ R^(power − 1) between two radii.
+    Power {
+        min: f64,
+        max: f64,
+        power: f64,
+    },
+    /// These radii in turn.
+    List(Vec<f64>),
+}
+
+/// Standard deviations from the mean beyond which no law draws.
+const FARTHEST: f64 = 8.5;
+/// Largest ratio of the standard deviation to the mean: with wider laws the range of radii is beyond what a
+/// run can have.
+const WIDEST: f64 = 2.0;
+
+impl RadiusLaw {
+    pub(super) fn is_fixed(&self) -> bool {
+        matches!(self, Self::Fixed(_))
+    }
+
+    /// Smallest and largest radius.
+    pub(super) fn range(&self) -> [f64; 2] {
+        match self {
+            Self::Fixed(radius) => [*radius, *radius],
+            Self::Uniform(a, b) => [*a, *b],
+            Self::Normal { min, max, .. }
+            | Self::LogNormal { min, max, .. }
+            | Self::Schulz { min, max, .. }
+            | Self::Power { min, max, .. } => [*min, *max],
+            Self::List(radii) => {
+                radii.iter().fold([f64::INFINITY, 0.0], |[least, largest], &r| [least.min(r), largest.max(r)])
+            }
+        }
+    }
+
+    /// The radius of particle `k` of the species.
+    pub(super) fn draw(&self, k: usize, random: &mut Stream) -> f64 {
+        match *self {
+            Self::Fixed(radius) => radius,
+            Self::Uniform(a, b) => random.between(a, b),
+            Self::Normal { mean, sd, min, max } => {
+                (mean + sd * random.truncated_normal((min - mean) / sd, (max - mean) / sd)).clamp(min, max)
+            }
+            Self::LogNormal { log_mean, log_sd, min, max } => {
+                let bound = |radius: f64| (libm::log(radius) - log_mean) / log_sd;
+                let z = random.truncated_normal(bound(min), bound(max));
+                libm::exp(log_mean + log_sd * z).clamp(min, max)
+            }
+            Self::Schulz { shape, scale, min, max } => loop {
+                let radius = scale * random.gamma(shape);
+                if (min..=max).contains(&radius) {
+                    break radius;
+                }
+            },
+            Self::Power { min, max, power } => {
+                let (u, width) = (random.unit(), libm::log(max / min));
+                // The inverse of the distribution function, without powers that overflow.
+                let log = if power == 0.0 {
+                    width * u
+                } else if power > 0.0 {
+                    width + libm::log1p((1.0 - u) * libm::expm1(-power * width)) / power
+                } else {
+                    libm::log1p(u * libm::expm1(power * width)) / power
+                };
+                (min * libm::exp(log)).clamp(min, max)
+            }
+            Self::List(ref radii) => radii[k % radii.len()],
+        }
+    }
+}
+
+impl Assembler<'_> {
+    pub(super) fn radius_law(&mut self, k: usize, config: Option<&RadiusConfig>) -> RadiusLaw {
+        let path = |key: &str| item("species", k, key);
+        let fallback = RadiusLaw::Fixed(1.0);
+        let distribution = match config {
+            None => {
+                let why = "missing: a number, { uniform = [a, b] }, { normal = [mean, sd] } or another law";
+                self.document.report_missing(&path("radius"), why);
+                return fallback;
+            }
+            Some(RadiusConfig::Fixed(radius)) => {
+                positive(&mut self.document, &path("radius"), *radius);
+                return RadiusLaw::Fixed(*radius);
+            }
+            Some(RadiusConfig::Distribution(distribution)) => distribution.clone(),
+        };
+        let RadiusDistribution { uniform, normal, lognormal, schulz, power, list, min, max } = distribution;
+        let laws = [
+            ("uniform", uniform, 2),
+            ("normal", normal, 2),
+            ("lognormal", lognormal, 2),
+            ("schulz", schulz, 2),
+            ("power", power, 3),
+            ("list", list, 0),
+        ];
+        let mut given = laws.into_iter().filter_map(|(name, values, count)| Some((name, values?, count)));
+        let Some((name, values, count)) = given.next() else {
+            let why = "must have uniform = [a, b], normal = [mean, sd], lognormal = [mean, sd], \
+                       schulz = [mean, sd], power = [min, max, exponent] or list = […]";
+            self.document.report_missing(&path("radius"), why);
+            return fallback;
+        };
+        if let Some((other, ..)) = given.next() {
+            let why = format!("contradiction: give {name} or {other}, not both");
+            self.document.report(&path("radius"), why);
+            return fallback;
+        }
+        drop(given);
+        let at = path(&format!("radius.{name}"));
+        if count > 0 && values.len() != count || values.is_empty() {
+            let why = if count == 3 { "must have three numbers" } else { "must have two numbers" };
+            self.document.report(&at, if count == 0 { "must have at least one number" } else { why });
+            return fallback;
+        }
+        // The exponent of a power law can have any sign.
+        let lengths = if count == 3 { &values[..2] } else { &values[..] };
+        if !lengths.iter().all(|&length| positive(&mut self.document, &at, length)) {
+            return fallback;
+        }
+        let has_limits = matches!(name, "normal" | "lognormal" | "schulz");
+        for (key, value) in [("radius.min", min), ("radius.max", max)] {
+            if value.is_some() && !has_limits {
+                let why = "belongs to normal, lognormal and schulz distributions only";
+                self.document.report(&path(key), why);
+            }
+        }
+        let law = match (name, &values[..]) {
+            ("uniform", &[a, b]) => RadiusLaw::Uniform(a, b),
+            ("power", &[min, max, exponent]) => {
+                if !(-100.0..=100.0).contains(&exponent) {
+                    self.document.report(&at, "must have an exponent from −100 to 100");
+                    return fallback;
+                }
+                RadiusLaw::Power { min, max, power: exponent + 1.0 }
+            }
+            ("list", radii) => return RadiusLaw::List(radii.to_vec()),
+            (_, &[mean, sd]) => return self.limited_law(k, name, [mean, sd], [min, max]).unwrap_or(fallback),
+            _ => return fallback,
+        };
+        if law.range()[0] > law.range()[1] {
+            self.document.report(&at, "must have the smaller radius first");
+            return fallback;
+        }
+        law
+    }
+
+    /// A law with a mean, a standard deviation and limits.
+    fn limited_law(
+        &mut self,
+        k: usize,
+        name: &str,
+        [mean, sd]: [f64; 2],
+        [min, max]: [Option<f64>; 2],
+    ) -> Option<RadiusLaw> {
+        let path = |key: &str| item("species", k, key);
+        let ratio = sd / mean;
+        if name != "normal" && ratio > WIDEST {
+            let why = format!("must have a standard deviation of at most {WIDEST} means");
+            self.document.report(&path(&format!("radius.{name}")), why);
+            return None;
+        }
+        let variance = libm::log1p(ratio * ratio);
+        let (log_mean, log_sd) = (libm::log(mean) - 0.5 * variance, variance.sqrt());
+        let largest = match name {
+            "lognormal" => libm::exp(log_mean + FARTHEST * log_sd),
+            // The tail is exponential.
+            "schulz" => mean + FARTHEST * FARTHEST * sd.max(sd * ratio),
+            _ => mean + FARTHEST * sd,
+        };
+        let min = min.unwrap_or(0.1 * mean);
+        let max = max.unwrap_or(largest);
+        let mut sound = true;
+        for (key, value) in [("radius.min", min), ("radius.max", max)] {
+            sound &= positive(&mut self.document, &path(key), value);
+        }
+        let far = |low: f64, high: f64| low > 8.0 || high < -8.0;
+        let is_far = match name {
+            "lognormal" => {
+                let bound = |radius: f64| (libm::log(radius) - log_mean) / log_sd;
+                far(bound(min), bound(max))
+            }
+            // Draws outside of the limits are repeated: a good part of them must be inside.
+            "schulz" => min > mean + sd || max < (mean - sd).max(0.5 * mean),
+            _ => far((min - mean) / sd, (max - mean) / sd),
+        };
+        if sound && min > max {
+            self.document.report(&path("radius"), format!("must have min ≤ max, not {min} > {max}"));
+            return None;
+        }
+        if sound && is_far {
+            let text = match name {
+                "schulz" => "the range from min to max must contain radii next to the mean",
+                _ => "the range from min to max lies more than 8 standard deviations from the mean",
+            };
+            self.document.report(&path("radius"), text);
+            return None;
+        }
+        sound.then_some(match name {
+            "lognormal" => RadiusLaw::LogNormal { log_mean, log_sd, min, max },
+            "schulz" => {
+                RadiusLaw::Schulz { shape: 1.0 / (ratio * ratio), scale: mean * ratio * ratio, min, max }
+            }
+            _ => RadiusLaw::Normal { mean, sd, min, max },
+        })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::random::Purpose;
+
+    /// Mean and standard deviation of many draws.
+    fn moments(law: &RadiusLaw) -> [f64; 2] {
+        let draws: Vec<f64> =
+            (0..COUNT).map(|k| law.draw(k, &mut Stream::new(1, Purpose::Radius, "grain", k))).collect();
+        let [least, largest] = law.range();
+        assert!(draws.iter().all(|r| (least..=largest).contains(r)), "{law:?}");
+        let mean = draws.iter().sum::<f64>() / COUNT as f64;
+        let variance = draws.iter().map(|r| (r - mean) * (r - mean)).sum::<f64>() / (COUNT - 1) as f64;
+        [mean, variance.sqrt()]
+    }
+
+    const COUNT: usize = 100_000;
+
+    /// z-scores of the mean against the stated one; the deviation to a part that five standard errors of
+    /// these laws do not exceed.
+    #[test]
+    fn draws_have_the_stated_mean_and_deviation() {
+        let wide = [1e-9, 1e9];
+        let lognormal = |mean: f64, sd: f64| {
+            let variance = libm::log1p(sd * sd / (mean * mean));
+            RadiusLaw::LogNormal {
+                log_mean: libm::log(mean) - 0.5 * variance,
+                log_sd: variance.sqrt(),
+                min: wide[0],
+                max: wide[1],
+            }
+        };
+        let schulz = |mean: f64, sd: f64| {
+            let ratio = sd * sd / (mean * mean);
+            RadiusLaw::Schulz { shape: 1.0 / ratio, scale: mean * ratio, min: wide[0], max: wide[1] }
+        };
+        for (law, mean, sd) in [
+            (lognormal(2.0, 0.5), 2.0, 0.5),
+            (lognormal(0.1, 0.01), 0.1, 0.01),
+            (schulz(2.0, 0.5), 2.0, 0.5),
+            (schulz(1.0, 1.5), 1.0, 1.5),
+            // ∫ R^(−2.5) from 1 to 4: moments of a power law.
+            (RadiusLaw::Power { min: 1.0, max: 4.0, power: -1.5 }, 1.714_285_714, 0.699_854),
+            (RadiusLaw::Power { min: 1.0, max: 3.0, power: 0.0 }, 1.820_478_453, 0.571_677),
+            (RadiusLaw::Power { min: 1.0, max: 2.0, power: 3.0 }, 1.607_142_857, 0.272_460),
+        ] {
+            let [found, deviation] = moments(&law);
+            let z = (found - mean) / (sd / (COUNT as f64).sqrt());
+            assert!(z.abs() < 4.0, "{law:?}: mean {found}, z = {z}");
+            assert!((deviation / sd - 1.0).abs() < 0.03, "{law:?}: deviation {deviation}, not {sd}");
+        }
+        let list = RadiusLaw::List(vec![0.5, 2.0, 1.0]);
+        assert_eq!(list.range(), [0.5, 2.0]);
+        let mut random = Stream::new(1, Purpose::Radius, "grain", 0);
+        assert_eq!([0, 1, 2, 3].map(|k| list.draw(k, &mut random)), [0.5, 2.0, 1.0, 0.5]);
+    }
+}
