@@ -654,7 +654,8 @@ fn scenes_with_former_errors_obey_conservation_laws() {
             seed: 4_313_848_481_575_773_114,
             ..PLAIN
         },
-        // The tick was chosen for the speeds at the start, far below those that a drive and a thermal wall give.
+        // The tick was chosen for the speeds at the start, far below those that a drive and a thermal wall
+        // give.
         Recipe {
             boundary: [2, 1, 1],
             particles: 12,
@@ -700,8 +701,8 @@ fn scenes_with_former_errors_obey_conservation_laws() {
             seed: 5_807_157_289_978_195_913,
             ..PLAIN
         },
-        // A light grain on an oscillating ramp hit two others in turn at one time: which one came first depended
-        // on the order of the candidates.
+        // A light grain on an oscillating ramp hit two others in turn at one time: which one came first
+        // depended on the order of the candidates.
         Recipe {
             flat: true,
             boundary: [1, 0, 0],

@@ -71,8 +71,8 @@ impl Restitution {
         Some(Bounces { speeds, squares })
     }
 
-    /// The sums for a law that is constant up to the speed `constant` \[length/time\]. `None` if that speed is
-    /// not reached.
+    /// The sums for a law that is constant up to the speed `constant` \[length/time\]. `None` if that speed
+    /// is not reached.
     fn bounces_to_constant(&self, u: f64, constant: f64) -> Option<Bounces> {
         let (mut v, mut speeds, mut squares) = (1.0, 0.0, 0.0);
         for _ in 0..MAX_BOUNCES {

@@ -37,8 +37,8 @@ pub struct RestitutionTable {
     values: Vec<f64>,
 }
 
-/// All tables, for the whole process: laws are copied for every contact, so that a table is never freed. Equal
-/// tables are kept once.
+/// All tables, for the whole process: laws are copied for every contact, so that a table is never freed.
+/// Equal tables are kept once.
 static TABLES: Mutex<Vec<&'static RestitutionTable>> = Mutex::new(Vec::new());
 
 impl RestitutionTable {

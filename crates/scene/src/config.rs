@@ -127,8 +127,8 @@ pub enum RadiusConfig {
     Distribution(RadiusDistribution),
 }
 
-/// A distribution of radii: `{ uniform = [a, b] }`, `{ normal = [mean, sd], min = …, max = … }`, the same with
-/// `lognormal` or `schulz`, `{ power = [min, max, exponent] }`, or `{ list = […] }`.
+/// A distribution of radii: `{ uniform = [a, b] }`, `{ normal = [mean, sd], min = …, max = … }`, the same
+/// with `lognormal` or `schulz`, `{ power = [min, max, exponent] }`, or `{ list = […] }`.
 #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct RadiusDistribution {
@@ -278,8 +278,8 @@ pub enum RestitutionConfig {
     Model(RestitutionModelConfig),
 }
 
-/// `{ model = "viscoelastic", coefficient = … }`, `{ model = "cutoff", restitution = …, speed = …, exponent = … }`,
-/// or a measured table `{ speeds = […], values = […] }`.
+/// `{ model = "viscoelastic", coefficient = … }`, `{ model = "cutoff", restitution = …, speed = …, exponent =
+/// … }`, or a measured table `{ speeds = […], values = […] }`.
 #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct RestitutionModelConfig {

@@ -57,7 +57,8 @@ impl Stream {
         }
     }
 
-    /// Gamma deviate of this shape, with scale 1: Marsaglia and Tsang, ACM Trans. Math. Softw. 26, 363 (2000).
+    /// Gamma deviate of this shape, with scale 1: Marsaglia and Tsang, ACM Trans. Math. Softw. 26, 363
+    /// (2000).
     pub(crate) fn gamma(&mut self, shape: f64) -> f64 {
         // For a shape below 1 from that of shape + 1.
         let more = if shape < 1.0 { 1.0 } else { 0.0 };

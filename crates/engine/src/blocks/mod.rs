@@ -217,9 +217,9 @@ impl<E> WorkingSpace<E> {
 /// No block takes the event: it is invalid.
 pub(crate) const NO_BLOCK: u32 = u32::MAX;
 
-/// Runs the rounds of a step. `route` says in which block of a round each of these events is, or [`NO_BLOCK`];
-/// it may change the events. `start_last` prepares the single block of the last round. `number`: of the steps
-/// since ownership has begun.
+/// Runs the rounds of a step. `route` says in which block of a round each of these events is, or
+/// [`NO_BLOCK`]; it may change the events. `start_last` prepares the single block of the last round.
+/// `number`: of the steps since ownership has begun.
 pub(crate) fn run_rounds<B: Block>(
     rounds: &mut [Round],
     blocks: &mut [B],
@@ -250,11 +250,11 @@ pub(crate) fn run_rounds<B: Block>(
         let blocks = &mut blocks[..fronts.len()];
         for (k, (block, front)) in blocks.iter_mut().zip(&mut *fronts).enumerate() {
             front.begin(step.metric, step.fraction(step.from), step.fraction(step.to));
-            block.begin_round(front.bounds);
             let part = block.part();
             part.ownership.begin(number * (last + 1) + round, k);
             part.rows.begin_round();
-            std::mem::swap(&mut part.front, front);
+            block.begin_round(front.bounds);
+            std::mem::swap(&mut block.part().front, front);
         }
         let (known, targets) = (&pending[..], &targets[..]);
         let run = |(k, block): (usize, &mut B)| {

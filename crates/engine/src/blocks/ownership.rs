@@ -27,6 +27,11 @@ impl Ownership {
         self.present = [round as u32 + 1, block as u32 + 1];
     }
 
+    /// Begins the round and block of another ownership.
+    pub fn begin_as(&mut self, other: &Self) {
+        self.present = other.present;
+    }
+
     /// Asserts that no other block has changed a particle in this round.
     #[inline(always)]
     pub fn read(&self, i: u32) {

@@ -8,7 +8,7 @@ use super::{
     predictor::{FAR_AHEAD, ListPredictor, VectorPredictor, Work},
 };
 use crate::{
-    blocks::{Block, Grid, Ownership, Part, Place, Present, Step, wrap_place},
+    blocks::{Block, Bounds as FrontBounds, Grid, Ownership, Part, Place, Present, Step, wrap_place},
     compact::{CompactParticle, PERIOD},
     features::Features,
     particles::World,
@@ -31,6 +31,8 @@ pub(super) struct ListBlock<F> {
     /// Number of entries taken in the step.
     taken: usize,
     places: Places,
+    /// For assertions: the particles whose lists a block changes.
+    lists: Ownership,
 }
 
 /// Grid coordinates of particles.
@@ -66,7 +68,12 @@ impl Places {
 
 impl<F: Features> ListBlock<F> {
     /// A block with the particles and lists of this predictor.
-    pub fn new(predictor: ListPredictor<F>, world: &World, ownership: Ownership, places: Places) -> Self {
+    pub fn new(
+        predictor: ListPredictor<F>,
+        world: &World,
+        [ownership, lists]: [Ownership; 2],
+        places: Places,
+    ) -> Self {
         let mut queue = WindowQueue::default();
         queue.keep_sorted(FAR_AHEAD + 1);
         Self {
@@ -79,6 +86,7 @@ impl<F: Features> ListBlock<F> {
             moved: Vec::new(),
             taken: 0,
             places,
+            lists,
         }
     }
 
@@ -123,9 +131,9 @@ impl<F: Features> ListBlock<F> {
         }
     }
 
-    /// Whether another entry has the same time, so that their order has to be that of one queue. The partner's
-    /// entry for the same collision does not count, and updates of lists do not, whose times are rounded to
-    /// single precision: a queue takes them last.
+    /// Whether another entry has the same time, so that their order has to be that of one queue. The
+    /// partner's entry for the same collision does not count, and updates of lists do not, whose times are
+    /// rounded to single precision: a queue takes them last.
     #[inline(always)]
     fn has_simultaneous(&self, entry: &Entry) -> bool {
         let is_update = |entry: &Entry| entry.target.kind() == ListEvent::ListUpdate;
@@ -168,6 +176,7 @@ impl<F: Features> ListBlock<F> {
             self.part.wrap(body);
             self.predictor.copy(&self.part.state.world, body);
         }
+        bodies.into_iter().for_each(|body| self.check_members(body));
         let Self { predictor, bounds, work, .. } = self;
         let mut predictor = VectorPredictor::<F, VECTORS> { predictor, bounds, work };
         for entry in predictor.predict_both(&self.part.state.world, bodies) {
@@ -229,10 +238,12 @@ impl<F: Features> ListBlock<F> {
         self.part.state.world.now = entry.time;
         if updates {
             let before = self.predictor.lists.reference(i);
+            self.check_lists(i);
             if !self.predictor.renew_list::<VECTORS>(&self.part.state.world, i) {
                 return self.part.leave(step, entry, &places, time);
             }
             self.moved.push((i, entry.time, before));
+            self.check_lists(i);
             self.part.state.accumulators.counters.transfers += 1;
         } else {
             self.part.state.accumulators.counters.stale += 1;
@@ -244,9 +255,32 @@ impl<F: Features> ListBlock<F> {
     /// Predicts the next event of a particle at the present time.
     #[inline(always)]
     fn predict<const VECTORS: bool>(&mut self, step: &Step, i: u32) {
+        self.check_members(i);
         let Self { predictor, bounds, work, .. } = self;
         let entry = VectorPredictor::<F, VECTORS> { predictor, bounds, work }.predict(&self.part.state, i);
         self.push(step, entry);
+    }
+
+    /// Asserts that no other block changes what a prediction of i reads: its list, and the particles in it.
+    #[inline(always)]
+    fn check_members(&self, i: u32) {
+        if cfg!(debug_assertions) {
+            self.lists.read(i);
+            let count = self.part.state.world.particles.len() as u32;
+            let members = self.predictor.lists.of(i).iter().filter(|&&j| j < count);
+            members.for_each(|&j| self.part.ownership.read(j));
+        }
+    }
+
+    /// Asserts that no other block reads or changes the lists that an update of the list of i changes.
+    #[inline(always)]
+    fn check_lists(&self, i: u32) {
+        if cfg!(debug_assertions) {
+            self.lists.change(i);
+            let count = self.part.state.world.particles.len() as u32;
+            let members = self.predictor.lists.of(i).iter().filter(|&&j| j < count);
+            members.for_each(|&j| self.lists.change(j));
+        }
     }
 
     /// Adds an entry to the queue, or to those after the end of the step.
@@ -289,6 +323,10 @@ impl<F: Features> Block for ListBlock<F> {
 
     fn part(&mut self) -> &mut Part<Entry> {
         &mut self.part
+    }
+
+    fn begin_round(&mut self, _: FrontBounds) {
+        self.lists.begin_as(&self.part.ownership);
     }
 
     #[inline(always)]

@@ -164,8 +164,8 @@ impl Lists {
         self.bins.reserve(aliases);
     }
 
-    /// The same lists for another thread, with [reserved](Self::reserve) memory for some further members until
-    /// it is [taken back](Self::take_back).
+    /// The same lists for another thread, with [reserved](Self::reserve) memory for some further members
+    /// until it is [taken back](Self::take_back).
     ///
     /// # Safety
     ///

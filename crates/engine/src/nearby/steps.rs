@@ -5,11 +5,11 @@ Entries of the calendars up to the end of a step are given to the block in which
 Entries after that end go to one calendar for each block, so that threads fill and empty them at the same
 time.
 
-An update of a list reads and changes bins, lists and reference positions near its particle ([`Lists::reach`]),
-a prediction reads the particles of a list. Fronts are farther than that from the faces of a block, so that
-what one thread writes no other one reads. The axes of blocks are all periodic, because bins beyond a wall are
-those at the opposite one. The memory of lists and bins does not grow in a block: updates that need it are
-left to the last round.
+An update of a list reads and changes bins, lists and reference positions near its particle
+([`Lists::reach`]), a prediction reads the particles of a list. Fronts are farther than that from the faces of
+a block, so that what one thread writes no other one reads. The axes of blocks are all periodic, because bins
+beyond a wall are those at the opposite one. Blocks use memory that the scheduler lends to them for
+longer lists and fuller bins; updates that need more are left to the last round.
 
 After a step that must be undone, particles, reference positions and calendars are those of its start. Lists
 are then the same sets, because they follow from the reference positions alone.
@@ -46,7 +46,8 @@ use crate::{
 const ENTRIES_PER_PARTICLE: f64 = 1.0 / 60.0;
 /// Largest displacement of a particle in a step [largest contact distances].
 const LONGEST: f32 = 0.1;
-/// Steps are so short that fronts need less distance from faces than in windows: this part of it (threads.md).
+/// Steps are so short that fronts need less distance from faces than in windows: this part of it
+/// (threads.md).
 const FACE: f32 = 0.73;
 /// Smallest thickness of a block [largest contact distances]: with thinner ones too much is at faces
 /// (threads.md).
@@ -86,7 +87,7 @@ impl<F: Features> Steps<F> {
     /// No steps yet, for this number of blocks, if it is given.
     pub fn new(blocks: Option<u16>) -> Self {
         let mut settings = Settings::new(blocks);
-        if blocks.is_none() {
+        if settings.blocks.is_none() {
             settings.thickness = [THICKNESS, 0.0];
         }
         Self {
@@ -212,13 +213,13 @@ impl<F: Features> Nearby<F> {
         }
         steps.attempts = 0;
         steps.blocks.clear();
-        let ownership = Ownership::new(world.particles.len());
+        let [ownership, lists] = [0, 1].map(|_| Ownership::new(world.particles.len()));
         for _ in 0..most {
             // SAFETY: blocks use their aliases in steps only, which renew them; see the module's description
             // for which elements a block uses.
             let mut alias = unsafe { predictor.alias() };
             predictor.lists.take_back(&mut alias.lists);
-            steps.blocks.push(ListBlock::new(alias, world, ownership.clone(), steps.places));
+            steps.blocks.push(ListBlock::new(alias, world, [ownership.clone(), lists.clone()], steps.places));
         }
         true
     }
