@@ -319,7 +319,10 @@ pub(crate) fn end_step<B: Block>(
         state.world.longest_flight = state.world.longest_flight.max(part.state.world.longest_flight);
         times.append(&mut part.times);
     }
-    // Those of each round of a block are sorted, which this sort makes use of.
+    #[allow(
+        clippy::stable_sort_primitive,
+        reason = "it makes use of the order within each round of a block"
+    )]
     times.sort();
     state.stall.count_sorted(times);
     if let Some(&last) = times.last() {

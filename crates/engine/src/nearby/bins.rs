@@ -121,13 +121,8 @@ impl Bins {
 
     /// Width of the widest bins [largest contact distances].
     pub fn widest(&self, unit: [f32; 3]) -> f32 {
-        let width = |k: usize| if self.n[k] > 1 { self.length(k, unit) / self.n[k] as f32 } else { 0.0 };
+        let width = |k: usize| if self.n[k] > 1 { length(unit[k]) / self.n[k] as f32 } else { 0.0 };
         width(0).max(width(1)).max(width(2))
-    }
-
-    /// The length after which coordinates repeat [largest contact distances].
-    fn length(&self, axis: usize, unit: [f32; 3]) -> f32 {
-        unit[axis] * 2.0_f32.powi(32)
     }
 
     /// The grid of bins, in largest contact distances; `None` if the box is folded onto them. All axes are
@@ -135,8 +130,7 @@ impl Bins {
     pub fn grid(&self, unit: [f32; 3]) -> Option<Grid> {
         (self.fold == [0; 3]).then(|| Grid {
             n: self.n.map(|n| n as i32),
-            cells: [0, 1, 2]
-                .map(|k| if self.n[k] > 1 { self.n[k] as f32 / self.length(k, unit) } else { 0.0 }),
+            cells: [0, 1, 2].map(|k| if self.n[k] > 1 { self.n[k] as f32 / length(unit[k]) } else { 0.0 }),
             wraps: self.n.map(|n| n > 1),
         })
     }
@@ -254,6 +248,11 @@ impl Bins {
         }
         count
     }
+}
+
+/// The length after which coordinates repeat, from that of one coordinate [largest contact distances].
+fn length(unit: f32) -> f32 {
+    unit * 2.0_f32.powi(32)
 }
 
 /// The sphere that a search covers: its center in coordinates, the length of a coordinate, and the square of

@@ -176,7 +176,9 @@ impl<F: Features> ListBlock<F> {
             self.part.wrap(body);
             self.predictor.copy(&self.part.state.world, body);
         }
-        bodies.into_iter().for_each(|body| self.check_members(body));
+        for body in bodies {
+            self.check_members(body);
+        }
         let Self { predictor, bounds, work, .. } = self;
         let mut predictor = VectorPredictor::<F, VECTORS> { predictor, bounds, work };
         for entry in predictor.predict_both(&self.part.state.world, bodies) {

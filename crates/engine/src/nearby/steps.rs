@@ -142,8 +142,8 @@ impl<F: Features> Steps<F> {
                 queue.push(entry);
             }
         }
+        self.calendars.clear();
         self.incoming.drain(..).flatten().for_each(|entry| queue.push(entry));
-        self.clear();
     }
 }
 
@@ -179,7 +179,7 @@ impl<F: Features> Nearby<F> {
 
     /// Cuts space into blocks for the present span. Returns false if there would be less than two.
     fn cut(&mut self, world: &World) -> bool {
-        let Self { predictor, steps, .. } = self;
+        let Self { predictor, steps, queue, .. } = self;
         let frame = &predictor.plan.frame;
         steps.span = Some(frame.begin);
         let Some(grid) = predictor.lists.grid() else { return false };
@@ -207,6 +207,8 @@ impl<F: Features> Nearby<F> {
         steps.metric = metric;
         let most = steps.rounds.iter().map(|round| round.fronts.len()).max().unwrap_or(1);
         if steps.calendars.len() != most {
+            // The number of threads has changed.
+            steps.move_to(queue);
             steps.calendars.resize_with(most, || Ladder::with_capacity(world.particles.len() / most));
             steps.incoming.resize_with(most, Vec::new);
             steps.collected.resize_with(most, Vec::new);
@@ -263,6 +265,7 @@ impl<F: Features> Nearby<F> {
         let is_possible = end > from && self.serial_reason(&state.world).is_none();
         if !is_possible || is_new && !self.cut(&state.world) {
             self.steps.move_to(&mut self.queue);
+            self.steps.clear();
             self.horizon = i64::MAX;
             return false;
         }
@@ -324,7 +327,9 @@ impl<F: Features> Nearby<F> {
             });
         };
         rayon::join(from_calendars, || queue.take_until(to, known));
-        collected.iter().for_each(|entries| known.extend_from_slice(entries));
+        for entries in collected {
+            known.extend_from_slice(entries);
+        }
     }
 
     /// The rounds of a step. If it is not taken, it has been undone.
