@@ -65,7 +65,7 @@ pub(crate) trait Scheduler: Send {
     fn reschedule(&mut self, state: &mut State, bodies: &[u32]);
     /// Why events are taken on one thread; `None` if they are taken on all.
     fn serial_reason(&self, _: &State) -> Option<&'static str> {
-        Some("only windows take events on several threads")
+        Some("this search takes events on one thread")
     }
     /// Whether there is no further event at any time.
     fn is_idle(&self) -> bool;

@@ -527,7 +527,7 @@ pub struct EngineConfig {
     pub neighbors: Option<NeighborsConfig>,
     /// Vector instructions of the prediction kernel; default `auto`.
     pub simd: Option<SimdConfig>,
-    /// Number of blocks of space whose events are taken at the same time, where the search is by windows;
+    /// Number of blocks of space whose events are taken at the same time, with windows and lists;
     /// 1 for one event after the other. Default: that of threads, from 100,000 particles on.
     pub blocks: Option<i64>,
 }

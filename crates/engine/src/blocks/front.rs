@@ -177,10 +177,11 @@ impl Metric {
         sum
     }
 
-    /// Whether sources reach a contact distance farther than what tests of later rounds subtract.
+    /// Whether sources reach one and a half contact distances, but for rounding, farther than what tests of
+    /// later rounds subtract.
     #[inline(always)]
     pub fn has_wide_sources(&self) -> bool {
-        self.source >= self.inner + self.sigma
+        self.source >= self.inner + 1.49 * self.sigma
     }
 
     /// Whether [`Front::lines`] reaches all cells within `reach` [length].

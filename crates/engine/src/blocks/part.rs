@@ -73,7 +73,7 @@ impl Present<'_> {
     /// Whether the fronts of all earlier rounds expect an event at these places.
     ///
     /// If its particles have had no event in the step, each round has left their events over, and so marked a
-    /// source there: the places are less than a contact distance away from what a source has reached.
+    /// source there, half a contact distance from them at most. A partner is one contact distance further.
     #[inline(always)]
     pub fn is_expected<const K: usize>(&self, world: &World, places: &[Place; K], time: f32) -> bool {
         if self.earlier.is_empty() {
@@ -165,7 +165,7 @@ impl<E> Part<E> {
     /// Restores the particles and images that the part has changed in a step, and calls `restored` for each
     /// particle.
     pub fn undo(&mut self, state: &mut State, mut restored: impl FnMut(&World, u32)) {
-        for (i, particle) in self.saved.indices.drain(..).zip(self.saved.particles.drain(..)) {
+        for (i, particle) in self.saved.indices.drain(..).zip(self.saved.particles.drain(..)).rev() {
             state.world.particles[i as usize] = particle;
             restored(&state.world, i);
         }

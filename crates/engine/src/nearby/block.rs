@@ -133,7 +133,7 @@ impl<F: Features> ListBlock<F> {
 
     /// Whether another entry has the same time, so that their order has to be that of one queue. The
     /// partner's entry for the same collision does not count, and updates of lists do not, whose times are
-    /// rounded to single precision: a queue takes them last.
+    /// rounded to single precision: they change no contact.
     #[inline(always)]
     fn has_simultaneous(&self, entry: &Entry) -> bool {
         let is_update = |entry: &Entry| entry.target.kind() == ListEvent::ListUpdate;

@@ -267,7 +267,7 @@ mod tests {
         };
         let world = World::new(&system, -52);
         let mut frame = Frame::new(&geometry, 2.2).expect("the box is large enough");
-        frame.begin(&world);
+        frame.begin(&world, world.now);
         (frame, world)
     }
 

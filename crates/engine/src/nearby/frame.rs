@@ -105,14 +105,14 @@ impl Frame {
         })
     }
 
-    /// Begins a span at the present time.
-    pub fn begin(&mut self, world: &World) {
+    /// Begins a span at `now` [ticks], not before the present time.
+    pub fn begin(&mut self, world: &World, now: i64) {
         let squares = world.particles.iter().map(|particle| particle.velocity.length_squared());
         let fastest = squares.fold(0.0, f64::max).sqrt() * HEADROOM;
         // Without motion the quotient is infinite, and the span has its largest length.
         let ticks = (self.max_displacement * self.sigma / fastest * world.clock.per_time)
             .clamp(1.0, LONGEST_SPAN) as i64;
-        self.begin = world.now;
+        self.begin = now;
         self.end = self.begin + ticks;
         self.step = ticks as f64 * world.clock.tick;
         self.per_tick = 1.0 / ticks as f64;

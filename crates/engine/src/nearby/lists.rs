@@ -86,6 +86,8 @@ pub(super) struct Lists {
     planes: Vec<Plane>,
     /// Whether a particle can touch a wall before it leaves its skin sphere; empty without walls.
     near_wall: Array<bool>,
+    /// Number of lists of `overflow` that are lent to aliases.
+    lent: usize,
     /// How often lists have been lengthened.
     growths: usize,
     /// Whether this is an alias for one thread of several, which uses only memory that has been lent to it.
@@ -172,6 +174,7 @@ impl Lists {
     /// As for [`Array::alias`]: no thread changes reference positions, lists and bins that another one uses.
     pub unsafe fn alias(&mut self) -> Self {
         let kept = self.free_overflow.len().saturating_sub(LENT);
+        self.lent += self.free_overflow.len() - kept;
         // SAFETY: guaranteed by the caller.
         unsafe {
             Self {
@@ -192,19 +195,22 @@ impl Lists {
     /// Takes back the memory that an alias has not used.
     pub fn take_back(&mut self, alias: &mut Self) {
         if self.growths == alias.growths {
+            self.lent = self.lent.saturating_sub(LENT);
             self.free_overflow.append(&mut alias.free_overflow);
         }
         self.bins.take_back(&mut alias.bins);
     }
 
-    /// Distances along an axis within which an update reads and changes bins and lists, from the place of its
-    /// particle [largest contact distances]: half of the distance that two updates at the same time need.
+    /// Distance from the faces of a block that its events need, so that they do not read what those of
+    /// another block change [largest contact distances].
     pub fn reach(&self) -> f32 {
-        // An update reads its bin and one on each side, and changes its bin. It changes lists of particles
-        // whose reference positions are up to a contact distance and the skin away; reference positions are
-        // up to half of the skin from their particles, and a new one is half of that ahead.
-        let bins = 0.5 * (3.0 * self.bins.widest(self.unit) + 3.0 * self.half_skin);
-        bins.max(1.0 + 5.0 * self.half_skin)
+        // An update reads its bin and one on each side, and changes its bin: half of the distance of two
+        // updates, each with its particle up to half of the skin from a reference position.
+        let bins = 1.5 * (self.bins.widest(self.unit) + self.half_skin);
+        // What is prefetched is also read for events at a face: the list of a partner, one contact distance
+        // beyond. An update changes lists of particles whose reference positions are up to a contact distance
+        // and the skin from its own one; each of the two is up to half of the skin from its particle.
+        bins.max(2.0 + 4.0 * self.half_skin + SLACK)
     }
 
     /// The grid of blocks: that of bins. `None` if a bin holds several places of the box.
@@ -533,7 +539,7 @@ impl Lists {
     /// Lengthens all lists if many have overflowed.
     fn grow(&mut self) {
         let count = self.references.len();
-        let used = self.overflow.len().saturating_sub(self.free_overflow.len());
+        let used = self.overflow.len().saturating_sub(self.free_overflow.len() + self.lent);
         if self.is_alias || used <= count / OVERFLOW_PART + 8 {
             return;
         }
@@ -543,7 +549,7 @@ impl Lists {
             .collect();
         let before = self.stride;
         self.stride += LANES;
-        self.growths += 1;
+        (self.growths, self.lent) = (self.growths + 1, 0);
         // In place, starting with the last list: an old and a new table at once would take a quarter of all
         // memory.
         let stride = self.stride;

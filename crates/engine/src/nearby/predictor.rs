@@ -67,7 +67,12 @@ impl<F: Features> ListPredictor<F> {
     /// Begins a span at the present time: all compact particles are computed from their anchors.
     #[cold]
     pub fn begin(&mut self, world: &World) {
-        self.plan.frame.begin(world);
+        self.begin_at(world, world.now);
+    }
+
+    /// The same at a time `now` [ticks] before the next event.
+    pub fn begin_at(&mut self, world: &World, now: i64) {
+        self.plan.frame.begin(world, now);
         for i in 0..world.particles.len() as u32 {
             self.particles[i as usize] = self.plan.frame.compact::<F>(world, i);
         }

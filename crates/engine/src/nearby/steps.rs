@@ -17,8 +17,10 @@ are then the same sets, because they follow from the reference positions alone.
 [`Lists::reach`]: super::lists::Lists::reach
 */
 
+use std::panic::{AssertUnwindSafe, catch_unwind, resume_unwind};
+
 use haff_calendar::{Calendar, Ladder};
-use haff_neighbors::prefetch_at;
+use haff_neighbors::{Array, prefetch_at};
 use rayon::prelude::*;
 
 use super::{
@@ -32,6 +34,7 @@ use crate::{
         self, DILATIONS, Dilations, Metric, NO_BLOCK, Outcome, Ownership, Round, Settings, Step,
         WorkingSpace, with_awake_threads,
     },
+    compact::CompactParticle,
     entry::Target,
     event_loop::{Limit, Scheduler},
     features::Features,
@@ -41,8 +44,8 @@ use crate::{
     state::State,
 };
 
-/// Number of entries of a step for each particle: so few that few particles have two events in a step, and a
-/// source is seldom reached by the cone of another one.
+/// Number of entries of a step for each particle; each collision has several. So few that few particles have
+/// two events in a step, and a source is seldom reached by the cone of another one.
 const ENTRIES_PER_PARTICLE: f64 = 1.0 / 60.0;
 /// Largest displacement of a particle in a step [largest contact distances].
 const LONGEST: f32 = 0.1;
@@ -56,6 +59,10 @@ const THICKNESS: f32 = 27.0;
 const LEAST_ENTRIES: f64 = 64.0;
 /// The length of steps changes by at most this factor from one to the next.
 const CHANGE: f64 = 2.0;
+/// Least number of steps of a span.
+const STEPS_PER_SPAN: f64 = 8.0;
+/// A step of which less than one part of this number is before a limit is taken in order.
+const SHORT: i64 = 8;
 /// Where the blocks of entries are found, the particle of the entry that comes this many later is
 /// prefetched.
 const AHEAD: usize = 12;
@@ -81,6 +88,8 @@ pub(super) struct Steps<F> {
     ticks: f64,
     /// Number of steps that blocks have begun.
     attempts: usize,
+    /// Why the last steps were not taken by blocks.
+    reason: Option<&'static str>,
 }
 
 impl<F: Features> Steps<F> {
@@ -104,6 +113,7 @@ impl<F: Features> Steps<F> {
             blocks: Vec::new(),
             ticks: 0.0,
             attempts: 0,
+            reason: None,
         }
     }
 
@@ -150,10 +160,13 @@ impl<F: Features> Steps<F> {
 impl<F: Features> Nearby<F> {
     /// Why events are taken on one thread, if they are.
     pub(super) fn serial_reason(&self, world: &World) -> Option<&'static str> {
+        self.unsuitable(world).or(self.steps.reason)
+    }
+
+    /// Why blocks cannot take events.
+    fn unsuitable(&self, world: &World) -> Option<&'static str> {
         if let Some(reason) = self.steps.settings.serial_reason(world) {
             Some(reason)
-        } else if F::REST {
-            Some("grains may come to rest on each other")
         } else if world.classes.iter().any(|class| class.inverse_mass == 0.0) {
             Some("there are bodies of infinite mass")
         } else if self.predictor.lists.grid().is_none() {
@@ -167,7 +180,7 @@ impl<F: Features> Nearby<F> {
     /// all events are taken from the queue.
     pub(super) fn begin_steps(&mut self, state: &State) -> bool {
         self.horizon = i64::MAX;
-        let is_possible = self.serial_reason(&state.world).is_none() && self.cut(&state.world);
+        let is_possible = self.unsuitable(&state.world).is_none() && self.cut(&state.world);
         if is_possible {
             self.horizon = state.world.now;
             let per_tick = self.predictor.plan.frame.per_tick;
@@ -191,8 +204,10 @@ impl<F: Features> Nearby<F> {
         let count: usize = numbers.iter().product();
         // A front moves by at most a contact distance in a step.
         if count < 2 || !metric.reaches(DILATIONS[1] * metric.source + 1.0) {
+            steps.reason = Some("blocks would be too thin");
             return false;
         }
+        steps.reason = None;
         steps.places = Places::new(grid);
         let particles = predictor.particles.part(0..world.particles.len());
         let up_to = |k: usize| {
@@ -255,14 +270,18 @@ impl<F: Features> Nearby<F> {
         observer: &mut dyn Observer,
         events: bool,
     ) -> bool {
-        let from = self.horizon;
+        let from = self.horizon.max(state.world.now);
         let wanted = (self.steps.ticks as i64).max(1);
         if self.predictor.plan.frame.end.saturating_sub(from) < wanted / 4 + 1 {
-            self.predictor.begin(&state.world);
+            self.predictor.begin_at(&state.world, from);
         }
         let frame = &self.predictor.plan.frame;
+        // The fastest particle has moved little in a step, even if nothing has moved before.
+        let most = (frame.end - frame.begin) as f64 / STEPS_PER_SPAN;
+        self.steps.ticks = self.steps.ticks.min(most).max(1.0);
+        let wanted = wanted.min(self.steps.ticks as i64);
         let (is_new, end) = (self.steps.span != Some(frame.begin), frame.end);
-        let is_possible = end > from && self.serial_reason(&state.world).is_none();
+        let is_possible = end > from && self.unsuitable(&state.world).is_none();
         if !is_possible || is_new && !self.cut(&state.world) {
             self.steps.move_to(&mut self.queue);
             self.steps.clear();
@@ -277,7 +296,9 @@ impl<F: Features> Nearby<F> {
         let is_dilute = target * longest < least as f64 * self.steps.ticks;
         let length = if is_dilute { wanted } else { wanted.min(longest as i64).max(1) };
         let whole = from.saturating_add(length).min(end);
-        let mut to = whole.min(limit.ticks);
+        // If little of the step is before a limit, all of it is taken in order: the queue stops at limits.
+        let mut is_short = limit.ticks.saturating_sub(from) < length / SHORT;
+        let mut to = if is_short { whole } else { whole.min(limit.ticks) };
         self.collect(to);
         if to == whole {
             let ticks = (to - from) as f64 * target / self.steps.known.len().max(1) as f64;
@@ -287,12 +308,15 @@ impl<F: Features> Nearby<F> {
         let remaining = limit.collisions.saturating_sub(state.accumulators.counters.collisions);
         let part = usize::try_from(remaining / 4 * 3).unwrap_or(usize::MAX);
         let known = &mut self.steps.known;
-        if part < known.len() {
+        is_short |= part < known.len() / SHORT as usize;
+        if part < known.len() && !is_short {
             to = known.select_nth_unstable_by_key(part, |entry| entry.time).1.time;
             known.extract_if(.., |entry| entry.time > to).for_each(|entry| self.queue.push(entry));
         }
         self.horizon = to;
+        self.steps.reason = is_dilute.then_some("steps would have too few events");
         let suits = !is_dilute
+            && !is_short
             && known.len() >= self.steps.settings.min_events / 8 * self.steps.rounds[0].fronts.len()
             && known.iter().all(|entry| entry.time > from);
         let mut is_taken = known.is_empty();
@@ -349,7 +373,7 @@ impl<F: Features> Nearby<F> {
         let step = Step::new(metric, (from, *horizon), span, steps.known.len());
         steps.working_space.pending.clear();
         steps.working_space.pending.extend_from_slice(&steps.known);
-        predictor.lists.reserve(steps.blocks.len() + 1);
+        predictor.lists.reserve(steps.blocks.len());
         for block in &mut steps.blocks {
             // SAFETY: the aliases are used in this call only.
             unsafe {
@@ -358,28 +382,35 @@ impl<F: Features> Nearby<F> {
             }
         }
         // SAFETY: as above, and read between the rounds only.
-        let mut reader = unsafe { predictor.alias() };
+        let particles = unsafe { predictor.particles.alias() };
         steps.attempts += 1;
         let mut is_last = false;
-        let (counts, mut outcome) = blocks::run_rounds(
-            &mut steps.rounds,
-            &mut steps.blocks,
-            &mut steps.working_space,
-            (&step, steps.attempts),
-            (*kernel, events),
-            |round, entries, targets| route(&reader, &state.world, places, &step, round, entries, targets),
-            |block| {
-                // The lists of the last round can grow without limits: no other block uses them.
-                std::mem::swap(predictor, &mut block.predictor);
-                is_last = true;
-            },
-        );
+        let run = || {
+            blocks::run_rounds(
+                &mut steps.rounds,
+                &mut steps.blocks,
+                &mut steps.working_space,
+                (&step, steps.attempts),
+                (*kernel, events),
+                |round, entries, targets| {
+                    route(&particles, &state.world, places, &step, round, entries, targets);
+                },
+                |block| {
+                    // The lists of the last round can grow without limits: no other block uses them.
+                    std::mem::swap(predictor, &mut block.predictor);
+                    is_last = true;
+                },
+            )
+        };
+        let result = catch_unwind(AssertUnwindSafe(run));
         if is_last {
+            // Also after a panic: the blocks must not own the memory that others use.
             std::mem::swap(predictor, &mut steps.blocks[0].predictor);
         }
-        for alias in steps.blocks.iter_mut().map(|block| &mut block.predictor).chain([&mut reader]) {
-            predictor.lists.take_back(&mut alias.lists);
+        for block in &mut steps.blocks {
+            predictor.lists.take_back(&mut block.predictor.lists);
         }
+        let (counts, mut outcome) = result.unwrap_or_else(|panic| resume_unwind(panic));
         if outcome == Outcome::Taken && !blocks::may_keep(state, &counts, limit.collisions) {
             outcome = Outcome::Failed;
         }
@@ -404,8 +435,8 @@ impl<F: Features> Nearby<F> {
 }
 
 /// Finds the block of a round in which each of these entries is.
-fn route<F: Features>(
-    predictor: &ListPredictor<F>,
+fn route(
+    particles: &Array<CompactParticle>,
     world: &World,
     places: Places,
     step: &Step,
@@ -416,7 +447,7 @@ fn route<F: Features>(
     for k in 0..entries.len() {
         if let Some(later) = entries.get(k + AHEAD) {
             let partner = later.target.partner().unwrap_or(later.owner);
-            prefetch_at(&predictor.particles, later.owner as usize);
+            prefetch_at(particles, later.owner as usize);
             prefetch_at(&world.particles, later.owner as usize);
             prefetch_at(&world.particles, partner as usize);
         }
@@ -430,7 +461,7 @@ fn route<F: Features>(
         if partner.is_some_and(|j| world.particles[j as usize].count != entry.partner_count) {
             entry.target = Target::new(ListEvent::Prediction);
         }
-        let particle = &predictor.particles[entry.owner as usize];
+        let particle = &particles[entry.owner as usize];
         targets[k] = round.block_at(places.at(particle, step.fraction(entry.time))) as u32;
     }
 }
