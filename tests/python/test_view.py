@@ -108,8 +108,17 @@ def test_few_bodies_follow_their_exact_paths(files, tmp_path):
 
 
 def test_page_says_how_many_threads_have_served(files, tmp_path):
-    served = page_of(files["cooling"], tmp_path).header["served"]
+    scene = {
+        "schema": 1,
+        "domain": {"size": [9.0, 9.0, 9.0]},
+        "species": [{"name": "grain", "count": 100, "radius": 0.5, "mass": 1.0}],
+        "run": {"until": 1.0},
+        "output": {"frames": 0.5},
+    }
+    haff.run(scene, file=tmp_path / "gas.h5")
+    served = page_of(tmp_path / "gas.h5", tmp_path).header["served"]
     assert re.match(r"threads: \d+; events one after the other: there ", served), served
+    assert page_of(files["cooling"], tmp_path).header["served"] == "", "a file without a summary"
 
 
 def test_too_many_frames_are_thinned_with_a_message(files, tmp_path, capsys):
