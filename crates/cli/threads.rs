@@ -45,7 +45,7 @@ fn words(report: &Value) -> String {
             report["count"], report["undone"], report["steps"]
         ),
         (None, Some(reason)) => format!("events one after the other: {reason}"),
-        (None, None) => "events one after the other: windows have few of them".to_owned(),
+        (None, None) => "events one after the other: steps have few of them".to_owned(),
     }
 }
 
