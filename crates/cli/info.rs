@@ -61,6 +61,7 @@ pub fn info(options: &Info) -> Result<u8, Failure> {
                 "time": last.time, "step": last.step, "temperature": last.temperature,
                 "kinetic_energy": last.ledger.kinetic, "potential_energy": last.ledger.potential,
                 "spring_energy": (!last.ledger.spring.is_nan()).then_some(last.ledger.spring),
+                "rotational_energy": last.ledger.rotational, "rotational_temperature": last.rotational_temperature,
                 "dissipated_energy": last.ledger.dissipated, "carnot_energy": last.ledger.carnot,
                 "ledger_residual": last.ledger.residual,
                 "collisions": last.collisions, "wall_collisions": last.wall_collisions,
@@ -114,8 +115,15 @@ pub fn info(options: &Info) -> Result<u8, Failure> {
         line("events", format!("{events}: {pairs} collisions, {walls} wall collisions"));
     }
     if let Some(last) = last {
+        let has_spin = !last.species_rotational_temperature.is_empty();
         line("temperature", format!("{:.9e}", last.temperature));
+        if has_spin {
+            line("  of rotation", format!("{:.9e}", last.rotational_temperature));
+        }
         line("kinetic energy", format!("{:.9e}", last.ledger.kinetic));
+        if has_spin {
+            line("  of rotation", format!("{:.9e}", last.ledger.rotational));
+        }
         line("potential energy", format!("{:.9e}", last.ledger.potential));
         if !last.ledger.spring.is_nan() {
             line("  of springs", format!("{:.9e}", last.ledger.spring));

@@ -199,6 +199,7 @@ fn report(outcome: &Outcome, context: &Context) -> Value {
         "wall_seconds": seconds,
         "collisions_per_second": counters.collisions as f64 / seconds,
         "kinetic_energy": ledger.kinetic,
+        "rotational_energy": ledger.rotational,
         "potential_energy": ledger.potential,
         "dissipated_energy": ledger.dissipated,
         "carnot_energy": ledger.carnot,

@@ -22,6 +22,7 @@ impl StateSource for States {
             size: Some(state.box_size),
             position: state.position,
             velocity: Some(state.velocity),
+            angular_velocity: Some(state.angular_velocity).filter(|spins| !spins.is_empty()),
             image: Some(state.image),
             radius: state.radius,
             mass: Some(state.mass),
@@ -72,6 +73,7 @@ fn foreign(path: &Path, index: i64) -> Result<State, String> {
         velocity: if header.velocity { Some(vectors(reals(3 * header.count)?)) } else { None },
         mass: if header.mass { Some(reals(header.count)?) } else { None },
         image: None,
+        angular_velocity: None,
         precision: header.precision,
     })
 }

@@ -13,6 +13,7 @@ from scipy.spatial import cKDTree
 from . import theory
 from .errors import ArgumentError, MissingDataError, NotApplicableError
 from .layout import computing
+from .recorded import is_rough
 
 if TYPE_CHECKING:
     import xarray
@@ -29,9 +30,12 @@ __all__ = [
     "cluster_sizes",
     "cooling_law",
     "drawn_frames",
+    "gas_restitution",
     "kinetic_energy",
     "max_overlap",
     "radial_distribution",
+    "rotational_energy",
+    "rotational_temperature",
     "running_integral",
     "scaled_velocities",
     "self_diffusion",
@@ -107,13 +111,30 @@ def _all_pairs(count: int) -> Iterator[NDArray[np.intp]]:
 
 
 def kinetic_energy(frame: Frame) -> float:
-    """Σ ½ m v² over bodies of finite mass [energy], summed exactly and rounded once."""
+    """Σ ½ m v² over bodies of finite mass, of translation [energy], summed exactly and rounded once."""
     mobile = np.isfinite(frame.mass)
-    energies = 0.5 * frame.mass[mobile] * np.einsum("ij,ij->i", frame.velocity[mobile], frame.velocity[mobile])
+    return _energy(frame.mass[mobile], frame.velocity[mobile])
+
+
+def rotational_energy(frame: Frame) -> float:
+    """Σ ½ I ω², I = q m R², over bodies of finite mass [energy], summed exactly and rounded once; 0 without spin."""
+    if frame.inertia is None or frame.angular_velocity is None:
+        return 0.0
+    mobile = np.isfinite(frame.mass)
+    moment = (frame.inertia * frame.mass * frame.radius**2)[mobile]
+    return _energy(moment, frame.angular_velocity[mobile])
+
+
+def _energy(mass: Array, velocity: Array) -> float:
+    with np.errstate(over="ignore", invalid="ignore"):
+        energies = 0.5 * mass * np.einsum("ij,ij->i", velocity, velocity)
     try:
-        return math.fsum(energies)
+        total = math.fsum(energies)
     except OverflowError:
-        raise NotApplicableError("the kinetic energy is too large for a number") from None
+        total = math.inf
+    if not math.isfinite(total):
+        raise NotApplicableError("the kinetic energy is too large for a number")
+    return total
 
 
 def temperature(frame: Frame, species: int | None = None) -> float:
@@ -131,6 +152,21 @@ def temperature(frame: Frame, species: int | None = None) -> float:
         return float("nan")
     energy = np.sum(mass[chosen, None] * velocity[chosen] ** 2)
     return float(energy / (frame.box.dimension * chosen.sum()))
+
+
+def rotational_temperature(frame: Frame, species: int | None = None) -> float:
+    """T_rot = Σ I ω²/(rN) over bodies of finite mass [energy], of r = 3 axes of rotation, 1 in two dimensions.
+
+    NaN without such bodies, or without spin. ``species`` restricts the sum.
+    """
+    if frame.inertia is None or frame.angular_velocity is None:
+        return float("nan")
+    chosen = np.isfinite(frame.mass) if species is None else np.isfinite(frame.mass) & (frame.species == species)
+    if not chosen.any():
+        return float("nan")
+    moment = (frame.inertia * frame.mass * frame.radius**2)[chosen]
+    energy = np.sum(moment[:, None] * frame.angular_velocity[chosen] ** 2)
+    return float(energy / ((1 if frame.box.dimension == 2 else 3) * chosen.sum()))
 
 
 def scaled_velocities(frame: Frame) -> Array:
@@ -407,7 +443,7 @@ class CoolingLaw(NamedTuple):
 
 
 def cooling_law(file: File) -> CoolingLaw:
-    """The cooling law expected for the file's gas: a force-free periodic gas with one constant restitution.
+    """The cooling law expected for the file's gas: a force-free periodic gas with one constant restitution, smooth.
 
     One species: Enskog rate with the Carnahan–Starling or Henderson contact value and van Noije–Ernst's a₂.
     Mixtures: Enskog rates with BMCSL contact values at equal temperatures, 1/τ = (1 − e²) R/(dN) with R the
@@ -415,20 +451,9 @@ def cooling_law(file: File) -> CoolingLaw:
 
     Raises :class:`NotApplicableError` with the reason where no closed form applies.
     """
-    box, d = file.box, file.dimension
-    if not box.fully_periodic:
-        raise NotApplicableError("Haff's law needs a periodic box")
-    if not np.all(np.isfinite(file.mass)):
-        raise NotApplicableError("Haff's law does not know fixed bodies")
-    if len(file) < 10:
-        raise NotApplicableError(f"Haff's law needs a gas, not {len(file)} particles")
-    contact = file.scene.get("contact", {})
-    e = contact.get("restitution", 1.0)
-    others = [p.get("restitution") for p in contact.get("pair", [])]
-    if isinstance(e, dict) or any(o != e for o in others):
-        raise NotApplicableError("Haff's law needs one constant coefficient of restitution")
-    if file.scene.get("wall"):
-        raise NotApplicableError("Haff's law does not know walls")
+    box, d, e = file.box, file.dimension, gas_restitution(file)
+    if is_rough(file.scene):
+        raise NotApplicableError("Haff's law does not know rough contacts")
     table = file.observables if "observables" in file else None
     if table is not None and ("temperature" not in table or len(table) == 0):
         raise NotApplicableError("Haff's law needs samples of the temperature")
@@ -452,6 +477,27 @@ def cooling_law(file: File) -> CoolingLaw:
     with np.errstate(divide="ignore"):
         tau = float(np.divide(d * len(file), (1 - e**2) * total))
     return CoolingLaw(T0, tau, 2 * total / len(file), e, 0.0, float("nan"), float("nan"), False)
+
+
+def gas_restitution(file: File) -> float:
+    """The coefficient of restitution of all normal impacts of a periodic gas.
+
+    Raises :class:`NotApplicableError` with the reason if the file is none, or does not have one constant coefficient.
+    """
+    if not file.box.fully_periodic:
+        raise NotApplicableError("Haff's law needs a periodic box")
+    if not np.all(np.isfinite(file.mass)):
+        raise NotApplicableError("Haff's law does not know fixed bodies")
+    if len(file) < 10:
+        raise NotApplicableError(f"Haff's law needs a gas, not {len(file)} particles")
+    contact = file.scene.get("contact", {})
+    e = contact.get("restitution", 1.0)
+    others = ["sticks" if p.get("sticks") else p.get("restitution", e) for p in contact.get("pair", [])]
+    if isinstance(e, dict) or any(o != e for o in others):
+        raise NotApplicableError("Haff's law needs one constant coefficient of restitution")
+    if file.scene.get("wall"):
+        raise NotApplicableError("Haff's law does not know walls")
+    return float(e)
 
 
 def _grouped(radius: Array, mass: Array, groups: int, volume: float) -> tuple[Array, Array]:

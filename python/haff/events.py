@@ -23,8 +23,11 @@ __all__ = ["Events"]
 _EVENT_COLUMNS = {
     "time": ("f", 0), "kind": ("iu", 0), "i": ("iu", 0), "j": ("iu", 0), "approach_speed": ("f", 0),
     "impulse": ("f", 0), "energy_loss": ("f", 0), "carnot_energy": ("f", 0), "normal": ("f", 3), "position": ("f", 3),
+    "impulse_vector": ("f", 3), "tangential_loss": ("f", 0),
 }  # fmt: skip
 """What NumPy calls their kind, and components of vectors."""
+_OF_SCENES = {"impulse_vector": "spin or thermal walls", "tangential_loss": "spin"}
+"""Columns of some scenes only, and what these have."""
 _WIDEST = 16
 """Components of a column of another program."""
 
@@ -35,6 +38,10 @@ class Events:
     ``len(events)``, ``events["energy_loss"]`` (NumPy), ``events[a:b]`` and ``events.chunks()`` (pandas) read
     only what they name. Vector columns become ``normal_x``, ``normal_y``, … in data frames. A scene may ask for
     some columns only (``output.events = { columns = […] }``); the others raise :class:`MissingDataError`.
+
+    ``impulse`` is along ``normal``. In scenes with spin or thermal walls ``impulse_vector`` is the whole impulse that
+    ``j``, or the wall, receives; with spin ``tangential_loss`` is the part of ``energy_loss`` by its tangential
+    component. The equations of smooth impacts hold for ``impulse`` and ``energy_loss - tangential_loss``.
     """
 
     def __init__(self, file: File) -> None:
@@ -105,8 +112,9 @@ class Events:
             return
         found = ", ".join(self._columns)
         if name in _EVENT_COLUMNS:
+            only = f"; only scenes with {_OF_SCENES[name]} have it" if name in _OF_SCENES else ""
             raise MissingDataError(
-                f"{self._file.path}: the event log lacks {name!r}: the scene asked for {found} (output.events)"
+                f"{self._file.path}: the event log lacks {name!r}: the scene asked for {found} (output.events){only}"
             )
         raise KeyError(f"no event column {brief(repr(name))}; there are {brief(found)}")
 

@@ -18,6 +18,9 @@ if TYPE_CHECKING:
 
 __all__ = ["Box", "Frame", "Frames"]
 
+_VECTORS = {"position": "f", "velocity": "f", "image": "iu", "angular_velocity": "f"}
+"""What has a vector for each particle in a frame, and what NumPy calls the kind of its components."""
+
 
 class Box:
     """The simulation box [0, L) per axis.
@@ -95,6 +98,11 @@ class Frame:
         return self._read("velocity")
 
     @cached_property
+    def angular_velocity(self) -> NDArray[np.float64] | None:
+        """``[N, 3]`` angular velocities [1/time], along z in 2D; ``None`` if the scene has no spin."""
+        return self._read("angular_velocity") if "angular_velocity" in self._frames._columns else None
+
+    @cached_property
     def image(self) -> NDArray[np.int32]:
         """``[N, 3]`` how often each particle has left through the periodic faces (upper +1, lower −1)."""
         return self._read("image")
@@ -120,6 +128,11 @@ class Frame:
         return self.file.radius
 
     @property
+    def inertia(self) -> NDArray[np.float64] | None:
+        """``[N]`` numbers q = I/(m R²) of the moments of inertia I; ``None`` if the scene has no spin."""
+        return self.file.inertia
+
+    @property
     def species(self) -> NDArray[np.int64]:
         """``[N]`` species indices."""
         return self.file.species
@@ -142,7 +155,7 @@ class Frames(Sequence["Frame"]):
         self._time = stored.column(f"{base}/position/time", (None,), "f")
         self._step = stored.column(f"{base}/position/step", (None,), "iu")
         self._columns: dict[str, Column] = {}
-        for name, kinds in (("position", "f"), ("velocity", "f"), ("image", "iu")):
+        for name, kinds in _VECTORS.items():
             if name == "position" or stored.find(f"{base}/{name}") is not None:
                 self._columns[name] = stored.column(f"{base}/{name}/value", (None, len(file), 3), kinds)
         if rows is None:
@@ -193,13 +206,14 @@ class Frames(Sequence["Frame"]):
     def array(self, name: str) -> Array:
         """All frames of one quantity at once, ``[F, N, 3]``.
 
-        ``name`` is ``"position"``, ``"velocity"``, ``"image"`` or ``"unwrapped"``.
+        ``name`` is ``"position"``, ``"velocity"``, ``"image"``, ``"unwrapped"`` or, if the scene has spin,
+        ``"angular_velocity"``.
         """
         if name == "unwrapped":
             box = self._file.box
             return self.array("position") + self.array("image") * np.where(box.periodic, box.size, 0.0)
-        if name not in ("position", "velocity", "image"):
-            raise ArgumentError(f"array {name!r}: must be one of position, velocity, image, unwrapped")
+        if name not in _VECTORS:
+            raise ArgumentError(f"array {name!r}: must be one of {', '.join(_VECTORS)}, unwrapped")
         return self._values(name, self._rows)
 
     def __len__(self) -> int:

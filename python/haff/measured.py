@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import Any
 
 import numpy as np
 import pandas as pd
@@ -10,6 +11,7 @@ from numpy.typing import NDArray
 
 from .errors import FileError, MissingDataError, NotApplicableError
 from .reader import File
+from .recorded import roughness as roughness_of
 from .recorded import shaped_walls
 
 __all__ = [
@@ -21,9 +23,11 @@ __all__ = [
     "pendulums",
     "plane",
     "restitution",
+    "roughness",
     "times",
     "vector",
     "wall_restitution",
+    "wall_roughness",
 ]
 
 Array = NDArray[np.float64]
@@ -106,30 +110,47 @@ def vector(given: Sequence[float]) -> Array:
 
 def restitution(run: File, first: str, second: str) -> float | dict[str, object] | str:
     """The scene's law for two particles by their names: a number, a model, or ``"sticks"``."""
-    contact = run.scene.get("contact", {})
-    for pair in contact.get("pair", ()):
-        if sorted(pair["between"]) == sorted((first, second)):
-            return "sticks" if pair.get("sticks") else pair.get("restitution", 1.0)
-    return contact.get("restitution", 1.0)
+    general = run.scene.get("contact", {}).get("restitution", 1.0)
+    for pair in _rule(run, first, second):
+        return "sticks" if pair.get("sticks") else pair.get("restitution", general)
+    return general
 
 
 def wall_restitution(run: File, name: str, wall: int) -> float | dict[str, object] | str:
     """The scene's law for a particle by its name on a wall by its row."""
-    contact, sides = run.scene.get("contact", {}), _sides(run)
+    contact, (called, of) = run.scene.get("contact", {}), _wall(run, wall)
+    own = of.get("restitution", contact.get("wall_restitution", contact.get("restitution", 1.0)))
+    for pair in _rule(run, name, called):
+        return "sticks" if pair.get("sticks") else pair.get("restitution", own)
+    return "sticks" if of.get("sticks") else own
+
+
+def roughness(run: File, first: str, second: str) -> tuple[float, float]:
+    """The scene's β and μ for two particles by their names; β = -1 is smooth, and μ infinite where β alone counts."""
+    return roughness_of(run.scene, *_rule(run, first, second))
+
+
+def wall_roughness(run: File, name: str, wall: int) -> tuple[float, float]:
+    """The scene's β and μ for a particle by its name on a wall by its row; see :func:`roughness`."""
+    called, of = _wall(run, wall)
+    return roughness_of(run.scene, *_rule(run, name, called), of)
+
+
+def _rule(run: File, first: str, second: str) -> list[dict[str, Any]]:
+    """The entry of ``contact.pair`` for two names, or nothing."""
+    pairs = run.scene.get("contact", {}).get("pair", ())
+    return [pair for pair in pairs if sorted(pair["between"]) == sorted((first, second))][:1]
+
+
+def _wall(run: File, wall: int) -> tuple[str, dict[str, Any]]:
+    """Name of a wall by its row, and its entry of ``[[wall]]``, empty if there is none."""
+    sides = _sides(run)
     if wall < 2 * len(sides):
         called = "xyz"[sides[wall // 2]] + "-+"[wall % 2]
         entries = (entry for entry in run.scene.get("wall", ()) if entry.get("name") == called and "plane" not in entry)
-        of = next(entries, {})
-    else:
-        of = shaped_walls(run.scene)[wall - 2 * len(sides)]
-        called = of.get("name")
-    for pair in contact.get("pair", ()):
-        if sorted(pair["between"]) == sorted((name, called)):
-            return "sticks" if pair.get("sticks") else pair.get("restitution", 1.0)
-    if of.get("sticks"):
-        return "sticks"
-    general = contact.get("wall_restitution", contact.get("restitution", 1.0))
-    return of.get("restitution", general)
+        return called, next(entries, {})
+    of = shaped_walls(run.scene)[wall - 2 * len(sides)]
+    return of.get("name", ""), of
 
 
 def body(run: File, name: str) -> int:

@@ -9,6 +9,9 @@ symbol                meaning
 ``e``                 coefficient of restitution, in [0, 1]
 ``m1``, ``m2``        masses; infinite for a wall or a driven body
 ``n``                 contact normal, a unit vector from body 1 to body 2
+``beta``              of rough contacts: coefficient of tangential restitution, -1 smooth to 1 perfectly rough
+``friction``          Coulomb's coefficient μ
+``q``                 I/(m R²) of the moment of inertia I: 2/5 for homogeneous spheres, 1/2 for homogeneous disks
 ``g``                 strength of gravity [length/time²]
 ``alpha``, ``beta``   angles of pendulums from hanging, of release and of the highest point
 ``theta``             angle of a rod to the line of flight
@@ -26,6 +29,7 @@ from scipy.special import ellipj, ellipkm1
 __all__ = [
     "Impact",
     "RodImpact",
+    "RoughImpact",
     "SpringImpact",
     "bounce_height",
     "bounce_path",
@@ -40,6 +44,7 @@ __all__ = [
     "rest_time",
     "rod_impact",
     "rod_stick",
+    "rough_impact",
     "spring_compression",
     "spring_impact",
     "swing",
@@ -98,6 +103,117 @@ def impact(m1: float, m2: float, w1: ArrayLike, w2: ArrayLike, n: ArrayLike, e: 
         impulse,
         0.5 * reduced * approach**2 * (1 - e**2),
         0.5 * impulse**2 / reduced,
+    )
+
+
+class RoughImpact(NamedTuple):
+    """Outcome of an impact of two rough spheres, from :func:`rough_impact`."""
+
+    velocity_1: Array
+    """``[3]`` velocity of body 1 afterwards [length/time]."""
+    velocity_2: Array
+    """``[3]`` velocity of body 2 afterwards [length/time]."""
+    angular_velocity_1: Array
+    """``[3]`` angular velocity of body 1 afterwards [1/time]."""
+    angular_velocity_2: Array
+    """``[3]`` angular velocity of body 2 afterwards [1/time]."""
+    approach_speed: float
+    r""":math:`v_n = (w_1 - w_2)\cdot n` [length/time]."""
+    slip: Array
+    """``[3]`` tangential relative velocity of the surfaces before, g_t [length/time]."""
+    slides: bool
+    """Whether the tangential impulse is that of Coulomb's law."""
+    impulse: Array
+    """``[3]`` impulse that body 2 receives [mass·length/time]."""
+    energy_loss: float
+    """Kinetic energy lost, of translation and rotation [energy]."""
+    tangential_loss: float
+    """The part of ``energy_loss`` by the tangential impulse [energy]."""
+    carnot_energy: float
+    """Energy of the lost velocities, of translation and rotation [energy]."""
+
+
+def rough_impact(
+    m1: float,
+    m2: float,
+    w1: ArrayLike,
+    w2: ArrayLike,
+    omega1: ArrayLike,
+    omega2: ArrayLike,
+    n: ArrayLike,
+    e: float,
+    beta: float,
+    friction: float = np.inf,
+    radii: tuple[float, float] = (0.5, 0.5),
+    q: tuple[float, float] = (0.4, 0.4),
+) -> RoughImpact:
+    r"""Impact of two rough spheres by Walton's law; with an infinite mass, on a wall or a driven body.
+
+    The surfaces have the relative velocity :math:`g = w_1 - w_2 - n\times(R_1\omega_1 + R_2\omega_2)`. Its normal
+    component is reversed and multiplied by e, as by :func:`impact`. Its tangential component :math:`g_t` is reversed
+    and multiplied by β, by the impulse
+
+    .. math:: P_t = (1 + \beta)\,\frac{g_t}\Lambda,\qquad
+              \Lambda = \frac{1 + 1/q_1}{m_1} + \frac{1 + 1/q_2}{m_2},
+
+    or, where that is more than friction allows, :math:`|P_t| = \mu P_n` along :math:`g_t`. With
+    :math:`\kappa = \Lambda|P_t|/|g_t|` the tangential loss is :math:`\tfrac12\kappa(2 - \kappa)\,g_t^2/\Lambda`, and
+    Carnot's energy :math:`\tfrac12\kappa^2 g_t^2/\Lambda` (O. R. Walton, R. L. Braun, *J. Rheol.* **30**, 949 (1986)).
+
+    Parameters
+    ----------
+    w1, w2
+        ``[3]`` velocities before [length/time].
+    omega1, omega2
+        ``[3]`` angular velocities before [1/time]; that of a wall counts with its radius, 0.
+    n
+        ``[3]`` contact normal; it is made a unit vector.
+    friction
+        μ; infinite where β alone counts.
+    radii
+        Of the two bodies [length]; 0 for a wall.
+    q
+        I/(m R²) of the two bodies.
+
+    Examples
+    --------
+    A sphere that slides over a floor with v = 7 and bounces on it, β = 0, then rolls with 5/7 of v:
+
+    >>> after = rough_impact(1, np.inf, (7, 0, -1), (0, 0, 0), (0, 0, 0), (0, 0, 0), (0, 0, -1), e=0.5, beta=0,
+    ...                      radii=(2, 0))
+    >>> print(after.velocity_1.round(12), after.angular_velocity_1.round(12), round(after.tangential_loss, 12))
+    [5.  0.  0.5] [0.  2.5 0. ] 7.0
+    """
+    smooth = impact(m1, m2, w1, w2, n, e)
+    spin_1, spin_2 = np.asarray(omega1, float), np.asarray(omega2, float)
+    normal = np.asarray(n, float) / np.linalg.norm(n)
+    relative = np.asarray(w1, float) - np.asarray(w2, float)
+    slip = relative - smooth.approach_speed * normal - np.cross(normal, radii[0] * spin_1 + radii[1] * spin_2)
+    stiffness = (1 + 1 / q[0]) / m1 + (1 + 1 / q[1]) / m2
+    speed = float(np.linalg.norm(slip))
+    most = friction * smooth.impulse if np.isfinite(friction) else np.inf
+    slides = bool((1 + beta) * speed > stiffness * most)
+    # P_t = κ g_t/Λ, and 2 − κ.
+    kappa = stiffness * most / speed if slides else 1 + beta
+    left = 2 - kappa if slides else 1 - beta
+    tangential = kappa / stiffness * slip
+    loss = 0.5 * kappa * left * speed**2 / stiffness
+
+    def spin(before: Array, m: float, radius: float, q: float) -> Array:
+        return before if np.isinf(m) else before - np.cross(normal, tangential) / (q * m * radius)
+
+    return RoughImpact(
+        smooth.velocity_1 - tangential / m1,
+        smooth.velocity_2 + tangential / m2,
+        spin(spin_1, m1, radii[0], q[0]),
+        spin(spin_2, m2, radii[1], q[1]),
+        smooth.approach_speed,
+        slip,
+        slides,
+        smooth.impulse * normal + tangential,
+        smooth.energy_loss + loss,
+        loss,
+        smooth.carnot_energy + 0.5 * kappa**2 * speed**2 / stiffness,
     )
 
 

@@ -22,7 +22,9 @@ _COUNTS = ("collisions", "wall_collisions")
 # Terms of the balance of energies in files that do not describe them: label, and sign of the energy for the particles.
 _TERMS = {"wall_work": ("work of walls", 1.0), "rest_energy": ("taken by rest", -1.0)}
 # Other observables may be NaN: rates and pressure at the start, a temperature where nothing moves.
-_ENERGIES = ("kinetic_energy potential_energy gravity_energy spring_energy dissipated_energy carnot_energy").split()
+_ENERGIES = (
+    "kinetic_energy rotational_energy potential_energy gravity_energy spring_energy dissipated_energy carnot_energy"
+).split()
 _WIDEST = 16
 """Components of an observable that is neither a vector nor one number a species."""
 
@@ -38,7 +40,7 @@ def names(file: File) -> list[str]:
 
 
 def balance(file: File) -> dict[str, tuple[str, float]]:
-    """Terms of the balance of energies beside T, V and the losses of impacts: label and sign by name.
+    """Terms of the balance of energies beside T, that of rotation, V and the losses: label and sign by name.
 
     The sign is 1 for energy given to the particles and -1 for energy taken. Empty without observables.
     """

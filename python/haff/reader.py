@@ -169,6 +169,18 @@ class File:
         return radius
 
     @cached_property
+    def inertia(self) -> NDArray[np.float64] | None:
+        """``[N]`` numbers q = I/(m R²) of the moments of inertia I; ``None`` if the scene has no spin.
+
+        2/5 for homogeneous spheres, 1/2 for homogeneous disks.
+        """
+        if self.stored.find("particles/all/inertia") is None:
+            return None
+        column, inertia = self._one_each("inertia", "f")
+        column.require(inertia, _positive(inertia), f"in [{SMALLEST:g}, {LARGEST:g}]")
+        return inertia
+
+    @cached_property
     def species(self) -> NDArray[np.int64]:
         """``[N]`` species indices into :attr:`species_names`."""
         column, species = self._one_each("species", "iu")
@@ -371,7 +383,9 @@ class File:
                     found[name] = int(last[name])
             for name in (
                 "temperature",
+                "rotational_temperature",
                 "kinetic_energy",
+                "rotational_energy",
                 "potential_energy",
                 "spring_energy",
                 "dissipated_energy",

@@ -14,7 +14,7 @@ try:
 except ModuleNotFoundError:  # Python 3.10
     import tomli as tomllib  # type: ignore[no-redef]
 
-__all__ = ["SceneFault", "parsed"]
+__all__ = ["SceneFault", "is_rough", "parsed", "roughness", "shaped_walls"]
 
 
 class SceneFault(Exception):
@@ -43,6 +43,15 @@ def _is_law(value: Any) -> bool:
     return model or (_is_number(value) and 0 <= value <= 1)
 
 
+def _is_tangential(value: Any) -> bool:
+    return _is_number(value) and -1 <= value <= 1
+
+
+def _is_friction(value: Any) -> bool:
+    # Infinite where only the tangential restitution counts.
+    return isinstance(value, (int, float)) and not isinstance(value, bool) and value >= 0
+
+
 def _are_texts(value: Any) -> bool:
     return isinstance(value, list) and all(isinstance(one, str) for one in value)
 
@@ -54,10 +63,14 @@ _POSITIVE = _Value(lambda value: _is_number(value) and value > 0, "a positive nu
 _VECTOR = _Value(_is_vector, "a vector of up to 3 numbers")
 _DIRECTION = _Value(_is_direction, "a vector of up to 3 numbers, not all of them 0")
 _LAW = _Value(_is_law, "a number in [0, 1] or a table with a model")
+_TANGENTIAL = _Value(_is_tangential, "a number in [-1, 1]")
+_FRICTION = _Value(_is_friction, "a number, 0 or more")
 _TWO = _Value(lambda value: _are_texts(value) and len(value) == 2, "two names")
 _ENDS = _Value(lambda value: _are_texts(value) and len(value) in (1, 2), "one or two names")
 _SIDES = _Value(lambda value: _are_texts(value) and len(value) <= 3, "up to 3 names of boundaries")
 _DIMENSION = _Value(lambda value: value in (2, 3) and isinstance(value, int), "2 or 3")
+
+_ROUGHNESS = {"tangential_restitution": _TANGENTIAL, "friction": _FRICTION}
 
 # The keys that this package reads from a scene; other keys are not checked. A list of one table is an array of such
 # tables, and "!" marks required keys.
@@ -68,7 +81,8 @@ _SCENE: dict[str, Any] = {
     "contact": {
         "restitution": _LAW,
         "wall_restitution": _LAW,
-        "pair": [{"between!": _TWO, "restitution": _LAW, "sticks": _FLAG}],
+        "pair": [{"between!": _TWO, "restitution": _LAW, "sticks": _FLAG, **_ROUGHNESS}],
+        **_ROUGHNESS,
     },
     "species": [{"name": _TEXT}],
     "particle": [{"name": _TEXT}],
@@ -80,6 +94,7 @@ _SCENE: dict[str, Any] = {
             "motion": {"kind!": _TEXT, "amplitude!": _POSITIVE, "frequency!": _POSITIVE, "phase": _NUMBER},
             "restitution": _LAW,
             "sticks": _FLAG,
+            **_ROUGHNESS,
         }
     ],
     "pendulum": [{"bob!": _TEXT, "pivot!": _VECTOR, "length": _POSITIVE}],
@@ -101,6 +116,26 @@ def parsed(text: str) -> dict[str, Any]:
 def shaped_walls(scene: dict[str, Any]) -> list[dict[str, Any]]:
     """The walls that follow those of the box. Entries without a shape set properties of a wall of the box."""
     return [wall for wall in scene.get("wall", ()) if "plane" in wall]
+
+
+def roughness(scene: dict[str, Any], *entries: dict[str, Any]) -> tuple[float, float]:
+    """β and μ of a contact: those of the first table of ``entries`` (a pair, a wall) that has them, or ``contact``'s.
+
+    β = -1 is a smooth contact; μ is infinite where β alone counts.
+    """
+    tables = [*entries, scene.get("contact", {})]
+
+    def of(key: str, default: float) -> float:
+        return float(next((table[key] for table in tables if key in table), default))
+
+    return of("tangential_restitution", -1.0), of("friction", math.inf)
+
+
+def is_rough(scene: dict[str, Any]) -> bool:
+    """Whether some contact of a scene has tangential impulses."""
+    own = [*scene.get("contact", {}).get("pair", ()), *scene.get("wall", ())]
+    laws = [roughness(scene), *(roughness(scene, entry) for entry in own)]
+    return any(beta > -1 and mu > 0 for beta, mu in laws)
 
 
 def _check(value: Any, wanted: Any, key: str) -> None:

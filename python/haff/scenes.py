@@ -132,18 +132,20 @@ def schema() -> dict[str, Any]:
 def recorded_state(path: str | os.PathLike[str], index: int = -1) -> dict[str, Any]:
     """A frame of an output file, or of one of another program, for scenes with ``positions = { file = … }``."""
     if Path(path).suffix.lower() in foreign.ENDINGS:
-        return {"image": None, **foreign.read(path, index)._asdict()}
+        return {"image": None, "angular_velocity": None, **foreign.read(path, index)._asdict()}
     with reader.open(path) as file:
         if len(file.frames) == 0:
             raise MissingDataError(f"{path}: no complete frame")
         if not -len(file.frames) <= index < len(file.frames):
             raise MissingDataError(f"{path}: has {len(file.frames)} frames; there is no frame {index}")
         frame = file.frames[index]
+        spins = frame.angular_velocity
         return {
             "precision": 0.0,
             "size": np.asarray(file.box.size, np.float64),
             "position": np.asarray(frame.position, np.float64),
             "velocity": np.asarray(frame.velocity, np.float64),
+            "angular_velocity": None if spins is None else np.asarray(spins, np.float64),
             "image": np.asarray(frame.image, np.int32),
             "radius": np.asarray(file.radius, np.float64),
             "mass": np.asarray(file.mass, np.float64),

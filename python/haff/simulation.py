@@ -72,9 +72,9 @@ class Simulation:
 
     Notes
     -----
-    :attr:`positions`, :attr:`velocities` and :attr:`images` are read-only *snapshots*: the engine keeps each particle
-    as it was at its last collision, so positions of one instant are computed on demand, once per instant, and
-    do not change when the simulation continues.
+    :attr:`positions`, :attr:`velocities`, :attr:`angular_velocities` and :attr:`images` are read-only *snapshots*: the
+    engine keeps each particle as it was at its last collision, so positions of one instant are computed on demand, once
+    per instant, and do not change when the simulation continues.
 
     The trajectory is that of ``haff run``: :attr:`state_hash` is equal at equal times, however the way there was cut
     into steps. While it advances, other Python threads run and may read it, and Ctrl-C stops it between two events; it
@@ -205,6 +205,18 @@ class Simulation:
         self._change(velocities=self._vectors("velocities", values))
 
     @property
+    def angular_velocities(self) -> NDArray[np.float64] | None:
+        """``[N, 3]`` angular velocities [1/time], along z in 2D; ``None`` if the scene has no spin.
+
+        A read-only snapshot; assign an array to change them.
+        """
+        return self._snapshot()[5]
+
+    @angular_velocities.setter
+    def angular_velocities(self, values: ArrayLike) -> None:
+        self._change(angular_velocities=self._vectors("angular_velocities", values))
+
+    @property
     def images(self) -> NDArray[np.int32]:
         """``[N, 3]`` how often each particle has left through the periodic faces. A read-only snapshot."""
         return self._snapshot()[4]
@@ -224,6 +236,7 @@ class Simulation:
         species: str | None = None,
         radius: ArrayLike | None = None,
         mass: ArrayLike | None = None,
+        angular_velocities: ArrayLike = 0.0,
     ) -> NDArray[np.int64]:
         """Add particles at the present time; returns their rows, the last ones.
 
@@ -237,6 +250,8 @@ class Simulation:
             Name of a species of the scene; default the first. It gives the laws of contact.
         radius, mass
             One for all, or ``[M]``; default those of the species, if all its particles have the same.
+        angular_velocities
+            ``[M, 3]``, or one for all [1/time]. Their moments of inertia are those of the species.
 
         Raises
         ------
@@ -259,9 +274,11 @@ class Simulation:
             if given is None and len(known) != 1:
                 raise ValueError(f"{name}: must be given, for the particles of species {kind!r} differ")
             values.append(np.broadcast_to(known[0] if given is None else np.asarray(given, float), count).tolist())
-        speeds = np.broadcast_to(np.asarray(velocities, float), (count, 3)).tolist()
+        speeds, spins = (
+            np.broadcast_to(np.asarray(given, float), (count, 3)).tolist() for given in (velocities, angular_velocities)
+        )
         before = len(self)
-        self._change(add=list(zip(places.tolist(), speeds, *values, [index] * count)))
+        self._change(add=list(zip(places.tolist(), speeds, spins, *values, [index] * count)))
         return np.arange(before, before + count)
 
     def remove(self, rows: ArrayLike) -> None:
@@ -378,6 +395,11 @@ class Simulation:
     def masses(self) -> NDArray[np.float64]:
         """``[N]`` masses; infinite for fixed and driven bodies."""
         return self._core.mass
+
+    @property
+    def inertias(self) -> NDArray[np.float64] | None:
+        """``[N]`` numbers q = I/(m R²) of the moments of inertia I; ``None`` if the scene has no spin."""
+        return self._core.inertia
 
     @property
     def species(self) -> NDArray[np.int64]:

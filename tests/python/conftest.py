@@ -80,6 +80,10 @@ def files(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Path]:
         "elastic": synthetic.cooling_gas(directory / "elastic.h5", e=1.0, eta=0.2, frames=4),
         "quiet": synthetic.cooling_gas(directory / "quiet.h5", n=500, events=False, frames=4),
         "ball": synthetic.bouncing_ball(directory / "ball.h5"),
+        "rough": synthetic.cooling_gas(directory / "rough.h5", beta=0.5),
+        "rough_disks": synthetic.cooling_gas(directory / "rough_disks.h5", n=900, eta=0.2, d=2, beta=-0.3),
+        "impacts": synthetic.rough_impacts(directory / "impacts.h5"),
+        "sliding": synthetic.sliding_ball(directory / "sliding.h5"),
     }
 
 

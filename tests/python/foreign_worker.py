@@ -101,13 +101,16 @@ class Reader:
         if isinstance(frames, haff.Frames):
             self.attributes(frames, "frames")
             self.attempt("repr(frames)", lambda: repr(frames))
-            for name in ("position", "velocity", "image", "unwrapped"):
+            for name in ("position", "velocity", "image", "unwrapped", "angular_velocity"):
                 self.attempt(f"frames.array({name})", lambda name=name: frames[::-2].array(name))
             for k in (0, -1) if len(frames) else ():
                 frame = frames[k]
                 self.attributes(frame, f"frames[{k}]")
                 self.attributes(haff.Box([1, 1, 1], ("open",) * 3, 3), "box")
-                for what in (analysis.max_overlap, analysis.kinetic_energy, analysis.temperature, analysis.sonine_a2):
+                for what in (
+                    *(analysis.max_overlap, analysis.kinetic_energy, analysis.temperature, analysis.sonine_a2),
+                    *(analysis.rotational_energy, analysis.rotational_temperature),
+                ):
                     self.attempt(what.__name__, lambda what=what, frame=frame: what(frame))
         events = self.attempt("events", lambda: file.events)
         if isinstance(events, haff.Events):

@@ -11,9 +11,9 @@ from pathlib import Path
 import h5py
 import numpy as np
 
-from haff import theory
+from haff import mechanics, theory
 
-KINDS = {"collision": 0, "wall": 1, "rest": 2}
+KINDS = {"collision": 0, "wall": 1, "rest": 2, "slide": 10}
 
 
 def write(
@@ -25,11 +25,15 @@ def write(
     mass,
     radius,
     species,
+    inertia=None,
     frames: dict[str, np.ndarray] | None = None,
     observables: dict[str, np.ndarray] | None = None,
     events: dict[str, np.ndarray] | None = None,
 ) -> Path:
-    """Writes one file. `frames`: time, step, position, velocity, image; the other tables by their names."""
+    """Writes one file. `frames`: time, step, position, velocity, image; the other tables by their names.
+
+    With spin, `inertia` and `frames["angular_velocity"]` are there, too.
+    """
     with h5py.File(path, "w", libver=("earliest", "v108")) as f:
         meta = f.create_group("h5md")
         meta.attrs["version"] = np.array([1, 1], np.int32)
@@ -43,11 +47,13 @@ def write(
         box.attrs["boundary"] = np.array([b.encode() for b in boundary], "S8")
         everything["mass"] = np.asarray(mass, float)
         everything["radius"] = np.asarray(radius, float)
+        if inertia is not None:
+            everything["inertia"] = np.asarray(inertia, float)
         everything["species"] = np.asarray(species, np.uint32)
         everything["id"] = np.arange(len(mass), dtype=np.uint32)
         if frames is not None:
             count = len(frames["time"])
-            for name in ("position", "velocity", "image"):
+            for name in (name for name in frames if name not in ("time", "step")):
                 element = everything.create_group(name)
                 element.create_dataset("value", data=frames[name], maxshape=(None, *frames[name].shape[1:]))
                 if name == "position":
@@ -117,14 +123,22 @@ def cooling_gas(
     until_taus: float = 20.0,
     seed: int = 1,
     events: bool = True,
+    beta: float | None = None,
 ) -> Path:
-    """A gas that follows Haff's law exactly, with van Noije–Ernst velocities and exponential losses."""
+    """A gas that follows Haff's law exactly, with van Noije–Ernst velocities and exponential losses.
+
+    With `beta` its contacts are rough, and its temperatures have the ratio of theory all the time.
+    """
     rng = np.random.default_rng(seed)
     density = float(theory.number_density(eta, 1.0, d))
     length = (n / density) ** (1 / d)
     a2 = float(theory.sonine_a2(e, d)) if e < 1 else 0.0
     omega = float(theory.collision_frequency(density, 1.0, 1.0, 1.0, theory.contact_value(eta, d), d))
     tau = float(theory.haff_time(e, omega, d, a2)) if e < 1 else 100 / omega
+    q, axes_of_rotation, ratio = (0.4, 3, 0.0) if d == 3 else (0.5, 1, 0.0)
+    if beta is not None:
+        ratio = float(theory.rough_temperature_ratio(e, beta, q, d))
+        tau = float(2 * d / (omega * theory.rough_losses(1.0, ratio, e, beta, q, d).translational))
     end = until_taus * tau
     temperature = (lambda t: theory.haff_temperature(t, 1.0, tau)) if e < 1 else (lambda t: np.ones_like(t))
     elapsed = (lambda t: tau * np.log1p(t / tau)) if e < 1 else (lambda t: np.asarray(t, float))
@@ -141,7 +155,8 @@ def cooling_gas(
 
     time = np.unique(np.concatenate([[0.0], np.geomspace(0.01 * tau, end, samples), frame_time]))
     T = temperature(time)
-    kinetic = d * n / 2 * T
+    kinetic, rotational = d * n / 2 * T, axes_of_rotation * n / 2 * ratio * T
+    both = kinetic + rotational
     pressure = density * T * theory.compressibility(eta, e, d)
     pressure[0] = np.nan
     rate = np.concatenate([[np.nan], np.diff(counted(time)) / np.diff(time)])
@@ -150,8 +165,8 @@ def cooling_gas(
         "step": counted(time),
         "kinetic_energy": kinetic,
         "potential_energy": np.zeros_like(T),
-        "dissipated_energy": kinetic[0] - kinetic,
-        "carnot_energy": (kinetic[0] - kinetic) * (1 + e) / max(1 - e, 1e-12),
+        "dissipated_energy": both[0] - both,
+        "carnot_energy": (both[0] - both) * (1 + e) / max(1 - e, 1e-12),
         "wall_work": np.zeros_like(T),
         "ledger_residual": np.concatenate([[0.0], rng.normal(0, 3e-16, len(T) - 1)]),
         "temperature": T,
@@ -165,7 +180,16 @@ def cooling_gas(
         "collision_rate": rate,
         "mean_free_time": n / (2 * np.maximum(rate, 1e-300)),
     }
-    log = None
+    log, spins, inertia = None, {}, None
+    if beta is not None:
+        observables["rotational_energy"] = rotational
+        observables["rotational_temperature"] = ratio * T
+        observables["species_rotational_temperature"] = ratio * T[:, None]
+        inertia = np.full(n, q)
+        spin = rng.normal(size=(len(frame_time), n, 3)) * ([1, 1, 1] if d == 3 else [0, 0, 1])
+        # I = q/4, for mass 1 and radius 1/2.
+        now = q / 4 * np.sum(spin**2, axis=(1, 2)) / (axes_of_rotation * n)
+        spins["angular_velocity"] = spin * np.sqrt(ratio * temperature(frame_time) / now)[:, None, None]
     if events:
         s = np.sort(rng.random(collisions)) * elapsed(end)
         when = tau * np.expm1(s / tau) if e < 1 else s
@@ -188,6 +212,8 @@ def cooling_gas(
             "normal": normal,
             "position": np.pad(rng.random((collisions, d)) * length, ((0, 0), (0, 3 - d))),
         }
+        if beta is not None:
+            _roughen(log, rng, beta, q, d, 2 * T_event * (1 + ratio / q))
     assert total > 0
     size = [length, length, length if d == 3 else 1.0]
     axes = '["periodic", "periodic", "periodic"]'
@@ -209,6 +235,8 @@ mass = 1.0
 [contact]
 restitution = {e}
 """
+    if beta is not None:
+        scene += f"tangential_restitution = {beta}\n"
     return write(
         path,
         scene=scene,
@@ -217,14 +245,236 @@ restitution = {e}
         mass=np.ones(n),
         radius=np.full(n, 0.5),
         species=np.zeros(n),
+        inertia=inertia,
         frames={
             "time": frame_time,
             "step": counted(frame_time),
             "position": position,
             "velocity": velocity,
             "image": image,
+            **spins,
         },
         observables=observables,
+        events=log,
+    )
+
+
+def _roughen(log: dict[str, np.ndarray], rng: np.random.Generator, beta: float, q: float, d: int, variance) -> None:
+    """Gives collisions of equal spheres of mass 1 slips of this variance per component, with impulses and losses."""
+    n = log["normal"]
+    across = rng.normal(size=n.shape) * ([1, 1, 1] if d == 3 else [1, 1, 0])
+    across -= np.sum(across * n, axis=1)[:, None] * n
+    slip = across * np.sqrt(variance)[:, None]
+    stiffness = 2 * (1 + 1 / q)
+    square = np.sum(slip**2, axis=1) / stiffness
+    log["impulse_vector"] = log["impulse"][:, None] * n + (1 + beta) / stiffness * slip
+    log["tangential_loss"] = 0.5 * (1 - beta**2) * square
+    log["energy_loss"] = log["energy_loss"] + log["tangential_loss"]
+    log["carnot_energy"] = log["carnot_energy"] + 0.5 * (1 + beta) ** 2 * square
+
+
+def rough_impacts(path: Path) -> Path:
+    """Two rough spheres without gravity: one hits the other, and both hit a floor with friction, exactly."""
+    mass, radius, q = np.array([1.0, 2.0]), np.array([0.5, 0.7]), np.array([0.4, 0.3])
+    x = np.array([[5.0, 5.0, 4.0], [5.4, 5.2, 2.0]])
+    v = np.array([[0.3, 0.0, -1.0], [0.0, 0.1, -0.5]])
+    w = np.array([[1.0, -2.0, 0.5], [-0.5, 0.3, 2.0]])
+    # e, β and μ of the two with each other, and with the floor.
+    pair, floor = (0.8, 0.4, np.inf), (0.6, 0.2, 0.15)
+    down, rows, now, frames = np.array([0.0, 0.0, -1.0]), [], 0.0, []
+    end = 6.0
+    while True:
+        r, u = x[1] - x[0], v[1] - v[0]
+        b, square = r @ u, (r @ u) ** 2 - (u @ u) * (r @ r - radius.sum() ** 2)
+        times = {"collision": (r @ r - radius.sum() ** 2) / (-b + math.sqrt(square)) if b < 0 <= square else math.inf}
+        times |= {k: (x[k, 2] - radius[k]) / -v[k, 2] if v[k, 2] < 0 else math.inf for k in (0, 1)}
+        first = min(times, key=times.__getitem__)
+        until = min(now + times[first], end)
+        while len(frames) < 7 and len(frames) * end / 6 <= until:
+            at = len(frames) * end / 6
+            frames.append((at, len(rows), x + v * (at - now), v.copy(), w.copy()))
+        if now + times[first] >= end:
+            break
+        x, now = x + v * times[first], now + times[first]
+        if first == "collision":
+            n = (x[1] - x[0]) / radius.sum()
+            hit = mechanics.rough_impact(*mass, *v, *w, n, *pair, tuple(radius), tuple(q))
+            v, w = (
+                np.array([hit.velocity_1, hit.velocity_2]),
+                np.array([hit.angular_velocity_1, hit.angular_velocity_2]),
+            )
+            rows.append((now, 0, 0, 1, hit, n, x[0] + radius[0] * n))
+        else:
+            k, n, still = int(first), down, np.zeros(3)
+            hit = mechanics.rough_impact(
+                mass[k], np.inf, v[k], still, w[k], still, n, *floor, (radius[k], 0.0), (q[k], 1.0)
+            )
+            v[k], w[k] = hit.velocity_1, hit.angular_velocity_1
+            rows.append((now, 1, k, 0, hit, n, x[k] + radius[k] * n))
+    time, kind, i, j, hits, normal, position = map(list, zip(*rows))
+    events = {
+        "time": np.array(time),
+        "kind": np.array(kind, np.uint8),
+        "i": np.array(i, np.uint32),
+        "j": np.array(j, np.uint32),
+        "approach_speed": np.array([hit.approach_speed for hit in hits]),
+        "impulse": np.array([hit.impulse @ n for hit, n in zip(hits, normal)]),
+        "energy_loss": np.array([hit.energy_loss for hit in hits]),
+        "carnot_energy": np.array([hit.carnot_energy for hit in hits]),
+        "normal": np.array(normal),
+        "position": np.array(position),
+        "impulse_vector": np.array([hit.impulse for hit in hits]),
+        "tangential_loss": np.array([hit.tangential_loss for hit in hits]),
+    }
+    time, step, position, velocity, spin = (np.array(column) for column in zip(*frames))
+    kinetic = np.sum(0.5 * mass[:, None] * velocity**2, axis=(1, 2))
+    rotational = np.sum(0.5 * (q * mass * radius**2)[:, None] * spin**2, axis=(1, 2))
+    zero = np.zeros_like(time)
+    observables = {
+        "time": time,
+        "step": step,
+        "kinetic_energy": kinetic,
+        "rotational_energy": rotational,
+        "potential_energy": zero,
+        "dissipated_energy": np.array([events["energy_loss"][:k].sum() for k in step]),
+        "carnot_energy": np.array([events["carnot_energy"][:k].sum() for k in step]),
+        "wall_work": zero,
+        "ledger_residual": zero,
+        "temperature": zero,
+        "rotational_temperature": rotational / 3,
+        "momentum": np.sum(mass[:, None] * velocity, axis=1),
+        "collisions": np.array([kind[:k].count(0) for k in step]),
+        "wall_collisions": np.array([kind[:k].count(1) for k in step]),
+    }
+    particles = "".join(
+        f"""
+[[particle]]
+name = "{name}"
+position = {x.tolist()}
+velocity = {v.tolist()}
+angular_velocity = {w.tolist()}
+inertia = {q}
+radius = {radius}
+mass = {mass}
+"""
+        for name, x, v, w, q, radius, mass in zip(
+            ("ball", "stone"), position[0], velocity[0], spin[0], q.tolist(), radius.tolist(), mass.tolist()
+        )
+    )
+    scene = f"""schema = 1
+title = "Synthetic rough impacts"
+
+[domain]
+size = [10.0, 10.0, 10.0]
+boundary = ["open", "open", "open"]
+{particles}
+[contact]
+restitution = {pair[0]}
+tangential_restitution = {pair[1]}
+
+[[wall]]
+name = "floor"
+plane = {{ point = [0, 0, 0], normal = [0, 0, 1] }}
+restitution = {floor[0]}
+tangential_restitution = {floor[1]}
+friction = {floor[2]}
+"""
+    return write(
+        path,
+        scene=scene,
+        size=[10.0, 10.0, 10.0],
+        boundary=["none"] * 3,
+        mass=mass,
+        radius=radius,
+        species=[0, 1],
+        inertia=q,
+        frames={
+            "time": time,
+            "step": step,
+            "position": position,
+            "velocity": velocity,
+            "image": np.zeros_like(position, np.int32),
+            "angular_velocity": spin,
+        },
+        observables=observables,
+        events=events,
+    )
+
+
+def sliding_ball(path: Path, *, v: float = 7.0, friction: float = 0.3, g: float = 9.81, samples: int = 13) -> Path:
+    """A ball without spin that slides on a floor with friction, and rolls from 2v/(7μg) on."""
+    radius, q, until = 0.5, 0.4, 2 * v / (7 * friction * g)
+    time = np.linspace(0, 2 * until, samples)
+    slides = np.minimum(time, until)
+    speed = v - friction * g * slides
+    spin = friction * g * slides / (q * radius)
+    place = 1.0 + v * slides - friction * g * slides**2 / 2 + speed * (time - slides)
+    lost = friction * g * (v * slides - friction * g * (1 + 1 / q) * slides**2 / 2)
+    vectors = lambda k, values: np.eye(3)[k] * values[:, None, None]  # noqa: E731
+    position = np.add(vectors(0, place), [0.0, 5.0, radius])
+    zero, count = np.zeros_like(time), np.ones(samples, np.int64)
+    # Neither a row at the start nor one at the end has a normal impulse.
+    log = {
+        name: np.zeros(2) for name in ("approach_speed", "impulse", "energy_loss", "carnot_energy", "tangential_loss")
+    }
+    log["energy_loss"][1] = log["tangential_loss"][1] = lost[-1]
+    log |= {"time": np.array([0.0, until]), "kind": np.array([KINDS["rest"], KINDS["slide"]], np.uint8)}
+    log |= {"i": np.zeros(2, np.uint32), "j": np.zeros(2, np.uint32), "normal": np.tile([0.0, 0.0, -1.0], (2, 1))}
+    log["impulse_vector"] = np.array([[0.0, 0.0, 0.0], [friction * g * until, 0.0, 0.0]])
+    log["position"] = np.array([[1.0, 5.0, 0.0], [1.0 + v * until - friction * g * until**2 / 2, 5.0, 0.0]])
+    scene = f"""schema = 1
+title = "Synthetic sliding ball"
+
+[domain]
+size = [10.0, 10.0, 10.0]
+boundary = ["open", "open", "wall"]
+gravity = [0.0, 0.0, {-g}]
+
+[[particle]]
+name = "ball"
+position = [1.0, 5.0, {radius}]
+velocity = [{v}, 0.0, 0.0]
+radius = {radius}
+mass = 1.0
+
+[contact]
+restitution = 0.5
+tangential_restitution = 0.0
+friction = {friction}
+"""
+    return write(
+        path,
+        scene=scene,
+        size=[10.0, 10.0, 10.0],
+        boundary=["none"] * 3,
+        mass=[1.0],
+        radius=[radius],
+        species=[0],
+        inertia=[q],
+        frames={
+            "time": time,
+            "step": count,
+            "position": position,
+            "velocity": vectors(0, speed),
+            "image": np.zeros_like(position, np.int32),
+            "angular_velocity": vectors(1, spin),
+        },
+        observables={
+            "time": time,
+            "step": count,
+            "kinetic_energy": speed**2 / 2,
+            "rotational_energy": q * radius**2 * spin**2 / 2,
+            "potential_energy": np.full(samples, g * radius),
+            "dissipated_energy": lost,
+            "carnot_energy": zero,
+            "wall_work": zero,
+            "ledger_residual": zero,
+            "temperature": zero,
+            "rotational_temperature": q * radius**2 * spin**2 / 3,
+            "momentum": vectors(0, speed)[:, 0],
+            "collisions": np.zeros(samples, np.int64),
+            "wall_collisions": count,
+        },
         events=log,
     )
 

@@ -26,6 +26,10 @@ DRAWN = {
     "elastic": GAS - {"losses", "temperature"},
     "quiet": GAS - {"losses"},
     "ball": {"energy", "losses", "snapshot", "trajectories", "closed_form"},
+    "rough": GAS,
+    "rough_disks": GAS,
+    "impacts": {"energy", "snapshot", "trajectories", "paths", "closed_form"},
+    "sliding": {"energy", "snapshot", "trajectories"},
 }
 
 
@@ -49,11 +53,19 @@ def test_vector_formats_are_written(files, tmp_path, extension):
     assert [p.read_bytes()[: len(start)] for p in sorted(tmp_path.iterdir())] == [start, start]
 
 
-@pytest.mark.parametrize("kind", sorted(GAS))
-def test_no_text_is_cut_off_or_covers_other_text(files, kind, monkeypatch):
+@pytest.mark.parametrize(
+    ("name", "kind"),
+    [
+        *(("cooling", kind) for kind in sorted(GAS)),
+        ("rough", "temperature"),
+        ("rough", "losses"),
+        ("sliding", "energy"),
+    ],
+)
+def test_no_text_is_cut_off_or_covers_other_text(files, name, kind, monkeypatch):
     drawn = []  # texts drawn on the canvas: tick labels beyond the limits exist, but are not drawn
     plain = Text.draw
-    with haff.open(files["cooling"]) as run:
+    with haff.open(files[name]) as run:
         figure = figures.draw(run, kind)
         monkeypatch.setattr(Text, "draw", lambda text, renderer: (drawn.append(text), plain(text, renderer))[1])
         FigureCanvasAgg(figure).draw()
@@ -80,14 +92,51 @@ def test_temperature_figure_shows_data_law_and_ratio(files):
         assert np.allclose(ratio, 1, atol=1e-9)
 
 
-def test_ledger_stack_equals_the_initial_energy(files):
-    with haff.open(files["ball"]) as run:
+@pytest.mark.parametrize("smooth", [False, True])
+def test_temperature_figure_shows_that_of_rotation(files, smooth, tmp_path):
+    """Of rough contacts without a law; of smooth ones, whose spins do not change, beside Haff's."""
+    path = tmp_path / "gas.h5"
+    path.write_bytes(files["cooling" if smooth else "rough"].read_bytes())
+    if smooth:
+        with h5py.File(path, "r+") as file:
+            samples = len(file["observables/temperature/value"])
+            file["observables/rotational_temperature/value"] = np.full(samples, 0.5)
+            for name in ("step", "time"):
+                file[f"observables/rotational_temperature/{name}"] = file[f"observables/temperature/{name}"]
+    with haff.open(path) as run:
+        figure = figures.draw(run, "temperature")
+        top, table = figure.axes[0], run.observables
+        (line,) = [line for line in top.lines if "rotation" in line.get_label()]
+        expected = table["rotational_temperature"].to_numpy()
+        assert np.array_equal(line.get_ydata(), expected[1:] if smooth else expected)
+        assert len(figure.axes) == (2 if smooth else 1)
+        if smooth:
+            assert np.allclose(figure.axes[1].lines[-1].get_ydata(), 1, atol=1e-9), "the ratio is that of translation"
+        else:
+            assert "β = 0.5" in " ".join(text.get_text() for text in figure.texts)
+
+
+def test_losses_in_units_of_the_temperature_are_those_by_the_normal_impulse(files):
+    for name in ("cooling", "rough"):
+        with haff.open(files[name]) as run:
+            scaled = figures.draw(run, "losses").axes[1]
+            points = scaled.containers[0][0].get_xydata()
+            first = points[points[:, 0] < 1]
+            assert np.allclose(first[:, 1], np.exp(-first[:, 0]), rtol=0.1), name
+            assert ("normal part" in scaled.get_xlabel()) == (name == "rough")
+
+
+@pytest.mark.parametrize("name", ["ball", "rough", "impacts", "sliding"])
+def test_ledger_stack_equals_the_initial_energy(files, name):
+    with haff.open(files[name]) as run:
         figure = figures.draw(run, "energy")
-        table = run.observables
+        start = run.observables.iloc[0]
         top = figure.axes[0]
-        total = table["kinetic_energy"].iloc[0] + table["potential_energy"].iloc[0]
+        total = start["kinetic_energy"] + start["potential_energy"] + start.get("rotational_energy", 0.0)
         upper = max(path.vertices[:, 1].max() for c in top.collections for path in c.get_paths())
         assert upper == pytest.approx(total, rel=1e-9)
+        # The line of the supply.
+        assert np.allclose(top.lines[0].get_ydata(), total, rtol=1e-9)
 
 
 def test_paths_between_frames_are_exact_parabolas(files):
@@ -97,6 +146,26 @@ def test_paths_between_frames_are_exact_parabolas(files):
         assert np.allclose(path.at[:, 2], 0.5, atol=1e-9)
         first = path.time < run.events["time"][0]
         assert np.allclose(path.position[first, 2], 2.5 - 9.81 * path.time[first] ** 2 / 2, atol=1e-12)
+
+
+def test_path_of_a_sliding_ball_stays_on_the_floor(files):
+    with haff.open(files["sliding"]) as run:
+        (path,) = trajectories.flights(run)
+        until, v, pull = run.events["time"][1], 7.0, 0.3 * 9.81
+        slid = np.minimum(path.time, until)
+        x = 1.0 + v * slid - pull * slid**2 / 2 + (v - pull * slid) * (path.time - slid)
+        assert np.allclose(path.position, np.stack([x, np.full_like(x, 5.0), np.full_like(x, 0.5)], axis=1), atol=1e-12)
+        assert np.allclose(path.at[:, 0], [1.0, 1.0 + v * until - pull * until**2 / 2])
+
+
+def test_paths_take_up_the_impulses_of_rough_contacts(files):
+    with haff.open(files["impacts"]) as run:
+        events, paths = run.events, trajectories.flights(run)
+        for path, body in zip(paths, (0, 1)):
+            sign = np.where(events["i"][path.hits] == body, -1.0, 1.0)[:, None]
+            centre = events["position"][path.hits] + sign * run.radius[body] * events["normal"][path.hits]
+            assert len(path.hits) == (2, 3)[body] and np.allclose(path.at, centre, atol=1e-12)
+            assert np.allclose(path.position[-1], run.frames[-1].position[body], atol=1e-12)
 
 
 def test_renderer_draws_the_near_sphere_over_the_far_one():

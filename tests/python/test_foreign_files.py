@@ -17,6 +17,7 @@ from pathlib import Path
 
 import pytest
 
+import synthetic
 from conftest import ROOT, executable
 from mutations import mutate
 
@@ -49,7 +50,13 @@ def sound(command, tmp_path_factory) -> list[Path]:
     study = tmp_path_factory.mktemp("sound") / "study"
     command("sweep", ROOT / "tests" / "gas.toml", "--set", "contact.restitution=0.8,0.9", "--set", "run.until=2",
             "--set", "species.grain.count=120", "-o", study, "--quiet")  # fmt: skip
-    return [*(run.path for run in runs if run.path), study / "run-0000.h5"]
+    spins = tmp_path_factory.mktemp("spins")
+    rough = [
+        synthetic.cooling_gas(spins / "gas.h5", n=120, frames=4, samples=12, collisions=500, beta=0.5),
+        synthetic.rough_impacts(spins / "impacts.h5"),
+        synthetic.sliding_ball(spins / "sliding.h5"),
+    ]
+    return [*(run.path for run in runs if run.path), study / "run-0000.h5", *rough]
 
 
 class Worker:

@@ -2,7 +2,8 @@
 
 Positions, velocities and events are compared with each other and with the scene: overlaps with all periodic images and
 walls in extended precision, energy and momentum by exact sums, each event's impulse and loss from its law, and each
-flight between two events of a particle from the velocity that the impulses give it. The program's sums are not used.
+flight between two events of a particle from the velocity that the impulses give it. Of rough contacts the tangential
+impulses and losses follow from the spins that the impulses give. The program's sums are not used.
 Only for a run without event log losses and the number of events are taken from its observables
 (:func:`audit_without_events`): energies of the frames must then balance with them.
 """
@@ -12,7 +13,7 @@ from __future__ import annotations
 import itertools
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
@@ -54,7 +55,8 @@ class Wall:
     point: Array
     normal: Array
     velocity: Array
-    restitution: Any = None
+    entry: dict[str, Any] = field(default_factory=dict)
+    """Its table in the scene."""
 
 
 def vector(values: Any) -> Array:
@@ -78,7 +80,8 @@ class Scene:
         self.name = [names[s] for s in file.species]
         self.contact = scene.get("contact", {})
         self.tc = float(self.contact.get("tc", 0.0))
-        self.pairs = {frozenset(p["between"]): p["restitution"] for p in self.contact.get("pair", ())}
+        self.pairs = {frozenset(p["between"]): p for p in self.contact.get("pair", ())}
+        self.inertia = None if file.inertia is None else file.inertia.tolist()
         self.walls: list[Wall] = []
         for axis in range(self.dimension):
             if file.box.boundary[axis] == "wall":
@@ -86,6 +89,9 @@ class Scene:
                 self.walls.append(Wall(f"{label}-", np.zeros(3), unit, np.zeros(3)))
                 self.walls.append(Wall(f"{label}+", unit * self.size[axis], -unit, np.zeros(3)))
         for wall in scene.get("wall", ()):
+            if "plane" not in wall:
+                next(side for side in self.walls if side.name == wall["name"]).entry = wall
+                continue
             normal = vector(wall["plane"]["normal"])
             velocity = vector(wall.get("velocity", (0, 0, 0)))
             self.walls.append(
@@ -94,19 +100,43 @@ class Scene:
                     vector(wall["plane"]["point"]),
                     normal / np.linalg.norm(normal),
                     velocity,
-                    wall.get("restitution"),
+                    wall,
                 )
             )
 
     def law(self, i: int, j: int, wall: bool) -> Any:
         """The restitution of a contact: a number or a table with its model."""
-        other = self.walls[j].name if wall else self.name[j]
         general = self.contact.get("restitution", 1.0)
-        found = self.pairs.get(frozenset((self.name[i], other)))
-        if found is None and wall:
-            found = self.walls[j].restitution
+        if wall:
             general = self.contact.get("wall_restitution", general)
+        return self.key("restitution", general, i, j, wall)
+
+    def roughness(self, i: int, j: int, wall: bool) -> tuple[float, float]:
+        """β and μ of a contact."""
+        found = [
+            self.key(name, self.contact.get(name, default), i, j, wall)
+            for name, default in (("tangential_restitution", -1.0), ("friction", math.inf))
+        ]
+        return float(found[0]), float(found[1])
+
+    def key(self, name: str, general: Any, i: int, j: int, wall: bool) -> Any:
+        """A key of the pair, or else of the wall; `general` if neither has it."""
+        other = self.walls[j].name if wall else self.name[j]
+        found = self.pairs.get(frozenset((self.name[i], other)), {}).get(name)
+        if found is None and wall:
+            found = self.walls[j].entry.get(name)
         return general if found is None else found
+
+    def compliance(self, k: int) -> float:
+        """(1 + 1/q)/m of a particle: its part of the change of the slip by a tangential impulse."""
+        assert self.inertia is not None
+        return (1 + 1 / self.inertia[k]) / float(self.mass[k])
+
+    def moments(self) -> Array | None:
+        """Moments of inertia q m R² of the bodies of finite mass; None without spin."""
+        if self.inertia is None:
+            return None
+        return (np.array(self.inertia) * self.mass * self.radius**2)[self.finite]
 
 
 class Log:
@@ -118,6 +148,12 @@ class Log:
         self.loss, self.carnot = events["energy_loss"], events["carnot_energy"]
         self.normal, self.position = events["normal"], events["position"]
         self.kind = [events.kinds[code] for code in events["kind"]]
+        # The impulse on j, or on the wall, and the part of the loss by its tangential component.
+        self.vector, self.tangential = self.impulse[:, None] * self.normal, np.zeros(len(self.time))
+        if "impulse_vector" in events.columns:
+            self.vector = events["impulse_vector"]
+        if "tangential_loss" in events.columns:
+            self.tangential = events["tangential_loss"]
 
     def __len__(self) -> int:
         return len(self.time)
@@ -212,12 +248,13 @@ def audit(file: haff.File) -> list[Finding]:
     position = [frame.position for frame in frames]
     velocity = [frame.velocity for frame in frames]
     logged = [events.time, events.speed, events.impulse, events.loss, events.normal, events.position]
+    logged += [events.vector, events.tangential]
     findings = order_of_time(events.time, len(file))
     findings += finite_without_overlap(scene, frames, longest(scene, events, position, velocity, frames), logged)
     findings += laws(scene, events)
     findings += balances(scene, events, frames)
-    if "rest" not in events.kind:
-        findings += flights(scene, events, velocity[0], position[0], float(frames[0].time))
+    if not {"rest", "slide"} & set(events.kind):
+        findings += flights(scene, events, frames)
     return findings
 
 
@@ -241,6 +278,7 @@ def finite_without_overlap(
 ) -> list[Finding]:
     """Numbers are finite, and no overlap exceeds rounding; `reach` is the largest coordinate or free path."""
     numbers = [*(frame.position for frame in frames), *(frame.velocity for frame in frames), *logged]
+    numbers += [frame.angular_velocity for frame in frames if frame.angular_velocity is not None]
     limit = max(LEAST, 4 * np.spacing(reach) / (2 * min(scene.radius)))
     deepest = max(overlap(scene, frame.position, frame.time) for frame in frames)
     return [
@@ -252,16 +290,19 @@ def finite_without_overlap(
 def energy_balance(scene: Scene, frames: list[Any], gone: list[list[float]], events: int) -> Finding:
     """Kinetic and potential energy of every frame from its particles, against the first frame and the energy terms
     lost since."""
-    m = scene.mass[scene.finite]
+    m, moment = scene.mass[scene.finite], scene.moments()
 
-    def energies(frame: Any) -> tuple[float, float]:
+    def energies(frame: Any) -> list[float]:
         v, x = frame.velocity[scene.finite], frame.unwrapped[scene.finite]
-        return exact(0.5 * m[:, None] * v * v), exact(-m[:, None] * scene.gravity * x)
+        found = [exact(0.5 * m[:, None] * v * v), exact(-m[:, None] * scene.gravity * x)]
+        if moment is not None:
+            found.append(exact(0.5 * moment[:, None] * frame.angular_velocity[scene.finite] ** 2))
+        return found
 
-    kinetic, potential = energies(frames[0])
+    start = [-energy for energy in energies(frames[0])]
     residual = 0.0
     for frame, parts in zip(frames, gone):
-        terms = [*energies(frame), -kinetic, -potential, *parts]
+        terms = [*energies(frame), *start, *parts]
         residual = worse(residual, abs(math.fsum(terms)) / max(map(abs, terms)))
     return Finding("energy, relative to the largest term", residual, LEAST + walk(events, scene))
 
@@ -293,17 +334,27 @@ def longest(scene: Scene, events: Log, position: list[Array], velocity: list[Arr
 
 
 def laws(scene: Scene, events: Log) -> list[Finding]:
-    """Each event's impulse, loss and Carnot energy from its law and its approach speed, and its normal's length."""
+    """Each event's impulse, loss and Carnot energy from its law and its approach speed, and its normal's length.
+
+    Of rough contacts these are the normal parts; Carnot's energy is the whole, with that of the tangential impulse.
+    """
     error = {
         "impulse": 0.0,
+        "normal component of the impulse": 0.0,
         "loss": 0.0,
         "Carnot energy": 0.0,
         "normal's length": 0.0,
         "of what does not approach": 0.0,
     }
     last = np.full(len(scene.mass), -math.inf)
-    columns = (events.time, events.kind, events.i, events.j, events.speed, events.impulse, events.loss, events.carnot)
-    for time, kind, i, j, speed, impulse, loss, carnot in zip(*(list(column) for column in columns)):
+    normal = np.sum(events.vector * events.normal, axis=1)
+    off = np.abs(normal - events.impulse) / np.maximum(np.linalg.norm(events.vector, axis=1), 1e-300)
+    across = np.linalg.norm(events.vector - events.impulse[:, None] * events.normal, axis=1)
+    columns = (
+        *(events.time, events.kind, events.i, events.j, events.speed, events.impulse),
+        *(events.loss - events.tangential, events.tangential, events.carnot, across, off),
+    )
+    for time, kind, i, j, speed, impulse, loss, tangential, carnot, sideways, skew in zip(*map(list, columns)):
         if kind not in ("collision", "wall"):
             continue
         wall = kind == "wall"
@@ -323,9 +374,14 @@ def laws(scene: Scene, events: Log) -> list[Finding]:
             continue
         inverse = 1 / scene.mass[i] + (0.0 if wall else 1 / scene.mass[j])
         energy = 0.5 * speed * speed / inverse
+        rough = 0.0
+        if scene.inertia is not None:
+            rough = 0.5 * (scene.compliance(i) + (0.0 if wall else scene.compliance(j))) * sideways**2
+        lost = (1 + e) ** 2 * energy
         error["impulse"] = worse(error["impulse"], abs(impulse * inverse / ((1 + e) * speed) - 1))
-        error["loss"] = worse(error["loss"], abs(loss - (1 - e) * (1 + e) * energy) / energy)
-        error["Carnot energy"] = worse(error["Carnot energy"], abs(carnot / ((1 + e) ** 2 * energy) - 1))
+        error["normal component of the impulse"] = worse(error["normal component of the impulse"], skew)
+        error["loss"] = worse(error["loss"], abs(loss - (1 - e) * (1 + e) * energy) / (energy + tangential))
+        error["Carnot energy"] = worse(error["Carnot energy"], abs(carnot - lost - rough) / (lost + rough))
     error["normal's length"] = float(np.max(np.abs(np.linalg.norm(events.normal, axis=1) - 1), initial=0))
     limits = {"of what does not approach": 0.0}
     # Each is a product of a few rounded numbers.
@@ -337,17 +393,26 @@ def balances(scene: Scene, events: Log, frames: list[Any]) -> list[Finding]:
     m = scene.mass[scene.finite]
     velocity = [frame.velocity for frame in frames]
     outer, work = np.zeros((len(events), 3)), np.zeros(len(events))
+    spins = frames[0].angular_velocity
     for row, (kind, i, j) in enumerate(zip(events.kind, events.i, events.j)):
-        if kind in ("wall", "rest"):
-            outer[row] = -events.impulse[row] * events.normal[row]
+        if kind in ("wall", "rest", "slide"):
+            outer[row] = -events.vector[row]
             work[row] = outer[row] @ scene.walls[j].velocity
         elif kind == "collision" and not (scene.finite[i] and scene.finite[j]):
-            outer[row] = events.impulse[row] * events.normal[row] * (1 if scene.finite[j] else -1)
-            work[row] = outer[row] @ velocity[0][i if scene.finite[j] else j]
+            driven, sign = (i, 1) if scene.finite[j] else (j, -1)
+            outer[row] = sign * events.vector[row]
+            surface = velocity[0][driven]
+            if spins is not None:
+                surface = surface + np.cross(spins[driven], sign * scene.radius[driven] * events.normal[row])
+            work[row] = outer[row] @ surface
     until = [int(np.searchsorted(events.time, frame.time, side="right")) for frame in frames]
     gone = [[exact(events.loss[:end]), -exact(work[:end])] for end in until]
-    findings = [energy_balance(scene, frames, gone, len(events))]
-    if "rest" in events.kind:
+    # What friction takes is logged at the end of a slide: no balance in between.
+    between = slides(events)
+    still = [k for k, frame in enumerate(frames) if not any(start <= frame.time < end for start, end in between)]
+    still = sorted({0, *still})
+    findings = [energy_balance(scene, [frames[k] for k in still], [gone[k] for k in still], len(events))]
+    if {"rest", "slide"} & set(events.kind):
         # Forces on grains at rest are not in the log.
         return findings
     before = [exact(m * velocity[0][scene.finite, axis]) for axis in range(3)]
@@ -362,13 +427,27 @@ def balances(scene: Scene, events: Log, frames: list[Any]) -> list[Finding]:
     return [*findings, Finding("momentum, relative", push, LEAST + walk(len(events), scene))]
 
 
-def flights(scene: Scene, events: Log, velocity: Array, position: Array, start: float) -> list[Finding]:
+def slides(events: Log) -> list[tuple[float, float]]:
+    """Start and end of every slide that has ended: it began at the event before of its particle."""
+    last: dict[int, float] = {}
+    found = []
+    for row, kind in enumerate(events.kind):
+        if kind == "slide":
+            found.append((last.get(int(events.i[row]), -math.inf), float(events.time[row])))
+        last.update(dict.fromkeys(events.bodies(row), float(events.time[row])))
+    return found
+
+
+def flights(scene: Scene, events: Log, frames: list[Any]) -> list[Finding]:
     """Every flight between two events of a particle: from the position of the one to that of the other, at the velocity
     that the logged impulses give it; and every approach speed from those velocities. This checks times of contact
-    without chaotic amplification, since each flight starts at the recorded position of its event."""
+    without chaotic amplification, since each flight starts at the recorded position of its event. Of rough contacts,
+    every tangential impulse and its loss from the velocities and spins that the logged impulses give."""
+    velocity = frames[0].velocity
     v = velocity.tolist()
-    x = position.tolist()
-    last = [start] * len(x)
+    x = frames[0].position.tolist()
+    last = [float(frames[0].time)] * len(x)
+    spins = None if scene.inertia is None else Spins(scene, frames[0].angular_velocity)
     g = scene.gravity.tolist()
     size, periodic = scene.size.tolist(), scene.periodic.tolist()
     mass, radius = scene.mass.tolist(), scene.radius.tolist()
@@ -376,8 +455,10 @@ def flights(scene: Scene, events: Log, velocity: Array, position: Array, start: 
     hits = [0] * len(x)
     edge = max(size[axis] * periodic[axis] for axis in range(3))
     worst_place = worst_speed = 0.0
-    columns = (events.time, events.i, events.j, events.speed, events.impulse, events.normal, events.position)
-    for kind, time, i, j, speed, impulse, n, point in zip(events.kind, *(column.tolist() for column in columns)):
+    columns = (events.time, events.i, events.j, events.speed, events.vector, events.normal, events.position)
+    for row, (kind, time, i, j, speed, impulse, n, point) in enumerate(
+        zip(events.kind, *(column.tolist() for column in columns))
+    ):
         bodies = [(i, -1)] if kind == "wall" else [(i, -1), (j, 1)]
         closing = 0.0
         scale = 0.0
@@ -405,12 +486,61 @@ def flights(scene: Scene, events: Log, velocity: Array, position: Array, start: 
         if kind == "wall":
             closing -= sum(a * b for a, b in zip(n, scene.walls[j].velocity))
         worst_speed = worse(worst_speed, abs(closing - speed) / (EPS * (scale + speed)))
+        if spins is not None:
+            other = scene.walls[j].velocity if kind == "wall" else np.array(v[j])
+            spins.impact(events, row, np.array(v[i]), other, kind == "wall", scale)
         for k, sign in bodies:
-            change = sign * impulse / mass[k]
-            v[k] = [a + change * b for a, b in zip(v[k], n)]
+            v[k] = [a + sign * b / mass[k] for a, b in zip(v[k], impulse)]
             fastest[k] = max(fastest[k], math.hypot(*v[k]))
             hits[k] += 1
-    return [
+    findings = [
         Finding("place of an event, off its flight [ulp]", worst_place, 16),
         Finding("approach speed, off its velocities [ulp]", worst_speed, 16),
     ]
+    return findings + (spins.findings(frames[-1].angular_velocity) if spins is not None else [])
+
+
+class Spins:
+    """The angular velocities that the logged impulses give, and the errors of the tangential impulses."""
+
+    def __init__(self, scene: Scene, start: Array) -> None:
+        self.scene, self.now = scene, np.array(start, float)
+        # Largest speed of each surface by rotation, and the rounding of the spin so far in parts of it.
+        self.fastest = np.linalg.norm(start, axis=1) * scene.radius
+        self.hits = np.zeros(len(start))
+        self.worst = {"impulse": 0.0, "loss": 0.0}
+
+    def impact(self, events: Log, row: int, vi: Array, vj: Array, wall: bool, scale: float) -> None:
+        """Compares a row with the tangential law, and takes over its impulse; `scale` is that of the velocities."""
+        scene, i, j = self.scene, int(events.i[row]), int(events.j[row])
+        n, bodies = events.normal[row], [i] if wall else [i, j]
+        tangential = events.vector[row] - events.impulse[row] * n
+        g = vi - vj
+        slip = g - (g @ n) * n - np.cross(n, sum(scene.radius[k] * self.now[k] for k in bodies))
+        stiffness = sum(scene.compliance(k) for k in bodies)
+        size, scale = float(np.linalg.norm(slip)), scale + sum(self.fastest[k] * (1 + self.hits[k]) for k in bodies)
+        beta, friction = scene.roughness(i, j, wall)
+        most = friction * float(events.impulse[row]) if math.isfinite(friction) else math.inf
+        kappa = min(1 + beta, most * stiffness / size) if size > 0 else 0.0
+        # With the TC model it depends on the time since the last contact whether a contact is dissipative.
+        if scene.tc == 0:
+            off = float(np.linalg.norm(tangential * stiffness - kappa * slip)) / (EPS * scale)
+            self.worst["impulse"] = worse(self.worst["impulse"], off)
+            off = abs(float(events.tangential[row]) * stiffness - 0.5 * kappa * (2 - kappa) * size**2)
+            self.worst["loss"] = worse(self.worst["loss"], off / (EPS * scale * (size + EPS * scale)))
+        for k in bodies:
+            if scene.finite[k]:
+                assert scene.inertia is not None
+                self.now[k] -= np.cross(n, tangential) / (scene.inertia[k] * scene.mass[k] * scene.radius[k])
+                self.fastest[k] = max(self.fastest[k], np.linalg.norm(self.now[k]) * scene.radius[k])
+                self.hits[k] += 1
+
+    def findings(self, end: Array) -> list[Finding]:
+        """The worst cases, with the angular velocities of the last frame."""
+        radius = self.scene.radius
+        off = np.linalg.norm(self.now - end, axis=1) * radius / (EPS * (self.fastest * (1 + self.hits) + 1e-300))
+        return [
+            Finding("tangential impulse, off its slip [ulp]", self.worst["impulse"], 16),
+            Finding("tangential loss, off its slip [ulp]", self.worst["loss"], 32),
+            Finding("spin in the end, off its impulses [ulp]", float(off.max()), 16),
+        ]

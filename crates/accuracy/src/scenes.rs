@@ -42,6 +42,7 @@ pub fn empty(size: DVec3, boundary: [Boundary; 3], restitution: f64, wall_restit
             rest_speed: 0.0,
         },
         walls,
+        spin: None,
         drives: Vec::new(),
         measure: haff_engine::Measure::default(),
         seed: 0,

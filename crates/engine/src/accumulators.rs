@@ -34,9 +34,9 @@ pub(crate) struct Accumulators {
 }
 
 impl Accumulators {
-    /// Sums of a simulation that starts with these energies, kinetic and potential.
-    pub fn new(initial_energy: [f64; 2]) -> Self {
-        let [sampled_kinetic, _] = initial_energy;
+    /// Sums of a simulation that starts with these energies, kinetic and potential; `sampled_kinetic` is that
+    /// of translation alone.
+    pub fn new(initial_energy: [f64; 2], sampled_kinetic: f64) -> Self {
         Self { initial_energy, sampled_kinetic, sampled_collisions: u64::MAX, ..Self::default() }
     }
 
@@ -119,6 +119,19 @@ impl Accumulators {
     #[inline(always)]
     pub fn add_elastic_impact(&mut self, virial: f64, carnot_energy: f64) {
         self.impacts.add([virial, carnot_energy]);
+    }
+
+    /// Adds the tangential losses of a rough impact at `time`, of which `translational` is that of
+    /// translation.
+    #[inline]
+    pub fn add_tangential(&mut self, time: f64, energy_loss: f64, carnot_energy: f64, translational: f64) {
+        self.impacts.add([0.0, carnot_energy, energy_loss, translational * (time - self.sampled_at)]);
+    }
+
+    /// Adds energy that a term gives to rotation.
+    #[inline]
+    pub fn add_rotation(&mut self, term: Term, energy: f64) {
+        self.terms[term as usize].add(energy);
     }
 
     /// Adds the losses of one event at `time`.

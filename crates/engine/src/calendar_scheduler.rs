@@ -186,6 +186,7 @@ impl<F: Features, S: Search + 'static> Scheduler for CalendarScheduler<F, S> {
                 }
                 SearchEvent::EndOfBounces => return Next::Event(entry.time, AnyEvent::EndOfBounces(i)),
                 SearchEvent::Release => return Next::Event(entry.time, AnyEvent::Release(i)),
+                SearchEvent::EndOfSlide => return Next::Event(entry.time, AnyEvent::EndOfSlide(i)),
                 SearchEvent::Crossing(code) => Scope::New(code),
                 SearchEvent::Prediction => Scope::All,
             };
@@ -227,12 +228,16 @@ impl<F: Features, S: Search + 'static> Scheduler for CalendarScheduler<F, S> {
                 }
                 bodies
             }
-            AnyEvent::Impact(Impact::Wall { i, .. }) | AnyEvent::Release(i) => {
+            AnyEvent::Impact(Impact::Wall { i, .. }) | AnyEvent::Release(i) | AnyEvent::EndOfSlide(i) => {
                 self.predictor.wrap_anchor(state, i);
                 self.schedule(state, i, Scope::All);
                 [i, i]
             }
             AnyEvent::EndOfBounces(i) => {
+                if state.world.spin.is_some() {
+                    // Friction that begins now has moved the anchor.
+                    self.predictor.wrap_anchor(state, i);
+                }
                 self.schedule(state, i, Scope::All);
                 [i, i]
             }

@@ -183,6 +183,8 @@ pub(crate) fn start(state: &mut State, i: u32, wall: u32, law: Restitution, time
         impulse: mass * u * (2.0 * bounces.speeds - 1.0),
         energy_loss: energy,
         carnot_energy: energy * bounces.squares,
+        tangential: DVec3::ZERO,
+        tangential_loss: 0.0,
     })
 }
 

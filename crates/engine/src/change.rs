@@ -25,6 +25,7 @@ use crate::{
     resolve,
     rest::state::SettlingState,
     simulation::{Simulation, actions, open_axes},
+    slide,
     stall::Stall,
     state::State,
 };
@@ -36,6 +37,8 @@ pub struct NewParticle {
     pub position: DVec3,
     /// Velocity [length/time].
     pub velocity: DVec3,
+    /// Angular velocity [1/time]; zero without spin.
+    pub angular_velocity: DVec3,
     /// Radius \[length\].
     pub radius: f64,
     /// Mass \[mass\]; infinite for a fixed or driven body.
@@ -51,6 +54,8 @@ pub struct Change {
     pub positions: Option<Vec<DVec3>>,
     /// New velocities of all particles [length/time].
     pub velocities: Option<Vec<DVec3>>,
+    /// New angular velocities of all particles [1/time]; only with spin.
+    pub angular_velocities: Option<Vec<DVec3>>,
     /// Indices of particles to be removed, each once.
     pub remove: Vec<u32>,
     /// Particles to be added, after all others.
@@ -99,6 +104,9 @@ impl Simulation {
         for i in pending {
             resolve::end_of_bounces::<true>(&mut state, i, now, &mut rows);
         }
+        for i in state.world.sliding() {
+            slide::interrupt::<true>(&mut state, i, now, &mut rows);
+        }
         let (before, after) = (Totals::of(&state.world), Totals::of(&world));
         let sums = state.world.wall_sums.take();
         world.wall_sums = sums.map(|sums| Box::new(sums.without_support(&state.world, time)));
@@ -111,7 +119,7 @@ impl Simulation {
         let (work, momentum) = before.carried;
         accumulators.add_energy(Term::WallWork, time, work);
         accumulators.add_impulse(momentum);
-        let energy = |totals: &Totals| totals.kinetic + totals.potential;
+        let energy = |totals: &Totals| totals.all_kinetic() + totals.potential;
         accumulators.add_energy(Term::Change, time, energy(&after) - energy(&before));
         accumulators.add_impulse(after.momentum - before.momentum);
         accumulators.counters.epochs += 1;
@@ -159,7 +167,12 @@ impl Simulation {
         let refuse = |what: String| Err(EngineError::Change(what));
         let frame = self.frame();
         let count = frame.position.len();
-        for (name, given) in [("positions", &change.positions), ("velocities", &change.velocities)] {
+        let given = [
+            ("positions", &change.positions),
+            ("velocities", &change.velocities),
+            ("angular velocities", &change.angular_velocities),
+        ];
+        for (name, given) in given {
             if let Some(given) = given
                 && given.len() != count
             {
@@ -178,7 +191,14 @@ impl Simulation {
             }
         }
         let world = &self.state.world;
+        let spins = change.angular_velocities.is_some()
+            || change.add.iter().any(|new| new.angular_velocity != DVec3::ZERO);
+        if spins && world.spin.is_none() {
+            let why = "the scene has no spin: give contact.tangential_restitution or initial.rotational_temperature";
+            return refuse(why.to_owned());
+        }
         let mut system = self.system.clone();
+        let mut angular_velocities = Vec::new();
         let mut survivors = Vec::new();
         for i in (0..count as u32).filter(|&i| !removed[i as usize]) {
             let k = i as usize;
@@ -197,6 +217,8 @@ impl Simulation {
                 }
             }
             system.bodies.push(body);
+            let spin = change.angular_velocities.as_ref().map(|spins| spins[k]);
+            angular_velocities.push(spin.unwrap_or_else(|| world.angular_velocity(i, world.now)));
             survivors.push(i);
         }
         for new in &change.add {
@@ -204,12 +226,22 @@ impl Simulation {
             let (position, image) = world.periodicity.wrap(new.position);
             let body = Body { position, velocity: new.velocity, image, class, species: new.species };
             system.bodies.push(body);
+            angular_velocities.push(new.angular_velocity);
+        }
+        let flat = system.dimension == Dimension::Two;
+        for (k, spin) in angular_velocities.iter().enumerate() {
+            if !spin.is_finite() || flat && (spin.x, spin.y) != (0.0, 0.0) {
+                let along = if flat { ", along z" } else { "" };
+                return refuse(format!("particle {k} needs a finite angular velocity{along}"));
+            }
+        }
+        if let Some(spin) = &mut system.spin {
+            spin.angular_velocity = angular_velocities;
         }
         for (k, body) in system.bodies.iter().enumerate() {
             if !(body.position.is_finite() && body.velocity.is_finite()) {
                 return refuse(format!("particle {k} needs a finite position and velocity"));
             }
-            let flat = system.dimension == Dimension::Two;
             if flat && (body.position.z != 0.0 || body.velocity.z != 0.0) {
                 return refuse(format!("particle {k} leaves the plane z = 0"));
             }

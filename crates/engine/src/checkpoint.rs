@@ -2,6 +2,8 @@
 
 use std::collections::{BTreeMap, BTreeSet};
 
+use glam::DVec3;
+
 use crate::{
     accumulators::Accumulators,
     error::EngineError,
@@ -13,6 +15,7 @@ use crate::{
     rest::state::SettlingState,
     scalars::{ScalarReader, ScalarWriter},
     simulation::{Simulation, actions},
+    slide::Slide,
     stall::Stall,
     state::{Pending, State},
     valid,
@@ -111,6 +114,21 @@ impl Simulation {
             scalars.real(&format!("rest.{i}.impulse"), rest.impulse);
             scalars.real(&format!("rest.{i}.energy_loss"), rest.energy_loss);
             scalars.real(&format!("rest.{i}.carnot_energy"), rest.carnot_energy);
+            if world.spin.is_some() {
+                put_vector(&mut scalars, &format!("rest.{i}.tangential"), rest.tangential);
+                scalars.real(&format!("rest.{i}.tangential_loss"), rest.tangential_loss);
+            }
+        }
+        for (i, slide) in world.spin.iter().flat_map(|spins| &spins.slides) {
+            let name = |part: &str| format!("slide.{i}.{part}");
+            scalars.put(&name("wall"), u64::from(slide.wall));
+            scalars.put(&name("since"), slide.since as u64);
+            scalars.put(&name("end"), slide.end.unwrap_or(i64::MAX) as u64);
+            scalars.put(&name("rolls"), u64::from(slide.rolls));
+            scalars.real(&name("lost"), slide.lost);
+            for (part, vector) in slide.vectors() {
+                put_vector(&mut scalars, &name(part), vector);
+            }
         }
         if world.thresholds.is_some() {
             scalars.put("wakes", counters.wakes);
@@ -140,6 +158,7 @@ impl Simulation {
             velocity: world.particles.iter().map(|particle| particle.velocity).collect(),
             anchor: world.particles.iter().map(|particle| particle.time).collect(),
             image: world.images.to_vec(),
+            angular_velocity: world.spin.as_ref().map_or(Vec::new(), |spins| spins.angular_velocity.to_vec()),
             count: world.particles.iter().map(|particle| particle.count).collect(),
             resting: (0..world.particles.len() as u32).map(resting).collect(),
             scalars: scalars.scalars,
@@ -158,7 +177,8 @@ impl Simulation {
             checkpoint.count.len(),
             checkpoint.resting.len(),
         ];
-        if lengths.iter().any(|&length| length != count) {
+        let spins = if system.spin.is_some() { count } else { 0 };
+        if lengths.iter().any(|&length| length != count) || checkpoint.angular_velocity.len() != spins {
             return Err(EngineError::Checkpoint(format!(
                 "the scene has {count} particles, it has {lengths:?}"
             )));
@@ -181,6 +201,9 @@ impl Simulation {
             particle.count = checkpoint.count[i];
         }
         world.images.copy_from_slice(&checkpoint.image);
+        if let Some(spins) = &mut world.spin {
+            spins.angular_velocity.copy_from_slice(&checkpoint.angular_velocity);
+        }
         let digits = Digits::of(&world);
         for (i, &code) in checkpoint.resting.iter().enumerate() {
             let name = format!("support.{i}");
@@ -249,8 +272,33 @@ impl Simulation {
                 impulse: scalars.real(&format!("rest.{i}.impulse")),
                 energy_loss: scalars.real(&format!("rest.{i}.energy_loss")),
                 carnot_energy: scalars.real(&format!("rest.{i}.carnot_energy")),
+                tangential: vector(&mut scalars, &format!("rest.{i}.tangential"), world.spin.is_some()),
+                tangential_loss: if world.spin.is_some() {
+                    scalars.real(&format!("rest.{i}.tangential_loss"))
+                } else {
+                    0.0
+                },
             };
             pending.insert(i, rest);
+        }
+        for i in scalars.numbers::<u32>("slide.", ".wall") {
+            let name = |part: &str| format!("slide.{i}.{part}");
+            let end = scalars.take(&name("end")) as i64;
+            let mut slide = Slide {
+                wall: scalars.take(&name("wall")) as u32,
+                since: scalars.take(&name("since")) as i64,
+                end: (end != i64::MAX).then_some(end),
+                rolls: scalars.take(&name("rolls")) != 0,
+                lost: scalars.real(&name("lost")),
+                ..Slide::default()
+            };
+            for (part, value) in slide.vectors_mut() {
+                *value = vector(&mut scalars, &name(part), true);
+            }
+            valid::slide(&world, i, &slide)?;
+            if let Some(spins) = &mut world.spin {
+                spins.slides.insert(i, slide);
+            }
         }
         let stall = Stall {
             since: scalars.take("stall.since") as i64,
@@ -292,6 +340,20 @@ impl Simulation {
         simulation.set_stop_time(time);
         Ok(simulation)
     }
+}
+
+fn put_vector(scalars: &mut ScalarWriter, name: &str, vector: DVec3) {
+    for (axis, component) in ["x", "y", "z"].into_iter().zip(vector.to_array()) {
+        scalars.real(&format!("{name}.{axis}"), component);
+    }
+}
+
+/// Takes the components of a vector; zero if the scene has none.
+fn vector(scalars: &mut ScalarReader, name: &str, exists: bool) -> DVec3 {
+    if !exists {
+        return DVec3::ZERO;
+    }
+    DVec3::from_array(["x", "y", "z"].map(|axis| scalars.real(&format!("{name}.{axis}"))))
 }
 
 /// Takes all scalars whose name is this prefix and a number. Returns the numbers.

@@ -190,7 +190,7 @@ impl Choice {
             return self.compile_for_rest(geometry);
         }
         let gravity = system.domain.gravity != DVec3::ZERO || can_carry(system);
-        if !gravity && summary.uniform && system.contacts.are_elastic() {
+        if !gravity && summary.uniform && system.contacts.are_elastic() && system.spin.is_none() {
             if *neighbors == NeighborChoice::Windows {
                 return Box::new(Windows::<ElasticMonodisperse>::new(
                     geometry,

@@ -2,7 +2,8 @@
 //! event loop contains no others.
 
 use crate::{
-    carried, error::EngineError, features::Features, report::Observer, resolve, rest::contact, state::State,
+    carried, error::EngineError, features::Features, report::Observer, resolve, rest::contact, slide,
+    state::State,
 };
 
 /// A physical event: the event loop resolves it, and the collapse detector counts it.
@@ -50,13 +51,14 @@ pub(crate) enum Impact {
     Wall { i: u32, wall: u32 },
 }
 
-/// An impact, the end of a completed series of bounces of a particle, or its release by the wall that carries
-/// it.
+/// An impact, the end of a completed series of bounces of a particle, its release by the wall that carries
+/// it, or the end of its slide on a wall.
 #[derive(Debug, Clone, Copy)]
 pub(crate) enum AnyEvent {
     Impact(Impact),
     EndOfBounces(u32),
     Release(u32),
+    EndOfSlide(u32),
 }
 
 impl PhysicalEvent for Collision {
@@ -122,7 +124,7 @@ impl PhysicalEvent for AnyEvent {
     fn participants(self) -> ([u32; 2], Option<u32>) {
         match self {
             Self::Impact(impact) => impact.participants(),
-            Self::EndOfBounces(i) | Self::Release(i) => ([i, i], None),
+            Self::EndOfBounces(i) | Self::Release(i) | Self::EndOfSlide(i) => ([i, i], None),
         }
     }
 
@@ -137,10 +139,15 @@ impl PhysicalEvent for AnyEvent {
             Self::Impact(impact) => impact.resolve::<F, EVENTS>(state, time, observer),
             Self::EndOfBounces(i) => {
                 resolve::end_of_bounces::<EVENTS>(state, i, time, observer);
+                slide::begin(state, i, time);
                 Ok(Vec::new())
             }
             Self::Release(i) => {
                 carried::release::<EVENTS>(state, i, time, observer)?;
+                Ok(Vec::new())
+            }
+            Self::EndOfSlide(i) => {
+                slide::end::<EVENTS>(state, i, time, observer);
                 Ok(Vec::new())
             }
         }
@@ -150,7 +157,7 @@ impl PhysicalEvent for AnyEvent {
     fn pause<F: Features>(self, state: &mut State, time: i64) -> Option<Pause> {
         match self {
             Self::Impact(impact) => impact.pause::<F>(state, time),
-            Self::EndOfBounces(_) => state.is_at_rest().then_some(Pause::Rest),
+            Self::EndOfBounces(_) | Self::EndOfSlide(_) => state.is_at_rest().then_some(Pause::Rest),
             Self::Release(_) => None,
         }
     }

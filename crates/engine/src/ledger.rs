@@ -1,4 +1,4 @@
-//! The energy balance, T + V = T₀ + V₀ − Σ ΔT + Σ sign · term, with named terms.
+//! The energy balance, T + V = T₀ + V₀ − Σ ΔT + Σ sign · term, with named terms; T with that of rotation.
 //!
 //! To add a source or sink of energy, add a [`Term`]. Files, reports and Python take names and signs from
 //! here.
@@ -71,8 +71,10 @@ impl Term {
 /// Energies and their balance (compensated sums).
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct Ledger {
-    /// T of the bodies of finite mass [energy].
+    /// T of the bodies of finite mass, of translation [energy].
     pub kinetic: f64,
+    /// T of rotation; zero without spin [energy].
+    pub rotational: f64,
     /// V of gravity, zero at the origin, plus that of springs [energy].
     pub potential: f64,
     /// The part of V that is in springs, zero without force [energy]. This engine has no springs: 0.

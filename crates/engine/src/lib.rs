@@ -48,9 +48,12 @@ mod queue;
 mod random;
 mod resolve;
 mod rest;
+mod rough;
 mod scalars;
 mod search_event;
 mod simulation;
+mod slide;
+mod spin;
 mod stall;
 mod state;
 mod sum;
@@ -72,7 +75,7 @@ pub use measurements::{
 };
 pub use model::{
     Body, Boundary, Class, Contacts, Dimension, Domain, Drive, DriveKind, Group, Hole, KickTimes,
-    NeighborChoice, Options, Oscillating, Partition, SimdChoice, System, Wall, WallLaw, WallMotion,
+    NeighborChoice, Options, Oscillating, Partition, SimdChoice, Spin, System, Wall, WallLaw, WallMotion,
 };
 pub use observables::{Observable, Present, Quantity, Sizes, observables};
 pub use overlap::{Overlap, allowed_overlap};

@@ -1,20 +1,18 @@
 //! Measurements of a state: energies, temperatures, pressure, momenta, the hash. They move copies of the
 //! particles to the present, and do not change the anchors.
 
-use std::collections::BTreeMap;
-
 use glam::DVec3;
 use haff_neighbors::Geometry;
 use rayon::prelude::*;
 use xxhash_rust::xxh3::Xxh3;
 
 use crate::{
-    accumulators::Accumulators,
     ledger::{Ledger, Term},
     model::{Boundary, Dimension, System},
     particles::World,
     report::{Frame, Sample},
-    state::{Pending, State},
+    spin::rotations,
+    state::State,
     sum::{Sum, Sums},
 };
 
@@ -47,6 +45,9 @@ pub(crate) struct Totals {
     pub bodies: f64,
     pub mass: f64,
     pub kinetic: f64,
+    /// Energy and angular momentum of rotations.
+    pub rotational: f64,
+    pub spin: DVec3,
     pub potential: f64,
     pub momentum: DVec3,
     /// Angular momentum about the origin, from unwrapped positions.
@@ -68,15 +69,23 @@ impl Totals {
             let potential = -class.mass * world.gravity.dot(r);
             [1.0, class.mass, 0.5 * p.dot(v), potential, p.x, p.y, p.z, h.x, h.y, h.z]
         });
+        let (rotational, spin) = world.all_rotation();
         Self {
             bodies,
             mass,
             kinetic,
+            rotational,
+            spin,
             potential,
             momentum: DVec3::new(px, py, pz),
             angular_momentum: DVec3::new(hx, hy, hz),
             carried: world.all_carried(),
         }
+    }
+
+    /// Kinetic energy of translation and rotation.
+    pub fn all_kinetic(&self) -> f64 {
+        self.kinetic + self.rotational
     }
 
     /// Velocity of the center of mass.
@@ -89,23 +98,22 @@ impl Totals {
 ///
 /// The loss of a completed series of bounces is added to the sums at the end of the series. Until then the
 /// balance includes it as a separate energy.
-pub(crate) fn ledger(
-    totals: &Totals,
-    accumulators: &Accumulators,
-    pending: &BTreeMap<u32, Pending>,
-) -> Ledger {
+pub(crate) fn ledger(state: &State, totals: &Totals) -> Ledger {
+    let State { world, accumulators, pending, .. } = state;
     let bounces: f64 = pending.values().map(|series| series.energy_loss).sum();
     let [kinetic, potential] = accumulators.initial_energy;
-    let dissipated = accumulators.dissipated();
+    let dissipated = accumulators.dissipated() + world.friction_loss();
     let mut terms = accumulators.terms();
     terms[Term::WallWork as usize] += totals.carried.0;
     let supplied = Term::ALL.map(|term| -term.sign() * terms[term as usize]);
-    let energies = [totals.kinetic, totals.potential, -kinetic, -potential, dissipated, bounces];
+    let energies =
+        [totals.kinetic, totals.rotational, totals.potential, -kinetic, -potential, dissipated, bounces];
     let energies = || energies.into_iter().chain(supplied);
     let scale = energies().fold(0.0, |scale: f64, energy| scale.max(energy.abs()));
     let balance: Sum = energies().collect();
     Ledger {
         kinetic: totals.kinetic,
+        rotational: totals.rotational,
         potential: totals.potential,
         spring: 0.0,
         dissipated,
@@ -117,8 +125,9 @@ pub(crate) fn ledger(
 
 /// One row of observables at the present. Starts the next interval of pressure and rates.
 pub(crate) fn sample(system: &System, species_table: &Species, state: &mut State, time: f64) -> Sample {
-    let State { world, accumulators, pending, .. } = state;
-    let totals = Totals::of(world);
+    let totals = Totals::of(&state.world);
+    let ledger = ledger(state, &totals);
+    let State { world, accumulators, .. } = state;
     let d = system.dimension.count() as f64;
     let drift = totals.drift();
 
@@ -134,6 +143,7 @@ pub(crate) fn sample(system: &System, species_table: &Species, state: &mut State
         let square = class.mass * (v - drift).length_squared();
         [square, square * square]
     });
+    let (rotational_temperature, species_rotational_temperature) = rotational(system, species_table, world);
     // Per species: number of bodies, Σ m|v − V|². For a single species these sums are known already.
     let species_count = system.species.len() as u32;
     let species: Vec<[f64; 2]> = if species_count == 1 {
@@ -184,17 +194,19 @@ pub(crate) fn sample(system: &System, species_table: &Species, state: &mut State
         wall_force: Vec::new(),
         wall_heat_flow: Vec::new(),
         step: accumulators.counters.collisions + accumulators.counters.wall_collisions,
-        ledger: ledger(&totals, accumulators, pending),
+        ledger,
         temperature,
         species_temperature: species
             .iter()
             .map(|&[bodies, sum]| if bodies > 0.0 { sum / (d * bodies) } else { f64::NAN })
             .collect(),
+        rotational_temperature,
+        species_rotational_temperature,
         sonine_a2: d * (fourth * bodies) / ((d + 2.0) * second * second) - 1.0,
         pressure,
         momentum: totals.momentum,
         external_impulse: impulse + gravity_impulse,
-        angular_momentum: (!periodic).then_some(totals.angular_momentum),
+        angular_momentum: (!periodic).then_some(totals.angular_momentum + totals.spin),
         collisions: accumulators.counters.collisions,
         wall_collisions: accumulators.counters.wall_collisions,
         collision_rate: rate,
@@ -203,6 +215,25 @@ pub(crate) fn sample(system: &System, species_table: &Species, state: &mut State
     accumulators.start_interval(time, totals.kinetic);
     world.complete_walls(time, &mut sample);
     sample
+}
+
+/// The rotational temperature of all particles, and of each species.
+fn rotational(system: &System, species_table: &Species, world: &World) -> (f64, Vec<f64>) {
+    if world.spin.is_none() {
+        return (0.0, Vec::new());
+    }
+    let axes = rotations(system.dimension.count()) as f64;
+    let temperature = |chosen: &(dyn Fn(u32) -> bool + Sync)| {
+        let [bodies, energy] = total(world.particles.len(), |i| {
+            if world.body(i).inverse_mass == 0.0 || !chosen(i) {
+                return [0.0; 2];
+            }
+            [1.0, world.rotation(i, world.now).0]
+        });
+        if bodies > 0.0 { 2.0 * energy / (axes * bodies) } else { f64::NAN }
+    };
+    let of_one = |species: u32| temperature(&|i| species_table.of(world, i) == species);
+    (temperature(&|_| true), (0..system.species.len() as u32).map(of_one).collect())
 }
 
 /// Present position, velocity and image of a particle, wrapped into the box.
@@ -223,6 +254,11 @@ pub(crate) fn frame(state: &State, time: f64) -> Frame {
         position: vec![DVec3::ZERO; count],
         velocity: vec![DVec3::ZERO; count],
         image: vec![[0; 3]; count],
+        angular_velocity: if world.spin.is_some() {
+            (0..count as u32).map(|i| world.angular_velocity(i, world.now)).collect()
+        } else {
+            Vec::new()
+        },
     };
     let Frame { position, velocity, image, .. } = &mut frame;
     (position, velocity, image).into_par_iter().enumerate().with_min_len(BLOCK).for_each(
@@ -261,7 +297,7 @@ impl Species {
     }
 }
 
-/// A 128-bit hash of every particle's position, velocity and image at the present.
+/// A 128-bit hash of every particle's position, velocity and image at the present, and of its spin.
 pub(crate) fn hash(world: &World) -> u128 {
     let mut hasher = Xxh3::new();
     // In blocks: hashing a few bytes per call is slow, and a frame would be a copy of all particles.
@@ -274,6 +310,10 @@ pub(crate) fn hash(world: &World) -> u128 {
                 block.extend(value.to_le_bytes());
             }
             block.extend(image.into_iter().flat_map(i32::to_le_bytes));
+            if world.spin.is_some() {
+                let spin = world.angular_velocity(i as u32, world.now);
+                block.extend(spin.to_array().into_iter().flat_map(f64::to_le_bytes));
+            }
         }
         hasher.update(&block);
     }

@@ -6,6 +6,7 @@ pub use haff_mechanics::{Hole, Partition, Restitution};
 pub use crate::{
     drive::{Drive, DriveKind, KickTimes},
     measurements::{Correlations, Grid, GridAxis, Measure},
+    spin::Spin,
     wall_law::WallLaw,
     wall_motion::{Oscillating, WallMotion},
 };
@@ -144,6 +145,8 @@ pub struct System {
     pub walls: Vec<Wall>,
     /// Laws of impact.
     pub contacts: Contacts,
+    /// Spins and rough contacts; `None` for smooth particles.
+    pub spin: Option<Spin>,
     /// Drives: actions that add energy to the particles, or remove it, at stated times.
     pub drives: Vec<Drive>,
     /// Seed of the random numbers of drives and walls.

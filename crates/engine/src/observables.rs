@@ -56,6 +56,8 @@ pub struct Present {
     pub angular_momentum: bool,
     /// There are named species.
     pub species: bool,
+    /// There are spins.
+    pub spin: bool,
     /// The pressure tensor is measured.
     pub stress: bool,
     /// The forces on walls are measured.
@@ -73,6 +75,7 @@ impl Present {
             volume: !axes.contains(&Boundary::Open),
             angular_momentum: !axes.contains(&Boundary::Periodic),
             species: !system.species.is_empty(),
+            spin: system.spin.is_some(),
             stress: system.measure.stress,
             wall_forces: system.measure.wall_forces && !system.walls.is_empty(),
             terms: Term::ALL.map(|term| term.exists(system)),
@@ -86,6 +89,7 @@ impl Present {
             volume: true,
             angular_momentum: true,
             species: true,
+            spin: true,
             stress: true,
             wall_forces: true,
             terms: [true; Term::ALL.len()],
@@ -97,8 +101,9 @@ const ENERGY: &str = "energy";
 const PRESSURE: &str = "energy/length^d";
 
 /// Rows before the terms of the energy balance.
-const ENERGIES: [Observable; 6] = [
+const ENERGIES: [Observable; 7] = [
     row("kinetic_energy", ENERGY, Quantity::Real(|s| s.ledger.kinetic), always),
+    row("rotational_energy", ENERGY, Quantity::Real(|s| s.ledger.rotational), |p| p.spin),
     row("potential_energy", ENERGY, Quantity::Real(|s| s.ledger.potential), always),
     row("gravity_energy", ENERGY, Quantity::Real(|s| s.ledger.potential - s.ledger.spring), |p| p.springs),
     row("spring_energy", ENERGY, Quantity::Real(|s| s.ledger.spring), |p| p.springs),
@@ -107,10 +112,17 @@ const ENERGIES: [Observable; 6] = [
 ];
 
 /// Rows after the terms of the energy balance.
-const OTHERS: [Observable; 17] = [
+const OTHERS: [Observable; 19] = [
     row("ledger_residual", "1", Quantity::Real(|s| s.ledger.residual), always),
     row("temperature", ENERGY, Quantity::Real(|s| s.temperature), always),
     row("species_temperature", ENERGY, Quantity::PerSpecies(|s| &s.species_temperature), |p| p.species),
+    row("rotational_temperature", ENERGY, Quantity::Real(|s| s.rotational_temperature), |p| p.spin),
+    row(
+        "species_rotational_temperature",
+        ENERGY,
+        Quantity::PerSpecies(|s| &s.species_rotational_temperature),
+        |p| p.species && p.spin,
+    ),
     row("sonine_a2", "1", Quantity::Real(|s| s.sonine_a2), always),
     row("pressure", PRESSURE, Quantity::Real(|s| s.pressure.unwrap_or(f64::NAN)), |p| p.volume),
     row("pressure_tensor", PRESSURE, Quantity::Tensor(|s| stress(s).total()), |p| p.stress),

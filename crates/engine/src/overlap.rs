@@ -245,6 +245,7 @@ mod tests {
             partition: None,
         };
         System {
+            spin: None,
             drives: Vec::new(),
             measure: crate::Measure::default(),
             seed: 0,

@@ -11,6 +11,7 @@ use crate::{
     model::{Body, DriveKind, Restitution, System, Wall, WallLaw},
     periodicity::Periodicity,
     rest::thresholds::Thresholds,
+    spin::Spins,
     wall_motion::Approach,
 };
 
@@ -130,6 +131,8 @@ pub(crate) struct World {
     given_speed: f64,
     /// Forces on walls, if they are measured.
     pub wall_sums: Option<Box<WallSums>>,
+    /// Spins and rough contacts, if there are any.
+    pub spin: Option<Box<Spins>>,
 }
 
 impl World {
@@ -181,6 +184,7 @@ impl World {
             force: Force::default(),
             given_speed: given_speed(system),
             wall_sums: system.measure.wall_forces.then(|| Box::new(WallSums::new(system.walls.len()))),
+            spin: Spins::of(system),
         };
         let alike = |class: &ClassData| {
             class.inverse_mass != 0.0
@@ -212,6 +216,7 @@ impl World {
             wall_laws: self.wall_laws.clone(),
             force: Force::default(),
             wall_sums: None,
+            spin: self.spin.as_deref().map(Spins::without_particles),
             ..*self
         }
     }
@@ -224,6 +229,10 @@ impl World {
     pub unsafe fn share_particles(&mut self, other: &mut Self) {
         // SAFETY: guaranteed by the caller.
         (self.particles, self.images) = unsafe { (other.particles.alias(), other.images.alias()) };
+        if let (Some(spins), Some(other)) = (&mut self.spin, &mut other.spin) {
+            // SAFETY: guaranteed by the caller.
+            spins.angular_velocity = unsafe { other.angular_velocity.alias() };
+        }
     }
 
     #[inline(always)]
@@ -250,8 +259,8 @@ impl World {
         self.particles[i as usize].class() >= self.class_count
     }
 
-    /// Puts particle i to rest at its position at `ticks`, or wakes it. In both cases its velocity becomes
-    /// zero, and walls no longer support it.
+    /// Puts particle i to rest at its position at `ticks`, or wakes it. In both cases its velocity and its
+    /// spin become zero, and walls no longer support it.
     pub fn set_asleep(&mut self, i: u32, asleep: bool, ticks: i64) {
         let (position, _) = self.state(i, ticks);
         if self.particles[i as usize].rests() {
@@ -262,6 +271,9 @@ impl World {
         self.restore_asleep(i, asleep);
         self.change_force(mass * self.acceleration(i) - before, ticks);
         self.particles[i as usize].set_anchor(position, DVec3::ZERO, ticks);
+        if let Some(spins) = &mut self.spin {
+            spins.angular_velocity[i as usize] = DVec3::ZERO;
+        }
     }
 
     /// [`Self::set_asleep`] without changing the force, the support or the anchor.
@@ -311,7 +323,8 @@ impl World {
         }
     }
 
-    /// The part of gravity that the walls under a particle do not balance, or that is along its carrier.
+    /// The part of gravity that the walls under a particle do not balance, or that is along its carrier; with
+    /// the friction on it.
     #[inline(never)]
     fn supported_acceleration(&self, i: u32) -> DVec3 {
         if let Some(wall) = self.carrier(i) {
@@ -321,7 +334,9 @@ impl World {
             return along - n * along.dot(n);
         }
         let walls = self.support[i as usize].iter().flatten();
-        unbalanced_gravity(self.gravity, &walls.map(|&wall| self.walls[wall as usize].normal))
+        let unbalanced =
+            unbalanced_gravity(self.gravity, &walls.map(|&wall| self.walls[wall as usize].normal));
+        if self.spin.is_some() { unbalanced + self.friction(i) } else { unbalanced }
     }
 
     /// Time from the anchor of particle i to `ticks` [time].

@@ -12,6 +12,7 @@ use crate::{
     packed::{self, Delays, Query},
     particles::{Particle, World},
     search_event::SearchEvent,
+    slide,
     state::Pending,
 };
 use glam::DVec3;
@@ -141,6 +142,12 @@ pub(crate) fn predict<F: Features, S: Search>(
         && let Some(rest) = pending.get(&i)
     {
         earliest.offer(rest.end, Target::new(SearchEvent::EndOfBounces), 0);
+    }
+    if F::GRAVITY
+        && particle.rests()
+        && let Some(end) = slide::end_of_slide(world, i)
+    {
+        earliest.offer(end, Target::new(SearchEvent::EndOfSlide), 0);
     }
 
     // A crossing later than the earliest event is not needed exactly.

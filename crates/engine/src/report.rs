@@ -2,13 +2,18 @@
 
 use glam::DVec3;
 
-use crate::{ledger::Ledger, measurements::StressTensor};
+use crate::{
+    ledger::Ledger,
+    measurements::StressTensor,
+    model::{System, WallLaw},
+};
 
 /// The kind of an event in the log.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Default)]
 #[repr(u8)]
 pub enum EventKind {
     /// Two particles.
+    #[default]
     Collision = 0,
     /// A particle and a wall.
     Wall = 1,
@@ -30,11 +35,13 @@ pub enum EventKind {
     Settle = 8,
     /// The state was changed from outside: no particle, no partner.
     Change = 9,
+    /// A stretch of sliding with friction on a wall ends: the grain rolls from now on, or has another event.
+    Slide = 10,
 }
 
 impl EventKind {
     /// Every kind; the index of a kind is its discriminant.
-    pub const ALL: [Self; 10] = [
+    pub const ALL: [Self; 11] = [
         Self::Collision,
         Self::Wall,
         Self::Rest,
@@ -45,6 +52,7 @@ impl EventKind {
         Self::Lift,
         Self::Settle,
         Self::Change,
+        Self::Slide,
     ];
 
     /// The name in files.
@@ -60,6 +68,7 @@ impl EventKind {
             Self::Lift => "lift",
             Self::Settle => "settle",
             Self::Change => "change",
+            Self::Slide => "slide",
         }
     }
 }
@@ -68,7 +77,7 @@ impl EventKind {
 pub const NO_PARTNER: u32 = u32::MAX;
 
 /// One row of the event log.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct EventRecord {
     /// Time of the event [time].
     pub time: f64,
@@ -83,14 +92,18 @@ pub struct EventRecord {
     pub approach_speed: f64,
     /// J = (1 + e) μ v_n [mass·length/time]; summed over the series for `Rest`.
     pub impulse: f64,
-    /// ΔT = ½ μ v_n² (1 − e²), eq. (2.16) [energy].
+    /// ΔT = ½ μ v_n² (1 − e²), eq. (2.16), plus [`Self::tangential_loss`] [energy].
     pub energy_loss: f64,
-    /// E'_c = J²/(2μ), eq. (2.31) [energy].
+    /// E'_c = J²/(2μ), eq. (2.31), plus that of the tangential impulse of a rough contact [energy].
     pub carnot_energy: f64,
     /// Contact normal: unit vector from i to j, or into the wall.
     pub normal: DVec3,
     /// Contact point [length], wrapped into the box along periodic axes.
     pub position: DVec3,
+    /// Impulse on j, or on the wall, with its tangential component [mass·length/time].
+    pub impulse_vector: DVec3,
+    /// The part of `energy_loss` by the tangential impulse, of translation and rotation [energy].
+    pub tangential_loss: f64,
 }
 
 /// A column of the event log: a field of [`EventRecord`].
@@ -116,11 +129,15 @@ pub enum EventColumn {
     Normal,
     /// [`EventRecord::position`].
     Position,
+    /// [`EventRecord::impulse_vector`].
+    ImpulseVector,
+    /// [`EventRecord::tangential_loss`].
+    TangentialLoss,
 }
 
 impl EventColumn {
     /// Every column, in the order of files.
-    pub const ALL: [Self; 10] = [
+    pub const ALL: [Self; 12] = [
         Self::Time,
         Self::Kind,
         Self::I,
@@ -131,7 +148,20 @@ impl EventColumn {
         Self::CarnotEnergy,
         Self::Normal,
         Self::Position,
+        Self::ImpulseVector,
+        Self::TangentialLoss,
     ];
+
+    /// Whether a complete log of this system has the column: the impulse is along the normal, and nothing is
+    /// lost by a tangential one, unless contacts are rough or walls thermal.
+    pub fn exists(self, system: &System) -> bool {
+        let is_rough = system.spin.is_some();
+        match self {
+            Self::ImpulseVector => is_rough || system.contacts.wall.iter().any(WallLaw::is_thermal),
+            Self::TangentialLoss => is_rough,
+            _ => true,
+        }
+    }
 
     /// The name in scenes and files.
     pub fn name(self) -> &'static str {
@@ -146,6 +176,8 @@ impl EventColumn {
             Self::CarnotEnergy => "carnot_energy",
             Self::Normal => "normal",
             Self::Position => "position",
+            Self::ImpulseVector => "impulse_vector",
+            Self::TangentialLoss => "tangential_loss",
         }
     }
 }
@@ -246,6 +278,8 @@ pub struct Frame {
     pub velocity: Vec<DVec3>,
     /// Box images: unwrapped position = position + image · L.
     pub image: Vec<[i32; 3]>,
+    /// Angular velocities [1/time]; empty without spin.
+    pub angular_velocity: Vec<DVec3>,
 }
 
 /// One row of the observables.
@@ -261,6 +295,11 @@ pub struct Sample {
     pub temperature: f64,
     /// The same per species, with the common V; NaN for a species without bodies of finite mass.
     pub species_temperature: Vec<f64>,
+    /// `T_rot` = Σ I ω²/(r N) over bodies of finite mass, with r = 3 axes of rotation, 1 in two dimensions
+    /// [energy].
+    pub rotational_temperature: f64,
+    /// The same per species; empty without spin.
+    pub species_rotational_temperature: Vec<f64>,
     /// a₂ = d⟨v⁴⟩/((d + 2)⟨v²⟩²) − 1, with v − V for v; NaN without motion.
     pub sonine_a2: f64,
     /// Mean pressure since the previous sample, kinetic and collisional [energy/length^d]; NaN in the first
@@ -278,7 +317,7 @@ pub struct Sample {
     pub momentum: DVec3,
     /// Impulse on the particles by walls, bodies of infinite mass and gravity so far [mass·length/time].
     pub external_impulse: DVec3,
-    /// Σ m r × v about the origin; `None` with periodic axes.
+    /// Σ (m r × v + I ω) about the origin; `None` with periodic axes.
     pub angular_momentum: Option<DVec3>,
     /// Sphere–sphere collisions so far.
     pub collisions: u64,
@@ -383,6 +422,8 @@ pub struct Checkpoint {
     pub image: Vec<[i32; 3]>,
     /// Numbers of own events.
     pub count: Vec<u32>,
+    /// Angular velocities [1/time], of a grain that slides when its slide began; empty without spin.
+    pub angular_velocity: Vec<DVec3>,
     /// The walls that support a particle, as digits that are their indices plus one, and two flags: asleep
     /// and recently hit. 0 for a particle in free flight.
     pub resting: Vec<u32>,

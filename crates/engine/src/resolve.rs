@@ -16,6 +16,7 @@ use crate::{
     random::{Draw, mix},
     report::{EventKind, EventRecord, Exchange, Observer, Partner, VelocityChange},
     rest::contact,
+    rough, slide,
     state::{Pending, State},
     wall_law::WallLaw,
     wall_motion::WallMotion,
@@ -144,16 +145,16 @@ pub(crate) struct PairImpact {
     impact: Impact,
 }
 
-/// The impact of two particles at `time`: a function of their anchors.
+/// The contact of two particles at `time`, and their positions: a function of their anchors.
 ///
 /// # Errors
-/// An overlap that is more than rounding, or a velocity that is not finite.
+/// An overlap that is more than rounding.
 #[inline(always)]
-pub(crate) fn collide<F: Features>(
+pub(crate) fn touch<F: Features>(
     world: &World,
     bodies: [u32; 2],
     time: i64,
-) -> Result<PairImpact, EngineError> {
+) -> Result<(PairContact, [DVec3; 2]), EngineError> {
     // Lower index first, so that the bits do not depend on which of the two owned the entry.
     let (i, j) = (bodies[0].min(bodies[1]), bodies[0].max(bodies[1]));
     let (mut ri, wi) = state_at_event::<F>(world, i, time);
@@ -183,7 +184,27 @@ pub(crate) fn collide<F: Features>(
         }
     }
     let contact = PairContact { bodies: [i, j], classes: [a, b], velocities: [wi, wj], r, distance, n, time };
+    Ok((contact, [ri, rj]))
+}
+
+/// The impact of two particles at `time`: a function of their anchors.
+///
+/// # Errors
+/// An overlap that is more than rounding, or a velocity that is not finite.
+#[inline(always)]
+pub(crate) fn collide<F: Features>(
+    world: &World,
+    bodies: [u32; 2],
+    time: i64,
+) -> Result<PairImpact, EngineError> {
+    let (contact, [ri, rj]) = touch::<F>(world, bodies, time)?;
+    let PairContact { bodies: [i, j], classes: [a, b], velocities: [wi, wj], distance, n, .. } = contact;
     let (ui, uj, impact) = pair_law::resolve::<F>(world, &contact);
+    let [ui, uj] = if !F::ELASTIC && world.spin.is_some() {
+        rough::velocities::<F>(world, [i, j], time)
+    } else {
+        [ui, uj]
+    };
     if a.inverse_mass != 0.0 {
         check_velocity(world, i, ui, time)?;
     }
@@ -223,10 +244,17 @@ pub(crate) fn collision<F: Features, const EVENTS: bool>(
 #[inline(always)]
 pub(crate) fn apply<F: Features, const EVENTS: bool>(
     state: &mut State,
-    &PairImpact { bodies: [i, j], classes: [a, b], positions, before, after, n, distance, impact }: &PairImpact,
+    impact: &PairImpact,
     time: i64,
     observer: &mut dyn Observer,
 ) {
+    let &PairImpact { bodies: [i, j], classes: [a, b], positions, before, after, n, distance, .. } = impact;
+    let impact = impact.impact;
+    let tangential = if !F::ELASTIC && state.world.spin.is_some() {
+        Some(rough::apply_pair::<F>(state, [i, j], time))
+    } else {
+        None
+    };
     let world = &mut state.world;
     // A body of infinite mass keeps its anchor: its flight has not changed, so predictions with it stay
     // valid.
@@ -272,7 +300,11 @@ pub(crate) fn apply<F: Features, const EVENTS: bool>(
         let partner = Partner::Particle { position, branch };
         observer.exchange(&Exchange { time: now, changes, partner });
         let contact_point = state.world.periodicity.wrap(ri + n * a.radius).0;
-        observer.event(&row(now, EventKind::Collision, [i, j], &impact, n, contact_point));
+        let mut row = row(now, EventKind::Collision, [i, j], &impact, n, contact_point);
+        if let Some(tangential) = tangential {
+            tangential.add_to(&mut row);
+        }
+        observer.event(&row);
     }
 }
 
@@ -303,23 +335,23 @@ pub(crate) fn apply_wall<F: Features, const EVENTS: bool>(
 ) {
     match outcome {
         WallOutcome::Bounce(bounce) => apply_bounce::<F, EVENTS>(state, contact, bounce, observer),
-        WallOutcome::Reflection(velocity) => {
-            reflect::<EVENTS>(state, contact, *velocity, Term::WallHeat, observer);
+        WallOutcome::Reflection { velocity, spin } => {
+            reflect::<EVENTS>(state, contact, (*velocity, *spin), Term::WallHeat, observer);
         }
     }
 }
 
-/// The impact of particle i on a wall at `time`: a function of its anchor.
+/// The contact of particle i with a wall at `time`: a function of its anchor.
 ///
 /// # Errors
-/// An overlap that is more than rounding, or a velocity that is not finite.
+/// An overlap that is more than rounding.
 #[inline(always)]
-pub(crate) fn collide_with_wall<F: Features>(
+pub(crate) fn touch_wall<F: Features>(
     world: &World,
     i: u32,
     wall: u32,
     time: i64,
-) -> Result<(WallContact, WallOutcome), EngineError> {
+) -> Result<WallContact, EngineError> {
     let (mut position, velocity) = state_at_event::<F>(world, i, time);
     let class = *world.class(i);
     let (gap, _) = world.wall_approach(wall, class.radius, position, velocity, time);
@@ -335,13 +367,35 @@ pub(crate) fn collide_with_wall<F: Features>(
     }
     let plane = &world.walls[wall as usize];
     let (n, wall_velocity) = (-normal, plane.motion.velocity(plane.normal, (&world.clock, time)));
-    let contact = WallContact { i, wall, time, position, velocity, n, wall_velocity };
+    Ok(WallContact { i, wall, time, position, velocity, n, wall_velocity })
+}
+
+/// The impact of particle i on a wall at `time`: a function of its anchor.
+///
+/// # Errors
+/// An overlap that is more than rounding, or a velocity that is not finite.
+#[inline(always)]
+pub(crate) fn collide_with_wall<F: Features>(
+    world: &World,
+    i: u32,
+    wall: u32,
+    time: i64,
+) -> Result<(WallContact, WallOutcome), EngineError> {
+    let contact = touch_wall::<F>(world, i, wall, time)?;
+    let WallContact { n, wall_velocity, .. } = contact;
+    let class = *world.class(i);
     let outcome = match world.wall_law(&class, wall) {
         WallLaw::Restitution(law) => WallOutcome::Bounce(bounce::<F>(world, &contact, law)),
         WallLaw::Thermal(law) => {
             let draw = Draw::new(world.seed, i, u64::from(world.particles[i as usize].count));
             match law.velocity(draw, class.mass, n, world.dimension) {
-                Some(relative) => WallOutcome::Reflection(wall_velocity + relative),
+                Some(relative) => {
+                    let spin = world.spin.as_deref().map(|spins| {
+                        let moment = class.moment_of_inertia(&spins.inertia);
+                        law.angular_velocity(draw, moment, world.dimension)
+                    });
+                    WallOutcome::Reflection { velocity: wall_velocity + relative, spin }
+                }
                 None => WallOutcome::Bounce(bounce::<F>(world, &contact, law.restitution)),
             }
         }
@@ -363,7 +417,7 @@ impl WallOutcome {
     pub fn velocity(&self) -> DVec3 {
         match self {
             Self::Bounce(bounce) => bounce.after,
-            Self::Reflection(velocity) => *velocity,
+            Self::Reflection { velocity, .. } => *velocity,
         }
     }
 }
@@ -372,8 +426,11 @@ impl WallOutcome {
 #[derive(Debug, Clone, Copy)]
 pub(crate) enum WallOutcome {
     Bounce(WallBounce),
-    /// The particle leaves a thermal wall with this velocity.
-    Reflection(DVec3),
+    /// The particle leaves a thermal wall with this velocity and, if there is spin, this angular velocity.
+    Reflection {
+        velocity: DVec3,
+        spin: Option<DVec3>,
+    },
 }
 
 /// An impact on a wall by a law of restitution.
@@ -406,10 +463,16 @@ fn bounce<F: Features>(world: &World, contact: &WallContact, law: Restitution) -
     } else {
         resolve_contact(velocity, wall_velocity, class.inverse_mass, 0.0, n, e)
     };
+    let after = if !F::ELASTIC && world.spin.is_some() {
+        rough::wall_velocity::<F>(world, (i, wall, time), after, impact.impulse)
+    } else {
+        after
+    };
     WallBounce { law, after, impact, repeated }
 }
 
 /// A contact of a particle with a wall, before its impact.
+#[derive(Debug, Clone, Copy)]
 pub(crate) struct WallContact {
     pub i: u32,
     pub wall: u32,
@@ -422,12 +485,12 @@ pub(crate) struct WallContact {
     pub wall_velocity: DVec3,
 }
 
-/// Lets a particle leave a wall with a given velocity. The energy that is not work of the moving wall is
-/// added to `term`.
+/// Lets a particle leave a wall with a given velocity and spin. The energy that is not work of the moving
+/// wall is added to `term`.
 pub(crate) fn reflect<const EVENTS: bool>(
     state: &mut State,
     contact: &WallContact,
-    velocity: DVec3,
+    (velocity, spin): (DVec3, Option<DVec3>),
     term: Term,
     observer: &mut dyn Observer,
 ) {
@@ -437,6 +500,11 @@ pub(crate) fn reflect<const EVENTS: bool>(
     let class = *state.world.class(i);
     state.world.particles[i as usize].set_anchor(position, velocity, time);
     let now = state.world.clock.time(time);
+    if let Some(spin) = spin {
+        let energy = state.world.set_spin(i, spin);
+        state.accumulators.add_rotation(term, energy);
+        state.world.add_wall_heat(wall, energy);
+    }
     let accumulators = &mut state.accumulators;
     accumulators.counters.wall_collisions += 1;
     accumulators.add_energy(term, now, 0.5 * class.mass * change.dot(before + after));
@@ -454,7 +522,9 @@ pub(crate) fn reflect<const EVENTS: bool>(
         let impulse = -class.mass * change.dot(n);
         let impact = Impact { approach_speed, impulse, ..Impact::default() };
         let contact_point = state.world.periodicity.wrap(position + n * class.radius).0;
-        observer.event(&row(now, EventKind::Wall, [i, wall], &impact, n, contact_point));
+        let mut row = row(now, EventKind::Wall, [i, wall], &impact, n, contact_point);
+        row.impulse_vector = change * -class.mass;
+        observer.event(&row);
     }
     keep_support(state, i, time);
 }
@@ -464,10 +534,16 @@ pub(crate) fn reflect<const EVENTS: bool>(
 fn apply_bounce<F: Features, const EVENTS: bool>(
     state: &mut State,
     contact: &WallContact,
-    &WallBounce { law, after, impact, repeated }: &WallBounce,
+    bounce: &WallBounce,
     observer: &mut dyn Observer,
 ) {
     let &WallContact { i, wall, time, position, velocity, n, wall_velocity } = contact;
+    let &WallBounce { law, after, impact, repeated } = bounce;
+    let tangential = if !F::ELASTIC && state.world.spin.is_some() {
+        Some(rough::apply_wall::<F>(state, (i, wall, time), impact.impulse))
+    } else {
+        None
+    };
     let world = &mut state.world;
     let class = *world.class(i);
     let before = if F::GRAVITY { (world.support(i), world.acceleration(i)) } else { Default::default() };
@@ -490,10 +566,14 @@ fn apply_bounce<F: Features, const EVENTS: bool>(
         let changes = [VelocityChange { i, mass: class.mass, before: velocity, after }];
         observer.exchange(&Exchange { time: now, changes: &changes, partner: Partner::Wall(wall) });
         let contact_point = world.periodicity.wrap(position + n * class.radius).0;
-        observer.event(&row(now, EventKind::Wall, [i, wall], &impact, n, contact_point));
+        let mut row = row(now, EventKind::Wall, [i, wall], &impact, n, contact_point);
+        if let Some(tangential) = &tangential {
+            tangential.add_to(&mut row);
+        }
+        observer.event(&row);
     }
     if F::GRAVITY {
-        keep_support(state, i, time);
+        keep_supporting_walls(state, i, time);
         // Supports have the normal of the wall: no grain rests on a partition.
         let can_rest = state.world.walls[wall as usize].partition.is_none();
         if can_rest && !repeated && state.world.wall_law(&class, wall).has_series() {
@@ -505,6 +585,7 @@ fn apply_bounce<F: Features, const EVENTS: bool>(
             if let Some(rest) = rest {
                 state.pending.insert(i, rest);
             }
+            slide::begin(state, i, time);
         }
     }
 }
@@ -576,14 +657,19 @@ fn come_to_rest(
     world.particles[i as usize].velocity = remaining;
     let lost = velocity - remaining;
     let energy = 0.5 * class.mass * lost.dot(velocity + remaining);
-    let rest = Pending {
+    let mut rest = Pending {
         end: time + crate::clock::whole(ticks),
         wall,
         speed: u,
         impulse: class.mass * u * (2.0 * bounces.speeds - 1.0),
         energy_loss: energy,
         carnot_energy: energy * bounces.squares,
+        tangential: DVec3::ZERO,
+        tangential_loss: 0.0,
     };
+    if support[1].is_none() && state.world.spin.is_some() {
+        rough::end_series(state, i, remaining, &mut rest);
+    }
     // From now on the support balances gravity. Beyond that, the rest of the series only removes the velocity
     // towards the wall.
     state.accumulators.add_impulse(lost * -class.mass);
@@ -618,9 +704,18 @@ fn tangential_velocity(velocity: DVec3, mut normals: impl Iterator<Item = DVec3>
     }
 }
 
+/// After an event of particle i: keeps its supporting walls ([`keep_supporting_walls`]), and begins the
+/// friction on it.
+pub(crate) fn keep_support(state: &mut State, i: u32, time: i64) {
+    if state.world.particles[i as usize].rests() {
+        keep_supporting_walls(state, i, time);
+        slide::begin(state, i, time);
+    }
+}
+
 /// Keeps only those supporting walls of particle i along which it now moves. The others no longer support it.
 /// Sets the speed towards the kept walls, which is rounding error, to zero.
-pub(crate) fn keep_support(state: &mut State, i: u32, time: i64) {
+fn keep_supporting_walls(state: &mut State, i: u32, time: i64) {
     let world = &mut state.world;
     if !world.particles[i as usize].rests() {
         return;
@@ -675,11 +770,15 @@ pub(crate) fn end_of_bounces<const EVENTS: bool>(
             ..Impact::default()
         };
         let contact_point = world.periodicity.wrap(position + n * world.class(i).radius).0;
-        observer.event(&row(now, EventKind::Rest, [i, rest.wall], &impact, n, contact_point));
+        let mut row = row(now, EventKind::Rest, [i, rest.wall], &impact, n, contact_point);
+        row.impulse_vector += rest.tangential;
+        row.tangential_loss = rest.tangential_loss;
+        observer.event(&row);
     }
 }
 
-/// Before another event of particle i: ends its completed series of bounces now, if there is one.
+/// Before another event of particle i: ends its completed series of bounces and its slide now, if there are
+/// any.
 #[inline]
 pub(crate) fn end_of_bounces_early<const EVENTS: bool>(
     state: &mut State,
@@ -687,8 +786,13 @@ pub(crate) fn end_of_bounces_early<const EVENTS: bool>(
     time: i64,
     observer: &mut dyn Observer,
 ) {
-    if state.world.particles[i as usize].rests() && state.pending.contains_key(&i) {
-        end_of_bounces::<EVENTS>(state, i, time, observer);
+    if state.world.particles[i as usize].rests() {
+        if state.pending.contains_key(&i) {
+            end_of_bounces::<EVENTS>(state, i, time, observer);
+        }
+        if state.world.spin.is_some() {
+            slide::interrupt::<EVENTS>(state, i, time, observer);
+        }
     }
 }
 
@@ -711,5 +815,7 @@ pub(crate) fn row(
         carnot_energy: impact.carnot_energy,
         normal,
         position,
+        impulse_vector: normal * impact.impulse,
+        tangential_loss: 0.0,
     }
 }

@@ -13,6 +13,8 @@ pub(crate) enum SearchEvent {
     EndOfBounces,
     /// The particle leaves the wall that carries it.
     Release,
+    /// The particle ends to slide on a wall.
+    EndOfSlide,
     /// Crossing into another cell, or update of a list; `.0` is the code of the search.
     Crossing(u8),
     /// No event within the horizon; at the horizon the particle is predicted again.
@@ -27,6 +29,7 @@ impl Kind for SearchEvent {
             Self::Wall(wall) => (entry::WALL, wall),
             Self::EndOfBounces => (entry::END_OF_BOUNCES, 0),
             Self::Release => (entry::END_OF_BOUNCES, 1),
+            Self::EndOfSlide => (entry::END_OF_BOUNCES, 2),
             Self::Crossing(code) => (entry::UPDATE, u32::from(code)),
             Self::Prediction => (entry::UPDATE, entry::PREDICTION),
         }
@@ -38,7 +41,8 @@ impl Kind for SearchEvent {
             entry::COLLISION => Self::Collision(index),
             entry::WALL => Self::Wall(index),
             entry::END_OF_BOUNCES if index == 0 => Self::EndOfBounces,
-            entry::END_OF_BOUNCES => Self::Release,
+            entry::END_OF_BOUNCES if index == 1 => Self::Release,
+            entry::END_OF_BOUNCES => Self::EndOfSlide,
             _ if index == entry::PREDICTION => Self::Prediction,
             _ => Self::Crossing(index as u8),
         }

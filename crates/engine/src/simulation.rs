@@ -20,12 +20,13 @@ use crate::{
     model::{Boundary, Dimension, NeighborChoice, Options, System},
     overlap::{self, Overlap},
     particles::World,
-    report::{BlockCounts, Counters, Frame, Observer, Sample, Stop},
+    report::{BlockCounts, Counters, Frame, Observer, Sample, Silent, Stop},
     rest::{
         settling_scan::{SettlingScan, contacts_of_asleep, scan},
         state::SettlingState,
         thresholds::Thresholds,
     },
+    slide,
     stall::Stall,
     state::State,
     timed::TimedAction,
@@ -84,7 +85,7 @@ impl Simulation {
         // All anchors are at tick 0, which is time 0 for any length of a tick.
         world.clock = Clock::new(exponent);
         let totals = Totals::of(&world);
-        let accumulators = Accumulators::new([totals.kinetic, totals.potential]);
+        let accumulators = Accumulators::new([totals.all_kinetic(), totals.potential], totals.kinetic);
         let state = State {
             world,
             accumulators,
@@ -128,6 +129,9 @@ impl Simulation {
         let species = Species::new(&system);
         // The state has a copy of the bodies; they are a quarter of the memory of a large system.
         system.bodies = Vec::new();
+        if let Some(spin) = &mut system.spin {
+            spin.angular_velocity = Vec::new();
+        }
         let engine = choice.compile(&system, &geometry);
         let mut simulation = Self {
             system,
@@ -351,7 +355,8 @@ impl Simulation {
             particle.time = -(ticks as i64);
             world.wrap_anchor(i);
         }
-        let due = self.state.pending.values_mut().map(|rest| &mut rest.end);
+        let slides = world.spin.iter_mut().flat_map(|spins| spins.end_epoch(&old));
+        let due = self.state.pending.values_mut().map(|rest| &mut rest.end).chain(slides);
         for time in due.chain([&mut self.state.settling.next, &mut self.state.settling.counted_since]) {
             *time = time.saturating_sub(EPOCH);
             if retune {
@@ -412,7 +417,7 @@ impl Simulation {
 
     /// Present energies and their balance.
     pub fn ledger(&self) -> Ledger {
-        measure::ledger(&Totals::of(&self.state.world), &self.state.accumulators, &self.state.pending)
+        measure::ledger(&self.state, &Totals::of(&self.state.world))
     }
 
     /// The counters so far.
@@ -472,7 +477,17 @@ impl Simulation {
     /// Reverses every velocity and sets all anchors to the present. An elastic system without driven bodies
     /// then retraces its path.
     pub fn reverse(&mut self) {
+        let now = self.state.world.now;
+        let sliding = self.state.world.sliding();
+        for &i in &sliding {
+            slide::interrupt::<false>(&mut self.state, i, now, &mut Silent);
+        }
         let world = &mut self.state.world;
+        if let Some(spins) = &mut world.spin {
+            for i in 0..spins.angular_velocity.len() {
+                spins.angular_velocity[i] = -spins.angular_velocity[i];
+            }
+        }
         for i in 0..world.particles.len() as u32 {
             let (position, mut velocity) = world.state(i, world.now);
             if let Some(wall) = world.carrier(i) {
@@ -481,6 +496,9 @@ impl Simulation {
             }
             world.particles[i as usize].set_anchor(position, -velocity, world.now);
             world.wrap_anchor(i);
+        }
+        for i in sliding {
+            slide::begin(&mut self.state, i, now);
         }
         self.rebuild();
     }

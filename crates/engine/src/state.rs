@@ -3,6 +3,8 @@
 
 use std::collections::BTreeMap;
 
+use glam::DVec3;
+
 use crate::{
     accumulators::Accumulators, particles::World, report::BlockCounts, rest::state::SettlingState,
     stall::Stall,
@@ -40,4 +42,7 @@ pub(crate) struct Pending {
     pub impulse: f64,
     pub energy_loss: f64,
     pub carnot_energy: f64,
+    /// Tangential impulse on the wall, and the part of the loss that is due to it.
+    pub tangential: DVec3,
+    pub tangential_loss: f64,
 }

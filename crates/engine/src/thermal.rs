@@ -23,6 +23,19 @@ pub struct ThermalWall {
 }
 
 impl ThermalWall {
+    /// Draws the angular velocity of a particle with this moment of inertia after a thermal reflection: each
+    /// component is Gaussian with variance T/I. The numbers do not depend on those of the velocity.
+    pub(crate) fn angular_velocity(&self, mut draw: Draw, moment: f64, dimension: usize) -> DVec3 {
+        // More than the velocity takes.
+        (0..8).for_each(|_| _ = draw.uniform());
+        let mut component = || draw.normal() * (self.temperature / moment).sqrt();
+        if dimension == 2 {
+            DVec3::Z * component()
+        } else {
+            DVec3::new(component(), component(), component())
+        }
+    }
+
     /// Draws the velocity of a particle of this mass after a contact, relative to the wall; `None` if the
     /// reflection is not thermal. `n` points into the wall.
     pub(crate) fn velocity(&self, mut draw: Draw, mass: f64, n: DVec3, dimension: usize) -> Option<DVec3> {

@@ -17,6 +17,7 @@ use crate::{
     particles::World,
     report::Checkpoint,
     simulation::open_axes,
+    slide::Slide,
     state::{Pending, State},
     sum::Sum,
 };
@@ -107,6 +108,14 @@ pub(crate) fn particles(system: &System, world: &World, checkpoint: &Checkpoint)
                 format!("{name}[{i}] = {vector:?} must have z = 0 in two dimensions")
             })?;
         }
+        if let Some(spin) = checkpoint.angular_velocity.get(i) {
+            require(spin.is_finite() && spin.abs().max_element() <= MAX_MAGNITUDE, || {
+                format!("angular_velocity[{i}] = {spin:?} must be finite, at most {MAX_MAGNITUDE:e} in size")
+            })?;
+            require(!flat || (spin.x, spin.y) == (0.0, 0.0), || {
+                format!("angular_velocity[{i}] = {spin:?} must be along z in two dimensions")
+            })?;
+        }
         let anchor = checkpoint.anchor[i];
         require((-OLDEST_ANCHOR..=now).contains(&anchor), || {
             format!("anchor[{i}] = {anchor} must be in [{}, {now}] ticks, now at the latest", -OLDEST_ANCHOR)
@@ -183,7 +192,30 @@ pub(crate) fn pending(world: &World, i: u32, rest: &Pending) -> Result<(), Engin
     at_least_zero(&name("speed"), rest.speed)?;
     at_least_zero(&name("impulse"), rest.impulse)?;
     finite(&name("energy_loss"), rest.energy_loss)?;
+    finite(&name("tangential_loss"), rest.tangential_loss)?;
+    require(rest.tangential.is_finite(), || format!("{} must be finite", name("tangential")))?;
     finite(&name("carnot_energy"), rest.carnot_energy)
+}
+
+/// Checks the friction on particle i.
+pub(crate) fn slide(world: &World, i: u32, slide: &Slide) -> Result<(), EngineError> {
+    let (particles, now) = (world.particles.len(), world.now);
+    require((i as usize) < particles, || format!("slide.{i}: there are {particles} particles"))?;
+    require(world.spin.is_some(), || format!("slide.{i}: the scene has no spin"))?;
+    require(
+        world.support(i) == [Some(slide.wall as u16), None, None] && slide.wall <= u32::from(u16::MAX),
+        || format!("slide.{i}.wall = {} must be the only wall that particle {i} rests on", slide.wall),
+    )?;
+    require((0..=now).contains(&slide.since), || {
+        format!("slide.{i}.since = {} must be in [0, {now}] ticks", slide.since)
+    })?;
+    let end = slide.end.unwrap_or(now);
+    require(end >= now, || format!("slide.{i}.end = {end} must not be before now, {now} ticks"))?;
+    at_least_zero(&format!("slide.{i}.lost"), slide.lost)?;
+    for (name, vector) in slide.vectors() {
+        require(vector.is_finite(), || format!("slide.{i}.{name} = {vector:?} must be finite"))?;
+    }
+    Ok(())
 }
 
 /// Checks each sum and counter; `time` is the present.
@@ -296,7 +328,7 @@ pub(crate) fn whole(system: &System, state: &State, time: f64) -> Result<(), Eng
         format!("particle {i} and {partner} would overlap by {depth:e} contact distances")
     })?;
 
-    let ledger = measure::ledger(&Totals::of(world), accumulators, &state.pending);
+    let ledger = measure::ledger(state, &Totals::of(world));
     at_least_zero("the kinetic energy", ledger.kinetic)?;
     finite("the potential energy", ledger.potential)?;
     let (residual, kinetic) = (ledger.residual, ledger.kinetic);

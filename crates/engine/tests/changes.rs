@@ -24,7 +24,7 @@ fn velocities(simulation: &Simulation, change: impl Fn(DVec3) -> DVec3) -> Chang
 }
 
 fn new(position: DVec3, velocity: DVec3) -> NewParticle {
-    NewParticle { position, velocity, radius: 0.5, mass: 1.0, species: 0 }
+    NewParticle { position, velocity, angular_velocity: DVec3::ZERO, radius: 0.5, mass: 1.0, species: 0 }
 }
 
 /// Grains that fall, rest and bounce between walls, with a drive and everything measured.

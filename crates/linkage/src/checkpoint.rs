@@ -79,7 +79,7 @@ impl Simulation {
             count: vec![0; n],
             resting: vec![0; n],
             scalars: scalars.scalars,
-            measured: Vec::new(),
+            ..Checkpoint::default()
         }
     }
 

@@ -94,6 +94,8 @@ impl World {
                 carnot_energy: rest.carnot_energy,
                 normal,
                 position: self.state(i, self.now).0 + normal * self.radius[i],
+                impulse_vector: normal * rest.impulse,
+                tangential_loss: 0.0,
             });
         }
     }
@@ -121,12 +123,9 @@ impl World {
             kind,
             i: i as u32,
             j: j as u32,
-            approach_speed: 0.0,
-            impulse: 0.0,
-            energy_loss: 0.0,
-            carnot_energy: 0.0,
             normal,
             position: self.state(i, self.now).0 + normal * self.radius[i],
+            ..EventRecord::default()
         });
     }
 

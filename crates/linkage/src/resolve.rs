@@ -390,6 +390,8 @@ impl World {
             carnot_energy: impact.carnot_energy,
             normal,
             position: self.state(i, self.now).0 + normal * self.radius[i],
+            impulse_vector: normal * impact.impulse,
+            tangential_loss: 0.0,
         });
     }
 }

@@ -253,6 +253,7 @@ impl Simulation {
             position,
             velocity,
             image: vec![[0; 3]; self.world.count()],
+            ..Frame::default()
         }
     }
 
@@ -291,6 +292,7 @@ impl Simulation {
         let balance: Sum = terms.into_iter().collect();
         Ledger {
             kinetic,
+            rotational: 0.0,
             potential: gravity + spring,
             spring,
             dissipated,
@@ -379,6 +381,8 @@ impl Simulation {
             ledger,
             temperature,
             species_temperature,
+            rotational_temperature: 0.0,
+            species_rotational_temperature: Vec::new(),
             sonine_a2: if second > 0.0 {
                 d * (fourth / n) / ((d + 2.0) * (second / n).powi(2)) - 1.0
             } else {

@@ -14,6 +14,7 @@ simulator is based.
 | [`plane`] | the time at which a sphere touches a wall, or a centre leaves its cell |
 | [`oscillation`] | the shift of an oscillating wall, and the time at which a sphere touches it |
 | [`bounces`] | the sums over an infinite series of bounces |
+| [`rough`] | the tangential part of the impact of rough spheres |
 | [`flight`] | the state of a body after a given time |
 
 # Sign conventions
@@ -43,6 +44,7 @@ pub mod partition;
 pub mod plane;
 pub mod restitution;
 mod roots;
+pub mod rough;
 mod scale;
 
 pub use bounces::Bounces;
@@ -58,6 +60,7 @@ pub use oscillation::{Oscillation, Waveform};
 pub use partition::{Hole, Partition};
 pub use plane::{time_to_face, time_to_plane};
 pub use restitution::{Restitution, RestitutionError, RestitutionTable};
+pub use rough::{RoughBody, Roughness, RoughnessError, TangentialImpact, slip_velocity, tangential_impact};
 
 /// The README's examples are tests.
 #[cfg(doctest)]

@@ -28,7 +28,12 @@ impl Observer for Log {
 }
 
 /// The rows as a dict of columns, named as in files.
-pub fn columns<'py>(py: Python<'py>, rows: &[EventRecord]) -> PyResult<Bound<'py, PyDict>> {
+/// With the impulse as a vector, and the tangential loss, if the scene has them.
+pub fn columns<'py>(
+    py: Python<'py>,
+    rows: &[EventRecord],
+    [has_vectors, has_tangential]: [bool; 2],
+) -> PyResult<Bound<'py, PyDict>> {
     let table = PyDict::new(py);
     table.set_item("time", column(py, rows.iter().map(|row| row.time).collect()))?;
     table.set_item("kind", column(py, rows.iter().map(|row| row.kind as u8).collect()))?;
@@ -40,5 +45,13 @@ pub fn columns<'py>(py: Python<'py>, rows: &[EventRecord]) -> PyResult<Bound<'py
     table.set_item("carnot_energy", column(py, rows.iter().map(|row| row.carnot_energy).collect()))?;
     table.set_item("normal", vectors(py, rows.iter().map(|row| row.normal).collect())?)?;
     table.set_item("position", vectors(py, rows.iter().map(|row| row.position).collect())?)?;
+    if has_vectors {
+        let impulses = rows.iter().map(|row| row.impulse_vector).collect();
+        table.set_item("impulse_vector", vectors(py, impulses)?)?;
+    }
+    if has_tangential {
+        table
+            .set_item("tangential_loss", column(py, rows.iter().map(|row| row.tangential_loss).collect()))?;
+    }
     Ok(table)
 }

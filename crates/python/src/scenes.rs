@@ -70,6 +70,11 @@ fn state(py: Python<'_>, path: &Path, index: i64) -> PyResult<State> {
         size: vectors("size")?.and_then(|size| size.first().copied()),
         position: vectors("position")?.unwrap_or_default(),
         velocity: vectors("velocity")?,
+        angular_velocity: if stored.contains("angular_velocity")? {
+            vectors("angular_velocity")?
+        } else {
+            None
+        },
         image,
         radius: reals("radius")?.unwrap_or_default(),
         mass: reals("mass")?,

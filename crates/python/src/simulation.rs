@@ -2,7 +2,8 @@
 
 use glam::DVec3;
 use haff_engine::{
-    Boundary, Change, Domain, EngineError, EventKind, Grid, NewParticle, Present, Sizes, Stop, Term, Until,
+    Boundary, Change, Domain, EngineError, EventColumn, EventKind, Grid, NewParticle, Present, Sizes, Stop,
+    Term, Until,
 };
 use haff_linkage::AnySimulation;
 use haff_scene::Scene;
@@ -19,11 +20,18 @@ use crate::{
 /// Calendar entries between two checks for Ctrl-C: a few tens of milliseconds.
 const SLICE: u64 = 1 << 15;
 
-/// Time, step, positions, velocities and images of one instant.
-type Frame<'py> = (f64, u64, Bound<'py, PyArray2<f64>>, Bound<'py, PyArray2<f64>>, Bound<'py, PyArray2<i32>>);
+/// Time, step, positions, velocities, images and, with spin, angular velocities of one instant.
+type Frame<'py> = (
+    f64,
+    u64,
+    Bound<'py, PyArray2<f64>>,
+    Bound<'py, PyArray2<f64>>,
+    Bound<'py, PyArray2<i32>>,
+    Option<Bound<'py, PyArray2<f64>>>,
+);
 
-/// A particle to be added: position, velocity, radius, mass, index of the species.
-type Added = ([f64; 3], [f64; 3], f64, f64, u32);
+/// A particle to be added: position, velocity, angular velocity, radius, mass, index of the species.
+type Added = ([f64; 3], [f64; 3], [f64; 3], f64, f64, u32);
 
 /// The mutable part.
 struct Moving {
@@ -49,6 +57,10 @@ pub struct Simulation {
     species_names: Vec<String>,
     #[pyo3(get)]
     wall_names: Vec<String>,
+    /// Whether the event log has impulse vectors, and tangential losses.
+    extra_columns: [bool; 2],
+    /// q = I/(m R²) by species, with spin.
+    inertia: Option<Vec<f64>>,
     #[pyo3(get)]
     title: String,
     #[pyo3(get)]
@@ -71,11 +83,19 @@ struct Columns {
     radius: Py<PyArray1<f64>>,
     mass: Py<PyArray1<f64>>,
     species: Py<PyArray1<i64>>,
+    /// With spin.
+    inertia: Option<Py<PyArray1<f64>>>,
 }
 
 impl Columns {
-    fn new(py: Python<'_>, properties: &[(f64, f64, u32)]) -> Self {
+    /// Of particles with these radii, masses and species; `inertia` is q by species.
+    fn new(py: Python<'_>, properties: &[(f64, f64, u32)], inertia: Option<&[f64]>) -> Self {
+        let of_particles = |inertia: &[f64]| {
+            let of = |species: u32| inertia.get(species as usize).copied().unwrap_or(f64::NAN);
+            column(py, properties.iter().map(|(_, _, species)| of(*species)).collect()).unbind()
+        };
         Self {
+            inertia: inertia.map(of_particles),
             radius: column(py, properties.iter().map(|(radius, _, _)| *radius).collect()).unbind(),
             mass: column(py, properties.iter().map(|(_, mass, _)| *mass).collect()).unbind(),
             species: column(py, properties.iter().map(|(_, _, species)| i64::from(*species)).collect())
@@ -122,11 +142,15 @@ impl Simulation {
             let class = &system.classes[body.class as usize];
             (class.radius, class.mass, body.species)
         };
-        let columns = Mutex::new(Columns::new(py, &system.bodies.iter().map(properties).collect::<Vec<_>>()));
+        let inertia = system.spin.as_ref().map(|spin| spin.inertia.clone());
+        let properties: Vec<_> = system.bodies.iter().map(properties).collect();
+        let columns = Mutex::new(Columns::new(py, &properties, inertia.as_deref()));
         let (dimension, domain, species_names) =
             (system.dimension.count(), system.domain, system.species.clone());
         let wall_names = system.walls.iter().map(|wall| wall.name.clone()).collect();
         let (sizes, grids) = (Sizes::of(&system), system.measure.profiles.clone());
+        let extra_columns =
+            [EventColumn::ImpulseVector, EventColumn::TangentialLoss].map(|column| column.exists(&system));
         let present = Present { springs: !joints.springs.is_empty(), ..Present::of(&system) };
         let start = || AnySimulation::new(system, joints, options);
         let simulation = py
@@ -150,6 +174,8 @@ impl Simulation {
             domain,
             species_names,
             wall_names,
+            extra_columns,
+            inertia,
             title,
             seed,
             resolved,
@@ -176,14 +202,19 @@ impl Simulation {
         }
     }
 
-    /// Changes the state: arrays `[N][3]` of all positions or velocities, rows of particles to be removed,
-    /// and particles to be added as (position, velocity, radius, mass, index of the species).
-    #[pyo3(signature = (*, positions=None, velocities=None, remove=Vec::new(), add=Vec::new()))]
+    /// Changes the state: arrays `[N][3]` of all positions, velocities or angular velocities, rows of
+    /// particles to be removed,
+    /// and particles to be added as (position, velocity, angular velocity, radius, mass, index of the
+    /// species).
+    #[pyo3(signature = (
+        *, positions=None, velocities=None, angular_velocities=None, remove=Vec::new(), add=Vec::new()
+    ))]
     fn change(
         &self,
         py: Python<'_>,
         positions: Option<PyReadonlyArray2<'_, f64>>,
         velocities: Option<PyReadonlyArray2<'_, f64>>,
+        angular_velocities: Option<PyReadonlyArray2<'_, f64>>,
         remove: Vec<u32>,
         add: Vec<Added>,
     ) -> PyResult<()> {
@@ -193,9 +224,10 @@ impl Simulation {
                 rows.rows().into_iter().map(|row| DVec3::new(row[0], row[1], row[2])).collect()
             })
         };
-        let add = add.into_iter().map(|(position, velocity, radius, mass, species)| NewParticle {
+        let add = add.into_iter().map(|(position, velocity, spin, radius, mass, species)| NewParticle {
             position: position.into(),
             velocity: velocity.into(),
+            angular_velocity: spin.into(),
             radius,
             mass,
             species,
@@ -203,6 +235,7 @@ impl Simulation {
         let change = Change {
             positions: vectors(positions),
             velocities: vectors(velocities),
+            angular_velocities: vectors(angular_velocities),
             remove,
             add: add.collect(),
         };
@@ -221,7 +254,7 @@ impl Simulation {
                 "the state cannot be changed: the scene has pendulums, springs, rods or sticking contacts";
             PyValueError::new_err(why)
         })?;
-        *self.columns.lock() = Columns::new(py, &properties);
+        *self.columns.lock() = Columns::new(py, &properties, self.inertia.as_deref());
         Ok(())
     }
 
@@ -241,6 +274,11 @@ impl Simulation {
     }
 
     #[getter]
+    fn inertia(&self, py: Python<'_>) -> Option<Py<PyArray1<f64>>> {
+        self.columns.lock().inertia.as_ref().map(|inertia| inertia.clone_ref(py))
+    }
+
+    #[getter]
     fn time(&self, py: Python<'_>) -> f64 {
         self.read(py, |moving| moving.simulation.time())
     }
@@ -253,6 +291,7 @@ impl Simulation {
             vectors(py, frame.position)?,
             vectors(py, frame.velocity)?,
             triples(py, frame.image)?,
+            if self.present.spin { Some(vectors(py, frame.angular_velocity)?) } else { None },
         ))
     }
 
@@ -270,7 +309,7 @@ impl Simulation {
 
     fn take_events<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
         let rows = self.read(py, |moving| std::mem::take(&mut moving.log.rows));
-        events::columns(py, &rows)
+        events::columns(py, &rows, self.extra_columns)
     }
 
     /// The rows of profiles since the last call, by the letters of the axes.

@@ -49,6 +49,7 @@ fn events(count: usize) -> Vec<EventRecord> {
                         random.uniform(0.0, 1.0),
                         random.uniform(0.0, 1.0),
                     ),
+                ..EventRecord::default()
             }
         })
         .collect()
@@ -86,6 +87,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
         box_origin: DVec3::ZERO,
         boundary: [Boundary::Periodic; 3],
         species: vec![0; particles],
+        inertia: vec![0.4; particles],
         species_names: vec!["grain".to_owned()],
         mass: vec![1.0; particles],
         radius: vec![0.5; particles],

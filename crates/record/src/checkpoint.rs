@@ -14,7 +14,7 @@ use xxhash_rust::xxh3::Xxh3;
 
 use crate::{
     declared::read_all,
-    events::Row,
+    events::{Row, Tangential, set_tangential, tangential},
     series::{Name, Series, Storage},
 };
 
@@ -54,6 +54,16 @@ impl Saved {
     }
 }
 
+/// The columns of event rows in a slot.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) enum Tail {
+    /// No events.
+    None,
+    Plain,
+    /// Also those of rough contacts and thermal walls.
+    Tangential,
+}
+
 /// One of the two slots.
 #[derive(Debug)]
 pub(crate) struct Slot {
@@ -64,16 +74,25 @@ pub(crate) struct Slot {
     anchor: Dataset,
     count: Dataset,
     resting: Dataset,
+    /// With spin.
+    angular_velocity: Option<Dataset>,
     names: Series,
     values: Series,
     measured: Series,
     tail: Option<Series>,
+    tail_tangential: Option<Series>,
     particles: usize,
 }
 
 impl Slot {
     /// An empty slot.
-    pub fn create(parent: &Group, name: &str, particles: usize, events: bool) -> hdf5::Result<Self> {
+    pub fn create(
+        parent: &Group,
+        name: &str,
+        particles: usize,
+        spin: bool,
+        tail: Tail,
+    ) -> hdf5::Result<Self> {
         let group = parent.create_group(name)?;
         let header = fixed::<u64>(&group, "header", &[HEADER.len()])?;
         header.write(&ndarray::Array1::<u64>::zeros(HEADER.len()))?;
@@ -88,10 +107,25 @@ impl Slot {
             anchor: fixed::<i64>(&group, "anchor", &[particles])?,
             count: fixed::<u32>(&group, "count", &[particles])?,
             resting: fixed::<u32>(&group, "resting", &[particles])?,
+            angular_velocity: if spin {
+                Some(fixed::<f64>(&group, "angular_velocity", &[particles, 3])?)
+            } else {
+                None
+            },
             names: Series::create::<Name>(&group, "scalar_names", &[], &plain)?,
             values: Series::create::<u64>(&group, "scalars", &[], &plain)?,
             measured: Series::create::<u64>(&group, "measured", &[], &plain)?,
-            tail: if events { Some(Series::create::<Row>(&group, "tail", &[], &plain)?) } else { None },
+            tail: if tail == Tail::None {
+                None
+            } else {
+                Some(Series::create::<Row>(&group, "tail", &[], &plain)?)
+            },
+            tail_tangential: if tail == Tail::Tangential {
+                let storage = Storage::plain(CHUNK, &[4]);
+                Some(Series::create::<f64>(&group, "tail_tangential", &[4], &storage)?)
+            } else {
+                None
+            },
             particles,
         })
     }
@@ -117,11 +151,21 @@ impl Slot {
             anchor: dataset("anchor", &[particles])?,
             count: dataset("count", &[particles])?,
             resting: dataset("resting", &[particles])?,
+            angular_velocity: if group.link_exists("angular_velocity") {
+                Some(dataset("angular_velocity", &[particles, 3])?)
+            } else {
+                None
+            },
             names: Series::open(&group, "scalar_names")?.expect(&[])?,
             values: Series::open(&group, "scalars")?.expect(&[])?,
             measured: Series::open(&group, "measured")?.expect(&[])?,
             tail: if group.link_exists("tail") {
                 Some(Series::open(&group, "tail")?.expect(&[])?)
+            } else {
+                None
+            },
+            tail_tangential: if group.link_exists("tail_tangential") {
+                Some(Series::open(&group, "tail_tangential")?.expect(&[4])?)
             } else {
                 None
             },
@@ -133,6 +177,9 @@ impl Slot {
         let state = &saved.state;
         write_vectors(&self.position, &state.position)?;
         write_vectors(&self.velocity, &state.velocity)?;
+        if let Some(dataset) = &self.angular_velocity {
+            write_vectors(dataset, &state.angular_velocity)?;
+        }
         self.image.write(matrix(state.image.as_flattened())?)?;
         self.anchor.write(ArrayView1::from(&state.anchor))?;
         self.count.write(ArrayView1::from(&state.count))?;
@@ -150,7 +197,26 @@ impl Slot {
         if let Some(tail) = &mut self.tail {
             overwrite(tail, &saved.tail.iter().map(Row::from).collect::<Vec<_>>())?;
         }
-        Ok(header(saved))
+        if let Some(series) = &mut self.tail_tangential {
+            let rows: Vec<Tangential> = saved.tail.iter().map(tangential).collect();
+            if saved.tail.len() > series.rows() {
+                series.resize(saved.tail.len())?;
+            }
+            if !rows.is_empty() {
+                series.write(0, rows.as_flattened())?;
+            }
+        }
+        Ok(self.header(saved))
+    }
+
+    /// Whether checkpoints have angular velocities.
+    pub fn has_spin(&self) -> bool {
+        self.angular_velocity.is_some()
+    }
+
+    /// The header of a checkpoint in this slot.
+    fn header(&self, saved: &Saved) -> [u64; HEADER.len()] {
+        header(saved, self.tail_tangential.is_some())
     }
 
     /// Writes the header.
@@ -172,6 +238,7 @@ impl Slot {
         let fits = scalars <= self.names.rows().min(self.values.rows())
             && tail <= self.tail.as_ref().map_or(0, Series::rows)
             && tail <= events
+            && self.tail_tangential.as_ref().is_none_or(|series| tail <= series.rows())
             && resting <= self.particles
             && measured <= self.measured.rows();
         if sequence == 0 || !fits {
@@ -189,12 +256,19 @@ impl Slot {
             Some(series) => series.read::<Row>(0, tail)?,
             None => Vec::new(),
         };
-        let Some(tail) = rows.iter().map(Row::event).collect::<Option<Vec<_>>>() else { return Ok(None) };
+        let Some(mut tail) = rows.iter().map(Row::event).collect::<Option<Vec<_>>>() else { return Ok(None) };
+        if let Some(series) = &self.tail_tangential {
+            let values = series.read::<f64>(0, tail.len())?;
+            for (event, values) in tail.iter_mut().zip(values.chunks_exact(4)) {
+                set_tangential(event, values);
+            }
+        }
         let mut stopped = read_all::<u32>(&self.resting)?;
         stopped.truncate(resting);
         let state = Checkpoint {
             position: vectors(&self.position)?,
             velocity: vectors(&self.velocity)?,
+            angular_velocity: self.angular_velocity.as_ref().map_or(Ok(Vec::new()), vectors)?,
             anchor: read_all(&self.anchor)?,
             image: read_all::<i32>(&self.image)?.as_chunks().0.to_vec(),
             count: read_all(&self.count)?,
@@ -203,13 +277,15 @@ impl Slot {
             scalars: names.into_iter().zip(self.values.read::<u64>(0, scalars)?).collect(),
         };
         let saved = Saved { sequence: found[0], progress: Progress { frames, samples, events }, state, tail };
-        Ok((header(&saved) == found).then_some(saved))
+        Ok((self.header(&saved) == found).then_some(saved))
     }
 }
 
 /// The part of a checkpoint that does not fit N particles, if there is one.
-pub(crate) fn mismatch(state: &Checkpoint, particles: usize) -> Option<String> {
+pub(crate) fn mismatch(state: &Checkpoint, particles: usize, spin: bool) -> Option<String> {
+    let spins = if spin { state.angular_velocity.len() } else { particles };
     let lengths = [
+        ("angular velocities", spins),
         ("positions", state.position.len()),
         ("velocities", state.velocity.len()),
         ("images", state.image.len()),
@@ -281,7 +357,7 @@ fn matrix<T>(flat: &[T]) -> hdf5::Result<ndarray::ArrayView<'_, T, Ix2>> {
 }
 
 /// The header of a checkpoint, with the checksum of all its content.
-fn header(saved: &Saved) -> [u64; HEADER.len()] {
+fn header(saved: &Saved, has_tangential: bool) -> [u64; HEADER.len()] {
     let Saved { sequence, progress, state, tail } = saved;
     let mut header = [
         *sequence,
@@ -303,7 +379,7 @@ fn header(saved: &Saved) -> [u64; HEADER.len()] {
         sum.update(&block);
     };
     put(&mut header.iter().flat_map(|value| value.to_le_bytes()));
-    for vectors in [&state.position, &state.velocity] {
+    for vectors in [&state.position, &state.velocity, &state.angular_velocity] {
         for part in vectors.chunks(1024) {
             put(&mut part.iter().flat_map(DVec3::to_array).flat_map(f64::to_le_bytes));
         }
@@ -327,6 +403,9 @@ fn header(saved: &Saved) -> [u64; HEADER.len()] {
     }
     for event in tail {
         put(&mut Row::from(event).bytes());
+        if has_tangential {
+            put(&mut tangential(event).into_iter().flat_map(f64::to_le_bytes));
+        }
     }
     header[HEADER.len() - 1] = sum.digest();
     header

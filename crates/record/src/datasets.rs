@@ -9,8 +9,8 @@ use hdf5::{
 };
 
 use crate::{
-    checkpoint::Slot,
-    events::Columns,
+    checkpoint::{Slot, Tail},
+    events::{Columns, has_tangential},
     header::Header,
     measured::{CorrelationTables, Profiles},
     series::{SERIES_CHUNK, Series, Storage},
@@ -67,13 +67,14 @@ impl Clock {
 pub(crate) struct Trajectory {
     pub position: Series,
     pub velocity: Series,
+    pub angular_velocity: Option<Series>,
     pub image: Series,
     pub edges: Series,
     pub clock: Clock,
 }
 
 impl Trajectory {
-    fn create(all: &Group, particles: usize, compressed: bool) -> hdf5::Result<Self> {
+    fn create(all: &Group, particles: usize, spin: bool, compressed: bool) -> hdf5::Result<Self> {
         let storage = frame_storage(particles, compressed);
         let width = [particles, 3];
         let position = all.create_group("position")?;
@@ -88,6 +89,12 @@ impl Trajectory {
         Ok(Self {
             position: Series::create_real(&position, "value", &width, &storage)?,
             velocity: Series::create_real(&element("velocity")?, "value", &width, &storage)?,
+            angular_velocity: if spin {
+                let group = element("angular_velocity")?;
+                Some(Series::create_real(&group, "value", &width, &storage)?)
+            } else {
+                None
+            },
             image: Series::create::<i32>(&element("image")?, "value", &width, &storage)?,
             edges: Series::create_real(
                 &element("box/edges")?,
@@ -104,6 +111,11 @@ impl Trajectory {
         Ok(Self {
             position: vectors("position/value")?,
             velocity: vectors("velocity/value")?,
+            angular_velocity: if all.link_exists("angular_velocity") {
+                Some(vectors("angular_velocity/value")?)
+            } else {
+                None
+            },
             image: vectors("image/value")?,
             edges: Series::open(all, "box/edges/value")?.expect(&[3])?,
             clock: Clock::open(&all.group("position")?)?,
@@ -114,6 +126,7 @@ impl Trajectory {
     pub fn rows(&self) -> hdf5::Result<usize> {
         let rows = [&self.position, &self.velocity, &self.image, &self.edges]
             .into_iter()
+            .chain(&self.angular_velocity)
             .map(Series::rows)
             .fold(self.clock.rows(), usize::min);
         self.clock.time.without_trailing_nan(rows)
@@ -121,7 +134,8 @@ impl Trajectory {
 
     pub fn truncate(&mut self, rows: usize) -> hdf5::Result<()> {
         self.clock.truncate(rows)?;
-        for series in [&mut self.position, &mut self.velocity, &mut self.image, &mut self.edges] {
+        let series = [&mut self.position, &mut self.velocity, &mut self.image, &mut self.edges];
+        for series in series.into_iter().chain(&mut self.angular_velocity) {
             series.resize(rows)?;
         }
         Ok(())
@@ -229,8 +243,12 @@ impl Datasets {
         write_array(&all, "species", &header.species)?;
         write_array(&all, "mass", &header.mass)?;
         write_array(&all, "radius", &header.radius)?;
+        let spin = header.present.spin;
+        if spin {
+            write_array(&all, "inertia", &header.inertia)?;
+        }
         let trajectory = if header.frames {
-            Some(Trajectory::create(&all, particles, header.compressed)?)
+            Some(Trajectory::create(&all, particles, spin, header.compressed)?)
         } else {
             write_array(&box_group, "edges", &header.box_size.to_array())?;
             None
@@ -242,7 +260,12 @@ impl Datasets {
             Some(Columns::create(&root.create_group("events")?, &header.events, header.compressed)?)
         };
         let checkpoint = root.create_group("checkpoint")?;
-        let slot = |name| Slot::create(&checkpoint, name, particles, !header.events.is_empty());
+        let tail = match (header.events.is_empty(), has_tangential(&header.events)) {
+            (true, _) => Tail::None,
+            (false, false) => Tail::Plain,
+            (false, true) => Tail::Tangential,
+        };
+        let slot = |name| Slot::create(&checkpoint, name, particles, spin, tail);
         Ok(Self {
             trajectory,
             observables,

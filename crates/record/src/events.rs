@@ -1,5 +1,6 @@
 //! The columns of the event log.
 
+use glam::DVec3;
 use haff_engine::{EventColumn, EventKind, EventRecord};
 use hdf5::{Group, H5Type};
 
@@ -36,6 +37,8 @@ pub(crate) enum Kind {
     Settle = 8,
     #[hdf5(rename = "change")]
     Change = 9,
+    #[hdf5(rename = "slide")]
+    Slide = 10,
 }
 
 impl Number for Kind {
@@ -59,6 +62,7 @@ impl From<EventKind> for Kind {
             EventKind::Lift => Self::Lift,
             EventKind::Settle => Self::Settle,
             EventKind::Change => Self::Change,
+            EventKind::Slide => Self::Slide,
         }
     }
 }
@@ -76,6 +80,7 @@ impl From<Kind> for EventKind {
             Kind::Lift => Self::Lift,
             Kind::Settle => Self::Settle,
             Kind::Change => Self::Change,
+            Kind::Slide => Self::Slide,
         }
     }
 }
@@ -127,6 +132,8 @@ impl Row {
             carnot_energy: self.carnot_energy,
             normal: self.normal.into(),
             position: self.position.into(),
+            impulse_vector: DVec3::from(self.normal) * self.impulse,
+            tangential_loss: 0.0,
         })
     }
 
@@ -138,6 +145,27 @@ impl Row {
             .flat_map(f64::to_le_bytes)
             .chain([self.i, self.j, self.kind].into_iter().flat_map(u32::to_le_bytes))
     }
+}
+
+/// The columns of a row that rough contacts and thermal walls add: the impulse vector and the tangential
+/// loss.
+pub(crate) type Tangential = [f64; 4];
+
+/// These columns of an event.
+pub(crate) fn tangential(event: &EventRecord) -> Tangential {
+    let [x, y, z] = event.impulse_vector.to_array();
+    [x, y, z, event.tangential_loss]
+}
+
+/// Sets these columns of an event.
+pub(crate) fn set_tangential(event: &mut EventRecord, values: &[f64]) {
+    event.impulse_vector = DVec3::from_slice(&values[..3]);
+    event.tangential_loss = values[3];
+}
+
+/// Whether a log has such columns.
+pub(crate) fn has_tangential(columns: &[EventColumn]) -> bool {
+    columns.contains(&EventColumn::ImpulseVector) || columns.contains(&EventColumn::TangentialLoss)
 }
 
 /// A column of the log, in the file.
@@ -185,12 +213,18 @@ impl Column {
             EventColumn::Position => {
                 series.append_chunk(count, rows.flat_map(|event| event.position.to_array()), packer)
             }
+            EventColumn::ImpulseVector => {
+                series.append_chunk(count, rows.flat_map(|event| event.impulse_vector.to_array()), packer)
+            }
+            EventColumn::TangentialLoss => {
+                series.append_chunk(count, rows.map(|event| event.tangential_loss), packer)
+            }
         }
     }
 }
 
 fn is_vector(field: EventColumn) -> bool {
-    matches!(field, EventColumn::Normal | EventColumn::Position)
+    matches!(field, EventColumn::Normal | EventColumn::Position | EventColumn::ImpulseVector)
 }
 
 /// The columns of `events`.

@@ -1,7 +1,7 @@
 //! The description of a run, written to a file before it starts.
 
 use glam::DVec3;
-use haff_engine::{Boundary, EventColumn, Measure, Present, Sizes, System};
+use haff_engine::{Body, Boundary, Class, EventColumn, Measure, Present, Sizes, System};
 
 /// Version of the scene schema and of the file layout that this crate writes and reads.
 pub const SCHEMA: i64 = 1;
@@ -39,6 +39,8 @@ pub struct Header {
     pub mass: Vec<f64>,
     /// [N] radii [length].
     pub radius: Vec<f64>,
+    /// [N] numbers q = I/(m R²) of moments of inertia; empty without spin.
+    pub inertia: Vec<f64>,
     /// Names of the walls; event rows refer to walls by their index here.
     pub wall_names: Vec<String>,
     /// Whether frames are recorded.
@@ -99,6 +101,11 @@ impl Header {
                 .iter()
                 .map(|body| class(body.class).map_or(f64::NAN, |c| c.radius))
                 .collect(),
+            inertia: system.spin.as_ref().map_or(Vec::new(), |spin| {
+                let inertia = |class: &Class| spin.inertia.get(class.group as usize).copied();
+                let of = |body: &Body| class(body.class).and_then(inertia).unwrap_or(f64::NAN);
+                system.bodies.iter().map(of).collect()
+            }),
             wall_names: system.walls.iter().map(|wall| wall.name.clone()).collect(),
             frames: true,
             observables: true,

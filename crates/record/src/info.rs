@@ -89,6 +89,8 @@ pub struct State {
     pub position: Vec<DVec3>,
     /// [N] velocities [length/time].
     pub velocity: Vec<DVec3>,
+    /// [N] angular velocities [1/time]; empty without spin.
+    pub angular_velocity: Vec<DVec3>,
     /// [N] box images.
     pub image: Vec<[i32; 3]>,
     /// [N] radii [length].
@@ -174,6 +176,10 @@ impl Parameters {
             .into());
         }
         let particles = particles as usize;
+        let dimension = scalar::<u32>(group, "dimension")? as usize;
+        if !(2..=3).contains(&dimension) {
+            return Err(format!("/parameters/dimension = {dimension} must be 2 or 3").into());
+        }
         Ok(Self {
             scene_toml: string(group, "scene", path)?,
             title: string(group, "title", path)?,
@@ -182,7 +188,7 @@ impl Parameters {
             git_revision: string(group, "git_revision", path)?,
             schema: scalar(group, "schema")?,
             trajectory_version: scalar(group, "trajectory_version")?,
-            dimension: scalar::<u32>(group, "dimension")? as usize,
+            dimension,
             box_size: vectors(&read_all(&group.dataset("box_size")?)?).first().copied().unwrap_or(DVec3::NAN),
             particles,
             species_sampled: (file.link_exists("observables") && file.link_exists(sampled))
@@ -381,6 +387,7 @@ fn read_sample(file: &Group, observables: &Observables, row: usize) -> hdf5::Res
         step: observables.clock.step.read::<i64>(row, row + 1)?[0] as u64,
         ledger: Ledger {
             kinetic: real("kinetic_energy")?,
+            rotational: read("rotational_energy")?.first().copied().unwrap_or(0.0),
             potential: real("potential_energy")?,
             spring: real("spring_energy")?,
             dissipated: real("dissipated_energy")?,
@@ -390,6 +397,8 @@ fn read_sample(file: &Group, observables: &Observables, row: usize) -> hdf5::Res
         },
         temperature: real("temperature")?,
         species_temperature: read("species_temperature")?,
+        rotational_temperature: read("rotational_temperature")?.first().copied().unwrap_or(0.0),
+        species_rotational_temperature: read("species_rotational_temperature")?,
         sonine_a2: real("sonine_a2")?,
         pressure: read("pressure")?.first().copied(),
         stress: match (tensor("pressure_tensor_kinetic")?, tensor("pressure_tensor_collisional")?) {
@@ -444,6 +453,10 @@ pub fn state(path: impl AsRef<Path>, index: i64) -> Result<State, RecordError> {
                 box_size: vectors(&edges).first().copied().unwrap_or(DVec3::NAN),
                 position: vectors(&trajectory.position.read(row, row + 1)?),
                 velocity: vectors(&trajectory.velocity.read(row, row + 1)?),
+                angular_velocity: match &trajectory.angular_velocity {
+                    Some(series) => vectors(&series.read(row, row + 1)?),
+                    None => Vec::new(),
+                },
                 image: trajectory.image.read::<i32>(row, row + 1)?.as_chunks().0.to_vec(),
                 radius: read_all(&all.dataset("radius")?)?,
                 mass: read_all(&all.dataset("mass")?)?,

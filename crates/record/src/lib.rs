@@ -11,7 +11,8 @@ and [`last_state`] read.
 | `h5md` | `version` = \[1, 1\], `author`, `creator` |
 | `particles/all/{position,velocity,image}` | `value` \[F\]\[N\]\[3\], `step` \[F\], `time` \[F\]; one `step` and one `time` dataset, hard-linked |
 | `particles/all/box` | attributes `dimension` = 3 and `boundary`; `edges` \[F\]\[3\] at the frames' steps and times |
-| `particles/all/{id,species,mass,radius}` | \[N\] |
+| `particles/all/angular_velocity` | the same as `velocity`, with spin |
+| `particles/all/{id,species,mass,radius}` | \[N\]; with spin also `inertia` |
 | `observables/…` | `value` \[S\] or \[S\]\[k\], `step` \[S\], `time` \[S\], the last two hard-linked |
 | `profiles/…/{density,mass_density,velocity,temperature,pressure}` | `value` \[R\]\[bins…\]\[…\], `step` \[R\], `time` \[R\]; `position/value` \[bins\], of several axes \[bins…\]\[axes\] |
 | `correlations/{msd,vacf,stress,helfand}` | `lag`, `value`, `error`, `count` \[L\], replaced with every checkpoint |

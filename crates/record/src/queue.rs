@@ -212,6 +212,8 @@ mod tests {
             carnot_energy: 0.0,
             normal: glam::DVec3::ZERO,
             position: glam::DVec3::ZERO,
+            impulse_vector: glam::DVec3::ZERO,
+            tangential_loss: 0.0,
         };
         Message::Events(vec![event; bytes / size_of::<EventRecord>()])
     }

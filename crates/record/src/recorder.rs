@@ -49,6 +49,8 @@ pub(crate) struct Contents {
     pub events: bool,
     /// Number of profiles.
     pub profiles: usize,
+    /// Whether there are angular velocities.
+    pub spin: bool,
 }
 
 impl Recorder {
@@ -79,6 +81,7 @@ impl Recorder {
             observables: header.observables,
             events: !header.events.is_empty(),
             profiles: header.measure.profiles.len(),
+            spin: header.present.spin,
         };
         Self::start(path, Writer::new(file, datasets, header.box_size), contents)
     }
@@ -124,6 +127,10 @@ impl Recorder {
                  particles",
                 self.contents.particles
             )));
+        }
+        if self.contents.spin && frame.angular_velocity.len() != self.contents.particles {
+            let (found, expected) = (frame.angular_velocity.len(), self.contents.particles);
+            return Err(self.unfit(format!("a frame of {found} angular velocities for {expected} particles")));
         }
         if self.contents.frames || self.producer.is_none() {
             self.send(Message::Frame(frame))
@@ -195,7 +202,7 @@ impl Recorder {
     /// frames, samples and events passed before this call stay, later ones are dropped.
     pub fn checkpoint(&self, state: Checkpoint) -> Result<(), RecordError> {
         if self.producer.is_some()
-            && let Some(reason) = mismatch(&state, self.contents.particles)
+            && let Some(reason) = mismatch(&state, self.contents.particles, self.contents.spin)
         {
             return Err(self.unfit(reason));
         }
@@ -269,6 +276,8 @@ fn check(path: &Path, header: &Header) -> Result<(), RecordError> {
             "{} species, {} masses and {} radii: one of each per particle",
             lengths[0], lengths[1], lengths[2]
         )
+    } else if header.present.spin && header.inertia.len() != particles {
+        format!("{} moments of inertia for {particles} particles with spin", header.inertia.len())
     } else if let Some(text) = texts.find(|text| text.contains('\0')) {
         format!("text with a NUL character: {text:?}")
     } else {

@@ -88,6 +88,7 @@ impl Recorder {
             observables: datasets.observables.is_some(),
             events: datasets.events.is_some(),
             profiles: datasets.profiles.count(),
+            spin: datasets.slots[0].has_spin(),
         };
         // The slot of the checkpoint that is used stays; the other one is written next.
         let next_slot = usize::from(first == saved.sequence);

@@ -38,8 +38,11 @@ fn event_row(column: EventColumn, size: &FileSize) -> f64 {
         EventColumn::ApproachSpeed
         | EventColumn::Impulse
         | EventColumn::EnergyLoss
-        | EventColumn::CarnotEnergy => (8.0, PACKED),
-        EventColumn::Normal | EventColumn::Position => (24.0, components * PACKED),
+        | EventColumn::CarnotEnergy
+        | EventColumn::TangentialLoss => (8.0, PACKED),
+        EventColumn::Normal | EventColumn::Position | EventColumn::ImpulseVector => {
+            (24.0, components * PACKED)
+        }
     };
     if size.compressed { packed + 2048.0 / EVENT_CHUNK as f64 } else { whole }
 }

@@ -208,6 +208,10 @@ impl Writer {
         trajectory.position.append_vectors(positions, |r| r.to_array(), packer).doing(path, WRITE)?;
         let velocities = rows.clone().map(|frame| frame.velocity.as_slice());
         trajectory.velocity.append_vectors(velocities, |v| v.to_array(), packer).doing(path, WRITE)?;
+        if let Some(series) = &mut trajectory.angular_velocity {
+            let spins = rows.clone().map(|frame| frame.angular_velocity.as_slice());
+            series.append_vectors(spins, |spin| spin.to_array(), packer).doing(path, WRITE)?;
+        }
         let images = rows.map(|frame| frame.image.as_slice());
         trajectory.image.append_vectors(images, |image| image, packer).doing(path, WRITE)?;
         let edges: Vec<f64> = frames.iter().flat_map(|_| self.box_size.to_array()).collect();

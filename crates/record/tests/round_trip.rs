@@ -37,6 +37,8 @@ enum Kind {
     Settle = 8,
     #[hdf5(rename = "change")]
     Change = 9,
+    #[hdf5(rename = "slide")]
+    Slide = 10,
 }
 
 fn column<T: H5Type>(file: &File, path: &str) -> Vec<T> {
@@ -92,6 +94,10 @@ fn check(path: &std::path::Path, particles: usize, frames: u64, samples: u64, ev
     assert!(
         column::<f64>(&file, "particles/all/velocity/value") == flat(|f| &f.velocity),
         "velocities differ"
+    );
+    assert!(
+        column::<f64>(&file, "particles/all/angular_velocity/value") == flat(|f| &f.angular_velocity),
+        "angular velocities differ"
     );
     let images: Vec<i32> = expected.iter().flat_map(|f| &f.image).flatten().copied().collect();
     assert!(column::<i32>(&file, "particles/all/image/value") == images, "images differ");
@@ -157,6 +163,7 @@ fn check(path: &std::path::Path, particles: usize, frames: u64, samples: u64, ev
         EventKind::Lift => Kind::Lift,
         EventKind::Settle => Kind::Settle,
         EventKind::Change => Kind::Change,
+        EventKind::Slide => Kind::Slide,
     });
     assert!(column::<Kind>(&file, "events/kind") == kinds.collect::<Vec<_>>(), "kinds differ");
     let ids: Vec<u32> = expected.iter().map(|e| e.j).collect();
@@ -167,10 +174,13 @@ fn check(path: &std::path::Path, particles: usize, frames: u64, samples: u64, ev
         ("impulse", |e| e.impulse),
         ("energy_loss", |e| e.energy_loss),
         ("carnot_energy", |e| e.carnot_energy),
+        ("tangential_loss", |e| e.tangential_loss),
     ] {
         let values: Vec<f64> = expected.iter().map(value).collect();
         assert!(column::<f64>(&file, &format!("events/{name}")) == values, "{name} differs");
     }
+    let impulses: Vec<f64> = expected.iter().flat_map(|e| e.impulse_vector.to_array()).collect();
+    assert!(column::<f64>(&file, "events/impulse_vector") == impulses, "impulse vectors differ");
     let points: Vec<f64> = expected.iter().flat_map(|e| e.position.to_array()).collect();
     assert_eq!(shape(&file, "events/position"), [events as usize, 3]);
     assert!(column::<f64>(&file, "events/position") == points, "contact points differ");

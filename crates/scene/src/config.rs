@@ -115,6 +115,9 @@ pub struct SpeciesConfig {
     /// Granular temperature of this species at the start [energy]; default `initial.temperature`.
     #[schemars(range(min = 0.0))]
     pub temperature: Option<f64>,
+    /// q = I/(m R²), the moment of inertia: default 2/5 for spheres, 1/2 for disks. Only with spin.
+    #[schemars(range(max = 1.0), extend("exclusiveMinimum" = 0))]
+    pub inertia: Option<f64>,
 }
 
 /// One radius for all, or a distribution.
@@ -128,7 +131,8 @@ pub enum RadiusConfig {
 }
 
 /// A distribution of radii: `{ uniform = [a, b] }`, `{ normal = [mean, sd], min = …, max = … }`, the same
-/// with `lognormal` or `schulz`, `{ power = [min, max, exponent] }`, or `{ list = […] }`.
+/// with `lognormal` or `schulz`, `{ power = [min, max, exponent] }`, `{ list = […] }`, or `{ table =
+/// "sizes.csv" }`.
 #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct RadiusDistribution {
@@ -149,12 +153,36 @@ pub struct RadiusDistribution {
     pub power: Option<Vec<f64>>,
     /// The radii of the particles in turn [length]; after the last one the first one again.
     pub list: Option<Vec<f64>>,
+    /// Measured sizes, drawn by their weights: the path of a CSV file with a radius in each line [length], or
+    /// a radius and its weight; or `{ radii = […], weights = […] }`.
+    pub table: Option<SizeTableConfig>,
     /// Smallest radius of `normal`, `lognormal` and `schulz` [length]; default a tenth of the mean.
     #[schemars(extend("exclusiveMinimum" = 0))]
     pub min: Option<f64>,
     /// Largest radius of `normal`, `lognormal` and `schulz` [length]; default none.
     #[schemars(extend("exclusiveMinimum" = 0))]
     pub max: Option<f64>,
+}
+
+/// A table of sizes.
+#[derive(Debug, Clone, PartialEq, Serialize, JsonSchema)]
+#[serde(untagged)]
+pub enum SizeTableConfig {
+    /// Path of a CSV file, relative to the current directory.
+    File(String),
+    /// The table itself.
+    Values(SizesConfig),
+}
+
+/// Radii and their weights.
+#[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields, default)]
+pub struct SizesConfig {
+    /// Radii [length].
+    #[schemars(required, length(min = 1))]
+    pub radii: Option<Vec<f64>>,
+    /// How often each is drawn, relative to the sum; default all the same.
+    pub weights: Option<Vec<f64>>,
 }
 
 /// How the particles of the species start.
@@ -169,6 +197,10 @@ pub struct InitialConfig {
     /// velocities are kept unless a temperature is given.
     #[schemars(range(min = 0.0))]
     pub temperature: Option<f64>,
+    /// Rotational temperature Σ I ω²/(r N) of the species [energy], with r = 3 axes of rotation, 1 in two
+    /// dimensions; exactly. Default 0, or the angular velocities of the file.
+    #[schemars(range(min = 0.0))]
+    pub rotational_temperature: Option<f64>,
 }
 
 /// Where the particles of the species start.
@@ -219,6 +251,14 @@ pub struct ParticleConfig {
     /// Velocity [length/time]; default 0.
     #[schemars(length(min = 2, max = 3))]
     pub velocity: Option<Vec<f64>>,
+    /// Angular velocity [1/time], three numbers; in two dimensions one, or three of which the first two are
+    /// 0. Default 0.
+    #[schemars(length(min = 1, max = 3))]
+    pub angular_velocity: Option<Vec<f64>>,
+    /// q = I/(m R²), the moment of inertia: default 2/5 for spheres, 1/2 for disks. Only with spin; the same
+    /// for all particles of one name.
+    #[schemars(range(max = 1.0), extend("exclusiveMinimum" = 0))]
+    pub inertia: Option<f64>,
     /// Radius [length]; at least 2⁻⁴² of the largest coordinate.
     #[schemars(required, extend("exclusiveMinimum" = 0))]
     pub radius: Option<f64>,
@@ -239,6 +279,14 @@ pub struct ContactConfig {
     pub restitution: Option<RestitutionConfig>,
     /// The same for walls; default `restitution`.
     pub wall_restitution: Option<RestitutionConfig>,
+    /// Coefficient of tangential restitution β of rough contacts, in [−1, 1]: −1 smooth, 1 perfectly rough.
+    /// Default −1.
+    #[schemars(range(min = -1.0, max = 1.0))]
+    pub tangential_restitution: Option<f64>,
+    /// Coulomb's coefficient of friction μ, which bounds the tangential impulse of a rough contact by μ times
+    /// the normal one. Default none: no bound.
+    #[schemars(range(min = 0.0))]
+    pub friction: Option<f64>,
     /// Contact duration of the TC model [time]: contacts sooner than this after the last one are elastic.
     /// 0, the default, turns it off.
     #[schemars(range(min = 0.0))]
@@ -260,8 +308,17 @@ pub struct PairConfig {
     /// Two names of species, particles or walls (not two walls).
     #[schemars(required, length(equal = 2))]
     pub between: Option<Vec<String>>,
-    /// Coefficient of restitution. Either this or `sticks`.
+    /// Coefficient of restitution. Either this or `sticks`; default that of `[contact]` if the entry makes
+    /// the contact rough.
     pub restitution: Option<RestitutionConfig>,
+    /// Coefficient of tangential restitution β of rough contacts, in [−1, 1]: −1 smooth, 1 perfectly rough.
+    /// Default `contact.tangential_restitution`.
+    #[schemars(range(min = -1.0, max = 1.0))]
+    pub tangential_restitution: Option<f64>,
+    /// Coulomb's coefficient of friction μ, which bounds the tangential impulse of a rough contact by μ times
+    /// the normal one. Default `contact.friction`.
+    #[schemars(range(min = 0.0))]
+    pub friction: Option<f64>,
     /// `true`: two particles stick together, or a particle to a wall (adhesive, plastic): all components of
     /// their relative velocity are lost, and they move on as one body. With restitution 0 they stay in
     /// contact, but slide along each other. Default false.
@@ -325,6 +382,14 @@ pub struct WallConfig {
     pub plane: Option<PlaneConfig>,
     /// Restitution of contacts with this wall; default `contact.wall_restitution`.
     pub restitution: Option<RestitutionConfig>,
+    /// Coefficient of tangential restitution β of rough contacts, in [−1, 1]: −1 smooth, 1 perfectly rough.
+    /// Default `contact.tangential_restitution`.
+    #[schemars(range(min = -1.0, max = 1.0))]
+    pub tangential_restitution: Option<f64>,
+    /// Coulomb's coefficient of friction μ, which bounds the tangential impulse of a rough contact by μ times
+    /// the normal one. Default `contact.friction`.
+    #[schemars(range(min = 0.0))]
+    pub friction: Option<f64>,
     /// `true`: all particles stick to this wall, except those with a `contact.pair`. Default false.
     pub sticks: Option<bool>,
     /// Temperature of a thermal wall \[energy\], which particles leave with velocities of that temperature.
@@ -666,6 +731,10 @@ pub enum EventColumnConfig {
     Normal,
     /// Point of contact [length].
     Position,
+    /// Impulse on j, or on the wall, with its tangential component [mass·length/time].
+    ImpulseVector,
+    /// The part of the energy loss by the tangential impulse [energy].
+    TangentialLoss,
 }
 
 /// Compression of datasets.

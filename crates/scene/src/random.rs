@@ -17,6 +17,7 @@ pub(crate) enum Purpose {
     Insertion = 3,
     Vacancy = 4,
     Mixing = 5,
+    Spin = 6,
 }
 
 impl Stream {

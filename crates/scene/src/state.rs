@@ -13,6 +13,8 @@ pub struct State {
     pub position: Vec<DVec3>,
     /// Velocities [length/time], if the file has them.
     pub velocity: Option<Vec<DVec3>>,
+    /// Angular velocities [1/time], if the file has them.
+    pub angular_velocity: Option<Vec<DVec3>>,
     /// Box images, if the file has them.
     pub image: Option<Vec<[i32; 3]>>,
     /// Radii [length].
@@ -30,7 +32,22 @@ pub trait StateSource {
     /// # Errors
     /// The reason why the file cannot be read.
     fn state(&self, path: &Path, index: i64) -> Result<State, String>;
+
+    /// The text of the table of sizes at `path`, relative to the current directory.
+    ///
+    /// # Errors
+    /// The reason why the file cannot be read.
+    fn table(&self, path: &Path) -> Result<String, String> {
+        let length = std::fs::metadata(path).map_err(|error| error.to_string())?.len();
+        if length > LONGEST_TABLE {
+            return Err(format!("it has {length} bytes, at most {LONGEST_TABLE} are read"));
+        }
+        std::fs::read_to_string(path).map_err(|error| error.to_string())
+    }
 }
+
+/// Most bytes of a table of sizes.
+const LONGEST_TABLE: u64 = 4 << 20;
 
 /// For scenes without recorded states: every file is an error.
 #[derive(Debug, Clone, Copy, Default)]

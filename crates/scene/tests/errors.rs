@@ -223,6 +223,7 @@ fn recorded() -> State {
         size: Some(DVec3::splat(10.0)),
         position,
         velocity: Some(velocity),
+        angular_velocity: None,
         image: Some(vec![[0, 1, 2]; 3]),
         radius,
         mass: Some(mass),

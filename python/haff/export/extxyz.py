@@ -13,13 +13,14 @@ from ..frames import Frames
 from ..text import escaped
 
 _PROPERTIES = "type:S:1:pos:R:3:velo:R:3:radius:R:1:mass:R:1:id:I:1:image:I:3"
+_SPIN = ":angular_velocity:R:3"
 
 
 def write(frames: Frames, path: Path, *, unwrapped: bool = False) -> None:
     """Writes frames with all digits of double precision.
 
     The lattice is the box, its lower corner ``Origin``; ``pbc`` distinguishes periodic axes from walls and open ones.
-    Along open axes the lattice is the extent of the particles.
+    Along open axes the lattice is the extent of the particles. ``angular_velocity`` is there if the scene has spin.
     """
     file, room = frames.file, extent(frames)
     words = [re.sub(r"\s+", "_", escaped(name)).replace('"', "'") for name in file.species_names]
@@ -31,8 +32,10 @@ def write(frames: Frames, path: Path, *, unwrapped: bool = False) -> None:
     # No newline translation: the specification demands plain line ends.
     with open(path, "w", encoding="utf-8", newline="\n") as out:
         for frame in frames:
+            spins = frame.angular_velocity
+            properties = _PROPERTIES if spins is None else _PROPERTIES + _SPIN
             out.write(
-                f'{len(file)}\nLattice="{lattice}" Origin="{origin}" pbc="{pbc}" Properties={_PROPERTIES} '
+                f'{len(file)}\nLattice="{lattice}" Origin="{origin}" pbc="{pbc}" Properties={properties} '
                 f'Time={frame.time!r} Step={frame.step} Title="{title}"\n'
             )
             position = frame.unwrapped if unwrapped else frame.position
@@ -41,4 +44,6 @@ def write(frames: Frames, path: Path, *, unwrapped: bool = False) -> None:
             columns |= {f"v{k}": frame.velocity[:, k] for k in range(3)}
             columns |= {"radius": file.radius, "mass": file.mass, "id": np.arange(len(file))}
             columns |= {f"image{k}": frame.image[:, k] for k in range(3)}
+            if spins is not None:
+                columns |= {f"w{k}": spins[:, k] for k in range(3)}
             pd.DataFrame(columns).to_csv(out, sep=" ", header=False, index=False, lineterminator="\n")

@@ -18,6 +18,9 @@ def write(frames: Frames, path: Path, *, unwrapped: bool = False) -> None:
 
     GSD boxes are centered at the origin and periodic: positions are those of haff minus the center of the box, which is
     logged as ``box_center``; ``time`` is logged, too. Along open axes the box is the extent of the particles.
+
+    With spin, ``moment_inertia`` is I about each axis of rotation, and ``angmom`` the quaternion (0, 2 I ω) that
+    HOOMD-blue has for the default orientation, (1, 0, 0, 0); both are 0 for bodies of infinite mass.
     """
     del unwrapped
     gsd = library("gsd.hoomd", "export")
@@ -25,6 +28,7 @@ def write(frames: Frames, path: Path, *, unwrapped: bool = False) -> None:
     flat = file.dimension == 2
     size = room.size.astype(np.float32)
     shapes = _shapes(file)
+    moment = _moments(file)
     with gsd.open(str(path), "w") as trajectory:
         for frame in frames:
             shifted = frame.position - room.center
@@ -45,8 +49,20 @@ def write(frames: Frames, path: Path, *, unwrapped: bool = False) -> None:
             particles.diameter = 2 * file.radius
             particles.position, particles.image = position, image
             particles.velocity = frame.velocity
+            if moment is not None and frame.angular_velocity is not None:
+                particles.moment_inertia = moment
+                particles.angmom = np.pad(2 * moment * frame.angular_velocity, ((0, 0), (1, 0)))
             written.log = {"time": np.array([frame.time]), "box_center": np.asarray(room.center)}
             trajectory.append(written)
+
+
+def _moments(file: File) -> np.ndarray | None:
+    """``[N, 3]`` moments of inertia about each axis, 0 about those of no rotation; ``None`` without spin."""
+    if file.inertia is None:
+        return None
+    mobile = np.isfinite(file.mass)
+    moment = np.where(mobile, file.inertia * np.where(mobile, file.mass, 0.0) * file.radius**2, 0.0)
+    return moment[:, None] * [1.0, 1.0, 1.0] if file.dimension == 3 else moment[:, None] * [0.0, 0.0, 1.0]
 
 
 def _shapes(file: File) -> list[dict[str, object]]:

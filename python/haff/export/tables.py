@@ -27,7 +27,10 @@ def _frames(file: File, frames: str | slice | int | None, unwrapped: bool) -> It
         columns = {"frame": frame.index, "time": frame.time, "step": frame.step, "id": np.arange(len(file)),
                    "species": species}  # fmt: skip
         position = frame.unwrapped if unwrapped else frame.position
-        for name, values in (("", position), ("v", frame.velocity), ("image_", frame.image)):
+        vectors: dict[str, np.ndarray] = {"": position, "v": frame.velocity, "image_": frame.image}
+        if frame.angular_velocity is not None:
+            vectors["angular_velocity_"] = frame.angular_velocity
+        for name, values in vectors.items():
             columns |= {f"{name}{axis}": values[:, k] for k, axis in enumerate(AXES)}
         waiting.append(pd.DataFrame(columns | {"radius": file.radius, "mass": file.mass}))
         if len(waiting) * len(file) >= ROWS:

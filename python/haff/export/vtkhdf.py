@@ -20,8 +20,9 @@ _CHUNK = 1 << 16  # rows
 def write(frames: Frames, path: Path, *, unwrapped: bool = False) -> None:
     """Writes a ``PolyData`` with one vertex a particle and a time step a frame, in double precision.
 
-    Point data: velocity, image, radius, mass, species, id; field data: box_origin, box_size, periodic, and the names of
-    the species. Constant data are stored once. VTK's points have no box: positions are those of haff.
+    Point data: velocity, image, radius, mass, species, id, and with spin angular_velocity; field data: box_origin,
+    box_size, periodic, and the names of the species. Constant data are stored once. VTK's points have no box: positions
+    are those of haff.
     """
     file, room, count = frames.file, extent(frames), len(frames.file)
     with Sink(path) as sink, h5py.File(sink, "w", libver=("earliest", "v110")) as hdf:
@@ -56,7 +57,10 @@ def write(frames: Frames, path: Path, *, unwrapped: bool = False) -> None:
             "velocity": _growing(points, "velocity", np.float64, len(frames) * count),
             "image": _growing(points, "image", np.int32, len(frames) * count),
         }
-        offsets["velocity"], offsets["image"] = rows, rows
+        if len(frames) and frames[0].angular_velocity is not None:
+            moving["angular_velocity"] = _growing(points, "angular_velocity", np.float64, len(frames) * count)
+        for name in list(moving)[1:]:
+            offsets[name] = rows
 
         field = root.create_group("FieldData")
         sizes, places = steps.create_group("FieldDataSizes"), steps.create_group("FieldDataOffsets")
@@ -74,6 +78,8 @@ def write(frames: Frames, path: Path, *, unwrapped: bool = False) -> None:
             moving["Points"][row : row + count] = frame.unwrapped if unwrapped else frame.position
             moving["velocity"][row : row + count] = frame.velocity
             moving["image"][row : row + count] = frame.image
+            if frame.angular_velocity is not None:
+                moving["angular_velocity"][row : row + count] = frame.angular_velocity
             sink.check()
 
 

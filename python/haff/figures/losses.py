@@ -8,6 +8,7 @@ from matplotlib.figure import Figure
 from .. import analysis, theory
 from ..errors import NotApplicableError
 from ..reader import File
+from ..recorded import is_rough
 from .style import BLUE, GREEN, GREY, ORANGE, RED, headline, label
 from .temperature import facts
 
@@ -19,17 +20,22 @@ _NAMES = {
     "settle": "settling on a sphere",
     "taut": "strings becoming taut",
     "stick": "sticking",
+    "slide": "sliding",
 }
 
 
 def draw(file: File) -> Figure:
-    """Histogram of ΔT per kind of event; for a cooling gas also ΔT in units of (1 − e²)T against e^{-x}."""
+    """Histogram of ΔT per kind of event; for a cooling gas also ΔT in units of (1 − e²)T against e^{-x}.
+
+    Of rough contacts the second panel has the part of ΔT by the normal impulse.
+    """
     events = file.events
     if not {"kind", "energy_loss", "time"} <= set(events.columns):
         raise NotApplicableError("the event log has no energy losses")
     if len(events) < 5:
         raise NotApplicableError(f"{len(events)} events make no histogram")
-    law = _law(file)
+    e = _restitution(file)
+    rough = "tangential_loss" in events.columns
     low, high, lossy = _range(file)
     if not lossy:
         raise NotApplicableError("no event loses energy (elastic)")
@@ -41,18 +47,19 @@ def draw(file: File) -> Figure:
     counts = {name: np.zeros(len(edges) - 1) for name in events.kinds.values()}
     scaled = np.zeros(len(scaled_edges) - 1)
     number = 0
-    table = file.observables if law is not None else None
-    for chunk in events.chunks(columns=("time", "kind", "energy_loss")):
+    table = file.observables if e is not None else None
+    for chunk in events.chunks(columns=("time", "kind", "energy_loss", *(("tangential_loss",) if rough else ()))):
         for name, some in chunk.groupby("kind", observed=True):
             counts[str(name)] += np.histogram(some["energy_loss"], edges)[0]
-        if law is not None and table is not None:
+        if e is not None and table is not None:
             T = _temperature_at(chunk["time"].to_numpy(), table)
+            lost = chunk["energy_loss"] - chunk["tangential_loss"] if rough else chunk["energy_loss"]
             with np.errstate(divide="ignore", invalid="ignore"):
-                x = chunk["energy_loss"].to_numpy() / ((1 - law.restitution**2) * T)
+                x = lost.to_numpy() / ((1 - e**2) * T)
             scaled += np.histogram(x, scaled_edges)[0]
             number += len(chunk)
 
-    panels = 2 if law is not None else 1
+    panels = 2 if e is not None else 1
     figure = Figure(figsize=(8.6 if panels == 2 else 6.4, 4.4), layout="constrained")
     axes = figure.subplots(1, panels, squeeze=False)[0]
     raw = axes[0]
@@ -67,13 +74,13 @@ def draw(file: File) -> Figure:
     raw.set_ylabel("events per bin")
     raw.set_title("as recorded")
     raw.legend(loc="upper left")
-    if law is not None:
-        _scaled_panel(axes[1], scaled, scaled_edges, number)
+    if e is not None:
+        _scaled_panel(axes[1], scaled, scaled_edges, number, rough)
     headline(figure, "Energy lost per event", f"{facts(file)}  ·  {len(events):,} events")
     return figure
 
 
-def _scaled_panel(axes, counts: np.ndarray, edges: np.ndarray, number: int) -> None:
+def _scaled_panel(axes, counts: np.ndarray, edges: np.ndarray, number: int, rough: bool) -> None:
     width = np.diff(edges)
     filled = counts > 0
     centre = (edges[:-1] + edges[1:]) / 2
@@ -84,18 +91,25 @@ def _scaled_panel(axes, counts: np.ndarray, edges: np.ndarray, number: int) -> N
     last = centre[filled][-1] if filled.any() else 10
     axes.set_xlim(0, min(edges[-1], last + 0.5))
     axes.set_ylim(0.4 * density[filled].min() if filled.any() else 1e-6, 2)
-    axes.set_xlabel(r"$x = \Delta T\,/\,[(1 - e^2)\,T(t)]$")
+    loss, part = (r"\Delta T_n", ", normal part") if rough else (r"\Delta T", "")
+    axes.set_xlabel(rf"$x = {loss}\,/\,[(1 - e^2)\,T(t)]${part}")
     axes.set_ylabel("probability density")
     axes.set_title("in units of the temperature")
     axes.legend(loc="upper right")
 
 
-def _law(file: File) -> analysis.CoolingLaw | None:
+def _restitution(file: File) -> float | None:
+    """e of all collisions of a cooling gas, if its temperature and the losses by normal impulses are known."""
     try:
-        law = analysis.cooling_law(file)
+        e = analysis.gas_restitution(file)
     except NotApplicableError:
         return None
-    return law if law.restitution < 1 and "observables" in file and len(file.observables) > 2 else None
+    if is_rough(file.scene) and "tangential_loss" not in file.events.columns:
+        return None
+    if not (e < 1 and "observables" in file and len(file.observables) > 2):
+        return None
+    table = file.observables
+    return e if "temperature" in table and table["temperature"].iloc[0] > 0 else None
 
 
 def _temperature_at(time: np.ndarray, table) -> np.ndarray:

@@ -8,14 +8,16 @@ from matplotlib.figure import Figure
 from .. import analysis, theory
 from ..errors import NotApplicableError
 from ..reader import File
-from .style import BLACK, BLUE, CYCLE, GREY, RED, headline, label, note, number, zoom
+from ..recorded import roughness
+from .style import BLACK, BLUE, CYCLE, GREY, ORANGE, RED, headline, label, note, number, zoom
 
 # Fewer bodies have no meaningful distribution of velocities.
 FEWEST = 30
+_ROTATION = r"rotation, $T_\mathrm{rot}$"
 
 
 def draw(file: File) -> Figure:
-    """T(t), log–log against Haff's law with the ratio below; for other gases, T(t) alone."""
+    """T(t), log–log against Haff's law with the ratio below; for other gases, T(t) alone. With spin, T_rot(t), too."""
     table = file.observables
     if "temperature" not in table or not np.any(table["temperature"] > 0) or len(file) < FEWEST:
         raise NotApplicableError(f"{len(file):,} particle{'s'[: len(file) != 1]}: no temperature to speak of")
@@ -39,6 +41,9 @@ def facts(file: File) -> str:
     if np.isfinite(phi):
         parts.append(f"packing fraction {phi:.3g}")
     parts += _restitutions(file)
+    beta, friction = roughness(file.scene)
+    if beta > -1 and friction > 0:
+        parts += [f"β = {beta:g}"] + ([f"μ = {friction:g}"] if np.isfinite(friction) else [])
     return f"{label(file.title) + '  ·  ' if file.title else ''}{',  '.join(parts)}"
 
 
@@ -81,6 +86,9 @@ def _haff(file: File, law: analysis.CoolingLaw) -> Figure:
     if t[0] < law.tau < t[-1]:
         top.axvline(law.tau, color=GREY, lw=0.8, ls=":", zorder=0)
         top.text(law.tau, 0.985, r" $t=\tau$", transform=top.get_xaxis_transform(), color="#555555", va="top")
+    rotation = _rotational(table)[late][alive]
+    if np.any(rotation > 0):
+        top.loglog(t[::stride], rotation[::stride], color=ORANGE, lw=1.4, label=_ROTATION)
     top.set_ylabel(r"granular temperature $T$  [$k_\mathrm{B}=1$]")
     top.legend(loc="lower left", title=_stability(file, law), alignment="left", title_fontsize=8.8)
     # Space for the legend below the start of the curve, however little the gas has cooled.
@@ -97,6 +105,12 @@ def _haff(file: File, law: analysis.CoolingLaw) -> Figure:
     _collisions_axis(top, table, len(file))
     headline(figure, "Cooling by Haff’s law", facts(file))
     return figure
+
+
+def _rotational(table) -> np.ndarray:
+    """Rotational temperatures of the samples; NaN without spin."""
+    name = "rotational_temperature"
+    return table[name].to_numpy() if name in table else np.full(len(table), np.nan)
 
 
 def _stability(file: File, law: analysis.CoolingLaw) -> str | None:
@@ -159,25 +173,30 @@ def _plain(file: File, why: str) -> Figure:
     axes = figure.subplots()
     names = [n for n in table if n.startswith("species_temperature_")]
     cooled = T[-1] < 0.1 * T[0] and len(file) >= 100
+    rotation = _rotational(table)
     if len(names) > 1:
         for color, name in zip(CYCLE, names):
             values = table[name].to_numpy()
             if np.isfinite(values).any():
                 axes.plot(t, values, color=color, lw=1.0, label=label(name.removeprefix("species_temperature_")))
         axes.plot(t, T, color=BLACK, lw=1.8, label="all")
-        axes.legend(loc="best", ncols=2)
     else:
-        axes.plot(t, T, color=BLUE, lw=1.4)
+        axes.plot(t, T, color=BLUE, lw=1.4, label="translation, $T$")
+    if np.isfinite(rotation).any():
+        axes.plot(t, rotation, color=BLACK if len(names) > 1 else ORANGE, lw=1.4, ls=(0, (4, 1.5)), label=_ROTATION)
+    if len(axes.lines) > 1:
+        axes.legend(loc="best", ncols=2)
     if cooled:
         axes.set_yscale("log")
     else:
-        shown = table[[*names, "temperature"]].to_numpy()
+        shown = np.column_stack([table[[*names, "temperature"]].to_numpy(), rotation])
         zoom(axes, float(np.nanmin(shown)), float(np.nanmax(shown)), least=1e-3 * float(np.nanmax(T)))
         axes.ticklabel_format(axis="y", useOffset=False)
     axes.set_xlabel("simulated time $t$  [scene’s unit of time]")
     axes.set_ylabel(r"granular temperature $T$  [$k_\mathrm{B}=1$]")
     axes.margins(x=0)
     if not why.startswith("elastic"):
-        note(axes, f"no closed form drawn: {why}", x=0.98, ha="right")
+        # A curve that falls ends in the right corner.
+        note(axes, f"no closed form drawn: {why}", x=0.02 if cooled else 0.98, ha="left" if cooled else "right")
     headline(figure, "Granular temperature", facts(file))
     return figure

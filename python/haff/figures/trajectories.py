@@ -26,6 +26,7 @@ _MARKS = {
     "release": ("<", "contact ends"),
     "lift": ("<", "contact ends"),
     "stick": ("P", "sticks"),
+    "slide": ("p", "sliding ends"),
 }
 # Kinds of events whose ``j`` is a particle.
 _PAIRS = ("collision", "settle", "release", "stick")
@@ -48,8 +49,8 @@ def flights(file: File) -> list[Path]:
     """Paths of all bodies between frames, exact where the event log has every change of velocity.
 
     From each frame a body flies freely (a parabola under gravity) to its next event, takes up the impulse
-    J n/m of the log, and flies on, up to the next frame. Without a log, and for bodies with pendulums, springs or rods,
-    frames without an event between them are joined by Hermite arcs.
+    of the log, and flies on, up to the next frame. Without a log, and for bodies with pendulums, springs or rods,
+    frames without an event between them are joined by Hermite arcs, and so are those of a body on a wall with friction.
     """
     frames = file.frames
     if len(frames) < 2:
@@ -63,8 +64,14 @@ def flights(file: File) -> list[Path]:
     log = None
     if "events" in file and len(file.events) <= 50 * MOST_MARKS:
         events = file.events
-        if {"time", "kind", "i", "j", "impulse", "normal"} <= set(events.columns):
-            log = {n: events[n] for n in ("time", "kind", "i", "j", "impulse", "normal")}
+        names = ["time", "kind", "i", "j"]
+        # Of smooth bodies the impulse is along the normal, but at thermal walls, where the log has its vector, too.
+        vectors = file.inertia is not None or "impulse_vector" in events.columns
+        names += ["impulse_vector"] if vectors else ["impulse", "normal"]
+        if set(names) <= set(events.columns):
+            log = {n: events[n] for n in names}
+            if "impulse" in log:
+                log["impulse_vector"] = log["impulse"][:, None] * log["normal"]
             log["names"] = np.array([events.kinds.get(int(k), "") for k in log["kind"]])
     bent = any(file.scene.get(joint) for joint in ("pendulum", "spring", "rod"))
     return [_flight(body, t, x[:, body], v[:, body], file.mass[body], gravity, log, bent) for body in range(len(file))]
@@ -76,7 +83,11 @@ def _flight(body, t, x, v, mass, gravity, log, bent) -> Path:
         own = np.flatnonzero((log["i"] == body) | (np.isin(log["names"], _PAIRS) & (log["j"] == body)))
     pull = gravity if np.isfinite(mass) else np.zeros(3)
     times, points, at = [], [], np.full((len(own), 3), np.nan)
-    resting = False  # in contact with a wall, which carries the weight; it may slide
+    # In contact with a wall, which carries the weight; it may slide.
+    before = np.flatnonzero(log["time"][own] <= t[0]) if log is not None else own
+    resting = len(before) > 0 and log["names"][own[before[-1]]] in ("rest", "slide")
+    if len(before):
+        at[before[log["time"][own[before]] == t[0]]] = x[0]
     for k in range(len(t) - 1):
         now, r, w = t[k], x[k].astype(float), v[k].astype(float)
         inside = np.zeros(0, int)
@@ -84,11 +95,15 @@ def _flight(body, t, x, v, mass, gravity, log, bent) -> Path:
             inside = np.flatnonzero((log["time"][own] > t[k]) & (log["time"][own] <= t[k + 1]))
         if log is None or (bent and not len(inside)):
             s = np.linspace(0, 1, 24)[:, None]
-            step = t[k + 1] - t[k]
-            arc = ((1 + 2 * s) * (1 - s) ** 2) * x[k] + (s * (1 - s) ** 2) * step * v[k]
-            arc += (s**2 * (3 - 2 * s)) * x[k + 1] + (s**2 * (s - 1)) * step * v[k + 1]
-            times.append(now + s[:, 0] * step)
-            points.append(arc)
+            times.append(now + s[:, 0] * (t[k + 1] - t[k]))
+            points.append(_arc(s, t[k + 1] - t[k], x[k : k + 2], v[k : k + 2]))
+            continue
+        if resting and len(inside) and np.all(log["names"][own[inside]] == "slide"):
+            marks = (log["time"][own[inside]] - now) / (t[k + 1] - now)
+            s = np.sort(np.concatenate([np.linspace(0, 1, 24), marks]))[:, None]
+            times.append(now + s[:, 0] * (t[k + 1] - now))
+            points.append(_arc(s, t[k + 1] - now, x[k : k + 2], v[k : k + 2]))
+            at[inside] = _arc(marks[:, None], t[k + 1] - now, x[k : k + 2], v[k : k + 2])
             continue
         for row in inside:
             until = log["time"][own[row]]
@@ -109,19 +124,26 @@ def _flight(body, t, x, v, mass, gravity, log, bent) -> Path:
                 resting = True
             elif not resting:
                 w = w + pull * dt[-1]
-                n = log["normal"][own[row]]
                 sign = -1.0 if log["i"][own[row]] == body else 1.0
-                w = w + sign * log["impulse"][own[row]] / mass * n
+                w = w + sign * log["impulse_vector"][own[row]] / mass
         dt = np.linspace(0, t[k + 1] - now, 20)[:, None]
         if resting:
             lifted = np.linalg.norm(r + w * dt[-1] + 0.5 * pull * dt[-1] ** 2 - x[k + 1]) < 1e-9 * np.abs(x).max()
             resting = not (lifted and pull.any() and dt[-1, 0] > 0)
-        if resting:
+        if resting and not len(inside):
+            points.append(_arc(np.linspace(0, 1, 20)[:, None], t[k + 1] - now, x[k : k + 2], v[k : k + 2]))
+        elif resting:
             points.append(r + (x[k + 1] - r) * np.linspace(0, 1, 20)[:, None])
         else:
             points.append(r + w * dt + 0.5 * pull * dt**2)
         times.append(now + dt[:, 0])
     return Path(np.concatenate(times), np.concatenate(points), own, at)
+
+
+def _arc(s: np.ndarray, step: float, x: np.ndarray, v: np.ndarray) -> np.ndarray:
+    """``[M, 3]`` places on the cubic with two states, ``[2, 3]`` each, at the fractions ``s`` ``[M, 1]`` of a step."""
+    arc = ((1 + 2 * s) * (1 - s) ** 2) * x[0] + (s * (1 - s) ** 2) * step * v[0]
+    return arc + (s**2 * (3 - 2 * s)) * x[1] + (s**2 * (s - 1)) * step * v[1]
 
 
 def _moving_axes(file: File, paths: list[Path]) -> list[int]:

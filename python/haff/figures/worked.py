@@ -297,6 +297,7 @@ def _impact(run: File) -> Worked:
     if len(run) == 2:
         names = [run.species_names[s] for s in run.species]
         e, m2, w2 = measured.restitution(run, *names), run.mass[1], w[1]
+        beta, friction = measured.roughness(run, *names)
         r, u, sigma = start[1] - start[0], w[1] - w[0], run.radius.sum()
         # Smaller root of |r + u t| = σ.
         b, c = r @ u, r @ r - sigma**2
@@ -307,7 +308,9 @@ def _impact(run: File) -> Worked:
         n = (r + u * hit) / sigma
     elif measured.count_walls(run) == 1:
         point, normal = measured.plane(run, 0)
-        e, m2 = measured.wall_restitution(run, run.species_names[run.species[0]], 0), np.inf
+        name = run.species_names[run.species[0]]
+        e, m2 = measured.wall_restitution(run, name, 0), np.inf
+        beta, friction = measured.wall_roughness(run, name, 0)
         w2 = measured.vector(shaped_walls(run.scene)[0].get("velocity", (0, 0, 0)))
         approach = (w2 - w[0]) @ normal
         if approach <= 0:
@@ -317,7 +320,17 @@ def _impact(run: File) -> Worked:
         raise NotApplicableError("neither two bodies nor a body and a wall")
     if not isinstance(e, (int, float)):
         raise NotApplicableError("restitution is not one number")
-    after = mechanics.impact(run.mass[0], m2, w[0], w2, n, e)
+    after: mechanics.Impact | mechanics.RoughImpact
+    spins, q = frames[0].angular_velocity, run.inertia
+    if spins is None or q is None:
+        after = mechanics.impact(run.mass[0], m2, w[0], w2, n, e)
+    else:
+        # The second body, or the wall, whose spin counts with its radius, 0.
+        other, radius = (1, run.radius[1]) if len(run) == 2 else (0, 0.0)
+        radii, inertias = (run.radius[0], radius), (q[0], q[other])
+        after = mechanics.rough_impact(
+            run.mass[0], m2, w[0], w2, spins[0], spins[other], n, e, beta, friction, radii, inertias
+        )
     before = [w[0], w2][: len(run)]
     later = [after.velocity_1, after.velocity_2][: len(run)]
     speed = after.approach_speed

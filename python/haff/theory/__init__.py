@@ -1,4 +1,4 @@
-r"""Kinetic theory of smooth inelastic hard spheres and disks.
+r"""Kinetic theory of smooth and rough inelastic hard spheres and disks.
 
 Closed forms for comparison with simulations. All functions are vectorised: every number may be an array,
 and arrays broadcast. Units are those of the scene with :math:`k_B = 1`; temperatures are energies,
@@ -12,6 +12,7 @@ symbol                meaning
 ``eta``               packing fraction, :math:`\pi n\sigma^3/6` (3D) or :math:`\pi n\sigma^2/4` (2D)
 ``sigma``             diameter
 ``e``                 coefficient of restitution, in [0, 1]
+``beta``, ``q``       of rough contacts: coefficient of tangential restitution, in [-1, 1]; :math:`I/(mR^2)`
 ``T``, ``m``          temperature [energy] and mass
 ====================  ==========================================================================
 
@@ -36,6 +37,7 @@ Sources
 * E. Ruckenstein, H. Liu, *Ind. Eng. Chem. Res.* **36**, 3927 (1997)
 * I.-C. Yeh, G. Hummer, *J. Phys. Chem. B* **108**, 15873 (2004)
 * P. Müller, T. Pöschel, *Phys. Rev. E* **84**, 021302 (2011)
+* M. Huthmann, A. Zippelius, *Phys. Rev. E* **56**, R6275 (1997)
 * N. V. Brilliantov, T. Pöschel, *Kinetic Theory of Granular Gases*, Oxford (2004)
 """
 
@@ -80,6 +82,7 @@ from .mixtures import (
     mixture_cooling_rates,
     mixture_rates,
 )
+from .rough import RoughLosses, rough_losses, rough_temperature_ratio
 from .transport import (
     diffusion_finite_size,
     diffusion_ruckenstein_liu,
@@ -90,6 +93,7 @@ from .transport import (
 
 __all__ = [
     "MixtureRates",
+    "RoughLosses",
     "carnahan_starling",
     "collision_frequency",
     "compressibility",
@@ -121,6 +125,8 @@ __all__ = [
     "periodic_compressibility",
     "periodic_contact_value",
     "periodic_rate_factor",
+    "rough_losses",
+    "rough_temperature_ratio",
     "sonine_a2",
     "sonine_a2_heated",
     "sonine_component",

@@ -31,6 +31,7 @@ def find(file: File) -> dict[str, Any] | None:
         (label, table[name])
         for label, name in (
             ("kinetic", "kinetic_energy"),
+            ("rotational", "rotational_energy"),
             ("potential", "potential_energy"),
             ("dissipated", "dissipated_energy"),
             *((label, name) for name, (label, _) in balance(file).items()),

@@ -2,6 +2,8 @@
 
 use std::collections::BTreeMap;
 
+use glam::DVec3;
+
 use super::{
     Grid, Step,
     cut::Round,
@@ -51,6 +53,8 @@ pub(crate) struct Part<E> {
 struct Saved {
     indices: Vec<u32>,
     particles: Vec<Particle>,
+    /// Their angular velocities, if there is spin.
+    spins: Vec<DVec3>,
 }
 
 /// The place of a particle at an event.
@@ -155,6 +159,7 @@ impl<E> Part<E> {
         self.left.clear();
         self.saved.indices.clear();
         self.saved.particles.clear();
+        self.saved.spins.clear();
         self.wraps.clear();
         self.rows.clear();
         self.times.clear();
@@ -165,6 +170,11 @@ impl<E> Part<E> {
     /// Restores the particles and images that the part has changed in a step, and calls `restored` for each
     /// particle.
     pub fn undo(&mut self, state: &mut State, mut restored: impl FnMut(&World, u32)) {
+        if let Some(spins) = &mut state.world.spin {
+            for (&i, spin) in self.saved.indices.iter().zip(self.saved.spins.drain(..)).rev() {
+                spins.angular_velocity[i as usize] = spin;
+            }
+        }
         for (i, particle) in self.saved.indices.drain(..).zip(self.saved.particles.drain(..)).rev() {
             state.world.particles[i as usize] = particle;
             restored(&state.world, i);
@@ -206,6 +216,9 @@ impl<E> Part<E> {
         if particle.time <= step.from {
             self.saved.indices.push(i);
             self.saved.particles.push(particle);
+            if let Some(spins) = &self.state.world.spin {
+                self.saved.spins.push(spins.angular_velocity[i as usize]);
+            }
         }
     }
 

@@ -49,6 +49,7 @@ fn two_spheres() -> Simulation {
             tc: 0.0,
             rest_speed: 0.0,
         },
+        spin: None,
         drives: Vec::new(),
         measure: crate::Measure::default(),
         seed: 0,

@@ -19,7 +19,7 @@ fn constant_speed<const EVENTS: bool>(
     let relative = velocity - wall_velocity;
     // The normal points into the wall.
     let after = relative - n * relative.dot(n) - n * speed;
-    reflect::<EVENTS>(state, contact, wall_velocity + after, Term::WallHeat, observer);
+    reflect::<EVENTS>(state, contact, (wall_velocity + after, None), Term::WallHeat, observer);
 }
 
 #[test]

@@ -249,6 +249,7 @@ mod tests {
             species: 0,
         };
         let system = System {
+            spin: None,
             drives: Vec::new(),
             measure: crate::Measure::default(),
             seed: 0,

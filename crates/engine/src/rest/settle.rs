@@ -6,7 +6,7 @@ use super::thresholds::Thresholds;
 use crate::{
     ledger::Term,
     report::{EventKind, EventRecord, NO_PARTNER, Observer},
-    resolve,
+    resolve, slide,
     state::State,
 };
 
@@ -15,19 +15,22 @@ pub(super) fn settle(state: &mut State, i: u32, thresholds: &Thresholds, observe
     end_series(state, i, observer);
     let velocity = state.world.state(i, state.world.now).1;
     let momentum = state.world.body(i).mass * velocity;
+    let (rotation, _) = state.world.rotation(i, state.world.now);
     state.world.set_asleep(i, true, state.world.now);
-    let energy = 0.5 * momentum.dot(velocity);
+    let energy = 0.5 * momentum.dot(velocity) + rotation;
     // A plastic impact on a body at rest: E'_c = J²/(2m) equals the energy loss.
     record_loss(state, i, momentum, [energy, energy], thresholds, observer);
 }
 
-/// If particle i is in a completed series of bounces, ends the series now and records its losses.
+/// If particle i is in a completed series of bounces or slides, ends that now and records its losses.
 pub(super) fn end_series(state: &mut State, i: u32, observer: &mut dyn Observer) {
     let time = state.world.now;
     if observer.wants_events() {
         resolve::end_of_bounces::<true>(state, i, time, observer);
+        slide::interrupt::<true>(state, i, time, observer);
     } else {
         resolve::end_of_bounces::<false>(state, i, time, observer);
+        slide::interrupt::<false>(state, i, time, observer);
     }
 }
 
@@ -65,6 +68,8 @@ pub(super) fn record_loss(
             carnot_energy,
             normal: down,
             position: world.periodicity.wrap(position + down * body.radius).0,
+            impulse_vector: momentum,
+            tangential_loss: 0.0,
         });
     }
 }

@@ -3,9 +3,9 @@
 use glam::DVec3;
 use haff_engine::{
     Boundary, Correlations, Dimension, Drive, DriveKind, Grid, GridAxis, Group, Hole, KickTimes, Measure,
-    Oscillating, Partition, System, ThermalWall, Wall, WallLaw, WallMotion,
+    Oscillating, Partition, Spin, System, ThermalWall, Wall, WallLaw, WallMotion,
 };
-use haff_mechanics::{Oscillation, Restitution, Waveform};
+use haff_mechanics::{Oscillation, Restitution, Roughness, Waveform};
 use proptest::prelude::*;
 
 use crate::common::{Random, class, scatter_within_room, system};
@@ -47,6 +47,8 @@ pub struct Recipe {
     pub measure: bool,
     /// A partition with a hole divides the box.
     pub partition: bool,
+    /// Contacts are rough: not at all, with one law, or with a law for each pair and each wall.
+    pub rough: usize,
     pub seed: u64,
 }
 
@@ -73,6 +75,7 @@ pub const PLAIN: Recipe = Recipe {
     thermal: false,
     measure: false,
     partition: false,
+    rough: 0,
     seed: 0,
 };
 
@@ -83,14 +86,15 @@ pub fn recipe() -> impl Strategy<Value = Recipe> {
     let seldom = || prop::bool::weighted(0.2);
     let ends = (seldom(), seldom(), seldom(), prop::bool::weighted(0.01));
     let drive = prop_oneof![8 => Just(0), 2 => 1..5_usize];
-    let last = (drive, prop::bool::weighted(0.1), seldom(), seldom());
+    let rough = prop_oneof![7 => Just(0), 3 => 1..3_usize];
+    let last = (drive, prop::bool::weighted(0.1), seldom(), seldom(), rough);
     (shape, extras, (seldom(), seldom(), seldom()), ends, last).prop_map(
         |(
             (flat, boundary, particles, species, restitution),
             (gravity, ramp, fixed, tc, fast, seed),
             (speeds, ratios, rest),
             (far, light, wedge, long),
-            (drive, thermal, measure, partition),
+            (drive, thermal, measure, partition, rough),
         )| {
             Recipe {
                 flat,
@@ -114,6 +118,7 @@ pub fn recipe() -> impl Strategy<Value = Recipe> {
                 thermal,
                 measure,
                 partition,
+                rough,
                 seed,
             }
         },
@@ -129,6 +134,41 @@ fn law(kind: usize, random: &mut Random) -> Restitution {
         4 => Restitution::Cutoff { restitution: 0.3, speed: 0.2, exponent: 0.75 },
         // Every pair and every wall gets a law of its own.
         _ => law(random.index(5), random),
+    }
+}
+
+fn roughness(random: &mut Random) -> Roughness {
+    let tangential_restitution = [-1.0, 1.0, 0.0, random.uniform(-1.0, 1.0)][random.index(4)];
+    let friction = [f64::INFINITY, 0.0, random.uniform(0.0, 0.3), 10_f64.powf(random.uniform(-3.0, 1.0))];
+    Roughness { tangential_restitution, friction: friction[random.index(4)] }
+}
+
+/// Spins of a scene, with one law or with one for each pair and each wall.
+fn spins(scene: &System, all_different: bool, random: &mut Random) -> Spin {
+    let d = scene.dimension.count();
+    let (groups, walls) = (scene.groups.len(), scene.walls.len());
+    let one = roughness(random);
+    let mut pair = vec![one; groups * groups];
+    let mut wall = vec![one; groups * walls];
+    if all_different {
+        for a in 0..groups {
+            for b in 0..=a {
+                let law = roughness(random);
+                (pair[a * groups + b], pair[b * groups + a]) = (law, law);
+            }
+        }
+        wall.iter_mut().for_each(|law| *law = roughness(random));
+    }
+    let component = |axis: usize, random: &mut Random| {
+        if d == 3 || axis == 2 { random.uniform(-3.0, 3.0) } else { 0.0 }
+    };
+    Spin {
+        inertia: (0..groups).map(|_| random.uniform(0.05, if d == 2 { 1.0 } else { 2.0 / 3.0 })).collect(),
+        angular_velocity: (0..scene.bodies.len())
+            .map(|_| DVec3::from_array([0, 1, 2].map(|axis| component(axis, random))))
+            .collect(),
+        pair,
+        wall,
     }
 }
 
@@ -292,6 +332,9 @@ impl Recipe {
             scene.classes[kind as usize].group = self.species as u32;
             let speed = if random.index(2) == 0 { 0.0 } else { 0.2 };
             scatter_within_room(&mut scene, kind, 1, speed, &mut random);
+        }
+        if self.rough > 0 {
+            scene.spin = Some(spins(&scene, self.rough == 2, &mut random));
         }
         if self.measure {
             scene.measure = measure_all(&scene, &mut random);

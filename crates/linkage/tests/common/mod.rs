@@ -72,6 +72,7 @@ impl Scene {
             pair[j * n + i] = Restitution::Constant(e);
         }
         let system = System {
+            spin: None,
             drives: Vec::new(),
             measure: haff_engine::Measure::default(),
             seed: 0,

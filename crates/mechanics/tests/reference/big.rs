@@ -49,6 +49,16 @@ impl BigVec {
         Self([a + x * factor, b + y * factor, c + z * factor])
     }
 
+    pub fn times(&self, factor: &Big) -> Self {
+        let [x, y, z] = &self.0;
+        Self([x * factor, y * factor, z * factor])
+    }
+
+    pub fn cross(&self, other: &Self) -> Self {
+        let ([a, b, c], [x, y, z]) = (&self.0, &other.0);
+        Self([b * z - c * y, c * x - a * z, a * y - b * x])
+    }
+
     pub fn length(&self) -> Big {
         self.dot(self).sqrt()
     }

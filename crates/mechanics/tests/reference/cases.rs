@@ -49,7 +49,7 @@ impl Draw {
         }
     }
 
-    fn direction(&mut self) -> DVec3 {
+    pub fn direction(&mut self) -> DVec3 {
         let (z, phi) = (self.uniform(-1.0, 1.0), self.uniform(0.0, TAU));
         let rho = (1.0 - z * z).sqrt();
         // Sometimes along an axis or in a plane, as scenes often are.

@@ -64,6 +64,7 @@ pub fn header(particles: usize) -> Header {
         species_names: vec!["grain".to_owned(), "Kügelchen".to_owned()],
         mass: (0..particles).map(|i| if i == 0 { f64::INFINITY } else { i as f64 }).collect(),
         radius: (0..particles).map(|i| 0.5 + i as f64).collect(),
+        inertia: vec![0.4; particles],
         wall_names: vec!["y-".to_owned(), "y+".to_owned()],
         frames: true,
         observables: true,
@@ -89,6 +90,7 @@ pub fn frame(k: u64, particles: usize) -> Frame {
         position: all(1),
         velocity: all(2),
         image: (0..particles as i32).map(|i| [i % 3 - 1, k as i32, -i]).collect(),
+        angular_velocity: all(5),
     }
 }
 
@@ -99,6 +101,7 @@ pub fn sample(k: u64) -> Sample {
         step: k * 5,
         ledger: Ledger {
             kinetic: x(1),
+            rotational: x(25),
             potential: x(2),
             spring: f64::NAN,
             dissipated: x(3),
@@ -108,6 +111,8 @@ pub fn sample(k: u64) -> Sample {
         },
         temperature: x(7),
         species_temperature: vec![x(8), x(9)],
+        rotational_temperature: x(26),
+        species_rotational_temperature: vec![x(27), x(28)],
         sonine_a2: x(10),
         pressure: None,
         stress: Some(StressTensor { kinetic: [x(15); 9], collisional: [x(16); 9] }),
@@ -136,6 +141,8 @@ pub fn event(k: u64) -> EventRecord {
         carnot_energy: x(4),
         normal: vector(k, 21),
         position: vector(k, 22),
+        impulse_vector: vector(k, 29),
+        tangential_loss: x(30),
     }
 }
 
@@ -148,6 +155,7 @@ pub fn checkpoint(k: u64, particles: usize) -> Checkpoint {
     Checkpoint {
         position: all(3),
         velocity: all(4),
+        angular_velocity: all(6),
         anchor: (0..particles as i64).map(|i| i - k as i64).collect(),
         image: (0..particles as i32).map(|i| [i, -1, k as i32]).collect(),
         count: (0..particles as u32).map(|i| i + k as u32).collect(),

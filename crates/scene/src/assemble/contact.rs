@@ -152,8 +152,9 @@ impl Assembler<'_> {
             };
             let rule = self.restitution(&path("restitution"), config.restitution.as_ref());
             let sticks = config.sticks == Some(true);
-            if config.restitution.is_none() && !sticks {
-                let why = "missing: the pair needs a restitution, or sticks = true";
+            let is_rough = config.tangential_restitution.is_some() || config.friction.is_some();
+            if config.restitution.is_none() && !sticks && !is_rough {
+                let why = "missing: the pair needs a restitution, a tangential_restitution, or sticks = true";
                 self.document.report_missing(&path("restitution"), why);
             }
             if config.restitution.is_some() && sticks {

@@ -15,6 +15,7 @@ mod partition;
 mod placement;
 mod plan;
 mod sizes;
+mod spin;
 mod values;
 
 use glam::DVec3;
@@ -147,6 +148,7 @@ impl Assembler<'_> {
             domain.wall_names().into_iter().chain(extra_walls.iter().map(|wall| wall.name.clone())).collect();
         self.check_names(&names, &wall_names);
         let contacts = self.contacts(&names, &wall_names);
+        let spin = self.spin_plan(&names, &wall_names);
         let motions = self.wall_motions();
         let drives = self.drives(&names);
         let initial = self.initial(species.len());
@@ -175,6 +177,7 @@ impl Assembler<'_> {
         self.gate()?;
         self.draw_velocities(&species, &mut rows, &initial, state.as_ref());
 
+        let spin = spin.map(|plan| self.spin(plan, &species, &rows, state.as_ref()));
         let mut system = System {
             dimension: self.dimension,
             domain: system_domain,
@@ -184,6 +187,7 @@ impl Assembler<'_> {
             species: names.all.clone(),
             walls,
             contacts,
+            spin,
             drives,
             seed: self.seed,
             measure: haff_engine::Measure::default(),

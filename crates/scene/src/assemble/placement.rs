@@ -47,6 +47,7 @@ impl Assembler<'_> {
         let lengths = [
             Some(state.radius.len()),
             state.velocity.as_ref().map(Vec::len),
+            state.angular_velocity.as_ref().map(Vec::len),
             state.image.as_ref().map(Vec::len),
             state.mass.as_ref().map(Vec::len),
         ];
@@ -96,6 +97,12 @@ impl Assembler<'_> {
                 let position = state.position[row];
                 if !(position.is_finite() && velocity.is_finite()) {
                     return fail(format!("particle {row} of the file has no finite position and velocity"));
+                }
+                let spin = state.angular_velocity.as_ref().map_or(DVec3::ZERO, |spins| spins[row]);
+                let flat = dimension == Dimension::Two;
+                if !spin.is_finite() || flat && (spin.x, spin.y) != (0.0, 0.0) {
+                    let along = if flat { " along z" } else { "" };
+                    return fail(format!("particle {row} of the file has no finite angular velocity{along}"));
                 }
                 if dimension == Dimension::Two && (position.z != 0.0 || velocity.z != 0.0) {
                     return fail(format!("particle {row} of the file leaves the plane z = 0"));

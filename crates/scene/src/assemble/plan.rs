@@ -145,7 +145,8 @@ impl Assembler<'_> {
 
     pub(super) fn output_plan(&mut self, system: &System, run: &RunPlan, rate: f64) -> OutputPlan {
         let n = system.bodies.len() as f64;
-        let steady = system.contacts.are_elastic() && system.drives.is_empty() && rate > 0.0;
+        let is_rough = system.spin.is_some();
+        let steady = system.contacts.are_elastic() && !is_rough && system.drives.is_empty() && rate > 0.0;
         // The run's length in simulated time, where it can be predicted.
         let length = run.until.or_else(|| {
             let collisions = run.collisions.filter(|_| steady)?;
@@ -169,7 +170,7 @@ impl Assembler<'_> {
         };
         let frames = schedule(&mut config.frames, 100.0, 1.2);
         let observables = schedule(&mut config.observables, 1000.0, 1.02);
-        let events = event_columns(config.events.get_or_insert(EventsConfig::All(false)));
+        let events = event_columns(config.events.get_or_insert(EventsConfig::All(false)), system);
         let compressed =
             *config.compression.get_or_insert(CompressionConfig::Deflate) == CompressionConfig::Deflate;
         if config.checkpoint.is_none() {
@@ -206,10 +207,12 @@ impl Assembler<'_> {
 }
 
 /// The requested columns in the order of files, always with the time.
-fn event_columns(config: &EventsConfig) -> Vec<EventColumn> {
+fn event_columns(config: &EventsConfig, system: &System) -> Vec<EventColumn> {
     match config {
         EventsConfig::All(false) => Vec::new(),
-        EventsConfig::All(true) => EventColumn::ALL.to_vec(),
+        EventsConfig::All(true) => {
+            EventColumn::ALL.into_iter().filter(|column| column.exists(system)).collect()
+        }
         EventsConfig::Some(events) => {
             let columns = events.columns.as_deref().unwrap_or_default();
             let mut requested: Vec<EventColumn> = columns.iter().map(|&column| column.into()).collect();
@@ -232,6 +235,8 @@ impl From<EventColumnConfig> for EventColumn {
             EventColumnConfig::CarnotEnergy => Self::CarnotEnergy,
             EventColumnConfig::Normal => Self::Normal,
             EventColumnConfig::Position => Self::Position,
+            EventColumnConfig::ImpulseVector => Self::ImpulseVector,
+            EventColumnConfig::TangentialLoss => Self::TangentialLoss,
         }
     }
 }

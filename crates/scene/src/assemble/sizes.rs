@@ -5,7 +5,7 @@ use super::{
     values::{item, positive},
 };
 use crate::{
-    config::{RadiusConfig, RadiusDistribution},
+    config::{RadiusConfig, RadiusDistribution, SizeTableConfig, SizesConfig},
     random::Stream,
 };
 
@@ -42,6 +42,11 @@ pub(super) enum RadiusLaw {
     },
     /// These radii in turn.
     List(Vec<f64>),
+    /// These radii at random: each with the sum of its weight and all before it, and their whole sum.
+    Table {
+        radii: Vec<f64>,
+        sums: Vec<f64>,
+    },
 }
 
 /// Standard deviations from the mean beyond which no law draws.
@@ -64,7 +69,7 @@ impl RadiusLaw {
             | Self::LogNormal { min, max, .. }
             | Self::Schulz { min, max, .. }
             | Self::Power { min, max, .. } => [*min, *max],
-            Self::List(radii) => {
+            Self::List(radii) | Self::Table { radii, .. } => {
                 radii.iter().fold([f64::INFINITY, 0.0], |[least, largest], &r| [least.min(r), largest.max(r)])
             }
         }
@@ -102,6 +107,13 @@ impl RadiusLaw {
                 (min * libm::exp(log)).clamp(min, max)
             }
             Self::List(ref radii) => radii[k % radii.len()],
+            Self::Table { ref radii, ref sums } => {
+                let whole = sums.last().copied().unwrap_or(0.0);
+                let drawn = random.unit() * whole;
+                // The first whose sum is above what is drawn: never one of weight zero.
+                let index = sums.partition_point(|sum| *sum <= drawn);
+                radii[index.min(radii.len() - 1)]
+            }
         }
     }
 }
@@ -122,7 +134,8 @@ impl Assembler<'_> {
             }
             Some(RadiusConfig::Distribution(distribution)) => distribution.clone(),
         };
-        let RadiusDistribution { uniform, normal, lognormal, schulz, power, list, min, max } = distribution;
+        let RadiusDistribution { uniform, normal, lognormal, schulz, power, list, table, min, max } =
+            distribution;
         let laws = [
             ("uniform", uniform, 2),
             ("normal", normal, 2),
@@ -130,11 +143,12 @@ impl Assembler<'_> {
             ("schulz", schulz, 2),
             ("power", power, 3),
             ("list", list, 0),
+            ("table", table.as_ref().map(|_| Vec::new()), 0),
         ];
         let mut given = laws.into_iter().filter_map(|(name, values, count)| Some((name, values?, count)));
         let Some((name, values, count)) = given.next() else {
             let why = "must have uniform = [a, b], normal = [mean, sd], lognormal = [mean, sd], \
-                       schulz = [mean, sd], power = [min, max, exponent] or list = […]";
+                       schulz = [mean, sd], power = [min, max, exponent], list = […] or table = \"sizes.csv\"";
             self.document.report_missing(&path("radius"), why);
             return fallback;
         };
@@ -145,6 +159,15 @@ impl Assembler<'_> {
         }
         drop(given);
         let at = path(&format!("radius.{name}"));
+        if let Some(table) = table {
+            for (key, value) in [("radius.min", min), ("radius.max", max)] {
+                if value.is_some() {
+                    let why = "belongs to normal, lognormal and schulz distributions only";
+                    self.document.report(&path(key), why);
+                }
+            }
+            return self.table_law(k, table).unwrap_or(fallback);
+        }
         if count > 0 && values.len() != count || values.is_empty() {
             let why = if count == 3 { "must have three numbers" } else { "must have two numbers" };
             self.document.report(&at, if count == 0 { "must have at least one number" } else { why });
@@ -180,6 +203,59 @@ impl Assembler<'_> {
             return fallback;
         }
         law
+    }
+
+    /// The law of a table of sizes. The resolved scene has the table itself, so that it does not need the
+    /// file.
+    fn table_law(&mut self, k: usize, table: SizeTableConfig) -> Option<RadiusLaw> {
+        let at = item("species", k, "radius.table");
+        let sizes = match table {
+            SizeTableConfig::Values(sizes) => sizes,
+            SizeTableConfig::File(file) => {
+                let text = self.states.table(std::path::Path::new(&file));
+                match text.and_then(|text| read_sizes(&text)) {
+                    Ok(sizes) => sizes,
+                    Err(why) => {
+                        self.document.report(&at, format!("cannot be used: {why}"));
+                        return None;
+                    }
+                }
+            }
+        };
+        let radii = sizes.radii.clone().unwrap_or_default();
+        let weights = sizes.weights.clone().unwrap_or_else(|| vec![1.0; radii.len()]);
+        if radii.is_empty() || radii.len() != weights.len() {
+            let why = format!(
+                "must have at least one radius, and as many weights: it has {} and {}",
+                radii.len(),
+                weights.len()
+            );
+            self.document.report(&at, why);
+            return None;
+        }
+        if let Some(radius) = radii.iter().find(|radius| !(**radius > 0.0 && radius.is_finite())) {
+            self.document.report(&at, format!("must have positive radii, not {radius}"));
+            return None;
+        }
+        let mut sum = 0.0;
+        let sums: Vec<f64> = weights
+            .iter()
+            .map(|weight| {
+                sum += weight;
+                sum
+            })
+            .collect();
+        let sound = weights.iter().all(|weight| *weight >= 0.0) && sum > 0.0 && sum.is_finite();
+        if !sound {
+            self.document.report(&at, "must have weights of zero or more, and one above zero");
+            return None;
+        }
+        if let Some(Some(species)) = self.config.species.as_mut().map(|species| species.get_mut(k))
+            && let Some(RadiusConfig::Distribution(distribution)) = &mut species.radius
+        {
+            distribution.table = Some(SizeTableConfig::Values(sizes));
+        }
+        Some(RadiusLaw::Table { radii, sums })
     }
 
     /// A law with a mean, a standard deviation and limits.
@@ -243,6 +319,44 @@ impl Assembler<'_> {
     }
 }
 
+/// Radii and weights from the lines of a CSV file. A first line without numbers is a heading; empty lines and
+/// those that begin with # are left out.
+fn read_sizes(text: &str) -> Result<SizesConfig, String> {
+    let (mut radii, mut weights) = (Vec::new(), Vec::new());
+    for (number, line) in text.lines().enumerate() {
+        let line = line.trim();
+        if line.is_empty() || line.starts_with('#') {
+            continue;
+        }
+        let separators = |c: char| c == ',' || c == ';' || c == '\t';
+        let fields: Vec<&str> =
+            line.split(separators).map(str::trim).filter(|field| !field.is_empty()).collect();
+        let values: Result<Vec<f64>, _> = fields.iter().map(|field| field.parse::<f64>()).collect();
+        match values.as_deref() {
+            Ok(&[radius]) => radii.push(radius),
+            Ok(&[radius, weight]) => {
+                radii.push(radius);
+                weights.push(weight);
+            }
+            Err(_)
+                if radii.is_empty()
+                    && weights.is_empty()
+                    && !fields.iter().any(|f| f.parse::<f64>().is_ok()) => {}
+            _ => {
+                let line = crate::text::cut(line, 40);
+                return Err(format!(
+                    "line {} must be a radius, or a radius and a weight: {line}",
+                    number + 1
+                ));
+            }
+        }
+    }
+    if !weights.is_empty() && weights.len() != radii.len() {
+        return Err("all lines must have a weight, or none".to_owned());
+    }
+    Ok(SizesConfig { radii: Some(radii), weights: (!weights.is_empty()).then_some(weights) })
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -294,9 +408,34 @@ mod tests {
             assert!(z.abs() < 4.0, "{law:?}: mean {found}, z = {z}");
             assert!((deviation / sd - 1.0).abs() < 0.03, "{law:?}: deviation {deviation}, not {sd}");
         }
+        // Weights 1, 0 and 3 of the radii 1, 5 and 2.
+        let table = RadiusLaw::Table { radii: vec![1.0, 5.0, 2.0], sums: vec![1.0, 1.0, 4.0] };
+        let draws = (0..COUNT).map(|k| table.draw(k, &mut Stream::new(1, Purpose::Radius, "grain", k)));
+        let small = draws.filter(|&radius| radius == 1.0).count() as f64;
+        let z = (small - 0.25 * COUNT as f64) / (COUNT as f64 * 0.1875).sqrt();
+        assert!(z.abs() < 4.0, "z = {z}");
         let list = RadiusLaw::List(vec![0.5, 2.0, 1.0]);
         assert_eq!(list.range(), [0.5, 2.0]);
         let mut random = Stream::new(1, Purpose::Radius, "grain", 0);
         assert_eq!([0, 1, 2, 3].map(|k| list.draw(k, &mut random)), [0.5, 2.0, 1.0, 0.5]);
+    }
+
+    #[test]
+    fn sizes_are_read_from_lines_with_and_without_weights() {
+        let sizes = |radii: &[f64], weights: Option<&[f64]>| {
+            Ok(SizesConfig { radii: Some(radii.to_vec()), weights: weights.map(<[f64]>::to_vec) })
+        };
+        assert_eq!(read_sizes("0.5\n\n 0.25 \n"), sizes(&[0.5, 0.25], None));
+        let text = "# sieve\nradius,weight\n1.0, 3\n2e-1;1\n";
+        assert_eq!(read_sizes(text), sizes(&[1.0, 0.2], Some(&[3.0, 1.0])));
+        for (text, message) in [
+            ("0.5\nhalf\n", "line 2 must be a radius"),
+            ("0.5\n1\n0.2 x\n", "line 3"),
+            ("1,2,3\n", "line 1"),
+            ("1,2\n3\n", "all lines must have a weight"),
+        ] {
+            let error = read_sizes(text).unwrap_err();
+            assert!(error.contains(message), "{text:?}: {error}");
+        }
     }
 }

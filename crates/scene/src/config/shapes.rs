@@ -11,7 +11,7 @@ use serde::de::{
 use super::{
     BinsConfig, EventColumnsConfig, EventsConfig, FileConfig, LogConfig, OutputFileConfig, PackingConfig,
     PositionsConfig, RadiusConfig, RadiusDistribution, RestitutionConfig, RestitutionModelConfig,
-    ScheduleConfig, WallTimeConfig,
+    ScheduleConfig, SizeTableConfig, SizesConfig, WallTimeConfig,
 };
 use crate::read::keys_of;
 
@@ -86,6 +86,11 @@ by_shape!(
     RadiusConfig, "a number, { uniform = [a, b] } or { normal = [mean, sd] }",
     number RadiusConfig::Fixed,
     table RadiusConfig::Distribution, of RadiusDistribution
+);
+by_shape!(
+    SizeTableConfig, "a path or { radii = […], weights = […] }",
+    text |text: &str| Ok(SizeTableConfig::File(text.to_owned())),
+    table SizeTableConfig::Values, of SizesConfig
 );
 by_shape!(
     PositionsConfig, "\"lattice\", \"fcc\", \"hexagonal\", \"random\" or { file = \"…\" }",

@@ -1,0 +1,349 @@
+/*!
+Friction on a grain that a wall supports: it slides, and then rolls.
+
+With the weight m p towards the wall, the component a of gravity along it, the slip s of the surface of the
+grain over the wall and Coulomb's coefficient μ, friction gives the grain the acceleration f:
+
+```text
+sliding   f = −μ p s/|s|        ds/dt = a + f (1 + 1/q)
+rolling   f = −a/(1 + 1/q)      s = 0, while |f| ≤ μ p
+          dω/dt = −n × f/(q R)  n: normal of the wall, towards the grain
+```
+
+On a level wall, a = 0, and where s is parallel to a, both are flights of constant acceleration, and the slip
+ends at t = |s|/|ds/dt|: a ball without spin rolls from 2 v/(7 μ g) on, at 5/7 of its speed v. If s is oblique
+to a, the direction of f turns. The slide is then a sequence of short ones, each with the direction of its
+middle; the error of a slide is of the order of [`TURN`]².
+
+Without a bound of friction (β alone) the slip is taken at once. Friction acts on grains that one wall
+supports, which neither moves nor carries them.
+*/
+
+use glam::DVec3;
+use haff_mechanics::{Impact, RoughBody, Roughness, TangentialImpact, slip_velocity, tangential_impact};
+
+use crate::{
+    clock::{Clock, HORIZON, whole},
+    measure::total,
+    particles::World,
+    report::{EventKind, Observer},
+    resolve,
+    state::State,
+};
+
+/// A slip below this fraction of the speeds that it is the difference of is rounding error.
+const NOISE: f64 = 16.0 * f64::EPSILON;
+/// Gravity along a wall below this fraction of gravity is rounding error.
+const LEVEL: f64 = 1e-13;
+/// Angle by which a slide may turn \[rad\].
+const TURN: f64 = 2e-3;
+/// A slide that turns ends when its slip is below this fraction of the speeds that it is the difference of.
+const TURNED: f64 = 1e-9;
+
+/// Friction on a grain since an event.
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+pub(crate) struct Slide {
+    pub wall: u32,
+    /// \[ticks\]
+    pub since: i64,
+    /// End \[ticks\]; `None` if it has none by itself.
+    pub end: Option<i64>,
+    /// Whether the slip ends there.
+    pub rolls: bool,
+    /// Acceleration by friction [length/time²].
+    pub friction: DVec3,
+    /// Slip at `since` [length/time], and its rate of change.
+    pub slip: DVec3,
+    pub slip_rate: DVec3,
+    /// Rate of change of the angular velocity [1/time²].
+    pub spin_rate: DVec3,
+    /// Energy by mass that friction took before `since` [length²/time²], and its impulse by mass.
+    pub lost: f64,
+    pub given: DVec3,
+}
+
+impl Slide {
+    /// Its vectors with their names in checkpoints.
+    pub fn vectors_mut(&mut self) -> [(&'static str, &mut DVec3); 5] {
+        [
+            ("friction", &mut self.friction),
+            ("slip", &mut self.slip),
+            ("slip_rate", &mut self.slip_rate),
+            ("spin_rate", &mut self.spin_rate),
+            ("given", &mut self.given),
+        ]
+    }
+
+    /// See [`Self::vectors_mut`].
+    pub fn vectors(mut self) -> [(&'static str, DVec3); 5] {
+        self.vectors_mut().map(|(name, vector)| (name, *vector))
+    }
+
+    /// Whether the grain slips; otherwise it rolls.
+    fn slips(&self) -> bool {
+        self.slip != DVec3::ZERO || self.slip_rate != DVec3::ZERO
+    }
+
+    fn age(&self, clock: &Clock, ticks: i64) -> f64 {
+        (ticks - self.since) as f64 * clock.tick
+    }
+
+    /// Change of the angular velocity since the slide began [1/time].
+    pub fn spin_change(&self, clock: &Clock, ticks: i64) -> DVec3 {
+        self.spin_rate * self.age(clock, ticks)
+    }
+
+    /// Energy by mass that friction has taken: the work of `friction` along the slip.
+    fn loss(&self, clock: &Clock, ticks: i64) -> f64 {
+        let t = self.age(clock, ticks);
+        self.lost - self.friction.dot(self.slip * t + self.slip_rate * (0.5 * t * t))
+    }
+
+    /// Impulse by mass that friction has given to the grain.
+    fn impulse(&self, clock: &Clock, ticks: i64) -> DVec3 {
+        self.given + self.friction * self.age(clock, ticks)
+    }
+
+    /// The same slide, described from `ticks` on.
+    pub fn moved_to(&self, clock: &Clock, ticks: i64) -> Self {
+        let t = self.age(clock, ticks);
+        let slip = self.slip + self.slip_rate * t;
+        let given = self.impulse(clock, ticks);
+        Self { since: ticks, slip, lost: self.loss(clock, ticks), given, ..*self }
+    }
+}
+
+/// When particle i ends to slide [ticks].
+pub(crate) fn end_of_slide(world: &World, i: u32) -> Option<i64> {
+    world.spin.as_ref()?.slides.get(&i)?.end
+}
+
+impl World {
+    /// The acceleration of particle i by friction.
+    pub fn friction(&self, i: u32) -> DVec3 {
+        let slide = self.spin.as_ref().and_then(|spins| spins.slides.get(&i));
+        slide.map_or(DVec3::ZERO, |slide| slide.friction)
+    }
+
+    /// The particles with friction on them, in ascending order.
+    pub fn sliding(&self) -> Vec<u32> {
+        self.spin.as_ref().map_or(Vec::new(), |spins| spins.slides.keys().copied().collect())
+    }
+
+    /// Energy that friction has taken at the present, in slides that have not ended.
+    pub fn friction_loss(&self) -> f64 {
+        let Some(spins) = self.spin.as_ref().filter(|spins| !spins.slides.is_empty()) else { return 0.0 };
+        let slides: Vec<(u32, &Slide)> = spins.slides.iter().map(|(&i, slide)| (i, slide)).collect();
+        let [energy] = total(slides.len(), |k| {
+            let (i, slide) = slides[k as usize];
+            [self.class(i).mass * slide.loss(&self.clock, self.now)]
+        });
+        energy
+    }
+
+    /// Particle i and a wall at rest as bodies in a contact.
+    fn bodies_on_wall(&self, i: u32, ticks: i64) -> Option<[RoughBody; 2]> {
+        let spins = self.spin.as_deref()?;
+        let (_, velocity) = self.state(i, ticks);
+        let angular_velocity = self.angular_velocity(i, ticks);
+        let body = RoughBody { angular_velocity, ..spins.body(i, self.class(i), velocity) };
+        let wall =
+            RoughBody { velocity: DVec3::ZERO, angular_velocity: DVec3::ZERO, inverse_mass: 0.0, ..body };
+        Some([body, RoughBody { radius: 0.0, ..wall }])
+    }
+
+    /// Adds the force of friction on particle i from `ticks` on, or takes it off (`sign` −1).
+    fn change_friction(&mut self, i: u32, slide: &Slide, sign: f64, ticks: i64) {
+        let force = slide.friction * (sign * self.class(i).mass);
+        if force != DVec3::ZERO {
+            let time = self.clock.time(ticks);
+            self.force.change(force, time);
+            if let Some(sums) = &mut self.wall_sums {
+                sums.change_support([(slide.wall as u16, force)].into_iter(), 1.0, time);
+            }
+        }
+    }
+}
+
+/// The friction on particle i from `time` on, if a wall supports it that is rough.
+fn friction_on(state: &State, i: u32, time: i64) -> Option<Slide> {
+    let world = &state.world;
+    let spins = world.spin.as_deref()?;
+    let [Some(wall), None, None] = world.support(i) else { return None };
+    let wall = u32::from(wall);
+    let law = world.roughness(spins, i, wall);
+    if state.pending.contains_key(&i) || world.carrier(i).is_some() || law.is_smooth() {
+        return None;
+    }
+    let n = world.walls[wall as usize].normal;
+    let limit = law.friction * -world.gravity.dot(n);
+    let [body, floor] = world.bodies_on_wall(i, time)?;
+    let slip = slip_velocity(&body, &floor, -n);
+    let (speed, scale) =
+        (slip.length(), body.velocity.length() + body.radius * body.angular_velocity.length());
+    let along = world.acceleration(i);
+    let along = if along.length() <= LEVEL * world.gravity.length() { DVec3::ZERO } else { along };
+    let stiffness = 1.0 + 1.0 / body.inertia;
+    let slide = |friction: DVec3, end: Option<(f64, bool)>| {
+        // No component along the normal, not even by rounding: the grain would leave the wall.
+        let friction = friction - n * friction.dot(n);
+        let end = end.filter(|(ticks, _)| *ticks < f64::INFINITY).map(|(delay, rolls)| {
+            let ticks = delay * world.clock.per_time;
+            (time + whole(ticks.min(HORIZON)), rolls && ticks <= HORIZON)
+        });
+        let is_rolling = speed <= NOISE * scale && friction.length() < limit;
+        Slide {
+            wall,
+            since: time,
+            end: end.map(|(end, _)| end),
+            rolls: end.is_some_and(|(_, rolls)| rolls),
+            friction,
+            slip: if speed <= NOISE * scale { DVec3::ZERO } else { slip },
+            slip_rate: if is_rolling { DVec3::ZERO } else { along + friction * stiffness },
+            spin_rate: n.cross(friction) * (-1.0 / (body.inertia * body.radius)),
+            lost: 0.0,
+            given: DVec3::ZERO,
+        }
+    };
+    if speed <= NOISE * scale {
+        let holding = along.length() / stiffness;
+        return if along == DVec3::ZERO {
+            None
+        } else if holding < limit {
+            Some(slide(-along / stiffness, None))
+        } else {
+            Some(slide(-along.normalize_or_zero() * limit, None))
+        };
+    }
+    if limit == f64::INFINITY {
+        return Some(Slide { slip_rate: DVec3::ZERO, ..slide(DVec3::ZERO, Some((0.0, true))) });
+    }
+    let direction = slip / speed;
+    let parallel = along.dot(direction);
+    let across = along - direction * parallel;
+    if across.length() <= LEVEL * world.gravity.length() {
+        let rate = limit * stiffness - parallel;
+        let end = if rate > 0.0 { Some((speed / rate, true)) } else { None };
+        return Some(slide(-direction * limit, end));
+    }
+    if speed <= TURNED * scale {
+        return Some(Slide { slip_rate: DVec3::ZERO, ..slide(DVec3::ZERO, Some((0.0, true))) });
+    }
+    // Neither the direction nor the speed may change much within a step.
+    let step = TURN * speed / across.length().max(0.1 * limit * stiffness).max(0.1 * parallel.abs());
+    let middle = slip + (along - direction * (limit * stiffness)) * (0.5 * step);
+    Some(slide(-middle.normalize_or_zero() * limit, Some((step, false))))
+}
+
+/// Begins the friction on particle i at `time`, if a rough wall supports it. Its last event must be at
+/// `time`, or else its anchor is moved there.
+pub(crate) fn begin(state: &mut State, i: u32, time: i64) {
+    let Some(spins) = &state.world.spin else { return };
+    if !state.world.particles[i as usize].rests() || spins.slides.contains_key(&i) {
+        return;
+    }
+    if let Some(slide) = friction_on(state, i, time) {
+        insert(state, i, slide, time);
+    }
+}
+
+fn insert(state: &mut State, i: u32, slide: Slide, time: i64) {
+    let world = &mut state.world;
+    if world.particles[i as usize].time != time {
+        let (position, velocity) = world.state(i, time);
+        world.particles[i as usize].set_anchor(position, velocity, time);
+    }
+    world.change_friction(i, &slide, 1.0, time);
+    if let Some(spins) = &mut world.spin {
+        spins.slides.insert(i, slide);
+    }
+}
+
+/// Ends the friction on particle i at `time`: its anchor is moved there. Returns the slide.
+fn remove(state: &mut State, i: u32, time: i64) -> Option<Slide> {
+    let world = &mut state.world;
+    let slide = *world.spin.as_ref()?.slides.get(&i)?;
+    let (position, velocity) = world.state(i, time);
+    let angular_velocity = world.angular_velocity(i, time);
+    world.change_friction(i, &slide, -1.0, time);
+    if let Some(spins) = &mut world.spin {
+        spins.slides.remove(&i);
+        spins.angular_velocity[i as usize] = angular_velocity;
+    }
+    world.particles[i as usize].set_anchor(position, velocity, time);
+    Some(slide)
+}
+
+/// Takes what is left of the slip of particle i: rounding, or all of it if friction has no bound.
+fn stick(state: &mut State, i: u32, slide: &Slide, time: i64) -> TangentialImpact {
+    let world = &mut state.world;
+    let Some([body, floor]) = world.bodies_on_wall(i, time) else { return TangentialImpact::default() };
+    let n = -world.walls[slide.wall as usize].normal;
+    let law = Roughness { tangential_restitution: 0.0, friction: f64::INFINITY };
+    let last = tangential_impact(&body, &floor, n, 0.0, law);
+    world.particles[i as usize].velocity = body.velocity - last.impulse * body.inverse_mass;
+    if let Some(spins) = &mut world.spin {
+        spins.angular_velocity[i as usize] = body.angular_velocity + last.spin_changes[0];
+    }
+    world.add_wall_impulse(slide.wall, -last.impulse);
+    state.accumulators.add_impulse(-last.impulse);
+    last
+}
+
+/// Records what friction has taken from particle i, in a slide that ended at `time` with the impulse `last`.
+fn record<const EVENTS: bool>(
+    state: &mut State,
+    i: u32,
+    slide: &Slide,
+    last: &TangentialImpact,
+    time: i64,
+    observer: &mut dyn Observer,
+) {
+    let world = &mut state.world;
+    let mass = world.class(i).mass;
+    let energy_loss = mass * slide.loss(&world.clock, time) + last.energy_loss;
+    let now = world.clock.time(time);
+    state.accumulators.add_losses(now, energy_loss, last.carnot_energy);
+    world.add_wall_heat(slide.wall, -energy_loss);
+    if EVENTS && slide.slips() {
+        let n = -world.walls[slide.wall as usize].normal;
+        let position = world.particles[i as usize].position + n * world.class(i).radius;
+        let impact = Impact { energy_loss, carnot_energy: last.carnot_energy, ..Impact::default() };
+        let place = world.periodicity.wrap(position).0;
+        let mut row = resolve::row(now, EventKind::Slide, [i, slide.wall], &impact, n, place);
+        row.impulse_vector = last.impulse - slide.impulse(&world.clock, time) * mass;
+        row.tangential_loss = energy_loss;
+        observer.event(&row);
+    }
+}
+
+/// Ends the friction on particle i before another event at `time`.
+pub(crate) fn interrupt<const EVENTS: bool>(
+    state: &mut State,
+    i: u32,
+    time: i64,
+    observer: &mut dyn Observer,
+) {
+    if let Some(slide) = remove(state, i, time) {
+        record::<EVENTS>(state, i, &slide, &TangentialImpact::default(), time, observer);
+    }
+}
+
+/// The event at the end of a slide: the grain rolls from now on, or slides on in another direction.
+pub(crate) fn end<const EVENTS: bool>(state: &mut State, i: u32, time: i64, observer: &mut dyn Observer) {
+    let Some(slide) = remove(state, i, time) else { return };
+    if slide.rolls {
+        let last = stick(state, i, &slide, time);
+        record::<EVENTS>(state, i, &slide, &last, time, observer);
+        return begin(state, i, time);
+    }
+    let before = slide.moved_to(&state.world.clock, time);
+    let next = friction_on(state, i, time);
+    if let Some(next) = next.filter(Slide::slips) {
+        return insert(state, i, Slide { lost: before.lost, given: before.given, ..next }, time);
+    }
+    record::<EVENTS>(state, i, &slide, &TangentialImpact::default(), time, observer);
+    if let Some(next) = next {
+        insert(state, i, next, time);
+    }
+}
