@@ -62,6 +62,7 @@ pub fn check(options: &Check) -> Result<u8, Failure> {
             columns: &scene.output.events,
             compressed: scene.output.compressed,
             dimension: axes,
+            spin: system.spin.is_some(),
             measured: estimate::measured(system, samples, until),
         })
     });

@@ -156,12 +156,15 @@ pub fn slip_velocity(first: &RoughBody, second: &RoughBody, n: DVec3) -> DVec3 {
 /// // A sphere that slides over a floor with v = 7 and bounces on it, β = 0: 2/7 of the slip go into
 /// // translation, 5/7 into rotation, so that it rolls.
 /// let velocity = DVec3::new(7.0, 0.0, -1.0);
-/// let ball = RoughBody { velocity, angular_velocity: DVec3::ZERO, radius: 2.0, inverse_mass: 1.0, inertia:
-/// 0.4 }; let floor = RoughBody { velocity: DVec3::ZERO, radius: 0.0, inverse_mass: 0.0, ..ball }; let law =
-/// Roughness { tangential_restitution: 0.0, friction: f64::INFINITY }; let impact = tangential_impact(&ball,
-/// &floor, DVec3::NEG_Z, 2.0, law); assert!((impact.impulse - DVec3::new(2.0, 0.0, 0.0)).length() < 1e-15);
-/// assert!((impact.spin_changes[0].y - 2.5).abs() < 1e-15); // v' = 5 = R ω' assert!((impact.energy_loss -
-/// 7.0).abs() < 1e-14); // ½ m v² q/(1 + q)
+/// let still = DVec3::ZERO;
+/// let ball =
+///     RoughBody { velocity, angular_velocity: still, radius: 2.0, inverse_mass: 1.0, inertia: 0.4 };
+/// let floor = RoughBody { velocity: still, radius: 0.0, inverse_mass: 0.0, ..ball };
+/// let law = Roughness { tangential_restitution: 0.0, friction: f64::INFINITY };
+/// let impact = tangential_impact(&ball, &floor, DVec3::NEG_Z, 2.0, law);
+/// assert!((impact.impulse - DVec3::new(2.0, 0.0, 0.0)).length() < 1e-15);
+/// assert!((impact.spin_changes[0].y - 2.5).abs() < 1e-15); // v' = 5 = R ω'
+/// assert!((impact.energy_loss - 7.0).abs() < 1e-14); // ½ m v² q/(1 + q)
 /// ```
 #[inline]
 #[must_use]

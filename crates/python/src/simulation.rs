@@ -203,9 +203,8 @@ impl Simulation {
     }
 
     /// Changes the state: arrays `[N][3]` of all positions, velocities or angular velocities, rows of
-    /// particles to be removed,
-    /// and particles to be added as (position, velocity, angular velocity, radius, mass, index of the
-    /// species).
+    /// particles to be removed, and particles to be added as (position, velocity, angular velocity, radius,
+    /// mass, index of the species).
     #[pyo3(signature = (
         *, positions=None, velocities=None, angular_velocities=None, remove=Vec::new(), add=Vec::new()
     ))]

@@ -11,6 +11,8 @@ pub struct FileSize<'a> {
     pub particles: u64,
     /// 2 or 3.
     pub dimension: usize,
+    /// Whether there are angular velocities.
+    pub spin: bool,
     /// Frames.
     pub frames: u64,
     /// Rows of observables.
@@ -49,18 +51,24 @@ fn event_row(column: EventColumn, size: &FileSize) -> f64 {
 
 /// Expected size of a file [bytes], to about a tenth beyond a megabyte.
 pub fn estimate_file_size(size: &FileSize) -> u64 {
-    let FileSize { particles, dimension, frames, samples, events, measured, .. } = *size;
+    let FileSize { particles, dimension, spin, frames, samples, events, measured, .. } = *size;
     // Groups, headers and the first chunk of every small series.
     let fixed = 250_000;
-    // id, species, mass, radius; two checkpoint slots of 76 bytes.
-    let per_particle = 4 + 4 + 8 + 8 + 2 * 76;
+    // id, species, mass, radius; two checkpoint slots of 76 bytes. With spin, inertia and 24 bytes more.
+    let per_particle = 4 + 4 + 8 + 8 + 2 * 76 + if spin { 8 + 2 * 24 } else { 0 };
     let compressed = frame_storage(particles as usize, size.compressed).compressed;
     // Images, small numbers, shrink to about 3 bytes.
     let vectors = if compressed { 2.0 * dimension as f64 * PACKED + 3.0 } else { 24.0 + 24.0 + 12.0 };
+    let axes = if dimension == 2 { 1.0 } else { 3.0 };
+    let spins = match (spin, compressed) {
+        (false, _) => 0.0,
+        (true, true) => axes * PACKED,
+        (true, false) => 24.0,
+    };
     let per_frame = 8 + 8 + 24;
     let sizes = Sizes { species: 1, walls: 0, dimension };
     let per_sample = 16
-        + observables(&Present { stress: false, wall_forces: false, ..Present::all() })
+        + observables(&Present { stress: false, wall_forces: false, spin, ..Present::all() })
             .iter()
             .map(|observable| 8 * observable.quantity.shape(sizes).iter().product::<usize>() as u64)
             .sum::<u64>();
@@ -70,7 +78,7 @@ pub fn estimate_file_size(size: &FileSize) -> u64 {
     [
         particles.saturating_mul(per_particle),
         frames.saturating_mul(per_frame),
-        (frames as f64 * particles as f64 * vectors) as u64,
+        (frames as f64 * particles as f64 * (vectors + spins)) as u64,
         samples.saturating_mul(per_sample),
         measured.saturating_mul(8),
         (rows as f64 * event) as u64,

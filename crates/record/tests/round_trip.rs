@@ -323,7 +323,7 @@ fn disks_and_files_with_few_datasets_are_read_back() {
     assert!(found.resumable);
     assert!(matches!(last_state(&path), Err(RecordError::Missing { what: "frames", .. })));
     let file = File::open(&path).expect("the file opens");
-    assert_eq!(file.group("particles/all").and_then(|g| g.member_names()).expect("a group").len(), 5);
+    assert_eq!(file.group("particles/all").and_then(|g| g.member_names()).expect("a group").len(), 6);
 }
 
 #[test]
@@ -489,6 +489,7 @@ fn the_estimated_file_size_is_accurate_to_15_percent() {
         let estimate = haff_record::estimate_file_size(&haff_record::FileSize {
             particles: particles as u64,
             dimension: 3,
+            spin: true,
             frames,
             samples,
             events,
