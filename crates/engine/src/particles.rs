@@ -216,7 +216,7 @@ impl World {
             wall_laws: self.wall_laws.clone(),
             force: Force::default(),
             wall_sums: None,
-            spin: self.spin.as_deref().map(Spins::without_particles),
+            spin: self.spin.as_deref().map(|spins| Box::new(spins.without_particles())),
             ..*self
         }
     }

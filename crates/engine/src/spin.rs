@@ -53,14 +53,14 @@ impl Spins {
     }
 
     /// The same laws, without particles.
-    pub fn without_particles(&self) -> Box<Self> {
-        Box::new(Self {
+    pub fn without_particles(&self) -> Self {
+        Self {
             angular_velocity: Array::default(),
             inertia: self.inertia.clone(),
             pair: self.pair.clone(),
             wall: self.wall.clone(),
             slides: BTreeMap::new(),
-        })
+        }
     }
 
     /// Describes all slides from the end of an epoch on, and sets their start to the start of the next one.

@@ -202,10 +202,9 @@ pub(crate) fn slide(world: &World, i: u32, slide: &Slide) -> Result<(), EngineEr
     let (particles, now) = (world.particles.len(), world.now);
     require((i as usize) < particles, || format!("slide.{i}: there are {particles} particles"))?;
     require(world.spin.is_some(), || format!("slide.{i}: the scene has no spin"))?;
-    require(
-        world.support(i) == [Some(slide.wall as u16), None, None] && slide.wall <= u32::from(u16::MAX),
-        || format!("slide.{i}.wall = {} must be the only wall that particle {i} rests on", slide.wall),
-    )?;
+    require(world.support(i) == [u16::try_from(slide.wall).ok(), None, None], || {
+        format!("slide.{i}.wall = {} must be the only wall that particle {i} rests on", slide.wall)
+    })?;
     require((0..=now).contains(&slide.since), || {
         format!("slide.{i}.since = {} must be in [0, {now}] ticks", slide.since)
     })?;

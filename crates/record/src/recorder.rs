@@ -37,6 +37,7 @@ pub struct Recorder {
 
 /// The data that the file contains.
 #[derive(Debug, Clone, Copy, Default)]
+#[expect(clippy::struct_excessive_bools, reason = "each part is there or not")]
 pub(crate) struct Contents {
     /// N.
     pub particles: usize,

@@ -123,6 +123,7 @@ pub struct SpeciesConfig {
 /// One radius for all, or a distribution.
 #[derive(Debug, Clone, PartialEq, Serialize, JsonSchema)]
 #[serde(untagged)]
+#[expect(clippy::large_enum_variant, reason = "one for each species")]
 pub enum RadiusConfig {
     /// The same radius for every particle [length].
     Fixed(#[schemars(extend("exclusiveMinimum" = 0))] f64),

@@ -157,7 +157,9 @@ fn spins(scene: &System, all_different: bool, random: &mut Random) -> Spin {
                 (pair[a * groups + b], pair[b * groups + a]) = (law, law);
             }
         }
-        wall.iter_mut().for_each(|law| *law = roughness(random));
+        for law in &mut wall {
+            *law = roughness(random);
+        }
     }
     let component = |axis: usize, random: &mut Random| {
         if d == 3 || axis == 2 { random.uniform(-3.0, 3.0) } else { 0.0 }

@@ -238,7 +238,9 @@ impl Assembler<'_> {
         }
         if twice_energy > 0.0 {
             let scale = (axes * bodies * temperature / twice_energy).sqrt();
-            spins.iter_mut().for_each(|spin| *spin *= scale);
+            for spin in spins {
+                *spin *= scale;
+            }
         }
     }
 }
