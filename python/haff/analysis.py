@@ -453,7 +453,7 @@ def cooling_law(file: File) -> CoolingLaw:
     """
     box, d, e = file.box, file.dimension, gas_restitution(file)
     if is_rough(file.scene):
-        raise NotApplicableError("Haff's law does not know rough contacts")
+        raise NotApplicableError("Haff's law is for smooth contacts")
     table = file.observables if "observables" in file else None
     if table is not None and ("temperature" not in table or len(table) == 0):
         raise NotApplicableError("Haff's law needs samples of the temperature")

@@ -33,12 +33,13 @@ def test_rough_cooling_has_the_ratio_of_temperatures_of_the_boltzmann_equation(c
     expected, error = dsmc.COOLING[e, beta]
     z = (ratio.mean - expected) / np.hypot(ratio.error, error)
     assert abs(z) < 4, f"T_rot/T = {ratio.mean:.4f} ± {ratio.error:.2g}, expected {expected:.4f} ± {error:.2g}"
-    assert ratio.mean == pytest.approx(float(theory.rough_temperature_ratio(e, beta)), rel=0.12)
+    # The Maxwellian approximation is 5 % too high at the first, 12 % at the second.
+    assert 0.85 < ratio.mean / float(theory.rough_temperature_ratio(e, beta)) < 1
 
 
 def test_a_sliding_ball_rolls_at_five_sevenths_of_its_speed(command):
     with command.run("rolling").open() as run:
-        (slide,) = run.events.query("kind == 'slide'").itertuples()
+        (slide,) = run.events.to_pandas().query("kind == 'slide'").itertuples()
         assert slide.time == pytest.approx(2 * 7 / (7 * 0.3 * 9.81), rel=1e-14)
         assert slide.energy_loss == pytest.approx(14, rel=1e-14)
         for frame in run.frames:

@@ -188,6 +188,11 @@ def _plain(file: File, why: str) -> Figure:
         axes.legend(loc="best", ncols=2)
     if cooled:
         axes.set_yscale("log")
+        later = t[t > 0]
+        if len(later) > 1 and later[-1] > 1000 * later[0]:
+            # Output at logarithmic times: a linear axis would show the last decade only.
+            axes.set_xscale("log")
+            axes.set_xlim(later[0], later[-1])
     else:
         shown = np.column_stack([table[[*names, "temperature"]].to_numpy(), rotation])
         zoom(axes, float(np.nanmin(shown)), float(np.nanmax(shown)), least=1e-3 * float(np.nanmax(T)))
