@@ -28,8 +28,9 @@ use crate::{
     particles::{Particle, World},
     predict::Earliest,
     report::{EventKind, Observer},
-    resolve::{self, PLASTIC_END, REST_HEIGHT},
+    resolve,
     search_event::SearchEvent,
+    series::{self, PLASTIC_END, REST_HEIGHT},
     state::{Pending, State},
     wall_motion::WallMotion,
 };
@@ -195,7 +196,7 @@ pub(crate) fn release<const EVENTS: bool>(
     time: i64,
     observer: &mut dyn Observer,
 ) -> Result<(), EngineError> {
-    resolve::end_of_bounces_early::<EVENTS>(state, i, time, observer);
+    series::end_of_bounces_early::<EVENTS>(state, i, time, observer);
     let world = &state.world;
     let Some(wall) = world.carrier(i) else { return Ok(()) };
     let plane = &world.walls[wall as usize];

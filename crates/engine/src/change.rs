@@ -24,6 +24,7 @@ use crate::{
     report::{EventKind, EventRecord, Exchange, NO_PARTNER, Observer, Partner, VelocityChange},
     resolve,
     rest::state::SettlingState,
+    series,
     simulation::{Simulation, actions, open_axes},
     slide,
     stall::Stall,
@@ -102,7 +103,7 @@ impl Simulation {
         let pending: Vec<u32> = state.pending.keys().copied().collect();
         let now = state.world.now;
         for i in pending {
-            resolve::end_of_bounces::<true>(&mut state, i, now, &mut rows);
+            series::end_of_bounces::<true>(&mut state, i, now, &mut rows);
         }
         for i in state.world.sliding() {
             slide::interrupt::<true>(&mut state, i, now, &mut rows);

@@ -2,7 +2,7 @@
 //! event loop contains no others.
 
 use crate::{
-    carried, error::EngineError, features::Features, report::Observer, resolve, rest::contact, slide,
+    carried, error::EngineError, features::Features, report::Observer, resolve, rest::contact, series, slide,
     state::State,
 };
 
@@ -138,7 +138,7 @@ impl PhysicalEvent for AnyEvent {
         match self {
             Self::Impact(impact) => impact.resolve::<F, EVENTS>(state, time, observer),
             Self::EndOfBounces(i) => {
-                resolve::end_of_bounces::<EVENTS>(state, i, time, observer);
+                series::end_of_bounces::<EVENTS>(state, i, time, observer);
                 slide::begin(state, i, time);
                 Ok(Vec::new())
             }

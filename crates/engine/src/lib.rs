@@ -51,6 +51,7 @@ mod rest;
 mod rough;
 mod scalars;
 mod search_event;
+mod series;
 mod simulation;
 mod slide;
 mod spin;

@@ -16,7 +16,7 @@ use crate::{
     ledger::Term,
     model::System,
     report::{Exchange, Observer, Partner, VelocityChange},
-    resolve,
+    series,
     state::State,
     timed::TimedAction,
 };
@@ -124,9 +124,9 @@ impl Driven {
 fn kick(state: &mut State, i: u32, velocity: DVec3, observer: &mut dyn Observer) -> Result<(), EngineError> {
     let now = state.world.now;
     if observer.wants_events() {
-        resolve::end_of_bounces_early::<true>(state, i, now, observer);
+        series::end_of_bounces_early::<true>(state, i, now, observer);
     } else {
-        resolve::end_of_bounces_early::<false>(state, i, now, observer);
+        series::end_of_bounces_early::<false>(state, i, now, observer);
     }
     let time = state.world.clock.time(now);
     if !velocity.is_finite() {
@@ -142,6 +142,6 @@ fn kick(state: &mut State, i: u32, velocity: DVec3, observer: &mut dyn Observer)
         let changes = [VelocityChange { i, mass, before, after: velocity }];
         observer.exchange(&Exchange { time, changes: &changes, partner: Partner::Drive });
     }
-    resolve::keep_support(state, i, now);
+    series::keep_support(state, i, now);
     Ok(())
 }

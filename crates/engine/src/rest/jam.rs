@@ -11,7 +11,7 @@ use super::{
     support::{find_contacts, normals},
     thresholds::Thresholds,
 };
-use crate::{particles::World, report::Observer, resolve, state::State};
+use crate::{particles::World, report::Observer, series, state::State};
 
 /// Largest gap between jammed bodies [largest gap of a contact, `Thresholds::gap`].
 const JAM_GAP: f64 = 1e-6;
@@ -68,7 +68,7 @@ pub(super) fn resolve_jam(
         let particle = &mut state.world.particles[i as usize];
         particle.set_anchor(position, after, now);
         particle.set_recently_hit(true);
-        resolve::keep_support(state, i, now);
+        series::keep_support(state, i, now);
         changed.push(i);
     }
     changed

@@ -3,7 +3,7 @@ Rest: grains in contact come to rest under gravity after finitely many events. A
 until an impact wakes it.
 
 A series of bounces that lose a constant fraction of their speed has infinitely many bounces in a finite time.
-For a single grain on a flat wall the series is completed in closed form (`resolve::come_to_rest`). For grains
+For a single grain on a flat wall the series is completed in closed form (`series::come_to_rest`). For grains
 on grains there is no closed form. The scene therefore states a speed v, `contact.rest_speed`:
 
 * *Repeated contacts*: a contact that follows the last contact of either body within 10 v/g is elastic if the

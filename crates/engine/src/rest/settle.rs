@@ -6,7 +6,7 @@ use super::thresholds::Thresholds;
 use crate::{
     ledger::Term,
     report::{EventKind, EventRecord, NO_PARTNER, Observer},
-    resolve, slide,
+    series, slide,
     state::State,
 };
 
@@ -26,10 +26,10 @@ pub(super) fn settle(state: &mut State, i: u32, thresholds: &Thresholds, observe
 pub(super) fn end_series(state: &mut State, i: u32, observer: &mut dyn Observer) {
     let time = state.world.now;
     if observer.wants_events() {
-        resolve::end_of_bounces::<true>(state, i, time, observer);
+        series::end_of_bounces::<true>(state, i, time, observer);
         slide::interrupt::<true>(state, i, time, observer);
     } else {
-        resolve::end_of_bounces::<false>(state, i, time, observer);
+        series::end_of_bounces::<false>(state, i, time, observer);
         slide::interrupt::<false>(state, i, time, observer);
     }
 }
