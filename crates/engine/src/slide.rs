@@ -191,7 +191,6 @@ fn friction_on(state: &State, i: u32, time: i64) -> Option<Slide> {
             let ticks = delay * world.clock.per_time;
             (time + whole(ticks.min(HORIZON)), rolls && ticks <= HORIZON)
         });
-        let is_rolling = speed <= NOISE * scale && friction.length() < limit;
         Slide {
             wall,
             since: time,
@@ -199,7 +198,7 @@ fn friction_on(state: &State, i: u32, time: i64) -> Option<Slide> {
             rolls: end.is_some_and(|(_, rolls)| rolls),
             friction,
             slip: if speed <= NOISE * scale { DVec3::ZERO } else { slip },
-            slip_rate: if is_rolling { DVec3::ZERO } else { along + friction * stiffness },
+            slip_rate: along + friction * stiffness,
             spin_rate: n.cross(friction) * (-1.0 / (body.inertia * body.radius)),
             lost: 0.0,
             given: DVec3::ZERO,
@@ -210,7 +209,8 @@ fn friction_on(state: &State, i: u32, time: i64) -> Option<Slide> {
         return if along == DVec3::ZERO {
             None
         } else if holding < limit {
-            Some(slide(-along / stiffness, None))
+            // Not by rounding either does a rolling grain slip.
+            Some(Slide { slip_rate: DVec3::ZERO, ..slide(-along / stiffness, None) })
         } else {
             Some(slide(-along.normalize_or_zero() * limit, None))
         };

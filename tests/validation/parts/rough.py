@@ -5,8 +5,9 @@ from __future__ import annotations
 import math
 from typing import Any
 
-import haff
 import numpy as np
+
+import haff
 from haff import theory
 
 from .. import dsmc
