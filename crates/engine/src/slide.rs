@@ -176,7 +176,11 @@ fn friction_on(state: &State, i: u32, time: i64) -> Option<Slide> {
         return None;
     }
     let n = world.walls[wall as usize].normal;
-    let limit = law.friction * -world.gravity.dot(n);
+    let pressure = -world.gravity.dot(n);
+    if pressure <= 0.0 {
+        return None;
+    }
+    let limit = law.friction * pressure;
     let [body, floor] = world.bodies_on_wall(i, time)?;
     let slip = slip_velocity(&body, &floor, -n);
     let (speed, scale) =
@@ -209,7 +213,7 @@ fn friction_on(state: &State, i: u32, time: i64) -> Option<Slide> {
         return if along == DVec3::ZERO {
             None
         } else if holding < limit {
-            // Not by rounding either does a rolling grain slip.
+            // A grain that rolls does not slip, not even by rounding.
             Some(Slide { slip_rate: DVec3::ZERO, ..slide(-along / stiffness, None) })
         } else {
             Some(slide(-along.normalize_or_zero() * limit, None))
@@ -235,8 +239,7 @@ fn friction_on(state: &State, i: u32, time: i64) -> Option<Slide> {
     Some(slide(-middle.normalize_or_zero() * limit, Some((step, false))))
 }
 
-/// Begins the friction on particle i at `time`, if a rough wall supports it. Its last event must be at
-/// `time`, or else its anchor is moved there.
+/// Begins the friction on particle i at `time`, if a rough wall supports it: its anchor is moved there.
 pub(crate) fn begin(state: &mut State, i: u32, time: i64) {
     let Some(spins) = &state.world.spin else { return };
     if !state.world.particles[i as usize].rests() || spins.slides.contains_key(&i) {
@@ -249,10 +252,9 @@ pub(crate) fn begin(state: &mut State, i: u32, time: i64) {
 
 fn insert(state: &mut State, i: u32, slide: Slide, time: i64) {
     let world = &mut state.world;
-    if world.particles[i as usize].time != time {
-        let (position, velocity) = world.state(i, time);
-        world.particles[i as usize].set_anchor(position, velocity, time);
-    }
+    // Also if the anchor is at this time: what has been predicted since, without friction, must not count.
+    let (position, velocity) = world.state(i, time);
+    world.particles[i as usize].set_anchor(position, velocity, time);
     world.change_friction(i, &slide, 1.0, time);
     if let Some(spins) = &mut world.spin {
         spins.slides.insert(i, slide);

@@ -456,6 +456,18 @@ fn scenes_with_former_errors_obey_conservation_laws() {
             seed: 9_361_904_626_613_470_982,
             ..PLAIN
         },
+        // Friction began at the time of an event: predictions made since then, without it, still counted.
+        Recipe {
+            boundary: [1, 1, 0],
+            particles: 6,
+            species: 3,
+            restitution: 2,
+            gravity: true,
+            ramp: 2,
+            rough: 1,
+            seed: 9_546_482_090_980_550_866,
+            ..PLAIN
+        },
         // Thousands of equal bounces during a fall along the wall: the momentum was off.
         Recipe {
             flat: true,

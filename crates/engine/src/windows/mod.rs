@@ -105,9 +105,6 @@ pub(crate) fn unsuitable(system: &System, summary: &SystemSummary) -> Option<Str
     if gravity != DVec3::ZERO && !summary.movable {
         return Some("there are gravity and bodies of infinite mass, which do not fall".to_owned());
     }
-    if gravity != DVec3::ZERO && system.spin.is_some() {
-        return Some("there are gravity and rough contacts: grains slide on walls".to_owned());
-    }
     if Thresholds::of(system).is_some() {
         return Some("grains may come to rest on each other (contact.rest_speed)".to_owned());
     }

@@ -216,11 +216,6 @@ pub fn check_independence(scene: &System, times: &[f64]) -> Simulation {
         (NeighborChoice::Windows, Some(2)),
         (NeighborChoice::Windows, Some(3)),
     ] {
-        // Grains that slide on walls are not for windows.
-        let slides = scene.spin.is_some() && scene.domain.gravity != DVec3::ZERO;
-        if slides && neighbors == NeighborChoice::Windows {
-            continue;
-        }
         let options = Options { neighbors, blocks, ..Options::default() };
         let mut simulation = Simulation::new(scene.clone(), options).unwrap();
         for (&time, expected) in times.iter().zip(&expected) {
