@@ -187,12 +187,14 @@ def sphere(name: str, count: int, radius: object = 0.5, density: float = 6 / np.
 
 HALF = PARTICLES // 2
 ALIKE = [sphere("a", HALF), sphere("b", HALF)]
+ROUGH = {"restitution": 0.9, "tangential_restitution": 0.5, "friction": 0.3}
 VISCOELASTIC = {"model": "viscoelastic", "coefficient": 0.1}
 CUTOFF = {"model": "cutoff", "restitution": 0.9, "speed": 1.0}
 FEATURES = [
     Feature("plain"),
     Feature("restitution 0.9", contact={"restitution": 0.9}),
     Feature("restitution by pair", species=ALIKE, pairs=[("a", "b", 0.9)]),
+    Feature("rough: restitution 0.9, β = 0.5, μ = 0.3", contact=ROUGH),
     Feature("viscoelastic", contact={"restitution": VISCOELASTIC}),
     Feature("cut-off", contact={"restitution": CUTOFF}),
     Feature("restitution 0.9 and TC", contact={"restitution": 0.9, "tc": 1e-3}),

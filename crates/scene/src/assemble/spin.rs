@@ -1,5 +1,7 @@
 //! Rough contacts, moments of inertia and angular velocities.
 
+use std::collections::HashMap;
+
 use glam::DVec3;
 use haff_engine::{Dimension, Spin};
 use haff_mechanics::{Roughness, rough};
@@ -50,7 +52,11 @@ impl Assembler<'_> {
                 wall.iter_mut().skip(index).step_by(walls.len()).for_each(|entry| *entry = law);
             }
         }
-        let place = |name: &String| names.all.iter().chain(walls).position(|other| other == name);
+        let mut places: HashMap<&str, usize> = HashMap::new();
+        for (position, name) in names.all.iter().chain(walls).enumerate() {
+            places.entry(name).or_insert(position);
+        }
+        let place = |name: &String| places.get(name.as_str()).copied();
         for (k, config) in contact.pair.iter().flatten().enumerate() {
             let path = |key: &str| {
                 let mut path = at(["contact", "pair"]);
@@ -58,11 +64,14 @@ impl Assembler<'_> {
                 path
             };
             let keys = [config.tangential_restitution, config.friction];
-            let places = config.between.as_ref().and_then(|names| {
+            if keys == [None; 2] {
+                continue;
+            }
+            let pair_places = config.between.as_ref().and_then(|names| {
                 let [a, b] = names.as_slice() else { return None };
                 Some([place(a)?, place(b)?])
             });
-            let Some([i, j]) = places.map(|[i, j]| [i.min(j), i.max(j)]) else { continue };
+            let Some([i, j]) = pair_places.map(|[i, j]| [i.min(j), i.max(j)]) else { continue };
             let is_wall = j >= names.all.len();
             if i >= groups || (!is_wall && j >= groups) {
                 continue;
