@@ -20,6 +20,7 @@ impl StateSource for States {
         let state = haff_record::state(path, index).map_err(|error| error.to_string())?;
         Ok(State {
             size: Some(state.box_size),
+            sheared_edges: state.sheared_edges,
             position: state.position,
             velocity: Some(state.velocity),
             angular_velocity: Some(state.angular_velocity).filter(|spins| !spins.is_empty()),
@@ -49,6 +50,8 @@ const FOREIGN: [&str; 4] = ["gsd", "xyz", "extxyz", "csv"];
 struct Header {
     count: usize,
     size: Option<[f64; 3]>,
+    #[serde(default)]
+    edges: Option<[[f64; 3]; 3]>,
     precision: f64,
     velocity: bool,
     mass: bool,
@@ -68,6 +71,7 @@ fn foreign(path: &Path, index: i64) -> Result<State, String> {
     let vectors = |flat: Vec<f64>| flat.chunks_exact(3).map(DVec3::from_slice).collect::<Vec<_>>();
     Ok(State {
         size: header.size.map(DVec3::from_array),
+        sheared_edges: header.edges.map(|edges| edges.map(DVec3::from_array)),
         position: vectors(reals(3 * header.count)?),
         radius: reals(header.count)?,
         velocity: if header.velocity { Some(vectors(reals(3 * header.count)?)) } else { None },

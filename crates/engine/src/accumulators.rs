@@ -140,6 +140,13 @@ impl Accumulators {
         self.add_impact(time, 0.0, energy_loss, carnot_energy);
     }
 
+    /// Adds work that a term does in the course of a flight, and its moment ∫ (t − t_previous) dW.
+    #[inline]
+    pub fn add_work_in_flight(&mut self, term: Term, work: f64, moment: f64) {
+        self.terms[term as usize].add(work);
+        self.impacts.add([0.0, 0.0, 0.0, -moment]);
+    }
+
     /// Adds the energy of a term at `time`: energy given to the particles, or taken from them if the sign of
     /// the term is negative.
     #[inline]

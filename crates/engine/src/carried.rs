@@ -361,7 +361,11 @@ pub(crate) fn next_crossing<F: Features, S: Search>(
         let ticks = world.now + whole(elapsed * world.clock.per_time);
         let (position, velocity) = world.flight::<F>(i, ticks);
         let [with, against] = [along + bound, along - bound].map(|acceleration| {
-            search.next_crossing(i, &Flight { position, velocity, acceleration }, within - elapsed)
+            search.next_crossing(
+                i,
+                &Flight { position, velocity, acceleration, now: world.now },
+                within - elapsed,
+            )
         });
         // A crossing that does not depend on the acceleration of the wall is exact.
         if let (Some(a), Some(b)) = (&with, &against)

@@ -24,7 +24,7 @@ use crate::{
     report::{EventKind, EventRecord, Exchange, NO_PARTNER, Observer, Partner, VelocityChange},
     resolve,
     rest::state::SettlingState,
-    series,
+    series, shear,
     simulation::{Simulation, actions, open_axes},
     slide,
     stall::Stall,
@@ -108,6 +108,9 @@ impl Simulation {
         for i in state.world.sliding() {
             slide::interrupt::<true>(&mut state, i, now, &mut rows);
         }
+        for i in 0..state.world.particles.len() as u32 {
+            shear::end_flight(&mut state, i, now);
+        }
         let (before, after) = (Totals::of(&state.world), Totals::of(&world));
         let sums = state.world.wall_sums.take();
         world.wall_sums = sums.map(|sums| Box::new(sums.without_support(&state.world, time)));
@@ -183,6 +186,14 @@ impl Simulation {
         if (!change.add.is_empty() || !change.remove.is_empty()) && self.system.measure.correlations.any() {
             return refuse("correlations follow the particles: none can be added or removed".to_owned());
         }
+        if (!change.add.is_empty() || !change.remove.is_empty())
+            && self.system.domain.shear.is_some()
+            && self.system.measure.stress
+        {
+            let why =
+                "the pressure tensor of a sheared system follows the particles: none can be added or removed";
+            return refuse(why.to_owned());
+        }
         let mut removed = vec![false; count];
         for &i in &change.remove {
             match removed.get_mut(i as usize) {
@@ -206,12 +217,12 @@ impl Simulation {
             let mut body = Body {
                 position: frame.position[k],
                 velocity: change.velocities.as_ref().map_or(frame.velocity[k], |v| v[k]),
-                image: frame.image[k],
+                image: world.image_from_box(frame.image[k], world.now),
                 class: world.system_class(i) as u32,
                 species: self.species.of(world, i),
             };
             if let Some(positions) = &change.positions {
-                let (position, wraps) = world.periodicity.wrap(positions[k]);
+                let (position, wraps) = given_position(world, positions[k]);
                 body.position = position;
                 for (image, turns) in body.image.iter_mut().zip(wraps) {
                     *image = image.wrapping_add(turns);
@@ -224,7 +235,7 @@ impl Simulation {
         }
         for new in &change.add {
             let class = added_class(&mut system, new)?;
-            let (position, image) = world.periodicity.wrap(new.position);
+            let (position, image) = given_position(world, new.position);
             let body = Body { position, velocity: new.velocity, image, class, species: new.species };
             system.bodies.push(body);
             angular_velocities.push(new.angular_velocity);
@@ -270,12 +281,12 @@ impl Simulation {
         let old = &self.state.world;
         let mut changes = BTreeMap::new();
         for i in 0..old.particles.len() as u32 {
-            let before = old.state(i, old.now).1;
+            let before = old.peculiar(i, old.now).1;
             changes.insert(i, (old.body(i).mass, before, DVec3::ZERO));
         }
         let mut found = Vec::new();
         for new in 0..world.particles.len() as u32 {
-            let after = world.particles[new as usize].velocity;
+            let after = world.peculiar(new, world.now).1;
             let mass = world.body(new).mass;
             let before = survivors.get(new as usize).and_then(|i| changes.remove(i));
             let before = before.map_or(DVec3::ZERO, |(_, before, _)| before);
@@ -306,11 +317,21 @@ impl Simulation {
     }
 }
 
+/// A position from outside, wrapped into the box, and its image numbers. Under shear the velocity that is
+/// given with it is the one in the box.
+fn given_position(world: &World, position: DVec3) -> (DVec3, [i32; 3]) {
+    let (position, wraps, _) = world.wrap(position, world.now);
+    (position, wraps)
+}
+
 /// The class of an added particle.
 fn added_class(system: &mut System, new: &NewParticle) -> Result<u32, EngineError> {
     let refuse = |what: &str| Err(EngineError::Change(what.to_owned()));
     if !(new.radius > 0.0 && new.radius.is_finite()) {
         return refuse("a radius must be positive and finite");
+    }
+    if system.domain.shear.is_some() && new.mass == f64::INFINITY {
+        return refuse("a sheared system has no bodies of infinite mass");
     }
     if new.mass <= 0.0 || new.mass.is_nan() {
         return refuse("a mass must be positive; infinite for a fixed or driven body");

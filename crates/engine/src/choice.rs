@@ -1,7 +1,7 @@
 //! The choice of a scheduler for a state, compiled for the features of the system.
 
 use glam::DVec3;
-use haff_neighbors::{AllPairs, Cells, Geometry, Lists};
+use haff_neighbors::{AllPairs, Cells, Geometry, Lists, ShearedCells, ShearedPairs};
 
 use crate::{
     batch::Kernel,
@@ -113,6 +113,9 @@ impl Choice {
         if self.summary.count <= particles::ALL_PAIRS {
             return NeighborChoice::AllPairs;
         }
+        if system.domain.shear.is_some() {
+            return NeighborChoice::Cells;
+        }
         let windows = windows_possible && windows::is_profitable(system, &self.summary, density);
         let mixed = self.summary.least != self.summary.largest;
         let limits = match (windows, mixed) {
@@ -189,6 +192,9 @@ impl Choice {
         if Thresholds::of(system).is_some() {
             return self.compile_for_rest(geometry);
         }
+        if system.domain.shear.is_some() {
+            return self.compile_for_shear(geometry);
+        }
         let gravity = system.domain.gravity != DVec3::ZERO || can_carry(system);
         if !gravity && summary.uniform && system.contacts.are_elastic() && system.spin.is_none() {
             if *neighbors == NeighborChoice::Windows {
@@ -229,6 +235,22 @@ impl Choice {
         let engine =
             Nearby::<F>::new(geometry, self.kernel, system, &self.summary, &self.density, self.blocks)?;
         Some(Box::new(engine))
+    }
+
+    /// The engine for a sheared system.
+    fn compile_for_shear(&self, geometry: &Geometry) -> Box<dyn Engine> {
+        let (kernel, count) = (self.kernel, self.summary.count);
+        match (self.neighbors, self.summary.uniform) {
+            (NeighborChoice::AllPairs, _) => {
+                Box::new(CalendarScheduler::<Polydisperse, ShearedPairs>::new(geometry, kernel, count))
+            }
+            (_, true) => {
+                Box::new(CalendarScheduler::<Monodisperse, ShearedCells>::new(geometry, kernel, count))
+            }
+            (_, false) => {
+                Box::new(CalendarScheduler::<Polydisperse, ShearedCells>::new(geometry, kernel, count))
+            }
+        }
     }
 
     /// The engine for a system whose grains can come to rest.

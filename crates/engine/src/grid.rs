@@ -228,7 +228,7 @@ fn limit_cells(mut fitting: [f64; 3], most: f64) -> [usize; 3] {
 
 /// The present position of particle i, wrapped into the box.
 pub(crate) fn wrapped_position(world: &World, i: u32) -> DVec3 {
-    world.periodicity.wrap(world.state(i, world.now).0).0
+    world.wrap(world.state(i, world.now).0, world.now).0
 }
 
 /// The grids of the particles `rows`, for finding pairs with a gap of at most `gap` between their surfaces;

@@ -58,6 +58,16 @@ impl Instant {
         self.high
     }
 
+    /// `frequency` · time as whole cycles and a rest of about −½ to ½, with the error of a few ulp of one
+    /// cycle.
+    pub fn turns(self, frequency: f64) -> (f64, f64) {
+        let product = frequency * self.high;
+        // Exact: the product's rounding error is a number.
+        let error = frequency.mul_add(self.high, -product);
+        let whole = product.round_ties_even();
+        (whole, (product - whole) + (error + frequency * self.low))
+    }
+
     /// `frequency` · time in cycles, reduced to 0 ≤ u < 1: with the error of a few ulp of one cycle, however
     /// many have gone by.
     pub fn cycles(self, frequency: f64) -> f64 {

@@ -1,4 +1,5 @@
-//! The energy balance, T + V = T₀ + V₀ − Σ ΔT + Σ sign · term, with named terms; T with that of rotation.
+//! The energy balance, T + V = T₀ + V₀ − Σ ΔT + Σ sign · term, with named terms; T with that of rotation,
+//! under shear that of peculiar velocities.
 //!
 //! To add a source or sink of energy, add a [`Term`]. Files, reports and Python take names and signs from
 //! here.
@@ -15,6 +16,8 @@ pub enum Term {
     WallHeat,
     /// Work of drives on the particles.
     DriveWork,
+    /// Work of shear on the particles.
+    ShearWork,
     /// Kinetic energy removed by putting grains to rest.
     Rest,
     /// Energy given by changes of the state from outside.
@@ -23,7 +26,8 @@ pub enum Term {
 
 impl Term {
     /// Every term; the index of a term is its discriminant.
-    pub const ALL: [Self; 5] = [Self::WallWork, Self::WallHeat, Self::DriveWork, Self::Rest, Self::Change];
+    pub const ALL: [Self; 6] =
+        [Self::WallWork, Self::WallHeat, Self::DriveWork, Self::ShearWork, Self::Rest, Self::Change];
 
     /// The name in files and reports.
     pub fn name(self) -> &'static str {
@@ -31,6 +35,7 @@ impl Term {
             Self::WallWork => "wall_work",
             Self::WallHeat => "wall_heat",
             Self::DriveWork => "drive_work",
+            Self::ShearWork => "shear_work",
             Self::Rest => "rest_energy",
             Self::Change => "change_work",
         }
@@ -42,6 +47,7 @@ impl Term {
             Self::WallWork => "work of walls",
             Self::WallHeat => "heat from walls",
             Self::DriveWork => "work of drives",
+            Self::ShearWork => "work of shear",
             Self::Rest => "taken by rest",
             Self::Change => "given by changes",
         }
@@ -50,7 +56,7 @@ impl Term {
     /// 1 if the term is energy given to the particles, −1 if it is energy taken from them.
     pub fn sign(self) -> f64 {
         match self {
-            Self::WallWork | Self::WallHeat | Self::DriveWork | Self::Change => 1.0,
+            Self::WallWork | Self::WallHeat | Self::DriveWork | Self::ShearWork | Self::Change => 1.0,
             Self::Rest => -1.0,
         }
     }
@@ -61,6 +67,7 @@ impl Term {
             Self::WallWork => true,
             Self::WallHeat => system.contacts.wall.iter().any(WallLaw::is_thermal),
             Self::DriveWork => !system.drives.is_empty(),
+            Self::ShearWork => system.domain.shear.is_some(),
             Self::Rest => system.contacts.rest_speed > 0.0,
             // Only live simulations are changed.
             Self::Change => false,

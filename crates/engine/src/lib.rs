@@ -52,6 +52,7 @@ mod rough;
 mod scalars;
 mod search_event;
 mod series;
+mod shear;
 mod simulation;
 mod slide;
 mod spin;
@@ -85,6 +86,7 @@ pub use report::{
     Observer, Partner, ProfileRow, Sample, Silent, Stop, VelocityChange,
 };
 pub use scalars::{ScalarReader, ScalarWriter};
+pub use shear::Shear;
 pub use simulation::{Simulation, Until};
 pub use sum::Sum;
 pub use thermal::ThermalWall;

@@ -39,7 +39,7 @@ pub(crate) fn total<const K: usize>(count: usize, terms: impl Fn(u32) -> [f64; K
     sums.values()
 }
 
-/// Energies and momenta of the bodies of finite mass.
+/// Energies and momenta of the bodies of finite mass; under shear those of peculiar velocities.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Totals {
     pub bodies: f64,
@@ -63,7 +63,7 @@ impl Totals {
             if class.inverse_mass == 0.0 {
                 return [0.0; 10];
             }
-            let (r, v) = world.state(i, world.now);
+            let (r, v) = world.peculiar(i, world.now);
             let p = class.mass * v;
             let h = r.cross(p);
             let potential = -class.mass * world.gravity.dot(r);
@@ -105,6 +105,7 @@ pub(crate) fn ledger(state: &State, totals: &Totals) -> Ledger {
     let dissipated = accumulators.dissipated() + world.friction_loss();
     let mut terms = accumulators.terms();
     terms[Term::WallWork as usize] += totals.carried.0;
+    terms[Term::ShearWork as usize] += world.pending_shear_work(accumulators)[0];
     let supplied = Term::ALL.map(|term| -term.sign() * terms[term as usize]);
     let energies =
         [totals.kinetic, totals.rotational, totals.potential, -kinetic, -potential, dissipated, bounces];
@@ -137,7 +138,7 @@ pub(crate) fn sample(system: &System, species_table: &Species, state: &mut State
         if class.inverse_mass == 0.0 {
             return [0.0; 2];
         }
-        let (_, v) = world.state(i, world.now);
+        let (_, v) = world.peculiar(i, world.now);
         // m|v − V|² instead of |v − V|²: this gives the same a₂ for one mass, and zero a₂ for a mixture in
         // equilibrium.
         let square = class.mass * (v - drift).length_squared();
@@ -155,7 +156,7 @@ pub(crate) fn sample(system: &System, species_table: &Species, state: &mut State
                 if species_table.of(world, i) != species || class.inverse_mass == 0.0 {
                     return [0.0; 2];
                 }
-                let (_, v) = world.state(i, world.now);
+                let (_, v) = world.peculiar(i, world.now);
                 [1.0, class.mass * (v - drift).length_squared()]
             })
         };
@@ -177,7 +178,8 @@ pub(crate) fn sample(system: &System, species_table: &Species, state: &mut State
         // integral is the final energy times the interval, plus the loss of each event times the time before
         // that event. With gravity the mean of the two ends is used.
         let mean_kinetic = if world.flies_straight() {
-            totals.kinetic + accumulators.loss_moment() / span
+            let [_, in_flights] = world.pending_shear_work(accumulators);
+            totals.kinetic + (accumulators.loss_moment() - in_flights) / span
         } else {
             0.5 * (totals.kinetic + accumulators.sampled_kinetic)
         };
@@ -237,9 +239,12 @@ fn rotational(system: &System, species_table: &Species, world: &World) -> (f64, 
 }
 
 /// Present position, velocity and image of a particle, wrapped into the box.
-fn present(world: &World, i: usize) -> (DVec3, DVec3, [i32; 3]) {
-    let (position, velocity) = world.state(i as u32, world.now);
-    let (position, wraps) = world.periodicity.wrap(position);
+pub(crate) fn present(world: &World, i: usize) -> (DVec3, DVec3, [i32; 3]) {
+    let (position, mut velocity) = world.state(i as u32, world.now);
+    let (position, wraps, change) = world.wrap(position, world.now);
+    if world.shear.is_some() {
+        velocity += change;
+    }
     let image = world.images[i];
     (position, velocity, [image[0] + wraps[0], image[1] + wraps[1], image[2] + wraps[2]])
 }
@@ -254,6 +259,7 @@ pub(crate) fn frame(state: &State, time: f64) -> Frame {
         position: vec![DVec3::ZERO; count],
         velocity: vec![DVec3::ZERO; count],
         image: vec![[0; 3]; count],
+        edges: world.edges(world.now),
         angular_velocity: if world.spin.is_some() {
             (0..count as u32).map(|i| world.angular_velocity(i, world.now)).collect()
         } else {
@@ -264,6 +270,7 @@ pub(crate) fn frame(state: &State, time: f64) -> Frame {
     (position, velocity, image).into_par_iter().enumerate().with_min_len(BLOCK).for_each(
         |(i, (position, velocity, image))| {
             (*position, *velocity, *image) = present(world, i);
+            *image = world.image_in_box(*image, world.now);
         },
     );
     frame
@@ -375,5 +382,6 @@ pub(crate) fn geometry(system: &System, world: &World, filled: f64) -> Geometry 
                 sweep: wall.motion.sweep(wall.normal),
             })
             .collect(),
+        sliding: world.sliding_images(),
     }
 }

@@ -6,6 +6,7 @@ pub use haff_mechanics::{Hole, Partition, Restitution};
 pub use crate::{
     drive::{Drive, DriveKind, KickTimes},
     measurements::{Correlations, Grid, GridAxis, Measure},
+    shear::Shear,
     spin::Spin,
     wall_law::WallLaw,
     wall_motion::{Oscillating, WallMotion},
@@ -50,6 +51,8 @@ pub struct Domain {
     pub boundary: [Boundary; 3],
     /// Common acceleration of all bodies of finite mass [length/time²]; zero along periodic axes.
     pub gravity: DVec3,
+    /// Simple shear; only if all axes are periodic.
+    pub shear: Option<Shear>,
 }
 
 /// Properties shared by particles: size, mass and contact group.

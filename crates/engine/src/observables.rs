@@ -58,6 +58,8 @@ pub struct Present {
     pub species: bool,
     /// There are spins.
     pub spin: bool,
+    /// The box is sheared.
+    pub shear: bool,
     /// The pressure tensor is measured.
     pub stress: bool,
     /// The forces on walls are measured.
@@ -76,6 +78,7 @@ impl Present {
             angular_momentum: !axes.contains(&Boundary::Periodic),
             species: !system.species.is_empty(),
             spin: system.spin.is_some(),
+            shear: system.domain.shear.is_some(),
             stress: system.measure.stress,
             wall_forces: system.measure.wall_forces && !system.walls.is_empty(),
             terms: Term::ALL.map(|term| term.exists(system)),
@@ -90,6 +93,7 @@ impl Present {
             angular_momentum: true,
             species: true,
             spin: true,
+            shear: true,
             stress: true,
             wall_forces: true,
             terms: [true; Term::ALL.len()],

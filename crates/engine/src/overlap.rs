@@ -11,6 +11,7 @@ use crate::{
     grid::{Level, Slabs, levels, visit_pairs, wrapped_position},
     particles::World,
     periodicity::Periodicity,
+    shear::SlidingImages,
     tuning::particles,
 };
 
@@ -124,8 +125,8 @@ impl<'a> OverlapSearch<'a> {
     /// Tests one pair in double precision.
     #[inline(never)]
     fn test_exactly(&mut self, i: u32, j: u32) {
-        let r =
-            self.world.periodicity.nearest(wrapped_position(self.world, j) - wrapped_position(self.world, i));
+        let difference = wrapped_position(self.world, j) - wrapped_position(self.world, i);
+        let (r, _) = self.world.nearest_image(difference, self.world.now);
         let sigma = self.world.class(i).radius + self.world.class(j).radius;
         if r.length_squared() < sigma * sigma * (1.0 + ROUNDING) {
             self.add_pair(i, j, r.length(), sigma);
@@ -188,6 +189,9 @@ fn deepest_by_slabs(world: &World, geometry: &Geometry, slabs: &Slabs) -> Found 
     if !world.walls.is_empty() {
         found = search_blocks(world, count, |search, i| search.test_walls(i as u32));
     }
+    if let Some(shear) = &world.shear {
+        found = found.or(across_sheared_faces(world, shear, geometry.reach));
+    }
     for slab in 0..slabs.len() {
         let rows = (0..count as u32).filter(|&i| slabs.contains(slab, i));
         let levels = levels(world, geometry, &rows, 0.0, slabs);
@@ -202,6 +206,38 @@ fn deepest_by_slabs(world: &World, geometry: &Geometry, slabs: &Slabs) -> Found 
         }
     }
     found
+}
+
+/// Finds overlaps across the faces of the gradient axis of a sheared box, where images are displaced: the
+/// grids find all others.
+fn across_sheared_faces(world: &World, shear: &SlidingImages, reach: f64) -> Found {
+    let height = world.periodicity.size[shear.gradient];
+    let length = world.periodicity.size[shear.flow];
+    let reach = reach * (1.0 + 1e-9);
+    let offset = world.displacement(world.now).offset;
+    // Coordinates along the flow: of particles at the upper face, and of images of those at the lower one.
+    let (mut upper, mut lower) = (Vec::new(), Vec::new());
+    for i in 0..world.particles.len() as u32 {
+        let position = wrapped_position(world, i);
+        if position[shear.gradient] >= height - reach {
+            upper.push((position[shear.flow], i));
+        }
+        if position[shear.gradient] <= reach {
+            lower.push(((position[shear.flow] + offset).rem_euclid(length), i));
+        }
+    }
+    lower.sort_unstable_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));
+    let mut search = OverlapSearch::new(world);
+    for &(x, i) in &upper {
+        for edge in [-length, 0.0, length] {
+            let first = lower.partition_point(|&(other, _)| other < x + edge - reach);
+            let near = lower[first..].iter().take_while(|&&(other, _)| other <= x + edge + reach);
+            for &(_, j) in near.filter(|&&(_, j)| j != i) {
+                search.test_exactly(i, j);
+            }
+        }
+    }
+    search.found
 }
 
 #[cfg(test)]
@@ -250,7 +286,7 @@ mod tests {
             measure: crate::Measure::default(),
             seed: 0,
             dimension: Dimension::Three,
-            domain: Domain { size, boundary, gravity: DVec3::ZERO },
+            domain: Domain { size, boundary, gravity: DVec3::ZERO, shear: None },
             bodies,
             classes,
             groups: vec![Group { name: "grain".to_owned() }],

@@ -314,6 +314,7 @@ mod tests {
             radius: 0.5,
             radii: if UNIFORM { Vec::new() } else { sizes },
             planes: Vec::new(),
+            sliding: None,
         };
         let positions: Vec<DVec3> = particles.iter().map(|particle| particle.position).collect();
         let search = Lists::new(&geometry, &positions);

@@ -11,6 +11,7 @@ use crate::{
     model::{Body, DriveKind, Restitution, System, Wall, WallLaw},
     periodicity::Periodicity,
     rest::thresholds::Thresholds,
+    shear::SlidingImages,
     spin::Spins,
     wall_motion::Approach,
 };
@@ -131,6 +132,8 @@ pub(crate) struct World {
     given_speed: f64,
     /// Forces on walls, if they are measured.
     pub wall_sums: Option<Box<WallSums>>,
+    /// The images of a sheared box.
+    pub shear: Option<SlidingImages>,
     /// Spins and rough contacts, if there are any.
     pub spin: Option<Box<Spins>>,
 }
@@ -184,6 +187,7 @@ impl World {
             force: Force::default(),
             given_speed: given_speed(system),
             wall_sums: system.measure.wall_forces.then(|| Box::new(WallSums::new(system.walls.len()))),
+            shear: SlidingImages::of(system),
             spin: Spins::of(system),
         };
         let alike = |class: &ClassData| {
@@ -192,11 +196,15 @@ impl World {
         };
         world.corrects_penetration = !world.flies_straight() || !world.classes.iter().all(alike);
         for i in 0..world.particles.len() as u32 {
-            let class = world.class(i);
+            let class = *world.class(i);
             if class.inverse_mass != 0.0 {
                 let weight = class.mass * world.gravity;
                 if weight != DVec3::ZERO {
                     world.force.change(weight, 0.0);
+                }
+                if let Some(shear) = &world.shear {
+                    let momentum = class.mass * world.particles[i as usize].velocity;
+                    world.force.change(shear.force(momentum), 0.0);
                 }
                 world.movable += 1;
             }
@@ -387,11 +395,24 @@ impl World {
     /// [`Self::wrap_anchor`] for an anchor at `position`, outside of the box.
     #[cold]
     fn wrap_anchor_outside(&mut self, i: u32, position: DVec3) -> [i32; 3] {
-        let (position, wraps) = self.periodicity.wrap(position);
+        let before = position;
+        let (position, wraps, velocity) = self.wrap(before, self.particles[i as usize].time);
         if wraps != [0; 3] {
-            self.particles[i as usize].position = position;
+            let particle = &mut self.particles[i as usize];
+            particle.position = position;
+            if self.shear.is_some() {
+                particle.velocity += velocity;
+            }
             for (image, turns) in self.images[i as usize].iter_mut().zip(wraps) {
                 *image += turns;
+            }
+            if let Some(shear) = &self.shear {
+                // Wraps along the flow are not the length of a flight.
+                let path = before[shear.flow].abs();
+                if path > 2.0 * self.periodicity.size[shear.flow] {
+                    self.longest_flight = self.longest_flight.max(path);
+                }
+                return wraps;
             }
             for (axis, turns) in wraps.into_iter().enumerate().filter(|(_, turns)| turns.abs() > 1) {
                 self.longest_flight =
@@ -557,6 +578,7 @@ impl World {
         let fastest = (0..self.particles.len() as u32)
             .map(|i| self.state(i, self.now).1.length_squared())
             .chain(self.walls.iter().map(|wall| wall.motion.max_speed().powi(2)))
+            .chain(self.shear.iter().map(|shear| shear.speed.powi(2)))
             .fold(0.0, f64::max);
         let present = (fastest + 2.0 * self.gravity.length() * extent).sqrt();
         // What is given soon, if the present speeds are much lower: the tick is chosen for a whole epoch.

@@ -122,9 +122,9 @@ pub(crate) fn predict<F: Features, S: Search>(
         let owner = Owner::of::<F>(world, i);
         let visit = |j: u32, shift: Shift| gather::<F>(world, &owner, j, shift, scratch, &mut earliest);
         match scope {
-            Scope::All => search.candidates(i, position, visit),
+            Scope::All => search.candidates(i, world.now, position, visit),
             Scope::New(code) => {
-                search.new_candidates(i, code, position, visit);
+                search.new_candidates(i, code, world.now, position, visit);
                 if best.time < i64::MAX {
                     earliest.offer(best.time, best.target, best.partner_count);
                 }
@@ -181,7 +181,7 @@ pub(crate) fn predict<F: Features, S: Search>(
 pub(crate) fn flight<F: Features>(world: &World, i: u32) -> Flight {
     let (position, velocity) = world.flight::<F>(i, world.now);
     let acceleration = if F::GRAVITY { world.acceleration(i) } else { DVec3::ZERO };
-    Flight { position, velocity, acceleration }
+    Flight { position, velocity, acceleration, now: world.now }
 }
 
 /// The particle whose partners are predicted: a copy of its data.
@@ -260,6 +260,7 @@ fn gather<F: Features>(
             }
         }
         if acceleration != a.acceleration {
+            // Under gravity no boundary slides.
             let (r, v, relative_acceleration) =
                 (world.periodicity.image(rb - ra, shift), vb - va, acceleration - a.acceleration);
             scratch.predictions += 1;
@@ -290,7 +291,7 @@ fn gather<F: Features>(
         rb = haff_mechanics::drift(b.position, b.velocity, dt_b);
         (va, vb) = (a.velocity, b.velocity);
     }
-    let (r, v) = (world.periodicity.image(rb - ra, shift), vb - va);
+    let (r, v) = world.image::<F>(rb - ra, vb - va, shift, a.time.max(b.time));
     if scratch.batch.len >= LANES {
         flush::<F>(world, a.i, scratch, earliest);
     }

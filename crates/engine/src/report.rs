@@ -215,7 +215,7 @@ pub struct VelocityChange {
     pub i: u32,
     /// Its mass [mass].
     pub mass: f64,
-    /// Velocity before [length/time].
+    /// Velocity before [length/time], under shear the peculiar one.
     pub before: DVec3,
     /// Velocity after [length/time].
     pub after: DVec3,
@@ -276,8 +276,11 @@ pub struct Frame {
     pub position: Vec<DVec3>,
     /// Velocities [length/time].
     pub velocity: Vec<DVec3>,
-    /// Box images: unwrapped position = position + image · L.
+    /// Box images: unwrapped position = position + Σ image · edge vector.
     pub image: Vec<[i32; 3]>,
+    /// Edge vectors of the box \[length\]. Under shear that along the gradient has a component along the
+    /// flow, at most half an edge.
+    pub edges: [DVec3; 3],
     /// Angular velocities [1/time]; empty without spin.
     pub angular_velocity: Vec<DVec3>,
 }

@@ -17,7 +17,7 @@ use crate::{
     rest::contact,
     rough,
     series::{come_to_rest, end_of_bounces_early, keep_support, keep_supporting_walls},
-    slide,
+    shear, slide,
     state::State,
     wall_law::WallLaw,
     wall_motion::WallMotion,
@@ -128,7 +128,7 @@ pub(crate) struct PairImpact {
     classes: [ClassData; 2],
     /// Positions at the contact.
     positions: [DVec3; 2],
-    /// Velocities before and after the impact.
+    /// Velocities before and after the impact. Before it the second one is that of the image in contact.
     before: [DVec3; 2],
     after: [DVec3; 2],
     /// Unit vector from the first to the second, and the distance of their centers.
@@ -150,8 +150,11 @@ pub(crate) fn touch<F: Features>(
     // Lower index first, so that the bits do not depend on which of the two owned the entry.
     let (i, j) = (bodies[0].min(bodies[1]), bodies[0].max(bodies[1]));
     let (mut ri, wi) = state_at_event::<F>(world, i, time);
-    let (mut rj, wj) = state_at_event::<F>(world, j, time);
-    let r = world.periodicity.nearest(rj - ri);
+    let (mut rj, mut wj) = state_at_event::<F>(world, j, time);
+    let (r, image_velocity) = world.nearest_image(rj - ri, time);
+    if world.shear.is_some() {
+        wj += image_velocity;
+    }
     let distance = r.length();
     let n = r / distance;
     let (a, b) = (*world.class(i), *world.class(j));
@@ -175,7 +178,16 @@ pub(crate) fn touch<F: Features>(
             rj += n * shift_j;
         }
     }
-    let contact = PairContact { bodies: [i, j], classes: [a, b], velocities: [wi, wj], r, distance, n, time };
+    let contact = PairContact {
+        bodies: [i, j],
+        classes: [a, b],
+        velocities: [wi, wj],
+        image_velocity,
+        r,
+        distance,
+        n,
+        time,
+    };
     Ok((contact, [ri, rj]))
 }
 
@@ -192,11 +204,14 @@ pub(crate) fn collide<F: Features>(
     let (contact, [ri, rj]) = touch::<F>(world, bodies, time)?;
     let PairContact { bodies: [i, j], classes: [a, b], velocities: [wi, wj], distance, n, .. } = contact;
     let (ui, uj, impact) = pair_law::resolve::<F>(world, &contact);
-    let [ui, uj] = if !F::ELASTIC && world.spin.is_some() {
+    let [ui, mut uj] = if !F::ELASTIC && world.spin.is_some() {
         rough::velocities::<F>(world, [i, j], time)
     } else {
         [ui, uj]
     };
+    if world.shear.is_some() {
+        uj -= contact.image_velocity;
+    }
     if a.inverse_mass != 0.0 {
         check_velocity(world, i, ui, time)?;
     }
@@ -247,6 +262,11 @@ pub(crate) fn apply<F: Features, const EVENTS: bool>(
     } else {
         None
     };
+    if state.world.shear.is_some() {
+        let impulse =
+            n * impact.impulse + tangential.as_ref().map_or(DVec3::ZERO, |tangential| tangential.impulse);
+        shear::end_flights(state, [i, j], n * distance, impulse, time);
+    }
     let world = &mut state.world;
     // A body of infinite mass keeps its anchor: its flight has not changed, so predictions with it stay
     // valid.
@@ -282,7 +302,10 @@ pub(crate) fn apply<F: Features, const EVENTS: bool>(
     if EVENTS {
         let change =
             |i, class: &ClassData, before, after| VelocityChange { i, mass: class.mass, before, after };
-        let changes = [change(i, &a, before[0], after[0]), change(j, &b, before[1], after[1])];
+        let mut changes = [change(i, &a, before[0], after[0]), change(j, &b, before[1], after[1])];
+        if state.world.shear.is_some() {
+            shear::make_peculiar(&state.world, &mut changes, positions, n * distance);
+        }
         let [ri, rj] = positions;
         let (changes, position, branch) = match (a.inverse_mass == 0.0, b.inverse_mass == 0.0) {
             (false, false) => (&changes[..], ri, n * distance),
@@ -291,7 +314,7 @@ pub(crate) fn apply<F: Features, const EVENTS: bool>(
         };
         let partner = Partner::Particle { position, branch };
         observer.exchange(&Exchange { time: now, changes, partner });
-        let contact_point = state.world.periodicity.wrap(ri + n * a.radius).0;
+        let contact_point = state.world.wrap(ri + n * a.radius, time).0;
         let mut row = row(now, EventKind::Collision, [i, j], &impact, n, contact_point);
         if let Some(tangential) = tangential {
             tangential.add_to(&mut row);

@@ -26,7 +26,7 @@ use crate::{
         state::SettlingState,
         thresholds::Thresholds,
     },
-    slide,
+    shear, slide,
     stall::Stall,
     state::State,
     timed::TimedAction,
@@ -125,6 +125,10 @@ impl Simulation {
         {
             return Err(EngineError::Unsuitable { choice: options.neighbors.name(), why });
         }
+        if options.neighbors == NeighborChoice::Lists && system.domain.shear.is_some() {
+            let why = "images of a sheared box (domain.shear) slide".to_owned();
+            return Err(EngineError::Unsuitable { choice: options.neighbors.name(), why });
+        }
         let geometry = measure::geometry(&system, &state.world, choice.filled());
         let species = Species::new(&system);
         // The state has a copy of the bodies; they are a quarter of the memory of a large system.
@@ -149,9 +153,15 @@ impl Simulation {
         Ok(simulation)
     }
 
+    /// Has the engine predict all particles from the state.
+    fn predict_all(&mut self) {
+        self.geometry.sliding = self.state.world.sliding_images();
+        self.engine.rebuild(&mut self.state, &self.geometry);
+    }
+
     /// Rebuilds the engine's search and all its predictions from the state.
     fn rebuild(&mut self) {
-        self.engine.rebuild(&mut self.state, &self.geometry);
+        self.predict_all();
         self.choice.after(self.state.accumulators.counters.collisions);
     }
 
@@ -274,7 +284,7 @@ impl Simulation {
             for &i in changed {
                 self.state.world.wrap_anchor(i);
             }
-            self.engine.rebuild(&mut self.state, &self.geometry);
+            self.predict_all();
         } else {
             self.engine.reschedule(&mut self.state, changed);
         }
@@ -329,7 +339,9 @@ impl Simulation {
         let exponent = Clock::exponent_for(extent, world.largest_speed(extent));
         let old = world.clock;
         let retune = exponent.abs_diff(old.exponent) >= RETUNE_BITS;
-        for i in 0..world.particles.len() as u32 {
+        let mut moved = Vec::new();
+        for i in 0..self.state.world.particles.len() as u32 {
+            let world = &mut self.state.world;
             let age = EPOCH - world.particles[i as usize].time;
             if !retune && age <= OLDEST_ANCHOR {
                 world.particles[i as usize].time -= EPOCH;
@@ -341,6 +353,8 @@ impl Simulation {
             let clock = if retune { old.with_exponent(exponent) } else { old };
             let ticks = (age as f64 * (old.tick / clock.tick)).min(ANCHOR_AGE as f64).floor();
             let ahead = age as f64 * old.tick - ticks * clock.tick;
+            shear::end_flight_after(&mut self.state, i, ahead);
+            let world = &mut self.state.world;
             let a = world.acceleration(i);
             let carried = world.carrier(i).map_or(DVec3::ZERO, |wall| {
                 let wall = &world.walls[wall as usize];
@@ -353,9 +367,9 @@ impl Simulation {
             particle.velocity = haff_mechanics::free_flight_velocity(particle.velocity, a, ahead);
             particle.position += carried;
             particle.time = -(ticks as i64);
-            world.wrap_anchor(i);
+            moved.push(i);
         }
-        let slides = world.spin.iter_mut().flat_map(|spins| spins.end_epoch(&old));
+        let slides = self.state.world.spin.iter_mut().flat_map(|spins| spins.end_epoch(&old));
         let due = self.state.pending.values_mut().map(|rest| &mut rest.end).chain(slides);
         for time in due.chain([&mut self.state.settling.next, &mut self.state.settling.counted_since]) {
             *time = time.saturating_sub(EPOCH);
@@ -364,11 +378,15 @@ impl Simulation {
                 *time = (*time as f64 * libm::ldexp(1.0, scale)).round_ties_even() as i64;
             }
         }
+        let world = &mut self.state.world;
         world.clock.next_epoch();
         if retune {
             world.clock = world.clock.with_exponent(exponent);
         }
         world.now = 0;
+        for i in moved {
+            world.wrap_anchor(i);
+        }
         if retune {
             (0..world.particles.len() as u32).for_each(|i| world.drop_past_wall_contacts(i));
         }
@@ -475,7 +493,7 @@ impl Simulation {
     }
 
     /// Reverses every velocity and sets all anchors to the present. An elastic system without driven bodies
-    /// then retraces its path.
+    /// then retraces its path. Not for a sheared system, whose images would still slide forwards.
     pub fn reverse(&mut self) {
         let now = self.state.world.now;
         let sliding = self.state.world.sliding();

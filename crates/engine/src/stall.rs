@@ -100,7 +100,7 @@ impl Stall {
         let lowest = self.particles.first().copied().unwrap_or(particle);
         let first = world.state(lowest, time).0;
         let among: DVec3 =
-            self.particles.iter().map(|&i| world.periodicity.nearest(world.state(i, time).0 - first)).sum();
+            self.particles.iter().map(|&i| world.nearest_image(world.state(i, time).0 - first, time).0).sum();
         // Supporting walls are added: a particle at rest on a wall has no more events with it.
         let supports = self.particles.iter().flat_map(|&i| world.support(i)).flatten().map(u32::from);
         let walls: BTreeSet<u32> = self.walls.iter().copied().chain(supports).collect();
@@ -111,7 +111,7 @@ impl Stall {
             span: (time - self.since).max(0) as f64 * world.clock.tick,
             particles: self.particles.iter().copied().collect(),
             walls: walls.iter().map(|&wall| world.walls[wall as usize].name.clone()).collect(),
-            position: world.periodicity.wrap(position).0.to_array(),
+            position: world.wrap(position, time).0.to_array(),
             could_rest: world.gravity != DVec3::ZERO && world.thresholds.is_none(),
         }
     }

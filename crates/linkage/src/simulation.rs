@@ -253,6 +253,7 @@ impl Simulation {
             position,
             velocity,
             image: vec![[0; 3]; self.world.count()],
+            edges: [0, 1, 2].map(|axis| DVec3::AXES[axis] * self.system().domain.size[axis]),
             ..Frame::default()
         }
     }

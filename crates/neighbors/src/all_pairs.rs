@@ -58,7 +58,13 @@ impl Search for AllPairs {
         }
     }
 
-    fn candidates<P: Fn(u32) -> DVec3, V: FnMut(u32, Shift)>(&self, i: u32, position: P, mut visit: V) {
+    fn candidates<P: Fn(u32) -> DVec3, V: FnMut(u32, Shift)>(
+        &self,
+        i: u32,
+        _now: i64,
+        position: P,
+        mut visit: V,
+    ) {
         let from = if self.periodic.contains(&true) { Some(position(i)) } else { None };
         for j in (0..self.count).filter(|&j| j != i) {
             match from {
@@ -72,10 +78,11 @@ impl Search for AllPairs {
         &self,
         i: u32,
         _code: u8,
+        now: i64,
         position: P,
         visit: V,
     ) {
-        self.candidates(i, position, visit);
+        self.candidates(i, now, position, visit);
     }
 
     fn walls(&self, _i: u32) -> &[u16] {

@@ -32,13 +32,13 @@ only add candidates, never lose one.
 */
 #[derive(Debug, Clone)]
 pub struct Cells {
-    axes: [Axis; 3],
+    pub(crate) axes: [Axis; 3],
     /// Cells per axis.
-    n: [i32; 3],
+    pub(crate) n: [i32; 3],
     /// Cell width per axis [length].
-    width: [f64; 3],
+    pub(crate) width: [f64; 3],
     /// Cell coordinates of each particle.
-    coordinate: Vec<[i32; 3]>,
+    pub(crate) coordinate: Vec<[i32; 3]>,
     /// Ids in each cell.
     slots: Vec<[u32; SLOTS]>,
     overflow: Vec<Vec<u32>>,
@@ -97,9 +97,30 @@ pub(crate) fn grid(geometry: &Geometry, count: usize) -> ([i32; 3], [f64; 3]) {
 }
 
 impl Cells {
+    /// A grid of `n` cells of these widths, with particles at these coordinates.
+    pub(crate) fn of(geometry: &Geometry, n: [i32; 3], width: [f64; 3], coordinate: Vec<[i32; 3]>) -> Self {
+        let cells = n.iter().map(|&n| n as usize).product();
+        let mut grid = Self {
+            axes: geometry.axes,
+            n,
+            width,
+            coordinate,
+            slots: vec![[EMPTY; SLOTS]; cells],
+            overflow: Vec::new(),
+            free_overflow: Vec::new(),
+            walls: WallTable::new(geometry, n, width, geometry.radius),
+            stencils: std::array::from_fn(|_| Vec::new()),
+        };
+        grid.stencils = std::array::from_fn(|code| grid.stencil(code));
+        for i in 0..grid.coordinate.len() as u32 {
+            grid.insert(i);
+        }
+        grid
+    }
+
     /// Folds a cell coordinate along `axis` into the grid: (cell, image).
     #[inline]
-    fn fold(&self, axis: usize, c: i32) -> (i32, i32) {
+    pub(crate) fn fold(&self, axis: usize, c: i32) -> (i32, i32) {
         let n = self.n[axis];
         if (0..n).contains(&c) {
             return (c, 0);
@@ -112,7 +133,7 @@ impl Cells {
     }
 
     #[inline]
-    fn index(&self, cell: [i32; 3]) -> usize {
+    pub(crate) fn index(&self, cell: [i32; 3]) -> usize {
         ((cell[2] as usize * self.n[1] as usize) + cell[1] as usize) * self.n[0] as usize + cell[0] as usize
     }
 
@@ -124,7 +145,7 @@ impl Cells {
         (self.index(folded.map(|f| f.0)), folded.map(|f| f.1))
     }
 
-    fn insert(&mut self, i: u32) {
+    pub(crate) fn insert(&mut self, i: u32) {
         let (cell, image) = self.cell_and_image(i);
         let id = if image == [0; 3] { i } else { i | OUTSIDE };
         let slots = &mut self.slots[cell];
@@ -143,7 +164,7 @@ impl Cells {
         }
     }
 
-    fn remove(&mut self, i: u32) {
+    pub(crate) fn remove(&mut self, i: u32) {
         let (cell, _) = self.cell_and_image(i);
         let slots = &mut self.slots[cell];
         let last = slots[SLOTS - 1];
@@ -170,7 +191,7 @@ impl Cells {
 
     /// Visits the particles of one cell. `shift` is the image of the cell relative to i.
     #[inline(always)]
-    fn visit_cell<V: FnMut(u32, Shift)>(&self, i: u32, cell: usize, shift: Shift, visit: &mut V) {
+    pub(crate) fn visit_cell<V: FnMut(u32, Shift)>(&self, i: u32, cell: usize, shift: Shift, visit: &mut V) {
         for &id in &self.slots[cell] {
             if id == EMPTY {
                 return;
@@ -290,27 +311,17 @@ impl Search for Cells {
                 })
             })
             .collect();
-        let cells = n.iter().map(|&n| n as usize).product();
-        let mut grid = Self {
-            axes,
-            n,
-            width,
-            coordinate,
-            slots: vec![[EMPTY; SLOTS]; cells],
-            overflow: Vec::new(),
-            free_overflow: Vec::new(),
-            walls: WallTable::new(geometry, n, width, geometry.radius),
-            stencils: std::array::from_fn(|_| Vec::new()),
-        };
-        grid.stencils = std::array::from_fn(|code| grid.stencil(code));
-        for i in 0..positions.len() as u32 {
-            grid.insert(i);
-        }
-        grid
+        Self::of(geometry, n, width, coordinate)
     }
 
     #[inline]
-    fn candidates<P: Fn(u32) -> DVec3, V: FnMut(u32, Shift)>(&self, i: u32, _position: P, mut visit: V) {
+    fn candidates<P: Fn(u32) -> DVec3, V: FnMut(u32, Shift)>(
+        &self,
+        i: u32,
+        _now: i64,
+        _position: P,
+        mut visit: V,
+    ) {
         self.visit(i, ALL, &mut visit);
     }
 
@@ -319,6 +330,7 @@ impl Search for Cells {
         &self,
         i: u32,
         code: u8,
+        _now: i64,
         _position: P,
         mut visit: V,
     ) {

@@ -2,6 +2,8 @@
 
 use glam::DVec3;
 
+use crate::Sliding;
+
 /// Boundary along an axis.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Axis {
@@ -45,6 +47,8 @@ pub struct Geometry {
     pub radii: Vec<f64>,
     /// Walls in the order of their indices.
     pub planes: Vec<Plane>,
+    /// The images of a sheared box, for the searches that support them.
+    pub sliding: Option<Sliding>,
 }
 
 impl Geometry {

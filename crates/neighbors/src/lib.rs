@@ -11,7 +11,8 @@ Coordinates are *anchor coordinates*: those of the anchor's free flight, without
 of a pair is given as an integer shift s per axis: the partner's image is at r_j + s·L.
 
 [`Cells`] is the search for particles that are far apart, [`Lists`] for those that are close, [`AllPairs`] the
-plain reference for both and the search for very few particles.
+plain reference for both and the search for very few particles. [`ShearedCells`] and [`ShearedPairs`] are
+those for boxes under simple shear, whose images slide.
 */
 
 mod all_pairs;
@@ -22,6 +23,7 @@ mod geometry;
 mod lists;
 mod memory;
 mod packed;
+mod sheared;
 mod shell;
 mod walls;
 
@@ -32,10 +34,12 @@ pub use geometry::{Axis, Geometry, Plane};
 pub use lists::Lists;
 pub use memory::{Elements, prefetch, prefetch_at, with_huge_pages};
 pub use packed::{Offsets, Packed};
+pub use sheared::{ShearedCells, ShearedPairs, Sliding};
 
 use glam::DVec3;
 
-/// Periodic image of a pair: the partner's image is at r_j + shift · L.
+/// Periodic image of a pair: the partner's image is at r_j + shift · L. In a sheared box L along the gradient
+/// has a component along the flow, the displacement of the image at that time.
 pub type Shift = [i32; 3];
 
 /// Free flight of a particle from its present state, in anchor coordinates.
@@ -47,6 +51,8 @@ pub struct Flight {
     pub velocity: DVec3,
     /// Acceleration [length/time²].
     pub acceleration: DVec3,
+    /// The present [ticks].
+    pub now: i64,
 }
 
 /// A predicted crossing: a particle leaves its cell.
@@ -64,9 +70,9 @@ pub trait Search: Sync + Send + Sized {
     /// Assigns cells to all particles. `positions` are the present ones, in anchor coordinates.
     fn new(geometry: &Geometry, positions: &[DVec3]) -> Self;
 
-    /// Calls `visit(j, shift)` for every candidate j of particle i. `position(k)` is the present position of
-    /// k.
-    fn candidates<P: Fn(u32) -> DVec3, V: FnMut(u32, Shift)>(&self, i: u32, position: P, visit: V);
+    /// Calls `visit(j, shift)` for every candidate j of particle i. `position(k)` is the position of k at
+    /// `now`, the present \[ticks\].
+    fn candidates<P: Fn(u32) -> DVec3, V: FnMut(u32, Shift)>(&self, i: u32, now: i64, position: P, visit: V);
 
     /// The same, but only for the candidates that the crossing `code` has added. It must be the last
     /// crossing.
@@ -74,6 +80,7 @@ pub trait Search: Sync + Send + Sized {
         &self,
         i: u32,
         code: u8,
+        now: i64,
         position: P,
         visit: V,
     );

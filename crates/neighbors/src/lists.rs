@@ -375,7 +375,13 @@ impl Search for Lists {
     }
 
     #[inline]
-    fn candidates<P: Fn(u32) -> DVec3, V: FnMut(u32, Shift)>(&self, i: u32, _position: P, visit: V) {
+    fn candidates<P: Fn(u32) -> DVec3, V: FnMut(u32, Shift)>(
+        &self,
+        i: u32,
+        _now: i64,
+        _position: P,
+        visit: V,
+    ) {
         self.visit(i, visit);
     }
 
@@ -384,6 +390,7 @@ impl Search for Lists {
         &self,
         _i: u32,
         _code: u8,
+        _now: i64,
         _position: P,
         mut visit: V,
     ) {

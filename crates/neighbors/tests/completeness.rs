@@ -2,7 +2,10 @@
 //! other.
 
 use glam::DVec3;
-use haff_neighbors::{AllPairs, Axis, Cells, Flight, Geometry, Lists, Packed, Plane, Search, Shift};
+use haff_neighbors::{
+    AllPairs, Axis, Cells, Flight, Geometry, Lists, Packed, Plane, Search, ShearedCells, ShearedPairs, Shift,
+    Sliding,
+};
 use proptest::prelude::*;
 
 /// Particles in free flight: positions at time 0, and velocities.
@@ -28,7 +31,24 @@ impl Scene {
 
     fn flight(&self, i: u32, time: f64) -> Flight {
         let velocity = self.flights[i as usize].1;
-        Flight { position: self.position(i, time), velocity, acceleration: DVec3::ZERO }
+        let now = self.ticks(time);
+        Flight { position: self.position(i, time), velocity, acceleration: DVec3::ZERO, now }
+    }
+
+    fn ticks(&self, time: f64) -> i64 {
+        self.geometry.sliding.map_or(0, |sliding| sliding.start + (time / sliding.tick).round() as i64)
+    }
+
+    /// Edge vectors of the box at `time`, by row. Along the flow images are counted from the start of the
+    /// run, `turns` edges before.
+    fn edges(&self, time: f64) -> [DVec3; 3] {
+        let size = self.geometry.size;
+        let mut edges = [DVec3::X * size.x, DVec3::Y * size.y, DVec3::Z * size.z];
+        if let Some(sliding) = &self.geometry.sliding {
+            edges[sliding.gradient][sliding.flow] =
+                sliding.turns as f64 * size[sliding.flow] + sliding.offset + sliding.speed * time;
+        }
+        edges
     }
 
     /// Contact distance of a pair.
@@ -43,16 +63,22 @@ impl Scene {
         let count = self.flights.len() as u32;
         for (i, j) in (0..count).flat_map(|i| (0..count).map(move |j| (i, j))).filter(|(i, j)| i != j) {
             let r = self.position(j, time) - self.position(i, time);
-            let range = |axis: usize| {
-                let nearest = -(r[axis] / self.geometry.size[axis]).round() as i32;
+            let range = |axis: usize, x: f64| {
+                let nearest = -(x / self.geometry.size[axis]).round() as i32;
                 if self.geometry.axes[axis] == Axis::Periodic { nearest - 1..=nearest + 1 } else { 0..=0 }
             };
-            for x in range(0) {
-                for y in range(1) {
-                    for z in range(2) {
-                        let shift = DVec3::new(f64::from(x), f64::from(y), f64::from(z)) * self.geometry.size;
-                        if (r + shift).length() < self.contact(i, j) {
-                            found.push((i, j, [x, y, z]));
+            let edges = self.edges(time);
+            // The flow last: its image depends on that across the gradient.
+            let flow = self.geometry.sliding.map_or(0, |sliding| sliding.flow);
+            let [a, b] = [(flow + 1) % 3, (flow + 2) % 3];
+            for up in range(a, r[a]) {
+                for beside in range(b, r[b]) {
+                    let moved = r + edges[a] * f64::from(up) + edges[b] * f64::from(beside);
+                    for along in range(flow, moved[flow]) {
+                        if (moved + edges[flow] * f64::from(along)).length() < self.contact(i, j) {
+                            let mut shift = [0; 3];
+                            (shift[a], shift[b], shift[flow]) = (up, beside, along);
+                            found.push((i, j, shift));
                         }
                     }
                 }
@@ -90,8 +116,56 @@ fn scene() -> impl Strategy<Value = Scene> {
                     radius: 0.5,
                     radii,
                     planes: Vec::new(),
+                    sliding: None,
                 },
                 flights,
+            }
+        },
+    )
+}
+
+/// Scenes under simple shear: any two axes, both signs of the rate, images that have slid by many edges.
+fn sheared_scene() -> impl Strategy<Value = Scene> {
+    let unit = prop::array::uniform3(0.0_f64..1.0);
+    let flights = prop::collection::vec((unit.clone(), unit), 2..40);
+    let axes = (0_usize..3, 0_usize..2, any::<bool>());
+    let shear = (prop_oneof![Just(0.0), -2.0_f64..2.0], 0.0_f64..1.0, -3_i64..4);
+    (axes, prop::array::uniform3(2.05_f64..9.0), flights, shear).prop_map(
+        |((flow, other, flat), size, flights, (rate, offset, turns))| {
+            let gradient = (flow + 1 + other) % 3;
+            let side = 3 - flow - gradient;
+            let flights = flights.into_iter().map(|(place, motion)| {
+                let still = |axis: usize, x: f64| if flat && axis == side { 0.0 } else { x };
+                let position = DVec3::from_array([0, 1, 2].map(|k| still(k, place[k] * size[k])));
+                let mut velocity = DVec3::from_array([0, 1, 2].map(|k| still(k, motion[k] - 0.5)));
+                velocity[flow] += rate * position[gradient];
+                (position, velocity)
+            });
+            let mut axes = [Axis::Periodic; 3];
+            if flat {
+                axes[side] = Axis::Flat;
+            }
+            let sliding = Sliding {
+                flow,
+                gradient,
+                speed: rate * size[gradient],
+                offset: (offset - 0.5) * size[flow],
+                turns,
+                start: 12_345,
+                tick: 2.0_f64.powi(-50),
+            };
+            Scene {
+                flights: flights.collect(),
+                geometry: Geometry {
+                    size: DVec3::from_array(size),
+                    axes,
+                    reach: 1.0,
+                    crowding: 1.0,
+                    radius: 0.5,
+                    radii: Vec::new(),
+                    planes: Vec::new(),
+                    sliding: Some(sliding),
+                },
             }
         },
     )
@@ -116,7 +190,12 @@ fn check_completeness<S: Search>(scene: &Scene, steps: usize) -> Result<(), Test
     };
     let list_candidates = |search: &S, i: u32, time: f64| {
         let mut list = Vec::new();
-        search.candidates(i, |k| scene.position(k, time), |j, shift| list.push((j, shift)));
+        search.candidates(
+            i,
+            scene.ticks(time),
+            |k| scene.position(k, time),
+            |j, shift| list.push((j, shift)),
+        );
         list
     };
     let mut candidates: Vec<_> = (0..count).map(|i| list_candidates(&search, i, time)).collect();
@@ -140,7 +219,13 @@ fn check_completeness<S: Search>(scene: &Scene, steps: usize) -> Result<(), Test
         time = when;
         search.cross(i, code, &scene.flight(i, time));
         let mut new = Vec::new();
-        search.new_candidates(i, code, |k| scene.position(k, time), |j, shift| new.push((j, shift)));
+        search.new_candidates(
+            i,
+            code,
+            scene.ticks(time),
+            |k| scene.position(k, time),
+            |j, shift| new.push((j, shift)),
+        );
         let all = list_candidates(&search, i, time);
         for candidate in &all {
             let before = is_candidate(&candidates, i, candidate.0, candidate.1);
@@ -175,6 +260,26 @@ proptest! {
         check_completeness::<AllPairs>(&scene, 300)?;
     }
 
+    #[test]
+    fn sheared_cells_are_complete(scene in sheared_scene()) {
+        check_completeness::<ShearedCells>(&scene, 400)?;
+    }
+
+    #[test]
+    fn sheared_pairs_are_complete(scene in sheared_scene()) {
+        check_completeness::<ShearedPairs>(&scene, 400)?;
+    }
+
+    #[test]
+    fn wrapping_an_anchor_shifts_its_images_under_shear(
+        scene in sheared_scene(), i in 0_usize..40, wraps in prop::array::uniform3(-3..4_i32)
+    ) {
+        let i = (i % scene.flights.len()) as u32;
+        let wraps = [0, 1, 2].map(|axis| if scene.geometry.axes[axis] == Axis::Periodic { wraps[axis] } else { 0 });
+        let positions: Vec<DVec3> = scene.flights.iter().map(|flight| flight.0).collect();
+        shifts_images::<ShearedCells>(&scene.geometry, &positions, i, wraps)?;
+    }
+
     /// Wrapping an anchor changes coordinates, not cells.
     #[test]
     fn wrapping_an_anchor_shifts_its_images(
@@ -198,7 +303,7 @@ proptest! {
         }
         let mut all = Vec::new();
         for i in 0..count {
-            search.candidates(i, |_| DVec3::ZERO, |j, shift| all.push((i, j, shift)));
+            search.candidates(i, 0, |_| DVec3::ZERO, |j, shift| all.push((i, j, shift)));
         }
         let mut mirrored: Vec<_> = all.iter().map(|&(i, j, shift)| (j, i, shift.map(|s| -s))).collect();
         all.sort_unstable();
@@ -210,7 +315,7 @@ proptest! {
 
 fn sorted_candidates<S: Search>(search: &S, k: u32) -> Vec<(u32, Shift)> {
     let mut list = Vec::new();
-    search.candidates(k, |_| DVec3::ZERO, |j, shift| list.push((j, shift)));
+    search.candidates(k, 0, |_| DVec3::ZERO, |j, shift| list.push((j, shift)));
     list.sort_unstable();
     list
 }
@@ -252,6 +357,7 @@ fn lists_overflow_and_shrink_again() {
         radius: 0.5,
         radii: Vec::new(),
         planes: Vec::new(),
+        sliding: None,
     };
     let place = |i: u32| {
         // A loose lattice.
@@ -262,7 +368,7 @@ fn lists_overflow_and_shrink_again() {
     let mut search = Lists::new(&geometry, &start);
     let at_start: Vec<_> = (0..count).map(|i| sorted_candidates(&search, i)).collect();
     assert!(at_start.iter().all(|list| list.len() < 40));
-    let flight = |position| Flight { position, velocity: DVec3::X, acceleration: DVec3::ZERO };
+    let flight = |position| Flight { position, velocity: DVec3::X, acceleration: DVec3::ZERO, now: 0 };
     for i in 0..count {
         search.cross(i, 0, &flight(DVec3::splat(15.1)));
     }
@@ -297,6 +403,7 @@ fn lists_of_small_particles_stay_short_beside_a_large_one() {
         radius: 10.0,
         radii,
         planes: Vec::new(),
+        sliding: None,
     };
     let search = Lists::new(&geometry, &positions);
     for i in [0_u32, 1, 5000, 10_000] {
@@ -324,6 +431,7 @@ fn lists_hold_images_far_from_the_box() {
         radius: 0.5,
         radii: Vec::new(),
         planes: Vec::new(),
+        sliding: None,
     };
     // The second has flown five boxes along x and one back along y since its last collision.
     let positions = [DVec3::splat(4.0), DVec3::new(44.9, -4.0, 4.0)];
@@ -344,15 +452,16 @@ fn a_cell_holds_ten_thousand_particles_and_is_emptied_again() {
         radius: 0.5,
         radii: Vec::new(),
         planes: Vec::new(),
+        sliding: None,
     };
     let mut search = Cells::new(&geometry, &vec![DVec3::splat(15.1); 10_000]);
     let count = |search: &Cells, i| {
         let mut count = 0;
-        search.candidates(i, |_| DVec3::ZERO, |_, _| count += 1);
+        search.candidates(i, 0, |_| DVec3::ZERO, |_, _| count += 1);
         count
     };
     assert_eq!(count(&search, 77), 9_999);
-    let stay = Flight { position: DVec3::ZERO, velocity: DVec3::ZERO, acceleration: DVec3::ZERO };
+    let stay = Flight { position: DVec3::ZERO, velocity: DVec3::ZERO, acceleration: DVec3::ZERO, now: 0 };
     // All but ten move five cells away, along x, and back.
     for i in 10..10_000 {
         (0..5).for_each(|_| search.cross(i, 1, &stay));
@@ -375,6 +484,7 @@ fn only_cells_near_a_wall_list_it() {
         radius: 0.5,
         radii: Vec::new(),
         planes: vec![plane(0.0, DVec3::X), plane(20.0, DVec3::NEG_X)],
+        sliding: None,
     };
     let place = |i: i32| DVec3::new(f64::from(i % 20), f64::from(i / 20 % 20), f64::from(i / 400)) + 0.5;
     let positions: Vec<DVec3> = (0..8000).map(place).collect();

@@ -68,6 +68,11 @@ fn state(py: Python<'_>, path: &Path, index: i64) -> PyResult<State> {
     };
     Ok(State {
         size: vectors("size")?.and_then(|size| size.first().copied()),
+        sheared_edges: if stored.contains("edges")? {
+            vectors("edges")?.and_then(|edges| edges.try_into().ok())
+        } else {
+            None
+        },
         position: vectors("position")?.unwrap_or_default(),
         velocity: vectors("velocity")?,
         angular_velocity: if stored.contains("angular_velocity")? {

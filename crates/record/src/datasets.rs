@@ -74,9 +74,11 @@ pub(crate) struct Trajectory {
 }
 
 impl Trajectory {
-    fn create(all: &Group, particles: usize, spin: bool, compressed: bool) -> hdf5::Result<Self> {
+    fn create(all: &Group, particles: usize, present: Present, compressed: bool) -> hdf5::Result<Self> {
         let storage = frame_storage(particles, compressed);
         let width = [particles, 3];
+        // Lengths, or under shear the vectors, one a row.
+        let edges: &[usize] = if present.shear { &[3, 3] } else { &[3] };
         let position = all.create_group("position")?;
         let clock = Clock::create(&position)?;
         let element = |path: &str| -> hdf5::Result<Group> {
@@ -89,7 +91,7 @@ impl Trajectory {
         Ok(Self {
             position: Series::create_real(&position, "value", &width, &storage)?,
             velocity: Series::create_real(&element("velocity")?, "value", &width, &storage)?,
-            angular_velocity: if spin {
+            angular_velocity: if present.spin {
                 let group = element("angular_velocity")?;
                 Some(Series::create_real(&group, "value", &width, &storage)?)
             } else {
@@ -99,8 +101,8 @@ impl Trajectory {
             edges: Series::create_real(
                 &element("box/edges")?,
                 "value",
-                &[3],
-                &Storage::plain(SERIES_CHUNK, &[3]),
+                edges,
+                &Storage::plain(SERIES_CHUNK, edges),
             )?,
             clock,
         })
@@ -117,7 +119,11 @@ impl Trajectory {
                 None
             },
             image: vectors("image/value")?,
-            edges: Series::open(all, "box/edges/value")?.expect(&[3])?,
+            edges: {
+                let edges = Series::open(all, "box/edges/value")?;
+                let width = if edges.width() == 9 { &[3, 3][..] } else { &[3] };
+                edges.expect(width)?
+            },
             clock: Clock::open(&all.group("position")?)?,
         })
     }
@@ -248,7 +254,7 @@ impl Datasets {
             write_array(&all, "inertia", &header.inertia)?;
         }
         let trajectory = if header.frames {
-            Some(Trajectory::create(&all, particles, spin, header.compressed)?)
+            Some(Trajectory::create(&all, particles, header.present, header.compressed)?)
         } else {
             write_array(&box_group, "edges", &header.box_size.to_array())?;
             None

@@ -85,6 +85,8 @@ pub struct State {
     pub dimension: usize,
     /// Edge lengths of the box [length].
     pub box_size: DVec3,
+    /// Edge vectors of a sheared box \[length\].
+    pub sheared_edges: Option<[DVec3; 3]>,
     /// [N] centres [length], wrapped into the box along periodic axes.
     pub position: Vec<DVec3>,
     /// [N] velocities [length/time].
@@ -445,12 +447,17 @@ pub fn state(path: impl AsRef<Path>, index: i64) -> Result<State, RecordError> {
             .ok_or_else(|| RecordError::Missing { path: path.to_owned(), what: "frame of this index" })?;
         let read = || -> hdf5::Result<State> {
             let all = file.group("particles/all")?;
-            let edges = trajectory.edges.read::<f64>(row, row + 1)?;
+            let edges = vectors(&trajectory.edges.read::<f64>(row, row + 1)?);
             Ok(State {
                 time: trajectory.clock.time.read::<f64>(row, row + 1)?[0],
                 step: trajectory.clock.step.read::<i64>(row, row + 1)?[0] as u64,
                 dimension: parameters.dimension,
-                box_size: vectors(&edges).first().copied().unwrap_or(DVec3::NAN),
+                box_size: match &edges[..] {
+                    &[lengths] => lengths,
+                    &[x, y, z] => DVec3::new(x.x, y.y, z.z),
+                    _ => DVec3::NAN,
+                },
+                sheared_edges: edges.try_into().ok(),
                 position: vectors(&trajectory.position.read(row, row + 1)?),
                 velocity: vectors(&trajectory.velocity.read(row, row + 1)?),
                 angular_velocity: match &trajectory.angular_velocity {

@@ -214,7 +214,13 @@ impl Writer {
         }
         let images = rows.map(|frame| frame.image.as_slice());
         trajectory.image.append_vectors(images, |image| image, packer).doing(path, WRITE)?;
-        let edges: Vec<f64> = frames.iter().flat_map(|_| self.box_size.to_array()).collect();
+        let sheared = trajectory.edges.width() == 9;
+        let lengths = [self.box_size];
+        let edges: Vec<f64> = frames
+            .iter()
+            .flat_map(|frame| if sheared { &frame.edges[..] } else { &lengths }.iter())
+            .flat_map(|edge| edge.to_array())
+            .collect();
         trajectory.edges.append(&edges).doing(path, WRITE)?;
         self.frame_clock.extend(frames.iter().map(|frame| (frame.step as i64, frame.time)));
         Ok(())

@@ -77,6 +77,27 @@ pub struct DomainConfig {
     /// Common acceleration [length/time²]; zero along periodic axes. Default 0.
     #[schemars(length(min = 2, max = 3))]
     pub gravity: Option<Vec<f64>>,
+    /// Simple shear of a box that is periodic along all axes (Lees–Edwards): the mean velocity along `flow`
+    /// is `rate` times the coordinate along `gradient`.
+    pub shear: Option<ShearConfig>,
+}
+
+/// Simple shear.
+#[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields, default)]
+pub struct ShearConfig {
+    /// Axis of the flow: `x`, `y` or `z`.
+    #[schemars(required)]
+    pub flow: Option<String>,
+    /// Axis along which the velocity grows; another one.
+    #[schemars(required)]
+    pub gradient: Option<String>,
+    /// Shear rate [1/time], of either sign.
+    #[schemars(required)]
+    pub rate: Option<f64>,
+    /// Displacement along the flow of the image across the upper face of the gradient axis at the start
+    /// [length]. Default 0, or that of the file that the run starts from.
+    pub offset: Option<f64>,
 }
 
 /// The boundary of the domain along one axis.

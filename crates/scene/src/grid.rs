@@ -23,6 +23,15 @@ impl Periods {
         }))
     }
 
+    /// Periods for a search of overlaps: without that along the gradient if images across it are displaced.
+    pub(crate) fn aligned(domain: &Domain) -> Self {
+        let mut periods = Self::new(domain);
+        if let Some(shear) = domain.shear.filter(|shear| shear.offset != 0.0) {
+            periods.0[shear.gradient] = None;
+        }
+        periods
+    }
+
     /// The shortest image of the difference `d` of two positions in the box.
     pub(crate) fn nearest(&self, mut d: DVec3) -> DVec3 {
         for axis in 0..3 {
@@ -258,6 +267,7 @@ mod tests {
                 size: DVec3::from_array(std::array::from_fn(|_| random.between(2.1, 40.0))),
                 boundary: std::array::from_fn(|_| kinds[random.below(3)]),
                 gravity: DVec3::ZERO,
+                shear: None,
             };
             let n = 60;
             let radius: Vec<f64> = (0..n).map(|_| libm::pow(10.0, random.between(-6.0, 0.0))).collect();

@@ -9,6 +9,8 @@ use glam::DVec3;
 pub struct State {
     /// Edge lengths of the box [length], if the file has them.
     pub size: Option<DVec3>,
+    /// Edge vectors of the box \[length\], if it is sheared.
+    pub sheared_edges: Option<[DVec3; 3]>,
     /// Centres [length], within [0, L) along periodic axes.
     pub position: Vec<DVec3>,
     /// Velocities [length/time], if the file has them.

@@ -224,6 +224,7 @@ fn recorded() -> State {
     let (radius, mass) = (vec![0.5, 0.6, 0.7], vec![1.0; 3]);
     State {
         size: Some(DVec3::splat(10.0)),
+        sheared_edges: None,
         position,
         velocity: Some(velocity),
         angular_velocity: None,

@@ -34,8 +34,9 @@ impl TimedAction for Andersen {
         let i = self.driven.particles[self.times.select()];
         let (count, mass) = (state.world.particles[i as usize].count, state.world.class(i).mass);
         let spread = (self.temperature / mass).sqrt();
-        let velocity = spread * Draw::new(self.seed, i, u64::from(count)).normals(self.driven.dimension);
-        kick(state, i, velocity, observer)?;
+        let peculiar = spread * Draw::new(self.seed, i, u64::from(count)).normals(self.driven.dimension);
+        let flow = state.world.flow_velocity(state.world.state(i, state.world.now).0);
+        kick(state, i, flow + peculiar, observer)?;
         Ok(vec![i])
     }
 

@@ -16,7 +16,7 @@ use crate::{
     ledger::Term,
     model::System,
     report::{Exchange, Observer, Partner, VelocityChange},
-    series,
+    series, shear,
     state::State,
     timed::TimedAction,
 };
@@ -120,7 +120,8 @@ impl Driven {
     }
 }
 
-/// Gives particle i a new velocity at the present, and adds the work and the impulse to the accumulators.
+/// Gives particle i a new velocity at the present, and adds the work and the impulse to the accumulators. The
+/// energy is that of the peculiar velocity.
 fn kick(state: &mut State, i: u32, velocity: DVec3, observer: &mut dyn Observer) -> Result<(), EngineError> {
     let now = state.world.now;
     if observer.wants_events() {
@@ -134,10 +135,16 @@ fn kick(state: &mut State, i: u32, velocity: DVec3, observer: &mut dyn Observer)
     }
     let (position, before) = state.world.state(i, now);
     let mass = state.world.class(i).mass;
+    shear::end_flight(state, i, now);
     state.world.particles[i as usize].set_anchor(position, velocity, now);
     let change = velocity - before;
+    let flow = state.world.flow_velocity(position);
+    let (before, velocity) = (before - flow, velocity - flow);
     state.accumulators.add_energy(Term::DriveWork, time, 0.5 * mass * change.dot(velocity + before));
     state.accumulators.add_impulse(change * mass);
+    if let Some(shear) = &state.world.shear {
+        state.world.force.change(shear.force(change * mass), time);
+    }
     if observer.wants_events() {
         let changes = [VelocityChange { i, mass, before, after: velocity }];
         observer.exchange(&Exchange { time, changes: &changes, partner: Partner::Drive });

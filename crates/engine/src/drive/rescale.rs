@@ -33,7 +33,7 @@ impl TimedAction for Rescale {
         self.times.advance();
         let world = &state.world;
         let particles = &self.driven.particles;
-        let velocity = |k: u32| world.state(particles[k as usize], world.now).1;
+        let velocity = |k: u32| world.peculiar(particles[k as usize], world.now).1;
         let mass = |k: u32| world.class(particles[k as usize]).mass;
         let [m, px, py, pz] = total(particles.len(), |k| {
             let p = mass(k) * velocity(k);
@@ -48,8 +48,9 @@ impl TimedAction for Rescale {
             return Ok(Vec::new());
         }
         for &i in particles {
-            let velocity = state.world.state(i, state.world.now).1;
-            kick(state, i, drift + (velocity - drift) * factor, observer)?;
+            let (position, velocity) = state.world.peculiar(i, state.world.now);
+            let flow = state.world.flow_velocity(position);
+            kick(state, i, flow + drift + (velocity - drift) * factor, observer)?;
         }
         Ok(particles.clone())
     }

@@ -134,12 +134,17 @@ impl Correlator {
             let unwrapped = |&i: &u32| {
                 let [x, y, z] = world.images[i as usize].map(f64::from);
                 let image = glam::DVec3::new(x, y, z) * world.periodicity.size;
-                (world.state(i, world.now).0 + image).to_array()
+                let mut position = world.state(i, world.now).0 + image;
+                if let Some(shear) = &world.shear {
+                    // Only across the flow are displacements those of diffusion.
+                    position[shear.flow] = 0.0;
+                }
+                position.to_array()
             };
             msd.add(self.tracers.iter().flat_map(unwrapped).collect());
         }
         if let Some(vacf) = &mut self.vacf {
-            let velocity = |&i: &u32| world.state(i, world.now).1.to_array();
+            let velocity = |&i: &u32| world.peculiar(i, world.now).1.to_array();
             vacf.add(self.tracers.iter().flat_map(velocity).collect());
         }
     }

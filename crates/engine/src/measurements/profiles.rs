@@ -4,7 +4,8 @@
 //! The fields are those of I. Goldhirsch, Granular Matter 12, 239 (2010), with the cell as the
 //! coarse-graining function: what particles have counts in the cell of their center, averaged over several
 //! states; what a contact transfers counts in each cell with the part of the line between the centers that is
-//! inside, for all contacts of the interval. So the sums over all cells are those of the system.
+//! inside, for all contacts of the interval. So the sums over all cells are those of the system. Under shear
+//! velocities are relative to the flow at each particle; the velocity of a cell has that of its middle added.
 
 use glam::DVec3;
 
@@ -15,9 +16,11 @@ use super::{
 };
 use crate::{
     error::EngineError,
+    instant::Instant,
     model::System,
     particles::World,
     report::{Exchange, Observer, Partner, ProfileRow},
+    shear::SlidingImages,
     state::State,
     sum::Sum,
 };
@@ -87,6 +90,7 @@ pub(super) struct Profile {
     sums: Vec<[Sum; FIELDS]>,
     /// Where a contact leaves cells, as fractions of the line between the centers.
     faces: Vec<f64>,
+    shear: Option<SlidingImages>,
 }
 
 impl Profile {
@@ -106,6 +110,7 @@ impl Profile {
             taken: 0,
             sums: vec![[Sum::default(); FIELDS]; grid.cells()],
             faces: Vec::new(),
+            shear: SlidingImages::of(system),
             grid: grid.clone(),
         }
     }
@@ -132,8 +137,8 @@ impl Profile {
         Some(cell)
     }
 
-    /// Adds a transfer from `start` along `branch`, to each cell its part of the line.
-    fn transfer(&mut self, start: DVec3, branch: DVec3, virial: Tensor) {
+    /// Adds a transfer at `time` from `start` along `branch`, to each cell its part of the line.
+    fn transfer(&mut self, time: f64, start: DVec3, branch: DVec3, virial: Tensor) {
         let mut faces = std::mem::take(&mut self.faces);
         faces.clear();
         for axis in &self.grid.axes {
@@ -153,7 +158,7 @@ impl Profile {
         for &right in &faces {
             let part = right - left;
             if part > 0.0
-                && let Some(cell) = self.cell(start + branch * (0.5 * (left + right)))
+                && let Some(cell) = self.cell(self.folded(start + branch * (0.5 * (left + right)), time))
             {
                 for (sum, term) in self.sums[cell][VIRIAL..].iter_mut().zip(virial) {
                     sum.add(part * term);
@@ -164,6 +169,27 @@ impl Profile {
         self.faces = faces;
     }
 
+    /// A position at `time`, in the box along the gradient of a shear.
+    fn folded(&self, position: DVec3, time: f64) -> DVec3 {
+        self.shear.as_ref().map_or(position, |shear| shear.fold(position, Instant::at(time)))
+    }
+
+    /// The velocity of the flow in the middle of a cell; zero without shear, or if the grid does not divide
+    /// the axis of the gradient.
+    fn flow(&self, cell: usize) -> DVec3 {
+        let Some(shear) = &self.shear else { return DVec3::ZERO };
+        let mut position = DVec3::ZERO;
+        let mut rest = cell;
+        for axis in self.grid.axes.iter().rev() {
+            if axis.axis == shear.gradient {
+                let width = (axis.high - axis.low) / axis.bins as f64;
+                position[axis.axis] = axis.low + width * ((rest % axis.bins) as f64 + 0.5);
+            }
+            rest /= axis.bins;
+        }
+        shear.velocity(position)
+    }
+
     /// Adds the particles at the present.
     fn add_state(&mut self, world: &World) {
         for i in 0..world.particles.len() as u32 {
@@ -171,7 +197,10 @@ impl Profile {
             if class.inverse_mass == 0.0 {
                 continue;
             }
-            let (position, velocity) = world.state(i, world.now);
+            let (mut position, velocity) = world.peculiar(i, world.now);
+            if world.shear.is_some() {
+                position = world.wrap(position, world.now).0;
+            }
             let Some(cell) = self.cell(position) else { continue };
             let sums = &mut self.sums[cell];
             let momentum = class.mass * velocity;
@@ -191,7 +220,8 @@ impl Profile {
         let d = self.dimension;
         let (states, span) = (self.grid.samples as f64, self.grid.interval);
         let mut row = ProfileRow { profile: self.index, time, ..ProfileRow::default() };
-        for sums in &mut self.sums {
+        let flows: Vec<DVec3> = (0..self.sums.len()).map(|cell| self.flow(cell)).collect();
+        for (sums, sheared) in self.sums.iter_mut().zip(flows) {
             let of = |k: usize| sums[k].value() / states;
             let mass = of(MASS);
             let momentum = DVec3::new(of(MOMENTUM), of(MOMENTUM + 1), of(MOMENTUM + 2));
@@ -200,7 +230,7 @@ impl Profile {
             let flow = if mass > 0.0 { product(momentum, velocity) } else { [0.0; 9] };
             row.density.push(of(COUNT) / self.volume);
             row.mass_density.push(mass / self.volume);
-            row.velocity.push(velocity);
+            row.velocity.push(velocity + sheared);
             let mut thermal = 0.0;
             for k in (0..9).filter(|k| k / 3 < d && k % 3 < d) {
                 let kinetic = of(KINETIC + k) - flow[k];
@@ -229,7 +259,7 @@ impl Measurement for Profile {
             (exchange.partner, exchange.changes.first())
         {
             let impulse = -change.mass * (change.after - change.before);
-            self.transfer(position, branch, product(branch, impulse));
+            self.transfer(exchange.time, position, branch, product(branch, impulse));
         }
     }
 

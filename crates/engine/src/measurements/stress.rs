@@ -4,7 +4,8 @@
 //! the impulse J on the one to which it points (J. H. Irving, J. G. Kirkwood, J. Chem. Phys. 18, 817 (1950)).
 //! Particles without acceleration have constant velocities between events, so that the integral of the first
 //! term over the interval is its value at the end times Δt, minus every change times the time before it. With
-//! gravity, or on walls that carry grains, it is the mean of the values at both ends.
+//! gravity, or on walls that carry grains, it is the mean of the values at both ends. Under shear v is the
+//! peculiar velocity, which is linear in time: the term is integrated for each flight.
 
 use glam::DVec3;
 
@@ -18,6 +19,7 @@ use crate::{
     model::System,
     particles::World,
     report::{Exchange, Partner, Sample},
+    shear::SlidingImages,
     state::State,
     sum::Sum,
 };
@@ -60,6 +62,39 @@ pub(super) struct StressSums {
     /// Σ Δ(m v ⊗ v) (t − since).
     moment: [Sum; 9],
     volume: f64,
+    shear: Option<ShearedFlights>,
+}
+
+/// The integral of Σ m c ⊗ c over flights in a sheared system.
+#[derive(Debug, Clone)]
+struct ShearedFlights {
+    images: SlidingImages,
+    /// The time up to which the flight of each particle is in the sums.
+    until: Vec<f64>,
+    /// ∫ Σ m c ⊗ c dt.
+    integral: [Sum; 9],
+}
+
+impl ShearedFlights {
+    fn new(world: &World) -> Option<Self> {
+        let images = world.shear?;
+        Some(Self { images, until: vec![0.0; world.particles.len()], integral: Default::default() })
+    }
+
+    /// Adds the flight of a particle up to `time`, where it has the peculiar velocity `c`.
+    fn add(&mut self, i: u32, mass: f64, c: DVec3, time: f64) {
+        let age = time - std::mem::replace(&mut self.until[i as usize], time);
+        let SlidingImages { flow, gradient, rate, .. } = self.images;
+        // Before, c was larger along the flow by γ̇ c_y for each unit of time.
+        let growth = DVec3::AXES[flow] * (rate * c[gradient]);
+        let (constant, linear) = (product(c, c), product(c, growth));
+        let square = product(growth, growth);
+        for (k, sum) in self.integral.iter_mut().enumerate() {
+            let transposed = 3 * (k % 3) + k / 3;
+            let slope = linear[k] + linear[transposed];
+            sum.add(mass * age * (constant[k] + age * (0.5 * slope + age * square[k] / 3.0)));
+        }
+    }
 }
 
 /// Σ m v ⊗ v of all particles of finite mass.
@@ -69,7 +104,7 @@ fn kinetic(world: &World) -> Tensor {
         if class.inverse_mass == 0.0 {
             return [0.0; 6];
         }
-        let (_, v) = world.state(i, world.now);
+        let (_, v) = world.peculiar(i, world.now);
         let p = class.mass * v;
         [p.x * v.x, p.x * v.y, p.x * v.z, p.y * v.y, p.y * v.z, p.z * v.z]
     });
@@ -85,12 +120,18 @@ impl StressSums {
             virial: Default::default(),
             moment: Default::default(),
             volume: size[..system.dimension.count()].iter().product(),
+            shear: ShearedFlights::new(world),
         }
     }
 
     /// Adds the changes of an event.
     pub fn exchange(&mut self, exchange: &Exchange) {
         let age = exchange.time - self.since;
+        if let Some(shear) = &mut self.shear {
+            for change in exchange.changes {
+                shear.add(change.i, change.mass, change.before, exchange.time);
+            }
+        }
         for change in exchange.changes {
             let before = product(change.before, change.before);
             let after = product(change.after, change.after);
@@ -112,9 +153,17 @@ impl StressSums {
     pub fn finish(&mut self, world: &World, time: f64, drift: Tensor) -> StressTensor {
         let (span, volume) = (time - self.since, self.volume);
         let end = kinetic(world);
+        let integral = self.shear.as_mut().map(|shear| {
+            for i in 0..world.particles.len() as u32 {
+                shear.add(i, world.body(i).mass, world.peculiar(i, world.now).1, time);
+            }
+            std::mem::take(&mut shear.integral)
+        });
         let straight = world.flies_straight();
         let mean = |k: usize| {
-            let thermal = if straight {
+            let thermal = if let Some(integral) = &integral {
+                integral[k].value() / span
+            } else if straight {
                 end[k] - self.moment[k].value() / span
             } else {
                 0.5 * (end[k] + self.kinetic[k])
@@ -139,13 +188,23 @@ impl StressSums {
         put_reals(words, &self.kinetic);
         put_sums(words, &self.virial);
         put_sums(words, &self.moment);
+        if let Some(shear) = &self.shear {
+            put_reals(words, &shear.until);
+            put_sums(words, &shear.integral);
+        }
     }
 
     pub fn load(&mut self, words: &mut Words) -> Result<(), EngineError> {
         self.since = words.real()?;
         self.kinetic.copy_from_slice(&words.reals(9)?);
         words.sums(&mut self.virial)?;
-        words.sums(&mut self.moment)
+        words.sums(&mut self.moment)?;
+        if let Some(shear) = &mut self.shear {
+            let count = shear.until.len();
+            shear.until.copy_from_slice(&words.reals(count)?);
+            words.sums(&mut shear.integral)?;
+        }
+        Ok(())
     }
 }
 

@@ -240,6 +240,7 @@ mod tests {
             radius: 0.5,
             radii: Vec::new(),
             planes: Vec::new(),
+            sliding: None,
         };
         let body = |class| crate::model::Body {
             position: DVec3::ZERO,
@@ -258,6 +259,7 @@ mod tests {
                 size: DVec3::splat(EDGE),
                 boundary: [crate::model::Boundary::Periodic; 3],
                 gravity: DVec3::ZERO,
+                shear: None,
             },
             bodies: vec![body(0), body(1)],
             classes: radii.map(|radius| crate::model::Class { radius, mass: 1.0, group: 0 }).to_vec(),

@@ -25,6 +25,7 @@ const SIZE_RATIO: f64 = 2.0;
 pub(crate) fn supports(system: &System, summary: &SystemSummary) -> bool {
     summary.count < i32::MAX as usize
         && system.domain.gravity == DVec3::ZERO
+        && system.domain.shear.is_none()
         && system.walls.len() <= MAX_WALLS
         && (0..system.dimension.count()).all(|axis| system.domain.boundary[axis] != Boundary::Open)
         && !is_wide(summary)

@@ -232,7 +232,16 @@ mod tests {
     use super::*;
 
     fn geometry(size: DVec3, axes: [Axis; 3]) -> Geometry {
-        Geometry { size, axes, reach: 1.0, crowding: 1.0, radius: 0.5, radii: Vec::new(), planes: Vec::new() }
+        Geometry {
+            size,
+            axes,
+            reach: 1.0,
+            crowding: 1.0,
+            radius: 0.5,
+            radii: Vec::new(),
+            planes: Vec::new(),
+            sliding: None,
+        }
     }
 
     #[test]

@@ -108,6 +108,9 @@ pub(crate) fn unsuitable(system: &System, summary: &SystemSummary) -> Option<Str
     if Thresholds::of(system).is_some() {
         return Some("grains may come to rest on each other (contact.rest_speed)".to_owned());
     }
+    if system.domain.shear.is_some() {
+        return Some("images of a sheared box (domain.shear) slide".to_owned());
+    }
     for axis in 0..axes {
         match system.domain.boundary[axis] {
             Boundary::Open => return Some("an axis is open".to_owned()),

@@ -3,7 +3,7 @@
 use glam::DVec3;
 use haff_engine::{
     Boundary, Correlations, Dimension, Drive, DriveKind, Grid, GridAxis, Group, Hole, KickTimes, Measure,
-    Oscillating, Partition, Spin, System, ThermalWall, Wall, WallLaw, WallMotion,
+    Oscillating, Partition, Shear, Spin, System, ThermalWall, Wall, WallLaw, WallMotion,
 };
 use haff_mechanics::{Oscillation, Restitution, Roughness, Waveform};
 use proptest::prelude::*;
@@ -49,6 +49,8 @@ pub struct Recipe {
     pub partition: bool,
     /// Contacts are rough: not at all, with one law, or with a law for each pair and each wall.
     pub rough: usize,
+    /// Simple shear: none, moderate, fast or slow. All axes are then periodic, and no body is fixed.
+    pub shear: usize,
     pub seed: u64,
 }
 
@@ -76,6 +78,7 @@ pub const PLAIN: Recipe = Recipe {
     measure: false,
     partition: false,
     rough: 0,
+    shear: 0,
     seed: 0,
 };
 
@@ -96,20 +99,23 @@ pub fn recipe() -> impl Strategy<Value = Recipe> {
             (far, light, wedge, long),
             (drive, thermal, measure, partition, rough),
         )| {
+            // From the seed, so that all other features are drawn as before.
+            let shear = [1, 2, 3].get((seed >> 40) as usize % 12).copied().unwrap_or(0);
+            let sheared = shear > 0;
             Recipe {
                 flat,
-                boundary,
+                boundary: if sheared { [0; 3] } else { boundary },
                 particles,
                 species,
                 restitution,
                 gravity,
                 ramp,
-                fixed,
+                fixed: fixed && !sheared,
                 tc,
                 fast,
                 speeds,
                 ratios,
-                rest,
+                rest: rest && !sheared,
                 far,
                 light,
                 wedge,
@@ -119,6 +125,7 @@ pub fn recipe() -> impl Strategy<Value = Recipe> {
                 measure,
                 partition,
                 rough,
+                shear,
                 seed,
             }
         },
@@ -337,6 +344,19 @@ impl Recipe {
         }
         if self.rough > 0 {
             scene.spin = Some(spins(&scene, self.rough == 2, &mut random));
+        }
+        if self.shear > 0 {
+            let flow = random.index(d);
+            let gradient = (flow + 1 + random.index(d - 1)) % d;
+            let size =
+                [random.uniform(0.1, 2.0), 10_f64.powf(random.uniform(0.5, 2.5)), 1e-3][self.shear - 1];
+            let rate = if random.index(2) == 0 { size } else { -size };
+            // Whole edges: the particles have been placed for images without displacement.
+            let offset = (random.index(5) as f64 - 2.0) * scene.domain.size[flow];
+            scene.domain.shear = Some(Shear { flow, gradient, rate, offset });
+            for body in &mut scene.bodies {
+                body.velocity[flow] += rate * body.position[gradient];
+            }
         }
         if self.measure {
             scene.measure = measure_all(&scene, &mut random);

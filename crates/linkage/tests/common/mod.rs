@@ -77,7 +77,12 @@ impl Scene {
             measure: haff_engine::Measure::default(),
             seed: 0,
             dimension: Dimension::Three,
-            domain: Domain { size: DVec3::ONE, boundary: [Boundary::Open; 3], gravity: self.gravity },
+            domain: Domain {
+                size: DVec3::ONE,
+                boundary: [Boundary::Open; 3],
+                gravity: self.gravity,
+                shear: None,
+            },
             bodies: (0..n)
                 .map(|i| Body {
                     position: self.particles[i].0,

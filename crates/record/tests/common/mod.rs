@@ -91,6 +91,7 @@ pub fn frame(k: u64, particles: usize) -> Frame {
         velocity: all(2),
         image: (0..particles as i32).map(|i| [i % 3 - 1, k as i32, -i]).collect(),
         angular_velocity: all(5),
+        edges: [DVec3::X, DVec3::Y * 2.0, DVec3::Z * 3.0],
     }
 }
 

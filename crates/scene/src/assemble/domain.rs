@@ -1,7 +1,7 @@
 //! The box, its faces and gravity.
 
 use glam::DVec3;
-use haff_engine::{Boundary, Dimension, Domain, Wall, WallMotion};
+use haff_engine::{Boundary, Dimension, Domain, Shear, Wall, WallMotion};
 
 use super::Assembler;
 use super::particles::{Rows, SpeciesPlan};
@@ -40,12 +40,12 @@ impl DomainPlan {
     }
 
     /// The domain, with a placeholder for z in two dimensions.
-    pub(super) fn finish(&self, dimension: Dimension, rows: &Rows) -> Domain {
+    pub(super) fn finish(&self, dimension: Dimension, rows: &Rows, shear: Option<Shear>) -> Domain {
         let mut size = self.size.unwrap_or(DVec3::ONE);
         if dimension == Dimension::Two {
             size.z = 2.0 * rows.largest_radius();
         }
-        Domain { size, boundary: self.boundary, gravity: self.gravity }
+        Domain { size, boundary: self.boundary, gravity: self.gravity, shear }
     }
 
     /// All walls: those of the domain, then `extra`.

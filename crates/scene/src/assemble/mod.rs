@@ -14,6 +14,7 @@ mod particles;
 mod partition;
 mod placement;
 mod plan;
+mod shear;
 mod sizes;
 mod spin;
 mod values;
@@ -147,6 +148,8 @@ impl Assembler<'_> {
         let wall_names: Vec<String> =
             domain.wall_names().into_iter().chain(extra_walls.iter().map(|wall| wall.name.clone())).collect();
         self.check_names(&names, &wall_names);
+        let shear = self.shear_plan(&domain, self.config.wall.as_ref().map_or(0, Vec::len));
+        self.check_sheared_masses(shear.as_ref(), &species, &explicit);
         let contacts = self.contacts(&names, &wall_names);
         let spin = self.spin_plan(&names, &wall_names);
         let motions = self.wall_motions();
@@ -164,7 +167,8 @@ impl Assembler<'_> {
         let state = self.read_state(&initial, &species, &mut rows)?;
         self.fix_size(&mut domain, &species, &rows, state.as_ref());
         self.gate()?;
-        let system_domain = domain.finish(self.dimension, &rows);
+        let mut system_domain = domain.finish(self.dimension, &rows, shear);
+        self.fix_shear(&mut system_domain, &rows, &initial, state.as_ref());
         let mut walls = domain.walls(&system_domain, extra_walls);
         self.set_motions(&mut walls, &wall_names, &motions, &rows);
         self.check_partitions(&walls, &system_domain, &rows);
@@ -176,6 +180,7 @@ impl Assembler<'_> {
         self.place_species(&system_domain, &walls, &mut rows, &initial);
         self.gate()?;
         self.draw_velocities(&species, &mut rows, &initial, state.as_ref());
+        self.add_flow(shear.as_ref(), &species, &mut rows, &initial);
 
         let spin = spin.map(|plan| self.spin(plan, &species, &rows, state.as_ref()));
         let mut system = System {
@@ -196,6 +201,7 @@ impl Assembler<'_> {
         let joints = self.joints(first, &|row| system.bodies[row].position);
         self.gate()?;
         self.check_joints(&system, &joints);
+        self.check_displaced_images(&system, state.is_some());
         self.gate()?;
         let rate = plan::collision_rate(&system);
         let run = self.run_plan(&system);

@@ -42,7 +42,7 @@ pub(super) struct ParticlePlan {
     position: DVec3,
     velocity: DVec3,
     radius: f64,
-    mass: MassLaw,
+    pub(super) mass: MassLaw,
 }
 
 pub(super) struct Initial {

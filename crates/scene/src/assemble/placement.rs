@@ -8,6 +8,7 @@ use haff_engine::{Boundary, Class, Dimension, Domain, Wall};
 use super::domain::TOLERANCE;
 use super::motion::at_start;
 use super::particles::{Initial, Rows, SpeciesPlan};
+use super::shear::beside_displaced_images;
 use super::values::{at, item};
 use super::{Assembler, Refused};
 use crate::config::{PackingConfig, PositionsConfig};
@@ -144,7 +145,7 @@ impl Assembler<'_> {
                 }
             }
             for body in &mut rows.bodies[..rows.species] {
-                body.position = periods.wrap(body.position);
+                body.position = periods.wrap(beside_displaced_images(domain, body.position));
             }
         }
         let first = if state.is_some() { 0 } else { rows.species };
@@ -187,7 +188,7 @@ impl Assembler<'_> {
         }
         let position: Vec<DVec3> = rows.bodies[first..].iter().map(|body| body.position).collect();
         let radius: Vec<f64> = (first..rows.bodies.len()).map(|row| rows.radius(row)).collect();
-        let pairs = overlaps(&position, &radius, periods, TOLERANCE, |_, _| false);
+        let pairs = overlaps(&position, &radius, Periods::aligned(domain), TOLERANCE, |_, _| false);
         for (k, pair) in pairs.iter().enumerate().take(NAMED_OVERLAPS) {
             let (i, j) = (pair.i + first, pair.j + first);
             let more = match pairs.len().saturating_sub(NAMED_OVERLAPS) {

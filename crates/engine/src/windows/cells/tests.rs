@@ -10,7 +10,16 @@ use haff_testing::Random;
 use super::*;
 
 fn geometry(size: DVec3, axes: [Axis; 3]) -> Geometry {
-    Geometry { size, axes, reach: 1.0, crowding: 1.0, radius: 0.5, radii: Vec::new(), planes: Vec::new() }
+    Geometry {
+        size,
+        axes,
+        reach: 1.0,
+        crowding: 1.0,
+        radius: 0.5,
+        radii: Vec::new(),
+        planes: Vec::new(),
+        sliding: None,
+    }
 }
 
 /// A path through a window: a first displacement, and a second one from the fraction `bend` of the window on.

@@ -17,6 +17,7 @@ fn cells() -> Cells {
         radius: 0.5,
         radii: Vec::new(),
         planes: Vec::new(),
+        sliding: None,
     };
     Cells::new(&geometry, EDGE / 4.0, 1000)
 }
