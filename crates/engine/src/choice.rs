@@ -9,7 +9,7 @@ use crate::{
     event_loop::Engine,
     features::{
         ElasticMonodisperse, FallingMonodisperse, FallingPolydisperse, Features, Monodisperse, Polydisperse,
-        Settling,
+        Settling, ShearedMonodisperse, ShearedPolydisperse,
     },
     model::{NeighborChoice, Options, System},
     nearby::{self, Nearby},
@@ -114,7 +114,8 @@ impl Choice {
             return NeighborChoice::AllPairs;
         }
         if system.domain.shear.is_some() {
-            return NeighborChoice::Cells;
+            let windows = windows_possible && windows::is_profitable(system, &self.summary, density);
+            return if windows { NeighborChoice::Windows } else { NeighborChoice::Cells };
         }
         let windows = windows_possible && windows::is_profitable(system, &self.summary, density);
         let mixed = self.summary.least != self.summary.largest;
@@ -193,7 +194,7 @@ impl Choice {
             return self.compile_for_rest(geometry);
         }
         if system.domain.shear.is_some() {
-            return self.compile_for_shear(geometry);
+            return self.compile_for_shear(system, geometry);
         }
         let gravity = system.domain.gravity != DVec3::ZERO || can_carry(system);
         if !gravity && summary.uniform && system.contacts.are_elastic() && system.spin.is_none() {
@@ -238,18 +239,24 @@ impl Choice {
     }
 
     /// The engine for a sheared system.
-    fn compile_for_shear(&self, geometry: &Geometry) -> Box<dyn Engine> {
-        let (kernel, count) = (self.kernel, self.summary.count);
-        match (self.neighbors, self.summary.uniform) {
-            (NeighborChoice::AllPairs, _) => {
-                Box::new(CalendarScheduler::<Polydisperse, ShearedPairs>::new(geometry, kernel, count))
+    fn compile_for_shear(&self, system: &System, geometry: &Geometry) -> Box<dyn Engine> {
+        if self.summary.uniform {
+            self.compile_sheared::<ShearedMonodisperse>(system, geometry)
+        } else {
+            self.compile_sheared::<ShearedPolydisperse>(system, geometry)
+        }
+    }
+
+    fn compile_sheared<F: Features>(&self, system: &System, geometry: &Geometry) -> Box<dyn Engine> {
+        let Self { kernel, summary, density, .. } = self;
+        match self.neighbors {
+            NeighborChoice::AllPairs => Box::new(
+                CalendarScheduler::<ShearedPolydisperse, ShearedPairs>::new(geometry, *kernel, summary.count),
+            ),
+            NeighborChoice::Windows => {
+                Box::new(Windows::<F>::new(geometry, *kernel, system, summary, density, self.blocks))
             }
-            (_, true) => {
-                Box::new(CalendarScheduler::<Monodisperse, ShearedCells>::new(geometry, kernel, count))
-            }
-            (_, false) => {
-                Box::new(CalendarScheduler::<Polydisperse, ShearedCells>::new(geometry, kernel, count))
-            }
+            _ => Box::new(CalendarScheduler::<F, ShearedCells>::new(geometry, *kernel, summary.count)),
         }
     }
 

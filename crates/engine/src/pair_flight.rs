@@ -55,7 +55,12 @@ impl PairFlight {
         let (separation, v) = (rb - ra, vb - va);
         let from = a.time.max(b.time);
         let present = separation + v * ((world.now - from) as f64 * tick);
+        let sigma2 = sigma * sigma;
+        if F::SHEAR {
+            let (r, v) = world.image_of_present(separation, v, present, from);
+            return Some(Self { from, r, v, sigma2, velocities: [va, vb] });
+        }
         let r = separation + world.periodicity.offset(present);
-        Some(Self { from, r, v, sigma2: sigma * sigma, velocities: [va, vb] })
+        Some(Self { from, r, v, sigma2, velocities: [va, vb] })
     }
 }

@@ -16,10 +16,8 @@ use crate::{
 pub(crate) struct PairContact {
     pub bodies: [u32; 2],
     pub classes: [ClassData; 2],
-    /// The second one is that of the image in contact: its own velocity plus `image_velocity`.
+    /// Under shear the second one is that of the image in contact.
     pub velocities: [DVec3; 2],
-    /// Velocity of that image; zero without shear.
-    pub image_velocity: DVec3,
     /// Vector from the first to the second, its length, and the unit vector along it.
     pub r: DVec3,
     pub distance: f64,

@@ -73,11 +73,17 @@ impl Periodicity {
         DVec3::from_array(r)
     }
 
+    /// The number of edges nearest to a difference of coordinates along an axis; 0 if it is not periodic.
+    #[inline(always)]
+    pub fn turns(&self, difference: f64, axis: usize) -> f64 {
+        round(difference * self.inverse_size[axis])
+    }
+
     /// The offset of the nearest image, for a pair with this `difference` of positions: the vector to be
     /// added to the difference. A whole number of lengths as one product, as elsewhere, but without a branch.
     #[inline(always)]
     pub fn offset(&self, difference: DVec3) -> DVec3 {
-        let shift = |axis: usize| -round(difference[axis] * self.inverse_size[axis]) * self.size[axis];
+        let shift = |axis: usize| -self.turns(difference[axis], axis) * self.size[axis];
         DVec3::new(shift(0), shift(1), shift(2))
     }
 

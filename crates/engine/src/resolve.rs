@@ -151,9 +151,13 @@ pub(crate) fn touch<F: Features>(
     let (i, j) = (bodies[0].min(bodies[1]), bodies[0].max(bodies[1]));
     let (mut ri, wi) = state_at_event::<F>(world, i, time);
     let (mut rj, mut wj) = state_at_event::<F>(world, j, time);
-    let (r, image_velocity) = world.nearest_image(rj - ri, time);
-    if world.shear.is_some() {
+    let mut r = rj - ri;
+    if F::SHEAR {
+        let image_velocity;
+        (r, image_velocity) = world.nearest_image(r, time);
         wj += image_velocity;
+    } else {
+        r = world.periodicity.nearest(r);
     }
     let distance = r.length();
     let n = r / distance;
@@ -178,16 +182,7 @@ pub(crate) fn touch<F: Features>(
             rj += n * shift_j;
         }
     }
-    let contact = PairContact {
-        bodies: [i, j],
-        classes: [a, b],
-        velocities: [wi, wj],
-        image_velocity,
-        r,
-        distance,
-        n,
-        time,
-    };
+    let contact = PairContact { bodies: [i, j], classes: [a, b], velocities: [wi, wj], r, distance, n, time };
     Ok((contact, [ri, rj]))
 }
 
@@ -209,8 +204,8 @@ pub(crate) fn collide<F: Features>(
     } else {
         [ui, uj]
     };
-    if world.shear.is_some() {
-        uj -= contact.image_velocity;
+    if F::SHEAR {
+        uj -= world.nearest_image(rj - ri, time).1;
     }
     if a.inverse_mass != 0.0 {
         check_velocity(world, i, ui, time)?;
@@ -262,10 +257,9 @@ pub(crate) fn apply<F: Features, const EVENTS: bool>(
     } else {
         None
     };
-    if state.world.shear.is_some() {
-        let impulse =
-            n * impact.impulse + tangential.as_ref().map_or(DVec3::ZERO, |tangential| tangential.impulse);
-        shear::end_flights(state, [i, j], n * distance, impulse, time);
+    if F::SHEAR {
+        let more = tangential.as_ref().map_or(DVec3::ZERO, |tangential| tangential.impulse);
+        shear::end_flights(state, [i, j], n * distance, n * impact.impulse + more, time);
     }
     let world = &mut state.world;
     // A body of infinite mass keeps its anchor: its flight has not changed, so predictions with it stay
@@ -303,7 +297,7 @@ pub(crate) fn apply<F: Features, const EVENTS: bool>(
         let change =
             |i, class: &ClassData, before, after| VelocityChange { i, mass: class.mass, before, after };
         let mut changes = [change(i, &a, before[0], after[0]), change(j, &b, before[1], after[1])];
-        if state.world.shear.is_some() {
+        if F::SHEAR {
             shear::make_peculiar(&state.world, &mut changes, positions, n * distance);
         }
         let [ri, rj] = positions;

@@ -158,17 +158,17 @@ impl World {
         if shift == [0; 3] {
             return (r, v);
         }
-        if !F::GRAVITY
+        if F::SHEAR
             && let Some(shear) = &self.shear
             && shift[shear.gradient] != 0
         {
-            return self.sliding_image(shear, r, v, shift, ticks);
+            return self.image_at(shear, r, v, shift, ticks);
         }
         (self.periodicity.image(r, shift), v)
     }
 
     #[inline(never)]
-    fn sliding_image(
+    fn image_at(
         &self,
         shear: &SlidingImages,
         r: DVec3,
@@ -185,6 +185,36 @@ impl World {
         moved[shear.flow] += up * offset;
         v[shear.flow] += up * shear.speed;
         (r + moved, v)
+    }
+
+    /// The difference of positions and velocities of a pair at `ticks`, for the image that is the nearest at
+    /// present, when the difference of positions is `present`.
+    #[inline(always)]
+    pub fn image_of_present(&self, r: DVec3, v: DVec3, present: DVec3, ticks: i64) -> (DVec3, DVec3) {
+        if let Some(shear) = &self.shear
+            && 2.0 * present[shear.gradient].abs() > shear.height
+        {
+            return self.sliding_image_of_present(shear, r, v, present, ticks);
+        }
+        (r + self.periodicity.offset(present), v)
+    }
+
+    #[inline(never)]
+    fn sliding_image_of_present(
+        &self,
+        shear: &SlidingImages,
+        r: DVec3,
+        v: DVec3,
+        mut present: DVec3,
+        ticks: i64,
+    ) -> (DVec3, DVec3) {
+        let Displacement { turns, offset } = self.displacement(self.now);
+        let up = -(present[shear.gradient] / shear.height).round_ties_even();
+        present[shear.flow] += up * offset;
+        let mut shift = [0, 1, 2].map(|axis| -self.periodicity.turns(present[axis], axis) as i32);
+        shift[shear.gradient] = up as i32;
+        shift[shear.flow] -= (up as i64 * turns) as i32;
+        self.image_at(shear, r, v, shift, ticks)
     }
 
     /// The nearest image of a difference of positions at `ticks`, and its velocity. Along the gradient the
@@ -312,6 +342,9 @@ pub(crate) fn end_flight_after(state: &mut State, i: u32, duration: f64) {
 /// between their centers and `impulse` that on the second one. Their anchors are still those before.
 #[inline(never)]
 pub(crate) fn end_flights(state: &mut State, bodies: [u32; 2], r: DVec3, impulse: DVec3, ticks: i64) {
+    if state.world.shear.is_none() {
+        return;
+    }
     for i in bodies {
         end_flight(state, i, ticks);
     }

@@ -86,7 +86,7 @@ pub(crate) struct LocalDensity {
 impl LocalDensity {
     /// Measures the present state.
     pub fn of(system: &System, summary: &SystemSummary, world: &World) -> Self {
-        let states = |i: u32| world.state(i, world.now);
+        let states = |i: u32| world.peculiar(i, world.now);
         let [speeds] = total(summary.count, |i| [states(i).1.length()]);
         let largest_speed =
             (0..summary.count as u32).into_par_iter().map(|i| states(i).1.length()).reduce(|| 0.0, f64::max);

@@ -47,7 +47,7 @@ fn trajectory_under_shear_is_independent_of_search_slices_and_resumption() {
         let mut scene = gas(5, 0.2, 0.8, seed);
         shear(&mut scene, flow, gradient, rate);
         check_independence(&scene, &[0.5, 3.0]);
-        let mut scene = polydisperse(5, 0.15, seed);
+        let mut scene = polydisperse(7, 0.15, seed);
         set_restitution(&mut scene, 0.9);
         shear(&mut scene, flow, gradient, rate);
         roughen(&mut scene, 0.4, 0.3);
@@ -251,5 +251,49 @@ fn mean_velocity_grows_linearly_along_the_gradient() {
         let error = 4.0 * (sample.temperature / (128.0 * 5.0)).sqrt();
         assert!((velocity.x - flow).abs() < error && velocity.y.abs() < error, "{k}: {velocity} {flow}");
         assert!((temperature / sample.temperature - 1.0).abs() < 0.3, "{temperature}");
+    }
+}
+
+/// Windows follow the images over many edges, in boxes of several shapes, dilute and dense ones.
+#[test]
+fn windows_have_the_trajectory_of_cells_in_boxes_of_any_shape() {
+    for (shape, packing, rate, e) in [
+        ([12, 12, 12], 0.1, 1.0, 0.9),
+        ([12, 12, 12], 0.4, -3.0, 0.8),
+        ([30, 9, 6], 0.2, 0.5, 0.7),
+        ([8, 30, 7], 0.02, 2.0, 0.9),
+        ([10, 12, 14], 0.3, -40.0, 0.95),
+    ] {
+        let volume = std::f64::consts::PI / 6.0 / packing;
+        let step = f64::cbrt(volume);
+        let size = DVec3::from_array(shape.map(|n| f64::from(n) * step));
+        let mut scene = system(Dimension::Three, size, [Boundary::Periodic; 3]);
+        set_restitution(&mut scene, e);
+        let grain = class(&mut scene, 0.5, 1.0);
+        let mut random = Random(17);
+        for k in 0..shape.iter().product::<i32>() {
+            let site = [k % shape[0], k / shape[0] % shape[1], k / shape[0] / shape[1]];
+            let position = DVec3::from_array(site.map(|c| (f64::from(c) + 0.5) * step));
+            let velocity = DVec3::new(random.normal(), random.normal(), random.normal());
+            common::add(&mut scene, grain, position, velocity);
+        }
+        shear(&mut scene, 0, 1, rate);
+        let run = |neighbors| {
+            let options = Options { neighbors, ..Options::default() };
+            let mut simulation = Simulation::new(scene.clone(), options).unwrap();
+            assert_eq!(simulation.neighbors(), neighbors);
+            let mut hashes = Vec::new();
+            for collisions in [10_000, 40_000] {
+                simulation.advance(Until { collisions, ..Until::default() }, &mut Silent).unwrap();
+                simulation.measure_overlap().unwrap();
+                hashes.push((simulation.state_hash(), simulation.ledger().terms));
+            }
+            (hashes, simulation.time() * rate)
+        };
+        let (windows, strain) = run(NeighborChoice::Windows);
+        let (cells, _) = run(NeighborChoice::Cells);
+        assert_eq!(windows, cells, "{shape:?}, {packing}, {rate}");
+        // Images have slid by more than an edge.
+        assert!((strain * size.y / size.x).abs() > 1.0, "{shape:?}: {strain}");
     }
 }

@@ -115,6 +115,8 @@ impl Settings {
             Some("there are too few particles")
         } else if world.wall_sums.is_some() {
             Some("forces on walls are measured")
+        } else if world.shear.is_some() {
+            Some("the box is sheared")
         } else if world.resting != 0 || world.carries {
             Some("grains rest on walls, or walls carry them")
         } else {

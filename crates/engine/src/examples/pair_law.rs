@@ -33,7 +33,6 @@ fn a_pair_separates_at_e_times_the_approach_speed_and_twice_delta() {
         bodies: [0, 1],
         classes: [*world.class(0), *world.class(1)],
         velocities: [DVec3::X, -DVec3::X],
-        image_velocity: DVec3::ZERO,
         r: DVec3::X,
         distance: 1.0,
         n: DVec3::X,

@@ -10,6 +10,7 @@ A *grid coordinate* is a position in units of the width of a cell, in single pre
 
 use haff_neighbors::{Axis, Geometry};
 
+use super::{cells::SLACK, shear::Tilt};
 use crate::{
     blocks::Grid,
     compact::{PERIOD, coordinate},
@@ -51,6 +52,12 @@ pub(super) struct Axes {
     bias: [f32; 4],
     /// Number of cells per length [1/length].
     pub cells: [f32; 4],
+    /// Cells by which searches extend to each side, per length of their reach [1/length], and besides
+    /// [cells].
+    pub reach: [f32; 4],
+    pub slack: [f32; 4],
+    /// The tilt of the window in a sheared box.
+    pub tilt: Tilt,
     /// Limits of grid coordinates [cells]: the edges along a bounded axis, and one period beyond the edges
     /// along a periodic or folded one, so that the conversion to integers is defined and one addition folds a
     /// cell into the grid.
@@ -140,7 +147,14 @@ impl Axes {
                 axes.high[axis] = (n - 0.5) as f32;
             }
         }
+        (axes.reach, axes.slack) = (axes.cells, [SLACK; 4]);
         axes
+    }
+
+    /// Extends searches along an axis by the factor `stretch` and by `distance` [length].
+    pub fn widen(&mut self, axis: usize, stretch: f32, distance: f32) {
+        self.reach[axis] = self.cells[axis] * stretch;
+        self.slack[axis] = SLACK + self.cells[axis] * distance;
     }
 
     /// Whether cells beyond an edge of an axis are those at the other edge.

@@ -22,7 +22,7 @@ use crate::compact::LANES;
 const ENTRIES: usize = 7;
 /// Distance by which the range of searches is extended [cells]: ten times the rounding error of a grid
 /// coordinate for the largest number of cells, see [`super::axes`].
-const SLACK: f32 = 2e-3;
+pub(super) const SLACK: f32 = 2e-3;
 /// Boxes of cells with up to this many cells along each axis have a table of their cells.
 const TABLE_SIZE: usize = 4;
 /// Smallest number of cells in a part of the grid; parts are filled in parallel. Paths that leave their part
@@ -583,7 +583,7 @@ impl PathBox {
     fn span(&self, axes: &Axes, reach: f32) -> ([i32; 4], [i32; 3]) {
         let (mut low, mut high) = ([0.0; 4], [0.0; 4]);
         for k in 0..4 {
-            let reach = reach * axes.cells[k] + SLACK;
+            let reach = reach * axes.reach[k] + axes.slack[k];
             low[k] = self.low[k] - reach;
             high[k] = self.high[k] + reach;
         }

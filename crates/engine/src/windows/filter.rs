@@ -19,7 +19,9 @@ r·v alone: the exact prediction decides whether a touching pair approaches.
 use haff_neighbors::Array;
 
 use super::{
+    axes::Axes,
     cells::{Candidates, Cells},
+    shear::Tilt,
     tune::Work,
 };
 use crate::{
@@ -122,6 +124,7 @@ pub(super) fn search<F: Features, const HALF: bool, const VECTORS: bool>(
     scratch.candidates.len = 0;
     for (search, query) in queries.iter().enumerate() {
         let Query { slot, start, from, compact: CompactParticle { v, radius, .. } } = *query;
+        let v = if F::SHEAR { cells.axes.tilt.chord(v, from) } else { v };
         let extent = if F::UNIFORM { 0.0 } else { radius - common_radius };
         let reach = [radius + common_radius, extent];
         let low = if HALF { lowest[slot as usize] } else { 0 };
@@ -134,14 +137,14 @@ pub(super) fn search<F: Features, const HALF: bool, const VECTORS: bool>(
         #[cfg(target_arch = "x86_64")]
         // SAFETY: the caller guarantees that the processor has AVX2 and FMA.
         unsafe {
-            avx2::filter::<F>(particles, cells.axes.unit, queries, scratch);
+            avx2::filter::<F>(particles, &cells.axes, queries, scratch);
         }
     } else {
         let Candidates { slots, owner, len, .. } = &scratch.candidates;
         for k in 0..*len {
             let (search, slot) = (owner[k / LANES], slots[k]);
             let query = &queries[search as usize];
-            if slot != query.slot && passes::<F>(&particles[slot as usize], cells.axes.unit, query) {
+            if slot != query.slot && passes::<F>(&particles[slot as usize], &cells.axes, query) {
                 scratch.pairs.push((search, slot));
             }
         }
@@ -168,16 +171,24 @@ pub(super) fn search<F: Features, const HALF: bool, const VECTORS: bool>(
 /// The filter for one candidate: the scalar reference of the vector filter.
 #[expect(clippy::neg_cmp_op_on_partial_ord, reason = "NaN passes")]
 #[inline(always)]
-fn passes<F: Features>(other: &CompactParticle, unit: [f32; 3], query: &Query) -> bool {
+fn passes<F: Features>(other: &CompactParticle, axes: &Axes, query: &Query) -> bool {
     let own = &query.compact;
     let sigma = own.radius + if F::UNIFORM { own.radius } else { other.radius };
+    let (mut r, mut v) = ([0.0; 3], [0.0; 3]);
+    for axis in 0..3 {
+        r[axis] = other.x[axis].wrapping_sub(own.x[axis]) as f32 * axes.unit[axis];
+        v[axis] = other.v[axis] - own.v[axis];
+    }
+    if F::SHEAR {
+        let Tilt { start, change } = axes.tilt;
+        r[0] += start * r[1];
+        v[0] += start * v[1] + change * r[1];
+    }
     let (mut b, mut rr, mut vv) = (0.0, 0.0, 0.0);
     for axis in 0..3 {
-        let r = other.x[axis].wrapping_sub(own.x[axis]) as f32 * unit[axis];
-        let v = other.v[axis] - own.v[axis];
-        b += r * v;
-        rr += r * r;
-        vv += v * v;
+        b += r[axis] * v[axis];
+        rr += r[axis] * r[axis];
+        vv += v[axis] * v[axis];
     }
     let c = rr - sigma * sigma;
     let two = b + b;
@@ -201,7 +212,7 @@ mod avx2 {
 
     use haff_neighbors::{Array, Elements};
 
-    use super::{Features, LANES, Query, Scratch};
+    use super::{Axes, Features, LANES, Query, Scratch};
     use crate::compact::{
         CompactParticle,
         avx2::{Eight, load_whole},
@@ -214,7 +225,7 @@ mod avx2 {
     #[inline]
     pub(super) fn filter<F: Features>(
         particles: &Array<CompactParticle>,
-        unit: [f32; 3],
+        axes: &Axes,
         queries: &[Query],
         scratch: &mut Scratch,
     ) {
@@ -224,7 +235,8 @@ mod avx2 {
         if masks.len() < vectors + LANES {
             masks.resize(2 * vectors + LANES, 0);
         }
-        let unit = unit.map(|unit| _mm256_set1_ps(unit));
+        let unit = axes.unit.map(|unit| _mm256_set1_ps(unit));
+        let tilt = [axes.tilt.start, axes.tilt.change].map(|tilt| _mm256_set1_ps(tilt));
         let owner = &candidates.owner[..vectors];
         let start = particles.start();
         for ((slots, &owner), mask) in
@@ -234,7 +246,7 @@ mod avx2 {
             // SAFETY: cells hold only indices of slots, which are indices of `particles`; `slots` has eight
             // elements.
             let others = unsafe { load_whole(start, slots) };
-            *mask = test::<F>(&others, unit, &queries[owner as usize], slots);
+            *mask = test::<F>(&others, unit, tilt, &queries[owner as usize], slots);
         }
         masks[vectors..vectors + LANES].fill(0);
         scratch.collect(vectors);
@@ -243,16 +255,27 @@ mod avx2 {
     /// The mask of those of eight slots that pass.
     #[target_feature(enable = "avx2,fma")]
     #[inline]
-    fn test<F: Features>(others: &Eight, unit: [__m256; 3], query: &Query, slots: &[u32]) -> u8 {
+    fn test<F: Features>(
+        others: &Eight,
+        unit: [__m256; 3],
+        tilt: [__m256; 2],
+        query: &Query,
+        slots: &[u32],
+    ) -> u8 {
         let own = &query.compact;
         let difference = |axis: usize| {
             let r = _mm256_sub_epi32(others.x[axis], _mm256_set1_epi32(own.x[axis]));
             _mm256_mul_ps(_mm256_cvtepi32_ps(r), unit[axis])
         };
-        let (x, y, z) = (difference(0), difference(1), difference(2));
-        let u = _mm256_sub_ps(others.v[0], _mm256_set1_ps(own.v[0]));
+        let (mut x, y, z) = (difference(0), difference(1), difference(2));
+        let mut u = _mm256_sub_ps(others.v[0], _mm256_set1_ps(own.v[0]));
         let v = _mm256_sub_ps(others.v[1], _mm256_set1_ps(own.v[1]));
         let w = _mm256_sub_ps(others.v[2], _mm256_set1_ps(own.v[2]));
+        if F::SHEAR {
+            let [start, change] = tilt;
+            x = _mm256_fmadd_ps(start, y, x);
+            u = _mm256_fmadd_ps(change, y, _mm256_fmadd_ps(start, v, u));
+        }
         let sigma = if F::UNIFORM {
             _mm256_set1_ps(own.radius + own.radius)
         } else {

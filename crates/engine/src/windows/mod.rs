@@ -18,6 +18,7 @@ mod cells;
 mod filter;
 mod narrow_phase;
 mod opening;
+mod shear;
 mod space;
 mod tune;
 mod walls;
@@ -108,9 +109,6 @@ pub(crate) fn unsuitable(system: &System, summary: &SystemSummary) -> Option<Str
     if Thresholds::of(system).is_some() {
         return Some("grains may come to rest on each other (contact.rest_speed)".to_owned());
     }
-    if system.domain.shear.is_some() {
-        return Some("images of a sheared box (domain.shear) slide".to_owned());
-    }
     for axis in 0..axes {
         match system.domain.boundary[axis] {
             Boundary::Open => return Some("an axis is open".to_owned()),
@@ -122,6 +120,9 @@ pub(crate) fn unsuitable(system: &System, summary: &SystemSummary) -> Option<Str
             }
             Boundary::Periodic | Boundary::Wall => {}
         }
+        if let Some(why) = unsuitable_for_shear(system, summary) {
+            return Some(why);
+        }
         let periodic = system.domain.boundary[axis] == Boundary::Periodic;
         if axes::rounding(system.domain.size[axis], periodic, summary.least) > MAX_ROUNDING {
             return Some(format!(
@@ -131,6 +132,24 @@ pub(crate) fn unsuitable(system: &System, summary: &SystemSummary) -> Option<Str
         }
     }
     None
+}
+
+/// The reason why windows cannot simulate a sheared system: an edge along the flow that is too short, or too
+/// long, for images that are displaced along it.
+fn unsuitable_for_shear(system: &System, summary: &SystemSummary) -> Option<String> {
+    let shear = system.domain.shear?;
+    let size = system.domain.size;
+    let ratio = size[shear.flow] / size[shear.gradient];
+    if ratio > shear::LARGEST_RATIO {
+        return Some(format!(
+            "the edge along the flow is {ratio} times that along the gradient, more than {}",
+            shear::LARGEST_RATIO
+        ));
+    }
+    let widened = 1.0 + 0.5 * ratio + 2.0 * shear::LARGEST_CHANGE;
+    (NEAREST * size[shear.flow] < 2.5 * widened * summary.largest).then(|| {
+        format!("the edge along the flow, {}, is too short for images that are displaced", size[shear.flow])
+    })
 }
 
 /// Whether windows support this state of a system for which [`unsuitable`] returns `None`: no wall
@@ -147,11 +166,19 @@ pub(crate) fn is_profitable(system: &System, summary: &SystemSummary, density: &
         system.domain.boundary[axis] != Boundary::Periodic
             || 0.5 * NEAREST * system.domain.size[axis] - summary.largest >= displacement
     };
+    // In a sheared box both the distance and the displacement along the flow count with the tilt.
+    let widened = system.domain.shear.map_or(0.0, |shear| {
+        1.0 + system.domain.size[shear.flow] / system.domain.size[shear.gradient] + shear::LARGEST_CHANGE
+    });
+    let allows_shear = system.domain.shear.is_none_or(|shear| {
+        0.5 * NEAREST * system.domain.size[shear.flow] >= widened * (displacement + summary.largest)
+    });
     summary.count >= particles::WINDOWS
         && system.walls.len() <= MAX_WALLS
         && density.speeds_are_within(MAX_SPEED_RATIO)
         && MAX_DISPLACEMENT * 2.0 * summary.least >= displacement
         && (0..system.dimension.count()).all(allows_displacement)
+        && allows_shear
 }
 
 impl<F: Features> Windows<F> {
@@ -164,11 +191,17 @@ impl<F: Features> Windows<F> {
         blocks: Option<u16>,
     ) -> Self {
         let count = summary.count;
+        let shear = shear::Frame::of(system);
+        let mut worker = Worker::new(system.domain.gravity, count);
+        worker.shear = shear;
         Self {
             kernel,
-            geometry: geometry.clone(),
+            geometry: match &shear {
+                Some(frame) => frame.ordered(geometry),
+                None => geometry.clone(),
+            },
             smallest_radius: summary.least,
-            worker: Worker::new(system.domain.gravity, count),
+            worker,
             steps: Steps::new(blocks),
             found: Vec::new(),
             spacing: summary.spacing(density.packing),

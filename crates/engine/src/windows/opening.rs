@@ -8,9 +8,11 @@ use super::{
     axes::{self, MAX_WINDOWS},
     cells::Cells,
     filter::{MAX_DISPLACEMENT, SHORT_DISPLACEMENT, Scratch, margin},
+    shear::LARGEST_CHANGE,
     space::{Fall, Space, TASK},
     tune::Work,
     window_event::WindowEvent,
+    worker::Worker,
 };
 use crate::{
     batch::Kernel,
@@ -40,6 +42,10 @@ impl<F: Features> Windows<F> {
             self.worker.space.cells = Cells::default();
             self.worker.space.cells = Cells::new(&self.geometry, width * self.spacing, count);
         }
+        if let Some(frame) = &mut self.worker.shear {
+            frame.start(world, world.now, 0.0);
+        }
+        let shear = self.worker.shear;
         // Summed in fixed blocks, so that the rounding does not depend on the number of threads.
         let blocks: Vec<(f64, f64)> = world
             .particles
@@ -47,6 +53,12 @@ impl<F: Features> Windows<F> {
             .map(|block| {
                 let squares = block.iter().map(|particle| {
                     let mut velocity = particle.velocity;
+                    if F::SHEAR
+                        && let Some(frame) = &shear
+                    {
+                        let age = (world.now - particle.time) as f64 * world.clock.tick;
+                        return frame.square_speed(particle.position + velocity * age, velocity);
+                    }
                     if F::GRAVITY {
                         velocity +=
                             self.worker.gravity * ((world.now - particle.time) as f64 * world.clock.tick);
@@ -73,9 +85,16 @@ impl<F: Features> Windows<F> {
                 axes::rounding(self.geometry.size[axis], periodic, self.smallest_radius)
             })
             .fold(0.0, f64::max);
+        // Differences along the flow count with the tilt and its change, see `shear`.
+        let tilt = shear.map_or(0.0, |frame| frame.largest_tilt() + LARGEST_CHANGE);
+        let rounding = rounding * (1.0 + tilt);
         let largest_contact = 2.0 * self.geometry.radius * f64::from(margin(MAX_DISPLACEMENT, rounding));
         let limit = (0..3)
             .map(|axis| match self.geometry.axes[axis] {
+                Axis::Periodic if F::SHEAR && axis == 0 => {
+                    0.5 * (NEAREST * self.geometry.size[axis] - largest_contact * (1.0 + tilt))
+                        / (1.0 + 2.0 * tilt)
+                }
                 // The relative displacement of two particles is up to twice that of one.
                 Axis::Periodic => 0.5 * (NEAREST * self.geometry.size[axis] - largest_contact),
                 // Without periodic images the range of coordinates is the limit.
@@ -90,6 +109,7 @@ impl<F: Features> Windows<F> {
         // divided by the length of a window. That window must be short enough for this speed, too.
         let speed_gain = if F::GRAVITY { self.worker.gravity.length() * (windows + 1) as f64 } else { 0.0 };
         let longest = longest_step(limit, HEADROOM * fastest, speed_gain);
+        let longest = shear.map_or(longest, |frame| longest.min(frame.longest()));
         let step = (path * self.spacing / mean).min(longest);
         // The length is clamped because a system without motion allows windows of any length.
         let ticks = (step * world.clock.per_time).clamp(1.0, LONGEST_SPAN) as i64;
@@ -105,7 +125,10 @@ impl<F: Features> Windows<F> {
         );
         // Without the displacement that falling adds up to the last window.
         self.worker.max_displacement = (limit - speed_gain * self.worker.step * self.worker.step) as f32;
-        let margin = margin(limit / contact, rounding);
+        let margin = margin(limit / contact * (1.0 + tilt), rounding);
+        if let Some(frame) = &shear {
+            frame.tilt(&mut self.worker.space.cells.axes, self.worker.step, limit);
+        }
         self.worker.space.common_radius = self.smallest_radius as f32 * margin;
         self.fill(world, margin);
         self.fill_age = 0;
@@ -116,9 +139,20 @@ impl<F: Features> Windows<F> {
     fn fill(&mut self, world: &World, margin: f32) {
         let count = world.particles.len();
         let Space { cells, particles, lowest, rows, ids, anchors, .. } = &mut self.worker.space;
-        let (axes, step) = (cells.axes, self.worker.step);
+        let (axes, step, shear) = (cells.axes, self.worker.step, self.worker.shear);
         let compact = |i: u32| {
             let (position, velocity) = world.flight::<F>(i, world.now);
+            if F::SHEAR
+                && let Some(frame) = &shear
+            {
+                let flight = frame.flight(position, velocity, 0.0, step);
+                return CompactParticle {
+                    x: [0, 1, 2].map(|axis| axes.coordinate(axis, flight.start[axis])),
+                    radius: world.class(i).radius as f32 * margin,
+                    v: flight.displacement.map(|v| v as f32),
+                    count: 0,
+                };
+            }
             let p = position.to_array();
             CompactParticle {
                 x: [0, 1, 2].map(|axis| axes.coordinate(axis, p[axis])),
@@ -193,8 +227,24 @@ impl<F: Features> Windows<F> {
             self.worker.space.end += ticks;
             let fall = self.fall();
             self.worker.space.stream(self.kernel, fall);
+            if F::SHEAR && !self.continue_shear(&state.world) {
+                self.start_from_anchors(&state.world);
+            }
         }
         self.open(&state.world);
+    }
+
+    /// Sets the tilt of a window that follows another one. Returns false if a particle has become too fast,
+    /// relative to the flow at its place.
+    fn continue_shear(&mut self, world: &World) -> bool {
+        let Worker { space, shear, begin, step, max_displacement, .. } = &mut self.worker;
+        let Some(frame) = shear else { return true };
+        let turns = frame.start(world, *begin, *step);
+        if turns != 0 {
+            space.reduce_tilt(turns, frame.ratio);
+        }
+        frame.tilt(&mut space.cells.axes, *step, f64::from(*max_displacement));
+        space.are_within(*max_displacement)
     }
 
     /// The change of all positions and displacements by gravity in one window.

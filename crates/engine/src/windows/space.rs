@@ -132,6 +132,22 @@ impl<F: Features> Space<F> {
         }
     }
 
+    /// Whether no particle is displaced by more than `displacement` [length] in the window.
+    pub fn are_within(&self, displacement: f32) -> bool {
+        self.particles.par_iter().all(|compact| compact.is_within(displacement * displacement))
+    }
+
+    /// Describes all particles with a tilt that is less by `turns` edges along the flow per edge along the
+    /// gradient: it has exceeded half an edge.
+    pub fn reduce_tilt(&mut self, turns: i32, ratio: f64) {
+        let more = (f64::from(turns) * ratio) as f32;
+        self.particles.par_iter_mut().for_each(|compact| {
+            // Both edges have the same number of coordinates.
+            compact.x[0] = compact.x[0].wrapping_add(turns.wrapping_mul(compact.x[1]));
+            compact.v[0] += more * compact.v[1];
+        });
+    }
+
     /// Registers all particles along their paths in the new window, in parallel if that is profitable.
     #[inline(always)]
     pub fn register_all(&mut self, kernel: Kernel) {
@@ -308,7 +324,12 @@ pub(super) struct Fall {
 #[inline(always)]
 fn stream<F: Features>(axes: &Axes, fall: Fall, particles: &mut [CompactParticle]) {
     for compact in particles {
-        let displacement = axes.displacement(compact.v, 1.0);
+        let path = if F::SHEAR { axes.tilt.chord(compact.v, 0.0) } else { compact.v };
+        let displacement = axes.displacement(path, 1.0);
+        if F::SHEAR {
+            // The velocity relative to the flow and the tilt have changed, both along the flow.
+            compact.v[0] -= 2.0 * axes.tilt.change * compact.v[1];
+        }
         compact.count = 0;
         for axis in 0..3 {
             compact.x[axis] = compact.x[axis].wrapping_add(displacement[axis]);
@@ -330,6 +351,7 @@ fn fill<F: Features>(
 ) {
     let path = |slot: u32| {
         let CompactParticle { x, v, radius, .. } = particles[slot as usize];
+        let v = if F::SHEAR { axes.tilt.chord(v, 0.0) } else { v };
         (x, v, if F::UNIFORM { 0.0 } else { radius - common_radius })
     };
     part.fill(axes, path, leftover);

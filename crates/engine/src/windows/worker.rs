@@ -9,6 +9,7 @@ use haff_neighbors::{Array, prefetch, prefetch_at};
 use super::{
     cells::{Cells, NearestCells},
     filter::{Query, Scratch},
+    shear::Frame,
     space::Space,
     walls::Planes,
     window_event::WindowEvent,
@@ -28,6 +29,8 @@ const RING: usize = 5;
 pub(super) struct Worker<F> {
     /// Acceleration of all particles [length/time²].
     pub gravity: DVec3,
+    /// The frame of a sheared box.
+    pub shear: Option<Frame>,
     pub space: Space<F>,
     /// Slot of each particle.
     pub slot_of: Array<u32>,
@@ -58,6 +61,7 @@ impl<F: Features> Worker<F> {
         }
         Self {
             gravity,
+            shear: None,
             space: Space {
                 cells: Cells::default(),
                 particles: Array::default(),
@@ -166,6 +170,7 @@ impl<F: Features> Worker<F> {
     #[inline(always)]
     fn register(&mut self, query: &Query) {
         let CompactParticle { radius, v, .. } = query.compact;
+        let v = if F::SHEAR { self.space.cells.axes.tilt.chord(v, query.from) } else { v };
         let extent = self.space.extent(radius);
         self.space.cells.register(query.slot, query.start, v, 1.0 - query.from, extent);
     }
@@ -190,7 +195,19 @@ impl<F: Features> Worker<F> {
             v[axis] = (velocity[axis] * self.step) as f32;
             start[axis] = self.space.cells.axes.coordinate(axis, position[axis]);
         }
-        let displacement = self.space.cells.axes.displacement(v, from);
+        let axes = &self.space.cells.axes;
+        let mut displacement = axes.displacement(v, from);
+        if F::SHEAR
+            && let Some(frame) = &self.shear
+        {
+            let elapsed = (particle.time - self.begin) as f64 * world.clock.tick;
+            let flight = frame.flight(particle.position, particle.velocity, elapsed, self.step);
+            v = flight.displacement.map(|displacement| displacement as f32);
+            for axis in 0..3 {
+                start[axis] = axes.coordinate(axis, flight.position[axis]);
+                displacement[axis] = start[axis].wrapping_sub(axes.coordinate(axis, flight.start[axis]));
+            }
+        }
         self.space.anchors[slot as usize] = *particle;
         let stored = &mut self.space.particles[slot as usize];
         let mut compact = CompactParticle { x: [0; 3], radius: stored.radius, v, count: stored.count };

@@ -216,7 +216,7 @@ pub fn check_independence(scene: &System, times: &[f64]) -> Simulation {
         (NeighborChoice::Windows, Some(2)),
         (NeighborChoice::Windows, Some(3)),
     ] {
-        if scene.domain.shear.is_some() && neighbors != NeighborChoice::Cells {
+        if scene.domain.shear.is_some() && neighbors == NeighborChoice::Lists {
             continue;
         }
         let options = Options { neighbors, blocks, ..Options::default() };

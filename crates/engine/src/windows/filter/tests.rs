@@ -8,6 +8,11 @@ use crate::{batch::Kernel, features::With, model::SimdChoice};
 /// Edge of the box [length].
 const EDGE: f64 = 2048.0;
 
+/// The tilt of a window in a sheared box.
+const TILT: Tilt = Tilt { start: 0.45, change: -0.2 };
+/// Factor of displacements and coordinates by which windows in a sheared cube widen their margin.
+const WIDENED: f64 = 2.0;
+
 fn cells() -> Cells {
     let geometry = Geometry {
         size: DVec3::splat(EDGE),
@@ -88,20 +93,19 @@ impl Pair {
             v: v.to_array().map(|v| v as f32),
             count: 0,
         };
-        let own = compact(position, v, share * self.sigma);
-        let other = compact(position + self.r, v + self.v, (1.0 - share) * self.sigma);
+        // The coordinates of a sheared box, from positions and from displacements relative to the flow.
+        let (k, g) = (f64::from(cells.axes.tilt.start), f64::from(cells.axes.tilt.change));
+        let tilted = |x: DVec3| x - DVec3::X * (k * x.y);
+        let own = compact(tilted(position), tilted(v), share * self.sigma);
+        let relative_to_flow = v + self.v - DVec3::X * (g * self.r.y);
+        let other = compact(tilted(position + self.r), tilted(relative_to_flow), (1.0 - share) * self.sigma);
         (Query { slot: 0, compact: own, start: own.x, from: self.from as f32 }, other)
     }
 }
 
 /// Whether the pair passes the vector filter, for one vector and for two; `lane` selects the lane that tests
 /// it. Empty if the processor has no vectors.
-fn pass_vectors<F: Features>(
-    other: &CompactParticle,
-    unit: [f32; 3],
-    query: &Query,
-    lane: usize,
-) -> Vec<bool> {
+fn pass_vectors<F: Features>(other: &CompactParticle, axes: &Axes, query: &Query, lane: usize) -> Vec<bool> {
     let mut found = Vec::new();
     #[cfg(target_arch = "x86_64")]
     {
@@ -125,7 +129,7 @@ fn pass_vectors<F: Features>(
             for groups in [1, 2] {
                 let mut scratch = scratch(groups);
                 // SAFETY: `Kernel::choose` has just detected the features.
-                unsafe { avx2::filter::<F>(&particles.to_vec().into(), unit, &queries, &mut scratch) };
+                unsafe { avx2::filter::<F>(&particles.to_vec().into(), axes, &queries, &mut scratch) };
                 found.push(scratch.pairs.contains(&(0, 1)));
             }
         }
@@ -147,10 +151,13 @@ struct Counts {
 
 /// Tests `count` pairs with relative displacements of up to `displacement` contact distances.
 fn check<F: Features>(displacement: f64, count: usize) -> Counts {
-    let cells = cells();
-    let unit = cells.axes.unit;
+    let mut cells = cells();
+    let widened = if F::SHEAR { WIDENED } else { 1.0 };
+    if F::SHEAR {
+        cells.axes.tilt = TILT;
+    }
     let mut random = Random(displacement.to_bits());
-    let margin = margin(0.5 * displacement, 0.0);
+    let margin = margin(0.5 * displacement * widened, 0.0);
     let outside = 1.0 + 2.0 * (f64::from(margin) - 1.0);
     let mut counts = Counts { contacts: 0, missed: 0, unnecessary: 0, different: 0 };
     for k in 0..count {
@@ -159,8 +166,8 @@ fn check<F: Features>(displacement: f64, count: usize) -> Counts {
         let pair = Pair::new(&mut random, displacement, sigma);
         let (query, other) = pair.particles(&mut random, &cells, share, margin);
         let least = pair.least_distance();
-        let portable = passes::<F>(&other, unit, &query);
-        let vectors = pass_vectors::<F>(&other, unit, &query, k);
+        let portable = passes::<F>(&other, &cells.axes, &query);
+        let vectors = pass_vectors::<F>(&other, &cells.axes, &query, k);
         let all = vectors.iter().all(|&passes| passes);
         let any = vectors.iter().any(|&passes| passes);
         let touches = least <= 1.0;
@@ -185,6 +192,7 @@ fn no_contact_is_rejected() {
         for (kind, counts) in [
             ("one size", check::<With<false, true>>(displacement, 30_000)),
             ("sizes", check::<With<false, false>>(displacement, 30_000)),
+            ("sheared", check::<With<false, false, false, false, true>>(displacement, 30_000)),
         ] {
             assert!(counts.contacts > 10_000, "{kind}, displacement {displacement}: {counts:?}");
             let expected = Counts { missed: 0, unnecessary: 0, different: 0, ..counts };
@@ -200,7 +208,7 @@ fn a_particle_does_not_find_itself() {
     let query = Query { slot: 1, compact, start: compact.x, from: 0.0 };
     for lane in 0..2 * LANES {
         // Lane `lane` holds slot 1, the slot of the query.
-        let found = pass_vectors::<With<false, true>>(&compact, cells.axes.unit, &query, lane);
+        let found = pass_vectors::<With<false, true>>(&compact, &cells.axes, &query, lane);
         assert!(!found.contains(&true), "{lane}: {found:?}");
     }
 }
