@@ -174,6 +174,7 @@ class Feature:
     # Keys of [output]; times in mean free times of the plain scene.
     output: dict[str, object] | None = None
     top: dict[str, object] = field(default_factory=dict)
+    # A rate of shear is in mean free times of the plain scene.
     # Entries of [[wall]] and [[drive]]; a rate is in kicks of a particle in a mean free time of the plain scene.
     walls: list[dict[str, object]] = field(default_factory=list)
     drive: dict[str, float | str] | None = None
@@ -195,6 +196,8 @@ FEATURES = [
     Feature("restitution 0.9", contact={"restitution": 0.9}),
     Feature("restitution by pair", species=ALIKE, pairs=[("a", "b", 0.9)]),
     Feature("rough: restitution 0.9, β = 0.5, μ = 0.3", contact=ROUGH),
+    # The rate at which the work of the shear balances the losses.
+    Feature("shear: restitution 0.9", domain={"shear": 0.3}, contact={"restitution": 0.9}),
     Feature("viscoelastic", contact={"restitution": VISCOELASTIC}),
     Feature("cut-off", contact={"restitution": CUTOFF}),
     Feature("restitution 0.9 and TC", contact={"restitution": 0.9, "tc": 1e-3}),
@@ -258,6 +261,8 @@ def scene(feature: Feature, phi: float, mean_free_time: float) -> str:
     if domain.get("gravity") == "scale":
         # The box is five scale heights kT/mg tall at φ = 0.1, and as much gravity at any density.
         domain["gravity"] = [0.0, 0.0, -5.0 / float(np.cbrt(PARTICLES * np.pi / 6 / 0.1))]
+    if "shear" in domain:
+        domain["shear"] = {"flow": "x", "gradient": "y", "rate": domain["shear"] / mean_free_time}
     species = feature.species or [sphere("a", PARTICLES, density=4 / np.pi if flat else 6 / np.pi)]
     never = 1e9
     output = {"frames": never, "observables": never, "checkpoint": never}

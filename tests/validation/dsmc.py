@@ -51,6 +51,11 @@ CASES = ((0.9, -0.9), (0.9, 0.0), (0.8, 0.5), (0.7, -0.5), (0.95, 0.9))
 """Normal and tangential restitution of the table."""
 SHEARED = (0.7, 0.9)
 """Restitution of the sheared gases of the table."""
+SHEAR = {
+    0.7: ((0.66825, 0.00019), (1.42836, 0.00039), (0.76306, 0.00024), (0.80857, 0.00030), (-0.50422, 0.00017)),
+    0.9: ((0.36423, 0.00013), (1.15497, 0.00022), (0.91267, 0.00024), (0.93236, 0.00019), (-0.33171, 0.00015)),
+}
+"""Reduced rate a*, and P_xx, P_yy, P_zz, P_xy by p, each with its standard error, by e."""
 BATCH = 0.05
 """Collisions per particle between two bounds on the relative speed in a gas that cools: no time step."""
 HEATING_STEP, SHEAR_STEP = 0.05, 0.025

@@ -344,6 +344,10 @@ fn tiled(system: &System, copies: u32, varied: bool) -> System {
 /// Checks that blocks on several threads give the events, the state and the measurements of one queue.
 /// Returns the number of events that blocks have taken.
 fn check_blocks(recipe: &Recipe, system: &System, until: Until) -> Result<u64, TestCaseError> {
+    if system.domain.shear.is_some() {
+        // One thread takes the events of a sheared box.
+        return Ok(0);
+    }
     let (blocks, threads) = (2 + (recipe.seed >> 8) % 7, (recipe.seed >> 16) as usize % THREADS.len());
     let system = tiled(system, 8, !recipe.seed.is_multiple_of(3));
     let until = Until { collisions: 8 * until.collisions.min(100), ..until };

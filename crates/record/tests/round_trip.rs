@@ -5,7 +5,8 @@ mod common;
 use std::fs;
 
 use common::{checkpoint, correlation, event, events, frame, header, profile_row, sample};
-use haff_engine::{EventColumn, EventKind, EventRecord, Term};
+use glam::DVec3;
+use haff_engine::{EventColumn, EventKind, EventRecord, Frame, Term};
 use haff_record::{EVENT_CHUNK, Header, RecordError, Recorder, info, last_state};
 use hdf5::{File, H5Type, filters::Filter};
 use tempfile::TempDir;
@@ -229,6 +230,32 @@ fn recorded_data_are_read_back_bit_by_bit() {
         assert_eq!(state.box_size, header(particles).box_size);
         assert!(state.radius == header(particles).radius && state.mass == header(particles).mass);
     }
+}
+
+#[test]
+fn files_of_sheared_boxes_have_the_edge_vectors_of_each_frame() {
+    let directory = directory();
+    let path = directory.path().join("sheared.h5");
+    let mut wanted = header(3);
+    wanted.present.shear = true;
+    let edges = |k: u64| {
+        let mut edges = frame(k, 3).edges;
+        edges[1].x = 0.125 * k as f64 - 0.5;
+        edges
+    };
+    let recorder = Recorder::create(&path, wanted, false).expect("a new file");
+    for k in 0..5 {
+        recorder.frame(Frame { edges: edges(k), ..frame(k, 3) }).expect("a frame");
+    }
+    recorder.finish("{}", true).expect("a finished file");
+    let file = File::open(&path).expect("the file opens");
+    let place = "particles/all/box/edges/value";
+    assert_eq!(shape(&file, place), [5, 3, 3]);
+    let expected: Vec<f64> = (0..5).flat_map(edges).flat_map(|edge| edge.to_array()).collect();
+    assert_eq!(column::<f64>(&file, place), expected);
+    drop(file);
+    let state = last_state(&path).expect("a last state");
+    assert_eq!((state.box_size, state.sheared_edges), (DVec3::new(1.0, 2.0, 3.0), Some(edges(4))));
 }
 
 #[test]

@@ -1,11 +1,11 @@
 /*!
 Windows in a sheared box, whose coordinates deform with the flow.
 
-With the axes in the order flow x, gradient y, and the displacement S of the image across the upper face, the
-coordinates of a particle at the start of a window are ξ = x − k y and y, for the *tilt* k = S/L_y. They repeat
-with the box. In the course of the window the tilt grows by g θ, with g = γ̇ W for the length W of the window
-and 0 ≤ θ ≤ 1, so that images do not move in the grid. With the velocity relative to the flow at the start, c =
-v − γ̇ y, the path is
+With the axes in the order flow x, gradient y, and the displacement S of the image across the upper face,
+the coordinates of a particle at the start of a window are ξ = x − k y and y, for the *tilt* k = S/L_y. They
+repeat with the box. In the course of the window the tilt grows by g θ, with g = γ̇ W for the length W of the
+window and 0 ≤ θ ≤ 1, so that images do not move in the grid. With the velocity relative to the flow at the
+start, c = v − γ̇ y, the path is
 
 ```text
 ξ(θ) = ξ + u θ − g w θ²,   u = (c_x − k c_y) W,   w = c_y W
@@ -92,8 +92,8 @@ impl Frame {
         }
     }
 
-    /// Sets the tilt to that of the images at `ticks`. Returns by how many edges along the flow per edge along
-    /// the gradient it is now less than the tilt that has grown for `duration` \[time\].
+    /// Sets the tilt to that of the images at `ticks`. Returns by how many edges along the flow per edge
+    /// along the gradient it is now less than the tilt that has grown for `duration` \[time\].
     pub fn start(&mut self, world: &World, ticks: i64, duration: f64) -> i32 {
         let tilt = world.displacement(ticks).offset / self.height;
         let grown = self.tilt + self.rate * duration;

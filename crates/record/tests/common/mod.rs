@@ -70,7 +70,13 @@ pub fn header(particles: usize) -> Header {
         observables: true,
         events: EventColumn::ALL.to_vec(),
         compressed: true,
-        present: Present { springs: false, volume: false, angular_momentum: false, ..Present::all() },
+        present: Present {
+            springs: false,
+            volume: false,
+            angular_momentum: false,
+            shear: false,
+            ..Present::all()
+        },
         measure: Measure {
             profiles: vec![
                 Grid { axes: vec![axis(2, 5)], interval: 1.0, samples: 1 },
