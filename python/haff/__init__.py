@@ -32,7 +32,7 @@ from .errors import (
     SimulationError,
 )
 from .events import Events
-from .frames import Box, Frame, Frames
+from .frames import Box, Frame, Frames, Shear
 from .reader import File, open
 from .restitution import restitution_from
 from .runs import Result, resume, run
@@ -61,6 +61,7 @@ __all__ = [
     "Result",
     "SceneError",
     "SceneProblem",
+    "Shear",
     "Simulation",
     "SimulationError",
     "analysis",

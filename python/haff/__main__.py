@@ -131,6 +131,7 @@ _KINDS = {
     "profiles": "density, temperature and pressure along an axis, or maps",
     "msd": "mean square displacement with its slope, and the running coefficient of self-diffusion",
     "stress": "pressure tensor, and the running shear viscosity",
+    "shear": "sheared runs: temperature, viscosity, normal stresses and velocities against theory",
     "snapshot": "picture of a frame",
     "losses": "histogram of the energy lost per event",
     "closed_form": "few bodies: heights, angles, compression or velocities against theory",

@@ -12,19 +12,21 @@ from scipy.spatial import cKDTree
 
 from . import theory
 from .errors import ArgumentError, MissingDataError, NotApplicableError
-from .layout import computing
+from .layout import AXES, computing
 from .recorded import is_rough
 
 if TYPE_CHECKING:
+    import freud
     import xarray
 
-    from .frames import Frame
+    from .frames import Box, Frame
     from .reader import File
 
 __all__ = [
     "CoolingLaw",
     "Estimate",
     "Overlap",
+    "Rheology",
     "Transport",
     "block_average",
     "cluster_sizes",
@@ -34,6 +36,7 @@ __all__ = [
     "kinetic_energy",
     "max_overlap",
     "radial_distribution",
+    "rheology",
     "rotational_energy",
     "rotational_temperature",
     "running_integral",
@@ -73,8 +76,9 @@ class Estimate(NamedTuple):
 def max_overlap(frame: Frame) -> Overlap:
     """Deepest overlap of all close pairs of a frame, relative to the pair's contact distance.
 
-    A k-d tree finds every pair nearer than the largest contact distance, across periodic faces too; sizes may
-    differ. Pairs of two bodies of infinite mass are excluded: they may overlap by construction.
+    A k-d tree finds every pair nearer than the largest contact distance, across periodic faces too, those of a sheared
+    box among them; sizes may differ. Pairs of two bodies of infinite mass are excluded: they may overlap by
+    construction.
     """
     radius, box = frame.radius, frame.box
     if len(radius) < 2:
@@ -86,20 +90,37 @@ def max_overlap(frame: Frame) -> Overlap:
     reach = 2 * radius.max() * (1 + 1e-9)
     if np.any(box.periodic & (box.size < 2 * reach)):
         blocks = _all_pairs(len(position))
+    elif box.displacement is not None:
+        blocks = iter([_sheared_pairs(position, box, reach)])
     else:
         blocks = iter([cKDTree(position, boxsize=sides).query_pairs(reach, output_type="ndarray")])
     heavy = np.isinf(frame.mass)
     deepest = Overlap(-np.inf, (-1, -1))
     for pairs in blocks:
         pairs = pairs[~(heavy[pairs[:, 0]] & heavy[pairs[:, 1]])]
-        gap = position[pairs[:, 1]] - position[pairs[:, 0]]
-        gap -= np.where(sides > 0, np.round(gap / np.where(sides > 0, sides, 1.0)) * sides, 0.0)
+        gap = box.nearest(position[pairs[:, 1]] - position[pairs[:, 0]])
         contact = radius[pairs[:, 0]] + radius[pairs[:, 1]]
         depth = (contact - np.linalg.norm(gap, axis=1)) / contact
         if depth.max(initial=-np.inf) > deepest.depth:
             worst = int(np.argmax(depth))
             deepest = Overlap(float(depth[worst]), (int(pairs[worst, 0]), int(pairs[worst, 1])))
     return deepest
+
+
+def _sheared_pairs(position: Array, box: Box, reach: float) -> NDArray[np.intp]:
+    """Rows of all pairs within ``reach`` in a sheared box; across the faces of the gradient axis by copies there."""
+    assert box.displacement is not None
+    gradient, flow, _ = box.displacement
+    low = np.flatnonzero(position[:, gradient] <= reach)
+    copies = position[low] + box.edges[gradient]
+    copies[:, flow] = np.mod(copies[:, flow], box.size[flow])
+    copies[copies[:, flow] >= box.size[flow], flow] = 0.0
+    sides = box.size.copy()
+    sides[gradient] = 0.0
+    tree = cKDTree(np.concatenate([position, copies]), boxsize=sides)
+    pairs = np.concatenate([np.arange(len(position)), low])[tree.query_pairs(reach, output_type="ndarray")]
+    # A particle may be near its own copy only in a box that is thinner than twice the reach.
+    return pairs[pairs[:, 0] != pairs[:, 1]]
 
 
 def _all_pairs(count: int) -> Iterator[NDArray[np.intp]]:
@@ -111,9 +132,12 @@ def _all_pairs(count: int) -> Iterator[NDArray[np.intp]]:
 
 
 def kinetic_energy(frame: Frame) -> float:
-    """Σ ½ m v² over bodies of finite mass, of translation [energy], summed exactly and rounded once."""
+    """Σ ½ m v² over bodies of finite mass, of translation [energy], summed exactly and rounded once.
+
+    In a sheared box the velocities are those relative to the flow.
+    """
     mobile = np.isfinite(frame.mass)
-    return _energy(frame.mass[mobile], frame.velocity[mobile])
+    return _energy(frame.mass[mobile], frame.peculiar_velocity[mobile])
 
 
 def rotational_energy(frame: Frame) -> float:
@@ -140,12 +164,12 @@ def _energy(mass: Array, velocity: Array) -> float:
 def temperature(frame: Frame, species: int | None = None) -> float:
     """T = Σ m|v − V|²/(dN) over bodies of finite mass, V their common centre-of-mass velocity [energy].
 
-    ``species`` restricts the sum, not V.
+    ``species`` restricts the sum, not V. In a sheared box the velocities are those relative to the flow.
     """
     mobile = np.isfinite(frame.mass)
     if not mobile.any():
         return float("nan")
-    mass, velocity = frame.mass[mobile], frame.velocity[mobile]
+    mass, velocity = frame.mass[mobile], frame.peculiar_velocity[mobile]
     velocity = velocity - np.average(velocity, axis=0, weights=mass)
     chosen = np.full(len(mass), True) if species is None else frame.species[mobile] == species
     if not chosen.any():
@@ -172,12 +196,12 @@ def rotational_temperature(frame: Frame, species: int | None = None) -> float:
 def scaled_velocities(frame: Frame) -> Array:
     """``[M, d]`` velocities c = (v − V)/√(2T/m) of the bodies of finite mass, T the temperature of the frame.
 
-    Raises :class:`NotApplicableError` if there is no such body.
+    In a sheared box v is relative to the flow. Raises :class:`NotApplicableError` if there is no such body.
     """
     mobile = np.isfinite(frame.mass)
     if not mobile.any():
         raise NotApplicableError("no body of finite mass: there is no distribution of velocities")
-    mass, velocity = frame.mass[mobile], frame.velocity[mobile, : frame.box.dimension]
+    mass, velocity = frame.mass[mobile], frame.peculiar_velocity[mobile, : frame.box.dimension]
     velocity = velocity - np.average(velocity, axis=0, weights=mass)
     return velocity / np.sqrt(2 * temperature(frame) / mass)[:, None]
 
@@ -222,7 +246,8 @@ def drawn_frames(file: File, count: int, after: float = 5.0) -> list[Frame]:
 def radial_distribution(frames: Iterable[Frame], r_max: float, bins: int, r_min: float = 0.0) -> tuple[Array, Array]:
     """Pair distribution g(r) by freud, averaged over frames: bin centres [length] and values.
 
-    Raises :class:`NotApplicableError` unless the box is periodic and wider than 2 ``r_max``.
+    Raises :class:`NotApplicableError` unless the box is periodic and wider than 2 ``r_max``. A sheared box is that of
+    each frame.
     """
     import freud
 
@@ -232,15 +257,10 @@ def radial_distribution(frames: Iterable[Frame], r_max: float, bins: int, r_min:
         box = frame.box
         if not box.fully_periodic:
             raise NotApplicableError("g(r) needs a periodic box")
-        if r_max >= box.size[: box.dimension].min() / 2:
+        if r_max >= box.widths[: box.dimension].min() / 2:
             raise NotApplicableError(f"the box is too small for g(r) up to {r_max:g}")
-        size = box.size[: box.dimension]
-        # freud keeps its box centred at the origin, and single precision.
-        points = np.zeros((len(frame.position), 3))
-        points[:, : box.dimension] = frame.position[:, : box.dimension] - size / 2
         with computing(frame.file.path, "g(r)"):
-            cell = freud.box.Box(*size, is2D=box.dimension == 2)
-            rdf.compute((cell, points), reset=first)
+            rdf.compute(_freud_system(box, frame.position), reset=first)
         first = False
     if first:
         raise NotApplicableError("no frames")
@@ -250,8 +270,9 @@ def radial_distribution(frames: Iterable[Frame], r_max: float, bins: int, r_min:
 def structure_factor(frames: Iterable[Frame], k_max: float, bins: int) -> tuple[Array, Array]:
     """Static structure factor S(k) by freud, averaged over frames: wave numbers [1/length] and values.
 
-    Direct sums over wave vectors of the periodic box; bins without a wave vector are left out. Raises
-    :class:`NotApplicableError` unless the box is periodic in three dimensions.
+    Direct sums over wave vectors of the periodic box; bins without a wave vector are left out. In a sheared box these
+    are the vectors of each frame, in all directions. Raises :class:`NotApplicableError` unless the box is periodic in
+    three dimensions.
     """
     import freud
 
@@ -263,18 +284,69 @@ def structure_factor(frames: Iterable[Frame], k_max: float, bins: int) -> tuple[
         least = 2 * np.pi / box.size.min()
         if not k_max > least:
             raise NotApplicableError(f"S(k) needs k_max above that of the longest wave, {least:g}")
-        factor = freud.diffraction.StaticStructureFactorDirect(bins=bins, k_max=k_max, k_min=0.99 * least)
         with computing(frame.file.path, "S(k)"):
-            factor.compute((freud.box.Box(*box.size), frame.position - box.size / 2))
-        found = np.asarray(factor.S_k, float)
+            if box.displacement is None:
+                factor = freud.diffraction.StaticStructureFactorDirect(bins=bins, k_max=k_max, k_min=0.99 * least)
+                factor.compute(_freud_system(box, frame.position))
+                found, centers = np.asarray(factor.S_k, float), np.asarray(factor.bin_centers, float)
+            else:
+                edges = np.linspace(0.99 * least, k_max, bins + 1)
+                found, centers = _sheared_structure(box, frame.position, edges), 0.5 * (edges[1:] + edges[:-1])
         known = np.isfinite(found)
         sums[known] += found[known]
         counted += known
-        centers = np.asarray(factor.bin_centers, float)
     known = counted > 0
     if not known.any():
         raise NotApplicableError("no frames")
     return centers[known], sums[known] / counted[known]
+
+
+def _sheared_structure(box: Box, position: Array, edges: Array) -> Array:
+    """S(k) of a frame of a sheared box, averaged over all wave vectors in each bin; NaN where there is none.
+
+    freud takes only those with positive indices. A sheared fluid is not the same in all directions.
+    """
+    most = np.floor(edges[-1] * np.linalg.norm(box.edges, axis=1) / (2 * np.pi)).astype(int)
+    index = np.stack(np.meshgrid(*(np.arange(-m, m + 1) for m in most), indexing="ij"), axis=-1).reshape(-1, 3)
+    # k and −k have the same value: those after k = 0 are half of all.
+    waves = 2 * np.pi * index[len(index) // 2 + 1 :] @ np.linalg.inv(box.edges).T
+    number = np.linalg.norm(waves, axis=1)
+    inside = (number >= edges[0]) & (number <= edges[-1])
+    waves, number = waves[inside], number[inside]
+    rows = max(1, (1 << 22) // len(position))
+    square = [
+        np.abs(np.exp(1j * waves[k : k + rows] @ position.T).sum(axis=1)) ** 2 for k in range(0, len(waves), rows)
+    ]
+    counts, _ = np.histogram(number, edges)
+    sums, _ = np.histogram(number, edges, weights=np.concatenate([*square, np.zeros(0)]))
+    return sums / np.where(counts > 0, counts, np.nan) / len(position)
+
+
+def _freud_system(box: Box, position: Array, edges: Array | None = None) -> tuple[freud.box.Box, Array]:
+    """A box for freud, with the ``edges`` [length] of the box if they are not given, and the positions in it.
+
+    freud keeps its box centred at the origin, in single precision. Its matrix of edge vectors is triangular: where the
+    gradient of a sheared box is an axis before that of the flow, both are exchanged. Distances stay the same.
+    """
+    import freud
+
+    d = box.dimension
+    edges = box.size[:d] if edges is None else edges
+    points = np.zeros((len(position), 3))
+    points[:, :d] = position[:, :d] - edges / 2
+    if box.displacement is None:
+        return freud.box.Box(*edges, is2D=d == 2), points
+    gradient, flow, length = box.displacement
+    order = [0, 1, 2]
+    if flow > gradient:
+        order[flow], order[gradient] = gradient, flow
+        flow, gradient = gradient, flow
+    tilts = {(1, 0): "xy", (2, 0): "xz", (2, 1): "yz"}
+    size = box.size[order]
+    tilt = {tilts[gradient, flow]: length / size[gradient]}
+    cell = freud.box.Box(*size[:d], is2D=d == 2, **tilt)
+    # Positions in [0, L) are not in freud's box, which leans.
+    return cell, cell.wrap(points[:, order])
 
 
 def cluster_sizes(frame: Frame, reach: float) -> NDArray[np.int64]:
@@ -290,13 +362,13 @@ def cluster_sizes(frame: Frame, reach: float) -> NDArray[np.int64]:
     # Along other axes a box wide enough that no pair is linked through its faces.
     span = np.ptp(points[:, : box.dimension], axis=0) + 4 * reach
     edges = np.where(size > 0, size, span)
-    if np.any(edges[size > 0] <= 2 * reach):
+    if np.any(np.minimum(edges, box.widths[: box.dimension])[size > 0] <= 2 * reach):
         raise NotApplicableError(f"the box is too small for clusters of reach {reach:g}")
     low = np.where(size > 0, 0.0, points[:, : box.dimension].min(axis=0) - 2 * reach)
-    points[:, : box.dimension] -= low + edges / 2
+    points[:, : box.dimension] -= low
     with computing(frame.file.path, "clusters"):
         cluster = freud.cluster.Cluster()
-        cluster.compute((freud.box.Box(*edges, is2D=box.dimension == 2), points), neighbors={"r_max": reach})
+        cluster.compute(_freud_system(box, points, edges), neighbors={"r_max": reach})
         return np.sort(np.bincount(np.asarray(cluster.cluster_idx)))[::-1].astype(np.int64)
 
 
@@ -339,12 +411,17 @@ def self_diffusion(file: File, start: float | None = None, end: float | None = N
 
     ``start``, ``end``: the window of lags [time]; default 20 and 80 mean free times, after the fast relaxation and
     most of the flow that a particle drags along.
+
+    In a sheared box the displacements are those across the flow, and the slope is divided by 2(d − 1): the mean of the
+    coefficients of the gradient and, in three dimensions, of the third axis. The autocorrelation is that of velocities
+    relative to the flow, and its integral is another quantity there.
     """
     found, d = file.correlations, file.dimension
     if "msd" not in found:
         raise MissingDataError(f"{file.path}: no mean square displacement (set measure.msd in the scene)")
     window = _window(file, found["msd"], (start, end), (20.0, 80.0))
-    return _transport(found["msd"], found.get("vacf"), window, 1 / d)
+    axes = d if file.shear is None else d - 1
+    return _transport(found["msd"], found.get("vacf"), window, 1 / axes, 1 / d)
 
 
 def shear_viscosity(file: File, start: float | None = None, end: float | None = None) -> Transport:
@@ -353,21 +430,81 @@ def shear_viscosity(file: File, start: float | None = None, end: float | None = 
     (V/2T) times the slope of ⟨(∫P_xy dt)²⟩, and (V/T) ∫⟨P_xy(t)P_xy(0)⟩dt, averaged over the independent components of
     the traceless part of the tensor (P. J. Daivis, D. J. Evans, J. Chem. Phys. 100, 541 (1994)).
 
-    ``start``, ``end``: the window of lags [time]; default 15 and 30 mean free times.
+    ``start``, ``end``: the window of lags [time]; default 15 and 30 mean free times. These are fluctuations in
+    equilibrium: a sheared run raises :class:`NotApplicableError`, and :func:`rheology` gives its viscosity.
     """
+    if file.shear is not None:
+        raise NotApplicableError(f"{file.path}: the run is sheared: analysis.rheology gives its viscosity")
     found = file.correlations
     if "helfand" not in found:
         raise MissingDataError(
             f"{file.path}: no autocorrelation of the pressure tensor (set measure.stress_correlation)"
         )
     window = _window(file, found["helfand"], (start, end), (15.0, 30.0))
-    return _transport(found["helfand"], found["stress"], window, viscosity_scale(file))
+    scale = viscosity_scale(file)
+    return _transport(found["helfand"], found["stress"], window, scale, scale)
 
 
 def viscosity_scale(file: File) -> float:
     """V/T, the factor of the Green–Kubo relation of the viscosity, with the mean temperature of the samples."""
     temperature = float(np.nanmean(file.observables["temperature"]))
     return float(file.box.volume) / temperature
+
+
+class Rheology(NamedTuple):
+    """Stresses of a sheared run, with σ = −P: f is the axis of the flow, g that of its gradient, v the third one."""
+
+    time: Array
+    """``[S]`` end of each interval between samples [time]; values are means in it."""
+    viscosity: Array
+    """``[S]`` η = σ_gf/γ̇ = −P_gf/γ̇ [mass/(length^(d−2) time)]."""
+    first_difference: Array
+    """``[S]`` N₁ = σ_ff − σ_gg = P_gg − P_ff [energy/length^d]."""
+    second_difference: Array
+    """``[S]`` N₂ = σ_gg − σ_vv = P_vv − P_gg [energy/length^d]; NaN in two dimensions."""
+    mean_viscosity: Estimate
+    """Mean of the viscosity from ``start`` on, with its standard error by blocks; so are those that follow."""
+    mean_first_difference: Estimate
+    mean_second_difference: Estimate
+    start: float
+    """Start of the means [time]."""
+
+
+def rheology(file: File, start: float | None = None) -> Rheology:
+    """Viscosity and normal stress differences of a sheared run with ``measure.stress``, against time and in the mean.
+
+    ``start``: the means are from there on [time]; default the second half of the run. Their errors are those of up to
+    20 blocks (:func:`block_average`), which must be long compared with the correlation time of the stresses. Raises
+    :class:`NotApplicableError` for a run without shear, or with less than eight samples from ``start`` on.
+    """
+    shear = file.shear
+    if shear is None or shear.rate == 0:
+        raise NotApplicableError(f"{file.path}: no shear (set domain.shear in the scene)")
+    names = [AXES[k] for k in (shear.flow, shear.gradient, 3 - shear.flow - shear.gradient)]
+    f, g, v = names
+    table = file.observables
+    if f"pressure_tensor_{g}{f}" not in table:
+        raise MissingDataError(f"{file.path}: no pressure tensor (set measure.stress in the scene)")
+
+    def component(a: str, b: str) -> Array:
+        return np.asarray(table[f"pressure_tensor_{a}{b}"], float)[1:]
+
+    # The tensor is a mean since the previous sample: the first one has none, and samples at one time have no length.
+    end, length = np.asarray(table["time"], float)[1:], np.diff(np.asarray(table["time"], float))
+    viscosity = -component(g, f) / shear.rate
+    first = component(g, g) - component(f, f)
+    second = component(v, v) - component(g, g) if file.dimension == 3 else np.full(len(end), np.nan)
+    known = (length > 0) & np.isfinite(viscosity) & np.isfinite(first)
+    end, length, viscosity, first, second = (x[known] for x in (end, length, viscosity, first, second))
+    if start is None:
+        start = 0.5 * float(end[-1]) if len(end) else 0.0
+    # Whole intervals only; the slack is the rounding of times.
+    late = end - length >= start - 1e-9 * abs(start)
+    if np.sum(late) < 8:
+        raise NotApplicableError(f"{file.path}: fewer than eight samples of the pressure tensor from t = {start:g} on")
+    blocks = min(20, int(np.sum(late)) // 2)
+    means = (block_average(x[late], blocks, length[late]) for x in (viscosity, first, second))
+    return Rheology(end, viscosity, first, second, *means, float(start))
 
 
 def running_integral(correlation: xarray.Dataset) -> tuple[Array, Array]:
@@ -400,8 +537,13 @@ def _window(
 
 
 def _transport(
-    mean_square: xarray.Dataset, product: xarray.Dataset | None, window: tuple[float, float], scale: float
+    mean_square: xarray.Dataset,
+    product: xarray.Dataset | None,
+    window: tuple[float, float],
+    scale: float,
+    product_scale: float,
 ) -> Transport:
+    """``scale`` is the factor of half the slope, ``product_scale`` that of the integral."""
     start, end = window
     lag, value, error = (mean_square[name].to_numpy() for name in ("lag", "value", "error"))
     inside = (lag >= start) & (lag <= end) & (error > 0)
@@ -417,7 +559,8 @@ def _transport(
         upto = times <= end
         integral_error = float(np.sqrt(np.nansum((widths * product["error"].to_numpy())[upto] ** 2)))
     return Transport(
-        0.5 * scale * slope, 0.5 * scale * slope_error, scale * integral, scale * integral_error, start, end
+        *(0.5 * scale * slope, 0.5 * scale * slope_error),
+        *(product_scale * integral, product_scale * integral_error, start, end),
     )
 
 
@@ -486,6 +629,8 @@ def gas_restitution(file: File) -> float:
     """
     if not file.box.fully_periodic:
         raise NotApplicableError("Haff's law needs a periodic box")
+    if file.shear is not None:
+        raise NotApplicableError("Haff's law is for gases at rest, not for sheared ones")
     if not np.all(np.isfinite(file.mass)):
         raise NotApplicableError("Haff's law does not know fixed bodies")
     if len(file) < 10:

@@ -30,7 +30,9 @@ class State(NamedTuple):
     radius: Array
     """``[N]`` radii [length]."""
     size: Array | None = None
-    """``[3]`` edges of the box [length]."""
+    """``[3]`` edges of the box along the axes [length]."""
+    edges: Array | None = None
+    """``[3, 3]`` edge vectors of a tilted box, one a row [length]."""
     velocity: Array | None = None
     """``[N, 3]`` velocities [length/time]."""
     mass: Array | None = None
@@ -57,10 +59,11 @@ def read(path: str | os.PathLike[str], index: int = -1) -> State:
         raise
     except (OSError, RuntimeError, ValueError, KeyError, UnicodeDecodeError, pd.errors.ParserError) as error:
         raise FileError(f"{path}: cannot be read: {brief(str(error) or type(error).__name__)}") from error
-    for name in ("position", "radius", "velocity", "mass", "size"):
+    for name in ("position", "radius", "velocity", "mass", "size", "edges"):
         values = getattr(state, name)
         if values is not None and not np.isfinite(values[values != np.inf] if name == "mass" else values).all():
-            raise FileError(f"{path}: frame {index} has a {name} that is not finite")
+            what = f"{name} that are" if name == "edges" else f"a {name} that is"
+            raise FileError(f"{path}: frame {index} has {what} not finite")
     return state
 
 
@@ -82,8 +85,6 @@ def _gsd(path: Path, index: int) -> State:
             return any(trajectory.file.chunk_exists(frame=at, name=f"particles/{name}") for at in (k, 0))
 
         size, tilt = np.asarray(frame.configuration.box[:3], float), np.asarray(frame.configuration.box[3:], float)
-        if np.any(tilt != 0):
-            raise FileError(f"{path}: frame {index} has a tilted box; it must be rectangular")
         if stored("diameter"):
             radius = 0.5 * np.asarray(particles.diameter, float)
         else:
@@ -93,10 +94,14 @@ def _gsd(path: Path, index: int) -> State:
             radius = 0.5 * np.asarray(shapes, float)[np.asarray(particles.typeid)]
         flat = frame.configuration.dimensions == 2
         position = np.asarray(particles.position, float) + np.where([True, True, not flat], 0.5 * size, 0.0)
+        size = np.where(size > 0, size, np.nan) if not flat else np.array([size[0], size[1], 1.0])
+        edges = np.diag(size)
+        edges[[1, 2, 2], [0, 0, 1]] = tilt * size[[1, 2, 2]]
         return State(
             position,
             radius,
-            np.where(size > 0, size, np.nan) if not flat else np.array([size[0], size[1], 1.0]),
+            size,
+            edges if np.any(tilt != 0) else None,
             np.asarray(particles.velocity, float) if stored("velocity") else None,
             np.asarray(particles.mass, float) if stored("mass") else None,
             SINGLE,
@@ -138,14 +143,13 @@ def _xyz(path: Path, index: int) -> State:
         if diameter is None:
             raise FileError(f"{path}: lacks radii: its properties are {', '.join(columns)}; one must be radius:R:1")
         radius = 0.5 * diameter
-    size = None
+    size = edges = None
     if "Lattice" in keys:
         lattice = np.array(keys["Lattice"].split(), float).reshape(3, 3)
-        if np.any(lattice != np.diag(np.diag(lattice))):
-            raise FileError(f"{path}: frame {index} has a tilted lattice; it must be rectangular")
         size = np.diag(lattice)
+        edges = lattice if np.any(lattice != np.diag(size)) else None
         position = position - np.array(keys.get("Origin", "0 0 0").split(), float)
-    return State(position, radius, size, values("velo", "vel", "velocities"), values("mass", "masses"))
+    return State(position, radius, size, edges, values("velo", "vel", "velocities"), values("mass", "masses"))
 
 
 def _xyz_frames(path: Path) -> tuple[list[int], list[int]]:
@@ -200,7 +204,7 @@ def _csv(path: Path, index: int) -> State:
         if diameter is None:
             raise FileError(f"{path}: lacks radii: its columns are {', '.join(table.columns)}; one must be radius")
         radius = 0.5 * diameter
-    return State(position, radius, None, vectors("v", "velocity_"), values(("mass",)))
+    return State(position, radius, None, None, vectors("v", "velocity_"), values(("mass",)))
 
 
 _READERS = {".gsd": _gsd, ".xyz": _xyz, ".extxyz": _xyz, ".csv": _csv}
@@ -218,6 +222,7 @@ def main(path: str, index: int) -> int:
     header: dict[str, Any] = {
         "count": len(state.radius),
         "size": None if state.size is None else [float(x) if np.isfinite(x) else 0.0 for x in state.size],
+        "edges": None if state.edges is None else state.edges.tolist(),
         "precision": state.precision,
         "velocity": state.velocity is not None,
         "mass": state.mass is not None,

@@ -4,38 +4,94 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from functools import cached_property
-from typing import TYPE_CHECKING, overload
+from typing import TYPE_CHECKING, NamedTuple, overload
 
 import numpy as np
 from numpy.typing import NDArray
 
 from .errors import ArgumentError, MissingDataError
-from .layout import Array, complete
+from .layout import AXES, Array, complete
 
 if TYPE_CHECKING:
     from .column import Column
     from .reader import File
 
-__all__ = ["Box", "Frame", "Frames"]
+__all__ = ["Box", "Frame", "Frames", "Shear"]
 
 _VECTORS = {"position": "f", "velocity": "f", "image": "iu", "angular_velocity": "f"}
 """What has a vector for each particle in a frame, and what NumPy calls the kind of its components."""
 
 
+class Shear(NamedTuple):
+    """Simple shear of a box that is periodic along all axes (A. W. Lees, S. F. Edwards, J. Phys. C 5, 1921 (1972)).
+
+    The mean velocity is ``rate`` times the coordinate along ``gradient``, and points along ``flow``.
+    """
+
+    flow: int
+    """Axis of the flow: 0, 1 or 2."""
+    gradient: int
+    """Axis along which the velocity of the flow grows; another one."""
+    rate: float
+    """Shear rate [1/time]."""
+
+
 class Box:
     """The simulation box [0, L) per axis.
 
+    In a sheared box the image across the upper face of the gradient axis is displaced along the flow, by at most half
+    an edge: the edge vector along the gradient has that component along the flow. It changes with time. Positions are
+    within [0, L) all the same.
+
     Attributes
     ----------
-    size : ``[3]`` edge lengths L [length]; a placeholder along open axes
+    size : ``[3]`` edge lengths L [length], of a sheared box those along the axes; a placeholder along open axes
     boundary : per axis ``"periodic"``, ``"wall"`` or ``"open"``
     dimension : 2 or 3
+    edges : ``[3, 3]`` edge vectors, one a row [length]
+    displacement : gradient axis, flow axis and displacement [length] of the images of a sheared box; else ``None``
     """
 
-    def __init__(self, size: Array, boundary: Sequence[str], dimension: int) -> None:
+    def __init__(
+        self, size: Array, boundary: Sequence[str], dimension: int, displacement: tuple[int, int, float] | None = None
+    ) -> None:
         self.size = np.asarray(size, float)
         self.boundary = tuple(boundary)
         self.dimension = dimension
+        self.edges = np.diag(self.size)
+        if displacement is not None:
+            gradient, flow, length = displacement
+            self.edges[gradient, flow] = length
+        self.displacement = displacement
+
+    @property
+    def widths(self) -> NDArray[np.float64]:
+        """``[3]`` distances of opposite faces [length]; those of a sheared box are closer along the flow."""
+        widths = self.size.copy()
+        if self.displacement is not None:
+            gradient, flow, length = self.displacement
+            widths[flow] /= np.hypot(1.0, length / self.size[gradient])
+        return widths
+
+    def unwrap(self, position: Array, image: Array) -> NDArray[np.float64]:
+        """Positions that do not jump at periodic faces: position + Σ image · edge vector [length]; ``[..., 3]``."""
+        found = position + image * np.where(self.periodic, self.size, 0.0)
+        if self.displacement is not None:
+            gradient, flow, length = self.displacement
+            found[..., flow] += image[..., gradient] * length
+        return found
+
+    def nearest(self, apart: Array) -> NDArray[np.float64]:
+        """The nearest images of differences of positions, ``[..., 3]`` [length].
+
+        In a sheared box this holds for images that are less than half an edge away along the gradient.
+        """
+        found = np.array(apart, float)
+        if self.displacement is not None:
+            gradient, flow, length = self.displacement
+            found[..., flow] -= np.round(found[..., gradient] / self.size[gradient]) * length
+        sides = np.where(self.periodic, self.size, 1.0)
+        return found - np.where(self.periodic, np.round(found / sides) * sides, 0.0)
 
     @property
     def periodic(self) -> NDArray[np.bool_]:
@@ -54,7 +110,10 @@ class Box:
 
     def __repr__(self) -> str:
         sides = " × ".join(f"{s:g} ({b})" for s, b in zip(self.size[: self.dimension], self.boundary))
-        return f"Box({self.dimension}D, {sides})"
+        if self.displacement is None:
+            return f"Box({self.dimension}D, {sides})"
+        gradient, flow, length = self.displacement
+        return f"Box({self.dimension}D, {sides}, {AXES[gradient]} edge displaced along {AXES[flow]} by {length:g})"
 
 
 class Frame:
@@ -94,8 +153,18 @@ class Frame:
 
     @cached_property
     def velocity(self) -> NDArray[np.float64]:
-        """``[N, 3]`` velocities [length/time]; z = 0 in 2D."""
+        """``[N, 3]`` velocities [length/time]; z = 0 in 2D. In a sheared box the flow is part of them."""
         return self._read("velocity")
+
+    @property
+    def peculiar_velocity(self) -> NDArray[np.float64]:
+        """``[N, 3]`` velocities relative to the flow of a sheared box, v − γ̇ y x̂ [length/time]; else the velocities."""
+        shear = self.file.shear
+        if shear is None:
+            return self.velocity
+        found = self.velocity.copy()
+        found[:, shear.flow] -= shear.rate * self.position[:, shear.gradient]
+        return found
 
     @cached_property
     def angular_velocity(self) -> NDArray[np.float64] | None:
@@ -109,13 +178,13 @@ class Frame:
 
     @property
     def unwrapped(self) -> NDArray[np.float64]:
-        """``[N, 3]`` positions that do not jump at periodic faces, position + image · L [length]."""
-        return self.position + self.image * np.where(self.box.periodic, self.box.size, 0.0)
+        """``[N, 3]`` positions that do not jump at periodic faces, position + Σ image · edge vector [length]."""
+        return self.box.unwrap(self.position, self.image)
 
-    @property
+    @cached_property
     def box(self) -> Box:
-        """The simulation box."""
-        return self.file.box
+        """The simulation box, at the time of the frame if it is sheared."""
+        return self._frames._boxes(range(self._row, self._row + 1))[0]
 
     @property
     def mass(self) -> NDArray[np.float64]:
@@ -158,8 +227,10 @@ class Frames(Sequence["Frame"]):
         for name, kinds in _VECTORS.items():
             if name == "position" or stored.find(f"{base}/{name}") is not None:
                 self._columns[name] = stored.column(f"{base}/{name}/value", (None, len(file), 3), kinds)
+        self._edges = None if file.shear is None else stored.column(f"{base}/box/edges/value", (None, 3, 3), "f")
         if rows is None:
-            length = min(map(len, (self._time, self._step, *self._columns.values())))
+            moving = () if self._edges is None else (self._edges,)
+            length = min(map(len, (self._time, self._step, *moving, *self._columns.values())))
             rows = range(complete(self._time, length))
         self._rows = rows
 
@@ -181,6 +252,12 @@ class Frames(Sequence["Frame"]):
             inside = (values >= -slack) & (values <= box.size + slack)
             column.require(values, inside | ~box.periodic, f"in the box, [0, L) along periodic axes of {box!r}", rows)
         return values
+
+    def _boxes(self, rows: range) -> list[Box]:
+        """The boxes of some frames."""
+        if self._edges is None:
+            return [self._file.box] * len(rows)
+        return self._file._sheared_boxes(self._edges, _take(self._edges, rows), rows)
 
     def _times(self, rows: range) -> Array:
         time = _take(self._time, rows)
@@ -210,8 +287,12 @@ class Frames(Sequence["Frame"]):
         ``"angular_velocity"``.
         """
         if name == "unwrapped":
-            box = self._file.box
-            return self.array("position") + self.array("image") * np.where(box.periodic, box.size, 0.0)
+            position, image = np.asarray(self.array("position"), float), self.array("image")
+            if self._edges is None:
+                return self._file.box.unwrap(position, image)
+            for k, box in enumerate(self._boxes(self._rows)):
+                position[k] = box.unwrap(position[k], image[k])
+            return position
         if name not in _VECTORS:
             raise ArgumentError(f"array {name!r}: must be one of {', '.join(_VECTORS)}, unwrapped")
         return self._values(name, self._rows)

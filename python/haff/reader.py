@@ -7,6 +7,7 @@ the last frame, sample and event that is complete: where columns differ in lengt
 from __future__ import annotations
 
 import os
+from collections.abc import Sequence
 from functools import cached_property
 from pathlib import Path
 from types import TracebackType
@@ -21,8 +22,8 @@ from . import measurements, observables
 from .column import LARGEST, SMALLEST, Column
 from .errors import FileError, HaffError, MissingDataError, NotApplicableError
 from .events import Events
-from .frames import Box, Frames
-from .layout import SCHEMA, Array
+from .frames import Box, Frames, Shear
+from .layout import AXES, SCHEMA, Array
 from .output import library
 from .recorded import SceneFault, parsed
 from .stored import Stored, reason
@@ -121,6 +122,9 @@ class File:
         lines = [f"<haff.File {str(self.path)!r}: {escaped(self.title) or 'untitled'}"]
         lines.append(f"  particles    {len(self):,} ({escaped(', '.join(self.species_names))})")
         lines.append(f"  box          {self.box!r}")
+        if self.shear is not None:
+            flow, gradient, rate = self.shear
+            lines.append(f"  shear        flow along {AXES[flow]}, gradient along {AXES[gradient]}, rate {rate:g}")
         for part in ("frames", "observables", "events"):
             if part not in self:
                 lines.append(f"  {part:<12} not recorded")
@@ -213,9 +217,8 @@ class File:
 
     @cached_property
     def box(self) -> Box:
-        """The simulation box."""
-        size = self._edges()
-        place = "particles/all/box"
+        """The simulation box; of a sheared run that of the first frame, each frame has its own :attr:`Frame.box`."""
+        place, shear = "particles/all/box", self.shear
         stored = self.stored.listed(f"{place}@boundary", self.stored.attribute(place, "boundary")) or []
         if len(stored) > 3 or not set(stored) <= {"periodic", "none"}:
             raise self.stored.wrong(f"{place}@boundary", f"is {brief(stored)}; must be up to 3 of periodic, none")
@@ -226,21 +229,82 @@ class File:
             "periodic" if name == "periodic" else "wall" if sides[axis] == "wall" else "open"
             for axis, name in enumerate(stored)
         ]
-        return Box(size, [*boundary, "open", "open", "open"][:3], self.dimension)
+        sides = [*boundary, "open", "open", "open"][:3]
+        if shear is not None and set(sides[: self.dimension]) != {"periodic"}:
+            raise self.stored.wrong(
+                f"{place}@boundary", f"is {brief(stored)}; must be periodic along all axes of a sheared box"
+            )
+        return self._box(self._edges(), sides, shear)
 
     def _edges(self) -> Array:
-        """``[3]`` edges of the box: of the first frame, or those of the scene if there is none."""
+        """``[3, 3]`` edge vectors of the box: of the first frame, or those of the scene if there is none."""
         place, moving = "particles/all/box/edges", 0
         if self.stored.is_group(place):
             place, moving = f"{place}/value", 1
         rank = self.stored.rank(place) - moving
         edges = self.stored.column(place, (None,) * moving + (3,) * min(max(rank, 1), 2), "f")
+        if moving and self.shear is not None and rank != 2:
+            raise self.stored.wrong(place, "has edge lengths; a sheared box needs edge vectors, shape (any, 3, 3)")
         if len(edges) == 0:
             edges, moving = self.stored.column("parameters/box_size", (3,), "f"), 0
-        size = edges[0] if moving else edges[:]
-        size = np.diag(size) if size.ndim == 2 else size
-        edges.require(size, _positive(size), f"in [{SMALLEST:g}, {LARGEST:g}]")
-        return size
+        found = edges[:1] if moving else edges[:]
+        if found.shape[moving:] == (3,):
+            edges.require(found, _positive(found), f"in [{SMALLEST:g}, {LARGEST:g}]")
+            return np.diag(found[0] if moving else found)
+        self._require_edges(edges, found if moving else found[None], range(1) if moving else None)
+        return found[0] if moving else found
+
+    def _require_edges(self, column: Column, edges: Array, rows: range | None) -> None:
+        """Checks edge vectors, ``[F, 3, 3]``; ``rows`` are those of the file, ``None`` for one box of all frames."""
+
+        def require(sound: Array, must: str) -> None:
+            if rows is None:
+                column.require(edges[0], sound[0], must)
+            else:
+                column.require(edges, sound, must, rows)
+
+        diagonal, shear = np.eye(3, dtype=bool), self.shear
+        require(_positive(edges) | ~diagonal, f"in [{SMALLEST:g}, {LARGEST:g}]")
+        tilted = np.zeros((3, 3), bool)
+        if shear is None:
+            must = "0: a box without domain.shear in the scene is rectangular"
+        else:
+            tilted[shear.gradient, shear.flow] = True
+            must = f"0: only the {AXES[shear.gradient]} edge is displaced, along {AXES[shear.flow]}"
+        require((edges == 0) | diagonal | tilted, must)
+        if shear is not None:
+            most = 0.5 * (1 + _ROUNDING) * edges[:, shear.flow, shear.flow][:, None, None]
+            require((np.abs(edges) <= most) | ~tilted, "at most half of the edge along the flow in size")
+
+    def _sheared_boxes(self, column: Column, edges: Array, rows: range) -> list[Box]:
+        """Boxes of frames of a sheared run from their edge vectors ``[F, 3, 3]``, checked."""
+        self._require_edges(column, edges, rows)
+        same = np.abs(edges - np.diag(self.box.size)) <= _ROUNDING * self.box.size
+        must = f"that of the first frame, {' × '.join(f'{size:g}' for size in self.box.size)}"
+        column.require(edges, same | ~np.eye(3, dtype=bool), must, rows)
+        return [self._box(one, self.box.boundary, self.shear) for one in edges]
+
+    def _box(self, edges: Array, sides: Sequence[str], shear: Shear | None) -> Box:
+        displacement = None
+        if shear is not None:
+            displacement = shear.gradient, shear.flow, float(edges[shear.gradient, shear.flow])
+        return Box(np.diag(edges), sides, self.dimension, displacement)
+
+    @cached_property
+    def shear(self) -> Shear | None:
+        """Simple shear of the box (``domain.shear`` of the scene); ``None`` if there is none."""
+        given = self.scene.get("domain", {}).get("shear")
+        if given is None:
+            return None
+        flow, gradient = AXES.index(given["flow"]), AXES.index(given["gradient"])
+        for key, axis in (("flow", flow), ("gradient", gradient)):
+            if axis >= self.dimension:
+                raise self.stored.wrong("parameters/scene", f"domain.shear.{key} = {given[key]!r}: must be x or y")
+        if flow == gradient:
+            raise self.stored.wrong(
+                "parameters/scene", f"domain.shear.gradient = {given['gradient']!r}: must be another axis than the flow"
+            )
+        return Shear(flow, gradient, float(given["rate"]))
 
     @cached_property
     def dimension(self) -> int:
@@ -327,13 +391,19 @@ class File:
         """The trajectory as an MDAnalysis universe; needs ``pip install haff[analysis]``.
 
         Atoms carry ``masses``, ``radii``, ``types`` (species names) and ids. The file has no
-        units, so MDAnalysis converts nothing.
+        units, so MDAnalysis converts nothing. A sheared box has the dimensions and angles of each frame, in single
+        precision. Raises :class:`NotApplicableError` if MDAnalysis cannot hold that box: its first edge is along x, and
+        its second one in the plane of x and y, so that the gradient must not be an axis before that of the flow.
         """
         mdanalysis = library("MDAnalysis", "analysis")
         # MDAnalysis reads the file by itself: the datasets that it reads are checked before.
         positions, names = self.frames, [self.species_names[s] for s in self.species]
         if len(positions) == 0:
             raise NotApplicableError(f"{self.path}: no complete frame yet")
+        if fault := not_triangular(self):
+            raise NotApplicableError(f"{self.path}: MDAnalysis cannot hold the box: {fault}")
+        if self.shear is not None:
+            positions._boxes(range(len(positions)))
         if self.stored.find("observables") is not None:
             observables.columns(self)
         universe = mdanalysis.Universe.empty(len(self), trajectory=False, velocities=True)
@@ -400,6 +470,14 @@ class File:
         return found
 
 
+def not_triangular(file: File) -> str | None:
+    """Why programs whose box vectors are (a, 0, 0), (b, c, 0), (d, e, f) cannot hold a box; ``None`` if they can."""
+    if file.shear is None or file.shear.flow < file.shear.gradient:
+        return None
+    flow, gradient = AXES[file.shear.flow], AXES[file.shear.gradient]
+    return f"its {gradient} edge leans along {flow}; an edge can lean along axes before its own only"
+
+
 def packing_fraction(file: File) -> float:
     """Volume (area) of the particles over that of the box; NaN with open axes, whose size is a placeholder."""
     if "open" in file.box.boundary[: file.dimension]:
@@ -407,6 +485,10 @@ def packing_fraction(file: File) -> float:
     d, r = file.dimension, file.radius
     volume = np.sum(4 / 3 * np.pi * r**3) if d == 3 else np.sum(np.pi * r**2)
     return float(volume / file.box.volume)
+
+
+_ROUNDING = 1e-9
+"""Relative difference of lengths that is rounding."""
 
 
 def _positive(values: Array) -> NDArray[np.bool_]:

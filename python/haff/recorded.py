@@ -7,6 +7,7 @@ from collections.abc import Callable
 from typing import Any, NamedTuple
 
 from .column import LARGEST
+from .layout import AXES
 from .text import brief
 
 try:
@@ -52,6 +53,10 @@ def _is_friction(value: Any) -> bool:
     return isinstance(value, (int, float)) and not isinstance(value, bool) and value >= 0
 
 
+def _is_axis(value: Any) -> bool:
+    return isinstance(value, str) and value in AXES
+
+
 def _are_texts(value: Any) -> bool:
     return isinstance(value, list) and all(isinstance(one, str) for one in value)
 
@@ -59,6 +64,7 @@ def _are_texts(value: Any) -> bool:
 _TEXT = _Value(lambda value: isinstance(value, str), "text")
 _FLAG = _Value(lambda value: isinstance(value, bool), "true or false")
 _NUMBER = _Value(_is_number, "a number")
+_AXIS = _Value(_is_axis, "x, y or z")
 _POSITIVE = _Value(lambda value: _is_number(value) and value > 0, "a positive number")
 _VECTOR = _Value(_is_vector, "a vector of up to 3 numbers")
 _DIRECTION = _Value(_is_direction, "a vector of up to 3 numbers, not all of them 0")
@@ -77,7 +83,11 @@ _ROUGHNESS = {"tangential_restitution": _TANGENTIAL, "friction": _FRICTION}
 _SCENE: dict[str, Any] = {
     "title": _TEXT,
     "dimension": _DIMENSION,
-    "domain": {"boundary": _SIDES, "gravity": _VECTOR},
+    "domain": {
+        "boundary": _SIDES,
+        "gravity": _VECTOR,
+        "shear": {"flow!": _AXIS, "gradient!": _AXIS, "rate!": _NUMBER, "offset": _NUMBER},
+    },
     "contact": {
         "restitution": _LAW,
         "wall_restitution": _LAW,

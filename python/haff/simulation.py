@@ -13,8 +13,9 @@ import pandas as pd
 from numpy.typing import ArrayLike, NDArray
 
 from . import measurements
-from .frames import Box
+from .frames import Box, Shear
 from .layout import AXES
+from .recorded import parsed
 from .scenes import Scene, compiled, source
 
 if TYPE_CHECKING:
@@ -223,8 +224,8 @@ class Simulation:
 
     @property
     def unwrapped(self) -> NDArray[np.float64]:
-        """``[N, 3]`` positions that do not jump at periodic faces, position + image · L [length]."""
-        return self.positions + self.images * np.where(self.box.periodic, self.box.size, 0.0)
+        """``[N, 3]`` positions that do not jump at periodic faces, position + Σ image · edge vector [length]."""
+        return self.box.unwrap(self.positions, self.images)
 
     # --- changing the state ----------------------------------------------------------------------------------
 
@@ -416,10 +417,29 @@ class Simulation:
         """Names of the walls, by the index that event rows use."""
         return self._core.wall_names
 
-    @cached_property
+    @property
     def box(self) -> Box:
-        """The simulation box."""
-        return Box(self._core.box_size, self._core.boundary, self._core.dimension)
+        """The simulation box, at the present time if it is sheared."""
+        return Box(self._core.box_size, self._core.boundary, self._core.dimension, self._displacement())
+
+    @cached_property
+    def shear(self) -> Shear | None:
+        """Simple shear of the box (``domain.shear`` of the scene); ``None`` if there is none."""
+        given = self._domain.get("shear")
+        if given is None:
+            return None
+        return Shear(AXES.index(given["flow"]), AXES.index(given["gradient"]), float(given["rate"]))
+
+    @cached_property
+    def _domain(self) -> dict[str, Any]:
+        return parsed(self.scene_text).get("domain", {})
+
+    def _displacement(self) -> tuple[int, int, float] | None:
+        """That of :class:`Box`."""
+        if self.shear is None:
+            return None
+        flow, gradient, _ = self.shear
+        return gradient, flow, self._core.sheared_edges[gradient][flow]
 
     @property
     def gravity(self) -> NDArray[np.float64]:

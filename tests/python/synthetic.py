@@ -577,3 +577,49 @@ def truncate(path: Path, dataset: str, rows: int) -> None:
     """Shortens one dataset, as a run killed between two writes leaves it."""
     with h5py.File(path, "r+") as f:
         f[dataset].resize(rows, axis=0)
+
+
+def sheared_flights(
+    path: Path, position, velocity, times, *, rate: float, edge: float = 10.0, offset: float = 0.0, d: int = 3
+) -> Path:
+    """Spheres of radius ½ that fly freely in a sheared cube, exactly: flow along x, gradient along y.
+
+    `position`, `velocity`: [N, 3] at time 0, where the mean velocity would be `rate` · y.
+    """
+    times, count = np.asarray(times, float), len(position)
+    where = np.asarray(position, float) + times[:, None, None] * np.asarray(velocity, float)
+    slid = offset + rate * edge * times
+    slid -= np.round(slid / edge) * edge
+    rows = np.floor(where[..., 1] / edge)
+    where[..., 0] -= rows * slid[:, None]
+    image = np.floor(where / edge) * (np.arange(3) < d)
+    moves = np.repeat(np.asarray(velocity, float)[None], len(times), axis=0)
+    moves[..., 0] -= rows * rate * edge
+    size = [edge, edge, edge if d == 3 else 1.0]
+    scene = f"""schema = 1
+title = "Free flights in shear"
+dimension = {d}
+
+[domain]
+size = {size}
+boundary = ["periodic", "periodic", "periodic"]
+shear = {{ flow = "x", gradient = "y", rate = {rate}, offset = {offset} }}
+
+[[species]]
+name = "grain"
+count = {count}
+radius = 0.5
+mass = 1.0
+"""
+    write(
+        path, scene=scene, size=size, boundary=["periodic", "periodic", "periodic" if d == 3 else "none"],
+        mass=np.ones(count), radius=np.full(count, 0.5), species=np.zeros(count),
+        frames={"time": times, "step": np.arange(len(times)), "position": where - image * edge, "velocity": moves,
+                "image": image.astype(np.int32)},
+    )  # fmt: skip
+    edges = np.tile(np.diag(size), (len(times), 1, 1))
+    edges[:, 1, 0] = slid
+    with h5py.File(path, "r+") as file:
+        del file["particles/all/box/edges/value"]
+        file["particles/all/box/edges/value"] = edges
+    return path

@@ -19,6 +19,10 @@ class Particles:
         self.mass = np.ones(len(self.radius)) if mass is None else np.asarray(mass, float)
         self.box = Box(size, boundary, dimension)
 
+    @property
+    def peculiar_velocity(self):
+        return self.velocity
+
 
 @settings(max_examples=150, deadline=None)
 @given(st.integers(0, 2**32 - 1), st.integers(2, 40), st.sampled_from(["ppp", "ppn", "nnn"]), st.booleans())

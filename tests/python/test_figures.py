@@ -63,9 +63,14 @@ def test_vector_formats_are_written(files, tmp_path, extension):
     ],
 )
 def test_no_text_is_cut_off_or_covers_other_text(files, name, kind, monkeypatch):
+    require_texts_apart(files[name], kind, monkeypatch)
+
+
+def require_texts_apart(path, kind, monkeypatch):
+    """All texts of a figure are on its page, and none covers another."""
     drawn = []  # texts drawn on the canvas: tick labels beyond the limits exist, but are not drawn
     plain = Text.draw
-    with haff.open(files[name]) as run:
+    with haff.open(path) as run:
         figure = figures.draw(run, kind)
         monkeypatch.setattr(Text, "draw", lambda text, renderer: (drawn.append(text), plain(text, renderer))[1])
         FigureCanvasAgg(figure).draw()

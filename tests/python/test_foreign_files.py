@@ -40,6 +40,7 @@ def sound(command, tmp_path_factory) -> list[Path]:
         command.run(ROOT / "tests" / "gas.toml", **few, species__0__count=250, run__until=3.0),
         command.run("disks", **few, species__0__count=120, run__until=2.0),
         command.run("heap", **few, species__0__count=40, run__until=2.0),
+        command.run("sheared_gas", **few, species__0__count=150, run__until=2.0),
         command.run("breakshot"),
         command.run("textbook/bouncing_ball"),
         command.run("textbook/pendulums"),

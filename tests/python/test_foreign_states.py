@@ -101,8 +101,8 @@ def test_velocities_that_a_file_lacks_are_drawn_from_a_temperature(gas, tmp_path
         ("d.xyz", "two\n", "is not XYZ"),
         (
             "e.xyz",
-            '1\nLattice="1 1 0 0 1 0 0 0 1" Properties=pos:R:3:radius:R:1\n1 2 3 1\n',
-            "has a tilted lattice",
+            '1\nLattice="1 nan 0 0 1 0 0 0 1" Properties=pos:R:3:radius:R:1\n1 2 3 1\n',
+            "edges that are not finite",
         ),
         ("a.gsd", "no gsd", "cannot be read"),
     ],
@@ -113,6 +113,17 @@ def test_files_that_no_scene_can_start_from_are_refused_with_what_they_lack(tmp_
         foreign.read(tmp_path / name)
     with pytest.raises(FileError, match=message):
         haff.Simulation(scene(tmp_path / name))
+
+
+def test_a_tilted_box_needs_a_sheared_scene(tmp_path):
+    path = tmp_path / "tilted.xyz"
+    path.write_text('1\nLattice="9 0 0 2 9 0 0 0 9" Properties=pos:R:3:velo:R:3:radius:R:1\n1 2 3 0 0 0 0.4\n')
+    np.testing.assert_array_equal(foreign.read(path).edges, [[9, 0, 0], [2, 9, 0], [0, 0, 9]])
+    one = scene(path) | {"species": [{"name": "grain", "count": 1, "radius": 0.4, "mass": 1.0}]}
+    with pytest.raises(SceneError, match=r"the box of the file is sheared: the scene needs domain\.shear"):
+        haff.Simulation(one)
+    shear = {"flow": "x", "gradient": "y", "rate": 1.0}
+    assert haff.Simulation(one | {"domain": {"shear": shear}}).box.edges[1, 0] == 2.0
 
 
 def test_a_gsd_file_without_diameters_is_refused(tmp_path):

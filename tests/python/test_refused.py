@@ -159,7 +159,7 @@ REFUSED: list[tuple[Change, Callable[[haff.File], object], str]] = [
     (put("particles/all/position/step", -1, 3), lambda f: f.frames[3].step, r"step\[3\] = -1: must be 0 or more"),
     (put("particles/all/radius", 0.0, 5), lambda f: f.radius, r"radius\[5\] = 0.0: must be in"),
     (put("particles/all/mass", -np.inf, 5), lambda f: f.mass, r"mass\[5\] = -inf: must be in"),
-    (put("particles/all/box/edges/value", 0.0), lambda f: f.box, r"edges/value\[0\] = 0.0: must be in"),
+    (put("particles/all/box/edges/value", 0.0), lambda f: f.box, r"edges/value\[0, 0\] = 0.0: must be in"),
     (boundary([b"none"] * 4), lambda f: f.box, "box@boundary: is .* must be up to 3 of periodic, none"),
     (boundary(5), lambda f: f.box, "box@boundary: is .*; must be a list of texts"),
     (put("events/i", 50, 9), log, r"events/i\[9\] = 50: must be in \[0, 50\)"),

@@ -6,7 +6,9 @@ import json
 import os
 import re
 import shutil
+import subprocess
 import zlib
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -184,6 +186,142 @@ def test_joints_are_found_by_name(command):
                 assert np.linalg.norm(ends[1] - ends[0]) == pytest.approx(length)
 
 
+# --- in a sheared box ----------------------------------------------------------------------------
+
+SHEARED = {"rate": 0.6, "edge": 10.0, "offset": 2.0}
+SCRIPTS = Path(haff.__file__).parent / "viewer"
+
+
+def sheared(path, d=3, count=40):
+    """Free flights in a sheared box with six frames, and their positions and velocities at time 0."""
+    rng = np.random.default_rng(5)
+    position = rng.uniform(0, 10, (count, 3)) * (np.arange(3) < d)
+    velocity = rng.normal(size=(count, 3)) * 4 * (np.arange(3) < d)
+    velocity[:, 0] += SHEARED["rate"] * position[:, 1]
+    # In 1.2 units of time images slide by 0.72 of an edge: between frames they pass half an edge, and many faces.
+    return synthetic.sheared_flights(path, position, velocity, 1.2 * np.arange(6), d=d, **SHEARED), position, velocity
+
+
+def in_the_box(where, time):
+    """Positions [..., 3] of images in the box, by the definition of the sheared box."""
+    where, edge = np.array(where), SHEARED["edge"]
+    rows = np.floor(where[..., 1] / edge)
+    where[..., 0] -= rows * (SHEARED["offset"] + SHEARED["rate"] * edge * time)
+    return where % edge
+
+
+def from_each_other(one, other, edge=10.0):
+    """Largest distance along an axis, where opposite faces of the box are one place."""
+    off = np.abs(np.asarray(one) - np.asarray(other))
+    return np.minimum(off, edge - off).max()
+
+
+def followed(page, wanted, folder):
+    """Positions by `flight.js`, the scalar form of the shader, in Node: of (particle, frame, fraction to the next)."""
+    node = shutil.which("node")
+    if node is None:
+        pytest.skip("no node on PATH")
+    arrays = [a for chunk in page.header["frames"]["chunks"] for a in page.arrays(chunk)]
+    names = ("position", "velocity", "crossed")
+    found = [{name: a.tolist() for name, a in zip(names, arrays[k : k + 3])} for k in range(0, len(arrays), 5)]
+    (folder / "follow.js").write_text(
+        f"""const header = {json.dumps(page.header)}, found = {json.dumps(found)};
+        {(SCRIPTS / "flight.js").read_text()}
+        const list = header.frames;
+        const frames = {{ list, found, time: list.time, count: list.time.length,
+                         velocityUnit: (k) => (list.unit ? list.velocity_unit[k] : 1) }};
+        const bodies = {{ radius: new Array(header.count).fill(0.5), held: new Array(header.count).fill(0) }};
+        const wanted = {json.dumps(wanted)};
+        console.log(JSON.stringify(wanted.map(([i, k, x]) => body(frames, bodies, i, k, x).position)));"""
+    )
+    done = subprocess.run([node, str(folder / "follow.js")], capture_output=True, text=True, check=True)
+    return np.array(json.loads(done.stdout))
+
+
+@pytest.mark.parametrize("exact", [True, False])
+def test_flights_across_the_faces_of_a_sheared_box_are_followed(exact, tmp_path, monkeypatch):
+    from haff.viewer import content
+
+    monkeypatch.setattr(content, "EXACT", 10**9 if exact else 0)
+    path, position, velocity = sheared(tmp_path / "gas.h5")
+    page = page_of(path, tmp_path)
+    time, shear = page.header["frames"]["time"], page.header["shear"]
+    assert (shear["flow"], shear["gradient"], shear["rate"], shear["speed"]) == (0, 1, 0.6, pytest.approx(6.0))
+    fastest = np.linalg.norm(velocity - [0.6, 0, 0] * position[:, 1:2], axis=1).max()
+    assert page.header["frames"]["speed"][0] == pytest.approx(fastest), "colors are those of peculiar speeds"
+    wanted = [(index, k, x) for index in range(len(position)) for k in range(5) for x in (0, 0.3, 0.55, 0.9)]
+    when = np.array([time[k] + x * 1.2 for _, k, x in wanted])
+    rows = [index for index, _, _ in wanted]
+    true = position[rows] + velocity[rows] * when[:, None]
+    expected = np.stack([in_the_box(r, t) for r, t in zip(true, when)])
+    # Single precision, or steps of the quantized places and velocities (in 1.2 units of time).
+    assert from_each_other(followed(page, wanted, tmp_path), expected) < (1e-4 if exact else 2e-3)
+    crossed = np.abs(np.stack(page.frames()[2])).max(axis=(0, 1))
+    assert np.all(crossed >= 1), "faces of all axes are crossed"
+
+
+def met(path):
+    """Two spheres that collide once, after 0.5 of 2 units of time, and one of them crosses the gradient face.
+
+    Elastically and along the gradient, so that they exchange these velocities. Returns the places at a time.
+    """
+    start = np.array([[5.0, 8.7, 5.0], [4.25, 11.2, 5.0]])
+    before = np.array([[5.4, 3.0, 0.0], [6.9, 0.0, 0.0]])
+    after = np.array([[5.4, 0.0, 0.0], [6.9, 3.0, 0.0]])
+    contact = start + 0.5 * before
+    assert contact[1] - contact[0] == pytest.approx([0, 1, 0])
+    synthetic.sheared_flights(path, start, before, [0.0, 2.0], **SHEARED)
+    other = synthetic.sheared_flights(path.with_suffix(".after"), contact - 0.5 * after, after, [0.0, 2.0], **SHEARED)
+    import h5py
+
+    with h5py.File(path, "r+") as file, h5py.File(other) as later:
+        for name in ("position", "velocity", "image"):
+            file[f"particles/all/{name}/value"][1] = later[f"particles/all/{name}/value"][1]
+    return lambda time: in_the_box(start + before * time if time < 0.5 else contact + after * (time - 0.5), time)
+
+
+def test_collision_of_two_that_cross_the_gradient_face_is_exact(tmp_path):
+    expected = met(tmp_path / "pair.h5")
+    times = np.linspace(0, 1.9, 12)
+    page = page_of(tmp_path / "pair.h5", tmp_path)
+    assert page.frames()[2][1][:, 1].tolist() == [1, 0]
+    seen = followed(page, [(k, 0, time / 2) for time in times for k in (0, 1)], tmp_path)
+    assert from_each_other(seen, np.concatenate([expected(time) for time in times])) < 1e-5
+
+
+def test_few_bodies_of_a_sheared_box_follow_their_exact_paths(tmp_path):
+    scene = {
+        "schema": 1,
+        "domain": {"size": [6.0] * 3, "shear": {"flow": "x", "gradient": "y", "rate": 0.6}},
+        "species": [{"name": "grain", "count": 20, "radius": 0.5, "mass": 1.0}],
+        "initial": {"temperature": 4.0},
+        "contact": {"restitution": 0.9},
+        "run": {"until": 4.0},
+        "output": {"frames": 0.5, "observables": False, "events": True},
+        "seed": 3,
+    }
+    haff.run(scene, file=tmp_path / "few.h5")
+    page = page_of(tmp_path / "few.h5", tmp_path)
+    position, _, _ = page.frames()
+    time = np.array(page.header["frames"]["time"])
+    with haff.open(tmp_path / "few.h5") as run:
+        assert page.header["flight"] == "line" and len(time) == len(run.frames) + len(run.events) > 20
+        for frame in run.frames:
+            shown = position[np.searchsorted(time, frame.time)]
+            # Single precision; the paths go on from the frame before, with the impulses of the log.
+            assert from_each_other(shown, frame.position, 6.0) < 1e-5
+        # At every collision the two are in touch, across the faces of the box, too.
+        slid = dict(zip(time, page.header["shear"]["displacement"]))
+        log = run.events.to_pandas()
+        for event in log[log["kind"] == "collision"].itertuples():
+            apart = position[np.searchsorted(time, event.time), [event.i, event.j]]
+            apart = apart[1] - apart[0]
+            up = np.round(apart[1] / 6)
+            apart -= [up * slid[event.time], 6 * up, 0]
+            assert np.linalg.norm(apart - 6 * np.round(apart / 6)) == pytest.approx(1, abs=1e-5)
+        assert (log["kind"] == "collision").sum() > 20
+
+
 # --- in a browser --------------------------------------------------------------------------------
 
 
@@ -293,6 +431,55 @@ def test_sphere_across_a_periodic_face_is_drawn_at_both_sides(show, tmp_path):
 
         assert all(lit(x, y, 5.0) for x in (-0.2, 9.8) for y in (0.1, 10.1)) and lit(5.0, 5.0, 5.0)
         assert not any(lit(x, 5.0, 5.0) for x in (-5.0, -0.2, 9.8)) and not lit(-0.2, 0.1, -5.0)
+
+
+@pytest.mark.parametrize("dimension", [2, 3])
+def test_particles_of_a_sheared_box_are_drawn_where_they_are(show, tmp_path, dimension):
+    """In the picture, which the shader makes, and by `locate`, which `flight.js` does; also between frames."""
+    path, position, velocity = sheared(tmp_path / "gas.h5", dimension, count=6)
+    page = show(path)
+    for time in (0.0, 0.5, 1.5, 3.4, 6.0):
+        picture = seek(page, time)
+        expected = in_the_box(position + velocity * time, time)
+        seen = [page.evaluate(f"haffView.player.locate({k})") for k in range(6)]
+        assert from_each_other([one["position"] for one in seen], expected) < 1e-4
+        for one in seen:
+            assert np.ptp(picture[round(one["y"]), round(one["x"])]) > 40, f"nothing at {one} at t = {time}"
+        # Nothing else is: the area is that of six spheres, and of images of those that reach through a face.
+        lit = np.ptp(picture, axis=2) > 40
+        near = [page.evaluate("p => haffView.player.pixel(p)", list(p)) for p in images_of(expected, time, dimension)]
+        rows, columns = np.nonzero(lit)
+        unit = [page.evaluate(f"haffView.player.pixel([{x}, 0, 5])")["x"] for x in (0, 1)]
+        reach = 1.5 * abs(unit[1] - unit[0])
+        distance = np.min([np.hypot(columns - at["x"], rows - at["y"]) for at in near], axis=0)
+        assert len(rows) > 300 and distance.max() < reach
+        assert all(lit[round(at["y"]), round(at["x"])] for at in near if 0 <= at["y"] < 480), "an image is missing"
+
+
+def test_collision_across_the_gradient_face_is_drawn_where_it_is(show, tmp_path):
+    """By the shader: spheres are seen where the exact flights are."""
+    expected = met(tmp_path / "pair.h5")
+    page = show(tmp_path / "pair.h5")
+    for time in (0.25, 0.5, 0.75, 1.25):
+        picture = seek(page, time)
+        for place in expected(time):
+            at = page.evaluate("p => haffView.player.pixel(p)", list(place))
+            assert np.ptp(picture[round(at["y"]), round(at["x"])]) > 40, f"nothing at {place} at t = {time}"
+
+
+def images_of(position, time, d):
+    """Particles in the box, and the images of those that reach through its faces, ``[M, 3]``."""
+    edge, slid = SHEARED["edge"], SHEARED["offset"] + SHEARED["rate"] * SHEARED["edge"] * time
+    found = []
+    for up in (-1, 0, 1):
+        moved = position + np.array([up * slid, up * edge, 0.0])
+        moved[:, 0] %= edge
+        for x in (-1, 0, 1):
+            for z in (-1, 0, 1) if d == 3 else (0,):
+                found.append(moved + np.array([x * edge, 0.0, z * edge]))
+    found = np.concatenate(found)
+    axes = slice(0, d)
+    return found[np.all((found[:, axes] > -0.5) & (found[:, axes] < edge + 0.5), axis=1)]
 
 
 def test_file_with_one_frame_is_drawn(show, tmp_path):

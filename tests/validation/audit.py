@@ -3,7 +3,9 @@
 Positions, velocities and events are compared with each other and with the scene: overlaps with all periodic images and
 walls in extended precision, energy and momentum by exact sums, each event's impulse and loss from its law, and each
 flight between two events of a particle from the velocity that the impulses give it. Of rough contacts the tangential
-impulses and losses follow from the spins that the impulses give. The program's sums are not used.
+impulses and losses follow from the spins that the impulses give. In a sheared box images slide, energies and momenta
+are those of velocities relative to the flow, and the work of the shear follows from flights and impulses. The program's
+sums are not used.
 Only for a run without event log losses and the number of events are taken from its observables
 (:func:`audit_without_events`): energies of the frames must then balance with them.
 """
@@ -21,6 +23,7 @@ from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
 import haff
+from haff import observables
 
 Array = NDArray[Any]
 EPS = 2.0**-52
@@ -59,6 +62,35 @@ class Wall:
     """Its table in the scene."""
 
 
+@dataclass
+class Sliding:
+    """Images of a sheared box: the one across the upper face of the gradient axis is displaced along the flow."""
+
+    flow: int
+    gradient: int
+    rate: float
+    offset: float
+    size: Array
+
+    @property
+    def speed(self) -> float:
+        """Velocity of that image."""
+        return self.rate * float(self.size[self.gradient])
+
+    def displacement(self, time: float) -> np.longdouble:
+        """Displacement at a time, at most half an edge in size; in extended precision."""
+        edge = np.longdouble(self.size[self.flow])
+        turns = np.longdouble(self.rate) * self.size[self.gradient] / edge * np.longdouble(time) + self.offset / edge
+        return (turns - np.rint(turns)) * edge
+
+    def nearest(self, apart: Array, time: float) -> Array:
+        """Vectors moved by the images across the faces of the gradient axis, to the nearest one along it."""
+        up = np.rint(apart[:, self.gradient] / self.size[self.gradient])
+        apart = apart.copy()
+        apart[:, self.flow] -= up * self.displacement(time)
+        return apart
+
+
 def vector(values: Any) -> Array:
     """A vector of three, of two or three numbers of a scene."""
     return np.array([*values, 0.0][:3], float)
@@ -82,6 +114,11 @@ class Scene:
         self.tc = float(self.contact.get("tc", 0.0))
         self.pairs = {frozenset(p["between"]): p for p in self.contact.get("pair", ())}
         self.inertia = None if file.inertia is None else file.inertia.tolist()
+        shear = domain.get("shear")
+        self.sliding: Sliding | None = None
+        if shear is not None:
+            flow, gradient = "xyz".index(shear["flow"]), "xyz".index(shear["gradient"])
+            self.sliding = Sliding(flow, gradient, float(shear["rate"]), float(shear.get("offset", 0.0)), self.size)
         self.walls: list[Wall] = []
         for axis in range(self.dimension):
             if file.box.boundary[axis] == "wall":
@@ -126,6 +163,13 @@ class Scene:
         if found is None and wall:
             found = self.walls[j].entry.get(name)
         return general if found is None else found
+
+    def peculiar(self, frame: Any) -> Array:
+        """Velocities relative to the flow of a sheared box."""
+        velocity = np.array(frame.velocity, float)
+        if self.sliding is not None:
+            velocity[:, self.sliding.flow] -= self.sliding.rate * frame.position[:, self.sliding.gradient]
+        return velocity
 
     def compliance(self, k: int) -> float:
         """(1 + 1/q)/m of a particle: its part of the change of the slip by a tangential impulse."""
@@ -184,7 +228,7 @@ def images(scene: Scene, reach: float) -> list[Array]:
     return [np.array(k, float) * scene.size for k in itertools.product(*spans)]
 
 
-def close_pairs(scene: Scene, position: Array) -> Array:
+def close_pairs(scene: Scene, position: Array, time: float = 0.0) -> Array:
     """Rows of all pairs whose nearest images may touch, `[M, 2]`; every pair where they are few."""
     count = len(position)
     if count <= 320:
@@ -194,9 +238,19 @@ def close_pairs(scene: Scene, position: Array) -> Array:
     small = np.flatnonzero(scene.radius <= 2 * np.median(scene.radius))
     low = position.min(axis=0)
     edge = np.where(scene.periodic, scene.size, 4 * (position.max(axis=0) - low) + 8 * scene.radius.max())
-    tree = cKDTree(np.mod(np.where(scene.periodic, position, position - low), edge)[small], boxsize=edge)
-    near = tree.query_pairs(2 * scene.radius[small].max() * (1 + 1e-6), output_type="ndarray")
-    pairs = [small[near]]
+    points, rows = np.mod(np.where(scene.periodic, position, position - low), edge)[small], small
+    reach = 2 * scene.radius[small].max()
+    if (sliding := scene.sliding) is not None:
+        # The upper face of the gradient axis meets copies of the particles at the lower one.
+        lower = points[:, sliding.gradient] < 1.1 * reach
+        copies = points[lower]
+        copies[:, sliding.gradient] += edge[sliding.gradient]
+        along = copies[:, sliding.flow] + float(sliding.displacement(time))
+        copies[:, sliding.flow] = np.mod(along, edge[sliding.flow])
+        points, rows = np.concatenate([points, copies]), np.concatenate([small, small[lower]])
+        edge = np.where(np.arange(3) == sliding.gradient, 2 * edge + 4 * reach, edge)
+    near = rows[cKDTree(points, boxsize=edge).query_pairs(reach * (1 + 1e-6), output_type="ndarray")]
+    pairs = [near[near[:, 0] != near[:, 1]]]
     for row, i in enumerate(large):
         rest = np.setdiff1d(np.arange(count), large[: row + 1])
         pairs.append(np.stack([np.full(len(rest), i), rest], axis=1))
@@ -207,10 +261,12 @@ def overlap(scene: Scene, position: Array, time: float) -> float:
     """Deepest overlap of any two particles, or of one and a wall, in contact distances; in extended precision."""
     wide = position.astype(np.longdouble)
     size = scene.size.astype(np.longdouble)
-    pairs = close_pairs(scene, position)
+    pairs = close_pairs(scene, position, time)
     pairs = pairs[scene.finite[pairs].any(axis=1)]
     sigma = scene.radius[pairs].astype(np.longdouble).sum(axis=1)
     apart = wide[pairs[:, 1]] - wide[pairs[:, 0]]
+    if scene.sliding is not None:
+        apart = scene.sliding.nearest(apart, time)
     apart = np.where(scene.periodic, apart - np.rint(apart / size) * size, apart)
     depth = np.longdouble(0)
     for shift in images(scene, float(sigma.max(initial=0))):
@@ -253,6 +309,7 @@ def audit(file: haff.File) -> list[Finding]:
     findings += finite_without_overlap(scene, frames, longest(scene, events, position, velocity, frames), logged)
     findings += laws(scene, events)
     findings += balances(scene, events, frames)
+    findings += displaced(scene, frames)
     if not {"rest", "slide"} & set(events.kind):
         findings += flights(scene, events, frames)
     return findings
@@ -264,13 +321,32 @@ def audit_without_events(file: haff.File) -> list[Finding]:
     frames = list(file.frames)
     table = file.observables
     rows = np.searchsorted(table["time"], [frame.time for frame in frames])
-    gone = (table["dissipated_energy"] + table["rest_energy"] - table["wall_work"]).to_numpy()
+    given = sum(sign * table[name] for name, (_, sign) in observables.balance(file).items())
+    gone = (table["dissipated_energy"] - given).to_numpy()
     count = int(table["collisions"].iloc[-1] + table["wall_collisions"].iloc[-1])
     reach = max(float(np.abs(frame.position).max()) for frame in frames)
     return [
         *finite_without_overlap(scene, frames, reach),
         energy_balance(scene, frames, [[float(gone[row])] for row in rows], count),
+        *displaced(scene, frames),
     ]
+
+
+def displaced(scene: Scene, frames: list[Any]) -> list[Finding]:
+    """The edge vectors of the frames of a sheared box, against the displacement at their times."""
+    if (sliding := scene.sliding) is None:
+        return []
+    worst = 0.0
+    for frame in frames:
+        edges = np.diag(scene.size)
+        edges[sliding.gradient, sliding.flow] = sliding.displacement(frame.time)
+        off = np.abs(frame.box.edges - edges)
+        # At half an edge rounding decides which of the two images it is.
+        one = off[sliding.gradient, sliding.flow] / scene.size[sliding.flow]
+        off[sliding.gradient, sliding.flow] = abs(one - round(one)) * scene.size[sliding.flow]
+        rounding = EPS * (scene.size.max() + abs(sliding.speed * frame.time))
+        worst = worse(worst, float(off.max() / rounding))
+    return [Finding("edge vectors, off the displacement [ulp]", worst, 8)]
 
 
 def finite_without_overlap(
@@ -293,7 +369,7 @@ def energy_balance(scene: Scene, frames: list[Any], gone: list[list[float]], eve
     m, moment = scene.mass[scene.finite], scene.moments()
 
     def energies(frame: Any) -> list[float]:
-        v, x = frame.velocity[scene.finite], frame.unwrapped[scene.finite]
+        v, x = scene.peculiar(frame)[scene.finite], frame.unwrapped[scene.finite]
         found = [exact(0.5 * m[:, None] * v * v), exact(-m[:, None] * scene.gravity * x)]
         if moment is not None:
             found.append(exact(0.5 * moment[:, None] * frame.angular_velocity[scene.finite] ** 2))
@@ -391,7 +467,7 @@ def laws(scene: Scene, events: Log) -> list[Finding]:
 def balances(scene: Scene, events: Log, frames: list[Any]) -> list[Finding]:
     """Energy and momentum of every frame from its particles, against the first frame and the log."""
     m = scene.mass[scene.finite]
-    velocity = [frame.velocity for frame in frames]
+    velocity = [scene.peculiar(frame) for frame in frames]
     outer, work = np.zeros((len(events), 3)), np.zeros(len(events))
     spins = frames[0].angular_velocity
     for row, (kind, i, j) in enumerate(zip(events.kind, events.i, events.j)):
@@ -406,7 +482,8 @@ def balances(scene: Scene, events: Log, frames: list[Any]) -> list[Finding]:
                 surface = surface + np.cross(spins[driven], sign * scene.radius[driven] * events.normal[row])
             work[row] = outer[row] @ surface
     until = [int(np.searchsorted(events.time, frame.time, side="right")) for frame in frames]
-    gone = [[exact(events.loss[:end]), -exact(work[:end])] for end in until]
+    sheared = shear_work(scene, events, frames)
+    gone = [[exact(events.loss[:end]), -exact(work[:end]), -w] for end, w in zip(until, sheared)]
     # What friction takes is logged at the end of a slide: no balance in between.
     between = slides(events)
     still = [k for k, frame in enumerate(frames) if not any(start <= frame.time < end for start, end in between)]
@@ -421,10 +498,47 @@ def balances(scene: Scene, events: Log, frames: list[Any]) -> list[Finding]:
         scale = max(scale, exact(m * np.linalg.norm(v[scene.finite], axis=1)))
         for axis in range(3):
             given = [*outer[:end, axis], exact(m) * scene.gravity[axis] * (frame.time - frames[0].time)]
+            if (sliding := scene.sliding) is not None and axis == sliding.flow:
+                # The flow of a place that a particle goes to is faster by the rate times the way.
+                given.append(-sliding.rate * before[sliding.gradient] * (frame.time - frames[0].time))
             change = exact(m * v[scene.finite, axis]) - before[axis]
             size = max(scale, exact(np.abs(outer[:end, axis])))
             push = worse(push, abs(change - exact(given)) / size) if size > 0 else push
     return [*findings, Finding("momentum, relative", push, LEAST + walk(len(events), scene))]
+
+
+def shear_work(scene: Scene, events: Log, frames: list[Any]) -> list[float]:
+    """Work of the shear until each frame, from the velocities relative to the flow that the logged impulses give.
+
+    In a flight −γ̇ m ∫ c_x c_y dt, for the flow along x and its gradient along y, and in an impact −γ̇ y₁₂ J_x.
+    """
+    if (sliding := scene.sliding) is None:
+        return [0.0] * len(frames)
+    f, g, rate = sliding.flow, sliding.gradient, sliding.rate
+    c, mass = scene.peculiar(frames[0]), scene.mass
+    last = np.full(len(mass), float(frames[0].time))
+    parts: list[float] = []
+    found: list[float] = []
+
+    def flight(bodies: Any, time: float) -> Array:
+        duration = time - last[bodies]
+        fall = rate * c[bodies, g] * duration
+        return -mass[bodies] * fall * (c[bodies, f] - 0.5 * fall)
+
+    row = 0
+    everyone = np.arange(len(mass))
+    for frame in frames:
+        while row < len(events) and events.time[row] <= frame.time:
+            bodies, time, impulse = events.bodies(row), float(events.time[row]), events.vector[row]
+            parts += flight(bodies, time).tolist()
+            c[bodies, f] -= rate * c[bodies, g] * (time - last[bodies])
+            last[bodies] = time
+            contact = scene.radius[bodies].sum() * events.normal[row][g]
+            parts.append(float(-rate * contact * impulse[f]))
+            c[bodies] += np.array([[-1.0], [1.0]]) * impulse / mass[bodies][:, None]
+            row += 1
+        found.append(exact([*parts, *flight(everyone, float(frame.time))]))
+    return found
 
 
 def slides(events: Log) -> list[tuple[float, float]]:
@@ -451,7 +565,9 @@ def flights(scene: Scene, events: Log, frames: list[Any]) -> list[Finding]:
     g = scene.gravity.tolist()
     size, periodic = scene.size.tolist(), scene.periodic.tolist()
     mass, radius = scene.mass.tolist(), scene.radius.tolist()
-    fastest = np.linalg.norm(velocity, axis=1).tolist()
+    sliding = scene.sliding
+    slide = 0.0 if sliding is None else abs(sliding.speed)
+    fastest = (np.linalg.norm(velocity, axis=1) + slide).tolist()
     hits = [0] * len(x)
     edge = max(size[axis] * periodic[axis] for axis in range(3))
     worst_place = worst_speed = 0.0
@@ -467,10 +583,20 @@ def flights(scene: Scene, events: Log, frames: list[Any]) -> list[Finding]:
         for k, sign in bodies:
             dt = time - last[k]
             fall = g if math.isfinite(mass[k]) else (0.0, 0.0, 0.0)
+            slid = 0.0
+            if sliding is not None:
+                # Into the image that meets the other body; it moves with the flow.
+                at = sliding.gradient
+                way = point[at] + sign * radius[k] * n[at] - x[k][at] - dt * v[k][at]
+                up = round(way / size[at])
+                slid = up * float(sliding.displacement(time))
             for axis in range(3):
                 there = point[axis] + sign * radius[k] * n[axis]
                 come = x[k][axis] + dt * (v[k][axis] + 0.5 * dt * fall[axis])
                 off = there - come
+                if sliding is not None and axis == sliding.flow:
+                    off -= slid
+                    v[k][axis] += up * sliding.speed
                 if periodic[axis]:
                     off -= round(off / size[axis]) * size[axis]
                 # Rounding of position, path and velocity, the last of which accumulates over the events so far; the
@@ -491,7 +617,7 @@ def flights(scene: Scene, events: Log, frames: list[Any]) -> list[Finding]:
             spins.impact(events, row, np.array(v[i]), other, kind == "wall", scale)
         for k, sign in bodies:
             v[k] = [a + sign * b / mass[k] for a, b in zip(v[k], impulse)]
-            fastest[k] = max(fastest[k], math.hypot(*v[k]))
+            fastest[k] = max(fastest[k], math.hypot(*v[k]) + slide)
             hits[k] += 1
     findings = [
         Finding("place of an event, off its flight [ulp]", worst_place, 16),

@@ -53,6 +53,8 @@ class Bodies(NamedTuple):
     size: NDArray[np.float64]
     periodic: NDArray[np.bool_]
     radius: NDArray[np.float64]
+    sliding: None = None
+    """Sheared boxes are not among these."""
 
 
 @dataclass

@@ -166,7 +166,10 @@ pub(crate) fn touch<F: Features>(
         let sigma = a.radius + b.radius;
         let depth = penetration_to_correct(sigma - distance, ri.abs().max(rj.abs()), sigma);
         if depth > 0.0 {
-            let coordinates = ri.abs().max(rj.abs()).max(world.coordinates(i)).max(world.coordinates(j));
+            let mut coordinates = ri.abs().max(rj.abs()).max(world.coordinates(i)).max(world.coordinates(j));
+            if F::SHEAR {
+                coordinates += DVec3::splat(shear::path(world, i, time).max(shear::path(world, j, time)));
+            }
             check_penetration(world, depth, sigma, coordinates, (i, Some(j)), time)?;
             // By halves, whatever the masses. Shares by mass would move a light grain between a heavy one and
             // a wall almost alone, and press it into the wall deeper and deeper.

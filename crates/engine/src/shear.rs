@@ -324,6 +324,22 @@ pub(crate) fn make_peculiar(
     second.after -= world.flow_velocity(positions[1]);
 }
 
+/// How far particle i and its images have come along the flow at `ticks` since its anchor \[length\]: the
+/// rounding error of a contact is relative to that.
+pub(crate) fn path(world: &World, i: u32, ticks: i64) -> f64 {
+    let Some(shear) = &world.shear else { return 0.0 };
+    let along = world.particles[i as usize].velocity[shear.flow].abs();
+    along.max(shear.speed.abs()) * world.age(i, ticks)
+}
+
+/// Notes the path of particle i in a flight that ends at `ticks`, if it is longer than two edges.
+fn note_path(world: &mut World, i: u32, ticks: i64) {
+    let path = path(world, i, ticks);
+    if world.shear.is_some_and(|shear| path > 2.0 * shear.length) {
+        world.longest_flight = world.longest_flight.max(path);
+    }
+}
+
 /// Adds the work of the shear on particle i from its anchor to `ticks`, where it gets another one.
 pub(crate) fn end_flight(state: &mut State, i: u32, ticks: i64) {
     let duration = state.world.age(i, ticks);
@@ -346,6 +362,7 @@ pub(crate) fn end_flights(state: &mut State, bodies: [u32; 2], r: DVec3, impulse
         return;
     }
     for i in bodies {
+        note_path(&mut state.world, i, ticks);
         end_flight(state, i, ticks);
     }
     let Some(shear) = &state.world.shear else { return };

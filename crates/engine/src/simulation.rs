@@ -418,6 +418,11 @@ impl Simulation {
         measure::frame(&self.state, self.time())
     }
 
+    /// Edge vectors of the box now, as in [`Frame::edges`].
+    pub fn edges(&self) -> [DVec3; 3] {
+        self.state.world.edges(self.state.world.now)
+    }
+
     /// One row of observables. Pressure and rates are averages since the previous call.
     pub fn sample(&mut self) -> Sample {
         let time = self.time();

@@ -1,11 +1,13 @@
 //! [`AnySimulation`]: the granular engine and the simulation of linkages behind one interface. Scenes with
 //! pendulums, springs, rods or sticking contact run as a linkage, all others in the granular engine.
 
-use crate::{Joints, LinkageError, simulation::Simulation as Linkage};
+use glam::DVec3;
 use haff_engine::{
     BlockCounts, Checkpoint, Correlation, Counters, EngineError, Fault, Frame, Ledger, Observer, Options,
     Sample, Simulation, Stop, System, Until,
 };
+
+use crate::{Joints, LinkageError, simulation::Simulation as Linkage};
 
 /// A running simulation of either kind.
 pub enum AnySimulation {
@@ -82,6 +84,14 @@ impl AnySimulation {
     /// All particles now.
     pub fn frame(&self) -> Frame {
         either!(self, simulation => simulation.frame())
+    }
+
+    /// Edge vectors of the box now; `None` if they never change.
+    pub fn moving_edges(&self) -> Option<[DVec3; 3]> {
+        match self {
+            Self::Granular(simulation) => simulation.system().domain.shear.map(|_| simulation.edges()),
+            Self::Linkage(_) => None,
+        }
     }
 
     /// One row of observables.

@@ -356,6 +356,13 @@ impl Simulation {
         vector(py, self.domain.size)
     }
 
+    /// Edge vectors of a sheared box at the present, by row.
+    #[getter]
+    fn sheared_edges(&self, py: Python<'_>) -> Option<[[f64; 3]; 3]> {
+        self.read(py, |moving| moving.simulation.moving_edges())
+            .map(|edges| edges.map(|edge| edge.to_array()))
+    }
+
     #[getter]
     fn gravity<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<f64>> {
         vector(py, self.domain.gravity)

@@ -17,7 +17,7 @@ impl StateSource for Recorded {
 
 const EDGE: f64 = 8.0;
 
-/// 64 spheres on a lattice whose coordinates are sums of few powers of two, so that shifts by edges are exact.
+/// 64 spheres on a lattice whose coordinates are sums of few powers of two: shifts by edges are exact.
 fn state() -> State {
     let site = |k: usize| {
         let cell = [k % 4, k / 4 % 4, k / 16].map(|c| 2.0 * c as f64 + 0.5);
@@ -84,6 +84,21 @@ fn velocities_start_from_a_linear_profile() {
     let from_file = scene(SHEAR, FROM_FILE, state()).unwrap();
     let velocities: Vec<DVec3> = from_file.system.bodies.iter().map(|body| body.velocity).collect();
     assert_eq!(Some(velocities), state().velocity);
+}
+
+#[test]
+fn a_particle_that_rounding_has_put_on_the_upper_face_keeps_its_velocity_relative_to_the_flow() {
+    let found = |precision: f64, y: f64| {
+        let mut state = State { precision, ..state() };
+        state.position[0].y = y;
+        let body = scene(SHEAR, FROM_FILE, state.clone()).unwrap().system.bodies[0];
+        (body.position.y, body.velocity.x - state.velocity.unwrap()[0].x)
+    };
+    // In single precision, at the coordinate of the face: it was just below it.
+    assert_eq!(found(6e-8, EDGE), (0.0, -0.5 * EDGE));
+    // An image in the next box has the velocity that it has in the box.
+    assert_eq!(found(6e-8, 1.5 * EDGE + 0.5), (0.5 * EDGE + 0.5, 0.0));
+    assert_eq!(found(0.0, EDGE), (0.0, 0.0));
 }
 
 /// Images that the file has displaced by `offset` along axis `column` for axis `row`.

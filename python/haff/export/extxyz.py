@@ -20,22 +20,24 @@ def write(frames: Frames, path: Path, *, unwrapped: bool = False) -> None:
     """Writes frames with all digits of double precision.
 
     The lattice is the box, its lower corner ``Origin``; ``pbc`` distinguishes periodic axes from walls and open ones.
-    Along open axes the lattice is the extent of the particles. ``angular_velocity`` is there if the scene has spin.
+    Along open axes the lattice is the extent of the particles; that of a sheared box is tilted, and another one in each
+    frame. ``angular_velocity`` is there if the scene has spin.
     """
     file, room = frames.file, extent(frames)
     words = [re.sub(r"\s+", "_", escaped(name)).replace('"', "'") for name in file.species_names]
     names = np.array(words)[file.species]
-    lattice = " ".join(f"{edge!r}" for edge in np.diag(room.size).ravel().tolist())
     origin = " ".join(f"{edge!r}" for edge in room.origin.tolist())
     pbc = " ".join("T" if flag else "F" for flag in file.box.periodic & (np.arange(3) < file.dimension))
     title = re.sub(r'["\\]', "'", escaped(file.title))
     # No newline translation: the specification demands plain line ends.
     with open(path, "w", encoding="utf-8", newline="\n") as out:
         for frame in frames:
-            spins = frame.angular_velocity
+            spins, lattice = frame.angular_velocity, frame.box.edges.copy()
+            np.fill_diagonal(lattice, room.size)
+            edges = " ".join(f"{edge!r}" for edge in lattice.ravel().tolist())
             properties = _PROPERTIES if spins is None else _PROPERTIES + _SPIN
             out.write(
-                f'{len(file)}\nLattice="{lattice}" Origin="{origin}" pbc="{pbc}" Properties={properties} '
+                f'{len(file)}\nLattice="{edges}" Origin="{origin}" pbc="{pbc}" Properties={properties} '
                 f'Time={frame.time!r} Step={frame.step} Title="{title}"\n'
             )
             position = frame.unwrapped if unwrapped else frame.position

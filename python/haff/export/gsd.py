@@ -6,11 +6,15 @@ from pathlib import Path
 
 import numpy as np
 
+from ..errors import NotApplicableError
 from ..extent import extent
-from ..frames import Frames
+from ..frames import Frame, Frames
 from ..output import library
-from ..reader import File
+from ..reader import File, not_triangular
 from ..text import escaped
+
+_TILTS = {(1, 0): 0, (2, 0): 1, (2, 1): 2}
+"""Where the tilt of an edge (row of the matrix) along an axis (column) stands among xy, xz, yz."""
 
 
 def write(frames: Frames, path: Path, *, unwrapped: bool = False) -> None:
@@ -19,27 +23,37 @@ def write(frames: Frames, path: Path, *, unwrapped: bool = False) -> None:
     GSD boxes are centered at the origin and periodic: positions are those of haff minus the center of the box, which is
     logged as ``box_center``; ``time`` is logged, too. Along open axes the box is the extent of the particles.
 
+    A sheared box is tilted, and positions are moved along the flow into it, an image on. Raises
+    :class:`NotApplicableError` if the format cannot hold that box.
+
     With spin, ``moment_inertia`` is I about each axis of rotation, and ``angmom`` the quaternion (0, 2 I ω) that
     HOOMD-blue has for the default orientation, (1, 0, 0, 0); both are 0 for bodies of infinite mass.
     """
     del unwrapped
     gsd = library("gsd.hoomd", "export")
     file, room = frames.file, extent(frames)
+    if fault := not_triangular(file):
+        raise NotApplicableError(f"{file.path}: gsd cannot hold the box: {fault}; extxyz can")
     flat = file.dimension == 2
     size = room.size.astype(np.float32)
     shapes = _shapes(file)
     moment = _moments(file)
     with gsd.open(str(path), "w") as trajectory:
         for frame in frames:
-            shifted = frame.position - room.center
+            shifted, velocity = frame.position - room.center, frame.velocity
             position, image = shifted.astype(np.float32), frame.image.astype(np.int32)
             # A coordinate that rounds up to the upper face goes to the lower face of the next image.
             over = file.box.periodic & (position >= size / 2)
             position, image = np.where(over, position - size, position), image + over
+            tilts = np.zeros(3, np.float32)
+            if (displacement := frame.box.displacement) is not None:
+                position, velocity, image = _leaning(frame, position, velocity, image, over)
+                gradient, flow, length = displacement
+                tilts[_TILTS[gradient, flow]] = length / file.box.size[gradient]
             written = gsd.Frame()
             written.configuration.step = frame.step
             written.configuration.dimensions = file.dimension
-            written.configuration.box = [size[0], size[1], 0 if flat else size[2], 0, 0, 0]
+            written.configuration.box = [size[0], size[1], 0 if flat else size[2], *tilts]
             particles = written.particles
             particles.N = len(file)
             particles.types = [escaped(name) for name in file.species_names]
@@ -48,12 +62,33 @@ def write(frames: Frames, path: Path, *, unwrapped: bool = False) -> None:
             particles.mass = file.mass
             particles.diameter = 2 * file.radius
             particles.position, particles.image = position, image
-            particles.velocity = frame.velocity
+            particles.velocity = velocity
             if moment is not None and frame.angular_velocity is not None:
                 particles.moment_inertia = moment
                 particles.angmom = np.pad(2 * moment * frame.angular_velocity, ((0, 0), (1, 0)))
             written.log = {"time": np.array([frame.time]), "box_center": np.asarray(room.center)}
             trajectory.append(written)
+
+
+def _leaning(
+    frame: Frame, position: np.ndarray, velocity: np.ndarray, image: np.ndarray, over: np.ndarray
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Positions, velocities and images in the leaning box of a sheared frame; ``over``: what went to lower faces."""
+    shear, box = frame.file.shear, frame.box
+    assert shear is not None and box.displacement is not None
+    gradient, flow, length = box.displacement
+    up = over[:, gradient]
+    edge, lean = np.float32(box.size[flow]), np.float32(length)
+    along = position[:, flow] - up * lean
+    # The centre of a slice of the box is displaced in proportion to its height.
+    centre = position[:, gradient] / np.float32(box.size[gradient]) * lean
+    turns = np.floor((along - centre) / edge + np.float32(0.5)).astype(np.int32)
+    position, velocity, image = position.copy(), velocity.copy(), image.copy()
+    position[:, flow] = along - turns * edge
+    image[:, flow] += turns
+    # An image lower along the gradient is slower by the flow over one edge.
+    velocity[:, flow] -= up * shear.rate * box.size[gradient]
+    return position, velocity, image
 
 
 def _moments(file: File) -> np.ndarray | None:

@@ -21,8 +21,8 @@ def write(frames: Frames, path: Path, *, unwrapped: bool = False) -> None:
     """Writes a ``PolyData`` with one vertex a particle and a time step a frame, in double precision.
 
     Point data: velocity, image, radius, mass, species, id, and with spin angular_velocity; field data: box_origin,
-    box_size, periodic, and the names of the species. Constant data are stored once. VTK's points have no box: positions
-    are those of haff.
+    box_size, periodic, the names of the species, and of a sheared box box_edges, whose rows are the edge vectors at
+    each step. Constant data are stored once. VTK's points have no box: positions are those of haff.
     """
     file, room, count = frames.file, extent(frames), len(frames.file)
     with Sink(path) as sink, h5py.File(sink, "w", libver=("earliest", "v110")) as hdf:
@@ -68,6 +68,11 @@ def write(frames: Frames, path: Path, *, unwrapped: bool = False) -> None:
         for name, edges in (("box_origin", room.origin), ("box_size", room.size), ("periodic", periodic)):
             field[name] = edges[None, :]
             places[name], sizes[name] = still, np.tile([3, 1], (len(frames), 1))
+        if file.shear is not None:
+            edges = np.stack([frame.box.edges for frame in frames])
+            edges[:, range(3), range(3)] = room.size
+            field["box_edges"] = edges.reshape(-1, 3)
+            places["box_edges"], sizes["box_edges"] = 3 * np.arange(len(frames)), np.tile([3, 3], (len(frames), 1))
         # VTK reads no strings declared as UTF-8.
         plain = [escaped(name).encode("ascii", "replace") for name in file.species_names]
         field["species_names"] = np.array(plain, h5py.string_dtype("ascii"))

@@ -22,6 +22,8 @@ def draw(file: File) -> Figure:
     if len(lag) < 8 or not value[-1] > 0:
         raise NotApplicableError("fewer than eight lags of the mean square displacement")
     result = analysis.self_diffusion(file)
+    # In a sheared box the displacements are those across the flow.
+    axes_seen = d if file.shear is None else d - 1
 
     figure = Figure(figsize=(6.4, 6.2), layout="constrained")
     top, below = figure.subplots(2, 1, sharex=True, height_ratios=(1.6, 1))
@@ -29,19 +31,21 @@ def draw(file: File) -> Figure:
     known = np.isfinite(error)
     top.fill_between(lag[known], *_band(value[known], error[known]), color=BLUE, alpha=0.25, lw=0)
     window = np.array([result.start, result.end])
-    offset = np.interp(result.end, lag, value) - 2 * d * result.einstein * result.end
-    top.loglog(window, offset + 2 * d * result.einstein * window, color=RED, lw=2.5, alpha=0.7,
-               label=rf"slope $2dD$,  $D$ = {number(result.einstein)} ± {result.einstein_error:.1g}")  # fmt: skip
-    if "vacf" in found:
+    slope = 2 * axes_seen * result.einstein
+    offset = np.interp(result.end, lag, value) - slope * result.end
+    top.loglog(window, offset + slope * window, color=RED, lw=2.5, alpha=0.7,
+               label=rf"slope ${2 * axes_seen}D$,  "
+                     rf"$D$ = {number(result.einstein)} ± {result.einstein_error:.1g}")  # fmt: skip
+    if "vacf" in found and file.shear is None:
         start = float(found["vacf"]["value"][0])
         early = lag[lag <= max(lag[0], np.sqrt(np.interp(result.start, lag, value) / start))]
         top.loglog(early, start * early**2, color=GREY, lw=1.2, ls="--", label=r"$\langle v^2\rangle t^2$")
     top.set_ylabel(r"$\langle|\mathbf{r}(t)-\mathbf{r}(0)|^2\rangle$  [length²]")
     top.legend(loc="upper left")
 
-    running = np.gradient(value, lag) / (2 * d)
+    running = np.gradient(value, lag) / (2 * axes_seen)
     below.semilogx(lag, running, color=BLUE, lw=1.3, label="Einstein, slope of the above")
-    if "vacf" in found:
+    if "vacf" in found and file.shear is None:
         times, integral = analysis.running_integral(found["vacf"])
         below.semilogx(times[1:], integral[1:] / d, color=GREEN, lw=1.3, label="Green–Kubo")
     below.axvspan(*window, color=GREY, alpha=0.15, lw=0)

@@ -45,15 +45,15 @@ def _lines(late: xarray.Dataset, axis: str) -> Figure:
     figure = Figure(figsize=(6.4, 7.0), layout="constrained")
     density, temperature, pressure = figure.subplots(3, 1, sharex=True)
     x = late[axis].to_numpy()
-    _curve(density, x, late["density"].to_numpy(), BLUE, None)
+    curve(density, x, late["density"].to_numpy(), BLUE, None)
     density.set_ylabel("number density $n$  [1/length$^d$]")
     density.set_ylim(bottom=0)
-    _curve(temperature, x, late["temperature"].to_numpy(), RED, None)
+    curve(temperature, x, late["temperature"].to_numpy(), RED, None)
     temperature.set_ylabel("temperature $T$  [energy]")
     temperature.set_ylim(bottom=0)
     for k, letter in enumerate(late["row"].to_numpy()):
         values = late["pressure"].sel(row=letter, column=letter).to_numpy()
-        _curve(pressure, x, values, CYCLE[k], f"$P_{{{letter}{letter}}}$")
+        curve(pressure, x, values, CYCLE[k], f"$P_{{{letter}{letter}}}$")
     pressure.set_ylabel("pressure  [energy/length$^d$]")
     pressure.set_ylim(bottom=0)
     pressure.legend(ncols=3)
@@ -62,7 +62,7 @@ def _lines(late: xarray.Dataset, axis: str) -> Figure:
     return figure
 
 
-def _curve(axes, x: np.ndarray, rows: np.ndarray, color: str, label: str | None) -> None:
+def curve(axes, x: np.ndarray, rows: np.ndarray, color: str, label: str | None) -> None:
     """Mean of the rows with two standard errors, for independent rows. Empty cells are left out."""
     known = np.isfinite(rows).sum(axis=0)
     with np.errstate(invalid="ignore", divide="ignore"):

@@ -65,7 +65,7 @@ def draw(file: File, index: int = -1, *, room: Extent | None = None, pixels: int
 def _colors(frame: Frame):
     """RGB per particle, and the data of the color bar."""
     mobile = np.isfinite(frame.mass)
-    speed = np.linalg.norm(frame.velocity, axis=1)
+    speed = np.linalg.norm(frame.peculiar_velocity, axis=1)
     if len(speed) < 30 or not speed[mobile].max(initial=0.0) > 0:
         rgb = np.array([mpl.colors.to_rgb(c) for c in CYCLE])
         return rgb[frame.species % len(rgb)], None, ""
@@ -75,6 +75,8 @@ def _colors(frame: Frame):
     scale = mpl.cm.ScalarMappable(norm, SPEED_MAP)
     color = np.asarray(scale.to_rgba(speed / unit))[:, :3]
     color[~mobile] = 0.55
+    if frame.file.shear is not None:
+        return color, scale, r"speed relative to the flow  $|v - u|\,/\,\sqrt{T/\bar m}$"
     return color, scale, r"speed  $|v|\,/\,\sqrt{T/\bar m}$"
 
 
@@ -106,7 +108,7 @@ def _disks(frame: Frame, axes, color, view: View) -> None:
     centres, colors, radius = [frame.position[:, :2]], [color], [frame.radius]
     # Disks across a periodic face are drawn on both sides.
     for shift in itertools.product((-1, 0, 1), repeat=2):
-        offset = np.array(shift) * frame.box.size[:2]
+        offset = np.array(shift) @ frame.box.edges[:2, :2]
         if not any(shift) or np.any(np.array(shift, bool) & ~frame.box.periodic[:2]):
             continue
         moved = frame.position[:, :2] + offset

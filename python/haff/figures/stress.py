@@ -17,7 +17,8 @@ def draw(file: File) -> Figure:
     """Components of the pressure tensor; with ``measure.stress_correlation`` the running viscosity below."""
     table = file.observables if "observables" in file else None
     tensor = table is not None and "pressure_tensor_xx" in table
-    correlated = "correlations" in file and "stress" in file.correlations
+    # The viscosity of a sheared run does not follow from fluctuations.
+    correlated = file.shear is None and "correlations" in file and "stress" in file.correlations
     if not tensor and not correlated:
         raise NotApplicableError("no pressure tensor (set measure.stress or stress_correlation in the scene)")
     rows = int(tensor) + int(correlated)

@@ -28,6 +28,8 @@ def draw(file: File) -> Figure:
     neighbors = len(file) / box.volume * (4.2 * reach**3 if d == 3 else 3.2 * reach**2)
     most = int(np.clip(MOST_PAIRS / (len(file) * neighbors), 1, MOST_FRAMES))
     frames = analysis.drawn_frames(file, most)
+    # A sheared box is narrower at times.
+    reach = min([reach, *(0.499 * frame.box.widths[:d].min() for frame in frames)])
     # Contact lies on a bin edge, so that no bin mixes the forbidden and the allowed side.
     per_sigma = 50 if len(file) * neighbors * len(frames) > 2e6 else 25
     bins = int(reach / sigma * per_sigma)

@@ -58,6 +58,10 @@ def flights(file: File) -> list[Path]:
     if len(file) > MOST_BODIES:
         raise NotApplicableError(f"{len(file)} bodies: made for up to {MOST_BODIES}")
     t, x, v = frames.time, frames.array("unwrapped"), frames.array("velocity")
+    if (shear := file.shear) is not None:
+        # Paths are followed out of the box, where the flow is faster.
+        rows = frames.array("image")[..., shear.gradient]
+        v[..., shear.flow] += rows * (shear.rate * file.box.size[shear.gradient])
     gravity = np.zeros(3)
     pull = file.scene.get("domain", {}).get("gravity", ())
     gravity[: len(pull)] = pull

@@ -7,6 +7,7 @@ from matplotlib.figure import Figure
 
 from .. import analysis, theory
 from ..errors import NotApplicableError
+from ..layout import AXES
 from ..reader import File
 from .style import BLUE, GREEN, GREY, RED, headline, note, signed
 from .temperature import facts
@@ -15,7 +16,10 @@ MOST_FRAMES = 40
 
 
 def draw(file: File) -> Figure:
-    """Density of one scaled velocity component, log scale, and its ratio to Maxwell's below."""
+    """Density of one scaled velocity component, log scale, and its ratio to Maxwell's below.
+
+    In a sheared box velocities are relative to the flow, and the components have different temperatures.
+    """
     if np.isfinite(file.mass).sum() < 200:
         raise NotApplicableError(f"{len(file)} particles are too few for a distribution")
     frames = [f for f in analysis.drawn_frames(file, MOST_FRAMES) if analysis.temperature(f) > 0]
@@ -57,17 +61,29 @@ def draw(file: File) -> Figure:
     below.axhline(1, color=GREY, lw=3.5, alpha=0.6)
     if shape is not None:
         below.plot(line, 1 + shape * theory.sonine_polynomial(line**2, 1), color=RED, lw=1.4, ls="--")
-    below.plot(line, 1 + measured * theory.sonine_polynomial(line**2, 1), color=GREEN, lw=1.4)
+    sheared = file.shear is not None
+    if sheared:
+        # Of all components together: the mean of normal densities with their variances, over Maxwell's.
+        widths = np.mean([np.mean(s**2, axis=0) for s in scaled], axis=0)
+        normal = np.mean([np.exp(-(line**2) / (2 * w)) / np.sqrt(2 * np.pi * w) for w in widths], axis=0)
+        below.plot(line, normal / theory.maxwell_component(line), color=GREEN, lw=1.4)
+    else:
+        below.plot(line, 1 + measured * theory.sonine_polynomial(line**2, 1), color=GREEN, lw=1.4)
     below.errorbar(centre, density / maxwell, error / maxwell, fmt="o", ms=3.4, color=BLUE, elinewidth=0.9)
     sound = error / maxwell < 0.1
     seen = np.abs(density / maxwell - 1)[sound]
     reach = max(0.02, 1.25 * float(np.max(seen + (error / maxwell)[sound], initial=0.0)))
     below.set_ylim(1 - reach, 1 + reach)
     below.set_ylabel("ratio to Maxwell")
-    below.set_xlabel(r"one velocity component  $|c_x| = |v_x - V_x|\,/\,\sqrt{2T/m}$")
+    relative = "velocity component relative to the flow" if sheared else "one velocity component"
+    below.set_xlabel(rf"{relative}  $|c_x| = |v_x - {'u' if sheared else 'V'}_x|\,/\,\sqrt{{2T/m}}$")
     below.set_xlim(0, line[-1])
     margin = f" ± {spread:.4f}" if spread is not None else ""
-    note(below, rf"green: $1 + a_2\,S_2(c_x^2)$ with the measured $a_2$ = {signed(measured)}{margin}")
+    if sheared:
+        ratios = ",  ".join(f"{2 * w:.3f} ({axis})" for axis, w in zip(AXES, widths))
+        note(below, rf"green: normal densities with the measured $T_a/T$ = {ratios}")
+    else:
+        note(below, rf"green: $1 + a_2\,S_2(c_x^2)$ with the measured $a_2$ = {signed(measured)}{margin}")
     span = f"t = {frames[0].time:.4g} … {frames[-1].time:.4g}" if len(frames) > 1 else f"t = {frames[0].time:.4g}"
     headline(figure, "Velocity distribution", f"{facts(file)}  ·  {span}")
     return figure

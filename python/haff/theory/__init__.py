@@ -38,6 +38,9 @@ Sources
 * I.-C. Yeh, G. Hummer, *J. Phys. Chem. B* **108**, 15873 (2004)
 * P. Müller, T. Pöschel, *Phys. Rev. E* **84**, 021302 (2011)
 * M. Huthmann, A. Zippelius, *Phys. Rev. E* **56**, R6275 (1997)
+* J. T. Jenkins, M. W. Richman, *J. Fluid Mech.* **192**, 313 (1988)
+* J. J. Brey, J. W. Dufty, A. Santos, *J. Stat. Phys.* **97**, 281 (1999)
+* V. Garzó, *Granular Gaseous Flows*, Springer (2019)
 * N. V. Brilliantov, T. Pöschel, *Kinetic Theory of Granular Gases*, Oxford (2004)
 """
 
@@ -83,6 +86,13 @@ from .mixtures import (
     mixture_rates,
 )
 from .rough import RoughLosses, rough_losses, rough_temperature_ratio
+from .shear import (
+    DenseShearFlow,
+    DiluteShearFlow,
+    uniform_shear_enskog,
+    uniform_shear_model,
+    uniform_shear_temperature,
+)
 from .transport import (
     diffusion_finite_size,
     diffusion_ruckenstein_liu,
@@ -92,6 +102,8 @@ from .transport import (
 )
 
 __all__ = [
+    "DenseShearFlow",
+    "DiluteShearFlow",
     "MixtureRates",
     "RoughLosses",
     "carnahan_starling",
@@ -131,6 +143,9 @@ __all__ = [
     "sonine_a2_heated",
     "sonine_component",
     "sonine_polynomial",
+    "uniform_shear_enskog",
+    "uniform_shear_model",
+    "uniform_shear_temperature",
     "virial_disks",
     "viscoelastic_restitution",
     "viscoelastic_restitution_pade",

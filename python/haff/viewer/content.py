@@ -49,6 +49,7 @@ def write(file: File, blobs: Blobs, frames: str | slice | int | None, size: floa
         "gravity": _vector(file.scene.get("domain", {}).get("gravity", ())),
         "room": {"origin": room.origin.tolist(), "size": room.size.tolist(), "bounded": room.bounded.tolist()},
         "periodic": (file.box.periodic & (np.arange(3) < file.dimension)).tolist(),
+        "shear": _shear(file, keys),
         "boundary": list(file.box.boundary),
         "species": [escaped(name) for name in file.species_names],
         "palette": [mpl.colors.to_hex(color) for color in CYCLE],
@@ -70,6 +71,20 @@ def write(file: File, blobs: Blobs, frames: str | slice | int | None, size: floa
     header["frames"] = _frames(file, blobs, keys, room, losses)
     header["notes"] = notes
     blobs.header(header)
+
+
+def _shear(file: File, keys: Keyframes) -> dict[str, Any] | None:
+    """How images slide across the faces of the gradient axis: their velocity, and their displacement at each frame."""
+    shear = file.shear
+    if shear is None or keys.displacement is None:
+        return None
+    return {
+        "flow": shear.flow,
+        "gradient": shear.gradient,
+        "rate": shear.rate,
+        "speed": shear.rate * float(file.box.size[shear.gradient]),
+        "displacement": keys.displacement.tolist(),
+    }
 
 
 def _served(file: File) -> str:
@@ -114,20 +129,32 @@ def _frames(
     chunks, speeds, units = [], [], []
     pending: list[list[np.ndarray]] = []
     before, rounded = None, np.zeros((count, d), bool)
+    shear, wraps = file.shear, periodic.copy()
+    if shear is not None:
+        # The upper face of the gradient axis has no place in the lower one, where images are displaced.
+        wraps[shear.gradient] = False
     for k in range(len(keys.time)):
         position, velocity, image = keys.state(k)
         position, velocity = position[:, :d], velocity[:, :d]
-        norm = np.linalg.norm(velocity, axis=1)[mobile]
+        peculiar = velocity.copy()
+        if shear is not None:
+            peculiar[:, shear.flow] -= shear.rate * position[:, shear.gradient]
+        norm = np.linalg.norm(peculiar, axis=1)[mobile]
         speeds.append(float(np.quantile(norm, 0.99) if len(norm) > 100 else norm.max(initial=0.0)))
         # Periodic faces that a particle crossed since the last frame, so that its path continues through them.
         crossed = np.zeros(0, np.int8)
         if periodic.any():
-            crossed = np.zeros((count, d), np.int8) if before is None else np.clip(image - before, -127, 127)[:, :d]
+            crossed = np.zeros((count, d), np.int8)
+            if before is not None:
+                edges = image - before
+                if shear is not None:
+                    edges[:, shear.flow] += before[:, shear.gradient] * _leaps(file, keys, k)
+                crossed = np.clip(edges, -127, 127)[:, :d]
             before = image
         if quantized:
             places = np.rint((position - room.origin[:d]) / unit)
             # A coordinate that rounds up to the upper face goes to the lower face of the next image.
-            over = periodic & (places >= 65536)
+            over = wraps & (places >= 65536)
             places = np.clip(np.where(over, places - 65536, places), 0, 65535).astype(np.uint16)
             if periodic.any():
                 crossed = crossed + over.astype(np.int16) - rounded
@@ -153,6 +180,17 @@ def _frames(
         "velocity_unit": units,
         "chunks": chunks,
     }
+
+
+def _leaps(file: File, keys: Keyframes, k: int) -> int:
+    """Edges that the displacement of a sheared box gained between frame k - 1 and frame k beside its even growth.
+
+    It is kept within half an edge, and images along the flow are counted from there.
+    """
+    shear, slid = file.shear, keys.displacement
+    assert shear is not None and slid is not None
+    even = shear.rate * float(file.box.size[shear.gradient]) * float(keys.time[k] - keys.time[k - 1])
+    return round((slid[k] - slid[k - 1] - even) / float(file.box.size[shear.flow]))
 
 
 def _even(time: np.ndarray) -> bool:

@@ -34,11 +34,29 @@ function place(flight, a, b, u, w, gravity, radius, s, dt) {
     : b.map((value, k) => value - w[k] * left + 0.5 * gravity[k] * left * left);
 }
 
-// Back into the box, along periodic axes.
-function wrap(position) {
+// Displacement along the flow of the images across the upper face of the gradient axis, a time s after frame k; 0
+// without shear. It grows evenly; those of two frames may differ by an edge more, since each is at most half an edge.
+function displacement(k, s) {
+  const { shear } = header;
+  if (!shear) return 0;
+  const edge = header.room.size[shear.flow];
+  const at = shear.displacement[k] + shear.speed * s;
+  return at - edge * Math.round(at / edge);
+}
+
+// Back into the box, along periodic axes; images across the gradient axis are displaced by `slide` along the flow.
+function wrap(position, slide) {
   const { origin, size } = header.room;
-  return position.map((value, k) =>
-    header.periodic[k] ? value - size[k] * Math.floor((value - origin[k]) / size[k]) : value,
+  const { shear } = header;
+  const edges = (value, k) => Math.floor((value - origin[k]) / size[k]);
+  const at = [...position];
+  if (shear) {
+    const rows = edges(at[shear.gradient], shear.gradient);
+    at[shear.gradient] -= rows * size[shear.gradient];
+    at[shear.flow] -= rows * slide;
+  }
+  return at.map((value, k) =>
+    header.periodic[k] && k !== shear?.gradient ? value - size[k] * edges(value, k) : value,
   );
 }
 
@@ -58,7 +76,15 @@ function body(frames, bodies, index, k, x) {
   const u = read(frames.found[k].velocity, frames.velocityUnit(k));
   const w = read(frames.found[next].velocity, frames.velocityUnit(next));
   const dt = frames.time[next] - frames.time[k];
+  const { shear } = header;
+  if (shear && next > k && crossed.length) {
+    // Place and velocity at frame k + 1 of the image that is in the box at frame k.
+    const rows = crossed[d * index + shear.gradient];
+    b[shear.flow] += rows * displacement(next, 0);
+    w[shear.flow] += rows * shear.speed;
+  }
   const gravity = bodies.held[index] ? [0, 0, 0] : header.gravity;
   const radius = bodies.radius[index];
-  return { position: wrap(place(header.flight, a, b, u, w, gravity, radius, x * dt, dt)), radius };
+  const at = place(header.flight, a, b, u, w, gravity, radius, x * dt, dt);
+  return { position: wrap(at, displacement(k, x * dt)), radius };
 }

@@ -27,6 +27,8 @@ class Keyframes(NamedTuple):
     """Position in the box, velocity and image, ``[N, 3]`` each, of a row"""
     exact: bool
     """Whether there are so many that straight lines between them are the paths"""
+    displacement: np.ndarray | None = None
+    """``[K]`` displacement along the flow of the images across the upper face of a sheared box [length]"""
 
 
 def recorded(frames: Frames) -> Keyframes:
@@ -36,7 +38,10 @@ def recorded(frames: Frames) -> Keyframes:
         frame = frames[k]
         return frame.position, frame.velocity, frame.image
 
-    return Keyframes(np.asarray(frames.time, float), state, False)
+    displacement = None
+    if frames.file.shear is not None:
+        displacement = np.array([frame.box.displacement[2] for frame in frames if frame.box.displacement])
+    return Keyframes(np.asarray(frames.time, float), state, False, displacement)
 
 
 def along_flights(file: File, frames: Frames) -> Keyframes | None:
@@ -60,8 +65,19 @@ def along_flights(file: File, frames: Frames) -> Keyframes | None:
     velocity = np.gradient(position, time, axis=0)
     size = np.where(file.box.periodic, file.box.size, np.inf)
     image = np.where(file.box.periodic, np.floor(position / size), 0.0)
+    displacement = None
+    if (shear := file.shear) is not None:
+        # Rows of images slide: along the flow a particle is in the box after it was moved to the row of the box.
+        edge, speed = float(size[shear.flow]), shear.rate * float(size[shear.gradient])
+        start = frames[0].box.displacement
+        displacement = (start[2] if start else 0.0) + speed * (time - first)
+        displacement -= np.round(displacement / edge) * edge
+        rows = image[..., shear.gradient]
+        velocity[..., shear.flow] -= rows * speed
+        position[..., shear.flow] -= rows * displacement[:, None]
+        image[..., shear.flow] = np.floor(position[..., shear.flow] / edge)
     inside = position - image * np.where(file.box.periodic, file.box.size, 0.0)
-    return Keyframes(time, lambda k: (inside[k], velocity[k], image[k]), True)
+    return Keyframes(time, lambda k: (inside[k], velocity[k], image[k]), True, displacement)
 
 
 def _interpolate(time: np.ndarray, known: np.ndarray, values: np.ndarray) -> np.ndarray:

@@ -10,6 +10,10 @@ precision highp int;
 uniform mat4 modelViewMatrix, projectionMatrix;
 uniform vec3 origin, unit, roomOrigin, roomSize, periodic, gravity, across;
 uniform float unit0, unit1, dt, s, top0, top1, tall;
+// In a sheared box: axes of flow and gradient, shear rate, velocity of the images across the gradient axis, and their
+// displacement along the flow now and at the next frame. Zero without shear.
+uniform vec3 flow, gradient;
+uniform float rate, speed, slide, slide1;
 uniform int flight, coloring;
 uniform highp sampler2D palette;
 in vec2 corner;
@@ -32,34 +36,54 @@ vec3 place(vec3 a, vec3 b, vec3 u, vec3 w, vec3 g) {
     return (1.0 + 2.0 * x) * y * y * a + x * y * y * dt * u + x * x * (3.0 - 2.0 * x) * b - x * x * y * dt * w;
   }
   vec3 gap = a - b + w * dt - 0.5 * g * dt * dt;
-  vec3 rate = u - w + g * dt;
-  float square = dot(rate, rate);
-  float meeting = square > 0.0 ? clamp(-dot(rate, gap) / square, 0.0, dt) : 0.0;
-  if (length(gap + rate * meeting) > MEET * radius) return line;
+  vec3 closing = u - w + g * dt;
+  float square = dot(closing, closing);
+  float meeting = square > 0.0 ? clamp(-dot(closing, gap) / square, 0.0, dt) : 0.0;
+  if (length(gap + closing * meeting) > MEET * radius) return line;
   float left = dt - s;
   return s < meeting ? a + u * s + 0.5 * g * s * s : b - w * left + 0.5 * g * left * left;
 }
 
+// Number of the edge that holds a place, along each axis.
+vec3 edges(vec3 at) {
+  return floor((at - roomOrigin) / roomSize);
+}
+
+// Whether a particle reaches through no face on one of these axes.
+bool enclosed(vec3 at, vec3 axes) {
+  vec3 off = abs(at - roomOrigin - 0.5 * roomSize);
+  return any(greaterThan(vec3(lessThan(off + radius, 0.5 * roomSize)) * axes, vec3(0.0)));
+}
+
 void main() {
-  vec3 u = v0 * unit0, w = v1 * unit1;
+  // Place and velocity at the next frame of the image that is in the box at this one.
+  float rows = dot(crossed, gradient);
+  vec3 u = v0 * unit0, w = v1 * unit1 + rows * speed * flow;
   vec3 a = origin + p0 * unit;
-  vec3 b = origin + p1 * unit + crossed * roomSize;
+  vec3 b = origin + p1 * unit + crossed * roomSize + rows * slide1 * flow;
   vec3 where = place(a, b, u, w, held > 0.5 ? vec3(0.0) : gravity);
-  where -= periodic * roomSize * floor((where - roomOrigin) / roomSize);
+  // Back into the box, along the gradient first: the images there are displaced along the flow.
+  where -= dot(edges(where), gradient) * (gradient * roomSize + slide * flow);
+  where -= (periodic - gradient) * roomSize * edges(where);
 #ifdef IMAGE
-  // Of the particles that reach through a face on each of these axes.
-  vec3 off = where - roomOrigin - 0.5 * roomSize;
-  bvec3 inside = lessThan(abs(off) + radius, 0.5 * roomSize);
-  if (any(equal(vec3(inside) * across, vec3(1.0)))) {
+  // Of the particles that reach through a face on each of these axes, the gradient first.
+  vec3 others = across - across * gradient;
+  bool hidden = enclosed(where, across * gradient);
+  float up = dot(across * gradient, sign(where - roomOrigin - 0.5 * roomSize));
+  where -= up * (gradient * roomSize + slide * flow);
+  where -= flow * roomSize * edges(where);
+  if (hidden || enclosed(where, others)) {
     gl_Position = vec4(2.0, 2.0, 2.0, 1.0);
     return;
   }
-  where -= across * sign(off) * roomSize;
+  where -= others * sign(where - roomOrigin - 0.5 * roomSize) * roomSize;
 #endif
 
   float x = dt > 0.0 ? s / dt : 0.0;
   float shade;
-  if (coloring == 0) shade = mix(length(u), length(w), x) / max(mix(top0, top1, x), 1e-30);
+  // Speeds are those relative to the flow.
+  float fast0 = length(u - rate * dot(a, gradient) * flow), fast1 = length(w - rate * dot(b, gradient) * flow);
+  if (coloring == 0) shade = mix(fast0, fast1, x) / max(mix(top0, top1, x), 1e-30);
   else shade = mix(loss0, loss1, x) / 255.0;
   color = coloring == 1 ? texelFetch(palette, ivec2(int(species), 1), 0).rgb
                         : texelFetch(palette, ivec2(int(clamp(shade, 0.0, 1.0) * 255.0), 0), 0).rgb;
@@ -178,6 +202,8 @@ class Particles {
     const unit = frames.list.unit;
     const flat = (values) => [...values.slice(0, d), 0].slice(0, 3);
     const size = header.room.size.map((value) => value || 1);
+    const { shear } = header;
+    const axis = (k) => vector([0, 1, 2].map((c) => Number(shear !== null && c === k)));
     this.uniforms = Object.fromEntries(
       Object.entries({
         origin: vector(unit ? flat(header.room.origin) : [0, 0, 0]),
@@ -187,6 +213,12 @@ class Particles {
         periodic: vector(header.periodic.map(Number)),
         across: vector([0, 0, 0]),
         gravity: vector(header.gravity),
+        flow: axis(shear?.flow),
+        gradient: axis(shear?.gradient),
+        rate: shear?.rate ?? 0,
+        speed: shear?.speed ?? 0,
+        slide: 0,
+        slide1: 0,
         unit0: 1,
         unit1: 1,
         dt: 0,
@@ -291,6 +323,8 @@ class Particles {
     set("top1", this.frames.list.speed[next]);
     set("dt", dt);
     set("s", x * dt);
+    set("slide", displacement(k, x * dt));
+    set("slide1", displacement(next, 0));
     set("coloring", { speed: 0, species: 1, soFar: 2, recent: 3 }[coloring]);
   }
 

@@ -2,7 +2,7 @@
 
 const find = (id) => document.getElementById(id);
 const COLORINGS = {
-  speed: "speed",
+  speed: header.shear ? "speed relative to the flow" : "speed",
   species: "species",
   soFar: "energy lost so far",
   recent: "energy lost lately",

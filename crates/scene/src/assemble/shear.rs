@@ -23,6 +23,22 @@ pub(super) fn beside_displaced_images(domain: &Domain, mut position: DVec3) -> D
     position
 }
 
+/// The change of velocity of a particle that only the `precision` of its file has put beyond a face of the
+/// gradient. Other positions outside the box are images of particles whose velocities are those in the box.
+fn change_at_rounded_face(domain: &Domain, position: DVec3, precision: f64) -> DVec3 {
+    let Some(shear) = domain.shear.filter(|_| precision > 0.0) else { return DVec3::ZERO };
+    let (y, edge) = (position[shear.gradient], domain.size[shear.gradient]);
+    let rounding = 2.0 * precision * edge;
+    let across = if (edge..=edge + rounding).contains(&y) {
+        -1.0
+    } else if (-rounding..0.0).contains(&y) {
+        1.0
+    } else {
+        0.0
+    };
+    DVec3::AXES[shear.flow] * (across * shear.rate * edge)
+}
+
 impl Assembler<'_> {
     /// The shear of the domain. `walls` is the number of walls beside those of the domain.
     pub(super) fn shear_plan(&mut self, domain: &DomainPlan, walls: usize) -> Option<Shear> {
@@ -152,17 +168,22 @@ impl Assembler<'_> {
     /// Adds the flow to the velocities that the scene has drawn: those of species with a temperature.
     pub(super) fn add_flow(
         &self,
-        shear: Option<&Shear>,
+        domain: &Domain,
         species: &[SpeciesPlan],
         rows: &mut Rows,
         initial: &Initial,
+        state: Option<&State>,
     ) {
-        let Some(shear) = shear else { return };
+        let Some(shear) = domain.shear else { return };
         let mut row = 0;
         for plan in species {
             let drawn = plan.temperature.or(initial.temperature).is_some();
-            for body in rows.bodies[row..row + plan.count].iter_mut().filter(|_| drawn) {
-                body.velocity += DVec3::AXES[shear.flow] * (shear.rate * body.position[shear.gradient]);
+            for (k, body) in rows.bodies[row..row + plan.count].iter_mut().enumerate() {
+                if drawn {
+                    body.velocity += DVec3::AXES[shear.flow] * (shear.rate * body.position[shear.gradient]);
+                } else if let Some(state) = state {
+                    body.velocity += change_at_rounded_face(domain, state.position[row + k], state.precision);
+                }
             }
             row += plan.count;
         }
