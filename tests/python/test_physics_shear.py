@@ -34,7 +34,8 @@ def test_the_scene_comes_to_the_temperature_and_the_stresses_of_enskogs_equation
         profile = run.profiles["y"].isel(time=slice(4, None))
         y = profile["y"].to_numpy()
         velocity = profile["velocity"].sel(component="x").mean("time").to_numpy()
-        assert np.abs(velocity - y).max() < 0.25, velocity - y
+        # 0.07 with this seed: long waves of the gas, whose thermal speed is 2.5.
+        assert np.abs(velocity - y).max() < 0.15, velocity - y
 
 
 @pytest.mark.parametrize("e", dsmc.SHEARED)

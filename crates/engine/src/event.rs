@@ -3,7 +3,7 @@
 
 use crate::{
     carried, error::EngineError, features::Features, report::Observer, resolve, rest::contact, series, slide,
-    state::State,
+    state::State, wall_impact,
 };
 
 /// A physical event: the event loop resolves it, and the collapse detector counts it.
@@ -107,7 +107,7 @@ impl PhysicalEvent for Impact {
             Self::Wall { i, wall } => {
                 let asleep = F::REST && state.world.is_asleep(i);
                 let woken = if asleep { contact::wake(state, i, time) } else { Vec::new() };
-                resolve::wall::<F, EVENTS>(state, i, wall, time, observer)?;
+                wall_impact::wall::<F, EVENTS>(state, i, wall, time, observer)?;
                 Ok(woken)
             }
         }

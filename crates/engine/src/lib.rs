@@ -64,6 +64,7 @@ mod thermal;
 mod timed;
 mod tuning;
 mod valid;
+mod wall_impact;
 mod wall_law;
 mod wall_motion;
 mod windows;

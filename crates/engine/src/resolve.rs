@@ -1,26 +1,24 @@
-//! Resolves events: changes velocities, sets anchors and records losses.
+//! Resolves collisions of particles: changes velocities, sets anchors and records losses.
+//!
+//! Impacts on walls are in [`crate::wall_impact`].
 
 use glam::DVec3;
-use haff_mechanics::{Impact, Restitution, resolve_contact, work_of_moving_body};
+use haff_mechanics::{Impact, work_of_moving_body};
 
 use crate::{
     accumulators::Accumulators,
-    carried,
     error::EngineError,
     features::Features,
     ledger::Term,
     overlap::allowed_overlap,
-    pair_law::{self, PairContact, coefficient, impact_with_separation},
+    pair_law::{self, PairContact},
     particles::{ClassData, World},
-    random::{Draw, mix},
+    random::mix,
     report::{EventKind, EventRecord, Exchange, Observer, Partner, VelocityChange},
-    rest::contact,
     rough,
-    series::{come_to_rest, end_of_bounces_early, keep_support, keep_supporting_walls},
-    shear, slide,
+    series::{end_of_bounces_early, keep_support},
+    shear,
     state::State,
-    wall_law::WallLaw,
-    wall_motion::WallMotion,
 };
 
 /// A penetration is corrected if it is more than this fraction of the coordinates.
@@ -34,13 +32,13 @@ const PENETRATION_TOLERANCE: f64 = 2.0 * f64::EPSILON;
 /// correction also restores the potential energy that the penetration has taken. Without gravity, a grain in
 /// a wedge also has very many bounces, which become shorter and shorter.
 #[inline(always)]
-fn penetration_to_correct(depth: f64, coordinates: DVec3, reach: f64) -> f64 {
+pub(crate) fn penetration_to_correct(depth: f64, coordinates: DVec3, reach: f64) -> f64 {
     if depth > PENETRATION_TOLERANCE * (coordinates.max_element() + reach) { depth } else { 0.0 }
 }
 
 /// Position and velocity of particle i in its own event at `time`, before the impact.
 #[inline(always)]
-fn state_at_event<F: Features>(world: &World, i: u32, time: i64) -> (DVec3, DVec3) {
+pub(crate) fn state_at_event<F: Features>(world: &World, i: u32, time: i64) -> (DVec3, DVec3) {
     if !F::GRAVITY {
         return world.flight::<F>(i, time);
     }
@@ -69,7 +67,7 @@ fn state_at_event<F: Features>(world: &World, i: u32, time: i64) -> (DVec3, DVec
 /// Returns an error if a penetration of `depth` is more than rounding, for the contact distance `sigma` and
 /// these coordinates.
 #[cold]
-fn check_penetration(
+pub(crate) fn check_penetration(
     world: &World,
     depth: f64,
     sigma: f64,
@@ -98,7 +96,7 @@ pub(crate) fn anchor(
 
 /// Returns an error if the new velocity of particle i is not finite.
 #[inline(always)]
-fn check_velocity(world: &World, i: u32, velocity: DVec3, time: i64) -> Result<(), EngineError> {
+pub(crate) fn check_velocity(world: &World, i: u32, velocity: DVec3, time: i64) -> Result<(), EngineError> {
     if velocity.is_finite() {
         return Ok(());
     }
@@ -108,7 +106,12 @@ fn check_velocity(world: &World, i: u32, velocity: DVec3, time: i64) -> Result<(
 /// Adds the virial of an impact at `now`, 0 for a wall, and its losses. A negative loss, of bodies that
 /// separate faster than they approach, is added to [`Term::Rest`].
 #[inline(always)]
-fn add_impact<F: Features>(accumulators: &mut Accumulators, now: f64, virial: f64, impact: &Impact) {
+pub(crate) fn add_impact<F: Features>(
+    accumulators: &mut Accumulators,
+    now: f64,
+    virial: f64,
+    impact: &Impact,
+) {
     if F::ELASTIC {
         accumulators.add_elastic_impact(virial, impact.carnot_energy);
         return;
@@ -320,285 +323,11 @@ pub(crate) fn apply<F: Features, const EVENTS: bool>(
     }
 }
 
-/// Resolves the collision of particle i with a wall at `time`.
-#[inline]
-pub(crate) fn wall<F: Features, const EVENTS: bool>(
-    state: &mut State,
-    i: u32,
-    wall: u32,
-    time: i64,
-    observer: &mut dyn Observer,
-) -> Result<(), EngineError> {
-    if F::GRAVITY {
-        end_of_bounces_early::<EVENTS>(state, i, time, observer);
-    }
-    let (contact, outcome) = collide_with_wall::<F>(&state.world, i, wall, time)?;
-    apply_wall::<F, EVENTS>(state, &contact, &outcome, observer);
-    Ok(())
-}
-
-/// Sets the anchor of a particle after its impact on a wall, and adds the energies of the impact.
-#[inline(always)]
-pub(crate) fn apply_wall<F: Features, const EVENTS: bool>(
-    state: &mut State,
-    contact: &WallContact,
-    outcome: &WallOutcome,
-    observer: &mut dyn Observer,
-) {
-    match outcome {
-        WallOutcome::Bounce(bounce) => apply_bounce::<F, EVENTS>(state, contact, bounce, observer),
-        WallOutcome::Reflection { velocity, spin } => {
-            reflect::<EVENTS>(state, contact, (*velocity, *spin), Term::WallHeat, observer);
-        }
-    }
-}
-
-/// The contact of particle i with a wall at `time`: a function of its anchor.
-///
-/// # Errors
-/// An overlap that is more than rounding.
-#[inline(always)]
-pub(crate) fn touch_wall<F: Features>(
-    world: &World,
-    i: u32,
-    wall: u32,
-    time: i64,
-) -> Result<WallContact, EngineError> {
-    let (mut position, velocity) = state_at_event::<F>(world, i, time);
-    let class = *world.class(i);
-    let (gap, _) = world.wall_approach(wall, class.radius, position, velocity, time);
-    let depth = penetration_to_correct(-gap, position.abs(), class.radius);
-    if depth > 0.0 {
-        let coordinates =
-            position.abs().max(world.coordinates(i)).max(world.walls[wall as usize].point.abs());
-        check_penetration(world, depth, class.radius, coordinates, (i, None), time)?;
-    }
-    let normal = world.wall_normal(wall, position);
-    if depth > 0.0 || world.is_level(wall) {
-        position -= normal * gap;
-    }
-    let plane = &world.walls[wall as usize];
-    let (n, wall_velocity) = (-normal, plane.motion.velocity(plane.normal, (&world.clock, time)));
-    Ok(WallContact { i, wall, time, position, velocity, n, wall_velocity })
-}
-
-/// The impact of particle i on a wall at `time`: a function of its anchor.
-///
-/// # Errors
-/// An overlap that is more than rounding, or a velocity that is not finite.
-#[inline(always)]
-pub(crate) fn collide_with_wall<F: Features>(
-    world: &World,
-    i: u32,
-    wall: u32,
-    time: i64,
-) -> Result<(WallContact, WallOutcome), EngineError> {
-    let contact = touch_wall::<F>(world, i, wall, time)?;
-    let WallContact { n, wall_velocity, .. } = contact;
-    let class = *world.class(i);
-    let outcome = match world.wall_law(&class, wall) {
-        WallLaw::Restitution(law) => WallOutcome::Bounce(bounce::<F>(world, &contact, law)),
-        WallLaw::Thermal(law) => {
-            let draw = Draw::new(world.seed, i, u64::from(world.particles[i as usize].count));
-            match law.velocity(draw, class.mass, n, world.dimension) {
-                Some(relative) => {
-                    let spin = world.spin.as_deref().map(|spins| {
-                        let moment = class.moment_of_inertia(&spins.inertia);
-                        law.angular_velocity(draw, moment, world.dimension)
-                    });
-                    WallOutcome::Reflection { velocity: wall_velocity + relative, spin }
-                }
-                None => WallOutcome::Bounce(bounce::<F>(world, &contact, law.restitution)),
-            }
-        }
-    };
-    check_velocity(world, i, outcome.velocity(), time)?;
-    Ok((contact, outcome))
-}
-
 impl PairImpact {
     /// The particles with their positions and velocities after the impact.
     #[inline(always)]
     pub fn after(&self) -> [(u32, DVec3, DVec3); 2] {
         [0, 1].map(|k| (self.bodies[k], self.positions[k], self.after[k]))
-    }
-}
-
-impl WallOutcome {
-    /// The velocity after the impact.
-    pub fn velocity(&self) -> DVec3 {
-        match self {
-            Self::Bounce(bounce) => bounce.after,
-            Self::Reflection { velocity, .. } => *velocity,
-        }
-    }
-}
-
-/// What a wall does with a particle.
-#[derive(Debug, Clone, Copy)]
-pub(crate) enum WallOutcome {
-    Bounce(WallBounce),
-    /// The particle leaves a thermal wall with this velocity and, if there is spin, this angular velocity.
-    Reflection {
-        velocity: DVec3,
-        spin: Option<DVec3>,
-    },
-}
-
-/// An impact on a wall by a law of restitution.
-#[derive(Debug, Clone, Copy)]
-pub(crate) struct WallBounce {
-    law: Restitution,
-    /// Velocity after the impact.
-    after: DVec3,
-    impact: Impact,
-    /// Whether the impact repeats a recent one, see [`contact::is_repeated_wall_contact`].
-    repeated: bool,
-}
-
-/// The impact of a particle on a wall by a law of restitution.
-#[inline(always)]
-fn bounce<F: Features>(world: &World, contact: &WallContact, law: Restitution) -> WallBounce {
-    let &WallContact { i, wall, time, velocity, n, wall_velocity, .. } = contact;
-    let class = world.class(i);
-    let speed = haff_mechanics::approach_speed(velocity, wall_velocity, n);
-    let e = coefficient::<F>(world, law, speed, time, [(i, class), (i, class)]);
-    let mut repeated = false;
-    // Resolved as for two spheres, without assuming |n| = 1: the length of a tilted normal has a rounding
-    // error, which is the same at every impact.
-    let (after, _, impact) = if F::REST {
-        let acceleration = world.acceleration(i).dot(n);
-        repeated = contact::is_repeated_wall_contact(world, i, wall, speed, acceleration, time);
-        let separation =
-            if repeated { contact::separation_speed(world, e, speed, acceleration, true) } else { e * speed };
-        impact_with_separation([velocity, wall_velocity], [class.inverse_mass, 0.0], n, e, speed, separation)
-    } else {
-        resolve_contact(velocity, wall_velocity, class.inverse_mass, 0.0, n, e)
-    };
-    let after = if !F::ELASTIC && world.spin.is_some() {
-        rough::wall_velocity::<F>(world, (i, wall, time), after, impact.impulse)
-    } else {
-        after
-    };
-    WallBounce { law, after, impact, repeated }
-}
-
-/// A contact of a particle with a wall, before its impact.
-#[derive(Debug, Clone, Copy)]
-pub(crate) struct WallContact {
-    pub i: u32,
-    pub wall: u32,
-    /// [ticks]
-    pub time: i64,
-    pub position: DVec3,
-    pub velocity: DVec3,
-    /// Unit normal into the wall.
-    pub n: DVec3,
-    pub wall_velocity: DVec3,
-}
-
-/// Lets a particle leave a wall with a given velocity and spin. The energy that is not work of the moving
-/// wall is added to `term`.
-pub(crate) fn reflect<const EVENTS: bool>(
-    state: &mut State,
-    contact: &WallContact,
-    (velocity, spin): (DVec3, Option<DVec3>),
-    term: Term,
-    observer: &mut dyn Observer,
-) {
-    let &WallContact { i, wall, time, position, n, wall_velocity, .. } = contact;
-    let change = velocity - contact.velocity;
-    let (before, after) = (contact.velocity - wall_velocity, velocity - wall_velocity);
-    let class = *state.world.class(i);
-    state.world.particles[i as usize].set_anchor(position, velocity, time);
-    let now = state.world.clock.time(time);
-    if let Some(spin) = spin {
-        let energy = state.world.set_spin(i, spin);
-        state.accumulators.add_rotation(term, energy);
-        state.world.add_wall_heat(wall, energy);
-    }
-    let accumulators = &mut state.accumulators;
-    accumulators.counters.wall_collisions += 1;
-    accumulators.add_energy(term, now, 0.5 * class.mass * change.dot(before + after));
-    if wall_velocity != DVec3::ZERO {
-        accumulators.add_energy(Term::WallWork, now, class.mass * change.dot(wall_velocity));
-    }
-    accumulators.add_impulse(change * class.mass);
-    state.world.add_wall_impulse(wall, change * class.mass);
-    state.world.add_wall_heat(wall, 0.5 * class.mass * change.dot(before + after));
-    if EVENTS {
-        let changes = [VelocityChange { i, mass: class.mass, before: contact.velocity, after: velocity }];
-        observer.exchange(&Exchange { time: now, changes: &changes, partner: Partner::Wall(wall) });
-        // Only the normal components. The energy of `term` is not a loss by restitution.
-        let approach_speed = before.dot(n);
-        let impulse = -class.mass * change.dot(n);
-        let impact = Impact { approach_speed, impulse, ..Impact::default() };
-        let contact_point = state.world.periodicity.wrap(position + n * class.radius).0;
-        let mut row = row(now, EventKind::Wall, [i, wall], &impact, n, contact_point);
-        row.impulse_vector = change * -class.mass;
-        observer.event(&row);
-    }
-    keep_support(state, i, time);
-}
-
-/// Sets the anchor of a particle after its impact on a wall, and adds the energies of the impact.
-#[inline(always)]
-fn apply_bounce<F: Features, const EVENTS: bool>(
-    state: &mut State,
-    contact: &WallContact,
-    bounce: &WallBounce,
-    observer: &mut dyn Observer,
-) {
-    let &WallContact { i, wall, time, position, velocity, n, wall_velocity } = contact;
-    let &WallBounce { law, after, impact, repeated } = bounce;
-    let tangential = if !F::ELASTIC && state.world.spin.is_some() {
-        Some(rough::apply_wall::<F>(state, (i, wall, time), impact.impulse))
-    } else {
-        None
-    };
-    let world = &mut state.world;
-    let class = *world.class(i);
-    let before = if F::GRAVITY { (world.support(i), world.acceleration(i)) } else { Default::default() };
-    world.particles[i as usize].set_anchor(position, after, time);
-    if F::REST {
-        world.particles[i as usize].set_recently_hit(repeated);
-    }
-
-    let now = world.clock.time(time);
-    let accumulators = &mut state.accumulators;
-    accumulators.counters.wall_collisions += 1;
-    add_impact::<F>(accumulators, now, 0.0, &impact);
-    accumulators.add_impulse(n * -impact.impulse);
-    world.add_wall_impulse(wall, n * -impact.impulse);
-    world.add_wall_heat(wall, -impact.energy_loss);
-    if wall_velocity != DVec3::ZERO {
-        accumulators.add_energy(Term::WallWork, now, work_of_moving_body(impact.impulse, n, wall_velocity));
-    }
-    if EVENTS {
-        let changes = [VelocityChange { i, mass: class.mass, before: velocity, after }];
-        observer.exchange(&Exchange { time: now, changes: &changes, partner: Partner::Wall(wall) });
-        let contact_point = world.periodicity.wrap(position + n * class.radius).0;
-        let mut row = row(now, EventKind::Wall, [i, wall], &impact, n, contact_point);
-        if let Some(tangential) = &tangential {
-            tangential.add_to(&mut row);
-        }
-        observer.event(&row);
-    }
-    if F::GRAVITY {
-        keep_supporting_walls(state, i, time);
-        // Supports have the normal of the wall: no grain rests on a partition.
-        let can_rest = state.world.walls[wall as usize].partition.is_none();
-        if can_rest && !repeated && state.world.wall_law(&class, wall).has_series() {
-            let rest = match state.world.walls[wall as usize].motion {
-                WallMotion::Fixed => come_to_rest(state, i, wall, law, before, time),
-                WallMotion::Oscillating(_) => carried::start(state, i, wall, law, time),
-                WallMotion::Constant(_) => None,
-            };
-            if let Some(rest) = rest {
-                state.pending.insert(i, rest);
-            }
-            slide::begin(state, i, time);
-        }
     }
 }
 

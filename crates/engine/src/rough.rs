@@ -12,9 +12,10 @@ use crate::{
     pair_law::{self, PairContact},
     particles::World,
     report::EventRecord,
-    resolve::{self, WallContact},
+    resolve,
     spin::Spins,
     state::{Pending, State},
+    wall_impact::{self, WallContact},
 };
 
 /// What the tangential part adds to an impact.
@@ -137,7 +138,7 @@ fn on_wall<F: Features>(
     normal: f64,
 ) -> Option<(Tangential, DVec3, WallContact)> {
     let spins = world.spin.as_deref()?;
-    let contact = resolve::touch_wall::<F>(world, i, wall, time).ok()?;
+    let contact = wall_impact::touch_wall::<F>(world, i, wall, time).ok()?;
     let bodies = wall_bodies(spins, world, i, contact.velocity, contact.wall_velocity);
     let law = world.roughness(spins, i, wall);
     let (tangential, [change, _]) = tangential(bodies, contact.n, normal, law);

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 import math
 from typing import Any
 
@@ -41,6 +42,19 @@ def late(file: haff.File, case: tuple[float, float]) -> Any:
     return table.iloc[np.searchsorted(count, levels).clip(max=len(table) - 1)]
 
 
+def cooling(case: tuple[float, float], file: haff.File, report: dict[str, Any]) -> float:
+    """T_rot/T of a cooling gas."""
+    found = late(file, case)
+    return float((found["rotational_temperature"] / found["temperature"]).mean())
+
+
+def heated(case: tuple[float, float], file: haff.File, report: dict[str, Any]) -> tuple[float, float]:
+    """T and T_rot/T of a heated gas."""
+    found = late(file, case)
+    T, rotation = found["temperature"].mean(), found["rotational_temperature"].mean()
+    return float(T), float(rotation / T)
+
+
 def rough_gas(context: Context) -> list[Row]:
     """T_rot/T of cooling and of heated rough spheres (q = 2/5, no bound of friction), and T of the heated ones, 8 seeds
     each. Against the solution of the Boltzmann equation by direct simulation Monte Carlo (`tests/validation/dsmc.py`).
@@ -56,21 +70,12 @@ def rough_gas(context: Context) -> list[Row]:
         # Correlated velocities, in proportion to density as in the gas of smooth spheres.
         doubt = 1.6 * ETA * (1 - e**2)
 
-        def cooling(file: haff.File, report: dict[str, Any], case: tuple[float, float] = case) -> float:
-            found = late(file, case)
-            return float((found["rotational_temperature"] / found["temperature"]).mean())
-
         expected, error = dsmc.COOLING[case]
         cold = {"initial.rotational_temperature": expected, "run.collisions_per_particle": length}
         runs = [law | cold | {"seed": seed} for seed in context.seeds(8)]
-        ratios = context.each("rough_cooling", runs, cooling)
+        ratios = context.each("rough_cooling", runs, functools.partial(cooling, case))
         tolerance = math.hypot(error, doubt * expected)
         rows.append(compare(f"cooling, {system}", "T_rot/T", ratios, expected, source, tolerance))
-
-        def heated(file: haff.File, report: dict[str, Any], case: tuple[float, float] = case) -> tuple[float, float]:
-            found = late(file, case)
-            T, rotation = found["temperature"].mean(), found["rotational_temperature"].mean()
-            return float(T), float(rotation / T)
 
         unit, ratio = dsmc.maxwellian_heated(e, beta, density=density, chi=chi)
         interval = STEP / dsmc.collision_rate(1.0, density, chi, 3)
@@ -81,7 +86,8 @@ def rough_gas(context: Context) -> list[Row]:
             "run.collisions_per_particle": length,
             "output.observables": 10 * interval,
         }
-        found = context.each("rough_heated", [law | noise | {"seed": s} for s in context.seeds(8)], heated)
+        evaluate = functools.partial(heated, case)
+        found = context.each("rough_heated", [law | noise | {"seed": s} for s in context.seeds(8)], evaluate)
         T, dT, ratio, error = dsmc.HEATED[case]
         temperatures, ratios = [t for t, _ in found], [r for _, r in found]
         # Kicks whose mean is taken out heat by N − 1 of N parts, and the motion of the center of mass is no part of T.

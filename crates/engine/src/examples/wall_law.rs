@@ -2,8 +2,8 @@ use super::two_spheres;
 use crate::{
     ledger::Term,
     report::{Observer, Silent},
-    resolve::{WallContact, reflect},
     state::State,
+    wall_impact::{WallContact, reflect},
 };
 use glam::DVec3;
 

@@ -13,7 +13,7 @@ use crate::{
     features::Features,
     particles::World,
     queue::Predictor,
-    resolve,
+    resolve, wall_impact,
 };
 
 /// What a thread has for one block.
@@ -201,7 +201,7 @@ impl<F: Features> ListBlock<F> {
             return self.part.leave(step, entry, &places, time);
         }
         let Ok((contact, outcome)) =
-            resolve::collide_with_wall::<F>(&self.part.state.world, i, wall, entry.time)
+            wall_impact::collide_with_wall::<F>(&self.part.state.world, i, wall, entry.time)
         else {
             return false;
         };
@@ -213,7 +213,7 @@ impl<F: Features> ListBlock<F> {
         }
         self.part.save(step, i);
         self.part.start_event::<F, _, EVENTS>(&entry);
-        resolve::apply_wall::<F, EVENTS>(&mut self.part.state, &contact, &outcome, &mut self.part.rows);
+        wall_impact::apply_wall::<F, EVENTS>(&mut self.part.state, &contact, &outcome, &mut self.part.rows);
         self.part.wrap(i);
         self.predictor.copy(&self.part.state.world, i);
         self.predict::<VECTORS>(step, i);

@@ -14,7 +14,7 @@ use crate::{
     compact::CompactParticle,
     features::Features,
     particles::World,
-    resolve,
+    resolve, wall_impact,
 };
 
 /// What a thread has for one block.
@@ -177,7 +177,7 @@ impl<F: Features> WindowBlock<F> {
         if !self.is_known(present, &places, time) {
             return self.part.leave(step, event, &places, time);
         }
-        let Ok((contact, outcome)) = resolve::collide_with_wall::<F>(world, i, wall, entry.time) else {
+        let Ok((contact, outcome)) = wall_impact::collide_with_wall::<F>(world, i, wall, entry.time) else {
             return false;
         };
         let after = (contact.position, outcome.velocity());
@@ -192,7 +192,7 @@ impl<F: Features> WindowBlock<F> {
         self.part.save(step, i);
         self.worker.space.particles[places[0].slot].note_path();
         self.part.start_event::<F, _, EVENTS>(&entry);
-        resolve::apply_wall::<F, EVENTS>(&mut self.part.state, &contact, &outcome, &mut self.part.rows);
+        wall_impact::apply_wall::<F, EVENTS>(&mut self.part.state, &contact, &outcome, &mut self.part.rows);
         self.part.wrap(i);
         !self.has_resting() && self.worker.predict_again::<1, VECTORS>(&self.part.state.world, [i])
     }
