@@ -452,9 +452,9 @@ pub fn state(path: impl AsRef<Path>, index: i64) -> Result<State, RecordError> {
                 time: trajectory.clock.time.read::<f64>(row, row + 1)?[0],
                 step: trajectory.clock.step.read::<i64>(row, row + 1)?[0] as u64,
                 dimension: parameters.dimension,
-                box_size: match &edges[..] {
-                    &[lengths] => lengths,
-                    &[x, y, z] => DVec3::new(x.x, y.y, z.z),
+                box_size: match edges[..] {
+                    [lengths] => lengths,
+                    [x, y, z] => DVec3::new(x.x, y.y, z.z),
                     _ => DVec3::NAN,
                 },
                 sheared_edges: edges.try_into().ok(),

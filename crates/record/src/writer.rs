@@ -219,7 +219,7 @@ impl Writer {
         let edges: Vec<f64> = frames
             .iter()
             .flat_map(|frame| if sheared { &frame.edges[..] } else { &lengths }.iter())
-            .flat_map(|edge| edge.to_array())
+            .flat_map(DVec3::to_array)
             .collect();
         trajectory.edges.append(&edges).doing(path, WRITE)?;
         self.frame_clock.extend(frames.iter().map(|frame| (frame.step as i64, frame.time)));

@@ -45,7 +45,7 @@ impl Tilt {
     /// The displacement `v` of a path from `from` to the end of the window as that of its chord in the grid
     /// for the whole window.
     #[inline(always)]
-    pub fn chord(&self, mut v: [f32; 3], from: f32) -> [f32; 3] {
+    pub fn chord(self, mut v: [f32; 3], from: f32) -> [f32; 3] {
         v[0] -= self.change * v[1] * (1.0 + from);
         v
     }

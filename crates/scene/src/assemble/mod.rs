@@ -180,7 +180,7 @@ impl Assembler<'_> {
         self.place_species(&system_domain, &walls, &mut rows, &initial);
         self.gate()?;
         self.draw_velocities(&species, &mut rows, &initial, state.as_ref());
-        self.add_flow(&system_domain, &species, &mut rows, &initial, state.as_ref());
+        shear::add_flow(&system_domain, &species, &mut rows, &initial, state.as_ref());
 
         let spin = spin.map(|plan| self.spin(plan, &species, &rows, state.as_ref()));
         let mut system = System {

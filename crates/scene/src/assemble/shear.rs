@@ -39,6 +39,29 @@ fn change_at_rounded_face(domain: &Domain, position: DVec3, precision: f64) -> D
     DVec3::AXES[shear.flow] * (across * shear.rate * edge)
 }
 
+/// Adds the flow to the velocities that the scene has drawn: those of species with a temperature.
+pub(super) fn add_flow(
+    domain: &Domain,
+    species: &[SpeciesPlan],
+    rows: &mut Rows,
+    initial: &Initial,
+    state: Option<&State>,
+) {
+    let Some(shear) = domain.shear else { return };
+    let mut row = 0;
+    for plan in species {
+        let drawn = plan.temperature.or(initial.temperature).is_some();
+        for (k, body) in rows.bodies[row..row + plan.count].iter_mut().enumerate() {
+            if drawn {
+                body.velocity += DVec3::AXES[shear.flow] * (shear.rate * body.position[shear.gradient]);
+            } else if let Some(state) = state {
+                body.velocity += change_at_rounded_face(domain, state.position[row + k], state.precision);
+            }
+        }
+        row += plan.count;
+    }
+}
+
 impl Assembler<'_> {
     /// The shear of the domain. `walls` is the number of walls beside those of the domain.
     pub(super) fn shear_plan(&mut self, domain: &DomainPlan, walls: usize) -> Option<Shear> {
@@ -162,30 +185,6 @@ impl Assembler<'_> {
         if shear.offset != 0.0 && matches!(initial.positions, Some(PositionsConfig::Packing(_))) {
             let why = "needs positions from a file or [[particle]]: packings are made for a box without displacement";
             self.document.report(&at(["domain", "shear", "offset"]), why);
-        }
-    }
-
-    /// Adds the flow to the velocities that the scene has drawn: those of species with a temperature.
-    pub(super) fn add_flow(
-        &self,
-        domain: &Domain,
-        species: &[SpeciesPlan],
-        rows: &mut Rows,
-        initial: &Initial,
-        state: Option<&State>,
-    ) {
-        let Some(shear) = domain.shear else { return };
-        let mut row = 0;
-        for plan in species {
-            let drawn = plan.temperature.or(initial.temperature).is_some();
-            for (k, body) in rows.bodies[row..row + plan.count].iter_mut().enumerate() {
-                if drawn {
-                    body.velocity += DVec3::AXES[shear.flow] * (shear.rate * body.position[shear.gradient]);
-                } else if let Some(state) = state {
-                    body.velocity += change_at_rounded_face(domain, state.position[row + k], state.precision);
-                }
-            }
-            row += plan.count;
         }
     }
 
