@@ -1,6 +1,7 @@
 """The record: validation.json has the measurements part by part.
 
-validation.md and validation.png present the z-scores, validation-bounds.md what only has a bound.
+validation.md, validation-rough-shear.md and validation.png present the z-scores, validation-bounds.md what only has a
+bound.
 """
 
 from __future__ import annotations
@@ -40,6 +41,10 @@ LOST = [
 ]
 
 
+SECOND = 120
+"""Parts of this order and above have their scores on a page of their own, so that pages stay short."""
+
+
 def load(path: Path) -> dict[str, Any]:
     """The record so far; parts that are not measured again are kept."""
     return json.loads(path.read_text()) if path.exists() else {"parts": {}}
@@ -51,12 +56,13 @@ def rows_of(stored: dict[str, Any]) -> list[Row]:
 
 
 def write(record: dict[str, Any], directory: Path, parts: dict[str, Part]) -> None:
-    """Writes validation.json, validation.md, validation-bounds.md and validation.png."""
+    """Writes validation.json, its pages and validation.png."""
     directory.mkdir(parents=True, exist_ok=True)
     # In the order of the record, not of measurement.
     record["parts"] = {name: record["parts"][name] for name in parts if name in record["parts"]}
     (directory / "validation.json").write_text(json.dumps(record, indent=1, ensure_ascii=False) + "\n")
     (directory / "validation.md").write_text(markdown(record, parts))
+    (directory / "validation-rough-shear.md").write_text(second_page(record, parts))
     (directory / "validation-bounds.md").write_text(bounds_page(record))
     figure(record, parts, directory / "validation.png")
 
@@ -107,7 +113,8 @@ def markdown(record: dict[str, Any], parts: dict[str, Part]) -> str:
         "",
         "Written by `scripts/validate`; [docs/validation.md](../../docs/validation.md) explains the figures, and",
         "validation.json has every row; [validation-bounds.md](validation-bounds.md) has the quantities that only have",
-        "a bound. *Measured* is the mean of independent runs with its standard error; *expected*",
+        "a bound, and [validation-rough-shear.md](validation-rough-shear.md) the scores of rough and sheared gases.",
+        "*Measured* is the mean of independent runs with its standard error; *expected*",
         "has the uncertainty of the theory or of the published figure, added in quadrature; z is the deviation in this",
         f"combined error (for few runs, from Student's t). A figure passes if |z| < {Z_LIMIT:g}.",
         "",
@@ -126,9 +133,22 @@ def markdown(record: dict[str, Any], parts: dict[str, Part]) -> str:
             f"- **{parts[name].title}** (`{name}`). {parts[name].about} *{summary(stored[name])}. {effort},"
             f" on {part['machine']}, haff {part['version']}, {part['date']}.*"
         )
-    found = scored(stored)
+    found = scored({name: rows for name, rows in stored.items() if parts[name].order < SECOND})
     lines += ["", "## Figures with a z-score", "", *found] if found else []
     lines += ["", "## Tried and lost", "", *LOST]
+    return "\n".join(lines) + "\n"
+
+
+def second_page(record: dict[str, Any], parts: dict[str, Part]) -> str:
+    """The z-scores of the parts from :data:`SECOND` on as a page."""
+    stored = {name: rows_of(part) for name, part in record["parts"].items() if parts[name].order >= SECOND}
+    lines = [
+        "# Validation: rough and sheared gases",
+        "",
+        "Written by `scripts/validate`; [validation.md](validation.md) describes the parts and the columns.",
+        "",
+        *scored(stored),
+    ]
     return "\n".join(lines) + "\n"
 
 

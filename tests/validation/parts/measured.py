@@ -24,7 +24,7 @@ def settings(eta: float, collisions: float, seed: int) -> dict[str, Any]:
     return {
         "species.0.count": COUNT,
         "domain.packing_fraction": eta,
-        "run.collisions_per_particle": collisions,
+        "run.until": collisions / rate,
         "output.frames": False,
         "output.observables": 10 / rate,
         "measure.msd": True,

@@ -131,7 +131,7 @@ def green_kubo(file: haff.File, report: dict[str, Any]) -> float:
 
 def newtonian(context: Context) -> list[Row]:
     """The elastic fluid at φ = 0.2618, 500 spheres, 16 seeds, kept at T = 1 by rescaling the velocities relative to the
-    flow 20 times per mean free time: −P_xy/γ̇ at two rates of shear, extrapolated to zero with the square of the rate.
+    flow 4 times per mean free time: −P_xy/γ̇ at two rates of shear, extrapolated to zero with the square of the rate.
     Against the integral of Green and Kubo for the same fluid at rest.
     """
     eta = MODERATE
@@ -141,7 +141,7 @@ def newtonian(context: Context) -> list[Row]:
     rest = {
         "species.0.count": 500,
         "domain.packing_fraction": eta,
-        "run.collisions_per_particle": context.effort(8000, 400),
+        "run.until": context.effort(16000, 400) / rate,
         "output.frames": False,
         "output.observables": 10 / rate,
         "measure.stress_correlation": True,
@@ -155,7 +155,7 @@ def newtonian(context: Context) -> list[Row]:
             "contact.restitution": 1.0,
             "initial.temperature": 1.0,
             "domain.shear.rate": strain_rate * rate,
-            "drive": [{"kind": "rescale", "temperature": 1.0, "interval": 0.05 / rate}],
+            "drive": [{"kind": "rescale", "temperature": 1.0, "interval": 0.25 / rate}],
             "run.until": context.effort(6000, 400) / rate,
             "output.observables": 10 / rate,
         }
