@@ -519,6 +519,7 @@ fn a_full_disk_ends_the_run_with_exit_status_4_and_keeps_the_data() {
         assert_eq!(status, Some(4), "{error}");
         let message = "gas.h5: cannot write: the limit on the size of files is reached";
         assert!(error.contains(message) && !error.contains("panicked"), "{error}");
+        assert!(error.contains("everything up to the last flush is readable"), "{error}");
         let report: Value = serde_json::from_str(&out).unwrap();
         assert_eq!(report["stopped"], "output");
         let info: Value = serde_json::from_str(&haff.run(&["info", "gas.h5", "--json"]).1).unwrap();
@@ -531,6 +532,8 @@ fn a_full_disk_ends_the_run_with_exit_status_4_and_keeps_the_data() {
         let scene = none.write("gas.toml", GAS);
         let (status, _, error) = limited(&none, &format!("{signal}ulimit -f 8"), &format!("run {scene}"));
         assert!(status == Some(4) && error.contains(message), "{status:?}: {error}");
+        let nothing = "no file has been made, nothing is saved";
+        assert!(error.contains(nothing) && !error.contains("readable"), "{error}");
         assert_eq!(std::fs::read_dir(none.path(".")).unwrap().count(), 1, "{error}");
     }
 }

@@ -24,7 +24,7 @@ Exit status: 0 done; 2 the scene or the arguments are invalid; 3 the simulation 
 pub struct Arguments {
     #[command(subcommand)]
     pub command: Command,
-    /// Log to standard error: engine, epochs, files; -vv: also tuning, checkpoints, flushes.
+    /// Print which algorithm and files are used; -vv: also tuning, checkpoints, flushes.
     #[arg(short, long, action = ArgAction::Count, global = true)]
     pub verbose: u8,
 }
@@ -79,24 +79,26 @@ pub enum Command {
   haff run configs/cooling.toml -o dense.h5 --set domain.packing_fraction=0.2 --set contact.restitution=0.8
   haff run configs/cooling.toml --watch               # a line for each sample during the run
   haff run --resume cooling.h5
+  haff run --resume cooling.h5 --set run.until=2e4 -o longer.h5     # also of a run that is complete
+  haff run --resume cooling.h5 --set contact.tc=1e-5 -o other.h5
 
 Ctrl-C ends a run with a checkpoint; --resume continues from it, with the same bits.")]
 pub struct Run {
     /// Scene file (TOML).
     #[arg(required_unless_present = "resume", conflicts_with = "resume")]
     pub scene: Option<PathBuf>,
-    /// Output file (HDF5); instead of the scene's `output.file`.
-    #[arg(short, long, value_name = "FILE", conflicts_with = "resume")]
+    /// Output file (HDF5); instead of the scene's `output.file`. With --resume, the run goes on in this file.
+    #[arg(short, long, value_name = "FILE")]
     pub output: Option<PathBuf>,
-    /// Set a key of the scene by its dotted path, the value in TOML.
-    #[arg(long, value_name = "KEY=VALUE", conflicts_with = "resume")]
+    /// Set a key of the scene by its dotted path, the value in TOML. With --resume it needs -o.
+    #[arg(long, value_name = "KEY=VALUE")]
     pub set: Vec<String>,
     /// Threads; all processors by default. No result depends on it.
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=1024))]
     pub threads: Option<u16>,
     /// Replace an existing output file. A file that is not HDF5, the scene itself and the state file it
     /// starts from are never replaced.
-    #[arg(long, conflicts_with = "resume")]
+    #[arg(long)]
     pub overwrite: bool,
     /// Print only errors.
     #[arg(short, long)]
@@ -107,7 +109,8 @@ pub struct Run {
     /// Print the result as one JSON object on standard output.
     #[arg(long)]
     pub json: bool,
-    /// Continue from the last checkpoint in this file to the run's original end.
+    /// Continue from the last checkpoint in this file to the run's original end; with -o, in a new file, which then
+    /// begins at this checkpoint.
     #[arg(long, value_name = "FILE")]
     pub resume: Option<PathBuf>,
 }
@@ -258,7 +261,8 @@ Examples:
   haff sweep configs/cooling.toml --set contact.restitution=0.8,0.9 --list      # what would run
   haff sweep configs/cooling.toml --set contact.restitution=0.8,0.9 -o study --index $SLURM_ARRAY_TASK_ID
 
-The same command again runs only what is missing, and continues stopped runs. DIR/manifest.json lists parameters,
+The same command again runs only what is missing, and continues stopped runs; with more values or seeds it adds
+their runs and keeps the others. DIR/manifest.json lists parameters,
 seed, file, status and totals of every run. A run that fails does not stop the others; the exit status is the worst."
 )]
 pub struct Sweep {

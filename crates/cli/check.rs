@@ -1,6 +1,6 @@
 //! `haff check`.
 
-use haff_engine::{Boundary, Dimension};
+use haff_engine::{Boundary, Dimension, significant};
 use haff_record::FileSize;
 use haff_scene::{Scene, Schedule};
 use serde_json::json;
@@ -9,6 +9,7 @@ use crate::{
     arguments::Check,
     estimate,
     failure::{Failure, scene_failure},
+    numbers::counted,
     output::{self, bytes, shown},
     schedule::Times,
     states::States,
@@ -67,40 +68,54 @@ pub fn check(options: &Check) -> Result<u8, Failure> {
         })
     });
     let memory = estimate::memory(particles) + estimate::correlations(&system.measure, particles);
+    let warning = haff_engine::clustering_warning(system);
     if options.json {
         let report = json!({
             "title": scene.title, "particles": particles, "dimension": axes,
             "packing_fraction": scene.packing_fraction, "temperature": temperature,
             "collision_rate": rate, "mean_free_time": rate.map(|rate| particles as f64 / (2.0 * rate)),
             "memory_bytes": memory, "file_bytes": size, "file": scene.output.file,
+            "warnings": warning.into_iter().collect::<Vec<_>>(),
         });
         return output::line(report).map(|()| 0);
     }
     let named = if scene.title.is_empty() { String::new() } else { format!(": {}", shown(&scene.title)) };
     let mut text = vec![format!("{} is valid{named}", output::path(&options.scene))];
-    let kind = if system.dimension == Dimension::Two { "disks" } else { "spheres" };
-    text.push(format!("particles           {particles} {kind}, {} walls", system.walls.len()));
+    let kind = if system.dimension == Dimension::Two { "disk" } else { "sphere" };
+    text.push(format!(
+        "particles           {}, {}",
+        counted(particles as u64, kind),
+        counted(system.walls.len() as u64, "wall")
+    ));
     text.push(if open {
         "packing fraction    none: an axis is open".to_owned()
     } else {
-        format!("packing fraction    {:.6}", scene.packing_fraction)
+        format!("packing fraction    {}", significant(scene.packing_fraction, 6))
     });
-    text.push(format!("temperature         {temperature:.6}"));
+    text.push(format!("temperature         {}", significant(temperature, 6)));
     text.push(match rate {
+        // Each collision involves two particles.
         Some(rate) if rate > 0.0 => format!(
-            "collision rate      {rate:.4e} per time at the start; mean free time {:.4e}",
-            particles as f64 / (2.0 * rate)
+            "collision rate      {} collisions per unit time at the start, {} per particle; mean free time {}",
+            significant(rate, 4),
+            significant(2.0 * rate / particles as f64, 3),
+            significant(particles as f64 / (2.0 * rate), 4)
         ),
         Some(_) => "collision rate      0: nothing moves at the start".to_owned(),
-        None => "collision rate      unknown: an axis is open".to_owned(),
+        None if open => "collision rate      unknown: an axis is open".to_owned(),
+        None => "collision rate      none: a single particle".to_owned(),
     });
     text.push(format!("memory              about {}", bytes(memory)));
     text.push(match (&scene.output.file, size) {
         (Some(file), Some(size)) => {
             format!("output              {}, about {}", output::path(file), bytes(size))
         }
-        _ => "output              none".to_owned(),
+        _ => "output              no output file: results are not saved (output.file, or haff run -o)"
+            .to_owned(),
     });
+    if let Some(warning) = warning {
+        text.push(format!("warning: {warning}"));
+    }
     output::lines(text.join("\n")).map(|()| 0)
 }
 

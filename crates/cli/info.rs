@@ -3,12 +3,15 @@
 use std::{path::Path, time::Duration};
 
 use console::Term;
+use haff_engine::significant;
 use serde_json::{Value, json};
 
 use crate::{
     arguments::Info,
     failure::{Failure, file_failure},
+    numbers::{counted, duration},
     output::{self, bytes, shown},
+    parts::Parts,
     watch::Watch,
 };
 
@@ -35,13 +38,20 @@ fn watch(path: &Path) -> Result<u8, Failure> {
     }
 }
 
+/// An energy or a temperature with all digits that mean something to a reader.
+fn energy(value: f64) -> String {
+    significant(value, 9)
+}
+
 /// Prints a summary of an output file.
 pub fn info(options: &Info) -> Result<u8, Failure> {
     if options.watch {
         return watch(&options.file);
     }
     let info = haff_record::info(&options.file).map_err(|error| file_failure(&error))?;
+    let running = !info.finished && haff_record::is_being_written(&options.file);
     let progress = match (info.finished, info.resumable) {
+        _ if running => "running: another process is writing the file",
         (true, _) => "complete",
         (false, true) => "not complete: continue with haff run --resume",
         (false, false) => "not complete, and without a valid checkpoint",
@@ -79,7 +89,7 @@ pub fn info(options: &Info) -> Result<u8, Failure> {
             "samples": info.samples, "event_rows": info.event_rows, "event_columns": info.event_columns, "time_range": info.time_range, "last": ledger,
             "collisions": counts.map(|[pairs, _]| pairs), "wall_collisions": counts.map(|[_, walls]| walls),
             "events": counts.map(|[pairs, walls]| pairs.saturating_add(walls)),
-            "checkpoint_time": info.checkpoint_time, "finished": info.finished, "resumable": info.resumable,
+            "checkpoint_time": info.checkpoint_time, "finished": info.finished, "running": running, "resumable": info.resumable && !running,
             "file_bytes": info.file_size, "summary": summary, "scene": info.scene_toml,
         });
         return output::line(report).map(|()| 0);
@@ -89,11 +99,12 @@ pub fn info(options: &Info) -> Result<u8, Failure> {
     line("written by", format!("haff {} {}, schema {}", info.version, info.git_revision, info.schema));
     line("progress", progress.to_owned());
     let names: Vec<String> = info.species.iter().map(|(name, count)| format!("{count} {name}")).collect();
-    let kind = if info.dimension == 2 { "disks" } else { "spheres" };
-    line("particles", format!("{} {kind}: {}", info.particles, names.join(", ")));
+    let kind = if info.dimension == 2 { "disk" } else { "sphere" };
+    line("particles", format!("{}: {}", counted(info.particles, kind), names.join(", ")));
     let axes: Vec<String> = (0..info.dimension)
         .map(|axis| {
-            format!("{}{}", info.box_size[axis], if info.periodic[axis] { " (periodic)" } else { "" })
+            let size = significant(info.box_size[axis], 6);
+            format!("{size}{}", if info.periodic[axis] { " (periodic)" } else { "" })
         })
         .collect();
     line("box", axes.join(" × "));
@@ -102,7 +113,7 @@ pub fn info(options: &Info) -> Result<u8, Failure> {
     }
     line("seed", info.seed.to_string());
     if let Some((first, last)) = info.time_range {
-        line("time", format!("{first} … {last}"));
+        line("time", format!("{} … {}", significant(first, 9), significant(last, 9)));
     }
     let count = |number: Option<u64>| number.map_or("none requested".to_owned(), |number| number.to_string());
     line("frames", count(info.frames));
@@ -112,42 +123,58 @@ pub fn info(options: &Info) -> Result<u8, Failure> {
     line("event rows", if columns.is_empty() { rows } else { format!("{rows} of {columns}") });
     if let Some([pairs, walls]) = counts {
         let events = pairs.saturating_add(walls);
-        line("events", format!("{events}: {pairs} collisions, {walls} wall collisions"));
+        let both = [counted(pairs, "collision"), counted(walls, "wall collision")];
+        line("events", format!("{events}: {}", both.join(", ")));
     }
     if let Some(last) = last {
         let has_spin = !last.species_rotational_temperature.is_empty();
-        line("temperature", format!("{:.9e}", last.temperature));
+        line("temperature", energy(last.temperature));
         if has_spin {
-            line("  of rotation", format!("{:.9e}", last.rotational_temperature));
+            line("  of rotation", energy(last.rotational_temperature));
         }
-        line("kinetic energy", format!("{:.9e}", last.ledger.kinetic));
+        line("kinetic energy", energy(last.ledger.kinetic));
         if has_spin {
-            line("  of rotation", format!("{:.9e}", last.ledger.rotational));
+            line("  of rotation", energy(last.ledger.rotational));
         }
-        line("potential energy", format!("{:.9e}", last.ledger.potential));
+        line("potential energy", energy(last.ledger.potential));
         if !last.ledger.spring.is_nan() {
-            line("  of springs", format!("{:.9e}", last.ledger.spring));
+            line("  of springs", energy(last.ledger.spring));
         }
-        line("dissipated", format!("{:.9e}, Carnot {:.9e}", last.ledger.dissipated, last.ledger.carnot));
+        line(
+            "dissipated",
+            format!("{}, Carnot {}", energy(last.ledger.dissipated), energy(last.ledger.carnot)),
+        );
         for term in haff_engine::Term::ALL {
-            let energy = last.ledger.term(term);
-            if energy != 0.0 || term == haff_engine::Term::WallWork {
-                line(term.label(), format!("{energy:.9e}"));
+            let value = last.ledger.term(term);
+            if value != 0.0 || term == haff_engine::Term::WallWork {
+                line(term.label(), energy(value));
             }
         }
-        line("ledger residual", format!("{:.1e}", last.ledger.residual));
+        line("ledger residual", significant(last.ledger.residual, 2));
     }
     if let Some(time) = info.checkpoint_time {
-        line("last checkpoint", format!("t = {time}"));
+        line("last checkpoint", format!("t = {}", significant(time, 9)));
     }
     for (name, key) in [
         ("stopped by", "stopped"),
-        ("wall seconds", "wall_seconds"),
+        ("continues", "continues"),
         ("largest overlap", "max_overlap"),
         ("state hash", "state_hash"),
     ] {
         if let Some(value) = summary.get(key) {
-            line(name, value.as_str().map_or_else(|| value.to_string(), str::to_owned));
+            let number = value.as_f64().map(|value| significant(value, 3));
+            let text = value.as_str().map(str::to_owned);
+            line(name, text.or(number).unwrap_or_else(|| value.to_string()));
+        }
+    }
+    if let Some(seconds) = summary["wall_seconds"].as_f64() {
+        line("wall time", duration(seconds));
+    }
+    // Of a run that was resumed.
+    let parts: Parts = serde_json::from_value(summary["parts"].clone()).unwrap_or_default();
+    if parts.len() > 1 {
+        for (k, part) in parts.iter().enumerate() {
+            line(&format!("  part {}", k + 1), part.to_string());
         }
     }
     if let (Some(threads), Some(text)) = (summary["threads"].as_u64(), summary["blocks"]["text"].as_str()) {

@@ -1,5 +1,6 @@
 //! `-v`: log messages on standard error.
 
+use haff_engine::significant;
 use tracing::Level;
 use tracing_subscriber::{
     field::MakeExt,
@@ -7,6 +8,14 @@ use tracing_subscriber::{
 };
 
 use crate::output::shown;
+
+/// A real number with six digits; any other value as it is.
+fn shortened(value: String) -> String {
+    match value.parse::<f64>() {
+        Ok(number) if value.contains(['.', 'e']) => significant(number, 6),
+        _ => value,
+    }
+}
 
 /// Starts the log: nothing, decisions (`-v`), or also infrequent events (`-vv`).
 pub fn start(verbosity: u8) {
@@ -18,7 +27,7 @@ pub fn start(verbosity: u8) {
     let color = std::io::IsTerminal::is_terminal(&std::io::stderr());
     // Values such as names of files are escaped as other external text.
     let fields = format::debug_fn(|out, field, value| {
-        let value = shown(format_args!("{value:?}"));
+        let value = shortened(shown(format_args!("{value:?}")));
         if field.name() == "message" { write!(out, "{value}") } else { write!(out, "{field}={value}") }
     });
     fmt::fmt()

@@ -17,8 +17,7 @@ const SIGNATURE: [u8; 8] = *b"\x89HDF\r\n\x1a\n";
 
 /// Refuses an output that is the scene file or the state file itself, by any name or link; and, if an
 /// existing file may be overwritten, a file that is not HDF5.
-pub fn check(file: &Path, scene: &Path, state: Option<&Path>, overwrite: bool) -> Result<(), Failure> {
-    let inputs = [("the scene", Some(scene)), ("the state that the scene starts from", state)];
+pub fn check(file: &Path, inputs: &[(&str, Option<&Path>)], overwrite: bool) -> Result<(), Failure> {
     for (what, input) in inputs {
         if input.is_some_and(|input| is_same(file, input)) {
             let message = format!("output {}: is {what}; name another file (-o)", output::path(file));

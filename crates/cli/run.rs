@@ -2,6 +2,7 @@
 
 use crate::{
     arguments::Run,
+    continued,
     controls::Controls,
     failure::{Failure, Status, scene_failure},
     output, overwrite,
@@ -19,7 +20,18 @@ pub fn run(options: &Run, logs: bool) -> Result<u8, Failure> {
     let progress = Progress::on_terminal(options.quiet || logs);
     let controls = Controls { signals: &signals, progress, watch: options.watch };
     let finished = match (&options.resume, &options.scene) {
-        (Some(file), _) => single::resume(file.clone(), controls)?,
+        (Some(file), _) => match &options.output {
+            Some(new) => continued::start(file, new, options, controls)?,
+            None if !options.set.is_empty() => {
+                let message = "--set with --resume changes the run: name a new file for it (-o)";
+                return Err(Failure::new(Status::Invalid, message));
+            }
+            None if options.overwrite => {
+                let message = "--overwrite with --resume: name the file that may be replaced (-o)";
+                return Err(Failure::new(Status::Invalid, message));
+            }
+            None => single::resume(file.clone(), controls)?,
+        },
         (None, Some(scene)) => {
             let file = scene;
             let mut scene =
@@ -28,7 +40,15 @@ pub fn run(options: &Run, logs: bool) -> Result<u8, Failure> {
                 scene.output.file = Some(output.clone());
             }
             if let Some(output) = &scene.output.file {
-                overwrite::check(output, file, scene.state_file.as_deref(), options.overwrite)?;
+                let state = scene.state_file.as_deref();
+                let inputs =
+                    [("the scene", Some(file.as_path())), ("the state that the scene starts from", state)];
+                overwrite::check(output, &inputs, options.overwrite)?;
+            }
+            if !options.quiet
+                && let Some(warning) = haff_engine::clustering_warning(&scene.system)
+            {
+                output::message(format_args!("warning: {warning}"));
             }
             single::start(scene, options.overwrite, controls)?
         }

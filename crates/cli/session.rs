@@ -163,7 +163,7 @@ pub struct Outcome {
 }
 
 impl Session<'_> {
-    /// Runs to an end. `resumed`: the present state has been recorded before.
+    /// Runs to an end. `resumed`: the present state is in the file already.
     pub fn run(mut self, resumed: bool) -> Outcome {
         let started = Instant::now();
         let mut ending = self.events_and_records(resumed, started).unwrap_or_else(|ending| ending);
@@ -181,7 +181,7 @@ impl Session<'_> {
 
     /// Runs events, and writes the records when they are due. `Err` if a record ends the run.
     fn events_and_records(&mut self, resumed: bool, started: Instant) -> Result<Ending, Ending> {
-        let from = if resumed { self.simulation.time() } else { 0.0 };
+        let from = self.simulation.time();
         let recording = self.recorder.is_some();
         let plan =
             |schedule| Times::after(if recording { schedule } else { haff_scene::Schedule::Off }, from);

@@ -4,6 +4,7 @@
 //! nor on their order. Complete runs are kept, stopped ones continue from their checkpoints, and a run that
 //! fails does not stop the others.
 
+mod growth;
 mod lock;
 mod manifest;
 mod member;
@@ -25,7 +26,7 @@ use std::{
 
 use lock::{Lock, Refused};
 use manifest::{Manifest, Row};
-use plan::Plan;
+use plan::{Member, Plan};
 use view::View;
 
 use crate::{
@@ -68,11 +69,15 @@ pub fn sweep(options: &Sweep) -> Result<u8, Failure> {
     signals.begin();
     manifest.begin()?;
     if let Some(index) = options.index {
+        // Members of a job array that start at the same time all write the same.
+        manifest.grow()?;
         return one(options, &plan, &manifest, index, &signals);
     }
     let _lock = Lock::of_sweep(folder).map_err(|refused| locked(folder, &refused))?;
     // Read again: another sweep may have written it before this one took the lock.
-    all(options, &plan, folder, Manifest::of_folder(folder, &plan)?, &signals)
+    let manifest = Manifest::of_folder(folder, &plan)?;
+    manifest.grow()?;
+    all(options, &plan, folder, manifest, &signals)
 }
 
 /// The error of a folder whose lock was not taken.
@@ -114,7 +119,8 @@ fn list(options: &Sweep, manifest: &mut Manifest, folder: Option<&Path>) -> Resu
             }
         }
         // A running sweep writes its own manifest.
-        let lock = if manifest.exists() { Some(Lock::of_sweep(folder)) } else { None };
+        let lock =
+            if manifest.exists() && !manifest.is_grown() { Some(Lock::of_sweep(folder)) } else { None };
         if lock.as_ref().is_some_and(|lock| !matches!(lock, Err(Refused::Held(_)))) {
             manifest.write()?;
         }
@@ -142,7 +148,7 @@ fn one(
     let threads = options.threads.map_or_else(cores, usize::from);
     let progress = Progress::on_terminal(options.quiet);
     let (row, report) = pool(threads)?
-        .install(|| member::run(manifest.folder(), plan, &plan.member(index), signals, progress));
+        .install(|| member::run(manifest.folder(), plan, &manifest.member(plan, index), signals, progress));
     // A failure of the run takes precedence over one of printing its report.
     let printed = if options.json { output::line(report::member(&row, report.as_ref())) } else { Ok(()) };
     if !options.quiet {
@@ -170,15 +176,17 @@ fn all(
         Lock::remove_left(folder, &manifest.rows()[index].file);
     }
     let (jobs, threads) = share(options, todo.len());
+    let todo: Vec<(usize, String)> =
+        todo.into_iter().map(|index| (index, manifest.rows()[index].file.clone())).collect();
     let view = View::new(options.quiet, plan.len(), plan.len() - todo.len());
     let next = AtomicUsize::new(0);
     let book = Mutex::new(Book::new(manifest));
     let work = || -> Result<(), Failure> {
         let pool = pool(threads)?;
         while signals.received().is_none()
-            && let Some(&index) = todo.get(next.fetch_add(1, Ordering::Relaxed))
+            && let Some((index, file)) = todo.get(next.fetch_add(1, Ordering::Relaxed))
         {
-            let member = plan.member(index);
+            let member = Member { file: file.clone(), ..plan.member(*index) };
             let progress = view.line(&plan.label(&member));
             let (row, _) = pool.install(|| member::run(folder, plan, &member, signals, progress));
             view.done(&row);

@@ -16,6 +16,7 @@ use serde_json::{Map, Value};
 use tempfile::NamedTempFile;
 
 use super::{
+    growth,
     plan::{Member, Plan},
     values::{Axis, same_scene},
 };
@@ -169,6 +170,7 @@ struct Content {
 pub struct Manifest {
     path: PathBuf,
     content: Content,
+    grown: bool,
 }
 
 impl Manifest {
@@ -188,25 +190,41 @@ impl Manifest {
             seeds: plan.seeds,
             runs: plan.members().map(|member| Row::missing(&member)).collect(),
         };
+        let mut grown = false;
         if let Some(known) = read(&path)? {
-            if let Some(difference) = difference(&known, &content) {
-                return Err(Failure::new(
-                    Status::File,
-                    format!(
-                        "{} belongs to another sweep: {}; take another folder (-o)",
-                        output::path(&path),
-                        shown(difference)
-                    ),
-                ));
-            }
-            let mut rows: HashMap<usize, Row> = known.runs.into_iter().map(|row| (row.index, row)).collect();
-            for row in &mut content.runs {
-                if let Some(known) = rows.remove(&row.index).filter(|known| known.file == row.file) {
-                    *row = known;
+            let difference = difference(&known, &content);
+            grown = is_smaller(&known, &content);
+            match (difference, rows_of(plan, known, grown)) {
+                (None, Some(rows)) => content.runs = rows,
+                (difference, _) => {
+                    let difference = difference.unwrap_or_else(|| "its keys are others".to_owned());
+                    return Err(Failure::new(
+                        Status::File,
+                        format!(
+                            "{} belongs to another sweep: {}; take another folder (-o)",
+                            output::path(&path),
+                            shown(difference)
+                        ),
+                    ));
                 }
             }
         }
-        Ok(Self { path, content })
+        Ok(Self { path, content, grown })
+    }
+
+    /// The member of a number, with its file.
+    pub fn member(&self, plan: &Plan, index: usize) -> Member {
+        Member { file: self.content.runs[index].file.clone(), ..plan.member(index) }
+    }
+
+    /// Whether the folder has a manifest of fewer values or seeds.
+    pub fn is_grown(&self) -> bool {
+        self.grown
+    }
+
+    /// Replaces a manifest of fewer values or seeds, so that the new runs have their files.
+    pub fn grow(&self) -> Result<(), Failure> {
+        if self.grown { self.write() } else { Ok(()) }
     }
 
     /// Whether the folder has a manifest.
@@ -294,25 +312,54 @@ fn difference(known: &Content, given: &Content) -> Option<String> {
             known.trajectory_version, known.version, given.trajectory_version
         ));
     }
-    // Equal values may be written differently: 2, 2.0 or 2e0.
-    let values =
-        |set: &[String]| set.iter().map(|text| Axis::parse(text).map(|axis| axis.canonical())).collect();
-    let [had, has]: [Result<Vec<_>, _>; 2] = [&known.set, &given.set].map(|set| values(set));
-    if had != has {
+    let text = |seeds: Option<u32>| seeds.map_or("no --seeds".to_owned(), |n| format!("--seeds {n}"));
+    if known.seeds.is_some() != given.seeds.is_some() || known.seeds > given.seeds {
+        return Some(format!("it has {}, not {}", text(known.seeds), text(given.seeds)));
+    }
+    if !has_values_of(known, given) {
         return Some(format!(
-            "it has --set {}, not {}",
+            "it has --set {}, and may get more values of these keys; not {}",
             known.set.join(" --set "),
             given.set.join(" --set ")
         ));
-    }
-    if known.seeds != given.seeds {
-        let text = |seeds: Option<u32>| seeds.map_or("no --seeds".to_owned(), |n| format!("--seeds {n}"));
-        return Some(format!("it has {}, not {}", text(known.seeds), text(given.seeds)));
     }
     if !same_scene(&known.scene_toml, &given.scene_toml) {
         return Some(format!("its scene is not that of {}", given.scene.display()));
     }
     None
+}
+
+/// Keys and values of `--set`; none if they are invalid.
+fn axes(content: &Content) -> Vec<Axis> {
+    content.set.iter().filter_map(|text| Axis::parse(text).ok()).collect()
+}
+
+/// Whether both have the same keys, and the second all values of the first. Equal values may be written
+/// differently: 2, 2.0 or 2e0.
+fn has_values_of(known: &Content, given: &Content) -> bool {
+    let [known, given] = [axes(known), axes(given)];
+    known.len() == given.len()
+        && known.iter().all(|axis| given.iter().any(|other| other.key == axis.key && other.has_all_of(axis)))
+}
+
+/// Whether the first has fewer values or seeds, or its keys or values in another order.
+fn is_smaller(known: &Content, given: &Content) -> bool {
+    let canonical = |content| axes(content).iter().map(Axis::canonical).collect::<Vec<_>>();
+    known.seeds != given.seeds || canonical(known) != canonical(given)
+}
+
+/// The rows of a plan with those of a manifest. `grown`: the manifest has fewer of them, or another order.
+fn rows_of(plan: &Plan, known: Content, grown: bool) -> Option<Vec<Row>> {
+    if grown {
+        let earlier = plan.with(axes(&known), known.seeds);
+        return growth::rows(plan, &earlier, known.runs);
+    }
+    let mut rows: HashMap<usize, Row> = known.runs.into_iter().map(|row| (row.index, row)).collect();
+    let known = |member: Member| {
+        let row = rows.remove(&member.index).filter(growth::has_own_file);
+        row.unwrap_or_else(|| Row::missing(&member))
+    };
+    Some(plan.members().map(known).collect())
 }
 
 fn unwritable(path: &Path, error: &io::Error) -> Failure {

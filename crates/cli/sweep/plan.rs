@@ -115,8 +115,18 @@ impl Plan {
             (Some(base), Some(replica)) => Some(derived_seed(base, replica, &parameters)),
             (base, _) => base,
         };
+        Member { index, parameters, replica, seed, file: self.file(index) }
+    }
+
+    /// The file name of a number.
+    pub fn file(&self, number: usize) -> String {
         let digits = (self.len() - 1).to_string().len().max(4);
-        Member { index, parameters, replica, seed, file: format!("run-{index:0digits$}.h5") }
+        format!("run-{number:0digits$}.h5")
+    }
+
+    /// The plan of other values and seeds, of the same scene.
+    pub fn with(&self, axes: Vec<Axis>, seeds: Option<u32>) -> Self {
+        Self { axes, seeds, ..self.clone() }
     }
 
     /// All members in order.

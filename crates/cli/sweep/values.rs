@@ -1,6 +1,6 @@
 //! `--set KEY=V1,V2,…` of a sweep: a key and the values it takes.
 
-use std::fmt;
+use std::{collections::HashSet, fmt};
 
 use haff_scene::config::WallTimeConfig;
 use toml::Value;
@@ -53,6 +53,12 @@ impl Axis {
             return Err(error(&format!("{twice} is given twice")));
         }
         Ok(Self { key: key.to_owned(), values })
+    }
+
+    /// Whether all values of another axis are among the values.
+    pub fn has_all_of(&self, other: &Self) -> bool {
+        let own: HashSet<String> = self.values.iter().map(|value| canonical(&self.key, value)).collect();
+        other.values.iter().all(|value| own.contains(&canonical(&self.key, value)))
     }
 
     /// Key and values as text that is the same for equal values.

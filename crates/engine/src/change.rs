@@ -18,7 +18,7 @@ use crate::{
     ledger::Term,
     measure::{self, Totals},
     measurements::WallSums,
-    model::{Body, Boundary, Class, Dimension, System},
+    model::{Body, Boundary, Class, Dimension, Domain, System},
     overlap,
     particles::World,
     report::{EventKind, EventRecord, Exchange, NO_PARTNER, Observer, Partner, VelocityChange},
@@ -83,8 +83,67 @@ impl Simulation {
     /// # Errors
     /// [`EngineError::Change`] for a change that is not possible; the state is then as before.
     pub fn change(&mut self, change: &Change, observer: &mut dyn Observer) -> Result<(), EngineError> {
-        let time = self.time();
         let (system, survivors) = self.changed_system(change)?;
+        self.replace_world(system, &survivors, observer)
+    }
+
+    /// Goes on with the present state in another system: other laws of contact, walls or gravity. Its bodies are
+    /// the same particles, in the same box; their positions and velocities at the start do not count.
+    ///
+    /// # Errors
+    /// [`EngineError::Change`] if the system has other particles, another box, other drives or other measurements;
+    /// the state is then as before.
+    pub fn change_system(
+        &mut self,
+        mut system: System,
+        observer: &mut dyn Observer,
+    ) -> Result<(), EngineError> {
+        let refuse =
+            |what: &str| Err(EngineError::Change(format!("{what} cannot change in a run that goes on")));
+        let (own, domain) = (&self.system, &system.domain);
+        let world = &self.state.world;
+        let box_of = |domain: &Domain| (domain.size, domain.boundary, domain.shear);
+        if box_of(&own.domain) != box_of(domain) || own.dimension != system.dimension {
+            return refuse("the box");
+        }
+        if own.drives != system.drives || own.seed != system.seed {
+            return refuse("drives and their seed");
+        }
+        if own.measure != system.measure || own.walls.len() != system.walls.len() {
+            return refuse("measurements, and the number of walls,");
+        }
+        let properties = self.properties();
+        let kinds = |body: &Body| {
+            let class = &system.classes[body.class as usize];
+            (class.radius, class.mass, body.species)
+        };
+        if system.bodies.len() != properties.len()
+            || !system.bodies.iter().zip(&properties).all(|(body, own)| kinds(body) == *own)
+        {
+            return refuse("particles, their sizes and masses");
+        }
+        let frame = self.frame();
+        for (i, body) in system.bodies.iter_mut().enumerate() {
+            (body.position, body.velocity) = (frame.position[i], frame.velocity[i]);
+            body.image = world.image_from_box(frame.image[i], world.now);
+        }
+        if let Some(spin) = &mut system.spin {
+            spin.angular_velocity =
+                (0..properties.len() as u32).map(|i| world.angular_velocity(i, world.now)).collect();
+        }
+        let survivors: Vec<u32> = (0..properties.len() as u32).collect();
+        self.replace_world(system, &survivors, observer)
+    }
+
+    /// Replaces the world by that of a system with the bodies at the present. `survivors`: indices before the
+    /// change of the first particles of the system.
+    fn replace_world(
+        &mut self,
+        system: System,
+        survivors: &[u32],
+        observer: &mut dyn Observer,
+    ) -> Result<(), EngineError> {
+        let time = self.time();
         let old = &self.state.world;
         let instant = old.clock.instant(old.now);
         let mut world = World::new(&system, 0);
@@ -127,7 +186,7 @@ impl Simulation {
         accumulators.add_energy(Term::Change, time, energy(&after) - energy(&before));
         accumulators.add_impulse(after.momentum - before.momentum);
         accumulators.counters.epochs += 1;
-        let exchanges = self.changed_velocities(&world, &survivors);
+        let exchanges = self.changed_velocities(&world, survivors);
         let state = State {
             world,
             accumulators,

@@ -1,5 +1,7 @@
 //! The errors of the engine.
 
+use crate::number::significant;
+
 /// The class of an error, as far as callers distinguish them.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Fault {
@@ -16,10 +18,14 @@ pub enum Fault {
 pub enum EngineError {
     /// Infinitely many collisions in a finite time.
     #[error(
-        "inelastic collapse at t = {time} around {}: {events} events within {span:e} time units among {}; \
-         set contact.tc, a restitution that tends to 1 at low speed (model = \"cutoff\" or \"viscoelastic\"){}",
+        "at t = {}, {events} contacts followed each other so fast that the clock {} (inelastic collapse), around {} \
+         among {}; set contact.tc{}, or a restitution that tends to 1 at low speed (model = \"cutoff\" or \
+         \"viscoelastic\"){}",
+        significant(*time, 9),
+        if *span > 0.0 { format!("advanced by {} only", significant(*span, 2)) } else { "did not advance".to_owned() },
         rounded(position),
         participants(particles, walls),
+        contact_duration.map_or_else(String::new, |duration| format!(", for example contact.tc = {duration:e}")),
         if *could_rest { ", or contact.rest_speed" } else { "" }
     )]
     Collapse {
@@ -37,6 +43,8 @@ pub enum EngineError {
         position: [f64; 3],
         /// Whether setting `contact.rest_speed` would put grains to rest: gravity acts, and it is not set.
         could_rest: bool,
+        /// A contact duration that suits the system [time], if one is known.
+        contact_duration: Option<f64>,
     },
     /// A velocity is no longer finite.
     #[error("particle {i} has a velocity beyond the range of numbers at t = {time}: {velocity:?}")]
@@ -118,9 +126,11 @@ impl EngineError {
 /// A message lists at most this many particles of a collapse.
 const NAMED: usize = 20;
 
-/// A position with few enough digits to be readable.
-fn rounded([x, y, z]: &[f64; 3]) -> String {
-    format!("({x:.6}, {y:.6}, {z:.6})")
+/// A position with few enough digits to be readable; of disks without the third coordinate, which is 0.
+fn rounded(position: &[f64; 3]) -> String {
+    let axes = if position[2] == 0.0 { 2 } else { 3 };
+    let coordinates: Vec<String> = position[..axes].iter().map(|&x| significant(x, 6)).collect();
+    format!("({})", coordinates.join(", "))
 }
 
 /// A list of particles and walls, as text.

@@ -19,6 +19,7 @@ mod change;
 mod checkpoint;
 mod choice;
 mod clock;
+mod clustering;
 mod compact;
 mod drive;
 mod entry;
@@ -36,6 +37,7 @@ mod ledger;
 mod measure;
 mod measurements;
 mod nearby;
+mod number;
 mod observables;
 mod overlap;
 mod packed;
@@ -70,6 +72,7 @@ mod wall_motion;
 mod windows;
 
 pub use change::{Change, NewParticle};
+pub use clustering::{clustering_warning, critical_length, suitable_contact_duration};
 pub use error::{EngineError, Fault};
 pub use instant::Instant;
 pub use ledger::{Ledger, Term};
@@ -80,6 +83,7 @@ pub use model::{
     Body, Boundary, Class, Contacts, Dimension, Domain, Drive, DriveKind, Group, Hole, KickTimes,
     NeighborChoice, Options, Oscillating, Partition, SimdChoice, Spin, System, Wall, WallLaw, WallMotion,
 };
+pub use number::significant;
 pub use observables::{Observable, Present, Quantity, Sizes, observables};
 pub use overlap::{Overlap, allowed_overlap};
 pub use report::{

@@ -10,6 +10,7 @@ use crate::{
     batch::Kernel,
     choice::Choice,
     clock::{ANCHOR_AGE, Clock, EPOCH, OLDEST_ANCHOR},
+    clustering::suitable_contact_duration,
     drive,
     error::EngineError,
     event::Pause,
@@ -71,6 +72,8 @@ pub struct Simulation {
     pub(crate) options: Options,
     /// The requested time of the last stop [time]; the present tick is only the nearest one.
     stop_time: Option<f64>,
+    /// A contact duration that suits the system, for the error of a collapse [time].
+    contact_duration: Option<f64>,
 }
 
 impl Simulation {
@@ -131,6 +134,7 @@ impl Simulation {
         }
         let geometry = measure::geometry(&system, &state.world, choice.filled());
         let species = Species::new(&system);
+        let contact_duration = suitable_contact_duration(&system);
         // The state has a copy of the bodies; they are a quarter of the memory of a large system.
         system.bodies = Vec::new();
         if let Some(spin) = &mut system.spin {
@@ -148,6 +152,7 @@ impl Simulation {
             measurements,
             options,
             stop_time: None,
+            contact_duration,
         };
         simulation.rebuild();
         Ok(simulation)
@@ -196,10 +201,14 @@ impl Simulation {
             };
             let (engine, state) = (&mut self.engine, &mut self.state);
             let run = |observer: &mut dyn Observer| engine.advance(state, &mut limit, observer);
-            let pause = observe(&mut self.measurements, observer, run).inspect_err(|error| {
-                if let EngineError::Overlap { depth, .. } = error {
+            let pause = observe(&mut self.measurements, observer, run).map_err(|mut error| {
+                if let EngineError::Overlap { depth, .. } = &error {
                     self.state.accumulators.max_overlap = self.state.accumulators.max_overlap.max(*depth);
                 }
+                if let EngineError::Collapse { contact_duration, .. } = &mut error {
+                    *contact_duration = self.contact_duration;
+                }
+                error
             })?;
             entries -= slice - limit.entries;
             self.choice.patience -= slice - limit.entries;

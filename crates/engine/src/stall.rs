@@ -112,6 +112,7 @@ impl Stall {
             particles: self.particles.iter().copied().collect(),
             walls: walls.iter().map(|&wall| world.walls[wall as usize].name.clone()).collect(),
             position: world.wrap(position, time).0.to_array(),
+            contact_duration: None,
             could_rest: world.gravity != DVec3::ZERO && world.thresholds.is_none(),
         }
     }

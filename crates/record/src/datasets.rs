@@ -321,9 +321,15 @@ fn write_parameters(root: &Group, header: &Header) -> hdf5::Result<()> {
     write_scalar(&group, "dimension", &(header.dimension as u32))?;
     write_array(&group, "box_origin", &header.box_origin.to_array())?;
     write_array(&group, "box_size", &header.box_size.to_array())?;
+    if !header.earlier_parts.is_empty() {
+        write_text(&group, EARLIER_PARTS, &header.earlier_parts)?;
+    }
     write_array(&group, "species_names", &texts(&header.species_names)?)?;
     write_array(&group, "wall_names", &texts(&header.wall_names)?)
 }
+
+/// Name of the dataset with the parts of a run before the present one.
+pub(crate) const EARLIER_PARTS: &str = "earlier_parts";
 
 /// A string as HDF5 stores it.
 pub(crate) fn text(text: &str) -> hdf5::Result<VarLenUnicode> {

@@ -88,12 +88,17 @@ pub enum RecordError {
         reason: String,
     },
     /// The disk is full, or a quota or size limit is reached.
-    #[error("{path}: cannot write: {reason}; everything up to the last flush is readable")]
+    #[error(
+        "{path}: cannot write: {reason}; {}",
+        if *exists { "everything up to the last flush is readable" } else { "no file has been made, nothing is saved" }
+    )]
     Full {
         /// The file.
         path: PathBuf,
         /// The system's message.
         reason: String,
+        /// Whether the file has been made before, with a first checkpoint.
+        exists: bool,
     },
     /// The file is no longer at its path.
     #[error("{path} was removed or replaced while it was being written")]
@@ -120,13 +125,21 @@ impl RecordError {
         match error.kind() {
             io::ErrorKind::NotFound if action == OPEN => Self::NotFound { path },
             io::ErrorKind::StorageFull | io::ErrorKind::QuotaExceeded => {
-                Self::Full { path, reason: plain(&error.to_string()) }
+                Self::Full { path, reason: plain(&error.to_string()), exists: true }
             }
             io::ErrorKind::FileTooLarge => {
                 let reason = "the limit on the size of files is reached (ulimit -f, or the file system's)";
-                Self::Full { path, reason: reason.to_owned() }
+                Self::Full { path, reason: reason.to_owned(), exists: true }
             }
             _ => Self::Io { path, action, reason: plain(&error.to_string()) },
+        }
+    }
+
+    /// The same error of a file that is not yet at its path.
+    pub(crate) fn unpublished(self) -> Self {
+        match self {
+            Self::Full { path, reason, .. } => Self::Full { path, reason, exists: false },
+            other => other,
         }
     }
 

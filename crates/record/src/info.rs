@@ -8,7 +8,7 @@ use hdf5::{Dataset, Group, H5Type, types::VarLenUnicode};
 
 use crate::{
     checkpoint::newest,
-    datasets::{Datasets, Observables},
+    datasets::{Datasets, EARLIER_PARTS, Observables},
     declared::{elements, read_all, read_attribute, read_scalar},
     error::{Context, RecordError},
     events::Columns,
@@ -70,6 +70,8 @@ pub struct Info {
     pub resumable: bool,
     /// The summary (JSON text), if one was written.
     pub summary: Option<String>,
+    /// The parts of the run before its last resumption (JSON text), if it was resumed.
+    pub earlier_parts: Option<String>,
     /// Size of the file [bytes].
     pub file_size: u64,
 }
@@ -125,6 +127,7 @@ pub(crate) struct Parameters {
     /// Number of walls on which the forces are recorded.
     pub walls_sampled: Option<usize>,
     pub summary: Option<String>,
+    pub earlier_parts: Option<String>,
     pub complete: bool,
 }
 
@@ -206,6 +209,11 @@ impl Parameters {
             summary: match &summary {
                 Some(summary) => Some(text(summary, path)?),
                 None => None,
+            },
+            earlier_parts: if group.link_exists(EARLIER_PARTS) {
+                Some(string(group, EARLIER_PARTS, path)?)
+            } else {
+                None
             },
         })
     }
@@ -329,6 +337,7 @@ fn read_info(file: &hdf5::File, parameters: Parameters, path: &Path) -> Result<I
         finished: parameters.complete,
         resumable: !parameters.complete && checkpoint.is_some(),
         summary: parameters.summary,
+        earlier_parts: parameters.earlier_parts,
         file_size: path.metadata().doing(path, READ)?.len(),
     })
 }

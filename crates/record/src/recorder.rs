@@ -70,10 +70,14 @@ impl Recorder {
     pub fn create(path: impl AsRef<Path>, header: Header, overwrite: bool) -> Result<Self, RecordError> {
         let path = path.as_ref();
         check(path, &header)?;
-        let mut file = WritableFile::create(path, overwrite)?;
-        let datasets = Datasets::create(file.root(), &header).doing(path, "create the file")?;
-        // Also before space freed by the creation of the datasets is reused.
-        file.flush()?;
+        let prepare = || {
+            let mut file = WritableFile::create(path, overwrite)?;
+            let datasets = Datasets::create(file.root(), &header).doing(path, "create the file")?;
+            // Also before space freed by the creation of the datasets is reused.
+            file.flush()?;
+            Ok((file, datasets))
+        };
+        let (file, datasets) = prepare().map_err(RecordError::unpublished)?;
         let contents = Contents {
             particles: header.species.len(),
             species: Some(header.species_names.len()).filter(|&count| header.observables && count > 0),

@@ -10,7 +10,7 @@ use haff_engine::{Checkpoint, EventRecord, Frame, Quantity, Sample};
 
 use crate::{
     checkpoint::{Progress, Saved},
-    datasets::{Datasets, Observables, text},
+    datasets::{Datasets, EARLIER_PARTS, Observables, text, write_text},
     error::{Context, RecordError},
     events::EVENT_CHUNK,
     file::WritableFile,
@@ -73,7 +73,13 @@ impl Writer {
     }
 
     /// Continues after a checkpoint: truncates everything to its length when it was taken.
-    pub fn resume(&mut self, saved: &Saved, next_slot: usize, sequence: u64) -> Result<(), RecordError> {
+    pub fn resume(
+        &mut self,
+        saved: &Saved,
+        next_slot: usize,
+        sequence: u64,
+        earlier_parts: &str,
+    ) -> Result<(), RecordError> {
         let rows = saved.progress;
         let path = self.file.path().to_owned();
         let datasets = &mut self.datasets;
@@ -89,11 +95,17 @@ impl Writer {
         }
         datasets.profiles.truncate(saved.time()).doing(&path, WRITE)?;
         let parameters = self.file.root().group("parameters").doing(&path, WRITE)?;
-        if parameters.link_exists("summary") {
-            parameters.unlink("summary").doing(&path, WRITE)?;
+        for name in ["summary", EARLIER_PARTS] {
+            if parameters.link_exists(name) && (name == "summary" || !earlier_parts.is_empty()) {
+                parameters.unlink(name).doing(&path, WRITE)?;
+            }
         }
         // Freed space must not be reused while the index on disk still points to it.
         self.file.flush()?;
+        if !earlier_parts.is_empty() {
+            write_text(&parameters, EARLIER_PARTS, earlier_parts).doing(&path, WRITE)?;
+            self.file.flush()?;
+        }
         self.progress = rows;
         self.events.clone_from(&saved.tail);
         self.next_slot = next_slot;
@@ -104,19 +116,21 @@ impl Writer {
     /// Runs until the other end is dropped, the run is finished, or an error occurs.
     pub fn run(mut self, queue: &Consumer) {
         let end = self.process_messages(queue);
+        let exists = self.file.is_published();
+        let fail = |error: RecordError| queue.shared.fail(if exists { error } else { error.unpublished() });
         match end {
             Ok(Some((summary, complete))) => {
                 if let Err(error) = self.finish(Some(&summary), complete) {
-                    queue.shared.fail(error);
+                    fail(error);
                 }
             }
             Ok(None) => {
                 if let Err(error) = self.finish(None, false) {
-                    queue.shared.fail(error);
+                    fail(error);
                 }
             }
             Err(error) => {
-                queue.shared.fail(error);
+                fail(error);
                 drop(self);
                 // The sender gets the error with its next call; until then it must not block.
                 while let Ok((_, bytes)) = queue.receiver.recv() {

@@ -12,6 +12,7 @@ use toml::de::{DeTable, DeValue};
 use crate::config::{DriveConfig, PairConfig, ParticleConfig, SceneConfig, SpeciesConfig, WallConfig};
 use crate::error::{Place, SceneError, SceneErrors};
 use crate::joints::{PendulumConfig, RodConfig, SpringConfig};
+use crate::misplaced::hint;
 use crate::read::{Reading, Unknown, read};
 pub(crate) use crate::tree::Path;
 use crate::tree::{Converter, Node, Origin, Table, Value};
@@ -267,7 +268,7 @@ impl Document {
             self.errors.add(rank, || Draft {
                 path: [path.as_slice(), &[key.to_owned()]].concat(),
                 value: Some(node.value.show()),
-                message: unknown_key(key, known),
+                message: unknown_key(&path, key, known),
             });
         }
         if let Some(Node { value: Value::Table(table), .. }) = self.root.get_mut(&path) {
@@ -465,8 +466,11 @@ fn one_line(text: &str) -> String {
     text.split('\n').map(str::trim).filter(|line| !line.is_empty()).collect::<Vec<_>>().join("; ")
 }
 
-fn unknown_key(key: &str, known: &[&str]) -> String {
+fn unknown_key(path: &[String], key: &str, known: &[&str]) -> String {
     let allowed = known.join(", ");
+    if let Some(hint) = hint(path, key, known) {
+        return format!("unknown key; did you mean {hint}? (allowed: {allowed})");
+    }
     match crate::text::nearest(key, known.iter().copied()) {
         Some(near) => format!("unknown key; did you mean `{near}`? (allowed: {allowed})"),
         None => format!("unknown key (allowed: {allowed})"),

@@ -39,6 +39,7 @@ mod error;
 mod fuzz;
 mod grid;
 pub mod joints;
+mod misplaced;
 mod packing;
 mod random;
 mod read;

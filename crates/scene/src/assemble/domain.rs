@@ -1,7 +1,7 @@
 //! The box, its faces and gravity.
 
 use glam::DVec3;
-use haff_engine::{Boundary, Dimension, Domain, Shear, Wall, WallMotion};
+use haff_engine::{Boundary, Dimension, Domain, Shear, Wall, WallMotion, significant};
 
 use super::Assembler;
 use super::particles::{Rows, SpeciesPlan};
@@ -71,6 +71,11 @@ impl DomainPlan {
     }
 }
 
+/// How to give particles more room, by the key that sets it.
+pub(super) fn more_room(by_fraction: bool) -> &'static str {
+    if by_fraction { "lower domain.packing_fraction" } else { "enlarge the box" }
+}
+
 impl Assembler<'_> {
     pub(super) fn domain_plan(&mut self, species: bool, explicit: bool) -> DomainPlan {
         let d = self.dimension.count();
@@ -82,7 +87,7 @@ impl Assembler<'_> {
         let size_path = at(["domain", "size"]);
         let has_size = config.size.is_some() || config.packing_fraction.is_some() || (species && from_file);
         let size = config.size.as_ref().and_then(|given| {
-            if given.len() != d && given.len() != 3 {
+            if given.len() != d {
                 self.document.report(&size_path, format!("must have {d} numbers, one per dimension"));
                 return None;
             }
@@ -292,7 +297,13 @@ impl Assembler<'_> {
         };
         if closed && fraction > densest {
             let why = if random { "random packings reach" } else { "all particles together fill at most" };
-            let text = format!("impossible packing fraction {fraction:.4}: {why} {densest}; enlarge the box");
+            let (lattice, reached) = if d == 3 { ("fcc", 0.74) } else { ("hexagonal", 0.907) };
+            let mut remedy = more_room(by_fraction).to_owned();
+            if random && fraction < reached {
+                remedy += &format!(", or take initial.positions = \"{lattice}\"");
+            }
+            let fraction = significant(fraction, 4);
+            let text = format!("impossible packing fraction {fraction}: {why} {densest}; {remedy}");
             self.document.report(&path, text);
         }
     }

@@ -5,7 +5,7 @@ use std::path::Path;
 use glam::DVec3;
 use haff_engine::{Boundary, Class, Dimension, Domain, Wall};
 
-use super::domain::TOLERANCE;
+use super::domain::{TOLERANCE, more_room};
 use super::motion::at_start;
 use super::particles::{Initial, Rows, SpeciesPlan};
 use super::shear::beside_displaced_images;
@@ -228,6 +228,7 @@ impl Assembler<'_> {
         let radius: Vec<f64> = (0..count).map(|row| rows.radius(row)).collect();
         let largest = radius.iter().copied().fold(0.0, f64::max);
         let path = at(["initial", "positions"]);
+        let more_room = more_room(self.document.get_is_some(&at(["domain", "packing_fraction"])));
         let sites = if packing == PackingConfig::Random {
             let names: Vec<String> =
                 self.config.species.iter().flatten().filter_map(|s| s.name.clone()).collect();
@@ -245,7 +246,7 @@ impl Assembler<'_> {
                 Err(overlap) => {
                     let text = format!(
                         "no random packing without overlap was found for {count} particles (deepest left: {overlap:.1e}); \
-                         enlarge the box or take \"lattice\""
+                         {more_room} or take \"lattice\""
                     );
                     self.document.report(&path, text);
                     return;
@@ -257,7 +258,7 @@ impl Assembler<'_> {
                 Err(found) => {
                     let text = format!(
                         "the lattice has room for {found} particles of radius {largest} here, {count} are required; \
-                         enlarge the box or take \"random\""
+                         {more_room} or take \"random\""
                     );
                     self.document.report(&path, text);
                     return;

@@ -1,0 +1,126 @@
+//! `haff run --resume FILE --set KEY=VALUE -o NEW`: a run goes on with changed keys, in a new file.
+
+use std::path::Path;
+
+use haff_engine::{EventRecord, Observer};
+use haff_linkage::AnySimulation;
+use haff_scene::{RunPlan, Scene};
+
+use crate::{
+    arguments::Run,
+    controls::Controls,
+    failure::{Failure, Status, file_failure, scene_failure, simulation_failure},
+    output, overwrite,
+    parts::Parts,
+    session::Session,
+    single::{self, Context, Finished, Texts},
+    states::OwnStates,
+};
+
+/// The parts of a scene that may change in a run that goes on.
+const CHANGEABLE: [&str; 7] = ["contact", "domain.gravity", "engine", "output", "run", "title", "wall"];
+
+/// Keeps the rows of events of the change.
+#[derive(Default)]
+struct Rows(Vec<EventRecord>);
+
+impl Observer for Rows {
+    fn wants_events(&self) -> bool {
+        true
+    }
+
+    fn event(&mut self, event: &EventRecord) {
+        self.0.push(*event);
+    }
+}
+
+/// Goes on from the last checkpoint of a file, complete or not, with the keys of `--set`, in the file `new`.
+pub fn start(file: &Path, new: &Path, options: &Run, controls: Controls) -> Result<Finished, Failure> {
+    check_keys(&options.set)?;
+    overwrite::check(new, &[("the file that the run goes on from", Some(file))], options.overwrite)?;
+    let resumed = haff_record::resumable(file).map_err(|error| file_failure(&error))?;
+    single::check_version(file, &resumed.version, resumed.trajectory_version)?;
+    let old = single::stored_scene(file, &resumed.scene_toml)?;
+    let name = format!("{} (its scene)", file.display());
+    let scene = haff_scene::parse(&name, &resumed.scene_toml, &options.set, &OwnStates(file.to_owned()))
+        .map_err(|errors| scene_failure(&errors))?;
+    let Scene { system, joints, title, seed, run, mut output, resolved, options: engine, .. } = scene;
+    output.file = Some(new.to_owned());
+    let same = system == old.system && joints == old.joints;
+    let mut simulation = AnySimulation::restore(old.system, old.joints, engine, &resumed.checkpoint)
+        .map_err(|error| within(file, simulation_failure(&error)))?;
+    check_end(&run, &simulation)?;
+    let mut rows = Rows::default();
+    let header = system.clone();
+    if !same {
+        match &mut simulation {
+            AnySimulation::Granular(granular) if joints.is_empty() => granular
+                .change_system(system, &mut rows)
+                .map_err(|error| simulation_failure(&error.into()))?,
+            _ => {
+                let message = "a run with pendulums, springs, rods or sticking contact can go on with other keys \
+                               of run, output and engine only";
+                return Err(Failure::new(Status::Invalid, message));
+            }
+        }
+    }
+    controls.signals.begin();
+    let parts = Parts::before(&resumed);
+    let texts = Texts { title: title.clone(), resolved, seed, earlier_parts: parts.json().to_string() };
+    let recorder = single::create(&output, &header, &joints, texts, options.overwrite)?;
+    drop(header);
+    if let (Some(recorder), false) = (&recorder, rows.0.is_empty()) {
+        recorder.events(rows.0).map_err(|error| file_failure(&error))?;
+    }
+    let context = Context {
+        title,
+        seed,
+        file: Some(new.to_owned()),
+        resumed_from: Some(simulation.time()),
+        continues: Some(file.to_owned()),
+        parts,
+    };
+    let session =
+        Session { simulation, run, output: &output, recorder: recorder.as_ref(), controls, recorded: None };
+    let outcome = session.run(false);
+    Ok(Finished::new(outcome, context, recorder))
+}
+
+/// The failure with the name of the file.
+fn within(file: &Path, failure: Failure) -> Failure {
+    Failure { message: format!("{}: {}", output::path(file), failure.message), ..failure }
+}
+
+/// Refuses keys that the state of the run depends on.
+fn check_keys(set: &[String]) -> Result<(), Failure> {
+    for given in set {
+        let key = given.split('=').next().unwrap_or_default().trim();
+        let is_in =
+            |part: &str| key == part || key.strip_prefix(part).is_some_and(|rest| rest.starts_with('.'));
+        if !CHANGEABLE.into_iter().any(is_in) {
+            let message = format!(
+                "--set {}: cannot change in a run that goes on (allowed: {})",
+                output::shown(given),
+                CHANGEABLE.join(", ")
+            );
+            return Err(Failure::new(Status::Invalid, message));
+        }
+    }
+    Ok(())
+}
+
+/// Refuses an end that the run has reached.
+fn check_end(run: &RunPlan, simulation: &AnySimulation) -> Result<(), Failure> {
+    let (time, done) = (simulation.time(), simulation.counters().collisions);
+    let reached = match (run.until, run.collisions) {
+        (Some(until), _) if until <= time => Some(format!("run.until = {until}: the run is at t = {time}")),
+        (_, Some(collisions)) if collisions <= done => {
+            Some(format!("run.collisions = {collisions}: the run has {done}"))
+        }
+        _ => None,
+    };
+    match reached {
+        Some(what) => Err(Failure::new(Status::Invalid, format!("{what} already; set a later end"))),
+        None => Ok(()),
+    }
+}
