@@ -66,7 +66,7 @@ pub fn start(file: &Path, new: &Path, options: &Run, controls: Controls) -> Resu
     }
     controls.signals.begin();
     let parts = Parts::before(&resumed);
-    let texts = Texts { title: title.clone(), resolved, seed, earlier_parts: parts.json().to_string() };
+    let texts = Texts { title: title.clone(), resolved, seed, earlier: parts.summary() };
     let recorder = single::create(&output, &header, &joints, texts, options.overwrite)?;
     drop(header);
     if let (Some(recorder), false) = (&recorder, rows.0.is_empty()) {

@@ -5,7 +5,7 @@ use std::fmt;
 use haff_engine::{Checkpoint, significant};
 use haff_record::Resumed;
 use serde::{Deserialize, Serialize};
-use serde_json::Value;
+use serde_json::{Value, json};
 
 use crate::numbers::{counted, duration};
 
@@ -48,12 +48,13 @@ pub struct Parts(Vec<Part>);
 impl Parts {
     /// The parts of a run up to the checkpoint that it is resumed from.
     pub fn before(resumed: &Resumed) -> Self {
-        let summary: Value = parsed(resumed.summary.as_deref());
-        if let Ok(parts) = serde_json::from_value::<Self>(summary["parts"].clone()) {
+        let of = |summary: &Value| serde_json::from_value::<Self>(summary["parts"].clone()).ok();
+        let summary = parsed(resumed.summary.as_deref());
+        if let Some(parts) = of(&summary) {
             return parts;
         }
         // The last part has no summary: its process was killed, or an earlier version has written the file.
-        let mut parts: Self = parsed(resumed.earlier_parts.as_deref());
+        let mut parts = of(&parsed(resumed.earlier.as_deref())).unwrap_or_default();
         let (time, collisions) = present(&resumed.checkpoint);
         parts.push(time, collisions, summary["wall_seconds"].as_f64());
         parts
@@ -99,10 +100,15 @@ impl Parts {
     pub fn json(&self) -> Value {
         serde_json::to_value(self).unwrap_or_default()
     }
+
+    /// A summary with the parts alone.
+    pub fn summary(&self) -> String {
+        json!({ "parts": self.json() }).to_string()
+    }
 }
 
-/// Reads JSON; the default for text that is missing or invalid, since wall times are no reason to stop.
-fn parsed<T: Default + for<'a> Deserialize<'a>>(text: Option<&str>) -> T {
+/// Reads JSON; null for text that is missing or invalid, since wall times are no reason to stop.
+fn parsed(text: Option<&str>) -> Value {
     text.and_then(|text| serde_json::from_str(text).ok()).unwrap_or_default()
 }
 

@@ -138,11 +138,16 @@ pub fn print_summary(outcome: &Outcome, context: &Context) {
         output::message(format_args!("wrote {file}"));
         match &outcome.ending {
             Ending::Failed(AnySimulationError::Granular(EngineError::Collapse {
-                contact_duration: Some(duration),
+                contact_duration,
+                rest_speed,
                 ..
-            })) => output::message(format_args!(
-                "go on with: haff run --resume {file} --set contact.tc={duration:e} -o NEW.h5"
-            )),
+            })) => {
+                // Under gravity grains that have come together stay together, and only rest ends their impacts.
+                let rest = rest_speed.map(|speed| format!("contact.rest_speed={speed}"));
+                let set = rest.or_else(|| contact_duration.map(|time| format!("contact.tc={time:e}")));
+                let set = set.map_or_else(String::new, |set| format!(" --set {set}"));
+                output::message(format_args!("go on with: haff run --resume {file}{set} -o NEW.h5"));
+            }
             ending if ending.is_final() => {}
             _ => output::message(format_args!("continue with: haff run --resume {file}")),
         }

@@ -61,7 +61,8 @@ pub struct Texts {
     /// The scene with all values that were chosen.
     pub resolved: String,
     pub seed: u64,
-    pub earlier_parts: String,
+    /// The summary of the run so far; empty if it begins.
+    pub earlier: String,
 }
 
 /// Creates the output file of a scene, if it has one.
@@ -85,7 +86,7 @@ pub fn create(
         events: output.events.clone(),
         compressed: output.compressed,
         present: Present { springs: !joints.springs.is_empty(), ..Present::of(system) },
-        earlier_parts: texts.earlier_parts,
+        earlier: texts.earlier,
         ..Header::from_system(system)
     };
     let recorder = Recorder::create(path, header, overwrite).map_err(|error| file_failure(&error))?;
@@ -97,7 +98,7 @@ pub fn create(
 pub fn start(scene: Scene, overwrite: bool, controls: Controls) -> Result<Finished, Failure> {
     controls.signals.begin();
     let Scene { system, joints, title, seed, run, output, resolved, .. } = scene;
-    let texts = Texts { title: title.clone(), resolved, seed, earlier_parts: String::new() };
+    let texts = Texts { title: title.clone(), resolved, seed, earlier: String::new() };
     let recorder = create(&output, &system, &joints, texts, overwrite)?;
     let simulation =
         AnySimulation::new(system, joints, scene.options).map_err(|error| simulation_failure(&error))?;
@@ -135,8 +136,7 @@ pub fn resume(path: PathBuf, controls: Controls) -> Result<Finished, Failure> {
     tracing::info!(file = %path.display(), from = resumed.last_frame, "resumed");
     controls.signals.begin();
     let parts = Parts::before(&resumed);
-    let (recorder, appended) =
-        Recorder::append_part(&path, &parts.json().to_string()).map_err(|error| file_failure(&error))?;
+    let (recorder, appended) = Recorder::append(&path).map_err(|error| file_failure(&error))?;
     if (appended.finished, &appended.checkpoint) != (resumed.finished, &resumed.checkpoint) {
         // Another process has resumed it between the two reads.
         return Err(file_failure(&RecordError::InUse { path }));

@@ -27,7 +27,7 @@ class Column:
         self.dtype: np.dtype = data.dtype
         self.width: tuple[int, ...] = data.shape[1:]
         """Shape of a row."""
-        self._stored, self._data, self._rows = stored, data, rows
+        self._stored, self._rows = stored, rows
 
     def __len__(self) -> int:
         return self._rows
@@ -36,8 +36,7 @@ class Column:
         """Rows, in the byte order of this machine."""
         if isinstance(key, slice):
             key = slice(*key.indices(self._rows))
-        with self._stored.reading(self.place):
-            values = np.asarray(self._data[key])
+        values = self._stored.read(self.place, key)
         return values.astype(values.dtype.newbyteorder("="), copy=False)
 
     def require(self, values: Array, sound: Array, must: str, rows: range | int = 0) -> None:
@@ -64,4 +63,4 @@ class Column:
 
     def same(self, other: Column) -> bool:
         """Whether both are the same dataset, possibly under two names."""
-        return self is other or self._data == other._data
+        return self is other or self._stored.find(self.place) == other._stored.find(other.place)

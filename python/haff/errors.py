@@ -60,6 +60,10 @@ class MissingPackageError(HaffError, ImportError):
     """An optional library is not installed; the message names the extra that brings it."""
 
 
+class RunningFileError(FileError):
+    """A file that a run is writing has changed too much since it was opened; it can be opened again."""
+
+
 @dataclass(frozen=True)
 class SceneProblem:
     """One error in a scene."""

@@ -44,13 +44,13 @@ def open(path: str | os.PathLike[str], *, locking: bool | None = None) -> File:
     path
         The HDF5 file.
     locking
-        ``False`` reads a file that a run is still writing, without HDF5's file lock: what has been flushed is
-        valid, but the newest rows may be missing. Default: HDF5's own choice.
+        Whether to hold HDF5's file lock. Default: yes, unless a run is writing the file: then what has been flushed
+        is read, and :attr:`File.running` is true.
 
     Raises
     ------
     FileError
-        The file is missing, unreadable, locked by a running simulation, not HDF5 or not of ``haff``. Later
+        The file is missing, unreadable, not HDF5 or not of ``haff``. Later
         accesses raise it, too, if a dataset is damaged, has another type or shape than specified, declares
         more than the file can hold, is a link to another file, or holds a number that no run can have written.
 
@@ -75,8 +75,6 @@ class File:
         self.path = Path(path)
         """Path of the file."""
         self.stored = Stored(self.path, locking)
-        self.hdf: h5py.File = self.stored.hdf
-        """The open :class:`h5py.File`. What is read through it is not checked."""
         try:
             if self.stored.find("particles/all") is None:
                 raise FileError(f"{self.path}: HDF5, but not an output file of haff (no group particles/all)")
@@ -111,7 +109,7 @@ class File:
             return False
 
     def __repr__(self) -> str:
-        if not getattr(self, "hdf", None):
+        if not self.stored.hdf:
             return f"<haff.File {str(self.path)!r}, closed>"
         try:
             return self._described()
@@ -137,6 +135,16 @@ class File:
             if part in self:
                 lines.append(f"  {part:<12} {escaped(', '.join(self.stored.members(part)))}")
         return "\n".join(lines) + ">"
+
+    @property
+    def hdf(self) -> h5py.File:
+        """The open :class:`h5py.File`. What is read through it is not checked."""
+        return self.stored.hdf
+
+    @property
+    def running(self) -> bool:
+        """Whether a run was writing the file when it was opened; what it writes later is not read."""
+        return self.stored.running
 
     # --- what was simulated ----------------------------------------------------------------------
 

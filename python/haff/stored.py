@@ -11,27 +11,96 @@ import math
 import os
 import re
 import stat
-from collections.abc import Iterator
+import time
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from functools import wraps
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
 import h5py
 import numpy as np
 
 from .column import Column
-from .errors import FileError
+from .errors import FileError, RunningFileError
+from .layout import Array
 from .text import brief
+
+T = TypeVar("T")
 
 DEFLATE_MOST = 1032
 """Bytes that one deflated byte stands for, at most."""
 ATTRIBUTE_MOST = 1 << 16
 """Bytes of an attribute, at most."""
+_PAUSES = (0.02, 0.05, 0.1, 0.2)
+"""Times after which a file that is being flushed is tried again [s]."""
 LINKS_MOST = 8
 """Soft links that are followed from one place."""
 _KINDS = {"f": "real numbers", "iu": "integers", "fiu": "numbers"}
 # Filters of HDF5 by number: deflate, shuffle, fletcher32, szip, lzf.
 _FILTERS = {1: True, 2: False, 3: False, 4: True, 32000: True}
+
+
+def _opened(path: Path, locking: bool | None) -> tuple[h5py.File, bool]:
+    """The file, and whether a simulation is writing it: then it is opened without a lock."""
+    if locking is not None:
+        return h5py.File(path, "r", locking=locking), _is_being_written(path)
+    try:
+        return h5py.File(path, "r"), False
+    except BlockingIOError:
+        running = True
+    except OSError as error:
+        # This process has the file open without a lock.
+        if "locking flag" not in str(error):
+            raise
+        running = _is_being_written(path)
+    for pause in _PAUSES:
+        try:
+            return h5py.File(path, "r", locking=False), running
+        except OSError:
+            # A flush changes the file in several steps.
+            time.sleep(pause)
+    return h5py.File(path, "r", locking=False), running
+
+
+def _is_being_written(path: Path) -> bool:
+    """Whether a process holds the lock of a writer on the file; false where the system has no such locks."""
+    try:
+        import fcntl
+
+        with open(path, "rb") as file:
+            fcntl.flock(file, fcntl.LOCK_SH | fcntl.LOCK_NB)
+    except BlockingIOError:
+        return True
+    except (ImportError, OSError):
+        return False
+    return False
+
+
+def _again(method: Callable[..., T]) -> Callable[..., T]:
+    """A read that is done again after opening the file again, if the run that writes it has changed it meanwhile.
+
+    HDF5 keeps the index of a file in memory as it was when it read it. Rows are only added, so those known before
+    are the same afterwards.
+    """
+
+    @wraps(method)
+    def patient(self: Stored, *arguments: Any, **keywords: Any) -> T:
+        if not self.running or self._patient:
+            return method(self, *arguments, **keywords)
+        self._patient = True
+        try:
+            for pause in _PAUSES:
+                try:
+                    return method(self, *arguments, **keywords)
+                except RunningFileError:
+                    time.sleep(pause)
+                    self._reopen()
+            return method(self, *arguments, **keywords)
+        finally:
+            self._patient = False
+
+    return patient
 
 
 class Stored:
@@ -41,20 +110,21 @@ class Stored:
         self.path = path
         self._found: dict[str, h5py.Group | h5py.Dataset] = {}
         self._columns: dict[str, Column] = {}
+        self._locking, self._patient = locking, False
         try:
             info = os.stat(path)
             if stat.S_ISDIR(info.st_mode):
                 raise FileError(f"{path}: is a directory, not an HDF5 file")
             if not stat.S_ISREG(info.st_mode):
                 raise FileError(f"{path}: is a device or a pipe, not an HDF5 file")
-            self.hdf = h5py.File(path, "r", locking=locking)
+            self.hdf, self.running = _opened(path, locking)
         except FileError:
             raise
         except (FileNotFoundError, NotADirectoryError):
             raise FileError(f"{path}: no such file") from None
         except BlockingIOError:
             raise FileError(
-                f"{path}: in use by a running simulation; wait for it, or haff.open(…, locking=False)"
+                f"{path}: in use by a running simulation, which is writing it just now; try again"
             ) from None
         except PermissionError:
             raise FileError(f"{path}: permission denied") from None
@@ -68,6 +138,18 @@ class Stored:
 
     def close(self) -> None:
         self.hdf.close()
+
+    def _reopen(self) -> None:
+        self.hdf.close()
+        self._found.clear()
+        self.hdf, _ = _opened(self.path, self._locking)
+
+    @_again
+    def read(self, place: str, key: int | slice) -> Array:
+        """Rows of the dataset at a path."""
+        data = self._dataset(place)
+        with self.reading(place):
+            return np.asarray(data[key])
 
     def wrong(self, place: str, what: str) -> FileError:
         """The error for an invalid dataset, group or attribute."""
@@ -85,10 +167,15 @@ class Stored:
         except MemoryError as error:
             raise self.wrong(place, "does not fit into memory") from error
         except Exception as error:
+            if self.running:
+                raise RunningFileError(
+                    f"{self.path}: {brief(place)}: the run has written the file since it was opened; open it again"
+                ) from error
             raise self.wrong(place, f"cannot read: {reason(error)}") from error
 
     # --- contents -----------------------------------------------------------------------------
 
+    @_again
     def find(self, place: str, followed: int = 0) -> h5py.Group | h5py.Dataset | None:
         """The object at a path; ``None`` if there is none. Links to other files are refused."""
         if place in self._found and self.hdf:
@@ -124,6 +211,7 @@ class Stored:
         """Whether there is a group at a path."""
         return isinstance(self.find(place), h5py.Group)
 
+    @_again
     def members(self, place: str) -> list[str]:
         """Names in a group; empty if it does not exist."""
         group = self.find(place)
@@ -134,6 +222,7 @@ class Stored:
         with self.reading(place):
             return list(group)
 
+    @_again
     def attributes(self, place: str) -> list[str]:
         """Names of the attributes of a group or dataset; empty if it does not exist."""
         node = self.find(place)
@@ -142,6 +231,7 @@ class Stored:
 
     # --- values ----------------------------------------------------------------------------------------
 
+    @_again
     def column(self, place: str, shape: tuple[int | None, ...], kinds: str = "fiu") -> Column:
         """A dataset of numbers; ``None`` in ``shape`` is any length, ``kinds`` those of NumPy.
 
@@ -161,12 +251,14 @@ class Stored:
             self._columns[key] = Column(self, place, data, self._rows(place, data))
         return self._columns[key]
 
+    @_again
     def rank(self, place: str) -> int:
         """Number of axes of a dataset."""
         data = self._dataset(place)
         with self.reading(place):
             return len(data.shape or ())
 
+    @_again
     def value(self, place: str) -> Any:
         """Number, text or array of either, as a dataset or an attribute of its group; ``None`` if it is neither."""
         group, _, name = place.rpartition("/")
@@ -180,6 +272,7 @@ class Stored:
                 return self._decoded(place, data[()])
         return self.attribute(group, name)
 
+    @_again
     def attribute(self, place: str, name: str) -> Any:
         """Number, text or array of either; ``None`` if there is no such attribute."""
         node, full = self.find(place), f"{place}@{name}"

@@ -5,7 +5,10 @@ use std::f64::consts::PI;
 use glam::DVec3;
 use haff_mechanics::Restitution;
 
-use crate::model::{Boundary, Dimension, System};
+use crate::{
+    model::{Boundary, Dimension, System},
+    particles::World,
+};
 
 /// Largest ratio of the contact duration to the time in which a particle moves by its diameter: contacts of
 /// the TC model are then far shorter than the time between collisions, except in a collapse.
@@ -61,6 +64,18 @@ pub fn suitable_contact_duration(system: &System) -> Option<f64> {
     // As text, since a product of tens is rounded.
     let power_of_ten = || format!("1e{}", duration.log10().floor()).parse().ok();
     if speed > 0.0 && duration > 0.0 { power_of_ten() } else { None }
+}
+
+/// A value for `contact.rest_speed` that suits the system \[length/time\]: 0.05 √(g d) of the smallest diameter d,
+/// with one digit. `None` without gravity.
+pub(crate) fn suitable_rest_speed(world: &World) -> Option<f64> {
+    let least = world.classes.iter().map(|class| class.radius).fold(f64::INFINITY, f64::min);
+    let speed = 0.05 * (world.gravity.length() * 2.0 * least).sqrt();
+    if speed > 0.0 {
+        format!("{speed:.0e}").parse().ok().filter(|speed: &f64| speed.is_finite())
+    } else {
+        None
+    }
 }
 
 /// A warning for a scene that may end in an inelastic collapse, as text without a final point.

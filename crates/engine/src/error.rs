@@ -26,7 +26,7 @@ pub enum EngineError {
         rounded(position),
         participants(particles, walls),
         contact_duration.map_or_else(String::new, |duration| format!(", for example contact.tc = {duration:e}")),
-        if *could_rest { ", or contact.rest_speed" } else { "" }
+        rest_speed.map_or_else(String::new, |speed| format!(", or contact.rest_speed, for example {speed}"))
     )]
     Collapse {
         /// When [time].
@@ -41,8 +41,8 @@ pub enum EngineError {
         walls: Vec<String>,
         /// Mean of their positions \[length\], wrapped into the box along periodic axes.
         position: [f64; 3],
-        /// Whether setting `contact.rest_speed` would put grains to rest: gravity acts, and it is not set.
-        could_rest: bool,
+        /// A speed of rest that suits the system [length/time], where gravity acts and none is set.
+        rest_speed: Option<f64>,
         /// A contact duration that suits the system [time], if one is known.
         contact_duration: Option<f64>,
     },

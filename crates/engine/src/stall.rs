@@ -4,7 +4,7 @@ use std::collections::BTreeSet;
 
 use glam::DVec3;
 
-use crate::{error::EngineError, particles::World};
+use crate::{clustering::suitable_rest_speed, error::EngineError, particles::World};
 
 /// Longest duration of a run of events that counts as a collapse [ticks].
 const SPAN: i64 = 1 << 10;
@@ -113,7 +113,7 @@ impl Stall {
             walls: walls.iter().map(|&wall| world.walls[wall as usize].name.clone()).collect(),
             position: world.wrap(position, time).0.to_array(),
             contact_duration: None,
-            could_rest: world.gravity != DVec3::ZERO && world.thresholds.is_none(),
+            rest_speed: if world.thresholds.is_none() { suitable_rest_speed(world) } else { None },
         }
     }
 }

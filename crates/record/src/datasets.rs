@@ -321,15 +321,17 @@ fn write_parameters(root: &Group, header: &Header) -> hdf5::Result<()> {
     write_scalar(&group, "dimension", &(header.dimension as u32))?;
     write_array(&group, "box_origin", &header.box_origin.to_array())?;
     write_array(&group, "box_size", &header.box_size.to_array())?;
-    if !header.earlier_parts.is_empty() {
-        write_text(&group, EARLIER_PARTS, &header.earlier_parts)?;
+    if !header.earlier.is_empty() {
+        write_text(&group, EARLIER, &header.earlier)?;
     }
     write_array(&group, "species_names", &texts(&header.species_names)?)?;
     write_array(&group, "wall_names", &texts(&header.wall_names)?)
 }
 
-/// Name of the dataset with the parts of a run before the present one.
-pub(crate) const EARLIER_PARTS: &str = "earlier_parts";
+/// Names of the dataset with the summary of a run, and of that with its summary before it was resumed. They are equally
+/// long, so that one can replace the other in a group when the disk is full.
+pub(crate) const SUMMARY: &str = "summary";
+pub(crate) const EARLIER: &str = "earlier";
 
 /// A string as HDF5 stores it.
 pub(crate) fn text(text: &str) -> hdf5::Result<VarLenUnicode> {

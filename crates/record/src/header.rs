@@ -41,8 +41,8 @@ pub struct Header {
     pub radius: Vec<f64>,
     /// [N] numbers q = I/(m R²) of moments of inertia; empty without spin.
     pub inertia: Vec<f64>,
-    /// The parts of the run before this file was made, as JSON; empty if there are none.
-    pub earlier_parts: String,
+    /// The summary of the run before this file was made (JSON text); empty if there is none.
+    pub earlier: String,
     /// Names of the walls; event rows refer to walls by their index here.
     pub wall_names: Vec<String>,
     /// Whether frames are recorded.
@@ -108,7 +108,7 @@ impl Header {
                 let of = |body: &Body| class(body.class).and_then(inertia).unwrap_or(f64::NAN);
                 system.bodies.iter().map(of).collect()
             }),
-            earlier_parts: String::new(),
+            earlier: String::new(),
             wall_names: system.walls.iter().map(|wall| wall.name.clone()).collect(),
             frames: true,
             observables: true,

@@ -8,7 +8,7 @@ use hdf5::{Dataset, Group, H5Type, types::VarLenUnicode};
 
 use crate::{
     checkpoint::newest,
-    datasets::{Datasets, EARLIER_PARTS, Observables},
+    datasets::{Datasets, EARLIER, Observables},
     declared::{elements, read_all, read_attribute, read_scalar},
     error::{Context, RecordError},
     events::Columns,
@@ -70,8 +70,8 @@ pub struct Info {
     pub resumable: bool,
     /// The summary (JSON text), if one was written.
     pub summary: Option<String>,
-    /// The parts of the run before its last resumption (JSON text), if it was resumed.
-    pub earlier_parts: Option<String>,
+    /// The summary before the last resumption (JSON text), if there is one.
+    pub earlier: Option<String>,
     /// Size of the file [bytes].
     pub file_size: u64,
 }
@@ -127,7 +127,7 @@ pub(crate) struct Parameters {
     /// Number of walls on which the forces are recorded.
     pub walls_sampled: Option<usize>,
     pub summary: Option<String>,
-    pub earlier_parts: Option<String>,
+    pub earlier: Option<String>,
     pub complete: bool,
 }
 
@@ -210,11 +210,7 @@ impl Parameters {
                 Some(summary) => Some(text(summary, path)?),
                 None => None,
             },
-            earlier_parts: if group.link_exists(EARLIER_PARTS) {
-                Some(string(group, EARLIER_PARTS, path)?)
-            } else {
-                None
-            },
+            earlier: if group.link_exists(EARLIER) { Some(string(group, EARLIER, path)?) } else { None },
         })
     }
 }
@@ -337,7 +333,7 @@ fn read_info(file: &hdf5::File, parameters: Parameters, path: &Path) -> Result<I
         finished: parameters.complete,
         resumable: !parameters.complete && checkpoint.is_some(),
         summary: parameters.summary,
-        earlier_parts: parameters.earlier_parts,
+        earlier: parameters.earlier,
         file_size: path.metadata().doing(path, READ)?.len(),
     })
 }

@@ -43,8 +43,8 @@ pub struct Resumed {
     pub finished: bool,
     /// The summary (JSON text), if one was written.
     pub summary: Option<String>,
-    /// The parts of the run before its last resumption (JSON text), if it was resumed.
-    pub earlier_parts: Option<String>,
+    /// The summary before the last resumption (JSON text), if there is one.
+    pub earlier: Option<String>,
 }
 
 impl Recorder {
@@ -58,11 +58,6 @@ impl Recorder {
     /// Those of [`crate::info`]; [`RecordError::InUse`] if another process is writing the file;
     /// [`RecordError::Missing`] if it holds no valid checkpoint.
     pub fn append(path: impl AsRef<Path>) -> Result<(Self, Resumed), RecordError> {
-        Self::append_part(path, "")
-    }
-
-    /// As [`Recorder::append`], and stores the parts of the run so far as JSON text, unless it is empty.
-    pub fn append_part(path: impl AsRef<Path>, earlier_parts: &str) -> Result<(Self, Resumed), RecordError> {
         let path = path.as_ref();
         let (parameters, datasets) = open(path)?;
         if parameters.complete {
@@ -100,7 +95,7 @@ impl Recorder {
         // The slot of the checkpoint that is used stays; the other one is written next.
         let next_slot = usize::from(first == saved.sequence);
         let mut writer = Writer::new(file, datasets, parameters.box_size);
-        writer.resume(&saved, next_slot, first.max(second), earlier_parts)?;
+        writer.resume(&saved, next_slot, first.max(second))?;
         Ok((Self::start(path, writer, contents)?, resumed))
     }
 }
@@ -179,6 +174,6 @@ fn describe(
         last_sample: last[1],
         finished: parameters.complete,
         summary: parameters.summary,
-        earlier_parts: parameters.earlier_parts,
+        earlier: parameters.earlier,
     })
 }

@@ -10,7 +10,7 @@ use haff_engine::{Checkpoint, EventRecord, Frame, Quantity, Sample};
 
 use crate::{
     checkpoint::{Progress, Saved},
-    datasets::{Datasets, EARLIER_PARTS, Observables, text, write_text},
+    datasets::{Datasets, EARLIER, Observables, SUMMARY, text},
     error::{Context, RecordError},
     events::EVENT_CHUNK,
     file::WritableFile,
@@ -73,13 +73,7 @@ impl Writer {
     }
 
     /// Continues after a checkpoint: truncates everything to its length when it was taken.
-    pub fn resume(
-        &mut self,
-        saved: &Saved,
-        next_slot: usize,
-        sequence: u64,
-        earlier_parts: &str,
-    ) -> Result<(), RecordError> {
+    pub fn resume(&mut self, saved: &Saved, next_slot: usize, sequence: u64) -> Result<(), RecordError> {
         let rows = saved.progress;
         let path = self.file.path().to_owned();
         let datasets = &mut self.datasets;
@@ -95,17 +89,14 @@ impl Writer {
         }
         datasets.profiles.truncate(saved.time()).doing(&path, WRITE)?;
         let parameters = self.file.root().group("parameters").doing(&path, WRITE)?;
-        for name in ["summary", EARLIER_PARTS] {
-            if parameters.link_exists(name) && (name == "summary" || !earlier_parts.is_empty()) {
-                parameters.unlink(name).doing(&path, WRITE)?;
+        if parameters.link_exists(SUMMARY) {
+            if parameters.link_exists(EARLIER) {
+                parameters.unlink(EARLIER).doing(&path, WRITE)?;
             }
+            parameters.relink(SUMMARY, EARLIER).doing(&path, WRITE)?;
         }
         // Freed space must not be reused while the index on disk still points to it.
         self.file.flush()?;
-        if !earlier_parts.is_empty() {
-            write_text(&parameters, EARLIER_PARTS, earlier_parts).doing(&path, WRITE)?;
-            self.file.flush()?;
-        }
         self.progress = rows;
         self.events.clone_from(&saved.tail);
         self.next_slot = next_slot;
@@ -369,7 +360,7 @@ fn write_summary(root: &hdf5::Group, summary: &str, complete: bool) -> hdf5::Res
         .group("parameters")?
         .new_dataset::<hdf5::types::VarLenUnicode>()
         .obj_track_times(false)
-        .create("summary")?;
+        .create(SUMMARY)?;
     dataset.write_scalar(&text(summary)?)?;
     dataset.new_attr::<u8>().create("complete")?.write_scalar(&u8::from(complete))
 }

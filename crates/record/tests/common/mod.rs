@@ -49,7 +49,7 @@ pub fn correlation(k: u64) -> Correlation {
 
 pub fn header(particles: usize) -> Header {
     Header {
-        earlier_parts: String::new(),
+        earlier: String::new(),
         title: "made up".to_owned(),
         scene_toml: "schema = 1\n# ζ\n".to_owned(),
         seed: u64::MAX - 6,
