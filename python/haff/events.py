@@ -12,7 +12,7 @@ import pandas as pd
 
 from .errors import MissingDataError
 from .layout import Array, complete, component
-from .text import brief, escaped
+from .text import brief, escaped, quoted
 
 if TYPE_CHECKING:
     from .column import Column
@@ -114,9 +114,10 @@ class Events:
         if name in _EVENT_COLUMNS:
             only = f"; only scenes with {_OF_SCENES[name]} have it" if name in _OF_SCENES else ""
             raise MissingDataError(
-                f"{self._file.path}: the event log lacks {name!r}: the scene asked for {found} (output.events){only}"
+                f"{self._file.path}: the event log lacks {quoted(name)}: "
+                f"the scene asked for {found} (output.events){only}"
             )
-        raise KeyError(f"no event column {brief(repr(name))}; there are {brief(found)}")
+        raise KeyError(f"no event column {quoted(name)}; there are {brief(found)}")
 
     def _values(self, name: str, start: int, stop: int) -> Array:
         """Some rows of a column, checked."""

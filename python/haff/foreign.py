@@ -137,11 +137,13 @@ def _xyz(path: Path, index: int) -> State:
 
     position, radius = values("pos", "positions"), values("radius", "radii")
     if position is None or position.ndim != 2:
-        raise FileError(f"{path}: lacks positions: its properties are {', '.join(columns)}; one must be pos:R:3")
+        raise FileError(f"{path}: lacks positions: its properties are {brief(', '.join(columns))}; one must be pos:R:3")
     if radius is None:
         diameter = values("diameter", "diameters")
         if diameter is None:
-            raise FileError(f"{path}: lacks radii: its properties are {', '.join(columns)}; one must be radius:R:1")
+            raise FileError(
+                f"{path}: lacks radii: its properties are {brief(', '.join(columns))}; one must be radius:R:1"
+            )
         radius = 0.5 * diameter
     size = edges = None
     if "Lattice" in keys:
@@ -198,11 +200,13 @@ def _csv(path: Path, index: int) -> State:
 
     position, radius = vectors("", "position_", "r"), values(("radius",))
     if position is None:
-        raise FileError(f"{path}: lacks positions: its columns are {', '.join(table.columns)}; it needs x, y, z")
+        raise FileError(f"{path}: lacks positions: its columns are {brief(', '.join(table.columns))}; it needs x, y, z")
     if radius is None:
         diameter = values(("diameter",))
         if diameter is None:
-            raise FileError(f"{path}: lacks radii: its columns are {', '.join(table.columns)}; one must be radius")
+            raise FileError(
+                f"{path}: lacks radii: its columns are {brief(', '.join(table.columns))}; one must be radius"
+            )
         radius = 0.5 * diameter
     return State(position, radius, None, None, vectors("v", "velocity_"), values(("mass",)))
 

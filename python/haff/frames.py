@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from .errors import ArgumentError, MissingDataError
 from .layout import AXES, Array, complete
+from .text import quoted
 
 if TYPE_CHECKING:
     from .column import Column
@@ -294,7 +295,7 @@ class Frames(Sequence["Frame"]):
                 position[k] = box.unwrap(position[k], image[k])
             return position
         if name not in _VECTORS:
-            raise ArgumentError(f"array {name!r}: must be one of {', '.join(_VECTORS)}, unwrapped")
+            raise ArgumentError(f"array {quoted(name)}: must be one of {', '.join(_VECTORS)}, unwrapped")
         return self._values(name, self._rows)
 
     def __len__(self) -> int:

@@ -13,6 +13,7 @@ from .errors import FileError, MissingDataError, NotApplicableError
 from .reader import File
 from .recorded import roughness as roughness_of
 from .recorded import shaped_walls
+from .text import quoted
 
 __all__ = [
     "angles",
@@ -159,7 +160,7 @@ def body(run: File, name: str) -> int:
         rows = np.flatnonzero(run.species == run.species_names.index(name))
         if len(rows):
             return int(rows[0])
-    raise FileError(f"{run.path}: parameters/scene: no particle has the name {name!r}")
+    raise FileError(f"{run.path}: parameters/scene: no particle has the name {quoted(name)}")
 
 
 def pendulums(run: File) -> dict[int, tuple[Array, float]]:

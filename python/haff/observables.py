@@ -10,7 +10,7 @@ import pandas as pd
 from .column import Column
 from .errors import MissingDataError
 from .layout import AXES, Array, complete, component, computing
-from .text import brief
+from .text import brief, quoted
 
 if TYPE_CHECKING:
     import xarray
@@ -112,7 +112,7 @@ def table(file: File) -> pd.DataFrame:
             suffix = _joined([labels[k][i] for k, i in enumerate(index)])
             if suffix and f"{name}{suffix}" in values:
                 raise file.stored.wrong(
-                    f"observables/{name}", f"has a component {brief(suffix[1:])!r} that is an observable, too"
+                    f"observables/{name}", f"has a component {quoted(suffix[1:])} that is an observable, too"
                 )
             columns[f"{name}{suffix}"] = value[(slice(None), *index)]
     return pd.DataFrame(columns)

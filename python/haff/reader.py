@@ -27,7 +27,7 @@ from .layout import AXES, SCHEMA, Array
 from .output import library
 from .recorded import SceneFault, parsed
 from .stored import Stored, reason
-from .text import brief, escaped
+from .text import brief, escaped, quoted
 
 if TYPE_CHECKING:
     import MDAnalysis
@@ -307,10 +307,13 @@ class File:
         flow, gradient = AXES.index(given["flow"]), AXES.index(given["gradient"])
         for key, axis in (("flow", flow), ("gradient", gradient)):
             if axis >= self.dimension:
-                raise self.stored.wrong("parameters/scene", f"domain.shear.{key} = {given[key]!r}: must be x or y")
+                raise self.stored.wrong(
+                    "parameters/scene", f"domain.shear.{key} = {quoted(given[key])}: must be x or y"
+                )
         if flow == gradient:
             raise self.stored.wrong(
-                "parameters/scene", f"domain.shear.gradient = {given['gradient']!r}: must be another axis than the flow"
+                "parameters/scene",
+                f"domain.shear.gradient = {quoted(given['gradient'])}: must be another axis than the flow",
             )
         return Shear(flow, gradient, float(given["rate"]))
 

@@ -19,6 +19,7 @@ from .errors import ArgumentError, FileError, MissingDataError, NotApplicableErr
 from .layout import computing
 from .reader import File
 from .reader import open as open_file
+from .text import brief, quoted
 
 __all__ = ["restitution_from"]
 
@@ -91,9 +92,9 @@ def restitution_from(
     e = 0.62 ± 0.03
     """
     if kind is not None and kind not in _WAYS:
-        raise ArgumentError(f"kind = {kind!r} must be one of {', '.join(_WAYS)}")
+        raise ArgumentError(f"kind = {quoted(kind)} must be one of {', '.join(_WAYS)}")
     if masses is not None and not (len(masses) == 2 and all(nominal_value(mass) > 0 for mass in masses)):
-        raise ArgumentError(f"masses = {masses!r} must be two positive numbers")
+        raise ArgumentError(f"masses = {quoted(masses)} must be two positive numbers")
     if isinstance(source, (str, os.PathLike)) and Path(source).suffix.lower() != ".csv":
         with open_file(source) as run:
             return restitution_from(run, kind, error=error, masses=masses)
@@ -107,7 +108,7 @@ def restitution_from(
         kind = next((kind for kind, way in _WAYS.items() if set(way.columns) <= set(table)), None)
     if kind is None:
         known = ", or ".join(" and ".join(way.columns) for way in _WAYS.values())
-        raise MissingDataError(f"{name}: columns {', '.join(map(str, table)) or 'none'}; needed: {known}")
+        raise MissingDataError(f"{name}: columns {brief(', '.join(map(str, table))) or 'none'}; needed: {known}")
     way = _WAYS[kind]
     values = np.stack([_column(table, column, name) for column in way.columns])
     errors = _errors(table, way, error, name)
@@ -223,12 +224,12 @@ def _table(source: Source) -> tuple[str, pd.DataFrame]:
 def _column(table: pd.DataFrame, column: str, name: str) -> Array:
     """Numbers of a column."""
     if column not in table:
-        raise MissingDataError(f"{name}: no column {column}; there are {', '.join(map(str, table)) or 'none'}")
+        raise MissingDataError(f"{name}: no column {column}; there are {brief(', '.join(map(str, table))) or 'none'}")
     for row, value in enumerate(table[column], 1):
         try:
             float(value)
         except (TypeError, ValueError):
-            raise NotApplicableError(f"{name}: {column} = {value!r} in row {row} must be a number") from None
+            raise NotApplicableError(f"{name}: {column} = {quoted(value)} in row {row} must be a number") from None
     return table[column].to_numpy(float)
 
 
@@ -237,9 +238,9 @@ def _errors(table: pd.DataFrame, way: _Way, error: float | Sequence[float] | Non
     if error is not None:
         given = np.atleast_1d(np.asarray(error, float))
         if given.shape not in ((1,), (len(way.columns),)):
-            raise ArgumentError(f"error = {error!r} must be one number for each of {', '.join(way.columns)}")
+            raise ArgumentError(f"error = {quoted(error)} must be one number for each of {', '.join(way.columns)}")
         if not (np.isfinite(given) & (given > 0)).all():
-            raise ArgumentError(f"error = {error!r} must be positive")
+            raise ArgumentError(f"error = {quoted(error)} must be positive")
         return np.broadcast_to(given[:, None], (len(way.columns), len(table))).copy()
     names = [f"{column}_error" for column in way.columns]
     if not any(one in table for one in names):

@@ -7,6 +7,7 @@ import re
 from .errors import ArgumentError, NotApplicableError
 from .frames import Frames
 from .reader import File
+from .text import quoted
 
 _FORM = re.compile(r"\s*(-?\d*)\s*(:\s*(-?\d*)\s*(:\s*(\d*)\s*)?)?")
 
@@ -17,7 +18,8 @@ def parse(text: str) -> slice:
     numbers = [] if match is None else [match[1], match[3] or "", match[5] or ""]
     if match is None or "-" in numbers or (match[1] == "" and match[2] is None) or re.fullmatch("0+", numbers[2]):
         raise ArgumentError(
-            f"frames {text!r}: must be START:STOP:STEP as in Python, with a positive step, such as ::10, or one number"
+            f"frames {quoted(text)}: must be START:STOP:STEP as in Python, with a positive step, such as ::10, "
+            "or one number"
         )
     start, stop, step = (int(number) if number else None for number in numbers)
     if match[2] is None and start is not None:
@@ -37,5 +39,7 @@ def choose(file: File, frames: str | slice | int | None) -> Frames:
     if len(found) == 0:
         raise NotApplicableError(f"{file.path}: no complete frame yet")
     if len(found[chosen]) == 0:
-        raise ArgumentError(f"frames {frames}: none of the {len(found)} frames of {file.path} (0 to {len(found) - 1})")
+        raise ArgumentError(
+            f"frames {quoted(frames)}: none of the {len(found)} frames of {file.path} (0 to {len(found) - 1})"
+        )
     return found[chosen]

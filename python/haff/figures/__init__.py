@@ -12,7 +12,7 @@ from ..errors import ArgumentError, MissingDataError, NotApplicableError
 from ..layout import computing
 from ..output import replacing
 from ..reader import File
-from ..text import escaped
+from ..text import escaped, quoted
 from . import (
     closed_form,
     ledger,
@@ -82,7 +82,7 @@ def draw(file: File, kind: str, **options: object) -> Figure:
         The figure does not apply to this file, or the data that it needs were not recorded.
     """
     if kind not in KINDS:
-        raise ArgumentError(f"no figure {kind!r}; there are {', '.join(KINDS)}")
+        raise ArgumentError(f"no figure {quoted(kind)}; there are {', '.join(KINDS)}")
     with style(), computing(file.path, f"figure {kind}"):
         figure = KINDS[kind].draw(file, **options)
         # Lay out here: figures are also saved outside of this style's context.

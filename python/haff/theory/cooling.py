@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 from scipy.integrate import solve_ivp
 
+from ..text import quoted
 from ._common import Array, check_dimension
 
 
@@ -28,7 +29,7 @@ def sonine_a2(e: ArrayLike, d: int = 3, approximation: str = "van-noije-ernst") 
     elif approximation == "montanero-santos":
         divisor = 25 + 24 * d - (57 - 8 * d) * e - 2 * (1 - e) * e**2
     else:
-        raise ValueError(f"no approximation {approximation!r} of a₂: van-noije-ernst, montanero-santos")
+        raise ValueError(f"no approximation {quoted(approximation)} of a₂: van-noije-ernst, montanero-santos")
     return 16 * (1 - e) * (1 - 2 * e**2) / divisor
 
 

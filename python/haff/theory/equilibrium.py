@@ -6,6 +6,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 from scipy.interpolate import pade
 
+from ..text import quoted
 from ._common import Array, check_dimension
 
 
@@ -114,7 +115,7 @@ def contact_value(eta: ArrayLike, d: int = 3, equation: str | None = None) -> Ar
     if (d, equation) == (2, "henderson"):
         return henderson(eta)
     raise ValueError(
-        f"no equation of state {equation!r} in d = {d}: carnahan-starling, klm (3D), henderson, virial (2D)"
+        f"no equation of state {quoted(equation)} in d = {d}: carnahan-starling, klm (3D), henderson, virial (2D)"
     )
 
 

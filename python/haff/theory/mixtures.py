@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 from scipy.optimize import root
 
+from ..text import quoted
 from ._common import Array, check_dimension
 from .equilibrium import contact_value, kolafa_labik_malijevsky
 
@@ -57,7 +58,7 @@ def mixture_contact_values(n: ArrayLike, sigma: ArrayLike, d: int = 3, equation:
         curve = (wall + point - 2 * g0) / 2
         return point + (g0 - point - curve) * z + curve * z**2
     if (d, equation) not in ((3, "bmcsl"), (2, "jenkins-mancini")):
-        raise ValueError(f"no contact values {equation!r} in d = {d}: bmcsl, santos (3D), jenkins-mancini (2D)")
+        raise ValueError(f"no contact values {quoted(equation)} in d = {d}: bmcsl, santos (3D), jenkins-mancini (2D)")
     if d == 3:
         xi2, xi3 = (np.pi / 6 * np.sum(n * sigma**k) for k in (2, 3))
         free = 1 - xi3
