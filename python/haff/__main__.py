@@ -13,6 +13,7 @@ from typing import NoReturn
 
 from .errors import FileError, HaffError, MissingPackageError
 from .text import escaped
+from .wording import for_command
 
 
 class _Parser(argparse.ArgumentParser):
@@ -150,7 +151,8 @@ def main(arguments: list[str] | None = None) -> int:
         if kind not in _KINDS:
             parser.error(f"--kind {kind}: must be one of {', '.join(_KINDS)}")
     try:
-        return options.run(options)
+        with for_command():
+            return options.run(options)
     except HaffError as error:
         return _fail(*error.lines, status=4 if isinstance(error, (FileError, MissingPackageError)) else 2)
     except MemoryError:

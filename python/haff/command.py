@@ -11,6 +11,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from .errors import FileError, HaffError, SceneError, SceneProblem, SimulationError
+from .wording import in_python
 
 __all__ = ["executable"]
 
@@ -60,9 +61,8 @@ def call(arguments: Sequence[str | os.PathLike[str]], *, show: bool = False) -> 
 
 
 def failure(done: subprocess.CompletedProcess[str], about: str | None = None) -> HaffError:
-    """The exception for a failed call; ``about`` is the message if the command printed none."""
-    printed = [line.removeprefix("error: ") for line in done.stderr.splitlines()]
-    lines = tuple(printed) or (about or f"haff: exit status {done.returncode}",)
+    """The exception for a failed call, in the words of Python; ``about`` is the message if the command printed none."""
+    lines = in_python(done.stderr) or in_python(about or f"haff: exit status {done.returncode}")
     if done.returncode == 2:
         return SceneError([SceneProblem(line, message=line) for line in lines])
     return {3: SimulationError, 4: FileError}.get(done.returncode, HaffError)(lines)

@@ -11,6 +11,7 @@ from pathlib import Path
 from types import ModuleType
 
 from .errors import ArgumentError, FileError, MissingPackageError
+from .wording import say
 
 
 @contextmanager
@@ -29,7 +30,7 @@ def replacing(path: Path, *, source: Path | None = None, overwrite: bool = False
     if path.is_dir():
         raise FileError(f"{path}: is a directory")
     if path.exists() and not overwrite:
-        raise ArgumentError(f"{path}: exists; --overwrite (overwrite=True) replaces it")
+        raise ArgumentError(f"{path}: exists; {say('overwrite=True', '--overwrite')} replaces it")
     if not path.parent.is_dir():
         raise FileError(f"{path.parent}: no such directory")
     # The suffix is kept: writers choose the format by it.

@@ -12,6 +12,8 @@ from ..layout import computing
 from ..output import replacing
 from ..reader import File
 from ..selection import choose
+from ..text import quoted
+from ..wording import say
 from . import extxyz, gsd, tables, vtkhdf
 
 __all__ = ["FORMATS", "TABLES", "Format", "export"]
@@ -78,14 +80,14 @@ def export(
         suffix = Path(output).suffix if output is not None else ""
         to = next((name for name, format in FORMATS.items() if format.suffix == suffix), None)
         if to is None:
-            raise ArgumentError(f"no format given: must be one of {', '.join(FORMATS)}")
+            raise ArgumentError(f"no format given: {say('to', '--to')} must be one of {', '.join(FORMATS)}")
     if to not in FORMATS:
-        raise ArgumentError(f"format {to!r}: must be one of {', '.join(FORMATS)}")
+        raise ArgumentError(f"format {quoted(to)}: must be one of {', '.join(FORMATS)}")
     format = FORMATS[to]
     if table is not None and table not in TABLES:
-        raise ArgumentError(f"table {table!r}: must be one of {', '.join(TABLES)}")
+        raise ArgumentError(f"table {quoted(table)}: must be one of {', '.join(TABLES)}")
     if format.trajectory and table not in (None, "frames"):
-        raise ArgumentError(f"table {table!r}: {to} holds frames; {table} go to csv or parquet")
+        raise ArgumentError(f"table {quoted(table)}: {to} holds frames; {table} go to csv or parquet")
     table = "frames" if format.trajectory else table or "observables"
     if table != "frames" and (frames is not None or unwrapped):
         raise ArgumentError(f"a choice of frames or unwrapped positions applies to frames, not to {table}")

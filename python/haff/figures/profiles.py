@@ -9,6 +9,7 @@ from matplotlib.figure import Figure
 
 from ..errors import NotApplicableError
 from ..reader import File
+from ..wording import say
 from .style import BLUE, CYCLE, RED, SPEED_MAP, headline
 from .temperature import facts
 
@@ -29,7 +30,8 @@ def draw(file: File) -> Figure:
     elif maps:
         name = maps[0]
     else:
-        raise NotApplicableError("profiles in three dimensions have no figure; run.profiles has their numbers")
+        where = say("File.profiles", "haff.open(FILE).profiles in Python")
+        raise NotApplicableError(f"profiles in three dimensions have no figure; {where} has their numbers")
     profile = found[name]
     if len(profile["time"]) == 0:
         raise NotApplicableError("no complete row of a profile")
