@@ -16,7 +16,9 @@ from .wording import say
 
 @contextmanager
 def replacing(path: Path, *, source: Path | None = None, overwrite: bool = False) -> Iterator[Path]:
-    """A name beside ``path`` to write to; it becomes ``path`` when all is written, and is removed if that fails.
+    """An empty file beside ``path`` to write to; it becomes ``path`` when all is written, and is removed if that fails.
+
+    The file has the permissions of any new one, as the umask and the folder say, also if a library asks for others.
 
     Raises
     ------
@@ -36,7 +38,11 @@ def replacing(path: Path, *, source: Path | None = None, overwrite: bool = False
     # The suffix is kept: writers choose the format by it.
     part = path.with_name(f".{path.stem}.{os.getpid()}{path.suffix}")
     try:
+        part.write_bytes(b"")
+        mode = part.stat().st_mode
         yield part
+        if part.stat().st_mode != mode:
+            part.chmod(mode)
         part.replace(path)
     except OSError as error:
         # Errors of h5py about the file that is read have no errno, or another file name.
