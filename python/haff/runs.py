@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import os
+import shutil
 import tempfile
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
@@ -15,7 +16,10 @@ from typing import Any
 from . import reader
 from .command import call, failure
 from .errors import FileError
-from .scenes import Scene, compiled, settings, source
+from .keywords import dotted
+from .output import replacing
+from .scenes import ProposedName, Scene, compiled, explained, settings, source
+from .temporary import TemporaryFolder
 
 __all__ = ["Result", "resume", "run"]
 
@@ -24,13 +28,16 @@ __all__ = ["Result", "resume", "run"]
 class Result:
     """A run: its totals, and its file if it wrote one.
 
-    Every total of ``haff run --json`` is in :attr:`report`; those of the stable interface are attributes.
+    Every total of ``haff run --json`` is in :attr:`report`; those of the stable interface are attributes. A temporary
+    file is removed with the result and its :attr:`file`, or when Python ends; :meth:`save` keeps a copy.
     """
 
     report: Mapping[str, Any] = field(repr=False)
     """All totals, by name."""
     path: Path | None
     """The output file; ``None`` if nothing was written."""
+    folder: TemporaryFolder | None = field(default=None, repr=False, compare=False)
+    """The folder of a temporary file; ``None`` if the file was named."""
     particles: int = field(init=False)
     """Number of particles."""
     collisions: int = field(init=False)
@@ -76,9 +83,26 @@ class Result:
     @cached_property
     def file(self) -> reader.File:
         """The output file, open for reading; see :func:`haff.open`. :class:`FileError` if nothing was written."""
+        file = reader.open(self._written())
+        # The folder lasts as long as the file is used.
+        vars(file)["folder"] = self.folder
+        return file
+
+    def save(self, path: str | os.PathLike[str], *, overwrite: bool = False) -> Path:
+        """Copy the output file, such as a temporary one, and return the path of the copy.
+
+        Raises :class:`ArgumentError` if ``path`` exists and ``overwrite`` is false, :class:`FileError` if it cannot be
+        written, or nothing was written.
+        """
+        source, path = self._written(), Path(path)
+        with replacing(path, source=source, overwrite=overwrite) as part:
+            shutil.copyfile(source, part)
+        return path
+
+    def _written(self) -> Path:
         if self.path is None:
             raise FileError("the run wrote no file: name one by file=… or output.file of the scene")
-        return reader.open(self.path)
+        return self.path
 
     def close(self) -> None:
         """Close the file, if it was opened."""
@@ -111,7 +135,9 @@ def run(
     scene
         A dict with the keys of a scene file, or the path of one.
     file
-        Output file, instead of the scene's ``output.file``. Relative paths count from the current directory.
+        Output file, instead of the scene's ``output.file``. Relative paths count from the current directory. If neither
+        names a file, none is written. A :func:`template` names none: its results are in a temporary file, which
+        :meth:`Result.save` keeps, and which is lost if the run does not end.
     overwrite
         Replace the output file if there is one.
     threads
@@ -149,16 +175,29 @@ def run(
     True
     """
     arguments = [f"--set={setting}" for setting in settings(overrides)]
+    folder = None
+    if file is None and (name := _proposed(scene, overrides)):
+        folder = TemporaryFolder()
+        file = folder.path / name
     if file is not None:
         arguments += ["--output", os.fspath(file)]
     if overwrite:
         arguments.append("--overwrite")
     if not isinstance(scene, Mapping):
         return _run([os.fspath(scene), *arguments], threads, progress, (scene, overrides))
-    with tempfile.TemporaryDirectory(prefix="haff-") as folder:
-        path = Path(folder) / "scene.toml"
+    with tempfile.TemporaryDirectory(prefix="haff-") as place:
+        path = Path(place) / "scene.toml"
         path.write_text(source(scene, {})["text"], encoding="utf-8")
-        return _run([os.fspath(path), *arguments], threads, progress, (scene, overrides))
+        return _run([os.fspath(path), *arguments], threads, progress, (scene, overrides), folder)
+
+
+def _proposed(scene: Scene, overrides: Mapping[str, Any]) -> str | None:
+    """The name of the output file if only a template proposes it."""
+    if not isinstance(scene, Mapping) or {"output", "output.file"} & set(dotted(overrides)):
+        return None
+    output = scene.get("output")
+    name = output.get("file") if isinstance(output, Mapping) else None
+    return name if isinstance(name, ProposedName) else None
 
 
 def resume(path: str | os.PathLike[str], *, threads: int | None = None, progress: bool = False) -> Result:
@@ -170,7 +209,11 @@ def resume(path: str | os.PathLike[str], *, threads: int | None = None, progress
 
 
 def _run(
-    arguments: Sequence[str], threads: int | None, progress: bool, scene: tuple[Scene, Mapping[str, Any]] | None
+    arguments: Sequence[str],
+    threads: int | None,
+    progress: bool,
+    scene: tuple[Scene, Mapping[str, Any]] | None,
+    folder: TemporaryFolder | None = None,
 ) -> Result:
     options = ["run", "--json"]
     if threads is not None:
@@ -181,8 +224,9 @@ def _run(
     report = json.loads(done.stdout) if done.stdout.strip() else {}
     if done.returncode == 0:
         path = report["file"]
-        return Result(report, None if path is None else Path(path))
+        return Result(report, None if path is None else Path(path), folder)
     if done.returncode == 2 and scene is not None:
         # The same errors, each with its place.
-        compiled().validate(source(*scene))
+        with explained(*scene, ("file", "overwrite", "threads", "progress")):
+            compiled().validate(source(*scene))
     raise failure(done, report.get("error"))

@@ -8,7 +8,8 @@ from __future__ import annotations
 
 import json
 import os
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeAlias
 
@@ -16,6 +17,8 @@ import numpy as np
 
 from . import foreign, reader
 from .errors import FileError, HaffError, MissingDataError, SceneError, SceneProblem
+from .keywords import Given, dotted
+from .text import brief, quoted
 
 if TYPE_CHECKING:
     from types import ModuleType
@@ -31,6 +34,12 @@ Scene: TypeAlias = "Mapping[str, Any] | str | os.PathLike[str]"
 """A scene: a dict with the keys of a scene file, or the path of one."""
 
 
+class ProposedName(str):
+    """Name of the output file in a template: :func:`haff.run` writes it only if it is told to."""
+
+    __slots__ = ()
+
+
 def compiled() -> ModuleType:
     """The compiled module; functions that need no simulation work without it."""
     try:
@@ -44,6 +53,8 @@ def source(scene: Scene, overrides: Mapping[str, Any]) -> dict[str, Any]:
     """The scene in the form that the compiled module takes: name, text, overrides, and whether the text is a file's."""
     if isinstance(scene, Mapping):
         name, text, has_file = "scene", scene_text(scene), False
+    elif not isinstance(scene, (str, os.PathLike)):
+        raise TypeError(f"scene = {quoted(scene)}: must be a dict, or the path of a scene file")
     else:
         path = Path(scene)
         try:
@@ -57,8 +68,29 @@ def source(scene: Scene, overrides: Mapping[str, Any]) -> dict[str, Any]:
 
 def settings(overrides: Mapping[str, Any]) -> list[str]:
     """Keywords as ``KEY=VALUE``: two underscores stand for the dot of a path."""
-    keys = {name.replace("__", "."): value for name, value in overrides.items()}
-    return [f"{key}={compiled().value(value, key)}" for key, value in keys.items()]
+    with _briefly():
+        return [f"{key}={compiled().value(value, key)}" for key, value in dotted(overrides).items()]
+
+
+@contextmanager
+def _briefly() -> Iterator[None]:
+    """Shortens errors of values that TOML cannot hold: they quote the value."""
+    try:
+        yield
+    except (TypeError, ValueError) as error:
+        raise type(error)(brief(error, 150)) from None
+
+
+@contextmanager
+def explained(scene: Scene, overrides: Mapping[str, Any], own: Sequence[str] = ()) -> Iterator[None]:
+    """Raises errors of the scene in the words of Python; ``own``: names of the caller's own arguments."""
+    try:
+        yield
+    except SceneError as error:
+        values = dotted(overrides)
+        written = (text.partition("=")[2] for text in settings(overrides))
+        given = Given(scene if isinstance(scene, Mapping) else None, values, dict(zip(values, written)), own, schema)
+        raise given.retold(error) from None
 
 
 def scene_text(scene: Mapping[str, Any]) -> str:
@@ -66,7 +98,8 @@ def scene_text(scene: Mapping[str, Any]) -> str:
 
     Raises :class:`TypeError` for a value that TOML cannot hold, naming its key.
     """
-    return compiled().document(dict(scene))
+    with _briefly():
+        return compiled().document(dict(scene))
 
 
 def save_scene(scene: Mapping[str, Any], path: str | os.PathLike[str]) -> Path:
@@ -101,7 +134,8 @@ def validate(scene: Scene, /, **overrides: Any) -> dict[str, Any]:
 
     Raises :class:`haff.SceneError` with all errors.
     """
-    return tomllib.loads(compiled().validate(source(scene, overrides)))
+    with explained(scene, overrides):
+        return tomllib.loads(compiled().validate(source(scene, overrides)))
 
 
 def templates() -> dict[str, str]:
@@ -112,6 +146,9 @@ def templates() -> dict[str, str]:
 def template(name: str) -> dict[str, Any]:
     """A starter scene as a dict, to be changed and run.
 
+    Its ``output.file`` is a proposal for ``haff run``: :func:`run` writes a temporary file instead, unless it is told
+    where.
+
     Examples
     --------
     >>> import haff
@@ -120,8 +157,11 @@ def template(name: str) -> dict[str, Any]:
     """
     found = {key: text for key, _, text in compiled().templates()}
     if name not in found:
-        raise KeyError(f"no template {name!r}; there are {', '.join(found)}")
-    return tomllib.loads(found[name])
+        raise KeyError(f"no template {quoted(name)}; there are {', '.join(found)}")
+    scene = tomllib.loads(found[name])
+    if "file" in scene.get("output", {}):
+        scene["output"]["file"] = ProposedName(scene["output"]["file"])
+    return scene
 
 
 def schema() -> dict[str, Any]:

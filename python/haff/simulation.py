@@ -16,7 +16,8 @@ from . import measurements
 from .frames import Box, Shear
 from .layout import AXES
 from .recorded import parsed
-from .scenes import Scene, compiled, source
+from .scenes import Scene, compiled, explained, source
+from .text import quoted
 
 if TYPE_CHECKING:
     import xarray
@@ -94,7 +95,8 @@ class Simulation:
     """
 
     def __init__(self, scene: Scene, /, *, threads: int | None = None, events: bool = False, **overrides: Any) -> None:
-        self._core = compiled().Simulation(source(scene, overrides), threads=threads, events=events)
+        with explained(scene, overrides, ("threads", "events")):
+            self._core = compiled().Simulation(source(scene, overrides), threads=threads, events=events)
         self._records_events = events
         self._calls: list[_Call] = []
         self._frame: tuple[Any, ...] | None = None
@@ -266,14 +268,14 @@ class Simulation:
         count = len(places)
         kind = self.species_names[0] if species is None else species
         if kind not in self.species_names:
-            raise ValueError(f"species = {kind!r}: must be one of {', '.join(self.species_names)}")
+            raise ValueError(f"species = {quoted(kind)}: must be one of {', '.join(self.species_names)}")
         index = self.species_names.index(kind)
         members = self.species == index
         values = []
         for name, given, present in (("radius", radius, self.radii), ("mass", mass, self.masses)):
             known = np.unique(present[members])
             if given is None and len(known) != 1:
-                raise ValueError(f"{name}: must be given, for the particles of species {kind!r} differ")
+                raise ValueError(f"{name}: must be given, for the particles of species {quoted(kind)} differ")
             values.append(np.broadcast_to(known[0] if given is None else np.asarray(given, float), count).tolist())
         speeds, spins = (
             np.broadcast_to(np.asarray(given, float), (count, 3)).tolist() for given in (velocities, angular_velocities)
