@@ -9,7 +9,9 @@ from __future__ import annotations
 import contextlib
 import itertools
 import json
+import keyword
 import os
+import re
 import time
 import warnings
 from collections.abc import Iterable, Mapping, Sequence
@@ -22,7 +24,8 @@ from .command import call, failure
 from .errors import ArgumentError, FileError, MissingDataError
 from .output import library
 from .scenes import Scene, compiled, scene_text
-from .text import escaped
+from .text import brief, escaped, quoted
+from .wording import in_python
 
 if TYPE_CHECKING:
     import xarray
@@ -35,6 +38,8 @@ _NUMBERS = (
     "index particles collisions wall_collisions events rests wakes simulated_time kinetic_energy potential_energy "
     "dissipated_energy carnot_energy rest_energy wall_work ledger_residual max_overlap wall_seconds"
 ).split()
+# Names that no dimension can have: variables, and arguments of xarray's sel.
+_TAKEN = frozenset({*_TEXTS, *_NUMBERS, "run_seed", "seed", "time", "indexers", "method", "tolerance", "drop"})
 
 
 def sweep(
@@ -48,11 +53,13 @@ def sweep(
     jobs: int | None = None,
     threads: int | None = None,
     retries: int = 3,
+    dims: str = "keys",
 ) -> xarray.Dataset:
     """Run a scene for every combination of values, and return the totals of all runs.
 
-    Complete runs in the folder are kept, stopped ones continue from their checkpoints. A run that fails does not stop
-    the others: its ``status`` is ``"failed"``, its ``error`` is the reason, and a warning counts them.
+    Complete runs in the folder are kept, stopped ones continue from their checkpoints, and with more values or seeds
+    than before only the missing ones are made. A run that fails does not stop the others: its ``status`` is
+    ``"failed"``, its ``error`` is the reason, and a warning counts them.
 
     Parameters
     ----------
@@ -76,6 +83,11 @@ def sweep(
         Threads of each run. Default: 1 on a cluster, else the cores that are left over.
     retries
         How often a run is tried again on a cluster when its file could not be written, or it was killed.
+    dims
+        What dimensions are called: ``"keys"`` (default), such as ``contact.restitution``, or ``"names"``, such as
+        ``restitution``, which need no quotes: ``study.sel(restitution=0.8)``. A name is the last part of the key, or
+        more of it where other keys end so or the name is taken: ``species.grain.count`` and ``species.ball.count``
+        become ``grain_count`` and ``ball_count``. The attribute ``key`` of the coordinate is the key.
 
     Returns
     -------
@@ -89,14 +101,19 @@ def sweep(
         The scene or the values are invalid.
     FileError
         A file cannot be read or written, or the folder holds another sweep.
+    ArgumentError
+        An argument is not one of those allowed.
 
     Examples
     --------
     >>> import haff
     >>> gas = haff.template("cooling")
-    >>> study = haff.sweep(gas, {"contact.restitution": [0.8, 0.9]}, seeds=4, output="study")   # doctest: +SKIP
-    >>> study["dissipated_energy"].mean("seed")                                                  # doctest: +SKIP
+    >>> values = {"contact.restitution": [0.8, 0.9]}
+    >>> study = haff.sweep(gas, values, seeds=4, output="study", dims="names")                  # doctest: +SKIP
+    >>> study.dissipated_energy.sel(restitution=0.8).mean("seed")                               # doctest: +SKIP
     """
+    if dims not in ("keys", "names"):
+        raise ArgumentError(f"dims = {quoted(dims)}: must be 'keys' or 'names'")
     values = {key: _several(key, several) for key, several in (values or {}).items()}
     # Workers may have another working directory.
     folder = Path(output).absolute()
@@ -104,29 +121,34 @@ def sweep(
     for key, several in values.items():
         arguments += ["--set", f"{key}={','.join(compiled().value(value, key) for value in several)}"]
     if seeds is not None:
-        arguments += ["--seeds", str(seeds)]
+        arguments.append(f"--seeds={seeds}")
     if cluster is None:
         options = [f"--{name}={n}" for name, n in (("jobs", jobs), ("threads", threads)) if n is not None]
         rows = _call([*arguments, *options])["runs"]
     else:
-        count = _call([*arguments, "--list"])["members"]
+        # In the order of the grid, whatever their numbers.
+        members = [row["index"] for row in _call([*arguments, "--list"])["runs"]]
         with _client(cluster, threads or 1) as client:
             task = [*arguments, f"--threads={threads or 1}"]
-            futures = client.map(_member, [[*task, f"--index={k}"] for k in range(count)], pure=False, retries=retries)
+            futures = client.map(_member, [[*task, f"--index={k}"] for k in members], pure=False, retries=retries)
             rows = client.gather(futures)
         # Updates the folder's manifest with the runs made by the cluster.
         _call([*arguments, "--list"])
     failed = [row for row in rows if row["status"] == "failed"]
     if failed:
         first = failed[0]
-        message = f"{len(failed)} of {len(rows)} runs failed; run {first['index']}: {escaped(first['error'])}"
+        reason = "; ".join(map(escaped, in_python(first["error"])))
+        message = f"{len(failed)} of {len(rows)} runs failed; run {first['index']}: {reason}"
         warnings.warn(message, RuntimeWarning, stacklevel=2)
-    return _dataset(rows, values, seeds, folder, series)
+    study = _dataset(rows, values, seeds, folder, series)
+    if dims == "keys":
+        return study
+    return _renamed(study, _names(list(values), [*_TAKEN, *(f"{name}_series" for name in series)]))
 
 
 def _several(key: str, values: Iterable[Any]) -> list[Any]:
     if isinstance(values, (str, Mapping)) or not isinstance(values, Iterable):
-        raise ArgumentError(f"{key}: needs a list of values, not {values!r}")
+        raise ArgumentError(f"{key}: needs a list of values, not {quoted(values)}")
     return list(values)
 
 
@@ -173,7 +195,7 @@ def _member(arguments: list[str]) -> dict[str, Any]:
             break
         time.sleep(pause)
     if row["status"] == "failed" and row.get("exit") == 4:
-        raise FileError(row["error"])
+        raise FileError(in_python(row["error"]))
     if row.get("stopped") == "signal":
         raise FileError(f"run {row['index']} was stopped by a signal")
     return row
@@ -218,8 +240,7 @@ def _dataset(
         coordinates["seed"] = np.arange(seeds or 1)
     shape = tuple(map(len, coordinates.values()))
     dimensions = tuple(coordinates)
-    # The order of the command: the first key slowest, derived seeds fastest.
-    rows = sorted(rows, key=lambda row: row["index"])
+    # The command gives rows in the order of the grid: the first key slowest, derived seeds fastest.
     variables: dict[str, Any] = {}
     for name in _NUMBERS:
         found = [row.get(name) for row in rows]
@@ -229,7 +250,7 @@ def _dataset(
     for name in _TEXTS:
         variables[name] = (
             dimensions,
-            np.array([str(row.get(name) or "") for row in rows], dtype=object).reshape(shape),
+            np.array(["\n".join(in_python(row.get(name) or "")) for row in rows], dtype=object).reshape(shape),
         )
     run_seeds = np.array([row["seed"] if row["seed"] is not None else -1 for row in rows], dtype=np.int64)
     variables["run_seed"] = (dimensions, run_seeds.reshape(shape))
@@ -239,6 +260,30 @@ def _dataset(
         dataset = dataset.assign_coords(time=array.index.to_numpy())
     dataset.attrs["folder"] = str(folder)
     return dataset
+
+
+def _names(keys: Sequence[str], taken: Sequence[str]) -> dict[str, str]:
+    """For each dotted key a name that is a Python name: the shortest end of the key that no other key has."""
+    parts = {key: [re.sub(r"\W", "_", part) for part in key.split(".")] for key in keys}
+    names: dict[str, str] = {}
+    for key in keys:
+        ends = ["_".join(parts[key][-depth:]) for depth in range(1, len(parts[key]) + 1)]
+        others = {
+            "_".join(parts[other][-depth:]) for other in keys if other != key for depth in range(1, len(ends) + 1)
+        }
+        free = (end for end in ends if end.isidentifier() and end not in others and end not in taken)
+        name = next((end for end in free if not keyword.iskeyword(end)), f"key_{ends[-1]}")
+        names[key] = key if key.isidentifier() else name
+    return names
+
+
+def _renamed(study: xarray.Dataset, names: Mapping[str, str]) -> xarray.Dataset:
+    """The dataset with names for the keys of its dimensions, which keep the key as an attribute."""
+    present = {key: name for key, name in names.items() if key in study.dims}
+    study = study.rename(present)
+    for key, name in present.items():
+        study[name].attrs["key"] = key
+    return study
 
 
 def _coordinate(key: str, several: list[Any]) -> Any:
@@ -262,7 +307,9 @@ def _series(rows: Sequence[Mapping[str, Any]], folder: Path, names: Sequence[str
             with open(path) as file:
                 table = file.observables.set_index("time")
                 if missing := [name for name in names if name not in table]:
-                    raise MissingDataError(f"{path}: no observable {missing[0]!r}; there are {', '.join(table)}")
+                    raise MissingDataError(
+                        f"{path}: no observable {quoted(missing[0])}; there are {brief(', '.join(table), 500)}"
+                    )
                 tables[row["index"]] = table[list(names)]
     if not tables:
         return {}

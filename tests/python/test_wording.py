@@ -1,0 +1,200 @@
+"""Errors name keywords to Python and options to users of the command, and shorten every value that they quote."""
+
+from __future__ import annotations
+
+import ast
+import re
+from pathlib import Path
+
+import h5py
+import numpy as np
+import pandas as pd
+import pytest
+
+import haff
+import synthetic
+from conftest import ROOT
+from haff import text, wording
+from haff.__main__ import main
+
+GAS = {
+    "schema": 1,
+    "domain": {"packing_fraction": 0.1},
+    "species": [{"name": "grain", "count": 50, "radius": 0.5, "mass": 1.0}],
+    "run": {"until": 0.5},
+}
+# Options of the command, and the command itself.
+OPTIONS = re.compile(r"--[a-z]|\(-o\)|-o DIR|haff run")
+# Messages that Python never shows: of the command line itself, of commands that Python does not call.
+UNSEEN = {"arguments.rs", "bench.rs", "check.rs", "info.rs", "init.rs", "manual.rs", "python.rs"}
+LITERAL = re.compile(r'//[^\n]*|b?"((?:[^"\\]|\\.)*)"', re.DOTALL)
+# Joins two values of --set, inside of a message that is tested as a whole below.
+PARTS = {" --set "}
+
+
+def messages() -> list[tuple[str, str]]:
+    """Texts with options in the sources of the command, and their files."""
+    found = []
+    for crate in ("cli", "record", "scene", "engine", "linkage"):
+        for path in sorted((ROOT / "crates" / crate).rglob("*.rs")):
+            if path.name in UNSEEN or {"tests", "bench", "examples"} & set(path.parts):
+                continue
+            source = path.read_text().split("#[cfg(test)]")[0]
+            for match in LITERAL.finditer(source):
+                message = re.sub(r"\\\n\s*", "", match[1] or "").replace("\\n", "\n").replace('\\"', '"')
+                if OPTIONS.search(message) and message not in PARTS:
+                    found.append((path.name, message))
+    return found
+
+
+def test_every_message_of_the_command_has_words_for_python():
+    found = messages()
+    assert len(found) > 15, "the sources are read"
+    for file, message in found:
+        for line in wording.in_python(message):
+            assert not OPTIONS.search(line), f"{file}: {line!r}"
+
+
+@pytest.mark.parametrize(
+    ("printed", "said"),
+    [
+        ("error: gas.h5 exists: name another output file, or allow it to be overwritten (--overwrite)",
+         "gas.h5 exists: name another output file, or allow it to be overwritten (overwrite=True)"),
+        ("output a.toml: is the scene; name another file (-o)",
+         "output a.toml: is the scene; name another file (file=…)"),
+        ("s belongs to another sweep: it has --set a=1,2 --set b=3, not --set a=1,2; take another folder (-o)",
+         "s belongs to another sweep: it has a=1,2 b=3, not a=1,2; take another folder (output=…)"),
+        ("s belongs to another sweep: it has no --seeds, not --seeds 4; take another folder (-o)",
+         "s belongs to another sweep: it has no seeds, not seeds=4; take another folder (output=…)"),
+        ("a.h5: it is not text; if it is the output of a run: haff run --resume a.h5",
+         'a.h5: it is not text; if it is the output of a run: haff.resume("a.h5")'),
+        ("error: invalid value '0' for '--threads <N>': 0 is not in 1..=1024\n\nFor more information, try '--help'.",
+         "threads = 0: must be in 1..=1024"),
+        # Names of files are left alone.
+        ("my --overwrite file.h5: no such file", "my --overwrite file.h5: no such file"),
+    ],
+)  # fmt: skip
+def test_messages_of_the_command_are_translated(printed, said):
+    assert wording.in_python(printed) == (said,)
+
+
+def test_errors_of_runs_and_sweeps_name_keywords(tmp_path):
+    haff.run(GAS, file=tmp_path / "gas.h5")
+    scene = haff.save_scene(GAS, tmp_path / "gas.toml")
+    (tmp_path / "notes.txt").write_text("no HDF5 file")
+    with pytest.raises(haff.FileError, match=r"gas\.h5 exists.*\(overwrite=True\)$"):
+        haff.run(GAS, file=tmp_path / "gas.h5")
+    with pytest.raises(haff.FileError, match=r"overwrite=True replaces outputs of runs only.*\(file=…\)$"):
+        haff.run(GAS, file=tmp_path / "notes.txt", overwrite=True)
+    with pytest.raises(haff.SceneError, match=r"is the scene; name another file \(file=…\)$"):
+        haff.run(scene, file=scene, overwrite=True)
+    with pytest.raises(haff.SceneError, match=r"^threads = 0: must be in 1\.\.=1024$"):
+        haff.run(GAS, threads=0)
+    haff.sweep(GAS, {"run.until": [0.1]}, output=tmp_path / "study")
+    with pytest.raises(haff.FileError, match=r"it has run\.until=0\.1\b.*\bnot run\.until=0\.1 seed=1; .*\(output=…\)$"):
+        haff.sweep(GAS, {"run.until": [0.1], "seed": [1]}, output=tmp_path / "study")
+    for values, seeds in (({}, None), ({"seed": [1, 2]}, 2), ({"run.until": []}, None), ({"run.untl": [1]}, None)):
+        with pytest.raises(haff.SceneError) as caught:
+            haff.sweep(GAS, values, seeds=seeds, output=tmp_path / "other")
+        assert "--" not in str(caught.value), str(caught.value)
+
+
+def test_own_errors_name_keywords_to_python_and_options_to_the_command(tmp_path, capsys):
+    path = synthetic.cooling_gas(tmp_path / "gas.h5", n=50, frames=4, samples=10, collisions=200)
+    kept = tmp_path / "kept.csv"
+    kept.touch()
+    with haff.open(path) as file:
+        with pytest.raises(haff.ArgumentError, match=r"kept\.csv: exists; overwrite=True replaces it$"):
+            file.export(kept)
+        with pytest.raises(haff.ArgumentError, match=r"^no format given: to must be one of gsd"):
+            file.export()
+    assert main(["export", str(path), "-o", str(kept)]) == 2
+    assert capsys.readouterr().err.endswith("kept.csv: exists; --overwrite replaces it\n")
+    assert main(["export", str(path)]) == 2
+    assert capsys.readouterr().err.startswith("haff: error: no format given: --to must be one of gsd")
+    with pytest.raises(haff.ArgumentError, match="overwrite=True"), haff.open(path) as file:
+        # The command has not left its words.
+        file.export(kept)
+
+
+def test_error_of_a_file_in_use_fits_its_reader(tmp_path, monkeypatch, capsys):
+    path = synthetic.cooling_gas(tmp_path / "gas.h5", n=50, frames=4, samples=10, collisions=200)
+
+    def locked(*arguments, **options):
+        raise BlockingIOError
+
+    monkeypatch.setattr(h5py, "File", locked)
+    with pytest.raises(haff.FileError, match=r"wait for it, or haff\.open\(…, locking=False\)$"):
+        haff.open(path)
+    assert main(["plot", str(path), "-o", str(tmp_path)]) == 4
+    assert capsys.readouterr().err.endswith("in use by a running simulation; wait for it\n")
+
+
+@pytest.mark.parametrize(
+    ("value", "shown"),
+    [
+        (1.5, "1.5"),
+        ("no", "'no'"),
+        (np.array([1.0, 2.0]), "[1.0, 2.0]"),
+        (np.zeros((1000, 3)), "ndarray of float64, shape (1000, 3)"),
+        (pd.DataFrame({"x": range(100)}), "DataFrame, shape (100, 1)"),
+        (10**5000, "<int>"),
+        ("\x1b[2J", r"'\x1b[2J'"),
+    ],
+    ids=lambda value: type(value).__name__,
+)
+def test_values_are_quoted_briefly(value, shown):
+    assert text.quoted(value) == shown
+
+
+@pytest.mark.parametrize(
+    "value",
+    ["x" * 5000, list(range(10000)), {"a": "x" * 5000}, b"\0" * 500, np.zeros((2,) * 20)],
+    ids=lambda value: type(value).__name__,
+)
+def test_quoted_values_have_at_most_80_characters(value):
+    assert len(text.quoted(value)) <= 80
+
+
+def test_no_error_quotes_a_value_at_full_length():
+    """``{value!r}`` in an error has any length; ``quoted`` has not."""
+    for path in sorted((ROOT / "python" / "haff").rglob("*.py")):
+        for node in ast.walk(ast.parse(path.read_text())):
+            if isinstance(node, ast.Raise):
+                whole = [
+                    part for part in ast.walk(node) if isinstance(part, ast.FormattedValue) and part.conversion == 114
+                ]
+                assert not whole, f"{path.name}:{node.lineno}: {ast.unparse(whole[0])}"
+
+
+def long_calls(file: haff.File, gas: haff.Simulation, folder: Path):
+    """Calls with a wrong argument that is long."""
+    long = "x" * 5000
+    return [
+        lambda: file.export(to=long),
+        lambda: file.export(folder / "a.csv", table=long),
+        lambda: file.export(folder / "a.csv", table="frames", frames=long),
+        lambda: file.frames.array(long),
+        lambda: file.events[long],
+        lambda: haff.restitution_from(file, kind=long),
+        lambda: haff.restitution_from({"height": [1.0, 0.5]}, error=[0.1] * 5000),
+        lambda: haff.theory.contact_value(0.1, equation=long),
+        lambda: haff.template(long),
+        lambda: haff.sweep(GAS, {"run.until": {"a": long}}, output=folder / "study"),
+        lambda: haff.sweep(GAS, {"run.until": [1]}, output=folder / "study", dims=long),
+        lambda: gas.add([1.0, 1.0, 1.0], species=long),
+        lambda: haff.Simulation(np.zeros((1000, 3))),
+        lambda: haff.save_scene({"seed": 10**4000}, folder / "a.toml"),
+        lambda: haff.Simulation(GAS, contact={(1,) * 5000: 2}),
+    ]
+
+
+def test_errors_stay_short_however_long_an_argument_is(tmp_path):
+    path = synthetic.cooling_gas(tmp_path / "gas.h5", n=50, frames=4, samples=10, collisions=200)
+    gas = haff.Simulation(GAS)
+    with haff.open(path) as file:
+        for number, call in enumerate(long_calls(file, gas, tmp_path)):
+            with pytest.raises((haff.HaffError, ValueError, TypeError, KeyError)) as caught:
+                call()
+            # A value of 80 characters, and the text around it.
+            assert len(str(caught.value)) <= 300, (number, str(caught.value)[:500])
