@@ -53,7 +53,7 @@ def sweep(
     jobs: int | None = None,
     threads: int | None = None,
     retries: int = 3,
-    dims: str = "keys",
+    dims: str = "names",
 ) -> xarray.Dataset:
     """Run a scene for every combination of values, and return the totals of all runs.
 
@@ -84,10 +84,11 @@ def sweep(
     retries
         How often a run is tried again on a cluster when its file could not be written, or it was killed.
     dims
-        What dimensions are called: ``"keys"`` (default), such as ``contact.restitution``, or ``"names"``, such as
-        ``restitution``, which need no quotes: ``study.sel(restitution=0.8)``. A name is the last part of the key, or
-        more of it where other keys end so or the name is taken: ``species.grain.count`` and ``species.ball.count``
-        become ``grain_count`` and ``ball_count``. The attribute ``key`` of the coordinate is the key.
+        What dimensions are called: ``"names"`` (default), such as ``restitution``, which need no quotes:
+        ``study.sel(restitution=0.8)``; or ``"keys"``, such as ``contact.restitution``. A name is the last part of the
+        key, or more of it where other keys end so or the name is taken: ``species.grain.count`` and
+        ``species.ball.count`` become ``grain_count`` and ``ball_count``. The attribute ``key`` of the coordinate is
+        the key.
 
     Returns
     -------
@@ -109,7 +110,7 @@ def sweep(
     >>> import haff
     >>> gas = haff.template("cooling")
     >>> values = {"contact.restitution": [0.8, 0.9]}
-    >>> study = haff.sweep(gas, values, seeds=4, output="study", dims="names")                  # doctest: +SKIP
+    >>> study = haff.sweep(gas, values, seeds=4, output="study")                                # doctest: +SKIP
     >>> study.dissipated_energy.sel(restitution=0.8).mean("seed")                               # doctest: +SKIP
     """
     if dims not in ("keys", "names"):

@@ -3,7 +3,7 @@
 use std::fmt;
 use std::ops::Range;
 
-use crate::text::shown;
+use crate::text::{LONGEST_VALUE, cut, shown};
 
 /// Source of the value of a key.
 #[derive(Debug, Clone, PartialEq, Eq)]
@@ -46,13 +46,15 @@ impl fmt::Display for SceneError {
             Place::File { line, .. } => write!(f, "{}:{line}: ", shown(&self.file))?,
             Place::Whole => write!(f, "{}: ", shown(&self.file))?,
             Place::Override(text) => {
-                write!(f, "--set {}: ", shown(text))?;
+                write!(f, "--set {}: ", shown(cut(text, LONGEST_VALUE)))?;
                 show_key &= text.split('=').next().map(str::trim) != Some(self.path.as_str());
             }
         }
         if show_key {
             match &self.value {
-                Some(value) => write!(f, "{} = {}: ", shown(&self.path), shown(value))?,
+                Some(value) => {
+                    write!(f, "{} = {}: ", shown(&self.path), shown(cut(value, LONGEST_VALUE)))?;
+                }
                 None => write!(f, "{}: ", shown(&self.path))?,
             }
         }

@@ -10,6 +10,9 @@ use std::fmt::Display;
 /// Longest piece of a message [characters]: longer ones are cut.
 pub const LONGEST: usize = 1000;
 
+/// Longest value in a message [characters]: its beginning shows what it is.
+pub const LONGEST_VALUE: usize = 120;
+
 /// Whether a character is shown as an escape: control characters (C0, DEL, C1), the separators of lines and
 /// paragraphs, and those that change the direction of writing.
 fn is_hidden(c: char) -> bool {
