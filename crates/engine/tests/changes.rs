@@ -189,3 +189,71 @@ fn impossible_changes_are_refused_and_change_nothing() {
     let refused = followed.change(&Change { remove: vec![0], ..Change::default() }, &mut Silent);
     assert!(matches!(refused, Err(EngineError::Change(why)) if why.contains("correlations follow")));
 }
+
+/// The busy system without drives, after a while, and its system with the changes of `change`.
+fn changed(change: impl Fn(&mut System)) -> (Simulation, System) {
+    let mut system = busy();
+    system.drives.clear();
+    let mut simulation = start(&system);
+    simulation.advance(until(3.0), &mut Silent).unwrap();
+    change(&mut system);
+    (simulation, system)
+}
+
+#[test]
+fn a_run_goes_on_in_a_system_with_other_laws_walls_and_gravity() {
+    let (mut simulation, system) = changed(|system| {
+        set_restitution(system, 0.4);
+        system.contacts.tc = 1e-4;
+        system.domain.gravity = DVec3::new(0.0, 0.0, -2.0);
+    });
+    let (before, frame, mass) = (simulation.sample(), simulation.frame(), 1.0);
+    let mut log = Log::default();
+    simulation.change_system(system.clone(), &mut log).unwrap();
+    assert_eq!((simulation.time(), log.0.last().map(|row| row.kind)), (3.0, Some(EventKind::Change)));
+    let after = simulation.frame();
+    assert_eq!((&frame.position, &frame.velocity), (&after.position, &after.velocity));
+    // The potential energy m g z changes with g, and the ledger takes it.
+    let heights: f64 = frame.position.iter().map(|position| mass * position.z).sum();
+    let ledger = simulation.ledger();
+    let gained = ledger.term(Term::Change);
+    assert!((gained + 3.0 * heights).abs() < 1e-12 * heights, "{gained} for heights {heights}");
+    assert!(ledger.residual.abs() < 1e-13, "{}", ledger.residual);
+    simulation.advance(until(6.0), &mut Silent).unwrap();
+    let sample = simulation.sample();
+    assert!(sample.ledger.residual.abs() < 1e-13 && sample.collisions > before.collisions);
+    let off = (sample.momentum - before.momentum) - (sample.external_impulse - before.external_impulse);
+    assert!(off.length() < 1e-12 * sample.external_impulse.length(), "momentum is off by {off}");
+    // A checkpoint belongs to the new system, and each search gives the same bits.
+    let hash = simulation.state_hash();
+    for neighbors in [NeighborChoice::Cells, NeighborChoice::AllPairs] {
+        let options = Options { neighbors, ..Options::default() };
+        let mut old = busy();
+        old.drives.clear();
+        let mut other = Simulation::new(old, options).unwrap();
+        other.advance(until(3.0), &mut Silent).unwrap();
+        other.change_system(system.clone(), &mut Silent).unwrap();
+        let mut other = Simulation::restore(system.clone(), options, &other.checkpoint()).unwrap();
+        other.advance(until(6.0), &mut Silent).unwrap();
+        assert_eq!(other.state_hash(), hash, "{neighbors:?}");
+    }
+}
+
+#[test]
+fn systems_with_another_box_particles_drives_or_measurements_are_refused() {
+    let changes: [(&str, fn(&mut System)); 6] = [
+        ("the box cannot change", |system| system.domain.size.x = 9.0),
+        ("the box cannot change", |system| system.domain.boundary[0] = Boundary::Periodic),
+        ("drives and their seed", |system| system.drives = busy().drives),
+        ("measurements, and the number of walls,", |system| system.measure.stress = false),
+        ("particles, their sizes and masses", |system| system.classes[0].mass = 2.0),
+        ("particles, their sizes and masses", |system| drop(system.bodies.pop())),
+    ];
+    for (why, change) in changes {
+        let (mut simulation, system) = changed(change);
+        let hash = simulation.state_hash();
+        let error = simulation.change_system(system, &mut Silent).unwrap_err();
+        assert!(matches!(&error, EngineError::Change(text) if text.contains(why)), "{error}");
+        assert_eq!(simulation.state_hash(), hash);
+    }
+}
