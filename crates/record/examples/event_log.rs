@@ -75,6 +75,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
         .collect();
     let particles = PARTICLES as usize;
     let header = Header {
+        earlier: String::new(),
         title: String::new(),
         scene_toml: String::new(),
         seed: 0,

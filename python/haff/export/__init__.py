@@ -12,7 +12,7 @@ from ..layout import computing
 from ..output import replacing
 from ..reader import File
 from ..selection import choose
-from ..text import quoted
+from ..text import brief, quoted
 from ..wording import say
 from . import extxyz, gsd, tables, vtkhdf
 
@@ -31,6 +31,16 @@ class Format(NamedTuple):
     """Whether it holds frames; if not, one of :data:`TABLES`."""
 
 
+MEANT = {
+    ".xyz": "extxyz",
+    ".vtk": "vtkhdf",
+    ".vtu": "vtkhdf",
+    ".hdf": "vtkhdf",
+    ".txt": "csv",
+    ".tsv": "csv",
+    ".pq": "parquet",
+}
+"""Suffixes of related formats, and the format that is written."""
 FORMATS = {
     "gsd": Format(".gsd", gsd.write, True),
     "extxyz": Format(".extxyz", extxyz.write, True),
@@ -77,10 +87,10 @@ def export(
         The library that writes the format is not installed.
     """
     if to is None:
-        suffix = Path(output).suffix if output is not None else ""
+        suffix = Path(output).suffix.lower() if output is not None else ""
         to = next((name for name, format in FORMATS.items() if format.suffix == suffix), None)
         if to is None:
-            raise ArgumentError(f"no format given: {say('to', '--to')} must be one of {', '.join(FORMATS)}")
+            raise ArgumentError(_without_format(output))
     if to not in FORMATS:
         raise ArgumentError(f"format {quoted(to)}: must be one of {', '.join(FORMATS)}")
     format = FORMATS[to]
@@ -101,3 +111,17 @@ def export(
         else:
             format.write(tables.TABLES[table](file, frames, unwrapped), part, file)
     return path
+
+
+def _without_format(output: str | os.PathLike[str] | None) -> str:
+    """Why the format of an output is not known, and how to give it."""
+    formats = ", ".join(FORMATS)
+    suffix = "" if output is None else Path(output).suffix
+    if not suffix:
+        return f"no format given: {say('to', '--to')} must be one of {formats}"
+    meant = MEANT.get(suffix.lower())
+    if meant is None:
+        return f"unknown suffix {brief(suffix)}: use {say('to=', '--to')}, one of {formats}"
+    name = brief(str(Path(output or "").with_suffix(FORMATS[meant].suffix)))
+    remedy = say(f"to={meant!r} or output={name!r}", f"--to {meant} or -o {name}")
+    return f"unknown suffix {suffix}: use {remedy}"
