@@ -1,4 +1,4 @@
-"""Files of runs in progress: everything reads them up to the last flush; and a collapsed gas goes on with a contact duration."""
+"""Files of runs in progress are read up to the last flush; and a collapsed gas goes on with a contact duration."""
 
 from __future__ import annotations
 

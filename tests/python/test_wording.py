@@ -132,7 +132,7 @@ def test_error_of_a_file_in_use_fits_its_reader(tmp_path, monkeypatch, capsys):
         raise BlockingIOError
 
     monkeypatch.setattr(h5py, "File", locked)
-    with pytest.raises(haff.FileError, match="is writing it just now; try again$"):
+    with pytest.raises(haff.FileError, match=r"is writing it just now; try again$"):
         haff.open(path)
     assert main(["plot", str(path), "-o", str(tmp_path)]) == 4
     assert capsys.readouterr().err.endswith("in use by a running simulation, which is writing it just now; try again\n")
