@@ -17,34 +17,38 @@ and MDAnalysis stand in :mod:`haff.analysis`, the figures of ``haff plot`` in :m
 Studies of many runs, here or on a cluster, are made by :func:`haff.sweep`.
 """
 
-from importlib.metadata import PackageNotFoundError, version
+from __future__ import annotations
 
-from . import analysis, mechanics, theory
-from .errors import (
-    ArgumentError,
-    FileError,
-    HaffError,
-    MissingDataError,
-    MissingPackageError,
-    NotApplicableError,
-    SceneError,
-    SceneProblem,
-    SimulationError,
-)
-from .events import Events
-from .frames import Box, Frame, Frames, Shear
-from .reader import File, open
-from .restitution import restitution_from
-from .runs import Result, resume, run
-from .scenes import load_scene, save_scene, schema, template, templates, validate
-from .simulation import Simulation
-from .sweep import sweep
-from .viewer import view
+from importlib import import_module, util
+from typing import TYPE_CHECKING, Any
 
-try:
-    __version__ = version("haff")
-except PackageNotFoundError:  # used from the source tree, not installed
-    __version__ = "0+source"
+# Names are imported on first use: NumPy, h5py, pandas and Matplotlib together take a second to load, and few programs
+# need all of them. Type checkers and editors read the imports below, Python the table `_HOME`; a test compares them.
+if TYPE_CHECKING:
+    from . import analysis, mechanics, theory
+    from .errors import (
+        ArgumentError,
+        FileError,
+        HaffError,
+        MissingDataError,
+        MissingPackageError,
+        NotApplicableError,
+        SceneError,
+        SceneProblem,
+        SimulationError,
+    )
+    from .events import Events
+    from .figures import plot
+    from .frames import Box, Frame, Frames, Shear
+    from .reader import File, open
+    from .restitution import restitution_from
+    from .runs import Result, resume, run
+    from .scenes import load_scene, save_scene, schema, template, templates, validate
+    from .simulation import Simulation
+    from .sweeps import sweep
+    from .viewer import view
+
+    __version__: str
 
 __all__ = [
     "ArgumentError",
@@ -68,6 +72,7 @@ __all__ = [
     "load_scene",
     "mechanics",
     "open",
+    "plot",
     "restitution_from",
     "resume",
     "run",
@@ -80,3 +85,56 @@ __all__ = [
     "validate",
     "view",
 ]
+
+_HOME = {
+    "errors": (
+        "ArgumentError",
+        "FileError",
+        "HaffError",
+        "MissingDataError",
+        "MissingPackageError",
+        "NotApplicableError",
+        "SceneError",
+        "SceneProblem",
+        "SimulationError",
+    ),
+    "events": ("Events",),
+    "figures": ("plot",),
+    "frames": ("Box", "Frame", "Frames", "Shear"),
+    "reader": ("File", "open"),
+    "restitution": ("restitution_from",),
+    "runs": ("Result", "resume", "run"),
+    "scenes": ("load_scene", "save_scene", "schema", "template", "templates", "validate"),
+    "simulation": ("Simulation",),
+    "sweeps": ("sweep",),
+    "viewer": ("view",),
+}
+"""Module of each name of :data:`__all__` that is not a module itself."""
+_MODULE = {name: module for module, names in _HOME.items() for name in names}
+
+
+def __getattr__(name: str) -> Any:
+    """A public name, or a module of this package, imported now (PEP 562)."""
+    if name in _MODULE:
+        value = getattr(import_module(f".{_MODULE[name]}", __name__), name)
+    elif name == "__version__":
+        value = _version()
+    elif not name.startswith("_") and util.find_spec(f"{__name__}.{name}") is not None:
+        value = import_module(f".{name}", __name__)
+    else:
+        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+    globals()[name] = value
+    return value
+
+
+def __dir__() -> list[str]:
+    return sorted([*__all__, "__all__", "__doc__", "__file__", "__name__", "__path__", "__version__"])
+
+
+def _version() -> str:
+    from importlib.metadata import PackageNotFoundError, version
+
+    try:
+        return version("haff")
+    except PackageNotFoundError:  # used from the source tree, not installed
+        return "0+source"

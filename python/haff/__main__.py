@@ -12,6 +12,7 @@ from pathlib import Path
 from typing import NoReturn
 
 from .errors import FileError, HaffError, MissingPackageError
+from .opening import require_file
 from .text import escaped
 from .wording import for_command
 
@@ -61,7 +62,7 @@ def _add_plot(commands) -> None:
     plot.add_argument("--movie", type=Path, metavar="OUT", help="draws a movie instead: OUT.mp4 or OUT.gif")
     _add_frames(plot, "of the movie; ")
     plot.add_argument("--fps", type=float, default=25.0, help="pictures a second of the movie (default: 25)")
-    plot.add_argument("--overwrite", action="store_true", help="replaces an existing movie")
+    plot.add_argument("--overwrite", action="store_true", help="replaces existing figures, or an existing movie")
     plot.set_defaults(run=_plot)
 
 
@@ -164,6 +165,7 @@ def main(arguments: list[str] | None = None) -> int:
 
 
 def _export(options: argparse.Namespace) -> int:
+    require_file(options.file)
     from . import reader
     from .export import export
 
@@ -182,6 +184,7 @@ def _export(options: argparse.Namespace) -> int:
 
 
 def _view(options: argparse.Namespace) -> int:
+    require_file(options.file)
     from .viewer import view
 
     notes: list[str] = []
@@ -200,18 +203,19 @@ def _view(options: argparse.Namespace) -> int:
 
 
 def _plot(options: argparse.Namespace) -> int:
-    from . import figures, reader
-
     if options.movie is not None:
         if options.kind or options.show or options.output:
             return _fail("--movie draws no figures: leave out --kind, --show and -o", status=2)
         return _movie(options)
-    if options.frames is not None or options.overwrite:
-        return _fail("--frames and --overwrite go with --movie; a snapshot takes --frame", status=2)
+    if options.frames is not None:
+        return _fail("--frames: several frames go with --movie; a snapshot takes --frame", status=2)
+    require_file(options.file)
+    from . import figures, reader
+
     directory = options.output or Path("figures")
     with reader.open(options.file) as file:
         kinds = options.kind or list(figures.KINDS)
-        results = figures.save_all(file, kinds, directory, options.format, options.frame)
+        results = figures.save_all(file, kinds, directory, options.format, options.frame, overwrite=options.overwrite)
         for result in results:
             if result.path is not None:
                 print(escaped(result.path))
@@ -228,6 +232,7 @@ def _plot(options: argparse.Namespace) -> int:
 
 
 def _movie(options: argparse.Namespace) -> int:
+    require_file(options.file)
     from . import reader
     from .figures import movie
 

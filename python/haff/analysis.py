@@ -8,7 +8,6 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
-from scipy.spatial import cKDTree
 
 from . import theory
 from .errors import ArgumentError, MissingDataError, NotApplicableError
@@ -93,6 +92,8 @@ def max_overlap(frame: Frame) -> Overlap:
     elif box.displacement is not None:
         blocks = iter([_sheared_pairs(position, box, reach)])
     else:
+        from scipy.spatial import cKDTree
+
         blocks = iter([cKDTree(position, boxsize=sides).query_pairs(reach, output_type="ndarray")])
     heavy = np.isinf(frame.mass)
     deepest = Overlap(-np.inf, (-1, -1))
@@ -109,6 +110,8 @@ def max_overlap(frame: Frame) -> Overlap:
 
 def _sheared_pairs(position: Array, box: Box, reach: float) -> NDArray[np.intp]:
     """Rows of all pairs within ``reach`` in a sheared box; across the faces of the gradient axis by copies there."""
+    from scipy.spatial import cKDTree
+
     assert box.displacement is not None
     gradient, flow, _ = box.displacement
     low = np.flatnonzero(position[:, gradient] <= reach)
@@ -447,7 +450,7 @@ def shear_viscosity(file: File, start: float | None = None, end: float | None = 
 
 def viscosity_scale(file: File) -> float:
     """V/T, the factor of the Green–Kubo relation of the viscosity, with the mean temperature of the samples."""
-    temperature = float(np.nanmean(file.observables["temperature"]))
+    temperature = float(np.nanmean(file.samples["temperature"]))
     return float(file.box.volume) / temperature
 
 
@@ -482,7 +485,7 @@ def rheology(file: File, start: float | None = None) -> Rheology:
         raise NotApplicableError(f"{file.path}: no shear (set domain.shear in the scene)")
     names = [AXES[k] for k in (shear.flow, shear.gradient, 3 - shear.flow - shear.gradient)]
     f, g, v = names
-    table = file.observables
+    table = file.samples
     if f"pressure_tensor_{g}{f}" not in table:
         raise MissingDataError(f"{file.path}: no pressure tensor (set measure.stress in the scene)")
 
@@ -522,8 +525,8 @@ def _window(
     known = lag[np.isfinite(error)]
     if len(known) < 4:
         raise NotApplicableError(f"{file.path}: the run is too short for a slope")
-    table = file.observables if "observables" in file else None
-    times = table["mean_free_time"].to_numpy() if table is not None and "mean_free_time" in table else np.array([])
+    table = file.samples if "observables" in file else None
+    times = table["mean_free_time"] if table is not None and "mean_free_time" in table else np.array([])
     times = times[np.isfinite(times)]
     mean_free_time = float(np.median(times)) if len(times) else np.inf
     start, end = (
@@ -597,10 +600,10 @@ def cooling_law(file: File) -> CoolingLaw:
     box, d, e = file.box, file.dimension, gas_restitution(file)
     if is_rough(file.scene):
         raise NotApplicableError("Haff's law is for smooth contacts")
-    table = file.observables if "observables" in file else None
-    if table is not None and ("temperature" not in table or len(table) == 0):
+    table = file.samples if "observables" in file else None
+    if table is not None and len(table.get("temperature", ())) == 0:
         raise NotApplicableError("Haff's law needs samples of the temperature")
-    T0 = float(table["temperature"].iloc[0]) if table is not None else temperature(file.frames[0])
+    T0 = float(table["temperature"][0]) if table is not None else temperature(file.frames[0])
     if not T0 > 0:
         raise NotApplicableError("nothing moves at the start")
     kinds, counts = np.unique(np.stack([2 * file.radius, file.mass]), axis=1, return_counts=True)

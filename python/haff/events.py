@@ -8,13 +8,14 @@ from typing import TYPE_CHECKING, Any, overload
 
 import h5py
 import numpy as np
-import pandas as pd
 
 from .errors import MissingDataError
 from .layout import Array, complete, component
 from .text import brief, escaped, quoted
 
 if TYPE_CHECKING:
+    import pandas as pd
+
     from .column import Column
     from .reader import File
 
@@ -107,6 +108,12 @@ class Events:
         for start in range(0, self._length, size):
             yield self._read(start, min(start + size, self._length), names)
 
+    def blocks(self, size: int = 1_000_000, columns: Sequence[str] | None = None) -> Iterator[dict[str, Array]]:
+        """As :meth:`chunks`, but arrays by name: ``kind`` is a code of :attr:`kinds`, vectors are ``[rows, 3]``."""
+        names = self._columns if columns is None else list(columns)
+        for start in range(0, self._length, size):
+            yield {name: self._values(name, start, min(start + size, self._length)) for name in names}
+
     def _require(self, name: str) -> None:
         if name in self._columns:
             return
@@ -142,6 +149,8 @@ class Events:
         return values
 
     def _read(self, start: int, stop: int, names: Sequence[str]) -> pd.DataFrame:
+        import pandas as pd
+
         columns: dict[str, Any] = {}
         stop = max(start, stop)
         for name in names:

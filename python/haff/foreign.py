@@ -11,7 +11,6 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
-import pandas as pd
 
 from .errors import FileError, HaffError
 from .layout import AXES, Array
@@ -57,7 +56,7 @@ def read(path: str | os.PathLike[str], index: int = -1) -> State:
         state = reader(path, index)
     except HaffError:
         raise
-    except (OSError, RuntimeError, ValueError, KeyError, UnicodeDecodeError, pd.errors.ParserError) as error:
+    except (OSError, RuntimeError, ValueError, KeyError, UnicodeDecodeError) as error:  # pandas raises ValueErrors
         raise FileError(f"{path}: cannot be read: {brief(str(error) or type(error).__name__)}") from error
     for name in ("position", "radius", "velocity", "mass", "size", "edges"):
         values = getattr(state, name)
@@ -109,6 +108,8 @@ def _gsd(path: Path, index: int) -> State:
 
 
 def _xyz(path: Path, index: int) -> State:
+    import pandas as pd
+
     starts, counts = _xyz_frames(path)
     k = _chosen(path, index, len(starts))
     with path.open("rb") as file:
@@ -173,6 +174,8 @@ def _xyz_frames(path: Path) -> tuple[list[int], list[int]]:
 
 
 def _csv(path: Path, index: int) -> State:
+    import pandas as pd
+
     table = pd.read_csv(path)
     table.columns = [str(name).strip().lower() for name in table.columns]
     for name in ("frame", "step", "time"):

@@ -3,10 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
-import pandas as pd
 from numpy.typing import NDArray
 
 from .errors import FileError, MissingDataError, NotApplicableError
@@ -14,6 +13,9 @@ from .reader import File
 from .recorded import roughness as roughness_of
 from .recorded import shaped_walls
 from .text import quoted
+
+if TYPE_CHECKING:
+    import pandas as pd
 
 __all__ = [
     "angles",
@@ -39,6 +41,8 @@ def times(run: File) -> pd.DataFrame:
 
     Raises :class:`NotApplicableError` if none does, or several do.
     """
+    import pandas as pd
+
     return pd.DataFrame({"time": _bounces(run)["time"].to_numpy()})
 
 
@@ -48,6 +52,8 @@ def heights(run: File) -> pd.DataFrame:
     Computed from the energy in any frame of the flight; NaN for a flight without a frame. Raises
     :class:`NotApplicableError` if no body, or several, bounce on a wall, or gravity does not pull onto it.
     """
+    import pandas as pd
+
     bounces = _bounces(run)
     body, wall = int(bounces["i"].iloc[0]), int(bounces["j"].iloc[0])
     point, normal = plane(run, wall)
@@ -75,6 +81,8 @@ def angles(run: File) -> pd.DataFrame:
     energies. ``attrs["masses"]`` holds the masses of the two. Raises :class:`NotApplicableError` if there is no
     such impact.
     """
+    import pandas as pd
+
     log = _events(run)
     collisions = log[log["kind"] == "collision"]
     hangs = pendulums(run)

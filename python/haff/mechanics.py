@@ -24,7 +24,6 @@ from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
-from scipy.special import ellipj, ellipkm1
 
 __all__ = [
     "Impact",
@@ -285,6 +284,8 @@ def geometric_sum(e: ArrayLike, count: ArrayLike) -> Array:
 
 def quarter_period(alpha: ArrayLike, length: ArrayLike, g: ArrayLike) -> Array:
     r"""Time from rest at ``alpha`` to the lowest point [time], :math:`\sqrt{l/g}\,K(\sin^2\tfrac\alpha2)`."""
+    from scipy.special import ellipkm1
+
     alpha, length, g = (np.asarray(x, float) for x in (alpha, length, g))
     # K as a function of 1 − sin², since sin² rounds to 1 near the top.
     return np.sqrt(length / g) * ellipkm1(np.cos(alpha / 2) ** 2)
@@ -295,6 +296,8 @@ def swing(t: ArrayLike, alpha: ArrayLike, length: ArrayLike, g: ArrayLike) -> Ar
 
     :math:`\sin\tfrac\theta2 = \sin\tfrac\alpha2\;\mathrm{cd}(\sqrt{g/l}\,t)` with Jacobi's elliptic functions.
     """
+    from scipy.special import ellipj
+
     k = np.sin(np.asarray(alpha, float) / 2)
     _, cn, dn, _ = ellipj(np.sqrt(np.asarray(g, float) / np.asarray(length, float)) * np.asarray(t, float), k**2)
     return 2 * np.arcsin(k * cn / dn)

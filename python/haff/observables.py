@@ -5,7 +5,6 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-import pandas as pd
 
 from .column import Column
 from .errors import MissingDataError
@@ -13,6 +12,7 @@ from .layout import AXES, Array, complete, component, computing
 from .text import brief, quoted
 
 if TYPE_CHECKING:
+    import pandas as pd
     import xarray
 
     from .reader import File
@@ -102,8 +102,8 @@ def arrays(file: File) -> tuple[Array, Array, dict[str, Array]]:
     return when, count, values
 
 
-def table(file: File) -> pd.DataFrame:
-    """One row per sample, one column per component; see :attr:`haff.File.observables`."""
+def samples(file: File) -> dict[str, Array]:
+    """One array ``[S]`` per component, by name; see :attr:`haff.File.samples`."""
     time, step, values = arrays(file)
     columns: dict[str, Array] = {"time": time, "step": step}
     for name, value in values.items():
@@ -115,7 +115,14 @@ def table(file: File) -> pd.DataFrame:
                     f"observables/{name}", f"has a component {quoted(suffix[1:])} that is an observable, too"
                 )
             columns[f"{name}{suffix}"] = value[(slice(None), *index)]
-    return pd.DataFrame(columns)
+    return columns
+
+
+def table(file: File) -> pd.DataFrame:
+    """One row per sample, one column per component; see :attr:`haff.File.observables`."""
+    import pandas as pd
+
+    return pd.DataFrame(file.samples)
 
 
 def dataset(file: File) -> xarray.Dataset:

@@ -14,6 +14,16 @@ from .errors import ArgumentError, FileError, MissingPackageError
 from .wording import say
 
 
+def require_free(path: Path, *, source: Path | None = None, overwrite: bool = False) -> None:
+    """Raises the errors of :func:`replacing` for a file that exists."""
+    if source is not None and path.exists() and path.samefile(source):
+        raise ArgumentError(f"{path}: is the file that is read")
+    if path.is_dir():
+        raise FileError(f"{path}: is a directory")
+    if path.exists() and not overwrite:
+        raise ArgumentError(f"{path}: exists; {say('overwrite=True', '--overwrite')} replaces it")
+
+
 @contextmanager
 def replacing(path: Path, *, source: Path | None = None, overwrite: bool = False) -> Iterator[Path]:
     """An empty file beside ``path`` to write to; it becomes ``path`` when all is written, and is removed if that fails.
@@ -27,12 +37,7 @@ def replacing(path: Path, *, source: Path | None = None, overwrite: bool = False
     FileError
         It cannot be written, such as to a full disk.
     """
-    if source is not None and path.exists() and path.samefile(source):
-        raise ArgumentError(f"{path}: is the file that is read")
-    if path.is_dir():
-        raise FileError(f"{path}: is a directory")
-    if path.exists() and not overwrite:
-        raise ArgumentError(f"{path}: exists; {say('overwrite=True', '--overwrite')} replaces it")
+    require_free(path, source=source, overwrite=overwrite)
     if not path.parent.is_dir():
         raise FileError(f"{path.parent}: no such directory")
     # The suffix is kept: writers choose the format by it.

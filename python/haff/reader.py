@@ -15,7 +15,6 @@ from typing import TYPE_CHECKING, Any
 
 import h5py
 import numpy as np
-import pandas as pd
 from numpy.typing import NDArray
 
 from . import measurements, observables
@@ -31,7 +30,9 @@ from .text import brief, escaped, quoted
 
 if TYPE_CHECKING:
     import MDAnalysis
+    import pandas as pd
     import xarray
+    from matplotlib.figure import Figure
 
 __all__ = ["File", "open"]
 
@@ -104,7 +105,7 @@ class File:
         if part in ("profiles", "correlations"):
             return bool(self.stored.members(str(part)))
         try:
-            return part in ("frames", "observables", "events") and getattr(self, str(part)) is not None
+            return part in ("frames", "observables", "events") and getattr(self, _READ[str(part)]) is not None
         except MissingDataError:
             return False
 
@@ -127,8 +128,8 @@ class File:
             if part not in self:
                 lines.append(f"  {part:<12} not recorded")
             elif part == "observables":
-                table = self.observables
-                lines.append(f"  {part:<12} {len(table):,} samples of {escaped(', '.join(observables.names(self)))}")
+                count = len(self.samples["time"])
+                lines.append(f"  {part:<12} {count:,} samples of {escaped(', '.join(observables.names(self)))}")
             else:
                 lines.append(f"  {part:<12} {repr(getattr(self, part))[1:-1].split(': ', 1)[1]}")
         for part in ("profiles", "correlations"):
@@ -368,9 +369,14 @@ class File:
 
         Vectors are expanded (``momentum_x``, …), values per species are named after them
         (``species_temperature_grain``). Raises :class:`MissingDataError` if the scene recorded none.
-        :meth:`to_xarray` keeps vectors whole.
+        :attr:`samples` has the same as arrays, :meth:`to_xarray` keeps vectors whole.
         """
         return observables.table(self)
+
+    @cached_property
+    def samples(self) -> dict[str, Array]:
+        """The samples as arrays ``[S]`` by name, those of :attr:`observables`; needs no pandas."""
+        return observables.samples(self)
 
     def to_xarray(self) -> xarray.Dataset:
         """The observables as a dataset with dimensions ``time``, ``axis`` and ``species``."""
@@ -442,6 +448,20 @@ class File:
 
         return export(self, output, **options)
 
+    def plot(
+        self, kind: str, output: str | os.PathLike[str] | None = None, *, overwrite: bool = False, **options: Any
+    ) -> Figure:
+        """Draws one standard figure, which notebooks show; writes it if ``output`` is given. See :func:`haff.plot`.
+
+        Examples
+        --------
+        >>> run.plot("temperature")                                     # doctest: +SKIP
+        >>> run.plot("snapshot", "first.pdf", index=0)                  # doctest: +SKIP
+        """
+        from .figures import plot
+
+        return plot(self, kind, output, overwrite=overwrite, **options)
+
     @cached_property
     def summary(self) -> dict[str, Any]:
         """Summary of the run: contents of the file, simulated time, ledger."""
@@ -454,10 +474,9 @@ class File:
         }
         for part in ("frames", "events"):
             found[part] = len(getattr(self, part)) if part in self else 0
-        found["samples"] = 0
-        if "observables" in self and len(self.observables):
-            last = self.observables.iloc[-1]
-            found["samples"] = len(self.observables)
+        found["samples"] = len(self.samples["time"]) if "observables" in self else 0
+        if found["samples"]:
+            last = {name: values[-1] for name, values in self.samples.items()}
             found["simulated_time"] = float(last["time"])
             for name in ("collisions", "wall_collisions"):
                 if name in last:
@@ -474,8 +493,8 @@ class File:
             ):
                 if name in last:
                     found[name] = float(last[name])
-            if "ledger_residual" in self.observables:
-                found["ledger_residual"] = float(self.observables["ledger_residual"].abs().max())
+            if "ledger_residual" in self.samples:
+                found["ledger_residual"] = _largest(self.samples["ledger_residual"])
         elif found["frames"]:
             found["simulated_time"] = self.frames[-1].time
         return found
@@ -498,8 +517,17 @@ def packing_fraction(file: File) -> float:
     return float(volume / file.box.volume)
 
 
+_READ = {"frames": "frames", "observables": "samples", "events": "events"}
+"""Attributes that raise :class:`MissingDataError` if a part of a file was not recorded."""
+
 _ROUNDING = 1e-9
 """Relative difference of lengths that is rounding."""
+
+
+def _largest(values: Array) -> float:
+    """Largest size of the numbers among ``values``; NaN if there is none."""
+    known = np.abs(values[~np.isnan(values)])
+    return float(known.max()) if len(known) else float("nan")
 
 
 def _positive(values: Array) -> NDArray[np.bool_]:

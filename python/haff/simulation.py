@@ -9,7 +9,6 @@ from functools import cached_property
 from typing import TYPE_CHECKING, Any, TypeAlias
 
 import numpy as np
-import pandas as pd
 from numpy.typing import ArrayLike, NDArray
 
 from . import measurements
@@ -20,6 +19,7 @@ from .scenes import Scene, compiled, explained, source
 from .text import quoted
 
 if TYPE_CHECKING:
+    import pandas as pd
     import xarray
 
 __all__ = ["Simulation"]
@@ -358,6 +358,8 @@ class Simulation:
 
         Needs ``events=True`` at the start.
         """
+        import pandas as pd
+
         if not self._records_events:
             raise ValueError("no events are recorded: make the simulation with events=True")
         columns: dict[str, Any] = {}

@@ -10,7 +10,6 @@ from __future__ import annotations
 import math
 import os
 import re
-import stat
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
@@ -24,6 +23,7 @@ import numpy as np
 from .column import Column
 from .errors import FileError, RunningFileError
 from .layout import Array
+from .opening import require_file
 from .text import brief
 
 T = TypeVar("T")
@@ -112,11 +112,7 @@ class Stored:
         self._columns: dict[str, Column] = {}
         self._locking, self._patient = locking, False
         try:
-            info = os.stat(path)
-            if stat.S_ISDIR(info.st_mode):
-                raise FileError(f"{path}: is a directory, not an HDF5 file")
-            if not stat.S_ISREG(info.st_mode):
-                raise FileError(f"{path}: is a device or a pipe, not an HDF5 file")
+            require_file(path)
             self.hdf, self.running = _opened(path, locking)
         except FileError:
             raise

@@ -10,8 +10,8 @@ from matplotlib.ticker import FuncFormatter, LogLocator, NullLocator
 from ..errors import NotApplicableError
 from ..observables import balance
 from ..reader import File
+from .facts import facts
 from .style import BLACK, BLUE, GREEN, GREY, ORANGE, PURPLE, RED, SKY, YELLOW, headline, label, number
-from .temperature import facts
 
 # Residuals below this are within the last bit of the sums and drawn on the lowest line.
 FLOOR = 1e-17
@@ -19,19 +19,19 @@ FLOOR = 1e-17
 
 def draw(file: File) -> Figure:
     """Stacked energies against time with the line of E₀ + W on top; below, the residual of the ledger."""
-    table = file.observables
+    table = file.samples
     needed = ("kinetic_energy", "potential_energy", "dissipated_energy")
     if missing := [n for n in needed if n not in table]:
         raise NotApplicableError(f"the file has no {', '.join(missing)}")
-    if len(table) < 2:
+    if len(table["time"]) < 2:
         raise NotApplicableError("fewer than two samples")
-    t = table["time"].to_numpy()
-    kinetic, potential, lost = (table[n].to_numpy() for n in needed)
-    rotation = table["rotational_energy"].to_numpy() if "rotational_energy" in table else np.zeros_like(t)
+    t = table["time"]
+    kinetic, potential, lost = (table[n] for n in needed)
+    rotation = table["rotational_energy"] if "rotational_energy" in table else np.zeros_like(t)
     terms = {name: sign for name, (_, sign) in balance(file).items() if name in table}
     # What is given raises the line of the supply; what is taken is a layer.
-    work = np.sum([table[name].to_numpy() for name, sign in terms.items() if sign > 0] or [np.zeros_like(t)], axis=0)
-    rest = np.sum([table[name].to_numpy() for name, sign in terms.items() if sign < 0] or [np.zeros_like(t)], axis=0)
+    work = np.sum([table[name] for name, sign in terms.items() if sign > 0] or [np.zeros_like(t)], axis=0)
+    rest = np.sum([table[name] for name, sign in terms.items() if sign < 0] or [np.zeros_like(t)], axis=0)
     scale = max(np.max(np.abs(energy)) for energy in (kinetic, rotation, potential, lost))
     if not scale > 0:
         raise NotApplicableError("there is no energy in this scene")
@@ -39,7 +39,7 @@ def draw(file: File) -> Figure:
     layers: list[tuple[str, str, np.ndarray]] = [("kinetic", BLUE, kinetic)]
     if rotation.max() > 1e-12 * scale:
         layers = [("translation", BLUE, kinetic), ("rotation", PURPLE, rotation)]
-    springs = table["spring_energy"].to_numpy() if "spring_energy" in table else np.zeros_like(t)
+    springs = table["spring_energy"] if "spring_energy" in table else np.zeros_like(t)
     gravity = potential - springs
     shift = min(0.0, float(gravity.min()))
     if np.abs(gravity).max() > 1e-12 * scale:
@@ -66,7 +66,7 @@ def draw(file: File) -> Figure:
     handles, labels = top.get_legend_handles_labels()
     figure.legend(handles, labels, loc="outside lower center", ncols=len(labels) if sum(map(len, labels)) < 58 else 2)
 
-    residual = np.abs(table["ledger_residual"].to_numpy()) if "ledger_residual" in table else np.full(len(t), np.nan)
+    residual = np.abs(table["ledger_residual"]) if "ledger_residual" in table else np.full(len(t), np.nan)
     below.axhline(1e-12, color=RED, lw=1, ls="--")
     below.text(0.99, 1e-12, "accepted: 10$^{-12}$", color=RED, ha="right", va="bottom", fontsize=8.5,
                transform=below.get_yaxis_transform())  # fmt: skip
@@ -110,14 +110,13 @@ def _dissipated(file: File, t: np.ndarray, lost: np.ndarray, rest: np.ndarray) -
     if not {"time", "kind", "energy_loss"} <= set(events.columns):
         return whole
     parts: dict[str, np.ndarray] = {name: np.zeros(len(t)) for name in events.kinds.values()}
-    for chunk in events.chunks(columns=("time", "kind", "energy_loss")):
+    for block in events.blocks(columns=("time", "kind", "energy_loss")):
         # Samples are taken after all events at their time.
-        row = np.searchsorted(t, chunk["time"].to_numpy(), side="left")
-        for name, some in chunk.groupby("kind", observed=True)["energy_loss"]:
-            index = row[some.index - chunk.index[0]]
-            inside = index < len(t)
-            parts[str(name)] += np.bincount(index[inside], some.to_numpy()[inside], len(t))
-    parts = {name: np.cumsum(v) for name, v in parts.items() if v.any()}
+        upto = np.searchsorted(block["time"], t, side="right")
+        for code, name in events.kinds.items():
+            if np.any(chosen := block["kind"] == code):
+                parts[name] += np.append(0.0, np.cumsum(np.where(chosen, block["energy_loss"], 0.0)))[upto]
+    parts = {name: v for name, v in parts.items() if v.any()}
     total = sum(parts.values(), np.zeros(len(t)))
     close = 1e-6 * np.abs(lost + rest) + 1e-9 * max(lost.max(), 1e-300)
     if "slide" in parts:

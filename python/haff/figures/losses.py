@@ -9,8 +9,8 @@ from .. import analysis, theory
 from ..errors import NotApplicableError
 from ..reader import File
 from ..recorded import is_rough
+from .facts import facts
 from .style import BLUE, GREEN, GREY, ORANGE, RED, headline, label
-from .temperature import facts
 
 _COLORS = {"collision": BLUE, "wall": ORANGE, "rest": GREEN}
 _NAMES = {
@@ -47,17 +47,18 @@ def draw(file: File) -> Figure:
     counts = {name: np.zeros(len(edges) - 1) for name in events.kinds.values()}
     scaled = np.zeros(len(scaled_edges) - 1)
     number = 0
-    table = file.observables if e is not None else None
-    for chunk in events.chunks(columns=("time", "kind", "energy_loss", *(("tangential_loss",) if rough else ()))):
-        for name, some in chunk.groupby("kind", observed=True):
-            counts[str(name)] += np.histogram(some["energy_loss"], edges)[0]
+    table = file.samples if e is not None else None
+    for block in events.blocks(columns=("time", "kind", "energy_loss", *(("tangential_loss",) if rough else ()))):
+        for code, name in events.kinds.items():
+            if np.any(chosen := block["kind"] == code):
+                counts[name] += np.histogram(block["energy_loss"][chosen], edges)[0]
         if e is not None and table is not None:
-            T = _temperature_at(chunk["time"].to_numpy(), table)
-            lost = chunk["energy_loss"] - chunk["tangential_loss"] if rough else chunk["energy_loss"]
+            T = _temperature_at(block["time"], table)
+            lost = block["energy_loss"] - block["tangential_loss"] if rough else block["energy_loss"]
             with np.errstate(divide="ignore", invalid="ignore"):
-                x = lost.to_numpy() / ((1 - e**2) * T)
+                x = lost / ((1 - e**2) * T)
             scaled += np.histogram(x, scaled_edges)[0]
-            number += len(chunk)
+            number += len(lost)
 
     panels = 2 if e is not None else 1
     figure = Figure(figsize=(8.6 if panels == 2 else 6.4, 4.4), layout="constrained")
@@ -106,23 +107,23 @@ def _restitution(file: File) -> float | None:
         return None
     if is_rough(file.scene) and "tangential_loss" not in file.events.columns:
         return None
-    if not (e < 1 and "observables" in file and len(file.observables) > 2):
+    if not (e < 1 and "observables" in file and len(file.samples["time"]) > 2):
         return None
-    table = file.observables
-    return e if "temperature" in table and table["temperature"].iloc[0] > 0 else None
+    table = file.samples
+    return e if "temperature" in table and table["temperature"][0] > 0 else None
 
 
 def _temperature_at(time: np.ndarray, table) -> np.ndarray:
     # T^{-1/2} is linear in time by Haff's law: interpolate that.
-    T = table["temperature"].to_numpy()
+    T = table["temperature"]
     with np.errstate(divide="ignore"):
-        return np.interp(time, table["time"].to_numpy(), 1 / np.sqrt(T)) ** -2
+        return np.interp(time, table["time"], 1 / np.sqrt(T)) ** -2
 
 
 def _range(file: File) -> tuple[float, float, bool]:
     low, high = np.inf, 0.0
-    for chunk in file.events.chunks(columns=("energy_loss",)):
-        loss = chunk["energy_loss"].to_numpy()
+    for block in file.events.blocks(columns=("energy_loss",)):
+        loss = block["energy_loss"]
         loss = loss[loss > 0]
         if len(loss):
             low, high = min(low, float(loss.min())), max(high, float(loss.max()))

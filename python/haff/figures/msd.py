@@ -8,8 +8,8 @@ from matplotlib.figure import Figure
 from .. import analysis
 from ..errors import NotApplicableError
 from ..reader import File
+from .facts import facts
 from .style import BLUE, GREEN, GREY, RED, headline, number
-from .temperature import facts
 
 
 def draw(file: File) -> Figure:

@@ -10,8 +10,8 @@ from matplotlib.figure import Figure
 from ..errors import NotApplicableError
 from ..reader import File
 from ..wording import say
+from .facts import facts
 from .style import BLUE, CYCLE, RED, SPEED_MAP, headline
-from .temperature import facts
 
 if TYPE_CHECKING:
     import xarray

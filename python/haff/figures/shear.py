@@ -12,11 +12,11 @@ from .. import analysis, theory
 from ..errors import NotApplicableError
 from ..frames import Shear
 from ..layout import AXES
-from ..reader import File
+from ..reader import File, packing_fraction
 from ..recorded import is_rough
+from .facts import facts
 from .profiles import curve
 from .style import BLUE, CYCLE, GREY, RED, headline, label, note, number
-from .temperature import facts
 
 MOST_POINTS = 200
 """Points of a curve; of more samples each point is a mean of several."""
@@ -39,7 +39,7 @@ def draw(file: File) -> Figure:
     shear = file.shear
     if shear is None:
         raise NotApplicableError("no shear (set domain.shear in the scene)")
-    found, table = analysis.rheology(file), file.observables
+    found, table = analysis.rheology(file), file.samples
     if "temperature" not in table:
         raise NotApplicableError("the file has no temperature")
     expected, why = _theory(file, shear)
@@ -52,11 +52,11 @@ def draw(file: File) -> Figure:
     panels = figure.subplots(2, 2).ravel() if profile is not None else figure.subplots(3, 1)
     temperature, viscosity, normal = panels[:3]
     rate = abs(shear.rate)
-    strain = rate * table["time"].to_numpy()
+    strain = rate * table["time"]
     lines: tuple = (None, None, ()) if expected is None else expected
 
-    T = table["temperature"].to_numpy()
-    late = T[table["time"].to_numpy() >= found.start]
+    T = table["temperature"]
+    late = T[table["time"] >= found.start]
     temperature.plot(*_thinned(strain, T), color=BLUE, lw=1.3, label=f"simulation,  {number(float(late.mean()))}")
     _level(temperature, lines[0], RED, "Enskog")
     temperature.set_ylabel("temperature $T$  [energy]")
@@ -70,11 +70,11 @@ def draw(file: File) -> Figure:
     unit = "mass/(length time)" if file.dimension == 3 else "mass/time"
     viscosity.set_ylabel(rf"$\eta = -P_{{{gradient}{flow}}}/\dot\gamma$  [{unit}]")
 
-    tensor = np.stack([table[f"pressure_tensor_{a}{a}"].to_numpy() for a in letters])
+    tensor = np.stack([table[f"pressure_tensor_{a}{a}"] for a in letters])
     known = np.isfinite(tensor).all(axis=0) & (tensor.sum(axis=0) > 0)
     mean = tensor[:, known].mean(axis=0)
     for k, letter in enumerate(letters):
-        points = _thinned(rate * table["time"].to_numpy()[known], tensor[k, known] / mean)
+        points = _thinned(rate * table["time"][known], tensor[k, known] / mean)
         normal.plot(*points, color=CYCLE[k], lw=1.2, label=f"$P_{{{letter}{letter}}}$")
         _level(normal, lines[2][k] if lines[2] else None, CYCLE[k], None)
     normal.axhline(1, color=GREY, lw=0.6, ls=":", zorder=0)
@@ -102,7 +102,7 @@ def _theory(file: File, shear: Shear) -> tuple[_Steady | None, str]:
     e = contact.get("restitution", 1.0)
     laws = [e, *("sticks" if p.get("sticks") else p.get("restitution", e) for p in contact.get("pair", ()))]
     kinds = np.unique(np.stack([file.radius, file.mass]), axis=1)
-    phi = file.summary["packing_fraction"]
+    phi = packing_fraction(file)
     obstacles = (
         (file.dimension == 2, "it is for spheres"),
         (kinds.shape[1] > 1, "it is for equal spheres"),

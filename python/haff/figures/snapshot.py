@@ -15,11 +15,11 @@ from ..errors import NotApplicableError
 from ..extent import Extent, extent
 from ..frames import Frame
 from ..reader import File
+from .facts import facts
 from .render import Camera, spheres
 from .style import CYCLE, SPEED_MAP, headline, label, page
-from .temperature import facts
 
-PIXELS = 1300
+PIXELS = 1200
 
 View = tuple[np.ndarray, np.ndarray, np.ndarray]
 
@@ -156,7 +156,9 @@ def _spheres(frame: Frame, axes, color, view: View, pixels: int) -> None:
         (hidden if behind else visible).append([camera.project(a)[:2], camera.project(b)[:2]])
     style = "-" if bound.all() else ":"
     axes.add_collection(LineCollection(hidden, colors="#999999", linewidths=0.8, linestyles=style, zorder=1))
-    axes.imshow(picture.rgba, extent=picture.extent, zorder=2, interpolation="antialiased")
+    axes.imshow(
+        (255 * picture.rgba + 0.5).astype(np.uint8), extent=picture.extent, zorder=2, interpolation="antialiased"
+    )
     # The front edges cross the particles: thin, so that they frame without covering.
     axes.add_collection(LineCollection(visible, colors="#444444", linewidths=0.9, linestyles=style, zorder=3))
     axes.set_xlim(window[0], window[1])

@@ -9,13 +9,13 @@ from .. import analysis
 from ..errors import NotApplicableError
 from ..layout import AXES
 from ..reader import File
+from .facts import facts
 from .style import BLACK, BLUE, CYCLE, GREEN, GREY, RED, headline, number
-from .temperature import facts
 
 
 def draw(file: File) -> Figure:
     """Components of the pressure tensor; with ``measure.stress_correlation`` the running viscosity below."""
-    table = file.observables if "observables" in file else None
+    table = file.samples if "observables" in file else None
     tensor = table is not None and "pressure_tensor_xx" in table
     # The viscosity of a sheared run does not follow from fluctuations.
     correlated = file.shear is None and "correlations" in file and "stress" in file.correlations
@@ -33,8 +33,8 @@ def draw(file: File) -> Figure:
 
 
 def _components(file: File, axes) -> None:
-    table = file.observables.iloc[1:]
-    time = table["time"].to_numpy()
+    table = {name: values[1:] for name, values in file.samples.items()}
+    time = table["time"]
     letters = AXES[: file.dimension]
     # As many blocks as make the noise of the curves small.
     width = max(1, len(time) // 200)
@@ -46,14 +46,14 @@ def _components(file: File, axes) -> None:
     if blocks < 2:
         raise NotApplicableError("fewer than two samples of the pressure tensor")
     for k, a in enumerate(letters):
-        axes.plot(mean(time), mean(table[f"pressure_tensor_{a}{a}"].to_numpy()), color=CYCLE[k], lw=1.1,
+        axes.plot(mean(time), mean(table[f"pressure_tensor_{a}{a}"]), color=CYCLE[k], lw=1.1,
                   label=f"$P_{{{a}{a}}}$")  # fmt: skip
     for a, b in [("x", "y"), ("x", "z"), ("y", "z")][: 1 if len(letters) == 2 else 3]:
-        axes.plot(mean(time), mean(table[f"pressure_tensor_{a}{b}"].to_numpy()), color=GREY, lw=0.8,
+        axes.plot(mean(time), mean(table[f"pressure_tensor_{a}{b}"]), color=GREY, lw=0.8,
                   label="off the diagonal" if (a, b) == ("x", "y") else None)  # fmt: skip
     axes.axhline(0, color=BLACK, lw=0.6)
     if "pressure" in table:
-        axes.plot(mean(time), mean(table["pressure"].to_numpy()), color=BLACK, lw=0.9, ls=":", label="$P$")
+        axes.plot(mean(time), mean(table["pressure"]), color=BLACK, lw=0.9, ls=":", label="$P$")
     axes.set_xlabel("simulated time $t$  [scene’s unit of time]")
     axes.set_ylabel("$P_{ab}$  [energy/length$^d$]")
     axes.margins(x=0)

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import numpy as np
 from numpy.typing import ArrayLike
-from scipy.special import poch
 
 from ._common import Array, check_dimension
 
@@ -49,6 +48,8 @@ def periodic_rate_factor(particles: ArrayLike, d: int = 3) -> Array:
     because velocities are spread evenly over a sphere in ``f`` dimensions. Exact for elastic spheres or disks of one
     mass, if :math:`g_0` is :func:`periodic_contact_value`.
     """
+    from scipy.special import poch
+
     particles = np.asarray(particles, float)
     freedom = check_dimension(d) * (particles - 1)
     spread = np.sqrt(freedom / 2) / poch(freedom / 2, 0.5)

@@ -6,7 +6,6 @@ from collections.abc import Callable
 
 import numpy as np
 from numpy.typing import ArrayLike
-from scipy.integrate import solve_ivp
 
 from ..text import quoted
 from ._common import Array, check_dimension
@@ -114,6 +113,8 @@ def cooling_curve(
     restitution
         ``e`` of an array of approach speeds.
     """
+    from scipy.integrate import solve_ivp
+
     times = np.atleast_1d(np.asarray(t, float))
     dimension = check_dimension(d)
     # x = y⁵ makes powers of v^(1/5) polynomials, apart from the exponential.

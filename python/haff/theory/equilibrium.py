@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import numpy as np
 from numpy.typing import ArrayLike
-from scipy.interpolate import pade
 
 from ..text import quoted
 from ._common import Array, check_dimension
@@ -51,6 +50,8 @@ def virial_disks(eta: ArrayLike, denominator: int = 5) -> Array:
     difference of orders 5 and 4 estimates its error. At :math:`\eta = 0.65` it is high by 0.4 %: see
     :func:`luding_disks`.
     """
+    from scipy.interpolate import pade
+
     numerator, divisor = pade(_DISKS, denominator, 9 - denominator)
     x = 2 * np.asarray(eta, float)
     return np.asarray(numerator(x) / divisor(x), float)

@@ -6,7 +6,6 @@ from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
-from scipy.optimize import root
 
 from ..text import quoted
 from ._common import Array, check_dimension
@@ -144,6 +143,8 @@ def granular_temperatures(
     the heavier must be hotter: equipartition holds for elastic mixtures only (Garzó–Dufty 1999). Parameters as in
     :func:`mixture_cooling_rates`.
     """
+    from scipy.optimize import root
+
     n = np.atleast_1d(np.asarray(n, float))
 
     def unequal(logarithms: Array) -> Array:

@@ -7,8 +7,6 @@ from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
-from scipy.optimize import root
-from scipy.special import ndtr
 
 from ._common import Array
 from .collisions import collision_frequency
@@ -184,6 +182,8 @@ def uniform_shear_enskog(e: ArrayLike, packing_fraction: ArrayLike, g0: ArrayLik
 
 def _steady(e: float, n: float, g: float) -> tuple[Array, Array, float]:
     """K and the pressure tensor, ``[3, 3]`` each, and the collision frequency of a sphere, in units of m, σ and γ̇."""
+    from scipy.optimize import root
+
     # Near the solution: where the work of Enskog's viscosity of elastic spheres is what collisions take.
     losses = 3 * n / float(haff_time(e, float(collision_frequency(n, 1.0, g0=g)), 3, 0.0))
     T = float(enskog_viscosity(n, 1.0, g0=g)) / losses
@@ -216,6 +216,8 @@ def _collide(K: Array, e: float) -> tuple[Array, Array, float]:
 
     Of the change of K, of the momentum that is transferred, and of the number of collisions.
     """
+    from scipy.special import ndtr
+
     k, weight = _directions()
     h = (1 + e) / 2
     Kk = k @ K

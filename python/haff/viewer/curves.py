@@ -5,7 +5,6 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
-import pandas as pd
 
 from ..observables import balance
 from ..reader import File
@@ -18,12 +17,11 @@ FEW = 30
 
 def find(file: File) -> dict[str, Any] | None:
     """Temperature, energies and collision rate over time, thinned; ``None`` if there are no samples."""
-    if "observables" not in file or len(file.observables) < 2:
+    if "observables" not in file or len(file.samples["time"]) < 2:
         return None
-    table = file.observables
-    every = -(-len(table) // MOST)
+    every = -(-len(file.samples["time"]) // MOST)
     # The last sample is kept, so that the curves reach the end.
-    table = pd.concat([table.iloc[:-1:every], table.iloc[-1:]])
+    table = {name: np.concatenate([values[:-1:every], values[-1:]]) for name, values in file.samples.items()}
     panels = []
     if "temperature" in table and len(file) >= FEW:
         panels.append(_panel("Temperature", [("", table["temperature"])]))
@@ -36,19 +34,20 @@ def find(file: File) -> dict[str, Any] | None:
             ("dissipated", "dissipated_energy"),
             *((label, name) for name, (label, _) in balance(file).items()),
         )
-        if name in table and np.ptp(table[name].to_numpy()) > 0
+        if name in table and np.ptp(table[name]) > 0
     ]
     if energies:
         panels.append(_panel("Energy ledger", energies))
     if "ledger_residual" in table and table["ledger_residual"].any():
         panels.append(_panel("Ledger residual", [("", table["ledger_residual"])]))
     counts = [table[name] for name in ("collisions", "wall_collisions") if name in table]
-    if counts and float(sum(counts).iloc[-1]) > 0:
+    total = np.sum(counts, axis=0)
+    if counts and total[-1] > 0:
         if len(file) < FEW:
-            panels.append(_panel("Collisions so far", [("", sum(counts))], counted=True))
+            panels.append(_panel("Collisions so far", [("", total)], counted=True))
         else:
             with np.errstate(divide="ignore", invalid="ignore"):
-                rate = np.diff(sum(counts)) / np.diff(table["time"])
+                rate = np.diff(total) / np.diff(table["time"])
             panels.append(_panel("Collisions per time", [("", np.append(np.nan, rate))]))
     if not panels:
         return None

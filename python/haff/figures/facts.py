@@ -1,0 +1,40 @@
+"""The line of facts above a figure."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from ..reader import File, packing_fraction
+from ..recorded import roughness
+from .style import label
+
+
+def facts(file: File) -> str:
+    """One line that describes the gas."""
+    parts = [f"N = {len(file):,}"]
+    phi = packing_fraction(file)
+    if np.isfinite(phi):
+        parts.append(f"packing fraction {phi:.3g}")
+    parts += _restitutions(file)
+    beta, friction = roughness(file.scene)
+    if beta > -1 and friction > 0:
+        parts += [f"β = {beta:g}"] + ([f"μ = {friction:g}"] if np.isfinite(friction) else [])
+    return f"{label(file.title) + '  ·  ' if file.title else ''}{',  '.join(parts)}"
+
+
+def _restitutions(file: File) -> list[str]:
+    """Restitution of the contacts that can happen: between particles, and with walls where it differs."""
+
+    def name(e: object) -> str:
+        return f"{e:g}" if isinstance(e, (int, float)) else label(e.get("model", "?")) if isinstance(e, dict) else "?"
+
+    contact, walls = file.scene.get("contact", {}), file.scene.get("wall", [])
+    between = contact.get("restitution", 1.0)
+    general = contact.get("wall_restitution", between)
+    at_walls = {name(wall.get("restitution", general)) for wall in walls}
+    if "wall" in file.box.boundary:
+        at_walls.add(name(general))
+    found = [f"e = {name(between)}"] if len(file) > 1 else []
+    if (at_walls and at_walls != {name(between)}) or not found:
+        found.append(f"{'walls ' if found else 'e = '}{', '.join(sorted(at_walls)) or name(between)}")
+    return found
