@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Mapping
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
@@ -12,6 +12,7 @@ from numpy.typing import ArrayLike, NDArray
 from . import theory
 from .errors import ArgumentError, MissingDataError, NotApplicableError
 from .layout import AXES, computing
+from .measurements import correlation_columns
 from .recorded import is_rough
 
 if TYPE_CHECKING:
@@ -419,7 +420,7 @@ def self_diffusion(file: File, start: float | None = None, end: float | None = N
     coefficients of the gradient and, in three dimensions, of the third axis. The autocorrelation is that of velocities
     relative to the flow, and its integral is another quantity there.
     """
-    found, d = file.correlations, file.dimension
+    found, d = correlation_columns(file), file.dimension
     if "msd" not in found:
         raise MissingDataError(f"{file.path}: no mean square displacement (set measure.msd in the scene)")
     window = _window(file, found["msd"], (start, end), (20.0, 80.0))
@@ -438,7 +439,7 @@ def shear_viscosity(file: File, start: float | None = None, end: float | None = 
     """
     if file.shear is not None:
         raise NotApplicableError(f"{file.path}: the run is sheared: analysis.rheology gives its viscosity")
-    found = file.correlations
+    found = correlation_columns(file)
     if "helfand" not in found:
         raise MissingDataError(
             f"{file.path}: no autocorrelation of the pressure tensor (set measure.stress_correlation)"
@@ -510,18 +511,18 @@ def rheology(file: File, start: float | None = None) -> Rheology:
     return Rheology(end, viscosity, first, second, *means, float(start))
 
 
-def running_integral(correlation: xarray.Dataset) -> tuple[Array, Array]:
+def running_integral(correlation: xarray.Dataset | Mapping[str, Array]) -> tuple[Array, Array]:
     """Lags, and the integral of an autocorrelation from 0 to each of them, by the rule of trapezoids."""
-    lag, value = correlation["lag"].to_numpy(), correlation["value"].to_numpy()
+    lag, value = np.asarray(correlation["lag"]), np.asarray(correlation["value"])
     steps = np.diff(lag) * 0.5 * (value[1:] + value[:-1])
     return lag, np.concatenate([[0.0], np.cumsum(steps)])
 
 
 def _window(
-    file: File, mean_square: xarray.Dataset, given: tuple[float | None, float | None], default: tuple[float, float]
+    file: File, mean_square: Mapping[str, Array], given: tuple[float | None, float | None], default: tuple[float, float]
 ) -> tuple[float, float]:
     """The window of lags, at most up to the last one with an error."""
-    lag, error = mean_square["lag"].to_numpy(), mean_square["error"].to_numpy()
+    lag, error = mean_square["lag"], mean_square["error"]
     known = lag[np.isfinite(error)]
     if len(known) < 4:
         raise NotApplicableError(f"{file.path}: the run is too short for a slope")
@@ -540,15 +541,15 @@ def _window(
 
 
 def _transport(
-    mean_square: xarray.Dataset,
-    product: xarray.Dataset | None,
+    mean_square: Mapping[str, Array],
+    product: Mapping[str, Array] | None,
     window: tuple[float, float],
     scale: float,
     product_scale: float,
 ) -> Transport:
     """``scale`` is the factor of half the slope, ``product_scale`` that of the integral."""
     start, end = window
-    lag, value, error = (mean_square[name].to_numpy() for name in ("lag", "value", "error"))
+    lag, value, error = (mean_square[name] for name in ("lag", "value", "error"))
     inside = (lag >= start) & (lag <= end) & (error > 0)
     slope = np.polyfit(lag[inside], value[inside], 1, w=1 / error[inside])[0]
     slope_error = error[inside][-1] / (end - start)
@@ -560,7 +561,7 @@ def _transport(
         widths = np.gradient(times)
         widths[0] = 0.5 * (times[1] - times[0])
         upto = times <= end
-        integral_error = float(np.sqrt(np.nansum((widths * product["error"].to_numpy())[upto] ** 2)))
+        integral_error = float(np.sqrt(np.nansum((widths * product["error"])[upto] ** 2)))
     return Transport(
         *(0.5 * scale * slope, 0.5 * scale * slope_error),
         *(product_scale * integral, product_scale * integral_error, start, end),

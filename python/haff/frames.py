@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from .errors import ArgumentError, MissingDataError
 from .layout import AXES, Array, complete
+from .notebook import table
 from .text import quoted
 
 if TYPE_CHECKING:
@@ -209,6 +210,11 @@ class Frame:
 
     def _read(self, name: str) -> Array:
         return self._frames._values(name, range(self._row, self._row + 1))[0]
+
+    def _repr_html_(self) -> str:
+        """A table for notebooks; reads no vectors."""
+        rows = [("time", f"{self.time:g}"), ("events so far", f"{self.step:,}"), ("particles", f"{len(self.mass):,}")]
+        return table(f"Frame {self._row}", [("file", self.file.path), *rows, ("box", self.box)])
 
     def __repr__(self) -> str:
         return f"<Frame {self._row}: t = {self.time:g}, step = {self.step}, N = {len(self.mass)}>"

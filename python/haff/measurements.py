@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
@@ -32,8 +32,24 @@ _CORRELATIONS = {
 """Long name and unit."""
 
 
+class Rows(NamedTuple):
+    """The rows of one profile as arrays."""
+
+    time: Array
+    """``[R]`` ends of the intervals [time]."""
+    centers: Mapping[str, Array]
+    """Centers of the cells [length], by axis."""
+    fields: Mapping[str, Array]
+    """``[R, cells…]`` by name, with the axes of vectors and tensors last."""
+
+
 def profiles(file: File) -> dict[str, xarray.Dataset]:
     """All profiles of a file, by the letters of their axes; see :attr:`haff.File.profiles`."""
+    return {name: profile(*rows) for name, rows in profile_rows(file).items()}
+
+
+def profile_rows(file: File) -> dict[str, Rows]:
+    """As :func:`profiles`, but arrays, which need no xarray."""
     stored, found = file.stored, {}
     for name in stored.members("profiles"):
         place = f"profiles/{name}"
@@ -58,7 +74,7 @@ def profiles(file: File) -> dict[str, xarray.Dataset]:
             letter: grid if d == 1 else grid[(*first[d * axis : d * (axis + 1)], axis)]
             for axis, letter in enumerate(axes)
         }
-        found[name] = profile(when, centers, fields)
+        found[name] = Rows(when, centers, fields)
     if not found:
         raise MissingDataError(f"{file.path}: no profiles (set measure.profiles in the scene)")
     return found
@@ -87,6 +103,11 @@ def profile(time: Array, centers: Mapping[str, Array], fields: Mapping[str, Arra
 
 def correlations(file: File) -> dict[str, xarray.Dataset]:
     """All correlations of a file, by name; see :attr:`haff.File.correlations`."""
+    return {name: correlation(name, columns) for name, columns in correlation_columns(file).items()}
+
+
+def correlation_columns(file: File) -> dict[str, dict[str, Array]]:
+    """As :func:`correlations`, but arrays ``lag``, ``value``, ``error`` and ``count``, which need no xarray."""
     stored, found = file.stored, {}
     for name in stored.members("correlations"):
         if name not in _CORRELATIONS:
@@ -97,7 +118,7 @@ def correlations(file: File) -> dict[str, xarray.Dataset]:
         rows = min(map(len, columns.values()))
         lag = columns["lag"][:rows]
         columns["lag"].require_order(lag)
-        found[name] = correlation(name, {part: column[:rows] for part, column in columns.items()})
+        found[name] = {part: column[:rows] for part, column in columns.items()}
     if not found:
         raise MissingDataError(
             f"{file.path}: no correlations (set measure.msd, vacf or stress_correlation in the scene)"

@@ -102,6 +102,12 @@ def arrays(file: File) -> tuple[Array, Array, dict[str, Array]]:
     return when, count, values
 
 
+def count(file: File) -> int:
+    """Number of complete samples; reads only times."""
+    time, step, found = columns(file)
+    return complete(time, min(map(len, (time, step, *found.values()))))
+
+
 def samples(file: File) -> dict[str, Array]:
     """One array ``[S]`` per component, by name; see :attr:`haff.File.samples`."""
     time, step, values = arrays(file)

@@ -23,6 +23,7 @@ from .errors import FileError, HaffError, MissingDataError, NotApplicableError
 from .events import Events
 from .frames import Box, Frames, Shear
 from .layout import AXES, SCHEMA, Array
+from .notebook import table
 from .output import library
 from .recorded import SceneFault, parsed
 from .stored import Stored, reason
@@ -105,7 +106,9 @@ class File:
         if part in ("profiles", "correlations"):
             return bool(self.stored.members(str(part)))
         try:
-            return part in ("frames", "observables", "events") and getattr(self, _READ[str(part)]) is not None
+            if part == "observables":
+                return bool(observables.names(self))
+            return part in ("frames", "events") and getattr(self, str(part)) is not None
         except MissingDataError:
             return False
 
@@ -117,25 +120,41 @@ class File:
         except HaffError as error:
             return f"<haff.File {str(self.path)!r}, damaged: {error}>"
 
+    def _repr_html_(self) -> str:
+        """The same as a table, for notebooks."""
+        if not getattr(self, "hdf", None):
+            return table("haff.File", [("file", self.path), ("state", "closed")])
+        try:
+            return table(self.title or "untitled", [("file", self.path), *self._contents()])
+        except HaffError as error:
+            return table("haff.File", [("file", self.path), ("damaged", error)])
+
     def _described(self) -> str:
         lines = [f"<haff.File {str(self.path)!r}: {escaped(self.title) or 'untitled'}"]
-        lines.append(f"  particles    {len(self):,} ({escaped(', '.join(self.species_names))})")
-        lines.append(f"  box          {self.box!r}")
+        lines += [f"  {name:<12} {text}" for name, text in self._contents()]
+        return "\n".join(lines) + ">"
+
+    def _contents(self) -> list[tuple[str, str]]:
+        """What the file holds, line by line; reads little of it."""
+        found = [
+            ("particles", f"{len(self):,} ({escaped(', '.join(self.species_names))})"),
+            ("box", repr(self.box)),
+        ]
         if self.shear is not None:
             flow, gradient, rate = self.shear
-            lines.append(f"  shear        flow along {AXES[flow]}, gradient along {AXES[gradient]}, rate {rate:g}")
+            found.append(("shear", f"flow along {AXES[flow]}, gradient along {AXES[gradient]}, rate {rate:g}"))
         for part in ("frames", "observables", "events"):
             if part not in self:
-                lines.append(f"  {part:<12} not recorded")
+                text = "not recorded"
             elif part == "observables":
-                count = len(self.samples["time"])
-                lines.append(f"  {part:<12} {count:,} samples of {escaped(', '.join(observables.names(self)))}")
+                text = f"{observables.count(self):,} samples of {escaped(', '.join(observables.names(self)))}"
             else:
-                lines.append(f"  {part:<12} {repr(getattr(self, part))[1:-1].split(': ', 1)[1]}")
+                text = repr(getattr(self, part))[1:-1].split(": ", 1)[1]
+            found.append((part, text))
         for part in ("profiles", "correlations"):
             if part in self:
-                lines.append(f"  {part:<12} {escaped(', '.join(self.stored.members(part)))}")
-        return "\n".join(lines) + ">"
+                found.append((part, escaped(", ".join(self.stored.members(part)))))
+        return found
 
     @property
     def hdf(self) -> h5py.File:
@@ -516,9 +535,6 @@ def packing_fraction(file: File) -> float:
     volume = np.sum(4 / 3 * np.pi * r**3) if d == 3 else np.sum(np.pi * r**2)
     return float(volume / file.box.volume)
 
-
-_READ = {"frames": "frames", "observables": "samples", "events": "events"}
-"""Attributes that raise :class:`MissingDataError` if a part of a file was not recorded."""
 
 _ROUNDING = 1e-9
 """Relative difference of lengths that is rounding."""

@@ -17,6 +17,7 @@ from . import reader
 from .command import call, failure
 from .errors import FileError
 from .keywords import dotted
+from .notebook import table
 from .output import replacing
 from .scenes import ProposedName, Scene, compiled, explained, settings, source
 from .temporary import TemporaryFolder
@@ -76,6 +77,23 @@ class Result:
             if not about.init:
                 object.__setattr__(self, name, self.report[name])
 
+    def _repr_html_(self) -> str:
+        """A table for notebooks."""
+        rows = [
+            ("file", "none" if self.path is None else self.path),
+            ("stopped by", self.stopped),
+            ("simulated time", f"{self.simulated_time:g}"),
+            ("particles", f"{self.particles:,}"),
+            ("collisions", f"{self.collisions:,}"),
+            ("wall collisions", f"{self.wall_collisions:,}"),
+            ("run time [s]", _shown(self.wall_seconds, ".3g")),
+            ("collisions per second", _shown(self.collisions_per_second, ",.0f")),
+            ("ledger residual", _shown(self.ledger_residual, ".2g")),
+            ("largest overlap", _shown(self.max_overlap, ".2g")),
+            ("state hash", self.state_hash),
+        ]
+        return table("Run", rows)
+
     def __getitem__(self, name: str) -> Any:
         """A total by its name in the report."""
         return self.report[name]
@@ -116,6 +134,11 @@ class Result:
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
         self.close()
+
+
+def _shown(number: float | None, form: str) -> str:
+    """A number; JSON has none for NaN and infinities."""
+    return "unknown" if number is None else format(number, form)
 
 
 def run(

@@ -14,6 +14,7 @@ from numpy.typing import ArrayLike, NDArray
 from . import measurements
 from .frames import Box, Shear
 from .layout import AXES
+from .notebook import table
 from .recorded import parsed
 from .scenes import Scene, compiled, explained, source
 from .text import quoted
@@ -479,6 +480,19 @@ class Simulation:
     def neighbors(self) -> str:
         """Method of the neighbor search: ``"windows"``, ``"lists"``, ``"cells"``, …"""
         return self._core.neighbors
+
+    def _repr_html_(self) -> str:
+        """A table for notebooks."""
+        rows = [
+            ("time", f"{self.time:g}"),
+            ("particles", f"{len(self):,} ({', '.join(self.species_names)})"),
+            ("box", self.box),
+            ("packing fraction", f"{self.packing_fraction:.4g}"),
+            ("collisions", f"{self.collisions:,}"),
+            ("wall collisions", f"{self.wall_collisions:,}"),
+            ("seed", self.seed),
+        ]
+        return table(f"Simulation: {self.title or 'untitled'}", rows)
 
     def __repr__(self) -> str:
         done = f"t = {self.time:g}, {self.collisions:,} collisions"

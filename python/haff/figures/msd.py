@@ -7,6 +7,7 @@ from matplotlib.figure import Figure
 
 from .. import analysis
 from ..errors import NotApplicableError
+from ..measurements import correlation_columns
 from ..reader import File
 from .facts import facts
 from .style import BLUE, GREEN, GREY, RED, headline, number
@@ -14,11 +15,11 @@ from .style import BLUE, GREEN, GREY, RED, headline, number
 
 def draw(file: File) -> Figure:
     """⟨|Δr|²⟩ against lag with its slope, and the running coefficients of Einstein and of Green and Kubo below."""
-    found = file.correlations
+    found = correlation_columns(file)
     if "msd" not in found:
         raise NotApplicableError("no mean square displacement (set measure.msd in the scene)")
     msd, d = found["msd"], file.dimension
-    lag, value, error = (msd[name].to_numpy() for name in ("lag", "value", "error"))
+    lag, value, error = (msd[name] for name in ("lag", "value", "error"))
     if len(lag) < 8 or not value[-1] > 0:
         raise NotApplicableError("fewer than eight lags of the mean square displacement")
     result = analysis.self_diffusion(file)

@@ -2,19 +2,18 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+import warnings
 
 import numpy as np
 from matplotlib.figure import Figure
 
 from ..errors import NotApplicableError
+from ..layout import AXES
+from ..measurements import Rows, profile_rows
 from ..reader import File
 from ..wording import say
 from .facts import facts
 from .style import BLUE, CYCLE, RED, SPEED_MAP, headline
-
-if TYPE_CHECKING:
-    import xarray
 
 MOST_ARROWS = 24
 """Arrows along an axis of a map."""
@@ -22,7 +21,7 @@ MOST_ARROWS = 24
 
 def draw(file: File) -> Figure:
     """Means over the later half of the rows: curves with two standard errors, or maps with arrows of the flow."""
-    found = file.profiles
+    found = profile_rows(file)
     lines = [name for name in found if len(name) == 1]
     maps = [name for name in found if len(name) == 2]
     if lines:
@@ -33,29 +32,36 @@ def draw(file: File) -> Figure:
         where = say("File.profiles", "haff.open(FILE).profiles in Python")
         raise NotApplicableError(f"profiles in three dimensions have no figure; {where} has their numbers")
     profile = found[name]
-    if len(profile["time"]) == 0:
+    if len(profile.time) == 0:
         raise NotApplicableError("no complete row of a profile")
-    late = profile.isel(time=slice(len(profile["time"]) // 2, None))
+    late = later_half(profile)
     figure = _lines(late, name) if lines else _map(late, name)
-    times = late["time"].to_numpy()
+    times = late.time
     span = f"t = {times[0]:.4g} … {times[-1]:.4g}" if len(times) > 1 else f"t = {times[0]:.4g}"
     headline(figure, f"Profile along {' and '.join(name)}", f"{facts(file)}  ·  {len(times)} rows, {span}")
     return figure
 
 
-def _lines(late: xarray.Dataset, axis: str) -> Figure:
+def later_half(profile: Rows) -> Rows:
+    """The later half of the rows, and the one in the middle."""
+    start = len(profile.time) // 2
+    fields = {name: values[start:] for name, values in profile.fields.items()}
+    return profile._replace(time=profile.time[start:], fields=fields)
+
+
+def _lines(late: Rows, axis: str) -> Figure:
     figure = Figure(figsize=(6.4, 7.0), layout="constrained")
     density, temperature, pressure = figure.subplots(3, 1, sharex=True)
-    x = late[axis].to_numpy()
-    curve(density, x, late["density"].to_numpy(), BLUE, None)
+    x = late.centers[axis]
+    curve(density, x, late.fields["density"], BLUE, None)
     density.set_ylabel("number density $n$  [1/length$^d$]")
     density.set_ylim(bottom=0)
-    curve(temperature, x, late["temperature"].to_numpy(), RED, None)
+    curve(temperature, x, late.fields["temperature"], RED, None)
     temperature.set_ylabel("temperature $T$  [energy]")
     temperature.set_ylim(bottom=0)
-    for k, letter in enumerate(late["row"].to_numpy()):
-        values = late["pressure"].sel(row=letter, column=letter).to_numpy()
-        curve(pressure, x, values, CYCLE[k], f"$P_{{{letter}{letter}}}$")
+    tensor = late.fields["pressure"]
+    for k, letter in enumerate(AXES[: tensor.shape[-1]]):
+        curve(pressure, x, tensor[..., k, k], CYCLE[k], f"$P_{{{letter}{letter}}}$")
     pressure.set_ylabel("pressure  [energy/length$^d$]")
     pressure.set_ylim(bottom=0)
     pressure.legend(ncols=3)
@@ -74,19 +80,27 @@ def curve(axes, x: np.ndarray, rows: np.ndarray, color: str, label: str | None) 
     axes.fill_between(x, mean - 2 * spread, mean + 2 * spread, color=color, alpha=0.2, lw=0)
 
 
-def _map(late: xarray.Dataset, name: str) -> Figure:
+def _map(late: Rows, name: str) -> Figure:
     figure = Figure(figsize=(9.2, 4.4), layout="constrained")
-    x, y = (late[axis].to_numpy() for axis in name)
-    for axes, field, words in zip(figure.subplots(1, 2), ("density", "temperature"), ("$n$", "$T$")):
-        values = late[field].mean("time").to_numpy().T
+    x, y = (late.centers[axis] for axis in name)
+    about = ("number density $n$", "granular temperature $T$")
+    for axes, field, words in zip(figure.subplots(1, 2), ("density", "temperature"), about):
+        values = _mean(late.fields[field]).T
         picture = axes.pcolormesh(x, y, values, cmap=SPEED_MAP, shading="nearest", rasterized=True)
-        figure.colorbar(picture, ax=axes, label=f"{late[field].attrs['long_name']} {words}")
+        figure.colorbar(picture, ax=axes, label=words)
         axes.set_aspect("equal")
         axes.set_xlabel(f"${name[0]}$  [length]")
         axes.set_ylabel(f"${name[1]}$  [length]")
         if field == "density":
             step = max(1, -(-max(len(x), len(y)) // MOST_ARROWS))
-            flow = late["velocity"].mean("time")
-            u, v = (flow.sel(component=axis).to_numpy().T[::step, ::step] for axis in name)
+            flow = _mean(late.fields["velocity"])
+            u, v = (flow[..., AXES.index(axis)].T[::step, ::step] for axis in name)
             axes.quiver(x[::step], y[::step], u, v, color="white", width=0.004)
     return figure
+
+
+def _mean(rows: np.ndarray) -> np.ndarray:
+    """Mean over the rows in which a cell was not empty; NaN for one that always was."""
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", RuntimeWarning)
+        return np.nanmean(rows, axis=0)

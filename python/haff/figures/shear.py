@@ -12,10 +12,11 @@ from .. import analysis, theory
 from ..errors import NotApplicableError
 from ..frames import Shear
 from ..layout import AXES
+from ..measurements import Rows, profile_rows
 from ..reader import File, packing_fraction
 from ..recorded import is_rough
 from .facts import facts
-from .profiles import curve
+from .profiles import curve, later_half
 from .style import BLUE, CYCLE, GREY, RED, headline, label, note, number
 
 MOST_POINTS = 200
@@ -138,18 +139,15 @@ def _thinned(x: np.ndarray, y: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     return tuple(values[len(values) - kept :].reshape(-1, width).mean(axis=1) for values in (x, y))  # type: ignore
 
 
-def _profile(file: File, axis: str):
+def _profile(file: File, axis: str) -> Rows | None:
     """Later half of the rows of a profile along the gradient, if there is one."""
-    if "profiles" not in file or axis not in file.profiles:
-        return None
-    profile = file.profiles[axis]
-    rows = len(profile["time"])
-    return profile.isel(time=slice(rows // 2, None)) if rows else None
+    profile = profile_rows(file).get(axis) if "profiles" in file else None
+    return None if profile is None or len(profile.time) == 0 else later_half(profile)
 
 
-def _velocity(axes: Axes, late, shear: Shear, edge: float) -> None:
+def _velocity(axes: Axes, late: Rows, shear: Shear, edge: float) -> None:
     flow, gradient = AXES[shear.flow], AXES[shear.gradient]
-    place, values = late[gradient].to_numpy(), late["velocity"].sel(component=flow).to_numpy()
+    place, values = late.centers[gradient], late.fields["velocity"][..., shear.flow]
     ends = np.array([0.0, edge])
     axes.plot(ends, shear.rate * ends, color=RED, lw=4, alpha=0.4, label=rf"$\dot\gamma\,{gradient}$")
     curve(axes, place, values, BLUE, "simulation, late rows")

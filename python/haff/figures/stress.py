@@ -8,6 +8,7 @@ from matplotlib.figure import Figure
 from .. import analysis
 from ..errors import NotApplicableError
 from ..layout import AXES
+from ..measurements import correlation_columns
 from ..reader import File
 from .facts import facts
 from .style import BLACK, BLUE, CYCLE, GREEN, GREY, RED, headline, number
@@ -18,7 +19,7 @@ def draw(file: File) -> Figure:
     table = file.samples if "observables" in file else None
     tensor = table is not None and "pressure_tensor_xx" in table
     # The viscosity of a sheared run does not follow from fluctuations.
-    correlated = file.shear is None and "correlations" in file and "stress" in file.correlations
+    correlated = file.shear is None and "correlations" in file and "stress" in correlation_columns(file)
     if not tensor and not correlated:
         raise NotApplicableError("no pressure tensor (set measure.stress or stress_correlation in the scene)")
     rows = int(tensor) + int(correlated)
@@ -63,9 +64,10 @@ def _components(file: File, axes) -> None:
 def _viscosity(file: File, axes) -> None:
     result = analysis.shear_viscosity(file)
     scale = analysis.viscosity_scale(file)
-    helfand, stress = file.correlations["helfand"], file.correlations["stress"]
-    lag = helfand["lag"].to_numpy()
-    axes.semilogx(lag, np.gradient(helfand["value"].to_numpy(), lag) * scale / 2, color=BLUE, lw=1.3,
+    found = correlation_columns(file)
+    helfand, stress = found["helfand"], found["stress"]
+    lag = helfand["lag"]
+    axes.semilogx(lag, np.gradient(helfand["value"], lag) * scale / 2, color=BLUE, lw=1.3,
                   label="Einstein (Helfand)")  # fmt: skip
     times, integral = analysis.running_integral(stress)
     axes.semilogx(times[1:], integral[1:] * scale, color=GREEN, lw=1.3, label="Green–Kubo")
