@@ -1,4 +1,4 @@
-"""The cooling figure of a gas that clusters: the fit of τ ends where Haff's law does, and the ratio is never negative."""
+"""The cooling figure of a gas that clusters: the fit of τ ends where Haff's law does; the ratio is never negative."""
 
 import h5py
 import numpy as np

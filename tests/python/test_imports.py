@@ -17,7 +17,8 @@ def loaded(code: str, *arguments: str) -> set[str]:
     """The libraries of `HEAVY` that are loaded after `code`, in a process of its own; `SystemExit` ends it as well."""
     program = (
         "import atexit, sys\n"
-        f"atexit.register(lambda: sys.stderr.write('\\nloaded ' + ' '.join(m for m in {HEAVY!r} if m in sys.modules)))\n"
+        f"found = lambda: ' '.join(m for m in {HEAVY!r} if m in sys.modules)\n"
+        "atexit.register(lambda: sys.stderr.write('\\nloaded ' + found()))\n"
     )
     done = subprocess.run(
         [sys.executable, "-c", program + code, *arguments], capture_output=True, text=True, check=False, timeout=120

@@ -57,7 +57,7 @@ def test_functions_refuse_to_replace_a_file(files, tmp_path):
             assert path.read_text() == "of another program"
             write(overwrite=True)
             assert path.read_bytes().startswith(b"\x89PNG")
+        copy = tmp_path / "copy.png"
+        copy.write_bytes(files["ball"].read_bytes())
         with pytest.raises(haff.ArgumentError, match="is the file that is read"):
-            copy = tmp_path / "copy.png"
-            copy.write_bytes(files["ball"].read_bytes())
             haff.plot(copy, "energy", copy, overwrite=True)

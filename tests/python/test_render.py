@@ -48,10 +48,9 @@ def test_surroundings_are_those_of_a_blur_at_full_resolution(reach):
     depth, _ = render._nearest(balls(rng, 150, width, height, 12.0, 30.0), width, height)
     filled = np.where(np.isfinite(depth), depth, depth[np.isfinite(depth)].min()).astype(float)
     expected = (gaussian_filter(filled, reach / 2, mode="nearest") - filled) / (2 * reach)
-    found = np.concatenate([
-        render._Surroundings.of(depth, reach).below(np.float32(filled[low : low + 64]), slice(low, min(low + 64, height)))
-        for low in range(0, height, 64)
-    ])  # fmt: skip
+    around = render._Surroundings.of(depth, reach)
+    bands = [slice(low, min(low + 64, height)) for low in range(0, height, 64)]
+    found = np.concatenate([around.below(np.float32(filled[band]), band) for band in bands])
     # Shades differ by half of it: 0.02 of 1 is not to be seen.
     assert np.abs(found - expected).mean() < 0.02 * max(1.0, np.abs(expected).max())
     assert np.corrcoef(found.ravel(), expected.ravel())[0, 1] > 0.99
