@@ -4,11 +4,11 @@
     benches/starting.py --haff .venv/bin/haff                                      # the package of this checkout
     benches/starting.py --haff .venv/bin/haff --before OLD/scripts                 # and an earlier one, in turn
 
-The package is the folder `haff` in the folder that is named, by PYTHONPATH; the files to draw are made by the command in
-a temporary folder, a few megabytes each. Every command is run once, then nine times (--repeats) in turn with that of the
-other package; the record has the medians of the wall time and of the processor time, user and system. A figure that the
-earlier package does not have is left out there. The record goes to benches/record/ as starting.json and starting.md,
-where only the part between the lines `<!-- begin starting -->` and `<!-- end starting -->` is replaced.
+The package is the folder `haff` in the folder that is named, by PYTHONPATH; the files to draw are made by the command
+in a temporary folder, a few megabytes each. Every command is run once, then nine times (--repeats) in turn with that of
+the other package; the record has the medians of the wall time and of the processor time, user and system. A figure that
+the earlier package does not have is left out there. The record goes to benches/record/ as starting.json and
+starting.md, where only the part between the lines `<!-- begin starting -->` and `<!-- end starting -->` is replaced.
 
 Needs matplotlib, numpy and pandas, as record.py does.
 """

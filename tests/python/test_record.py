@@ -1,4 +1,4 @@
-"""benches/record.py: tables and figures from given measurements."""
+"""benches/record.py and benches/starting.py: tables and figures from given measurements."""
 
 import argparse
 import importlib.util
@@ -148,20 +148,54 @@ def test_measured_part_replaces_only_its_section_of_the_page(record, tmp_path):
 
 def test_record_pages_have_their_sections_and_at_most_150_lines(record, monkeypatch):
     folder = RECORD.parent / "record"
-    for name, sections in {"throughput": 1, "growth": 1, "accuracy": 1, "features": 3}.items():
+    for name, sections in {"throughput": 1, "growth": 1, "accuracy": 1, "features": 3, "starting": 1}.items():
         text = (folder / f"{name}.md").read_text()
         assert text.count("<!-- begin ") == text.count("<!-- end ") == sections, name
     for page in folder.glob("*.md"):
         assert page.read_text().count("\n") <= 150, page.name
     monkeypatch.syspath_prepend(str(RECORD.parent))
-    accuracy = importlib.import_module("accuracy")
+    accuracy, starting = map(importlib.import_module, ("accuracy", "starting"))
     for name, markdown in (
         ("throughput", record.markdown),
         ("growth", record.markdown),
         ("accuracy", accuracy.markdown),
+        ("starting", starting.markdown),
     ):
         made = markdown(json.loads((folder / f"{name}.json").read_text()))
         assert made in (folder / f"{name}.md").read_text(), f"--replot makes another {name}.md"
+
+
+def test_start_is_timed_in_turn_and_tabulated_by_medians(tmp_path, monkeypatch, capsys):
+    """The packages and programs are stand-ins: what is run, how often, and what becomes of the times."""
+    monkeypatch.syspath_prepend(str(RECORD.parent))
+    starting = importlib.import_module("starting")
+    log = tmp_path / "log"
+    program = tmp_path / "haff"
+    program.write_text(
+        f"#!{sys.executable}\nimport os, sys\nfrom pathlib import Path\nword = ' '.join(sys.argv[1:])\n"
+        f"package = Path(os.environ['PYTHONPATH']).name\nopen({str(log)!r}, 'a').write(package + ' ' + word + '\\n')\n"
+        "old = package == 'old'\nsys.exit(4 if 'missing' in word else 2 if old and 'shear' in word else 0)\n"
+    )
+    program.chmod(0o755)
+    (tmp_path / "python3").symlink_to(program)
+    monkeypatch.setattr(starting, "make_files", lambda haff, folder: None)
+    packages = {"before": tmp_path / "old", "now": starting.ROOT / "python"}
+    found = starting.cells(argparse.Namespace(haff=program, repeats=3), packages)
+    told = log.read_text().splitlines()
+    assert len(told) == 4 * 2 * len(starting.commands()) and told[:2] == ["old -c import haff", "python -c import haff"]
+    assert all(len(cell["times"]["now"]) == 3 for cell in found)
+    # A figure that the earlier package lacks has no times; any other failure ends it.
+    assert [len(cell["times"]["before"]) for cell in found] == [3] * (len(found) - 1) + [0]
+    record = {"date": "2026-01-31", "machine": {"model": "Test", "family": "1"}, "command": "c", "repeats": 3}
+    record |= {"packages": {"before": "abc", "now": "def"}, "cells": [found[0], found[-1]]}
+    found[0]["times"] = {"before": [(3.0, 2.0), (1.0, 1.0), (1.5, 9.0)], "now": [(0.1, 0.05)]}
+    text = starting.markdown(record)
+    assert "| `python -c import haff` | 1.50 (2.00) | 0.10 (0.05) |" in text and "--kind shear` | – |" in text
+    failing = tmp_path / "failing"
+    failing.write_text("#!/bin/sh\nexit 2\n")
+    failing.chmod(0o755)
+    with pytest.raises(SystemExit, match="failing plot: exit status 2, not 0"):
+        starting.measure(["haff", "plot"], packages["now"], tmp_path, {"haff": str(failing)})
 
 
 def test_error_of_a_failing_peer_has_its_name_and_output(record, tmp_path):

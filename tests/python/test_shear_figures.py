@@ -3,12 +3,14 @@
 import numpy as np
 import pytest
 from matplotlib.colors import same_color
+from scipy import optimize, special
 
 import haff
 from haff import analysis, figures, theory
 from haff.__main__ import main
 from haff.figures import snapshot
 from haff.figures.style import RED
+from haff.theory import shear
 from test_figures import require_texts_apart
 
 # Boltzmann's equation by direct Monte Carlo: a*, and P_xx, P_yy, P_zz, P_xy over the pressure. Standard errors are
@@ -104,6 +106,22 @@ def test_enskogs_flow_of_a_nearly_elastic_fluid_has_its_viscosity():
         first = 5 / 16 / np.sqrt(np.pi) * ((1 + 0.4 * y) ** 2 + 48 / (25 * np.pi) * y**2) / g
         assert flow.viscosity == pytest.approx(first * np.sqrt(flow.temperature), rel=1e-3)
         assert flow.pressure == pytest.approx(n * flow.temperature * theory.compressibility(phi), rel=1e-3)
+
+
+def test_enskogs_flow_is_the_one_of_scipys_solver(monkeypatch):
+    e, phi = np.array([0.0, 0.5, 0.9, 0.99, 0.9999])[:, None], np.array([1e-6, 0.1, 0.48])
+    own = theory.uniform_shear_enskog(e, phi)
+
+    def zero(off, start):
+        found = optimize.root(off, start, tol=1e-12)
+        assert found.success, found.message
+        return found.x
+
+    monkeypatch.setattr(shear, "_zero", zero)
+    monkeypatch.setattr(shear, "_normal", special.ndtr)
+    # Heating and cooling nearly cancel at e = 0.9999: the state is known to about 1e-16/(1 - e²).
+    for mine, other in zip(own, theory.uniform_shear_enskog(e, phi)):
+        assert np.allclose(mine, other, rtol=1e-10, atol=1e-10 * np.abs(other).max())
 
 
 @pytest.mark.parametrize(
