@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 
 import haff
-from haff.sweep import _dataset, _names
+from haff.sweeps import _dataset, _names
 
 GAS = {
     "schema": 1,
