@@ -122,7 +122,7 @@ def __getattr__(name: str) -> Any:
     elif not name.startswith("_") and util.find_spec(f"{__name__}.{name}") is not None:
         value = import_module(f".{name}", __name__)
     else:
-        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+        raise AttributeError(f"module '{__name__}' has no attribute '{name}'")
     globals()[name] = value
     return value
 

@@ -6,7 +6,7 @@ import haff
 from haff import figures
 from haff.__main__ import main
 
-REFUSED = "exists; --overwrite (overwrite=True) replaces it\n"
+REFUSED = "exists; --overwrite replaces it\n"
 
 
 @pytest.mark.parametrize(
@@ -52,7 +52,7 @@ def test_functions_refuse_to_replace_a_file(files, tmp_path):
         ]
         for write in first:
             path.write_text("of another program")
-            with pytest.raises(haff.ArgumentError, match="exists; --overwrite"):
+            with pytest.raises(haff.ArgumentError, match="exists; overwrite=True replaces it"):
                 write()
             assert path.read_text() == "of another program"
             write(overwrite=True)

@@ -18,7 +18,7 @@ pub enum Fault {
 pub enum EngineError {
     /// Infinitely many collisions in a finite time.
     #[error(
-        "at t = {}, {events} contacts followed each other so fast that the clock {} (inelastic collapse), around {} \
+        "collapse at t = {}: {events} contacts so fast that the clock {} (inelastic collapse), around {} \
          among {}; set contact.tc{}, or a restitution that tends to 1 at low speed (model = \"cutoff\" or \
          \"viscoelastic\"){}",
         significant(*time, 9),

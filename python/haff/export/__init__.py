@@ -121,7 +121,7 @@ def _without_format(output: str | os.PathLike[str] | None) -> str:
         return f"no format given: {say('to', '--to')} must be one of {formats}"
     meant = MEANT.get(suffix.lower())
     if meant is None:
-        return f"unknown suffix {brief(suffix)}: use {say('to=', '--to')}, one of {formats}"
+        return f"unknown suffix {brief(suffix)}: {say('to', '--to')} must be one of {formats}"
     name = brief(str(Path(output or "").with_suffix(FORMATS[meant].suffix)))
     remedy = say(f"to={meant!r} or output={name!r}", f"--to {meant} or -o {name}")
-    return f"unknown suffix {suffix}: use {remedy}"
+    return f"unknown suffix {suffix}: use {remedy}; {say('to', '--to')} must be one of {formats}"
