@@ -63,6 +63,9 @@ def lammps(path: Path) -> State:
 def mercury(path: Path) -> State:
     """The last frame of a ``.data`` file of MercuryDPM in three dimensions; the box is not taken as periodic.
 
+    The last column is the index of the species, unless the driver overrides ``getInfo``: then all are one species if it
+    is no whole number.
+
     Raises ``ValueError`` for a file with another number of columns.
     """
     lines = path.read_text().splitlines()
@@ -75,7 +78,8 @@ def mercury(path: Path) -> State:
     low, high = np.array(header[2:5], float), np.array(header[5:8], float)
     numbers = np.array([row.split() for row in rows], float)
     table = pd.DataFrame(numbers[:, :7], columns=[*AXES, *VELOCITIES, "radius"])
-    table["species"] = numbers[:, -1].astype(int) + 1
+    whole = np.all(numbers[:, -1] == np.floor(numbers[:, -1]))
+    table["species"] = numbers[:, -1].astype(int) + 1 if whole else 1
     table[AXES] -= low
     return State(table.sort_values("species", kind="stable"), high - low, np.zeros(3, bool))
 
