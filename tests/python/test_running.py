@@ -59,7 +59,7 @@ def test_python_reads_a_running_file_up_to_the_last_flush(running):
     "arguments",
     [
         ("plot", "--kind", "snapshot", "-o", "figures"),
-        ("plot", "--kind", "temperature", "-o", "figures"),
+        ("plot", "--kind", "energy", "-o", "figures"),
         ("export", "--to", "extxyz", "-o", "gas.extxyz"),
         ("view", "-o", "gas.html"),
     ],
