@@ -22,11 +22,11 @@ def running(tmp_path) -> Iterator[Path]:
     """The file of a run that goes on during the test, with four frames at least."""
     path = tmp_path / "running.h5"
     # Elastic, so that the run has the same speed for all its time: some hundred frames a second.
-    sets = ("contact.restitution=1", "run.until=1e7", "output.frames=5.0", "output.events=false")
+    sets = ("contact.restitution=1", "run.until=1e7", "output.frames=2.0", "output.events=false")
     words = [word for item in sets for word in ("--set", item)]
     process = subprocess.Popen([executable(), "run", GAS, "-o", path, "-q", "--threads", "1", *words])
     try:
-        until = time.monotonic() + 60
+        until = time.monotonic() + 150
         while not path.exists() or len(haff.open(path).frames) < 4:
             assert time.monotonic() < until and process.poll() is None
             time.sleep(0.05)
