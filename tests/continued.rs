@@ -70,7 +70,9 @@ fn a_run_goes_on_with_changed_keys_and_can_be_resumed() {
     haff.report(&["run", "gas.toml", "--set", "run.until=3", "-o", "first.h5"]);
     let go_on = |file: &str, set: &[&str], new: &str| {
         let mut arguments = vec!["run", "--resume", file, "-o", new];
-        set.iter().for_each(|set| arguments.extend(["--set", set]));
+        for set in set {
+            arguments.extend(["--set", set]);
+        }
         haff.report(&arguments)
     };
     let inelastic = go_on("first.h5", &["contact.restitution=0.5", "run.until=8"], "inelastic.h5");
@@ -183,7 +185,7 @@ fn a_killed_part_has_collisions_but_no_wall_time() {
         .spawn()
         .unwrap();
     // A checkpoint after that of the start.
-    while !haff.path("gas.h5").exists() || !(info(&haff, "gas.h5")["checkpoint_time"].as_f64() > Some(1.0)) {
+    while !haff.path("gas.h5").exists() || info(&haff, "gas.h5")["checkpoint_time"].as_f64() <= Some(1.0) {
         thread::sleep(Duration::from_millis(20));
     }
     let running = info(&haff, "gas.h5");

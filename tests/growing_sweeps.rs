@@ -31,7 +31,7 @@ fn written(haff: &Haff) -> BTreeMap<String, SystemTime> {
     let times = entries.map(|entry| {
         (entry.file_name().to_string_lossy().into_owned(), entry.metadata().unwrap().modified().unwrap())
     });
-    times.filter(|(name, _)| name.ends_with(".h5")).collect()
+    times.filter(|(name, _)| name.starts_with("run-")).collect()
 }
 
 #[test]
@@ -117,7 +117,9 @@ fn fewer_values_or_seeds_and_other_keys_are_refused() {
         let words: Vec<&str> = given.split(' ').collect();
         let (seeds, sets) = words.split_last().unwrap();
         let mut arguments = vec!["sweep", "gas.toml", "-o", "study", "--seeds", seeds];
-        sets.iter().for_each(|set| arguments.extend(["--set", set]));
+        for set in sets {
+            arguments.extend(["--set", set]);
+        }
         let (status, _, err) = haff.run(&arguments);
         assert!(
             status == 4 && err.contains("belongs to another sweep") && err.contains(why),

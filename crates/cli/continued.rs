@@ -48,7 +48,7 @@ pub fn start(file: &Path, new: &Path, options: &Run, controls: Controls) -> Resu
     output.file = Some(new.to_owned());
     let same = system == old.system && joints == old.joints;
     let mut simulation = AnySimulation::restore(old.system, old.joints, engine, &resumed.checkpoint)
-        .map_err(|error| within(file, simulation_failure(&error)))?;
+        .map_err(|error| within(file, &simulation_failure(&error)))?;
     check_end(&run, &simulation)?;
     let mut rows = Rows::default();
     let header = system.clone();
@@ -87,8 +87,8 @@ pub fn start(file: &Path, new: &Path, options: &Run, controls: Controls) -> Resu
 }
 
 /// The failure with the name of the file.
-fn within(file: &Path, failure: Failure) -> Failure {
-    Failure { message: format!("{}: {}", output::path(file), failure.message), ..failure }
+fn within(file: &Path, failure: &Failure) -> Failure {
+    Failure::new(failure.status, format!("{}: {}", output::path(file), failure.message))
 }
 
 /// Refuses keys that the state of the run depends on.

@@ -143,9 +143,13 @@ pub fn print_summary(outcome: &Outcome, context: &Context) {
                 ..
             })) => {
                 // Under gravity grains that have come together stay together, and only rest ends their impacts.
-                let rest = rest_speed.map(|speed| format!("contact.rest_speed={speed}"));
-                let set = rest.or_else(|| contact_duration.map(|time| format!("contact.tc={time:e}")));
-                let set = set.map_or_else(String::new, |set| format!(" --set {set}"));
+                let set = if *rest_speed > 0.0 {
+                    format!(" --set contact.rest_speed={rest_speed}")
+                } else if *contact_duration > 0.0 {
+                    format!(" --set contact.tc={contact_duration:e}")
+                } else {
+                    String::new()
+                };
                 output::message(format_args!("go on with: haff run --resume {file}{set} -o NEW.h5"));
             }
             ending if ending.is_final() => {}

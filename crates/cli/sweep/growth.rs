@@ -29,13 +29,13 @@ pub fn rows(plan: &Plan, earlier: &Plan, known: Vec<Row>) -> Option<Vec<Row>> {
         by_identity.insert(identity(&member), row);
     }
     let mut next = by_identity.values().filter_map(number).max().map_or(0, |last| last + 1);
-    let rows = plan.members().map(|member| match by_identity.remove(&identity(&member)) {
-        Some(row) => Row { index: member.index, ..row },
-        None => {
-            let row = Row { file: plan.file(next), ..Row::missing(&member) };
-            next += 1;
-            row
+    let rows = plan.members().map(|member| {
+        if let Some(row) = by_identity.remove(&identity(&member)) {
+            return Row { index: member.index, ..row };
         }
+        let row = Row { file: plan.file(next), ..Row::missing(&member) };
+        next += 1;
+        row
     });
     let rows: Vec<Row> = rows.collect();
     by_identity.is_empty().then_some(rows)

@@ -8,6 +8,7 @@ use haff_mechanics::Restitution;
 use crate::{
     model::{Boundary, Dimension, System},
     particles::World,
+    wall_law::WallLaw,
 };
 
 /// Largest ratio of the contact duration to the time in which a particle moves by its diameter: contacts of
@@ -26,7 +27,7 @@ pub fn critical_length(system: &System) -> Option<f64> {
     let free =
         system.domain.gravity == DVec3::ZERO && system.domain.shear.is_none() && system.drives.is_empty();
     let moved = system.walls.iter().any(|wall| wall.motion.max_speed() > 0.0)
-        || system.contacts.wall.iter().any(|law| law.is_thermal())
+        || system.contacts.wall.iter().any(WallLaw::is_thermal)
         || system.classes.iter().any(|class| class.mass.is_infinite());
     if !closed || !free || moved || system.contacts.tc > 0.0 {
         return None;
@@ -67,15 +68,11 @@ pub fn suitable_contact_duration(system: &System) -> Option<f64> {
 }
 
 /// A value for `contact.rest_speed` that suits the system \[length/time\]: 0.05 √(g d) of the smallest diameter d,
-/// with one digit. `None` without gravity.
-pub(crate) fn suitable_rest_speed(world: &World) -> Option<f64> {
+/// with one digit. 0 without gravity.
+pub(crate) fn suitable_rest_speed(world: &World) -> f64 {
     let least = world.classes.iter().map(|class| class.radius).fold(f64::INFINITY, f64::min);
     let speed = 0.05 * (world.gravity.length() * 2.0 * least).sqrt();
-    if speed > 0.0 {
-        format!("{speed:.0e}").parse().ok().filter(|speed: &f64| speed.is_finite())
-    } else {
-        None
-    }
+    format!("{speed:.0e}").parse().ok().filter(|speed: &f64| speed.is_finite()).unwrap_or(0.0)
 }
 
 /// A warning for a scene that may end in an inelastic collapse, as text without a final point.

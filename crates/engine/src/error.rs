@@ -25,8 +25,8 @@ pub enum EngineError {
         if *span > 0.0 { format!("advanced by {} only", significant(*span, 2)) } else { "did not advance".to_owned() },
         rounded(position),
         participants(particles, walls),
-        contact_duration.map_or_else(String::new, |duration| format!(", for example contact.tc = {duration:e}")),
-        rest_speed.map_or_else(String::new, |speed| format!(", or contact.rest_speed, for example {speed}"))
+        if *contact_duration > 0.0 { format!(", for example contact.tc = {contact_duration:e}") } else { String::new() },
+        if *rest_speed > 0.0 { format!(", or contact.rest_speed, for example {rest_speed}") } else { String::new() }
     )]
     Collapse {
         /// When [time].
@@ -41,10 +41,10 @@ pub enum EngineError {
         walls: Vec<String>,
         /// Mean of their positions \[length\], wrapped into the box along periodic axes.
         position: [f64; 3],
-        /// A speed of rest that suits the system [length/time], where gravity acts and none is set.
-        rest_speed: Option<f64>,
-        /// A contact duration that suits the system [time], if one is known.
-        contact_duration: Option<f64>,
+        /// A speed of rest that suits the system [length/time], where gravity acts and none is set; else 0.
+        rest_speed: f64,
+        /// A contact duration that suits the system [time]; 0 if none is known.
+        contact_duration: f64,
     },
     /// A velocity is no longer finite.
     #[error("particle {i} has a velocity beyond the range of numbers at t = {time}: {velocity:?}")]

@@ -14,9 +14,9 @@ pub fn significant(value: f64, digits: usize) -> String {
     let decimals = digits.max(1) - 1;
     let scientific = format!("{value:.decimals$e}");
     let Some((mantissa, exponent)) = scientific.split_once('e') else { return value.to_string() };
-    let trimmed = |text: &str| match text.contains('.') {
-        true => text.trim_end_matches('0').trim_end_matches('.').to_owned(),
-        false => text.to_owned(),
+    let trimmed = |text: &str| {
+        let zeros = if text.contains('.') { text.trim_end_matches('0').trim_end_matches('.') } else { text };
+        zeros.to_owned()
     };
     match exponent.parse::<i32>() {
         Ok(exponent) if (-4..LARGEST_EXPONENT).contains(&exponent) => {
@@ -37,7 +37,7 @@ mod tests {
             (0.0, "0"),
             (1.0, "1"),
             (-0.1, "-0.1"),
-            (5843.124_467_391_459, "5843.12"),
+            (5_843.124_467_391_459, "5843.12"),
             (123_456_789.4, "123456789"),
             (9.999_999_9, "10"),
             (0.000_123_456_78, "0.000123457"),

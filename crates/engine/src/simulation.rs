@@ -206,7 +206,7 @@ impl Simulation {
                     self.state.accumulators.max_overlap = self.state.accumulators.max_overlap.max(*depth);
                 }
                 if let EngineError::Collapse { contact_duration, .. } = &mut error {
-                    *contact_duration = self.contact_duration;
+                    *contact_duration = self.contact_duration.unwrap_or(0.0);
                 }
                 error
             })?;

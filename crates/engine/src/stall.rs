@@ -112,8 +112,8 @@ impl Stall {
             particles: self.particles.iter().copied().collect(),
             walls: walls.iter().map(|&wall| world.walls[wall as usize].name.clone()).collect(),
             position: world.wrap(position, time).0.to_array(),
-            contact_duration: None,
-            rest_speed: if world.thresholds.is_none() { suitable_rest_speed(world) } else { None },
+            contact_duration: 0.0,
+            rest_speed: if world.thresholds.is_none() { suitable_rest_speed(world) } else { 0.0 },
         }
     }
 }

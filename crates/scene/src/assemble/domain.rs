@@ -298,10 +298,12 @@ impl Assembler<'_> {
         if closed && fraction > densest {
             let why = if random { "random packings reach" } else { "all particles together fill at most" };
             let (lattice, reached) = if d == 3 { ("fcc", 0.74) } else { ("hexagonal", 0.907) };
-            let mut remedy = more_room(by_fraction).to_owned();
-            if random && fraction < reached {
-                remedy += &format!(", or take initial.positions = \"{lattice}\"");
-            }
+            let more_room = more_room(by_fraction);
+            let remedy = if random && fraction < reached {
+                format!("{more_room}, or take initial.positions = \"{lattice}\"")
+            } else {
+                more_room.to_owned()
+            };
             let fraction = significant(fraction, 4);
             let text = format!("impossible packing fraction {fraction}: {why} {densest}; {remedy}");
             self.document.report(&path, text);
