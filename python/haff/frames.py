@@ -9,12 +9,16 @@ from typing import TYPE_CHECKING, NamedTuple, overload
 import numpy as np
 from numpy.typing import NDArray
 
+from . import arguments, conversions
 from .errors import ArgumentError, MissingDataError
 from .layout import AXES, Array, complete
 from .notebook import table
 from .text import quoted
 
 if TYPE_CHECKING:
+    import freud
+    import pandas as pd
+
     from .column import Column
     from .reader import File
 
@@ -207,6 +211,31 @@ class Frame:
     def species(self) -> NDArray[np.int64]:
         """``[N]`` species indices."""
         return self.file.species
+
+    def to_freud(self) -> tuple[freud.box.Box, NDArray[np.float64]]:
+        """The frame as a system of freud: its box, and ``[N, 3]`` positions in it [length]; z = 0 in 2D.
+
+        ``freud.order.Steinhardt(6).compute(frame.to_freud(), {"num_neighbors": 12})``, and so all functions of freud
+        that take a system. freud's box is centred at the origin, so positions are shifted; it is periodic along the
+        axes of this box that are, and spans the particles along open axes. The box of a sheared frame leans. Where its
+        gradient is an axis before that of the flow, both axes are exchanged, since freud's edge vectors are triangular:
+        distances stay the same. freud computes in single precision.
+
+        Raises :class:`MissingPackageError` without freud: ``pip install freud-analysis``.
+        """
+        return conversions.frame_system(self)
+
+    def to_pandas(self, unwrapped: bool = False) -> pd.DataFrame:
+        """The frame as a table of pandas, one row for each particle.
+
+        Columns: ``id`` (row in the file), ``species`` (its name), positions ``x``, ``y``, ``z`` [length], velocities
+        ``vx``, ``vy``, ``vz`` [length/time], ``image_x``, …, with spin ``angular_velocity_x``, … [1/time], ``radius``
+        [length] and ``mass``. ``attrs`` has ``frame``, ``time`` and ``step``.
+
+        ``unwrapped``: positions that do not jump at periodic faces. Raises :class:`ArgumentError` unless it is true or
+        false.
+        """
+        return conversions.frame_table(self, arguments.flag("unwrapped", unwrapped))
 
     def _read(self, name: str) -> Array:
         return self._frames._values(name, range(self._row, self._row + 1))[0]

@@ -91,9 +91,10 @@ class Sink(io.FileIO):
         self.check()
 
 
-def library(name: str, extra: str) -> ModuleType:
-    """Imports an optional library; the error names the extra of the package that installs it."""
+def library(name: str, extra: str = "", *, package: str = "") -> ModuleType:
+    """Imports a library; the error names what installs it: an extra of haff, or a package."""
     try:
         return importlib.import_module(name)
     except ModuleNotFoundError as error:
-        raise MissingPackageError(f"needs the Python package {error.name}: pip install 'haff[{extra}]'") from None
+        install = package or f"'haff[{extra}]'"
+        raise MissingPackageError(f"needs the Python package {error.name}: pip install {install}") from None

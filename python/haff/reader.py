@@ -17,8 +17,9 @@ import h5py
 import numpy as np
 from numpy.typing import NDArray
 
-from . import measurements, observables
+from . import arguments, measurements, observables
 from .column import LARGEST, SMALLEST, Column
+from .conversions import Unwrapping
 from .errors import FileError, HaffError, MissingDataError, NotApplicableError
 from .events import Events
 from .frames import Box, Frames, Shear
@@ -423,14 +424,20 @@ class File:
         """
         return measurements.correlations(self)
 
-    def to_mdanalysis(self) -> MDAnalysis.Universe:
+    def to_mdanalysis(self, unwrapped: bool = False) -> MDAnalysis.Universe:
         """The trajectory as an MDAnalysis universe; needs ``pip install haff[analysis]``.
+
+        Positions are those in the box, which jump at periodic faces; with ``unwrapped`` they are position + Σ image ·
+        edge vector, which do not: displacements, and analyses such as ``MDAnalysis.analysis.msd``, need them.
+        MDAnalysis has positions in single precision.
 
         Atoms carry ``masses``, ``radii``, ``types`` (species names) and ids. The file has no
         units, so MDAnalysis converts nothing. A sheared box has the dimensions and angles of each frame, in single
         precision. Raises :class:`NotApplicableError` if MDAnalysis cannot hold that box: its first edge is along x, and
         its second one in the plane of x and y, so that the gradient must not be an axis before that of the flow.
+        :class:`ArgumentError`: ``unwrapped`` is neither true nor false; :class:`MissingDataError`: there are no images.
         """
+        arguments.flag("unwrapped", unwrapped)
         mdanalysis = library("MDAnalysis", "analysis")
         # MDAnalysis reads the file by itself: the datasets that it reads are checked before.
         positions, names = self.frames, [self.species_names[s] for s in self.species]
@@ -440,6 +447,8 @@ class File:
             raise NotApplicableError(f"{self.path}: MDAnalysis cannot hold the box: {fault}")
         if self.shear is not None:
             positions._boxes(range(len(positions)))
+        if unwrapped:
+            positions[:1].array("unwrapped")
         if self.stored.find("observables") is not None:
             observables.columns(self)
         universe = mdanalysis.Universe.empty(len(self), trajectory=False, velocities=True)
@@ -447,6 +456,8 @@ class File:
             universe.load_new(str(self.path), format="H5MD", convert_units=False)
         except Exception as error:
             raise FileError(f"{self.path}: MDAnalysis cannot read it: {reason(error)}") from error
+        if unwrapped:
+            universe.trajectory.add_transformations(Unwrapping(self.path))
         universe.add_TopologyAttr("masses", np.where(np.isfinite(self.mass), self.mass, 0.0))
         universe.add_TopologyAttr("radii", self.radius)
         universe.add_TopologyAttr("types", names)

@@ -9,7 +9,6 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 
-from ..layout import AXES
 from ..output import library
 from ..reader import File
 from ..selection import choose
@@ -20,19 +19,12 @@ ROWS = 1_000_000
 
 
 def _frames(file: File, frames: str | slice | int | None, unwrapped: bool) -> Iterator[pd.DataFrame]:
-    names = file.species_names
-    species = pd.Categorical(np.asarray(names)[file.species], categories=list(dict.fromkeys(names)))
     waiting: list[pd.DataFrame] = []
     for frame in choose(file, frames):
-        columns = {"frame": frame.index, "time": frame.time, "step": frame.step, "id": np.arange(len(file)),
-                   "species": species}  # fmt: skip
-        position = frame.unwrapped if unwrapped else frame.position
-        vectors: dict[str, np.ndarray] = {"": position, "v": frame.velocity, "image_": frame.image}
-        if frame.angular_velocity is not None:
-            vectors["angular_velocity_"] = frame.angular_velocity
-        for name, values in vectors.items():
-            columns |= {f"{name}{axis}": values[:, k] for k, axis in enumerate(AXES)}
-        waiting.append(pd.DataFrame(columns | {"radius": file.radius, "mass": file.mass}))
+        table = frame.to_pandas(unwrapped)
+        for k, (name, value) in enumerate(table.attrs.items()):
+            table.insert(k, name, value)
+        waiting.append(table)
         if len(waiting) * len(file) >= ROWS:
             yield pd.concat(waiting, ignore_index=True)
             waiting = []

@@ -1,0 +1,56 @@
+"""Checks and statistics on recorded runs, on top of SciPy, freud and pandas.
+
+What takes all frames of a file is given a selection: ``run.frames[::10]``, or :func:`drawn_frames`.
+"""
+
+from .clustering import Clusters, clusters
+from .cooling import CoolingLaw, cooling_law, gas_restitution
+from .density import DensityField, density_field
+from .distributions import PairDistributions, pair_distributions
+from .energies import kinetic_energy, rotational_energy, rotational_temperature, temperature
+from .heights import HeightProfile, height_axis, height_profile
+from .overlaps import Overlap, max_overlap
+from .scattering import StaticStructure, static_structure
+from .statistics import Estimate, block_average, drawn_frames
+from .structure import cluster_sizes, radial_distribution, structure_factor
+from .transport import Rheology, Transport, rheology, running_integral, self_diffusion, shear_viscosity, viscosity_scale
+from .velocities import scaled_velocities, sonine_a2, velocity_histogram
+
+__all__ = [
+    "Clusters",
+    "CoolingLaw",
+    "DensityField",
+    "Estimate",
+    "HeightProfile",
+    "Overlap",
+    "PairDistributions",
+    "Rheology",
+    "StaticStructure",
+    "Transport",
+    "block_average",
+    "cluster_sizes",
+    "clusters",
+    "cooling_law",
+    "density_field",
+    "drawn_frames",
+    "gas_restitution",
+    "height_axis",
+    "height_profile",
+    "kinetic_energy",
+    "max_overlap",
+    "pair_distributions",
+    "radial_distribution",
+    "rheology",
+    "rotational_energy",
+    "rotational_temperature",
+    "running_integral",
+    "scaled_velocities",
+    "self_diffusion",
+    "shear_viscosity",
+    "sonine_a2",
+    "static_structure",
+    "structure_factor",
+    "temperature",
+    "velocity_histogram",
+    "viscosity_scale",
+]

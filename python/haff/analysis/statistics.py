@@ -1,0 +1,55 @@
+"""Means of correlated series, and the frames that statistics are taken from."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from ..errors import ArgumentError
+
+if TYPE_CHECKING:
+    from ..frames import Frame
+    from ..reader import File
+
+
+class Estimate(NamedTuple):
+    """A mean with its standard error."""
+
+    mean: float
+    error: float
+
+    def z(self, expected: float, uncertainty: float = 0.0) -> float:
+        """(mean − expected) in standard errors; ``uncertainty`` of the expectation is added in quadrature."""
+        return (self.mean - expected) / float(np.hypot(self.error, uncertainty))
+
+
+def block_average(values: ArrayLike, blocks: int = 20, weights: ArrayLike | None = None) -> Estimate:
+    """Mean of a correlated series with its standard error from block averages (Flyvbjerg–Petersen 1989).
+
+    The series is cut into ``blocks`` pieces of equal length (a remainder at the start is left out); blocks
+    should be much longer than the correlation time.
+    """
+    series = np.asarray(values, float)
+    if len(series) < 2 * blocks:
+        raise ArgumentError(f"{len(series)} values are too few for {blocks} blocks")
+    weight = np.ones_like(series) if weights is None else np.asarray(weights, float)
+    length = len(series) // blocks
+    cut = slice(len(series) - blocks * length, None)
+    weight, series = weight[cut].reshape(blocks, length), series[cut].reshape(blocks, length)
+    means = np.sum(weight * series, axis=1) / np.sum(weight, axis=1)
+    return Estimate(float(np.mean(means)), float(np.std(means, ddof=1) / np.sqrt(blocks)))
+
+
+def drawn_frames(file: File, count: int, after: float = 5.0) -> list[Frame]:
+    """Up to ``count`` frames spread over the run, without the first ``after`` collisions per particle.
+
+    From the second half of the run if the whole run is shorter than twice ``after``.
+    """
+    frames = file.frames
+    steps = np.asarray(frames.step, float)
+    threshold = min(after * len(file) / 2, steps[-1] / 2) if len(frames) else 0.0
+    late = np.flatnonzero(steps >= threshold)
+    chosen = np.unique(np.round(np.linspace(0, len(late) - 1, min(count, len(late)))).astype(int))
+    return [frames[int(late[k])] for k in chosen]
