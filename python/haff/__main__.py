@@ -47,9 +47,11 @@ def _add_plot(commands) -> None:
         commands,
         "plot",
         "draws the standard figures of an output file",
-        "Draws the standard figures of an output file; without --kind all that apply.",
+        "Draws the standard figures of an output file; without --kind those of the first list that apply.",
         "figures:\n"
-        + "\n".join(f"  {name:<13} {about}" for name, about in _KINDS.items())
+        + "\n".join(f"  {name:<16} {about}" for name, about in _KINDS.items() if name not in _BY_NAME)
+        + "\nand by --kind only:\n"
+        + "\n".join(f"  {name:<16} {_KINDS[name]}" for name in _BY_NAME)
         + "\n\nexamples:\n  haff plot cooling.h5\n  haff plot cooling.h5 --kind temperature --format pdf -o paper"
         "\n  haff plot cooling.h5 --movie cooling.mp4 --frames ::5\n\n"
         "mp4 needs pip install 'haff[movie]', gif nothing more.",
@@ -57,7 +59,9 @@ def _add_plot(commands) -> None:
     plot.add_argument("--kind", action="append", metavar="KIND", help="a figure of the list below; repeatable")
     plot.add_argument("-o", "--output", type=Path, metavar="DIR", help="directory of the figures (default: figures)")
     plot.add_argument("--format", choices=("png", "pdf", "svg"), default="png", help="default: png")
-    plot.add_argument("--frame", type=int, default=-1, metavar="I", help="frame of the snapshot (default: the last)")
+    plot.add_argument(
+        "--frame", type=int, default=-1, metavar="I", help="frame of the snapshot or the density (default: the last)"
+    )
     plot.add_argument("--show", action="store_true", help="shows the figures on the screen, too")
     plot.add_argument("--movie", type=Path, metavar="OUT", help="draws a movie instead: OUT.mp4 or OUT.gif")
     _add_frames(plot, "of the movie; ")
@@ -139,7 +143,13 @@ _KINDS = {
     "closed_form": "few bodies: heights, angles, compression or velocities against theory",
     "trajectories": "few bodies: coordinates against time with the events",
     "paths": "few bodies: paths in the plane of motion",
+    "density": "picture of the packing fraction on a grid; in 3D its mean along an axis, and a slice",
+    "clusters": "clusters of particles near contact: the largest against time, and their sizes",
+    "structure_factor": "static structure factor S(k) with its error",
+    "partials": "mixtures: pair distribution of each pair of species",
+    "heights": "gravity or walls: density, temperature and velocity against height, from frames",
 }
+_BY_NAME = ("density", "clusters", "structure_factor", "partials", "heights")
 _FORMATS = ("gsd", "extxyz", "vtkhdf", "csv", "parquet")
 _TABLES = ("observables", "frames", "events")
 
@@ -214,7 +224,7 @@ def _plot(options: argparse.Namespace) -> int:
 
     directory = options.output or Path("figures")
     with reader.open(options.file) as file:
-        kinds = options.kind or list(figures.KINDS)
+        kinds = options.kind or [kind for kind in figures.KINDS if kind not in _BY_NAME]
         results = figures.save_all(file, kinds, directory, options.format, options.frame, overwrite=options.overwrite)
         for result in results:
             if result.path is not None:
@@ -261,7 +271,7 @@ def _show(drawn, file, frame: int) -> None:
         print("no screen to show the figures on", file=sys.stderr)
         return
     for result in drawn:
-        figure = figures.draw(file, result.kind, **({"index": frame} if result.kind == "snapshot" else {}))
+        figure = figures.draw(file, result.kind, **({"index": frame} if result.kind in figures.OF_A_FRAME else {}))
         canvas = plt.figure().canvas
         canvas.figure = figure
         figure.set_canvas(canvas)

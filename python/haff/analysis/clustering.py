@@ -9,7 +9,8 @@ from numpy.typing import NDArray
 
 from ..arguments import positive
 from ..layout import computing
-from .pairs import close_pairs, require_room
+from .pairs import require_room
+from .trees import near_pairs
 
 if TYPE_CHECKING:
     from ..frames import Frame
@@ -34,9 +35,9 @@ class Clusters(NamedTuple):
 def clusters(frame: Frame, distance: float = 1.1) -> Clusters:
     """Clusters of a frame: particles that are linked, directly or by others.
 
-    Two particles are linked if their centers are at most ``distance`` contact distances R_i + R_j apart (for equal
-    ones, diameters), as nearest images across periodic faces, those of sheared boxes among them. A particle without a link is
-    a cluster of one. Bodies of infinite mass count as others do.
+    Two particles are linked if their centers are at most ``distance`` contact distances R_i + R_j apart; of equal ones
+    these are diameters. Distances are those of nearest images across periodic faces, also in sheared boxes. A particle
+    without a link is a cluster of one. Bodies of infinite mass count as others do.
 
     Raises
     ------
@@ -52,14 +53,11 @@ def clusters(frame: Frame, distance: float = 1.1) -> Clusters:
     radius = frame.radius
     reach = 2 * distance * float(radius.max())
     require_room(frame.box, reach, "links of clusters")
-    first, second = [], []
+    links = []
     with computing(frame.file.path, "clusters"):
-        for pairs in close_pairs(frame.box, frame.position, reach):
-            linked = pairs.distance <= distance * (radius[pairs.first] + radius[pairs.second])
-            linked &= pairs.first < pairs.second
-            first.append(pairs.first[linked])
-            second.append(pairs.second[linked])
-    i, j = np.concatenate(first), np.concatenate(second)
+        for pairs, apart in near_pairs(frame.box, frame.position, reach * (1 + 1e-9)):
+            links.append(pairs[apart <= distance * (radius[pairs[:, 0]] + radius[pairs[:, 1]])])
+    i, j = np.concatenate(links).T
     graph = coo_array((np.ones(len(i), np.int8), (i, j)), shape=(len(radius), len(radius)))
     _, found = connected_components(graph, directed=False)
     sizes = np.bincount(found)

@@ -18,8 +18,11 @@ if TYPE_CHECKING:
 PER_CELL = 30
 """Particles in a cell, about: fewer make many small products, more make many distances that are too long."""
 
-MOST_AT_ONCE = 1 << 21
-"""Distances computed at once."""
+FINE = 8
+"""Particles in a cell of half the reach, from which on cells of that size save more distances than they cost."""
+
+MOST_AT_ONCE = 1 << 16
+"""Distances computed at once: as many as the cache holds."""
 
 MOST_CELLS = 1 << 15
 """Cells along an axis: an open axis may be very long."""
@@ -49,8 +52,8 @@ def close_pairs(box: Box, position: Array, reach: float, centers: NDArray[np.boo
 
     Every pair occurs twice, once from each of its particles; with ``centers`` (``[N]``) only from particles that it is
     true for. The box must be wider than twice ``reach`` along periodic axes (:func:`require_room`). Particles are
-    sorted into cells at least as wide as ``reach``; squares of distances of the members of a cell from those of the
-    cells around it are one matrix product.
+    sorted into cells at least as wide as ``reach``, or half of it; squares of distances of the members of a cell from
+    those of the cells around it are one matrix product.
     """
     grid = _Grid(box, position, reach)
     order, starts, ends = grid.order, grid.starts, grid.ends
@@ -84,10 +87,12 @@ class _Grid:
         span = np.where(self.periodic, 1.0, place.max(axis=0, initial=-np.inf) - low)
         span = np.where(span > 0, span, 1.0)
         length = box.widths[:d] * span
-        wide = max(reach * (1 + 1e-9), float(np.prod(length) * PER_CELL / max(len(place), 1)) ** (1 / d))
+        each = float(np.prod(length)) / max(len(place), 1)
+        self.reach = 2 if (0.5 * reach) ** d > FINE * each else 1
+        wide = max(reach * (1 + 1e-9) / self.reach, (PER_CELL * each) ** (1 / d) if self.reach == 1 else 0.0)
         cells = np.clip(np.floor(length / wide), 1, MOST_CELLS).astype(np.int64)
-        # With fewer than three cells around the box two of them would be neighbors on both sides.
-        self.thin = self.periodic & (cells < 3)
+        # With fewer cells around the box some would be near on both sides.
+        self.thin = self.periodic & (cells < 2 * self.reach + 1)
         cells[self.thin] = 1
         self.cells, self.low, self.step = cells, low, span / cells
         at = np.minimum(((place - low) / self.step).astype(np.int64), cells - 1)
@@ -99,9 +104,10 @@ class _Grid:
     def around(self) -> Iterator[NDArray[np.intp]]:
         """For each occupied cell the occupied ones around it, and itself."""
         at = np.stack(np.unravel_index(self.numbers, tuple(self.cells)), axis=1)
-        near = np.array(list(itertools.product(*((-1, 0, 1) if c > 1 else (0,) for c in self.cells))))
-        for start in range(0, len(at), 4096):
-            beside = at[start : start + 4096, None] + near
+        steps = range(-self.reach, self.reach + 1)
+        near = np.array(list(itertools.product(*(steps if c > 1 else (0,) for c in self.cells))))
+        for start in range(0, len(at), 1024):
+            beside = at[start : start + 1024, None] + near
             inside = np.all(self.periodic | ((beside >= 0) & (beside < self.cells)), axis=2)
             numbers = np.ravel_multi_index(tuple(np.moveaxis(beside % self.cells, 2, 0)), tuple(self.cells))
             found = np.minimum(np.searchsorted(self.numbers, numbers), len(self.numbers) - 1)

@@ -99,7 +99,7 @@ def static_structure(
 def vectors(box: Box, index: Array) -> Array:
     """``[W, d]`` wave vectors 2π **n** E⁻¹ [1/length] of whole numbers ``[W, d]``."""
     d = box.dimension
-    return 2 * np.pi * index @ np.linalg.inv(box.edges[:d, :d]).T
+    return 2 * np.pi * np.asarray(index, float) @ np.linalg.inv(box.edges[:d, :d]).T
 
 
 def lattice(box: Box, k_max: float) -> Array:

@@ -43,6 +43,8 @@ class Kind(NamedTuple):
 
     draw: Callable[..., Figure]
     about: str
+    standard: bool = True
+    """Whether ``haff plot`` draws it without being asked for it by name."""
 
 
 KINDS: dict[str, Kind] = {
@@ -61,7 +63,27 @@ KINDS: dict[str, Kind] = {
     "closed_form": Kind(_from("closed_form"), "few bodies: heights, angles, compression or velocities against theory"),
     "trajectories": Kind(_from("trajectories"), "few bodies: coordinates against time with the events"),
     "paths": Kind(_from("trajectories", "draw_paths"), "few bodies: paths in the plane of motion"),
+    "density": Kind(
+        _from("density"),
+        "picture of the packing fraction on a grid; in 3D its mean along an axis, and a slice",
+        standard=False,
+    ),
+    "clusters": Kind(
+        _from("clusters"),
+        "clusters of particles near contact: the largest against time, and their sizes",
+        standard=False,
+    ),
+    "structure_factor": Kind(_from("scattering"), "static structure factor S(k) with its error", standard=False),
+    "partials": Kind(_from("partials"), "mixtures: pair distribution of each pair of species", standard=False),
+    "heights": Kind(
+        _from("heights"),
+        "gravity or walls: density, temperature and velocity against height, from frames",
+        standard=False,
+    ),
 }
+
+OF_A_FRAME = ("density", "snapshot")
+"""Figures of one frame, which ``index`` chooses."""
 
 
 class Result(NamedTuple):
@@ -82,7 +104,7 @@ def draw(file: File, kind: str, **options: object) -> Figure:
     kind
         A key of :data:`KINDS`.
     options
-        ``index``: the frame of a snapshot, −1 by default.
+        ``index``: the frame of a snapshot or of a density field, −1 by default.
 
     Raises
     ------
@@ -129,7 +151,7 @@ def plot(
     overwrite
         Whether an existing picture is replaced.
     options
-        ``index``: the frame of a snapshot, −1 by default.
+        ``index``: the frame of a snapshot or of a density field, −1 by default.
 
     Raises
     ------
@@ -193,7 +215,7 @@ def save_all(
     results = []
     for kind, path in paths.items():
         try:
-            figure = _drawn(file, kind, **({"index": frame} if kind == "snapshot" else {}))
+            figure = _drawn(file, kind, **({"index": frame} if kind in OF_A_FRAME else {}))
         except (NotApplicableError, MissingDataError) as error:
             results.append(Result(kind, None, str(error).removeprefix(f"{escaped(file.path)}: ")))
             continue

@@ -1,0 +1,72 @@
+"""Pair distributions of mixtures, one for each pair of species."""
+
+from __future__ import annotations
+
+import numpy as np
+from matplotlib.figure import Figure
+
+from .. import analysis, theory
+from ..errors import NotApplicableError
+from ..reader import File, packing_fraction
+from .facts import facts
+from .structure import sample, sampled, times
+from .style import CYCLE, GREY, headline, label
+
+MOST_PAIRS = 8e6
+MOST_SPECIES = 3
+"""Species whose pairs are drawn, the most numerous ones."""
+FEWEST = 10
+"""Fewest particles of a species."""
+
+
+def draw(file: File) -> Figure:
+    """g_ab(r) of each pair of species with the contact distance and, of fluids, the contact value of theory."""
+    counts = np.bincount(file.species, minlength=len(file.species_names))
+    drawn = [int(s) for s in np.argsort(-counts, kind="stable")[:MOST_SPECIES] if counts[s] >= FEWEST]
+    if len(drawn) < 2:
+        raise NotApplicableError("fewer than two species of ten particles or more: their g(r) is the figure structure")
+    frames, sigma, r_max, bins = sampled(file, MOST_PAIRS)
+    found = analysis.pair_distributions(frames, r_max, bins, most_pairs=MOST_PAIRS)
+    contacts = _contact_values(file, counts)
+
+    figure = Figure(figsize=(6.8, 5.0), layout="constrained")
+    axes = figure.subplots()
+    axes.axhline(1, color=GREY, lw=0.8, ls=":")
+    pairs = [(a, b) for k, a in enumerate(sorted(drawn)) for b in sorted(drawn)[k:]]
+    top = 1.35
+    for color, (a, b) in zip(CYCLE, pairs):
+        g = found.partial[found.species.index(a), found.species.index(b)]
+        name = f"{label(file.species_names[a], 24)} – {label(file.species_names[b], 24)}"
+        axes.plot(found.r / sigma, g, color=color, lw=1.3, label=name)
+        top = max(top, 1.1 * float(np.nanmax(g)))
+        if (a, b) in contacts:
+            contact, value = contacts[a, b]
+            axes.plot([contact / sigma], [value], "D", color=color, mec="white", mew=0.6, ms=6, zorder=5)
+    if contacts:
+        axes.plot([], [], "D", color=GREY, ms=6, label=_EQUATIONS[file.dimension])
+    axes.set_xlabel(rf"distance of the centers  $r/\bar\sigma$,  $\bar\sigma$ = {sigma:.4g}, mean of the diameters")
+    axes.set_ylabel("partial pair distribution  $g_{ab}(r)$")
+    axes.set_xlim(0, r_max / sigma)
+    axes.set_ylim(0, top)
+    figure.legend(loc="outside lower center", ncols=3)
+    headline(figure, "Partial pair distributions", f"{facts(file)}  ·  {sample(file, found)}, {times(frames)}")
+    return figure
+
+
+_EQUATIONS = {2: "contact, Jenkins–Mancini", 3: "contact, BMCSL"}
+
+
+def _contact_values(file: File, counts: np.ndarray) -> dict[tuple[int, int], tuple[float, float]]:
+    """Contact distance and value of each pair of species by theory; none unless each has one size in a fluid."""
+    dense = not packing_fraction(file) < (0.5 if file.dimension == 3 else 0.7)
+    sizes = [np.unique(file.radius[file.species == s]) for s in range(len(counts))]
+    if dense or any(len(size) > 1 for size in sizes):
+        return {}
+    present = [s for s in range(len(counts)) if counts[s]]
+    sigma = np.array([2 * float(sizes[s][0]) for s in present])
+    g = theory.mixture_contact_values(counts[present] / file.box.volume, sigma, file.dimension)
+    return {
+        (a, b): (0.5 * float(sigma[i] + sigma[j]), float(g[i, j]))
+        for i, a in enumerate(present)
+        for j, b in enumerate(present)
+    }
