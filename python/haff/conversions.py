@@ -50,18 +50,17 @@ def frame_system(frame: Frame) -> tuple[freud.box.Box, Array]:
     box, d = frame.box, frame.box.dimension
     if box.fully_periodic:
         return freud_system(box, frame.position)
-    low, high = np.zeros(d), box.size[:d].copy()
+    # freud looks for pairs in periodic boxes only. In a box of twice the extent no image is nearer than the extent,
+    # and freud accepts no distance from half of its box on: no pair is found across these faces.
+    middle, edges = 0.5 * box.size[:d], box.size[:d].copy()
     for k in np.flatnonzero(~box.periodic[:d]):
-        # The region of an open axis, and bodies in a wall: all centers are in the box of freud.
-        low[k] = min(low[k], frame.position[:, k].min()) if box.boundary[k] == "wall" else frame.position[:, k].min()
-        high[k] = max(high[k], frame.position[:, k].max()) if box.boundary[k] == "wall" else frame.position[:, k].max()
-        if box.boundary[k] == "open":
-            low[k], high[k] = low[k] - frame.radius.max(), high[k] + frame.radius.max()
+        low, high = float(frame.position[:, k].min()), float(frame.position[:, k].max())
+        if box.boundary[k] == "wall":
+            low, high = min(low, 0.0), max(high, float(box.size[k]))
+        middle[k], edges[k] = 0.5 * (low + high), 2 * max(high - low, 2 * float(frame.radius.max()))
     position = frame.position.copy()
-    position[:, :d] -= low
-    cell, points = freud_system(box, position, high - low)
-    cell.periodic = [bool(p) for p in box.periodic[:d]] + [False] * (3 - d)
-    return cell, points
+    position[:, :d] += 0.5 * edges - middle
+    return freud_system(box, position, edges)
 
 
 def frame_table(frame: Frame, unwrapped: bool) -> pd.DataFrame:

@@ -216,10 +216,13 @@ class Frame:
         """The frame as a system of freud: its box, and ``[N, 3]`` positions in it [length]; z = 0 in 2D.
 
         ``freud.order.Steinhardt(6).compute(frame.to_freud(), {"num_neighbors": 12})``, and so all functions of freud
-        that take a system. freud's box is centred at the origin, so positions are shifted; it is periodic along the
-        axes of this box that are, and spans the particles along open axes. The box of a sheared frame leans. Where its
-        gradient is an axis before that of the flow, both axes are exchanged, since freud's edge vectors are triangular:
-        distances stay the same. freud computes in single precision.
+        that take a system. freud's box is centred at the origin, so positions are shifted. The box of a sheared frame
+        leans. Where its gradient is an axis before that of the flow, both axes are exchanged, since freud's edge vectors
+        are triangular: distances stay the same. freud computes in single precision.
+
+        freud finds pairs in periodic boxes only. Along axes that are not, its box is twice as long as this one, or as
+        what the particles take up along open ones, so that no pair is found across a face: neighbors are right, but
+        densities by the volume of freud's box, such as those that its RDF divides by, are not.
 
         Raises :class:`MissingPackageError` without freud: ``pip install freud-analysis``.
         """

@@ -37,6 +37,22 @@ snapshot.draw.__kwdefaults__["pixels"] = movie.PIXELS = 60
 _RC.update({"savefig.dpi": 30, "figure.dpi": 30})
 
 
+def _density(frame: haff.Frame) -> object:
+    return analysis.density_field(frame, 8)
+
+
+def _heights(frame: haff.Frame) -> object:
+    return analysis.height_profile([frame], 5)
+
+
+def _distributions(frame: haff.Frame) -> object:
+    return analysis.pair_distributions([frame], 1.0, 10, most_pairs=1e5)
+
+
+def _structure(frame: haff.Frame) -> object:
+    return analysis.static_structure([frame], 5.0, 10, most_waves=10)
+
+
 class Reader:
     """Calls all functions of the package that read a file."""
 
@@ -110,6 +126,8 @@ class Reader:
                 for what in (
                     *(analysis.max_overlap, analysis.kinetic_energy, analysis.temperature, analysis.sonine_a2),
                     *(analysis.rotational_energy, analysis.rotational_temperature),
+                    *(haff.Frame.to_freud, haff.Frame.to_pandas, analysis.clusters),
+                    *(_density, _heights, _distributions, _structure),
                 ):
                     self.attempt(what.__name__, lambda what=what, frame=frame: what(frame))
         events = self.attempt("events", lambda: file.events)
@@ -123,6 +141,7 @@ class Reader:
             self.attempt("events.chunks", lambda: list(events.chunks(100)))
         several: list[tuple[str, Callable[[], object]]] = [
             ("to_mdanalysis", file.to_mdanalysis),
+            ("to_mdanalysis(unwrapped)", lambda: list(file.to_mdanalysis(unwrapped=True).trajectory[:2])),
             ("restitution_from", lambda: haff.restitution_from(file)),
             ("restitution_from(times)", lambda: haff.restitution_from(file, "times")),
             ("recorded_state", lambda: scenes.recorded_state(self.path)),

@@ -21,6 +21,8 @@ __all__ = ["StaticStructure", "intensities", "lattice", "static_structure", "vec
 MOST_LISTED = 100_000
 """Wave vectors that are listed one by one; in shells beyond them a sample is drawn."""
 
+_MOST_INDICES = 10_000_000
+
 _PARTICLES, _WAVES = 2048, 16
 """Phases are computed for so many particles and waves at once."""
 
@@ -72,7 +74,8 @@ def static_structure(
         box = frame.box
         if not box.fully_periodic:
             raise NotApplicableError("S(k) needs a periodic box")
-        index = _sample(box, edges, most_waves, np.random.default_rng(seed))
+        with computing(frame.file.path, "S(k)"):
+            index = _sample(box, edges, most_waves, np.random.default_rng(seed))
         if len(index) == 0:
             longest = 2 * np.pi / box.size[: box.dimension].max()
             raise NotApplicableError(f"S(k) needs k_max above that of the longest wave, {longest:g}")
@@ -105,7 +108,9 @@ def vectors(box: Box, index: Array) -> Array:
 def lattice(box: Box, k_max: float) -> Array:
     """``[W, d]`` whole numbers of the waves up to ``k_max`` [1/length]: of each **k** and −**k** one, without 0."""
     d = box.dimension
-    most = np.floor(k_max * np.linalg.norm(box.edges[:d, :d], axis=1) / (2 * np.pi)).astype(int)
+    most = np.floor(k_max * np.linalg.norm(box.edges[:d, :d], axis=1) / (2 * np.pi))
+    if np.prod(2.0 * most + 1) > _MOST_INDICES:
+        raise NotApplicableError("the box is too long and thin: there are too many wave vectors along it")
     ranges = [np.arange(-m, m + 1) for m in most]
     index = np.stack(np.meshgrid(*ranges, indexing="ij"), axis=-1).reshape(-1, d)
     # In this order −n is as far from the end as n from the start.

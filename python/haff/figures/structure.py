@@ -32,7 +32,7 @@ class Range(NamedTuple):
 def draw(file: File) -> Figure:
     """g(r) from contact on, with the contact value of theory."""
     d, sizes = file.dimension, np.unique(2 * file.radius)
-    frames, sigma, r_max, bins = sampled(file)
+    frames, sigma, r_max, bins = sampled(file, MOST_PAIRS)
     found = analysis.pair_distributions(frames, r_max, bins, most_pairs=MOST_PAIRS)
     r, g, alike = found.r, found.total, len(sizes) == 1
 
@@ -58,7 +58,7 @@ def draw(file: File) -> Figure:
     return figure
 
 
-def sampled(file: File, most_pairs: float = MOST_PAIRS) -> Range:
+def sampled(file: File, most_pairs: float) -> Range:
     """The frames and bins of a figure, for up to about ``most_pairs`` distances."""
     box, d = file.box, file.dimension
     if not box.fully_periodic:
