@@ -224,7 +224,7 @@ def _plot(options: argparse.Namespace) -> int:
 
     directory = options.output or Path("figures")
     with reader.open(options.file) as file:
-        kinds = options.kind or [kind for kind in figures.KINDS if kind not in _BY_NAME]
+        kinds = options.kind or [name for name, kind in figures.KINDS.items() if kind.standard]
         results = figures.save_all(file, kinds, directory, options.format, options.frame, overwrite=options.overwrite)
         for result in results:
             if result.path is not None:

@@ -217,8 +217,8 @@ class Frame:
 
         ``freud.order.Steinhardt(6).compute(frame.to_freud(), {"num_neighbors": 12})``, and so all functions of freud
         that take a system. freud's box is centred at the origin, so positions are shifted. The box of a sheared frame
-        leans. Where its gradient is an axis before that of the flow, both axes are exchanged, since freud's edge vectors
-        are triangular: distances stay the same. freud computes in single precision.
+        leans. Where its gradient is an axis before that of the flow, both axes are exchanged, since freud's edge
+        vectors are triangular: distances stay the same. freud computes in single precision.
 
         freud finds pairs in periodic boxes only. Along axes that are not, its box is twice as long as this one, or as
         what the particles take up along open ones, so that no pair is found across a face: neighbors are right, but

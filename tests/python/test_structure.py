@@ -153,6 +153,20 @@ def test_distributions_that_do_not_apply_are_refused():
         analysis.pair_distributions([Placed(points, [6.0] * 3, displacement=(1, 0, 3.0))], 2.9, 5)
 
 
+def test_arguments_of_what_freud_computes_are_checked():
+    frame = Placed([[1, 1, 1], [2, 2, 2]], [6.0] * 3)
+    for what, why in (
+        (lambda: analysis.radial_distribution([frame], -1.0, 5), "r_max = -1"),
+        (lambda: analysis.radial_distribution([frame], 2.0, 0), "bins = 0"),
+        (lambda: analysis.radial_distribution([frame], 2.0, 5, 2.0), "r_min = 2"),
+        (lambda: analysis.structure_factor([frame], np.inf, 5), "k_max = inf"),
+        (lambda: analysis.structure_factor([frame], 5.0, "5"), "bins = '5'"),
+        (lambda: analysis.cluster_sizes(frame, 0.0), "reach = 0"),
+    ):
+        with pytest.raises(ArgumentError, match=why):
+            what()
+
+
 # --- structure factors -----------------------------------------------------------------------------------
 
 

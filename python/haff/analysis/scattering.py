@@ -74,8 +74,9 @@ def static_structure(
         box = frame.box
         if not box.fully_periodic:
             raise NotApplicableError("S(k) needs a periodic box")
-        with computing(frame.file.path, "S(k)"):
-            index = _sample(box, edges, most_waves, np.random.default_rng(seed))
+        if used == 0 or box.displacement is not None:
+            with computing(frame.file.path, "S(k)"):
+                index = _sample(box, edges, most_waves, np.random.default_rng(seed))
         if len(index) == 0:
             longest = 2 * np.pi / box.size[: box.dimension].max()
             raise NotApplicableError(f"S(k) needs k_max above that of the longest wave, {longest:g}")

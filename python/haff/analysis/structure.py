@@ -8,8 +8,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
+from ..arguments import count, positive
 from ..conversions import freud_system
-from ..errors import NotApplicableError
+from ..errors import ArgumentError, NotApplicableError
 from ..layout import Array, computing
 from ..output import library
 from .scattering import intensities, lattice, vectors
@@ -24,6 +25,9 @@ def radial_distribution(frames: Iterable[Frame], r_max: float, bins: int, r_min:
     Raises :class:`NotApplicableError` unless the box is periodic and wider than 2 ``r_max``. A sheared box is that of
     each frame.
     """
+    r_max, bins = positive("r_max", r_max), count("bins", bins)
+    if not 0 <= r_min < r_max:
+        raise ArgumentError(f"r_min = {r_min!r}: must be a number from 0 to below r_max = {r_max:g}")
     freud = library("freud", package="freud-analysis")
     rdf = freud.density.RDF(bins=bins, r_max=r_max, r_min=r_min)
     first = True
@@ -49,6 +53,7 @@ def structure_factor(frames: Iterable[Frame], k_max: float, bins: int) -> tuple[
     :func:`static_structure` has errors, and takes a sample of the waves: use it for large systems. Raises
     :class:`NotApplicableError` unless the box is periodic.
     """
+    k_max, bins = positive("k_max", k_max), count("bins", bins)
     sums, counted, centers = np.zeros(bins), np.zeros(bins), np.zeros(bins)
     for frame in frames:
         box = frame.box
@@ -95,6 +100,7 @@ def cluster_sizes(frame: Frame, reach: float) -> NDArray[np.int64]:
 
     Two particles belong to one cluster if their centres are at most ``reach`` [length] apart, or linked by others.
     """
+    reach = positive("reach", reach)
     freud = library("freud", package="freud-analysis")
     box = frame.box
     points = np.asarray(frame.position, float).copy()
