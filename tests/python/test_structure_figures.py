@@ -199,9 +199,9 @@ def large(tmp_path_factory):
     )
 
 
-@pytest.mark.parametrize("kind", ["structure", "structure_factor", "clusters", "density"])
-def test_figures_of_many_particles_take_little_processor_time(large, tmp_path, kind):
-    """About 1.5 s; counting all distances of six frames takes 10 s."""
+@pytest.mark.parametrize(("kind", "most"), [("structure", 5), ("structure_factor", 8), ("clusters", 5), ("density", 5)])
+def test_figures_of_many_particles_take_little_processor_time(large, tmp_path, kind, most):
+    """About 1.2, 2.2, 1.8 and 1 s; g(r) of all pairs of six frames by freud takes 10 s."""
     package = str(Path(haff.__file__).parents[1])
     environment = {**os.environ, "PYTHONPATH": package, "MPLBACKEND": "Agg"}
     before = resource.getrusage(resource.RUSAGE_CHILDREN)
@@ -209,7 +209,7 @@ def test_figures_of_many_particles_take_little_processor_time(large, tmp_path, k
     subprocess.run(command, check=True, env=environment, capture_output=True, timeout=200)
     after = resource.getrusage(resource.RUSAGE_CHILDREN)
     seconds = after.ru_utime + after.ru_stime - before.ru_utime - before.ru_stime
-    assert seconds < 5, f"{seconds:.1f} s of processor time"
+    assert seconds < most, f"{seconds:.1f} s of processor time"
 
 
 def test_distances_of_many_particles_are_a_limited_number(large):
