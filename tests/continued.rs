@@ -1,4 +1,5 @@
-//! Runs that go on: from a checkpoint with changed keys in a new file, and parts of a run with their own times.
+//! Runs that go on: from a checkpoint with changed keys in a new file, and parts of a run with their own
+//! times.
 
 mod common;
 

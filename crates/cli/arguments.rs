@@ -109,8 +109,8 @@ pub struct Run {
     /// Print the result as one JSON object on standard output.
     #[arg(long)]
     pub json: bool,
-    /// Continue from the last checkpoint in this file to the run's original end; with -o, in a new file, which then
-    /// begins at this checkpoint.
+    /// Continue from the last checkpoint in this file to the run's original end; with -o, in a new file,
+    /// which then begins at this checkpoint.
     #[arg(long, value_name = "FILE")]
     pub resume: Option<PathBuf>,
 }

@@ -142,7 +142,8 @@ pub fn print_summary(outcome: &Outcome, context: &Context) {
                 rest_speed,
                 ..
             })) => {
-                // Under gravity grains that have come together stay together, and only rest ends their impacts.
+                // Under gravity grains that have come together stay together, and only rest ends their
+                // impacts.
                 let set = if *rest_speed > 0.0 {
                     format!(" --set contact.rest_speed={rest_speed}")
                 } else if *contact_duration > 0.0 {

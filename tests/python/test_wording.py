@@ -110,7 +110,9 @@ def test_own_errors_name_keywords_to_python_and_options_to_the_command(tmp_path,
             file.export(kept)
         with pytest.raises(haff.ArgumentError, match=r"^no format given: to must be one of gsd"):
             file.export()
-        with pytest.raises(haff.ArgumentError, match=r"^unknown suffix \.xyz: use to='extxyz' or output='a\.extxyz'; to must"):
+        with pytest.raises(
+            haff.ArgumentError, match=r"^unknown suffix \.xyz: use to='extxyz' or output='a\.extxyz'; to must"
+        ):
             file.export("a.xyz")
         with pytest.raises(haff.ArgumentError, match=r"^unknown suffix \.doc: to must be one of gsd, extxyz"):
             file.export("a.doc")

@@ -1,7 +1,7 @@
 //! A sweep that grows: more values or seeds in the same folder.
 //!
-//! A member is the same run if its parameters and its number among the seeds are the same. Runs that the folder
-//! has keep their files, whatever their number is now; new ones get file names that no run has.
+//! A member is the same run if its parameters and its number among the seeds are the same. Runs that the
+//! folder has keep their files, whatever their number is now; new ones get file names that no run has.
 
 use std::collections::HashMap;
 
@@ -19,8 +19,8 @@ fn identity(member: &Member) -> (Vec<String>, Option<u32>) {
     (parameters, member.replica)
 }
 
-/// The rows of a plan, in its order, with those that are known from an earlier plan; `None` if a member of the
-/// earlier plan is not in this one.
+/// The rows of a plan, in its order, with those that are known from an earlier plan; `None` if a member of
+/// the earlier plan is not in this one.
 pub fn rows(plan: &Plan, earlier: &Plan, known: Vec<Row>) -> Option<Vec<Row>> {
     let mut known: HashMap<usize, Row> = known.into_iter().map(|row| (row.index, row)).collect();
     let mut by_identity = HashMap::with_capacity(known.len());

@@ -87,12 +87,12 @@ impl Simulation {
         self.replace_world(system, &survivors, observer)
     }
 
-    /// Goes on with the present state in another system: other laws of contact, walls or gravity. Its bodies are
-    /// the same particles, in the same box; their positions and velocities at the start do not count.
+    /// Goes on with the present state in another system: other laws of contact, walls or gravity. Its bodies
+    /// are the same particles, in the same box; their positions and velocities at the start do not count.
     ///
     /// # Errors
-    /// [`EngineError::Change`] if the system has other particles, another box, other drives or other measurements;
-    /// the state is then as before.
+    /// [`EngineError::Change`] if the system has other particles, another box, other drives or other
+    /// measurements; the state is then as before.
     pub fn change_system(
         &mut self,
         mut system: System,

@@ -19,8 +19,8 @@ const DURATION: f64 = 1e-4;
 /// clusters.
 ///
 /// L_c = 2.43/(nσ²√(1 − e²)) for spheres and 2√π/(nσ√(1 − e²)) for disks, with the number density n, the mean
-/// diameter σ and the smallest e of all pairs (docs/theory.md). `None` unless the gas cools freely with a constant
-/// e < 1: without the TC model, gravity, drives, shear, and open axes.
+/// diameter σ and the smallest e of all pairs (docs/theory.md). `None` unless the gas cools freely with a
+/// constant e < 1: without the TC model, gravity, drives, shear, and open axes.
 pub fn critical_length(system: &System) -> Option<f64> {
     let axes = system.dimension.count();
     let closed = !system.domain.boundary[..axes].contains(&Boundary::Open);
@@ -67,8 +67,8 @@ pub fn suitable_contact_duration(system: &System) -> Option<f64> {
     if speed > 0.0 && duration > 0.0 { power_of_ten() } else { None }
 }
 
-/// A value for `contact.rest_speed` that suits the system \[length/time\]: 0.05 √(g d) of the smallest diameter d,
-/// with one digit. 0 without gravity.
+/// A value for `contact.rest_speed` that suits the system \[length/time\]: 0.05 √(g d) of the smallest
+/// diameter d, with one digit. 0 without gravity.
 pub(crate) fn suitable_rest_speed(world: &World) -> f64 {
     let least = world.classes.iter().map(|class| class.radius).fold(f64::INFINITY, f64::min);
     let speed = 0.05 * (world.gravity.length() * 2.0 * least).sqrt();

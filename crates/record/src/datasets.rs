@@ -328,8 +328,8 @@ fn write_parameters(root: &Group, header: &Header) -> hdf5::Result<()> {
     write_array(&group, "wall_names", &texts(&header.wall_names)?)
 }
 
-/// Names of the dataset with the summary of a run, and of that with its summary before it was resumed. They are equally
-/// long, so that one can replace the other in a group when the disk is full.
+/// Names of the dataset with the summary of a run, and of that with its summary before it was resumed. They
+/// are equally long, so that one can replace the other in a group when the disk is full.
 pub(crate) const SUMMARY: &str = "summary";
 pub(crate) const EARLIER: &str = "earlier";
 

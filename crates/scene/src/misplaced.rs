@@ -56,8 +56,8 @@ impl Place {
     }
 }
 
-/// A hint for an unknown key of the table `path`, as "`run.until`, in [run]"; `None` if no table has the key or one
-/// that it may stand for. Positions of an array are left out of the path of a table.
+/// A hint for an unknown key of the table `path`, as "`run.until`, in [run]"; `None` if no table has the key
+/// or one that it may stand for. Positions of an array are left out of the path of a table.
 pub(crate) fn hint(path: &[String], key: &str, known: &[&str]) -> Option<String> {
     let key = key.to_lowercase();
     let meant = SYNONYMS.iter().find(|(name, _)| *name == key).map(|(_, meant)| *meant);
