@@ -10,6 +10,7 @@ import numpy as np
 from ..arguments import choice, count
 from ..errors import ArgumentError, NotApplicableError
 from ..layout import AXES, Array, computing
+from ..text import quoted
 
 if TYPE_CHECKING:
     from ..frames import Box, Frame
@@ -118,13 +119,15 @@ def _cells(cells: int | Sequence[int], size: Array) -> tuple[int, ...]:
     if isinstance(cells, (list, tuple, np.ndarray)):
         if len(cells) != len(size):
             axes = ", ".join(AXES[: len(size)])
-            raise ArgumentError(f"cells = {cells!r}: must be one number, or {len(size)}, of {axes}")
+            raise ArgumentError(f"cells = {quoted(cells)}: must be one number, or {len(size)}, of {axes}")
         numbers = tuple(count(f"cells[{k}]", one) for k, one in enumerate(cells))
     else:
         most = count("cells", cells)
         numbers = tuple(max(1, round(most * float(edge / size.max()))) for edge in size)
     if np.prod(np.array(numbers, float)) > MOST_CELLS:
-        raise ArgumentError(f"cells = {cells!r}: {' × '.join(map(str, numbers))} cells; must be {MOST_CELLS} at most")
+        raise ArgumentError(
+            f"cells = {quoted(cells)}: {' × '.join(map(str, numbers))} cells; must be {MOST_CELLS} at most"
+        )
     return numbers
 
 

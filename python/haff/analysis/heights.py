@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from ..arguments import choice, count
 from ..errors import ArgumentError, NotApplicableError
 from ..layout import AXES, Array, computing
+from ..text import quoted
 
 if TYPE_CHECKING:
     from ..frames import Box, Frame
@@ -131,7 +132,7 @@ def _limits(
         except (TypeError, ValueError):
             low = high = np.nan
         if not (np.isfinite([low, high]).all() and low < high):
-            raise ArgumentError(f"limits = {limits!r}: must be two finite numbers, the lower one first")
+            raise ArgumentError(f"limits = {quoted(limits)}: must be two finite numbers, the lower one first")
         return low, high
     box = frames[0].box
     if box.boundary[axis] != "open":

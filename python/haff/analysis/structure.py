@@ -13,6 +13,7 @@ from ..conversions import freud_system
 from ..errors import ArgumentError, NotApplicableError
 from ..layout import Array, computing
 from ..output import library
+from ..text import quoted
 from .scattering import intensities, lattice, vectors
 
 if TYPE_CHECKING:
@@ -27,7 +28,7 @@ def radial_distribution(frames: Iterable[Frame], r_max: float, bins: int, r_min:
     """
     r_max, bins = positive("r_max", r_max), count("bins", bins)
     if not 0 <= r_min < r_max:
-        raise ArgumentError(f"r_min = {r_min!r}: must be a number from 0 to below r_max = {r_max:g}")
+        raise ArgumentError(f"r_min = {quoted(r_min)}: must be a number from 0 to below r_max = {r_max:g}")
     freud = library("freud", package="freud-analysis")
     rdf = freud.density.RDF(bins=bins, r_max=r_max, r_min=r_min)
     first = True
