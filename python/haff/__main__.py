@@ -117,6 +117,16 @@ def _add_view(commands) -> None:
         metavar="MB",
         help="about the largest page: frames are thinned (default: 40)",
     )
+    view.add_argument(
+        "--color", metavar="NAME", help=f"color at first: {', '.join(_COLORINGS)} (default: speed or species)"
+    )
+    view.add_argument(
+        "--color-range",
+        type=float,
+        nargs=2,
+        metavar=("MIN", "MAX"),
+        help="fixed range of the colors (default: it follows the frames)",
+    )
     view.add_argument("--open", action="store_true", help="opens the page in the browser")
     view.add_argument("--overwrite", action="store_true", help="replaces an existing file")
     view.set_defaults(run=_view)
@@ -150,6 +160,7 @@ _KINDS = {
     "heights": "gravity or walls: density, temperature and velocity against height, from frames",
 }
 _BY_NAME = ("density", "clusters", "structure_factor", "partials", "heights")
+_COLORINGS = ("speed", "species", "loss", "recent-loss", "density")
 _FORMATS = ("gsd", "extxyz", "vtkhdf", "csv", "parquet")
 _TABLES = ("observables", "frames", "events")
 
@@ -203,6 +214,8 @@ def _view(options: argparse.Namespace) -> int:
         options.output,
         frames=options.frames,
         size=options.size,
+        color=options.color,
+        color_range=options.color_range,
         overwrite=options.overwrite,
         show=options.open,
         notes=notes,

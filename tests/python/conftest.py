@@ -13,6 +13,7 @@ import matplotlib
 import pytest
 
 import haff
+from pages import browser, show  # noqa: F401 (fixtures)
 from validation.runs import ROOT, executable, toml
 
 matplotlib.use("Agg")

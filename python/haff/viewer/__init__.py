@@ -6,6 +6,7 @@ import html
 import os
 import re
 import webbrowser
+from collections.abc import Sequence
 from pathlib import Path
 
 from .. import reader
@@ -13,12 +14,16 @@ from ..layout import computing
 from ..output import replacing
 from ..reader import File
 from ..text import escaped
+from . import coloring
 from .blobs import Blobs
 
 __all__ = ["view"]
 
 _HERE = Path(__file__).parent
-_SCRIPTS = ("data.js", "flight.js", "particles.js", "surroundings.js", "curves.js", "player.js")
+_SCRIPTS = (
+    "data.js", "flight.js", "timeline.js", "density.js", "picking.js", "shaders.js", "particles.js", "surroundings.js",
+    "curves.js", "colors.js", "inspector.js", "camera.js", "keys.js", "player.js",
+)  # fmt: skip
 
 
 def view(
@@ -27,6 +32,8 @@ def view(
     *,
     frames: str | slice | int | None = None,
     size: float = 40.0,
+    color: str | None = None,
+    color_range: Sequence[float] | None = None,
     overwrite: bool = False,
     show: bool = False,
     notes: list[str] | None = None,
@@ -46,6 +53,12 @@ def view(
         The frames to play, ``"start:stop:step"`` or a slice; all by default.
     size
         About the largest size of the page [MB]; if the frames need more, only every second, third, … is kept.
+    color
+        How particles are colored at first: ``"speed"``, ``"species"``, ``"loss"`` (energy lost so far),
+        ``"recent-loss"`` or ``"density"`` (local packing fraction); by default speed or species.
+    color_range
+        Minimum and maximum of the colors, in units of that quantity (of the speed, if ``color`` is not given); by
+        default the range follows the frames. Both can be changed in the page.
     overwrite
         Whether an existing file is replaced.
     show
@@ -60,17 +73,21 @@ def view(
     """
     if not isinstance(source, File):
         with reader.open(source) as file:
-            return view(file, output, frames=frames, size=size, overwrite=overwrite, show=show, notes=notes)
+            return view(
+                file, output, frames=frames, size=size, color=color, color_range=color_range, overwrite=overwrite,
+                show=show, notes=notes,
+            )  # fmt: skip
+    chosen = coloring.checked(color, color_range)
     path = Path(output) if output is not None else Path(f"{source.path.stem}.html")
     messages = notes if notes is not None else []
     with replacing(path, source=source.path, overwrite=overwrite) as part:
-        _write(source, part, frames, size, messages)
+        _write(source, part, frames, size, chosen, messages)
     if show:
         webbrowser.open(path.resolve().as_uri())
     return path
 
 
-def _write(file: File, path: Path, frames, size: float, notes: list[str]) -> None:
+def _write(file: File, path: Path, frames, size: float, chosen: coloring.Coloring, notes: list[str]) -> None:
     # These import matplotlib: only when a page is made, not with `import haff`.
     from . import content
 
@@ -86,7 +103,7 @@ def _write(file: File, path: Path, frames, size: float, notes: list[str]) -> Non
     with open(path, "w", encoding="utf-8", newline="\n") as out, computing(file.path, "page"):
         out.write(re.sub(r"\{\{(\w+)\}\}", lambda place: parts[place[1]], before))
         # The header names the blobs by number, so it comes last, and frames are never all in memory.
-        content.write(file, Blobs(out), frames, size, notes)
+        content.write(file, Blobs(out), frames, size, chosen, notes)
         for library in libraries:
             out.write(f"<script>{library}</script>\n")
         out.write(f'<script>"use strict";\n{scripts}</script>\n')

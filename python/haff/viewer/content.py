@@ -19,6 +19,7 @@ from ..selection import choose
 from ..text import escaped
 from . import collisions, curves, joints
 from .blobs import Blobs
+from .coloring import Coloring
 from .keyframes import Keyframes, along_flights, recorded
 
 EXACT = 2_000_000
@@ -29,7 +30,9 @@ CHUNK = 1 << 20  # bytes of frames in one blob, about
 BASE64 = 4 / 3
 
 
-def write(file: File, blobs: Blobs, frames: str | slice | int | None, size: float, notes: list[str]) -> None:
+def write(
+    file: File, blobs: Blobs, frames: str | slice | int | None, size: float, coloring: Coloring, notes: list[str]
+) -> None:
     """Writes the arrays of a page, and its header last. ``notes`` gets a line for everything left out."""
     if not size > 0:
         raise ArgumentError(f"size {size}: must be positive [MB]")
@@ -42,6 +45,8 @@ def write(file: File, blobs: Blobs, frames: str | slice | int | None, size: floa
         keys = recorded(chosen)
     room = extent(chosen)
     losses = None if log is None else log.losses(keys.time)
+    if losses is None:
+        coloring.require_no_losses(file)
     header: dict[str, Any] = {
         "title": escaped(file.title or file.path.stem),
         "count": len(file),
@@ -59,7 +64,9 @@ def write(file: File, blobs: Blobs, frames: str | slice | int | None, size: floa
             file.radius.astype(np.float32),
             np.minimum(file.species, 255).astype(np.uint8),
             (~np.isfinite(file.mass)).astype(np.uint8),
+            file.mass.astype(np.float32),
         ),
+        "coloring": coloring.header(),
         "losses": None if losses is None else {"largest": losses.largest, "decades": collisions.DECADES},
         "walls": _walls(file),
         "motions": _motions(file),
@@ -99,7 +106,8 @@ def _served(file: File) -> str:
 def _thin(file: File, chosen, size: float, losses: bool, notes: list[str]):
     """A selection of the frames that fits into a page of this size."""
     d = file.dimension
-    frame = len(file) * (4 * d + (3 if file.box.periodic.any() else 0) + (2 if losses else 0)) * BASE64
+    spin = 2 * _spins(d) if file.inertia is not None else 0
+    frame = len(file) * (4 * d + spin + (3 if file.box.periodic.any() else 0) + (2 if losses else 0)) * BASE64
     fits = int(size * 1e6 / frame)
     if fits < 2 and len(chosen) > fits:
         raise NotApplicableError(
@@ -128,6 +136,8 @@ def _frames(
     per_chunk = max(1, CHUNK // (count * 4 * d))
     chunks, speeds, units = [], [], []
     pending: list[list[np.ndarray]] = []
+    spins: list[np.ndarray] = []
+    spin_units: list[float] = []
     before, rounded = None, np.zeros((count, d), bool)
     shear, wraps = file.shear, periodic.copy()
     if shear is not None:
@@ -159,25 +169,34 @@ def _frames(
             if periodic.any():
                 crossed = crossed + over.astype(np.int16) - rounded
                 rounded = over
-            fastest = float(np.abs(velocity).max(initial=0.0)) or 1.0
-            moves = np.rint(velocity / fastest * 32767).astype(np.int16)
-            units.append(fastest / 32767)
+            moves, unit_of_velocity = _shortened(velocity)
+            units.append(unit_of_velocity)
             arrays = [places, moves]
         else:
             arrays = [position.astype(np.float32), velocity.astype(np.float32)]
         arrays.append(crossed.astype(np.int8))
         arrays += [np.zeros(0, np.uint8)] * 2 if losses is None else [losses.total[k], losses.recent[k]]
         pending.append(arrays)
+        if keys.spin is not None:
+            spin = keys.spin(k)[:, 3 - _spins(d) :]
+            if quantized:
+                spin, unit_of_spin = _shortened(spin)
+                spin_units.append(unit_of_spin)
+            spins.append(spin if quantized else spin.astype(np.float32))
         if len(pending) == per_chunk or k == len(keys.time) - 1:
             written = blobs.add(*(array for frame in pending for array in frame))
             chunks.append({"first": k + 1 - len(pending), **written})
             pending = []
+            if spins:
+                chunks[-1]["spin"] = blobs.add(*spins)
+                spins = []
     return {
         "time": keys.time.tolist(),
-        "even": keys.exact or _even(keys.time),
+        "spacing": "linear" if keys.exact else _spacing(keys.time),
         "speed": speeds,
         "unit": unit.tolist() if quantized else None,
         "velocity_unit": units,
+        "spin_unit": spin_units,
         "chunks": chunks,
     }
 
@@ -193,8 +212,29 @@ def _leaps(file: File, keys: Keyframes, k: int) -> int:
     return round((slid[k] - slid[k - 1] - even) / float(file.box.size[shear.flow]))
 
 
+def _spins(d: int) -> int:
+    """Components of an angular velocity."""
+    return 1 if d == 2 else 3
+
+
+def _shortened(values: np.ndarray) -> tuple[np.ndarray, float]:
+    """Values as 2-byte multiples of a unit, and the unit."""
+    largest = float(np.abs(values).max(initial=0.0)) or 1.0
+    return np.rint(values / largest * 32767).astype(np.int16), largest / 32767
+
+
+def _spacing(time: np.ndarray) -> str:
+    """The scale on which frames are about equally far apart, except the last: linear, log, or neither ("frames")."""
+    if _even(time):
+        return "linear"
+    positive = time[time > 0]
+    # A frame at the start has no logarithm.
+    if len(positive) >= len(time) - 1 and len(positive) > 3 and _even(np.log(positive)):
+        return "log"
+    return "frames"
+
+
 def _even(time: np.ndarray) -> bool:
-    """Whether frames are about equally far apart in time, except the last; if not, each is shown equally long."""
     steps = np.diff(time)[:-1]
     return len(steps) < 2 or float(steps.max()) < 3 * float(steps.min())
 

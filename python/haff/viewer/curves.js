@@ -19,7 +19,8 @@ class Curves {
     const style = getComputedStyle(document.documentElement);
     const [text, grid] = ["--soft", "--line"].map((name) => style.getPropertyValue(name));
     const first = this.logarithmic ? time.findIndex((value) => value > 0) : 0;
-    const height = Math.max(110, Math.min(190, (innerHeight - 90) / panels.length - 30));
+    this.width = this.element.clientWidth;
+    const height = Math.max(110, Math.min(190, (this.element.clientHeight - 16) / panels.length - 30));
     for (const panel of panels) {
       const title = document.createElement("h2");
       title.append(panel.title);
@@ -35,7 +36,7 @@ class Curves {
       const short = (value) => (value === null ? "" : format(value, 3));
       const plot = new uPlot(
         {
-          width: this.element.clientWidth - 16,
+          width: Math.max(this.width - 16, 100),
           height,
           legend: { show: false },
           cursor: { drag: { x: false, y: false }, points: { show: false } },
@@ -58,6 +59,17 @@ class Curves {
       plot.over.addEventListener("click", (event) => this.seek(plot.posToVal(event.offsetX, "x")));
       this.plots.push({ plot, mark, panel, readings });
     }
+  }
+
+  // Draws again if the panel has another width.
+  fit() {
+    if (!this.element.hidden && this.element.clientWidth !== this.width) this.draw();
+  }
+
+  setLogarithmic(logarithmic) {
+    if (logarithmic === this.logarithmic) return;
+    this.logarithmic = logarithmic;
+    this.draw();
   }
 
   move(time) {

@@ -1,5 +1,6 @@
 // The arrays of the page: base64, deflated; unpacked when they are needed.
 
+const find = (id) => document.getElementById(id);
 const header = JSON.parse(document.getElementById("header").textContent);
 
 async function unpack(entry) {
@@ -53,6 +54,19 @@ class Frames {
       this.pending.set(c, done);
     }
     return this.pending.get(c);
+  }
+
+  // Unpacks the spins of a chunk, which only single particles need.
+  loadSpin(k) {
+    const chunk = this.list.chunks[this.chunk(k)];
+    this.spins ??= new Map();
+    if (!this.spins.has(chunk)) {
+      const done = Promise.all([this.load(k), unpack(chunk.spin)]).then(([, arrays]) => {
+        arrays.forEach((spin, f) => (this.found[chunk.first + f].spin = spin));
+      });
+      this.spins.set(chunk, done);
+    }
+    return this.spins.get(chunk);
   }
 
   async loadAll() {

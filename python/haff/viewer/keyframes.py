@@ -12,6 +12,8 @@ from ..figures import trajectories
 from ..frames import Frames
 from ..reader import File
 
+PAIRS = ("collision", "settle", "release", "stick")
+"""Kinds of events whose ``j`` is a particle."""
 MOST = 20_000
 """Key frames of exact paths; if there were more, the recorded frames are taken."""
 
@@ -29,6 +31,8 @@ class Keyframes(NamedTuple):
     """Whether there are so many that straight lines between them are the paths"""
     displacement: np.ndarray | None = None
     """``[K]`` displacement along the flow of the images across the upper face of a sheared box [length]"""
+    spin: Callable[[int], np.ndarray] | None = None
+    """Angular velocity ``[N, 3]`` of a row [1/time], NaN where it is not known; ``None`` without spin"""
 
 
 def recorded(frames: Frames) -> Keyframes:
@@ -41,7 +45,8 @@ def recorded(frames: Frames) -> Keyframes:
     displacement = None
     if frames.file.shear is not None:
         displacement = np.array([frame.box.displacement[2] for frame in frames if frame.box.displacement])
-    return Keyframes(np.asarray(frames.time, float), state, False, displacement)
+    spin = None if frames.file.inertia is None else lambda k: frames[k].angular_velocity
+    return Keyframes(np.asarray(frames.time, float), state, False, displacement, spin)
 
 
 def along_flights(file: File, frames: Frames) -> Keyframes | None:
@@ -77,7 +82,39 @@ def along_flights(file: File, frames: Frames) -> Keyframes | None:
         position[..., shear.flow] -= rows * displacement[:, None]
         image[..., shear.flow] = np.floor(position[..., shear.flow] / edge)
     inside = position - image * np.where(file.box.periodic, file.box.size, 0.0)
-    return Keyframes(time, lambda k: (inside[k], velocity[k], image[k]), True, displacement)
+    spin = _spins(file, time)
+    return Keyframes(
+        time,
+        lambda k: (inside[k], velocity[k], image[k]),
+        True,
+        displacement,
+        None if spin is None else lambda k: spin[k],
+    )
+
+
+def _spins(file: File, time: np.ndarray) -> np.ndarray | None:
+    """Angular velocities ``[K, N, 3]`` at given times, which change with events only; ``None`` without spin.
+
+    Those of the recorded frame before, if the body has had no event since, or of the frame after, if it has none up
+    to there; between two events of one interval NaN.
+    """
+    if file.inertia is None or not {"kind", "i", "j"} <= set(file.events.columns):
+        return None
+    recorded, log = file.frames.time, file.events.to_pandas()
+    values = file.frames.array("angular_velocity")
+    pairs = log["kind"].isin(PAIRS)
+    before = np.clip(np.searchsorted(recorded, time, side="right") - 1, 0, len(recorded) - 1)
+    after = np.minimum(before + 1, len(recorded) - 1)
+    spin = np.full((len(time), len(file), 3), np.nan)
+    for body in range(len(file)):
+        own = np.sort(log["time"][(log["i"] == body) | (pairs & (log["j"] == body))].to_numpy())
+        count = np.searchsorted(own, time, side="right")
+        # An event at the time of a frame precedes it.
+        late = count == np.searchsorted(own, recorded[after], side="right")
+        spin[late, body] = values[after[late], body]
+        early = count == np.searchsorted(own, recorded[before], side="right")
+        spin[early, body] = values[before[early], body]
+    return spin
 
 
 def _interpolate(time: np.ndarray, known: np.ndarray, values: np.ndarray) -> np.ndarray:
