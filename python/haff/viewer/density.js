@@ -93,7 +93,7 @@ function localDensity({ dimension, position, radius, low, size, periodic, walls,
   // Points that fill a ball evenly: an additive sequence (M. Roberts' generalized golden ratios).
   const points = [];
   const ratio = flat ? 1.32471795724474602596 : 1.22074408460575947536;
-  for (let n = 1; points.length < 500; n++) {
+  for (let n = 1; points.length < 1000; n++) {
     const point = [1, 2, 3].map((power) => (flat && power === 3 ? 0 : 2 * ((0.5 + n / ratio ** power) % 1) - 1));
     if (Math.hypot(...point) <= 1) points.push(point);
   }

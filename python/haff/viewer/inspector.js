@@ -67,11 +67,14 @@ class Inspector {
     const peculiar = [...velocity];
     if (shear) peculiar[shear.flow] -= shear.rate * position[shear.gradient];
     found.push([shear ? "speed relative to the flow" : "speed", format(Math.hypot(...peculiar), digits)]);
-    if (frames.found[k].spin && frames.found[next].spin) {
-      found.push(["spin", vectorOrNone(this.spin(k, next, x, meeting), digits)]);
+    // Rows of what comes later are there at once, so that nothing moves.
+    if (frames.list.chunks[0].spin) {
+      const there = frames.found[k].spin && frames.found[next].spin;
+      found.push(["spin", there ? vectorOrNone(this.spin(k, next, x, meeting), digits) : "…"]);
     }
     const [a, b] = [k, next].map((frame) => frames.found[frame].density?.[index]);
-    if (a !== undefined && b !== undefined) found.push(["local packing fraction", format(a + (b - a) * x, 3)]);
+    const there = a !== undefined && b !== undefined;
+    found.push(["local packing fraction", there ? format(a + (b - a) * x, 3) : "…"]);
     return found;
   }
 

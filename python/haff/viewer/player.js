@@ -133,7 +133,7 @@ class Player {
     const glow = GLOW * this.timeline.flow(this.at, this.speed);
     const most = Math.max(LIT.count, LIT.share * header.count);
     const every = this.particles.light(find("flash").checked ? this.events : null, since - glow, since, most);
-    find("flash-share").textContent = every > 1 ? ` (1 in ${(every * header.collisions.every).toLocaleString("en")})` : "";
+    if (this.events) this.tellShare(every * header.collisions.every);
     const where = (index) => body(this.frames, this.bodies, index, k, x).position;
     this.surroundings.move(time, where, find("box").checked);
     this.renderer.render(this.scene, this.view.camera);
@@ -174,7 +174,7 @@ class Player {
 
   controls() {
     find("bar").style.setProperty("--colors", gradient().join(","));
-    find("flash-label").hidden = !this.events;
+    find("flash-label").hidden = find("flash-share").hidden = !this.events;
     find("curves-label").hidden = !header.curves;
     find("curves").hidden = !header.curves;
     find("show-curves").checked = Boolean(header.curves);
@@ -199,6 +199,13 @@ class Player {
     find("help").onclick = () => find("keys").showModal();
     document.addEventListener("keydown", (event) => press(this, event));
     this.tellPace();
+  }
+
+  // One in how many collisions is lit; where all are, the line is blank, so that nothing moves.
+  tellShare(every) {
+    const line = find("flash-share");
+    line.textContent = `1 in ${every.toLocaleString("en")} collisions lit`;
+    line.style.visibility = every > 1 ? "visible" : "hidden";
   }
 
   tellPace() {
