@@ -102,7 +102,7 @@ def test_controls_have_names_for_screen_readers(show, files):
     page = show(files["cooling"])
     unnamed = page.evaluate(
         """() => [...document.querySelectorAll('button, select, input, main canvas')]
-             .filter((e) => !e.closest('dialog') && !e.getAttribute('aria-label') && !e.closest('label'))
+             .filter((e) => !e.closest('dialog, label') && !e.ariaHidden && !e.getAttribute('aria-label'))
              .map((e) => e.id)"""
     )
     assert unnamed == []

@@ -98,3 +98,28 @@ def test_disks_are_mixed_with_the_background(show, tmp_path):
     first, second = colors()
     assert np.array_equal(first, full[0]), "of the chosen species only"
     assert second == pytest.approx(0.25 * full[1] + 0.75 * BACK, abs=2)
+
+
+def test_the_grain_goes_while_nothing_moves(show, tmp_path):
+    page = show(row_of_spheres(tmp_path / "row.h5", [0, 1]))
+    set_opacity(page, 0.5)
+    color_at_center(page)
+    at = page.evaluate("haffView.player.pixel([5, 3, 5])")
+    page.wait_for_function("haffView.player.smooth.count === ROUNDS")
+    # Red, green and blue of the drawing with its grain, and of the mean, at the same place.
+    patch = """([canvas, x, y]) => { const p = haffView.player; p.render();
+      const copy = new OffscreenCanvas(9, 9), context = copy.getContext("2d"), box = stage.getBoundingClientRect();
+      const scale = stage.width / box.width;
+      context.drawImage(document.getElementById(canvas), -(x - box.left) * scale + 4, -(y - box.top) * scale + 4);
+      return [...context.getImageData(0, 0, 9, 9).data]; }"""
+    grains = []
+    for canvas in ("stage", "mean"):
+        data = np.array(page.evaluate(patch, [canvas, at["x"], at["y"]])).reshape(81, 4)[:, :3]
+        grains.append(data.std(axis=0).max())
+    # Of 24 drawings, a fifth.
+    assert page.locator("#mean").is_visible() and grains[1] < 0.35 * grains[0] and grains[0] > 20
+    page.keyboard.press("ArrowRight")
+    page.keyboard.press("Shift+O")
+    for _ in range(5):
+        page.keyboard.press("Shift+O")
+    page.wait_for_function("haffView.player.colors.opacity[0] === 1 && document.getElementById('mean').hidden")

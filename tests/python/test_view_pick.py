@@ -298,3 +298,11 @@ def test_pages_of_smooth_scenes_have_no_spins(files, tmp_path):
     assert all("spin" not in chunk for chunk in page.header["frames"]["chunks"])
     with h5py.File(files["cooling"]) as file:
         assert "inertia" not in file["particles/all"]
+
+
+def test_a_click_before_its_frame_is_unpacked_picks_nothing(show, files):
+    page = show(files["cooling"])
+    page.evaluate(
+        "(async () => { const p = haffView.player; await p.frames.loadAll(); p.goto(5); delete p.frames.found[5]; })()"
+    )
+    assert page.evaluate("haffView.player.pickAt(300, 200)") is None

@@ -22,7 +22,7 @@ __all__ = ["view"]
 _HERE = Path(__file__).parent
 _SCRIPTS = (
     "data.js", "flight.js", "timeline.js", "density.js", "picking.js", "shaders.js", "particles.js", "surroundings.js",
-    "curves.js", "colors.js", "inspector.js", "camera.js", "keys.js", "player.js",
+    "curves.js", "colors.js", "inspector.js", "camera.js", "smooth.js", "keys.js", "player.js",
 )  # fmt: skip
 
 

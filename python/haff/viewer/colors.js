@@ -8,6 +8,9 @@ const COLORINGS = {
   density: "local packing fraction",
 };
 
+// Shorter names for the control; the legend has the full ones.
+const SHORT = { speed: "speed", density: "packing fraction" };
+
 // Reads both ends of a range; returns { range } or { error }. `least`: what the lower end must exceed.
 function readRange(low, high, least = -Infinity) {
   const range = [low, high].map((text) => (String(text).trim() === "" ? NaN : Number(text)));
@@ -95,7 +98,7 @@ class Colors {
   }
 
   controls() {
-    for (const name of this.names) find("coloring").add(new Option(COLORINGS[name], name));
+    for (const name of this.names) find("coloring").add(new Option(SHORT[name] ?? COLORINGS[name], name));
     find("coloring").value = this.coloring;
     find("coloring").onchange = (event) => this.choose(event.target.value);
     find("lowest").onchange = find("highest").onchange = () => this.enter();

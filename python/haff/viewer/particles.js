@@ -68,6 +68,7 @@ class Particles {
         tall: 1,
         flight: FLIGHTS[header.flight],
         coloring: 0,
+        round: 0,
         palette: this.palette,
         glow: new THREE.Vector3(1, 0.96, 0.75),
       }).map(([name, value]) => [name, { value }]),

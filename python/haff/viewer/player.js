@@ -34,6 +34,7 @@ class Player {
     this.surroundings = new Surroundings(this.scene, this.theme);
     this.view = new View(find("stage"), this.surroundings.space, this.largest, () => this.wake());
     this.inspector = new Inspector(this);
+    this.smooth = new Smooth(find("stage"), find("mean"), this.particles.uniforms.round, () => this.render());
     this.curves = new Curves(find("curves"), this.logarithmicCurves, (time) => this.seek(time));
     this.controls();
     this.view.look();
@@ -136,7 +137,8 @@ class Player {
     if (this.events) this.tellShare(every * header.collisions.every);
     const where = (index) => body(this.frames, this.bodies, index, k, x).position;
     this.surroundings.move(time, where, find("box").checked);
-    this.renderer.render(this.scene, this.view.camera);
+    this.render();
+    this.smooth.restart(this.grainy && !this.playing);
     if (find("show-curves").checked) this.curves.move(time);
     const scrub = find("scrub");
     scrub.value = this.timeline.share(this.at);
@@ -148,6 +150,15 @@ class Player {
     this.inspector.draw(k, x);
   }
 
+  render() {
+    this.renderer.render(this.scene, this.view.camera);
+  }
+
+  // Whether spheres are partly transparent; disks are blended.
+  get grainy() {
+    return header.dimension === 3 && this.colors.translucent;
+  }
+
   // Takes over opacities and the coloring.
   recolor() {
     this.colors.opacity.forEach((opacity, species) => this.particles.setOpacity(species, opacity));
@@ -157,7 +168,7 @@ class Player {
 
   // Partly transparent spheres are drawn with twice as many pixels, so that their grain is fine.
   get pixelRatio() {
-    const fine = this.colors.translucent && header.dimension === 3 && !this.particles.points;
+    const fine = this.grainy && !this.particles.points;
     return Math.min(devicePixelRatio, 2) * (fine ? 2 : 1);
   }
 
@@ -248,8 +259,9 @@ class Player {
 
   // --- for scripts ------------------------------------------------------------------------------
 
-  // The particle at a point of the window; null if there is none.
+  // The particle at a point of the window; null if there is none, or its frame is not unpacked yet.
   pickAt(clientX, clientY) {
+    if (!this.there()) return null;
     const k = Math.min(Math.floor(this.at), this.last);
     const visible = this.colors.opacity.map((opacity) => opacity > 0);
     return pick(this.frames, this.bodies, k, this.at - k, this.view.ray(clientX, clientY), visible);

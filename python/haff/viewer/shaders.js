@@ -137,6 +137,7 @@ precision highp float;
 precision highp int;
 uniform mat4 projectionMatrix;
 uniform vec3 glow;
+uniform int round;
 in vec3 center, color;
 in float size, light, opacity;
 flat in uint number;
@@ -151,7 +152,7 @@ out vec4 fragment;
 // that a block shows a particle about as often as its opacity says.
 float threshold() {
   uvec2 pixel = uvec2(gl_FragCoord.xy);
-  uint h = (pixel.x >> 1) * 0x9E3779B1u ^ (pixel.y >> 1) * 0x85EBCA77u ^ number * 0xC2B2AE3Du;
+  uint h = (pixel.x >> 1) * 0x9E3779B1u ^ (pixel.y >> 1) * 0x85EBCA77u ^ number * 0xC2B2AE3Du ^ uint(round) * 0x27D4EB2Fu;
   h = (h ^ (h >> 15)) * 0x2C1B3C6Du;
   h = (h ^ (h >> 12)) * 0x297A2D39u;
   h ^= h >> 15;
