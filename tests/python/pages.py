@@ -32,7 +32,7 @@ class Page:
         packed = re.search(rf'id="blob-{entry["blob"]}">(.*?)</script>', self.text)[1]
         data = zlib.decompress(base64.b64decode(packed))
         types = {"Uint8Array": "u1", "Int8Array": "i1", "Uint16Array": "u2", "Int16Array": "i2", "Uint32Array": "u4",
-                 "Float32Array": "f4"}  # fmt: skip
+                 "Float32Array": "f4", "Float64Array": "f8"}  # fmt: skip
         return [np.frombuffer(data, "<" + types[t], size, start) for t, start, size in entry["arrays"]]
 
     def frames(self):

@@ -7,7 +7,8 @@ import pytest
 
 import haff
 import synthetic
-from haff.__main__ import main
+from haff.__main__ import _COLORINGS, main
+from haff.viewer.coloring import COLORINGS
 from pages import in_node, page_of, seek
 
 # --- the range -----------------------------------------------------------------------------------
@@ -47,6 +48,10 @@ def test_losses_as_colors_need_an_event_log(files, tmp_path, capsys):
     arguments = ["view", str(files["quiet"]), "-o", str(tmp_path / "a.html"), "--color", "loss"]
     assert main(arguments) == 2
     assert "color loss: the file has no event log with losses of energy" in capsys.readouterr().err
+
+
+def test_the_command_knows_all_colorings():
+    assert tuple(COLORINGS) == _COLORINGS
 
 
 @pytest.mark.parametrize("given", [("a", 1), (1,), 3, (1, 2, 3)])

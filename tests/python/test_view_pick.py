@@ -230,7 +230,7 @@ def test_clicked_particle_is_marked_at_all_its_images_and_followed(show, tmp_pat
 
 def test_fixed_particles_are_picked_and_hidden_ones_are_not(show, tmp_path):
     """From the front (along y), the post of another species hides a grain."""
-    path = gas(tmp_path / "posts.h5", [[5.0, 2.0, 5.0], [5.0, 6.0, 5.0]], species=[1, 0], mass=[np.inf, 1.0])
+    path = gas(tmp_path / "posts.h5", [[5.0, 2.0, 5.0], [5.0, 6.0, 5.0]], species=[1, 0], mass=[np.inf, 2e60])
     page = show(path)
     page.evaluate(
         """() => { const { view } = haffView.player; view.camera.position.set(5, -20, 5);
@@ -245,6 +245,7 @@ def test_fixed_particles_are_picked_and_hidden_ones_are_not(show, tmp_path):
     page.evaluate("opacity.value = 0; opacity.dispatchEvent(new Event('input'))")
     click(page, 0)
     assert page.locator("#chosen").input_value() == "1" and facts(page)["species"] == "grain"
+    assert facts(page)["mass"] == "2e60", "masses are those of the file, in double precision"
 
 
 def test_speed_in_a_sheared_box_is_the_one_relative_to_the_flow(show, tmp_path):

@@ -10,7 +10,7 @@ from typing import Any, TextIO
 import numpy as np
 
 _TYPES = {"u1": "Uint8Array", "i1": "Int8Array", "u2": "Uint16Array", "i2": "Int16Array", "u4": "Uint32Array",
-          "f4": "Float32Array"}  # fmt: skip
+          "f4": "Float32Array", "f8": "Float64Array"}  # fmt: skip
 
 
 class Blobs:
@@ -27,7 +27,7 @@ class Blobs:
             kind = array.dtype.str[1:]
             data = np.ascontiguousarray(array, "<" + kind).tobytes()
             # Typed arrays of a page must begin at a multiple of their width.
-            data += bytes(-len(data) % 4)
+            data += bytes(-len(data) % 8)
             places.append([_TYPES[kind], offset, int(array.size)])
             parts.append(data)
             offset += len(data)

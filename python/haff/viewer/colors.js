@@ -38,7 +38,7 @@ class Colors {
     this.coloring = name;
     find("coloring").value = name;
     this.complain("");
-    this.drawn = null;
+    this.drawn = this.shown = null;
     this.changed();
   }
 

@@ -64,7 +64,7 @@ def write(
             file.radius.astype(np.float32),
             np.minimum(file.species, 255).astype(np.uint8),
             (~np.isfinite(file.mass)).astype(np.uint8),
-            file.mass.astype(np.float32),
+            file.mass,
         ),
         "coloring": coloring.header(),
         "losses": None if losses is None else {"largest": losses.largest, "decades": collisions.DECADES},

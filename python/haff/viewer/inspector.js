@@ -11,17 +11,14 @@ class Inspector {
     this.listen(find("stage"));
   }
 
-  // A click is a press that does not drag.
+  // A click is a press of one finger or of the first button that does not drag.
   listen(stage) {
     let down = null;
-    let pressed = 0;
     stage.addEventListener("pointerdown", (event) => {
-      pressed++;
-      down = pressed === 1 && event.button === 0 ? [event.clientX, event.clientY] : null;
+      down = event.isPrimary && event.button === 0 ? [event.clientX, event.clientY] : null;
     });
-    stage.addEventListener("pointercancel", () => (pressed = 0));
+    stage.addEventListener("pointercancel", () => (down = null));
     stage.addEventListener("pointerup", (event) => {
-      pressed = Math.max(pressed - 1, 0);
       if (down && Math.hypot(event.clientX - down[0], event.clientY - down[1]) < 5) {
         this.choose(this.player.pickAt(event.clientX, event.clientY));
       }
@@ -38,10 +35,12 @@ class Inspector {
 
   choose(index) {
     const valid = Number.isInteger(index) && index >= 0 && index < header.count;
+    const moved = valid !== (this.index !== null);
     this.index = valid ? index : null;
     find("particle").hidden = !valid;
     if (valid) find("chosen").value = index;
     if (!valid) find("rings").replaceChildren();
+    if (moved) this.player.settle();
     this.player.wake();
   }
 

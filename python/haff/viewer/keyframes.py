@@ -45,8 +45,15 @@ def recorded(frames: Frames) -> Keyframes:
     displacement = None
     if frames.file.shear is not None:
         displacement = np.array([frame.box.displacement[2] for frame in frames if frame.box.displacement])
-    spin = None if frames.file.inertia is None else lambda k: frames[k].angular_velocity
-    return Keyframes(np.asarray(frames.time, float), state, False, displacement, spin)
+
+    def spin(k: int) -> np.ndarray:
+        found = frames[k].angular_velocity
+        if found is None:
+            raise MissingDataError(f"{frames.file.path}: has moments of inertia, but no angular velocities")
+        return found
+
+    spinning = frames.file.inertia is not None
+    return Keyframes(np.asarray(frames.time, float), state, False, displacement, spin if spinning else None)
 
 
 def along_flights(file: File, frames: Frames) -> Keyframes | None:

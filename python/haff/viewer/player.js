@@ -42,7 +42,7 @@ class Player {
     const observer = new ResizeObserver(() => this.resize());
     observer.observe(find("stage"));
     observer.observe(find("curves"));
-    this.resize();
+    this.settle();
     this.frames.loadAll();
   }
 
@@ -170,6 +170,13 @@ class Player {
   get pixelRatio() {
     const fine = this.grainy && !this.particles.points;
     return Math.min(devicePixelRatio, 2) * (fine ? 2 : 1);
+  }
+
+  // Draws what parts beside the scene show, and fits the scene to the room that they leave.
+  settle() {
+    this.draw();
+    this.resize();
+    this.draw();
   }
 
   resize() {
