@@ -307,3 +307,11 @@ def test_a_click_before_its_frame_is_unpacked_picks_nothing(show, files):
         "(async () => { const p = haffView.player; await p.frames.loadAll(); p.goto(5); delete p.frames.found[5]; })()"
     )
     assert page.evaluate("haffView.player.pickAt(300, 200)") is None
+
+
+def test_inertia_without_angular_velocities_makes_a_page_without_spins(tmp_path):
+    path = synthetic.cooling_gas(tmp_path / "gas.h5", n=60, frames=3, collisions=50, beta=0.5)
+    with h5py.File(path, "r+") as file:
+        del file["particles/all/angular_velocity"]
+    page = page_of(path, tmp_path)
+    assert all("spin" not in chunk for chunk in page.header["frames"]["chunks"])

@@ -48,12 +48,15 @@ def recorded(frames: Frames) -> Keyframes:
 
     def spin(k: int) -> np.ndarray:
         found = frames[k].angular_velocity
-        if found is None:
-            raise MissingDataError(f"{frames.file.path}: has moments of inertia, but no angular velocities")
+        assert found is not None
         return found
 
-    spinning = frames.file.inertia is not None
-    return Keyframes(np.asarray(frames.time, float), state, False, displacement, spin if spinning else None)
+    return Keyframes(np.asarray(frames.time, float), state, False, displacement, spin if _spinning(frames) else None)
+
+
+def _spinning(frames: Frames) -> bool:
+    """Whether frames have angular velocities; files of other programs may have moments of inertia without them."""
+    return frames.file.inertia is not None and len(frames) > 0 and frames[0].angular_velocity is not None
 
 
 def along_flights(file: File, frames: Frames) -> Keyframes | None:
@@ -105,7 +108,7 @@ def _spins(file: File, time: np.ndarray) -> np.ndarray | None:
     Those of the recorded frame before, if the body has had no event since, or of the frame after, if it has none up
     to there; between two events of one interval NaN.
     """
-    if file.inertia is None or not {"kind", "i", "j"} <= set(file.events.columns):
+    if not _spinning(file.frames) or not {"kind", "i", "j"} <= set(file.events.columns):
         return None
     recorded, log = file.frames.time, file.events.to_pandas()
     values = file.frames.array("angular_velocity")
