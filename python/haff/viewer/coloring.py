@@ -8,6 +8,7 @@ from typing import Any, NamedTuple
 
 from ..errors import ArgumentError, MissingDataError
 from ..reader import File
+from ..text import quoted
 
 COLORINGS = {
     "speed": "speed",
@@ -44,7 +45,7 @@ def checked(color: str | None, color_range: Sequence[float] | None) -> Coloring:
         There is no such coloring, or the range is none.
     """
     if color is not None and color not in COLORINGS:
-        raise ArgumentError(f"color {color!r}: must be one of {', '.join(COLORINGS)}")
+        raise ArgumentError(f"color {quoted(color)}: must be one of {', '.join(COLORINGS)}")
     if color_range is None:
         return Coloring(color, None)
     name = color or "speed"
@@ -53,7 +54,7 @@ def checked(color: str | None, color_range: Sequence[float] | None) -> Coloring:
     try:
         low, high = map(float, color_range)
     except (TypeError, ValueError):
-        raise ArgumentError(f"color range {color_range!r}: must be two numbers, min and max") from None
+        raise ArgumentError(f"color range {quoted(color_range)}: must be two numbers, min and max") from None
     given = f"color range {low:g} {high:g}"
     if not (math.isfinite(low) and math.isfinite(high) and low < high):
         raise ArgumentError(f"{given}: must be two finite numbers, the first below the second")
