@@ -119,6 +119,15 @@ fn runs_that_cannot_go_on_are_refused_and_no_file_is_made() {
         assert!(status == 2 && err.contains(why), "{arguments:?}: {status}: {err}");
     }
     assert!(!haff.path("new.h5").exists());
+    // Not even the state that the scene of the run started from is replaced.
+    let text = GAS
+        .replace("[initial]", "[initial]\npositions = { file = \"gas.h5\" }")
+        .replace("temperature = 1.0\n", "");
+    haff.write("later.toml", &text.replace("packing_fraction = 0.1", ""));
+    haff.report(&["run", "later.toml", "--set", "run.until=1", "-o", "later.h5"]);
+    let on = ["run", "--resume", "later.h5", "--set", "run.until=2", "-o", "gas.h5", "--overwrite"];
+    let (status, _, err) = haff.run(&on);
+    assert!(status == 2 && err.contains("is the state that the scene starts from"), "{status}: {err}");
     let (status, _, err) = haff.run(&["run", "--resume", "none.h5", "--set", "run.until=2", "-o", "new.h5"]);
     assert!(status == 4 && err.contains("no such file"), "{err}");
 }

@@ -37,13 +37,17 @@ impl Observer for Rows {
 /// Goes on from the last checkpoint of a file, complete or not, with the keys of `--set`, in the file `new`.
 pub fn start(file: &Path, new: &Path, options: &Run, controls: Controls) -> Result<Finished, Failure> {
     check_keys(&options.set)?;
-    overwrite::check(new, &[("the file that the run goes on from", Some(file))], options.overwrite)?;
     let resumed = haff_record::resumable(file).map_err(|error| file_failure(&error))?;
     single::check_version(file, &resumed.version, resumed.trajectory_version)?;
     let old = single::stored_scene(file, &resumed.scene_toml)?;
     let name = format!("{} (its scene)", file.display());
     let scene = haff_scene::parse(&name, &resumed.scene_toml, &options.set, &OwnStates(file.to_owned()))
         .map_err(|errors| scene_failure(&errors))?;
+    let inputs = [
+        ("the file that the run goes on from", Some(file)),
+        ("the state that the scene starts from", scene.state_file.as_deref()),
+    ];
+    overwrite::check(new, &inputs, options.overwrite)?;
     let Scene { system, joints, title, seed, run, mut output, resolved, options: engine, .. } = scene;
     output.file = Some(new.to_owned());
     let same = system == old.system && joints == old.joints;

@@ -193,7 +193,7 @@ impl Manifest {
         let mut grown = false;
         if let Some(known) = read(&path)? {
             let difference = difference(&known, &content);
-            grown = is_smaller(&known, &content);
+            grown = has_another_grid(&known, &content);
             match (difference, rows_of(plan, known, grown)) {
                 (None, Some(rows)) => content.runs = rows,
                 (difference, _) => {
@@ -343,7 +343,7 @@ fn has_values_of(known: &Content, given: &Content) -> bool {
 }
 
 /// Whether the first has fewer values or seeds, or its keys or values in another order.
-fn is_smaller(known: &Content, given: &Content) -> bool {
+fn has_another_grid(known: &Content, given: &Content) -> bool {
     let canonical = |content| axes(content).iter().map(Axis::canonical).collect::<Vec<_>>();
     known.seeds != given.seeds || canonical(known) != canonical(given)
 }
