@@ -214,17 +214,20 @@ impl Simulation {
             self.choice.patience -= slice - limit.entries;
             match pause {
                 Pause::Rest if self.is_driven() => {}
-                Pause::Rest => return Ok(Stop::Rest),
+                Pause::Rest => return Ok(self.rest(observer)),
                 Pause::Jam => {
                     let changed = scan(&mut self.state, &self.geometry, true, observer);
                     if self.reschedule_changed(&changed, until, &mut entries) {
-                        return Ok(Stop::Rest);
+                        return Ok(self.rest(observer));
                     }
                 }
                 Pause::Time if limit.ticks == due => {
-                    let changed = self.act_and_measure(due, observer)?;
+                    let changed = self.act(due, observer)?.unwrap_or_else(|| {
+                        self.measure(due, observer);
+                        Vec::new()
+                    });
                     if self.reschedule_changed(&changed, until, &mut entries) {
-                        return Ok(Stop::Rest);
+                        return Ok(self.rest(observer));
                     }
                 }
                 Pause::Time => {
@@ -263,25 +266,40 @@ impl Simulation {
         actions.chain(measurements).min().unwrap_or(i64::MAX)
     }
 
-    /// Applies the actions that are due at this time, then takes the states of measurements. Returns the
-    /// particles that have changed.
-    fn act_and_measure(&mut self, due: i64, observer: &mut dyn Observer) -> Result<Vec<u32>, EngineError> {
+    /// Applies the actions that are due at this time. Returns the particles that have changed, or `None` if no
+    /// action is due.
+    fn act(&mut self, due: i64, observer: &mut dyn Observer) -> Result<Option<Vec<u32>>, EngineError> {
         let Self { actions, state, geometry, measurements, .. } = self;
-        let mut changed = Vec::new();
+        let mut all = None;
         for action in actions {
             if action.next(state) == due {
                 let apply = |observer: &mut dyn Observer| action.apply(state, geometry, observer);
-                changed.extend(observe(measurements, observer, apply)?);
+                let changed = observe(measurements, observer, apply)?;
+                all.get_or_insert_with(Vec::new).extend(changed);
             }
         }
+        if let Some(changed) = &mut all {
+            changed.sort_unstable();
+            changed.dedup();
+        }
+        Ok(all)
+    }
+
+    /// Ends a run in which nothing moves any more: measurements of the present are taken first.
+    fn rest(&mut self, observer: &mut dyn Observer) -> Stop {
+        self.measure(self.state.world.now, observer);
+        Stop::Rest
+    }
+
+    /// Takes the states of the measurements that are due at this time. All actions and events of this time are
+    /// done.
+    fn measure(&mut self, due: i64, observer: &mut dyn Observer) {
+        let Self { state, measurements, .. } = self;
         for measurement in measurements {
             if measurement.next(state) == due {
                 measurement.take(state, observer);
             }
         }
-        changed.sort_unstable();
-        changed.dedup();
-        Ok(changed)
     }
 
     /// Predicts the particles that an action has changed. Returns whether nothing moves and no event is due.

@@ -3,12 +3,13 @@
 
 mod common;
 
-use common::{Random, check_independence, class, scatter, set_restitution, system};
+use common::{Log, Random, check_independence, class, scatter, set_restitution, system};
 use glam::DVec3;
 use haff_engine::{
-    Boundary, Dimension, Drive, DriveKind, EngineError, KickTimes, Options, Silent, Simulation, Stop, System,
-    Term, Until,
+    Boundary, Dimension, Drive, DriveKind, EngineError, Grid, GridAxis, KickTimes, NeighborChoice, Options,
+    Silent, Simulation, Stop, System, Term, Until,
 };
+use haff_mechanics::Restitution;
 
 fn until(time: f64) -> Until {
     Until { time, ..Until::default() }
@@ -49,6 +50,62 @@ fn trajectory_of_a_driven_gas_is_independent_of_search_threads_slices_and_resump
             let reference = check_independence(&scene, &[0.1, 1.0, 1.3, 4.0]);
             assert!(reference.ledger().term(Term::DriveWork) != 0.0, "{kind:?}");
         }
+    }
+}
+
+/// A gas between walls with e = 0: grains are at rest at a wall, until a kick drives some of them into it.
+fn gas_at_plastic_walls(dimension: Dimension, kind: DriveKind) -> System {
+    let mut random = Random(8);
+    let count = 240;
+    let edge = (4.0 * f64::from(count)).powf(1.0 / dimension.count() as f64);
+    let boundary = [Boundary::Wall, Boundary::Periodic, Boundary::Periodic];
+    let mut scene = system(dimension, DVec3::splat(edge), boundary);
+    let grain = class(&mut scene, 0.5, 1.0);
+    scatter(&mut scene, grain, count as usize, 1.0, &mut random);
+    set_restitution(&mut scene, 0.9);
+    scene.contacts.wall.fill(Restitution::Constant(0.0).into());
+    scene.drives = vec![Drive { kind, species: vec![0] }];
+    scene
+}
+
+/// At the time of a kick, the kick comes first, then all impacts that follow from it at once, then measurements,
+/// samples and frames: with every search and any number of blocks.
+#[test]
+fn impacts_that_follow_from_a_kick_at_once_come_before_measurements_and_stops() {
+    for kind in [DriveKind::Rescale { temperature: 1.0, interval: 1.0 }, NOISE[1]] {
+        for dimension in [Dimension::Two, Dimension::Three] {
+            let scene = gas_at_plastic_walls(dimension, kind);
+            check_independence(&scene, &[1.0, 2.0, 2.5, 3.0, 6.0]);
+        }
+    }
+    let mut scene =
+        gas_at_plastic_walls(Dimension::Two, DriveKind::Rescale { temperature: 1.0, interval: 1.0 });
+    let size = scene.domain.size.x;
+    let axes = vec![GridAxis { axis: 0, low: 0.0, high: size, bins: 1 }];
+    scene.measure.profiles = vec![Grid { axes, interval: 1.0, samples: 1 }];
+    for (neighbors, blocks) in [
+        (NeighborChoice::AllPairs, None),
+        (NeighborChoice::Cells, None),
+        (NeighborChoice::Lists, Some(2)),
+        (NeighborChoice::Windows, Some(1)),
+        (NeighborChoice::Windows, Some(2)),
+    ] {
+        let options = Options { neighbors, blocks, ..Options::default() };
+        let mut simulation = Simulation::new(scene.clone(), options).unwrap();
+        let mut log = Log::default();
+        let mut at_once = 0;
+        for k in 1..=6 {
+            let time = f64::from(k);
+            simulation.advance(until(time), &mut log).unwrap();
+            at_once += log.0.iter().filter(|event| event.time == time).count();
+            let frame = simulation.frame();
+            let momentum = frame.velocity.iter().map(|v| v.x).sum::<f64>();
+            let profile = log.1.last().unwrap();
+            assert_eq!(profile.time, time);
+            let measured = profile.velocity[0].x * frame.velocity.len() as f64;
+            assert!((measured - momentum).abs() < 1e-12, "{neighbors:?}: {measured}, frame {momentum}");
+        }
+        assert!(at_once > 20, "{neighbors:?}: {at_once} impacts at the times of kicks");
     }
 }
 

@@ -153,7 +153,7 @@ impl<F: Features> Scheduler for Nearby<F> {
                 }
             }
             for (entry, work) in &block {
-                if in_steps {
+                if in_steps && entry.time > self.horizon {
                     self.steps.push(*entry, count);
                 } else {
                     self.queue.push(*entry);

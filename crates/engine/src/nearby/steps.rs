@@ -137,7 +137,7 @@ impl<F: Features> Steps<F> {
         self.calendars.iter_mut().for_each(|calendar| calendar.prepare(&events, each));
     }
 
-    /// Adds the first entry of a particle.
+    /// Adds the first entry of a particle, which is later than the present.
     pub fn push(&mut self, entry: Entry, particles: usize) {
         let calendar = entry.owner as usize * self.calendars.len() / particles;
         if entry.time < i64::MAX {

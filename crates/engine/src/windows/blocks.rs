@@ -135,11 +135,14 @@ impl<F: Features> Windows<F> {
             return false;
         }
         self.steps.metric = Some(metric);
-        (self.steps.is_serial, self.steps.has_noted) = (false, true);
+        // A drive can press particles together: such contacts are at the begin itself, before all steps.
+        let is_at_begin = |entry: &&WindowEvent| entry.0.time <= self.worker.begin;
+        let at_begin: Vec<WindowEvent> = found.iter().filter(is_at_begin).copied().collect();
+        (self.steps.is_serial, self.steps.has_noted) = (!at_begin.is_empty(), at_begin.is_empty());
         (self.steps.next, self.steps.attempts) = (0, 0);
         self.steps.end = self.worker.begin;
         self.worker.horizon = self.worker.begin;
-        self.worker.queue.open(self.worker.begin, self.worker.space.end, &[]);
+        self.worker.queue.open(self.worker.begin, self.worker.space.end, &at_begin);
         self.worker.later.clear();
         self.steps.contacts.iter_mut().for_each(Vec::clear);
         let steps = self.steps.contacts.len().max(count);
@@ -147,7 +150,7 @@ impl<F: Features> Windows<F> {
         let (begin, end) = (self.worker.begin, self.worker.space.end);
         self.steps.ends.clear();
         self.steps.ends.extend((0..count).map(|step| step_end(step, begin, end, count)));
-        for entry in found {
+        for entry in found.iter().filter(|entry| entry.0.time > begin) {
             let step = self.steps.step_of(begin, entry.0.time);
             self.steps.contacts[step].push(*entry);
         }
@@ -172,6 +175,8 @@ impl<F: Features> Windows<F> {
     /// fronts. Otherwise the further events of the window are taken one after the other.
     pub(super) fn test_speeds(&mut self, bodies: &[u32]) {
         self.steps.has_noted = false;
+        // Contacts up to the present are taken from the queue, before the next step.
+        self.steps.is_serial |= !self.worker.queue.is_empty();
         let Some(metric) = &self.steps.metric else { return };
         let Worker { slot_of, space, .. } = &self.worker;
         let limit = metric.speed * metric.speed;

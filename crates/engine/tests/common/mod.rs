@@ -215,6 +215,7 @@ pub fn check_independence(scene: &System, times: &[f64]) -> Simulation {
         (NeighborChoice::Windows, None),
         (NeighborChoice::Windows, Some(2)),
         (NeighborChoice::Windows, Some(3)),
+        (NeighborChoice::Lists, Some(2)),
     ] {
         if scene.domain.shear.is_some() && neighbors == NeighborChoice::Lists {
             continue;
