@@ -70,6 +70,23 @@ impl World {
         )
     }
 
+    /// Whether two walls are perpendicular, but for rounding: a grain that one of them moves along its normal
+    /// keeps its distance from the other one.
+    pub fn are_perpendicular(&self, a: u32, b: u32) -> bool {
+        /// Cosine of walls that are perpendicular but for rounding.
+        const PERPENDICULAR: f64 = 1e-15;
+        self.walls[a as usize].normal.dot(self.walls[b as usize].normal).abs() <= PERPENDICULAR
+    }
+
+    /// The walls that support particle i besides the one that carries it, if there is one.
+    fn support_besides_carrier(&self, i: u32) -> [Option<u16>; 2] {
+        let [first, second, third] = self.support(i);
+        match self.carrier(i) {
+            Some(_) => [second, third],
+            None => [first, second],
+        }
+    }
+
     /// Energy and momentum along the normal of a body of this mass that a wall carries, at its velocity along
     /// the normal.
     fn carried_energy(&self, wall: u32, mass: f64, speed: f64, ticks: i64) -> (f64, DVec3) {
@@ -123,26 +140,53 @@ pub(crate) fn keep_or_end(state: &mut State, i: u32, wall: u32, noise: f64, time
     let speed = plane.motion.velocity(n, (&world.clock, time)).dot(n);
     let Particle { position, velocity, .. } = world.particles[i as usize];
     let relative = velocity.dot(n) - speed;
+    let kept = keep_others(state, i, noise);
+    let world = &mut state.world;
     if relative.abs() > noise {
         add_carried(state, i, wall, speed, time, 1.0);
-        state.world.set_support(i, [None; 3], time);
+        state.world.set_support(i, [kept[0], kept[1], None], time);
         return;
+    }
+    if kept != world.support_besides_carrier(i) {
+        world.set_support(i, [Some(wall as u16), kept[0], kept[1]], time);
     }
     let (gap, _) = world.wall_approach(wall, world.class(i).radius, position, velocity, time);
     let particle = &mut world.particles[i as usize];
     particle.position -= n * gap;
-    particle.velocity -= n * velocity.dot(n);
+    particle.velocity -= n * particle.velocity.dot(n);
     let mass = world.class(i).mass;
     world.add_wall_impulse(wall, n * (-mass * relative));
     state.accumulators.add_impulse(n * (-mass * relative));
 }
 
+/// Those of the walls that support particle i besides its carrier along which it still moves. Sets the speed
+/// towards them, which is rounding error, to zero.
+fn keep_others(state: &mut State, i: u32, noise: f64) -> [Option<u16>; 2] {
+    let world = &mut state.world;
+    let mut kept = [None; 2];
+    let mut count = 0;
+    for wall in world.support_besides_carrier(i).into_iter().flatten() {
+        let normal = world.walls[usize::from(wall)].normal;
+        let particle = &mut world.particles[i as usize];
+        let speed = particle.velocity.dot(normal);
+        if speed.abs() <= noise {
+            particle.velocity -= normal * speed;
+            let impulse = normal * (-speed * world.class(i).mass);
+            world.add_wall_impulse(u32::from(wall), impulse);
+            state.accumulators.add_impulse(impulse);
+            kept[count] = Some(wall);
+            count += 1;
+        }
+    }
+    kept
+}
+
 /// Completes the series of bounces of particle i on an oscillating wall, if the next bounce is low enough and
 /// the wall presses until the end of the series; then the wall carries it. Returns the rest of the series, as
-/// on a wall at rest.
+/// on a wall at rest. Walls at rest that support it already must be perpendicular to this one.
 pub(crate) fn start(state: &mut State, i: u32, wall: u32, law: Restitution, time: i64) -> Option<Pending> {
     let world = &mut state.world;
-    if law.is_elastic() || world.thresholds.is_some() || world.particles[i as usize].rests() {
+    if law.is_elastic() || world.thresholds.is_some() || !can_start(world, i, wall) {
         return None;
     }
     let (n, motion) = (world.walls[wall as usize].normal, world.walls[wall as usize].motion);
@@ -166,7 +210,8 @@ pub(crate) fn start(state: &mut State, i: u32, wall: u32, law: Restitution, time
         return None;
     }
     let (gap, _) = world.wall_approach(wall, radius, particle.position, particle.velocity, time);
-    world.set_support(i, [Some(wall as u16), None, None], time);
+    let [first, second] = world.support_besides_carrier(i);
+    world.set_support(i, [Some(wall as u16), first, second], time);
     let particle = &mut world.particles[i as usize];
     particle.position -= n * gap;
     particle.velocity -= n * particle.velocity.dot(n);
@@ -189,6 +234,15 @@ pub(crate) fn start(state: &mut State, i: u32, wall: u32, law: Restitution, time
     })
 }
 
+/// Whether an oscillating wall can carry particle i: nothing else carries it, and at most two walls at rest
+/// support it, perpendicular to this one.
+pub(crate) fn can_start(world: &World, i: u32, wall: u32) -> bool {
+    let [first, second, third] = world.support(i);
+    let are_perpendicular =
+        [first, second].into_iter().flatten().all(|other| world.are_perpendicular(wall, u32::from(other)));
+    world.carrier(i).is_none() && third.is_none() && are_perpendicular
+}
+
 /// Particle i leaves the wall that carries it, which falls faster from now on.
 pub(crate) fn release<const EVENTS: bool>(
     state: &mut State,
@@ -205,8 +259,10 @@ pub(crate) fn release<const EVENTS: bool>(
     let speed = plane.motion.release_speed(n, (&world.clock, time)) + FASTER * plane.motion.max_speed();
     let velocity = velocity + n * (speed - velocity.dot(n));
     add_carried(state, i, wall, speed, time, 1.0);
-    state.world.set_support(i, [None; 3], time);
+    let [first, second] = state.world.support_besides_carrier(i);
+    state.world.set_support(i, [first, second, None], time);
     resolve::anchor(&mut state.world, i, position, velocity, time)?;
+    state.world.note_contact(i, time);
     if EVENTS {
         let world = &state.world;
         observer.event(&resolve::row(
@@ -266,13 +322,11 @@ pub(crate) fn predict_wall<F: Features>(
     wall: u32,
     earliest: &mut Earliest<SearchEvent>,
 ) -> bool {
-    /// Cosine of walls that are perpendicular but for rounding.
-    const PERPENDICULAR: f64 = 1e-15;
-    let (carrying, plane) = (&world.walls[carrier as usize], &world.walls[wall as usize]);
-    let cosine = carrying.normal.dot(plane.normal);
-    if cosine.abs() <= PERPENDICULAR {
+    if world.are_perpendicular(carrier, wall) {
         return false;
     }
+    let (carrying, plane) = (&world.walls[carrier as usize], &world.walls[wall as usize]);
+    let cosine = carrying.normal.dot(plane.normal);
     let radius = world.class(i).radius;
     let distance = |ticks: i64| {
         let (position, velocity) = world.flight::<F>(i, ticks);

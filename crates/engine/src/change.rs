@@ -150,12 +150,16 @@ impl Simulation {
         let extent = world.extent(open_axes(&system));
         world.clock = Clock::new(Clock::exponent_for(extent, world.largest_speed(extent)));
         (world.clock.base, world.clock.base_low) = (instant.high, instant.low);
+        world.set_scale(extent, 0.0);
         world.longest_flight = old.longest_flight;
         for (new, &i) in survivors.iter().enumerate() {
             // The anchor is set anew: an own event, so that random numbers are not repeated.
             world.particles[new].count = old.particles[i as usize].count.wrapping_add(1);
         }
         self.check_places(&system, &world)?;
+        if let (Some(times), Some(others)) = (&mut world.contact_times, &old.contact_times) {
+            times.take_over(others, survivors, (&old.clock, old.now), (&world.clock, world.now));
+        }
 
         let mut rows = Rows::default();
         let mut state = self.state.clone();

@@ -70,6 +70,8 @@ impl Simulation {
         scalars.real("clock.base_low", world.clock.base_low);
         scalars.put("clock.now", world.now as u64);
         scalars.real("clock.time", self.time());
+        scalars.real("clock.extent", world.extent);
+        scalars.real("clock.fastest", world.fastest);
         for (name, sum) in accumulators.clone().sums_mut() {
             scalars.exact_sum(name, sum);
         }
@@ -190,6 +192,8 @@ impl Simulation {
         world.clock.base_low = scalars.real("clock.base_low");
         world.now = scalars.take("clock.now") as i64;
         let time = scalars.real("clock.time");
+        let (extent, fastest) = (scalars.real("clock.extent"), scalars.real("clock.fastest"));
+        world.set_fastest(extent, fastest);
         let epochs = scalars.take("epochs");
         valid::clock(&world.clock, world.now, time, epochs)?;
         valid::particles(&system, &world, checkpoint)?;
@@ -325,6 +329,10 @@ impl Simulation {
         valid::whole(&system, &state, time)?;
         let mut measurements = measurements(&system, &state);
         let mut words = Words::new(&checkpoint.measured);
+        let now = state.world.now;
+        if let Some(times) = &mut state.world.contact_times {
+            times.load(&mut words, now)?;
+        }
         if let Some(sums) = &mut state.world.wall_sums {
             sums.load(&mut words, time)?;
         }

@@ -11,12 +11,12 @@ use crate::{
         ElasticMonodisperse, FallingMonodisperse, FallingPolydisperse, Features, Monodisperse, Polydisperse,
         Settling, ShearedMonodisperse, ShearedPolydisperse,
     },
-    model::{NeighborChoice, Options, System},
+    model::{Boundary, NeighborChoice, Options, System},
     nearby::{self, Nearby},
     particles::{World, can_carry},
     rest::thresholds::Thresholds,
     summary::{LocalDensity, SystemSummary},
-    tuning::{lists_above, particles},
+    tuning::{cells, lists_above, particles},
     windows::{self, Windows},
 };
 
@@ -138,14 +138,34 @@ impl Choice {
             NeighborChoice::Lists => 1.0 / HYSTERESIS,
             _ => HYSTERESIS,
         };
-        let limit = limits.of(system.dimension.count()) * hysteresis;
-        if density.packing > limit && self.summary.count <= Lists::MAX_PARTICLES {
+        let axes = system.dimension.count();
+        let is_dense = density.packing > limits.of(axes) * hysteresis;
+        // The width of cells follows from the largest particles, the shell of lists from the mean one.
+        let are_cells_full = !windows
+            && mixed
+            && self.candidates_of_cells(system, density) > cells::FULL.of(axes) * hysteresis;
+        if (is_dense || are_cells_full) && self.summary.count <= Lists::MAX_PARTICLES {
             NeighborChoice::Lists
         } else if windows {
             NeighborChoice::Windows
         } else {
             NeighborChoice::Cells
         }
+    }
+
+    /// Mean number of particles in the cells around a particle.
+    fn candidates_of_cells(&self, system: &System, density: &LocalDensity) -> f64 {
+        let SystemSummary { count, occupied, contact, .. } = self.summary;
+        let (axes, count) = (system.dimension.count(), count as f64);
+        let volume = occupied / density.packing;
+        let width = contact.max(self.summary.spacing(density.packing));
+        let block: f64 = (0..axes)
+            .map(|axis| match system.domain.boundary[axis] {
+                Boundary::Open => 3.0 * width,
+                Boundary::Periodic | Boundary::Wall => system.domain.size[axis].min(3.0 * width),
+            })
+            .product();
+        count * (block / volume).min(1.0)
     }
 
     /// The engine for the features of the system.

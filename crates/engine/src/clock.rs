@@ -75,8 +75,13 @@ impl Clock {
         (((time - self.base) - self.base_low) * self.per_time).round_ties_even().clamp(-FAR, FAR) as i64
     }
 
-    /// Starts the next epoch.
-    pub fn next_epoch(&mut self) {
+    /// Starts the next epoch at `now` \[ticks\], usually [`EPOCH`].
+    pub fn start_epoch(&mut self, now: i64) {
+        if now != EPOCH {
+            let start = self.instant(now);
+            (self.base, self.base_low) = (start.high, start.low);
+            return;
+        }
         let step = EPOCH as f64 * self.tick;
         let sum = self.base + step;
         // Two-sum: exact up to a base of 2^53 epochs, and compensated beyond.
@@ -116,7 +121,7 @@ mod tests {
     fn epochs_are_exact() {
         let mut clock = Clock::new(-50);
         for _ in 0..1000 {
-            clock.next_epoch();
+            clock.start_epoch(EPOCH);
         }
         assert_eq!(clock.time(0), 1000.0 * 1024.0);
         assert_eq!(clock.ticks(clock.time(12_345 << 30)), 12_345 << 30);

@@ -56,6 +56,13 @@ pub enum EngineError {
         /// Its velocity [length/time].
         velocity: [f64; 3],
     },
+    /// A particle would become too fast for the length of a tick. [`Simulation`](crate::Simulation) chooses a
+    /// shorter one and goes on; it never returns this error.
+    #[error("a speed of {speed} is too large for the length of a tick")]
+    LongTick {
+        /// The speed [length/time].
+        speed: f64,
+    },
     /// Particles overlap by more than rounding can explain.
     #[error(
         "particle {i} overlaps with {} by {depth:.1e} contact distances at t = {time}, which is more than rounding: \
@@ -117,6 +124,7 @@ impl EngineError {
             Self::Checkpoint(_) => Fault::Checkpoint,
             Self::Collapse { .. }
             | Self::Overflow { .. }
+            | Self::LongTick { .. }
             | Self::Overlap { .. }
             | Self::Inconsistent { .. } => Fault::Stopped,
         }

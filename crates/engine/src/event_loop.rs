@@ -67,6 +67,8 @@ pub(crate) trait Scheduler: Send {
     fn serial_reason(&self, _: &State) -> Option<&'static str> {
         Some("this search takes events on one thread")
     }
+    /// Prepares for more threads than before.
+    fn use_more_threads(&mut self, _: &State) {}
     /// Whether there is no further event at any time.
     fn is_idle(&self) -> bool;
     /// Adds the work done since the last call to the counters of the state.
@@ -81,6 +83,8 @@ pub(crate) trait Engine: Send {
     fn reschedule(&mut self, state: &mut State, bodies: &[u32]);
     /// Why events are taken on one thread; `None` if they are taken on all.
     fn serial_reason(&self, state: &State) -> Option<&'static str>;
+    /// Prepares for more threads than before.
+    fn use_more_threads(&mut self, state: &State);
     /// Whether there is no further event at any time.
     fn is_idle(&self) -> bool;
     /// Runs events.
@@ -105,6 +109,10 @@ impl<S: Scheduler> Engine for S {
 
     fn serial_reason(&self, state: &State) -> Option<&'static str> {
         Scheduler::serial_reason(self, state)
+    }
+
+    fn use_more_threads(&mut self, state: &State) {
+        Scheduler::use_more_threads(self, state);
     }
 
     fn is_idle(&self) -> bool {

@@ -354,6 +354,14 @@ pub(crate) fn geometry(system: &System, world: &World, filled: f64) -> Geometry 
         chosen.map(|class| class.radius).fold(0.0, f64::max)
     };
     let (movable, fixed) = (radii(true), radii(false));
+    // The largest radius of the others, if only one particle has that radius.
+    let are_largest = classes.clone().filter(|class| class.inverse_mass != 0.0 && class.radius == movable);
+    let smaller = classes.clone().filter(|class| class.inverse_mass != 0.0 && class.radius < movable);
+    let second = if are_largest.take(2).count() == 2 {
+        movable
+    } else {
+        smaller.map(|class| class.radius).fold(0.0, f64::max)
+    };
     let radius = classes.clone().map(|class| class.radius);
     let uniform = radius.clone().all(|radius| radius == movable);
     let mut size = system.domain.size;
@@ -369,7 +377,7 @@ pub(crate) fn geometry(system: &System, world: &World, filled: f64) -> Geometry 
         size,
         axes,
         // Two bodies of infinite mass never touch.
-        reach: movable + movable.max(fixed),
+        reach: movable + second.max(fixed),
         crowding: (volume / filled).max(1.0),
         radius: movable,
         radii: if uniform { Vec::new() } else { radius.collect() },

@@ -33,8 +33,9 @@ const ALLOWED: f64 = 1e-12;
 const ROUNDINGS: f64 = 16.0;
 
 /// Largest overlap with which a run continues \[length\], for bodies with the contact distance `sigma`
-/// \[length\]. `reach` is the largest of their coordinates and of the paths since their own last events
-/// \[length\].
+/// \[length\]. `reach` \[length\] is what rounding errors are relative to: the largest of their coordinates and
+/// of the lengths of their flights since their own last events, plus the extent of the system. The time of a contact is rounded to
+/// ticks so short that no particle moves by more than 16 ε of the extent in one.
 pub fn allowed_overlap(sigma: f64, reach: f64) -> f64 {
     f64::max(ALLOWED * sigma, ROUNDINGS * f64::EPSILON * reach)
 }
@@ -75,10 +76,10 @@ impl Found {
         Self { deepest: self.deepest.or(other.deepest), beyond: self.beyond.or(other.beyond) }
     }
 
-    /// Adds an overlap of bodies with this contact distance and these coordinates.
-    fn add(&mut self, overlap: Overlap, sigma: f64, coordinates: DVec3) {
+    /// Adds an overlap of bodies with this contact distance and this [reach](OverlapSearch::reach).
+    fn add(&mut self, overlap: Overlap, sigma: f64, reach: f64) {
         self.deepest = self.deepest.or(overlap);
-        if overlap.depth * sigma > allowed_overlap(sigma, coordinates.max_element() + sigma) {
+        if overlap.depth * sigma > allowed_overlap(sigma, reach + sigma) {
             self.beyond = self.beyond.or(overlap);
         }
     }
@@ -140,7 +141,7 @@ impl<'a> OverlapSearch<'a> {
         let depth = 1.0 - distance / sigma;
         if depth > 0.0 && (movable(i) || movable(j)) {
             let overlap = Overlap { depth, pair: Some((i.min(j), Some(i.max(j)))) };
-            self.found.add(overlap, sigma, self.coordinates(i).max(self.coordinates(j)));
+            self.found.add(overlap, sigma, self.reach(i).max(self.reach(j)));
         }
     }
 
@@ -151,15 +152,19 @@ impl<'a> OverlapSearch<'a> {
             let (gap, _) = self.world.wall_approach(wall, radius, position, DVec3::ZERO, self.world.now);
             if gap < 0.0 && self.world.body(i).inverse_mass != 0.0 {
                 let overlap = Overlap { depth: -gap / radius, pair: Some((i, None)) };
-                let point = self.world.walls[wall as usize].point.abs();
-                self.found.add(overlap, radius, self.coordinates(i).max(point));
+                let point = self.world.walls[wall as usize].point.abs().max_element();
+                self.found.add(overlap, radius, self.reach(i).max(point));
             }
         }
     }
 
-    /// Magnitudes of the coordinates of particle i, at its own last event and now \[length\].
-    fn coordinates(&self, i: u32) -> DVec3 {
-        self.world.coordinates(i).max(self.world.state(i, self.world.now).0.abs())
+    /// The length to which the rounding error of the position of particle i is relative \[length\]: its
+    /// coordinates at its own last event and now, the length of its flight since then, and the extent of the system, which
+    /// bounds earlier flights and the displacement in a tick.
+    fn reach(&self, i: u32) -> f64 {
+        let World { now, extent, .. } = *self.world;
+        let coordinates = self.world.coordinates(i).max(self.world.state(i, now).0.abs());
+        coordinates.max_element().max(self.world.flight_length(i, now)) + extent
     }
 }
 

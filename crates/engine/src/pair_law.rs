@@ -7,6 +7,7 @@ use haff_mechanics::{Impact, Restitution, resolve_contact};
 
 use crate::{
     features::Features,
+    hop,
     particles::{ClassData, World},
     rest::contact,
 };
@@ -74,8 +75,22 @@ impl PairLaw for Smooth {
         let [wi, wj] = contact.velocities;
         let [inverse_i, inverse_j] = contact.inverse_masses();
         let e = contact.coefficient::<F>(world, self.restitution);
+        if F::GRAVITY && !F::UNIFORM && (inverse_i == 0.0 || inverse_j == 0.0) {
+            return resolve_on_surface(world, contact, e);
+        }
         resolve_contact(wi, wj, inverse_i, inverse_j, contact.r, e)
     }
+}
+
+/// The impact of a grain on a body of infinite mass under gravity, with the coefficient of restitution `e`.
+#[cold]
+fn resolve_on_surface(world: &World, contact: &PairContact, e: f64) -> (DVec3, DVec3, Impact) {
+    let PairContact { bodies: [i, j], classes: [a, b], velocities, r, n, .. } = *contact;
+    let radius = if a.inverse_mass == 0.0 { b.radius } else { a.radius };
+    let speed = contact.approach_speed();
+    let acceleration = (world.acceleration(i) - world.acceleration(j)).dot(n);
+    let separation = hop::separation_speed(e, speed, acceleration, radius);
+    impact_with_separation(velocities, contact.inverse_masses(), r, e, speed, separation)
 }
 
 /// Smooth spheres that can come to rest on each other: repeated contacts are elastic below a speed, and
@@ -110,11 +125,9 @@ pub(crate) fn coefficient<F: Features>(
         return 1.0;
     }
     if world.tc > 0.0 {
-        let recent = bodies.iter().any(|&(i, class)| {
-            class.inverse_mass != 0.0
-                && world.particles[i as usize].count > 0
-                && world.age(i, time) < world.tc
-        });
+        let recent = bodies
+            .iter()
+            .any(|&(i, class)| class.inverse_mass != 0.0 && world.contact_age(i, time) < world.tc);
         if recent {
             return 1.0;
         }

@@ -5,6 +5,7 @@ use haff_neighbors::{Array, with_huge_pages};
 
 use crate::{
     clock::Clock,
+    contact_times::ContactTimes,
     features::{Features, With},
     force::Force,
     measurements::WallSums,
@@ -115,6 +116,8 @@ pub(crate) struct World {
     pub wall_laws: Vec<WallLaw>,
     pub groups: usize,
     pub tc: f64,
+    /// The last contacts of particles, if a law depends on them.
+    pub contact_times: Option<ContactTimes>,
     /// Seed of the random numbers of drives and walls.
     pub seed: u64,
     /// 2 or 3.
@@ -124,6 +127,12 @@ pub(crate) struct World {
     /// Longest flight so far along a periodic axis that was longer than the box [length]; else 0. The
     /// rounding error of a position after such a flight is relative to its length.
     pub longest_flight: f64,
+    /// Largest extent of the system when the tick was chosen \[length\]: in a tick a particle moves by no more
+    /// than a part of it.
+    pub extent: f64,
+    /// The largest speed for which the tick is short enough [length/time], and its square, which is finite.
+    pub fastest: f64,
+    fastest_square: f64,
     /// Number of particles that rest on walls.
     pub resting: usize,
     /// Force of gravity and of the walls that support particles.
@@ -179,10 +188,14 @@ impl World {
             wall_laws: system.contacts.wall.clone(),
             groups: system.groups.len(),
             tc: system.contacts.tc,
+            contact_times: ContactTimes::of(system),
             seed: system.seed,
             dimension: system.dimension.count(),
             now: 0,
             longest_flight: 0.0,
+            extent: 0.0,
+            fastest: f64::MAX,
+            fastest_square: f64::MAX,
             resting: 0,
             force: Force::default(),
             given_speed: given_speed(system),
@@ -225,6 +238,7 @@ impl World {
             force: Force::default(),
             wall_sums: None,
             spin: self.spin.as_deref().map(|spins| Box::new(spins.without_particles())),
+            contact_times: self.contact_times.as_ref().map(|_| ContactTimes::without_particles()),
             ..*self
         }
     }
@@ -240,6 +254,10 @@ impl World {
         if let (Some(spins), Some(other)) = (&mut self.spin, &mut other.spin) {
             // SAFETY: guaranteed by the caller.
             spins.angular_velocity = unsafe { other.angular_velocity.alias() };
+        }
+        if let (Some(times), Some(other)) = (&mut self.contact_times, &mut other.contact_times) {
+            // SAFETY: guaranteed by the caller.
+            *times = unsafe { other.alias() };
         }
     }
 
@@ -279,9 +297,26 @@ impl World {
         self.restore_asleep(i, asleep);
         self.change_force(mass * self.acceleration(i) - before, ticks);
         self.particles[i as usize].set_anchor(position, DVec3::ZERO, ticks);
+        // It is in contact with what supports it, or has just been hit.
+        self.note_contact(i, ticks);
         if let Some(spins) = &mut self.spin {
             spins.angular_velocity[i as usize] = DVec3::ZERO;
         }
+    }
+
+    /// Notes that particle i is in contact with another particle or a wall at `ticks`.
+    #[inline(always)]
+    pub fn note_contact(&mut self, i: u32, ticks: i64) {
+        if let Some(times) = &mut self.contact_times {
+            times.set(i, ticks);
+        }
+    }
+
+    /// Time from the last contact of particle i to `ticks` \[time\]; infinite without contacts so far, or if no
+    /// law depends on it.
+    #[inline]
+    pub fn contact_age(&self, i: u32, ticks: i64) -> f64 {
+        self.contact_times.as_ref().map_or(f64::INFINITY, |times| times.age(i, &self.clock, ticks))
     }
 
     /// [`Self::set_asleep`] without changing the force, the support or the anchor.
@@ -313,6 +348,34 @@ impl World {
         self.particles[i as usize].position.abs().max(DVec3::splat(self.longest_flight))
     }
 
+    /// Bound of the length of the flight of particle i from its own last event to `ticks` \[length\], to which the rounding error
+    /// of its position is relative: |v| t + ½ |a| t². Under gravity it can be far longer than the distance of
+    /// both ends.
+    pub fn flight_length(&self, i: u32, ticks: i64) -> f64 {
+        let age = self.age(i, ticks);
+        let particle = &self.particles[i as usize];
+        age * (particle.velocity.length() + 0.5 * self.acceleration(i).length() * age)
+    }
+
+    /// The system for which the present tick has been chosen: its extent \[length\] and its largest speed
+    /// [length/time].
+    pub fn set_scale(&mut self, extent: f64, speed: f64) {
+        // The second bound, where a tick cannot be as short as the speed needs.
+        self.set_fastest(extent, (extent * RESOLUTION / self.clock.tick).max(2.0 * speed));
+    }
+
+    /// [`Self::set_scale`] with the largest speed for which the tick is short enough [length/time].
+    pub fn set_fastest(&mut self, extent: f64, fastest: f64) {
+        (self.extent, self.fastest) = (extent, fastest);
+        self.fastest_square = (fastest * fastest).min(f64::MAX);
+    }
+
+    /// Whether the tick is short enough for a velocity; false if it is not finite.
+    #[inline(always)]
+    pub fn is_resolved(&self, velocity: DVec3) -> bool {
+        velocity.length_squared() <= self.fastest_square
+    }
+
     /// Whether particles have no acceleration in their flights.
     pub fn flies_straight(&self) -> bool {
         self.gravity == DVec3::ZERO && !self.carries
@@ -339,7 +402,10 @@ impl World {
             // A wall that accelerates carries a grain also against gravity.
             let n = self.walls[wall as usize].normal;
             let along = self.gravity - n * self.gravity.dot(n);
-            return along - n * along.dot(n);
+            let along = along - n * along.dot(n);
+            // Other walls that support it are perpendicular to its carrier.
+            let others = self.support[i as usize][1..].iter().flatten();
+            return unbalanced_gravity(along, &others.map(|&wall| self.walls[usize::from(wall)].normal));
         }
         let walls = self.support[i as usize].iter().flatten();
         let unbalanced =
@@ -602,6 +668,10 @@ impl World {
     }
 }
 
+/// The tick is made shorter before a particle moves by more than this part of the extent in it: a time that is
+/// rounded to a tick must not change a distance by more than [`allowed_overlap`](crate::allowed_overlap), which
+/// is this part of the extent, too.
+const RESOLUTION: f64 = 16.0 * f64::EPSILON;
 /// A tick that is chosen for a speed serves for speeds up to this many times as large.
 const GIVEN_RATIO: f64 = 4.0;
 /// Few particles are faster than this many thermal speeds.

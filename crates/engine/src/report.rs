@@ -432,6 +432,7 @@ pub struct Checkpoint {
     pub resting: Vec<u32>,
     /// Scalars as (name, bits): clock, sums, counters. Names are stable; an unknown name is an error.
     pub scalars: Vec<(String, u64)>,
-    /// Data of the measurements, as bits of numbers in their order.
+    /// Ticks of the last contacts, if a law depends on them, and data of the measurements, as bits of numbers
+    /// in their order.
     pub measured: Vec<u64>,
 }

@@ -75,14 +75,14 @@ pub(crate) fn check_penetration(
     (i, partner): (u32, Option<u32>),
     time: i64,
 ) -> Result<(), EngineError> {
-    if depth <= allowed_overlap(sigma, coordinates.max_element() + sigma) {
+    let length = partner.map_or(0.0, |j| world.flight_length(j, time)).max(world.flight_length(i, time));
+    if depth <= allowed_overlap(sigma, coordinates.max_element().max(length) + sigma + world.extent) {
         return Ok(());
     }
     Err(EngineError::Overlap { time: world.clock.time(time), i, partner, depth: depth / sigma })
 }
 
 /// Sets the anchor of particle i. Returns an error if the velocity is not finite.
-#[inline(always)]
 pub(crate) fn anchor(
     world: &mut World,
     i: u32,
@@ -91,16 +91,22 @@ pub(crate) fn anchor(
     time: i64,
 ) -> Result<(), EngineError> {
     world.particles[i as usize].set_anchor(position, velocity, time);
-    check_velocity(world, i, velocity, time)
+    if velocity.is_finite() { Ok(()) } else { Err(velocity_error(world, i, velocity, time)) }
 }
 
-/// Returns an error if the new velocity of particle i is not finite.
+/// Returns an error if the new velocity of particle i is not finite, or too large for the tick.
 #[inline(always)]
 pub(crate) fn check_velocity(world: &World, i: u32, velocity: DVec3, time: i64) -> Result<(), EngineError> {
+    if world.is_resolved(velocity) { Ok(()) } else { Err(velocity_error(world, i, velocity, time)) }
+}
+
+#[cold]
+fn velocity_error(world: &World, i: u32, velocity: DVec3, time: i64) -> EngineError {
     if velocity.is_finite() {
-        return Ok(());
+        EngineError::LongTick { speed: velocity.length() }
+    } else {
+        EngineError::Overflow { time: world.clock.time(time), i, velocity: velocity.to_array() }
     }
-    Err(EngineError::Overflow { time: world.clock.time(time), i, velocity: velocity.to_array() })
 }
 
 /// Adds the virial of an impact at `now`, 0 for a wall, and its losses. A negative loss, of bodies that
@@ -275,6 +281,10 @@ pub(crate) fn apply<F: Features, const EVENTS: bool>(
     }
     if b.inverse_mass != 0.0 {
         world.particles[j as usize].set_anchor(positions[1], after[1], time);
+    }
+    if !F::ELASTIC && world.contact_times.is_some() {
+        world.note_contact(i, time);
+        world.note_contact(j, time);
     }
     if F::REST {
         world.particles[i as usize].set_recently_hit(true);

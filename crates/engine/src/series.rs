@@ -57,7 +57,8 @@ pub(crate) fn come_to_rest(
     let was_carried = sliding_support[0].is_some_and(|wall| world.walls[usize::from(wall)].motion.carries());
     let sliding = sliding_support != [None; 3] && !was_carried && sliding_acceleration > 0.0;
     let acceleration = if sliding { sliding_acceleration } else { acceleration };
-    if law.is_elastic() || acceleration <= 0.0 || world.carrier(i).is_some() {
+    let is_carried_along = world.carrier(i).is_none_or(|carrier| world.are_perpendicular(carrier, wall));
+    if law.is_elastic() || acceleration <= 0.0 || !is_carried_along {
         return None;
     }
     let class = *world.class(i);

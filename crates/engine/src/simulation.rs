@@ -27,6 +27,7 @@ use crate::{
         state::SettlingState,
         thresholds::Thresholds,
     },
+    sharing::Sharing,
     shear, slide,
     stall::Stall,
     state::State,
@@ -67,6 +68,7 @@ pub struct Simulation {
     pub(crate) state: State,
     engine: Box<dyn Engine>,
     choice: Choice,
+    sharing: Sharing,
     actions: Vec<Box<dyn TimedAction>>,
     pub(crate) measurements: Vec<Box<dyn Measurement>>,
     pub(crate) options: Options,
@@ -87,6 +89,7 @@ impl Simulation {
         let exponent = Clock::exponent_for(extent, world.largest_speed(extent));
         // All anchors are at tick 0, which is time 0 for any length of a tick.
         world.clock = Clock::new(exponent);
+        world.set_scale(extent, 0.0);
         let totals = Totals::of(&world);
         let accumulators = Accumulators::new([totals.all_kinetic(), totals.potential], totals.kinetic);
         let state = State {
@@ -148,6 +151,7 @@ impl Simulation {
             state,
             engine,
             choice,
+            sharing: Sharing::default(),
             actions,
             measurements,
             options,
@@ -189,10 +193,13 @@ impl Simulation {
             return Ok(Stop::Rest);
         }
         let mut entries = until.entries;
+        let _scope = self.sharing.enter();
         loop {
             let target = self.state.world.clock.ticks(until.time);
             let due = self.next_due();
-            let slice = entries.min(self.choice.patience);
+            let (started, part) = self.sharing.start(self.engine.serial_reason(&self.state).is_none());
+            let slice = entries.min(self.choice.patience).min(part);
+            let events = self.events();
             let mut limit = Limit {
                 // Events at the last tick of an epoch belong to the next epoch.
                 ticks: target.min(EPOCH - 1).min(due),
@@ -201,17 +208,25 @@ impl Simulation {
             };
             let (engine, state) = (&mut self.engine, &mut self.state);
             let run = |observer: &mut dyn Observer| engine.advance(state, &mut limit, observer);
-            let pause = observe(&mut self.measurements, observer, run).map_err(|mut error| {
-                if let EngineError::Overlap { depth, .. } = &error {
-                    self.state.accumulators.max_overlap = self.state.accumulators.max_overlap.max(*depth);
-                }
-                if let EngineError::Collapse { contact_duration, .. } = &mut error {
-                    *contact_duration = self.contact_duration.unwrap_or(0.0);
-                }
-                error
-            })?;
+            let paused = observe(&mut self.measurements, observer, run);
+            if self.sharing.end(&started, self.events() - events) {
+                self.engine.use_more_threads(&self.state);
+            }
             entries -= slice - limit.entries;
             self.choice.patience -= slice - limit.entries;
+            let pause = match paused {
+                Ok(pause) => pause,
+                Err(EngineError::LongTick { speed }) => {
+                    // Before the event, which is then predicted again.
+                    self.start_epoch(self.state.world.now, speed);
+                    entries = entries.saturating_sub(1 + self.particles() as u64);
+                    if entries == 0 {
+                        return Ok(Stop::Slice);
+                    }
+                    continue;
+                }
+                Err(error) => return Err(self.complete_error(error)),
+            };
             match pause {
                 Pause::Rest if self.is_driven() => {}
                 Pause::Rest => return Ok(self.rest(observer)),
@@ -238,7 +253,7 @@ impl Simulation {
                         self.stop_time = Some(until.time);
                         return Ok(Stop::Time);
                     }
-                    self.next_epoch();
+                    self.start_epoch(EPOCH, 0.0);
                     // An epoch counts as one entry per particle: a long flight without events must return
                     // to the caller, too.
                     entries = entries.saturating_sub(1 + self.particles() as u64);
@@ -251,12 +266,29 @@ impl Simulation {
                 }
                 Pause::Entries if self.choice.patience == 0 => self.reconsider(),
                 Pause::Unsupported => self.reconsider(),
-                Pause::Entries => return Ok(Stop::Slice),
+                Pause::Entries => {}
             }
             if entries == 0 {
                 return Ok(Stop::Slice);
             }
         }
+    }
+
+    /// Adds to an error of the engine what the simulation has to say.
+    fn complete_error(&mut self, mut error: EngineError) -> EngineError {
+        if let EngineError::Overlap { depth, .. } = &error {
+            self.state.accumulators.max_overlap = self.state.accumulators.max_overlap.max(*depth);
+        }
+        if let EngineError::Collapse { contact_duration, .. } = &mut error {
+            *contact_duration = self.contact_duration.unwrap_or(0.0);
+        }
+        error
+    }
+
+    /// Number of collisions and wall collisions so far.
+    fn events(&self) -> u64 {
+        let Counters { collisions, wall_collisions, .. } = self.state.accumulators.counters;
+        collisions + wall_collisions
     }
 
     /// The time of the next action or measurement \[ticks\].
@@ -307,7 +339,16 @@ impl Simulation {
     /// If most particles have changed, the engine is rebuilt instead.
     fn reschedule_changed(&mut self, changed: &[u32], until: Until, entries: &mut u64) -> bool {
         let idle = self.engine.is_idle();
-        if 2 * changed.len() > self.particles() {
+        let world = &self.state.world;
+        let too_fast = changed
+            .iter()
+            .map(|&i| world.particles[i as usize].velocity)
+            .filter(|&velocity| !world.is_resolved(velocity))
+            .map(DVec3::length)
+            .reduce(f64::max);
+        if let Some(speed) = too_fast {
+            self.start_epoch(world.now, speed);
+        } else if 2 * changed.len() > self.particles() {
             for &i in changed {
                 self.state.world.wrap_anchor(i);
             }
@@ -343,9 +384,12 @@ impl Simulation {
         self.actions.iter().for_each(|action| action.save(put));
     }
 
-    /// Saves the data of the measurements for a resumed run.
+    /// Saves the times of contacts and the data of the measurements for a resumed run.
     pub(crate) fn save_measurements(&self) -> Vec<u64> {
         let mut words = Vec::new();
+        if let Some(times) = &self.state.world.contact_times {
+            times.save(&mut words);
+        }
         if let Some(sums) = &self.state.world.wall_sums {
             sums.save(&mut words);
         }
@@ -358,25 +402,25 @@ impl Simulation {
         self.state.settling.contacts = contacts_of_asleep(&self.state.world, &self.geometry);
     }
 
-    /// Starts the next epoch of the clock. Chooses a new tick if the system has become much slower or faster.
-    fn next_epoch(&mut self) {
+    /// Starts the next epoch of the clock at `now` \[ticks\], usually [`EPOCH`]. Chooses a new tick if the system
+    /// has become much slower or faster; `speed` is a speed that a particle is about to have [length/time].
+    fn start_epoch(&mut self, now: i64, speed: f64) {
         let world = &mut self.state.world;
-        world.now = EPOCH;
+        world.now = now;
         let extent = world.extent(open_axes(&self.system));
-        let exponent = Clock::exponent_for(extent, world.largest_speed(extent));
+        let exponent = Clock::exponent_for(extent, world.largest_speed(extent).max(speed));
         let old = world.clock;
         let retune = exponent.abs_diff(old.exponent) >= RETUNE_BITS;
         let mut moved = Vec::new();
         for i in 0..self.state.world.particles.len() as u32 {
             let world = &mut self.state.world;
-            let age = EPOCH - world.particles[i as usize].time;
+            let age = now - world.particles[i as usize].time;
             if !retune && age <= OLDEST_ANCHOR {
-                world.particles[i as usize].time -= EPOCH;
+                world.particles[i as usize].time -= now;
                 continue;
             }
             // The anchor moves along its own flight: to the first new tick at or after its old time, but at
-            // most `ANCHOR_AGE` before the present. So the time since a recent event does not change: the TC
-            // model depends on it.
+            // most `ANCHOR_AGE` before the present.
             let clock = if retune { old.with_exponent(exponent) } else { old };
             let ticks = (age as f64 * (old.tick / clock.tick)).min(ANCHOR_AGE as f64).floor();
             let ahead = age as f64 * old.tick - ticks * clock.tick;
@@ -396,19 +440,23 @@ impl Simulation {
             particle.time = -(ticks as i64);
             moved.push(i);
         }
-        let slides = self.state.world.spin.iter_mut().flat_map(|spins| spins.end_epoch(&old));
+        let slides = self.state.world.spin.iter_mut().flat_map(|spins| spins.end_epoch(&old, now));
         let due = self.state.pending.values_mut().map(|rest| &mut rest.end).chain(slides);
         for time in due.chain([&mut self.state.settling.next, &mut self.state.settling.counted_since]) {
-            *time = time.saturating_sub(EPOCH);
+            *time = time.saturating_sub(now);
             if retune {
                 let scale = (i64::from(old.exponent) - i64::from(exponent)) as i32;
                 *time = (*time as f64 * libm::ldexp(1.0, scale)).round_ties_even() as i64;
             }
         }
         let world = &mut self.state.world;
-        world.clock.next_epoch();
+        world.clock.start_epoch(now);
         if retune {
             world.clock = world.clock.with_exponent(exponent);
+        }
+        world.set_scale(extent, speed);
+        if let Some(times) = &mut world.contact_times {
+            times.start_epoch(now, &old, &world.clock);
         }
         world.now = 0;
         for i in moved {
@@ -482,6 +530,9 @@ impl Simulation {
 
     /// Why one thread takes the events at present, one after the other; `None` if several threads do.
     pub fn serial_reason(&self) -> Option<&'static str> {
+        if self.sharing.is_alone() {
+            return Some("other processes use the processors");
+        }
         self.engine.serial_reason(&self.state)
     }
 

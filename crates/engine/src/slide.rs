@@ -255,6 +255,7 @@ fn insert(state: &mut State, i: u32, slide: Slide, time: i64) {
     // Also if the anchor is at this time: what has been predicted since, without friction, must not count.
     let (position, velocity) = world.state(i, time);
     world.particles[i as usize].set_anchor(position, velocity, time);
+    world.note_contact(i, time);
     world.change_friction(i, &slide, 1.0, time);
     if let Some(spins) = &mut world.spin {
         spins.slides.insert(i, slide);
@@ -273,6 +274,7 @@ fn remove(state: &mut State, i: u32, time: i64) -> Option<Slide> {
         spins.angular_velocity[i as usize] = angular_velocity;
     }
     world.particles[i as usize].set_anchor(position, velocity, time);
+    world.note_contact(i, time);
     Some(slide)
 }
 

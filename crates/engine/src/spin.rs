@@ -8,7 +8,7 @@ use haff_mechanics::{RoughBody, Roughness};
 use haff_neighbors::Array;
 
 use crate::{
-    clock::{Clock, EPOCH},
+    clock::Clock,
     measure::total,
     model::System,
     particles::{ClassData, World},
@@ -63,13 +63,13 @@ impl Spins {
         }
     }
 
-    /// Describes all slides from the end of an epoch on, and sets their start to the start of the next one.
-    /// Returns their ends, which are still those of the old epoch.
-    pub fn end_epoch(&mut self, clock: &Clock) -> impl Iterator<Item = &mut i64> {
+    /// Describes all slides from the end of an epoch at `now` \[ticks\] on, and sets their start to the start of
+    /// the next one. Returns their ends, which are still those of the old epoch.
+    pub fn end_epoch(&mut self, clock: &Clock, now: i64) -> impl Iterator<Item = &mut i64> {
         let Self { angular_velocity, slides, .. } = self;
         for (&i, slide) in &mut *slides {
-            angular_velocity[i as usize] += slide.spin_change(clock, EPOCH);
-            *slide = Slide { since: 0, ..slide.moved_to(clock, EPOCH) };
+            angular_velocity[i as usize] += slide.spin_change(clock, now);
+            *slide = Slide { since: 0, ..slide.moved_to(clock, now) };
         }
         slides.values_mut().filter_map(|slide| slide.end.as_mut())
     }

@@ -27,6 +27,9 @@ pub(crate) struct SystemSummary {
     pub least: f64,
     /// Largest radius [length].
     pub largest: f64,
+    /// Largest contact distance of two particles \[length\]: less than twice the largest radius if only one
+    /// particle has that.
+    pub contact: f64,
     /// Mean radius [length].
     pub mean: f64,
     /// Volume of all particles, in two dimensions area [length^d].
@@ -58,6 +61,7 @@ impl SystemSummary {
             count,
             least: classes().fold(f64::INFINITY, |least, (class, _)| least.min(class.radius)),
             largest: classes().fold(0.0, |largest, (class, _)| class.radius.max(largest)),
+            contact: largest_contact(classes().map(|(class, &count)| (class.radius, count))),
             mean: sum(&|radius| radius) / count.max(1) as f64,
             occupied: sum(&|radius| unit_volume * radius.powi(dimension)),
             dimension,
@@ -70,6 +74,21 @@ impl SystemSummary {
     pub fn spacing(&self, packing: f64) -> f64 {
         libm::pow(self.occupied / (self.count.max(1) as f64 * packing), 1.0 / f64::from(self.dimension))
     }
+}
+
+/// The sum of the two largest radii of particles, given radii and numbers of particles.
+fn largest_contact(radii: impl Iterator<Item = (f64, u64)>) -> f64 {
+    let mut largest = [0.0; 2];
+    for (radius, count) in radii {
+        for _ in 0..count.min(2) {
+            if radius > largest[0] {
+                largest = [radius, largest[0]];
+            } else if radius > largest[1] {
+                largest[1] = radius;
+            }
+        }
+    }
+    largest[0] + largest[1]
 }
 
 /// Local density and speeds at one time.
@@ -141,4 +160,19 @@ fn packing(system: &System, summary: &SystemSummary, position: impl Fn(u32) -> [
     let pairs: u64 = keys.chunk_by(|a, b| a == b).map(|cell| (cell.len() * (cell.len() - 1)) as u64).sum();
     let local = pairs as f64 / keys.len().max(1) as f64 * volume / cell;
     if local > CLUSTERED * uniform { local } else { uniform }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_largest_contact_distance_is_that_of_the_two_largest_particles() {
+        let of = |radii: &[(f64, u64)]| largest_contact(radii.iter().copied());
+        assert_eq!(of(&[(0.5, 100), (5.0, 1)]), 5.5);
+        assert_eq!(of(&[(5.0, 1), (0.5, 100), (2.0, 1)]), 7.0);
+        assert_eq!(of(&[(5.0, 2), (0.5, 100)]), 10.0);
+        assert_eq!(of(&[(5.0, 1), (5.0, 1)]), 10.0);
+        assert_eq!(of(&[(0.5, 1)]), 0.5);
+    }
 }

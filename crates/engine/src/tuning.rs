@@ -60,6 +60,15 @@ pub(crate) mod particles {
     pub(crate) const SLABS: usize = 200_000;
 }
 
+/// Limits of cells.
+pub(crate) mod cells {
+    use super::PerDimension;
+
+    /// Mean number of particles in the cells around a particle above which lists are chosen, if sizes differ
+    /// (throughput.md): with few large particles cells are wide, and most of what is in them is far away.
+    pub(crate) const FULL: PerDimension = PerDimension { spheres: 100.0, disks: 50.0 };
+}
+
 /// Packing fractions around the average particle above which lists are chosen, because they are faster than
 /// another search (throughput.md).
 pub(crate) mod lists_above {

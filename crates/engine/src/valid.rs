@@ -164,9 +164,10 @@ pub(crate) fn support(
     let moves = |wall: &u16| world.walls[usize::from(*wall)].motion.is_moving();
     if world.carries
         && world.thresholds.is_none()
-        && world.carrier(i).is_some()
-        && walls.len() == 1
         && !asleep
+        && let Some(carrier) = world.carrier(i)
+        && walls[1..].iter().all(|wall| !moves(wall) && world.are_perpendicular(carrier, u32::from(*wall)))
+        && (walls.len() == 1 || world.gravity != DVec3::ZERO)
     {
         return Ok(());
     }
@@ -174,7 +175,10 @@ pub(crate) fn support(
         return refuse("what is asleep, or feels no gravity, rests on no wall");
     }
     if walls.iter().any(moves) {
-        return refuse("nothing rests on a wall that moves, unless it oscillates and is the only one");
+        return refuse(
+            "nothing rests on a wall that moves, unless it oscillates and all other walls that support the \
+             particle are at rest and perpendicular to it",
+        );
     }
     Ok(())
 }
@@ -270,6 +274,8 @@ fn total(name: &str, sum: &Sum) -> Result<(), EngineError> {
 /// Checks the state as a whole, after its parts: present positions, overlaps and the energy balance.
 pub(crate) fn whole(system: &System, state: &State, time: f64) -> Result<(), EngineError> {
     at_least_zero("longest_flight", state.world.longest_flight)?;
+    at_least_zero("clock.extent", state.world.extent)?;
+    at_least_zero("clock.fastest", state.world.fastest)?;
     let State { world, accumulators, settling, .. } = state;
     let now = world.now;
     if world.thresholds.is_some() {

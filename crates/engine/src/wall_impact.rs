@@ -7,6 +7,7 @@ use crate::{
     carried,
     error::EngineError,
     features::Features,
+    hop,
     ledger::Term,
     pair_law::{coefficient, impact_with_separation},
     particles::World,
@@ -166,6 +167,11 @@ fn bounce<F: Features>(world: &World, contact: &WallContact, law: Restitution) -
         let separation =
             if repeated { contact::separation_speed(world, e, speed, acceleration, true) } else { e * speed };
         impact_with_separation([velocity, wall_velocity], [class.inverse_mass, 0.0], n, e, speed, separation)
+    } else if F::GRAVITY
+        && let Some(acceleration) = hop::acceleration_to_wall(world, i, wall, time)
+    {
+        let separation = hop::separation_speed(e, speed, acceleration, class.radius);
+        impact_with_separation([velocity, wall_velocity], [class.inverse_mass, 0.0], n, e, speed, separation)
     } else {
         resolve_contact(velocity, wall_velocity, class.inverse_mass, 0.0, n, e)
     };
@@ -205,6 +211,7 @@ pub(crate) fn reflect<const EVENTS: bool>(
     let (before, after) = (contact.velocity - wall_velocity, velocity - wall_velocity);
     let class = *state.world.class(i);
     state.world.particles[i as usize].set_anchor(position, velocity, time);
+    state.world.note_contact(i, time);
     let now = state.world.clock.time(time);
     if let Some(spin) = spin {
         let energy = state.world.set_spin(i, spin);
@@ -254,6 +261,9 @@ fn apply_bounce<F: Features, const EVENTS: bool>(
     let class = *world.class(i);
     let before = if F::GRAVITY { (world.support(i), world.acceleration(i)) } else { Default::default() };
     world.particles[i as usize].set_anchor(position, after, time);
+    if !F::ELASTIC {
+        world.note_contact(i, time);
+    }
     if F::REST {
         world.particles[i as usize].set_recently_hit(repeated);
     }

@@ -6,8 +6,8 @@ mod common;
 use common::{Log, Random, check_independence, class, scatter, set_restitution, system};
 use glam::DVec3;
 use haff_engine::{
-    Boundary, Dimension, Drive, DriveKind, EngineError, Grid, GridAxis, KickTimes, NeighborChoice, Options,
-    Silent, Simulation, Stop, System, Term, Until,
+    Boundary, Change, Dimension, Drive, DriveKind, EngineError, EventKind, EventRecord, Grid, GridAxis,
+    KickTimes, NeighborChoice, Options, Silent, Simulation, Stop, System, Term, Until,
 };
 use haff_mechanics::Restitution;
 
@@ -106,6 +106,71 @@ fn impacts_that_follow_from_a_kick_at_once_come_before_measurements_and_stops() 
             assert!((measured - momentum).abs() < 1e-12, "{neighbors:?}: {measured}, frame {momentum}");
         }
         assert!(at_once > 20, "{neighbors:?}: {at_once} impacts at the times of kicks");
+    }
+}
+
+/// Whether the losses of all collisions are those of the TC model: none if one of the partners has had a contact
+/// within `tc` before. Returns the numbers of elastic and of inelastic collisions.
+fn check_contact_duration(log: &[EventRecord], bodies: usize, tc: f64) -> [usize; 2] {
+    let mut last = vec![f64::NEG_INFINITY; bodies];
+    let mut counts = [0; 2];
+    for event in log {
+        let partners = match event.kind {
+            EventKind::Collision => vec![event.i, event.j],
+            EventKind::Wall => vec![event.i],
+            _ => continue,
+        };
+        let age = partners.iter().map(|&i| event.time - last[i as usize]).fold(f64::INFINITY, f64::min);
+        let is_lossless = event.energy_loss == 0.0;
+        // Times in the log are rounded.
+        if (age - tc).abs() > 1e-12 * event.time {
+            assert_eq!(is_lossless, age < tc, "{event:?} {age} after the last contact");
+        }
+        counts[usize::from(!is_lossless)] += 1;
+        partners.iter().for_each(|&i| last[i as usize] = event.time);
+    }
+    counts
+}
+
+/// The contact duration counts from the last contact. Kicks, whether of all particles or of one, and changes from
+/// outside set anchors, but are no contacts.
+#[test]
+fn the_contact_duration_counts_from_the_last_contact_whatever_else_happens_to_a_particle() {
+    let tc = 0.05;
+    let mut drives = kinds().map(Some).to_vec();
+    drives.push(None);
+    for kind in drives {
+        let mut scene = gas(Dimension::Two, 120, 0.5, NOISE[0]);
+        scene.contacts.tc = tc;
+        // Far more kicks than contacts.
+        scene.drives = kind
+            .map(|kind| match kind {
+                DriveKind::WhiteNoise { kicks: KickTimes::Poisson { .. }, .. } => {
+                    DriveKind::WhiteNoise { strength: 0.4, kicks: KickTimes::Poisson { rate: 50.0 } }
+                }
+                DriveKind::WhiteNoise { .. } => {
+                    DriveKind::WhiteNoise { strength: 0.4, kicks: KickTimes::Regular { interval: tc / 3.0 } }
+                }
+                DriveKind::Rescale { temperature, .. } => {
+                    DriveKind::Rescale { temperature, interval: tc / 3.0 }
+                }
+                DriveKind::Andersen { temperature, .. } => DriveKind::Andersen { temperature, rate: 50.0 },
+            })
+            .map(|kind| Drive { kind, species: vec![0] })
+            .into_iter()
+            .collect();
+        check_independence(&scene, &[0.3, 0.7]);
+        let mut simulation = Simulation::new(scene.clone(), Options::default()).unwrap();
+        let mut log = Log::default();
+        for k in 1..=40 {
+            simulation.advance(until(0.1 * f64::from(k)), &mut log).unwrap();
+            if kind.is_none() {
+                let velocities = Some(simulation.frame().velocity.iter().map(|v| v * 1.01).collect());
+                simulation.change(&Change { velocities, ..Change::default() }, &mut log).unwrap();
+            }
+        }
+        let counts = check_contact_duration(&log.0, scene.bodies.len(), tc);
+        assert!(counts.iter().all(|&count| count > 5), "{kind:?}: {counts:?}");
     }
 }
 

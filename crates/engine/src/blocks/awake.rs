@@ -10,6 +10,8 @@ use std::{
 
 use rayon::Yield;
 
+use crate::sharing::threads;
+
 /// A thread that finds no work this many times in a row lets other processes use its processor.
 const PATIENCE: u32 = 2000;
 
@@ -32,7 +34,7 @@ impl Drop for Done<'_> {
 /// are processors.
 pub(crate) fn with_awake_threads<R>(work: impl FnOnce() -> R) -> R {
     let processors = available_parallelism().map_or(1, usize::from);
-    let helpers = rayon::current_num_threads().min(processors).saturating_sub(1);
+    let helpers = threads().min(processors).saturating_sub(1);
     if helpers == 0 || IS_AWAKE.get() {
         return work();
     }

@@ -26,6 +26,7 @@ use crate::{
     batch::Kernel,
     particles::World,
     report::{BlockCounts, Observer},
+    sharing,
     state::State,
     tuning::particles::PARALLEL_EVENTS,
 };
@@ -104,7 +105,7 @@ impl Settings {
 
     /// Largest number of blocks.
     pub fn most(&self) -> usize {
-        self.blocks.unwrap_or_else(rayon::current_num_threads)
+        self.blocks.unwrap_or_else(sharing::threads)
     }
 
     /// Why the events of any search are taken on one thread; `None` if the search can take them on all.
@@ -243,6 +244,7 @@ pub(crate) fn run_rounds<B: Block>(
         targets.resize(pending.len(), 0);
         if round < last {
             let chunks = pending.par_chunks_mut(CHUNK).zip(targets.par_chunks_mut(CHUNK));
+            let chunks = chunks.with_min_len(sharing::least_items());
             chunks.for_each(|(events, targets)| route(&rounds[round], events, targets));
         } else if let Some(start_last) = start_last.take() {
             start_last(&mut blocks[0]);
@@ -266,7 +268,8 @@ pub(crate) fn run_rounds<B: Block>(
             part.known.extend(own.map(|(event, _)| *event));
             take(block, kernel, events, &Present { step, earlier });
         };
-        blocks.par_iter_mut().enumerate().with_max_len(1).for_each(run);
+        let items = sharing::least_items();
+        blocks.par_iter_mut().enumerate().with_min_len(items).with_max_len(items).for_each(run);
         pending.clear();
         let (mut longest, mut is_failed, mut is_unexpected) = (0, false, false);
         for (block, front) in blocks.iter_mut().zip(fronts) {

@@ -55,6 +55,8 @@ struct Saved {
     particles: Vec<Particle>,
     /// Their angular velocities, if there is spin.
     spins: Vec<DVec3>,
+    /// The times of their last contacts \[ticks\], if laws depend on them.
+    contacts: Vec<i64>,
 }
 
 /// The place of a particle at an event.
@@ -160,6 +162,7 @@ impl<E> Part<E> {
         self.saved.indices.clear();
         self.saved.particles.clear();
         self.saved.spins.clear();
+        self.saved.contacts.clear();
         self.wraps.clear();
         self.rows.clear();
         self.times.clear();
@@ -173,6 +176,11 @@ impl<E> Part<E> {
         if let Some(spins) = &mut state.world.spin {
             for (&i, spin) in self.saved.indices.iter().zip(self.saved.spins.drain(..)).rev() {
                 spins.angular_velocity[i as usize] = spin;
+            }
+        }
+        if let Some(times) = &mut state.world.contact_times {
+            for (&i, contact) in self.saved.indices.iter().zip(self.saved.contacts.drain(..)).rev() {
+                times.set(i, contact);
             }
         }
         for (i, particle) in self.saved.indices.drain(..).zip(self.saved.particles.drain(..)).rev() {
@@ -218,6 +226,9 @@ impl<E> Part<E> {
             self.saved.particles.push(particle);
             if let Some(spins) = &self.state.world.spin {
                 self.saved.spins.push(spins.angular_velocity[i as usize]);
+            }
+            if let Some(times) = &self.state.world.contact_times {
+                self.saved.contacts.push(times.get(i));
             }
         }
     }

@@ -27,7 +27,7 @@ pub use correlations::{CORRELATIONS, Correlation, CorrelationKind, Correlations}
 pub use profiles::{Grid, GridAxis};
 pub use stress::StressTensor;
 pub(crate) use walls::WallSums;
-pub(crate) use words::Words;
+pub(crate) use words::{Words, fault};
 
 /// What to measure while the run goes on. By default nothing.
 #[derive(Debug, Clone, PartialEq, Default)]

@@ -9,7 +9,7 @@ pub(crate) struct Words<'a> {
 }
 
 /// The error of data that cannot be those of the measurement.
-pub(super) fn fault(what: &str) -> EngineError {
+pub(crate) fn fault(what: &str) -> EngineError {
     EngineError::Checkpoint(format!("measured: {what}"))
 }
 
@@ -20,6 +20,11 @@ impl<'a> Words<'a> {
 
     pub fn take(&mut self) -> Result<u64, EngineError> {
         self.words.next().copied().ok_or_else(|| fault("there are too few numbers"))
+    }
+
+    /// A whole number with a sign.
+    pub fn integer(&mut self) -> Result<i64, EngineError> {
+        Ok(self.take()? as i64)
     }
 
     /// A number; finite.

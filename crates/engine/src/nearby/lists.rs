@@ -21,7 +21,7 @@ use super::{
     plan::Plan,
     sets::{LANES, MASK_BITS, low_bits, members, position_in},
 };
-use crate::{blocks::Grid, compact::CompactParticle, features::Features};
+use crate::{blocks::Grid, compact::CompactParticle, features::Features, sharing::least_items};
 
 /// Margin of the distance at which pairs are listed. It covers rounding in single precision [largest contact
 /// distances].
@@ -133,6 +133,7 @@ impl Lists {
         words.resize(count * stride, count as u32);
         let built: Vec<(u32, Option<Vec<u32>>)> = words
             .par_chunks_mut(stride)
+            .with_min_len(least_items())
             .enumerate()
             .map_init(Vec::new, |found, (i, words)| {
                 let length = lists.find::<F, false, false>(i as u32, particles, found);

@@ -33,6 +33,7 @@ use crate::{
     model::System,
     queue::{Predictor, Queue},
     report::Observer,
+    sharing::least_items,
     state::State,
     summary::{LocalDensity, SystemSummary},
     tuning::particles::PREFETCH_LISTS,
@@ -139,6 +140,7 @@ impl<F: Features> Scheduler for Nearby<F> {
         for start in (0..count).step_by(BLOCK) {
             (start as u32..(start + BLOCK).min(count) as u32)
                 .into_par_iter()
+                .with_min_len(least_items())
                 .map_init(Bounds::new, |bounds, i| {
                     let mut work = Work::default();
                     (predictor.predict::<false>(world, i, bounds, &mut work), work)
@@ -248,6 +250,13 @@ impl<F: Features> Scheduler for Nearby<F> {
         events: bool,
     ) {
         Nearby::take_steps(self, state, limit, observer, events);
+    }
+
+    fn use_more_threads(&mut self, state: &State) {
+        // The queue keeps its entries: steps take them from there.
+        if self.horizon == i64::MAX {
+            self.begin_steps(state);
+        }
     }
 
     fn serial_reason(&self, state: &State) -> Option<&'static str> {

@@ -41,6 +41,7 @@ use crate::{
     particles::World,
     queue::Queue,
     report::Observer,
+    sharing::{join, least_items},
     state::State,
 };
 
@@ -344,13 +345,15 @@ impl<F: Features> Nearby<F> {
         let Steps { calendars, incoming, collected, known, .. } = steps;
         let from_calendars = || {
             let all = calendars.par_iter_mut().zip(incoming).zip(collected.par_iter_mut());
-            all.with_max_len(1).for_each(|((calendar, incoming), entries)| {
-                incoming.drain(..).for_each(|entry| calendar.push(entry));
-                entries.clear();
-                calendar.take_until(to, entries);
-            });
+            all.with_min_len(least_items()).with_max_len(least_items()).for_each(
+                |((calendar, incoming), entries)| {
+                    incoming.drain(..).for_each(|entry| calendar.push(entry));
+                    entries.clear();
+                    calendar.take_until(to, entries);
+                },
+            );
         };
-        rayon::join(from_calendars, || queue.take_until(to, known));
+        join(from_calendars, || queue.take_until(to, known));
         for entries in collected {
             known.extend_from_slice(entries);
         }

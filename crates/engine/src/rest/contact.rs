@@ -12,8 +12,7 @@ const UNDISTURBED: f64 = 1.0 - 1e-9;
 
 /// Whether particle i had a contact within [`Thresholds::recent`] before `time` \[ticks\].
 fn had_recent_contact(world: &World, thresholds: &Thresholds, i: u32, time: i64) -> bool {
-    let particle = &world.particles[i as usize];
-    world.class(i).inverse_mass != 0.0 && particle.count > 0 && world.age(i, time) < thresholds.recent
+    world.class(i).inverse_mass != 0.0 && world.contact_age(i, time) < thresholds.recent
 }
 
 /// Whether a contact of two particles at `time` is repeated: one of them had another contact shortly before.
@@ -38,7 +37,7 @@ pub(crate) fn is_repeated_wall_contact(
     let Some(thresholds) = &world.thresholds else { return false };
     let moves = world.walls[wall as usize].motion.is_moving();
     let recently_hit = world.particles[i as usize].is_recently_hit()
-        && world.age(i, time) * acceleration < 2.0 * speed * UNDISTURBED;
+        && world.contact_age(i, time) * acceleration < 2.0 * speed * UNDISTURBED;
     had_recent_contact(world, thresholds, i, time) && (moves || recently_hit)
 }
 

@@ -46,8 +46,7 @@ pub(super) fn resolve_jam(
     let recent: Vec<u32> = (0..world.particles.len() as u32)
         .filter(|&i| {
             world.class(i).inverse_mass != 0.0
-                && world.particles[i as usize].count > 0
-                && world.age(i, now) <= JAM_DURATION * thresholds.period
+                && world.contact_age(i, now) <= JAM_DURATION * thresholds.period
         })
         .collect();
     let mut jam = jam_contacts(world, geometry, &narrow, &recent);
@@ -68,6 +67,7 @@ pub(super) fn resolve_jam(
         let particle = &mut state.world.particles[i as usize];
         particle.set_anchor(position, after, now);
         particle.set_recently_hit(true);
+        state.world.note_contact(i, now);
         series::keep_support(state, i, now);
         changed.push(i);
     }

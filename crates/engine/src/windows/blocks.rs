@@ -18,6 +18,7 @@ use crate::{
     features::Features,
     particles::World,
     report::Observer,
+    sharing::least_items,
     state::State,
 };
 use block::{WindowBlock, place};
@@ -365,7 +366,7 @@ fn route<F: Features>(
 fn fastest(particles: &[CompactParticle]) -> f32 {
     let square =
         |most: f32, p: &CompactParticle| most.max(p.v[0] * p.v[0] + p.v[1] * p.v[1] + p.v[2] * p.v[2]);
-    let chunks = particles.par_chunks(TASK);
+    let chunks = particles.par_chunks(TASK).with_min_len(least_items());
     chunks.map(|chunk| chunk.iter().fold(0.0, square)).reduce(|| 0.0, f32::max).sqrt()
 }
 

@@ -73,6 +73,8 @@ pub(crate) struct Windows<F> {
     geometry: Geometry,
     /// Smallest radius [length].
     smallest_radius: f64,
+    /// Largest contact distance of two particles [length].
+    largest_contact: f64,
     worker: Worker<F>,
     steps: Steps<F>,
     /// Contacts found by the batch phase.
@@ -101,7 +103,6 @@ pub(crate) struct Windows<F> {
 /// The reason why windows cannot simulate a system; `None` if they can.
 pub(crate) fn unsuitable(system: &System, summary: &SystemSummary) -> Option<String> {
     let axes = system.dimension.count();
-    let largest = summary.largest;
     let gravity = system.domain.gravity;
     if gravity != DVec3::ZERO && !summary.movable {
         return Some("there are gravity and bodies of infinite mass, which do not fall".to_owned());
@@ -112,10 +113,10 @@ pub(crate) fn unsuitable(system: &System, summary: &SystemSummary) -> Option<Str
     for axis in 0..axes {
         match system.domain.boundary[axis] {
             Boundary::Open => return Some("an axis is open".to_owned()),
-            Boundary::Periodic if NEAREST * system.domain.size[axis] < 2.5 * largest => {
+            Boundary::Periodic if NEAREST * system.domain.size[axis] < 1.25 * summary.contact => {
                 return Some(format!(
-                    "a periodic edge of {} is shorter than 5.6 of the largest radius, {largest}",
-                    system.domain.size[axis]
+                    "a periodic edge of {} is shorter than 2.8 of the largest contact distance, {}",
+                    system.domain.size[axis], summary.contact
                 ));
             }
             Boundary::Periodic | Boundary::Wall => {}
@@ -147,7 +148,7 @@ fn unsuitable_for_shear(system: &System, summary: &SystemSummary) -> Option<Stri
         ));
     }
     let widened = 1.0 + 0.5 * ratio + 2.0 * shear::LARGEST_CHANGE;
-    (NEAREST * size[shear.flow] < 2.5 * widened * summary.largest).then(|| {
+    (NEAREST * size[shear.flow] < 1.25 * widened * summary.contact).then(|| {
         format!("the edge along the flow, {}, is too short for images that are displaced", size[shear.flow])
     })
 }
@@ -164,14 +165,14 @@ pub(crate) fn is_profitable(system: &System, summary: &SystemSummary, density: &
     let displacement = MIN_DISPLACEMENT * summary.spacing(density.packing);
     let allows_displacement = |axis: usize| {
         system.domain.boundary[axis] != Boundary::Periodic
-            || 0.5 * NEAREST * system.domain.size[axis] - summary.largest >= displacement
+            || 0.5 * (NEAREST * system.domain.size[axis] - summary.contact) >= displacement
     };
     // In a sheared box both the distance and the displacement along the flow count with the tilt.
     let widened = system.domain.shear.map_or(0.0, |shear| {
         1.0 + system.domain.size[shear.flow] / system.domain.size[shear.gradient] + shear::LARGEST_CHANGE
     });
     let allows_shear = system.domain.shear.is_none_or(|shear| {
-        0.5 * NEAREST * system.domain.size[shear.flow] >= widened * (displacement + summary.largest)
+        0.5 * NEAREST * system.domain.size[shear.flow] >= widened * (displacement + 0.5 * summary.contact)
     });
     summary.count >= particles::WINDOWS
         && system.walls.len() <= MAX_WALLS
@@ -201,6 +202,7 @@ impl<F: Features> Windows<F> {
                 None => geometry.clone(),
             },
             smallest_radius: summary.least,
+            largest_contact: summary.contact,
             worker,
             steps: Steps::new(blocks),
             found: Vec::new(),

@@ -19,6 +19,7 @@ use crate::{
     compact::{CompactParticle, HEADROOM, LONGEST_SPAN, NEAREST},
     features::Features,
     particles::World,
+    sharing::least_items,
     state::State,
     tuning::particles::KEEP_CONTACTS,
 };
@@ -50,6 +51,7 @@ impl<F: Features> Windows<F> {
         let blocks: Vec<(f64, f64)> = world
             .particles
             .par_chunks(TASK)
+            .with_min_len(least_items())
             .map(|block| {
                 let squares = block.iter().map(|particle| {
                     let mut velocity = particle.velocity;
@@ -88,7 +90,7 @@ impl<F: Features> Windows<F> {
         // Differences along the flow count with the tilt and its change, see `shear`.
         let tilt = shear.map_or(0.0, |frame| frame.largest_tilt() + LARGEST_CHANGE);
         let rounding = rounding * (1.0 + tilt);
-        let largest_contact = 2.0 * self.geometry.radius * f64::from(margin(MAX_DISPLACEMENT, rounding));
+        let largest_contact = self.largest_contact * f64::from(margin(MAX_DISPLACEMENT, rounding));
         let limit = (0..3)
             .map(|axis| match self.geometry.axes[axis] {
                 Axis::Periodic if F::SHEAR && axis == 0 => {
@@ -165,6 +167,7 @@ impl<F: Features> Windows<F> {
         self.worker
             .slot_of
             .par_iter_mut()
+            .with_min_len(least_items())
             .enumerate()
             .for_each(|(i, cell)| *cell = cells.cell_of(compact(i as u32).x));
         let mut next_slot = vec![0_u32; cells.len() + 1];
@@ -198,7 +201,8 @@ impl<F: Features> Windows<F> {
             });
         }
         let ids: &[u32] = ids;
-        particles.par_iter_mut().zip(anchors.par_iter_mut()).enumerate().for_each(|(slot, (own, anchor))| {
+        let slots = particles.par_iter_mut().zip(anchors.par_iter_mut()).with_min_len(least_items());
+        slots.enumerate().for_each(|(slot, (own, anchor))| {
             if let Some(&later) = ids.get(slot + SLOTS_AHEAD) {
                 prefetch_at(&world.particles, later as usize);
             }

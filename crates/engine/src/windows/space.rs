@@ -20,6 +20,7 @@ use crate::{
     entry::Target,
     features::Features,
     particles::{Particle, World},
+    sharing,
     tuning::particles::{PARALLEL_RARE_WINDOWS, PARALLEL_WINDOWS, RARE},
 };
 
@@ -113,7 +114,7 @@ impl<F: Features> Space<F> {
         let count = self.particles.len();
         let is_large =
             count >= PARALLEL_WINDOWS || count >= PARALLEL_RARE_WINDOWS && self.contacts < count / RARE;
-        is_large && rayon::current_num_threads() > 1
+        is_large && sharing::threads() > 1
     }
 
     /// Moves all particles to the start of the next window, in parallel if that is profitable.
@@ -134,14 +135,17 @@ impl<F: Features> Space<F> {
 
     /// Whether no particle is displaced by more than `displacement` [length] in the window.
     pub fn are_within(&self, displacement: f32) -> bool {
-        self.particles.par_iter().all(|compact| compact.is_within(displacement * displacement))
+        self.particles
+            .par_iter()
+            .with_min_len(sharing::least_items())
+            .all(|compact| compact.is_within(displacement * displacement))
     }
 
     /// Describes all particles with a tilt that is less by `turns` edges along the flow per edge along the
     /// gradient: it has exceeded half an edge.
     pub fn reduce_tilt(&mut self, turns: i32, ratio: f64) {
         let more = (f64::from(turns) * ratio) as f32;
-        self.particles.par_iter_mut().for_each(|compact| {
+        self.particles.par_iter_mut().with_min_len(sharing::least_items()).for_each(|compact| {
             // Both edges have the same number of coordinates.
             compact.x[0] = compact.x[0].wrapping_add(turns.wrapping_mul(compact.x[1]));
             compact.v[0] += more * compact.v[1];

@@ -8,7 +8,7 @@ use haff_engine::{
 use haff_mechanics::{Oscillation, Restitution, Roughness, Waveform};
 use proptest::prelude::*;
 
-use crate::common::{Random, class, scatter_within_room, system};
+use crate::common::{Random, add, class, scatter_within_room, system};
 
 /// The features of a scene; the rest follows from the seed. Simpler values come first, so that a failure
 /// shrinks to few features.
@@ -51,6 +51,14 @@ pub struct Recipe {
     pub rough: usize,
     /// Simple shear: none, moderate, fast or slow. All axes are then periodic, and no body is fixed.
     pub shear: usize,
+    /// One body that is larger than all others, by up to a third of the box.
+    pub huge: bool,
+    /// A wall of the boundary oscillates along its axis, so that corners move.
+    pub corner: bool,
+    /// The first grain falls on the top of a fixed body.
+    pub top: bool,
+    /// The run ends at the time of a kick, when a profile is due, too.
+    pub at_kick: bool,
     pub seed: u64,
 }
 
@@ -79,6 +87,10 @@ pub const PLAIN: Recipe = Recipe {
     partition: false,
     rough: 0,
     shear: 0,
+    huge: false,
+    corner: false,
+    top: false,
+    at_kick: false,
     seed: 0,
 };
 
@@ -102,6 +114,7 @@ pub fn recipe() -> impl Strategy<Value = Recipe> {
             // From the seed, so that all other features are drawn as before.
             let shear = [1, 2, 3].get((seed >> 40) as usize % 12).copied().unwrap_or(0);
             let sheared = shear > 0;
+            let one_in = |n: u64, bits: u32| (seed >> bits).is_multiple_of(n);
             Recipe {
                 flat,
                 boundary: if sheared { [0; 3] } else { boundary },
@@ -126,6 +139,10 @@ pub fn recipe() -> impl Strategy<Value = Recipe> {
                 partition,
                 rough,
                 shear,
+                huge: one_in(16, 4) && !sheared,
+                corner: one_in(8, 12) && !sheared,
+                top: one_in(16, 20) && gravity && !sheared,
+                at_kick: one_in(2, 28),
                 seed,
             }
         },
@@ -297,6 +314,16 @@ impl Recipe {
         if self.tc {
             scene.contacts.tc = 10_f64.powf(random.uniform(-6.0, -1.0));
         }
+        if self.corner
+            && let Some(wall) = scene.walls.iter_mut().find(|wall| wall.motion == WallMotion::Fixed)
+        {
+            let oscillation = Oscillation { waveform: Waveform::Sine, amplitude: 0.1, frequency: 0.1 };
+            wall.motion = WallMotion::Oscillating(Oscillating { oscillation, cycles: 0.0 });
+        }
+        if self.huge {
+            let kind = class(&mut scene, edge * random.uniform(0.1, 0.3), 1e3);
+            scatter_within_room(&mut scene, kind, 1, 0.1, &mut random);
+        }
         for k in 0..self.species {
             let alone = self.species == 1;
             let (least, orders) = if self.ratios { (0.02, 4.5) } else { (0.1, 3.0) };
@@ -342,6 +369,9 @@ impl Recipe {
             let speed = if random.index(2) == 0 { 0.0 } else { 0.2 };
             scatter_within_room(&mut scene, kind, 1, speed, &mut random);
         }
+        if self.top {
+            self.put_on_top(&mut scene);
+        }
         if self.rough > 0 {
             scene.spin = Some(spins(&scene, self.rough == 2, &mut random));
         }
@@ -360,7 +390,46 @@ impl Recipe {
         }
         if self.measure {
             scene.measure = measure_all(&scene, &mut random);
+            if self.at_kick
+                && let (Some(interval), Some(profile)) =
+                    (kick_interval(&scene), scene.measure.profiles.first_mut())
+            {
+                (profile.interval, profile.samples) = (interval, 1);
+            }
         }
         scene
     }
+
+    /// Adds a fixed body below the first grain, which starts at rest: without other grains it falls on the top.
+    fn put_on_top(&self, scene: &mut System) {
+        let first = scene.bodies[0];
+        let gravity = scene.domain.gravity;
+        let reach = scene.classes[first.class as usize].radius + 0.3;
+        let position = first.position + gravity.normalize_or(-DVec3::Y) * (reach + 0.2);
+        let is_clear = scene.bodies[1..].iter().all(|body| {
+            (body.position - position).length() > 0.3 + scene.classes[body.class as usize].radius
+        });
+        let is_inside = (0..scene.dimension.count()).all(|axis| {
+            (0.3..scene.domain.size[axis] - 0.3).contains(&position[axis])
+                || scene.domain.boundary[axis] == Boundary::Open
+        });
+        let is_before_walls = scene.walls.iter().all(|wall| {
+            wall.partition.is_none()
+                && (position - wall.point).dot(wall.normal) > 0.3 + wall.motion.max_speed()
+        });
+        if is_clear && is_inside && is_before_walls {
+            let kind = class(scene, 0.3, f64::INFINITY);
+            scene.bodies[0].velocity = DVec3::ZERO;
+            add(scene, kind, position, DVec3::ZERO);
+        }
+    }
+}
+
+/// The interval of regular kicks of a system \[time\], if it has any.
+pub fn kick_interval(system: &System) -> Option<f64> {
+    system.drives.iter().find_map(|drive| match drive.kind {
+        DriveKind::Rescale { interval, .. }
+        | DriveKind::WhiteNoise { kicks: KickTimes::Regular { interval }, .. } => Some(interval),
+        _ => None,
+    })
 }

@@ -218,7 +218,7 @@ fn windows_are_refused_for_unsupported_systems() {
         (heavy, "there are gravity and bodies of infinite mass, which do not fall"),
         (vast, "an edge of 1000000000 is too long for the least radius, 0.5"),
         (open, "an axis is open"),
-        (narrow, "a periodic edge of 2.7 is shorter than 5.6 of the largest radius, 0.5"),
+        (narrow, "a periodic edge of 2.7 is shorter than 2.8 of the largest contact distance, 1"),
     ] {
         let expected = format!("engine.neighbors = \"windows\" does not work here: {reason}; use \"auto\"");
         assert_eq!(why(&scene), expected);
