@@ -3,6 +3,7 @@
 use haff_engine::{Checkpoint, Instant, ScalarReader, ScalarWriter, System};
 
 use crate::{
+    burst::Burst,
     error::LinkageError,
     mechanism::Link,
     model::Joints,
@@ -12,7 +13,7 @@ use crate::{
 };
 
 /// Version of the scalars below.
-const VERSION: u64 = 4;
+const VERSION: u64 = 5;
 
 impl Simulation {
     /// The exact state: anchors of all particles, and everything else as named scalars. A simulation
@@ -71,6 +72,12 @@ impl Simulation {
             scalars.real(&format!("{name}.energy_loss"), rest.energy_loss);
             scalars.real(&format!("{name}.carnot_energy"), rest.carnot_energy);
         }
+        for (link, burst) in &world.bursts {
+            let name = format!("burst.{}", encode(*link));
+            scalars.pair(&format!("{name}.at"), burst.at.high, burst.at.low);
+            scalars.real(&format!("{name}.speed"), burst.speed);
+            scalars.put(&format!("{name}.impacts"), burst.impacts);
+        }
         Checkpoint {
             position: world.anchor.iter().map(|(x, _)| *x).collect(),
             velocity: world.anchor.iter().map(|(_, v)| *v).collect(),
@@ -126,6 +133,15 @@ impl Simulation {
                 carnot_energy: scalars.real(&format!("{name}.carnot_energy")),
             };
             world.pending.insert(link(&mut scalars, code, &world), rest);
+        }
+        for code in scalars.numbers::<u64>("burst.", ".speed") {
+            let name = format!("burst.{code}");
+            let burst = Burst {
+                at: instant(&mut scalars, &format!("{name}.at")),
+                speed: scalars.real(&format!("{name}.speed")),
+                impacts: scalars.take(&format!("{name}.impacts")),
+            };
+            world.bursts.insert(link(&mut scalars, code, &world), burst);
         }
         let mut flights = Vec::new();
         let flight_keys = scalars.numbers::<u64>("flight.", ".hint");

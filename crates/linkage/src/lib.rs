@@ -43,6 +43,7 @@ System + Joints ──check──▶ World ──┬─▶ flights: Mechanism �
 
 mod accumulators;
 mod any_simulation;
+mod burst;
 mod check;
 mod checkpoint;
 mod crossing;
@@ -56,6 +57,7 @@ mod predict;
 mod predictions;
 mod regroup;
 mod resolve;
+mod settle;
 mod simulation;
 mod valid;
 mod world;

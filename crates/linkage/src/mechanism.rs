@@ -14,8 +14,12 @@ and n·M⁻¹·n of physics.md is 1/m reduced by the reaction of the rows.
 */
 
 use glam::DVec3;
+use haff_engine::Sum;
 
 use crate::linear;
+
+/// Errors of the energy up to this part of the kinetic energy are corrected by the velocities.
+const LARGEST_CORRECTION: f64 = 1e-9;
 
 /// The origin of a row. The order is that of ties.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash)]
@@ -180,6 +184,54 @@ impl Mechanism {
         a
     }
 
+    /// Change of the kinetic and potential energy between two states, without the cancellation of their values.
+    pub fn energy_change(&self, from: &[(DVec3, DVec3)], to: &[(DVec3, DVec3)]) -> f64 {
+        let mut change = Sum::default();
+        for ((mass, (x, v)), (y, w)) in self.mass.iter().zip(from).zip(to) {
+            change.add(mass * (0.5 * (*w - *v).dot(*w + *v) - self.gravity.dot(*y - *x)));
+        }
+        for coil in &self.coils {
+            let (before, after) = (coil.direction(0.0, from).1, coil.direction(0.0, to).1);
+            let stretch = 0.5 * (before + after) - coil.natural_length;
+            change.add(coil.stiffness * (after - before) * stretch);
+        }
+        change.value()
+    }
+
+    /// Whether points that hold its bodies move, and do work.
+    pub fn is_driven(&self) -> bool {
+        self.rows.iter().any(|row| row.a.is_driven() || row.b.is_driven())
+            || self.coils.iter().any(|coil| coil.a.is_driven() || coil.b.is_driven())
+    }
+
+    /// Gives a state at the end of a flight, after `tau`, the energy of its start plus the work done since, by a
+    /// factor of the velocities relative to the points that hold its bodies: rounding and the errors of
+    /// integration would add up over all flights. Nothing is done where hardly anything moves, so that
+    /// velocities cannot correct the error.
+    pub fn restore_energy(&self, tau: f64, start: &[(DVec3, DVec3)], end: &mut [(DVec3, DVec3)], work: f64) {
+        let gained = self.energy_change(start, end) - work;
+        let carried = if self.is_driven() {
+            // The smallest velocities that the moving points impose.
+            let still: Vec<(DVec3, DVec3)> = end.iter().map(|(x, _)| (*x, DVec3::ZERO)).collect();
+            self.kicks(tau, &still)
+        } else {
+            vec![DVec3::ZERO; end.len()]
+        };
+        let free = |(body, carried): (&(DVec3, DVec3), &DVec3)| body.1 - *carried;
+        // Both parts are orthogonal in the metric of the masses.
+        let kinetic: f64 = end
+            .iter()
+            .zip(&carried)
+            .map(free)
+            .zip(&self.mass)
+            .map(|(v, mass)| 0.5 * mass * v.length_squared())
+            .sum();
+        if gained.abs() <= LARGEST_CORRECTION * kinetic {
+            let change = -0.5 * gained / kinetic;
+            end.iter_mut().zip(&carried).for_each(|(body, carried)| body.1 += (body.1 - *carried) * change);
+        }
+    }
+
     /// The rows at a state.
     pub fn row_states(&self, tau: f64, bodies: &[(DVec3, DVec3)]) -> Vec<RowState> {
         self.rows.iter().map(|row| row.state(tau, bodies)).collect()
@@ -272,6 +324,37 @@ impl Mechanism {
         (active, a, forces)
     }
 
+    /// The same mechanism at another place.
+    pub fn shifted(&self, by: DVec3) -> Self {
+        let mut of = self.clone();
+        let shift = |end: &mut End| {
+            if let End::Fixed(point, _) = end {
+                *point += by;
+            }
+        };
+        for row in &mut of.rows {
+            shift(&mut row.a);
+            shift(&mut row.b);
+        }
+        for coil in &mut of.coils {
+            shift(&mut coil.a);
+            shift(&mut coil.b);
+        }
+        of
+    }
+
+    /// Makes the rows hold the lengths of this state, which differ from the nominal ones by rounding. Bodies
+    /// moved to the nominal lengths would gain or lose energy.
+    pub fn hold_present_lengths(&mut self, bodies: &[(DVec3, DVec3)]) {
+        for row in &mut self.rows {
+            let r = row.b.state(0.0, bodies).0 - row.a.state(0.0, bodies).0;
+            row.shape = match row.shape {
+                Shape::Distance(_) => Shape::Distance(r.length()),
+                Shape::Along(direction, _) => Shape::Along(direction, direction.dot(r)),
+            };
+        }
+    }
+
     /// A measure of the accelerations at a state, for tolerances [length/time²].
     pub fn acceleration_scale(&self, bodies: &[(DVec3, DVec3)]) -> f64 {
         let mut scale = self.gravity.length();
@@ -307,12 +390,18 @@ impl Mechanism {
             self.apply(&states, &shift, &mut moves);
             bodies.iter_mut().zip(&moves).for_each(|(body, by)| body.0 += *by);
         }
+        let kicks = self.kicks(tau, bodies);
+        bodies.iter_mut().zip(&kicks).for_each(|(body, by)| body.1 += *by);
+    }
+
+    /// The smallest changes of velocities after which the constraints hold.
+    fn kicks(&self, tau: f64, bodies: &[(DVec3, DVec3)]) -> Vec<DVec3> {
         let states = self.row_states(tau, bodies);
         let target: Vec<f64> = states.iter().map(|state| -state.rate).collect();
-        let (kick, _) = linear::solve(&self.compliance(&states), &target, &all);
+        let (kick, _) = linear::solve(&self.compliance(&states), &target, &vec![true; self.rows.len()]);
         let mut kicks = vec![DVec3::ZERO; bodies.len()];
         self.apply(&states, &kick, &mut kicks);
-        bodies.iter_mut().zip(&kicks).for_each(|(body, by)| body.1 += *by);
+        kicks
     }
 
     /// Power of the moving points on the bodies, for given row forces [energy/time].

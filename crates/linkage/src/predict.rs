@@ -71,6 +71,15 @@ impl Path<'_> {
         let (x, v) = self.motion.state(self.k, self.from + s);
         (x + self.offset, v)
     }
+
+    fn acceleration(&self, s: f64) -> DVec3 {
+        self.motion.acceleration(self.k, self.from + s)
+    }
+
+    /// Bound on the speed within `length` of the beginning of the search.
+    fn speed_bound(&self, length: f64) -> f64 {
+        self.motion.speed_bound(self.k, self.from, self.from + length)
+    }
 }
 
 impl World {
@@ -142,9 +151,17 @@ impl World {
             return time.map_or(Prediction::NEVER, |s| Prediction { at: start.after(s), happens: true });
         }
         let (to, continues) = Self::range(start, &[fa, fb]);
-        // gap'' ≥ −|relative acceleration|: the turning of the line of centers only increases the gap.
+        // gap'' ≥ n·(relative acceleration): the turning of the line of centers n only increases the gap. It
+        // changes the direction at most by speed/σ.
         let bound = a.motion.acceleration_bound(a.k) + b.motion.acceleration_bound(b.k);
-        let search = first_crossing(&f, &|_, _| bound, 0.0, to, touch, slow);
+        let speed = a.speed_bound(to) + b.speed_bound(to);
+        let change = a.motion.jerk_bound(a.k) + b.motion.jerk_bound(b.k) + bound * speed / sigma;
+        let ahead = |s: f64, t: f64| {
+            let n = (b.state(s).0 - a.state(s).0).normalize_or_zero();
+            let now = n.dot(b.acceleration(s) - a.acceleration(s));
+            bound.min(change * (t - s) - now)
+        };
+        let search = first_crossing(&f, &ahead, 0.0, to, touch, slow);
         Prediction::from_search(search, start, to, continues)
     }
 
@@ -175,8 +192,9 @@ impl World {
             return time.map_or(Prediction::NEVER, |s| Prediction { at: start.after(s), happens: true });
         }
         let (to, continues) = Self::range(start, &[flight]);
-        let bound = a.motion.acceleration_bound(a.k);
-        let search = first_crossing(&f, &|_, _| bound, 0.0, to, touch, slow);
+        let (bound, change) = (a.motion.acceleration_bound(a.k), a.motion.jerk_bound(a.k));
+        let ahead = |s: f64, t: f64| bound.min(change * (t - s) - of.normal.dot(a.acceleration(s)));
+        let search = first_crossing(&f, &ahead, 0.0, to, touch, slow);
         Prediction::from_search(search, start, to, continues)
     }
 
@@ -197,10 +215,14 @@ impl World {
             ((length - distance) * (length + distance) / (2.0 * length), -r.dot(v) / length)
         };
         let slow = self.slow(a.state(0.0).1, DVec3::ZERO);
-        let acceleration = a.motion.acceleration_bound(a.k);
+        let (acceleration, jerk) = (a.motion.acceleration_bound(a.k), a.motion.jerk_bound(a.k));
+        // −f'' = (v² + r·a)/l changes at most by (3 v a + l j)/l.
         let bound = |s: f64, t: f64| {
             let speed = a.motion.speed_bound(a.k, a.from + s, a.from + t);
-            speed * speed / length + acceleration
+            let (x, v) = a.state(s);
+            let now = (v.length_squared() + (x - pivot).dot(a.acceleration(s))) / length;
+            let change = 3.0 * speed * acceleration / length + jerk;
+            (speed * speed / length + acceleration).min(now + change * (t - s))
         };
         let (to, continues) = Self::range(start, &[flight]);
         let search = first_crossing(&f, &bound, 0.0, to, self.touch(length), slow);

@@ -8,11 +8,10 @@ use crate::{
     mechanism::{Link, Mechanism, Motions},
     model::Tether,
     motion::Motion,
+    settle::Hit,
     world::{Flight, World},
 };
 
-/// Accelerations within this part of their scale are ties: a contact then stays closed.
-const TIE: f64 = 1e-12;
 /// Speeds below this part of the scene's count as rest, if forces are balanced.
 const REST: f64 = 4e-15;
 
@@ -26,8 +25,8 @@ impl World {
                 continue;
             }
             let Some(flight) = self.flights.remove(&self.flight_key[body]) else { continue };
-            let before: Motions = (0..flight.bodies.len()).map(|k| flight.motion.state(k, 0.0)).collect();
-            let after = flight.states(self.now);
+            let before = self.anchors(&flight.bodies);
+            let after = flight.states_at_event(&before, self.now);
             for (k, &body) in flight.bodies.iter().enumerate() {
                 self.anchor[body] = after[k];
                 let (momentum, moment) = self.momentum_change(body, before[k], after[k]);
@@ -71,7 +70,6 @@ impl World {
     /// Ends a completed series of bounces: adds its losses to the sums.
     pub fn settle(&mut self, link: Link, observer: &mut dyn Observer) {
         let Some(rest) = self.pending.remove(&link) else { return };
-        self.accumulators.counters.rests += 1;
         self.accumulators.dissipated.add(rest.energy_loss);
         self.accumulators.carnot.add(rest.carnot_energy);
         let (kind, i, j, normal) = match link {
@@ -80,8 +78,16 @@ impl World {
                 let r = self.state(j, self.now).0 - self.state(i, self.now).0;
                 (EventKind::Settle, i, j, r.normalize_or_zero())
             }
-            Link::Tether(_) | Link::Rod(_) | Link::Impact => return,
+            Link::Tether(p) => {
+                let bob = self.joints.pendulums[p].bob;
+                let r = self.state(bob, self.now).0 - self.joints.pendulums[p].pivot;
+                (EventKind::Taut, bob, p, r.normalize_or_zero())
+            }
+            Link::Rod(_) | Link::Impact => return,
         };
+        if kind != EventKind::Taut {
+            self.accumulators.counters.rests += 1;
+        }
         if observer.wants_events() {
             observer.event(&EventRecord {
                 time: self.now.time(),
@@ -129,29 +135,31 @@ impl World {
         });
     }
 
-    /// Links that could carry force, touching and at rest relative to each other; includes further bodies
-    /// that touch.
-    fn candidates(
+    /// Links that touch and are `accepted`, given the rate at which they open and the speed below which it is
+    /// rounding; includes further bodies that touch.
+    pub fn touching(
         &mut self,
         bodies: &mut Vec<usize>,
-        excluded: Option<Link>,
+        accepted: impl Fn(&Self, Link, f64, f64) -> bool,
         observer: &mut dyn Observer,
     ) -> Vec<Link> {
         loop {
             let mut links: Vec<Link> = Vec::new();
             let mut more = None;
-            let mine = |world: &Self, i: usize| bodies.contains(&world.body[i]);
+            let mut mine = vec![false; self.count()];
+            bodies.iter().for_each(|&body| mine[body] = true);
+            let mine = |i: usize| mine[self.body[i]];
             for p in 0..self.joints.pendulums.len() {
                 let pendulum = &self.joints.pendulums[p];
                 let link = Link::Tether(p);
                 let (bob, body) = (pendulum.bob, self.body[pendulum.bob]);
-                if !mine(self, bob) || self.immovable(body) || excluded == Some(link) {
+                if !mine(bob) || self.immovable(body) {
                     continue;
                 }
                 let state = self.row(link, bodies, self.now).state(0.0, &self.anchors(bodies));
                 let slow = self.slow(self.anchor[body].1, DVec3::ZERO);
                 if pendulum.tether == Tether::Rod
-                    || (state.gap <= self.touch(pendulum.length) && state.rate.abs() <= slow)
+                    || (state.gap <= self.touch(pendulum.length) && accepted(self, link, state.rate, slow))
                 {
                     links.push(link);
                 }
@@ -160,8 +168,7 @@ impl World {
             for i in 0..self.count() {
                 for j in i + 1..self.count() {
                     let link = Link::Pair(i, j);
-                    if !(mine(self, i) || mine(self, j)) || excluded == Some(link) || !self.can_collide(i, j)
-                    {
+                    if !(mine(i) || mine(j)) || !self.can_collide(i, j) {
                         continue;
                     }
                     let ((x, v), (y, w)) = (self.state(i, self.now), self.state(j, self.now));
@@ -178,19 +185,19 @@ impl World {
                         Some(axis) if *axis != DVec3::ZERO => *axis,
                         _ => r / distance,
                     };
-                    if direction.dot(w - v).abs() > self.slow(v, w) {
+                    if !accepted(self, link, direction.dot(w - v), self.slow(v, w)) {
                         continue;
                     }
                     links.push(link);
                     for k in [i, j] {
-                        if !mine(self, k) && !self.immovable(self.body[k]) {
+                        if !mine(k) && !self.immovable(self.body[k]) {
                             more = Some(self.body[k]);
                         }
                     }
                 }
                 for wall in 0..self.system.walls.len() {
                     let link = Link::Wall(i, wall);
-                    if !mine(self, i) || excluded == Some(link) {
+                    if !mine(i) {
                         continue;
                     }
                     let (x, v) = self.state(i, self.now);
@@ -198,7 +205,8 @@ impl World {
                     let gap = of.normal.dot(x - self.wall_point(wall, self.now)) - self.radius[i];
                     let velocity = self.wall_velocity(wall, self.now);
                     let rate = of.normal.dot(v - velocity);
-                    if gap <= self.touch(self.radius[i]) && rate.abs() <= self.slow(v, velocity) {
+                    if gap <= self.touch(self.radius[i]) && accepted(self, link, rate, self.slow(v, velocity))
+                    {
                         links.push(link);
                     }
                 }
@@ -216,17 +224,22 @@ impl World {
     }
 
     /// Starts new flights for bodies whose flights were [ended](Self::end_flights), and reports links that
-    /// open. `excluded`: a link that has just opened. Returns all bodies that have new flights.
+    /// open. `excluded`: a link that has just opened; `hit`: the contact of an impact that has just happened.
+    /// Returns all bodies that have new flights.
     pub fn regroup(
         &mut self,
         mut bodies: Vec<usize>,
         excluded: Option<Link>,
+        hit: Option<Hit>,
         observer: &mut dyn Observer,
     ) -> Result<Vec<usize>, LinkageError> {
         if let Some(link) = excluded {
             self.open(link);
         }
-        let candidates = self.candidates(&mut bodies, excluded, observer);
+        let could_stay = |world: &Self, link: Link, rate: f64, slow: f64| {
+            excluded != Some(link) && world.might_rest(link, rate, slow)
+        };
+        let candidates = self.touching(&mut bodies, could_stay, observer);
         // Bodies that separate, or that are about to collide, are not in contact.
         let mine = |world: &Self, i: usize| bodies.contains(&world.body[i]);
         let lost: Vec<Link> = self
@@ -247,16 +260,13 @@ impl World {
         let mut active_links = Vec::new();
         for part in self.parts(&bodies, &candidates) {
             let links = self.links_of(&part, &candidates);
-            let mechanism = self.mechanism(&part, &links, self.now);
-            let states = self.anchors(&part);
-            let tolerance = TIE * mechanism.acceleration_scale(&states);
-            let (active, _, _) = mechanism.active_rows(&states, tolerance);
-            for (row, active) in mechanism.rows.iter().zip(active) {
-                if active {
-                    active_links.push(row.link);
-                    self.close(row.link);
-                } else if self.open(row.link) {
-                    self.report_end(row.link, observer);
+            let closed = self.settle_contacts(&part, links.clone(), hit, observer);
+            for link in links {
+                if closed.contains(&link) {
+                    active_links.push(link);
+                    self.close(link);
+                } else if self.open(link) {
+                    self.report_end(link, observer);
                 }
             }
         }
@@ -296,10 +306,11 @@ impl World {
     pub fn start_flight(
         &mut self,
         bodies: Vec<usize>,
-        mechanism: Mechanism,
+        mut mechanism: Mechanism,
         states: &Motions,
         hint: f64,
     ) -> Result<(), LinkageError> {
+        mechanism.hold_present_lengths(states);
         for (&body, state) in bodies.iter().zip(states) {
             self.anchor[body] = *state;
             self.flight_key[body] = bodies[0];

@@ -1,28 +1,18 @@
 //! Impacts: the laws of physics.md 4, with the reactions of all rods and taut strings.
 
 use glam::DVec3;
-use haff_engine::{EventKind, EventRecord, Observer, model::Restitution};
+use haff_engine::{EventKind, EventRecord, Observer};
 use haff_mechanics::{Impact, impact};
 
 use crate::{
     error::LinkageError,
     linear,
     mechanism::{End, Link, Mechanism, Motions, Row, RowState, Shape},
-    world::{Law, Pending, World},
+    world::{Law, World},
 };
-
-/// A bounce that would rise by less than this part of the contact's size is the first of a completed series.
-const REST_HEIGHT: f64 = 1e-13;
 
 /// Velocities below this part of the approach speed count as zero in an impact.
 const SQUARE: f64 = 1e-13;
-
-/// Result of an impact.
-struct Outcome {
-    impact: Impact,
-    /// Velocity change per impulse at the contact, n·M⁻¹·n of both sides [1/mass].
-    lambda: f64,
-}
 
 impl World {
     /// The mechanism of bodies in an impact: rods, and taut strings.
@@ -38,7 +28,7 @@ impl World {
         j: usize,
         observer: &mut dyn Observer,
     ) -> Result<Vec<usize>, LinkageError> {
-        let bodies = self.end_flights(&[self.body[i], self.body[j]], observer);
+        let mut bodies = self.end_flights(&[self.body[i], self.body[j]], observer);
         let ((x, v), (y, w)) = (self.state(i, self.now), self.state(j, self.now));
         let point = self.radius[i] + self.radius[j] == 0.0;
         // Two points collide along their relative velocity.
@@ -50,28 +40,29 @@ impl World {
                 self.stop_relative_motion(&bodies, self.row(Link::Pair(i, j), &bodies, self.now), normal);
             self.record(EventKind::Stick, i, j, &impact, normal, observer);
             let bodies = self.merge(self.body[i], self.body[j], bodies);
-            return self.regroup(bodies, None, observer);
+            return self.regroup(bodies, None, None, observer);
         }
-        let Law::Bounce(restitution) = law else { return self.regroup(bodies, None, observer) };
-        let link = Link::Pair(i, j);
-        let e = self.restitution_at(restitution, (v - w).dot(normal), self.contact_distance(i, j));
-        let mut mechanism = self.impact_mechanism(&bodies);
+        let Law::Bounce(restitution) = law else { return self.regroup(bodies, None, None, observer) };
+        let (link, mut rigid) = (Link::Pair(i, j), self.rigid_links(&bodies));
+        let e = self.coefficient_in_burst(link, restitution, (v - w).dot(normal));
+        if e == 0.0 {
+            self.add_plastic_neighbors(&mut bodies, &mut rigid, link, (v - w).dot(normal), observer);
+        }
+        let mut mechanism = self.mechanism(&bodies, &rigid, self.now);
         let mut row = self.row(link, &bodies, self.now);
         if point {
             row.shape = Shape::Along(normal, normal.dot(y - x));
         }
         row.link = Link::Impact;
-        let Some(outcome) = self.collide(&bodies, &mut mechanism, row, e) else {
-            return self.regroup(bodies, None, observer);
+        let Some(impact) = self.collide(&bodies, &mut mechanism, row, e) else {
+            return self.regroup(bodies, None, None, observer);
         };
         self.accumulators.counters.collisions += 1;
-        self.record(EventKind::Collision, i, j, &outcome.impact, normal, observer);
+        self.record(EventKind::Collision, i, j, &impact, normal, observer);
         if point && e == 0.0 {
             self.closed.insert(link, normal);
         }
-        let size = self.contact_distance(i, j);
-        self.complete_series(&bodies, &mechanism, row, link, e, &outcome, size);
-        self.regroup(bodies, None, observer)
+        self.regroup(bodies, None, Some((link, restitution)), observer)
     }
 
     /// Impact of a particle on a wall.
@@ -81,12 +72,12 @@ impl World {
         wall: usize,
         observer: &mut dyn Observer,
     ) -> Result<Vec<usize>, LinkageError> {
-        let bodies = self.end_flights(&[self.body[i]], observer);
+        let mut bodies = self.end_flights(&[self.body[i]], observer);
         let of = &self.system.walls[wall];
         let (normal, velocity) = (-of.normal, self.wall_velocity(wall, self.now));
         let approach = (self.state(i, self.now).1 - velocity).dot(normal);
         let link = Link::Wall(i, wall);
-        let mut row = self.row(link, &bodies, self.now);
+        let row = self.row(link, &bodies, self.now);
         let restitution = match self.wall_law(i, wall) {
             Law::Bounce(restitution) => restitution,
             Law::Stick => {
@@ -94,56 +85,56 @@ impl World {
                 self.accumulators.counters.wall_collisions += 1;
                 self.record(EventKind::Wall, i, wall, &impact, normal, observer);
                 let bodies = self.stick_to_wall(self.body[i], velocity, bodies);
-                return self.regroup(bodies, None, observer);
+                return self.regroup(bodies, None, None, observer);
             }
         };
-        let e = self.restitution_at(restitution, approach, self.radius[i]);
-        let mut mechanism = self.impact_mechanism(&bodies);
-        row.link = Link::Impact;
-        if let Some(outcome) = self.collide(&bodies, &mut mechanism, row, e) {
-            self.accumulators.counters.wall_collisions += 1;
-            self.record(EventKind::Wall, i, wall, &outcome.impact, normal, observer);
-            let size = if self.radius[i] > 0.0 { self.radius[i] } else { self.length };
-            self.complete_series(&bodies, &mechanism, row, link, e, &outcome, size);
+        let mut rigid = self.rigid_links(&bodies);
+        let e = self.coefficient_in_burst(link, restitution, approach);
+        if e == 0.0 {
+            self.add_plastic_neighbors(&mut bodies, &mut rigid, link, approach, observer);
         }
-        self.regroup(bodies, None, observer)
-    }
-
-    /// Restitution at an approach speed. In gravity, inelastic bodies that would rise by less than
-    /// `REST_HEIGHT` do not bounce: this lets a heap, whose contacts are coupled, come to rest.
-    fn restitution_at(&self, law: Restitution, approach: f64, size: f64) -> f64 {
-        let e = law.coefficient(approach);
-        let size = if size > 0.0 { size } else { self.length };
-        let slow = approach * approach <= 2.0 * self.system.domain.gravity.length() * REST_HEIGHT * size;
-        if slow && e < 1.0 { 0.0 } else { e }
+        let mut mechanism = self.mechanism(&bodies, &rigid, self.now);
+        let mut row = self.row(link, &bodies, self.now);
+        row.link = Link::Impact;
+        let hit = self.collide(&bodies, &mut mechanism, row, e).map(|impact| {
+            self.accumulators.counters.wall_collisions += 1;
+            self.record(EventKind::Wall, i, wall, &impact, normal, observer);
+            (link, restitution)
+        });
+        self.regroup(bodies, None, hit, observer)
     }
 
     /// A string becomes taut: the velocity along it is lost.
     pub fn string_taut(&mut self, p: usize, observer: &mut dyn Observer) -> Result<Vec<usize>, LinkageError> {
         let bob = self.joints.pendulums[p].bob;
-        let bodies = self.end_flights(&[self.body[bob]], observer);
-        let mut mechanism = self.impact_mechanism(&bodies);
-        let mut row = self.row(Link::Tether(p), &bodies, self.now);
+        let mut bodies = self.end_flights(&[self.body[bob]], observer);
+        let link = Link::Tether(p);
+        let stretching = -self.row(link, &bodies, self.now).state(0.0, &self.anchors(&bodies)).rate;
+        let mut rigid = self.rigid_links(&bodies);
+        self.add_plastic_neighbors(&mut bodies, &mut rigid, link, stretching, observer);
+        let mut mechanism = self.mechanism(&bodies, &rigid, self.now);
+        let mut row = self.row(link, &bodies, self.now);
         row.link = Link::Impact;
         let normal = -row.state(0.0, &self.anchors(&bodies)).direction;
-        if let Some(outcome) = self.collide(&bodies, &mut mechanism, row, 0.0) {
-            self.record(EventKind::Taut, bob, p, &outcome.impact, normal, observer);
+        if let Some(impact) = self.collide(&bodies, &mut mechanism, row, 0.0) {
+            self.record(EventKind::Taut, bob, p, &impact, normal, observer);
         }
         self.taut[p] = true;
-        self.regroup(bodies, None, observer)
+        self.regroup(bodies, None, None, observer)
     }
 
-    /// Applies the impulse along `row` to the bodies, J = (1 + e) v_n/Λ, with the reactions of rods and taut
-    /// strings; strings that would have to push go slack. `None` if the ends do not approach, or nothing can
-    /// move.
-    fn collide(&mut self, bodies: &[usize], mechanism: &mut Mechanism, row: Row, e: f64) -> Option<Outcome> {
+    /// Applies the impulse along `row` to the bodies, J = (1 + e) v_n/Λ, with the reactions of rods, taut strings
+    /// and plastic contacts at rest; strings that would have to push go slack, contacts that would have to pull
+    /// open. `None` if the ends do not approach, or nothing can move.
+    fn collide(&mut self, bodies: &[usize], mechanism: &mut Mechanism, row: Row, e: f64) -> Option<Impact> {
         mechanism.rows.push(row);
         let contact = mechanism.rows.len() - 1;
         let mut states = self.anchors(bodies);
         let rows = mechanism.row_states(0.0, &states);
         let approach = -rows[contact].rate;
         let matrix = mechanism.compliance(&rows);
-        let mut q = vec![0.0; rows.len()];
+        // Rods, strings and contacts at rest remain so, or open.
+        let mut q: Vec<f64> = vec![0.0; rows.len()];
         q[contact] = -(1.0 + e) * approach;
         let one_sided: Vec<bool> =
             mechanism.rows.iter().map(|row| row.unilateral && row.link != Link::Impact).collect();
@@ -178,11 +169,11 @@ impl World {
         self.accumulators.dissipated.add(impact.energy_loss);
         self.accumulators.carnot.add(impact.carnot_energy);
         mechanism.rows.pop();
-        Some(Outcome { impact, lambda })
+        Some(impact)
     }
 
     /// Applies impulses along rows to bodies and adds the external ones to the sums.
-    fn apply_impulses(
+    pub fn apply_impulses(
         &mut self,
         bodies: &[usize],
         mechanism: &Mechanism,
@@ -309,61 +300,6 @@ impl World {
         }
         bodies.sort_unstable();
         bodies
-    }
-
-    /// Completes a series of bounces too small to resolve: removes the remaining velocity, whose loss is
-    /// counted when the series would have ended, 2u/(p (1 − e)) from now under the acceleration p towards the
-    /// contact.
-    #[allow(clippy::too_many_arguments)]
-    fn complete_series(
-        &mut self,
-        bodies: &[usize],
-        impact_mechanism: &Mechanism,
-        row: Row,
-        link: Link,
-        e: f64,
-        outcome: &Outcome,
-        size: f64,
-    ) {
-        let speed = e * outcome.impact.approach_speed;
-        if e >= 1.0 || speed == 0.0 {
-            return;
-        }
-        // The acceleration towards the contact while all other rows hold.
-        let mut links: Vec<Link> = impact_mechanism.rows.iter().map(|row| row.link).collect();
-        let closed = self.closed.keys().copied().filter(|&other| {
-            other != link && self.particles_of(other).iter().any(|&i| bodies.contains(&self.body[i]))
-        });
-        links.extend(closed);
-        let mechanism = self.mechanism(bodies, &links, self.now);
-        let mut states = self.anchors(bodies);
-        let tolerance = 1e-12 * mechanism.acceleration_scale(&states);
-        let (_, a, _) = mechanism.active_rows(&states, tolerance);
-        let state = row.state(0.0, &states);
-        let acceleration = -Mechanism::row_acceleration(&row, &state, &a);
-        if acceleration <= tolerance || speed * speed > 2.0 * acceleration * REST_HEIGHT * size {
-            return;
-        }
-        let mut with_contact = impact_mechanism.clone();
-        with_contact.rows.push(row);
-        let contact = with_contact.rows.len() - 1;
-        let rows = with_contact.row_states(0.0, &states);
-        let mut target = vec![0.0; rows.len()];
-        target[contact] = -rows[contact].rate;
-        let (impulses, _) = linear::solve(&with_contact.compliance(&rows), &target, &vec![true; rows.len()]);
-        self.apply_impulses(bodies, &with_contact, &rows, &impulses, &mut states);
-        for (&body, state) in bodies.iter().zip(&states) {
-            self.anchor[body] = *state;
-        }
-        let energy = 0.5 * speed * speed / outcome.lambda;
-        let rest = Pending {
-            end: self.now.after(2.0 * speed / (acceleration * (1.0 - e))),
-            speed,
-            impulse: (1.0 + e) * speed / (outcome.lambda * (1.0 - e)),
-            energy_loss: energy,
-            carnot_energy: energy * (1.0 + e) / (1.0 - e),
-        };
-        self.pending.insert(link, rest);
     }
 
     /// Reports an impact.

@@ -66,7 +66,7 @@ impl Simulation {
         }
         let bodies: Vec<usize> = (0..world.count()).filter(|&body| !world.immovable(body)).collect();
         // Strings that are not taut at the start have been slack before: they are not reported.
-        world.regroup(bodies, None, &mut haff_engine::Silent)?;
+        world.regroup(bodies, None, None, &mut haff_engine::Silent)?;
         Ok(Self::of(world))
     }
 
@@ -214,7 +214,7 @@ impl Simulation {
                 if let Some(link) = link {
                     world.report_end(link, observer);
                 }
-                world.regroup(bodies, link, observer)
+                world.regroup(bodies, link, None, observer)
             }
             Key::Renew(flight_key) => {
                 let Some(flight) = world.flights.get(&flight_key) else { return Ok(Vec::new()) };
@@ -226,6 +226,8 @@ impl Simulation {
                 let pending = std::mem::take(&mut world.pending);
                 let bodies = world.end_flights(&[flight_key], observer);
                 world.pending = pending;
+                // On the constraints.
+                bodies.iter().zip(&end).for_each(|(&body, state)| world.anchor[body] = *state);
                 let mechanism = world.mechanism(&bodies, &links, world.now);
                 world.start_flight(bodies.clone(), mechanism, &end, hint)?;
                 Ok(bodies)
@@ -280,6 +282,7 @@ impl Simulation {
             work.add(flight.motion.work(now.since(flight.start)));
         }
         let dissipated = world.accumulators.dissipated.value();
+        let pending = world.pending.values().map(|rest| rest.energy_loss).collect::<Sum>().value();
         let terms = [
             kinetic,
             gravity,
@@ -287,6 +290,7 @@ impl Simulation {
             -world.accumulators.initial_kinetic,
             -world.accumulators.initial_potential,
             dissipated,
+            pending,
             -work.value(),
         ];
         let scale = terms.iter().fold(0.0, |scale: f64, term| scale.max(term.abs()));
@@ -313,8 +317,7 @@ impl Simulation {
             let states = flight.states(world.now);
             for (k, &body) in flight.bodies.iter().enumerate() {
                 if !world.immovable(body) {
-                    let (momentum, moment) =
-                        world.momentum_change(body, flight.motion.state(k, 0.0), states[k]);
+                    let (momentum, moment) = world.momentum_change(body, world.anchor[body], states[k]);
                     accumulators.add_momentum(momentum, moment);
                 }
             }

@@ -150,7 +150,7 @@ pub(crate) fn state(world: &World, time: f64) -> Result<(), LinkageError> {
         })?;
     }
     for (link, rest) in &world.pending {
-        require(matches!(link, Link::Pair(..) | Link::Wall(..)), || {
+        require(matches!(link, Link::Pair(..) | Link::Wall(..) | Link::Tether(_)), || {
             format!("rest: {link:?} is not a contact")
         })?;
         let name = format!("rest of {link:?}");
@@ -159,6 +159,17 @@ pub(crate) fn state(world: &World, time: f64) -> Result<(), LinkageError> {
         at_least_zero(&format!("{name}, impulse"), rest.impulse)?;
         finite(&format!("{name}, energy_loss"), rest.energy_loss)?;
         finite(&format!("{name}, carnot_energy"), rest.carnot_energy)?;
+    }
+    for (link, burst) in &world.bursts {
+        require(matches!(link, Link::Pair(..) | Link::Wall(..)), || {
+            format!("burst: {link:?} is not a contact")
+        })?;
+        let name = format!("burst of {link:?}");
+        instant(&format!("{name}, at"), burst.at, [Instant::ZERO, now])?;
+        at_least_zero(&format!("{name}, speed"), burst.speed)?;
+        require(burst.impacts <= MOST, || {
+            format!("{name}, impacts = {} must be at most {MOST}", burst.impacts)
+        })?;
     }
     accumulators(world, time)
 }

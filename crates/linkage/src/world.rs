@@ -7,6 +7,7 @@ use haff_engine::{Instant, Overlap, System, allowed_overlap, model::Restitution}
 
 use crate::{
     accumulators::Accumulators,
+    burst::Burst,
     mechanism::{Coil, End, Link, Mechanism, Motions, Row, Shape},
     model::{Joints, SpringEnd, Tether},
     motion::Motion,
@@ -41,6 +42,20 @@ impl Flight {
     /// End of the range of its motion.
     pub fn end(&self) -> Instant {
         self.start.after(self.motion.length())
+    }
+
+    /// States of its bodies at an event that ends it, corrected for errors in what the motion conserves; `start`:
+    /// those at its start.
+    pub fn states_at_event(&self, start: &Motions, at: Instant) -> Motions {
+        let mut states = self.states(at);
+        let tau = at.since(self.start);
+        match &self.motion {
+            Motion::Still(_) | Motion::Ballistic { .. } => return states,
+            Motion::Numeric(_) => self.mechanism.project(tau, &mut states),
+            Motion::Swing(_) | Motion::Circle { .. } | Motion::Spin(_) | Motion::Modes(_) => {}
+        }
+        self.mechanism.restore_energy(tau, start, &mut states, self.motion.work(tau));
+        states
     }
 
     /// States of its bodies.
@@ -92,6 +107,8 @@ pub(crate) struct World {
     /// Persistent contacts; for points the direction in which they collided.
     pub closed: BTreeMap<Link, DVec3>,
     pub pending: BTreeMap<Link, Pending>,
+    /// Last impacts of contacts that may not have opened since.
+    pub bursts: BTreeMap<Link, Burst>,
     /// Pairs that never collide: those on one rod.
     pub joined: BTreeSet<(usize, usize)>,
     pub now: Instant,
@@ -152,6 +169,7 @@ impl World {
             taut: vec![false; joints.pendulums.len()],
             closed: BTreeMap::new(),
             pending: BTreeMap::new(),
+            bursts: BTreeMap::new(),
             joined,
             now: Instant::ZERO,
             length: if length > 0.0 { length } else { 1.0 },

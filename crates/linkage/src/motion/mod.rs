@@ -130,6 +130,34 @@ impl Motion {
         }
     }
 
+    /// Acceleration of body `k` at `tau` [length/time²].
+    pub fn acceleration(&self, k: usize, tau: f64) -> DVec3 {
+        match self {
+            Self::Still(_) => DVec3::ZERO,
+            Self::Ballistic { acceleration, .. } => *acceleration,
+            Self::Swing(swings) => swings[k].acceleration(tau),
+            Self::Circle { arm, across, omega, .. } => {
+                let (sin, cos) = libm::sincos(omega * tau);
+                (*arm * cos + *across * sin) * -(omega * omega)
+            }
+            Self::Spin(spin) => spin.acceleration(k, tau),
+            Self::Modes(modes) => modes.acceleration(k, tau),
+            Self::Numeric(step) => step.acceleration(k, tau),
+        }
+    }
+
+    /// Bound on the rate of change of the acceleration of body `k` [length/time³].
+    pub fn jerk_bound(&self, k: usize) -> f64 {
+        match self {
+            Self::Still(_) | Self::Ballistic { .. } => 0.0,
+            Self::Swing(swings) => swings[k].jerk_bound(),
+            Self::Circle { arm, omega, .. } => omega * omega * omega * arm.length(),
+            Self::Spin(spin) => spin.jerk_bound(k),
+            Self::Modes(modes) => modes.jerk_bound(k),
+            Self::Numeric(step) => step.jerk_bound(k),
+        }
+    }
+
     /// Bound on the speed of body `k` between two times [length/time].
     pub fn speed_bound(&self, k: usize, from: f64, to: f64) -> f64 {
         match self {
@@ -262,9 +290,7 @@ impl Motion {
 
 /// Rest in equilibrium.
 fn still_motion(mechanism: &Mechanism, bodies: &Motions) -> Option<Motion> {
-    if mechanism.rows.iter().any(|row| row.a.is_driven() || row.b.is_driven())
-        || mechanism.coils.iter().any(|coil| coil.a.is_driven() || coil.b.is_driven())
-    {
+    if mechanism.is_driven() {
         return None;
     }
     let (a, _) = mechanism.accelerations(0.0, bodies);
@@ -281,7 +307,15 @@ fn alone(mechanism: &Mechanism, (position, velocity): (DVec3, DVec3)) -> Option<
         let bodies = vec![(position, velocity)];
         let (a, forces) = mechanism.accelerations(0.0, &bodies);
         let power = mechanism.power_of_points(0.0, &bodies, &forces);
-        return Some(Motion::Ballistic { position, velocity, acceleration: a[0], power });
+        let (mut velocity, mut acceleration) = (velocity, a[0]);
+        // Rounding must not let it drift away from the walls.
+        for (row, state) in mechanism.rows.iter().zip(mechanism.row_states(0.0, &bodies)) {
+            let n = state.direction;
+            let fixed = if row.a.body().is_none() { row.a } else { row.b };
+            velocity -= n * n.dot(velocity - fixed.state(0.0, &bodies).1);
+            acceleration -= n * n.dot(acceleration);
+        }
+        return Some(Motion::Ballistic { position, velocity, acceleration, power });
     }
     let [row] = &mechanism.rows[..] else { return None };
     let (point, length) = center_of(row)?;

@@ -232,6 +232,22 @@ impl Modes {
         )
     }
 
+    /// Acceleration of body `k`.
+    pub fn acceleration(&self, k: usize, tau: f64) -> DVec3 {
+        let count = self.omega.len();
+        let along = (0..count).map(|m| {
+            let (sin, cos) = libm::sincos(self.omega[m] * tau);
+            self.shape[k * count + m] * (self.force[m] * cos - self.rate[m] * self.omega[m] * sin)
+        });
+        self.across + self.line * along.sum::<f64>()
+    }
+
+    /// Bound on the rate of change of the acceleration of body `k`.
+    pub fn jerk_bound(&self, k: usize) -> f64 {
+        let count = self.omega.len();
+        (0..count).map(|m| self.shape[k * count + m].abs() * self.omega[m] * self.mode_bound(m)).sum()
+    }
+
     /// Bound on the acceleration of body `k`.
     pub fn acceleration_bound(&self, k: usize) -> f64 {
         let count = self.omega.len();

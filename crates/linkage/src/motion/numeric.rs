@@ -29,9 +29,10 @@ use crate::mechanism::{Mechanism, Motions};
 const TOLERANCE: f64 = 3e-15;
 /// Error of the polynomials: of the velocity against the acceleration, over a stretch.
 const DENSE: f64 = 3e-13;
-/// Attempts, each with half the step, before the tolerances are widened, and the largest factor.
-const ATTEMPTS: i32 = 12;
-const MAX_WIDENING: f64 = 1e6;
+/// Attempts, each with half the step, before the tolerances are widened, and by which factors: where rounding is
+/// larger than the tolerance, shorter steps do not help.
+const ATTEMPTS: i32 = 24;
+const WIDENING: [f64; 6] = [1.0, 4.0, 64.0, 1024.0, 32768.0, 1048576.0];
 /// Steps of a stretch.
 const STEPS: usize = 4;
 /// Nodes of a polynomial of degree 2 (STEPS + 1) − 1.
@@ -48,7 +49,10 @@ pub(crate) struct Numeric {
     pub next: f64,
     /// State at the end, on the constraints.
     pub end: Motions,
-    /// x, y, z of the position and of the velocity of every body.
+    /// Positions at the start.
+    start: Vec<DVec3>,
+    /// x, y, z of the displacement and of the velocity of every body. Displacements, because the rounding of
+    /// coordinates far from the origin would be larger than the error of the method.
     paths: Vec<[Polynomial; 6]>,
     /// Row forces; `None` for two-sided rows.
     forces: Vec<Option<Polynomial>>,
@@ -88,15 +92,18 @@ impl Numeric {
     /// The stretch from `start`; `hint` is the proposal of the last stretch, 0 at the beginning. `None` if no
     /// step is short enough.
     pub fn new(mechanism: &Mechanism, start: &Motions, hint: f64) -> Option<Self> {
-        let driven = mechanism.rows.iter().any(|row| row.a.is_driven() || row.b.is_driven())
-            || mechanism.coils.iter().any(|coil| coil.a.is_driven() || coil.b.is_driven());
+        let driven = mechanism.is_driven();
         let n = start.len();
-        let equations = Equations { mechanism, start, driven };
-        let (acceleration, _) = mechanism.accelerations(0.0, start);
+        // Near the origin, for the same reason.
+        let origin = start.first()?.0;
+        let mechanism = &mechanism.shifted(-origin);
+        let near: Motions = start.iter().map(|(x, v)| (*x - origin, *v)).collect();
+        let equations = Equations { mechanism, start: &near, driven };
+        let (acceleration, _) = mechanism.accelerations(0.0, &near);
         let length = length_scale(mechanism);
         let speed = start.iter().map(|(_, v)| v.length()).fold(0.0, f64::max);
         let scale =
-            mechanism.acceleration_scale(start) + acceleration.iter().map(|a| a.length()).fold(0.0, f64::max);
+            mechanism.acceleration_scale(&near) + acceleration.iter().map(|a| a.length()).fold(0.0, f64::max);
         let speed = speed + (scale * length).sqrt();
         let energy = mechanism.mass.iter().sum::<f64>() * speed * speed;
         let mut tolerance = vec![TOLERANCE * length; 3 * n];
@@ -105,40 +112,39 @@ impl Numeric {
         let mut y0 = vec![0.0; 3 * n];
         y0.extend(start.iter().flat_map(|(_, v)| v.to_array()));
         y0.push(0.0);
-        let mut h = if hint > 0.0 { hint } else { power_of_two(0.25 * length / speed) };
-        let mut wider = 1.0;
-        for attempt in 0..200 {
-            // Where rounding is larger than the tolerance, shorter steps do not help.
-            if attempt > ATTEMPTS {
-                wider *= 2.0;
-                for t in &mut tolerance {
-                    *t *= 2.0;
+        let first = if hint > 0.0 { hint } else { power_of_two(0.25 * length / speed) };
+        for wider in WIDENING {
+            let tolerance: Vec<f64> = tolerance.iter().map(|tolerance| tolerance * wider).collect();
+            let mut h = first;
+            for _ in 0..ATTEMPTS {
+                let mut method = ExplicitRungeKutta::dop853().rtol(0.0).atol(tolerance.clone()).h0(h);
+                if let Some(ends) = steps(&mut method, &equations, &y0, h) {
+                    let stretch = STEPS as f64 * h;
+                    let paths = paths(n, &ends, h);
+                    if satisfies(&equations, &paths, stretch, speed * wider, length * wider) {
+                        let next = if method.h() >= 2.0 * h { 2.0 * h } else { h };
+                        let mut end = equations.bodies(&ends[STEPS].0);
+                        mechanism.project(stretch, &mut end);
+                        let work = ends[STEPS].0[6 * n];
+                        mechanism.restore_energy(stretch, &near, &mut end, work);
+                        let moved = start.iter().zip(&near).zip(&end);
+                        let end =
+                            moved.map(|((start, near), end)| (start.0 + (end.0 - near.0), end.1)).collect();
+                        let work = driven.then(|| extension(&ends, 6 * n, h));
+                        let forces = vec![None; mechanism.rows.len()];
+                        let start = start.iter().map(|(x, _)| *x).collect();
+                        let mut of = Self { length: stretch, next, end, start, paths, forces, work };
+                        of.sample_forces(mechanism, &near);
+                        return Some(of);
+                    }
                 }
+                h *= 0.5;
             }
-            if wider > MAX_WIDENING {
-                return None;
-            }
-            let mut method = ExplicitRungeKutta::dop853().rtol(0.0).atol(tolerance.clone()).h0(h);
-            if let Some(ends) = steps(&mut method, &equations, &y0, h) {
-                let stretch = STEPS as f64 * h;
-                let paths = paths(&equations, &ends, h);
-                if satisfies(mechanism, &paths, stretch, speed * wider, length * wider) {
-                    let next = if method.h() >= 2.0 * h { 2.0 * h } else { h };
-                    let mut end = equations.bodies(&ends[STEPS].0);
-                    mechanism.project(stretch, &mut end);
-                    let work = driven.then(|| extension(&ends, 6 * n, 0.0, h));
-                    let forces = vec![None; mechanism.rows.len()];
-                    let mut of = Self { length: stretch, next, end, paths, forces, work };
-                    of.sample_forces(mechanism);
-                    return Some(of);
-                }
-            }
-            h *= 0.5;
         }
         None
     }
 
-    fn sample_forces(&mut self, mechanism: &Mechanism) {
+    fn sample_forces(&mut self, mechanism: &Mechanism, start: &Motions) {
         if !mechanism.rows.iter().any(|row| row.unilateral) {
             return;
         }
@@ -146,7 +152,12 @@ impl Numeric {
             .into_iter()
             .map(|s| {
                 let tau = s * self.length;
-                let bodies: Motions = (0..self.paths.len()).map(|k| self.state(k, tau)).collect();
+                let bodies: Motions = (0..self.paths.len())
+                    .map(|k| {
+                        let (displacement, velocity) = self.moved(k, tau);
+                        (start[k].0 + displacement, velocity)
+                    })
+                    .collect();
                 mechanism.accelerations(tau, &bodies).1
             })
             .collect();
@@ -160,9 +171,25 @@ impl Numeric {
 
     /// State of body `k`.
     pub fn state(&self, k: usize, tau: f64) -> (DVec3, DVec3) {
+        let (displacement, velocity) = self.moved(k, tau);
+        (self.start[k] + displacement, velocity)
+    }
+
+    /// Displacement and velocity of body `k`.
+    fn moved(&self, k: usize, tau: f64) -> (DVec3, DVec3) {
         let [x, y, z, u, v, w] = &self.paths[k];
         let of = |p: &Polynomial| p.at(tau).0;
         (DVec3::new(of(x), of(y), of(z)), DVec3::new(of(u), of(v), of(w)))
+    }
+
+    /// Acceleration of body `k`.
+    pub fn acceleration(&self, k: usize, tau: f64) -> DVec3 {
+        DVec3::from_array(std::array::from_fn(|c| self.paths[k][3 + c].at(tau).1))
+    }
+
+    /// Bound on the rate of change of the acceleration of body `k`.
+    pub fn jerk_bound(&self, k: usize) -> f64 {
+        DVec3::from_array(std::array::from_fn(|c| self.paths[k][3 + c].derivative_bounds().1)).length()
     }
 
     /// Bounds on speed and acceleration of body `k`.
@@ -219,25 +246,15 @@ fn steps<M: OrdinaryNumericalMethod<f64, Vec<f64>>>(
     Some(ends)
 }
 
-/// The bodies' paths.
-fn paths(equations: &Equations<'_>, ends: &[(Vec<f64>, Vec<f64>)], h: f64) -> Vec<[Polynomial; 6]> {
-    let n = equations.start.len();
-    let body = |k: usize| {
-        let x = equations.start[k].0.to_array();
-        std::array::from_fn(|c| {
-            if c < 3 {
-                extension(ends, 3 * k + c, x[c], h)
-            } else {
-                extension(ends, 3 * (n + k) + c - 3, 0.0, h)
-            }
-        })
-    };
-    (0..n).map(body).collect()
+/// The paths of n bodies.
+fn paths(n: usize, ends: &[(Vec<f64>, Vec<f64>)], h: f64) -> Vec<[Polynomial; 6]> {
+    let component = |k: usize, c: usize| if c < 3 { 3 * k + c } else { 3 * (n + k) + c - 3 };
+    (0..n).map(|k| std::array::from_fn(|c| extension(ends, component(k, c), h))).collect()
 }
 
 /// Hermite interpolation polynomial of one component, by divided differences over the doubled ends of the
-/// steps, plus an offset.
-fn extension(ends: &[(Vec<f64>, Vec<f64>)], index: usize, offset: f64, h: f64) -> Polynomial {
+/// steps.
+fn extension(ends: &[(Vec<f64>, Vec<f64>)], index: usize, h: f64) -> Polynomial {
     // In units of a step.
     let at = |k: usize| (k / 2) as f64;
     let mut table: Vec<f64> = (0..NODES).map(|k| ends[k / 2].0[index]).collect();
@@ -251,21 +268,24 @@ fn extension(ends: &[(Vec<f64>, Vec<f64>)], index: usize, offset: f64, h: f64) -
         }
     }
     let value = |t: f64| (0..NODES - 1).rev().fold(table[NODES - 1], |sum, k| sum * (t - at(k)) + table[k]);
-    let values: Vec<f64> =
-        Polynomial::nodes(NODES).into_iter().map(|s| value(s * STEPS as f64) + offset).collect();
+    let values: Vec<f64> = Polynomial::nodes(NODES).into_iter().map(|s| value(s * STEPS as f64)).collect();
     Polynomial::through(&values, STEPS as f64 * h)
 }
 
 /// Whether the polynomials satisfy the equations of motion inside a stretch.
-fn satisfies(mechanism: &Mechanism, paths: &[[Polynomial; 6]], h: f64, speed: f64, length: f64) -> bool {
+fn satisfies(equations: &Equations<'_>, paths: &[[Polynomial; 6]], h: f64, speed: f64, length: f64) -> bool {
     [0.1, 0.4, 0.65, 0.9].into_iter().all(|s| {
         let tau = s * h;
         let vector =
             |p: &[Polynomial; 6], of: usize| DVec3::from_array(std::array::from_fn(|c| p[of + c].at(tau).0));
         let slope =
             |p: &[Polynomial; 6], of: usize| DVec3::from_array(std::array::from_fn(|c| p[of + c].at(tau).1));
-        let bodies: Motions = paths.iter().map(|p| (vector(p, 0), vector(p, 3))).collect();
-        let (a, _) = mechanism.accelerations(tau, &bodies);
+        let bodies: Motions = paths
+            .iter()
+            .zip(equations.start)
+            .map(|(p, start)| (start.0 + vector(p, 0), vector(p, 3)))
+            .collect();
+        let (a, _) = equations.mechanism.accelerations(tau, &bodies);
         paths.iter().zip(&a).all(|(p, a)| {
             (slope(p, 3) - *a).length() * h <= DENSE * speed
                 && (slope(p, 0) - vector(p, 3)).length() * h <= DENSE * length

@@ -24,8 +24,7 @@ impl Polynomial {
                 let sum: f64 = (0..n)
                     .map(|k| {
                         // Node k is at −cos(π (k + ½)/n) of [−1, 1].
-                        let angle = std::f64::consts::PI * j as f64 * (1.0 - (k as f64 + 0.5) / n as f64);
-                        values[k] * libm::cos(angle)
+                        values[k] * cos_of_quarter_turns(j * (2 * (n - k) - 1), n)
                     })
                     .sum();
                 sum * if j == 0 { 1.0 } else { 2.0 } / n as f64
@@ -60,6 +59,14 @@ impl Polynomial {
         }
         (first * self.scale, second * self.scale * self.scale)
     }
+}
+
+/// cos(½π m/n), with the angle reduced exactly: rounded multiples of π would cost a digit.
+fn cos_of_quarter_turns(m: usize, n: usize) -> f64 {
+    let m = m % (4 * n);
+    let m = m.min(4 * n - m);
+    let cos = |m: usize| libm::cos(std::f64::consts::FRAC_PI_2 * m as f64 / n as f64);
+    if m > n { -cos(2 * n - m) } else { cos(m) }
 }
 
 #[cfg(test)]

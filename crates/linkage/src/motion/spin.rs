@@ -60,6 +60,18 @@ impl Spin {
         )
     }
 
+    /// Acceleration of body `k`.
+    pub fn acceleration(&self, k: usize, tau: f64) -> DVec3 {
+        let (sin, cos) = libm::sincos(self.omega * tau);
+        let arm = self.arm * cos + self.across * sin;
+        self.gravity - arm * (self.omega * self.omega * self.lever[k])
+    }
+
+    /// Bound on the rate of change of that acceleration.
+    pub fn jerk_bound(&self, k: usize) -> f64 {
+        self.omega * self.omega * self.omega * self.arm.length() * self.lever[k].abs()
+    }
+
     /// Bound on the acceleration of body `k`.
     pub fn acceleration_bound(&self, k: usize) -> f64 {
         self.gravity.length() + self.omega * self.omega * self.arm.length() * self.lever[k].abs()

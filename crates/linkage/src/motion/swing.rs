@@ -152,6 +152,21 @@ impl Swing {
         2.0 * self.frequency * self.length * self.m.sqrt()
     }
 
+    /// Acceleration.
+    pub fn acceleration(&self, tau: f64) -> DVec3 {
+        let (s, c, w) = self.halves(tau);
+        let (sin, cos) = (2.0 * s * c, (c - s) * (c + s));
+        let rate = 2.0 * self.frequency * w;
+        let (outward, along) = (self.down * cos + self.side * sin, self.side * cos - self.down * sin);
+        along * (-self.gravity * sin) - outward * (self.length * rate * rate)
+    }
+
+    /// Bound on the rate of change of the acceleration g − T u, with T' ≤ 3 g θ̇.
+    pub fn jerk_bound(&self) -> f64 {
+        let rate = 2.0 * self.frequency * self.m.sqrt();
+        rate * (3.0 * self.gravity + self.acceleration_bound())
+    }
+
     /// Bound on the acceleration.
     pub fn acceleration_bound(&self) -> f64 {
         self.gravity * (1.0 + 4.0 * self.m)
