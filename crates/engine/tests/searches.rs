@@ -5,7 +5,7 @@ mod common;
 #[path = "searches/windows.rs"]
 mod windows;
 
-use common::{Log, Random, add, class, disks, gas, scatter, set_restitution, system};
+use common::{Log, Random, add, check_independence, class, disks, gas, scatter, set_restitution, system};
 use glam::DVec3;
 use haff_engine::{
     Boundary, Counters, Dimension, EngineError, NeighborChoice, Options, SimdChoice, Simulation, Stop,

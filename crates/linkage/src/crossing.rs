@@ -230,7 +230,9 @@ mod tests {
     fn a_positive_function_has_no_crossing() {
         assert_eq!(search(|s| (2.0 + s.sin(), s.cos()), 1.0, 100.0), Search::None);
         // Long ranges are searched in parts.
-        let Search::Unfinished(at) = part(&|s: f64| (2.0 + s.sin(), s.cos()), 1.0, 0.0, 1e9) else { panic!() };
+        let Search::Unfinished(at) = part(&|s: f64| (2.0 + s.sin(), s.cos()), 1.0, 0.0, 1e9) else {
+            panic!()
+        };
         assert!(at > MAX_STEPS as f64);
     }
 }

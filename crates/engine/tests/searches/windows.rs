@@ -224,3 +224,21 @@ fn windows_are_refused_for_unsupported_systems() {
         assert_eq!(why(&scene), expected);
     }
 }
+
+/// One large body among small ones: what counts is its contact distance with them, not twice its radius.
+#[test]
+fn windows_are_chosen_for_one_large_body_and_have_the_bits_of_all_pairs() {
+    for (dimension, edge, radius, count) in
+        [(Dimension::Two, 30.0, 9.0, 150), (Dimension::Three, 18.0, 4.8, 600)]
+    {
+        let mut random = Random(5);
+        let mut scene = system(dimension, DVec3::splat(edge), [Boundary::Periodic; 3]);
+        let (large, small) = (class(&mut scene, radius, 100.0), class(&mut scene, 0.4, 1.0));
+        scatter(&mut scene, large, 1, 0.5, &mut random);
+        scatter(&mut scene, small, count, 1.0, &mut random);
+        set_restitution(&mut scene, 0.95);
+        let simulation = Simulation::new(scene.clone(), Options::default()).unwrap();
+        assert_eq!(simulation.neighbors(), NeighborChoice::Windows, "{dimension:?}");
+        check_independence(&scene, &[0.2, 1.0, 3.0]);
+    }
+}
