@@ -124,15 +124,17 @@ pub(crate) fn coefficient<F: Features>(
     if F::ELASTIC {
         return 1.0;
     }
-    if world.tc > 0.0 {
-        let recent = bodies
-            .iter()
-            .any(|&(i, class)| class.inverse_mass != 0.0 && world.contact_age(i, time) < world.tc);
-        if recent {
-            return 1.0;
-        }
+    if world.tc > 0.0 && is_within_contact_duration(world, time, bodies) {
+        return 1.0;
     }
     law.coefficient(speed)
+}
+
+/// Whether one of two bodies had a contact within the contact duration of the TC model before `time`.
+#[cold]
+#[inline(never)]
+fn is_within_contact_duration(world: &World, time: i64, bodies: [(u32, &ClassData); 2]) -> bool {
+    bodies.iter().any(|&(i, class)| class.inverse_mass != 0.0 && world.contact_age(i, time) < world.tc)
 }
 
 /// The impact of two bodies with the coefficient of restitution `e`, but at least the separation speed

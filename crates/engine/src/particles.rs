@@ -312,6 +312,13 @@ impl World {
         }
     }
 
+    /// Notes that two particles are in contact at `ticks`. Not inlined: most scenes have no times of contacts.
+    #[cold]
+    #[inline(never)]
+    pub fn note_contacts(&mut self, pair: [u32; 2], ticks: i64) {
+        pair.into_iter().for_each(|i| self.note_contact(i, ticks));
+    }
+
     /// Time from the last contact of particle i to `ticks` \[time\]; infinite without contacts so far, or if no
     /// law depends on it.
     #[inline]

@@ -283,8 +283,7 @@ pub(crate) fn apply<F: Features, const EVENTS: bool>(
         world.particles[j as usize].set_anchor(positions[1], after[1], time);
     }
     if !F::ELASTIC && world.contact_times.is_some() {
-        world.note_contact(i, time);
-        world.note_contact(j, time);
+        world.note_contacts([i, j], time);
     }
     if F::REST {
         world.particles[i as usize].set_recently_hit(true);
