@@ -30,7 +30,7 @@ use crate::{
     output::{self, shown},
     run::set_threads,
     session::Ending,
-    signals::Signals,
+    signals::{Signals, end_with_this_process},
 };
 
 /// Default number of particles of a standard scene.
@@ -231,7 +231,9 @@ fn child(options: &Bench, cell: Cell, signals: &Signals) -> Result<(u8, Option<V
     if options.quiet {
         command.arg("--quiet");
     }
-    let mut child = command.stdout(Stdio::piped()).spawn().map_err(|error| failed(&error))?;
+    let command = end_with_this_process(&mut command).stdout(Stdio::piped());
+    let mut child = command.spawn().map_err(|error| failed(&error))?;
+    let _kept_open = child.stdin.take();
     wait(&mut child, signals).map_err(|error| failed(&error))?;
     // The report is smaller than the buffer of a pipe: the child does not block on it.
     let output = child.wait_with_output().map_err(|error| failed(&error))?;

@@ -4,6 +4,7 @@ use std::{
     env,
     ffi::OsString,
     mem,
+    os::unix::process::CommandExt,
     path::{Path, PathBuf},
     process::Command,
 };
@@ -16,11 +17,15 @@ use crate::{
     output,
 };
 
-/// The program for the interpreter: `python -m haff`, with a special exit status if there is no package haff.
+/// The program for the interpreter: `python -m haff`. Without a package haff it prints its first argument, or
+/// ends with a special exit status if that is empty.
 const PROGRAM: &str = "\
 import importlib.util, runpy, sys
+missing = sys.argv.pop(1)
 if importlib.util.find_spec('haff') is None:
-    sys.exit(127)
+    if missing:
+        print(missing, file=sys.stderr)
+    sys.exit(4 if missing else 127)
 runpy.run_module('haff', run_name='__main__', alter_sys=True)";
 
 const NO_PACKAGE: i32 = 127;
@@ -55,25 +60,35 @@ sys.exit(foreign.main(sys.argv[1], int(sys.argv[2])))";
 }
 
 /// Runs `python -m haff COMMAND …` and returns its exit status.
+///
+/// The interpreter replaces this process, so that signals reach it.
 pub fn run(command: &str, arguments: &[OsString]) -> Result<u8, Failure> {
     let python = interpreter();
-    let missing = |reason: String| {
+    let missing = |reason: &str| {
         let needs =
             format!("`haff {command}` needs the Python package haff: pip install . in the sources of haff");
-        Failure::new(Status::File, format!("{}: {}; {needs}", output::path(&python), output::shown(reason)))
+        format!("{}: {}; {needs}", output::path(&python), output::shown(reason))
     };
-    let done = Command::new(&python).args(["-c", PROGRAM, command]).args(arguments).status();
-    let failure = match done.map(|status| status.code()) {
-        Ok(Some(NO_PACKAGE)) => missing("no package haff".to_owned()),
+    let no_package = missing("no package haff");
+    let program = |missing: &str| {
+        let mut program = Command::new(&python);
+        program.args(["-c", PROGRAM, missing, command]).args(arguments);
+        program
+    };
+    let helps = arguments.iter().any(|word| word == "-h" || word == "--help");
+    if !helps {
+        let error = program(&format!("error: {no_package}")).exec();
+        return Err(Failure::new(Status::File, missing(&error.to_string())));
+    }
+    let failure = match program("").status().map(|status| status.code()) {
+        Ok(Some(NO_PACKAGE)) => no_package,
         Ok(code) => return Ok(code.map_or(1, |code| code as u8)),
-        Err(error) => missing(error.to_string()),
+        Err(error) => missing(&error.to_string()),
     };
     // Without the package, --help prints the description known to clap.
-    if arguments.iter().any(|word| word == "-h" || word == "--help")
-        && let Some(known) = Arguments::command().find_subcommand_mut(command)
-    {
+    if helps && let Some(known) = Arguments::command().find_subcommand_mut(command) {
         output::print(mem::take(known).bin_name(format!("haff {command}")).render_help())?;
         return Ok(0);
     }
-    Err(failure)
+    Err(Failure::new(Status::File, failure))
 }

@@ -3,7 +3,7 @@
 use std::path::{Path, PathBuf};
 
 use glam::DVec3;
-use haff_scene::{State, StateSource};
+use haff_scene::{State, StateSource, import::is_foreign};
 use serde::Deserialize;
 
 use crate::python;
@@ -13,8 +13,7 @@ pub struct States;
 
 impl StateSource for States {
     fn state(&self, path: &Path, index: i64) -> Result<State, String> {
-        let ending = path.extension().map(|ending| ending.to_string_lossy().to_lowercase());
-        if ending.is_some_and(|ending| FOREIGN.contains(&ending.as_str())) {
+        if is_foreign(path) {
             return foreign(path, index);
         }
         let state = haff_record::state(path, index).map_err(|error| error.to_string())?;
@@ -41,9 +40,6 @@ impl StateSource for OwnStates {
         States.state(&self.0, -1).or_else(|_| States.state(path, index))
     }
 }
-
-/// Endings of files of other programs.
-const FOREIGN: [&str; 4] = ["gsd", "xyz", "extxyz", "csv"];
 
 /// What the Python package writes before the numbers.
 #[derive(Debug, Deserialize)]

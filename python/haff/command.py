@@ -7,7 +7,8 @@ import shutil
 import signal
 import subprocess
 import sysconfig
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from pathlib import Path
 
 from .errors import FileError, HaffError, SceneError, SceneProblem, SimulationError
@@ -37,20 +38,24 @@ def executable() -> str:
 def call(arguments: Sequence[str | os.PathLike[str]], *, show: bool = False) -> subprocess.CompletedProcess[str]:
     """Runs the command, and on Ctrl-C lets it end cleanly, with a checkpoint, before KeyboardInterrupt goes on.
 
-    ``show`` passes its messages on to this process's standard error.
+    If this process ends in any other way, also by SIGTERM or SIGKILL, the command ends as by SIGTERM. ``show`` passes
+    its messages on to this process's standard error.
     """
-    process = subprocess.Popen(
-        [executable(), *map(os.fspath, arguments)],
-        stdin=subprocess.DEVNULL,
-        stdout=subprocess.PIPE,
-        stderr=None if show else subprocess.PIPE,
-        encoding="utf-8",
-        # Names of files need not be UTF-8.
-        errors="surrogateescape",
-        # A process group of its own: Ctrl-C in a terminal reaches it once, from here. A second SIGINT would kill it.
-        start_new_session=True,
-    )
-    with process:
+    with (
+        _open_until_this_process_ends() as pipe,
+        subprocess.Popen(
+            [executable(), *map(os.fspath, arguments)],
+            stdin=pipe,
+            stdout=subprocess.PIPE,
+            stderr=None if show else subprocess.PIPE,
+            encoding="utf-8",
+            # Names of files need not be UTF-8.
+            errors="surrogateescape",
+            env={**os.environ, "HAFF_ENDS_WITH_STDIN": "1"},
+            # A process group of its own: Ctrl-C in a terminal reaches it once, from here. A second SIGINT kills it.
+            start_new_session=True,
+        ) as process,
+    ):
         try:
             out, err = process.communicate()
         except BaseException:
@@ -58,6 +63,34 @@ def call(arguments: Sequence[str | os.PathLike[str]], *, show: bool = False) -> 
             process.communicate()
             raise
     return subprocess.CompletedProcess(process.args, process.returncode, out, err or "")
+
+
+_held: set[int] = set()
+"""The ends of pipes that this process holds open for the commands that it runs."""
+
+
+@contextmanager
+def _open_until_this_process_ends() -> Iterator[int]:
+    """The reading end of a pipe that has its end of file when the block ends, or this process, however that happens."""
+    reading, writing = os.pipe()
+    _held.add(writing)
+    try:
+        yield reading
+    finally:
+        os.close(reading)
+        _held.discard(writing)
+        os.close(writing)
+
+
+def _release() -> None:
+    """In a forked process: it must not hold the pipes of its parent open."""
+    for writing in _held:
+        os.close(writing)
+    _held.clear()
+
+
+if hasattr(os, "register_at_fork"):
+    os.register_at_fork(after_in_child=_release)
 
 
 def failure(done: subprocess.CompletedProcess[str], about: str | None = None) -> HaffError:

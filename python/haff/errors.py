@@ -14,9 +14,11 @@ __all__ = [
     "MissingDataError",
     "MissingPackageError",
     "NotApplicableError",
+    "OutOfRangeError",
     "SceneError",
     "SceneProblem",
     "SimulationError",
+    "UnknownNameError",
 ]
 
 
@@ -54,6 +56,14 @@ class NotApplicableError(HaffError):
 
 class ArgumentError(HaffError, ValueError):
     """An argument is invalid; the message says what is allowed."""
+
+
+class UnknownNameError(ArgumentError, KeyError):
+    """An argument is none of the names that there are; the message lists them."""
+
+
+class OutOfRangeError(ArgumentError, IndexError):
+    """An index is beyond the end; the message says how many there are."""
 
 
 class MissingPackageError(HaffError, ImportError):

@@ -9,8 +9,10 @@ from typing import TYPE_CHECKING, Any, overload
 import h5py
 import numpy as np
 
-from .errors import MissingDataError
+from . import arguments
+from .errors import ArgumentError, MissingDataError, UnknownNameError
 from .layout import Array, complete, component
+from .readonly import ReadOnly
 from .text import brief, escaped, quoted
 
 if TYPE_CHECKING:
@@ -33,7 +35,7 @@ _WIDEST = 16
 """Components of a column of another program."""
 
 
-class Events:
+class Events(ReadOnly):
     """The event log, one row per event, read column by column or piece by piece.
 
     ``len(events)``, ``events["energy_loss"]`` (NumPy), ``events[a:b]`` and ``events.chunks()`` (pandas) read
@@ -56,6 +58,7 @@ class Events:
         self._data = {name: self._column(name) for name in names}
         self._columns = names
         self._length = complete(self._data["time"], min(map(len, self._data.values())))
+        self._made = True
 
     def _column(self, name: str) -> Column:
         stored, place = self._file.stored, f"events/{name}"
@@ -67,6 +70,9 @@ class Events:
         if rank == 2 and column.width[0] > _WIDEST:
             raise stored.wrong(place, f"has rows of {column.width[0]} numbers; must have up to {_WIDEST}")
         return column
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        return Events, (self._file,)
 
     @property
     def columns(self) -> list[str]:
@@ -93,6 +99,11 @@ class Events:
     def __getitem__(self, key: str | slice) -> Array | pd.DataFrame:
         if isinstance(key, str):
             return self._values(key, 0, self._length)
+        if not isinstance(key, slice):
+            raise ArgumentError(
+                f"events[{quoted(key)}]: must be the name of a column, or a slice of rows, such as events[5:6]"
+            )
+        arguments.rows("events", key, self._length)
         start, stop, step = key.indices(self._length)
         if step != 1:
             return self.to_pandas().iloc[key]
@@ -100,19 +111,29 @@ class Events:
 
     def to_pandas(self, columns: Sequence[str] | None = None) -> pd.DataFrame:
         """The whole log, or some columns of it, as a data frame; ``kind`` is a categorical."""
-        return self._read(0, self._length, self._columns if columns is None else list(columns))
+        return self._read(0, self._length, self._chosen(columns))
 
     def chunks(self, size: int = 1_000_000, columns: Sequence[str] | None = None) -> Iterator[pd.DataFrame]:
         """Data frames of up to ``size`` rows, in order: for logs larger than memory."""
-        names = self._columns if columns is None else list(columns)
-        for start in range(0, self._length, size):
-            yield self._read(start, min(start + size, self._length), names)
+        names, size = self._chosen(columns), arguments.count("size", size, 1, arguments.MOST_ROWS)
+        return (self._read(start, min(start + size, self._length), names) for start in range(0, self._length, size))
 
     def blocks(self, size: int = 1_000_000, columns: Sequence[str] | None = None) -> Iterator[dict[str, Array]]:
         """As :meth:`chunks`, but arrays by name: ``kind`` is a code of :attr:`kinds`, vectors are ``[rows, 3]``."""
-        names = self._columns if columns is None else list(columns)
-        for start in range(0, self._length, size):
-            yield {name: self._values(name, start, min(start + size, self._length)) for name in names}
+        names, size = self._chosen(columns), arguments.count("size", size, 1, arguments.MOST_ROWS)
+        return (
+            {name: self._values(name, start, min(start + size, self._length)) for name in names}
+            for start in range(0, self._length, size)
+        )
+
+    def _chosen(self, columns: Sequence[str] | None) -> list[str]:
+        """Names of columns that there are; all by default."""
+        if columns is None:
+            return self._columns
+        names = arguments.names("columns", columns)
+        for name in names:
+            self._require(name)
+        return names
 
     def _require(self, name: str) -> None:
         if name in self._columns:
@@ -124,7 +145,7 @@ class Events:
                 f"{self._file.path}: the event log lacks {quoted(name)}: "
                 f"the scene asked for {found} (output.events){only}"
             )
-        raise KeyError(f"no event column {quoted(name)}; there are {brief(found)}")
+        raise UnknownNameError(f"events: no column {quoted(name)}; the columns are {brief(found)}")
 
     def _values(self, name: str, start: int, stop: int) -> Array:
         """Some rows of a column, checked."""

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from functools import cached_property
-from typing import TYPE_CHECKING, NamedTuple, overload
+from typing import TYPE_CHECKING, Any, NamedTuple, overload
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,6 +13,7 @@ from . import arguments, conversions
 from .errors import ArgumentError, MissingDataError
 from .layout import AXES, Array, complete
 from .notebook import table
+from .readonly import ReadOnly
 from .text import quoted
 
 if TYPE_CHECKING:
@@ -42,7 +43,7 @@ class Shear(NamedTuple):
     """Shear rate [1/time]."""
 
 
-class Box:
+class Box(ReadOnly):
     """The simulation box [0, L) per axis.
 
     In a sheared box the image across the upper face of the gradient axis is displaced along the flow, by at most half
@@ -58,17 +59,27 @@ class Box:
     displacement : gradient axis, flow axis and displacement [length] of the images of a sheared box; else ``None``
     """
 
+    _why = "cannot be changed: a run keeps the box of its scene (domain)"
+
     def __init__(
         self, size: Array, boundary: Sequence[str], dimension: int, displacement: tuple[int, int, float] | None = None
     ) -> None:
-        self.size = np.asarray(size, float)
-        self.boundary = tuple(boundary)
-        self.dimension = dimension
-        self.edges = np.diag(self.size)
+        lengths = np.array(arguments.shaped("size", size, [3], "three edges"))
+        if np.ndim(size) != 1 or not (lengths > 0).all() or not np.isfinite(lengths).all():
+            raise ArgumentError(f"size = {quoted(size)}: must be three positive numbers")
+        sides = tuple(arguments.names("boundary", boundary))
+        if len(sides) != 3 or not set(sides) <= {"periodic", "wall", "open"}:
+            raise ArgumentError(f"boundary = {quoted(boundary)}: must be three of periodic, wall, open")
+        edges = np.diag(lengths)
         if displacement is not None:
-            gradient, flow, length = displacement
-            self.edges[gradient, flow] = length
-        self.displacement = displacement
+            gradient, flow, length = _displaced(displacement)
+            edges[gradient, flow] = length
+            displacement = gradient, flow, length
+        for array in (lengths, edges):
+            array.flags.writeable = False
+        self.size, self.boundary, self.edges, self.displacement = lengths, sides, edges, displacement
+        self.dimension = arguments.count("dimension", dimension, 2, 3)
+        self._made = True
 
     @property
     def widths(self) -> NDArray[np.float64]:
@@ -81,6 +92,7 @@ class Box:
 
     def unwrap(self, position: Array, image: Array) -> NDArray[np.float64]:
         """Positions that do not jump at periodic faces: position + Σ image · edge vector [length]; ``[..., 3]``."""
+        position, image = _triples("position", position), _triples("image", image)
         found = position + image * np.where(self.periodic, self.size, 0.0)
         if self.displacement is not None:
             gradient, flow, length = self.displacement
@@ -92,7 +104,7 @@ class Box:
 
         In a sheared box this holds for images that are less than half an edge away along the gradient.
         """
-        found = np.array(apart, float)
+        found = np.array(_triples("apart", apart))
         if self.displacement is not None:
             gradient, flow, length = self.displacement
             found[..., flow] -= np.round(found[..., gradient] / self.size[gradient]) * length
@@ -122,7 +134,32 @@ class Box:
         return f"Box({self.dimension}D, {sides}, {AXES[gradient]} edge displaced along {AXES[flow]} by {length:g})"
 
 
-class Frame:
+def _triples(name: str, value: object) -> Array:
+    """Vectors ``[..., 3]``."""
+    array = arguments.reals(name, value)
+    if array.ndim == 0 or array.shape[-1] != 3:
+        raise ArgumentError(f"{name} = {quoted(value)}, of shape {array.shape}: must be [..., 3]")
+    return array
+
+
+def _displaced(displacement: object) -> tuple[int, int, float]:
+    """Gradient axis, flow axis and displacement of a sheared box."""
+    allowed = "must be two different axes from 0 to 2 and a length"
+    try:
+        gradient, flow, length = displacement  # type: ignore[misc]
+        found = (
+            arguments.count("displacement[0]", gradient, 0, 2),
+            arguments.count("displacement[1]", flow, 0, 2),
+            arguments.number("displacement[2]", length),
+        )
+    except Exception:
+        raise ArgumentError(f"displacement = {quoted(displacement)}: {allowed}") from None
+    if gradient == flow:
+        raise ArgumentError(f"displacement = {quoted(displacement)}: {allowed}")
+    return found
+
+
+class Frame(ReadOnly):
     """All particles at one time; arrays are read on first use and then kept.
 
     Rows are particles in the order of the scene.
@@ -131,6 +168,10 @@ class Frame:
     def __init__(self, frames: Frames, row: int) -> None:
         self._frames = frames
         self._row = row
+        self._made = True
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        return Frame, (self._frames, self._row)
 
     @property
     def file(self) -> File:
@@ -252,7 +293,7 @@ class Frame:
         return f"<Frame {self._row}: t = {self.time:g}, step = {self.step}, N = {len(self.mass)}>"
 
 
-class Frames(Sequence["Frame"]):
+class Frames(ReadOnly, Sequence["Frame"]):
     """The trajectory: a lazy sequence of :class:`Frame`. Slices are sequences too."""
 
     def __init__(self, file: File, rows: range | None = None) -> None:
@@ -272,6 +313,10 @@ class Frames(Sequence["Frame"]):
             length = min(map(len, (self._time, self._step, *moving, *self._columns.values())))
             rows = range(complete(self._time, length))
         self._rows = rows
+        self._made = True
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        return Frames, (self._file, self._rows)
 
     @property
     def file(self) -> File:
@@ -325,16 +370,14 @@ class Frames(Sequence["Frame"]):
         ``name`` is ``"position"``, ``"velocity"``, ``"image"``, ``"unwrapped"`` or, if the scene has spin,
         ``"angular_velocity"``.
         """
-        if name == "unwrapped":
+        if isinstance(name, str) and name == "unwrapped":
             position, image = np.asarray(self.array("position"), float), self.array("image")
             if self._edges is None:
                 return self._file.box.unwrap(position, image)
             for k, box in enumerate(self._boxes(self._rows)):
                 position[k] = box.unwrap(position[k], image[k])
             return position
-        if name not in _VECTORS:
-            raise ArgumentError(f"array {quoted(name)}: must be one of {', '.join(_VECTORS)}, unwrapped")
-        return self._values(name, self._rows)
+        return self._values(arguments.choice("name", name, (*_VECTORS, "unwrapped")), self._rows)
 
     def __len__(self) -> int:
         return len(self._rows)
@@ -344,12 +387,10 @@ class Frames(Sequence["Frame"]):
     @overload
     def __getitem__(self, key: slice) -> Frames: ...
     def __getitem__(self, key: int | slice) -> Frame | Frames:
-        if isinstance(key, slice):
-            return Frames(self._file, self._rows[key])
-        try:
-            return Frame(self, self._rows[key])
-        except IndexError:
-            raise IndexError(f"frame {key} of {len(self)}") from None
+        place = arguments.rows("frames", key, len(self), "the number of a frame or a slice")
+        if isinstance(place, slice):
+            return Frames(self._file, self._rows[place])
+        return Frame(self, self._rows[place])
 
     def __iter__(self) -> Iterator[Frame]:
         return (Frame(self, row) for row in self._rows)

@@ -25,6 +25,10 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from . import arguments
+from .errors import ArgumentError
+from .text import quoted
+
 __all__ = [
     "Impact",
     "RodImpact",
@@ -51,6 +55,38 @@ __all__ = [
 
 Array = NDArray[np.float64]
 
+_numeric = arguments.numeric(
+    {
+        "e": arguments.FRACTION,
+        "m": arguments.POSITIVE,
+        "m1": arguments.POSITIVE,
+        "m2": arguments.POSITIVE,
+        "g": arguments.POSITIVE,
+        "length": arguments.POSITIVE,
+        "height": arguments.NOT_NEGATIVE,
+        "friction": arguments.NOT_NEGATIVE,
+    }
+)
+
+
+def _vectors(size: int | None, **given: ArrayLike) -> list[Array]:
+    """Vectors of so many components; ``None``: up to three, all the same."""
+    vectors = {name: np.asarray(vector, float) for name, vector in given.items()}
+    sizes = (1, 2, 3) if size is None else (size,)
+    for name, vector in vectors.items():
+        if vector.ndim != 1 or len(vector) not in sizes:
+            allowed = " or ".join(f"[{size}]" for size in sizes)
+            raise ArgumentError(f"{name} of shape {vector.shape}: must be one vector, {allowed}")
+        sizes = (len(vector),)
+    return list(vectors.values())
+
+
+def _unit(normal: Array) -> Array:
+    length = np.linalg.norm(normal)
+    if length == 0:
+        raise ArgumentError(f"n = {quoted(normal)}: must not be zero")
+    return normal / length
+
 
 # --- impact ----------------------------------------------------------------------------------------
 
@@ -72,6 +108,7 @@ class Impact(NamedTuple):
     r""":math:`E'_c = J^2/2\mu`, the energy of the lost velocities [energy] (2.31)."""
 
 
+@_numeric
 def impact(m1: float, m2: float, w1: ArrayLike, w2: ArrayLike, n: ArrayLike, e: float) -> Impact:
     r"""Impact of two smooth spheres, (2.14), (2.19), (2.20); with an infinite mass, on a wall (2.21).
 
@@ -90,8 +127,8 @@ def impact(m1: float, m2: float, w1: ArrayLike, w2: ArrayLike, n: ArrayLike, e: 
     >>> after.velocity_1.tolist(), after.velocity_2.tolist()
     ([0.0, 10.0], [20.0, -30.0])
     """
-    before_1, before_2, normal = (np.asarray(vector, float) for vector in (w1, w2, n))
-    normal = normal / np.linalg.norm(normal)
+    before_1, before_2, normal = _vectors(None, w1=w1, w2=w2, n=n)
+    normal = _unit(normal)
     approach = float((before_1 - before_2) @ normal)
     reduced = 1 / (1 / m1 + 1 / m2)
     impulse = (1 + e) * reduced * approach
@@ -132,6 +169,7 @@ class RoughImpact(NamedTuple):
     """Energy of the lost velocities, of translation and rotation [energy]."""
 
 
+@_numeric
 def rough_impact(
     m1: float,
     m2: float,
@@ -183,10 +221,10 @@ def rough_impact(
     >>> print(after.velocity_1.round(12), after.angular_velocity_1.round(12), round(after.tangential_loss, 12))
     [5.  0.  0.5] [0.  2.5 0. ] 7.0
     """
+    before_1, before_2, spin_1, spin_2, normal = _vectors(3, w1=w1, w2=w2, omega1=omega1, omega2=omega2, n=n)
     smooth = impact(m1, m2, w1, w2, n, e)
-    spin_1, spin_2 = np.asarray(omega1, float), np.asarray(omega2, float)
-    normal = np.asarray(n, float) / np.linalg.norm(n)
-    relative = np.asarray(w1, float) - np.asarray(w2, float)
+    normal = _unit(normal)
+    relative = before_1 - before_2
     slip = relative - smooth.approach_speed * normal - np.cross(normal, radii[0] * spin_1 + radii[1] * spin_2)
     stiffness = (1 + 1 / q[0]) / m1 + (1 + 1 / q[1]) / m2
     speed = float(np.linalg.norm(slip))
@@ -216,6 +254,7 @@ def rough_impact(
     )
 
 
+@_numeric
 def plastic_loss_share(m1: ArrayLike, m2: ArrayLike) -> Array:
     r"""Share of its energy that body 1 loses in a plastic impact on body 2 at rest, :math:`1/(1 + m_1/m_2)` (2.18)."""
     return 1 / (1 + np.asarray(m1, float) / np.asarray(m2, float))
@@ -224,17 +263,20 @@ def plastic_loss_share(m1: ArrayLike, m2: ArrayLike) -> Array:
 # --- bouncing sphere (Problem 2.1) -----------------------------------------------------------------
 
 
+@_numeric
 def bounce_height(k: ArrayLike, height: ArrayLike, e: ArrayLike) -> Array:
     r"""Clear height of the k-th rebound [length], :math:`H_k = e^{2k}H`; k = 0 is the drop."""
     return np.asarray(height, float) * np.asarray(e, float) ** (2 * np.asarray(k, float))
 
 
+@_numeric
 def bounce_time(k: ArrayLike, height: ArrayLike, e: ArrayLike, g: ArrayLike) -> Array:
     r"""Time of the k-th impact, k = 0, 1, …, after the drop [time], :math:`\sqrt{2H/g}\,(1 + 2e + \dots + 2e^k)`."""
     fall = np.sqrt(2 * np.asarray(height, float) / np.asarray(g, float))
     return fall * (2 * geometric_sum(e, np.asarray(k, float) + 1) - 1)
 
 
+@_numeric
 def rest_time(height: ArrayLike, e: ArrayLike, g: ArrayLike) -> Array:
     r"""Time after the drop until the sphere rests [time], :math:`\sqrt{2H/g}\,(1 + e)/(1 - e)`; infinite at e = 1."""
     e = np.asarray(e, float)
@@ -242,6 +284,7 @@ def rest_time(height: ArrayLike, e: ArrayLike, g: ArrayLike) -> Array:
         return np.sqrt(2 * np.asarray(height, float) / np.asarray(g, float)) * (1 + e) / (1 - e)
 
 
+@_numeric
 def bounce_path(height: ArrayLike, e: ArrayLike) -> Array:
     r"""Whole path until the sphere rests [length], :math:`H(1 + e^2)/(1 - e^2)`; infinite at e = 1."""
     e = np.asarray(e, float)
@@ -249,6 +292,7 @@ def bounce_path(height: ArrayLike, e: ArrayLike) -> Array:
         return np.asarray(height, float) * (1 + e**2) / (1 - e**2)
 
 
+@_numeric
 def bounce_position(t: ArrayLike, height: float, e: float, g: float) -> Array:
     """Clear height [length] of a sphere at the times ``t`` after its drop; 0 from :func:`rest_time` on."""
     t = np.asarray(t, float)
@@ -270,6 +314,7 @@ def bounce_position(t: ArrayLike, height: float, e: float, g: float) -> Array:
     return np.where(flying, np.maximum(up * since - 0.5 * g * since**2, 0.0), 0.0)
 
 
+@_numeric
 def geometric_sum(e: ArrayLike, count: ArrayLike) -> Array:
     """1 + e + e² + … with ``count`` terms: total duration of flights, each e times as long as its predecessor."""
     e, count = np.asarray(e, float), np.asarray(count, float)
@@ -282,6 +327,7 @@ def geometric_sum(e: ArrayLike, count: ArrayLike) -> Array:
 # --- pendulums (Problem 2.3, Set 2.1) ----------------------------------------------------------------
 
 
+@_numeric
 def quarter_period(alpha: ArrayLike, length: ArrayLike, g: ArrayLike) -> Array:
     r"""Time from rest at ``alpha`` to the lowest point [time], :math:`\sqrt{l/g}\,K(\sin^2\tfrac\alpha2)`."""
     from scipy.special import ellipkm1
@@ -291,6 +337,7 @@ def quarter_period(alpha: ArrayLike, length: ArrayLike, g: ArrayLike) -> Array:
     return np.sqrt(length / g) * ellipkm1(np.cos(alpha / 2) ** 2)
 
 
+@_numeric
 def swing(t: ArrayLike, alpha: ArrayLike, length: ArrayLike, g: ArrayLike) -> Array:
     r"""Angle of a pendulum at the times ``t`` after its release from rest at ``alpha``.
 
@@ -303,6 +350,7 @@ def swing(t: ArrayLike, alpha: ArrayLike, length: ArrayLike, g: ArrayLike) -> Ar
     return 2 * np.arcsin(k * cn / dn)
 
 
+@_numeric
 def pendulum_rise(alpha: ArrayLike, e: ArrayLike, m1: ArrayLike = 1.0, m2: ArrayLike = 1.0) -> Array:
     r"""Highest angle of the struck pendulum, of mass ``m2``, when the other is released at ``alpha``.
 
@@ -315,6 +363,7 @@ def pendulum_rise(alpha: ArrayLike, e: ArrayLike, m1: ArrayLike = 1.0, m2: Array
     return 2 * np.arcsin(np.where(half <= 1, half, np.nan))
 
 
+@_numeric
 def pendulum_restitution(alpha: ArrayLike, beta: ArrayLike, m1: ArrayLike = 1.0, m2: ArrayLike = 1.0) -> Array:
     r"""Coefficient of restitution from the angles of release and of the struck bob's rise (Set 2.1).
 
@@ -346,6 +395,7 @@ class SpringImpact(NamedTuple):
     """Kinetic energy, 2mv²/9 [energy]."""
 
 
+@_numeric
 def spring_impact(m: float, v: float, k: float) -> SpringImpact:
     """Three equal bodies and a spring of stiffness ``k``, body 1 arriving at speed ``v`` (Problem 2.4)."""
     return SpringImpact(
@@ -359,6 +409,7 @@ def spring_impact(m: float, v: float, k: float) -> SpringImpact:
     )
 
 
+@_numeric
 def spring_compression(t: ArrayLike, m: float, v: float, k: float) -> Array:
     """Compression of the spring of :func:`spring_impact` at the times ``t`` since the impact [length]; 0 before."""
     t = np.asarray(t, float)
@@ -386,6 +437,7 @@ class RodImpact(NamedTuple):
     """[energy]"""
 
 
+@_numeric
 def rod_stick(m: float, v: float, length: float, theta: float) -> RodImpact:
     """The particle sticks to the end (Set 2.2): v_cm = v/3, ω = v sin θ/(2 l)."""
     omega = v * np.sin(theta) / (2 * length)
@@ -394,6 +446,7 @@ def rod_stick(m: float, v: float, length: float, theta: float) -> RodImpact:
     return RodImpact(v / 3, v / 3, omega, m * v**2 / 2 - after)
 
 
+@_numeric
 def rod_impact(m: float, v: float, length: float, theta: float, e: float = 1.0) -> RodImpact:
     """Smooth impact on the end, the normal along the line of flight; e = 1 is Set 2.3, J = 4mv/(3 + sin²θ)."""
     compliance = (3 + np.sin(theta) ** 2) / (2 * m)

@@ -20,12 +20,13 @@ from numpy.typing import NDArray
 from . import arguments, measurements, observables
 from .column import LARGEST, SMALLEST, Column
 from .conversions import Unwrapping
-from .errors import FileError, HaffError, MissingDataError, NotApplicableError
+from .errors import ArgumentError, FileError, HaffError, MissingDataError, NotApplicableError
 from .events import Events
 from .frames import Box, Frames, Shear
 from .layout import AXES, SCHEMA, Array
 from .notebook import table
 from .output import library
+from .readonly import ReadOnly
 from .recorded import SceneFault, parsed
 from .stored import Stored, reason
 from .text import brief, escaped, quoted
@@ -68,16 +69,16 @@ def open(path: str | os.PathLike[str], *, locking: bool | None = None) -> File:
     return File(path, locking=locking)
 
 
-class File:
+class File(ReadOnly):
     """An output file of ``haff run``; see :func:`haff.open`.
 
     Use it as a context manager, or call :meth:`close`. The underlying :class:`h5py.File` is :attr:`hdf`.
     """
 
     def __init__(self, path: str | os.PathLike[str], *, locking: bool | None = None) -> None:
-        self.path = Path(path)
+        self.path = arguments.file("path", path)
         """Path of the file."""
-        self.stored = Stored(self.path, locking)
+        self.stored = Stored(self.path, None if locking is None else arguments.flag("locking", locking))
         try:
             if self.stored.find("particles/all") is None:
                 raise FileError(f"{self.path}: HDF5, but not an output file of haff (no group particles/all)")
@@ -87,12 +88,17 @@ class File:
         except HaffError:
             self.close()
             raise
+        self._made = True
 
     # --- opening and closing ------------------------------------------------------------------------------------
 
     def close(self) -> None:
         """Close the file; arrays read before stay valid."""
         self.stored.close()
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        """For other processes: a pickled file is opened again, by its path."""
+        return open, (self.path.absolute(),)
 
     def __enter__(self) -> File:
         return self
@@ -528,6 +534,15 @@ class File:
         elif found["frames"]:
             found["simulated_time"] = self.frames[-1].time
         return found
+
+
+def source_of(source: object) -> File | Path:
+    """The argument ``source`` of a function that takes an open file, or a path. Raises :class:`ArgumentError`."""
+    if isinstance(source, File):
+        return source
+    if not isinstance(source, (str, bytes, os.PathLike)):
+        raise ArgumentError(f"source = {quoted(source)}: must be an open haff.File, or the path of one")
+    return arguments.file("source", source)
 
 
 def not_triangular(file: File) -> str | None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import numbers
 import os
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
@@ -13,7 +14,7 @@ from numpy.typing import ArrayLike, NDArray
 from scipy.optimize import curve_fit
 from uncertainties import nominal_value, std_dev, ufloat, wrap
 
-from . import measured, mechanics
+from . import arguments, measured, mechanics
 from .analysis import Estimate
 from .errors import ArgumentError, FileError, MissingDataError, NotApplicableError
 from .layout import computing
@@ -91,10 +92,16 @@ def restitution_from(
     >>> print(f"e = {found.mean:.2f} ± {found.error:.2f}")
     e = 0.62 ± 0.03
     """
-    if kind is not None and kind not in _WAYS:
-        raise ArgumentError(f"kind = {quoted(kind)} must be one of {', '.join(_WAYS)}")
-    if masses is not None and not (len(masses) == 2 and all(nominal_value(mass) > 0 for mass in masses)):
-        raise ArgumentError(f"masses = {quoted(masses)} must be two positive numbers")
+    if kind is not None:
+        arguments.choice("kind", kind, _WAYS)
+    if masses is not None and not _are_masses(masses):
+        raise ArgumentError(f"masses = {quoted(masses)}: must be two positive numbers")
+    if error is not None:
+        arguments.reals("error", error)
+    if not isinstance(source, (File, pd.DataFrame, Mapping, str, os.PathLike)):
+        raise ArgumentError(f"source = {quoted(source)}: must be a file, a table, a dict of columns, or a path")
+    if isinstance(source, (str, os.PathLike)):
+        source = arguments.file("source", source)
     if isinstance(source, (str, os.PathLike)) and Path(source).suffix.lower() != ".csv":
         with open_file(source) as run:
             return restitution_from(run, kind, error=error, masses=masses)
@@ -121,6 +128,15 @@ def restitution_from(
         return way.estimate(
             name, index, values[:, seen], None if errors is None else errors[:, seen], masses or (1.0, 1.0)
         )
+
+
+def _are_masses(masses: object) -> bool:
+    """Whether they are two positive numbers, with or without an uncertainty."""
+    try:
+        pair = [nominal_value(mass) for mass in masses]  # type: ignore[attr-defined]
+    except Exception:
+        return False
+    return len(pair) == 2 and all(isinstance(mass, numbers.Real) and 0 < mass < np.inf for mass in pair)
 
 
 def _heights(name: str, k: Array, values: Array, errors: Array | None, _: tuple[Any, Any]) -> Estimate:

@@ -13,13 +13,13 @@ from pathlib import Path
 from types import TracebackType
 from typing import Any
 
-from . import reader
+from . import arguments, reader
 from .command import call, failure
 from .errors import FileError
 from .keywords import dotted
 from .notebook import table
 from .output import replacing
-from .scenes import ProposedName, Scene, compiled, explained, settings, source
+from .scenes import ProposedName, Scene, compiled, explained, scene_path, settings, source
 from .temporary import TemporaryFolder
 
 __all__ = ["Result", "resume", "run"]
@@ -112,7 +112,7 @@ class Result:
         Raises :class:`ArgumentError` if ``path`` exists and ``overwrite`` is false, :class:`FileError` if it cannot be
         written, or nothing was written.
         """
-        source, path = self._written(), Path(path)
+        source, path = self._written(), arguments.file("path", path)
         with replacing(path, source=source, overwrite=overwrite) as part:
             shutil.copyfile(source, part)
         return path
@@ -197,21 +197,23 @@ def run(
     ...     print(run.file.observables["temperature"].iloc[-1] < 1.0)
     True
     """
-    arguments = [f"--set={setting}" for setting in settings(overrides)]
+    written = arguments.file("file", file) if file is not None else None
+    options = [f"--set={setting}" for setting in settings(overrides)]
+    if arguments.flag("overwrite", overwrite):
+        options.append("--overwrite")
+    path = None if isinstance(scene, Mapping) else scene_path(scene)
     folder = None
-    if file is None and (name := _proposed(scene, overrides)):
+    if written is None and (name := _proposed(scene, overrides)):
         folder = TemporaryFolder()
-        file = folder.path / name
-    if file is not None:
-        arguments += ["--output", os.fspath(file)]
-    if overwrite:
-        arguments.append("--overwrite")
-    if not isinstance(scene, Mapping):
-        return _run([os.fspath(scene), *arguments], threads, progress, (scene, overrides))
+        written = folder.path / name
+    if written is not None:
+        options.append(f"--output={written}")
+    if path is not None:
+        return _run([*options, "--", os.fspath(path)], threads, progress, (scene, overrides))
     with tempfile.TemporaryDirectory(prefix="haff-") as place:
         path = Path(place) / "scene.toml"
         path.write_text(source(scene, {})["text"], encoding="utf-8")
-        return _run([os.fspath(path), *arguments], threads, progress, (scene, overrides), folder)
+        return _run([*options, "--", os.fspath(path)], threads, progress, (scene, overrides), folder)
 
 
 def _proposed(scene: Scene, overrides: Mapping[str, Any]) -> str | None:
@@ -228,11 +230,11 @@ def resume(path: str | os.PathLike[str], *, threads: int | None = None, progress
 
     The result equals that of an uninterrupted run, bit by bit. A complete file is not changed. Raises as :func:`run`.
     """
-    return _run(["--resume", os.fspath(path)], threads, progress, None)
+    return _run([f"--resume={arguments.file('path', path)}"], threads, progress, None)
 
 
 def _run(
-    arguments: Sequence[str],
+    words: Sequence[str],
     threads: int | None,
     progress: bool,
     scene: tuple[Scene, Mapping[str, Any]] | None,
@@ -240,10 +242,10 @@ def _run(
 ) -> Result:
     options = ["run", "--json"]
     if threads is not None:
-        options.append(f"--threads={threads}")
-    if not progress:
+        options.append(f"--threads={arguments.count('threads', threads, 1, 1024)}")
+    if not arguments.flag("progress", progress):
         options.append("--quiet")
-    done = call([*options, *arguments], show=progress)
+    done = call([*options, *words], show=progress)
     report = json.loads(done.stdout) if done.stdout.strip() else {}
     if done.returncode == 0:
         path = report["file"]

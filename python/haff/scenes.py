@@ -15,8 +15,16 @@ from typing import TYPE_CHECKING, Any, TypeAlias
 
 import numpy as np
 
-from . import foreign, reader
-from .errors import FileError, HaffError, MissingDataError, SceneError, SceneProblem
+from . import arguments, foreign, reader
+from .errors import (
+    ArgumentError,
+    FileError,
+    HaffError,
+    MissingDataError,
+    SceneError,
+    SceneProblem,
+    UnknownNameError,
+)
 from .keywords import Given, dotted
 from .text import brief, quoted
 
@@ -53,10 +61,8 @@ def source(scene: Scene, overrides: Mapping[str, Any]) -> dict[str, Any]:
     """The scene in the form that the compiled module takes: name, text, overrides, and whether the text is a file's."""
     if isinstance(scene, Mapping):
         name, text, has_file = "scene", scene_text(scene), False
-    elif not isinstance(scene, (str, os.PathLike)):
-        raise TypeError(f"scene = {quoted(scene)}: must be a dict, or the path of a scene file")
     else:
-        path = Path(scene)
+        path = scene_path(scene)
         try:
             name, text, has_file = str(path), path.read_text(encoding="utf-8"), True
         except UnicodeDecodeError:
@@ -66,14 +72,21 @@ def source(scene: Scene, overrides: Mapping[str, Any]) -> dict[str, Any]:
     return {"name": name, "text": text, "overrides": settings(overrides), "has_file": has_file}
 
 
+def scene_path(scene: object) -> Path:
+    """The path of a scene that is no dict. Raises :class:`ArgumentError` otherwise."""
+    if isinstance(scene, (str, bytes, os.PathLike)):
+        return arguments.file("scene", scene)
+    raise ArgumentError(f"scene = {quoted(scene)}: must be a dict, or the path of a scene file")
+
+
 def settings(overrides: Mapping[str, Any]) -> list[str]:
     """Keywords as ``KEY=VALUE``: two underscores stand for the dot of a path."""
-    with _briefly():
+    with briefly():
         return [f"{key}={compiled().value(value, key)}" for key, value in dotted(overrides).items()]
 
 
 @contextmanager
-def _briefly() -> Iterator[None]:
+def briefly() -> Iterator[None]:
     """Shortens errors of values that TOML cannot hold: they quote the value."""
     try:
         yield
@@ -98,7 +111,9 @@ def scene_text(scene: Mapping[str, Any]) -> str:
 
     Raises :class:`TypeError` for a value that TOML cannot hold, naming its key.
     """
-    with _briefly():
+    if not isinstance(scene, Mapping):
+        raise ArgumentError(f"scene = {quoted(scene)}: must be a dict")
+    with briefly():
         return compiled().document(dict(scene))
 
 
@@ -115,14 +130,17 @@ def save_scene(scene: Mapping[str, Any], path: str | os.PathLike[str]) -> Path:
     >>> scene["contact"]["restitution"] = 0.8
     >>> haff.save_scene(scene, "my_gas.toml")                             # doctest: +SKIP
     """
-    path = Path(path)
-    path.write_text(scene_text(scene), encoding="utf-8")
+    path, text = arguments.file("path", path), scene_text(scene)
+    try:
+        path.write_text(text, encoding="utf-8")
+    except OSError as error:
+        raise FileError(f"{path}: {error.strerror or error}") from None
     return path
 
 
 def load_scene(path: str | os.PathLike[str]) -> dict[str, Any]:
     """A scene file as a dict, to be changed and run or saved. Comments are lost."""
-    given = source(path, {})
+    given = source(arguments.file("path", path), {})
     try:
         return tomllib.loads(given["text"])
     except (ValueError, RecursionError) as error:
@@ -156,8 +174,8 @@ def template(name: str) -> dict[str, Any]:
     {'restitution': 0.9}
     """
     found = {key: text for key, _, text in compiled().templates()}
-    if name not in found:
-        raise KeyError(f"no template {quoted(name)}; there are {', '.join(found)}")
+    if not isinstance(name, str) or name not in found:
+        raise UnknownNameError(f"name = {quoted(name)}: no such template; there are {', '.join(found)}")
     scene = tomllib.loads(found[name])
     if "file" in scene.get("output", {}):
         scene["output"]["file"] = ProposedName(scene["output"]["file"])

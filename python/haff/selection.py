@@ -2,8 +2,12 @@
 
 from __future__ import annotations
 
+import numbers
 import re
 
+import numpy as np
+
+from . import arguments
 from .errors import ArgumentError, NotApplicableError
 from .frames import Frames
 from .reader import File
@@ -32,7 +36,10 @@ def choose(file: File, frames: str | slice | int | None) -> Frames:
     if frames is None:
         chosen = slice(None)
     elif isinstance(frames, slice):
+        arguments.rows("frames", frames, 0)
         chosen = frames
+    elif isinstance(frames, (bool, np.bool_)) or not isinstance(frames, (str, numbers.Integral)):
+        raise ArgumentError(f'frames = {quoted(frames)}: must be "START:STOP:STEP", a slice or one number')
     else:
         chosen = parse(str(frames))
     found = file.frames

@@ -2,7 +2,11 @@
 
 from __future__ import annotations
 
+import difflib
 import math
+import os
+import threading
+import weakref
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
@@ -11,7 +15,8 @@ from typing import TYPE_CHECKING, Any, TypeAlias
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from . import measurements
+from . import arguments, measurements
+from .errors import ArgumentError
 from .frames import Box, Shear
 from .layout import AXES
 from .notebook import table
@@ -28,6 +33,11 @@ __all__ = ["Simulation"]
 
 Callback: TypeAlias = "Callable[[Simulation], object]"
 _NEVER = 2**64 - 1
+_MOST = 2**62
+"""Largest number of collisions that a caller may give."""
+
+
+_CHANGEABLE = ("positions", "velocities", "angular_velocities")
 
 
 @dataclass
@@ -96,11 +106,30 @@ class Simulation:
     """
 
     def __init__(self, scene: Scene, /, *, threads: int | None = None, events: bool = False, **overrides: Any) -> None:
+        if threads is not None:
+            threads = arguments.count("threads", threads, 1, 1024)
+        events = arguments.flag("events", events)
         with explained(scene, overrides, ("threads", "events")):
             self._core = compiled().Simulation(source(scene, overrides), threads=threads, events=events)
         self._records_events = events
         self._calls: list[_Call] = []
         self._frame: tuple[Any, ...] | None = None
+        _living.add(self)
+
+    def __setattr__(self, name: str, value: Any) -> None:
+        own = getattr(type(self), name, None)
+        if name.startswith("_") or (isinstance(own, property) and own.fset is not None):
+            super().__setattr__(name, value)
+        elif own is not None:
+            raise AttributeError(f"{name}: cannot be changed; {', '.join(_CHANGEABLE)}, add() and remove() can")
+        else:
+            near = difflib.get_close_matches(name, dir(self), 1)
+            raise AttributeError(
+                f"{name}: a simulation has no such attribute{f'; did you mean {near[0]}?' if near else ''}"
+            )
+
+    def __reduce__(self) -> Any:
+        raise TypeError("a Simulation cannot be pickled or copied: make another one from its scene (scene_text)")
 
     # --- advancing --------------------------------------------------------------------------------
 
@@ -124,11 +153,11 @@ class Simulation:
         SimulationError
             The simulation cannot continue, for example after an inelastic collapse.
         """
-        until = float(until)
-        if math.isnan(until) or until < self.time:
-            raise ValueError(f"until = {until}: must not be before the present time {self.time}")
+        until = arguments.time("until", until, self.time)
         if collisions is None and math.isinf(until):
-            raise ValueError("until = inf: needs collisions = …, or this would never end")
+            raise ArgumentError("until = inf: needs collisions = …, or this would never end")
+        if collisions is not None:
+            collisions = arguments.count("collisions", collisions, 0, _MOST)
         return self._advance(until, collisions)
 
     def step(self, collisions: int = 1, *, until: float = math.inf) -> str:
@@ -136,9 +165,8 @@ class Simulation:
 
         Returns as :meth:`advance`. A scene in which only walls are hit needs ``until``.
         """
-        if collisions < 1:
-            raise ValueError(f"collisions = {collisions}: must be at least 1")
-        return self._advance(float(until), self.collisions + collisions)
+        collisions = arguments.count("collisions", collisions, 1, _MOST)
+        return self._advance(arguments.time("until", until, self.time), self.collisions + collisions)
 
     def run(self) -> str:
         """Run to the end given in the scene (``run.until``, ``run.collisions``). Returns as :meth:`advance`."""
@@ -146,7 +174,7 @@ class Simulation:
         return self._advance(until, self._core.collisions_asked)
 
     def _advance(self, until: float, collisions: int | None) -> str:
-        most = _NEVER if collisions is None else int(collisions)
+        most = _NEVER if collisions is None else collisions
         while True:
             self._frame = None
             time = min((call.time for call in self._calls), default=math.inf)
@@ -263,49 +291,73 @@ class Simulation:
             An overlap, a value that is not possible, or a scene whose correlations follow its particles. Nothing is
             changed then.
         """
-        places = np.atleast_2d(np.asarray(positions, float))
+        places = np.atleast_2d(arguments.reals("positions", positions))
         if places.ndim != 2 or places.shape[1] != 3:
-            raise ValueError(f"positions of shape {places.shape}: must be [M, 3]")
+            raise ArgumentError(
+                f"positions = {quoted(positions)}, of shape {np.shape(positions)}: must be [M, 3] or [3]"
+            )
         count = len(places)
-        kind = self.species_names[0] if species is None else species
-        if kind not in self.species_names:
-            raise ValueError(f"species = {quoted(kind)}: must be one of {', '.join(self.species_names)}")
+        kind = self.species_names[0] if species is None else arguments.choice("species", species, self.species_names)
         index = self.species_names.index(kind)
         members = self.species == index
         values = []
         for name, given, present in (("radius", radius, self.radii), ("mass", mass, self.masses)):
             known = np.unique(present[members])
             if given is None and len(known) != 1:
-                raise ValueError(f"{name}: must be given, for the particles of species {quoted(kind)} differ")
-            values.append(np.broadcast_to(known[0] if given is None else np.asarray(given, float), count).tolist())
+                why = "has no particles" if len(known) == 0 else "has particles of several"
+                raise ArgumentError(f"{name}: must be given, for the species {quoted(kind)} {why}")
+            value = known[0] if given is None else given
+            values.append(arguments.shaped(name, value, [count], f"one number, or [{count}]").tolist())
         speeds, spins = (
-            np.broadcast_to(np.asarray(given, float), (count, 3)).tolist() for given in (velocities, angular_velocities)
+            arguments.shaped(name, given, [count, 3], f"[{count}, 3], or one vector [3] for all").tolist()
+            for name, given in (("velocities", velocities), ("angular_velocities", angular_velocities))
         )
         before = len(self)
         self._change(add=list(zip(places.tolist(), speeds, spins, *values, [index] * count)))
         return np.arange(before, before + count)
 
     def remove(self, rows: ArrayLike) -> None:
-        """Remove particles at the present time, by their rows or by a mask ``[N]``; the rows of later ones move up."""
-        chosen = np.atleast_1d(np.asarray(rows))
+        """Remove particles at the present time, by their rows or by a mask ``[N]``; the rows of later ones move up.
+
+        Raises :class:`ArgumentError` for rows that there are not, or twice, and if no particle would be left; nothing
+        is changed then.
+        """
+        self._change(remove=self._rows(rows).tolist())
+
+    def _rows(self, rows: ArrayLike) -> NDArray[np.int64]:
+        """Rows of particles, from 0, each once."""
+        allowed = f"must be rows, whole numbers from {-len(self)} to {len(self) - 1}, or a mask [{len(self)}]"
+        try:
+            chosen = np.atleast_1d(np.asarray(rows))
+        except Exception:
+            chosen = np.empty(0, object)
+        if np.ma.is_masked(rows) or chosen.ndim != 1:
+            raise ArgumentError(f"rows = {quoted(rows)}: {allowed}")
         if chosen.dtype == bool:
             if chosen.shape != (len(self),):
-                raise ValueError(f"a mask of shape {chosen.shape} for {len(self)} particles")
+                raise ArgumentError(f"rows = {quoted(rows)}, a mask of shape {chosen.shape}: {allowed}")
             chosen = np.flatnonzero(chosen)
-        if len(chosen) and not np.issubdtype(chosen.dtype, np.integer):
-            raise ValueError(f"rows of type {chosen.dtype}: must be integers or a mask")
-        chosen = np.where(chosen < 0, chosen + len(self), chosen)
-        if np.any((chosen < 0) | (chosen >= len(self))):
-            raise ValueError(f"rows must be within {len(self)} particles")
-        self._change(remove=chosen.tolist())
+        if len(chosen) == 0 and chosen.dtype != object:
+            return chosen.astype(np.int64)
+        if chosen.dtype.kind not in "iu":
+            raise ArgumentError(f"rows = {quoted(rows)}: {allowed}")
+        beyond = (chosen >= len(self)) | (chosen < -len(self) if chosen.dtype.kind == "i" else False)
+        if np.any(beyond):
+            raise ArgumentError(f"rows = {quoted(rows)}: {allowed}; there is no row {chosen[np.argmax(beyond)]}")
+        chosen = chosen.astype(np.int64) % len(self)
+        if len(np.unique(chosen)) < len(chosen):
+            raise ArgumentError(f"rows = {quoted(rows)}: must name each particle once")
+        if len(chosen) == len(self):
+            raise ArgumentError(f"rows = {quoted(rows)}: must leave at least one particle")
+        return chosen
 
     def _change(self, **what: Any) -> None:
         self._core.change(**what)
         self._frame = None
 
     def _vectors(self, name: str, values: ArrayLike) -> NDArray[np.float64]:
-        array = np.array(np.broadcast_to(np.asarray(values, float), (len(self), 3)))
-        return np.ascontiguousarray(array)
+        allowed = f"[{len(self)}, 3], or one vector [3] for all"
+        return np.array(arguments.shaped(name, values, [len(self), 3], allowed), order="C")
 
     # --- calls at times or every so many collisions --------------------------------------------------------------
 
@@ -314,17 +366,17 @@ class Simulation:
 
         It may change the state. If it returns ``True``, :meth:`advance` stops there, with ``"call"``.
         """
-        interval = float(interval)
-        if not (interval > 0 and math.isfinite(interval)):
-            raise ValueError(f"interval = {interval}: must be positive and finite")
+        interval = arguments.positive("interval", interval)
+        least = max(arguments.SMALLEST, 4 * math.ulp(self.time))
+        if not least <= interval <= arguments.LARGEST:
+            raise ArgumentError(f"interval = {interval}: must be from {least:g} to {arguments.LARGEST:g}")
         done = math.floor(self.time / interval * (1 + 1e-15))
-        self._calls.append(_Call(call, interval=interval, done=done))
+        self._calls.append(_Call(arguments.function("call", call), interval=interval, done=done))
 
     def every_collisions(self, count: int, call: Callback) -> None:
         """Call ``call(simulation)`` whenever ``count`` more collisions have happened; see :meth:`every`."""
-        if count < 1:
-            raise ValueError(f"count = {count}: must be at least 1")
-        self._calls.append(_Call(call, count=int(count), done=self.collisions))
+        count = arguments.count("count", count, 1, _MOST)
+        self._calls.append(_Call(arguments.function("call", call), count=count, done=self.collisions))
 
     def _snapshot(self) -> tuple[Any, ...]:
         # After Ctrl-C, or while another thread advances, the time shows whether the last snapshot is still valid.
@@ -362,7 +414,7 @@ class Simulation:
         import pandas as pd
 
         if not self._records_events:
-            raise ValueError("no events are recorded: make the simulation with events=True")
+            raise ArgumentError("no events are recorded: make the simulation with events=True")
         columns: dict[str, Any] = {}
         for name, values in self._core.take_events().items():
             if name == "kind":
@@ -497,3 +549,26 @@ class Simulation:
     def __repr__(self) -> str:
         done = f"t = {self.time:g}, {self.collisions:,} collisions"
         return f"<haff.Simulation {self.title!r}: {len(self):,} particles, {done}>"
+
+
+_living: weakref.WeakSet[Simulation] = weakref.WeakSet()
+_held: list[Simulation] = []
+_forking = threading.Lock()
+
+
+def _before_fork() -> None:
+    """A copy made while another thread advances a simulation would find it locked for ever, between two events."""
+    _forking.acquire()
+    for simulation in list(_living):
+        simulation._core.hold()
+        _held.append(simulation)
+
+
+def _after_fork() -> None:
+    while _held:
+        _held.pop()._core.release()
+    _forking.release()
+
+
+if hasattr(os, "register_at_fork"):
+    os.register_at_fork(before=_before_fork, after_in_parent=_after_fork, after_in_child=_after_fork)

@@ -20,10 +20,11 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from . import arguments
 from .command import call, failure
 from .errors import ArgumentError, FileError, MissingDataError
 from .output import library
-from .scenes import Scene, compiled, scene_text
+from .scenes import Scene, briefly, compiled, scene_path, scene_text
 from .text import brief, escaped, quoted
 from .wording import in_python
 
@@ -113,28 +114,35 @@ def sweep(
     >>> study = haff.sweep(gas, values, seeds=4, output="study")                                # doctest: +SKIP
     >>> study.dissipated_energy.sel(restitution=0.8).mean("seed")                               # doctest: +SKIP
     """
-    if dims not in ("keys", "names"):
-        raise ArgumentError(f"dims = {quoted(dims)}: must be 'keys' or 'names'")
+    arguments.choice("dims", dims, ("keys", "names"))
+    series = arguments.names("series", series)
+    retries = arguments.count("retries", retries, 0)
+    numbers = {"seeds": (seeds, 1_000_000), "jobs": (jobs, 1024), "threads": (threads, 1024)}
+    for name, (given, most) in numbers.items():
+        if given is not None:
+            arguments.count(name, given, 1, most)
+    if values is not None and not (isinstance(values, Mapping) and all(isinstance(key, str) for key in values)):
+        raise ArgumentError(f"values = {quoted(values)}: must be a dict, keys of the scene and lists of their values")
     values = {key: _several(key, several) for key, several in (values or {}).items()}
     # Workers may have another working directory.
-    folder = Path(output).absolute()
-    arguments = ["sweep", str(_scene_file(scene, folder)), "-o", str(folder)]
-    for key, several in values.items():
-        arguments += ["--set", f"{key}={','.join(compiled().value(value, key) for value in several)}"]
+    folder = arguments.file("output", output).absolute()
+    with briefly():
+        sets = [f"--set={key}={','.join(compiled().value(value, key) for value in values[key])}" for key in values]
+    words = ["sweep", str(_scene_file(scene, folder)), "-o", str(folder), *sets]
     if seeds is not None:
-        arguments.append(f"--seeds={seeds}")
+        words.append(f"--seeds={seeds}")
     if cluster is None:
         options = [f"--{name}={n}" for name, n in (("jobs", jobs), ("threads", threads)) if n is not None]
-        rows = _call([*arguments, *options])["runs"]
+        rows = _call([*words, *options])["runs"]
     else:
         # In the order of the grid, whatever their numbers.
-        members = [row["index"] for row in _call([*arguments, "--list"])["runs"]]
+        members = [row["index"] for row in _call([*words, "--list"])["runs"]]
         with _client(cluster, threads or 1) as client:
-            task = [*arguments, f"--threads={threads or 1}"]
+            task = [*words, f"--threads={threads or 1}"]
             futures = client.map(_member, [[*task, f"--index={k}"] for k in members], pure=False, retries=retries)
             rows = client.gather(futures)
         # Updates the folder's manifest with the runs made by the cluster.
-        _call([*arguments, "--list"])
+        _call([*words, "--list"])
     failed = [row for row in rows if row["status"] == "failed"]
     if failed:
         first = failed[0]
@@ -148,14 +156,20 @@ def sweep(
 
 
 def _several(key: str, values: Iterable[Any]) -> list[Any]:
-    if isinstance(values, (str, Mapping)) or not isinstance(values, Iterable):
+    listed = isinstance(values, Iterable) and not isinstance(values, (str, bytes, Mapping))
+    try:
+        found = list(values) if listed else []
+    except TypeError:
+        # A number as an array without dimensions.
+        found = []
+    if not found:
         raise ArgumentError(f"{key}: needs a list of values, not {quoted(values)}")
-    return list(values)
+    return found
 
 
 def _scene_file(scene: Scene, folder: Path) -> Path:
     if not isinstance(scene, Mapping):
-        return Path(scene).absolute()
+        return scene_path(scene).absolute()
     text = scene_text(scene)
     path = folder / "scene.toml"
     if path.exists():
@@ -175,9 +189,9 @@ def _is_text(path: Path, text: str) -> bool:
         raise FileError(f"{path}: {error.strerror or error}") from None
 
 
-def _call(arguments: Sequence[str]) -> dict[str, Any]:
+def _call(words: Sequence[str]) -> dict[str, Any]:
     """The command's JSON. Its exit status is that of its worst run, so only a call without JSON is an error."""
-    done = call([*arguments, "--json", "--quiet"])
+    done = call([*words, "--json", "--quiet"])
     if done.returncode == 130:
         raise KeyboardInterrupt
     if not done.stdout:
@@ -185,13 +199,13 @@ def _call(arguments: Sequence[str]) -> dict[str, Any]:
     return json.loads(done.stdout)
 
 
-def _member(arguments: list[str]) -> dict[str, Any]:
+def _member(words: list[str]) -> dict[str, Any]:
     """Runs one member on a worker of a cluster.
 
     The run of a killed worker may continue: then this waits for its end.
     """
     for pause in itertools.chain((0.1, 0.2, 0.5, 1, 2), itertools.repeat(5)):
-        row = _call(arguments)
+        row = _call(words)
         if row["status"] != "running":
             break
         time.sleep(pause)

@@ -419,18 +419,119 @@ def test_a_scene_starts_from_a_dump_of_lammps(tmp_path):
 @pytest.mark.parametrize(
     ("old", "new", "message"),
     [
-        ("xx", "xy xz yz xx", "tilted"),
-        ("radius", "diameter", "lacks radius; the columns are id, type"),
-        ("vz", "fz", "lacks vz"),
+        ("xx", "xy xz yz xx", "the box is tilted, xy xz yz ="),
+        ("radius", "size", "lacks radius or diameter; the columns are id, type"),
+        (" y ", " angle ", "lacks positions x, y, z"),
+        ("ITEM: TIMESTEP", "TIMESTEP", "no dump of LAMMPS|neither a dump nor a data file"),
     ],
 )
 def test_a_dump_without_what_a_state_needs_is_refused(states, tmp_path, old, new, message):
-    text = SOFT.replace("pp pp ff", "xy xz yz pp pp ff") if old == "xx" else SOFT.replace(old, new)
+    text = SOFT.replace(old, new)
+    if old == "xx":
+        text = SOFT.replace("pp pp ff", "xy xz yz pp pp ff").replace("-5 5\n", "-5 5 0.5\n").replace("2 12", "2 12 0")
     (tmp_path / "dump").write_text(text)
     with pytest.raises(ValueError, match=message):
         states.lammps(tmp_path / "dump")
     failed = convert(tmp_path / "dump", tmp_path / "start.csv", check=False)
-    assert failed.returncode == 1 and message in failed.stderr and "Traceback" not in failed.stderr
+    assert failed.returncode == 1 and re.search(message, failed.stderr) and "Traceback" not in failed.stderr
+    assert failed.stderr.count(str(tmp_path / "dump")) == 1
+
+
+@pytest.mark.parametrize("form", ["u", "s", "su", "diameter", "no velocities", "few columns", "not tilted"])
+def test_a_dump_gives_the_same_state_in_every_form(states, tmp_path, form):
+    """Positions unwrapped or scaled, diameters for radii, a box that could be tilted; only what a state needs."""
+    (tmp_path / "plain").write_text(SOFT)
+    expected = states.lammps(tmp_path / "plain")
+    lines = SOFT.splitlines()
+    rows = np.array([line.split() for line in lines[-4:]], float)
+    names, keep = "id type x y z vx vy vz radius mass".split(), list(range(10))
+    if form in ("s", "su"):
+        rows[:, 2:5] = (rows[:, 2:5] - [-5, -5, 2]) / 10
+    if form in ("u", "s", "su"):
+        names[2:5] = [axis + form for axis in "xyz"]
+    elif form == "diameter":
+        rows[:, 8], names[8] = 2 * rows[:, 8], "diameter"
+    elif form == "no velocities":
+        keep = [0, 1, 2, 3, 4, 8, 9]
+    elif form == "few columns":
+        keep = [2, 3, 4, 8]
+    head = "\n".join(lines[-13:-5])
+    if form == "not tilted":
+        head = head.replace("pp pp ff", "xy xz yz pp pp ff").replace("-5 5", "-5 5 0").replace("2 12", "2 12 0")
+    atoms = [" ".join(repr(float(x)) for x in row[keep]) for row in rows]
+    (tmp_path / "dump").write_text("\n".join([head, f"ITEM: ATOMS {' '.join(names[k] for k in keep)}", *atoms]))
+    assert states.reader(tmp_path / "dump") is states.lammps
+    state = states.lammps(tmp_path / "dump")
+    np.testing.assert_array_equal(state.size, expected.size)
+    np.testing.assert_array_equal(state.periodic, expected.periodic)
+    reference = expected.table
+    if form == "few columns":
+        # One species, in the order of the file.
+        reference = reference.set_index("id").loc[[4, 2, 1, 3]].reset_index().assign(species=1, id=[0, 1, 2, 3])
+    missing = {"no velocities": ["vx", "vy", "vz"], "few columns": ["vx", "vy", "vz", "mass"]}.get(form, [])
+    reference = reference.drop(columns=missing)
+    assert set(state.table) == set(reference)
+    reference = reference[list(state.table)]
+    np.testing.assert_allclose(state.table, reference, rtol=1e-15, atol=4e-15)
+    if form == "no velocities":
+        printed = convert(tmp_path / "dump", tmp_path / "start.csv").stdout
+        assert "# initial.temperature = ?: the file has no velocities" in printed
+        with pytest.raises(haff.SceneError, match=r"the file has no velocities: give initial\.temperature"):
+            begin(tmp_path, printed, tmp_path / "start.csv")
+
+
+def test_a_scene_starts_from_a_data_file_of_lammps(states, tmp_path):
+    """One that haff has written: there and back again."""
+    live = {
+        "domain": {"size": [8, 9, 10]},
+        "species": [{"name": "a", "count": 20, "radius": 0.5, "mass": 2.0}],
+        "initial": {"positions": "random"},
+        "run": {"until": 0.5},
+    }
+    haff.run(live, file=tmp_path / "run.h5")
+    convert(tmp_path / "run.h5", tmp_path / "start.data")
+    printed = convert(tmp_path / "start.data", tmp_path / "start.csv").stdout
+    assert "# boundary: not in the file; LAMMPS takes periodic ones by default" in printed
+    back = begin(tmp_path, printed, tmp_path / "start.csv")
+    with haff.open(tmp_path / "run.h5") as run:
+        frame = run.frames[-1]
+        np.testing.assert_array_equal(back.positions, frame.position)
+        np.testing.assert_array_equal(back.velocities, frame.velocity)
+        np.testing.assert_allclose(back.masses, run.mass, rtol=1e-14)
+    text = (tmp_path / "start.data").read_text()
+    for old, new, message in [
+        ("Atoms # sphere", "Atoms # atomic", "needs Atoms # sphere, .*; it has Atoms # atomic"),
+        ("Atoms # sphere", "Atoms", "it has Atoms without a style"),
+        ("zlo zhi", "zlo zhi\n0.5 0 0 xy xz yz", "the box is tilted, xy xz yz"),
+    ]:
+        (tmp_path / "other.lmp").write_text(text.replace(old, new))
+        assert states.reader(tmp_path / "other.lmp") is states.lammps_atoms
+        with pytest.raises(ValueError, match=message):
+            states.lammps_atoms(tmp_path / "other.lmp")
+
+
+@pytest.mark.parametrize(
+    ("name", "text", "message"),
+    [
+        ("dump.lammpstrj", SOFT, "it is a dump of LAMMPS"),
+        ("grains.lmp", "grains\n\n5 atoms\n\n0 1 xlo xhi\n", "it is a data file of LAMMPS"),
+        ("Chute.data", "1 0 0 0 0 1 1 1\n", "it is a file of MercuryDPM"),
+        ("places.txt", "0.5 0.5 0.5\n", "write a table of numbers as .csv, with a line of names first: x,y,z"),
+    ],
+)
+def test_files_that_have_to_be_converted_are_told_how(command, tmp_path, name, text, message):
+    (tmp_path / name).write_text(text)
+    start = {
+        "domain": {"size": [8, 9, 10]},
+        "species": [{"name": "a", "count": 20, "radius": 0.5, "mass": 2.0}],
+        "initial": {"positions": {"file": str(tmp_path / name)}},
+        "run": {"until": 0.5},
+    }
+    with pytest.raises(haff.FileError, match=message) as error:
+        haff.Simulation(start)
+    assert "scenes start from output files of haff, or from .gsd, .xyz, .extxyz, .csv" in str(error.value)
+    failed = command("check", haff.save_scene(start, tmp_path / "scene.toml"), check=False)
+    assert failed.returncode == 4 and message in failed.stderr, failed.stderr
 
 
 def test_a_scene_starts_from_a_data_file_of_mercury(tmp_path):

@@ -47,7 +47,7 @@ def test_a_single_vector_is_given_to_all_particles():
     np.testing.assert_array_equal(gas.velocities, np.tile([0.0, 0.0, 1.0], (200, 1)))
     with pytest.raises(ValueError, match="shape"):
         gas.velocities = np.zeros((3, 2))
-    with pytest.raises(ValueError, match="needs a finite position and velocity"):
+    with pytest.raises(ValueError, match=r"velocities\[0, 0\] = NaN: must be a finite number"):
         gas.velocities = np.nan
 
 
@@ -84,7 +84,7 @@ def test_particles_are_added_and_removed():
         gas.add([1.0, 1.0, 1.0], species="sand")
     with pytest.raises(ValueError, match="radius: must be given"):
         gas.add([1.0, 1.0, 1.0])
-    with pytest.raises(ValueError, match="rows must be within"):
+    with pytest.raises(ValueError, match=r"rows = 500: must be rows, whole numbers from -\d+ to \d+, or a mask"):
         gas.remove(500)
 
 

@@ -148,7 +148,7 @@ def test_density_conversions_are_inverse():
 
 
 def test_invalid_dimension_and_equation_are_refused():
-    with pytest.raises(ValueError, match="d = 4 must be 2 or 3"):
+    with pytest.raises(ValueError, match="d = 4: must be a whole number from 2 to 3"):
         theory.collision_frequency(1, 1, d=4)
     with pytest.raises(ValueError, match="klm"):
         theory.contact_value(0.1, 2, "klm")

@@ -4,6 +4,8 @@
 //! rest again by their next contacts. Energy and momentum that it gives are terms of the balances, and the
 //! event log has a row for it. It is a function of the state alone, so that the run stays reproducible.
 
+mod checks;
+
 use std::collections::BTreeMap;
 
 use glam::DVec3;
@@ -18,7 +20,7 @@ use crate::{
     ledger::Term,
     measure::{self, Totals},
     measurements::WallSums,
-    model::{Body, Boundary, Class, Dimension, Domain, System},
+    model::{Body, Class, Domain, System},
     overlap,
     particles::World,
     report::{EventKind, EventRecord, Exchange, NO_PARTNER, Observer, Partner, VelocityChange},
@@ -234,18 +236,7 @@ impl Simulation {
         let refuse = |what: String| Err(EngineError::Change(what));
         let frame = self.frame();
         let count = frame.position.len();
-        let given = [
-            ("positions", &change.positions),
-            ("velocities", &change.velocities),
-            ("angular velocities", &change.angular_velocities),
-        ];
-        for (name, given) in given {
-            if let Some(given) = given
-                && given.len() != count
-            {
-                return refuse(format!("{} {name} for {count} particles", given.len()));
-            }
-        }
+        checks::given(&self.system, change, count).map_err(EngineError::Change)?;
         if (!change.add.is_empty() || !change.remove.is_empty()) && self.system.measure.correlations.any() {
             return refuse("correlations follow the particles: none can be added or removed".to_owned());
         }
@@ -285,11 +276,8 @@ impl Simulation {
                 species: self.species.of(world, i),
             };
             if let Some(positions) = &change.positions {
-                let (position, wraps) = given_position(world, positions[k]);
-                body.position = position;
-                for (image, turns) in body.image.iter_mut().zip(wraps) {
-                    *image = image.wrapping_add(turns);
-                }
+                (body.position, body.image) =
+                    checks::wrapped(world, positions[k], body.image).map_err(EngineError::Change)?;
             }
             system.bodies.push(body);
             let spin = change.angular_velocities.as_ref().map(|spins| spins[k]);
@@ -297,33 +285,22 @@ impl Simulation {
             survivors.push(i);
         }
         for new in &change.add {
-            let class = added_class(&mut system, new)?;
-            let (position, image) = given_position(world, new.position);
+            let class = added_class(&mut system, new);
+            let (position, image) =
+                checks::wrapped(world, new.position, [0; 3]).map_err(EngineError::Change)?;
             let body = Body { position, velocity: new.velocity, image, class, species: new.species };
             system.bodies.push(body);
             angular_velocities.push(new.angular_velocity);
         }
-        let flat = system.dimension == Dimension::Two;
-        for (k, spin) in angular_velocities.iter().enumerate() {
-            if !spin.is_finite() || flat && (spin.x, spin.y) != (0.0, 0.0) {
-                let along = if flat { ", along z" } else { "" };
-                return refuse(format!("particle {k} needs a finite angular velocity{along}"));
-            }
-        }
         if let Some(spin) = &mut system.spin {
             spin.angular_velocity = angular_velocities;
-        }
-        for (k, body) in system.bodies.iter().enumerate() {
-            if !(body.position.is_finite() && body.velocity.is_finite()) {
-                return refuse(format!("particle {k} needs a finite position and velocity"));
-            }
-            if flat && (body.position.z != 0.0 || body.velocity.z != 0.0) {
-                return refuse(format!("particle {k} leaves the plane z = 0"));
-            }
         }
         if system.bodies.is_empty() {
             return refuse("no particle is left".to_owned());
         }
+        checks::places(&system, change, survivors.len()).map_err(EngineError::Change)?;
+        checks::fixed_bodies(&system, survivors.len()).map_err(EngineError::Change)?;
+        drop_unused_classes(&mut system);
         Ok((system, survivors))
     }
 
@@ -380,40 +357,34 @@ impl Simulation {
     }
 }
 
-/// A position from outside, wrapped into the box, and its image numbers. Under shear the velocity that is
-/// given with it is the one in the box.
-fn given_position(world: &World, position: DVec3) -> (DVec3, [i32; 3]) {
-    let (position, wraps, _) = world.wrap(position, world.now);
-    (position, wraps)
+/// Removes the classes that no particle has any more. The length of a tick and the choice of the search
+/// follow from sizes and masses of all classes, so that those of removed particles would still set them.
+fn drop_unused_classes(system: &mut System) {
+    let mut used = vec![false; system.classes.len()];
+    system.bodies.iter().for_each(|body| used[body.class as usize] = true);
+    let mut left = 0;
+    let renumbered: Vec<u32> = used
+        .iter()
+        .map(|&used| {
+            left += u32::from(used);
+            left.saturating_sub(1)
+        })
+        .collect();
+    system.bodies.iter_mut().for_each(|body| body.class = renumbered[body.class as usize]);
+    let mut used = used.into_iter();
+    system.classes.retain(|_| used.next().unwrap_or(true));
 }
 
-/// The class of an added particle.
-fn added_class(system: &mut System, new: &NewParticle) -> Result<u32, EngineError> {
-    let refuse = |what: &str| Err(EngineError::Change(what.to_owned()));
-    if !(new.radius > 0.0 && new.radius.is_finite()) {
-        return refuse("a radius must be positive and finite");
-    }
-    if system.domain.shear.is_some() && new.mass == f64::INFINITY {
-        return refuse("a sheared system has no bodies of infinite mass");
-    }
-    if new.mass <= 0.0 || new.mass.is_nan() {
-        return refuse("a mass must be positive; infinite for a fixed or driven body");
-    }
-    let periodic = |axis: &usize| system.domain.boundary[*axis] == Boundary::Periodic;
-    let edges = (0..system.dimension.count()).filter(periodic).map(|axis| system.domain.size[axis]);
-    if edges.fold(f64::INFINITY, f64::min) < 2.0 * new.radius {
-        return refuse("a particle must be smaller than the periodic box");
-    }
-    let Some(name) = system.species.get(new.species as usize) else { return refuse("an unknown species") };
-    let Some(group) = system.groups.iter().position(|group| group.name == *name) else {
-        return refuse("a species without laws of contact");
-    };
+/// The class of an added particle, whose values have been checked.
+fn added_class(system: &mut System, new: &NewParticle) -> u32 {
+    let name = &system.species[new.species as usize];
+    let group = system.groups.iter().position(|group| group.name == *name).unwrap_or(0);
     let class = Class { radius: new.radius, mass: new.mass, group: group as u32 };
     let found = system.classes.iter().position(|known| *known == class);
-    Ok(found.unwrap_or_else(|| {
+    found.unwrap_or_else(|| {
         system.classes.push(class);
         system.classes.len() - 1
-    }) as u32)
+    }) as u32
 }
 
 impl WallSums {

@@ -4,6 +4,7 @@
 //! passes each event to an [`Observer`]. The engine does not depend on the formats of scene files and output
 //! files.
 
+pub mod bounds;
 pub mod model;
 pub mod report;
 

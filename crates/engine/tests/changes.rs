@@ -6,9 +6,10 @@ mod common;
 use common::{Log, Random, add, class, gas, scatter_within_room, set_restitution, system};
 use glam::DVec3;
 use haff_engine::{
-    Boundary, Change, Dimension, Drive, DriveKind, EngineError, EventKind, KickTimes, NeighborChoice,
-    NewParticle, Options, Silent, Simulation, System, Term, Until,
+    Boundary, Change, Dimension, Drive, DriveKind, EngineError, EventKind, Hole, KickTimes, NeighborChoice,
+    NewParticle, Options, Oscillating, Partition, Silent, Simulation, System, Term, Until, Wall, WallMotion,
 };
+use haff_mechanics::{Oscillation, Waveform};
 
 fn until(time: f64) -> Until {
     Until { time, ..Until::default() }
@@ -153,29 +154,45 @@ fn impossible_changes_are_refused_and_change_nothing() {
     let before = (simulation.state_hash(), simulation.ledger());
     let place = simulation.frame().position[3];
     let rows = |vector: DVec3, count: usize| Some(vec![vector; count]);
+    let added = |set: fn(&mut NewParticle)| {
+        let mut particle = new(place, DVec3::X);
+        set(&mut particle);
+        Change { add: vec![particle], ..Change::default() }
+    };
     for (change, expected) in [
-        (Change { velocities: rows(DVec3::X, 3), ..Change::default() }, "3 velocities for 64 particles"),
+        (
+            Change { velocities: rows(DVec3::X, 3), ..Change::default() },
+            "velocities: 3 vectors for 64 particles",
+        ),
         (
             Change { velocities: rows(DVec3::NAN, 64), ..Change::default() },
-            "particle 0 needs a finite position",
+            "velocities[0, 0] = NaN: must be a finite number, at most 1e50 in size",
+        ),
+        (
+            Change { velocities: rows(DVec3::Y * 1e200, 64), ..Change::default() },
+            "velocities[0, 1] = 1e200: must be",
         ),
         (Change { positions: rows(DVec3::X, 64), ..Change::default() }, "would overlap with"),
+        (
+            Change { positions: rows(DVec3::Z * 1e12, 64), ..Change::default() },
+            "positions[0, 2] = 1e12: must be at most",
+        ),
         (Change { remove: vec![1, 1], ..Change::default() }, "particle 1 is removed twice"),
         (Change { remove: vec![64], ..Change::default() }, "there is no particle 64 of 64"),
         (Change { remove: (0..64).collect(), ..Change::default() }, "no particle is left"),
         (Change { add: vec![new(place, DVec3::ZERO)], ..Change::default() }, "would overlap with particle"),
+        (added(|new| new.mass = -1.0), "mass[0] = -1: must be a positive number, or inf"),
+        (added(|new| new.mass = 1e60), "mass[0] = 1e60: must be between 1e-50 and 1e50"),
+        (added(|new| new.radius = 0.0), "radius[0] = 0: must be a positive finite number"),
+        (added(|new| new.radius = 1e-30), "radius[0] = 1e-30: must be at least"),
+        (added(|new| new.radius = 90.0), "radius[0] = 90: must be at most"),
+        (added(|new| new.velocity.x = -1e200), "velocities[0, 0] = -1e200: must be a finite number"),
         (
-            Change { add: vec![NewParticle { mass: -1.0, ..new(place, DVec3::X) }], ..Change::default() },
-            "a mass must be positive",
+            added(|new| new.angular_velocity.z = 1e200),
+            "angular_velocities[0, 2] = 1e200: must be a finite number",
         ),
-        (
-            Change { add: vec![NewParticle { radius: 90.0, ..new(place, DVec3::X) }], ..Change::default() },
-            "smaller than the periodic box",
-        ),
-        (
-            Change { add: vec![NewParticle { species: 9, ..new(place, DVec3::X) }], ..Change::default() },
-            "an unknown species",
-        ),
+        (added(|new| new.angular_velocity.z = 1.0), "the scene has no spin"),
+        (added(|new| new.species = 9), "species = 9: must be one of 1"),
     ] {
         match simulation.change(&change, &mut Silent) {
             Err(EngineError::Change(why)) => assert!(why.contains(expected), "{why}, not {expected}"),
@@ -188,6 +205,101 @@ fn impossible_changes_are_refused_and_change_nothing() {
     let mut followed = start(&system);
     let refused = followed.change(&Change { remove: vec![0], ..Change::default() }, &mut Silent);
     assert!(matches!(refused, Err(EngineError::Change(why)) if why.contains("correlations follow")));
+    let positions = Some(followed.frame().position);
+    let refused = followed.change(&Change { positions, ..Change::default() }, &mut Silent);
+    assert!(matches!(refused, Err(EngineError::Change(why)) if why.contains("mean square displacement")));
+}
+
+/// What a change of a system says that cannot be made.
+fn refusal(system: &System, change: &Change) -> String {
+    match start(system).change(change, &mut Silent) {
+        Err(EngineError::Change(why)) => why,
+        other => panic!("{other:?}"),
+    }
+}
+
+#[test]
+fn particles_that_no_scene_can_have_are_not_added() {
+    let add_one = |particle: NewParticle| Change { add: vec![particle], ..Change::default() };
+    let mut sheared = gas(4, 0.05, 1.0, 7);
+    let edge = sheared.domain.size.x;
+    sheared.domain.shear = Some(haff_engine::Shear { flow: 0, gradient: 1, rate: 0.1, offset: 0.0 });
+    let place = DVec3::splat(0.3);
+    let wide = NewParticle { radius: 0.3 * edge, ..new(place, DVec3::X) };
+    assert!(refusal(&sheared, &add_one(wide)).contains("radius[0] ="));
+    let fixed = NewParticle { mass: f64::INFINITY, radius: 0.01, ..new(place, DVec3::ZERO) };
+    assert!(refusal(&sheared, &add_one(fixed)).contains("must be finite in a sheared box"));
+
+    // Two bodies of infinite mass that overlap; one that an oscillating wall would sweep through.
+    let mut vibrated = system(Dimension::Three, DVec3::splat(8.0), [Boundary::Wall; 3]);
+    let grain = class(&mut vibrated, 0.5, f64::INFINITY);
+    add(&mut vibrated, grain, DVec3::splat(4.0), DVec3::ZERO);
+    let fixed = |z: f64| NewParticle { mass: f64::INFINITY, ..new(DVec3::new(4.0, 4.0, z), DVec3::ZERO) };
+    assert!(
+        refusal(&vibrated, &add_one(fixed(4.5)))
+            .contains("particle 0 would overlap with particle 1 by 5.0e-1")
+    );
+    let oscillation = Oscillation { waveform: Waveform::Sine, amplitude: 0.4, frequency: 1.0 };
+    vibrated.walls[4].motion = WallMotion::Oscillating(Oscillating { oscillation, cycles: 0.0 });
+    assert!(
+        refusal(&vibrated, &add_one(fixed(0.8))).contains("would sweep through this body of infinite mass")
+    );
+    start(&vibrated).change(&add_one(fixed(1.0)), &mut Silent).unwrap();
+
+    // A hole must be larger than every particle.
+    let mut parted = system(Dimension::Three, DVec3::splat(8.0), [Boundary::Wall; 3]);
+    let grain = class(&mut parted, 0.1, 1.0);
+    add(&mut parted, grain, DVec3::splat(2.0), DVec3::ZERO);
+    let (point, normal) = (DVec3::splat(4.0), DVec3::X);
+    let partition = Some(Partition { point, normal, hole: Some(Hole { center: point, radius: 0.4 }) });
+    parted.walls.push(Wall { name: "sieve".to_owned(), point, normal, motion: WallMotion::Fixed, partition });
+    let law = parted.contacts.wall[0];
+    parted.contacts.wall.push(law);
+    let large = NewParticle { radius: 0.4, ..new(DVec3::new(2.0, 2.0, 6.0), DVec3::ZERO) };
+    assert!(refusal(&parted, &add_one(large)).contains("must be smaller than every hole"));
+}
+
+/// What a search has done up to a time, per collision: predictions, windows, epochs; and the search.
+fn work(simulation: &mut Simulation, time: f64) -> ([f64; 3], NeighborChoice) {
+    let before = simulation.counters();
+    simulation.advance(until(time), &mut Silent).unwrap();
+    let now = simulation.counters();
+    let collisions = (now.collisions - before.collisions) as f64;
+    let since = |now: u64, before: u64| (now - before) as f64 / collisions;
+    let counts = [
+        since(now.predictions, before.predictions),
+        since(now.windows, before.windows),
+        since(now.epochs, before.epochs),
+    ];
+    (counts, simulation.neighbors())
+}
+
+#[test]
+fn a_removed_particle_no_longer_sets_the_search_and_the_tick() {
+    let light = (Boundary::Periodic, 1e-12, DVec3::ZERO);
+    let fixed = (Boundary::Wall, f64::INFINITY, DVec3::new(0.0, 0.0, -1.0));
+    for (boundary, mass, gravity) in [light, fixed] {
+        let mut system = system(Dimension::Three, DVec3::splat(16.0), [boundary; 3]);
+        system.domain.gravity = gravity;
+        let grain = class(&mut system, 0.5, 1.0);
+        scatter_within_room(&mut system, grain, 400, 1.0, &mut Random(6));
+        let odd = class(&mut system, 0.25, mass);
+        scatter_within_room(&mut system, odd, 1, 1.0, &mut Random(7));
+        // A thermostat gives a light particle a speed that the tick has to suit.
+        let kind = DriveKind::Andersen { temperature: 1.0, rate: 0.1 };
+        system.drives.push(Drive { kind, species: vec![0] });
+        let mut simulation = start(&system);
+        let remove = Change { remove: vec![400], ..Change::default() };
+        simulation.change(&remove, &mut Silent).unwrap();
+        system.bodies.pop();
+        system.classes.pop();
+        let mut fresh = start(&system);
+        let (left, without) = (work(&mut simulation, 2.0), work(&mut fresh, 2.0));
+        assert_eq!(left.1, without.1, "mass {mass}");
+        for (left, without) in left.0.into_iter().zip(without.0) {
+            assert!(left <= 1.1 * without + 0.01, "mass {mass}: {left} per collision, {without} without it");
+        }
+    }
 }
 
 /// The busy system without drives, after a while, and its system with the changes of `change`.

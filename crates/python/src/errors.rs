@@ -8,6 +8,7 @@ use pyo3::{import_exception, intern, prelude::*, types::PyDict};
 mod python {
     use super::import_exception;
 
+    import_exception!(haff.errors, ArgumentError);
     import_exception!(haff.errors, FileError);
     import_exception!(haff.errors, SceneError);
     import_exception!(haff.errors, SimulationError);
@@ -16,7 +17,8 @@ mod python {
 /// A scene's errors. Without a file, line numbers are omitted: they refer to generated text.
 pub fn scene(py: Python<'_>, errors: &SceneErrors, has_file: bool) -> PyErr {
     if errors.kind() == ErrorKind::Unreadable {
-        return python::FileError::new_err(errors.to_string());
+        let texts = errors.errors.iter().map(|error| placed(error, has_file).to_string());
+        return python::FileError::new_err(texts.collect::<Vec<_>>().join("\n"));
     }
     // Errors beyond the first ones are only counted: a last one has their number.
     let rest = (errors.more > 0).then(|| SceneError {
@@ -34,12 +36,18 @@ pub fn scene(py: Python<'_>, errors: &SceneErrors, has_file: bool) -> PyErr {
     }
 }
 
-/// A `haff.errors.SceneProblem`.
-fn problem(py: Python<'_>, error: &SceneError, has_file: bool) -> PyResult<Py<PyAny>> {
+/// An error without a line, if that is one of generated text.
+fn placed(error: &SceneError, has_file: bool) -> SceneError {
     let mut shown = error.clone();
     if !has_file && matches!(error.place, Place::File { .. }) {
         shown.place = Place::Whole;
     }
+    shown
+}
+
+/// A `haff.errors.SceneProblem`.
+fn problem(py: Python<'_>, error: &SceneError, has_file: bool) -> PyResult<Py<PyAny>> {
+    let shown = placed(error, has_file);
     let text = shown.to_string();
     let line = match &shown.place {
         Place::File { line, .. } => Some(*line),
@@ -55,6 +63,16 @@ fn problem(py: Python<'_>, error: &SceneError, has_file: bool) -> PyResult<Py<Py
     fields.set_item("message", &error.message)?;
     let class = py.import(intern!(py, "haff.errors"))?.getattr(intern!(py, "SceneProblem"))?;
     Ok(class.call((), Some(&fields))?.unbind())
+}
+
+/// An argument that is not possible.
+pub fn argument(why: String) -> PyErr {
+    python::ArgumentError::new_err(why)
+}
+
+/// Threads that the system does not give.
+pub fn threads(why: String) -> PyErr {
+    python::SimulationError::new_err(why)
 }
 
 /// An error of a simulation, at its start or later.

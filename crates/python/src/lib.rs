@@ -16,6 +16,7 @@ mod observables;
 mod scenes;
 mod simulation;
 mod text;
+mod threads;
 
 /// The module.
 #[pyo3::pymodule]
@@ -26,6 +27,14 @@ mod _engine {
         simulation::Simulation,
         text::{document, value},
     };
+
+    // The form that pyo3 asks for.
+    #[allow(clippy::unnecessary_wraps)]
+    #[pymodule_init]
+    fn init(_module: &pyo3::Bound<'_, pyo3::types::PyModule>) -> pyo3::PyResult<()> {
+        super::threads::remember_process();
+        Ok(())
+    }
 
     #[pymodule_export]
     const VERSION: &str = env!("CARGO_PKG_VERSION");

@@ -7,7 +7,7 @@ use haff_scene::{Scene, State, StateSource};
 use numpy::PyReadonlyArrayDyn;
 use pyo3::{intern, prelude::*};
 
-use crate::errors;
+use crate::{errors, threads};
 
 /// A scene passed from Python.
 #[derive(FromPyObject)]
@@ -27,7 +27,8 @@ impl Source {
     /// Reads and checks it.
     pub fn scene(&self, py: Python<'_>) -> PyResult<Scene> {
         // Packing many particles takes long: other Python threads may run.
-        py.detach(|| haff_scene::parse(&self.name, &self.text, &self.overrides, &Files))
+        py.detach(|| threads::shared(|| haff_scene::parse(&self.name, &self.text, &self.overrides, &Files)))
+            .map_err(errors::threads)?
             .map_err(|errors| errors::scene(py, &errors, self.has_file))
     }
 

@@ -1,5 +1,7 @@
 //! A simulation that Python advances.
 
+use std::{cell::RefCell, sync::Arc};
+
 use glam::DVec3;
 use haff_engine::{
     Boundary, Change, Domain, EngineError, EventColumn, EventKind, Grid, NewParticle, Present, Sizes, Stop,
@@ -8,13 +10,14 @@ use haff_engine::{
 use haff_linkage::AnySimulation;
 use haff_scene::Scene;
 use numpy::{PyArray1, PyArray2, PyReadonlyArray2};
-use parking_lot::{Mutex, MutexGuard};
-use pyo3::{exceptions::PyValueError, prelude::*, types::PyDict};
+use parking_lot::{ArcMutexGuard, Mutex, MutexGuard, RawMutex};
+use pyo3::{prelude::*, types::PyDict};
 
 use crate::{
     arrays::{column, triples, vector, vectors},
     errors, events, measured, observables,
     scenes::Source,
+    threads::Threads,
 };
 
 /// Calendar entries between two checks for Ctrl-C: a few tens of milliseconds.
@@ -33,9 +36,15 @@ type Frame<'py> = (
 /// A particle to be added: position, velocity, angular velocity, radius, mass, index of the species.
 type Added = ([f64; 3], [f64; 3], [f64; 3], f64, f64, u32);
 
+thread_local! {
+    /// Locks that [`Simulation::hold`] has taken.
+    static HELD: RefCell<Vec<ArcMutexGuard<RawMutex, Moving>>> = const { RefCell::new(Vec::new()) };
+}
+
 /// The mutable part.
 struct Moving {
     simulation: AnySimulation,
+    threads: Threads,
     log: events::Log,
     /// Whether the state has been changed from outside.
     changed: bool,
@@ -44,9 +53,9 @@ struct Moving {
 /// A running simulation. Other threads may read while one advances: they get the lock between slices.
 #[pyclass(frozen, module = "haff._engine")]
 pub struct Simulation {
-    moving: Mutex<Moving>,
-    /// Its own threads, unless it shares those of the process.
-    pool: Option<rayon::ThreadPool>,
+    moving: Arc<Mutex<Moving>>,
+    /// Number of its own threads, unless it shares those of the process.
+    own_threads: Option<usize>,
     name: String,
     dimension: usize,
     present: Present,
@@ -105,19 +114,19 @@ impl Columns {
 }
 
 impl Simulation {
-    fn read<R: Send>(&self, py: Python<'_>, f: impl FnOnce(&mut Moving) -> R + Send) -> R {
+    fn read<R: Send>(&self, py: Python<'_>, f: impl FnOnce(&mut Moving) -> R + Send) -> PyResult<R> {
         // Without the interpreter's lock, which the thread that advances needs to release this one.
-        py.detach(|| {
+        let result = py.detach(|| {
             let mut guard = self.moving.lock();
+            let mut threads = std::mem::take(&mut guard.threads);
             let moving: &mut Moving = &mut guard;
-            let result = match &self.pool {
-                Some(pool) => pool.install(|| f(moving)),
-                None => f(moving),
-            };
+            let result = threads.run(|| f(moving));
+            guard.threads = threads;
             // A fair unlock: otherwise the next slice would take the lock again before a waiting thread.
             MutexGuard::unlock_fair(guard);
             result
-        })
+        });
+        result.map_err(errors::threads)
     }
 }
 
@@ -128,14 +137,8 @@ impl Simulation {
     // Taken from a dict, by value.
     #[allow(clippy::needless_pass_by_value)]
     fn new(py: Python<'_>, source: Source, threads: Option<usize>, events: bool) -> PyResult<Self> {
-        let pool = threads.map(|threads| match threads {
-            1..=1024 => rayon::ThreadPoolBuilder::new()
-                .num_threads(threads)
-                .build()
-                .map_err(|error| PyValueError::new_err(format!("threads = {threads}: {error}"))),
-            _ => Err(PyValueError::new_err(format!("threads = {threads}: must be in 1 … 1024"))),
-        });
-        let pool = pool.transpose()?;
+        let own_threads = threads;
+        let mut threads = Threads::new(own_threads);
         let Scene { system, joints, title, seed, run, options, resolved, packing_fraction, .. } =
             source.scene(py)?;
         let properties = |body: &haff_engine::Body| {
@@ -154,18 +157,17 @@ impl Simulation {
         let present = Present { springs: !joints.springs.is_empty(), ..Present::of(&system) };
         let start = || AnySimulation::new(system, joints, options);
         let simulation = py
-            .detach(|| match &pool {
-                Some(pool) => pool.install(start),
-                None => start(),
-            })
+            .detach(|| threads.run(start))
+            .map_err(errors::threads)?
             .map_err(|error| errors::simulation(py, &error, source.name()))?;
         Ok(Self {
-            moving: Mutex::new(Moving {
+            moving: Arc::new(Mutex::new(Moving {
                 simulation,
+                threads,
                 log: events::Log { enabled: events, ..events::Log::default() },
                 changed: false,
-            }),
-            pool,
+            })),
+            own_threads,
             name: source.name().to_owned(),
             dimension,
             present,
@@ -191,7 +193,7 @@ impl Simulation {
         loop {
             let bounds = Until { time: until, collisions, entries: SLICE };
             let stop = self
-                .read(py, |Moving { simulation, log, .. }| simulation.advance(bounds, log))
+                .read(py, |Moving { simulation, log, .. }| simulation.advance(bounds, log))?
                 .map_err(|error| errors::simulation(py, &error, &self.name))?;
             match stop {
                 Stop::Time => return Ok("until"),
@@ -239,22 +241,38 @@ impl Simulation {
             add: add.collect(),
         };
         let properties = self
-            .read(py, |Moving { simulation, log, changed }| match simulation {
+            .read(py, |Moving { simulation, log, changed, .. }| match simulation {
                 AnySimulation::Granular(granular) => {
                     granular.change(&change, log)?;
                     *changed = true;
                     Ok(Some(granular.properties()))
                 }
                 AnySimulation::Linkage(_) => Ok(None),
-            })
-            .map_err(|error: EngineError| PyValueError::new_err(error.to_string()))?;
+            })?
+            .map_err(|error: EngineError| errors::argument(error.to_string()))?;
         let properties = properties.ok_or_else(|| {
             let why =
                 "the state cannot be changed: the scene has pendulums, springs, rods or sticking contacts";
-            PyValueError::new_err(why)
+            errors::argument(why.to_owned())
         })?;
         *self.columns.lock() = Columns::new(py, &properties, self.inertia.as_deref());
         Ok(())
+    }
+
+    /// Waits until no thread advances the simulation, and lets none do so until [`Self::release`] is called
+    /// in the same thread. Between the two the process can be forked: the copy is at the end of a slice.
+    fn hold(&self, py: Python<'_>) {
+        py.detach(|| {
+            let guard = self.moving.lock_arc();
+            HELD.with_borrow_mut(|held| held.push(guard));
+        });
+    }
+
+    /// Ends [`Self::hold`], in the process and in its copy.
+    fn release(&self) {
+        let own =
+            |guard: &ArcMutexGuard<RawMutex, Moving>| Arc::ptr_eq(ArcMutexGuard::mutex(guard), &self.moving);
+        HELD.with_borrow_mut(|held| held.retain(|guard| !own(guard)));
     }
 
     #[getter]
@@ -278,12 +296,12 @@ impl Simulation {
     }
 
     #[getter]
-    fn time(&self, py: Python<'_>) -> f64 {
+    fn time(&self, py: Python<'_>) -> PyResult<f64> {
         self.read(py, |moving| moving.simulation.time())
     }
 
     fn frame<'py>(&self, py: Python<'py>) -> PyResult<Frame<'py>> {
-        let frame = self.read(py, |moving| moving.simulation.frame());
+        let frame = self.read(py, |moving| moving.simulation.frame())?;
         Ok((
             frame.time,
             frame.step,
@@ -295,35 +313,35 @@ impl Simulation {
     }
 
     fn sample<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
-        let (sample, changed) = self.read(py, |moving| (moving.simulation.sample(), moving.changed));
+        let (sample, changed) = self.read(py, |moving| (moving.simulation.sample(), moving.changed))?;
         let mut present = self.present;
         present.terms[Term::Change as usize] = changed;
         observables::sample(py, &sample, present, self.sizes)
     }
 
     fn counters<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
-        let counters = self.read(py, |moving| moving.simulation.counters());
+        let counters = self.read(py, |moving| moving.simulation.counters())?;
         observables::counters(py, counters)
     }
 
     fn take_events<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
-        let rows = self.read(py, |moving| std::mem::take(&mut moving.log.rows));
+        let rows = self.read(py, |moving| std::mem::take(&mut moving.log.rows))?;
         events::columns(py, &rows, self.extra_columns)
     }
 
     /// The rows of profiles since the last call, by the letters of the axes.
     fn take_profiles<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
-        let rows = self.read(py, |moving| std::mem::take(&mut moving.log.profiles));
+        let rows = self.read(py, |moving| std::mem::take(&mut moving.log.profiles))?;
         measured::profiles(py, &self.grids, &rows, self.dimension)
     }
 
     /// The correlations in time so far, by name.
     fn correlations<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
-        let found = self.read(py, |moving| moving.simulation.correlations());
+        let found = self.read(py, |moving| moving.simulation.correlations())?;
         measured::correlations(py, &found)
     }
 
-    fn max_overlap(&self, py: Python<'_>) -> f64 {
+    fn max_overlap(&self, py: Python<'_>) -> PyResult<f64> {
         self.read(py, |moving| {
             // The value is returned even if it exceeds rounding.
             let _ = moving.simulation.measure_overlap();
@@ -332,18 +350,18 @@ impl Simulation {
     }
 
     #[getter]
-    fn state_hash(&self, py: Python<'_>) -> String {
+    fn state_hash(&self, py: Python<'_>) -> PyResult<String> {
         self.read(py, |moving| moving.simulation.state_hash())
     }
 
     #[getter]
-    fn neighbors(&self, py: Python<'_>) -> &'static str {
+    fn neighbors(&self, py: Python<'_>) -> PyResult<&'static str> {
         self.read(py, |moving| moving.simulation.search())
     }
 
     #[getter]
     fn threads(&self) -> usize {
-        self.pool.as_ref().map_or_else(rayon::current_num_threads, rayon::ThreadPool::current_num_threads)
+        self.own_threads.unwrap_or_else(rayon::current_num_threads)
     }
 
     #[getter]
@@ -358,9 +376,9 @@ impl Simulation {
 
     /// Edge vectors of a sheared box at the present, by row.
     #[getter]
-    fn sheared_edges(&self, py: Python<'_>) -> Option<[[f64; 3]; 3]> {
-        self.read(py, |moving| moving.simulation.moving_edges())
-            .map(|edges| edges.map(|edge| edge.to_array()))
+    fn sheared_edges(&self, py: Python<'_>) -> PyResult<Option<[[f64; 3]; 3]>> {
+        let edges = self.read(py, |moving| moving.simulation.moving_edges())?;
+        Ok(edges.map(|edges| edges.map(|edge| edge.to_array())))
     }
 
     #[getter]

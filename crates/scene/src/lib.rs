@@ -38,6 +38,7 @@ mod error;
 #[cfg(test)]
 mod fuzz;
 mod grid;
+pub mod import;
 pub mod joints;
 mod misplaced;
 mod packing;

@@ -260,7 +260,7 @@ fn recorded_state_sets_positions_velocities_radii_and_box() {
 #[test]
 fn recorded_state_that_does_not_fit_the_scene_is_refused() {
     type Change = fn(&mut State);
-    let cases: [(Change, &str); 8] = [
+    let cases: [(Change, &str); 10] = [
         (
             |s| {
                 s.position.pop();
@@ -270,7 +270,18 @@ fn recorded_state_that_does_not_fit_the_scene_is_refused() {
         (|s| s.radius[1] = 0.9, "particle 1 of the file has radius 0.9, species \"a\" wants 0.4 to 0.8"),
         (|s| s.mass = Some(vec![1.0, 1.0, 2.0]), "particle 2 of the file has mass 2, species \"a\" wants 1"),
         (|s| s.position[1].x = 1.9, "particles 0 and 1 overlap by 2.0e-1"),
-        (|s| s.velocity = Some(vec![DVec3::NAN; 3]), "no finite position and velocity"),
+        (
+            |s| s.velocity = Some(vec![DVec3::NAN; 3]),
+            "has the velocity NaN along x: it must be a finite number",
+        ),
+        (
+            |s| s.velocity = Some(vec![DVec3::new(0.0, 1e200, 0.0); 3]),
+            "particle 0 of the file has the velocity 1e200 along y: it must be a finite number, at most 1e50 in size",
+        ),
+        (
+            |s| s.angular_velocity = Some(vec![DVec3::splat(1e200); 3]),
+            "no angular velocity up to 1e50 in size",
+        ),
         (|s| s.size = Some(DVec3::new(10.0, 10.0, 0.0)), "the file has no box"),
         (|s| s.size = None, "the file has no box"),
         (|s| s.velocity = None, "the file has no velocities: give initial.temperature"),

@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from ..arguments import positive
 from ..layout import computing
+from .checked import checked
 from .pairs import require_room
 from .trees import near_pairs
 
@@ -32,6 +33,7 @@ class Clusters(NamedTuple):
         return int(self.sizes[0])
 
 
+@checked
 def clusters(frame: Frame, distance: float = 1.1) -> Clusters:
     """Clusters of a frame: particles that are linked, directly or by others.
 

@@ -10,6 +10,7 @@ from .. import theory
 from ..errors import NotApplicableError
 from ..layout import Array
 from ..recorded import is_rough
+from .checked import checked
 from .energies import temperature
 
 if TYPE_CHECKING:
@@ -37,6 +38,7 @@ class CoolingLaw(NamedTuple):
     """Whether all particles have one radius and one mass."""
 
 
+@checked
 def cooling_law(file: File) -> CoolingLaw:
     """The cooling law expected for the file's gas: a force-free periodic gas with one constant restitution, smooth.
 
@@ -74,6 +76,7 @@ def cooling_law(file: File) -> CoolingLaw:
     return CoolingLaw(T0, tau, 2 * total / len(file), e, 0.0, float("nan"), float("nan"), False)
 
 
+@checked
 def gas_restitution(file: File) -> float:
     """The coefficient of restitution of all normal impacts of a periodic gas.
 

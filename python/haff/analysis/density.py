@@ -11,6 +11,7 @@ from ..arguments import choice, count
 from ..errors import ArgumentError, NotApplicableError
 from ..layout import AXES, Array, computing
 from ..text import quoted
+from .checked import checked
 
 if TYPE_CHECKING:
     from ..frames import Box, Frame
@@ -41,6 +42,7 @@ class DensityField(NamedTuple):
         return float(np.prod([edge[1] - edge[0] for edge in self.edges]))
 
 
+@checked
 def density_field(
     frames: Frame | Iterable[Frame], cells: int | Sequence[int], quantity: str = "packing_fraction"
 ) -> DensityField:
@@ -116,7 +118,7 @@ def _region(frames: list, d: int) -> tuple[Array, Array]:
 
 
 def _cells(cells: int | Sequence[int], size: Array) -> tuple[int, ...]:
-    if isinstance(cells, (list, tuple, np.ndarray)):
+    if isinstance(cells, (list, tuple)) or (isinstance(cells, np.ndarray) and cells.ndim > 0):
         if len(cells) != len(size):
             axes = ", ".join(AXES[: len(size)])
             raise ArgumentError(f"cells = {quoted(cells)}: must be one number, or {len(size)}, of {axes}")

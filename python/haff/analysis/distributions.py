@@ -8,9 +8,10 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from ..arguments import count, positive
+from ..arguments import MOST_ROWS, count, positive
 from ..errors import NotApplicableError
 from ..layout import Array, computing
+from .checked import checked
 from .pairs import close_pairs, require_room
 
 if TYPE_CHECKING:
@@ -42,6 +43,7 @@ class PairDistributions(NamedTuple):
     """Distances counted; a pair of two centers is counted from both."""
 
 
+@checked
 def pair_distributions(
     frames: Iterable[Frame], r_max: float, bins: int, *, most_pairs: float | None = None, seed: int = 0
 ) -> PairDistributions:
@@ -71,7 +73,7 @@ def pair_distributions(
     NotApplicableError
         The box is not periodic, or not wider than 2 ``r_max``; there are no frames, or fewer than two particles.
     """
-    r_max, bins = positive("r_max", r_max), count("bins", bins)
+    r_max, bins, seed = positive("r_max", r_max), count("bins", bins), count("seed", seed, 0, MOST_ROWS)
     limit = math.inf if most_pairs is None else positive("most_pairs", most_pairs)
     chosen = list(frames)
     if not chosen:

@@ -7,13 +7,16 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from .. import arguments
 from ..errors import NotApplicableError
 from ..layout import Array
+from .checked import checked
 
 if TYPE_CHECKING:
     from ..frames import Frame
 
 
+@checked
 def kinetic_energy(frame: Frame) -> float:
     """Σ ½ m v² over bodies of finite mass, of translation [energy], summed exactly and rounded once.
 
@@ -23,6 +26,7 @@ def kinetic_energy(frame: Frame) -> float:
     return _energy(frame.mass[mobile], frame.peculiar_velocity[mobile])
 
 
+@checked
 def rotational_energy(frame: Frame) -> float:
     """Σ ½ I ω², I = q m R², over bodies of finite mass [energy], summed exactly and rounded once; 0 without spin."""
     if frame.inertia is None or frame.angular_velocity is None:
@@ -44,11 +48,18 @@ def _energy(mass: Array, velocity: Array) -> float:
     return total
 
 
+def _require_species(frame: Frame, species: object) -> None:
+    if species is not None:
+        arguments.count("species", species, 0, int(frame.species.max(initial=0)))
+
+
+@checked
 def temperature(frame: Frame, species: int | None = None) -> float:
     """T = Σ m|v − V|²/(dN) over bodies of finite mass, V their common centre-of-mass velocity [energy].
 
     ``species`` restricts the sum, not V. In a sheared box the velocities are those relative to the flow.
     """
+    _require_species(frame, species)
     mobile = np.isfinite(frame.mass)
     if not mobile.any():
         return float("nan")
@@ -61,11 +72,13 @@ def temperature(frame: Frame, species: int | None = None) -> float:
     return float(energy / (frame.box.dimension * chosen.sum()))
 
 
+@checked
 def rotational_temperature(frame: Frame, species: int | None = None) -> float:
     """T_rot = Σ I ω²/(rN) over bodies of finite mass [energy], of r = 3 axes of rotation, 1 in two dimensions.
 
     NaN without such bodies, or without spin. ``species`` restricts the sum.
     """
+    _require_species(frame, species)
     if frame.inertia is None or frame.angular_velocity is None:
         return float("nan")
     chosen = np.isfinite(frame.mass) if species is None else np.isfinite(frame.mass) & (frame.species == species)

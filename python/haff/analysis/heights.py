@@ -8,10 +8,11 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from ..arguments import choice, count
+from ..arguments import choice, count, reals
 from ..errors import ArgumentError, NotApplicableError
 from ..layout import AXES, Array, computing
 from ..text import quoted
+from .checked import checked
 
 if TYPE_CHECKING:
     from ..frames import Box, Frame
@@ -50,6 +51,7 @@ class HeightProfile(NamedTuple):
         return 0.5 * (self.edges[1:] + self.edges[:-1])
 
 
+@checked
 def height_axis(file: File) -> tuple[int, int]:
     """Axis of the height of a scene, and the sign of the direction upwards.
 
@@ -70,6 +72,7 @@ def height_axis(file: File) -> tuple[int, int]:
     return between[0], 1
 
 
+@checked
 def height_profile(
     frames: Iterable[Frame], bins: int, axis: str | None = None, limits: tuple[float, float] | None = None
 ) -> HeightProfile:
@@ -128,12 +131,12 @@ def _limits(
 ) -> tuple[float, float]:
     if limits is not None:
         try:
-            low, high = (float(value) for value in limits)
+            low, high = reals("limits", limits)
         except (TypeError, ValueError):
             low = high = np.nan
         if not (np.isfinite([low, high]).all() and low < high):
             raise ArgumentError(f"limits = {quoted(limits)}: must be two finite numbers, the lower one first")
-        return low, high
+        return float(low), float(high)
     box = frames[0].box
     if box.boundary[axis] != "open":
         return 0.0, float(box.size[axis])

@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
+from .checked import checked
 from .trees import near_pairs
 
 if TYPE_CHECKING:
@@ -21,6 +22,7 @@ class Overlap(NamedTuple):
     """Rows of the two particles, (−1, −1) if no pair is near contact."""
 
 
+@checked
 def max_overlap(frame: Frame) -> Overlap:
     """Deepest overlap of all close pairs of a frame, relative to the pair's contact distance.
 

@@ -9,9 +9,10 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from ..arguments import count, positive
+from ..arguments import MOST_ROWS, count, positive
 from ..errors import NotApplicableError
 from ..layout import Array, computing
+from .checked import checked
 
 if TYPE_CHECKING:
     from ..frames import Box, Frame
@@ -40,6 +41,7 @@ class StaticStructure(NamedTuple):
     """``[B]`` wave vectors used for each frame, of each **k** and −**k** one."""
 
 
+@checked
 def static_structure(
     frames: Iterable[Frame], k_max: float, bins: int, *, most_waves: int = 200, seed: int = 0
 ) -> StaticStructure:
@@ -67,6 +69,7 @@ def static_structure(
         The box is not periodic, no wave of it is as short as ``k_max``, or there are no frames.
     """
     k_max, bins, most_waves = positive("k_max", k_max), count("bins", bins), count("most_waves", most_waves)
+    seed = count("seed", seed, 0, MOST_ROWS)
     edges = np.linspace(0.0, k_max, bins + 1)
     sums, squares, numbers, lengths = (np.zeros(bins) for _ in range(4))
     waves, used = np.zeros(bins, np.int64), 0

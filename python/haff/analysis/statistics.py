@@ -7,7 +7,10 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
+from .. import arguments
 from ..errors import ArgumentError
+from ..text import quoted
+from .checked import checked
 
 if TYPE_CHECKING:
     from ..frames import Frame
@@ -22,6 +25,9 @@ class Estimate(NamedTuple):
 
     def z(self, expected: float, uncertainty: float = 0.0) -> float:
         """(mean − expected) in standard errors; ``uncertainty`` of the expectation is added in quadrature."""
+        expected = arguments.real("expected", expected)
+        if arguments.real("uncertainty", uncertainty) < 0:
+            raise ArgumentError(f"uncertainty = {quoted(uncertainty)}: must not be negative")
         return (self.mean - expected) / float(np.hypot(self.error, uncertainty))
 
 
@@ -31,10 +37,14 @@ def block_average(values: ArrayLike, blocks: int = 20, weights: ArrayLike | None
     The series is cut into ``blocks`` pieces of equal length (a remainder at the start is left out); blocks
     should be much longer than the correlation time.
     """
-    series = np.asarray(values, float)
+    series, blocks = arguments.reals("values", values), arguments.count("blocks", blocks, 2)
+    if series.ndim != 1 or not np.isfinite(series).all():
+        raise ArgumentError(f"values = {quoted(values)}: must be one series of finite numbers")
     if len(series) < 2 * blocks:
         raise ArgumentError(f"{len(series)} values are too few for {blocks} blocks")
-    weight = np.ones_like(series) if weights is None else np.asarray(weights, float)
+    weight = np.ones_like(series) if weights is None else arguments.reals("weights", weights)
+    if weight.shape != series.shape or not (np.isfinite(weight).all() and (weight > 0).all()):
+        raise ArgumentError(f"weights = {quoted(weights)}: must be a positive number for each of {len(series)} values")
     length = len(series) // blocks
     cut = slice(len(series) - blocks * length, None)
     weight, series = weight[cut].reshape(blocks, length), series[cut].reshape(blocks, length)
@@ -42,11 +52,15 @@ def block_average(values: ArrayLike, blocks: int = 20, weights: ArrayLike | None
     return Estimate(float(np.mean(means)), float(np.std(means, ddof=1) / np.sqrt(blocks)))
 
 
+@checked
 def drawn_frames(file: File, count: int, after: float = 5.0) -> list[Frame]:
     """Up to ``count`` frames spread over the run, without the first ``after`` collisions per particle.
 
     From the second half of the run if the whole run is shorter than twice ``after``.
     """
+    count = arguments.count("count", count, 1, arguments.MOST_ROWS)
+    if arguments.number("after", after) < 0:
+        raise ArgumentError(f"after = {quoted(after)}: must not be negative")
     frames = file.frames
     steps = np.asarray(frames.step, float)
     threshold = min(after * len(file) / 2, steps[-1] / 2) if len(frames) else 0.0

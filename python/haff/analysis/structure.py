@@ -8,18 +8,20 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from ..arguments import count, positive
+from ..arguments import count, positive, real
 from ..conversions import freud_system
 from ..errors import ArgumentError, NotApplicableError
 from ..layout import Array, computing
 from ..output import library
 from ..text import quoted
+from .checked import checked
 from .scattering import intensities, lattice, vectors
 
 if TYPE_CHECKING:
     from ..frames import Box, Frame
 
 
+@checked
 def radial_distribution(frames: Iterable[Frame], r_max: float, bins: int, r_min: float = 0.0) -> tuple[Array, Array]:
     """Pair distribution g(r) by freud, averaged over frames: bin centres [length] and values.
 
@@ -27,7 +29,7 @@ def radial_distribution(frames: Iterable[Frame], r_max: float, bins: int, r_min:
     each frame.
     """
     r_max, bins = positive("r_max", r_max), count("bins", bins)
-    if not 0 <= r_min < r_max:
+    if not 0 <= real("r_min", r_min) < r_max:
         raise ArgumentError(f"r_min = {quoted(r_min)}: must be a number from 0 to below r_max = {r_max:g}")
     freud = library("freud", package="freud-analysis")
     rdf = freud.density.RDF(bins=bins, r_max=r_max, r_min=r_min)
@@ -46,6 +48,7 @@ def radial_distribution(frames: Iterable[Frame], r_max: float, bins: int, r_min:
     return np.asarray(rdf.bin_centers, float), np.asarray(rdf.rdf, float)
 
 
+@checked
 def structure_factor(frames: Iterable[Frame], k_max: float, bins: int) -> tuple[Array, Array]:
     """Static structure factor S(k), averaged over frames: wave numbers [1/length] and values.
 
@@ -96,6 +99,7 @@ def _all_waves(box: Box, position: Array, edges: Array) -> Array:
     return sums / np.where(counts > 0, counts, np.nan) / len(position)
 
 
+@checked
 def cluster_sizes(frame: Frame, reach: float) -> NDArray[np.int64]:
     """Numbers of particles in the clusters of a frame by freud, the largest first.
 

@@ -7,9 +7,12 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from ..errors import MissingDataError, NotApplicableError
+from ..arguments import reals
+from ..errors import ArgumentError, MissingDataError, NotApplicableError
 from ..layout import AXES, Array
 from ..measurements import correlation_columns
+from ..text import quoted
+from .checked import checked
 from .statistics import Estimate, block_average
 
 if TYPE_CHECKING:
@@ -35,6 +38,7 @@ class Transport(NamedTuple):
     """End of the window [time]."""
 
 
+@checked
 def self_diffusion(file: File, start: float | None = None, end: float | None = None) -> Transport:
     """D [length²/time] of ``measure.msd`` and ``measure.vacf``: slope/2d of ⟨|Δr|²⟩, and ∫⟨v(t)·v(0)⟩dt/d.
 
@@ -53,6 +57,7 @@ def self_diffusion(file: File, start: float | None = None, end: float | None = N
     return _transport(found["msd"], found.get("vacf"), window, 1 / axes, 1 / d)
 
 
+@checked
 def shear_viscosity(file: File, start: float | None = None, end: float | None = None) -> Transport:
     """η [mass/(length^(d−2) time)] of ``measure.stress_correlation``.
 
@@ -74,6 +79,7 @@ def shear_viscosity(file: File, start: float | None = None, end: float | None = 
     return _transport(found["helfand"], found["stress"], window, scale, scale)
 
 
+@checked
 def viscosity_scale(file: File) -> float:
     """V/T, the factor of the Green–Kubo relation of the viscosity, with the mean temperature of the samples."""
     temperature = float(np.nanmean(file.samples["temperature"]))
@@ -99,6 +105,7 @@ class Rheology(NamedTuple):
     """Start of the means [time]."""
 
 
+@checked
 def rheology(file: File, start: float | None = None) -> Rheology:
     """Viscosity and normal stress differences of a sheared run with ``measure.stress``, against time and in the mean.
 
@@ -138,7 +145,14 @@ def rheology(file: File, start: float | None = None) -> Rheology:
 
 def running_integral(correlation: xarray.Dataset | Mapping[str, Array]) -> tuple[Array, Array]:
     """Lags, and the integral of an autocorrelation from 0 to each of them, by the rule of trapezoids."""
-    lag, value = np.asarray(correlation["lag"]), np.asarray(correlation["value"])
+    try:
+        lag, value = (reals(f"correlation[{name!r}]", correlation[name]) for name in ("lag", "value"))
+    except (TypeError, KeyError, IndexError):
+        raise ArgumentError(f"correlation = {quoted(correlation)}: must have the columns lag and value") from None
+    if lag.ndim != 1 or lag.shape != value.shape:
+        raise ArgumentError(
+            f"correlation: lag of shape {lag.shape}, value of shape {value.shape}; must be one series each"
+        )
     steps = np.diff(lag) * 0.5 * (value[1:] + value[:-1])
     return lag, np.concatenate([[0.0], np.cumsum(steps)])
 

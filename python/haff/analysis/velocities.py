@@ -7,14 +7,17 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from ..arguments import count, positive
 from ..errors import NotApplicableError
 from ..layout import Array
+from .checked import checked
 from .energies import temperature
 
 if TYPE_CHECKING:
     from ..frames import Frame
 
 
+@checked
 def scaled_velocities(frame: Frame) -> Array:
     """``[M, d]`` velocities c = (v − V)/√(2T/m) of the bodies of finite mass, T the temperature of the frame.
 
@@ -28,6 +31,7 @@ def scaled_velocities(frame: Frame) -> Array:
     return velocity / np.sqrt(2 * temperature(frame) / mass)[:, None]
 
 
+@checked
 def sonine_a2(frame: Frame) -> float:
     """a₂ = d⟨v⁴⟩/[(d + 2)⟨v²⟩²] − 1 of the velocities v − V, each scaled by its own thermal speed."""
     square = np.sum(scaled_velocities(frame) ** 2, axis=1)
@@ -35,12 +39,14 @@ def sonine_a2(frame: Frame) -> float:
     return float(d * np.mean(square**2) / ((d + 2) * np.mean(square) ** 2) - 1)
 
 
+@checked
 def velocity_histogram(frames: Iterable[Frame], bins: int = 61, reach: float = 5.0) -> tuple[Array, Array]:
     """Distribution of the components of scaled velocities (:func:`scaled_velocities`), averaged over frames.
 
     Returns the centres of the bins between -``reach`` and ``reach`` and the density. A Maxwell distribution gives the
     normal density with variance 1/2.
     """
+    bins, reach = count("bins", bins), positive("reach", reach)
     edges = np.linspace(-reach, reach, bins + 1)
     counts, total = np.zeros(bins), 0
     for frame in frames:

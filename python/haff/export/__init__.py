@@ -7,6 +7,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import NamedTuple
 
+from .. import arguments
 from ..errors import ArgumentError
 from ..layout import computing
 from ..output import replacing
@@ -86,16 +87,17 @@ def export(
     MissingPackageError
         The library that writes the format is not installed.
     """
+    given = None if output is None else arguments.file("output", output)
+    for name, chosen in (("unwrapped", unwrapped), ("overwrite", overwrite)):
+        arguments.flag(name, chosen)
     if to is None:
-        suffix = Path(output).suffix.lower() if output is not None else ""
+        suffix = given.suffix.lower() if given is not None else ""
         to = next((name for name, format in FORMATS.items() if format.suffix == suffix), None)
         if to is None:
             raise ArgumentError(_without_format(output))
-    if to not in FORMATS:
-        raise ArgumentError(f"format {quoted(to)}: must be one of {', '.join(FORMATS)}")
-    format = FORMATS[to]
-    if table is not None and table not in TABLES:
-        raise ArgumentError(f"table {quoted(table)}: must be one of {', '.join(TABLES)}")
+    format = FORMATS[arguments.choice("to", to, FORMATS)]
+    if table is not None:
+        arguments.choice("table", table, TABLES)
     if format.trajectory and table not in (None, "frames"):
         raise ArgumentError(f"table {quoted(table)}: {to} holds frames; {table} go to csv or parquet")
     table = "frames" if format.trajectory else table or "observables"
@@ -104,7 +106,7 @@ def export(
     if to == "gsd" and unwrapped:
         raise ArgumentError("gsd holds positions in the box and images beside them; readers unwrap them")
     name = file.path.stem + ("" if format.trajectory else f"-{table}") + format.suffix
-    path = Path(name if output is None else output)
+    path = Path(name) if given is None else given
     with replacing(path, source=file.path, overwrite=overwrite) as part, computing(file.path, to):
         if format.trajectory:
             format.write(choose(file, frames), part, unwrapped=unwrapped)

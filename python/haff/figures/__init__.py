@@ -10,10 +10,11 @@ from importlib import import_module
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
+from .. import arguments
 from ..errors import ArgumentError, MissingDataError, NotApplicableError
 from ..layout import computing
 from ..output import replacing, require_free
-from ..reader import File
+from ..reader import File, source_of
 from ..text import escaped, quoted
 
 if TYPE_CHECKING:
@@ -124,8 +125,8 @@ def _drawn(file: File, kind: str, **options: object) -> Figure:
     """As :func:`draw`, but not laid out."""
     from .style import style
 
-    if kind not in KINDS:
-        raise ArgumentError(f"no figure {quoted(kind)}; there are {', '.join(KINDS)}")
+    if not isinstance(kind, str) or kind not in KINDS:
+        raise ArgumentError(f"kind = {quoted(kind)}: no such figure; there are {', '.join(KINDS)}")
     with style(), computing(file.path, f"figure {kind}"):
         return KINDS[kind].draw(file, **options)
 
@@ -168,9 +169,13 @@ def plot(
     >>> figure = haff.plot("gas.h5", "temperature")                       # doctest: +SKIP
     >>> haff.plot("gas.h5", "snapshot", "last.pdf", index=-1)             # doctest: +SKIP
     """
-    path = None if output is None else Path(output)
+    path = None if output is None else arguments.file("output", output)
+    arguments.flag("overwrite", overwrite)
     if path is not None and path.suffix.removeprefix(".") not in FORMATS:
-        raise ArgumentError(f"{path}: a picture must end in {', '.join(f'.{name}' for name in FORMATS)}")
+        raise ArgumentError(
+            f"output = {quoted(str(path))}: a picture must end in {', '.join(f'.{name}' for name in FORMATS)}"
+        )
+    source = source_of(source)
     if not isinstance(source, File):
         with File(source) as file:
             return plot(file, kind, output, overwrite=overwrite, **options)

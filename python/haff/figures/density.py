@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from matplotlib.figure import Figure
 
-from .. import analysis
+from .. import analysis, arguments
 from ..errors import NotApplicableError
 from ..layout import AXES
 from ..reader import File
@@ -29,6 +29,7 @@ def draw(file: File, index: int = -1) -> Figure:
         raise NotApplicableError(f"{len(file)} particles are too few for a density field")
     if len(frames) == 0:
         raise NotApplicableError("no frames")
+    index = arguments.count("index", index, -arguments.MOST_ROWS, arguments.MOST_ROWS)
     if not -len(frames) <= index < len(frames):
         raise NotApplicableError(f"frame {index} of {len(frames)}")
     frame, d = frames[index], file.dimension

@@ -10,7 +10,7 @@ from matplotlib.collections import EllipseCollection, LineCollection
 from matplotlib.colors import Normalize
 from matplotlib.figure import Figure
 
-from .. import analysis
+from .. import analysis, arguments
 from ..errors import NotApplicableError
 from ..extent import Extent, extent
 from ..frames import Frame
@@ -32,6 +32,7 @@ def draw(file: File, index: int = -1, *, room: Extent | None = None, pixels: int
     frames = file.frames
     if len(frames) == 0:
         raise NotApplicableError("no frames")
+    index = arguments.count("index", index, -arguments.MOST_ROWS, arguments.MOST_ROWS)
     if not -len(frames) <= index < len(frames):
         raise NotApplicableError(f"frame {index} of {len(frames)}")
     frame = frames[index]

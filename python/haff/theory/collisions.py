@@ -5,9 +5,10 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import ArrayLike
 
-from ._common import Array, check_dimension
+from ._common import Array, check_dimension, numeric
 
 
+@numeric
 def collision_frequency(
     n: ArrayLike,
     sigma: ArrayLike,
@@ -27,6 +28,7 @@ def collision_frequency(
     return factor * g0 * np.sqrt(np.pi * T / m) * (1 - a2 / 16)
 
 
+@numeric
 def mean_free_time(
     n: ArrayLike,
     sigma: ArrayLike,
@@ -40,6 +42,7 @@ def mean_free_time(
     return 1 / collision_frequency(n, sigma, T, m, g0, d, a2)
 
 
+@numeric
 def periodic_rate_factor(particles: ArrayLike, d: int = 3) -> Array:
     r"""Ratio of the collision rate of ``particles`` at fixed momentum and energy to :func:`collision_frequency`.
 
@@ -56,6 +59,7 @@ def periodic_rate_factor(particles: ArrayLike, d: int = 3) -> Array:
     return np.sqrt(particles / (particles - 1)) * spread
 
 
+@numeric
 def loss_distribution(x: ArrayLike) -> Array:
     r"""Probability density of :math:`x = \Delta T/[(1 - e^2) T]`, the scaled energy loss of a collision.
 

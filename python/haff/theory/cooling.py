@@ -7,10 +7,11 @@ from collections.abc import Callable
 import numpy as np
 from numpy.typing import ArrayLike
 
-from ..text import quoted
-from ._common import Array, check_dimension
+from .. import arguments
+from ._common import Array, check_dimension, numeric
 
 
+@numeric
 def sonine_a2(e: ArrayLike, d: int = 3, approximation: str = "van-noije-ernst") -> Array:
     r"""Second Sonine coefficient of the homogeneous cooling state.
 
@@ -23,15 +24,15 @@ def sonine_a2(e: ArrayLike, d: int = 3, approximation: str = "van-noije-ernst") 
     0.0498, and -0.0146 at e = 0.8 instead of -0.0126 and -0.0127 (docs/validation.md).
     """
     e, d = np.asarray(e, float), check_dimension(d)
+    approximation = arguments.choice("approximation", approximation, ("van-noije-ernst", "montanero-santos"))
     if approximation == "van-noije-ernst":
         divisor = 9 + 24 * d - (41 - 8 * d) * e + 30 * (1 - e) * e**2
-    elif approximation == "montanero-santos":
-        divisor = 25 + 24 * d - (57 - 8 * d) * e - 2 * (1 - e) * e**2
     else:
-        raise ValueError(f"no approximation {quoted(approximation)} of a₂: van-noije-ernst, montanero-santos")
+        divisor = 25 + 24 * d - (57 - 8 * d) * e - 2 * (1 - e) * e**2
     return 16 * (1 - e) * (1 - 2 * e**2) / divisor
 
 
+@numeric
 def haff_time(e: ArrayLike, omega0: ArrayLike, d: int = 3, a2: ArrayLike | None = None) -> Array:
     r"""Time constant of Haff's law [time], :math:`1/\tau = (1 - e^2)\,\omega_0\,(1 + 3a_2/16)/(2d)`.
 
@@ -48,12 +49,14 @@ def haff_time(e: ArrayLike, omega0: ArrayLike, d: int = 3, a2: ArrayLike | None 
         return 1 / ((1 - e**2) * omega0 * (1 + 3 * a2 / 16) / (2 * d))
 
 
+@numeric
 def haff_temperature(t: ArrayLike, T0: ArrayLike, tau: ArrayLike) -> Array:
     r"""Haff's law, :math:`T(t) = T_0/(1 + t/\tau)^2`, while the gas stays homogeneous."""
     t, T0, tau = (np.asarray(x, float) for x in (t, T0, tau))
     return T0 / (1 + t / tau) ** 2
 
 
+@numeric
 def critical_length(n: ArrayLike, sigma: ArrayLike, e: ArrayLike, d: int = 3) -> Array:
     r"""Box side [length] above which a dilute cooling gas becomes unstable to shear.
 
@@ -67,6 +70,7 @@ def critical_length(n: ArrayLike, sigma: ArrayLike, e: ArrayLike, d: int = 3) ->
         return 2 * np.sqrt(np.pi) / (n * sigma * np.sqrt(1 - e**2))
 
 
+@numeric
 def viscoelastic_restitution(speed: ArrayLike, coefficient: ArrayLike) -> Array:
     r"""Restitution of viscoelastic spheres, :math:`1 - 1.15344\delta + 0.79826\delta^2`, first two terms.
 
@@ -77,6 +81,7 @@ def viscoelastic_restitution(speed: ArrayLike, coefficient: ArrayLike) -> Array:
     return 1 - 1.15344 * delta + 0.79826 * delta**2
 
 
+@numeric
 def viscoelastic_restitution_pade(speed: ArrayLike, coefficient: ArrayLike) -> Array:
     r"""Restitution of viscoelastic spheres at every speed, as scenes with ``model = "viscoelastic"`` have it.
 
@@ -88,6 +93,7 @@ def viscoelastic_restitution_pade(speed: ArrayLike, coefficient: ArrayLike) -> A
     return 1 / (1 + rest / (1 + 0.501086 * x))
 
 
+@numeric
 def cooling_curve(
     t: ArrayLike,
     T0: float,
@@ -131,20 +137,23 @@ def cooling_curve(
     return np.exp(found.y[0])
 
 
+@numeric
 def maxwell_component(c: ArrayLike) -> Array:
     r"""Maxwell density of one component of :math:`c = v/\sqrt{2T/m}`, :math:`e^{-c^2}/\sqrt\pi`."""
     return np.exp(-(np.asarray(c, float) ** 2)) / np.sqrt(np.pi)
 
 
+@numeric
 def sonine_polynomial(x: ArrayLike, d: int = 3) -> Array:
     r"""Sonine polynomial :math:`S_2(x) = x^2/2 - (d + 2)x/2 + d(d + 2)/8` with :math:`x = c^2`.
 
     ``d = 1`` is that of a single velocity component.
     """
-    x = np.asarray(x, float)
+    d = arguments.count("d", d, 1, 3)
     return x**2 / 2 - (d + 2) * x / 2 + d * (d + 2) / 8
 
 
+@numeric
 def sonine_component(c: ArrayLike, a2: ArrayLike) -> Array:
     r"""Density of one velocity component with its first Sonine correction.
 

@@ -5,22 +5,25 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import ArrayLike
 
-from ..text import quoted
-from ._common import Array, check_dimension
+from .. import arguments
+from ._common import Array, check_dimension, chosen, numeric
 
 
+@numeric
 def packing_fraction(n: ArrayLike, sigma: ArrayLike, d: int = 3) -> Array:
     r"""Packing fraction, :math:`\eta = \pi n\sigma^3/6` (3D) or :math:`\pi n\sigma^2/4` (2D)."""
     n, sigma = np.asarray(n, float), np.asarray(sigma, float)
     return np.pi * n * sigma**3 / 6 if check_dimension(d) == 3 else np.pi * n * sigma**2 / 4
 
 
+@numeric
 def number_density(eta: ArrayLike, sigma: ArrayLike, d: int = 3) -> Array:
     """Number density of a packing fraction: the inverse of :func:`packing_fraction`."""
     eta, sigma = np.asarray(eta, float), np.asarray(sigma, float)
     return 6 * eta / (np.pi * sigma**3) if check_dimension(d) == 3 else 4 * eta / (np.pi * sigma**2)
 
 
+@numeric
 def carnahan_starling(eta: ArrayLike) -> Array:
     r"""Contact value of 3D spheres, :math:`g_0 = (1 - \eta/2)/(1 - \eta)^3` (Carnahan–Starling 1969).
 
@@ -30,6 +33,7 @@ def carnahan_starling(eta: ArrayLike) -> Array:
     return (1 - eta / 2) / (1 - eta) ** 3
 
 
+@numeric
 def henderson(eta: ArrayLike) -> Array:
     r"""Contact value of 2D disks, :math:`g_0 = (1 - 7\eta/16)/(1 - \eta)^2` (Henderson 1975).
 
@@ -43,6 +47,7 @@ def henderson(eta: ArrayLike) -> Array:
 _DISKS = (1.0, 1.0, 0.782004, 0.5322318, 0.33355604, 0.1988425, 0.1148728, 0.064993, 0.0362193, 0.0199537)
 
 
+@numeric
 def virial_disks(eta: ArrayLike, denominator: int = 5) -> Array:
     r"""Compressibility :math:`Z = PV/NT` of the elastic 2D fluid, good to 1e-4 up to :math:`\eta = 0.5`.
 
@@ -52,11 +57,13 @@ def virial_disks(eta: ArrayLike, denominator: int = 5) -> Array:
     """
     from scipy.interpolate import pade
 
+    denominator = arguments.count("denominator", denominator, 1, 8)
     numerator, divisor = pade(_DISKS, denominator, 9 - denominator)
     x = 2 * np.asarray(eta, float)
     return np.asarray(numerator(x) / divisor(x), float)
 
 
+@numeric
 def luding_disks(eta: ArrayLike) -> Array:
     r"""Compressibility :math:`Z = PV/NT` of the elastic 2D fluid, good to about 0.1 % up to freezing (Luding 2001).
 
@@ -84,6 +91,7 @@ _KLM = {
 }
 
 
+@numeric
 def kolafa_labik_malijevsky(eta: ArrayLike) -> Array:
     r"""Compressibility :math:`Z = PV/NT` of the elastic 3D fluid, good to about 4e-5.
 
@@ -95,6 +103,7 @@ def kolafa_labik_malijevsky(eta: ArrayLike) -> Array:
     return sum(c * x**k for k, c in _KLM.items()) + np.zeros_like(x)
 
 
+@numeric
 def contact_value(eta: ArrayLike, d: int = 3, equation: str | None = None) -> Array:
     r"""Pair distribution at contact, :math:`g_0 = g(\sigma^+)`, of the elastic fluid.
 
@@ -105,21 +114,18 @@ def contact_value(eta: ArrayLike, d: int = 3, equation: str | None = None) -> Ar
         ``"klm"`` takes :math:`g_0 = (Z - 1)/(4\eta)` from :func:`kolafa_labik_malijevsky`, ``"virial"``
         :math:`(Z - 1)/(2\eta)` from :func:`virial_disks`; both are 1 at :math:`\eta = 0`.
     """
-    equation = equation or ("carnahan-starling" if check_dimension(d) == 3 else "henderson")
-    if (d, equation) == (3, "carnahan-starling"):
+    equation = chosen(equation, d, ("carnahan-starling", "klm"), ("henderson", "virial"))
+    if equation == "carnahan-starling":
         return carnahan_starling(eta)
-    if (d, equation) in ((3, "klm"), (2, "virial")):
+    if equation in ("klm", "virial"):
         eta = np.asarray(eta, float)
         safe = np.where(eta > 0, eta, 1e-3)
         excess = (kolafa_labik_malijevsky(safe) if d == 3 else virial_disks(safe)) - 1
         return np.where(eta > 0, excess / (_pairs(d) * safe), 1.0)
-    if (d, equation) == (2, "henderson"):
-        return henderson(eta)
-    raise ValueError(
-        f"no equation of state {quoted(equation)} in d = {d}: carnahan-starling, klm (3D), henderson, virial (2D)"
-    )
+    return henderson(eta)
 
 
+@numeric
 def contact_value_after_collision(g0: ArrayLike, e: ArrayLike) -> Array:
     r"""Contact value seen in a frame of an inelastic gas, :math:`g(\sigma^+) = g_0(1 + e)/(2e)`.
 
@@ -131,6 +137,7 @@ def contact_value_after_collision(g0: ArrayLike, e: ArrayLike) -> Array:
         return g0 * (1 + e) / (2 * e)
 
 
+@numeric
 def compressibility(eta: ArrayLike, e: ArrayLike = 1.0, d: int = 3, equation: str | None = None) -> Array:
     r"""Compressibility :math:`Z = PV/NT`.
 
@@ -146,6 +153,7 @@ def _pairs(d: int) -> float:
     return 4.0 if check_dimension(d) == 3 else 2.0
 
 
+@numeric
 def crystal_compressibility(eta: ArrayLike) -> Array:
     r"""Compressibility :math:`Z = PV/NT` of the elastic fcc crystal of spheres (Speedy 1998).
 
@@ -159,6 +167,7 @@ def crystal_compressibility(eta: ArrayLike) -> Array:
 # --- a finite number of particles ------------------------------------------------------------------
 
 
+@numeric
 def periodic_contact_value(eta: ArrayLike, particles: ArrayLike, d: int = 3, equation: str | None = None) -> Array:
     r"""Contact value of ``particles`` elastic spheres or disks in a periodic box.
 
@@ -184,6 +193,7 @@ def periodic_contact_value(eta: ArrayLike, particles: ArrayLike, d: int = 3, equ
     return g(eta) - structure / (2 * particles) * (low - 2 * mid + high) / step**2
 
 
+@numeric
 def periodic_compressibility(eta: ArrayLike, particles: ArrayLike, d: int = 3, equation: str | None = None) -> Array:
     r"""Compressibility :math:`Z = PV/NT` of ``particles`` elastic spheres or disks in a periodic box at rest.
 

@@ -5,10 +5,11 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import ArrayLike
 
-from ._common import Array, check_dimension
+from ._common import Array, check_dimension, numeric
 from .collisions import collision_frequency
 
 
+@numeric
 def sonine_a2_heated(e: ArrayLike, d: int = 3) -> Array:
     r"""Second Sonine coefficient of a gas heated by white noise.
 
@@ -21,6 +22,7 @@ def sonine_a2_heated(e: ArrayLike, d: int = 3) -> Array:
     return 16 * (1 - e) * (1 - 2 * e**2) / (73 + 56 * d - 24 * d * e - 105 * e + 30 * (1 - e) * e**2)
 
 
+@numeric
 def heated_temperature(
     strength: ArrayLike,
     e: ArrayLike,

@@ -7,8 +7,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
-from ..text import quoted
-from ._common import Array, check_dimension
+from ._common import Array, check_dimension, chosen, numeric
 from .equilibrium import contact_value, kolafa_labik_malijevsky
 
 
@@ -23,6 +22,7 @@ class MixtureRates(NamedTuple):
     """All collisions per volume (area) and time."""
 
 
+@numeric
 def mixture_contact_values(n: ArrayLike, sigma: ArrayLike, d: int = 3, equation: str | None = None) -> Array:
     r"""Contact values :math:`g_{ij}` of a mixture of hard spheres or disks, ``[S, S]``.
 
@@ -49,15 +49,13 @@ def mixture_contact_values(n: ArrayLike, sigma: ArrayLike, d: int = 3, equation:
     """
     n, sigma = np.atleast_1d(np.asarray(n, float)), np.atleast_1d(np.asarray(sigma, float))
     star = sigma[:, None] * sigma[None, :] / (sigma[:, None] + sigma[None, :])
-    equation = equation or ("bmcsl" if check_dimension(d) == 3 else "jenkins-mancini")
-    if (d, equation) == (3, "santos"):
+    equation = chosen(equation, d, ("bmcsl", "santos"), ("jenkins-mancini",))
+    if equation == "santos":
         eta = float(np.pi / 6 * np.sum(n * sigma**3))
         z = 2 * star * np.sum(n * sigma**2) / np.sum(n * sigma**3)
         point, g0, wall = 1 / (1 - eta), contact_value(eta, 3, "klm"), kolafa_labik_malijevsky(eta)
         curve = (wall + point - 2 * g0) / 2
         return point + (g0 - point - curve) * z + curve * z**2
-    if (d, equation) not in ((3, "bmcsl"), (2, "jenkins-mancini")):
-        raise ValueError(f"no contact values {quoted(equation)} in d = {d}: bmcsl, santos (3D), jenkins-mancini (2D)")
     if d == 3:
         xi2, xi3 = (np.pi / 6 * np.sum(n * sigma**k) for k in (2, 3))
         free = 1 - xi3
@@ -67,6 +65,7 @@ def mixture_contact_values(n: ArrayLike, sigma: ArrayLike, d: int = 3, equation:
     return 1 / free + 9 / 8 * xi1 * star / free**2
 
 
+@numeric
 def mixture_rates(
     n: ArrayLike, sigma: ArrayLike, m: ArrayLike, T: ArrayLike = 1.0, d: int = 3, g: ArrayLike | None = None
 ) -> MixtureRates:
@@ -101,6 +100,7 @@ def mixture_rates(
     return MixtureRates(omega, pairs, float(np.sum(n[:, None] * omega) / 2))
 
 
+@numeric
 def mixture_cooling_rates(
     n: ArrayLike,
     sigma: ArrayLike,
@@ -134,6 +134,7 @@ def mixture_cooling_rates(
     return -2 / (check_dimension(d) * T) * np.sum(omega * gain, axis=1)
 
 
+@numeric
 def granular_temperatures(
     n: ArrayLike, sigma: ArrayLike, m: ArrayLike, e: ArrayLike, d: int = 3, g: ArrayLike | None = None
 ) -> Array:

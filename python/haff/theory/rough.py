@@ -7,7 +7,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
-from ._common import Array, check_dimension
+from ._common import Array, check_dimension, numeric
 
 
 class RoughLosses(NamedTuple):
@@ -23,6 +23,7 @@ class RoughLosses(NamedTuple):
     """What rotation loses, negative where it gains [energy]; with ``translational`` the sum of the first two."""
 
 
+@numeric
 def rough_losses(
     T: ArrayLike, T_rot: ArrayLike, e: ArrayLike, beta: ArrayLike, q: ArrayLike | None = None, d: int = 3
 ) -> RoughLosses:
@@ -64,6 +65,7 @@ def rough_losses(
     )
 
 
+@numeric
 def rough_temperature_ratio(e: ArrayLike, beta: ArrayLike, q: ArrayLike | None = None, d: int = 3) -> Array:
     r"""Ratio :math:`T_r/T` of the temperatures of rotation and translation of a rough gas that cools for long.
 

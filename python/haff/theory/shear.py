@@ -10,7 +10,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
-from ._common import Array
+from ._common import Array, numeric
 from .collisions import collision_frequency
 from .cooling import haff_time
 from .equilibrium import contact_value, number_density
@@ -51,6 +51,7 @@ class DenseShearFlow(NamedTuple):
         return -self.pressure_tensor[..., 0, 1]
 
 
+@numeric
 def uniform_shear_model(e: ArrayLike) -> DiluteShearFlow:
     r"""Steady uniform shear flow of a dilute gas of smooth inelastic spheres, by a kinetic model.
 
@@ -104,6 +105,7 @@ def uniform_shear_model(e: ArrayLike) -> DiluteShearFlow:
     return DiluteShearFlow(rate, stress)
 
 
+@numeric
 def uniform_shear_temperature(
     rate: ArrayLike, e: ArrayLike, n: ArrayLike, sigma: ArrayLike, m: ArrayLike = 1.0
 ) -> Array:
@@ -124,6 +126,7 @@ def uniform_shear_temperature(
         return m * (rate / (16 / 5 * np.sqrt(np.pi) * n * sigma**2 * uniform_shear_model(e).reduced_rate)) ** 2
 
 
+@numeric
 def uniform_shear_enskog(e: ArrayLike, packing_fraction: ArrayLike, g0: ArrayLike | None = None) -> DenseShearFlow:
     r"""Steady uniform shear flow of smooth inelastic spheres at any density of the fluid.
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import ArrayLike
 
-from ._common import Array
+from ._common import Array, numeric
 from .equilibrium import contact_value, packing_fraction
 
 # Chapman and Cowling: factors of higher Sonine polynomials over the first approximation.
@@ -16,6 +16,7 @@ _VISCOSITY = 1.016034
 _IMAGES = 2.837297
 
 
+@numeric
 def enskog_diffusion(
     n: ArrayLike, sigma: ArrayLike, T: ArrayLike = 1.0, m: ArrayLike = 1.0, g0: ArrayLike | None = None
 ) -> Array:
@@ -29,6 +30,7 @@ def enskog_diffusion(
     return _DIFFUSION * _first_diffusion(n, sigma, T, m) / _contact(n, sigma, g0)
 
 
+@numeric
 def enskog_viscosity(
     n: ArrayLike, sigma: ArrayLike, T: ArrayLike = 1.0, m: ArrayLike = 1.0, g0: ArrayLike | None = None
 ) -> Array:
@@ -46,6 +48,7 @@ def enskog_viscosity(
     return dilute * (1 / g + 0.8 * covolume + 0.7614 * covolume**2 * g)
 
 
+@numeric
 def diffusion_speedy(n: ArrayLike, sigma: ArrayLike, T: ArrayLike = 1.0, m: ArrayLike = 1.0) -> Array:
     r"""Self-diffusion coefficient [length²/time] of about 500 spheres in a periodic cube: Speedy's fit (1987).
 
@@ -57,6 +60,7 @@ def diffusion_speedy(n: ArrayLike, sigma: ArrayLike, T: ArrayLike = 1.0, m: Arra
     return _first_diffusion(n, sigma, T, m) * (1 - nu / 1.09) * (1 + nu**2 * (0.4 - 0.83 * nu**2))
 
 
+@numeric
 def diffusion_ruckenstein_liu(n: ArrayLike, sigma: ArrayLike, T: ArrayLike = 1.0, m: ArrayLike = 1.0) -> Array:
     r"""Self-diffusion coefficient [length²/time] of infinitely many spheres: fit of Ruckenstein and Liu (1997).
 
@@ -74,6 +78,7 @@ def diffusion_ruckenstein_liu(n: ArrayLike, sigma: ArrayLike, T: ArrayLike = 1.0
     )
 
 
+@numeric
 def diffusion_finite_size(viscosity: ArrayLike, L: ArrayLike, T: ArrayLike = 1.0) -> Array:
     r"""Finite-size correction of the self-diffusion coefficient in a periodic cube of side ``L`` [length²/time].
 

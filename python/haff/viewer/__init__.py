@@ -9,11 +9,12 @@ import webbrowser
 from collections.abc import Sequence
 from pathlib import Path
 
-from .. import reader
+from .. import arguments, reader
+from ..errors import ArgumentError
 from ..layout import computing
 from ..output import replacing
 from ..reader import File
-from ..text import escaped
+from ..text import escaped, quoted
 from . import coloring
 from .blobs import Blobs
 
@@ -71,6 +72,12 @@ def view(
     ArgumentError, MissingDataError, NotApplicableError
         An argument is invalid, the file has no frames, or too many particles for a page.
     """
+    source = reader.source_of(source)
+    size = arguments.positive("size", size)
+    for name, given in (("overwrite", overwrite), ("show", show)):
+        arguments.flag(name, given)
+    if notes is not None and not isinstance(notes, list):
+        raise ArgumentError(f"notes = {quoted(notes)}: must be a list, to which messages are appended")
     if not isinstance(source, File):
         with reader.open(source) as file:
             return view(
@@ -78,7 +85,7 @@ def view(
                 show=show, notes=notes,
             )  # fmt: skip
     chosen = coloring.checked(color, color_range)
-    path = Path(output) if output is not None else Path(f"{source.path.stem}.html")
+    path = arguments.file("output", output) if output is not None else Path(f"{source.path.stem}.html")
     messages = notes if notes is not None else []
     with replacing(path, source=source.path, overwrite=overwrite) as part:
         _write(source, part, frames, size, chosen, messages)

@@ -6,6 +6,7 @@ import math
 from collections.abc import Sequence
 from typing import Any, NamedTuple
 
+from .. import arguments
 from ..errors import ArgumentError, MissingDataError
 from ..reader import File
 from ..text import quoted
@@ -44,7 +45,7 @@ def checked(color: str | None, color_range: Sequence[float] | None) -> Coloring:
     ArgumentError
         There is no such coloring, or the range is none.
     """
-    if color is not None and color not in COLORINGS:
+    if color is not None and not (isinstance(color, str) and color in COLORINGS):
         raise ArgumentError(f"color {quoted(color)}: must be one of {', '.join(COLORINGS)}")
     if color_range is None:
         return Coloring(color, None)
@@ -52,7 +53,7 @@ def checked(color: str | None, color_range: Sequence[float] | None) -> Coloring:
     if name == "species":
         raise ArgumentError("color range: goes with a quantity, not with species")
     try:
-        low, high = map(float, color_range)
+        low, high = arguments.reals("color_range", color_range)
     except (TypeError, ValueError):
         raise ArgumentError(f"color range {quoted(color_range)}: must be two numbers, min and max") from None
     given = f"color range {low:g} {high:g}"

@@ -1,7 +1,7 @@
 //! The box, its faces and gravity.
 
 use glam::DVec3;
-use haff_engine::{Boundary, Dimension, Domain, Shear, Wall, WallMotion, significant};
+use haff_engine::{Boundary, Dimension, Domain, Shear, Wall, WallMotion, bounds, significant};
 
 use super::Assembler;
 use super::particles::{Rows, SpeciesPlan};
@@ -16,11 +16,6 @@ const DENSEST_2D: f64 = 0.906_899_682_117_109;
 /// Random packings beyond these fail or take very long: random close packing is at 0.64 (2D: 0.84).
 const RANDOM_3D: f64 = 0.58;
 const RANDOM_2D: f64 = 0.78;
-
-/// Smallest radius, relative to the largest coordinate: 2⁻⁴². Coordinates are rounded to 2⁻⁵² of the largest
-/// one or less, so the position of a contact is exact to a thousandth of the radius. Below, rounding decides
-/// whether particles touch.
-const FINEST: f64 = 1.0 / (1_u64 << 42) as f64;
 
 /// Tolerance for rounding in comparisons of lengths.
 pub(super) const TOLERANCE: f64 = 1e-12;
@@ -241,20 +236,14 @@ impl Assembler<'_> {
             }
             extent = rows.bodies.iter().map(|body| body.position[axis].abs()).fold(extent, f64::max);
         }
-        let least = FINEST * extent;
-        let why = format!(
-            "must be at least {least:.1e}: coordinates up to {extent} are rounded to about {:.1e}, and it takes a thousand times \
-             that to tell whether particles touch",
-            f64::EPSILON * extent
-        );
         for (k, plan) in species.iter().enumerate() {
-            if plan.radius.range()[0] < least {
-                self.document.report(&item("species", k, "radius"), why.as_str());
+            if let Err(why) = bounds::resolved(plan.radius.range()[0], extent) {
+                self.document.report(&item("species", k, "radius"), why);
             }
         }
         for row in rows.species..rows.bodies.len() {
-            if rows.radius(row) < least {
-                self.document.report(&item("particle", row - rows.species, "radius"), why.as_str());
+            if let Err(why) = bounds::resolved(rows.radius(row), extent) {
+                self.document.report(&item("particle", row - rows.species, "radius"), why);
             }
         }
     }

@@ -20,7 +20,7 @@ mod spin;
 mod values;
 
 use glam::DVec3;
-use haff_engine::{Dimension, NeighborChoice, Options, SimdChoice, System};
+use haff_engine::{Dimension, NeighborChoice, Options, SimdChoice, System, bounds};
 
 use crate::config::{EngineConfig, NeighborsConfig, SceneConfig, SimdConfig};
 use crate::document::Document;
@@ -296,10 +296,10 @@ impl Assembler<'_> {
             self.document.report(path, format!("must have {form}"));
             return DVec3::ZERO;
         }
-        if let Some(k) = values.iter().position(|x| !x.is_finite() || x.abs() > values::LARGEST) {
+        if let Some(k) = values.iter().position(|&x| bounds::component(x).is_err()) {
             let mut element = path.to_vec();
             element.push(k.to_string());
-            self.document.report(&element, "must be a finite number, at most 1e50 in size");
+            self.document.report(&element, bounds::FINITE);
             return DVec3::ZERO;
         }
         if d == 2 && values.len() == 3 && values[2] != 0.0 {

@@ -1,6 +1,6 @@
 //! Planes with particles on both sides, and the holes in them.
 
-use haff_engine::{Boundary, Domain, Hole, Partition, Wall};
+use haff_engine::{Boundary, Domain, Hole, Partition, Wall, bounds};
 
 use super::Assembler;
 use super::particles::Rows;
@@ -82,7 +82,7 @@ impl Assembler<'_> {
                 let why = "does not work in a periodic box: use walls or open axes";
                 self.document.report(&item("wall", k, "plane.hole"), why);
             }
-            if hole.radius < largest * (1.0 + 1e-3) {
+            if hole.radius < largest * bounds::LEAST_HOLE {
                 let why = format!("must be larger than the radius of every particle, {largest}");
                 self.document.report(&item("wall", k, "plane.hole.radius"), why);
             }

@@ -3,7 +3,7 @@
 use std::path::Path;
 
 use glam::DVec3;
-use haff_engine::{Boundary, Class, Dimension, Domain, Wall};
+use haff_engine::{Boundary, Class, Dimension, Domain, Wall, bounds, significant};
 
 use super::domain::{TOLERANCE, more_room};
 use super::motion::at_start;
@@ -13,6 +13,7 @@ use super::values::{at, item};
 use super::{Assembler, Refused};
 use crate::config::{PackingConfig, PositionsConfig};
 use crate::grid::{Periods, overlaps};
+use crate::import;
 use crate::packing::{Room, lattice::lattice, loose};
 use crate::random::{Purpose, Stream};
 use crate::state::State;
@@ -34,7 +35,8 @@ impl Assembler<'_> {
         let path = at(["initial", "positions"]);
         let name = file.file.clone().unwrap_or_default();
         let state = self.states.state(Path::new(&name), file.index.unwrap_or(-1)).map_err(|why| {
-            self.document.report(&path, why);
+            let hint = import::hint(Path::new(&name));
+            self.document.report(&path, why + &hint);
             self.unreadable = true;
             Refused
         })?;
@@ -96,14 +98,22 @@ impl Assembler<'_> {
                 }
                 let velocity = state.velocity.as_ref().map_or(DVec3::ZERO, |velocities| velocities[row]);
                 let position = state.position[row];
-                if !(position.is_finite() && velocity.is_finite()) {
-                    return fail(format!("particle {row} of the file has no finite position and velocity"));
+                for (name, value) in [("position", position), ("velocity", velocity)] {
+                    if let Err((axis, why)) = bounds::vector(value) {
+                        return fail(format!(
+                            "particle {row} of the file has the {name} {} along {}: it {why}",
+                            significant(value[axis], 6),
+                            ["x", "y", "z"][axis]
+                        ));
+                    }
                 }
                 let spin = state.angular_velocity.as_ref().map_or(DVec3::ZERO, |spins| spins[row]);
                 let flat = dimension == Dimension::Two;
-                if !spin.is_finite() || flat && (spin.x, spin.y) != (0.0, 0.0) {
+                if bounds::vector(spin).is_err() || flat && (spin.x, spin.y) != (0.0, 0.0) {
                     let along = if flat { " along z" } else { "" };
-                    return fail(format!("particle {row} of the file has no finite angular velocity{along}"));
+                    return fail(format!(
+                        "particle {row} of the file has no angular velocity up to 1e50 in size{along}"
+                    ));
                 }
                 if dimension == Dimension::Two && (position.z != 0.0 || velocity.z != 0.0) {
                     return fail(format!("particle {row} of the file leaves the plane z = 0"));

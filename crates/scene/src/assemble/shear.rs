@@ -1,18 +1,15 @@
 //! Simple shear of the domain.
 
 use glam::DVec3;
-use haff_engine::{Boundary, Domain, Options, Shear, Simulation, System};
+use haff_engine::{Boundary, Domain, Options, Shear, Simulation, System, bounds};
 
 use super::{
     Assembler,
     domain::{DomainPlan, TOLERANCE},
     particles::{Initial, MassLaw, ParticlePlan, Rows, SpeciesPlan},
-    values::{LARGEST, at, item},
+    values::{at, item},
 };
 use crate::{config::PositionsConfig, state::State};
-
-/// Least edge along the gradient \[largest diameters\]: a particle must not touch another one in two images.
-const LEAST_EDGE: f64 = 2.0;
 
 /// A position beyond a face of the gradient, moved along the flow by the displacement of the image there.
 pub(super) fn beside_displaced_images(domain: &Domain, mut position: DVec3) -> DVec3 {
@@ -71,9 +68,9 @@ impl Assembler<'_> {
         let flow = self.shear_axis("flow", config.flow.as_deref());
         let gradient = self.shear_axis("gradient", config.gradient.as_deref());
         let rate = match config.rate {
-            Some(rate) if rate.is_finite() && rate.abs() <= LARGEST => rate,
+            Some(rate) if bounds::component(rate).is_ok() => rate,
             Some(_) => {
-                self.document.report(&path("rate"), "must be a finite number, at most 1e50 in size");
+                self.document.report(&path("rate"), bounds::FINITE);
                 0.0
             }
             None => {
@@ -82,8 +79,8 @@ impl Assembler<'_> {
             }
         };
         let offset = config.offset.unwrap_or(0.0);
-        if !(offset.is_finite() && offset.abs() <= LARGEST) {
-            self.document.report(&path("offset"), "must be a finite number, at most 1e50 in size");
+        if bounds::component(offset).is_err() {
+            self.document.report(&path("offset"), bounds::FINITE);
         }
         let axes = self.dimension.count();
         if domain.boundary[..axes].iter().any(|&boundary| boundary != Boundary::Periodic) {
@@ -167,7 +164,7 @@ impl Assembler<'_> {
         }
         let edge = domain.size[shear.gradient];
         let diameter = 2.0 * rows.largest_radius();
-        if edge < LEAST_EDGE * diameter * (1.0 - TOLERANCE) {
+        if edge < bounds::LEAST_SHEARED_EDGE * diameter * (1.0 - TOLERANCE) {
             let text = format!(
                 "box too small for shear: {edge} along the gradient, it must be at least twice the largest diameter, {diameter}"
             );

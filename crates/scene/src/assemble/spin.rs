@@ -3,7 +3,7 @@
 use std::collections::HashMap;
 
 use glam::DVec3;
-use haff_engine::{Dimension, Spin};
+use haff_engine::{Dimension, Spin, bounds};
 use haff_mechanics::{Roughness, rough};
 
 use super::{
@@ -152,7 +152,7 @@ impl Assembler<'_> {
                     DVec3::ZERO
                 }
             };
-            if !(spin.is_finite() && spin.abs().max_element() <= super::values::LARGEST) {
+            if bounds::vector(spin).is_err() {
                 self.document.report(&path, "must be finite numbers, at most 1e50 in size");
             }
             cause.get_or_insert(path);

@@ -1,11 +1,9 @@
 //! Checks of single values.
 
-use crate::document::{Document, Path};
+use haff_engine::bounds;
+pub(super) use haff_engine::bounds::{LARGEST, SMALLEST};
 
-/// Lengths, masses, times and speeds lie between 1e-50 and 1e50, so that no product of a few of them leaves
-/// the range of a double.
-pub(super) const LARGEST: f64 = 1e50;
-pub(super) const SMALLEST: f64 = 1e-50;
+use crate::document::{Document, Path};
 
 /// A path from its segments.
 pub(super) fn at<const N: usize>(segments: [&str; N]) -> Path {
@@ -21,27 +19,22 @@ pub(super) fn item(list: &str, index: usize, key: &str) -> Path {
     path
 }
 
+/// Reports a value that is not possible, with what is allowed. Returns whether it is possible.
+fn checked(document: &mut Document, path: &[String], check: Result<(), &'static str>) -> bool {
+    if let Err(why) = check {
+        document.report(path, why);
+    }
+    check.is_ok()
+}
+
 /// Reports a value that is not positive and finite.
 pub(super) fn positive(document: &mut Document, path: &[String], value: f64) -> bool {
-    let fine = (SMALLEST..=LARGEST).contains(&value);
-    if !fine {
-        let message = if value > 0.0 && value.is_finite() {
-            "must be between 1e-50 and 1e50"
-        } else {
-            "must be a positive finite number"
-        };
-        document.report(path, message);
-    }
-    fine
+    checked(document, path, bounds::positive(value))
 }
 
 /// Reports a value that is not 0 or positive and finite.
 pub(super) fn not_negative(document: &mut Document, path: &[String], value: f64) -> bool {
-    let fine = (0.0..=LARGEST).contains(&value);
-    if !fine {
-        document.report(path, "must be a finite number ≥ 0");
-    }
-    fine
+    checked(document, path, bounds::not_negative(value))
 }
 
 /// Reports a text that HDF5 files and the system's file names cannot hold.
@@ -53,9 +46,5 @@ pub(super) fn storable(document: &mut Document, path: &[String], text: &str) {
 
 /// Reports a mass that is neither positive and finite nor infinite.
 pub(super) fn mass(document: &mut Document, path: &[String], value: f64) -> bool {
-    let fine = value == f64::INFINITY || (SMALLEST..=LARGEST).contains(&value);
-    if !fine {
-        document.report(path, "must be a positive number, or inf for a fixed or driven body");
-    }
-    fine
+    checked(document, path, bounds::mass(value))
 }
