@@ -12,7 +12,7 @@ use crate::{
     failure::{Failure, Status, file_failure, scene_failure, simulation_failure},
     output, overwrite,
     parts::Parts,
-    session::Session,
+    session::{Recorded, Session},
     single::{self, Context, Finished, Texts},
     states::OwnStates,
 };
@@ -84,8 +84,9 @@ pub fn start(file: &Path, new: &Path, options: &Run, controls: Controls) -> Resu
         continues: Some(file.to_owned()),
         parts,
     };
+    let recorded = Recorded::default();
     let session =
-        Session { simulation, run, output: &output, recorder: recorder.as_ref(), controls, recorded: None };
+        Session { simulation, run, output: &output, recorder: recorder.as_ref(), controls, recorded };
     let outcome = session.run(false);
     Ok(Finished::new(outcome, context, recorder))
 }

@@ -136,6 +136,14 @@ impl Observer for EventLog<'_> {
     }
 }
 
+/// Times of the last frame and of the last row of observables. None is written twice at one time: a run can
+/// stop at a time at which one is due, or at which its clock no longer advances.
+#[derive(Debug, Clone, Copy, Default)]
+pub struct Recorded {
+    pub frame: Option<f64>,
+    pub sample: Option<f64>,
+}
+
 /// The inputs of a run.
 pub struct Session<'a> {
     pub simulation: AnySimulation,
@@ -143,8 +151,8 @@ pub struct Session<'a> {
     pub output: &'a OutputPlan,
     pub recorder: Option<&'a Recorder>,
     pub controls: Controls<'a>,
-    /// Time and step of the last frame and row recorded, so that none is written twice.
-    pub recorded: Option<(f64, u64)>,
+    /// What has been recorded before.
+    pub recorded: Recorded,
 }
 
 /// Shows a sample with `--watch`, unless the last one is too recent.
@@ -183,16 +191,19 @@ impl Session<'_> {
     fn events_and_records(&mut self, resumed: bool, started: Instant) -> Result<Ending, Ending> {
         let from = self.simulation.time();
         let recording = self.recorder.is_some();
-        let plan =
-            |schedule| Times::after(if recording { schedule } else { haff_scene::Schedule::Off }, from);
-        let mut frames = plan(self.output.frames);
+        let plan = |schedule, after| {
+            Times::after(if recording { schedule } else { haff_scene::Schedule::Off }, after)
+        };
+        // A checkpoint may have the time of a record that was not yet written.
+        let Recorded { frame, sample } = self.recorded;
+        let mut frames = plan(self.output.frames, frame.unwrap_or(from));
         let mut samples = if self.controls.watch {
             Times::after(self.output.observables, from)
         } else {
-            plan(self.output.observables)
+            plan(self.output.observables, sample.unwrap_or(from))
         };
         let mut checkpoints =
-            plan(self.output.checkpoint.map_or(haff_scene::Schedule::Off, haff_scene::Schedule::Every));
+            plan(self.output.checkpoint.map_or(haff_scene::Schedule::Off, haff_scene::Schedule::Every), from);
         let mut progress = self.controls.progress.clone();
         progress.begin(self.simulation.counters().collisions);
         let mut watch = self.controls.watch.then(|| Watch::on(Term::stderr()));
@@ -271,18 +282,22 @@ impl Session<'_> {
         if !ending.is_final() && ending.is_resumable() {
             self.checkpoint()?;
         }
-        if self.recorded != Some((self.simulation.time(), self.step())) {
-            self.record(true, true, &mut |_| {})?;
-        }
+        self.record(true, true, &mut |_| {})?;
         if ending.is_final() {
             self.checkpoint()?;
         }
         Ok(())
     }
 
-    /// Records a frame and a row of observables, and measures the overlap of all close pairs. `show` is
-    /// called with the row.
+    /// Records a frame and a row of observables, unless there is one of this time, and measures the overlap
+    /// of all close pairs with a frame. `show` is called with the row.
     fn record(&mut self, frame: bool, sample: bool, show: &mut dyn FnMut(&Sample)) -> Result<(), Ending> {
+        let time = Some(self.simulation.time());
+        let frame = frame && self.recorded.frame != time;
+        let sample = sample && self.recorded.sample != time;
+        if sample {
+            self.recorded.sample = time;
+        }
         if sample && (self.recorder.is_some() || self.controls.watch) {
             let row = self.simulation.sample();
             show(&row);
@@ -291,7 +306,7 @@ impl Session<'_> {
             }
         }
         if frame {
-            self.recorded = Some((self.simulation.time(), self.step()));
+            self.recorded.frame = time;
             let overlap = self.simulation.measure_overlap();
             if let Some(recorder) = self.recorder
                 && self.output.frames != haff_scene::Schedule::Off
@@ -307,11 +322,5 @@ impl Session<'_> {
         let Some(recorder) = self.recorder else { return Ok(()) };
         recorder.correlations(self.simulation.correlations())?;
         recorder.checkpoint_with(|| self.simulation.checkpoint())
-    }
-
-    /// Collisions + wall collisions so far.
-    fn step(&self) -> u64 {
-        let counters = self.simulation.counters();
-        counters.collisions + counters.wall_collisions
     }
 }

@@ -14,7 +14,7 @@ use crate::{
     output::{self, shown},
     parts::Parts,
     report::{print_summary, report},
-    session::{Ending, Outcome, Session},
+    session::{Ending, Outcome, Recorded, Session},
     states::OwnStates,
 };
 
@@ -102,8 +102,9 @@ pub fn start(scene: Scene, overwrite: bool, controls: Controls) -> Result<Finish
     let recorder = create(&output, &system, &joints, texts, overwrite)?;
     let simulation =
         AnySimulation::new(system, joints, scene.options).map_err(|error| simulation_failure(&error))?;
+    let recorded = Recorded::default();
     let session =
-        Session { simulation, run, output: &output, recorder: recorder.as_ref(), controls, recorded: None };
+        Session { simulation, run, output: &output, recorder: recorder.as_ref(), controls, recorded };
     let outcome = session.run(false);
     let context = Context {
         title,
@@ -131,6 +132,7 @@ pub fn resume(path: PathBuf, controls: Controls) -> Result<Finished, Failure> {
     let Scene { system, joints, title, seed, run, output, options, .. } = scene;
     // Checked before the file is truncated: one that cannot be resumed is not changed.
     let resumed = haff_record::resumable(&path).map_err(|error| file_failure(&error))?;
+    resumed.require(&path, &Header::from_system(&system)).map_err(|error| file_failure(&error))?;
     let simulation = AnySimulation::restore(system, joints, options, &resumed.checkpoint)
         .map_err(|error| Failure::new(Status::File, format!("{}: {}", output::path(&path), shown(error))))?;
     tracing::info!(file = %path.display(), from = resumed.last_frame, "resumed");
@@ -149,10 +151,7 @@ pub fn resume(path: PathBuf, controls: Controls) -> Result<Finished, Failure> {
         continues: None,
         parts,
     };
-    let recorded = resumed.last_frame.map(|time| {
-        let counters = simulation.counters();
-        (time, counters.collisions + counters.wall_collisions)
-    });
+    let recorded = Recorded { frame: resumed.last_frame, sample: resumed.last_sample };
     let session = Session { simulation, run, output: &output, recorder: Some(&recorder), controls, recorded };
     let outcome = session.run(true);
     Ok(Finished::new(outcome, context, Some(recorder)))

@@ -457,6 +457,7 @@ class File(ReadOnly):
             positions[:1].array("unwrapped")
         if self.stored.find("observables") is not None:
             observables.columns(self)
+        self.stored.require_attributes("h5md", "particles")
         universe = mdanalysis.Universe.empty(len(self), trajectory=False, velocities=True)
         try:
             universe.load_new(str(self.path), format="H5MD", convert_units=False)

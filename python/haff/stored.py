@@ -10,10 +10,9 @@ from __future__ import annotations
 import math
 import os
 import re
-import time
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
-from functools import wraps
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
+from functools import cached_property
 from pathlib import Path
 from typing import Any, TypeVar
 
@@ -22,18 +21,21 @@ import numpy as np
 
 from .column import Column
 from .errors import FileError, RunningFileError
+from .handshake import Count, Reading, is_being_written, one_state
+from .index import load
 from .layout import Array
 from .opening import require_file
+from .source import Source
 from .text import brief
 
-T = TypeVar("T")
+Node = TypeVar("Node", h5py.Group, h5py.Dataset)
 
 DEFLATE_MOST = 1032
 """Bytes that one deflated byte stands for, at most."""
 ATTRIBUTE_MOST = 1 << 16
 """Bytes of an attribute, at most."""
-_PAUSES = (0.02, 0.05, 0.1, 0.2)
-"""Times after which a file that is being flushed is tried again [s]."""
+_REPLACED = "correlations"
+"""Group of groups whose datasets a run replaces; all others only get more rows."""
 LINKS_MOST = 8
 """Soft links that are followed from one place."""
 _KINDS = {"f": "real numbers", "iu": "integers", "fiu": "numbers"}
@@ -41,79 +43,53 @@ _KINDS = {"f": "real numbers", "iu": "integers", "fiu": "numbers"}
 _FILTERS = {1: True, 2: False, 3: False, 4: True, 32000: True}
 
 
-def _opened(path: Path, locking: bool | None) -> tuple[h5py.File, bool]:
-    """The file, and whether a simulation is writing it: then it is opened without a lock."""
-    if locking is not None:
-        return h5py.File(path, "r", locking=locking), _is_being_written(path)
+def _opened(path: Path, locking: bool | None) -> h5py.File | None:
+    """The file, which cannot change while it is open; ``None`` if a simulation is writing it."""
+    if locking is False and is_being_written(path):
+        return None
     try:
-        return h5py.File(path, "r"), False
+        hdf = h5py.File(path, "r", locking=locking)
     except BlockingIOError:
-        running = True
-    except OSError as error:
-        # This process has the file open without a lock.
-        if "locking flag" not in str(error):
+        if locking:
             raise
-        running = _is_being_written(path)
-    for pause in _PAUSES:
-        try:
-            return h5py.File(path, "r", locking=False), running
-        except OSError:
-            # A flush changes the file in several steps.
-            time.sleep(pause)
-    return h5py.File(path, "r", locking=False), running
-
-
-def _is_being_written(path: Path) -> bool:
-    """Whether a process holds the lock of a writer on the file; false where the system has no such locks."""
-    try:
-        import fcntl
-
-        with open(path, "rb") as file:
-            fcntl.flock(file, fcntl.LOCK_SH | fcntl.LOCK_NB)
-    except BlockingIOError:
-        return True
-    except (ImportError, OSError):
-        return False
-    return False
-
-
-def _again(method: Callable[..., T]) -> Callable[..., T]:
-    """A read that is done again after opening the file again, if the run that writes it has changed it meanwhile.
-
-    HDF5 keeps the index of a file in memory as it was when it read it. Rows are only added, so those known before
-    are the same afterwards.
-    """
-
-    @wraps(method)
-    def patient(self: Stored, *arguments: Any, **keywords: Any) -> T:
-        if not self.running or self._patient:
-            return method(self, *arguments, **keywords)
-        self._patient = True
-        try:
-            for pause in _PAUSES:
-                try:
-                    return method(self, *arguments, **keywords)
-                except RunningFileError:
-                    time.sleep(pause)
-                    self._reopen()
-            return method(self, *arguments, **keywords)
-        finally:
-            self._patient = False
-
-    return patient
+        return None
+    except OSError as error:
+        # This process has the file open with other locking.
+        if locking is not None or "locking flag" not in str(error):
+            raise
+        return None if is_being_written(path) else h5py.File(path, "r", locking=False)
+    count = Count.of(hdf.id.get_vfd_handle())
+    # Where HDF5 locks nothing, because it was told so or cannot, only the counter says that a run has not ended.
+    if count is not None and count.flushes > 0 and is_being_written(path) is not False:
+        hdf.close()
+        return None
+    return hdf
 
 
 class Stored:
-    """An HDF5 file, opened for reading."""
+    """An HDF5 file, opened for reading.
+
+    Of a file that a run is writing it is one state, that when it was opened: all of the index is read then, and kept.
+    What HDF5 reads later are rows, which a run does not change.
+    """
 
     def __init__(self, path: Path, locking: bool | None = None) -> None:
         self.path = path
         self._found: dict[str, h5py.Group | h5py.Dataset] = {}
         self._columns: dict[str, Column] = {}
-        self._locking, self._patient = locking, False
+        self._replaced: dict[str, Array] = {}
+        self._source: Source | None = None
+        self._count: Count | None = None
+        self.hdf: h5py.File
+        self.running = False
+        """Whether a run was writing the file when it was opened."""
         try:
             require_file(path)
-            self.hdf, self.running = _opened(path, locking)
+            hdf = _opened(path, locking)
+            if hdf is None:
+                one_state(path, self._load, lambda _: self.close())
+            else:
+                self.hdf = hdf
         except FileError:
             raise
         except (FileNotFoundError, NotADirectoryError):
@@ -127,25 +103,63 @@ class Stored:
         except Exception as error:
             raise FileError(f"{path}: {_damage(path, error)}") from error
 
+    def _load(self, reading: Reading) -> None:
+        """Opens the file while a run is writing it, and reads all of its index."""
+        self.running, self._count = True, reading.count
+        self._source = Source(os.dup(reading.descriptor), self.path)
+        self.hdf = self._checked = h5py.File(self._source, "r")
+        try:
+            # What cannot be read now raises its error again when it is wanted.
+            for place, attribute in load(self.hdf):
+                with suppress(FileError):
+                    if attribute is None:
+                        self.value(place)
+                    else:
+                        self.attribute(place, attribute)
+            with suppress(FileError):
+                self._read_replaced()
+        except BaseException:
+            self.close()
+            raise
+
+    def _read_replaced(self) -> None:
+        for kind in self.members(_REPLACED):
+            for part in self.members(f"{_REPLACED}/{kind}"):
+                place = f"{_REPLACED}/{kind}/{part}"
+                data = self._dataset(place)
+                self._rows(place, data)
+                with self.reading(place):
+                    self._replaced[place] = data[()]
+
     @property
     def size(self) -> int:
         """Size of the file [bytes], which may still grow."""
-        return os.fstat(self.hdf.id.get_vfd_handle()).st_size
+        return os.fstat(self._descriptor).st_size
+
+    @property
+    def _descriptor(self) -> int:
+        return self.hdf.id.get_vfd_handle() if self._source is None or not self.running else self._source.descriptor
 
     def close(self) -> None:
-        self.hdf.close()
+        for kept in (self._found, self._columns, self._replaced):
+            kept.clear()
+        for name in ("_checked", "hdf"):
+            if name in self.__dict__:
+                self.__dict__[name].close()
 
-    def _reopen(self) -> None:
-        self.hdf.close()
-        self._found.clear()
-        self.hdf, _ = _opened(self.path, self._locking)
-
-    @_again
     def read(self, place: str, key: int | slice) -> Array:
         """Rows of the dataset at a path."""
         data = self._dataset(place)
         with self.reading(place):
-            return np.asarray(data[key])
+            values = self._replaced[place][key] if place in self._replaced else np.asarray(data[key])
+        self._require_rows_kept()
+        return values
+
+    def _require_rows_kept(self) -> None:
+        if self.running and self._count is not None:
+            now = Count.of(self._descriptor)
+            if now is None or now.resumptions != self._count.resumptions:
+                raise RunningFileError(f"{self.path}: its run has been resumed since it was opened; open it again")
 
     def wrong(self, place: str, what: str) -> FileError:
         """The error for an invalid dataset, group or attribute."""
@@ -163,15 +177,11 @@ class Stored:
         except MemoryError as error:
             raise self.wrong(place, "does not fit into memory") from error
         except Exception as error:
-            if self.running:
-                raise RunningFileError(
-                    f"{self.path}: {brief(place)}: the run has written the file since it was opened; open it again"
-                ) from error
+            self._require_rows_kept()
             raise self.wrong(place, f"cannot read: {reason(error)}") from error
 
     # --- contents -----------------------------------------------------------------------------
 
-    @_again
     def find(self, place: str, followed: int = 0) -> h5py.Group | h5py.Dataset | None:
         """The object at a path; ``None`` if there is none. Links to other files are refused."""
         if place in self._found and self.hdf:
@@ -207,7 +217,6 @@ class Stored:
         """Whether there is a group at a path."""
         return isinstance(self.find(place), h5py.Group)
 
-    @_again
     def members(self, place: str) -> list[str]:
         """Names in a group; empty if it does not exist."""
         group = self.find(place)
@@ -218,7 +227,6 @@ class Stored:
         with self.reading(place):
             return list(group)
 
-    @_again
     def attributes(self, place: str) -> list[str]:
         """Names of the attributes of a group or dataset; empty if it does not exist."""
         node = self.find(place)
@@ -227,7 +235,6 @@ class Stored:
 
     # --- values ----------------------------------------------------------------------------------------
 
-    @_again
     def column(self, place: str, shape: tuple[int | None, ...], kinds: str = "fiu") -> Column:
         """A dataset of numbers; ``None`` in ``shape`` is any length, ``kinds`` those of NumPy.
 
@@ -247,14 +254,12 @@ class Stored:
             self._columns[key] = Column(self, place, data, self._rows(place, data))
         return self._columns[key]
 
-    @_again
     def rank(self, place: str) -> int:
         """Number of axes of a dataset."""
         data = self._dataset(place)
         with self.reading(place):
             return len(data.shape or ())
 
-    @_again
     def value(self, place: str) -> Any:
         """Number, text or array of either, as a dataset or an attribute of its group; ``None`` if it is neither."""
         group, _, name = place.rpartition("/")
@@ -265,10 +270,10 @@ class Stored:
             self._plain(place, data.dtype, data.shape)
             self._rows(place, data, whole=True)
             with self.reading(place):
-                return self._decoded(place, data[()])
+                values = self._through_checks(data, data.dtype)[()]
+            return self._decoded(place, values)
         return self.attribute(group, name)
 
-    @_again
     def attribute(self, place: str, name: str) -> Any:
         """Number, text or array of either; ``None`` if there is no such attribute."""
         node, full = self.find(place), f"{place}@{name}"
@@ -282,7 +287,34 @@ class Stored:
             if declared > min(ATTRIBUTE_MOST, self.size):
                 raise self.wrong(full, f"declares {declared:,} bytes; an attribute has up to {ATTRIBUTE_MOST:,}")
             self._plain(full, about.dtype, about.shape)
-            return self._decoded(full, node.attrs[name])
+            return self._decoded(full, self._through_checks(node, about.dtype).attrs[name])
+
+    def _through_checks(self, node: Node, dtype: np.dtype) -> Node:
+        """The same group or dataset, for reading ``dtype``: texts of any length are in heaps, which need checks."""
+        text = h5py.check_string_dtype(dtype)
+        if text is None or text.length is not None or self.running:
+            return node
+        return self._checked[node.name]
+
+    @cached_property
+    def _checked(self) -> h5py.File:
+        """The file as read through :class:`Source`."""
+        return h5py.File(Source(os.dup(self._descriptor), self.path), "r")
+
+    def require_attributes(self, *places: str) -> None:
+        """Raises :class:`FileError` if an attribute of these groups, or of what is in them, cannot be read."""
+        pending, known = list(places), set()
+        while pending:
+            place = pending.pop()
+            node = self.find(place)
+            # A damaged group may be in itself.
+            if node is None or node.id in known:
+                continue
+            known.add(node.id)
+            for name in self.attributes(place):
+                self.attribute(place, name)
+            if isinstance(node, h5py.Group):
+                pending += [f"{place}/{member}" for member in self.members(place)]
 
     def integer(self, place: str) -> int | None:
         """A whole number; ``None`` if it is not there."""

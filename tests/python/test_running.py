@@ -3,9 +3,14 @@
 from __future__ import annotations
 
 import json
+import multiprocessing
+import os
+import struct
 import subprocess
 import time
+import zlib
 from collections.abc import Iterator
+from concurrent.futures import ProcessPoolExecutor
 from pathlib import Path
 
 import numpy as np
@@ -13,6 +18,7 @@ import pytest
 
 import haff
 from conftest import ROOT, executable
+from haff.handshake import Count
 
 GAS = ROOT / "tests" / "gas.toml"
 
@@ -22,14 +28,14 @@ def running(tmp_path) -> Iterator[Path]:
     """The file of a run that goes on during the test, with four frames at least."""
     path = tmp_path / "running.h5"
     # Elastic, so that the run has the same speed for all its time: some hundred frames a second.
-    sets = ("contact.restitution=1", "run.until=1e7", "output.frames=2.0", "output.events=false")
-    words = [word for item in sets for word in ("--set", item)]
+    sets = ("contact.restitution=1", "run.until=1e7", "output.frames=2.0", "measure.vacf=true", "measure.interval=0.5")
+    profiles = 'measure.profiles=[{axis="z",bins=10,interval=2.0}]'
+    words = [word for item in (*sets, profiles) for word in ("--set", item)]
     process = subprocess.Popen([executable(), "run", GAS, "-o", path, "-q", "--threads", "1", *words])
     try:
-        until = time.monotonic() + 150
-        while not path.exists() or len(haff.open(path).frames) < 4:
-            assert time.monotonic() < until and process.poll() is None
-            time.sleep(0.05)
+        while not path.exists() or frames_of(path) < 4:
+            assert process.poll() is None
+            time.sleep(0.01)
         yield path
         assert process.poll() is None, f"exit status {process.returncode}: the run is disturbed by its readers"
     finally:
@@ -39,20 +45,79 @@ def running(tmp_path) -> Iterator[Path]:
         assert not file.running
 
 
-def test_python_reads_a_running_file_up_to_the_last_flush(running):
-    lengths = []
-    for _ in range(10):
-        with haff.open(running) as file:
+def frames_of(path: Path) -> int:
+    with haff.open(path) as file:
+        return len(file.frames)
+
+
+def wait_for_more_than(frames: int, path: Path) -> None:
+    """Waits for frames of a run that goes on, however slow it is: they must come with its next flushes."""
+    flushed = flushes(path)
+    while frames_of(path) <= frames:
+        assert flushes(path) < flushed + 100, f"{frames} frames, and no other is read"
+        time.sleep(0.01)
+
+
+def flushes(path: Path) -> int:
+    """Beginnings and ends of flushes so far."""
+    with path.open("rb") as file:
+        count = Count.of(file.fileno())
+    assert count is not None, "the file has no counter"
+    return count.flushes
+
+
+def check_and_sum(path: Path, until: int) -> dict[str, int]:
+    """Reads parts of a file again and again, up to ``until`` times; checksums of the first rows of each."""
+    sums: dict[str, int] = {}
+    for _ in range(until):
+        with haff.open(path) as file:
             assert file.running
-            frames = file.frames
-            times = frames.time
-            assert np.isfinite(times).all() and np.all(np.diff(times) > 0)
-            position = frames[-1].position
-            assert position.shape == (500, 3) and np.all((position >= 0) & (position <= file.box.size))
-            assert len(file.observables) >= len(frames)
-            lengths.append(len(frames))
-        time.sleep(0.25)
-    assert lengths == sorted(lengths) and lengths[-1] > lengths[0], "the file grows"
+            found = {
+                "frames": file.frames[3].position,
+                "times": file.frames.time[:4],
+                "samples": file.samples["temperature"][:4],
+                "events": file.events[:1000].to_numpy(),
+                "profiles": file.profiles["z"].density.values[:3],
+            }
+            for times in (file.frames.time, file.samples["time"], file.profiles["z"].time.values):
+                assert np.isfinite(times).all() and np.all(np.diff(times) > 0)
+            last = file.frames[-1].position
+            assert last.shape == (500, 3) and np.all((last >= 0) & (last <= file.box.size))
+            assert len(file.samples["time"]) >= len(file.frames)
+            assert np.isfinite(file.correlations["vacf"].value).all()
+        for name, values in found.items():
+            assert sums.setdefault(name, crc(values)) == crc(values), name
+    return sums
+
+
+def crc(values: np.ndarray) -> int:
+    return zlib.crc32(np.array2string(values).encode() if values.dtype == object else values.tobytes())
+
+
+def test_readers_of_a_running_file_read_one_state_each(running):
+    """A short form of benches/running.py."""
+    lengths = [frames_of(running)]
+    with ProcessPoolExecutor(2, multiprocessing.get_context("spawn")) as pool:
+        results = [pool.submit(check_and_sum, running, 20) for _ in range(2)]
+        assert results[0].result() == results[1].result()
+    wait_for_more_than(lengths[0], running)
+
+
+def test_a_file_that_is_open_does_not_hide_what_the_run_writes(running):
+    with haff.open(running) as first:
+        known = len(first.frames)
+        wait_for_more_than(known, running)
+        assert len(first.frames) == known
+        np.testing.assert_array_equal(first.frames[known - 1].time, first.frames.time[-1])
+
+
+def test_a_reader_that_is_stopped_does_not_stop_the_run(running):
+    fcntl = pytest.importorskip("fcntl")
+    with running.open("rb") as stopped:
+        lock = struct.pack("hhqqi4x", fcntl.F_RDLCK, os.SEEK_SET, 1 << 62, 1, 0)
+        fcntl.fcntl(stopped, getattr(fcntl, "F_OFD_SETLK", fcntl.F_SETLK), lock)
+        for _ in range(3):
+            wait_for_more_than(frames_of(running), running)
 
 
 @pytest.mark.parametrize(

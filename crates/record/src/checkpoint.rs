@@ -13,14 +13,17 @@ use ndarray::{ArrayView1, ArrayView2, Ix2};
 use xxhash_rust::xxh3::Xxh3;
 
 use crate::{
-    declared::read_all,
+    declared::{checked_text, read_all},
     events::{Row, Tangential, set_tangential, tangential},
+    growth::check_fixed,
     series::{Name, Series, Storage},
 };
 
 /// Names of the entries of a slot's header, in order.
 const HEADER: [&str; 9] =
     ["sequence", "frames", "samples", "events", "tail", "scalars", "resting", "measured", "checksum"];
+/// The content of a slot's header.
+pub(crate) type SlotHeader = [u64; HEADER.len()];
 /// Rows per chunk of data of variable length.
 const CHUNK: usize = 1024;
 /// Vectors written at a time.
@@ -172,8 +175,24 @@ impl Slot {
         })
     }
 
+    /// Fails unless another checkpoint can be written here.
+    pub fn check_growth(&self) -> hdf5::Result<()> {
+        check_fixed::<u64>(&self.header)?;
+        [&self.position, &self.velocity]
+            .into_iter()
+            .chain(&self.angular_velocity)
+            .try_for_each(check_fixed::<f64>)?;
+        check_fixed::<i32>(&self.image)?;
+        check_fixed::<i64>(&self.anchor)?;
+        [&self.count, &self.resting].into_iter().try_for_each(check_fixed::<u32>)?;
+        self.names.check_growth::<Name>(0)?;
+        [&self.values, &self.measured].into_iter().try_for_each(|series| series.check_growth::<u64>(0))?;
+        self.tail.iter().try_for_each(|series| series.check_growth::<Row>(0))?;
+        self.tail_tangential.iter().try_for_each(|series| series.check_growth::<f64>(0))
+    }
+
     /// Writes the content of the slot; after a flush, [`Slot::seal`] makes it valid. Returns the header.
-    pub fn fill(&mut self, saved: &Saved) -> hdf5::Result<[u64; HEADER.len()]> {
+    pub fn fill(&mut self, saved: &Saved) -> hdf5::Result<SlotHeader> {
         let state = &saved.state;
         write_vectors(&self.position, &state.position)?;
         write_vectors(&self.velocity, &state.velocity)?;
@@ -215,12 +234,12 @@ impl Slot {
     }
 
     /// The header of a checkpoint in this slot.
-    fn header(&self, saved: &Saved) -> [u64; HEADER.len()] {
+    fn header(&self, saved: &Saved) -> SlotHeader {
         header(saved, self.tail_tangential.is_some())
     }
 
     /// Writes the header.
-    pub fn seal(&self, header: [u64; HEADER.len()]) -> hdf5::Result<()> {
+    pub fn seal(&self, header: SlotHeader) -> hdf5::Result<()> {
         self.header.write(ArrayView1::from(&header[..]))
     }
 
@@ -232,7 +251,7 @@ impl Slot {
     /// The checkpoint in the slot; `None` if it was never used, or is not complete.
     pub fn read(&self) -> hdf5::Result<Option<Saved>> {
         let found = read_all::<u64>(&self.header)?;
-        let Ok(found) = <[u64; HEADER.len()]>::try_from(found) else { return Ok(None) };
+        let Ok(found) = SlotHeader::try_from(found) else { return Ok(None) };
         let [sequence, frames, samples, events, tail, scalars, resting, measured, _] =
             found.map(|value| value as usize);
         let fits = scalars <= self.names.rows().min(self.values.rows())
@@ -250,7 +269,8 @@ impl Slot {
         };
         let mut names = Vec::new();
         for name in self.names.read::<Name>(0, scalars)? {
-            names.push(name.as_str().to_owned());
+            let Ok(name) = checked_text(name.as_bytes(), "") else { return Ok(None) };
+            names.push(name);
         }
         let rows = match &self.tail {
             Some(series) => series.read::<Row>(0, tail)?,
@@ -357,7 +377,7 @@ fn matrix<T>(flat: &[T]) -> hdf5::Result<ndarray::ArrayView<'_, T, Ix2>> {
 }
 
 /// The header of a checkpoint, with the checksum of all its content.
-fn header(saved: &Saved, has_tangential: bool) -> [u64; HEADER.len()] {
+fn header(saved: &Saved, has_tangential: bool) -> SlotHeader {
     let Saved { sequence, progress, state, tail } = saved;
     let mut header = [
         *sequence,

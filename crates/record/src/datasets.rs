@@ -9,8 +9,10 @@ use hdf5::{
 };
 
 use crate::{
-    checkpoint::{Slot, Tail},
+    checkpoint::{Saved, Slot, Tail},
     events::{Columns, has_tangential},
+    growth::check_extents,
+    handshake,
     header::Header,
     measured::{CorrelationTables, Profiles},
     series::{SERIES_CHUNK, Series, Storage},
@@ -54,6 +56,12 @@ impl Clock {
 
     pub fn rows(&self) -> usize {
         self.step.rows().min(self.time.rows())
+    }
+
+    /// Fails unless rows can be added after the first `kept` ones.
+    pub fn check_growth(&self, kept: usize) -> hdf5::Result<()> {
+        self.step.check_growth::<i64>(kept)?;
+        self.time.check_growth::<f64>(kept)
     }
 
     pub fn truncate(&mut self, rows: usize) -> hdf5::Result<()> {
@@ -138,6 +146,21 @@ impl Trajectory {
         self.clock.time.without_trailing_nan(rows)
     }
 
+    fn series(&self) -> impl Iterator<Item = &Series> {
+        let Clock { step, time } = &self.clock;
+        [&self.position, &self.velocity, &self.image, &self.edges, step, time]
+            .into_iter()
+            .chain(&self.angular_velocity)
+    }
+
+    fn check_growth(&self, kept: usize) -> hdf5::Result<()> {
+        let mut reals =
+            [&self.position, &self.velocity, &self.edges].into_iter().chain(&self.angular_velocity);
+        reals.try_for_each(|series| series.check_growth::<f64>(kept))?;
+        self.image.check_growth::<i32>(kept)?;
+        self.clock.check_growth(kept)
+    }
+
     pub fn truncate(&mut self, rows: usize) -> hdf5::Result<()> {
         self.clock.truncate(rows)?;
         let series = [&mut self.position, &mut self.velocity, &mut self.image, &mut self.edges];
@@ -212,6 +235,16 @@ impl Observables {
         self.clock.time.without_trailing_nan(rows)
     }
 
+    fn check_growth(&self, kept: usize) -> hdf5::Result<()> {
+        for (series, quantity) in &self.series {
+            match quantity {
+                Quantity::Count(_) => series.check_growth::<i64>(kept)?,
+                _ => series.check_growth::<f64>(kept)?,
+            }
+        }
+        self.clock.check_growth(kept)
+    }
+
     pub fn truncate(&mut self, rows: usize) -> hdf5::Result<()> {
         self.clock.truncate(rows)?;
         self.series.iter_mut().try_for_each(|(series, _)| series.resize(rows))
@@ -265,7 +298,7 @@ impl Datasets {
         } else {
             Some(Columns::create(&root.create_group("events")?, &header.events, header.compressed)?)
         };
-        let checkpoint = root.create_group("checkpoint")?;
+        let checkpoint = root.group(handshake::GROUP)?;
         let tail = match (header.events.is_empty(), has_tangential(&header.events)) {
             (true, _) => Tail::None,
             (false, false) => Tail::Plain,
@@ -291,11 +324,66 @@ impl Datasets {
             if root.link_exists("observables") { Some(Observables::open(root, sizes)?) } else { None };
         let events =
             if root.link_exists("events") { Some(Columns::open(&root.group("events")?)?) } else { None };
-        let checkpoint = root.group("checkpoint")?;
+        let checkpoint = root.group(handshake::GROUP)?;
         let slots = [Slot::open(&checkpoint, "0", particles)?, Slot::open(&checkpoint, "1", particles)?];
         let profiles = Profiles::open(root)?;
         let correlations = CorrelationTables::open(root)?;
         Ok(Self { trajectory, observables, events, profiles, correlations, slots })
+    }
+
+    /// Drops all rows after a checkpoint.
+    pub fn truncate(&mut self, saved: &Saved) -> hdf5::Result<()> {
+        let rows = saved.progress;
+        if let Some(trajectory) = &mut self.trajectory {
+            trajectory.truncate(rows.frames)?;
+        }
+        if let Some(observables) = &mut self.observables {
+            observables.truncate(rows.samples)?;
+        }
+        if let Some(events) = &mut self.events {
+            // Back to whole chunks; the remaining rows are in the checkpoint.
+            events.truncate(rows.events - saved.tail.len())?;
+        }
+        self.profiles.truncate(saved.time())
+    }
+
+    /// Parts of the file, as places and sizes, that [`Datasets::truncate`] changes.
+    pub fn cut_chunks(&self, saved: &Saved) -> hdf5::Result<Vec<(u64, usize)>> {
+        let rows = saved.progress;
+        let mut growing = self.profiles.series(saved.time())?;
+        if let Some(trajectory) = &self.trajectory {
+            growing.extend(trajectory.series().map(|series| (series, rows.frames)));
+        }
+        if let Some(Observables { series, clock, .. }) = &self.observables {
+            let all = series.iter().map(|(series, _)| series).chain([&clock.step, &clock.time]);
+            growing.extend(all.map(|series| (series, rows.samples)));
+        }
+        if let Some(events) = &self.events {
+            growing.extend(events.series().map(|series| (series, rows.events - saved.tail.len())));
+        }
+        let mut found = Vec::new();
+        for (series, kept) in growing {
+            found.extend(series.cut_chunks(kept)?);
+        }
+        Ok(found)
+    }
+
+    /// Fails unless the run can go on from a checkpoint: rows can be added after those that it counts.
+    pub fn check_growth(&self, root: &hdf5::File, saved: &Saved) -> hdf5::Result<()> {
+        let rows = saved.progress;
+        if let Some(trajectory) = &self.trajectory {
+            trajectory.check_growth(rows.frames)?;
+        }
+        if let Some(observables) = &self.observables {
+            observables.check_growth(rows.samples)?;
+        }
+        if let Some(events) = &self.events {
+            events.check_growth(rows.events - saved.tail.len())?;
+        }
+        self.profiles.check_growth(saved.time())?;
+        self.correlations.check_growth()?;
+        self.slots.iter().try_for_each(Slot::check_growth)?;
+        check_extents(root, root.size())
     }
 }
 

@@ -98,6 +98,11 @@ pub(crate) fn read_attribute<T: H5Type>(attribute: &Attribute, count: usize) -> 
     attribute.read_raw()
 }
 
+/// A text in a file, which may be damaged: strings of the HDF5 library are not checked to be UTF-8.
+pub(crate) fn checked_text(bytes: &[u8], name: &str) -> hdf5::Result<String> {
+    String::from_utf8(bytes.to_vec()).map_err(|error| format!("{name} is not UTF-8 text: {error}").into())
+}
+
 /// Number of elements of a shape.
 pub(crate) fn elements(shape: &[usize]) -> u64 {
     shape.iter().fold(1, |elements: u64, &size| elements.saturating_mul(size as u64))

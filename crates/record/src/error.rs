@@ -100,6 +100,12 @@ pub enum RecordError {
         /// Whether the file has been made before, with a first checkpoint.
         exists: bool,
     },
+    /// Another process has changed the file during every attempt to read it.
+    #[error("{path}: the run that is writing it has changed it whenever it was read; try again")]
+    Changing {
+        /// The file.
+        path: PathBuf,
+    },
     /// The file is no longer at its path.
     #[error("{path} was removed or replaced while it was being written")]
     Vanished {

@@ -269,6 +269,26 @@ impl Columns {
         self.time.without_trailing_nan(rows)
     }
 
+    pub fn series(&self) -> impl Iterator<Item = &Series> {
+        std::iter::once(&self.time).chain(self.others.iter().map(|column| &column.series))
+    }
+
+    /// Fails unless whole chunks of rows can be added after the first `kept` ones.
+    pub fn check_growth(&self, kept: usize) -> hdf5::Result<()> {
+        self.time.check_growth::<f64>(kept)?;
+        for Column { field, series } in &self.others {
+            match field {
+                EventColumn::Kind => series.check_growth::<Kind>(kept)?,
+                EventColumn::I | EventColumn::J => series.check_growth::<u32>(kept)?,
+                _ => series.check_growth::<f64>(kept)?,
+            }
+        }
+        match self.series().find(|series| series.is_off(EVENT_CHUNK)) {
+            Some(series) => Err(format!("{} has no chunks of {EVENT_CHUNK} rows", series.name()).into()),
+            None => Ok(()),
+        }
+    }
+
     /// Sets the number of rows of all columns.
     pub fn truncate(&mut self, rows: usize) -> hdf5::Result<()> {
         self.time.resize(rows)?;

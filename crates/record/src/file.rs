@@ -4,7 +4,7 @@
 use std::{
     ffi::OsString,
     fs,
-    io::{ErrorKind, Read, Seek, SeekFrom, Write},
+    io::{self, ErrorKind, Read, Seek, SeekFrom, Write},
     mem::ManuallyDrop,
     path::{Path, PathBuf},
     thread,
@@ -13,13 +13,18 @@ use std::{
 
 use hdf5::file::{FileAccessBuilder, LibraryVersion, MetadataCacheConfig, OpenMode};
 
-use crate::error::{Context, OPEN, RecordError};
+use crate::{
+    error::{Context, OPEN, RecordError},
+    handshake::{self, Flushes, is_at},
+};
 
 /// First bytes of every HDF5 file without a user block.
 const SIGNATURE: [u8; 8] = *b"\x89HDF\r\n\x1a\n";
 /// Start of a superblock of version 0 with addresses of 8 bytes, as written with library version bounds
 /// `earliest`.
 const SUPERBLOCK: [u8; 14] = *b"\x89HDF\r\n\x1a\n\0\0\0\0\0\x08";
+/// Its size with the entry of the root group [bytes].
+const SUPERBLOCK_SIZE: usize = 96;
 /// Position of the end-of-file address (little-endian) in such a superblock.
 const END_ADDRESS: u64 = 40;
 /// A page of memory [bytes], which the kernel writes as a whole. An index node has 2 to 3 KiB.
@@ -42,6 +47,9 @@ pub(crate) struct WritableFile {
     unpublished: Option<(PathBuf, bool)>,
     /// Bytes of the file for which disk space is reserved.
     reserved: u64,
+    flushes: Flushes,
+    /// Parts of the file as they were before it was opened for writing: places and bytes.
+    undo: Vec<(u64, Vec<u8>)>,
 }
 
 impl WritableFile {
@@ -78,7 +86,8 @@ impl WritableFile {
             .and_then(|builder| {
                 // The bytes of a file must not depend on the time of its creation.
                 builder.with_fcpl(|plist| plist.obj_track_times(false)).create(&part)
-            });
+            })
+            .and_then(|file| handshake::create(&file).map(|()| file));
         match file {
             Ok(file) => Ok(Self {
                 file: ManuallyDrop::new(file),
@@ -86,6 +95,8 @@ impl WritableFile {
                 path,
                 unpublished: Some((part, overwrite)),
                 reserved: 0,
+                flushes: Flushes::new(),
+                undo: Vec::new(),
             }),
             Err(error) => {
                 let _ = fs::remove_file(&part);
@@ -98,11 +109,13 @@ impl WritableFile {
     pub fn append(path: &Path) -> Result<Self, RecordError> {
         check_signature(path)?;
         let handle = fs::File::options().read(true).write(true).open(path).doing(path, OPEN)?;
-        let file = access(Purpose::Write)
-            .and_then(|plist| hdf5::File::with_options().set_fapl(&plist)?.open_as(path, OpenMode::ReadWrite))
-            .doing(path, OPEN)?;
-        let reserved = file.size();
-        Ok(Self { file: ManuallyDrop::new(file), handle, path: path.to_owned(), unpublished: None, reserved })
+        // HDF5 marks the file as open for writing.
+        let undo = [(0, SUPERBLOCK_SIZE), (handshake::ADDRESS, handshake::SIZE)];
+        let undo = parts(&handle, &undo).doing(path, OPEN)?;
+        let file = open_to_write(path)?;
+        let flushes = Flushes::of(&handle).doing(path, OPEN)?;
+        let (reserved, path) = (file.size(), path.to_owned());
+        Ok(Self { file: ManuallyDrop::new(file), handle, path, unpublished: None, reserved, flushes, undo })
     }
 
     /// The root group.
@@ -115,9 +128,31 @@ impl WritableFile {
         &self.path
     }
 
-    /// Writes all data that HDF5 holds in memory.
+    /// Writes all data that HDF5 holds in memory, while no process reads the file.
     pub fn flush(&mut self) -> Result<(), RecordError> {
-        self.reserve()?;
+        self.begin_change()?;
+        self.write_out()?;
+        self.end_change()
+    }
+
+    /// Keeps readers away until [`WritableFile::end_change`]: they find all of a change, or nothing.
+    pub fn begin_change(&mut self) -> Result<(), RecordError> {
+        self.flushes.begin(&self.handle).doing(&self.path, WRITE)
+    }
+
+    /// Lets readers begin.
+    pub fn end_change(&mut self) -> Result<(), RecordError> {
+        self.flushes.end(&self.handle).doing(&self.path, WRITE)?;
+        self.check_path()
+    }
+
+    /// The part of a flush during a change.
+    pub fn write_out(&mut self) -> Result<(), RecordError> {
+        if let Err(error) = self.reserve() {
+            // The metadata on disk are as they were.
+            self.end_change()?;
+            return Err(error);
+        }
         self.write_end_address()?;
         self.file.flush().doing(&self.path, WRITE)?;
         self.reserved = self.file.size();
@@ -125,23 +160,14 @@ impl WritableFile {
         if self.handle.metadata().doing(&self.path, WRITE)?.len() > self.reserved {
             self.handle.set_len(self.reserved).doing(&self.path, WRITE)?;
         }
-        self.check_path()
+        Ok(())
     }
 
     /// Fails if the file has been removed or replaced by another process: the system would continue to write
     /// a file that cannot be opened.
     fn check_path(&self) -> Result<(), RecordError> {
-        #[cfg(unix)]
-        if self.is_published() {
-            use std::os::unix::fs::MetadataExt;
-            let own = self.handle.metadata().doing(&self.path, WRITE)?;
-            let vanished = match fs::metadata(&self.path) {
-                Ok(there) => (there.dev(), there.ino()) != (own.dev(), own.ino()),
-                Err(error) => error.kind() == ErrorKind::NotFound,
-            };
-            if vanished {
-                return Err(RecordError::Vanished { path: self.path.clone() });
-            }
+        if self.is_published() && !is_at(&self.handle, &self.path).doing(&self.path, WRITE)? {
+            return Err(RecordError::Vanished { path: self.path.clone() });
         }
         Ok(())
     }
@@ -211,11 +237,32 @@ impl WritableFile {
         self.unpublished.is_none()
     }
 
+    /// Keeps parts of the file, as places and sizes, for [`WritableFile::abandon`].
+    pub fn remember(&mut self, places: &[(u64, usize)]) -> Result<(), RecordError> {
+        self.undo.extend(parts(&self.handle, places).doing(&self.path, WRITE)?);
+        Ok(())
+    }
+
+    /// Gives up a file that was opened to continue it, and of which nothing has been flushed.
+    pub fn abandon(self) -> Result<(), RecordError> {
+        // It is not closed, which would write what HDF5 has changed in memory.
+        self.undo.iter().try_for_each(|(start, bytes)| {
+            let mut handle = &self.handle;
+            handle
+                .seek(SeekFrom::Start(*start))
+                .and_then(|_| handle.write_all(bytes))
+                .doing(&self.path, WRITE)
+        })
+    }
+
     /// Closes the flushed file. `durable`: only after it is stored on the disk.
     pub fn close(mut self, durable: bool) -> Result<(), RecordError> {
+        // HDF5 gives unused space at the end back.
+        self.begin_change()?;
         // SAFETY: `self.file` is not used again: `self` is consumed, and its drop does not touch the field.
         let file = unsafe { ManuallyDrop::take(&mut self.file) };
         file.close().doing(&self.path, WRITE)?;
+        self.flushes.close(&self.handle).doing(&self.path, WRITE)?;
         if durable { self.handle.sync_all().doing(&self.path, WRITE) } else { Ok(()) }
     }
 }
@@ -281,39 +328,57 @@ fn check_signature(path: &Path) -> Result<(), RecordError> {
     }
 }
 
+/// Parts of a file: places and bytes.
+fn parts(mut file: &fs::File, places: &[(u64, usize)]) -> io::Result<Vec<(u64, Vec<u8>)>> {
+    let read = |&(start, size): &(u64, usize)| {
+        let mut bytes = Vec::new();
+        file.seek(SeekFrom::Start(start))?;
+        file.take(size as u64).read_to_end(&mut bytes)?;
+        Ok((start, bytes))
+    };
+    places.iter().map(read).collect()
+}
+
+/// Opens a file for writing. A process that tests whether it is being written has a lock on it for an
+/// instant, so a second attempt may succeed.
+fn open_to_write(path: &Path) -> Result<hdf5::File, RecordError> {
+    let mut attempts = 1;
+    loop {
+        let file = access(Purpose::Write)
+            .and_then(|plist| hdf5::File::with_options().set_fapl(&plist)?.open_as(path, OpenMode::ReadWrite))
+            .doing(path, OPEN);
+        match file {
+            Err(RecordError::InUse { .. }) if attempts < 10 => thread::sleep(Duration::from_millis(5)),
+            result => return result,
+        }
+        attempts += 1;
+    }
+}
+
 /// Whether a process has the file open for writing; `false` if there is no such file.
 pub fn is_being_written(path: &Path) -> bool {
     // HDF5 holds a lock on files that it writes, until its process ends.
     fs::File::open(path).is_ok_and(|file| matches!(file.try_lock_shared(), Err(fs::TryLockError::WouldBlock)))
 }
 
-/// Opens a file and reads it by `read`. Reading can fail while a running simulation flushes the file; it is
-/// tried again a few times.
+/// Opens a file and reads it by `read`: one state of it, also while a simulation is writing it.
 pub(crate) fn read<T>(
     path: &Path,
     read: impl Fn(&hdf5::File) -> Result<T, RecordError>,
 ) -> Result<T, RecordError> {
     check_signature(path)?;
-    let mut tries = 0;
-    let mut purpose = Purpose::Read;
-    loop {
-        let result = access(purpose)
+    let open = |purpose| {
+        access(purpose)
             .and_then(|plist| hdf5::File::with_options().set_fapl(&plist)?.open_as(path, OpenMode::Read))
             .doing(path, OPEN)
-            .and_then(|file| read(&file));
-        tries += 1;
-        match result {
-            Err(RecordError::Io { reason, .. })
-                if purpose == Purpose::Read && reason.contains("file locking flag") =>
-            {
-                purpose = Purpose::ReadOwn;
+    };
+    handshake::read_one_state(path, || {
+        let file = match open(Purpose::Read) {
+            Err(RecordError::Io { reason, .. }) if reason.contains("file locking flag") => {
+                open(Purpose::ReadOwn)
             }
-            Err(RecordError::Io { .. } | RecordError::Truncated { .. })
-                if tries < 5 && is_being_written(path) =>
-            {
-                thread::sleep(Duration::from_millis(20));
-            }
-            result => return result,
-        }
-    }
+            result => result,
+        };
+        read(&file?)
+    })
 }

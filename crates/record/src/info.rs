@@ -9,7 +9,7 @@ use hdf5::{Dataset, Group, H5Type, types::VarLenUnicode};
 use crate::{
     checkpoint::newest,
     datasets::{Datasets, EARLIER, Observables},
-    declared::{elements, read_all, read_attribute, read_scalar},
+    declared::{checked_text, elements, read_all, read_attribute, read_scalar},
     error::{Context, RecordError},
     events::Columns,
     file,
@@ -221,7 +221,7 @@ fn scalar<T: H5Type>(group: &Group, name: &str) -> hdf5::Result<T> {
 
 fn text(dataset: &Dataset, path: &Path) -> hdf5::Result<String> {
     check_texts(dataset, path)?;
-    Ok(read_scalar::<VarLenUnicode>(dataset)?.as_str().to_owned())
+    checked_text(read_scalar::<VarLenUnicode>(dataset)?.as_bytes(), &dataset.name())
 }
 
 fn string(group: &Group, name: &str, path: &Path) -> hdf5::Result<String> {
@@ -232,7 +232,7 @@ fn texts(group: &Group, name: &str, path: &Path) -> hdf5::Result<Vec<String>> {
     let dataset = group.dataset(name)?;
     check_texts(&dataset, path)?;
     let texts = read_all::<VarLenUnicode>(&dataset)?;
-    Ok(texts.iter().map(|text| text.as_str().to_owned()).collect())
+    texts.iter().map(|text| checked_text(text.as_bytes(), &dataset.name())).collect()
 }
 
 fn vectors(flat: &[f64]) -> Vec<DVec3> {
@@ -305,7 +305,7 @@ fn read_info(file: &hdf5::File, parameters: Parameters, path: &Path) -> Result<I
         .doing(path, READ)?;
     let mut periodic = [false; 3];
     for (periodic, name) in periodic.iter_mut().zip(&boundary) {
-        *periodic = name.as_str() == "periodic";
+        *periodic = name.as_bytes() == b"periodic";
     }
     let state = checkpoint.as_ref().map(|saved| &saved.state);
     Ok(Info {

@@ -64,12 +64,21 @@ a checkpoint is taken are stored, uncompressed, in the checkpoint's slot, so tha
 exists when its `time` does.
 */
 
+// The synthetic run of the tests in `tests/`, also for those here.
+#[cfg(test)]
+extern crate self as haff_record;
+#[cfg(test)]
+#[path = "../tests/common/mod.rs"]
+mod common;
+
 mod checkpoint;
 mod datasets;
 mod declared;
 mod error;
 mod events;
 mod file;
+mod growth;
+mod handshake;
 mod header;
 mod heap;
 mod info;

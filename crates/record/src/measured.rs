@@ -54,6 +54,12 @@ const FIELDS: [Field; 5] = [
     },
 ];
 
+/// Shapes of a row's fields, on a grid in d dimensions.
+pub(crate) fn row_shapes(grid: &Grid, dimension: usize) -> Vec<Vec<usize>> {
+    let cells = || grid.axes.iter().map(|axis| axis.bins);
+    FIELDS.iter().map(|field| cells().chain((field.shape)(dimension)).collect()).collect()
+}
+
 /// Rows of one profile.
 #[derive(Debug)]
 pub(crate) struct Profile {
@@ -81,11 +87,9 @@ impl Profile {
         group.new_attr::<u32>().create(INDEX)?.write_scalar(&(index as u32))?;
         let mut series = Vec::with_capacity(FIELDS.len());
         let mut clock = None;
-        for field in &FIELDS {
+        for (field, width) in FIELDS.iter().zip(row_shapes(grid, dimension)) {
             let element = group.create_group(field.name)?;
             write_text_attribute(&element, "unit", field.unit)?;
-            let cells = grid.axes.iter().map(|axis| axis.bins);
-            let width: Vec<usize> = cells.chain((field.shape)(dimension)).collect();
             let storage = Storage { chunk: chunk(&width), compressed: false };
             series.push(Series::create_real(&element, "value", &width, &storage)?);
             match &clock {
@@ -123,12 +127,23 @@ impl Profile {
         Ok(!times.is_empty())
     }
 
-    /// Drops the rows after `time`.
-    fn truncate(&mut self, time: f64) -> hdf5::Result<()> {
+    /// Number of rows up to `time`.
+    fn rows_until(&self, time: f64) -> hdf5::Result<usize> {
         let rows = self.series.iter().map(Series::rows).fold(self.clock.rows(), usize::min);
         let rows = self.clock.time.without_trailing_nan(rows)?;
         let times = self.clock.time.read::<f64>(0, rows)?;
-        let kept = times.partition_point(|&of_row| of_row <= time);
+        Ok(times.partition_point(|&of_row| of_row <= time))
+    }
+
+    fn check_growth(&self, time: f64) -> hdf5::Result<()> {
+        let kept = self.rows_until(time)?;
+        self.series.iter().try_for_each(|series| series.check_growth::<f64>(kept))?;
+        self.clock.check_growth(kept)
+    }
+
+    /// Drops the rows after `time`.
+    fn truncate(&mut self, time: f64) -> hdf5::Result<()> {
+        let kept = self.rows_until(time)?;
         self.clock.truncate(kept)?;
         self.series.iter_mut().try_for_each(|series| series.resize(kept))
     }
@@ -192,6 +207,12 @@ impl Profiles {
         Ok(Self(found.into_iter().map(|(_, profile)| profile).collect()))
     }
 
+    /// Shapes of the fields of each profile.
+    pub fn row_shapes(&self) -> Vec<Vec<Vec<usize>>> {
+        let of = |profile: &Profile| profile.series.iter().map(|series| series.shape().to_vec()).collect();
+        self.0.iter().map(of).collect()
+    }
+
     /// Number of profiles.
     pub fn count(&self) -> usize {
         self.0.len()
@@ -212,6 +233,22 @@ impl Profiles {
             appended |= profile.append_times()?;
         }
         Ok(appended)
+    }
+
+    /// All datasets that grow, each with its number of rows up to `time`.
+    pub fn series(&self, time: f64) -> hdf5::Result<Vec<(&Series, usize)>> {
+        let mut found = Vec::new();
+        for profile in &self.0 {
+            let kept = profile.rows_until(time)?;
+            let all = profile.series.iter().chain([&profile.clock.step, &profile.clock.time]);
+            found.extend(all.map(|series| (series, kept)));
+        }
+        Ok(found)
+    }
+
+    /// Fails unless rows can be added after `time`.
+    pub fn check_growth(&self, time: f64) -> hdf5::Result<()> {
+        self.0.iter().try_for_each(|profile| profile.check_growth(time))
     }
 
     /// Drops the rows after `time`.
@@ -275,6 +312,15 @@ impl CorrelationTables {
         };
         let found = CORRELATIONS.iter().filter(|kind| all.link_exists(kind.name));
         Ok(Self(found.map(open).collect::<hdf5::Result<_>>()?))
+    }
+
+    /// Fails unless all values can be replaced.
+    pub fn check_growth(&self) -> hdf5::Result<()> {
+        for Columns { lag, value, error, count, .. } in &self.0 {
+            [lag, value, error].into_iter().try_for_each(|series| series.check_growth::<f64>(0))?;
+            count.check_growth::<i64>(0)?;
+        }
+        Ok(())
     }
 
     /// Replaces all values.

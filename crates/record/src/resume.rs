@@ -10,10 +10,14 @@ use crate::{
     error::{Context, RecordError},
     events::Columns,
     file::{self, WritableFile},
+    header::Header,
     info::{Parameters, READ},
+    measured::row_shapes,
     recorder::{Contents, Recorder},
     writer::Writer,
 };
+
+const CONTINUE: &str = "continue";
 
 /// The data of a file needed to continue its run.
 #[derive(Debug, Clone, PartialEq)]
@@ -45,6 +49,50 @@ pub struct Resumed {
     pub summary: Option<String>,
     /// The summary before the last resumption (JSON text), if there is one.
     pub earlier: Option<String>,
+    /// What the rows of the file have been made for.
+    made_for: MadeFor,
+}
+
+/// Numbers of a run on which the shapes of rows depend.
+#[derive(Debug, Clone, PartialEq)]
+struct MadeFor {
+    particles: usize,
+    species: usize,
+    walls: usize,
+    spin: bool,
+    /// Shapes of the fields of each profile.
+    profiles: Vec<Vec<Vec<usize>>>,
+}
+
+impl Resumed {
+    /// Fails if rows of the run that `header` describes do not fit the file: its scene is not the one that
+    /// the file was made for.
+    ///
+    /// # Errors
+    ///
+    /// [`RecordError::Unfit`].
+    pub fn require(&self, path: impl AsRef<Path>, header: &Header) -> Result<(), RecordError> {
+        let MadeFor { particles, species, walls, spin, profiles } = &self.made_for;
+        let of_scene = header.measure.profiles.iter().map(|grid| row_shapes(grid, header.dimension));
+        let reason = [
+            ("particles", *particles, header.species.len()),
+            ("species", *species, header.species_names.len()),
+            ("walls", *walls, header.wall_names.len()),
+            ("angular velocities", usize::from(*spin), usize::from(header.present.spin)),
+            ("profiles", profiles.len(), header.measure.profiles.len()),
+        ]
+        .into_iter()
+        .find(|(_, found, expected)| found != expected)
+        .map(|(what, found, expected)| format!("{expected} {what} of its scene; it was made for {found}"))
+        .or_else(|| {
+            (!of_scene.eq(profiles.iter().cloned()))
+                .then(|| "the profiles of its scene; it was made for others".to_owned())
+        });
+        match reason {
+            Some(reason) => Err(RecordError::Unfit { path: path.as_ref().to_owned(), reason }),
+            None => Ok(()),
+        }
+    }
 }
 
 impl Recorder {
@@ -59,28 +107,33 @@ impl Recorder {
     /// [`RecordError::Missing`] if it holds no valid checkpoint.
     pub fn append(path: impl AsRef<Path>) -> Result<(Self, Resumed), RecordError> {
         let path = path.as_ref();
-        let (parameters, datasets) = open(path)?;
+        let (parameters, resumed) = file::read(path, |file| {
+            let (parameters, datasets) = parts(file, path)?;
+            let saved = newest_complete(&datasets, path)?;
+            if !parameters.complete {
+                datasets.check_growth(file, &saved).doing(path, CONTINUE)?;
+            }
+            let resumed = describe(parameters.clone(), &datasets, &saved, path)?;
+            Ok((parameters, resumed))
+        })?;
         if parameters.complete {
-            return Ok((Self::closed(path), resumed(parameters, &datasets, path)?));
+            return Ok((Self::closed(path), resumed));
         }
-        // The file is not opened for writing while it is open for reading.
-        drop(datasets);
         let file = WritableFile::append(path)?;
         let prepare = || {
             let datasets =
                 Datasets::open(file.root(), parameters.particles, parameters.sizes()).doing(path, READ)?;
             let saved = newest_complete(&datasets, path)?;
-            let resumed = describe(parameters.clone(), &datasets, &saved, path)?;
             let [first, second] = [&datasets.slots[0], &datasets.slots[1]].map(Slot::sequence);
-            Ok((datasets, saved, resumed, [first.doing(path, READ)?, second.doing(path, READ)?]))
-        };
-        let (datasets, saved, resumed, [first, second]) = match prepare() {
-            Ok(prepared) => prepared,
-            Err(error) => {
-                // Nothing has been changed, so closing is safe, and releases the lock.
-                file.close(false)?;
-                return Err(error);
+            if (saved.progress.frames as u64, &saved.state) != (resumed.frames, &resumed.checkpoint) {
+                // Another process has resumed it since it was read.
+                return Err(RecordError::InUse { path: path.to_owned() });
             }
+            Ok((datasets, saved, [first.doing(path, READ)?, second.doing(path, READ)?]))
+        };
+        let (datasets, saved, [first, second]) = match prepare() {
+            Ok(prepared) => prepared,
+            Err(error) => return Err(file.abandon().err().unwrap_or(error)),
         };
         let contents = Contents {
             particles: parameters.particles,
@@ -94,8 +147,8 @@ impl Recorder {
         };
         // The slot of the checkpoint that is used stays; the other one is written next.
         let next_slot = usize::from(first == saved.sequence);
-        let mut writer = Writer::new(file, datasets, parameters.box_size);
-        writer.resume(&saved, next_slot, first.max(second))?;
+        let writer = Writer::new(file, datasets, parameters.box_size);
+        let writer = writer.resume(&saved, next_slot, first.max(second))?;
         Ok((Self::start(path, writer, contents)?, resumed))
     }
 }
@@ -107,21 +160,17 @@ impl Recorder {
 /// Those of [`crate::info`]; [`RecordError::Missing`] if it holds no valid checkpoint.
 pub fn resumable(path: impl AsRef<Path>) -> Result<Resumed, RecordError> {
     let path = path.as_ref();
-    let (parameters, datasets) = open(path)?;
-    resumed(parameters, &datasets, path)
-}
-
-fn open(path: &Path) -> Result<(Parameters, Datasets), RecordError> {
     file::read(path, |file| {
-        let parameters = Parameters::read(file, path)?;
-        let datasets = Datasets::open(file, parameters.particles, parameters.sizes()).doing(path, READ)?;
-        Ok((parameters, datasets))
+        let (parameters, datasets) = parts(file, path)?;
+        let saved = newest_complete(&datasets, path)?;
+        describe(parameters, &datasets, &saved, path)
     })
 }
 
-fn resumed(parameters: Parameters, datasets: &Datasets, path: &Path) -> Result<Resumed, RecordError> {
-    let saved = newest_complete(datasets, path)?;
-    describe(parameters, datasets, &saved, path)
+fn parts(file: &hdf5::File, path: &Path) -> Result<(Parameters, Datasets), RecordError> {
+    let parameters = Parameters::read(file, path)?;
+    let datasets = Datasets::open(file, parameters.particles, parameters.sizes()).doing(path, READ)?;
+    Ok((parameters, datasets))
 }
 
 /// The newest checkpoint whose rows are all in the file.
@@ -161,6 +210,13 @@ fn describe(
             *last = Some(clock.time.read::<f64>(row, row + 1).doing(path, READ)?[0]);
         }
     }
+    let made_for = MadeFor {
+        particles: parameters.particles,
+        species: parameters.species_names.len(),
+        walls: parameters.wall_names.len(),
+        spin: datasets.slots[0].has_spin(),
+        profiles: datasets.profiles.row_shapes(),
+    };
     Ok(Resumed {
         scene_toml: parameters.scene_toml,
         seed: parameters.seed,
@@ -175,5 +231,6 @@ fn describe(
         finished: parameters.complete,
         summary: parameters.summary,
         earlier: parameters.earlier,
+        made_for,
     })
 }

@@ -8,6 +8,7 @@ use ndarray::{ArrayViewD, IxDyn};
 
 use crate::{
     declared::{self, TIMES_AHEAD},
+    growth::{check_series, cut_chunks},
     pack::{Number, Packer},
 };
 
@@ -125,9 +126,34 @@ impl Series {
         }
     }
 
+    /// Fails unless rows of `T` can be added after the first `kept` ones.
+    pub fn check_growth<T: H5Type>(&self, kept: usize) -> hdf5::Result<()> {
+        check_series::<T>(&self.dataset, &self.width, kept)
+    }
+
+    /// Parts of the file, as places and sizes, that change when rows after the first `kept` ones are dropped.
+    pub fn cut_chunks(&self, kept: usize) -> hdf5::Result<Vec<(u64, usize)>> {
+        if kept < self.rows { cut_chunks(&self.dataset, kept) } else { Ok(Vec::new()) }
+    }
+
     /// Number of rows.
     pub fn rows(&self) -> usize {
         self.rows
+    }
+
+    /// Whether chunks of another length are written one by one.
+    pub fn is_off(&self, rows: usize) -> bool {
+        self.compressed && self.chunk.first() != Some(&rows)
+    }
+
+    /// Path in the file.
+    pub fn name(&self) -> String {
+        self.dataset.name()
+    }
+
+    /// Shape of a row.
+    pub fn shape(&self) -> &[usize] {
+        &self.width
     }
 
     /// Numbers per row.

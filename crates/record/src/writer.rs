@@ -6,20 +6,25 @@ use std::{
 };
 
 use glam::DVec3;
-use haff_engine::{Checkpoint, EventRecord, Frame, Quantity, Sample};
+use haff_engine::{Correlation, EventRecord, Frame, Quantity, Sample};
 
 use crate::{
-    checkpoint::{Progress, Saved},
+    checkpoint::{Progress, Saved, SlotHeader},
     datasets::{Datasets, EARLIER, Observables, SUMMARY, text},
     error::{Context, RecordError},
     events::EVENT_CHUNK,
     file::WritableFile,
     pack::Packer,
-    queue::{Consumer, Message},
+    queue::{CHECKPOINT_BYTES, Consumer, Message},
 };
 
 /// Time between flushes without a checkpoint.
 const FLUSH_EVERY: Duration = Duration::from_secs(1);
+/// Time from a flush to one with a checkpoint. A checkpoint that comes earlier waits, and is not written if
+/// the next one has come by then: readers need time between flushes.
+const CHECKPOINT_EVERY: Duration = Duration::from_millis(250);
+/// Size from which a checkpoint does not wait [bytes]: it would take too much memory.
+const LARGE_CHECKPOINT: usize = 8 << 20;
 /// Frames are collected up to this many bytes: many small ones are written at once.
 const FRAME_BATCH: usize = 1 << 20;
 /// Largest number of samples collected before they are written; a flush writes them earlier.
@@ -42,6 +47,10 @@ pub(crate) struct Writer {
     frame_clock: Vec<(i64, f64)>,
     sample_clock: Vec<(i64, f64)>,
     event_times: Vec<f64>,
+    /// Correlations that are not in the file. They replace those there in place, so they wait for a flush.
+    correlations: Vec<Correlation>,
+    /// A checkpoint that is not in the file.
+    checkpoint: Option<Saved>,
     /// Number of the last checkpoint, and the slot of the next.
     sequence: u64,
     next_slot: usize,
@@ -65,6 +74,8 @@ impl Writer {
             frame_clock: Vec::new(),
             sample_clock: Vec::new(),
             event_times: Vec::new(),
+            correlations: Vec::new(),
+            checkpoint: None,
             sequence: 0,
             next_slot: 0,
             dirty: false,
@@ -72,22 +83,25 @@ impl Writer {
         }
     }
 
-    /// Continues after a checkpoint: truncates everything to its length when it was taken.
-    pub fn resume(&mut self, saved: &Saved, next_slot: usize, sequence: u64) -> Result<(), RecordError> {
-        let rows = saved.progress;
+    /// Continues after a checkpoint, of everything as long as it was when it was taken.
+    pub fn resume(mut self, saved: &Saved, next_slot: usize, sequence: u64) -> Result<Self, RecordError> {
+        if let Err(error) = self.file.begin_change().and_then(|()| self.truncate(saved)) {
+            return Err(self.file.abandon().err().unwrap_or(error));
+        }
+        // Freed space must not be reused while the index on disk still points to it.
+        self.file.flush()?;
+        self.progress = saved.progress;
+        self.events.clone_from(&saved.tail);
+        self.next_slot = next_slot;
+        self.sequence = sequence;
+        Ok(self)
+    }
+
+    /// Drops all rows after a checkpoint.
+    fn truncate(&mut self, saved: &Saved) -> Result<(), RecordError> {
         let path = self.file.path().to_owned();
-        let datasets = &mut self.datasets;
-        if let Some(trajectory) = &mut datasets.trajectory {
-            trajectory.truncate(rows.frames).doing(&path, WRITE)?;
-        }
-        if let Some(observables) = &mut datasets.observables {
-            observables.truncate(rows.samples).doing(&path, WRITE)?;
-        }
-        if let Some(events) = &mut datasets.events {
-            // Back to whole chunks; the remaining rows are in the checkpoint.
-            events.truncate(rows.events - saved.tail.len()).doing(&path, WRITE)?;
-        }
-        datasets.profiles.truncate(saved.time()).doing(&path, WRITE)?;
+        self.file.remember(&self.datasets.cut_chunks(saved).doing(&path, WRITE)?)?;
+        self.datasets.truncate(saved).doing(&path, WRITE)?;
         let parameters = self.file.root().group("parameters").doing(&path, WRITE)?;
         if parameters.link_exists(SUMMARY) {
             if parameters.link_exists(EARLIER) {
@@ -95,12 +109,6 @@ impl Writer {
             }
             parameters.relink(SUMMARY, EARLIER).doing(&path, WRITE)?;
         }
-        // Freed space must not be reused while the index on disk still points to it.
-        self.file.flush()?;
-        self.progress = rows;
-        self.events.clone_from(&saved.tail);
-        self.next_slot = next_slot;
-        self.sequence = sequence;
         Ok(())
     }
 
@@ -133,9 +141,7 @@ impl Writer {
 
     fn process_messages(&mut self, queue: &Consumer) -> Result<Option<(String, bool)>, RecordError> {
         loop {
-            let wait =
-                if self.dirty { FLUSH_EVERY.saturating_sub(self.flushed.elapsed()) } else { FLUSH_EVERY };
-            match queue.receiver.recv_timeout(wait) {
+            match queue.receiver.recv_timeout(self.until_flush().unwrap_or(FLUSH_EVERY)) {
                 Ok((message, bytes)) => {
                     let result = match message {
                         Message::Finish { summary, complete } => return Ok(Some((summary, complete))),
@@ -162,11 +168,17 @@ impl Writer {
                 Err(RecvTimeoutError::Timeout) => {}
                 Err(RecvTimeoutError::Disconnected) => return Ok(None),
             }
-            if self.dirty && self.flushed.elapsed() >= FLUSH_EVERY {
+            if self.until_flush() == Some(Duration::ZERO) {
                 self.flush()?;
                 self.file.publish()?;
             }
         }
+    }
+
+    /// Time until the next flush; `None` if nothing has been recorded since the last one.
+    fn until_flush(&self) -> Option<Duration> {
+        let every = if self.checkpoint.is_some() { CHECKPOINT_EVERY } else { FLUSH_EVERY };
+        self.dirty.then(|| every.saturating_sub(self.flushed.elapsed()))
     }
 
     fn process(&mut self, message: Message) -> Result<(), RecordError> {
@@ -185,8 +197,15 @@ impl Writer {
                 if self.samples.len() >= SAMPLE_BATCH { self.write_samples() } else { Ok(()) }
             }
             Message::Checkpoint(state) => {
-                self.checkpoint(*state)?;
-                self.file.publish()
+                let large = state.position.len() * CHECKPOINT_BYTES > LARGE_CHECKPOINT;
+                let (progress, tail) = (self.progress, self.events.clone());
+                self.checkpoint = Some(Saved { sequence: 0, progress, state: *state, tail });
+                self.dirty = true;
+                if large || !self.file.is_published() {
+                    self.flush()?;
+                    self.file.publish()?;
+                }
+                Ok(())
             }
             Message::Profile(row) => {
                 self.dirty = true;
@@ -194,7 +213,8 @@ impl Writer {
             }
             Message::Correlations(correlations) => {
                 self.dirty = true;
-                self.datasets.correlations.write(&correlations).doing(self.file.path(), WRITE)
+                self.correlations = correlations;
+                Ok(())
             }
             // Handled by `process_messages`.
             Message::Events(_) | Message::Flush(_) | Message::Finish { .. } => Ok(()),
@@ -284,11 +304,41 @@ impl Writer {
     }
 
     /// Writes everything except events that do not fill a chunk to the file: values first, then the times
-    /// that complete the rows.
+    /// that complete the rows, then the header that makes a checkpoint valid, which must not count rows that
+    /// are not in the file.
     fn flush(&mut self) -> Result<(), RecordError> {
         self.write_frames()?;
         self.write_samples()?;
-        self.file.flush()?;
+        let header = self.fill_slot()?;
+        self.file.begin_change()?;
+        let correlations = std::mem::take(&mut self.correlations);
+        self.datasets.correlations.write(&correlations).doing(self.file.path(), WRITE)?;
+        self.file.write_out()?;
+        if self.append_times()? {
+            self.file.write_out()?;
+        }
+        if let Some(header) = header {
+            self.datasets.slots[self.next_slot].seal(header).doing(self.file.path(), WRITE)?;
+            self.file.write_out()?;
+            self.next_slot = 1 - self.next_slot;
+        }
+        self.file.end_change()?;
+        self.dirty = false;
+        self.flushed = Instant::now();
+        tracing::debug!(file = %self.file.path().display(), checkpoint = self.sequence, "flushed");
+        Ok(())
+    }
+
+    /// Writes the content of a checkpoint; the result makes it valid.
+    fn fill_slot(&mut self) -> Result<Option<SlotHeader>, RecordError> {
+        let Some(mut saved) = self.checkpoint.take() else { return Ok(None) };
+        self.sequence += 1;
+        saved.sequence = self.sequence;
+        self.datasets.slots[self.next_slot].fill(&saved).doing(self.file.path(), WRITE).map(Some)
+    }
+
+    /// Adds the times of the rows whose values have been flushed. Returns whether there were any.
+    fn append_times(&mut self) -> Result<bool, RecordError> {
         let mut appended = false;
         let frames = self.datasets.trajectory.as_mut().map(|trajectory| &mut trajectory.clock);
         let samples = self.datasets.observables.as_mut().map(|observables| &mut observables.clock);
@@ -308,29 +358,7 @@ impl Writer {
             appended = true;
         }
         appended |= self.datasets.profiles.append_times().doing(self.file.path(), WRITE)?;
-        if appended {
-            self.file.flush()?;
-        }
-        self.dirty = false;
-        self.flushed = Instant::now();
-        tracing::debug!(file = %self.file.path().display(), "flushed");
-        Ok(())
-    }
-
-    fn checkpoint(&mut self, state: Checkpoint) -> Result<(), RecordError> {
-        // A checkpoint must not count rows that are not in the file.
-        self.flush()?;
-        self.sequence += 1;
-        let saved =
-            Saved { sequence: self.sequence, progress: self.progress, state, tail: self.events.clone() };
-        let slot = &mut self.datasets.slots[self.next_slot];
-        let header = slot.fill(&saved).doing(self.file.path(), WRITE)?;
-        self.file.flush()?;
-        slot.seal(header).doing(self.file.path(), WRITE)?;
-        self.file.flush()?;
-        self.next_slot = 1 - self.next_slot;
-        tracing::debug!(file = %self.file.path().display(), sequence = self.sequence, "checkpoint");
-        Ok(())
+        Ok(appended)
     }
 
     /// Writes all remaining data, and closes the file.
@@ -363,4 +391,47 @@ fn write_summary(root: &hdf5::Group, summary: &str, complete: bool) -> hdf5::Res
         .create(SUMMARY)?;
     dataset.write_scalar(&text(summary)?)?;
     dataset.new_attr::<u8>().create("complete")?.write_scalar(&u8::from(complete))
+}
+
+#[cfg(test)]
+mod tests {
+    use std::fs;
+
+    use super::*;
+    use crate::{checkpoint::newest, common, info::Parameters, recorder::Recorder};
+
+    /// Everything that a resumption changes before its first flush is put back if it fails.
+    #[test]
+    fn a_resumption_that_is_abandoned_leaves_the_file_as_it_was() {
+        let directory = tempfile::tempdir().expect("a directory for the test");
+        let path = directory.path().join("run.h5");
+        // Small frames, samples and rows of profiles share chunks, which are cut where the checkpoint is.
+        let recorder = Recorder::create(&path, common::header(5), false).expect("a file");
+        for k in 0..7 {
+            if k == 4 {
+                recorder.checkpoint(common::checkpoint(1, 5)).expect("a checkpoint");
+            }
+            recorder.frame(common::frame(k, 5)).expect("a frame");
+            recorder.sample(common::sample(k)).expect("a sample");
+            recorder.profile(common::profile_row(0, 2 * k, 3)).expect("a row of a profile");
+            recorder.events(common::events(3000 * k, 3000 * (k + 1))).expect("events");
+        }
+        recorder.finish("{}", false).expect("a stopped run");
+        let before = fs::read(&path).expect("the file");
+
+        let file = WritableFile::append(&path).expect("the file opens");
+        let parameters = Parameters::read(file.root(), &path).expect("parameters");
+        let datasets = Datasets::open(file.root(), 5, parameters.sizes()).expect("datasets");
+        let saved = newest(&datasets.slots, |_| true).expect("slots").expect("a checkpoint");
+        assert_eq!(saved.progress, Progress { frames: 4, samples: 4, events: 12_000 });
+        let mut writer = Writer::new(file, datasets, parameters.box_size);
+        writer.file.begin_change().expect("a change");
+        writer.truncate(&saved).expect("rows are dropped");
+        assert!(
+            before != fs::read(&path).expect("the file"),
+            "HDF5 has changed nothing: the test is inconclusive"
+        );
+        writer.file.abandon().expect("the file is put back");
+        assert!(before == fs::read(&path).expect("the file"));
+    }
 }

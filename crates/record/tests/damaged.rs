@@ -138,7 +138,8 @@ fn damage_content(path: &Path, seed: u64) -> hdf5::Result<()> {
     }
 }
 
-/// Reads a file with all functions, and continues its run. Errors must name the file.
+/// Reads a file with all functions, and continues its run. Errors must name the file. What cannot be
+/// continued is not changed.
 fn read(path: &Path) {
     fn check<T: Debug>(path: &Path, result: &Result<T, RecordError>) {
         if let Err(error) = result {
@@ -149,7 +150,12 @@ fn read(path: &Path) {
     check(path, &info(path));
     check(path, &last_state(path));
     check(path, &resumable(path));
-    check(path, &Recorder::append(path).map(|(_, resumed)| resumed));
+    let before = fs::read(path).expect("the file is there");
+    let continued = Recorder::append(path).map(|(_, resumed)| resumed);
+    check(path, &continued);
+    if let Err(error) = continued {
+        assert!(before == fs::read(path).expect("the file is there"), "changed, then refused: {error}");
+    }
 }
 
 /// In the child: damages and reads files one after the other, and prints the seed of each.

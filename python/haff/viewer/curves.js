@@ -19,6 +19,10 @@ class Curves {
     const style = getComputedStyle(document.documentElement);
     const [text, grid] = ["--soft", "--line"].map((name) => style.getPropertyValue(name));
     const first = this.logarithmic ? time.findIndex((value) => value > 0) : 0;
+    // uPlot chooses ticks at multiples of 1e-16 or more: with smaller numbers on a logarithmic axis it does not end.
+    // So it gets numbers in units of a power of ten.
+    this.unit = powerOfTen([time], this.logarithmic);
+    const inUnits = (values, unit) => values.slice(first).map((value) => (value === null ? null : value / unit));
     this.width = this.element.clientWidth;
     const height = Math.max(110, Math.min(190, (this.element.clientHeight - 16) / panels.length - 30));
     for (const panel of panels) {
@@ -33,7 +37,8 @@ class Curves {
       });
       this.element.append(title);
       const axis = { stroke: text, grid: { stroke: grid, width: 0.5 }, ticks: { stroke: grid, width: 0.5 } };
-      const short = (value) => (value === null ? "" : format(value, 3));
+      const unit = powerOfTen(panel.series.map(({ values }) => values), panel.log);
+      const labels = (unit) => (_, values) => values.map((value) => (value === null ? "" : format(value * unit, 3)));
       const plot = new uPlot(
         {
           width: Math.max(this.width - 16, 100),
@@ -41,22 +46,22 @@ class Curves {
           legend: { show: false },
           cursor: { drag: { x: false, y: false }, points: { show: false } },
           scales: {
-            x: { time: false, distr: this.logarithmic ? 3 : 1 },
+            x: { time: false, distr: this.logarithmic ? 3 : 1, range: apart },
             y: { distr: panel.log ? 3 : 1 },
           },
           axes: [
-            { ...axis, size: 26, values: (_, values) => values.map(short) },
-            { ...axis, size: 58, values: (_, values) => values.map(short) },
+            { ...axis, size: 26, values: labels(this.unit) },
+            { ...axis, size: 58, values: labels(unit) },
           ],
           series: [{}, ...panel.series.map((_, k) => ({ stroke: STROKES[k], width: 1.5, spanGaps: true }))],
         },
-        [time.slice(first), ...panel.series.map(({ values }) => values.slice(first))],
+        [inUnits(time, this.unit), ...panel.series.map(({ values }) => inUnits(values, unit))],
         this.element,
       );
       const mark = document.createElement("div");
       mark.className = "now";
       plot.over.append(mark);
-      plot.over.addEventListener("click", (event) => this.seek(plot.posToVal(event.offsetX, "x")));
+      plot.over.addEventListener("click", (event) => this.seek(plot.posToVal(event.offsetX, "x") * this.unit));
       this.plots.push({ plot, mark, panel, readings });
     }
   }
@@ -75,7 +80,7 @@ class Curves {
   move(time) {
     for (const { plot, mark, panel, readings } of this.plots) {
       const { min, max } = plot.scales.x;
-      const x = plot.valToPos(Math.min(Math.max(time, min), max), "x");
+      const x = plot.valToPos(Math.min(Math.max(time / this.unit, min), max), "x");
       mark.style.transform = `translateX(${x}px)`;
       const row = Math.max(0, after(header.curves.time, time * (1 + 1e-12)) - 1);
       readings.forEach((reading, k) => {
@@ -84,6 +89,19 @@ class Curves {
       });
     }
   }
+}
+
+// The power of ten below the numbers of all rows: below the largest, or on a logarithmic axis the smallest.
+function powerOfTen(rows, logarithmic) {
+  const sizes = rows.flat().map(Math.abs).filter((size) => size > 0);
+  if (!sizes.length) return 1;
+  return 10 ** Math.floor(Math.log10(logarithmic ? Math.min(...sizes) : Math.max(...sizes)));
+}
+
+// The range of an axis, wide enough for ticks that are different numbers.
+function apart(_, low, high) {
+  const least = 1e-9 * Math.max(Math.abs(low), Math.abs(high));
+  return high - low > least ? [low, high] : [low - least, high + least];
 }
 
 // A number of few digits, without needless zeros.
