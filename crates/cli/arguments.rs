@@ -81,6 +81,7 @@ pub enum Command {
   haff run --resume cooling.h5
   haff run --resume cooling.h5 --set run.until=2e4 -o longer.h5     # also of a run that is complete
   haff run --resume cooling.h5 --set contact.tc=1e-5 -o other.h5
+  haff run --resume shaken.h5 --set wall.floor.motion.frequency=2.2 --set run.until=200 -o faster.h5
 
 Ctrl-C ends a run with a checkpoint; --resume continues from it, with the same bits.")]
 pub struct Run {
@@ -90,7 +91,8 @@ pub struct Run {
     /// Output file (HDF5); instead of the scene's `output.file`. With --resume, the run goes on in this file.
     #[arg(short, long, value_name = "FILE")]
     pub output: Option<PathBuf>,
-    /// Set a key of the scene by its dotted path, the value in TOML. With --resume it needs -o.
+    /// Set a key of the scene by its dotted path, the value in TOML. With --resume it needs -o, and acts from
+    /// the checkpoint on.
     #[arg(long, value_name = "KEY=VALUE")]
     pub set: Vec<String>,
     /// Threads; all processors by default. No result depends on it.

@@ -2,9 +2,9 @@
 
 use std::path::Path;
 
-use haff_engine::{EventRecord, Observer};
+use haff_engine::{EventRecord, Instant, Observer};
 use haff_linkage::AnySimulation;
-use haff_scene::{RunPlan, Scene};
+use haff_scene::{CHANGEABLE, Present, RunPlan, Scene};
 
 use crate::{
     arguments::Run,
@@ -17,8 +17,8 @@ use crate::{
     states::OwnStates,
 };
 
-/// The parts of a scene that may change in a run that goes on.
-const CHANGEABLE: [&str; 7] = ["contact", "domain.gravity", "engine", "output", "run", "title", "wall"];
+/// The parts of a scene with joints that may change in a run that goes on.
+const CHANGEABLE_WITH_JOINTS: [&str; 4] = ["engine", "output", "run", "title"];
 
 /// Keeps the rows of events of the change.
 #[derive(Default)]
@@ -36,23 +36,40 @@ impl Observer for Rows {
 
 /// Goes on from the last checkpoint of a file, complete or not, with the keys of `--set`, in the file `new`.
 pub fn start(file: &Path, new: &Path, options: &Run, controls: Controls) -> Result<Finished, Failure> {
-    check_keys(&options.set)?;
     let resumed = haff_record::resumable(file).map_err(|error| file_failure(&error))?;
     single::check_version(file, &resumed.version, resumed.trajectory_version)?;
     let old = single::stored_scene(file, &resumed.scene_toml)?;
-    let name = format!("{} (its scene)", file.display());
-    let scene = haff_scene::parse(&name, &resumed.scene_toml, &options.set, &OwnStates(file.to_owned()))
+    let (name, text) = (format!("{} (its scene)", file.display()), &resumed.scene_toml);
+    let states = OwnStates(file.to_owned());
+    let changeable = if old.joints.is_empty() { &CHANGEABLE[..] } else { &CHANGEABLE_WITH_JOINTS[..] };
+    let old_system = old.system.clone();
+    let engine = match engine_keys(&options.set) {
+        keys if keys.is_empty() => old.options,
+        // Before all others: the present state is needed for them.
+        keys => {
+            haff_scene::parse_recorded(&name, text, &keys, &states).map_err(|e| scene_failure(&e))?.options
+        }
+    };
+    let mut simulation = AnySimulation::restore(old.system, old.joints.clone(), engine, &resumed.checkpoint)
+        .map_err(|error| within(file, &simulation_failure(&error)))?;
+    let present = match &simulation {
+        AnySimulation::Granular(granular) => Present::of(granular),
+        AnySimulation::Linkage(_) => {
+            let (at, walls) = (Instant::at(simulation.time()), old_system.walls.clone());
+            Present { at, walls, fixed: Vec::new() }
+        }
+    };
+    let scene = haff_scene::parse_changed(&name, text, &options.set, changeable, &states, &present)
         .map_err(|errors| scene_failure(&errors))?;
     let inputs = [
         ("the file that the run goes on from", Some(file)),
         ("the state that the scene starts from", scene.state_file.as_deref()),
     ];
     overwrite::check(new, &inputs, options.overwrite)?;
-    let Scene { system, joints, title, seed, run, mut output, resolved, options: engine, .. } = scene;
+    let Scene { system, joints, title, seed, run, mut output, resolved, .. } = scene;
     output.file = Some(new.to_owned());
-    let same = system == old.system && joints == old.joints;
-    let mut simulation = AnySimulation::restore(old.system, old.joints, engine, &resumed.checkpoint)
-        .map_err(|error| within(file, &simulation_failure(&error)))?;
+    let same = system == old_system && joints == old.joints;
+    drop(old_system);
     check_end(&run, &simulation)?;
     let mut rows = Rows::default();
     let header = system.clone();
@@ -62,8 +79,7 @@ pub fn start(file: &Path, new: &Path, options: &Run, controls: Controls) -> Resu
                 .change_system(system, &mut rows)
                 .map_err(|error| simulation_failure(&error.into()))?,
             _ => {
-                let message = "a run with pendulums, springs, rods or sticking contact can go on with other keys \
-                               of run, output and engine only";
+                let message = "a run cannot go on with other pendulums, springs, rods or sticking contacts";
                 return Err(Failure::new(Status::Invalid, message));
             }
         }
@@ -71,7 +87,7 @@ pub fn start(file: &Path, new: &Path, options: &Run, controls: Controls) -> Resu
     controls.signals.begin();
     let parts = Parts::before(&resumed);
     let texts = Texts { title: title.clone(), resolved, seed, earlier: parts.summary() };
-    let recorder = single::create(&output, &header, &joints, texts, options.overwrite)?;
+    let recorder = single::create(&output, &header, &joints, texts, &simulation.ledger(), options.overwrite)?;
     drop(header);
     if let (Some(recorder), false) = (&recorder, rows.0.is_empty()) {
         recorder.events(rows.0).map_err(|error| file_failure(&error))?;
@@ -96,22 +112,13 @@ fn within(file: &Path, failure: &Failure) -> Failure {
     Failure::new(failure.status, format!("{}: {}", output::path(file), failure.message))
 }
 
-/// Refuses keys that the state of the run depends on.
-fn check_keys(set: &[String]) -> Result<(), Failure> {
-    for given in set {
-        let key = given.split('=').next().unwrap_or_default().trim();
-        let is_in =
-            |part: &str| key == part || key.strip_prefix(part).is_some_and(|rest| rest.starts_with('.'));
-        if !CHANGEABLE.into_iter().any(is_in) {
-            let message = format!(
-                "--set {}: cannot change in a run that goes on (allowed: {})",
-                output::shown(given),
-                CHANGEABLE.join(", ")
-            );
-            return Err(Failure::new(Status::Invalid, message));
-        }
-    }
-    Ok(())
+/// The keys of `[engine]`.
+fn engine_keys(set: &[String]) -> Vec<String> {
+    let is_engine = |key: &str| key == "engine" || key.starts_with("engine.");
+    set.iter()
+        .filter(|given| is_engine(given.split('=').next().unwrap_or_default().trim()))
+        .cloned()
+        .collect()
 }
 
 /// Refuses an end that the run has reached.

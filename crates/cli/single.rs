@@ -2,7 +2,7 @@
 
 use std::path::{Path, PathBuf};
 
-use haff_engine::{Present, System, TRAJECTORY_VERSION};
+use haff_engine::{Ledger, Present, System, TRAJECTORY_VERSION};
 use haff_linkage::{AnySimulation, Joints};
 use haff_record::{Header, RecordError, Recorder};
 use haff_scene::{OutputPlan, Scene, Schedule};
@@ -65,12 +65,13 @@ pub struct Texts {
     pub earlier: String,
 }
 
-/// Creates the output file of a scene, if it has one.
+/// Creates the output file of a scene, if it has one. `ledger`: that of the run so far.
 pub fn create(
     output: &OutputPlan,
     system: &System,
     joints: &Joints,
     texts: Texts,
+    ledger: &Ledger,
     overwrite: bool,
 ) -> Result<Option<Recorder>, Failure> {
     let Some(path) = &output.file else { return Ok(None) };
@@ -85,7 +86,7 @@ pub fn create(
         observables: output.observables != Schedule::Off,
         events: output.events.clone(),
         compressed: output.compressed,
-        present: Present { springs: !joints.springs.is_empty(), ..Present::of(system) },
+        present: Present { springs: !joints.springs.is_empty(), ..Present::of(system) }.with_terms(ledger),
         earlier: texts.earlier,
         ..Header::from_system(system)
     };
@@ -99,7 +100,7 @@ pub fn start(scene: Scene, overwrite: bool, controls: Controls) -> Result<Finish
     controls.signals.begin();
     let Scene { system, joints, title, seed, run, output, resolved, .. } = scene;
     let texts = Texts { title: title.clone(), resolved, seed, earlier: String::new() };
-    let recorder = create(&output, &system, &joints, texts, overwrite)?;
+    let recorder = create(&output, &system, &joints, texts, &Ledger::default(), overwrite)?;
     let simulation =
         AnySimulation::new(system, joints, scene.options).map_err(|error| simulation_failure(&error))?;
     let recorded = Recorded::default();
@@ -175,7 +176,7 @@ pub fn check_version(path: &Path, version: &str, trajectory_version: u32) -> Res
 pub fn stored_scene(path: &Path, scene: &str) -> Result<Scene, Failure> {
     let name = format!("{} (its scene)", path.display());
     // The scene was valid when it was stored, so this is an error of the file.
-    haff_scene::parse(&name, scene, &[], &OwnStates(path.to_owned()))
+    haff_scene::parse_recorded(&name, scene, &[], &OwnStates(path.to_owned()))
         .map_err(|errors| Failure { status: Status::File, ..scene_failure(&errors) })
 }
 

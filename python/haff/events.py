@@ -29,6 +29,8 @@ _EVENT_COLUMNS = {
     "impulse_vector": ("f", 3), "tangential_loss": ("f", 0),
 }  # fmt: skip
 """What NumPy calls their kind, and components of vectors."""
+_NO_PARTICLE = 2**32 - 1
+"""``i`` and ``j`` of a change from outside."""
 _OF_SCENES = {"impulse_vector": "spin or thermal walls", "tangential_loss": "spin"}
 """Columns of some scenes only, and what these have."""
 _WIDEST = 16
@@ -157,17 +159,23 @@ class Events(ReadOnly):
         elif name == "kind":
             column.require(values, np.isin(values, list(self.kinds)), f"one of {brief(self.kinds)}", start)
         elif name == "i":
-            column.require(values, (values >= 0) & (values < count), f"in [0, {count})", start)
+            # A change from outside is of no particle.
+            changes = self._are("change", start, stop) & (values == _NO_PARTICLE)
+            column.require(values, (values >= 0) & (values < count) | changes, f"in [0, {count})", start)
         elif name == "j":
             # For events other than collisions, j is the index of a wall or a pendulum, or unused.
-            sound = values >= 0
-            if "collision" in self.kinds.values():
-                code = next(code for code, kind in self.kinds.items() if kind == "collision")
-                sound &= (values < count) | (self._data["kind"][start:stop] != code)
+            sound = (values >= 0) & ((values < count) | ~self._are("collision", start, stop))
             column.require(values, sound, f"in [0, {count})", start)
         elif name in _EVENT_COLUMNS:
             column.require_finite(values, start)
         return values
+
+    def _are(self, kind: str, start: int, stop: int) -> Array | np.bool_:
+        """Whether some rows are of a kind; without a column of kinds a change may be anywhere, and no collision."""
+        if not self.kinds:
+            return np.bool_(kind == "change")
+        code = next((code for code, name in self.kinds.items() if name == kind), None)
+        return np.bool_(False) if code is None else self._data["kind"][start:stop] == code
 
     def _read(self, start: int, stop: int, names: Sequence[str]) -> pd.DataFrame:
         import pandas as pd

@@ -10,8 +10,8 @@ from numpy.typing import NDArray
 
 from .errors import FileError, MissingDataError, NotApplicableError
 from .reader import File
+from .recorded import mean_point, shaped_walls
 from .recorded import roughness as roughness_of
-from .recorded import shaped_walls
 from .text import quoted
 
 if TYPE_CHECKING:
@@ -222,7 +222,10 @@ def count_walls(run: File) -> int:
 
 
 def plane(run: File, wall: int) -> tuple[Array, Array]:
-    """A point of a wall and its normal, which points to the inside, by its row: those of the box first."""
+    """A point of a wall in the first frame and its normal, which points to the inside, by its row.
+
+    Those of the box are first. The point of a wall that oscillates is that of its mean position.
+    """
     sides = _sides(run)
     if wall < 2 * len(sides):
         axis, upper = sides[wall // 2], wall % 2
@@ -230,7 +233,8 @@ def plane(run: File, wall: int) -> tuple[Array, Array]:
         normal[axis] = -1.0 if upper else 1.0
         point = np.zeros(3)
         point[axis] = run.box.size[axis] if upper else 0.0
-        return point, normal
-    given = shaped_walls(run.scene)[wall - 2 * len(sides)]["plane"]
-    point, normal = vector(given["point"]), vector(given["normal"])
-    return point, normal / np.linalg.norm(normal)
+        return point + float(_wall(run, wall)[1].get("displacement", 0.0)) * normal, normal
+    given = shaped_walls(run.scene)[wall - 2 * len(sides)]
+    normal = vector(given["plane"]["normal"])
+    start = float(run.frames.time[0]) if len(run.frames) else 0.0
+    return np.array(mean_point(given, start)), normal / np.linalg.norm(normal)

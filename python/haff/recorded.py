@@ -15,7 +15,7 @@ try:
 except ModuleNotFoundError:  # Python 3.10
     import tomli as tomllib  # type: ignore[no-redef]
 
-__all__ = ["SceneFault", "is_rough", "parsed", "roughness", "shaped_walls"]
+__all__ = ["SceneFault", "is_rough", "mean_point", "parsed", "roughness", "shaped_walls"]
 
 
 class SceneFault(Exception):
@@ -101,6 +101,8 @@ _SCENE: dict[str, Any] = {
             "name": _TEXT,
             "plane": {"point!": _VECTOR, "normal!": _DIRECTION},
             "velocity": _VECTOR,
+            "reference_time": _NUMBER,
+            "displacement": _NUMBER,
             "motion": {"kind!": _TEXT, "amplitude!": _POSITIVE, "frequency!": _POSITIVE, "phase": _NUMBER},
             "restitution": _LAW,
             "sticks": _FLAG,
@@ -126,6 +128,15 @@ def parsed(text: str) -> dict[str, Any]:
 def shaped_walls(scene: dict[str, Any]) -> list[dict[str, Any]]:
     """The walls that follow those of the box. Entries without a shape set properties of a wall of the box."""
     return [wall for wall in scene.get("wall", ()) if "plane" in wall]
+
+
+def mean_point(wall: dict[str, Any], time: float) -> list[float]:
+    """``[3]`` point of the plane of a wall at a time [length]; of one that oscillates, at its mean position."""
+    since = time - float(wall.get("reference_time", 0.0))
+    point, velocity = (
+        [*map(float, given), 0.0, 0.0, 0.0][:3] for given in (wall["plane"]["point"], wall.get("velocity", ()))
+    )
+    return [x + v * since for x, v in zip(point, velocity)]
 
 
 def roughness(scene: dict[str, Any], *entries: dict[str, Any]) -> tuple[float, float]:

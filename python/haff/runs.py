@@ -225,12 +225,54 @@ def _proposed(scene: Scene, overrides: Mapping[str, Any]) -> str | None:
     return name if isinstance(name, ProposedName) else None
 
 
-def resume(path: str | os.PathLike[str], *, threads: int | None = None, progress: bool = False) -> Result:
-    """Continue a run from the last checkpoint in its file to its original end, appending.
+def resume(
+    path: str | os.PathLike[str],
+    *,
+    file: str | os.PathLike[str] | None = None,
+    overwrite: bool = False,
+    threads: int | None = None,
+    progress: bool = False,
+    **overrides: Any,
+) -> Result:
+    """Continue a run from the last checkpoint in its file, to its original end, or with changed keys in a new file.
 
-    The result equals that of an uninterrupted run, bit by bit. A complete file is not changed. Raises as :func:`run`.
+    Without ``file``, the run continues in its own file: the result equals that of an uninterrupted run, bit by bit, and
+    a complete file is not changed.
+
+    Parameters
+    ----------
+    path
+        The file of the run.
+    file
+        A new file, which begins at the checkpoint; the first one is not changed. The run may be complete.
+    overwrite
+        Replace the new file if there is one.
+    threads, progress
+        As for :func:`run`.
+    overrides
+        Keys of the scene that change from now on, two underscores for the dot: ``run__until=200``,
+        ``wall__floor__motion__frequency=0.301``. They need ``file``. Walls go on from where they are; see
+        :meth:`haff.Simulation.set`.
+
+    Raises
+    ------
+    SceneError, SimulationError, FileError, KeyboardInterrupt
+        As :func:`run`.
+
+    Examples
+    --------
+    >>> import haff
+    >>> first = haff.run(haff.template("cooling"), species__0__count=500, run__until=5.0, file="first.h5")
+    >>> longer = haff.resume("first.h5", file="longer.h5", run__until=10.0)
+    >>> longer["resumed_from"], longer.simulated_time
+    (5.0, 10.0)
     """
-    return _run([f"--resume={arguments.file('path', path)}"], threads, progress, None)
+    words = [f"--resume={arguments.file('path', path)}", *(f"--set={setting}" for setting in settings(overrides))]
+    if file is not None:
+        words.append(f"--output={arguments.file('file', file)}")
+    if arguments.flag("overwrite", overwrite):
+        words.append("--overwrite")
+    return _run(words, threads, progress, None)
 
 
 def _run(

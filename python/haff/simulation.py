@@ -21,7 +21,7 @@ from .frames import Box, Shear
 from .layout import AXES
 from .notebook import table
 from .recorded import parsed
-from .scenes import Scene, compiled, explained, source
+from .scenes import Scene, compiled, explained, settings, source
 from .text import quoted
 
 if TYPE_CHECKING:
@@ -350,6 +350,54 @@ class Simulation:
         if len(chosen) == len(self):
             raise ArgumentError(f"rows = {quoted(rows)}: must leave at least one particle")
         return chosen
+
+    def set(self, **keys: Any) -> None:
+        """Change keys of the scene from now on: of ``contact`` and ``wall``, and ``domain.gravity``.
+
+        Parameters
+        ----------
+        keys
+            Keys of the scene, two underscores for the dot: ``contact__restitution=0.8``,
+            ``wall__floor__motion__frequency=0.301``, ``domain__gravity=[0, 0, -2]``.
+
+        Raises
+        ------
+        SceneError
+            A key that cannot change, or a value that is not possible.
+        ValueError
+            A particle would overlap with a wall now. Nothing is changed in either case.
+
+        Notes
+        -----
+        A wall goes on from where it is. ``wall__NAME__velocity`` moves it from there, or stops it; ``motion`` makes it
+        oscillate from there on. With another frequency its phase and position are continuous. With another amplitude,
+        too: its mean position moves, so that the wall stays where it is at this phase. A wall jumps only if its
+        ``plane__point``, its ``displacement`` or its ``motion__phase`` is set. :attr:`scene_text` has the walls as they
+        are then. The command does the same with ``haff run --resume FILE --set KEY=VALUE``, :func:`haff.resume` too.
+
+        Examples
+        --------
+        >>> import haff
+        >>> piston = {
+        ...     "schema": 1,
+        ...     "domain": {"boundary": ["open"] * 3},
+        ...     "particle": [{"position": [0, 0, 1], "velocity": [0, 0, 1], "radius": 0.2, "mass": 1.0}],
+        ...     "wall": [{"name": "top", "plane": {"point": [0, 0, 9], "normal": [0, 0, -1]}, "velocity": [0, 0, -1]}],
+        ...     "run": {"until": 10.0},
+        ... }
+        >>> live = haff.Simulation(piston)
+        >>> live.advance(2.0)
+        'until'
+        >>> live.set(wall__top__velocity=[0, 0, 0])                            # it stops at z = 7
+        >>> "point = [0.0, 0.0, 7.0]" in live.scene_text
+        True
+        """
+        if not keys:
+            return
+        # The resolved scene is no file of the caller: errors name keywords.
+        with explained("", keys):
+            self._core.set(settings(keys))
+        self._frame = None
 
     def _change(self, **what: Any) -> None:
         self._core.change(**what)

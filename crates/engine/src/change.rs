@@ -17,6 +17,7 @@ use crate::{
     clock::Clock,
     error::EngineError,
     force::Force,
+    instant::Instant,
     ledger::Term,
     measure::{self, Totals},
     measurements::WallSums,
@@ -91,10 +92,11 @@ impl Simulation {
 
     /// Goes on with the present state in another system: other laws of contact, walls or gravity. Its bodies
     /// are the same particles, in the same box; their positions and velocities at the start do not count.
+    /// Walls that go on from where they are come from [`Wall::going_on`](crate::Wall::going_on).
     ///
     /// # Errors
     /// [`EngineError::Change`] if the system has other particles, another box, other drives or other
-    /// measurements; the state is then as before.
+    /// measurements, or if a particle would overlap with a wall of it now; the state is then as before.
     pub fn change_system(
         &mut self,
         mut system: System,
@@ -221,6 +223,19 @@ impl Simulation {
         Ok(())
     }
 
+    /// The present instant.
+    pub fn instant(&self) -> Instant {
+        self.state.world.clock.instant(self.state.world.now)
+    }
+
+    /// The system with its bodies at the present, to be changed for [`Self::change_system`].
+    ///
+    /// # Errors
+    /// If a velocity is not finite any more.
+    pub fn present_system(&self) -> Result<System, EngineError> {
+        Ok(self.changed_system(&Change::default())?.0)
+    }
+
     /// Radius, mass and species of every particle; the species is an index into [`System::species`].
     pub fn properties(&self) -> Vec<(f64, f64, u32)> {
         let world = &self.state.world;
@@ -309,11 +324,12 @@ impl Simulation {
         let choice = Choice::new(self.options, self.kernel(), system, world);
         let found = overlap::deepest(world, &measure::geometry(system, world, choice.filled()));
         let Some((i, partner)) = found.beyond.pair else { return Ok(()) };
-        let partner = partner.map_or_else(|| "a wall".to_owned(), |j| format!("particle {j}"));
         let depth = found.beyond.depth;
-        Err(EngineError::Change(format!(
-            "particle {i} would overlap with {partner} by {depth:.1e} contact distances"
-        )))
+        let how = match partner {
+            Some(j) => format!("particle {j} by {depth:.1e} contact distances"),
+            None => format!("{} by {depth:.1e} radii", nearest_wall(system, world, i)),
+        };
+        Err(EngineError::Change(format!("particle {i} would overlap with {how}")))
     }
 
     /// The change of the velocity of each particle of finite mass; from or to zero if it is added or removed.
@@ -373,6 +389,16 @@ fn drop_unused_classes(system: &mut System) {
     system.bodies.iter_mut().for_each(|body| body.class = renumbered[body.class as usize]);
     let mut used = used.into_iter();
     system.classes.retain(|_| used.next().unwrap_or(true));
+}
+
+/// The wall that particle i overlaps with most, in words.
+fn nearest_wall(system: &System, world: &World, i: u32) -> String {
+    let (position, velocity) = world.state(i, world.now);
+    let gap = |wall: usize| {
+        world.wall_approach(wall as u32, world.class(i).radius, position, velocity, world.now).0
+    };
+    let nearest = (0..world.walls.len()).min_by(|&a, &b| gap(a).total_cmp(&gap(b)));
+    nearest.map_or_else(String::new, |wall| format!("wall \"{}\"", system.walls[wall].name))
 }
 
 /// The class of an added particle, whose values have been checked.

@@ -70,6 +70,7 @@ mod thermal;
 mod timed;
 mod tuning;
 mod valid;
+mod wall_change;
 mod wall_impact;
 mod wall_law;
 mod wall_motion;
@@ -99,7 +100,7 @@ pub use shear::Shear;
 pub use simulation::{Simulation, Until};
 pub use sum::Sum;
 pub use thermal::ThermalWall;
-pub use wall_motion::WallTime;
+pub use wall_motion::{ConstantVelocity, WallTime};
 
 /// Version of the trajectories. A release that changes the trajectory of any scene raises it.
 pub const TRAJECTORY_VERSION: u32 = 6;

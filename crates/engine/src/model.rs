@@ -95,7 +95,7 @@ pub struct Group {
 pub struct Wall {
     /// Name as in the scene; `x-`, `x+`, … for the walls of the domain.
     pub name: String,
-    /// A point of the plane at time 0 [length].
+    /// A point of the plane at the reference time of a constant velocity, or on average [length].
     pub point: DVec3,
     /// Unit normal, towards the particles.
     pub normal: DVec3,

@@ -4,7 +4,7 @@
 use glam::DVec3;
 
 use crate::{
-    ledger::Term,
+    ledger::{Ledger, Term},
     measurements::StressTensor,
     model::{Boundary, System},
     report::Sample,
@@ -83,6 +83,16 @@ impl Present {
             wall_forces: system.measure.wall_forces && !system.walls.is_empty(),
             terms: Term::ALL.map(|term| term.exists(system)),
         }
+    }
+
+    /// These features, and the terms of a ledger that are not zero: in a run that goes on in another system
+    /// they are from before, or from the change itself.
+    #[must_use]
+    pub fn with_terms(mut self, ledger: &Ledger) -> Self {
+        for (present, value) in self.terms.iter_mut().zip(ledger.terms) {
+            *present |= value != 0.0;
+        }
+        self
     }
 
     /// All features: every observable exists.

@@ -13,10 +13,31 @@ pub enum WallMotion {
     /// At rest.
     #[default]
     Fixed,
-    /// At a constant velocity [length/time]; only its component along the normal acts on smooth spheres.
-    Constant(DVec3),
+    /// At a constant velocity.
+    Constant(ConstantVelocity),
     /// Shifted along the normal, about its given position.
     Oscillating(Oscillating),
+}
+
+/// A motion at a constant velocity.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct ConstantVelocity {
+    /// Velocity [length/time]; only its component along the normal acts on smooth spheres.
+    pub velocity: DVec3,
+    /// Time at which the wall has its given position \[time\]. Late in a run a position that is extrapolated
+    /// to time 0 would be far away, and rounded as such.
+    pub reference_time: f64,
+}
+
+impl ConstantVelocity {
+    /// Displacement from the given position \[length\].
+    #[inline]
+    fn displacement(&self, at: impl WallTime) -> DVec3 {
+        if self.reference_time == 0.0 {
+            return self.velocity * at.time();
+        }
+        self.velocity * at.instant().since(Instant::at(self.reference_time))
+    }
 }
 
 /// An oscillation and its phase at time 0.
@@ -30,13 +51,13 @@ pub struct Oscillating {
 
 impl Oscillating {
     /// Phase at a time in cycles, from 0 to 2.
-    fn at(&self, time: impl WallTime) -> f64 {
+    pub(crate) fn at(&self, time: impl WallTime) -> f64 {
         self.cycles + time.instant().cycles(self.oscillation.frequency)
     }
 }
 
-/// A time of the state of a wall: rounded for displacements at constant velocity, without rounding for phases
-/// of oscillations.
+/// A time of the state of a wall: rounded for displacements at constant velocity since time 0, without
+/// rounding for those since a later time and for phases of oscillations.
 pub trait WallTime: Copy {
     /// The time, rounded \[time\].
     fn time(self) -> f64;
@@ -82,7 +103,11 @@ pub(crate) struct Approach {
 
 impl From<DVec3> for WallMotion {
     fn from(velocity: DVec3) -> Self {
-        if velocity == DVec3::ZERO { Self::Fixed } else { Self::Constant(velocity) }
+        if velocity == DVec3::ZERO {
+            Self::Fixed
+        } else {
+            Self::Constant(ConstantVelocity { velocity, reference_time: 0.0 })
+        }
     }
 }
 
@@ -98,18 +123,18 @@ impl WallMotion {
     pub fn velocity(&self, normal: DVec3, at: impl WallTime) -> DVec3 {
         match self {
             Self::Fixed => DVec3::ZERO,
-            Self::Constant(velocity) => *velocity,
+            Self::Constant(motion) => motion.velocity,
             Self::Oscillating(motion) => normal * motion.oscillation.velocity(motion.at(at)),
         }
     }
 
-    /// Displacement of a wall with this normal from its given position, which it has at time 0 or on average
-    /// [length].
+    /// Displacement of a wall with this normal from its given position, which it has at its reference time or
+    /// on average [length].
     #[inline]
     pub fn displacement(&self, normal: DVec3, at: impl WallTime) -> DVec3 {
         match self {
             Self::Fixed => DVec3::ZERO,
-            Self::Constant(velocity) => *velocity * at.time(),
+            Self::Constant(motion) => motion.displacement(at),
             Self::Oscillating(motion) => normal * motion.oscillation.shift(motion.at(at)),
         }
     }
@@ -118,7 +143,7 @@ impl WallMotion {
     pub fn max_speed(&self) -> f64 {
         match self {
             Self::Fixed => 0.0,
-            Self::Constant(velocity) => velocity.length(),
+            Self::Constant(motion) => motion.velocity.length(),
             Self::Oscillating(motion) => motion.oscillation.max_speed(),
         }
     }
@@ -172,12 +197,20 @@ impl WallMotion {
         }
     }
 
+    /// Time at which the wall has its given position, or 0 \[time\].
+    pub(crate) fn reference_time(&self) -> f64 {
+        match self {
+            Self::Constant(motion) => motion.reference_time,
+            Self::Fixed | Self::Oscillating(_) => 0.0,
+        }
+    }
+
     /// A bound: the displacement along the normal differs from that at this mean velocity [length/time] by at
     /// most this distance \[length\].
     pub(crate) fn bound(&self, normal: DVec3) -> (f64, f64) {
         match self {
             Self::Fixed => (0.0, 0.0),
-            Self::Constant(velocity) => (velocity.dot(normal), 0.0),
+            Self::Constant(motion) => (motion.velocity.dot(normal), 0.0),
             Self::Oscillating(motion) => (0.0, motion.oscillation.amplitude),
         }
     }

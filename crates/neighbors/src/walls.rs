@@ -20,11 +20,22 @@ impl WallTable {
             return Self::default();
         }
         let [nx, ny, nz] = n.map(|n| n as usize);
+        let beyond = beyond_faces(geometry);
         let lists: Vec<Vec<u16>> = (0..nx * ny * nz)
             .into_par_iter()
             .map(|index| {
                 let cell = [index % nx, index / nx % ny, index / (nx * ny)];
-                let near = |plane: &Plane| is_near(geometry.axes, width, cell, plane, radius);
+                let edges = [0, 1, 2].map(|axis| {
+                    let [below, above] = beyond[axis];
+                    let low = cell[axis] as f64 * width[axis];
+                    let high = low + width[axis];
+                    let is_last = cell[axis] + 1 == n[axis] as usize;
+                    [
+                        if cell[axis] == 0 { low - below } else { low },
+                        if is_last { high + above } else { high },
+                    ]
+                });
+                let near = |plane: &Plane| is_near(geometry.axes, edges, plane, radius);
                 (0..geometry.planes.len() as u16)
                     .filter(|&wall| near(&geometry.planes[wall as usize]))
                     .collect()
@@ -52,8 +63,22 @@ impl WallTable {
     }
 }
 
-/// Whether a plane is at most `radius` from a cell, rounding included.
-fn is_near(axes: [Axis; 3], width: [f64; 3], cell: [usize; 3], plane: &Plane, radius: f64) -> bool {
+/// How far the walls of a box let particles go beyond its faces, lower and upper, along each axis \[length\]:
+/// walls may be displaced, and oscillate. Particles beyond a face belong to the outermost cells.
+fn beyond_faces(geometry: &Geometry) -> [[f64; 2]; 3] {
+    [0, 1, 2].map(|axis| {
+        if geometry.axes[axis] != Axis::Bounded {
+            return [0.0; 2];
+        }
+        [(1.0, 0.0), (-1.0, geometry.size[axis])].map(|(side, face)| {
+            let planes = geometry.planes.iter().filter(|plane| plane.normal[axis] == side);
+            planes.map(|plane| (face - plane.point[axis]) * side + plane.sweep).fold(0.0, f64::max)
+        })
+    })
+}
+
+/// Whether a plane is at most `radius` from a cell with these edges, rounding included.
+fn is_near(axes: [Axis; 3], edges: [[f64; 2]; 3], plane: &Plane, radius: f64) -> bool {
     if plane.sweep == f64::INFINITY {
         return true;
     }
@@ -69,10 +94,9 @@ fn is_near(axes: [Axis; 3], width: [f64; 3], cell: [usize; 3], plane: &Plane, ra
             // The cell represents all its images.
             return true;
         }
-        let width = width[axis];
-        let low = cell[axis] as f64 * width;
-        distance += ((low - point[axis]) * normal[axis]).min((low + width - point[axis]) * normal[axis]);
-        slack += radius.max(width) * 1e-9;
+        let [low, high] = edges[axis];
+        distance += ((low - point[axis]) * normal[axis]).min((high - point[axis]) * normal[axis]);
+        slack += radius.max(high - low) * 1e-9;
     }
     distance <= slack
 }

@@ -11,6 +11,7 @@
 mod arrays;
 mod errors;
 mod events;
+mod keys;
 mod measured;
 mod observables;
 mod scenes;

@@ -39,7 +39,7 @@ impl Source {
 }
 
 /// Recorded states, read by `haff.scenes.recorded_state` through h5py: no HDF5 is linked here.
-struct Files;
+pub struct Files;
 
 impl StateSource for Files {
     fn state(&self, path: &Path, index: i64) -> Result<State, String> {

@@ -4,8 +4,7 @@ use std::{cell::RefCell, sync::Arc};
 
 use glam::DVec3;
 use haff_engine::{
-    Boundary, Change, Domain, EngineError, EventColumn, EventKind, Grid, NewParticle, Present, Sizes, Stop,
-    Term, Until,
+    Boundary, Change, Domain, EngineError, EventKind, Grid, NewParticle, Sizes, Stop, Term, Until,
 };
 use haff_linkage::AnySimulation;
 use haff_scene::Scene;
@@ -15,7 +14,9 @@ use pyo3::{prelude::*, types::PyDict};
 
 use crate::{
     arrays::{column, triples, vector, vectors},
-    errors, events, measured, observables,
+    errors, events,
+    keys::{self, Described, Refused},
+    measured, observables,
     scenes::Source,
     threads::Threads,
 };
@@ -58,16 +59,11 @@ pub struct Simulation {
     own_threads: Option<usize>,
     name: String,
     dimension: usize,
-    present: Present,
     sizes: Sizes,
     grids: Vec<Grid>,
     domain: Domain,
     #[pyo3(get)]
     species_names: Vec<String>,
-    #[pyo3(get)]
-    wall_names: Vec<String>,
-    /// Whether the event log has impulse vectors, and tangential losses.
-    extra_columns: [bool; 2],
     /// q = I/(m R²) by species, with spin.
     inertia: Option<Vec<f64>>,
     #[pyo3(get)]
@@ -75,15 +71,15 @@ pub struct Simulation {
     #[pyo3(get)]
     seed: u64,
     #[pyo3(get)]
-    resolved: String,
-    #[pyo3(get)]
     packing_fraction: f64,
     #[pyo3(get)]
     until: Option<f64>,
     #[pyo3(get)]
     collisions_asked: Option<u64>,
-    /// Radii, masses and species; another lock than that of the simulation, which another thread may hold
-    /// long.
+    /// What changes with keys of the scene; as [`Self::columns`] behind another lock than that of the
+    /// simulation, which another thread may hold long.
+    described: Mutex<Described>,
+    /// Radii, masses and species.
     columns: Mutex<Columns>,
 }
 
@@ -150,11 +146,8 @@ impl Simulation {
         let columns = Mutex::new(Columns::new(py, &properties, inertia.as_deref()));
         let (dimension, domain, species_names) =
             (system.dimension.count(), system.domain, system.species.clone());
-        let wall_names = system.walls.iter().map(|wall| wall.name.clone()).collect();
         let (sizes, grids) = (Sizes::of(&system), system.measure.profiles.clone());
-        let extra_columns =
-            [EventColumn::ImpulseVector, EventColumn::TangentialLoss].map(|column| column.exists(&system));
-        let present = Present { springs: !joints.springs.is_empty(), ..Present::of(&system) };
+        let described = Mutex::new(Described::of(&system, resolved, !joints.springs.is_empty()));
         let start = || AnySimulation::new(system, joints, options);
         let simulation = py
             .detach(|| threads.run(start))
@@ -170,20 +163,17 @@ impl Simulation {
             own_threads,
             name: source.name().to_owned(),
             dimension,
-            present,
             sizes,
             grids,
             domain,
             species_names,
-            wall_names,
-            extra_columns,
             inertia,
             title,
             seed,
-            resolved,
             packing_fraction,
             until: run.until,
             collisions_asked: run.collisions,
+            described,
             columns,
         })
     }
@@ -275,6 +265,37 @@ impl Simulation {
         HELD.with_borrow_mut(|held| held.retain(|guard| !own(guard)));
     }
 
+    /// Changes keys of the scene from now on; `overrides` are `KEY=VALUE`.
+    // Taken from a list, by value.
+    #[allow(clippy::needless_pass_by_value)]
+    fn set(&self, py: Python<'_>, overrides: Vec<String>) -> PyResult<()> {
+        let done = self.read(py, |Moving { simulation, log, changed, .. }| {
+            let AnySimulation::Granular(granular) = simulation else {
+                let why = "keys cannot change: the scene has pendulums, springs, rods or sticking contacts";
+                return Err(Refused::Other(why));
+            };
+            let mut described = self.described.lock();
+            let (next, changes) = keys::change(granular, &described, &self.name, &overrides, log)?;
+            (*described, *changed) = (next, *changed | changes);
+            Ok(())
+        })?;
+        done.map_err(|refused| match refused {
+            Refused::Scene(errors) => errors::scene(py, &errors, false),
+            Refused::Engine(error) => PyValueError::new_err(error.to_string()),
+            Refused::Other(why) => PyValueError::new_err(why),
+        })
+    }
+
+    #[getter]
+    fn wall_names(&self) -> Vec<String> {
+        self.described.lock().wall_names.clone()
+    }
+
+    #[getter]
+    fn resolved(&self) -> String {
+        self.described.lock().resolved.clone()
+    }
+
     #[getter]
     fn radius(&self, py: Python<'_>) -> Py<PyArray1<f64>> {
         self.columns.lock().radius.clone_ref(py)
@@ -308,13 +329,13 @@ impl Simulation {
             vectors(py, frame.position)?,
             vectors(py, frame.velocity)?,
             triples(py, frame.image)?,
-            if self.present.spin { Some(vectors(py, frame.angular_velocity)?) } else { None },
+            if self.inertia.is_some() { Some(vectors(py, frame.angular_velocity)?) } else { None },
         ))
     }
 
     fn sample<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
         let (sample, changed) = self.read(py, |moving| (moving.simulation.sample(), moving.changed))?;
-        let mut present = self.present;
+        let mut present = self.described.lock().present;
         present.terms[Term::Change as usize] = changed;
         observables::sample(py, &sample, present, self.sizes)
     }
@@ -326,7 +347,7 @@ impl Simulation {
 
     fn take_events<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
         let rows = self.read(py, |moving| std::mem::take(&mut moving.log.rows))?;
-        events::columns(py, &rows, self.extra_columns)
+        events::columns(py, &rows, self.described.lock().extra_columns)
     }
 
     /// The rows of profiles since the last call, by the letters of the axes.
@@ -383,7 +404,7 @@ impl Simulation {
 
     #[getter]
     fn gravity<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<f64>> {
-        vector(py, self.domain.gravity)
+        vector(py, self.described.lock().gravity)
     }
 
     #[getter]

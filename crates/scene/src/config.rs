@@ -421,9 +421,16 @@ pub struct WallConfig {
     /// `contact.wall_restitution` applies.
     #[schemars(range(min = 0.0, max = 1.0))]
     pub accommodation: Option<f64>,
-    /// Velocity of the wall [length/time]; default 0.
+    /// Velocity of the wall [length/time]; default 0. In a run that goes on the wall moves so from where it
+    /// is; zero stops it there, also an oscillation.
     #[schemars(length(min = 2, max = 3))]
     pub velocity: Option<Vec<f64>>,
+    /// Time at which a wall with a velocity goes through its `plane.point` [time]; default 0. Set when a run
+    /// goes on with another velocity.
+    pub reference_time: Option<f64>,
+    /// Displacement of a wall of `domain.boundary` from its face, to the inside [length]; default 0. Set when
+    /// a run goes on with another amplitude. Other walls have their `plane.point`.
+    pub displacement: Option<f64>,
     /// Oscillation along the normal; also of a wall of `domain.boundary`.
     pub motion: Option<MotionConfig>,
 }
@@ -441,7 +448,7 @@ pub struct MotionConfig {
     /// Cycles in a unit of time, f [1/time].
     #[schemars(required, extend("exclusiveMinimum" = 0))]
     pub frequency: Option<f64>,
-    /// Phase at time 0 [radians]; default 0.
+    /// Phase at time 0 [radians]; default 0, in a run that goes on the phase that the wall has.
     pub phase: Option<f64>,
 }
 
@@ -467,7 +474,8 @@ impl WallConfig {
 #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct PlaneConfig {
-    /// A point of the plane at time 0 [length].
+    /// A point of the plane [length]: of a wall with a velocity at its `reference_time`, of one that
+    /// oscillates at its mean position.
     #[schemars(required, length(min = 2, max = 3))]
     pub point: Option<Vec<f64>>,
     /// Normal to the inside, where the particles are; need not have unit length. Its components along

@@ -299,6 +299,34 @@ impl Document {
         self.root.get(path).is_some()
     }
 
+    /// Whether an override has set the value at `path`, a table above it, or something below it.
+    pub(crate) fn is_overridden(&self, path: &[String]) -> bool {
+        let mut node = &self.root;
+        for segment in path {
+            let Some(child) = node.child(segment) else { return false };
+            if matches!(child.origin, Origin::Override(_)) {
+                return true;
+            }
+            node = child;
+        }
+        node.has_override()
+    }
+
+    /// Refuses overrides of other keys than these, and those below them.
+    pub(crate) fn allow_overrides(&mut self, allowed: &[&str]) {
+        for k in 0..self.overrides.len() {
+            let key = self.overrides[k].split('=').next().unwrap_or_default().trim();
+            let is_in = |part: &&str| {
+                key == *part || key.strip_prefix(*part).is_some_and(|rest| rest.starts_with('.'))
+            };
+            if !allowed.iter().any(is_in) {
+                let message =
+                    format!("cannot change in a run that goes on (allowed: {})", allowed.join(", "));
+                self.garble(Rank::Override(k as u32), message);
+            }
+        }
+    }
+
     /// The first errors in the order of the file, overrides last; how many more there are; and the text.
     pub(crate) fn into_errors(self) -> (Vec<SceneError>, usize, String) {
         let more = self.errors.count - self.errors.first.len();

@@ -5,13 +5,15 @@
 
 use std::panic::{AssertUnwindSafe, catch_unwind};
 
-use crate::assemble::{Limits, assemble};
+use crate::assemble::{CHANGEABLE, Limits, Start, assemble, assemble_changed};
 use crate::error::{SceneError, SceneErrors};
+use crate::present::Present;
 use crate::random::{Purpose, Stream};
+use crate::scene::Scene;
 use crate::state::{State, StateSource};
 use crate::text;
 use glam::DVec3;
-use haff_engine::{Boundary, Domain, Wall};
+use haff_engine::{Boundary, Domain, Instant, Wall};
 
 /// Few particles, so that one input takes little time.
 const LIMITS: Limits = Limits { particles: 300, memory: 1 << 28 };
@@ -168,6 +170,8 @@ const KEYS: &[&str] = &[
     "wall.0.plane.point",
     "wall.0.velocity",
     "wall.0.restitution",
+    "wall.0.reference_time",
+    "wall.0.displacement",
     "wall.0.motion",
     "wall.0.motion.amplitude",
     "wall.0.motion.frequency",
@@ -307,7 +311,9 @@ fn input(case: u64) -> (String, Vec<String>, AnyState) {
 /// Checks of every result.
 fn check(case: u64) -> Result<bool, String> {
     let (text, overrides, state) = input(case);
-    let result = catch_unwind(AssertUnwindSafe(|| assemble("fuzz.toml", &text, &overrides, &state, LIMITS)));
+    let result = catch_unwind(AssertUnwindSafe(|| {
+        assemble("fuzz.toml", &text, &overrides, &state, Start::Scene, LIMITS)
+    }));
     let show = || format!("case {case}, overrides {overrides:?}, scene:\n{text}");
     match result {
         Err(_) => Err(format!("panic: {}", show())),
@@ -375,13 +381,13 @@ fn check(case: u64) -> Result<bool, String> {
             {
                 return Err(format!("accepted an overlap {pair:?}: {}", show()));
             }
-            match assemble("fuzz.toml", &scene.resolved, &[], &state, LIMITS) {
+            match assemble("fuzz.toml", &scene.resolved, &[], &state, Start::Scene, LIMITS) {
                 Ok(again)
                     if again.system == scene.system
                         && again.run == scene.run
                         && again.output == scene.output =>
                 {
-                    Ok(true)
+                    goes_on(case, &scene, &state).map_err(|why| format!("{why}: {}", show()))
                 }
                 Ok(_) => Err(format!("the resolved scene differs: {}\n{}", show(), scene.resolved)),
                 Err(errors) => {
@@ -389,6 +395,52 @@ fn check(case: u64) -> Result<bool, String> {
                 }
             }
         }
+    }
+}
+
+/// Keys of walls that change while a run goes on, without a jump.
+const CHANGES: &[&str] = &[
+    "velocity=[0.0, 0.0, 0.0]",
+    "velocity=[0.1, 0.0, -0.3]",
+    "velocity=[0.0, 0.0]",
+    "motion={ kind = \"sine\", amplitude = 0.1, frequency = 1.3 }",
+    "motion={ kind = \"triangle\", amplitude = 0.3, frequency = 0.1 }",
+    "motion.amplitude=0.05",
+    "motion.frequency=2.0",
+    "motion.kind=\"triangle\"",
+    "motion.phase=nan",
+    "restitution=0.5",
+    "velocity=[nan, 0, 0]",
+    "motion={}",
+    "motion=3",
+    "plane={}",
+    "displacement=nan",
+];
+
+/// Goes on from an accepted scene with a changed wall: it stays where it is, and the resolved scene has it there.
+fn goes_on(case: u64, scene: &Scene, state: &AnyState) -> Result<bool, String> {
+    let mut random = Stream::new(case, Purpose::Radius, "change", 0);
+    let walls = scene.system.walls.clone();
+    let at = Instant::at(random.between(0.0, 100.0));
+    let present = Present { at, walls: walls.clone(), fixed: Vec::new() };
+    let change = [format!("wall.{}.{}", random.below(3), CHANGES[random.below(CHANGES.len())])];
+    let start = Start::Present(&present);
+    let text = &scene.resolved;
+    let changed = catch_unwind(AssertUnwindSafe(|| {
+        assemble_changed("fuzz.toml", text, &change, &CHANGEABLE, state, start, LIMITS)
+    }));
+    let Ok(next) = changed.map_err(|_| format!("panic after {change:?}"))? else { return Ok(true) };
+    let place = |wall: &Wall| (wall.point + wall.motion.displacement(wall.normal, at)).dot(wall.normal);
+    for (before, after) in walls.iter().zip(&next.system.walls) {
+        let jump = place(after) - place(before);
+        if jump.abs() > 1e-13 * (1.0 + place(before).abs() + before.point.length() + after.point.length()) {
+            return Err(format!("{change:?} displaces {before:?} by {jump:e} to {after:?}"));
+        }
+    }
+    match assemble("fuzz.toml", &next.resolved, &[], state, Start::Recorded, LIMITS) {
+        Ok(again) if again.system == next.system => Ok(true),
+        Ok(_) => Err(format!("after {change:?} the resolved scene differs:\n{}", next.resolved)),
+        Err(errors) => Err(format!("after {change:?} it is refused: {errors}\n{}", next.resolved)),
     }
 }
 
@@ -418,7 +470,7 @@ proptest::proptest! {
     #[test]
     fn fuzz_any_text_is_refused_or_accepted(text in "(?s).{0,200}", key in "(?s).{0,30}", value in "(?s).{0,30}") {
         let state = AnyState(State::default());
-        let _ = assemble("fuzz.toml", &text, &[], &state, LIMITS);
-        let _ = assemble("fuzz.toml", SCENES[0], &[format!("{key}={value}")], &state, LIMITS);
+        let _ = assemble("fuzz.toml", &text, &[], &state, Start::Scene, LIMITS);
+        let _ = assemble("fuzz.toml", SCENES[0], &[format!("{key}={value}")], &state, Start::Scene, LIMITS);
     }
 }

@@ -42,6 +42,7 @@ pub mod import;
 pub mod joints;
 mod misplaced;
 mod packing;
+mod present;
 mod random;
 mod read;
 mod scene;
@@ -57,7 +58,9 @@ use std::fs::File;
 use std::io::{self, Read};
 use std::path::Path;
 
+pub use assemble::CHANGEABLE;
 pub use error::{ErrorKind, Place, SceneError, SceneErrors};
+pub use present::Present;
 pub use scene::{OutputPlan, RunPlan, Scene, Schedule};
 pub use schema::schema;
 pub use state::{NoStates, State, StateSource};
@@ -125,5 +128,44 @@ pub fn parse(
     overrides: &[String],
     states: &dyn StateSource,
 ) -> Result<Scene, SceneErrors> {
-    assemble::assemble(name, text, overrides, states, assemble::Limits::of_this_machine())
+    let limits = assemble::Limits::of_this_machine();
+    assemble::assemble(name, text, overrides, states, assemble::Start::Scene, limits)
+}
+
+/// The scene that a file has recorded, for a run that is resumed. Its particles are in the checkpoint of the
+/// file: the scene does not place them, and positions at the start are not checked. Walls that have changed
+/// on the way need not suit them. `overrides` are of keys that no wall and no state depends on.
+///
+/// # Errors
+/// All errors found.
+pub fn parse_recorded(
+    name: &str,
+    text: &str,
+    overrides: &[String],
+    states: &dyn StateSource,
+) -> Result<Scene, SceneErrors> {
+    let limits = assemble::Limits::of_this_machine();
+    assemble::assemble(name, text, overrides, states, assemble::Start::Recorded, limits)
+}
+
+/// A recorded scene with changed keys, for a run that goes on from `present`; the keys must be among
+/// `changeable`, all of which are [`CHANGEABLE`].
+///
+/// Keys act from now on. A wall whose velocity or motion changes goes on from where it is
+/// ([`haff_engine::Wall::going_on`]): the resolved scene has the `plane.point`, `phase`, `reference_time` and
+/// `displacement` that follow. A wall jumps only where `plane.point`, `displacement`, `reference_time` or
+/// `motion.phase` is set. Whether particles overlap is left to [`haff_engine::Simulation::change_system`].
+///
+/// # Errors
+/// All errors found.
+pub fn parse_changed(
+    name: &str,
+    text: &str,
+    overrides: &[String],
+    changeable: &[&str],
+    states: &dyn StateSource,
+    present: &Present,
+) -> Result<Scene, SceneErrors> {
+    let (start, limits) = (assemble::Start::Present(present), assemble::Limits::of_this_machine());
+    assemble::assemble_changed(name, text, overrides, changeable, states, start, limits)
 }

@@ -217,6 +217,16 @@ impl Node {
         false
     }
 
+    /// Whether an override has set this value or one in it.
+    pub(crate) fn has_override(&self) -> bool {
+        matches!(self.origin, Origin::Override(_))
+            || match &self.value {
+                Value::Table(table) => table.0.iter().any(|(_, node)| node.has_override()),
+                Value::Array(array) => array.iter().any(Self::has_override),
+                _ => false,
+            }
+    }
+
     /// The `name` of an array element.
     pub(crate) fn name(&self) -> Option<&str> {
         match &self.child("name")?.value {

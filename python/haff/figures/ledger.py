@@ -57,7 +57,8 @@ def draw(file: File) -> Figure:
     shown = t > 0 if logarithmic else np.full(len(t), True)
     top.stackplot(t[shown], *[v[shown] for _, _, v in layers], colors=[c for _, c, _ in layers], lw=0, alpha=0.85,
                   labels=[n for n, _, _ in layers])  # fmt: skip
-    supply = kinetic[0] + rotation[0] + potential[0] - shift + work
+    # Sums count from the start of the run, which may be in another file.
+    supply = (kinetic + rotation + potential + lost + rest - work)[0] - shift + work
     given = [label for name, (label, sign) in balance(file).items() if name in terms and sign > 0 and table[name].any()]
     supplied = " + ".join([r"$E_0$", *given]) if given else r"initial energy $E_0$"
     top.plot(t[shown], supply[shown], color=BLACK, lw=1.4, ls=(0, (5, 2)), label=supplied)

@@ -14,7 +14,7 @@ from ..errors import ArgumentError, NotApplicableError
 from ..extent import Extent, extent
 from ..figures.style import CYCLE, SPEED_MAP
 from ..reader import File
-from ..recorded import shaped_walls
+from ..recorded import mean_point, shaped_walls
 from ..selection import choose
 from ..text import escaped
 from . import collisions, curves, joints
@@ -68,8 +68,9 @@ def write(
         ),
         "coloring": coloring.header(),
         "losses": None if losses is None else {"largest": losses.largest, "decades": collisions.DECADES},
-        "walls": _walls(file),
-        "motions": _motions(file),
+        "walls": _walls(file, float(keys.time[0])),
+        "motions": _of_box(file, "motion"),
+        "displacements": _of_box(file, "displacement"),
         "joints": linked,
         "curves": curves.find(file),
         "collisions": None if log is None else log.sample(blobs, float(keys.time[0]), float(keys.time[-1]), notes),
@@ -243,21 +244,23 @@ def _vector(values) -> list[float]:
     return [*map(float, values), 0.0, 0.0, 0.0][:3]
 
 
-def _motions(file: File) -> dict[str, dict[str, Any]]:
-    """The oscillations of walls of the box, by their names."""
-    entries = [wall for wall in file.scene.get("wall", []) if "plane" not in wall and "motion" in wall]
-    return {escaped(wall["name"]): wall["motion"] for wall in entries if "name" in wall}
+def _of_box(file: File, key: str) -> dict[str, Any]:
+    """The values of a key of walls of the box, by their names."""
+    entries = [wall for wall in file.scene.get("wall", []) if "plane" not in wall and key in wall]
+    return {escaped(wall["name"]): wall[key] for wall in entries if "name" in wall}
 
 
 def _hole(hole: Mapping[str, Any] | None) -> dict[str, Any] | None:
     return None if hole is None else {"center": _vector(hole["center"]), "radius": float(hole["radius"])}
 
 
-def _walls(file: File) -> list[dict[str, Any]]:
+def _walls(file: File, start: float) -> list[dict[str, Any]]:
+    """The other walls; ``point`` is where they are at ``start``, the time of the first frame."""
     return [
         {
             "name": escaped(wall.get("name", "")),
-            "point": _vector(wall["plane"].get("point", ())),
+            "point": mean_point(wall, start),
+            "since": start,
             "normal": _vector(wall["plane"].get("normal", ())),
             "velocity": _vector(wall.get("velocity", ())),
             "motion": wall.get("motion"),

@@ -146,6 +146,12 @@ function shift(motion, time) {
   return motion.amplitude * (motion.kind === "sine" ? sine : (2 / Math.PI) * Math.asin(sine));
 }
 
+// The way of a wall from its point until a time.
+function moved(wall, time) {
+  const along = ((wall.displacement || 0) + (wall.motion ? shift(wall.motion, time) : 0)) / Math.hypot(...wall.normal);
+  return wall.velocity.map((value, k) => value * (time - (wall.since || 0)) + wall.normal[k] * along);
+}
+
 class Surroundings {
   constructor(scene, theme) {
     this.scene = scene;
@@ -186,8 +192,10 @@ class Surroundings {
       for (const sign of [1, -1]) {
         const point = sign > 0 ? this.space.low : this.space.high;
         const normal = [0, 1, 2].map((c) => (c === k ? sign : 0));
-        const motion = header.motions["xyz"[k] + (sign > 0 ? "-" : "+")];
-        planes.push({ point, normal, velocity: [0, 0, 0], motion });
+        const name = "xyz"[k] + (sign > 0 ? "-" : "+");
+        const motion = header.motions[name];
+        const displacement = header.displacements[name] || 0;
+        planes.push({ point, normal, velocity: [0, 0, 0], motion, displacement });
       }
     }
     for (const wall of [...planes, ...header.walls]) {
@@ -214,7 +222,8 @@ class Surroundings {
         part = surface(found, WALL[theme], header.walls.includes(wall) ? 0.28 : 0.1);
       }
       this.parts.push(part);
-      if (wall.motion || wall.velocity.some((value) => value)) this.moving.push([part, wall]);
+      const moves = wall.motion || wall.displacement || wall.velocity.some((value) => value);
+      if (moves) this.moving.push([part, wall]);
     }
     if (header.joints.length) {
       const points = header.joints.reduce((sum, joint) => sum + 2 * this.pieces(joint), 0);
@@ -232,9 +241,7 @@ class Surroundings {
   move(time, where, visible) {
     for (const part of this.parts) part.visible = visible || part === this.joints;
     for (const [part, wall] of this.moving) {
-      const length = Math.hypot(...wall.normal);
-      const shifted = wall.motion ? shift(wall.motion, time) / length : 0;
-      part.position.set(...wall.velocity.map((value, k) => value * time + wall.normal[k] * shifted));
+      part.position.set(...moved(wall, time));
     }
     if (!this.joints) return;
     const positions = this.joints.geometry.getAttribute("position");

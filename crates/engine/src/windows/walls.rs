@@ -21,8 +21,11 @@ pub(super) struct Planes {
 #[derive(Debug, Clone, Copy)]
 struct Plane {
     normal: DVec3,
-    /// Distance of the plane from the origin along the normal, at time 0 and at the most [length].
+    /// Distance of the plane from the origin along the normal, at the reference time and at the most
+    /// [length].
     offset: f64,
+    /// Time at which the plane has its given position [time].
+    reference_time: f64,
     /// Mean velocity along the normal [length/time].
     speed: f64,
     /// Particles are on both sides.
@@ -36,6 +39,7 @@ impl Planes {
             Plane {
                 normal: wall.normal,
                 offset: wall.point.dot(wall.normal) + amplitude,
+                reference_time: wall.motion.reference_time(),
                 speed,
                 two_sided: wall.partition.is_some(),
             }
@@ -62,7 +66,9 @@ impl Planes {
     ) {
         let time = world.clock.time(anchor.time);
         for (wall, plane) in self.planes.iter().enumerate() {
-            let height = plane.normal.dot(anchor.position) - plane.offset - plane.speed * time;
+            let height = plane.normal.dot(anchor.position)
+                - plane.offset
+                - plane.speed * (time - plane.reference_time);
             let rate = plane.normal.dot(anchor.velocity) - plane.speed;
             let pull = plane.normal.dot(acceleration);
             let behind = plane.two_sided && height < 0.0;

@@ -2,7 +2,7 @@
 
 use std::collections::{BTreeMap, HashMap, HashSet};
 
-use haff_engine::{Boundary, Contacts, ThermalWall, Wall, WallLaw};
+use haff_engine::{Boundary, Contacts, ThermalWall, Wall, WallLaw, WallMotion};
 use haff_mechanics::{Restitution, RestitutionTable};
 
 use super::Assembler;
@@ -36,6 +36,8 @@ impl Assembler<'_> {
                     let why = "a wall of domain.boundary does not move: give a plane, and open that axis";
                     self.document.report(&item("wall", k, "velocity"), why);
                 }
+                self.reference_time(k, config);
+                self.displacement(k, config);
                 continue;
             }
             if config.name.is_none() {
@@ -57,6 +59,16 @@ impl Assembler<'_> {
             let point = vector("plane.point", &plane.point, true);
             let given = vector("plane.normal", &plane.normal, true);
             let velocity = vector("velocity", &config.velocity, false);
+            if config.displacement.is_some() {
+                let why = "is for walls of domain.boundary: displace plane.point";
+                self.document.report(&item("wall", k, "displacement"), why);
+            }
+            let mut motion = WallMotion::from(velocity);
+            if let (Some(reference_time), WallMotion::Constant(motion)) =
+                (self.reference_time(k, config), &mut motion)
+            {
+                motion.reference_time = reference_time;
+            }
             // Scaled by the largest component first, so that tiny and huge normals do not under- or overflow.
             let normal = given / given.abs().max_element();
             let normal = normal / normal.length();
@@ -67,7 +79,7 @@ impl Assembler<'_> {
                 name: config.name.clone().unwrap_or_default(),
                 point,
                 normal,
-                motion: velocity.into(),
+                motion,
                 partition: None,
             };
             if self.document.count() == errors {

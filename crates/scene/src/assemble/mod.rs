@@ -6,6 +6,7 @@
 mod contact;
 mod domain;
 mod drive;
+mod going_on;
 mod joints;
 mod measure;
 mod motion;
@@ -25,6 +26,7 @@ use haff_engine::{Dimension, NeighborChoice, Options, SimdChoice, System, bounds
 use crate::config::{EngineConfig, NeighborsConfig, SceneConfig, SimdConfig};
 use crate::document::Document;
 use crate::error::{ErrorKind, Place, SceneError, SceneErrors};
+use crate::present::Present;
 use crate::scene::Scene;
 use crate::state::StateSource;
 use values::{at, storable};
@@ -64,12 +66,27 @@ fn available_memory() -> Option<f64> {
     line.trim().trim_end_matches("kB").trim().parse::<f64>().ok().map(|kilobytes| 1024.0 * kilobytes)
 }
 
+/// Keys that may change in a run that goes on, with those below them.
+pub const CHANGEABLE: [&str; 7] = ["contact", "domain.gravity", "engine", "output", "run", "title", "wall"];
+
+/// Where the particles are, and with them the time of checks that depend on time.
+#[derive(Debug, Clone, Copy)]
+pub(crate) enum Start<'a> {
+    /// Where the scene puts them, at time 0.
+    Scene,
+    /// In the checkpoint of the file that has recorded the scene.
+    Recorded,
+    /// In a simulation that goes on with changed keys.
+    Present(&'a Present),
+}
+
 /// A scene under construction.
 struct Assembler<'a> {
     document: Document,
     /// As written, with overrides; the checks add the defaults, which makes the resolved scene.
     config: SceneConfig,
     states: &'a dyn StateSource,
+    start: Start<'a>,
     limits: Limits,
     dimension: Dimension,
     seed: u64,
@@ -87,15 +104,41 @@ pub(crate) fn assemble(
     text: &str,
     overrides: &[String],
     states: &dyn StateSource,
+    start: Start<'_>,
+    limits: Limits,
+) -> Result<Scene, SceneErrors> {
+    scene_of(name, Document::new(name, text, overrides, limits.memory), states, start, limits)
+}
+
+/// [`assemble`] with overrides of the keys in `changeable` only.
+pub(crate) fn assemble_changed(
+    name: &str,
+    text: &str,
+    overrides: &[String],
+    changeable: &[&str],
+    states: &dyn StateSource,
+    start: Start<'_>,
     limits: Limits,
 ) -> Result<Scene, SceneErrors> {
     let mut document = Document::new(name, text, overrides, limits.memory);
+    document.allow_overrides(changeable);
+    scene_of(name, document, states, start, limits)
+}
+
+fn scene_of(
+    name: &str,
+    mut document: Document,
+    states: &dyn StateSource,
+    start: Start<'_>,
+    limits: Limits,
+) -> Result<Scene, SceneErrors> {
     let garbled = document.is_garbled();
     let config = if garbled { SceneConfig::default() } else { document.config() };
     let mut assembler = Assembler {
         document,
         config,
         states,
+        start,
         limits,
         dimension: Dimension::Three,
         seed: 0,
@@ -144,6 +187,7 @@ impl Assembler<'_> {
         let explicit = self.particle_plans();
         let names = self.names();
         let mut domain = self.domain_plan(!species.is_empty(), !explicit.is_empty());
+        self.walls_go_on(&domain.wall_names());
         let extra_walls = self.extra_walls(&domain);
         let wall_names: Vec<String> =
             domain.wall_names().into_iter().chain(extra_walls.iter().map(|wall| wall.name.clone())).collect();
@@ -170,15 +214,20 @@ impl Assembler<'_> {
         let mut system_domain = domain.finish(self.dimension, &rows, shear);
         self.fix_shear(&mut system_domain, &rows, &initial, state.as_ref());
         let mut walls = domain.walls(&system_domain, extra_walls);
+        self.displace(&mut walls, &wall_names, &system_domain, &rows);
         self.set_motions(&mut walls, &wall_names, &motions, &rows);
         self.check_partitions(&walls, &system_domain, &rows);
         self.check_box(&system_domain, &rows, initial.positions.as_ref());
         self.check_resolution(&system_domain, &species, &rows, initial.positions.as_ref());
         self.gate()?;
-        self.check_places(&system_domain, &walls, &mut rows, state.as_ref());
-        self.gate()?;
-        self.place_species(&system_domain, &walls, &mut rows, &initial);
-        self.gate()?;
+        // Scenes with joints have few bodies, and their joints are checked at the start.
+        let at_start = matches!(self.start, Start::Scene) || self.has_joints();
+        if at_start {
+            self.check_places(&system_domain, &walls, &mut rows, state.as_ref());
+            self.gate()?;
+            self.place_species(&system_domain, &walls, &mut rows, &initial);
+            self.gate()?;
+        }
         self.draw_velocities(&species, &mut rows, &initial, state.as_ref());
         shear::add_flow(&system_domain, &species, &mut rows, &initial, state.as_ref());
 
@@ -201,7 +250,9 @@ impl Assembler<'_> {
         let joints = self.joints(first, &|row| system.bodies[row].position);
         self.gate()?;
         self.check_joints(&system, &joints);
-        self.check_displaced_images(&system, state.is_some());
+        if at_start {
+            self.check_displaced_images(&system, state.is_some());
+        }
         self.gate()?;
         let rate = plan::collision_rate(&system);
         let run = self.run_plan(&system);

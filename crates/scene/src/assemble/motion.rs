@@ -1,23 +1,97 @@
-//! Motions of walls that oscillate.
+//! Motions of walls: oscillations, times and positions.
 
 use std::f64::consts::TAU;
 
 use glam::DVec3;
-use haff_engine::{Instant, Oscillating, Wall, WallMotion};
+use haff_engine::{Domain, Instant, Oscillating, Wall, WallMotion};
 use haff_mechanics::{Oscillation, Waveform};
 
-use super::Assembler;
 use super::names::wall_indices;
 use super::particles::Rows;
-use super::values::{item, positive};
-use crate::config::{MotionConfig, MotionKindConfig};
+use super::values::{LARGEST, at, item, positive};
+use super::{Assembler, Start};
+use crate::config::{MotionConfig, MotionKindConfig, WallConfig};
 
 /// Where a wall is at time 0.
 pub(super) fn at_start(wall: &Wall) -> DVec3 {
     wall.point + wall.motion.displacement(wall.normal, Instant::ZERO)
 }
 
+/// A wall of the domain is outside by at most this part of the edge: the searches for partners have
+/// coordinates for the box and its surroundings.
+const FARTHEST: f64 = 0.5;
+
+/// Whether a wall of the domain is displaced from its face.
+pub(super) fn is_displaced(wall: &Wall, domain: &Domain) -> bool {
+    // The upper faces have normals to the lower side.
+    let face = (domain.size * wall.normal.min(DVec3::ZERO)).element_sum();
+    wall.point.dot(wall.normal) != face
+}
+
+/// Where a wall is at an instant if it moves on and on, and otherwise on average.
+fn mean_position(wall: &Wall, at: Instant) -> DVec3 {
+    match wall.motion {
+        WallMotion::Constant(_) => wall.point + wall.motion.displacement(wall.normal, at),
+        WallMotion::Fixed | WallMotion::Oscillating(_) => wall.point,
+    }
+}
+
 impl Assembler<'_> {
+    /// The reference time of an entry of `[[wall]]`, if it is given and valid.
+    pub(super) fn reference_time(&mut self, k: usize, config: &WallConfig) -> Option<f64> {
+        let time = config.reference_time?;
+        let path = item("wall", k, "reference_time");
+        if config.velocity.is_none() {
+            self.document
+                .report(&path, "is for walls with a velocity: an oscillation has its phase at time 0");
+        } else if time.is_nan() || time.abs() > LARGEST {
+            self.document.report(&path, "must be a finite time, at most 1e50 in size");
+        } else {
+            return Some(time);
+        }
+        None
+    }
+
+    /// The displacement of a wall of the domain; 0 if it is not valid.
+    pub(super) fn displacement(&mut self, k: usize, config: &WallConfig) -> f64 {
+        let displacement = config.displacement.unwrap_or(0.0);
+        if displacement.is_nan() || displacement.abs() > LARGEST {
+            self.document
+                .report(&item("wall", k, "displacement"), "must be a finite length, at most 1e50 in size");
+            return 0.0;
+        }
+        displacement
+    }
+
+    /// Displaces walls of the domain from their faces, and checks that a particle fits between them.
+    pub(super) fn displace(&mut self, walls: &mut [Wall], names: &[String], domain: &Domain, rows: &Rows) {
+        let configs = self.config.wall.clone().unwrap_or_default();
+        let displaced: Vec<(usize, usize, f64)> = wall_indices(&configs, names)
+            .into_iter()
+            .enumerate()
+            .filter_map(|(k, index)| Some((k, index?, configs[k].displacement?)))
+            .collect();
+        for &(k, index, displacement) in &displaced {
+            let normal = walls[index].normal;
+            walls[index].point += normal * displacement;
+            let edge = (domain.size * normal.abs()).element_sum();
+            if displacement < -FARTHEST * edge {
+                let why = format!("must be at least {}, half the edge of the box outside", -FARTHEST * edge);
+                self.document.report(&item("wall", k, "displacement"), why);
+            }
+        }
+        let diameter = 2.0 * rows.largest_radius();
+        for (k, index, _) in displaced {
+            // Lower and upper walls of an axis are neighbors.
+            let (wall, other) = (&walls[index], &walls[index ^ 1]);
+            let room = (other.point - wall.point).dot(wall.normal);
+            if room < diameter {
+                let why = format!("leaves {room} between the walls, the largest diameter is {diameter}");
+                self.document.report(&item("wall", k, "displacement"), why);
+            }
+        }
+    }
+
     /// The motion of each entry of `[[wall]]` that has one.
     pub(super) fn wall_motions(&mut self) -> Vec<Option<WallMotion>> {
         let configs = self.config.wall.clone().unwrap_or_default();
@@ -93,13 +167,24 @@ impl Assembler<'_> {
                 walls[*index].motion = *motion;
             }
         }
+        let (now, fixed): (Instant, Vec<(usize, DVec3, f64)>) = match self.start {
+            // Checked when the scene was written. What moved on may be anywhere now.
+            Start::Recorded => return,
+            Start::Scene => {
+                let fixed = rows.bodies.iter().enumerate().filter(|(row, _)| rows.is_fixed(*row));
+                (Instant::ZERO, fixed.map(|(row, body)| (row, body.position, rows.radius(row))).collect())
+            }
+            Start::Present(_) if !self.document.is_overridden(&at(["wall"])) => return,
+            Start::Present(present) => (present.at, present.fixed.clone()),
+        };
         for (k, (index, motion)) in indices.iter().zip(motions).enumerate() {
             let (Some(index), Some(motion)) = (*index, motion) else { continue };
             let wall = &walls[index];
+            let mean = mean_position(wall, now);
             let amplitude = motion.sweep(wall.normal);
             let path = item("wall", k, "motion.amplitude");
             for other in walls.iter().enumerate().filter(|(j, _)| *j != index).map(|(_, other)| other) {
-                let gap = (other.point - wall.point).dot(wall.normal);
+                let gap = (mean_position(other, now) - mean).dot(wall.normal);
                 let sweep =
                     Some(other.motion.sweep(other.normal)).filter(|sweep| sweep.is_finite()).unwrap_or(0.0);
                 if other.normal.dot(wall.normal) < -1.0 + 1e-12 && amplitude + sweep >= gap {
@@ -112,9 +197,8 @@ impl Assembler<'_> {
                     self.document.report(&path, why);
                 }
             }
-            let fixed = rows.bodies.iter().enumerate().filter(|(row, _)| rows.is_fixed(*row));
-            for (row, body) in fixed {
-                let gap = (body.position - wall.point).dot(wall.normal) - rows.radius(row);
+            for (row, position, radius) in &fixed {
+                let gap = (*position - mean).dot(wall.normal) - radius;
                 if gap < amplitude {
                     let why = format!(
                         "must be at most {gap}: the wall would sweep through the fixed particle {row}"

@@ -6,7 +6,7 @@ use glam::DVec3;
 use haff_engine::{Boundary, Class, Dimension, Domain, Wall, bounds, significant};
 
 use super::domain::{TOLERANCE, more_room};
-use super::motion::at_start;
+use super::motion::{at_start, is_displaced};
 use super::particles::{Initial, Rows, SpeciesPlan};
 use super::shear::beside_displaced_images;
 use super::values::{at, item};
@@ -229,7 +229,7 @@ impl Assembler<'_> {
             (count..rows.bodies.len()).map(|row| (rows.bodies[row].position, rows.radius(row))).collect();
         let of_domain = 2 * domain.boundary.iter().filter(|&&boundary| boundary == Boundary::Wall).count();
         let moved = |(index, wall): (usize, &Wall)| {
-            let is_plane = index >= of_domain || wall.motion.is_moving();
+            let is_plane = index >= of_domain || wall.motion.is_moving() || is_displaced(wall, domain);
             is_plane.then(|| Wall { point: at_start(wall), ..wall.clone() })
         };
         let planes: Vec<Wall> = walls.iter().enumerate().filter_map(moved).collect();
