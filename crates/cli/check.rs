@@ -40,7 +40,7 @@ pub fn check(options: &Check) -> Result<u8, Failure> {
     let scene: Scene =
         haff_scene::load(&options.scene, &options.set, &States).map_err(|errors| scene_failure(&errors))?;
     let system = &scene.system;
-    let temperature = estimate::temperature(system);
+    let temperature = estimate::temperature(&scene);
     let particles = system.bodies.len();
     let axes = system.dimension.count();
     let open = system.domain.boundary[..axes].contains(&Boundary::Open);

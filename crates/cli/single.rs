@@ -88,6 +88,7 @@ pub fn create(
         compressed: output.compressed,
         present: Present { springs: !joints.springs.is_empty(), ..Present::of(system) }.with_terms(ledger),
         earlier: texts.earlier,
+        conserved_momentum: joints.conserved_momentum(system),
         ..Header::from_system(system)
     };
     let recorder = Recorder::create(path, header, overwrite).map_err(|error| file_failure(&error))?;

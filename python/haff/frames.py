@@ -213,6 +213,19 @@ class Frame(ReadOnly):
         found[:, shear.flow] -= shear.rate * self.position[:, shear.gradient]
         return found
 
+    @property
+    def thermal_velocity(self) -> NDArray[np.float64]:
+        """``[N, 3]`` velocities of which temperature and pressure are made, v − V [length/time].
+
+        V is the velocity of the center of mass of the bodies of finite mass along the axes on which momentum is
+        conserved (:attr:`File.conserved_momentum`), and 0 along the others. In a sheared box v is relative to the flow.
+        """
+        velocity, mobile = self.peculiar_velocity, np.isfinite(self.mass)
+        if not mobile.any():
+            return velocity
+        common = np.average(velocity[mobile], axis=0, weights=self.mass[mobile])
+        return velocity - np.where(self.file.conserved_momentum, common, 0.0)
+
     @cached_property
     def angular_velocity(self) -> NDArray[np.float64] | None:
         """``[N, 3]`` angular velocities [1/time], along z in 2D; ``None`` if the scene has no spin."""

@@ -228,6 +228,21 @@ class File(ReadOnly):
         return species.astype(np.int64)
 
     @cached_property
+    def conserved_momentum(self) -> NDArray[np.bool_]:
+        """``[3]``, true for axes on which momentum is conserved.
+
+        There temperatures and pressures are relative to the velocity of the center of mass
+        (:attr:`Frame.thermal_velocity`). All are true in a file that does not say so, as those of other programs.
+        """
+        place = "parameters/conserved_momentum"
+        if self.stored.find(place) is None:
+            return np.full(3, True)
+        column = self.stored.column(place, (3,), "iu")
+        conserved = column[:]
+        column.require(conserved, (conserved == 0) | (conserved == 1), "0 or 1")
+        return conserved == 1
+
+    @cached_property
     def wall_names(self) -> list[str]:
         """Names of the walls, by the index that event rows use."""
         return self.stored.texts("parameters/wall_names") or []

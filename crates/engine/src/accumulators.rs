@@ -3,9 +3,13 @@
 use glam::DVec3;
 
 use crate::{
+    center::Center,
     exact_sum::{ExactSum, ExactSums},
+    flights::{FlightSums, Summed},
     ledger::Term,
+    particles::World,
     report::Counters,
+    sum::Sum,
 };
 
 /// Names of the sums in checkpoints, besides the terms of the energy balance.
@@ -15,18 +19,21 @@ const IMPULSE: [&str; 3] = ["impulse.x", "impulse.y", "impulse.z"];
 /// Sums over events. The sums for the pressure cover the time since the previous sample.
 #[derive(Debug, Clone, Default)]
 pub(crate) struct Accumulators {
-    /// Σ J |r₁₂| since the previous sample, Σ E'_c, Σ ΔT, and Σ (ΔT − W)(t − t_previous). Without gravity the
-    /// last sum makes the mean kinetic energy of the interval exact.
+    /// Σ J |r₁₂| since the previous sample, Σ E'_c, Σ ΔT, and Σ (ΔT − W)(t − t_previous). Where particles do
+    /// not accelerate in their flights, the last sum makes the mean kinetic energy of the interval exact.
     impacts: ExactSums<4>,
     /// The other terms of the energy balance, indexed by [`Term`].
     terms: [ExactSum; Term::ALL.len()],
     /// Impulse on the particles by walls, by bodies of infinite mass and by the support of resting particles.
     impulse: ExactSums<3>,
     pub counters: Counters,
-    /// Time of the previous sample [time], the number of collisions until then, and the kinetic energy then.
+    /// Time of the previous sample [time], and the number of collisions until then.
     pub sampled_at: f64,
     pub sampled_collisions: u64,
-    pub sampled_kinetic: f64,
+    /// The center of mass since then.
+    pub center: Center,
+    /// Flights that have ended, where particles accelerate.
+    pub flights: Option<Box<FlightSums>>,
     /// Kinetic and potential energy at the start.
     pub initial_energy: [f64; 2],
     /// Largest overlap found so far [contact distances].
@@ -34,10 +41,15 @@ pub(crate) struct Accumulators {
 }
 
 impl Accumulators {
-    /// Sums of a simulation that starts with these energies, kinetic and potential; `sampled_kinetic` is that
-    /// of translation alone.
-    pub fn new(initial_energy: [f64; 2], sampled_kinetic: f64) -> Self {
-        Self { initial_energy, sampled_kinetic, sampled_collisions: u64::MAX, ..Self::default() }
+    /// Sums of a simulation that starts with this world and these energies, kinetic and potential.
+    pub fn new(world: &World, initial_energy: [f64; 2]) -> Self {
+        Self {
+            initial_energy,
+            center: Center::of(world, 0.0),
+            flights: (world.flights != Summed::Nothing).then(Box::default),
+            sampled_collisions: u64::MAX,
+            ..Self::default()
+        }
     }
 
     /// Names and sums, for checkpoints.
@@ -85,6 +97,9 @@ impl Accumulators {
         for (sum, other) in self.terms.iter_mut().zip(&other.terms) {
             sum.merge(other);
         }
+        if let Some(flights) = &other.flights {
+            self.flights.get_or_insert_default().merge(flights);
+        }
         let counters = other.counters;
         self.counters.collisions += counters.collisions;
         self.counters.wall_collisions += counters.wall_collisions;
@@ -95,12 +110,40 @@ impl Accumulators {
     }
 
     /// Starts the next interval between samples.
-    pub fn start_interval(&mut self, time: f64, kinetic: f64) {
+    pub fn start_interval(&mut self, time: f64) {
         let [virial, _, _, loss_moment] = self.impacts.sums_mut();
         (*virial, *loss_moment) = Default::default();
         self.sampled_at = time;
         self.sampled_collisions = self.counters.collisions;
-        self.sampled_kinetic = kinetic;
+        if let Some(flights) = &mut self.flights {
+            flights.sampled = Sum::default();
+        }
+    }
+
+    /// ∫ Σ m c² dt since the previous sample up to `time`, when the kinetic energy of translation is
+    /// `kinetic`.
+    ///
+    /// Without acceleration the energy is constant between events: the integral is the one at the end times
+    /// the interval, plus the loss of each event times the time before it.
+    pub fn twice_kinetic(&self, kinetic: f64, time: f64) -> f64 {
+        match &self.flights {
+            Some(flights) => flights.sampled.value(),
+            None => 2.0 * (kinetic * (time - self.sampled_at) + self.loss_moment()),
+        }
+    }
+
+    /// Goes on with another world from `time` on, after [`Self::twice_kinetic`]; `kinetic` is its kinetic
+    /// energy of translation.
+    pub fn go_on_with(&mut self, world: &World, twice_kinetic: f64, kinetic: f64, time: f64) {
+        if world.flights == Summed::Nothing {
+            self.flights = None;
+            let [_, _, _, loss_moment] = self.impacts.sums_mut();
+            *loss_moment = [0.5 * twice_kinetic, -kinetic * (time - self.sampled_at)].into_iter().collect();
+        } else {
+            let until = world.clock.instant(world.now);
+            let sampled = [twice_kinetic].into_iter().collect();
+            self.flights = Some(Box::new(FlightSums { until, sampled, ..FlightSums::default() }));
+        }
     }
 
     /// Adds an external impulse.
@@ -140,11 +183,10 @@ impl Accumulators {
         self.add_impact(time, 0.0, energy_loss, carnot_energy);
     }
 
-    /// Adds work that a term does in the course of a flight, and its moment ∫ (t − t_previous) dW.
+    /// Adds work that a term does in the course of a flight.
     #[inline]
-    pub fn add_work_in_flight(&mut self, term: Term, work: f64, moment: f64) {
+    pub fn add_work_in_flight(&mut self, term: Term, work: f64) {
         self.terms[term as usize].add(work);
-        self.impacts.add([0.0, 0.0, 0.0, -moment]);
     }
 
     /// Adds the energy of a term at `time`: energy given to the particles, or taken from them if the sign of

@@ -23,6 +23,7 @@ use crate::{
     entry::Target,
     error::EngineError,
     features::Features,
+    flights,
     ledger::Term,
     measure::total,
     particles::{Particle, World},
@@ -259,6 +260,7 @@ pub(crate) fn release<const EVENTS: bool>(
     let speed = plane.motion.release_speed(n, (&world.clock, time)) + FASTER * plane.motion.max_speed();
     let velocity = velocity + n * (speed - velocity.dot(n));
     add_carried(state, i, wall, speed, time, 1.0);
+    flights::end(state, i, time);
     let [first, second] = state.world.support_besides_carrier(i);
     state.world.set_support(i, [first, second, None], time);
     resolve::anchor(&mut state.world, i, position, velocity, time)?;

@@ -16,6 +16,7 @@ use crate::{
     choice::Choice,
     clock::Clock,
     error::EngineError,
+    flights,
     force::Force,
     instant::Instant,
     ledger::Term,
@@ -176,8 +177,10 @@ impl Simulation {
             slide::interrupt::<true>(&mut state, i, now, &mut rows);
         }
         for i in 0..state.world.particles.len() as u32 {
-            shear::end_flight(&mut state, i, now);
+            let age = state.world.age(i, now);
+            shear::end_flight_after(&mut state, i, age);
         }
+        let flights = flights::take(&mut state);
         let (before, after) = (Totals::of(&state.world), Totals::of(&world));
         let sums = state.world.wall_sums.take();
         world.wall_sums = sums.map(|sums| Box::new(sums.without_support(&state.world, time)));
@@ -187,6 +190,7 @@ impl Simulation {
         }
         world.force = Force { impulse, until: time, ..world.force };
         let mut accumulators: Accumulators = state.accumulators;
+        let kinetic = accumulators.twice_kinetic(before.kinetic, time);
         let (work, momentum) = before.carried;
         accumulators.add_energy(Term::WallWork, time, work);
         accumulators.add_impulse(momentum);
@@ -194,6 +198,8 @@ impl Simulation {
         accumulators.add_energy(Term::Change, time, energy(&after) - energy(&before));
         accumulators.add_impulse(after.momentum - before.momentum);
         accumulators.counters.epochs += 1;
+        accumulators.center.replace(&world, time);
+        accumulators.go_on_with(&world, kinetic, after.kinetic, time);
         let exchanges = self.changed_velocities(&world, survivors);
         let state = State {
             world,
@@ -208,11 +214,16 @@ impl Simulation {
         changed.measurements = std::mem::take(&mut self.measurements);
         changed.set_stop_time(time);
         *self = changed;
+        if let Some(integral) = flights {
+            self.measurements.iter_mut().for_each(|measurement| measurement.flights(&integral));
+        }
         for change in exchanges {
             let exchange = Exchange { time, changes: &[change], partner: Partner::Drive };
             self.measurements.iter_mut().for_each(|measurement| measurement.exchange(&exchange));
             observer.exchange(&exchange);
         }
+        let world = &self.state.world;
+        self.measurements.iter_mut().for_each(|measurement| measurement.replace(world, time));
         if observer.wants_events() {
             rows.0.iter().for_each(|row| observer.event(row));
             let ids = [NO_PARTNER; 2];
@@ -254,14 +265,6 @@ impl Simulation {
         checks::given(&self.system, change, count).map_err(EngineError::Change)?;
         if (!change.add.is_empty() || !change.remove.is_empty()) && self.system.measure.correlations.any() {
             return refuse("correlations follow the particles: none can be added or removed".to_owned());
-        }
-        if (!change.add.is_empty() || !change.remove.is_empty())
-            && self.system.domain.shear.is_some()
-            && self.system.measure.stress
-        {
-            let why =
-                "the pressure tensor of a sheared system follows the particles: none can be added or removed";
-            return refuse(why.to_owned());
         }
         let mut removed = vec![false; count];
         for &i in &change.remove {

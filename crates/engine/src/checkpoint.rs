@@ -6,7 +6,9 @@ use glam::DVec3;
 
 use crate::{
     accumulators::Accumulators,
+    center::Center,
     error::EngineError,
+    flights::{FlightSums, Summed},
     force::Force,
     measurements::{Words, measurements},
     model::{Options, System},
@@ -81,7 +83,10 @@ impl Simulation {
         scalars.real("force_until", world.force.until);
         scalars.real("sampled_at", accumulators.sampled_at);
         scalars.put("sampled_collisions", accumulators.sampled_collisions);
-        scalars.real("sampled_kinetic", accumulators.sampled_kinetic);
+        accumulators.center.save(&mut scalars);
+        if let Some(flights) = &accumulators.flights {
+            flights.save(&mut scalars);
+        }
         scalars.real("initial_kinetic", accumulators.initial_energy[0]);
         scalars.real("initial_potential", accumulators.initial_energy[1]);
         scalars.real("max_overlap", accumulators.max_overlap);
@@ -243,7 +248,11 @@ impl Simulation {
         };
         accumulators.sampled_at = scalars.real("sampled_at");
         accumulators.sampled_collisions = scalars.take("sampled_collisions");
-        accumulators.sampled_kinetic = scalars.real("sampled_kinetic");
+        accumulators.center = Center::of(&world, 0.0);
+        accumulators.center.load(&mut scalars);
+        if world.flights != Summed::Nothing {
+            accumulators.flights = Some(Box::new(FlightSums::load(&mut scalars)));
+        }
         accumulators.initial_energy = [scalars.real("initial_kinetic"), scalars.real("initial_potential")];
         accumulators.max_overlap = scalars.real("max_overlap");
         world.longest_flight = scalars.real("longest_flight");

@@ -16,6 +16,7 @@ mod batch;
 mod blocks;
 mod calendar_scheduler;
 mod carried;
+mod center;
 mod change;
 mod checkpoint;
 mod choice;
@@ -32,6 +33,7 @@ mod exact_sum;
 #[cfg(test)]
 mod examples;
 mod features;
+mod flights;
 mod force;
 mod grid;
 mod hop;
@@ -76,6 +78,7 @@ mod wall_law;
 mod wall_motion;
 mod windows;
 
+pub use center::{common_velocity, conserved_momentum, initial_temperature};
 pub use change::{Change, NewParticle};
 pub use clustering::{clustering_warning, critical_length, suitable_contact_duration};
 pub use error::{EngineError, Fault};

@@ -7,6 +7,7 @@ use rayon::prelude::*;
 use xxhash_rust::xxh3::Xxh3;
 
 use crate::{
+    center::common_velocity,
     ledger::{Ledger, Term},
     model::{Boundary, Dimension, System},
     particles::World,
@@ -88,9 +89,9 @@ impl Totals {
         self.kinetic + self.rotational
     }
 
-    /// Velocity of the center of mass.
-    pub fn drift(&self) -> DVec3 {
-        if self.mass > 0.0 { self.momentum / self.mass } else { DVec3::ZERO }
+    /// The velocity that temperatures and pressures are relative to ([`crate::center`]).
+    pub fn common_velocity(&self, world: &World) -> DVec3 {
+        common_velocity(self.momentum, self.mass, world.conserved)
     }
 }
 
@@ -105,7 +106,7 @@ pub(crate) fn ledger(state: &State, totals: &Totals) -> Ledger {
     let dissipated = accumulators.dissipated() + world.friction_loss();
     let mut terms = accumulators.terms();
     terms[Term::WallWork as usize] += totals.carried.0;
-    terms[Term::ShearWork as usize] += world.pending_shear_work(accumulators)[0];
+    terms[Term::ShearWork as usize] += world.pending_shear_work();
     let supplied = Term::ALL.map(|term| -term.sign() * terms[term as usize]);
     let energies =
         [totals.kinetic, totals.rotational, totals.potential, -kinetic, -potential, dissipated, bounces];
@@ -124,13 +125,14 @@ pub(crate) fn ledger(state: &State, totals: &Totals) -> Ledger {
     }
 }
 
-/// One row of observables at the present. Starts the next interval of pressure and rates.
+/// One row of observables at the present. Starts the next interval of pressure and rates. The flights up to
+/// now must have been taken ([`crate::flights::take`]).
 pub(crate) fn sample(system: &System, species_table: &Species, state: &mut State, time: f64) -> Sample {
     let totals = Totals::of(&state.world);
     let ledger = ledger(state, &totals);
     let State { world, accumulators, .. } = state;
     let d = system.dimension.count() as f64;
-    let drift = totals.drift();
+    let common = totals.common_velocity(world);
 
     // Over all species: Σ m|v − V|², and the sum of the squares of these terms.
     let [second, fourth] = total(world.particles.len(), |i| {
@@ -141,7 +143,7 @@ pub(crate) fn sample(system: &System, species_table: &Species, state: &mut State
         let (_, v) = world.peculiar(i, world.now);
         // m|v − V|² instead of |v − V|²: this gives the same a₂ for one mass, and zero a₂ for a mixture in
         // equilibrium.
-        let square = class.mass * (v - drift).length_squared();
+        let square = class.mass * (v - common).length_squared();
         [square, square * square]
     });
     let (rotational_temperature, species_rotational_temperature) = rotational(system, species_table, world);
@@ -157,7 +159,7 @@ pub(crate) fn sample(system: &System, species_table: &Species, state: &mut State
                     return [0.0; 2];
                 }
                 let (_, v) = world.peculiar(i, world.now);
-                [1.0, class.mass * (v - drift).length_squared()]
+                [1.0, class.mass * (v - common).length_squared()]
             })
         };
         (0..species_count).map(of_one).collect()
@@ -168,23 +170,15 @@ pub(crate) fn sample(system: &System, species_table: &Species, state: &mut State
     let span = time - accumulators.sampled_at;
     let first = accumulators.sampled_collisions == u64::MAX;
     let counted = accumulators.counters.collisions - if first { 0 } else { accumulators.sampled_collisions };
+    let center = accumulators.center.take(time);
     let open = (0..d as usize).any(|axis| system.domain.boundary[axis] == Boundary::Open);
     let pressure = (!open).then(|| {
         if first || span <= 0.0 {
             return f64::NAN;
         }
         let volume: f64 = (0..d as usize).map(|axis| system.domain.size[axis]).product();
-        // Mean of the kinetic energy over the interval. Without gravity it is constant between events: its
-        // integral is the final energy times the interval, plus the loss of each event times the time before
-        // that event. With gravity the mean of the two ends is used.
-        let mean_kinetic = if world.flies_straight() {
-            let [_, in_flights] = world.pending_shear_work(accumulators);
-            totals.kinetic + (accumulators.loss_moment() - in_flights) / span
-        } else {
-            0.5 * (totals.kinetic + accumulators.sampled_kinetic)
-        };
-        let thermal = mean_kinetic - 0.5 * totals.mass * drift.length_squared();
-        (2.0 * thermal + accumulators.virial() / span) / (d * volume)
+        let thermal = accumulators.twice_kinetic(totals.kinetic, time) - center.trace();
+        (thermal + accumulators.virial()) / (d * volume * span)
     });
     let periodic = world.periodicity.is_periodic.contains(&true);
     let gravity_impulse = world.force.impulse_until(time);
@@ -214,7 +208,7 @@ pub(crate) fn sample(system: &System, species_table: &Species, state: &mut State
         collision_rate: rate,
         mean_free_time: bodies / (2.0 * rate),
     };
-    accumulators.start_interval(time, totals.kinetic);
+    accumulators.start_interval(time);
     world.complete_walls(time, &mut sample);
     sample
 }

@@ -4,9 +4,11 @@ use glam::DVec3;
 use haff_neighbors::{Array, with_huge_pages};
 
 use crate::{
+    center::conserved_momentum,
     clock::Clock,
     contact_times::ContactTimes,
     features::{Features, With},
+    flights::Summed,
     force::Force,
     measurements::WallSums,
     model::{Body, DriveKind, Restitution, System, Wall, WallLaw},
@@ -137,6 +139,10 @@ pub(crate) struct World {
     pub resting: usize,
     /// Force of gravity and of the walls that support particles.
     pub force: Force,
+    /// The axes along which momentum is conserved.
+    pub conserved: [bool; 3],
+    /// What is summed of the flights.
+    pub flights: Summed,
     /// Speed that drives and thermal walls give to the lightest particles [length/time].
     given_speed: f64,
     /// Forces on walls, if they are measured.
@@ -198,6 +204,8 @@ impl World {
             fastest_square: f64::MAX,
             resting: 0,
             force: Force::default(),
+            conserved: conserved_momentum(system),
+            flights: Summed::Nothing,
             given_speed: given_speed(system),
             wall_sums: system.measure.wall_forces.then(|| Box::new(WallSums::new(system.walls.len()))),
             shear: SlidingImages::of(system),
@@ -207,6 +215,9 @@ impl World {
             class.inverse_mass != 0.0
                 && (class.radius, class.mass) == (world.classes[0].radius, world.classes[0].mass)
         };
+        if !world.flies_straight() || world.shear.is_some() {
+            world.flights = Summed::of(system);
+        }
         world.corrects_penetration = !world.flies_straight() || !world.classes.iter().all(alike);
         for i in 0..world.particles.len() as u32 {
             let class = *world.class(i);
@@ -552,26 +563,29 @@ impl World {
         Some(delay * self.clock.per_time)
     }
 
-    /// Sets the anchor of particle i to the present if its prediction has a contact with a wall before.
+    /// Whether the prediction of particle i from its anchor has a contact with a wall before the present.
     ///
     /// After an impact with e = 0 a grain and a wall have the same velocity, but for rounding. A new tick
     /// changes the rounding, and a contact can appear at the time of an anchor that had none.
-    pub fn drop_past_wall_contacts(&mut self, i: u32) {
+    pub fn has_past_wall_contact(&self, i: u32) -> bool {
         let anchor = self.particles[i as usize];
         let class = *self.class(i);
         if class.inverse_mass == 0.0 || anchor.rests() || anchor.time >= self.now {
-            return;
+            return false;
         }
         let (acceleration, age) = (self.acceleration(i), (self.now - anchor.time) as f64);
         let is_past = |wall: u32| {
             self.wall_contact(&anchor, class.radius, acceleration, wall).is_some_and(|ticks| ticks < age)
         };
-        if (0..self.walls.len() as u32).any(is_past) {
-            let (position, velocity) = self.state(i, self.now);
-            let particle = &mut self.particles[i as usize];
-            (particle.position, particle.velocity, particle.time) = (position, velocity, self.now);
-            self.wrap_anchor(i);
-        }
+        (0..self.walls.len() as u32).any(is_past)
+    }
+
+    /// Moves the anchor of particle i along its flight to the present, which is no own event.
+    pub fn move_anchor(&mut self, i: u32) {
+        let (position, velocity) = self.state(i, self.now);
+        let particle = &mut self.particles[i as usize];
+        (particle.position, particle.velocity, particle.time) = (position, velocity, self.now);
+        self.wrap_anchor(i);
     }
 
     /// Whether a wall is at rest, under gravity, and perpendicular to an axis. A contact with such a wall has

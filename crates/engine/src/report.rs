@@ -294,7 +294,8 @@ pub struct Sample {
     pub step: u64,
     /// Energies.
     pub ledger: Ledger,
-    /// T = Σ m|v − V|²/(dN) over bodies of finite mass, V the velocity of their center of mass.
+    /// T = Σ m|v − V|²/(dN) over bodies of finite mass, with the velocity V of their center of mass along the
+    /// axes on which momentum is conserved ([`crate::conserved_momentum`]), and 0 along the others.
     pub temperature: f64,
     /// The same per species, with the common V; NaN for a species without bodies of finite mass.
     pub species_temperature: Vec<f64>,
@@ -305,8 +306,8 @@ pub struct Sample {
     pub species_rotational_temperature: Vec<f64>,
     /// a₂ = d⟨v⁴⟩/((d + 2)⟨v²⟩²) − 1, with v − V for v; NaN without motion.
     pub sonine_a2: f64,
-    /// Mean pressure since the previous sample, kinetic and collisional [energy/length^d]; NaN in the first
-    /// sample, `None` with open axes.
+    /// Mean pressure since the previous sample, kinetic and collisional [energy/length^d], with the
+    /// velocities v − V; NaN in the first sample, `None` with open axes.
     pub pressure: Option<f64>,
     /// Mean pressure tensor since the previous sample, if it is measured; NaN in the first sample.
     pub stress: Option<StressTensor>,

@@ -9,6 +9,7 @@ use crate::{
     accumulators::Accumulators,
     error::EngineError,
     features::Features,
+    flights,
     ledger::Term,
     overlap::allowed_overlap,
     pair_law::{self, PairContact},
@@ -272,6 +273,10 @@ pub(crate) fn apply<F: Features, const EVENTS: bool>(
     if F::SHEAR {
         let more = tangential.as_ref().map_or(DVec3::ZERO, |tangential| tangential.impulse);
         shear::end_flights(state, [i, j], n * distance, n * impact.impulse + more, time);
+    }
+    if F::GRAVITY {
+        flights::end(state, i, time);
+        flights::end(state, j, time);
     }
     let world = &mut state.world;
     // A body of infinite mass keeps its anchor: its flight has not changed, so predictions with it stay

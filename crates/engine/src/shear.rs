@@ -12,8 +12,8 @@ use glam::DVec3;
 use haff_neighbors::{Shift, Sliding};
 
 use crate::{
-    accumulators::Accumulators, features::Features, instant::Instant, ledger::Term, measure::total,
-    model::System, particles::World, report::VelocityChange, state::State,
+    features::Features, flights, instant::Instant, ledger::Term, measure::total, model::System,
+    particles::World, report::VelocityChange, state::State,
 };
 
 /// Simple shear.
@@ -100,15 +100,6 @@ impl SlidingImages {
         }
         position
     }
-}
-
-/// What a flight, or a part of it, adds to the sums.
-#[derive(Debug, Clone, Copy, Default)]
-struct FlightWork {
-    /// ∫ Ė dt \[energy\].
-    work: f64,
-    /// ∫ Ė (t − t_s) dt from the last sample at t_s on [energy·time].
-    moment: f64,
 }
 
 impl World {
@@ -279,8 +270,8 @@ impl World {
         image
     }
 
-    /// The work of the shear on particle i in `duration` \[time\] from its anchor.
-    fn flight_work(&self, shear: &SlidingImages, i: u32, duration: f64, sampled_at: f64) -> FlightWork {
+    /// The work of the shear on particle i in `duration` \[time\] from its anchor \[energy\].
+    fn flight_work(&self, shear: &SlidingImages, i: u32, duration: f64) -> f64 {
         let particle = &self.particles[i as usize];
         let mass = self.class(i).mass;
         let across = particle.velocity[shear.gradient];
@@ -288,24 +279,14 @@ impl World {
         // c_x after a time, and its change in a unit of time.
         let fall = shear.rate * across;
         let power = -shear.rate * mass * across;
-        // The part before the last sample has been counted then.
-        let since = self.clock.time(particle.time) - sampled_at;
-        let skipped = (-since).clamp(0.0, duration);
-        let (wait, left) = (since.max(0.0), duration - skipped);
-        let start = along - fall * skipped;
-        let moment = start * (wait + 0.5 * left) * left - fall * (0.5 * wait + left / 3.0) * left * left;
-        FlightWork { work: power * duration * (along - 0.5 * fall * duration), moment: power * moment }
+        power * duration * (along - 0.5 * fall * duration)
     }
 
-    /// The work of the shear in the flights since the anchors of all particles, and its moment for the mean
-    /// kinetic energy since the last sample.
-    pub fn pending_shear_work(&self, accumulators: &Accumulators) -> [f64; 2] {
-        let Some(shear) = &self.shear else { return [0.0; 2] };
-        total(self.particles.len(), |i| {
-            let FlightWork { work, moment } =
-                self.flight_work(shear, i, self.age(i, self.now), accumulators.sampled_at);
-            [work, moment]
-        })
+    /// The work of the shear in the flights since the anchors of all particles.
+    pub fn pending_shear_work(&self) -> f64 {
+        let Some(shear) = &self.shear else { return 0.0 };
+        let [work] = total(self.particles.len(), |i| [self.flight_work(shear, i, self.age(i, self.now))]);
+        work
     }
 }
 
@@ -340,18 +321,12 @@ fn note_path(world: &mut World, i: u32, ticks: i64) {
     }
 }
 
-/// Adds the work of the shear on particle i from its anchor to `ticks`, where it gets another one.
-pub(crate) fn end_flight(state: &mut State, i: u32, ticks: i64) {
-    let duration = state.world.age(i, ticks);
-    end_flight_after(state, i, duration);
-}
-
-/// [`end_flight`] for a flight of `duration` \[time\].
+/// Adds the work of the shear on particle i in `duration` \[time\] from its anchor. It gets another one then.
 pub(crate) fn end_flight_after(state: &mut State, i: u32, duration: f64) {
     let State { world, accumulators, .. } = state;
     let Some(shear) = &world.shear else { return };
-    let FlightWork { work, moment } = world.flight_work(shear, i, duration, accumulators.sampled_at);
-    accumulators.add_work_in_flight(Term::ShearWork, work, moment);
+    let work = world.flight_work(shear, i, duration);
+    accumulators.add_work_in_flight(Term::ShearWork, work);
 }
 
 /// Adds the work of the shear on two particles until their impact at `ticks`, and in it: `r` is the vector
@@ -363,7 +338,7 @@ pub(crate) fn end_flights(state: &mut State, bodies: [u32; 2], r: DVec3, impulse
     }
     for i in bodies {
         note_path(&mut state.world, i, ticks);
-        end_flight(state, i, ticks);
+        flights::end(state, i, ticks);
     }
     let Some(shear) = &state.world.shear else { return };
     let work = -shear.rate * r[shear.gradient] * impulse[shear.flow];

@@ -15,9 +15,10 @@ use crate::{
     error::EngineError,
     event::Pause,
     event_loop::{Engine, Limit},
+    flights::{self, Summed},
     ledger::Ledger,
     measure::{self, Species, Totals},
-    measurements::{Correlation, Measurement, measurements, observe},
+    measurements::{Correlation, Measurement, measurements, observe, take_flights},
     model::{Boundary, Dimension, NeighborChoice, Options, System},
     overlap::{self, Overlap},
     particles::World,
@@ -28,7 +29,7 @@ use crate::{
         thresholds::Thresholds,
     },
     sharing::Sharing,
-    shear, slide,
+    slide,
     stall::Stall,
     state::State,
     timed::TimedAction,
@@ -91,7 +92,7 @@ impl Simulation {
         world.clock = Clock::new(exponent);
         world.set_scale(extent, 0.0);
         let totals = Totals::of(&world);
-        let accumulators = Accumulators::new([totals.all_kinetic(), totals.potential], totals.kinetic);
+        let accumulators = Accumulators::new(&world, [totals.all_kinetic(), totals.potential]);
         let state = State {
             world,
             accumulators,
@@ -178,6 +179,9 @@ impl Simulation {
     #[cold]
     fn reconsider(&mut self) {
         self.state.accumulators.sums_mut().for_each(|(_, sum)| sum.normalize());
+        for sum in self.state.accumulators.flights.iter_mut().flat_map(|flights| &mut flights.sums) {
+            sum.normalize();
+        }
         self.choice.after(self.state.accumulators.counters.collisions);
         if self.choice.reconsider(&self.system, &self.state.world) {
             self.geometry = measure::geometry(&self.system, &self.state.world, self.choice.filled());
@@ -327,6 +331,11 @@ impl Simulation {
     /// done.
     fn measure(&mut self, due: i64, observer: &mut dyn Observer) {
         let Self { state, measurements, .. } = self;
+        if state.world.flights == Summed::Tensor
+            && measurements.iter().any(|measurement| measurement.next(state) == due)
+        {
+            take_flights(measurements, state);
+        }
         for measurement in measurements {
             if measurement.next(state) == due {
                 measurement.take(state, observer);
@@ -424,7 +433,7 @@ impl Simulation {
             let clock = if retune { old.with_exponent(exponent) } else { old };
             let ticks = (age as f64 * (old.tick / clock.tick)).min(ANCHOR_AGE as f64).floor();
             let ahead = age as f64 * old.tick - ticks * clock.tick;
-            shear::end_flight_after(&mut self.state, i, ahead);
+            flights::end_after(&mut self.state, i, ahead);
             let world = &mut self.state.world;
             let a = world.acceleration(i);
             let carried = world.carrier(i).map_or(DVec3::ZERO, |wall| {
@@ -463,7 +472,12 @@ impl Simulation {
             world.wrap_anchor(i);
         }
         if retune {
-            (0..world.particles.len() as u32).for_each(|i| world.drop_past_wall_contacts(i));
+            for i in 0..world.particles.len() as u32 {
+                if self.state.world.has_past_wall_contact(i) {
+                    flights::end(&mut self.state, i, 0);
+                    self.state.world.move_anchor(i);
+                }
+            }
         }
         self.state.stall = Stall::default();
         self.state.accumulators.counters.epochs += 1;
@@ -501,6 +515,7 @@ impl Simulation {
     /// One row of observables. Pressure and rates are averages since the previous call.
     pub fn sample(&mut self) -> Sample {
         let time = self.time();
+        take_flights(&mut self.measurements, &mut self.state);
         let mut sample = measure::sample(&self.system, &self.species, &mut self.state, time);
         for measurement in &mut self.measurements {
             measurement.complete(&self.state, time, &mut sample);
@@ -590,6 +605,8 @@ impl Simulation {
             }
         }
         for i in 0..world.particles.len() as u32 {
+            flights::end(&mut self.state, i, now);
+            let world = &mut self.state.world;
             let (position, mut velocity) = world.state(i, world.now);
             if let Some(wall) = world.carrier(i) {
                 let n = world.walls[wall as usize].normal;

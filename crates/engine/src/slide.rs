@@ -24,6 +24,7 @@ use haff_mechanics::{Impact, RoughBody, Roughness, TangentialImpact, slip_veloci
 
 use crate::{
     clock::{Clock, HORIZON, whole},
+    flights,
     measure::total,
     particles::World,
     report::{EventKind, Observer},
@@ -251,6 +252,7 @@ pub(crate) fn begin(state: &mut State, i: u32, time: i64) {
 }
 
 fn insert(state: &mut State, i: u32, slide: Slide, time: i64) {
+    flights::end(state, i, time);
     let world = &mut state.world;
     // Also if the anchor is at this time: what has been predicted since, without friction, must not count.
     let (position, velocity) = world.state(i, time);
@@ -264,8 +266,9 @@ fn insert(state: &mut State, i: u32, slide: Slide, time: i64) {
 
 /// Ends the friction on particle i at `time`: its anchor is moved there. Returns the slide.
 fn remove(state: &mut State, i: u32, time: i64) -> Option<Slide> {
+    let slide = *state.world.spin.as_ref()?.slides.get(&i)?;
+    flights::end(state, i, time);
     let world = &mut state.world;
-    let slide = *world.spin.as_ref()?.slides.get(&i)?;
     let (position, velocity) = world.state(i, time);
     let angular_velocity = world.angular_velocity(i, time);
     world.change_friction(i, &slide, -1.0, time);

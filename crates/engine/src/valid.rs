@@ -249,9 +249,20 @@ pub(crate) fn accumulators(
     let [kinetic, potential] = accumulators.initial_energy;
     at_least_zero("initial_kinetic", kinetic)?;
     finite("initial_potential", potential)?;
-    at_least_zero("sampled_kinetic", accumulators.sampled_kinetic)?;
     at_least_zero("max_overlap", accumulators.max_overlap)?;
     within("sampled_at", accumulators.sampled_at, 0.0, time + tolerance(clock, time))?;
+    within("center.until", accumulators.center.until, 0.0, time + tolerance(clock, time))?;
+    totals("center.momentum", &accumulators.center.momentum)?;
+    for (k, sum) in accumulators.center.integrals.energy.iter().enumerate() {
+        total(&format!("center.energy.{k}"), sum)?;
+    }
+    totals("center.path", &accumulators.center.integrals.path)?;
+    if let Some(flights) = &accumulators.flights {
+        let Instant { high, low } = flights.until;
+        within("flights.until.high", high, 0.0, time + tolerance(clock, time))?;
+        within("flights.until.low", low, -f64::EPSILON * high, f64::EPSILON * high)?;
+        total("flights.sampled", &flights.sampled)?;
+    }
     for (name, sum) in accumulators.sums_mut() {
         finite(name, sum.value())?;
     }

@@ -7,7 +7,7 @@ use crate::{
     carried,
     error::EngineError,
     features::Features,
-    hop,
+    flights, hop,
     ledger::Term,
     pair_law::{coefficient, impact_with_separation},
     particles::World,
@@ -210,6 +210,7 @@ pub(crate) fn reflect<const EVENTS: bool>(
     let change = velocity - contact.velocity;
     let (before, after) = (contact.velocity - wall_velocity, velocity - wall_velocity);
     let class = *state.world.class(i);
+    flights::end(state, i, time);
     state.world.particles[i as usize].set_anchor(position, velocity, time);
     state.world.note_contact(i, time);
     let now = state.world.clock.time(time);
@@ -257,6 +258,9 @@ fn apply_bounce<F: Features, const EVENTS: bool>(
     } else {
         None
     };
+    if F::GRAVITY {
+        flights::end(state, i, time);
+    }
     let world = &mut state.world;
     let class = *world.class(i);
     let before = if F::GRAVITY { (world.support(i), world.acceleration(i)) } else { Default::default() };

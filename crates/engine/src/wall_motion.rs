@@ -50,6 +50,11 @@ pub struct Oscillating {
 }
 
 impl Oscillating {
+    /// [`Oscillation::integrals`] over a `duration` around a time.
+    pub(crate) fn integrals(&self, middle: impl WallTime, duration: f64) -> [f64; 3] {
+        self.oscillation.integrals(self.at(middle), duration)
+    }
+
     /// Phase at a time in cycles, from 0 to 2.
     pub(crate) fn at(&self, time: impl WallTime) -> f64 {
         self.cycles + time.instant().cycles(self.oscillation.frequency)

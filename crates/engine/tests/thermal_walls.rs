@@ -13,6 +13,9 @@ use haff_engine::{
 };
 use haff_mechanics::Restitution;
 
+/// Mass of the particles.
+const MASS: f64 = 2.0;
+
 fn until(time: f64) -> Until {
     Until { time, ..Until::default() }
 }
@@ -24,7 +27,7 @@ fn thermal(temperature: f64, accommodation: f64) -> WallLaw {
 /// A gas in a box with the given boundaries.
 fn gas(dimension: Dimension, count: usize, edge: f64, radius: f64, walls: [Boundary; 3]) -> System {
     let mut scene = system(dimension, DVec3::splat(edge), walls);
-    let kind = class(&mut scene, radius, 2.0);
+    let kind = class(&mut scene, radius, MASS);
     scatter(&mut scene, kind, count, 1.0, &mut Random(5));
     scene.seed = 23;
     scene
@@ -46,7 +49,8 @@ fn trajectory_with_thermal_walls_is_independent_of_search_slices_and_resumption(
 }
 
 /// All walls at T and elastic particles give the canonical ensemble: the energy has the mean d N T/2 and the
-/// variance d N T²/2, and the temperature relative to the center-of-mass velocity is T (N − 1)/N.
+/// variance d N T²/2. The motion of the center of mass is part of it: relative to it the temperature is
+/// T (N − 1)/N.
 fn check_canonical(dimension: Dimension, edge: f64) {
     let (count, temperature, d) = (8, 1.7, dimension.count() as f64);
     let mut scene = gas(dimension, count, edge, 0.3, [Boundary::Wall; 3]);
@@ -59,7 +63,12 @@ fn check_canonical(dimension: Dimension, edge: f64) {
         simulation.advance(until(15.0 * f64::from(k)), &mut Silent).unwrap();
         let sample = simulation.sample();
         energy.push(sample.ledger.kinetic);
-        inner.push(sample.temperature);
+        let of_energy = 2.0 * sample.ledger.kinetic / (d * n);
+        assert!((sample.temperature / of_energy - 1.0).abs() < 1e-13, "{} {of_energy}", sample.temperature);
+        let velocity = simulation.frame().velocity;
+        let common = velocity.iter().sum::<DVec3>() / n;
+        let relative: f64 = velocity.iter().map(|v| (*v - common).length_squared()).sum();
+        inner.push(MASS * relative / (d * n));
         squares += (sample.ledger.kinetic - mean).powi(2);
     }
     let states = energy.len() as f64;

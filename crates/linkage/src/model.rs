@@ -1,6 +1,7 @@
 //! Joints between particles, as plain data beside the engine's [`System`](haff_engine::System).
 
 use glam::DVec3;
+use haff_engine::{System, conserved_momentum};
 
 /// The kind of a pendulum's joint.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
@@ -86,5 +87,15 @@ impl Joints {
             && self.rods.is_empty()
             && self.sticking.is_empty()
             && self.sticking_to_walls.is_empty()
+    }
+
+    /// Whether momentum along each axis is conserved, as [`haff_engine::conserved_momentum`] says: along none
+    /// if a joint ends at a point at rest, or particles stick to walls.
+    pub fn conserved_momentum(&self, system: &System) -> [bool; 3] {
+        let is_fixed = |spring: &Spring| spring.ends.iter().any(|end| matches!(end, SpringEnd::Point(_)));
+        let is_held = !self.pendulums.is_empty()
+            || !self.sticking_to_walls.is_empty()
+            || self.springs.iter().any(is_fixed);
+        if is_held { [false; 3] } else { conserved_momentum(system) }
     }
 }

@@ -3,6 +3,7 @@
 use glam::DVec3;
 use haff_engine::{
     Counters, EngineError, Frame, Instant, Ledger, Observer, Sample, Stop, Sum, System, Term, Until,
+    common_velocity,
 };
 use xxhash_rust::xxh3::Xxh3;
 
@@ -348,13 +349,13 @@ impl Simulation {
             mass += world.mass[i];
         }
         let momentum = DVec3::from_array(momentum.map(|sum| sum.value()));
-        let drift = if mass > 0.0 { momentum / mass } else { DVec3::ZERO };
+        let common = common_velocity(momentum, mass, world.joints.conserved_momentum(&world.system));
         let d = world.system.dimension.count() as f64;
         let temperature_of = |of: &dyn Fn(usize) -> bool| {
             let mut sum = Sum::default();
             let mut count = 0.0;
             for (&i, (_, v)) in movable.iter().zip(&states).filter(|(i, _)| of(**i)) {
-                sum.add(world.mass[i] * (*v - drift).length_squared());
+                sum.add(world.mass[i] * (*v - common).length_squared());
                 count += 1.0;
             }
             if count > 0.0 { sum.value() / (d * count) } else { f64::NAN }
@@ -364,10 +365,10 @@ impl Simulation {
             .collect();
         let temperature = temperature_of(&|_| true);
         let (mut second, mut fourth) = (0.0, 0.0);
-        for (_, v) in &states {
-            let u2 = (*v - drift).length_squared();
-            second += u2;
-            fourth += u2 * u2;
+        for (&i, (_, v)) in movable.iter().zip(&states) {
+            let square = world.mass[i] * (*v - common).length_squared();
+            second += square;
+            fourth += square * square;
         }
         let n = movable.len() as f64;
         let collisions = world.accumulators.counters.collisions;

@@ -49,6 +49,17 @@ fn sin_cos(cycles: f64) -> (f64, f64) {
     }
 }
 
+/// x − sin x, for small x by its series.
+fn less_sine(x: f64) -> f64 {
+    if x.abs() > 0.5 {
+        return x - libm::sin(x);
+    }
+    let square = x * x;
+    // x³/3! − x⁵/5! + …: the next factor is 1 ∓ 2⁻⁶⁴.
+    let factor = [210.0, 156.0, 110.0, 72.0, 42.0, 20.0].iter().fold(1.0, |rest, k| 1.0 - rest * square / k);
+    x * square / 6.0 * factor
+}
+
 impl Oscillation {
     /// Shift at a phase in `cycles` \[length\].
     #[must_use]
@@ -120,6 +131,66 @@ impl Oscillation {
             Waveform::Triangle => reduced(0.25 - now).min(reduced(0.75 - now)),
         };
         Some((wait + LATER) / self.frequency)
+    }
+
+    /// Integrals over a time of length `duration` around the phase `middle`, in cycles: of the velocity, of
+    /// the velocity times the time since the middle, and of the square of the velocity. They are exact to
+    /// rounding for short and for long times.
+    ///
+    /// ```
+    /// use haff_mechanics::{Oscillation, Waveform};
+    /// let plate = Oscillation { waveform: Waveform::Sine, amplitude: 0.5, frequency: 2.0 };
+    /// // Over a whole cycle the plane returns, and the mean square of a cosine is 1/2.
+    /// let [moved, _, square] = plate.integrals(0.3, 0.5);
+    /// assert!(moved.abs() < 1e-15);
+    /// assert!((square / 0.5 - 0.5 * plate.max_speed().powi(2)).abs() < 1e-13);
+    /// ```
+    #[must_use]
+    pub fn integrals(&self, middle: f64, duration: f64) -> [f64; 3] {
+        let half = 0.5 * duration;
+        let speed = self.max_speed();
+        match self.waveform {
+            Waveform::Sine => {
+                let omega = TAU * self.frequency;
+                let (sin, cos) = sin_cos(middle);
+                let angle = omega * half;
+                // Short times need the small differences y − sin y and sin y − y cos y without cancellation.
+                let excess = less_sine(angle);
+                let sine_less = 2.0 * angle * libm::sin(0.5 * angle).powi(2) - excess;
+                let double = (cos - sin) * (cos + sin);
+                [
+                    2.0 * self.amplitude * cos * (angle - excess),
+                    -2.0 * (self.amplitude / omega) * sin * sine_less,
+                    speed * speed * (duration * cos * cos - double * less_sine(2.0 * angle) / (2.0 * omega)),
+                ]
+            }
+            Waveform::Triangle => {
+                let reach = self.frequency * half;
+                let (first, last) = (middle - reach, middle + reach);
+                let square = speed * speed * duration;
+                let corner = |cycles: f64| (2.0 * (cycles + 0.25)).floor();
+                let before = self.velocity(0.5 * corner(first));
+                let corners = corner(last) - corner(first);
+                if corners == 0.0 {
+                    return [before * duration, 0.0, square];
+                }
+                if corners == 1.0 {
+                    let turn = (0.5 * corner(last) - 0.25 - middle) / self.frequency;
+                    return [2.0 * before * turn, before * (turn - half) * (turn + half), square];
+                }
+                let (start, end) = (self.shift(first), self.shift(last));
+                let area = self.triangle_area(last) - self.triangle_area(first);
+                [end - start, half * (start + end) - area / self.frequency, square]
+            }
+        }
+    }
+
+    /// The integral of the shift of a triangle over the phase, from the last lower corner on
+    /// [length·cycles].
+    fn triangle_area(&self, cycles: f64) -> f64 {
+        let u = reduced(cycles + 0.25);
+        let area = if u < 0.5 { (2.0 * u - 1.0) * u } else { (3.0 - 2.0 * u) * u - 1.0 };
+        self.amplitude * area
     }
 
     /// Largest speed [length/time].

@@ -87,6 +87,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
         box_size: DVec3::splat(70.0),
         box_origin: DVec3::ZERO,
         boundary: [Boundary::Periodic; 3],
+        conserved_momentum: [true; 3],
         species: vec![0; particles],
         inertia: vec![0.4; particles],
         species_names: vec!["grain".to_owned()],

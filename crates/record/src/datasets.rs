@@ -409,6 +409,7 @@ fn write_parameters(root: &Group, header: &Header) -> hdf5::Result<()> {
     write_scalar(&group, "dimension", &(header.dimension as u32))?;
     write_array(&group, "box_origin", &header.box_origin.to_array())?;
     write_array(&group, "box_size", &header.box_size.to_array())?;
+    write_array(&group, "conserved_momentum", &header.conserved_momentum.map(u8::from))?;
     if !header.earlier.is_empty() {
         write_text(&group, EARLIER, &header.earlier)?;
     }

@@ -31,6 +31,8 @@ pub struct Header {
     pub box_origin: DVec3,
     /// Boundaries per axis.
     pub boundary: [Boundary; 3],
+    /// Axes along which temperatures and pressures are relative to the velocity of the center of mass.
+    pub conserved_momentum: [bool; 3],
     /// [N] species index per particle.
     pub species: Vec<u32>,
     /// Names by species index.
@@ -95,6 +97,7 @@ impl Header {
             box_size: system.domain.size,
             box_origin: DVec3::ZERO,
             boundary,
+            conserved_momentum: haff_engine::conserved_momentum(system),
             species: system.bodies.iter().map(|body| body.species).collect(),
             species_names: system.species.clone(),
             mass: system.bodies.iter().map(|body| class(body.class).map_or(f64::NAN, |c| c.mass)).collect(),

@@ -17,7 +17,7 @@ and [`last_state`] read.
 | `profiles/…/{density,mass_density,velocity,temperature,pressure}` | `value` \[R\]\[bins…\]\[…\], `step` \[R\], `time` \[R\]; `position/value` \[bins\], of several axes \[bins…\]\[axes\] |
 | `correlations/{msd,vacf,stress,helfand}` | `lag`, `value`, `error`, `count` \[L\], replaced with every checkpoint |
 | `events/…` | one column per dataset, \[E\] or \[E\]\[3\]: `time`, and those selected by the scene; `kind` is an HDF5 enum |
-| `parameters/…` | `scene` (TOML), `title`, `seed`, `version`, `git_revision`, `schema`, `trajectory_version`, `dimension`, `box_origin`, `species_names`, `wall_names`; after the run `summary` (JSON) |
+| `parameters/…` | `scene` (TOML), `title`, `seed`, `version`, `git_revision`, `schema`, `trajectory_version`, `dimension`, `box_origin`, `conserved_momentum`, `species_names`, `wall_names`; after the run `summary` (JSON) |
 | `checkpoint/{0,1}` | two slots, written alternately |
 
 Units are expressions in the user's own: attributes `unit`. Disks are written with D = 3 and z = 0.

@@ -214,9 +214,9 @@ pub struct InitialConfig {
     /// `lattice` (default; the densest of the dimension), `fcc` (3D), `hexagonal` (2D), `random`, or
     /// `{ file = "state.h5" }`: positions and velocities of the last frame of an output file.
     pub positions: Option<PositionsConfig>,
-    /// Granular temperature T = Σ m|v − V|²/(dN) [energy], V the centre-of-mass velocity; Maxwell velocities,
-    /// shifted to zero momentum and rescaled to T exactly. Default 1; with positions from a file, the file's
-    /// velocities are kept unless a temperature is given.
+    /// Granular temperature T = Σ m v²/(dN) of the species [energy]; Maxwell velocities, shifted to zero
+    /// momentum (a single particle is not) and rescaled to T exactly. Default 1; with positions from a file,
+    /// the file's velocities are kept unless a temperature is given.
     #[schemars(range(min = 0.0))]
     pub temperature: Option<f64>,
     /// Rotational temperature Σ I ω²/(r N) of the species [energy], with r = 3 axes of rotation, 1 in two
@@ -591,8 +591,9 @@ pub enum BinsConfig {
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum DriveKindConfig {
-    /// Every `interval` all velocities relative to the center of mass are multiplied by one factor, such that
-    /// the granular temperature is `temperature`.
+    /// Every `interval` all velocities relative to the center of mass of the driven particles are multiplied
+    /// by one factor, such that their temperature is `temperature`. Between walls the observable
+    /// `temperature` also contains the motion of the center of mass, about 1/N of it.
     Rescale,
     /// At Poisson times, `rate` for each particle, a particle gets a velocity of the Maxwell distribution of
     /// `temperature`.

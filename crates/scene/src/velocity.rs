@@ -7,7 +7,7 @@ use crate::random::{Purpose, Stream};
 
 /// Particles that share a temperature.
 pub(crate) struct Bath {
-    /// T = Σ m|v − V|²/(dN) [energy].
+    /// T = Σ m|v|²/(dN) at zero total momentum [energy].
     pub(crate) temperature: f64,
     /// Rows of its particles, all of finite mass.
     pub(crate) members: Vec<usize>,

@@ -55,16 +55,16 @@ def _require_species(frame: Frame, species: object) -> None:
 
 @checked
 def temperature(frame: Frame, species: int | None = None) -> float:
-    """T = Σ m|v − V|²/(dN) over bodies of finite mass, V their common centre-of-mass velocity [energy].
+    """T = Σ m|v − V|²/(dN) over bodies of finite mass [energy], with :attr:`Frame.thermal_velocity` for v − V.
 
-    ``species`` restricts the sum, not V. In a sheared box the velocities are those relative to the flow.
+    V is the velocity of their center of mass along axes on which momentum is conserved, else 0. ``species`` restricts
+    the sum, not V.
     """
     _require_species(frame, species)
     mobile = np.isfinite(frame.mass)
     if not mobile.any():
         return float("nan")
-    mass, velocity = frame.mass[mobile], frame.peculiar_velocity[mobile]
-    velocity = velocity - np.average(velocity, axis=0, weights=mass)
+    mass, velocity = frame.mass[mobile], frame.thermal_velocity[mobile]
     chosen = np.full(len(mass), True) if species is None else frame.species[mobile] == species
     if not chosen.any():
         return float("nan")

@@ -21,13 +21,12 @@ if TYPE_CHECKING:
 def scaled_velocities(frame: Frame) -> Array:
     """``[M, d]`` velocities c = (v − V)/√(2T/m) of the bodies of finite mass, T the temperature of the frame.
 
-    In a sheared box v is relative to the flow. Raises :class:`NotApplicableError` if there is no such body.
+    v − V is :attr:`Frame.thermal_velocity`. Raises :class:`NotApplicableError` if there is no such body.
     """
     mobile = np.isfinite(frame.mass)
     if not mobile.any():
         raise NotApplicableError("no body of finite mass: there is no distribution of velocities")
-    mass, velocity = frame.mass[mobile], frame.peculiar_velocity[mobile, : frame.box.dimension]
-    velocity = velocity - np.average(velocity, axis=0, weights=mass)
+    mass, velocity = frame.mass[mobile], frame.thermal_velocity[mobile, : frame.box.dimension]
     return velocity / np.sqrt(2 * temperature(frame) / mass)[:, None]
 
 

@@ -150,6 +150,9 @@ impl<E> Part<E> {
         unsafe { self.state.world.share_particles(&mut state.world) };
         self.state.world.now = state.world.now;
         self.state.accumulators.sampled_at = state.accumulators.sampled_at;
+        if let Some(flights) = &state.accumulators.flights {
+            self.state.accumulators.flights.get_or_insert_default().until = flights.until;
+        }
     }
 
     /// Removes all that a step has left in the part.

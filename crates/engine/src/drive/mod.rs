@@ -13,10 +13,11 @@ use glam::DVec3;
 
 use crate::{
     error::EngineError,
+    flights,
     ledger::Term,
     model::System,
     report::{Exchange, Observer, Partner, VelocityChange},
-    series, shear,
+    series,
     state::State,
     timed::TimedAction,
 };
@@ -38,8 +39,9 @@ pub struct Drive {
 /// How a drive acts.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum DriveKind {
-    /// At regular times, all velocities relative to the center of mass are multiplied by one factor, so that
-    /// the temperature becomes a given one.
+    /// At regular times, all velocities relative to the center of mass of the driven particles are multiplied
+    /// by one factor, so that their temperature becomes a given one; on all axes, also where the temperature
+    /// of samples contains the motion of the center of mass.
     Rescale {
         /// Temperature after each action \[energy\].
         temperature: f64,
@@ -135,13 +137,14 @@ fn kick(state: &mut State, i: u32, velocity: DVec3, observer: &mut dyn Observer)
     }
     let (position, before) = state.world.state(i, now);
     let mass = state.world.class(i).mass;
-    shear::end_flight(state, i, now);
+    flights::end(state, i, now);
     state.world.particles[i as usize].set_anchor(position, velocity, now);
     let change = velocity - before;
     let flow = state.world.flow_velocity(position);
     let (before, velocity) = (before - flow, velocity - flow);
     state.accumulators.add_energy(Term::DriveWork, time, 0.5 * mass * change.dot(velocity + before));
     state.accumulators.add_impulse(change * mass);
+    state.accumulators.center.change(change * mass, time);
     if let Some(shear) = &state.world.shear {
         state.world.force.change(shear.force(change * mass), time);
     }

@@ -4,13 +4,14 @@
 use super::{
     Measurement, Words,
     multiple_tau::{MultipleTau, Operation},
-    stress::{StressSums, Tensor, product},
+    stress::{StressSums, Tensor},
     words::{fault, put_reals, put_sums},
 };
 use crate::{
     error::EngineError,
-    measure::Totals,
+    flights::Moments,
     model::System,
+    particles::World,
     report::{Exchange, Observer},
     state::State,
     sum::Sum,
@@ -172,9 +173,7 @@ impl StressCorrelation {
 
     /// Adds the interval that ends at `time`.
     fn add(&mut self, state: &State, time: f64, interval: f64) {
-        let totals = Totals::of(&state.world);
-        let drift = product(totals.momentum, totals.drift());
-        let stress = self.sums.finish(&state.world, time, drift).total();
+        let stress = self.sums.finish(&state.world, time).total();
         let components = traceless(&stress, self.dimension);
         for (sum, component) in self.integral.iter_mut().zip(&components) {
             sum.add(component * interval);
@@ -188,6 +187,18 @@ impl Measurement for Correlator {
     fn exchange(&mut self, exchange: &Exchange) {
         if let Some(stress) = &mut self.stress {
             stress.sums.exchange(exchange);
+        }
+    }
+
+    fn flights(&mut self, integrals: &Moments) {
+        if let Some(stress) = &mut self.stress {
+            stress.sums.flights(integrals);
+        }
+    }
+
+    fn replace(&mut self, world: &World, time: f64) {
+        if let Some(stress) = &mut self.stress {
+            stress.sums.replace(world, time);
         }
     }
 

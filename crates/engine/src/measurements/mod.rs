@@ -19,13 +19,16 @@ mod words;
 
 use crate::{
     error::EngineError,
+    flights::{self, Moments},
     model::System,
+    particles::World,
     report::{EventRecord, Exchange, Observer, ProfileRow, Sample},
     state::State,
 };
 pub use correlations::{CORRELATIONS, Correlation, CorrelationKind, Correlations};
 pub use profiles::{Grid, GridAxis};
 pub use stress::StressTensor;
+pub(crate) use stress::{Tensor, product};
 pub(crate) use walls::WallSums;
 pub(crate) use words::{Words, fault};
 
@@ -46,6 +49,13 @@ pub struct Measure {
 pub(crate) trait Measurement: Send {
     /// Receives changes of velocities, in the order of time.
     fn exchange(&mut self, _exchange: &Exchange) {}
+
+    /// Receives the integrals over all flights since the previous call, before every sample and every state;
+    /// only where particles accelerate between events.
+    fn flights(&mut self, _integrals: &Moments) {}
+
+    /// Goes on with the particles of another world, which has replaced the previous one at `time`.
+    fn replace(&mut self, _world: &World, _time: f64) {}
 
     /// The next time of a state \[ticks\]; `i64::MAX` for never.
     fn next(&self, _state: &State) -> i64 {
@@ -84,6 +94,15 @@ pub(crate) fn measurements(system: &System, state: &State) -> Vec<Box<dyn Measur
         measurements.push(Box::new(correlations::Correlator::new(system, state)));
     }
     measurements
+}
+
+/// Gives the integrals over the flights since the previous call to the measurements.
+pub(crate) fn take_flights(measurements: &mut [Box<dyn Measurement>], state: &mut State) {
+    if let Some(integrals) = flights::take(state) {
+        for measurement in measurements {
+            measurement.flights(&integrals);
+        }
+    }
 }
 
 /// Calls `run` with an observer that passes all it receives to the measurements, too.

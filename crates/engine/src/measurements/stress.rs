@@ -1,11 +1,17 @@
 //! The pressure tensor, as the mean over an interval.
 //!
-//! V P = ⟨Σ m v ⊗ v⟩ + (1/Δt) Σ r ⊗ J, with the vector r between the centers of two particles in contact and
-//! the impulse J on the one to which it points (J. H. Irving, J. G. Kirkwood, J. Chem. Phys. 18, 817 (1950)).
-//! Particles without acceleration have constant velocities between events, so that the integral of the first
-//! term over the interval is its value at the end times Δt, minus every change times the time before it. With
-//! gravity, or on walls that carry grains, it is the mean of the values at both ends. Under shear v is the
-//! peculiar velocity, which is linear in time: the term is integrated for each flight.
+//! |box| P = ⟨Σ m c ⊗ c⟩ + (1/Δt) Σ r ⊗ J, with the vector r between the centers of two particles in contact
+//! and the impulse J on the one to which it points (J. H. Irving, J. G. Kirkwood, J. Chem. Phys. 18, 817
+//! (1950)), and with c = v − V, where V is the velocity of the center of mass along the axes on which
+//! momentum is conserved, and 0 along the others ([`crate::center`]). So
+//!
+//! Σ m c ⊗ c = Σ m v ⊗ v − (M V ⊗ V between conserved axes; V ⊗ p and p ⊗ V between them and the others),
+//!
+//! with the momentum p. Every mean is an exact integral over the interval: particles without acceleration
+//! have constant velocities between events, so that the integral of a moment of v is its value at the end
+//! times Δt, minus every change times the time before it. Where they accelerate, each flight has its own
+//! ([`crate::flights`]). V is a constant unless there are kicks at Poisson times; V ⊗ p is then the product
+//! of both means.
 
 use glam::DVec3;
 
@@ -14,22 +20,23 @@ use super::{
     words::{put_reals, put_sums},
 };
 use crate::{
+    center::Center,
     error::EngineError,
-    measure::{Totals, total},
+    flights::{Moments, Summed, moments, tensor_and_momentum},
+    measure::total,
     model::System,
     particles::World,
     report::{Exchange, Partner, Sample},
-    shear::SlidingImages,
     state::State,
     sum::Sum,
 };
 
 /// A tensor, row by row.
-pub(super) type Tensor = [f64; 9];
+pub(crate) type Tensor = [f64; 9];
 
 /// The product a ⊗ b.
 #[inline]
-pub(super) fn product(a: DVec3, b: DVec3) -> Tensor {
+pub(crate) fn product(a: DVec3, b: DVec3) -> Tensor {
     let (a, b) = (a.to_array(), b.to_array());
     std::array::from_fn(|k| a[k / 3] * b[k % 3])
 }
@@ -54,157 +61,164 @@ impl StressTensor {
 /// Sums over the events of an interval.
 #[derive(Debug, Clone)]
 pub(super) struct StressSums {
-    /// Start of the interval \[time\], and Σ m v ⊗ v then.
+    /// Start of the interval \[time\].
     since: f64,
-    kinetic: Tensor,
     /// Σ r ⊗ J.
     virial: [Sum; 9],
-    /// Σ Δ(m v ⊗ v) (t − since).
-    moment: [Sum; 9],
+    kinetic: KineticSums,
+    center: Center,
     volume: f64,
-    shear: Option<ShearedFlights>,
 }
 
-/// The integral of Σ m c ⊗ c over flights in a sheared system.
+/// What makes the integrals of the moments of v.
 #[derive(Debug, Clone)]
-struct ShearedFlights {
-    images: SlidingImages,
-    /// The time up to which the flight of each particle is in the sums.
-    until: Vec<f64>,
-    /// ∫ Σ m c ⊗ c dt.
-    integral: [Sum; 9],
+enum KineticSums {
+    /// Their changes times (t − since), summed over the events, without acceleration.
+    Changes([Sum; 9]),
+    /// Their integrals over all flights.
+    Flights([Sum; 9]),
 }
 
-impl ShearedFlights {
-    fn new(world: &World) -> Option<Self> {
-        let images = world.shear?;
-        Some(Self { images, until: vec![0.0; world.particles.len()], integral: Default::default() })
+impl KineticSums {
+    fn sums(&self) -> &[Sum; 9] {
+        let (Self::Changes(sums) | Self::Flights(sums)) = self;
+        sums
     }
 
-    /// Adds the flight of a particle up to `time`, where it has the peculiar velocity `c`.
-    fn add(&mut self, i: u32, mass: f64, c: DVec3, time: f64) {
-        let age = time - std::mem::replace(&mut self.until[i as usize], time);
-        let SlidingImages { flow, gradient, rate, .. } = self.images;
-        // Before, c was larger along the flow by γ̇ c_y for each unit of time.
-        let growth = DVec3::AXES[flow] * (rate * c[gradient]);
-        let (constant, linear) = (product(c, c), product(c, growth));
-        let square = product(growth, growth);
-        for (k, sum) in self.integral.iter_mut().enumerate() {
-            let transposed = 3 * (k % 3) + k / 3;
-            let slope = linear[k] + linear[transposed];
-            sum.add(mass * age * (constant[k] + age * (0.5 * slope + age * square[k] / 3.0)));
-        }
+    fn sums_mut(&mut self) -> &mut [Sum; 9] {
+        let (Self::Changes(sums) | Self::Flights(sums)) = self;
+        sums
     }
 }
 
-/// Σ m v ⊗ v of all particles of finite mass.
-fn kinetic(world: &World) -> Tensor {
-    let [xx, xy, xz, yy, yz, zz] = total(world.particles.len(), |i| {
+/// The moments of all particles of finite mass at the present.
+fn present(world: &World) -> Moments {
+    total(world.particles.len(), |i| {
         let class = world.body(i);
         if class.inverse_mass == 0.0 {
-            return [0.0; 6];
+            return [0.0; 9];
         }
-        let (_, v) = world.peculiar(i, world.now);
-        let p = class.mass * v;
-        [p.x * v.x, p.x * v.y, p.x * v.z, p.y * v.y, p.y * v.z, p.z * v.z]
-    });
-    [xx, xy, xz, xy, yy, yz, xz, yz, zz]
+        moments(class.mass, world.peculiar(i, world.now).1)
+    })
 }
 
 impl StressSums {
     pub fn new(system: &System, world: &World) -> Self {
         let size = system.domain.size.to_array();
+        let sums = Default::default();
         Self {
             since: 0.0,
-            kinetic: kinetic(world),
             virial: Default::default(),
-            moment: Default::default(),
+            kinetic: match world.flights {
+                Summed::Nothing => KineticSums::Changes(sums),
+                Summed::Trace | Summed::Tensor => KineticSums::Flights(sums),
+            },
+            center: Center::of(world, 0.0),
             volume: size[..system.dimension.count()].iter().product(),
-            shear: ShearedFlights::new(world),
         }
     }
 
     /// Adds the changes of an event.
     pub fn exchange(&mut self, exchange: &Exchange) {
         let age = exchange.time - self.since;
-        if let Some(shear) = &mut self.shear {
+        if let KineticSums::Changes(sums) = &mut self.kinetic {
             for change in exchange.changes {
-                shear.add(change.i, change.mass, change.before, exchange.time);
+                let before = moments(change.mass, change.before);
+                let after = moments(change.mass, change.after);
+                for (k, sum) in sums.iter_mut().enumerate() {
+                    sum.add(age * (after[k] - before[k]));
+                }
             }
         }
-        for change in exchange.changes {
-            let before = product(change.before, change.before);
-            let after = product(change.after, change.after);
-            for (k, sum) in self.moment.iter_mut().enumerate() {
-                sum.add(change.mass * age * (after[k] - before[k]));
+        match (exchange.partner, exchange.changes.first()) {
+            (Partner::Particle { branch, .. }, Some(change)) => {
+                let impulse = -change.mass * (change.after - change.before);
+                for (sum, term) in self.virial.iter_mut().zip(product(branch, impulse)) {
+                    sum.add(term);
+                }
             }
-        }
-        if let (Partner::Particle { branch, .. }, Some(change)) = (exchange.partner, exchange.changes.first())
-        {
-            let impulse = -change.mass * (change.after - change.before);
-            for (sum, term) in self.virial.iter_mut().zip(product(branch, impulse)) {
-                sum.add(term);
+            (Partner::Drive, _) => {
+                let momentum =
+                    exchange.changes.iter().map(|change| change.mass * (change.after - change.before));
+                self.center.change(momentum.sum(), exchange.time);
             }
+            _ => {}
         }
     }
 
-    /// The mean over the interval that ends at `time`, which is the present, with `momentum` ⊗ velocity of
-    /// the center of mass taken off; NaN for an empty interval. Starts the next interval.
-    pub fn finish(&mut self, world: &World, time: f64, drift: Tensor) -> StressTensor {
-        let (span, volume) = (time - self.since, self.volume);
-        let end = kinetic(world);
-        let integral = self.shear.as_mut().map(|shear| {
-            for i in 0..world.particles.len() as u32 {
-                shear.add(i, world.body(i).mass, world.peculiar(i, world.now).1, time);
-            }
-            std::mem::take(&mut shear.integral)
-        });
-        let straight = world.flies_straight();
-        let mean = |k: usize| {
-            let thermal = if let Some(integral) = &integral {
-                integral[k].value() / span
-            } else if straight {
-                end[k] - self.moment[k].value() / span
-            } else {
-                0.5 * (end[k] + self.kinetic[k])
-            };
-            (thermal - drift[k]) / volume
+    /// Adds the integrals over all flights since the previous call.
+    pub fn flights(&mut self, integrals: &Moments) {
+        if let KineticSums::Flights(sums) = &mut self.kinetic {
+            sums.iter_mut().zip(integrals).for_each(|(sum, term)| sum.add(*term));
+        }
+    }
+
+    /// Goes on with another world from `time` on, after the changes and flights until then.
+    pub fn replace(&mut self, world: &World, time: f64) {
+        self.center.replace(world, time);
+        let present = present(world);
+        let other = |k: usize, sum: &Sum| -> Sum {
+            [present[k] * (time - self.since), -sum.value()].into_iter().collect()
         };
+        self.kinetic = match (&self.kinetic, world.flights) {
+            (KineticSums::Changes(sums), Summed::Nothing) => KineticSums::Changes(*sums),
+            (KineticSums::Flights(sums), Summed::Trace | Summed::Tensor) => KineticSums::Flights(*sums),
+            // The integrals so far are the same in both forms.
+            (KineticSums::Changes(sums), _) => {
+                KineticSums::Flights(std::array::from_fn(|k| other(k, &sums[k])))
+            }
+            (KineticSums::Flights(sums), _) => {
+                KineticSums::Changes(std::array::from_fn(|k| other(k, &sums[k])))
+            }
+        };
+    }
+
+    /// The mean over the interval that ends at `time`, which is the present; NaN for an empty interval.
+    /// Starts the next interval.
+    pub fn finish(&mut self, world: &World, time: f64) -> StressTensor {
+        let (span, volume) = (time - self.since, self.volume);
+        let sums = self.kinetic.sums().map(|sum| sum.value() / span);
+        let mean = match &self.kinetic {
+            KineticSums::Changes(_) => {
+                let end = present(world);
+                std::array::from_fn(|k| end[k] - sums[k])
+            }
+            KineticSums::Flights(_) => sums,
+        };
+        let (kinetic, momentum) = tensor_and_momentum(&mean);
+        let center = self.center.take(time);
         let stress = if span > 0.0 {
+            let common = center.mean(momentum, span);
             StressTensor {
-                kinetic: std::array::from_fn(mean),
+                kinetic: std::array::from_fn(|k| (kinetic[k] - common[k]) / volume),
                 collisional: std::array::from_fn(|k| self.virial[k].value() / (span * volume)),
             }
         } else {
             StressTensor { kinetic: [f64::NAN; 9], collisional: [f64::NAN; 9] }
         };
-        (self.since, self.kinetic) = (time, end);
-        (self.virial, self.moment) = Default::default();
+        self.since = time;
+        self.virial = Default::default();
+        *self.kinetic.sums_mut() = Default::default();
         stress
     }
 
     pub fn save(&self, words: &mut Vec<u64>) {
-        put_reals(words, &[self.since]);
-        put_reals(words, &self.kinetic);
+        put_reals(words, &[self.since, self.center.until]);
         put_sums(words, &self.virial);
-        put_sums(words, &self.moment);
-        if let Some(shear) = &self.shear {
-            put_reals(words, &shear.until);
-            put_sums(words, &shear.integral);
-        }
+        put_sums(words, self.kinetic.sums());
+        put_sums(words, &self.center.momentum);
+        put_sums(words, &self.center.integrals.energy);
+        put_sums(words, &self.center.integrals.path);
     }
 
     pub fn load(&mut self, words: &mut Words) -> Result<(), EngineError> {
         self.since = words.real()?;
-        self.kinetic.copy_from_slice(&words.reals(9)?);
+        self.center.until = words.real()?;
         words.sums(&mut self.virial)?;
-        words.sums(&mut self.moment)?;
-        if let Some(shear) = &mut self.shear {
-            let count = shear.until.len();
-            shear.until.copy_from_slice(&words.reals(count)?);
-            words.sums(&mut shear.integral)?;
-        }
-        Ok(())
+        words.sums(self.kinetic.sums_mut())?;
+        words.sums(&mut self.center.momentum)?;
+        words.sums(&mut self.center.integrals.energy)?;
+        words.sums(&mut self.center.integrals.path)
     }
 }
 
@@ -226,9 +240,16 @@ impl Measurement for Stress {
         self.sums.exchange(exchange);
     }
 
+    fn flights(&mut self, integrals: &Moments) {
+        self.sums.flights(integrals);
+    }
+
+    fn replace(&mut self, world: &World, time: f64) {
+        self.sums.replace(world, time);
+    }
+
     fn complete(&mut self, state: &State, time: f64, sample: &mut Sample) {
-        let totals = Totals::of(&state.world);
-        let mut stress = self.sums.finish(&state.world, time, product(totals.momentum, totals.drift()));
+        let mut stress = self.sums.finish(&state.world, time);
         if !self.started {
             stress = StressTensor { kinetic: [f64::NAN; 9], collisional: [f64::NAN; 9] };
         }

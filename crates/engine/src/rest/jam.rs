@@ -11,7 +11,7 @@ use super::{
     support::{find_contacts, normals},
     thresholds::Thresholds,
 };
-use crate::{particles::World, report::Observer, series, state::State};
+use crate::{flights, particles::World, report::Observer, series, state::State};
 
 /// Largest gap between jammed bodies [largest gap of a contact, `Thresholds::gap`].
 const JAM_GAP: f64 = 1e-6;
@@ -64,6 +64,7 @@ pub(super) fn resolve_jam(
         let energy = 0.5 * mass * (before - after).dot(before + after);
         let carnot_energy = 0.5 * mass * (before - after).length_squared();
         record_loss(state, i, mass * (before - after), [energy, carnot_energy], thresholds, observer);
+        flights::end(state, i, now);
         let particle = &mut state.world.particles[i as usize];
         particle.set_anchor(position, after, now);
         particle.set_recently_hit(true);

@@ -4,6 +4,7 @@ use glam::DVec3;
 
 use super::thresholds::Thresholds;
 use crate::{
+    flights,
     ledger::Term,
     report::{EventKind, EventRecord, NO_PARTNER, Observer},
     series, slide,
@@ -16,6 +17,7 @@ pub(super) fn settle(state: &mut State, i: u32, thresholds: &Thresholds, observe
     let velocity = state.world.state(i, state.world.now).1;
     let momentum = state.world.body(i).mass * velocity;
     let (rotation, _) = state.world.rotation(i, state.world.now);
+    flights::end(state, i, state.world.now);
     state.world.set_asleep(i, true, state.world.now);
     let energy = 0.5 * momentum.dot(velocity) + rotation;
     // A plastic impact on a body at rest: E'_c = J²/(2m) equals the energy loss.

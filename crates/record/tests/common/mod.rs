@@ -61,6 +61,7 @@ pub fn header(particles: usize) -> Header {
         box_size: DVec3::new(1.0, 2.0, 3.0),
         box_origin: DVec3::ZERO,
         boundary: [Boundary::Periodic, Boundary::Wall, Boundary::Open],
+        conserved_momentum: [false; 3],
         species: (0..particles as u32).map(|i| i % 2).collect(),
         species_names: vec!["grain".to_owned(), "Kügelchen".to_owned()],
         mass: (0..particles).map(|i| if i == 0 { f64::INFINITY } else { i as f64 }).collect(),
