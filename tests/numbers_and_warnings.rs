@@ -1,4 +1,4 @@
-//! Numbers in text for users, and the warning of a gas that will cluster.
+//! Numbers in text for users, and warnings: a gas that will cluster, and records at one phase.
 
 mod common;
 
@@ -56,4 +56,90 @@ fn a_gas_that_will_cluster_gets_a_warning() {
             haff.run(&[&["run", &scene, "-o", "a.h5", "--overwrite"], &set[..], quiet].concat());
         assert!(!err.contains("warning"), "{err}");
     }
+}
+
+/// The report of `haff check --json`.
+fn checked(haff: &Haff, arguments: &[&str]) -> Value {
+    let (status, out, err) = haff.run(&[&["check", "--json"], arguments].concat());
+    assert_eq!(status, 0, "{err}");
+    serde_json::from_str(&out).unwrap()
+}
+
+#[test]
+fn temperature_and_collision_rate_are_those_of_velocities_relative_to_the_flow() {
+    let haff = Haff::new();
+    let scene = config("sheared_gas.toml");
+    let sheared = checked(&haff, &[&scene]);
+    let still = checked(&haff, &[&scene, "--set", "domain.shear.rate=1e-300"]);
+    for key in ["temperature", "collision_rate", "mean_free_time"] {
+        let [a, b] = [&sheared, &still].map(|report| report[key].as_f64().unwrap());
+        // Adding the flow rounds velocities.
+        assert!((a / b - 1.0).abs() < 1e-12, "{key}: sheared {a}, at rest {b}");
+    }
+    assert!((sheared["temperature"].as_f64().unwrap() - 4.0).abs() < 1e-12, "{sheared}");
+}
+
+#[test]
+fn a_collision_rate_is_left_out_where_the_theory_does_not_hold_and_the_reason_is_told() {
+    let haff = Haff::new();
+    let post = "\n[[particle]]\nname = \"post\"\nposition = [1.0, 1.0, 1.0]\nradius = 0.1\nmass = inf\n";
+    haff.write(
+        "posts.toml",
+        &(GAS.replace("temperature = 1.0", "temperature = 1.0\npositions = \"random\"") + post),
+    );
+    for (arguments, reason) in [
+        (vec![config("gravity_box.toml")], "an axis is open"),
+        (vec![config("breakshot.toml")], "particles placed one by one are no homogeneous gas"),
+        (vec!["posts.toml".to_owned()], "the arrangement of bodies of infinite mass decides it"),
+        (vec![config("stress/fcc_073.toml")], "the packing fraction is above that of freezing"),
+        (
+            vec![config("fluid.toml"), "--set".into(), "initial.temperature=0".into()],
+            "nothing moves at the start",
+        ),
+    ] {
+        let arguments: Vec<&str> = arguments.iter().map(String::as_str).collect();
+        let report = checked(&haff, &arguments);
+        assert!(report["collision_rate"].is_null() && report["mean_free_time"].is_null(), "{report}");
+        assert_eq!(report["collision_rate_unknown"], reason);
+        let (_, out, _) = haff.run(&[&["check"], &arguments[..]].concat());
+        assert!(out.contains(&format!("collision rate      unknown: {reason}")), "{out}");
+    }
+    assert!(checked(&haff, &[&config("fluid.toml")])["collision_rate_unknown"].is_null());
+}
+
+#[test]
+fn records_at_one_phase_of_an_oscillation_get_a_warning() {
+    let haff = Haff::new();
+    let scene = config("vibrated_gas.toml");
+    let warnings = |set: &[&str]| checked(&haff, &[&[scene.as_str()], set].concat())["warnings"].clone();
+    assert_eq!(warnings(&[]).as_array().unwrap().len(), 0);
+    let strobed = ["--set", "output.frames=20", "--set", "output.observables=0.75"];
+    let found = warnings(&strobed);
+    let text = found[0].as_str().unwrap();
+    assert!(text.contains("the same phase of the oscillation of wall \"z-\", whose period is 0.5"), "{text}");
+    assert!(text.ends_with("such as output.frames = 19.8, output.observables = 0.809"), "{text}");
+    // The suggested intervals get none.
+    assert_eq!(
+        warnings(&["--set", "output.frames=19.8", "--set", "output.observables=0.809"]).to_string(),
+        "[]"
+    );
+    let (status, _, err) =
+        haff.run(&[&["run", &scene, "-o", "a.h5", "--set", "run.until=80"], &strobed[..]].concat());
+    assert!(status == 0 && err.starts_with("warning: records are always taken"), "{err}");
+    // Profiles spread their states, if there are enough of them.
+    let profile =
+        |more: &str| format!("measure.profiles=[{{ axis = \"z\", bins = 4, interval = 5.0{more} }}]");
+    let of = |more: &str| warnings(&["--set", &profile(more)]).to_string();
+    assert_eq!(of(""), "[]");
+    assert!(of(", samples = 2").contains("samples = 2: too few states"), "{}", of(", samples = 2"));
+    assert!(of(", spread = false").contains("measure.profiles.0.interval = "), "{}", of(", spread = false"));
+    // A drive that changes the temperature noticeably between two of its actions.
+    let gas = config("cooling.toml");
+    let driven = |interval: &str| {
+        let drive = format!("drive=[{{ kind = \"rescale\", temperature = 1.0, interval = {interval} }}]");
+        let sets = ["--set", &drive, "--set", "output.observables=2.0", "--set", "output.frames=false"];
+        checked(&haff, &[&[gas.as_str()], &sets[..]].concat())["warnings"].to_string()
+    };
+    assert!(driven("1.0").contains("the same phase of the drive"), "{}", driven("1.0"));
+    assert_eq!(driven("0.01"), "[]");
 }

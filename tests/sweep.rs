@@ -57,14 +57,20 @@ fn each_member_equals_a_run_by_haff_run() {
             "--set",
             &sets[1],
         ]);
-        for key in
-            ["state_hash", "collisions", "events", "simulated_time", "seed", "stopped", "ledger_residual"]
-        {
+        let timed = ["wall_seconds", "collisions_per_second"];
+        let totals: Vec<&str> = haff_engine::total_names().filter(|name| !timed.contains(name)).collect();
+        for key in [&totals[..], &["state_hash", "seed", "stopped"]].concat() {
+            assert!(!row[key].is_null(), "{key} is missing in {row}");
             assert_eq!(row[key], alone[key], "{key} of {row}");
         }
+        assert!(timed.iter().all(|key| row[*key].as_f64().is_some_and(|number| number > 0.0)), "{row}");
         let file = format!("study/{}", row["file"].as_str().unwrap());
         let info: Value = serde_json::from_str(&haff.run(&["info", &file, "--json"]).1).unwrap();
         assert_eq!(info["finished"], true);
+        for (name, _) in haff_engine::energies(&haff_engine::Ledger::default()) {
+            let known = |value: &Value| value.is_null() || *value == alone[name];
+            assert!(known(&info["last"][name]), "{name}: {} and {}", info["last"][name], alone[name]);
+        }
     }
     assert_eq!(
         summary["events"],

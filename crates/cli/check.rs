@@ -13,6 +13,7 @@ use crate::{
     output::{self, bytes, shown},
     schedule::Times,
     states::States,
+    warnings::warnings,
 };
 
 /// Number of records of a schedule up to a time, including the first and the last.
@@ -44,10 +45,11 @@ pub fn check(options: &Check) -> Result<u8, Failure> {
     let particles = system.bodies.len();
     let axes = system.dimension.count();
     let open = system.domain.boundary[..axes].contains(&Boundary::Open);
-    // Each collision involves two particles.
-    let rate = scene.collision_rate.is_finite().then(|| scene.collision_rate * particles as f64 / 2.0);
+    // Each collision involves two particles. For sizes of files a guess is enough.
+    let guess = scene.collision_rate.is_finite().then(|| scene.collision_rate * particles as f64 / 2.0);
+    let rate = guess.filter(|_| scene.rate_unknown.is_none());
     // Expected simulated time of the run, at the initial collision rate.
-    let by_collisions = scene.run.collisions.map(|count| count as f64 / rate.unwrap_or(f64::NAN));
+    let by_collisions = scene.run.collisions.map(|count| count as f64 / guess.unwrap_or(f64::NAN));
     let until = scene.run.until.into_iter().chain(by_collisions).fold(f64::INFINITY, f64::min);
     let samples = records(scene.output.observables, until) + records(scene.output.frames, until);
     let size = scene.output.file.as_ref().map(|_| {
@@ -59,7 +61,7 @@ pub fn check(options: &Check) -> Result<u8, Failure> {
                 records(scene.output.frames, until)
             },
             samples,
-            events: (rate.unwrap_or(0.0) * until) as u64,
+            events: (guess.unwrap_or(0.0) * until) as u64,
             columns: &scene.output.events,
             compressed: scene.output.compressed,
             dimension: axes,
@@ -68,14 +70,14 @@ pub fn check(options: &Check) -> Result<u8, Failure> {
         })
     });
     let memory = estimate::memory(particles) + estimate::correlations(&system.measure, particles);
-    let warning = haff_engine::clustering_warning(system);
+    let warnings = warnings(&scene);
     if options.json {
         let report = json!({
             "title": scene.title, "particles": particles, "dimension": axes,
             "packing_fraction": scene.packing_fraction, "temperature": temperature,
-            "collision_rate": rate, "mean_free_time": rate.map(|rate| particles as f64 / (2.0 * rate)),
+            "collision_rate": rate, "collision_rate_unknown": scene.rate_unknown, "mean_free_time": rate.map(|rate| particles as f64 / (2.0 * rate)),
             "memory_bytes": memory, "file_bytes": size, "file": scene.output.file,
-            "warnings": warning.into_iter().collect::<Vec<_>>(),
+            "warnings": warnings,
         });
         return output::line(report).map(|()| 0);
     }
@@ -95,15 +97,14 @@ pub fn check(options: &Check) -> Result<u8, Failure> {
     text.push(format!("temperature         {}", significant(temperature, 6)));
     text.push(match rate {
         // Each collision involves two particles.
-        Some(rate) if rate > 0.0 => format!(
-            "collision rate      {} collisions per unit time at the start, {} per particle; mean free time {}",
+        Some(rate) => format!(
+            "collision rate      {} collisions per unit time at the start, {} per particle; mean free time {},\n\
+             \x20                   if homogeneous with Maxwell velocities (Enskog)",
             significant(rate, 4),
             significant(2.0 * rate / particles as f64, 3),
             significant(particles as f64 / (2.0 * rate), 4)
         ),
-        Some(_) => "collision rate      0: nothing moves at the start".to_owned(),
-        None if open => "collision rate      unknown: an axis is open".to_owned(),
-        None => "collision rate      none: a single particle".to_owned(),
+        None => format!("collision rate      unknown: {}", scene.rate_unknown.unwrap_or("no theory")),
     });
     text.push(format!("memory              about {}", bytes(memory)));
     text.push(match (&scene.output.file, size) {
@@ -113,9 +114,7 @@ pub fn check(options: &Check) -> Result<u8, Failure> {
         _ => "output              no output file: results are not saved (output.file, or haff run -o)"
             .to_owned(),
     });
-    if let Some(warning) = warning {
-        text.push(format!("warning: {warning}"));
-    }
+    text.extend(warnings.iter().map(|warning| format!("warning: {warning}")));
     output::lines(text.join("\n")).map(|()| 0)
 }
 

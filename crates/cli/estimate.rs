@@ -1,4 +1,4 @@
-//! Estimates of memory and initial temperature, for `haff check`.
+//! Estimates of memory, for `haff check`.
 
 use haff_engine::{Correlations, Grid, Measure, System, initial_temperature};
 use haff_scene::Scene;

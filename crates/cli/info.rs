@@ -69,15 +69,12 @@ pub fn info(options: &Info) -> Result<u8, Failure> {
         let ledger = last.map(|last| {
             let mut row = json!({
                 "time": last.time, "step": last.step, "temperature": last.temperature,
-                "kinetic_energy": last.ledger.kinetic, "potential_energy": last.ledger.potential,
-                "spring_energy": (!last.ledger.spring.is_nan()).then_some(last.ledger.spring),
-                "rotational_energy": last.ledger.rotational, "rotational_temperature": last.rotational_temperature,
-                "dissipated_energy": last.ledger.dissipated, "carnot_energy": last.ledger.carnot,
-                "ledger_residual": last.ledger.residual,
+                "rotational_temperature": last.rotational_temperature,
                 "collisions": last.collisions, "wall_collisions": last.wall_collisions,
             });
-            for term in haff_engine::Term::ALL {
-                row[term.name()] = json!(last.ledger.term(term));
+            // Null where the file has none: NaN is no number of JSON.
+            for (name, energy) in haff_engine::energies(&last.ledger) {
+                row[name] = json!(energy);
             }
             row
         });

@@ -30,6 +30,7 @@ mod states;
 mod sweep;
 mod terminal;
 mod threads;
+mod warnings;
 mod watch;
 
 use std::process::ExitCode;

@@ -1,6 +1,6 @@
 //! The result of a run, as JSON and as text.
 
-use haff_engine::{EngineError, TRAJECTORY_VERSION, Term, significant};
+use haff_engine::{EngineError, TRAJECTORY_VERSION, Term, counts, energies, significant};
 use haff_linkage::AnySimulationError;
 use serde_json::{Value, json};
 
@@ -26,21 +26,10 @@ pub fn report(outcome: &Outcome, context: &Context) -> Value {
         "title": context.title,
         "stopped": outcome.ending.word(),
         "particles": simulation.particles(),
-        "collisions": counters.collisions,
-        "wall_collisions": counters.wall_collisions,
-        "events": counters.collisions + counters.wall_collisions,
-        "rests": counters.rests,
-        "wakes": counters.wakes,
         "simulated_time": simulation.time(),
         "wall_seconds": known.wall_seconds,
         "collisions_per_second": known.rate(),
         "parts": parts.json(),
-        "kinetic_energy": ledger.kinetic,
-        "rotational_energy": ledger.rotational,
-        "potential_energy": ledger.potential,
-        "dissipated_energy": ledger.dissipated,
-        "carnot_energy": ledger.carnot,
-        "ledger_residual": ledger.residual,
         "max_overlap": simulation.max_overlap(),
         "peak_memory_bytes": peak_memory(),
         "threads": rayon::current_num_threads(),
@@ -61,8 +50,11 @@ pub fn report(outcome: &Outcome, context: &Context) -> Value {
         },
         "file": context.file.as_ref().map(|file| file.display().to_string()),
     });
-    for term in Term::ALL {
-        report[term.name()] = json!(ledger.term(term));
+    for (name, count) in counts(&counters) {
+        report[name] = json!(count);
+    }
+    for (name, energy) in energies(&ledger) {
+        report[name] = json!(energy);
     }
     if let Some(from) = context.resumed_from {
         report["resumed_from"] = json!(from);

@@ -10,6 +10,7 @@ use crate::{
     signals::Signals,
     single,
     states::States,
+    warnings::warnings,
 };
 
 /// Runs a scene, or resumes a run. `logs`: log messages go to standard error, so no progress bar is drawn
@@ -45,10 +46,10 @@ pub fn run(options: &Run, logs: bool) -> Result<u8, Failure> {
                     [("the scene", Some(file.as_path())), ("the state that the scene starts from", state)];
                 overwrite::check(output, &inputs, options.overwrite)?;
             }
-            if !options.quiet
-                && let Some(warning) = haff_engine::clustering_warning(&scene.system)
-            {
-                output::message(format_args!("warning: {warning}"));
+            if !options.quiet {
+                for warning in warnings(&scene) {
+                    output::message(format_args!("warning: {warning}"));
+                }
             }
             single::start(scene, options.overwrite, controls)?
         }

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from . import conditions
 from .errors import FileError, MissingDataError, NotApplicableError
 from .reader import File
 from .recorded import mean_point, shaped_walls
@@ -21,6 +22,7 @@ __all__ = [
     "angles",
     "body",
     "count_walls",
+    "driven",
     "gravity",
     "heights",
     "pendulums",
@@ -39,7 +41,8 @@ Array = NDArray[np.float64]
 def times(run: File) -> pd.DataFrame:
     """Column ``time``: the impacts of the one body that bounces on a wall [time].
 
-    Raises :class:`NotApplicableError` if none does, or several do.
+    Raises :class:`NotApplicableError` if none does, or several do, or the wall moves or is thermal, so that flights do
+    not become shorter by the factor e.
     """
     import pandas as pd
 
@@ -50,7 +53,8 @@ def heights(run: File) -> pd.DataFrame:
     """Column ``height``: clear heights over the wall at the top of every flight between bounces [length].
 
     Computed from the energy in any frame of the flight; NaN for a flight without a frame. Raises
-    :class:`NotApplicableError` if no body, or several, bounce on a wall, or gravity does not pull onto it.
+    :class:`NotApplicableError` if no body, or several, bounce on a wall, gravity does not pull onto it, or it moves or
+    is thermal.
     """
     import pandas as pd
 
@@ -162,6 +166,16 @@ def _wall(run: File, wall: int) -> tuple[str, dict[str, Any]]:
     return of.get("name", ""), of
 
 
+def driven(run: File, wall: int) -> str:
+    """How a wall, by its row, gives energy to what hits it: such as "oscillates"; empty if it does not."""
+    _, of = _wall(run, wall)
+    if "motion" in of:
+        return "oscillates"
+    if "temperature" in of:
+        return "is thermal"
+    return "has a velocity" if any(of.get("velocity", ())) else ""
+
+
 def body(run: File, name: str) -> int:
     """Row of the first particle of a name of the scene. Raises :class:`FileError` if there is none."""
     if name in run.species_names:
@@ -206,8 +220,12 @@ def _bounces(run: File) -> pd.DataFrame:
         raise NotApplicableError(f"{run.path}: nothing bounces on a wall")
     if len(bounces[["i", "j"]].drop_duplicates()) > 1 or (log["kind"] == "collision").any():
         raise NotApplicableError(f"{run.path}: more happens than that one body bounces on one wall")
-    if not int(bounces["j"].iloc[0]) < count_walls(run):
-        raise FileError(f"{run.path}: events/j = {bounces['j'].iloc[0]}: must be one of {count_walls(run)} walls")
+    wall = int(bounces["j"].iloc[0])
+    if not wall < count_walls(run):
+        raise FileError(f"{run.path}: events/j = {wall}: must be one of {count_walls(run)} walls")
+    if moves := driven(run, wall):
+        raise NotApplicableError(f"{run.path}: the wall that the body bounces on {moves}")
+    conditions.require(run, f"{run.path}: a bounce", conditions.BOUNCES)
     return bounces
 
 

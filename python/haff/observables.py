@@ -22,7 +22,7 @@ _COUNTS = ("collisions", "wall_collisions")
 # Terms of the balance of energies in files that do not describe them: label, and sign of the energy for the particles.
 _TERMS = {"wall_work": ("work of walls", 1.0), "rest_energy": ("taken by rest", -1.0)}
 # Other observables may be NaN: rates and pressure at the start, a temperature where nothing moves.
-_ENERGIES = (
+ENERGIES = (
     "kinetic_energy rotational_energy potential_energy gravity_energy spring_energy dissipated_energy carnot_energy"
 ).split()
 _WIDEST = 16
@@ -96,7 +96,7 @@ def arrays(file: File) -> tuple[Array, Array, dict[str, Array]]:
     time.require_order(when)
     step.require(count, count >= 0, "0 or more")
     values = {name: column[:length] for name, column in found.items()}
-    for name in (*_ENERGIES, *balance(file)):
+    for name in (*ENERGIES, *balance(file)):
         if name in values:
             found[name].require(values[name], np.isfinite(values[name]), "a finite number")
     return when, count, values

@@ -533,16 +533,7 @@ class File(ReadOnly):
             for name in ("collisions", "wall_collisions"):
                 if name in last:
                     found[name] = int(last[name])
-            for name in (
-                "temperature",
-                "rotational_temperature",
-                "kinetic_energy",
-                "rotational_energy",
-                "potential_energy",
-                "spring_energy",
-                "dissipated_energy",
-                *observables.balance(self),
-            ):
+            for name in ("temperature", "rotational_temperature", *observables.ENERGIES, *observables.balance(self)):
                 if name in last:
                     found[name] = float(last[name])
             if "ledger_residual" in self.samples:

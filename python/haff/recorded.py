@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
+from itertools import pairwise
 from typing import Any, NamedTuple
 
 from .column import LARGEST
@@ -15,7 +16,17 @@ try:
 except ModuleNotFoundError:  # Python 3.10
     import tomli as tomllib  # type: ignore[no-redef]
 
-__all__ = ["SceneFault", "is_rough", "mean_point", "parsed", "roughness", "shaped_walls"]
+__all__ = [
+    "SceneFault",
+    "constant",
+    "is_rough",
+    "law_name",
+    "mean_point",
+    "pair_laws",
+    "parsed",
+    "roughness",
+    "shaped_walls",
+]
 
 
 class SceneFault(Exception):
@@ -39,9 +50,28 @@ def _is_direction(value: Any) -> bool:
     return _is_vector(value) and 0 < math.hypot(*value) <= LARGEST
 
 
+def _is_fraction(value: Any) -> bool:
+    return _is_number(value) and 0 <= value <= 1
+
+
 def _is_law(value: Any) -> bool:
-    model = isinstance(value, dict) and isinstance(value.get("model"), str)
-    return model or (_is_number(value) and 0 <= value <= 1)
+    if isinstance(value, dict):
+        return _is_table(value) if "model" not in value else isinstance(value["model"], str)
+    return _is_fraction(value)
+
+
+def _is_count(value: Any) -> bool:
+    # TOML has integers and floats; scenes may write 10 as 1e1.
+    return _is_number(value) and value == int(value) and 1 <= value <= 1e6
+
+
+def _is_table(value: dict[str, Any]) -> bool:
+    """Whether these are approach speeds in ascending order, and a coefficient of restitution for each."""
+    speeds, values = value.get("speeds"), value.get("values")
+    if not (isinstance(speeds, list) and isinstance(values, list) and 0 < len(speeds) == len(values)):
+        return False
+    rising = all(map(_is_number, speeds)) and all(low < high for low, high in pairwise(speeds))
+    return rising and speeds[0] >= 0 and all(map(_is_fraction, values))
 
 
 def _is_tangential(value: Any) -> bool:
@@ -66,12 +96,16 @@ _FLAG = _Value(lambda value: isinstance(value, bool), "true or false")
 _NUMBER = _Value(_is_number, "a number")
 _AXIS = _Value(_is_axis, "x, y or z")
 _POSITIVE = _Value(lambda value: _is_number(value) and value > 0, "a positive number")
+_NOT_NEGATIVE = _Value(lambda value: _is_number(value) and value >= 0, "a number, 0 or more")
+_FRACTION = _Value(_is_fraction, "a number in [0, 1]")
+_COUNT = _Value(_is_count, "a whole number from 1 to 1e6")
 _VECTOR = _Value(_is_vector, "a vector of up to 3 numbers")
 _DIRECTION = _Value(_is_direction, "a vector of up to 3 numbers, not all of them 0")
-_LAW = _Value(_is_law, "a number in [0, 1] or a table with a model")
+_LAW = _Value(_is_law, "a number in [0, 1], a table with a model, or one with speeds and values")
 _TANGENTIAL = _Value(_is_tangential, "a number in [-1, 1]")
 _FRICTION = _Value(_is_friction, "a number, 0 or more")
 _TWO = _Value(lambda value: _are_texts(value) and len(value) == 2, "two names")
+_NAMES = _Value(_are_texts, "a list of names")
 _ENDS = _Value(lambda value: _are_texts(value) and len(value) in (1, 2), "one or two names")
 _SIDES = _Value(lambda value: _are_texts(value) and len(value) <= 3, "up to 3 names of boundaries")
 _DIMENSION = _Value(lambda value: value in (2, 3) and isinstance(value, int), "2 or 3")
@@ -92,23 +126,43 @@ _SCENE: dict[str, Any] = {
         "restitution": _LAW,
         "wall_restitution": _LAW,
         "pair": [{"between!": _TWO, "restitution": _LAW, "sticks": _FLAG, **_ROUGHNESS}],
+        "tc": _NOT_NEGATIVE,
+        "rest_speed": _NOT_NEGATIVE,
         **_ROUGHNESS,
     },
-    "species": [{"name": _TEXT}],
+    "initial": {"temperature": _NOT_NEGATIVE},
+    "species": [{"name": _TEXT, "temperature": _NOT_NEGATIVE}],
     "particle": [{"name": _TEXT}],
     "wall": [
         {
             "name": _TEXT,
-            "plane": {"point!": _VECTOR, "normal!": _DIRECTION},
+            "plane": {
+                "point!": _VECTOR,
+                "normal!": _DIRECTION,
+                "hole": {"center!": _VECTOR, "radius!": _POSITIVE},
+                "two-sided": _FLAG,
+            },
             "velocity": _VECTOR,
             "reference_time": _NUMBER,
             "displacement": _NUMBER,
+            "temperature": _POSITIVE,
             "motion": {"kind!": _TEXT, "amplitude!": _POSITIVE, "frequency!": _POSITIVE, "phase": _NUMBER},
             "restitution": _LAW,
             "sticks": _FLAG,
             **_ROUGHNESS,
         }
     ],
+    "drive": [
+        {
+            "kind!": _TEXT,
+            "temperature": _NOT_NEGATIVE,
+            "strength": _NOT_NEGATIVE,
+            "interval": _POSITIVE,
+            "rate": _POSITIVE,
+            "species": _NAMES,
+        }
+    ],
+    "measure": {"profiles": [{"axis!": _TEXT, "interval!": _POSITIVE, "samples": _COUNT, "spread": _FLAG}]},
     "pendulum": [{"bob!": _TEXT, "pivot!": _VECTOR, "length": _POSITIVE}],
     "spring": [{"between!": _ENDS, "point": _VECTOR, "length": _NUMBER, "stiffness!": _POSITIVE}],
     "rod": [{"between!": _TWO, "length": _POSITIVE}],
@@ -137,6 +191,31 @@ def mean_point(wall: dict[str, Any], time: float) -> list[float]:
         [*map(float, given), 0.0, 0.0, 0.0][:3] for given in (wall["plane"]["point"], wall.get("velocity", ()))
     )
     return [x + v * since for x, v in zip(point, velocity)]
+def constant(law: Any) -> float | None:
+    """The coefficient of a law of restitution that does not depend on the approach speed; ``None`` for other laws."""
+    if isinstance(law, (int, float)):
+        return float(law)
+    if isinstance(law, dict) and "model" not in law and len(set(law.get("values", ()))) == 1:
+        return float(law["values"][0])
+    return None
+
+
+def law_name(law: Any) -> str:
+    """A law of restitution in a few words: its coefficient, its model, or that it is a table."""
+    if (e := constant(law)) is not None:
+        return f"{e:g}"
+    return str(law["model"]) if "model" in law else "table of speeds"
+
+
+def pair_laws(scene: dict[str, Any]) -> list[Any]:
+    """The laws of restitution of a scene between particles: the general one, and those of pairs, ``"sticks"`` for some.
+
+    Pairs of a particle and a wall are among them.
+    """
+    contact = scene.get("contact", {})
+    general = contact.get("restitution", 1.0)
+    own = ("sticks" if pair.get("sticks") else pair.get("restitution", general) for pair in contact.get("pair", ()))
+    return [general, *own]
 
 
 def roughness(scene: dict[str, Any], *entries: dict[str, Any]) -> tuple[float, float]:

@@ -35,12 +35,8 @@ __all__ = ["sweep"]
 
 # Totals that are text; all others are numbers.
 _TEXTS = ("status", "stopped", "state_hash", "file", "error")
-_NUMBERS = (
-    "index particles collisions wall_collisions events rests wakes simulated_time kinetic_energy potential_energy "
-    "dissipated_energy carnot_energy rest_energy wall_work ledger_residual max_overlap wall_seconds"
-).split()
-# Names that no dimension can have: variables, and arguments of xarray's sel.
-_TAKEN = frozenset({*_TEXTS, *_NUMBERS, "run_seed", "seed", "time", "indexers", "method", "tolerance", "drop"})
+# Names that no dimension can have, beside those of variables: arguments of xarray's sel, and other coordinates.
+_TAKEN = ("run_seed", "seed", "time", "indexers", "method", "tolerance", "drop")
 
 
 def sweep(
@@ -152,7 +148,13 @@ def sweep(
     study = _dataset(rows, values, seeds, folder, series)
     if dims == "keys":
         return study
-    return _renamed(study, _names(list(values), [*_TAKEN, *(f"{name}_series" for name in series)]))
+    taken = [*_TAKEN, *_TEXTS, *_numbers(), *(f"{name}_series" for name in series)]
+    return _renamed(study, _names(list(values), taken))
+
+
+def _numbers() -> list[str]:
+    """Names of the variables that are numbers."""
+    return ["index", *compiled().total_names()]
 
 
 def _several(key: str, values: Iterable[Any]) -> list[Any]:
@@ -257,7 +259,7 @@ def _dataset(
     dimensions = tuple(coordinates)
     # The command gives rows in the order of the grid: the first key slowest, derived seeds fastest.
     variables: dict[str, Any] = {}
-    for name in _NUMBERS:
+    for name in _numbers():
         found = [row.get(name) for row in rows]
         whole = all(isinstance(value, int) for value in found)
         numbers = found if whole else [np.nan if value is None else value for value in found]

@@ -615,7 +615,7 @@ def test_rheology_is_refused_where_there_is_none(dense, fluid_file, tmp_path):
         analysis.rheology(dense, start=5.9)
     with pytest.raises(NotApplicableError, match=r"analysis\.rheology"):
         analysis.shear_viscosity(dense)
-    with pytest.raises(NotApplicableError, match="Haff's law is for gases at rest"):
+    with pytest.raises(NotApplicableError, match="Haff's law needs a gas at rest"):
         analysis.cooling_law(dense)
     haff.run(scene(measure={}), file=tmp_path / "a.h5", run__until=0.2)
     with haff.open(tmp_path / "a.h5") as run, pytest.raises(MissingDataError, match=r"measure\.stress"):

@@ -204,10 +204,13 @@ def test_shear_figure_shows_the_run_and_the_theory_in_the_units_of_the_scene(run
 @pytest.mark.parametrize(
     ("settings", "why"),
     [
-        ({"contact__restitution": 1.0}, "elastic spheres have no steady state"),
-        ({"contact__restitution": {"model": "viscoelastic", "coefficient": 0.05}}, "one constant restitution"),
-        ({"contact__tangential_restitution": 0.5}, "it is for smooth contacts"),
-        ({"dimension": 2, "domain__shear": {"flow": "y", "gradient": "x", "rate": 0.5}}, "it is for spheres"),
+        ({"contact__restitution": 1.0}, "needs inelastic contacts"),
+        (
+            {"contact__restitution": {"model": "viscoelastic", "coefficient": 0.05}},
+            "one constant coefficient of restitution",
+        ),
+        ({"contact__tangential_restitution": 0.5}, "needs smooth contacts"),
+        ({"dimension": 2, "domain__shear": {"flow": "y", "gradient": "x", "rate": 0.5}}, "needs spheres"),
     ],
 )
 def test_shear_figure_without_theory_says_why(run, settings, why, tmp_path):

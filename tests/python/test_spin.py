@@ -174,7 +174,7 @@ def test_roughness_of_a_recorded_scene_is_checked(line, message, tmp_path):
 def test_laws_of_smooth_contacts_are_not_applied_to_rough_ones(files):
     with haff.open(files["rough"]) as run:
         assert analysis.gas_restitution(run) == 0.9
-        with pytest.raises(haff.NotApplicableError, match="is for smooth contacts"):
+        with pytest.raises(haff.NotApplicableError, match="needs smooth contacts"):
             analysis.cooling_law(run)
 
 

@@ -5,7 +5,7 @@ use std::{
     time::{Duration, Instant},
 };
 
-use haff_engine::{Counters, Silent, Simulation, Stop, Until};
+use haff_engine::{Body, Counters, Silent, Simulation, Stop, Until};
 use haff_scene::Scene;
 
 use super::scenes::Standard;
@@ -57,6 +57,8 @@ pub struct Measured {
     pub melted: (Counters, f64),
     pub seed: u64,
     pub packing_fraction: f64,
+    /// Number of bodies of finite mass.
+    pub movable: usize,
     /// Reading, packing and drawing velocities.
     pub packing: Duration,
     /// Building the engine: cells, first predictions, calendar.
@@ -123,6 +125,8 @@ impl Plan<'_> {
             return Err(Failure::new(Status::Invalid, message));
         }
         let (melt, timed, _) = self.counts(system.bodies.len() as u64);
+        let is_movable = |body: &&Body| system.classes[body.class as usize].mass.is_finite();
+        let movable = system.bodies.iter().filter(is_movable).count();
         let started = Instant::now();
         let mut simulation =
             Simulation::new(system, options).map_err(|error| simulation_failure(&error.into()))?;
@@ -176,6 +180,7 @@ impl Plan<'_> {
             melted,
             seed,
             packing_fraction,
+            movable,
             packing,
             building,
             melting,

@@ -22,6 +22,7 @@ fn rates(stretches: &[Stretch]) -> (f64, [f64; 2], Vec<f64>) {
 fn bookkeeping(before: Counters, after: Counters) -> Map<String, Value> {
     let Counters {
         collisions: _,
+        fixed_collisions,
         wall_collisions: _,
         rests,
         wakes,
@@ -34,6 +35,7 @@ fn bookkeeping(before: Counters, after: Counters) -> Map<String, Value> {
         epochs,
     } = after;
     let counts = [
+        ("fixed_collisions", fixed_collisions - before.fixed_collisions),
         ("predictions", predictions - before.predictions),
         ("stale", stale - before.stale),
         ("dropped", dropped - before.dropped),
@@ -80,7 +82,7 @@ pub fn report(cell: &Measured, scene: &str, phi: Option<f64>) -> Value {
         "wall_collisions": walls,
         "events": collisions + walls,
         "simulated_time": span,
-        "mean_free_time": span * particles as f64 / (2.0 * collisions as f64),
+        "mean_free_time": span * cell.movable as f64 / (after.ended_flights() - before.ended_flights()) as f64,
         "wall_seconds": seconds,
         "collisions_per_second": median,
         "collisions_per_second_spread": spread,

@@ -31,28 +31,8 @@ pub const NAME: &str = "manifest.json";
 /// Version of the manifest's layout.
 const LAYOUT: u32 = 1;
 
-/// Keys of a run's report that a row keeps.
-const TOTALS: [&str; 19] = [
-    "particles",
-    "collisions",
-    "wall_collisions",
-    "events",
-    "rests",
-    "wakes",
-    "simulated_time",
-    "kinetic_energy",
-    "potential_energy",
-    "dissipated_energy",
-    "carnot_energy",
-    "rest_energy",
-    "wall_work",
-    "ledger_residual",
-    "max_overlap",
-    "wall_seconds",
-    "resumed_from",
-    "stopped",
-    "state_hash",
-];
+/// Keys of a run's report that a row keeps beside the totals that are numbers.
+const TEXTS: [&str; 3] = ["resumed_from", "stopped", "state_hash"];
 
 /// State of a run.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
@@ -133,7 +113,7 @@ impl Row {
 
     /// Copies the totals of a report.
     pub fn take(&mut self, report: &Value) {
-        for key in TOTALS {
+        for key in haff_engine::total_names().chain(TEXTS) {
             if let Some(value) = report.get(key) {
                 self.totals.insert(key.to_owned(), value.clone());
             }

@@ -27,9 +27,11 @@ pub(crate) struct Accumulators {
     /// Impulse on the particles by walls, by bodies of infinite mass and by the support of resting particles.
     impulse: ExactSums<3>,
     pub counters: Counters,
-    /// Time of the previous sample [time], and the number of collisions until then.
+    /// Time of the previous sample [time], and the numbers of collisions and of flights that they had ended until
+    /// then.
     pub sampled_at: f64,
     pub sampled_collisions: u64,
+    pub sampled_flights: u64,
     /// The center of mass since then.
     pub center: Center,
     /// Flights that have ended, where particles accelerate.
@@ -102,6 +104,7 @@ impl Accumulators {
         }
         let counters = other.counters;
         self.counters.collisions += counters.collisions;
+        self.counters.fixed_collisions += counters.fixed_collisions;
         self.counters.wall_collisions += counters.wall_collisions;
         self.counters.rests += counters.rests;
         self.counters.dropped += counters.dropped;
@@ -115,6 +118,7 @@ impl Accumulators {
         (*virial, *loss_moment) = Default::default();
         self.sampled_at = time;
         self.sampled_collisions = self.counters.collisions;
+        self.sampled_flights = self.counters.ended_flights();
         if let Some(flights) = &mut self.flights {
             flights.sampled = Sum::default();
         }

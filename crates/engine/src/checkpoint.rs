@@ -83,6 +83,7 @@ impl Simulation {
         scalars.real("force_until", world.force.until);
         scalars.real("sampled_at", accumulators.sampled_at);
         scalars.put("sampled_collisions", accumulators.sampled_collisions);
+        scalars.put("sampled_flights", accumulators.sampled_flights);
         accumulators.center.save(&mut scalars);
         if let Some(flights) = &accumulators.flights {
             flights.save(&mut scalars);
@@ -94,6 +95,7 @@ impl Simulation {
         let counters = accumulators.counters;
         for (name, count) in [
             ("collisions", counters.collisions),
+            ("fixed_collisions", counters.fixed_collisions),
             ("wall_collisions", counters.wall_collisions),
             ("rests", counters.rests),
             ("predictions", counters.predictions),
@@ -248,6 +250,7 @@ impl Simulation {
         };
         accumulators.sampled_at = scalars.real("sampled_at");
         accumulators.sampled_collisions = scalars.take("sampled_collisions");
+        accumulators.sampled_flights = scalars.take("sampled_flights");
         accumulators.center = Center::of(&world, 0.0);
         accumulators.center.load(&mut scalars);
         if world.flights != Summed::Nothing {
@@ -258,6 +261,7 @@ impl Simulation {
         world.longest_flight = scalars.real("longest_flight");
         let counters = &mut accumulators.counters;
         counters.collisions = scalars.take("collisions");
+        counters.fixed_collisions = scalars.take("fixed_collisions");
         counters.wall_collisions = scalars.take("wall_collisions");
         counters.rests = scalars.take("rests");
         counters.dropped = scalars.take("dropped");

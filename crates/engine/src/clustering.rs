@@ -6,6 +6,7 @@ use glam::DVec3;
 use haff_mechanics::Restitution;
 
 use crate::{
+    initial::thermal_velocities,
     model::{Boundary, Dimension, System},
     particles::World,
     wall_law::WallLaw,
@@ -20,7 +21,7 @@ const DURATION: f64 = 1e-4;
 ///
 /// L_c = 2.43/(nσ²√(1 − e²)) for spheres and 2√π/(nσ√(1 − e²)) for disks, with the number density n, the mean
 /// diameter σ and the smallest e of all pairs (docs/theory.md). `None` unless the gas cools freely with a
-/// constant e < 1: without the TC model, gravity, drives, shear, and open axes.
+/// constant e < 1 and smooth contacts: without the TC model, gravity, drives, shear, and open axes.
 pub fn critical_length(system: &System) -> Option<f64> {
     let axes = system.dimension.count();
     let closed = !system.domain.boundary[..axes].contains(&Boundary::Open);
@@ -29,7 +30,7 @@ pub fn critical_length(system: &System) -> Option<f64> {
     let moved = system.walls.iter().any(|wall| wall.motion.max_speed() > 0.0)
         || system.contacts.wall.iter().any(WallLaw::is_thermal)
         || system.classes.iter().any(|class| class.mass.is_infinite());
-    if !closed || !free || moved || system.contacts.tc > 0.0 {
+    if !closed || !free || moved || system.contacts.tc > 0.0 || system.spin.is_some() {
         return None;
     }
     let mut least = 1.0_f64;
@@ -52,9 +53,10 @@ pub fn critical_length(system: &System) -> Option<f64> {
 /// A value for `contact.tc` that suits the system \[time\]: a power of ten, at most 10⁻⁴ of the time in which
 /// a particle moves by its diameter. `None` if nothing moves.
 pub fn suitable_contact_duration(system: &System) -> Option<f64> {
+    // A motion in common does not shorten contacts.
     let movable = || {
-        let classes = system.bodies.iter().map(|body| (body.velocity, &system.classes[body.class as usize]));
-        classes.filter(|(_, class)| class.mass.is_finite())
+        let classes = system.bodies.iter().map(|body| &system.classes[body.class as usize]);
+        thermal_velocities(system).zip(classes).filter(|(_, class)| class.mass.is_finite())
     };
     let count = movable().count().max(1) as f64;
     let diameter = 2.0 * movable().map(|(_, class)| class.radius).sum::<f64>() / count;
@@ -92,13 +94,17 @@ pub fn clustering_warning(system: &System) -> Option<String> {
 }
 
 #[cfg(test)]
-mod tests {
+pub(crate) mod tests {
     use super::*;
     use crate::model::{Body, Class, Contacts, Domain, Group, Measure};
 
     /// N disks or spheres of diameter 1 and speed 1 in a periodic box of edge `edge`.
-    fn gas(dimension: Dimension, count: usize, edge: f64, e: f64) -> System {
-        let body = Body { position: DVec3::ZERO, velocity: DVec3::X, image: [0; 3], class: 0, species: 0 };
+    pub(crate) fn gas(dimension: Dimension, count: usize, edge: f64, e: f64) -> System {
+        // Half of them move to either side.
+        let body = |k: usize| {
+            let velocity = if k % 2 == 0 { DVec3::X } else { DVec3::NEG_X };
+            Body { position: DVec3::ZERO, velocity, image: [0; 3], class: 0, species: 0 }
+        };
         System {
             dimension,
             domain: Domain {
@@ -107,7 +113,7 @@ mod tests {
                 gravity: DVec3::ZERO,
                 shear: None,
             },
-            bodies: vec![body; count],
+            bodies: (0..count).map(body).collect(),
             classes: vec![Class { radius: 0.5, mass: 1.0, group: 0 }],
             groups: vec![Group { name: "grain".into() }],
             species: vec!["grain".into()],

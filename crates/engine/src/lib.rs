@@ -37,6 +37,7 @@ mod flights;
 mod force;
 mod grid;
 mod hop;
+mod initial;
 mod instant;
 mod ledger;
 mod measure;
@@ -70,6 +71,7 @@ mod sum;
 mod summary;
 mod thermal;
 mod timed;
+mod totals;
 mod tuning;
 mod valid;
 mod wall_change;
@@ -82,6 +84,7 @@ pub use center::{common_velocity, conserved_momentum, initial_temperature};
 pub use change::{Change, NewParticle};
 pub use clustering::{clustering_warning, critical_length, suitable_contact_duration};
 pub use error::{EngineError, Fault};
+pub use initial::thermal_velocities;
 pub use instant::Instant;
 pub use ledger::{Ledger, Term};
 pub use measurements::{
@@ -103,6 +106,7 @@ pub use shear::Shear;
 pub use simulation::{Simulation, Until};
 pub use sum::Sum;
 pub use thermal::ThermalWall;
+pub use totals::{RUN_NUMBERS, Total, counts, energies, total_names, totals};
 pub use wall_motion::{ConstantVelocity, WallTime};
 
 /// Version of the trajectories. A release that changes the trajectory of any scene raises it.

@@ -171,6 +171,7 @@ pub(crate) fn sample(system: &System, species_table: &Species, state: &mut State
     let first = accumulators.sampled_collisions == u64::MAX;
     let counted = accumulators.counters.collisions - if first { 0 } else { accumulators.sampled_collisions };
     let center = accumulators.center.take(time);
+    let flights = accumulators.counters.ended_flights() - accumulators.sampled_flights;
     let open = (0..d as usize).any(|axis| system.domain.boundary[axis] == Boundary::Open);
     let pressure = (!open).then(|| {
         if first || span <= 0.0 {
@@ -206,7 +207,7 @@ pub(crate) fn sample(system: &System, species_table: &Species, state: &mut State
         collisions: accumulators.counters.collisions,
         wall_collisions: accumulators.counters.wall_collisions,
         collision_rate: rate,
-        mean_free_time: bodies / (2.0 * rate),
+        mean_free_time: if first || span <= 0.0 { f64::NAN } else { bodies * span / flights as f64 },
     };
     accumulators.start_interval(time);
     world.complete_walls(time, &mut sample);

@@ -329,8 +329,9 @@ pub struct Sample {
     pub wall_collisions: u64,
     /// Sphere–sphere collisions per time since the previous sample [1/time]; NaN in the first sample.
     pub collision_rate: f64,
-    /// N Δt / (2 · collisions) since the previous sample [time]; NaN in the first sample, ∞ without a
-    /// collision.
+    /// N Δt over the number of flights that collisions have ended since the previous sample \[time\], with N
+    /// bodies of finite mass: each collision ends two, one with a body of infinite mass ends one. NaN in the
+    /// first sample, ∞ without a collision.
     pub mean_free_time: f64,
 }
 
@@ -339,6 +340,8 @@ pub struct Sample {
 pub struct Counters {
     /// Sphere–sphere collisions.
     pub collisions: u64,
+    /// Those of them in which one of the two has infinite mass.
+    pub fixed_collisions: u64,
     /// Sphere–wall collisions.
     pub wall_collisions: u64,
     /// Completed series of bounces, and particles put to rest.
@@ -359,6 +362,14 @@ pub struct Counters {
     pub windows: u64,
     /// Completed epochs of the clock.
     pub epochs: u64,
+}
+
+impl Counters {
+    /// Flights of bodies of finite mass that collisions of particles have ended.
+    #[must_use]
+    pub fn ended_flights(&self) -> u64 {
+        self.collisions.saturating_mul(2).saturating_sub(self.fixed_collisions)
+    }
 }
 
 /// How several threads have taken events since the start of the simulation or its continuation. Unlike

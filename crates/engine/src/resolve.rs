@@ -306,9 +306,11 @@ pub(crate) fn apply<F: Features, const EVENTS: bool>(
     if !F::UNIFORM {
         // The impulse on i is −J n, on j +J n.
         if a.inverse_mass == 0.0 {
+            accumulators.counters.fixed_collisions += 1;
             accumulators.add_impulse(n * impact.impulse);
             accumulators.add_energy(Term::WallWork, now, work_of_moving_body(impact.impulse, -n, before[0]));
         } else if b.inverse_mass == 0.0 {
+            accumulators.counters.fixed_collisions += 1;
             accumulators.add_impulse(n * -impact.impulse);
             accumulators.add_energy(Term::WallWork, now, work_of_moving_body(impact.impulse, n, before[1]));
         }

@@ -246,6 +246,14 @@ pub(crate) fn accumulators(
     require(sampled == u64::MAX || sampled <= collisions, || {
         format!("sampled_collisions = {sampled} must be at most {collisions}, the collisions so far")
     })?;
+    let fixed = counters.fixed_collisions;
+    require(fixed <= collisions, || {
+        format!("fixed_collisions = {fixed} must be at most {collisions}, the collisions so far")
+    })?;
+    let (sampled, flights) = (accumulators.sampled_flights, counters.ended_flights());
+    require(sampled <= flights, || {
+        format!("sampled_flights = {sampled} must be at most {flights}, those that collisions have ended")
+    })?;
     let [kinetic, potential] = accumulators.initial_energy;
     at_least_zero("initial_kinetic", kinetic)?;
     finite("initial_potential", potential)?;

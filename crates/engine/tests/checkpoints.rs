@@ -128,7 +128,7 @@ const REAL: [f64; 4] = [f64::NAN, f64::INFINITY, -1e300, 1e300];
 
 #[test]
 fn errors_name_the_impossible_value() {
-    let damages: [Damage; 40] = [
+    let damages: [Damage; 42] = [
         ("position[0] = DVec3(1e300", |c| c.position[0].x = 1e300),
         ("position[3] = DVec3(NaN", |c| c.position[3].x = f64::NAN),
         ("position[2][0] = 5.5 must be in [0, 5)", |c| c.position[2].x = 5.5),
@@ -173,6 +173,8 @@ fn errors_name_the_impossible_value() {
         ("wall_collisions = 9223372036854775808", |c| *scalar(c, "wall_collisions") = 1 << 63),
         ("epochs = 18446744073709551614", |c| *scalar(c, "epochs") = u64::MAX - 1),
         ("sampled_collisions = ", |c| *scalar(c, "sampled_collisions") = 1 << 60),
+        ("fixed_collisions = ", |c| *scalar(c, "fixed_collisions") = 1 << 50),
+        ("sampled_flights = ", |c| *scalar(c, "sampled_flights") = 1 << 50),
         ("sampled_at = -1", |c| *scalar(c, "sampled_at") = (-1_f64).to_bits()),
         ("initial_kinetic = -1", |c| *scalar(c, "initial_kinetic") = (-1_f64).to_bits()),
         ("max_overlap = NaN", |c| *scalar(c, "max_overlap") = f64::NAN.to_bits()),
@@ -212,10 +214,11 @@ fn errors_name_the_impossible_value() {
 }
 
 /// Ends of the names of scalars that are integers.
-const COUNTS: [&str; 17] = [
+const COUNTS: [&str; 18] = [
     "exponent",
     "now",
     "collisions",
+    "flights",
     "rests",
     "predictions",
     "dropped",

@@ -24,7 +24,7 @@ fn start(system: &System) -> Simulation {
 fn grid(system: &System, axes: &[(usize, usize)], interval: f64, samples: u64) -> Grid {
     let axis =
         |&(axis, bins): &(usize, usize)| GridAxis { axis, low: 0.0, high: system.domain.size[axis], bins };
-    Grid { axes: axes.iter().map(axis).collect(), interval, samples }
+    Grid { axes: axes.iter().map(axis).collect(), interval, samples, spread: false }
 }
 
 fn correlate(interval: f64) -> Correlations {

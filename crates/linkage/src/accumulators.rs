@@ -19,6 +19,7 @@ pub(crate) struct Accumulators {
     pub sampled_at: f64,
     /// `u64::MAX` before the first sample.
     pub sampled_collisions: u64,
+    pub sampled_flights: u64,
 }
 
 impl Accumulators {

@@ -34,7 +34,9 @@ impl Simulation {
         scalars.real("max_overlap", accumulators.max_overlap);
         scalars.real("sampled_at", accumulators.sampled_at);
         scalars.put("sampled_collisions", accumulators.sampled_collisions);
+        scalars.put("sampled_flights", accumulators.sampled_flights);
         scalars.put("collisions", accumulators.counters.collisions);
+        scalars.put("fixed_collisions", accumulators.counters.fixed_collisions);
         scalars.put("wall_collisions", accumulators.counters.wall_collisions);
         scalars.put("rests", accumulators.counters.rests);
         scalars.put("predictions", accumulators.counters.predictions);
@@ -254,7 +256,9 @@ fn read_accumulators(scalars: &mut ScalarReader, world: &mut World) {
     accumulators.max_overlap = scalars.real("max_overlap");
     accumulators.sampled_at = scalars.real("sampled_at");
     accumulators.sampled_collisions = scalars.take("sampled_collisions");
+    accumulators.sampled_flights = scalars.take("sampled_flights");
     accumulators.counters.collisions = scalars.take("collisions");
+    accumulators.counters.fixed_collisions = scalars.take("fixed_collisions");
     accumulators.counters.wall_collisions = scalars.take("wall_collisions");
     accumulators.counters.rests = scalars.take("rests");
     accumulators.counters.predictions = scalars.take("predictions");

@@ -35,7 +35,7 @@ impl World {
         let normal = if point { (v - w).normalize_or_zero() } else { (y - x).normalize_or_zero() };
         let law = self.pair_law(i, j);
         if law == Law::Stick {
-            self.accumulators.counters.collisions += 1;
+            self.count_collision(i, j);
             let impact =
                 self.stop_relative_motion(&bodies, self.row(Link::Pair(i, j), &bodies, self.now), normal);
             self.record(EventKind::Stick, i, j, &impact, normal, observer);
@@ -57,12 +57,19 @@ impl World {
         let Some(impact) = self.collide(&bodies, &mut mechanism, row, e) else {
             return self.regroup(bodies, None, None, observer);
         };
-        self.accumulators.counters.collisions += 1;
+        self.count_collision(i, j);
         self.record(EventKind::Collision, i, j, &impact, normal, observer);
         if point && e == 0.0 {
             self.closed.insert(link, normal);
         }
         self.regroup(bodies, None, Some((link, restitution)), observer)
+    }
+
+    fn count_collision(&mut self, i: usize, j: usize) {
+        let fixed = self.mass[i].is_infinite() || self.mass[j].is_infinite();
+        let counters = &mut self.accumulators.counters;
+        counters.collisions += 1;
+        counters.fixed_collisions += u64::from(fixed);
     }
 
     /// Impact of a particle on a wall.

@@ -375,8 +375,11 @@ impl Simulation {
         let first = world.accumulators.sampled_collisions == u64::MAX;
         let elapsed = time - world.accumulators.sampled_at;
         let new = collisions.wrapping_sub(world.accumulators.sampled_collisions) as f64;
+        let flights = world.accumulators.counters.ended_flights();
+        let ended = (flights - world.accumulators.sampled_flights) as f64;
         world.accumulators.sampled_at = time;
         world.accumulators.sampled_collisions = collisions;
+        world.accumulators.sampled_flights = flights;
         Sample {
             time,
             stress: None,
@@ -400,7 +403,7 @@ impl Simulation {
             collisions,
             wall_collisions: world.accumulators.counters.wall_collisions,
             collision_rate: if first { f64::NAN } else { new / elapsed },
-            mean_free_time: if first { f64::NAN } else { n * elapsed / (2.0 * new) },
+            mean_free_time: if first { f64::NAN } else { n * elapsed / ended },
         }
     }
 

@@ -189,6 +189,14 @@ fn accumulators(world: &World, time: f64) -> Result<(), LinkageError> {
     require(sampled == u64::MAX || sampled <= collisions, || {
         format!("sampled_collisions = {sampled} must be at most {collisions}, the collisions so far")
     })?;
+    let fixed = counters.fixed_collisions;
+    require(fixed <= collisions, || {
+        format!("fixed_collisions = {fixed} must be at most {collisions}, the collisions so far")
+    })?;
+    let (sampled, flights) = (accumulators.sampled_flights, counters.ended_flights());
+    require(sampled <= flights, || {
+        format!("sampled_flights = {sampled} must be at most {flights}, those that collisions have ended")
+    })?;
     let at = accumulators.sampled_at;
     require(0.0 <= at && at <= time * (1.0 + 16.0 * f64::EPSILON), || {
         format!("sampled_at = {at} must be in [0, {time}]")

@@ -37,6 +37,7 @@ pub fn counters(py: Python<'_>, counters: Counters) -> PyResult<Bound<'_, PyDict
     let row = PyDict::new(py);
     for (name, count) in [
         ("collisions", counters.collisions),
+        ("fixed_collisions", counters.fixed_collisions),
         ("wall_collisions", counters.wall_collisions),
         ("rests", counters.rests),
         ("wakes", counters.wakes),

@@ -102,6 +102,12 @@ pub fn schema() -> String {
     haff_scene::schema().to_string()
 }
 
+/// Names of the totals of a run that are numbers.
+#[pyfunction]
+pub fn total_names() -> Vec<&'static str> {
+    haff_engine::total_names().collect()
+}
+
 /// Name, description and text of every starter scene.
 #[pyfunction]
 pub fn templates() -> Vec<(&'static str, &'static str, &'static str)> {

@@ -346,6 +346,7 @@ fn counters(state: &Checkpoint) -> Counters {
     let count = |name| bits(state, name).unwrap_or(0);
     Counters {
         collisions: count("collisions"),
+        fixed_collisions: count("fixed_collisions"),
         wall_collisions: count("wall_collisions"),
         rests: count("rests"),
         wakes: count("wakes"),

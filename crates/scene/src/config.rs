@@ -571,6 +571,10 @@ pub struct ProfileConfig {
     #[serde(deserialize_with = "shapes::whole")]
     #[schemars(range(min = 1))]
     pub samples: Option<i64>,
+    /// `true` (default): the states are at random times, one in each part of the interval, so that no
+    /// oscillation of a wall, nor a drive, is always met at the same phase. `false`: at equal times, the last
+    /// one at the end of the interval.
+    pub spread: Option<bool>,
     /// The range that the cells divide [length], two numbers for each axis; default the box. An open axis
     /// needs it.
     #[schemars(length(min = 2, max = 6))]

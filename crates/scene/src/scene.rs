@@ -81,8 +81,10 @@ pub struct Scene {
     pub resolved: String,
     /// Volume of all particles over that of the box; NaN with open axes.
     pub packing_fraction: f64,
-    /// Collisions per particle and time that kinetic theory expects at the start [1/time] (Enskog, elastic
-    /// contacts, mixtures of spheres by their mean pair); NaN where it does not apply: open axes, no motion,
-    /// one particle.
+    /// Collisions per particle and time at the start by Enskog's theory of a homogeneous fluid with Maxwell
+    /// velocities [1/time], mixtures of spheres by their mean pair; NaN without a volume, without motion, and
+    /// for one particle. Where [`Self::rate_unknown`] is a reason, it is a guess of the order of magnitude.
     pub collision_rate: f64,
+    /// Why that theory does not apply to the scene.
+    pub rate_unknown: Option<&'static str>,
 }

@@ -32,6 +32,7 @@ fn every_scene_is_accepted_and_its_resolved_text_is_the_same_scene() {
         let bits =
             |scene: &haff_scene::Scene| (scene.packing_fraction.to_bits(), scene.collision_rate.to_bits());
         assert_eq!(bits(&scene), bits(&again), "{}", path.display());
+        assert_eq!(scene.rate_unknown, again.rate_unknown, "{}", path.display());
         let comparable = |mut scene: haff_scene::Scene| {
             (scene.packing_fraction, scene.collision_rate) = (0.0, 0.0);
             scene

@@ -4,7 +4,7 @@ What takes all frames of a file is given a selection: ``run.frames[::10]``, or :
 """
 
 from .clustering import Clusters, clusters
-from .cooling import CoolingLaw, cooling_law, gas_restitution
+from .cooling import CoolingLaw, HeatedState, cooling_law, gas_restitution, heated_state
 from .density import DensityField, density_field
 from .distributions import PairDistributions, pair_distributions
 from .energies import kinetic_energy, rotational_energy, rotational_temperature, temperature
@@ -21,6 +21,7 @@ __all__ = [
     "CoolingLaw",
     "DensityField",
     "Estimate",
+    "HeatedState",
     "HeightProfile",
     "Overlap",
     "PairDistributions",
@@ -34,6 +35,7 @@ __all__ = [
     "density_field",
     "drawn_frames",
     "gas_restitution",
+    "heated_state",
     "height_axis",
     "height_profile",
     "kinetic_energy",

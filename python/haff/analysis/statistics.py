@@ -54,15 +54,17 @@ def block_average(values: ArrayLike, blocks: int = 20, weights: ArrayLike | None
 
 @checked
 def drawn_frames(file: File, count: int, after: float = 5.0) -> list[Frame]:
-    """Up to ``count`` frames spread over the run, without the first ``after`` collisions per particle.
+    """Up to ``count`` frames spread over the file, without the first ``after`` collisions per particle.
 
-    From the second half of the run if the whole run is shorter than twice ``after``.
+    From the second half of the file if all of it is shorter than twice ``after``. A file that goes on from another run
+    begins with its own first frame.
     """
     count = arguments.count("count", count, 1, arguments.MOST_ROWS)
     if arguments.number("after", after) < 0:
         raise ArgumentError(f"after = {quoted(after)}: must not be negative")
     frames = file.frames
     steps = np.asarray(frames.step, float)
+    steps = steps - steps[:1]
     threshold = min(after * len(file) / 2, steps[-1] / 2) if len(frames) else 0.0
     late = np.flatnonzero(steps >= threshold)
     chosen = np.unique(np.round(np.linspace(0, len(late) - 1, min(count, len(late)))).astype(int))

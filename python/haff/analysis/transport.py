@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
+from .. import conditions
 from ..arguments import reals
 from ..errors import ArgumentError, MissingDataError, NotApplicableError
 from ..layout import AXES, Array
@@ -45,6 +46,10 @@ def self_diffusion(file: File, start: float | None = None, end: float | None = N
     ``start``, ``end``: the window of lags [time]; default 20 and 80 mean free times, after the fast relaxation and
     most of the flow that a particle drags along.
 
+    Raises :class:`NotApplicableError` unless the conditions of :data:`haff.conditions.DIFFUSION` hold: a periodic box,
+    since walls bound displacements; a steady temperature and the same scene all the time, since correlations are means
+    over the whole run; and a center of mass that does not move on. Of a mixture it is the mean over the particles.
+
     In a sheared box the displacements are those across the flow, and the slope is divided by 2(d − 1): the mean of the
     coefficients of the gradient and, in three dimensions, of the third axis. The autocorrelation is that of velocities
     relative to the flow, and its integral is another quantity there.
@@ -52,6 +57,7 @@ def self_diffusion(file: File, start: float | None = None, end: float | None = N
     found, d = correlation_columns(file), file.dimension
     if "msd" not in found:
         raise MissingDataError(f"{file.path}: no mean square displacement (set measure.msd in the scene)")
+    conditions.require(file, f"{file.path}: the coefficient of self-diffusion", conditions.DIFFUSION)
     window = _window(file, found["msd"], (start, end), (20.0, 80.0))
     axes = d if file.shear is None else d - 1
     return _transport(found["msd"], found.get("vacf"), window, 1 / axes, 1 / d)
@@ -65,10 +71,12 @@ def shear_viscosity(file: File, start: float | None = None, end: float | None = 
     the traceless part of the tensor (P. J. Daivis, D. J. Evans, J. Chem. Phys. 100, 541 (1994)).
 
     ``start``, ``end``: the window of lags [time]; default 15 and 30 mean free times. These are fluctuations in
-    equilibrium: a sheared run raises :class:`NotApplicableError`, and :func:`rheology` gives its viscosity.
+    equilibrium: a sheared run raises :class:`NotApplicableError`, and :func:`rheology` gives its viscosity; so do other
+    files that do not meet the conditions of :data:`haff.conditions.VISCOSITY`, such as inelastic or driven gases.
     """
     if file.shear is not None:
         raise NotApplicableError(f"{file.path}: the run is sheared: analysis.rheology gives its viscosity")
+    conditions.require(file, f"{file.path}: the viscosity of an equilibrium", conditions.VISCOSITY)
     found = correlation_columns(file)
     if "helfand" not in found:
         raise MissingDataError(
@@ -109,7 +117,7 @@ class Rheology(NamedTuple):
 def rheology(file: File, start: float | None = None) -> Rheology:
     """Viscosity and normal stress differences of a sheared run with ``measure.stress``, against time and in the mean.
 
-    ``start``: the means are from there on [time]; default the second half of the run. Their errors are those of up to
+    ``start``: the means are from there on [time]; default the second half of the file. Their errors are those of up to
     20 blocks (:func:`block_average`), which must be long compared with the correlation time of the stresses. Raises
     :class:`NotApplicableError` for a run without shear, or with less than eight samples from ``start`` on.
     """
@@ -133,7 +141,7 @@ def rheology(file: File, start: float | None = None) -> Rheology:
     known = (length > 0) & np.isfinite(viscosity) & np.isfinite(first)
     end, length, viscosity, first, second = (x[known] for x in (end, length, viscosity, first, second))
     if start is None:
-        start = 0.5 * float(end[-1]) if len(end) else 0.0
+        start = 0.5 * (conditions.start(file) + float(end[-1])) if len(end) else 0.0
     # Whole intervals only; the slack is the rounding of times.
     late = end - length >= start - 1e-9 * abs(start)
     if np.sum(late) < 8:

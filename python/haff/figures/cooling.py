@@ -2,15 +2,13 @@
 
 from __future__ import annotations
 
-from typing import NamedTuple
-
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.ticker import AutoLocator, FuncFormatter, LogLocator, NullLocator
 
-from .. import theory
 from ..analysis import CoolingLaw
+from ..analysis.cooling import DEVIATION, Fit, fitted
 from ..layout import Array
 from ..reader import File
 from .facts import facts
@@ -18,38 +16,25 @@ from .style import BLUE, GREY, ORANGE, RED, headline, number
 
 ROTATION = r"rotation, $T_\mathrm{rot}$"
 
-FIRST = 1.0
-"""Collisions per particle from which on the law is fitted: a lattice delays the first ones."""
-DEVIATION = 0.1
-"""Relative deviation of the temperature from Haff's law from which on the law does not hold, beside noise."""
-
-
-class Fit(NamedTuple):
-    """Haff's law fitted to the samples for which it holds."""
-
-    tau: float
-    """τ of T = T₀/(c + t/τ)² [time]."""
-    until: float
-    """Last time of the fit [time]."""
-    complete: bool
-    """Whether the law holds up to the last sample."""
-
 
 def draw(file: File, law: CoolingLaw) -> Figure:
-    """T(t), log–log, with Haff's law of theory; below, their ratio. Shaded: times at which the law does not hold."""
+    """T(t), log–log, with Haff's law of theory; below, their ratio. Shaded: times at which the law does not hold.
+
+    In a file that goes on from another run, time and collisions count from its first sample.
+    """
     table = file.samples
-    known = (table["time"] > 0) & (table["temperature"] > 0)
-    t, T = table["time"][known], table["temperature"][known]
+    known = (table["time"] > law.start) & (table["temperature"] > 0)
+    t, T = table["time"][known] - law.start, table["temperature"][known]
     fit = fitted(file, law)
     figure = Figure(figsize=(6.4, 6.2), layout="constrained")
     top, below = figure.subplots(2, 1, sharex=True, height_ratios=(2.6, 1))
     curve = np.geomspace(t[0], t[-1], 400)
-    top.loglog(curve, theory.haff_temperature(curve, law.T0, law.tau), color=RED, lw=4.5, alpha=0.45,
+    top.loglog(curve, law.temperature(curve + law.start), color=RED, lw=4.5, alpha=0.45,
                solid_capstyle="round",
                label=rf"Haff’s law  $T_0\,(1+t/\tau)^{{-2}}$,  $\tau$ = {number(law.tau)} in theory")  # fmt: skip
     stride = max(1, len(t) // 4000)
     marker = "." if len(t) < 80 else ""
-    top.loglog(t[::stride], T[::stride], color=BLUE, marker=marker, lw=1.4, label=_measured(fit))
+    top.loglog(t[::stride], T[::stride], color=BLUE, marker=marker, lw=1.4, label=_measured(fit, law.start))
     if t[0] < law.tau < t[-1]:
         top.axvline(law.tau, color=GREY, lw=0.8, ls=":", zorder=0)
         top.text(law.tau, 0.985, r" $t=\tau$", transform=top.get_xaxis_transform(), color="#555555", va="top")
@@ -58,21 +43,24 @@ def draw(file: File, law: CoolingLaw) -> Figure:
         top.loglog(t[::stride], rotation[::stride], color=ORANGE, lw=1.4, label=ROTATION)
     if fit is not None and not fit.complete:
         for axes in (top, below):
-            axes.axvspan(fit.until, t[-1] * 1.02, color=GREY, alpha=0.13, lw=0, zorder=0)
+            axes.axvspan(fit.until - law.start, t[-1] * 1.02, color=GREY, alpha=0.13, lw=0, zorder=0)
     top.set_ylabel(r"granular temperature $T$  [$k_\mathrm{B}=1$]")
     top.legend(loc="lower left", title=_remarks(file, law, fit), alignment="left", title_fontsize=8.8)
     # Space for the legend below the start of the curve, however little the gas has cooled.
     low, high = top.get_ylim()
     top.set_ylim(low / (high / low) ** 0.35, high)
 
-    ratio = T / theory.haff_temperature(t, law.T0, law.tau)
+    ratio = T / law.temperature(t + law.start)
     below.axhline(1, color=RED, lw=2.5, alpha=0.45)
     below.loglog(t[::stride], ratio[::stride], color=BLUE, lw=1.3, marker=marker)
     _ratio_axis(below, float(ratio.min()), float(ratio.max()))
     below.set_ylabel(r"$T\,/\,T_\mathrm{Haff}$")
-    below.set_xlabel("simulated time $t$  [scene’s unit of time]")
+    since = f" after {law.start:.6g}, where the file starts" if law.start > 0 else ""
+    below.set_xlabel(f"simulated time $t${since}  [scene’s unit of time]")
     below.set_xlim(t[0], t[-1] * 1.02)
-    _collisions_axis(top, table, len(file))
+    particles = 2 * (table["collisions"] - table["collisions"][0]) / len(file) if "collisions" in table else None
+    if particles is not None:
+        _collisions_axis(top, table["time"] - law.start, particles)
     headline(figure, "Cooling by Haff’s law", facts(file))
     return figure
 
@@ -82,33 +70,11 @@ def rotational(table: dict[str, Array]) -> Array:
     return table.get("rotational_temperature", np.full(len(table["time"]), np.nan))
 
 
-def fitted(file: File, law: CoolingLaw) -> Fit | None:
-    """τ from √(T₀/T) = c + t/τ, from ``FIRST`` collisions per particle on and as long as Haff's law holds.
-
-    It holds up to the first sample whose temperature differs from the law with the τ of theory by more than
-    ``DEVIATION`` and a standard deviation √(2/(dN)) of the temperature of N particles. Relative deviations have the
-    same weight at all times. ``None`` for fewer than four samples.
-    """
-    table = file.samples
-    if "collisions" not in table:
-        return None
-    chosen = (2 * table["collisions"] >= FIRST * len(file)) & (table["temperature"] > 0)
-    t, T = table["time"][chosen], table["temperature"][chosen]
-    allowed = DEVIATION + np.sqrt(2 / (file.dimension * len(file)))
-    off = np.abs(T / theory.haff_temperature(t, law.T0, law.tau) - 1) > allowed
-    count = int(np.argmax(off)) if off.any() else len(t)
-    if count < 4:
-        return None
-    root = np.sqrt(law.T0 / T[:count])
-    slope, _ = np.polyfit(t[:count], root, 1, w=1 / root)
-    return Fit(float(1 / slope), float(t[count - 1]), count == len(t)) if slope > 0 else None
-
-
-def _measured(fit: Fit | None) -> str:
+def _measured(fit: Fit | None, start: float) -> str:
     """Label of the curve of the simulation."""
     if fit is None:
         return "simulation"
-    where = "" if fit.complete else f" up to $t$ = {number(fit.until, 3)}"
+    where = "" if fit.complete else f" up to $t$ = {number(fit.until - start, 3)}"
     return rf"simulation,  $\tau$ = {number(fit.tau)} measured{where}"
 
 
@@ -130,15 +96,16 @@ def _remarks(file: File, law: CoolingLaw, fit: Fit | None) -> str | None:
     if np.isfinite(law.critical_length):
         side = file.box.size[: file.dimension].max()
         sign, so = ("<", "stays homogeneous") if side < law.critical_length else (">", "clusters in the end")
-        found.append(rf"box {side:.3g} {sign} $L_c$ ≈ {law.critical_length:.3g}: {so}")
+        found.append(rf"box {side:.3g} {sign} $L_c$ ≈ {law.critical_length:.3g} of a dilute gas: {so}")
+    if not law.monodisperse:
+        found.append("in theory all particles have one temperature")
     if fit is not None and not fit.complete:
         found.append(f"shaded: $T$ is off the law by more than {100 * DEVIATION:g} %")
     return "\n".join(found) or None
 
 
-def _collisions_axis(axes, table, number_of_particles: int) -> None:
-    """Second scale above: collisions per particle at round numbers."""
-    time, particles = table["time"], 2 * table["collisions"] / number_of_particles
+def _collisions_axis(axes, time: np.ndarray, particles: np.ndarray) -> None:
+    """Second scale above: collisions per particle up to each time, at round numbers."""
     low, high = axes.get_xlim()
     wanted = [10.0**k for k in range(-3, 7)] + [3 * 10.0**k for k in range(-3, 7)]
     ticks, labels = [], []
@@ -147,7 +114,7 @@ def _collisions_axis(axes, table, number_of_particles: int) -> None:
         if particles[-1] < value or not np.any(particles >= value):
             continue
         at = float(np.interp(value, particles, time))
-        if not max(low, time[1]) <= at <= high:
+        if not max(low, float(time[1])) <= at <= high:
             continue
         place = np.log(at / low) / np.log(high / low)
         if place - last > 0.09:

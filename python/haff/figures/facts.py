@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
+from ..phases import phase_note
 from ..reader import File, packing_fraction
-from ..recorded import roughness
+from ..recorded import law_name, roughness
 from .style import label
 
 
@@ -22,11 +23,17 @@ def facts(file: File) -> str:
     return f"{label(file.title) + '  ·  ' if file.title else ''}{',  '.join(parts)}"
 
 
+def sampled(file: File, time: np.ndarray) -> str:
+    """:func:`facts`, and whether the samples at these times are at one phase of an oscillation."""
+    note = phase_note(file, time)
+    return facts(file) + (f"  ·  samples {label(note)}" if note else "")
+
+
 def _restitutions(file: File) -> list[str]:
     """Restitution of the contacts that can happen: between particles, and with walls where it differs."""
 
-    def name(e: object) -> str:
-        return f"{e:g}" if isinstance(e, (int, float)) else label(e.get("model", "?")) if isinstance(e, dict) else "?"
+    def name(law: object) -> str:
+        return label(law_name(law))
 
     contact, walls = file.scene.get("contact", {}), file.scene.get("wall", [])
     between = contact.get("restitution", 1.0)

@@ -27,7 +27,7 @@ def draw(file: File) -> Figure:
     frames = file.frames
     if len(frames) == 0:
         raise NotApplicableError("no frames")
-    late = np.flatnonzero(frames.time >= 0.5 * frames.time[-1])
+    late = np.flatnonzero(frames.time >= 0.5 * (frames.time[0] + frames.time[-1]))
     most = int(np.clip(MOST_PARTICLES // len(file), 1, MOST_FRAMES))
     rows = np.unique(np.round(np.linspace(late[-1], late[0], min(most, len(late)))).astype(int))
     chosen = [frames[int(row)] for row in rows]

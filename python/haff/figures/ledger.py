@@ -10,7 +10,7 @@ from matplotlib.ticker import FuncFormatter, LogLocator, NullLocator
 from ..errors import NotApplicableError
 from ..observables import balance
 from ..reader import File
-from .facts import facts
+from .facts import sampled
 from .style import BLACK, BLUE, GREEN, GREY, ORANGE, PURPLE, RED, SKY, YELLOW, headline, label, number
 
 # Residuals below this are within the last bit of the sums and drawn on the lowest line.
@@ -18,20 +18,26 @@ FLOOR = 1e-17
 
 
 def draw(file: File) -> Figure:
-    """Stacked energies against time with the line of E₀ + W on top; below, the residual of the ledger."""
+    """Stacked energies against time with the line of E₀ + W on top; below, the residual of the ledger.
+
+    E₀ is the energy at the first sample, and what was lost and given counts from there: a file of a run that went on
+    with changed keys starts in the middle of it.
+    """
     table = file.samples
     needed = ("kinetic_energy", "potential_energy", "dissipated_energy")
     if missing := [n for n in needed if n not in table]:
         raise NotApplicableError(f"the file has no {', '.join(missing)}")
-    if len(table["time"]) < 2:
+    if len(table["time"]) < 2 or not table["time"][-1] > table["time"][0]:
         raise NotApplicableError("fewer than two samples")
     t = table["time"]
     kinetic, potential, lost = (table[n] for n in needed)
+    lost = lost - lost[0]
     rotation = table["rotational_energy"] if "rotational_energy" in table else np.zeros_like(t)
     terms = {name: sign for name, (_, sign) in balance(file).items() if name in table}
+    since = {name: table[name] - table[name][0] for name in terms}
     # What is given raises the line of the supply; what is taken is a layer.
-    work = np.sum([table[name] for name, sign in terms.items() if sign > 0] or [np.zeros_like(t)], axis=0)
-    rest = np.sum([table[name] for name, sign in terms.items() if sign < 0] or [np.zeros_like(t)], axis=0)
+    work = np.sum([since[name] for name, sign in terms.items() if sign > 0] or [np.zeros_like(t)], axis=0)
+    rest = np.sum([since[name] for name, sign in terms.items() if sign < 0] or [np.zeros_like(t)], axis=0)
     scale = max(np.max(np.abs(energy)) for energy in (kinetic, rotation, potential, lost))
     if not scale > 0:
         raise NotApplicableError("there is no energy in this scene")
@@ -57,10 +63,10 @@ def draw(file: File) -> Figure:
     shown = t > 0 if logarithmic else np.full(len(t), True)
     top.stackplot(t[shown], *[v[shown] for _, _, v in layers], colors=[c for _, c, _ in layers], lw=0, alpha=0.85,
                   labels=[n for n, _, _ in layers])  # fmt: skip
-    # Sums count from the start of the run, which may be in another file.
-    supply = (kinetic + rotation + potential + lost + rest - work)[0] - shift + work
-    given = [label for name, (label, sign) in balance(file).items() if name in terms and sign > 0 and table[name].any()]
-    supplied = " + ".join([r"$E_0$", *given]) if given else r"initial energy $E_0$"
+    supply = kinetic[0] + rotation[0] + potential[0] - shift + work
+    given = [label for name, (label, sign) in balance(file).items() if name in terms and sign > 0 and since[name].any()]
+    first = r"initial energy $E_0$" if t[0] == 0 else f"energy $E_0$ at $t$ = {number(float(t[0]))}"
+    supplied = " + ".join([r"$E_0$" if t[0] == 0 else first, *given]) if given else first
     top.plot(t[shown], supply[shown], color=BLACK, lw=1.4, ls=(0, (5, 2)), label=supplied)
     top.set_ylabel("energy  [mass · length² / time²]")
     top.set_ylim(0, 1.02 * max(float(supply.max()), float(np.sum([v for _, _, v in layers], axis=0).max())))
@@ -82,7 +88,7 @@ def draw(file: File) -> Figure:
     if logarithmic:
         below.set_xscale("log")
     below.set_xlim(t[shown][0], t[-1])
-    headline(figure, "Where the energy went", f"{facts(file)}  ·  largest residual {number(largest, 2)}")
+    headline(figure, "Where the energy went", f"{sampled(file, t)}  ·  largest residual {number(largest, 2)}")
     return figure
 
 

@@ -5,12 +5,13 @@ from __future__ import annotations
 import numpy as np
 from matplotlib.figure import Figure
 
-from .. import analysis, theory
+from .. import conditions, theory
 from ..errors import NotApplicableError
+from ..phases import phase_note
 from ..reader import File
 from ..recorded import is_rough
 from .facts import facts
-from .style import BLUE, GREEN, GREY, ORANGE, RED, headline, label
+from .style import BLUE, GREEN, GREY, ORANGE, RED, headline, label, left_out
 
 _COLORS = {"collision": BLUE, "wall": ORANGE, "rest": GREEN}
 _NAMES = {
@@ -25,16 +26,18 @@ _NAMES = {
 
 
 def draw(file: File) -> Figure:
-    """Histogram of ΔT per kind of event; for a cooling gas also ΔT in units of (1 − e²)T against e^{-x}.
+    """Histogram of ΔT per kind of event; for a homogeneous gas also ΔT in units of (1 − e²)T against e^{-x}.
 
-    Of rough contacts the second panel has the part of ΔT by the normal impulse.
+    Of rough contacts the second panel has the part of ΔT by the normal impulse. Where the exponential law does not
+    hold, the first panel says why.
     """
     events = file.events
     if not {"kind", "energy_loss", "time"} <= set(events.columns):
         raise NotApplicableError("the event log has no energy losses")
     if len(events) < 5:
         raise NotApplicableError(f"{len(events)} events make no histogram")
-    e = _restitution(file)
+    why = _unmet(file)
+    e = None if why else conditions.restitution(file)
     rough = "tangential_loss" in events.columns
     low, high, lossy = _range(file)
     if not lossy:
@@ -75,7 +78,9 @@ def draw(file: File) -> Figure:
     raw.set_ylabel("events per bin")
     raw.set_title("as recorded")
     raw.legend(loc="upper left")
-    if e is not None:
+    if e is None:
+        left_out(raw, "not in units of the temperature", why)
+    else:
         _scaled_panel(axes[1], scaled, scaled_edges, number, rough)
     headline(figure, "Energy lost per event", f"{facts(file)}  ·  {len(events):,} events")
     return figure
@@ -99,18 +104,18 @@ def _scaled_panel(axes, counts: np.ndarray, edges: np.ndarray, number: int, roug
     axes.legend(loc="upper right")
 
 
-def _restitution(file: File) -> float | None:
-    """e of all collisions of a cooling gas, if its temperature and the losses by normal impulses are known."""
-    try:
-        e = analysis.gas_restitution(file)
-    except NotApplicableError:
-        return None
+def _unmet(file: File) -> str:
+    """Why losses have not the exponential distribution in units of the temperature, or why these are not known."""
+    if why := conditions.unmet(file, conditions.LOSSES):
+        return why
     if is_rough(file.scene) and "tangential_loss" not in file.events.columns:
-        return None
-    if not (e < 1 and "observables" in file and len(file.samples["time"]) > 2):
-        return None
-    table = file.samples
-    return e if "temperature" in table and table["temperature"][0] > 0 else None
+        return "needs the tangential losses of rough contacts in the event log"
+    table = file.samples if "observables" in file else {}
+    if len(table.get("temperature", ())) < 3 or not table["temperature"][0] > 0:
+        return "needs samples of the temperature"
+    if note := phase_note(file, table["time"]):
+        return f"needs temperatures of all phases, and samples are {note}"
+    return ""
 
 
 def _temperature_at(time: np.ndarray, table) -> np.ndarray:

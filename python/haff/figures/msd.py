@@ -2,35 +2,48 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+
 import numpy as np
+from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from .. import analysis
+from .. import analysis, conditions
 from ..errors import NotApplicableError
 from ..measurements import correlation_columns
 from ..reader import File
-from .facts import facts
-from .style import BLUE, GREEN, GREY, RED, headline, number
+from .facts import facts, sampled
+from .style import BLUE, GREEN, GREY, RED, headline, left_out, number
 
 
 def draw(file: File) -> Figure:
-    """⟨|Δr|²⟩ against lag with its slope, and the running coefficients of Einstein and of Green and Kubo below."""
+    """⟨|Δr|²⟩ against lag with its slope, and the running coefficients of Einstein and of Green and Kubo below.
+
+    Where there is no coefficient of self-diffusion (:func:`haff.analysis.self_diffusion`), ⟨|Δr|²⟩ alone and why.
+    """
     found = correlation_columns(file)
     if "msd" not in found:
         raise NotApplicableError("no mean square displacement (set measure.msd in the scene)")
     msd, d = found["msd"], file.dimension
-    lag, value, error = (msd[name] for name in ("lag", "value", "error"))
+    lag, value = msd["lag"], msd["value"]
     if len(lag) < 8 or not value[-1] > 0:
         raise NotApplicableError("fewer than eight lags of the mean square displacement")
+    if why := conditions.unmet(file, conditions.DIFFUSION):
+        figure = Figure(figsize=(6.4, 4.4), layout="constrained")
+        axes = figure.subplots()
+        _displacements(axes, msd)
+        axes.set_xlabel("lag $t$  [scene’s unit of time]")
+        axes.legend(loc="upper left")
+        left_out(axes, "no coefficient", why, x=0.98, ha="right")
+        headline(figure, "Mean square displacement", facts(file))
+        return figure
     result = analysis.self_diffusion(file)
     # In a sheared box the displacements are those across the flow.
     axes_seen = d if file.shear is None else d - 1
 
     figure = Figure(figsize=(6.4, 6.2), layout="constrained")
     top, below = figure.subplots(2, 1, sharex=True, height_ratios=(1.6, 1))
-    top.loglog(lag, value, "o", color=BLUE, ms=3, label="simulation")
-    known = np.isfinite(error)
-    top.fill_between(lag[known], *_band(value[known], error[known]), color=BLUE, alpha=0.25, lw=0)
+    _displacements(top, msd)
     window = np.array([result.start, result.end])
     slope = 2 * axes_seen * result.einstein
     offset = np.interp(result.end, lag, value) - slope * result.end
@@ -41,7 +54,6 @@ def draw(file: File) -> Figure:
         start = float(found["vacf"]["value"][0])
         early = lag[lag <= max(lag[0], np.sqrt(np.interp(result.start, lag, value) / start))]
         top.loglog(early, start * early**2, color=GREY, lw=1.2, ls="--", label=r"$\langle v^2\rangle t^2$")
-    top.set_ylabel(r"$\langle|\mathbf{r}(t)-\mathbf{r}(0)|^2\rangle$  [length²]")
     top.legend(loc="upper left")
 
     running = np.gradient(value, lag) / (2 * axes_seen)
@@ -55,8 +67,18 @@ def draw(file: File) -> Figure:
     below.set_xlabel("lag $t$  [scene’s unit of time]")
     below.set_ylabel("$D(t)$  [length²/time]")
     below.legend(loc="lower right")
-    headline(figure, "Self-diffusion", facts(file))
+    # States are taken at multiples of the shortest lag.
+    headline(figure, "Self-diffusion", sampled(file, lag[0] * np.arange(100.0)))
     return figure
+
+
+def _displacements(axes: Axes, msd: Mapping[str, np.ndarray]) -> None:
+    """⟨|Δr|²⟩ against lag, with two standard errors."""
+    lag, value, error = (msd[name] for name in ("lag", "value", "error"))
+    axes.loglog(lag, value, "o", color=BLUE, ms=3, label="simulation")
+    known = np.isfinite(error)
+    axes.fill_between(lag[known], *_band(value[known], error[known]), color=BLUE, alpha=0.25, lw=0)
+    axes.set_ylabel(r"$\langle|\mathbf{r}(t)-\mathbf{r}(0)|^2\rangle$  [length²]")
 
 
 def _band(value: np.ndarray, error: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

@@ -10,10 +10,11 @@ from matplotlib.figure import Figure
 from ..errors import NotApplicableError
 from ..layout import AXES
 from ..measurements import Rows, profile_rows
+from ..phases import phase_note, profile_times
 from ..reader import File
 from ..wording import say
 from .facts import facts
-from .style import BLUE, CYCLE, RED, SPEED_MAP, headline
+from .style import BLUE, CYCLE, RED, SPEED_MAP, headline, label
 
 MOST_ARROWS = 24
 """Arrows along an axis of a map."""
@@ -38,6 +39,8 @@ def draw(file: File) -> Figure:
     figure = _lines(late, name) if lines else _map(late, name)
     times = late.time
     span = f"t = {times[0]:.4g} … {times[-1]:.4g}" if len(times) > 1 else f"t = {times[0]:.4g}"
+    if note := phase_note(file, profile_times(file, name, times)):
+        span += f", states {label(note)}"
     headline(figure, f"Profile along {' and '.join(name)}", f"{facts(file)}  ·  {len(times)} rows, {span}")
     return figure
 

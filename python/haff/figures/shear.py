@@ -8,16 +8,15 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from .. import analysis, theory
+from .. import analysis, conditions, theory
 from ..errors import NotApplicableError
 from ..frames import Shear
 from ..layout import AXES
 from ..measurements import Rows, profile_rows
 from ..reader import File, packing_fraction
-from ..recorded import is_rough
 from .facts import facts
 from .profiles import curve, later_half
-from .style import BLUE, CYCLE, GREY, RED, headline, label, note, number
+from .style import BLUE, CYCLE, GREY, RED, headline, left_out, number
 
 MOST_POINTS = 200
 """Points of a curve; of more samples each point is a mean of several."""
@@ -35,7 +34,8 @@ class _Steady(NamedTuple):
 def draw(file: File) -> Figure:
     """Temperature, viscosity and normal stresses against strain; with a profile along the gradient the velocity.
 
-    Dashed lines are the steady state by :func:`haff.theory.uniform_shear_enskog`, where it applies.
+    Dashed lines are the steady state by :func:`haff.theory.uniform_shear_enskog`, where its conditions
+    (:data:`haff.conditions.SHEAR_FLOW`) hold.
     """
     shear = file.shear
     if shear is None:
@@ -92,31 +92,17 @@ def draw(file: File) -> Figure:
     if profile is not None:
         _velocity(panels[3], profile, shear, float(file.box.size[shear.gradient]))
     if why:
-        note(temperature, f"no theory drawn: {label(why)}")
+        left_out(temperature, "no theory drawn", why)
     headline(figure, "Simple shear", rf"{facts(file)},  $\dot\gamma$ = {shear.rate:g}  ·  means over the shaded times")
     return figure
 
 
 def _theory(file: File, shear: Shear) -> tuple[_Steady | None, str]:
     """The steady state by Enskog's equation, or why there is none."""
-    contact, scene = file.scene.get("contact", {}), file.scene
-    e = contact.get("restitution", 1.0)
-    laws = [e, *("sticks" if p.get("sticks") else p.get("restitution", e) for p in contact.get("pair", ()))]
-    kinds = np.unique(np.stack([file.radius, file.mass]), axis=1)
-    phi = packing_fraction(file)
-    obstacles = (
-        (file.dimension == 2, "it is for spheres"),
-        (kinds.shape[1] > 1, "it is for equal spheres"),
-        (any(isinstance(law, dict) or law != e for law in laws), "it is for one constant restitution"),
-        (is_rough(scene), "it is for smooth contacts"),
-        (bool(scene.get("drive")), "a drive gives energy, too"),
-        (e == 1, "elastic spheres have no steady state"),
-        (not phi < 0.49, "too dense for a fluid"),
-    )
-    for obstacle, why in obstacles:
-        if obstacle:
-            return None, why
-    sigma, mass, rate = 2 * float(kinds[0, 0]), float(kinds[1, 0]), abs(shear.rate)
+    if why := conditions.unmet(file, conditions.SHEAR_FLOW):
+        return None, why
+    e, phi = conditions.restitution(file) or 0.0, packing_fraction(file)
+    sigma, mass, rate = 2 * float(file.radius[0]), float(file.mass[0]), abs(shear.rate)
     flow = theory.uniform_shear_enskog(e, phi)
     normal = np.diag(flow.pressure_tensor) / flow.pressure
     return _Steady(

@@ -5,28 +5,37 @@ from __future__ import annotations
 import numpy as np
 from matplotlib.figure import Figure
 
-from .. import analysis
+from .. import analysis, conditions
 from ..errors import NotApplicableError
 from ..layout import AXES
 from ..measurements import correlation_columns
 from ..reader import File
 from .facts import facts
-from .style import BLACK, BLUE, CYCLE, GREEN, GREY, RED, headline, number
+from .style import BLACK, BLUE, CYCLE, GREEN, GREY, RED, headline, left_out, number
 
 
 def draw(file: File) -> Figure:
-    """Components of the pressure tensor; with ``measure.stress_correlation`` the running viscosity below."""
+    """Components of the pressure tensor; with ``measure.stress_correlation`` the running viscosity below.
+
+    Fluctuations give the viscosity of an equilibrium only (:func:`haff.analysis.shear_viscosity`); elsewhere the figure
+    says why there is none.
+    """
     table = file.samples if "observables" in file else None
     tensor = table is not None and "pressure_tensor_xx" in table
-    # The viscosity of a sheared run does not follow from fluctuations.
-    correlated = file.shear is None and "correlations" in file and "stress" in correlation_columns(file)
-    if not tensor and not correlated:
+    measured = "correlations" in file and "stress" in correlation_columns(file)
+    if not tensor and not measured:
         raise NotApplicableError("no pressure tensor (set measure.stress or stress_correlation in the scene)")
+    why = conditions.unmet(file, conditions.VISCOSITY) if measured else ""
+    correlated = measured and not why
+    if not tensor and why:
+        raise NotApplicableError(f"the viscosity of an equilibrium {why}")
     rows = int(tensor) + int(correlated)
     figure = Figure(figsize=(6.4, 3.2 * rows + 0.6), layout="constrained")
     axes = figure.subplots(rows, 1, squeeze=False)[:, 0]
     if tensor:
         _components(file, axes[0])
+        if why:
+            left_out(axes[0], "no viscosity", why)
     if correlated:
         _viscosity(file, axes[-1])
     headline(figure, "Pressure tensor", facts(file))

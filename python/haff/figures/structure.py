@@ -7,12 +7,13 @@ from typing import NamedTuple
 import numpy as np
 from matplotlib.figure import Figure
 
-from .. import analysis, theory
+from .. import analysis, conditions, theory
 from ..errors import NotApplicableError
 from ..frames import Frame
-from ..reader import File
+from ..phases import phase_note
+from ..reader import File, packing_fraction
 from .facts import facts
-from .style import BLUE, GREEN, GREY, RED, headline
+from .style import BLUE, GREEN, GREY, RED, headline, label, left_out
 
 MOST_FRAMES = 20
 MOST_PAIRS = 4e6
@@ -30,7 +31,7 @@ class Range(NamedTuple):
 
 
 def draw(file: File) -> Figure:
-    """g(r) from contact on, with the contact value of theory."""
+    """g(r) from contact on, with the contact value of theory for a homogeneous fluid of equal particles."""
     d, sizes = file.dimension, np.unique(2 * file.radius)
     frames, sigma, r_max, bins = sampled(file, MOST_PAIRS)
     found = analysis.pair_distributions(frames, r_max, bins, most_pairs=MOST_PAIRS)
@@ -42,7 +43,7 @@ def draw(file: File) -> Figure:
     axes.axhline(1, color=GREY, lw=0.8, ls=":")
     axes.plot(x, g, color=BLUE, lw=1.4, label=f"simulation, {sample(file, found)}")
     if alike:
-        _contact(file, axes, d)
+        _contact(file, axes, d, 1.5 * float(g.max()))
         axes.axvspan(0, 1, color=GREY, alpha=0.12, lw=0)
         axes.text(0.5, 0.25, "excluded", transform=axes.get_xaxis_transform(), ha="center", color="#666666")
         axes.set_xlabel(r"distance of the centers  $r/\sigma$")
@@ -90,22 +91,26 @@ def sample(file: File, found: analysis.PairDistributions) -> str:
 
 
 def times(frames: list[Frame]) -> str:
-    """The times of some frames, in words."""
-    return f"t = {frames[0].time:.4g} … {frames[-1].time:.4g}" if len(frames) > 1 else f"t = {frames[0].time:.4g}"
+    """The times of some frames, in words, and whether all of them are at one phase of an oscillation."""
+    span = f"t = {frames[0].time:.4g} … {frames[-1].time:.4g}" if len(frames) > 1 else f"t = {frames[0].time:.4g}"
+    note = phase_note(frames[0].file, np.array([frame.time for frame in frames]))
+    return span + (f", {label(note)}" if note else "")
 
 
-def _contact(file: File, axes, d: int) -> None:
-    eta = float(file.summary["packing_fraction"])
-    if not eta < (0.5 if d == 3 else 0.7):
+def _contact(file: File, axes, d: int, top: float) -> None:
+    """Marks the contact values of theory; one above ``top``, of nearly plastic spheres, is in the legend only."""
+    if why := conditions.unmet(file, conditions.CONTACT_VALUE):
+        left_out(axes, "no contact value of theory", why, x=0.98, ha="right")
         return
+    eta = packing_fraction(file)
     name = "Carnahan–Starling" if d == 3 else "Henderson"
     g0 = float(theory.contact_value(eta, d))
     axes.plot([1], [g0], "D", color=RED, ms=6, zorder=5, clip_on=False,
               label=rf"$g(\sigma^+)$ = {g0:.3f}, {name}")  # fmt: skip
-    e = file.scene.get("contact", {}).get("restitution", 1.0)
-    if isinstance(e, (int, float)) and 0 < e < 1:
+    e = conditions.restitution(file)
+    if e is not None and 0 < e < 1:
         seen = float(theory.contact_value_after_collision(g0, e))
-        axes.plot([1], [seen], "s", color=GREEN, ms=6, zorder=5, clip_on=False,
+        axes.plot([1], [seen if seen <= top else np.nan], "s", color=GREEN, ms=6, zorder=5, clip_on=False,
                   label=rf"× $(1 + e)/2e$ = {seen:.3f}, inelastic")  # fmt: skip
 
 

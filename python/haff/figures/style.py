@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import textwrap
 from collections.abc import Iterator
 from contextlib import contextmanager
 
@@ -87,6 +88,12 @@ def note(axes: Axes, text: str, *, x: float = 0.02, y: float = 0.04, ha: str = "
         x, y, text, transform=axes.transAxes, ha=ha, va=va, fontsize=8.8, color="#333333", linespacing=1.45,
         bbox={"facecolor": "white", "edgecolor": "none", "alpha": 0.8, "pad": 2},
     )  # fmt: skip
+
+
+def left_out(axes: Axes, what: str, why: str, *, x: float = 0.02, y: float = 0.04, ha: str = "left") -> None:
+    """A note that a curve is not drawn, and the reason, in a corner: a lower one by default."""
+    lines = textwrap.wrap(f"{what}: {why}", 62, break_long_words=True)
+    note(axes, "\n".join(map(label, lines)), x=x, y=y, ha=ha, va="top" if y > 0.5 else "bottom")
 
 
 def zoom(axes: Axes, low: float, high: float, *, least: float = 0.0, around: float | None = None) -> None:

@@ -46,7 +46,7 @@ class Path(NamedTuple):
 
 
 def flights(file: File) -> list[Path]:
-    """Paths of all bodies between frames, exact where the event log has every change of velocity.
+    """Paths of all bodies between frames, exact where the event log has every change of velocity: not those by drives.
 
     From each frame a body flies freely (a parabola under gravity) to its next event, takes up the impulse
     of the log, and flies on, up to the next frame. Without a log, and for bodies with pendulums, springs or rods,
@@ -66,7 +66,7 @@ def flights(file: File) -> list[Path]:
     pull = file.scene.get("domain", {}).get("gravity", ())
     gravity[: len(pull)] = pull
     log = None
-    if "events" in file and len(file.events) <= 50 * MOST_MARKS:
+    if "events" in file and not file.scene.get("drive") and len(file.events) <= 50 * MOST_MARKS:
         events = file.events
         names = ["time", "kind", "i", "j"]
         # Of smooth bodies the impulse is along the normal, but at thermal walls, where the log has its vector, too.

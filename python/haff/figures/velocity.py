@@ -7,12 +7,13 @@ import math
 import numpy as np
 from matplotlib.figure import Figure
 
-from .. import analysis, theory
+from .. import analysis, conditions, theory
 from ..errors import NotApplicableError
 from ..layout import AXES
 from ..reader import File
 from .facts import facts
-from .style import BLUE, GREEN, GREY, RED, headline, note, signed
+from .structure import times
+from .style import BLUE, GREEN, GREY, RED, headline, left_out, note, signed
 
 MOST_FRAMES = 40
 
@@ -20,6 +21,8 @@ MOST_FRAMES = 40
 def draw(file: File) -> Figure:
     """Density of one scaled velocity component, log scale, and its ratio to Maxwell's below.
 
+    The Sonine correction of theory is that of the homogeneous cooling state, or of a gas heated by white noise, where
+    their conditions hold; elsewhere the figure says why there is none.
     In a sheared box velocities are relative to the flow, and the components have different temperatures.
     """
     if np.isfinite(file.mass).sum() < 200:
@@ -49,15 +52,17 @@ def draw(file: File) -> Figure:
     figure = Figure(figsize=(6.4, 6.2), layout="constrained")
     top, below = figure.subplots(2, 1, sharex=True, height_ratios=(1.9, 1.3))
     top.semilogy(line, theory.maxwell_component(line), color=GREY, lw=3.5, alpha=0.6, label="Maxwell")
-    shape = _theory_a2(file)
+    shape, state = _theory(file)
     if shape is not None:
         top.semilogy(line, theory.sonine_component(line, shape), color=RED, lw=1.2, ls="--",
-                     label=rf"Sonine, theory  $a_2$ = {signed(shape)}")  # fmt: skip
+                     label=rf"Sonine, {state} in theory  $a_2$ = {signed(shape)}")  # fmt: skip
     spread = np.std([analysis.sonine_a2(f) for f in frames], ddof=1) / np.sqrt(len(frames)) if len(frames) > 2 else None
     top.errorbar(centre, density, error, fmt="o", ms=3.4, color=BLUE, elinewidth=0.9,
                  label=f"simulation, {len(frames)} frames × {len(scaled[0]):,} particles")  # fmt: skip
     top.set_ylabel("probability density")
     top.legend(loc="lower left")
+    if shape is None and state:
+        left_out(top, "no theory drawn", state, x=0.98, y=0.96, ha="right")
 
     below.axhline(1, color=GREY, lw=3.5, alpha=0.6)
     if shape is not None:
@@ -85,14 +90,18 @@ def draw(file: File) -> Figure:
         note(below, rf"green: normal densities with the measured $T_a/T$ = {ratios}")
     else:
         note(below, rf"green: $1 + a_2\,S_2(c_x^2)$ with the measured $a_2$ = {signed(measured)}{margin}")
-    span = f"t = {frames[0].time:.4g} … {frames[-1].time:.4g}" if len(frames) > 1 else f"t = {frames[0].time:.4g}"
-    headline(figure, "Velocity distribution", f"{facts(file)}  ·  {span}")
+    headline(figure, "Velocity distribution", f"{facts(file)}  ·  {times(frames)}")
     return figure
 
 
-def _theory_a2(file: File) -> float | None:
-    try:
-        law = analysis.cooling_law(file)
-    except NotApplicableError:
-        return None
-    return law.a2 if law.monodisperse and law.restitution < 1 else None
+def _theory(file: File) -> tuple[float | None, str]:
+    """a₂ and the state that it is of; or ``None``, and why there is none, empty for elastic particles."""
+    if conditions.restitution(file) == 1:
+        return None, ""
+    e = conditions.restitution(file) or 0.0
+    heated = any(drive["kind"] == "white_noise" for drive in file.scene.get("drive", ()))
+    if why := conditions.unmet(file, conditions.HEATED_A2 if heated else conditions.COOLING_A2):
+        return None, why
+    if heated:
+        return float(theory.sonine_a2_heated(e, file.dimension)), "heated gas"
+    return float(theory.sonine_a2(e, file.dimension)), "cooling gas"

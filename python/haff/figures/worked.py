@@ -9,7 +9,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from .. import measured, mechanics
+from .. import conditions, measured, mechanics
 from ..errors import NotApplicableError
 from ..reader import File
 from ..recorded import shaped_walls
@@ -43,7 +43,17 @@ class Worked(NamedTuple):
 
 
 def worked(run: File) -> Worked:
-    """The system of a run. Raises :class:`NotApplicableError` if it is none of the chapter's systems."""
+    """The system of a run. Raises :class:`NotApplicableError` if it is none of the chapter's systems.
+
+    There is a closed form where the conditions of :data:`haff.conditions.CLOSED_FORM` and those of the system hold.
+    """
+    found = _system(run)
+    if why := conditions.unmet(run, conditions.CLOSED_FORM):
+        return found._replace(law=None, levels=[], why=why)
+    return found
+
+
+def _system(run: File) -> Worked:
     if len(run) > 24:
         raise NotApplicableError(f"{len(run)} bodies: made for a few")
     if len(run.frames) < 2:
@@ -281,8 +291,13 @@ def _ball(run: File) -> Worked:
     seen = (run.frames.array("position")[:, 0] - point) @ normal - run.radius[0]
     law, levels, why = None, [], ""
     e = measured.wall_restitution(run, run.species_names[run.species[0]], wall)
+    others = [measured.plane(run, other)[1] @ pull / g for other in range(measured.count_walls(run)) if other != wall]
     if run.frames[0].velocity[0] @ normal != 0:
         why = "the ball is not dropped from rest"
+    elif driven := measured.driven(run, wall):
+        why = f"the floor {driven}"
+    elif any(CLOSE < abs(slope) < 1 - CLOSE for slope in others):
+        why = "there is an inclined wall"
     elif not isinstance(e, (int, float)):
         why = "restitution is not one number"
     else:
@@ -307,8 +322,13 @@ def _impact(run: File) -> Worked:
         if b >= 0 or square < 0:
             raise NotApplicableError("the two do not meet")
         hit = c / (np.sqrt(square) - b)
+        bounded = measured.count_walls(run) > 0 or bool(run.box.periodic.any())
+        if bounded and not np.isclose(_next_event(run, 0.0), hit, rtol=CLOSE):
+            raise NotApplicableError("something else comes before the impact of the two, or there is no event log")
         n = (r + u * hit) / sigma
     elif measured.count_walls(run) == 1:
+        if (driven := measured.driven(run, 0)) and "velocity" not in driven:
+            raise NotApplicableError(f"the wall {driven}")
         point, normal = measured.plane(run, 0)
         name = run.species_names[run.species[0]]
         e, m2 = measured.wall_restitution(run, name, 0), np.inf

@@ -60,8 +60,11 @@ def _spinning(frames: Frames) -> bool:
 
 
 def along_flights(file: File, frames: Frames) -> Keyframes | None:
-    """Exact paths of few bodies from the event log; ``None`` without a complete log, or if they are too long."""
-    if len(frames) < 2 or "events" not in file:
+    """Exact paths of few bodies from the event log; ``None`` without a complete log, or if they are too long.
+
+    The log lacks the changes of velocities by drives.
+    """
+    if len(frames) < 2 or "events" not in file or file.scene.get("drive"):
         return None
     try:
         paths = trajectories.flights(file)

@@ -83,9 +83,9 @@ pub(super) struct IntervalNoise {
 impl IntervalNoise {
     /// Between two kicks the velocities must not relax: kicks much rarer than collisions are not white noise.
     fn warn_if_rare(&self, state: &State) {
-        let collisions = state.accumulators.counters.collisions;
+        let flights = state.accumulators.counters.ended_flights();
         let time = state.world.clock.time(state.world.now);
-        let mean_free_time = state.world.movable as f64 * time / (2.0 * collisions as f64);
+        let mean_free_time = state.world.movable as f64 * time / flights as f64;
         if self.times.done == COMPARED_AFTER && self.times.interval > mean_free_time {
             tracing::warn!(
                 "the interval {} of white noise is above the mean free time, {mean_free_time:.3e}: \

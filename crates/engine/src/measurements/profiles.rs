@@ -6,6 +6,11 @@
 //! states; what a contact transfers counts in each cell with the part of the line between the centers that is
 //! inside, for all contacts of the interval. So the sums over all cells are those of the system. Under shear
 //! velocities are relative to the flow at each particle; the velocity of a cell has that of its middle added.
+//!
+//! The states of an interval are taken at times that are spread over it at random, one in each part of equal
+//! length. At equal times all of them have the same phase of a wall that oscillates, or of a drive, whose
+//! period divides the time between them, and the mean is that of this phase: grains that rise and fall with a
+//! floor then have a mean velocity. A state at a random time has every phase with the same probability.
 
 use glam::DVec3;
 
@@ -19,6 +24,7 @@ use crate::{
     instant::Instant,
     model::System,
     particles::World,
+    random::Draw,
     report::{Exchange, Observer, Partner, ProfileRow},
     shear::SlidingImages,
     state::State,
@@ -53,9 +59,15 @@ pub struct Grid {
     pub axes: Vec<GridAxis>,
     /// Time between rows \[time\].
     pub interval: f64,
-    /// Number of states in the mean of a row, at equal times; the last one at the end of its interval.
+    /// Number of states in the mean of a row.
     pub samples: u64,
+    /// Whether the states are taken at random times, one in each part of the interval; otherwise at equal
+    /// times, the last one at the end of the interval.
+    pub spread: bool,
 }
+
+/// The fractional part of the golden ratio: its multiples are spread evenly over [0, 1) modulo 1.
+const GOLDEN: f64 = 0.618_033_988_749_894_9;
 
 impl Grid {
     /// The name in files: the letters of the axes.
@@ -85,8 +97,11 @@ pub(super) struct Profile {
     period: Vec<f64>,
     /// Volume of a cell.
     volume: f64,
-    /// Number of states taken so far.
+    /// Numbers of states taken and of rows completed so far.
     taken: u64,
+    rows: u64,
+    /// Of the random times.
+    seed: u64,
     sums: Vec<[Sum; FIELDS]>,
     /// Where a contact leaves cells, as fractions of the line between the centers.
     faces: Vec<f64>,
@@ -108,6 +123,8 @@ impl Profile {
             period: grid.axes.iter().map(period).collect(),
             volume: (0..dimension).map(width).product(),
             taken: 0,
+            rows: 0,
+            seed: system.seed,
             sums: vec![[Sum::default(); FIELDS]; grid.cells()],
             faces: Vec::new(),
             shear: SlidingImages::of(system),
@@ -246,10 +263,31 @@ impl Profile {
         row
     }
 
-    /// Time of state number `k` \[time\]: multiples of the interval are exact.
-    fn time(&self, k: u64) -> f64 {
-        let (whole, part) = (k / self.grid.samples, k % self.grid.samples);
-        (whole as f64 + part as f64 / self.grid.samples as f64) * self.grid.interval
+    /// Time of state number `k` \[time\], from 0: multiples of the interval are exact.
+    ///
+    /// Times in the parts of an interval are a random number and multiples of the golden ratio, modulo 1:
+    /// each is uniform in its part, and a few of them are already even in the phase of a motion whose period
+    /// divides the parts.
+    fn state_time(&self, k: u64) -> f64 {
+        let Grid { samples, interval, spread, .. } = self.grid;
+        let (row, part) = (k / samples, k % samples);
+        let place = if spread {
+            let first = Draw::new(self.seed, u32::MAX, row).uniform();
+            (first + part as f64 * GOLDEN).fract()
+        } else {
+            1.0
+        };
+        (row as f64 + (part as f64 + place) / samples as f64) * interval
+    }
+
+    /// Whether all states of the present row have been taken.
+    fn is_full(&self) -> bool {
+        self.taken == (self.rows + 1) * self.grid.samples
+    }
+
+    /// Time of the next state, or of the end of a row that has all of them \[time\].
+    fn next_time(&self) -> f64 {
+        if self.is_full() { (self.rows + 1) as f64 * self.grid.interval } else { self.state_time(self.taken) }
     }
 }
 
@@ -264,30 +302,44 @@ impl Measurement for Profile {
     }
 
     fn next(&self, state: &State) -> i64 {
-        state.world.clock.ticks(self.time(self.taken + 1))
+        state.world.clock.ticks(self.next_time())
     }
 
     fn take(&mut self, state: &State, observer: &mut dyn Observer) {
-        self.taken += 1;
-        self.add_state(&state.world);
-        if self.taken.is_multiple_of(self.grid.samples) {
+        if !self.is_full() {
+            self.taken += 1;
+            self.add_state(&state.world);
+        }
+        // The last state may be at the end of the row.
+        if self.is_full() && self.next(state) <= state.world.now {
             let counters = state.accumulators.counters;
             let step = counters.collisions + counters.wall_collisions;
-            observer.profile(ProfileRow { step, ..self.row(self.time(self.taken)) });
+            let row = self.row(self.next_time());
+            self.rows += 1;
+            observer.profile(ProfileRow { step, ..row });
         }
     }
 
     fn save(&self, words: &mut Vec<u64>) {
-        words.push(self.taken);
+        words.extend([self.taken, self.rows]);
         self.sums.iter().for_each(|sums| put_sums(words, sums));
     }
 
     fn load(&mut self, words: &mut Words, time: f64) -> Result<(), EngineError> {
-        self.taken = words.take()?;
-        let next = (self.time(self.taken), self.time(self.taken.saturating_add(1)));
-        let rounding = 1e-9 * self.grid.interval;
-        if !(next.0 - rounding <= time && time <= next.1 + rounding) {
-            return Err(fault(&format!("{} states of a profile do not fit to the time {time}", self.taken)));
+        let [taken, rows] = [words.take()?, words.take()?];
+        let samples = self.grid.samples;
+        let most = rows.checked_add(1).and_then(|rows| rows.checked_mul(samples));
+        let fits = most.is_some_and(|most| (most - samples..=most).contains(&taken)) && {
+            (self.taken, self.rows) = (taken, rows);
+            // What was done last: the end of a row, or a state.
+            let ended = taken == rows * samples;
+            let last = if ended { rows as f64 * self.grid.interval } else { self.state_time(taken - 1) };
+            let rounding = 1e-9 * self.grid.interval;
+            last - rounding <= time && time <= self.next_time() + rounding
+        };
+        if !fits {
+            let what = format!("{taken} states and {rows} rows of a profile do not fit to the time {time}");
+            return Err(fault(&what));
         }
         self.sums.iter_mut().try_for_each(|sums| words.sums(sums))
     }

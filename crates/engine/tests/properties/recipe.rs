@@ -204,7 +204,10 @@ fn measure_all(scene: &System, random: &mut Random) -> Measure {
     let open = |axis: usize| scene.domain.boundary[axis] == Boundary::Open;
     let closed = !(0..d).any(open);
     let axis = |axis: usize, bins: usize| GridAxis { axis, low: 0.0, high: scene.domain.size[axis], bins };
-    let profile = |axes: Vec<GridAxis>, interval: f64| Grid { axes, interval, samples: 3 };
+    let profile = |axes: Vec<GridAxis>, interval: f64| {
+        let spread = axes.len() == 1;
+        Grid { axes, interval, samples: 3, spread }
+    };
     // Without a volume there is no pressure. Grains that sleep on each other transmit no forces.
     let pressure = closed && scene.contacts.rest_speed == 0.0;
     let profiles =

@@ -81,8 +81,8 @@ pub fn header(particles: usize) -> Header {
         },
         measure: Measure {
             profiles: vec![
-                Grid { axes: vec![axis(2, 5)], interval: 1.0, samples: 1 },
-                Grid { axes: vec![axis(0, 3), axis(1, 2)], interval: 1.0, samples: 1 },
+                Grid { axes: vec![axis(2, 5)], interval: 1.0, samples: 1, spread: false },
+                Grid { axes: vec![axis(0, 3), axis(1, 2)], interval: 1.0, samples: 1, spread: false },
             ],
             correlations: Correlations { msd: true, ..Correlations::default() },
             ..Measure::default()

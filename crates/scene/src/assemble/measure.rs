@@ -206,6 +206,7 @@ impl Assembler<'_> {
         let axes = self.profile_axes(index, config);
         let bins = bin_counts(config.bins.as_ref()?, axes.len());
         let samples = *config.samples.get_or_insert(SAMPLES) as u64;
+        let spread = *config.spread.get_or_insert(true);
         let interval = config.interval?;
         let is_open = |axis: usize| system.domain.boundary[axis] == Boundary::Open;
         if let Some(other) = (0..system.dimension.count()).find(|axis| is_open(*axis) && !axes.contains(axis))
@@ -236,7 +237,7 @@ impl Assembler<'_> {
         if run.until.is_some_and(|until| until / interval * samples as f64 > MAX_RECORDS) {
             self.document.report(&profile(index, "interval"), "makes more than 1e8 states until run.until");
         }
-        Some(Grid { axes: grid, interval, samples })
+        Some(Grid { axes: grid, interval, samples, spread })
     }
 }
 

@@ -255,6 +255,7 @@ impl Assembler<'_> {
         }
         self.gate()?;
         let rate = plan::collision_rate(&system);
+        let rate_unknown = plan::rate_unknown(&system, rate, system.bodies.len() - first, &joints);
         let run = self.run_plan(&system);
         self.gate()?;
         let output = self.output_plan(&system, &run, rate);
@@ -267,6 +268,7 @@ impl Assembler<'_> {
             state_file: initial.state_file(),
             packing_fraction: plan::packing_fraction(&system),
             collision_rate: rate,
+            rate_unknown,
             system,
             joints,
             options,

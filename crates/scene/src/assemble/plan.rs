@@ -1,6 +1,7 @@
 //! Length of the run, and its output.
 
-use haff_engine::{Boundary, Dimension, EventColumn, System};
+use haff_engine::{Body, Boundary, Dimension, EventColumn, System, thermal_velocities};
+use haff_linkage::Joints;
 use std::f64::consts::PI;
 use std::path::PathBuf;
 
@@ -268,6 +269,35 @@ pub(super) fn packing_fraction(system: &System) -> f64 {
     filled / (0..d).map(|axis| system.domain.size[axis]).product::<f64>()
 }
 
+/// Share of the particles that a scene may place one by one in a homogeneous gas.
+const PLACED: f64 = 0.1;
+/// Packing fractions above which equal disks and spheres begin to freeze.
+const FREEZING: [f64; 2] = [0.70, 0.49];
+
+/// Why [`collision_rate`] is not that of the system, of which `placed` particles were placed one by one.
+pub(super) fn rate_unknown(
+    system: &System,
+    rate: f64,
+    placed: usize,
+    joints: &Joints,
+) -> Option<&'static str> {
+    let d = system.dimension.count();
+    let is_fixed = |body: &Body| system.classes[body.class as usize].mass.is_infinite();
+    let reasons = [
+        (system.domain.boundary[..d].contains(&Boundary::Open), "an axis is open"),
+        (system.bodies.len() < 2, "a single particle"),
+        (system.bodies.iter().any(is_fixed), "the arrangement of bodies of infinite mass decides it"),
+        (!joints.is_empty(), "bodies are joined"),
+        (
+            placed as f64 > PLACED * system.bodies.len() as f64,
+            "particles placed one by one are no homogeneous gas",
+        ),
+        (packing_fraction(system) >= FREEZING[d - 2], "the packing fraction is above that of freezing"),
+        (rate.is_nan(), "nothing moves at the start"),
+    ];
+    reasons.into_iter().find_map(|(applies, reason)| applies.then_some(reason))
+}
+
 /// Collisions per particle and time of a homogeneous elastic mixture, each group with its mean radius and its
 /// own temperature, by Enskog's theory. In three dimensions the rate of one particle of group i with those of
 /// group j is
@@ -291,13 +321,13 @@ pub(super) fn collision_rate(system: &System) -> f64 {
     // Per group: particles, Σ R, Σ |v|².
     let mut sums = vec![[0.0_f64; 3]; groups];
     let mut moments = [0.0_f64; 2];
-    for body in &system.bodies {
+    for (body, velocity) in system.bodies.iter().zip(thermal_velocities(system)) {
         let class = &system.classes[body.class as usize];
         let sigma = 2.0 * class.radius;
         let sum = &mut sums[class.group as usize];
         sum[0] += 1.0;
         sum[1] += class.radius;
-        sum[2] += body.velocity.length_squared();
+        sum[2] += velocity.length_squared();
         moments[0] += sigma;
         moments[1] += sigma * sigma;
     }

@@ -1,0 +1,281 @@
+"""Small scenes that, with the shipped ones, have every form of every key of a scene; and the forms of a schema."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import Any
+
+Form = tuple[str, str]
+"""Path of a key, such as ``wall[].restitution``, and a form of its value."""
+
+
+def forms_of(schema: dict[str, Any]) -> set[Form]:
+    """All forms of all keys that a JSON schema allows: a type, or a word."""
+    return set(_allowed(schema, schema, ""))
+
+
+def _allowed(node: dict[str, Any], schema: dict[str, Any], path: str) -> Iterator[Form]:
+    while "$ref" in node:
+        node = schema["$defs"][node["$ref"].rpartition("/")[2]]
+    several = [*node.get("anyOf", ()), *node.get("oneOf", ())]
+    for one in several:
+        yield from _allowed(one, schema, path)
+    if several:
+        return
+    if "const" in node:
+        yield path, str(node["const"])
+    elif "properties" in node:
+        yield path, "table"
+        for key, inner in node["properties"].items():
+            yield from _allowed(inner, schema, f"{path}.{key}".lstrip("."))
+    elif node.get("type") == "array":
+        yield path, "list"
+        if "$ref" in node.get("items", {}):
+            yield from _allowed(node["items"], schema, f"{path}[]")
+    else:
+        yield path, {"integer": "number"}.get(node["type"], node["type"])
+
+
+def forms_in(value: Any, words: set[Form], path: str = "") -> Iterator[Form]:
+    """The forms in a scene; texts that are one of ``words`` count as such."""
+    match value:
+        case dict():
+            yield path, "table"
+            for key, inner in value.items():
+                yield from forms_in(inner, words, f"{path}.{key}".lstrip("."))
+        case list():
+            yield path, "list"
+            for inner in value:
+                # Numbers and names in lists have one form.
+                if isinstance(inner, dict) or (f"{path}[]", inner) in words:
+                    yield from forms_in(inner, words, f"{path}[]")
+        case bool():
+            yield path, str(value) if (path, str(value)) in words else "boolean"
+        case int() | float():
+            yield path, "number"
+        case str():
+            yield path, value if (path, value) in words else "string"
+
+
+_GRAIN = {"name": "grain", "count": 30, "radius": 0.4, "mass": 1.0}
+_BOX = {"size": [8.0, 8.0, 8.0]}
+_SHORT = {"until": 2.0}
+_TABLE = {"speeds": [0.0, 1.0], "values": [1.0, 0.7]}
+_VISCOELASTIC = {"model": "viscoelastic", "coefficient": 0.05}
+_CUTOFF = {"model": "cutoff", "restitution": 0.8, "speed": 0.5, "exponent": 0.75}
+_OUTPUT = {"frames": 0.5, "observables": 0.25, "events": True}
+
+
+def _gas(restitution: Any, **more: Any) -> dict[str, Any]:
+    """A gas between walls whose contacts all have one law, given in each place where a scene can have one."""
+    return {
+        "domain": {**_BOX, "boundary": ["periodic", "wall", "wall"]},
+        "species": [_GRAIN, {**_GRAIN, "name": "other", "count": 20}],
+        "contact": {
+            "restitution": restitution,
+            "wall_restitution": restitution,
+            "pair": [{"between": ["grain", "other"], "restitution": restitution}],
+        },
+        "wall": [{"name": "y-", "restitution": restitution}],
+        "run": _SHORT,
+        "output": _OUTPUT,
+        **more,
+    }
+
+
+def _sizes(radius: Any) -> dict[str, Any]:
+    return {
+        "domain": {"packing_fraction": 0.1},
+        "species": [{"name": "grain", "count": 40, "radius": radius, "density": 1.0}],
+        "run": {"collisions": 50},
+        "output": _OUTPUT,
+    }
+
+
+def _planes(*walls: dict[str, Any], **more: Any) -> dict[str, Any]:
+    return {
+        "domain": {"size": [8.0, 8.0, 20.0], "boundary": ["periodic", "wall", "open"], "gravity": [0, 0, -1]},
+        "species": [_GRAIN],
+        "wall": list(walls),
+        "run": _SHORT,
+        "output": _OUTPUT,
+        **more,
+    }
+
+
+_FLOOR = {"name": "floor", "plane": {"point": [0, 0, 0], "normal": [0, 0, 1]}}
+_BODY = {"radius": 0.3, "mass": 1.0}
+
+SCENES: dict[str, dict[str, Any]] = {
+    "table": _gas(_TABLE, output={**_OUTPUT, "compression": "none"}),
+    "viscoelastic": _gas(_VISCOELASTIC, output={**_OUTPUT, "compression": "deflate"}),
+    "cutoff": _gas(_CUTOFF, engine={"neighbors": "auto", "simd": "auto", "blocks": 1}),
+    "list of radii": _sizes({"list": [0.3, 0.4, 0.5]}),
+    "uniform radii": _sizes({"uniform": [0.3, 0.5]}),
+    "normal radii": _sizes({"normal": [0.4, 0.05], "min": 0.2, "max": 0.6}),
+    "lognormal radii": _sizes({"lognormal": [0.4, 0.05]}),
+    "Schulz radii": _sizes({"schulz": [0.4, 0.05]}),
+    "power of radii": _sizes({"power": [0.3, 0.5, -2.0]}),
+    "table of radii": _sizes({"table": {"radii": [0.3, 0.5], "weights": [2.0, 1.0]}}),
+    "rough walls": _planes(
+        {
+            **_FLOOR,
+            "tangential_restitution": 0.3,
+            "friction": 0.4,
+            "motion": {"kind": "triangle", "amplitude": 0.1, "frequency": 1.0, "phase": 0.5},
+        },
+        {"name": "y-", "restitution": 0.5},
+        {"name": "lid", "plane": {"point": [0, 0, 19], "normal": [0, 0, -1]}, "velocity": [0.0, 0.0, 0.1]},
+        contact={
+            "restitution": 0.9,
+            "tangential_restitution": 0.5,
+            "friction": 0.2,
+            "pair": [{"between": ["grain", "floor"], "tangential_restitution": 0.1, "friction": 0.1}],
+            "tc": 1e-6,
+        },
+        species=[{**_GRAIN, "inertia": 0.3}],
+        particle=[
+            {"position": [4, 4, 15], "radius": 0.5, "density": 1.0, "angular_velocity": [0, 0, 1], "inertia": 0.3}
+        ],
+        initial={"positions": "random", "temperature": 1.0, "rotational_temperature": 0.5},
+    ),
+    "thermal walls": _planes(
+        {**_FLOOR, "temperature": 1.0, "accommodation": 0.7},
+        measure={"wall_forces": True},
+        initial={"positions": "lattice"},
+    ),
+    "partitions": _planes(
+        {
+            "name": "sieve",
+            "plane": {"point": [0, 4, 0], "normal": [0, 1, 0], "hole": {"center": [4, 4, 3], "radius": 1.0}},
+        },
+        {"name": "divider", "plane": {"point": [4, 0, 0], "normal": [1, 0, 0], "two-sided": True}},
+        domain={"size": [8.0, 8.0, 20.0], "boundary": ["wall", "wall", "wall"]},
+        contact={"pair": [{"between": ["grain", "sieve"], "restitution": 0.8}]},
+    ),
+    "grains at rest": _planes(
+        _FLOOR,
+        contact={"restitution": 0.5, "rest_speed": 0.05},
+        output={**_OUTPUT, "events": {"columns": ["time", "kind", "i", "j", "energy_loss"]}, "checkpoint": 1.0},
+        species=[{**_GRAIN, "temperature": 0.1}],
+    ),
+    "sticky floor": {
+        "domain": {"size": [8, 8, 8], "boundary": ["open", "open", "open"], "gravity": [0, 0, -1]},
+        "particle": [
+            {**_BODY, "name": "lump", "position": [1, 1, 2]},
+            {**_BODY, "name": "ball", "position": [1, 1, 4], "velocity": [0.2, 0, 0]},
+            {**_BODY, "name": "third", "position": [4, 1, 2]},
+        ],
+        "contact": {"restitution": 0.5, "pair": [{"between": ["lump", "third"], "sticks": True}]},
+        "wall": [{**_FLOOR, "sticks": True}],
+        "run": _SHORT,
+        "output": _OUTPUT,
+    },
+    "pendulums and springs": {
+        "domain": {"size": [8, 8, 8], "boundary": ["open", "open", "open"], "gravity": [0, 0, -1]},
+        "particle": [
+            {**_BODY, "name": "one"},
+            {**_BODY, "name": "two"},
+            {**_BODY, "name": "three", "position": [10, 0, 2]},
+            {**_BODY, "name": "four", "position": [12, 0, 2]},
+            {**_BODY, "name": "five", "position": [20, 0, 2]},
+            {**_BODY, "name": "six"},
+            {**_BODY, "name": "seven", "position": [30, 0, 1.5]},
+        ],
+        "pendulum": [
+            {"name": "left", "bob": "one", "pivot": [0, 0, 3], "length": 1.0, "angle": 0.5, "tether": "string"},
+            {"name": "right", "bob": "two", "pivot": [4, 0, 3], "length": 1.0, "angle": -0.3, "tether": "rod"},
+            {"bob": "seven", "pivot": [30, 0, 3], "length": 2.0, "slack": True},
+        ],
+        "spring": [{"name": "k", "between": ["three", "four"], "stiffness": 2.0, "length": 1.5}],
+        "rod": [{"name": "bar", "between": ["five", "six"], "length": 1.0, "angle": 0.4}],
+        "run": _SHORT,
+        "output": _OUTPUT,
+    },
+    "spring on a point": {
+        "particle": [{**_BODY, "name": "one", "position": [2, 0, 0], "velocity": [0.5, 0, 0]}],
+        "spring": [{"between": ["one"], "point": [0, 0, 0], "stiffness": 1.0}],
+        "run": _SHORT,
+        "output": _OUTPUT,
+    },
+    "all measurements": {
+        "title": "All measurements",
+        "schema": 1,
+        "seed": 3,
+        "domain": _BOX,
+        "species": [_GRAIN],
+        "contact": {"restitution": 0.9},
+        "drive": [
+            {"kind": "white_noise", "strength": 0.1, "interval": 0.1, "species": ["grain"]},
+            {"kind": "rescale", "temperature": 1.0, "interval": 0.5},
+            {"kind": "andersen", "temperature": 1.0, "rate": 0.1},
+        ],
+        "measure": {
+            "stress": True,
+            "msd": True,
+            "vacf": True,
+            "stress_correlation": True,
+            "interval": 0.05,
+            "tracers": 10,
+            "profiles": [
+                {"axis": "z", "bins": 4, "interval": 0.5, "samples": 5, "range": [0.0, 4.0], "spread": True},
+                {"axis": "xy", "bins": [4, 3], "interval": 1.0, "spread": False},
+                {"axis": "xyz", "bins": 2, "interval": 1.0},
+            ],
+        },
+        "run": {"until": 4.0, "wall_time": "1h"},
+        "output": {
+            **_OUTPUT,
+            "events": {"columns": ["i", "j", "approach_speed", "impulse", "carnot_energy", "normal"]},
+        },
+    },
+    "all columns of rough contacts": {
+        "dimension": 2,
+        "domain": {"packing_fraction": 0.3},
+        "species": [_GRAIN],
+        "initial": {"positions": "hexagonal"},
+        "contact": {"tangential_restitution": 0.5, "friction": 0.3, "restitution": 0.9},
+        "engine": {"neighbors": "cells", "simd": "portable"},
+        "run": {"collisions_per_particle": 4.0, "wall_time": 600},
+        "output": {
+            **_OUTPUT,
+            "events": {"columns": ["time", "i", "j", "position", "impulse_vector", "tangential_loss"]},
+            "observables": {"log": [0.1, 2.0]},
+            "frames": {"log": [0.1, 2.0]},
+        },
+    },
+    "sheared": {
+        "domain": {**_BOX, "shear": {"flow": "x", "gradient": "y", "rate": 0.5, "offset": 1.0}},
+        "particle": [
+            {**_BODY, "position": [2, 2, 2], "velocity": [1, 0.5, 0.2]},
+            {**_BODY, "position": [5, 5, 3], "velocity": [-1, -0.5, 0.1]},
+        ],
+        "contact": {"restitution": 0.9},
+        "measure": {"stress": True},
+        "engine": {"neighbors": "cells"},
+        "run": _SHORT,
+        "output": _OUTPUT,
+    },
+    "lists": {
+        "domain": {"packing_fraction": 0.3},
+        "species": [_GRAIN],
+        "initial": {"positions": "fcc"},
+        "engine": {"neighbors": "lists"},
+        "run": _SHORT,
+        "output": _OUTPUT,
+    },
+    "only samples": {
+        "domain": _BOX,
+        "species": [_GRAIN],
+        "engine": {"neighbors": "all_pairs"},
+        "run": _SHORT,
+        "output": {"frames": False, "observables": 0.1},
+    },
+    "only frames": {
+        "domain": {"size": [20.0, 20.0, 20.0]},
+        "species": [{**_GRAIN, "count": 200}],
+        "engine": {"neighbors": "windows"},
+        "run": _SHORT,
+        "output": {"frames": 0.5, "observables": False, "events": False},
+    },
+}

@@ -1,0 +1,165 @@
+"""All readers, figures, pages and exports take every shipped scene, every template and every form of every key."""
+
+from __future__ import annotations
+
+import json
+import sys
+from pathlib import Path
+
+import pytest
+
+import forms
+import haff
+from conftest import CONFIGS
+from haff import figures, measurements, viewer
+from haff.errors import MissingDataError, NotApplicableError
+from haff.export import FORMATS, TABLES, export
+from haff.recorded import _SCENE, _Value
+from validation.runs import toml
+
+if sys.version_info >= (3, 11):
+    import tomllib
+else:
+    import tomli as tomllib
+
+SHIPPED = sorted(path for path in CONFIGS.glob("**/*.toml") if "invalid" not in path.parts)
+MOST = 210
+"""Particles of each species in these runs: figures of velocities need 200."""
+SHORTER = 20
+"""By how much runs of gases are shorter than in their scenes."""
+FULL = ("fcc_073",)
+"""Scenes that need all their particles."""
+ELSEWHERE = {
+    ("engine.simd", "avx2"): "not every processor has these instructions, and files do not differ",
+    ("output.file", "string"): "named by the command line here",
+    ("species[].radius.table", "string"): "a file of sizes is read when the run starts",
+}
+"""Forms that no scene of this test has, and why."""
+
+
+def small(scene: dict, name: str) -> dict[str, object]:
+    """Settings that make a run of a scene short, with some frames and samples in it."""
+    changes: dict[str, object] = {"output.events": name != "collapse"}
+    species = scene.get("species", ())
+    for k, one in enumerate(species):
+        if one["count"] > MOST and name not in FULL:
+            changes[f"species.{k}.count"] = MOST
+    run = scene["run"]
+    if until := run.get("until"):
+        until = until / (SHORTER if species else 1)
+        changes |= {"run.until": until, "output.frames": until / 6, "output.observables": until / 20}
+        changes |= {"run.collisions": 3000} if "collisions_per_particle" not in run else {}
+    else:
+        changes["run.collisions_per_particle"] = 5.0
+    return changes
+
+
+def read(path: Path, folder: Path) -> list[str]:
+    """Reads all of a file in every way; returns the names of the figures that apply."""
+    drawn = []
+    with haff.open(path) as run:
+        assert len(repr(run)) > 50 and "damaged" not in repr(run) and "damaged" not in run._repr_html_()
+        assert run.summary["particles"] == len(run) == len(run.mass) == len(run.radius) == len(run.species)
+        assert run.parameters and len(run.wall_names) >= 0
+        if "frames" in run:
+            for frame in (run.frames[0], run.frames[-1]):
+                assert frame.position.shape == frame.velocity.shape == (len(run), 3) and len(frame.to_pandas()) == len(
+                    run
+                )
+        if "observables" in run:
+            assert len(run.observables) == run.to_xarray().sizes["time"] == run.summary["samples"]
+        if "events" in run:
+            assert len(run.events.to_pandas()) == len(run.events)
+        for part, found in (("profiles", "profiles"), ("correlations", "correlations")):
+            assert part not in run or getattr(run, found)
+        assert "correlations" not in run or measurements.correlation_columns(run)
+        for kind in figures.KINDS:
+            try:
+                figures.KINDS[kind].draw(run)
+                drawn.append(kind)
+            except (NotApplicableError, MissingDataError):
+                continue
+        outputs = [(name, None) for name in FORMATS if FORMATS[name].trajectory and "frames" in run]
+        outputs += [(name, table) for name in ("csv", "parquet") for table in TABLES if table in run]
+        for name, table in outputs:
+            export(run, folder / f"out{FORMATS[name].suffix}", to=name, table=table, overwrite=True)
+        if "frames" in run:
+            viewer.view(run, folder / "page.html", overwrite=True)
+    return drawn
+
+
+def check(command, folder: Path, scene: Path, changes: dict[str, object] | None = None, status: int = 0) -> list[str]:
+    path = folder / "run.h5"
+    sets = [part for key, value in (changes or {}).items() for part in ("--set", f"{key}={toml(value)}")]
+    arguments = ["--quiet", "--json", "--threads", "1", "-o", path, "--overwrite"]
+    done = command("run", scene, *arguments, *sets, check=False)
+    assert done.returncode in (0, status), done.stderr
+    report, info = json.loads(done.stdout), json.loads(command("info", path, "--json").stdout)
+    assert info["collisions"] == report["collisions"] and info["summary"]["state_hash"] == report["state_hash"]
+    if (last := info["last"]) is not None:
+        # Of both what the other has, too: names of totals are written once.
+        energies = [name for name in last if name.endswith(("energy", "work", "heat")) and last[name] is not None]
+        assert {name: last[name] for name in energies} == {name: pytest.approx(report[name]) for name in energies}
+    assert "events" in command("info", path).stdout
+    return read(path, folder)
+
+
+@pytest.mark.parametrize("path", SHIPPED, ids=lambda path: "-".join(path.relative_to(CONFIGS).with_suffix("").parts))
+def test_shipped_scene_is_read_by_everything(path, command, tmp_path):
+    # A collapse ends a scene with exit status 3, and its file is read all the same.
+    drawn = check(command, tmp_path, path, small(tomllib.loads(path.read_text()), path.stem), status=3)
+    assert len(drawn) >= 3, f"only {drawn}"
+
+
+def test_templates_are_shipped_scenes(command):
+    texts = {path.read_text() for path in SHIPPED}
+    assert all(command("init", name).stdout in texts for name in haff.templates())
+
+
+@pytest.mark.parametrize("name", forms.SCENES)
+def test_scene_of_rare_forms_is_read_by_everything(name, command, tmp_path):
+    haff.save_scene(forms.SCENES[name], tmp_path / "scene.toml")
+    assert check(command, tmp_path, tmp_path / "scene.toml")
+
+
+def test_runs_from_states_and_runs_that_went_on_are_read_by_everything(command, tmp_path):
+    first, second, third = (tmp_path / f"{name}.h5" for name in ("first", "second", "third"))
+    haff.save_scene(forms.SCENES["table"], tmp_path / "scene.toml")
+    command("run", tmp_path / "scene.toml", "-o", first)
+    # With other keys in a new file, whose log begins with a row of no particle.
+    command("run", "--resume", first, "--set", "contact.restitution=0.5", "--set", "run.until=4.0", "-o", second)
+    with haff.open(second) as run:
+        assert run.events.to_pandas()["kind"].iloc[0] == "change"
+    assert "energy" in read(second, tmp_path)
+    start = forms.SCENES["table"] | {"initial": {"positions": {"file": str(first), "index": -2}}}
+    haff.save_scene(start, tmp_path / "start.toml")
+    command("run", tmp_path / "start.toml", "-o", third)
+    assert "energy" in read(third, tmp_path)
+
+
+def test_scenes_of_these_tests_have_every_form_of_every_key():
+    allowed = forms.forms_of(haff.schema())
+    scenes = [tomllib.loads(path.read_text()) for path in SHIPPED]
+    state = {"initial": {"positions": {"file": "first.h5", "index": -2}}}
+    off = {"output": {"file": False}}
+    found = {form for scene in [*scenes, *forms.SCENES.values(), state, off] for form in forms.forms_in(scene, allowed)}
+    assert found <= allowed, f"not in the schema: {sorted(found - allowed)}"
+    assert ELSEWHERE.keys() <= allowed
+    missing = sorted(allowed - found - ELSEWHERE.keys())
+    assert not missing, f"no scene has {missing}"
+
+
+def test_keys_that_python_checks_are_those_of_the_schema():
+    """Each key that `haff.recorded` checks is one of the schema, and values of every shipped scene pass."""
+    allowed = {path for path, _ in forms.forms_of(haff.schema())}
+
+    def paths(wanted, path=""):
+        if isinstance(wanted, _Value):
+            yield path
+        elif isinstance(wanted, list):
+            yield from paths(wanted[0], f"{path}[]")
+        else:
+            for key, inner in wanted.items():
+                yield from paths(inner, f"{path}.{key.rstrip('!')}".lstrip("."))
+
+    assert not set(paths(_SCENE)) - allowed
