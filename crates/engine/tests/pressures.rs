@@ -336,7 +336,7 @@ fn with_walls_that_are_not_those_of_the_box() {
     let elastic = Restitution::Constant(1.0);
     let all = [PERIODIC; 3];
     let mut piston = moving(Dimension::Three, [WALLS, PERIODIC, PERIODIC], 0.9, 21);
-    piston.walls[0].motion = WallMotion::Constant(DVec3::new(-0.2, 5.0, 0.0));
+    piston.walls[0].motion = DVec3::new(-0.2, 5.0, 0.0).into();
     Case::new("piston", piston, [false, true, true]).check();
 
     let mut oblique = moving(Dimension::Three, [WALLS, WALLS, PERIODIC], 0.9, 23);

@@ -10,7 +10,7 @@ use haff_linkage::AnySimulation;
 use haff_scene::Scene;
 use numpy::{PyArray1, PyArray2, PyReadonlyArray2};
 use parking_lot::{ArcMutexGuard, Mutex, MutexGuard, RawMutex};
-use pyo3::{prelude::*, types::PyDict};
+use pyo3::{exceptions::PyValueError, prelude::*, types::PyDict};
 
 use crate::{
     arrays::{column, triples, vector, vectors},

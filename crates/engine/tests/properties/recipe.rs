@@ -397,7 +397,7 @@ impl Recipe {
                 && let (Some(interval), Some(profile)) =
                     (kick_interval(&scene), scene.measure.profiles.first_mut())
             {
-                (profile.interval, profile.samples) = (interval, 1);
+                (profile.interval, profile.samples, profile.spread) = (interval, 1, false);
             }
         }
         if self.seed.is_multiple_of(4) {
