@@ -134,7 +134,7 @@ fn a_linkage_killed_repeatedly_resumes_to_the_state_of_an_uninterrupted_one() {
     // Bobs that collide away from the bottom, strings that go slack: thousands of events of all kinds.
     let scene = common::config("textbook/pendulums.toml");
     let mut long = vec!["run", &scene];
-    for set in ["run.until=3000", "output.frames=10", "output.observables=10", "output.checkpoint=5"] {
+    for set in ["run.until=30000", "output.frames=10", "output.observables=10", "output.checkpoint=5"] {
         long.extend(["--set", set]);
     }
     long.extend(["--set", "contact.restitution=0.9999"]);

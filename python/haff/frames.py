@@ -68,7 +68,7 @@ class Box(ReadOnly):
         if np.ndim(size) != 1 or not (lengths > 0).all() or not np.isfinite(lengths).all():
             raise ArgumentError(f"size = {quoted(size)}: must be three positive numbers")
         sides = tuple(arguments.names("boundary", boundary))
-        if len(sides) != 3 or not set(sides) <= {"periodic", "wall", "open"}:
+        if len(sides) != 3 or not set(sides) <= {"periodic", "wall", "open", "none"}:
             raise ArgumentError(f"boundary = {quoted(boundary)}: must be three of periodic, wall, open")
         edges = np.diag(lengths)
         if displacement is not None:

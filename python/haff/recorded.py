@@ -191,6 +191,8 @@ def mean_point(wall: dict[str, Any], time: float) -> list[float]:
         [*map(float, given), 0.0, 0.0, 0.0][:3] for given in (wall["plane"]["point"], wall.get("velocity", ()))
     )
     return [x + v * since for x, v in zip(point, velocity)]
+
+
 def constant(law: Any) -> float | None:
     """The coefficient of a law of restitution that does not depend on the approach speed; ``None`` for other laws."""
     if isinstance(law, (int, float)):

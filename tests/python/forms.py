@@ -264,6 +264,21 @@ SCENES: dict[str, dict[str, Any]] = {
         "run": _SHORT,
         "output": _OUTPUT,
     },
+    "moved walls": {
+        "domain": {**_BOX, "boundary": ["periodic", "periodic", "wall"]},
+        "particle": [{**_BODY, "position": [3, 3, 3], "velocity": [0.5, 0, 1]}],
+        "wall": [
+            {
+                "name": "floor",
+                "plane": {"point": [0, 0, 1], "normal": [0, 0, 1]},
+                "velocity": [0, 0, 0.1],
+                "reference_time": 0.5,
+            },
+            {"name": "z+", "displacement": -0.25},
+        ],
+        "run": _SHORT,
+        "output": _OUTPUT,
+    },
     "only samples": {
         "domain": _BOX,
         "species": [_GRAIN],

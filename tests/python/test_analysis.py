@@ -148,7 +148,7 @@ def test_cooling_law_of_a_mixture_tends_to_that_of_one_species(files, tmp_path):
     with haff.open(files["cooling"]) as run:
         pure = analysis.cooling_law(run)
         nearly = haff.open(files["cooling"])
-        nearly.radius = run.radius * np.where(np.arange(len(run)) % 2, 1 + 1e-9, 1.0)
+        vars(nearly)["radius"] = run.radius * np.where(np.arange(len(run)) % 2, 1 + 1e-9, 1.0)
         mixed = analysis.cooling_law(nearly)
         nearly.close()
     assert pure.monodisperse and not mixed.monodisperse

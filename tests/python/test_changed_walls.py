@@ -324,7 +324,7 @@ def test_the_terms_of_earlier_parts_and_of_the_change_are_in_the_new_file(tmp_pa
         figure = run.plot("energy")
         top = figure.axes[0]
         supply = next(line for line in top.lines if "E_0" in line.get_label()).get_ydata()
-        stacked = energy - min(0.0, float(table["potential_energy"].min()))
+        stacked = energy - table["dissipated_energy"][0] - min(0.0, float(table["potential_energy"].min()))
         np.testing.assert_allclose(supply, stacked, rtol=1e-9)
 
 

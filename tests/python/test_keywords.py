@@ -48,7 +48,7 @@ def test_error_of_an_array_of_tables_is_short_for_each_entry():
 def test_scene_of_another_type_is_refused():
     for of in (haff.Simulation, haff.validate):
         with pytest.raises(
-            TypeError, match=r"^scene = ndarray of float64, shape \(1000,\): must be a dict, or the path"
+            haff.ArgumentError, match=r"^scene = ndarray of float64, shape \(1000,\): must be a dict, or the path"
         ):
             of(np.zeros(1000))
 

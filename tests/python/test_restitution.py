@@ -125,7 +125,7 @@ def test_csv_files_are_tables(tmp_path):
             {"height": [1, 0.5]},
             {"kind": "speeds"},
             ARGUMENT,
-            "kind = 'speeds' must be one of heights, times, angles",
+            "kind = 'speeds': must be one of heights, times, angles",
         ),
         ({"alpha": [0.5], "beta": [0.4]}, {"masses": (1, -1)}, ARGUMENT, "must be two positive numbers"),
         ("missing.csv", {}, haff.FileError, "missing.csv: no such file"),

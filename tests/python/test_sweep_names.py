@@ -37,7 +37,7 @@ def test_dimensions_have_names_that_need_no_quotes(folder):
     assert one["particles"] == same["particles"] == 60
     assert one["state_hash"].item() == same["state_hash"].item()
     assert study["collisions"].mean("restitution").dims == ("count", "seed")
-    with pytest.raises(haff.ArgumentError, match="dims = 'both': must be 'keys' or 'names'"):
+    with pytest.raises(haff.ArgumentError, match="dims = 'both': must be one of keys, names"):
         haff.sweep(GAS, VALUES, output=folder, dims="both")
 
 

@@ -128,7 +128,11 @@ def test_invalid_arguments_are_errors_of_one_line(files, tmp_path, capsys):
     kept.write_text("mine")
     cases = [
         (["view", str(files["ball"]), "-o", str(kept)], 2, "exists; --overwrite"),
-        (["view", str(files["ball"]), "--size", "0", "-o", str(tmp_path / "a.html")], 2, "must be positive"),
+        (
+            ["view", str(files["ball"]), "--size", "0", "-o", str(tmp_path / "a.html")],
+            2,
+            "must be a finite number above 0",
+        ),
         (["view", str(files["ball"]), "--frames", "x", "-o", str(tmp_path / "a.html")], 2, "must be START:STOP:STEP"),
         (["view", str(tmp_path / "none.h5")], 4, "no such file"),
     ]

@@ -27,8 +27,8 @@ pub(crate) struct Accumulators {
     /// Impulse on the particles by walls, by bodies of infinite mass and by the support of resting particles.
     impulse: ExactSums<3>,
     pub counters: Counters,
-    /// Time of the previous sample [time], and the numbers of collisions and of flights that they had ended until
-    /// then.
+    /// Time of the previous sample [time], and the numbers of collisions and of flights that they had ended
+    /// until then.
     pub sampled_at: f64,
     pub sampled_collisions: u64,
     pub sampled_flights: u64,

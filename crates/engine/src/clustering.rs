@@ -102,7 +102,7 @@ pub(crate) mod tests {
     pub(crate) fn gas(dimension: Dimension, count: usize, edge: f64, e: f64) -> System {
         // Half of them move to either side.
         let body = |k: usize| {
-            let velocity = if k % 2 == 0 { DVec3::X } else { DVec3::NEG_X };
+            let velocity = if k.is_multiple_of(2) { DVec3::X } else { DVec3::NEG_X };
             Body { position: DVec3::ZERO, velocity, image: [0; 3], class: 0, species: 0 }
         };
         System {

@@ -3,22 +3,22 @@ The end of series of bounces on surfaces where they cannot be completed in close
 driven bodies, partitions), walls of constant velocity, and walls that are not perpendicular to the one that
 carries a grain.
 
-With e < 1 the speeds of the bounces of a grain that is pressed against a surface fall geometrically, to nothing
-within a finite time. Below the speed h √(a R), with the acceleration a towards the surface and the radius R of
-the grain, bounces are therefore elastic: the grain hops along the surface, ½ h² R = 5·10⁻⁷ R high, keeps its
-energy, follows a curved surface, and leaves it where it no longer presses.
+With e < 1 the speeds of the bounces of a grain that is pressed against a surface fall geometrically, to
+nothing within a finite time. Below the speed h √(a R), with the acceleration a towards the surface and the
+radius R of the grain, bounces are therefore elastic: the grain hops along the surface, ½ h² R = 5·10⁻⁷ R
+high, keeps its energy, follows a curved surface, and leaves it where it no longer presses.
 */
 
 use crate::{carried, particles::World, wall_motion::WallMotion};
 
 /// h, see above.
 const HOP: f64 = 1e-3;
-/// A grain that touches a surface more slowly leaves it with this part of the speed of a hop: otherwise its next
-/// contact would be at once.
+/// A grain that touches a surface more slowly leaves it with this part of the speed of a hop: otherwise its
+/// next contact would be at once.
 const LEAST: f64 = 0.1;
 
-/// Separation speed [length/time] of a grain of this `radius` from a surface that it approaches at `speed`, with
-/// the coefficient of restitution `e`, and is pressed against by `acceleration` [length/time²].
+/// Separation speed [length/time] of a grain of this `radius` from a surface that it approaches at `speed`,
+/// with the coefficient of restitution `e`, and is pressed against by `acceleration` [length/time²].
 pub(crate) fn separation_speed(e: f64, speed: f64, acceleration: f64, radius: f64) -> f64 {
     if e >= 1.0 || acceleration <= 0.0 {
         return e * speed;
@@ -27,8 +27,8 @@ pub(crate) fn separation_speed(e: f64, speed: f64, acceleration: f64, radius: f6
     if e * speed >= hop { e * speed } else { speed.clamp(LEAST * hop, hop) }
 }
 
-/// The acceleration that presses particle i against a wall at `ticks` [length/time²], if a series of bounces on it
-/// cannot be completed in closed form.
+/// The acceleration that presses particle i against a wall at `ticks` [length/time²], if a series of bounces
+/// on it cannot be completed in closed form.
 pub(crate) fn acceleration_to_wall(world: &World, i: u32, wall: u32, ticks: i64) -> Option<f64> {
     let plane = &world.walls[wall as usize];
     let completes = match plane.motion {

@@ -33,9 +33,9 @@ const ALLOWED: f64 = 1e-12;
 const ROUNDINGS: f64 = 16.0;
 
 /// Largest overlap with which a run continues \[length\], for bodies with the contact distance `sigma`
-/// \[length\]. `reach` \[length\] is what rounding errors are relative to: the largest of their coordinates and
-/// of the lengths of their flights since their own last events, plus the extent of the system. The time of a contact is rounded to
-/// ticks so short that no particle moves by more than 16 ε of the extent in one.
+/// \[length\]. `reach` \[length\] is what rounding errors are relative to: the largest of their coordinates
+/// and of the lengths of their flights since their own last events, plus the extent of the system. The time
+/// of a contact is rounded to ticks so short that no particle moves by more than 16 ε of the extent in one.
 pub fn allowed_overlap(sigma: f64, reach: f64) -> f64 {
     f64::max(ALLOWED * sigma, ROUNDINGS * f64::EPSILON * reach)
 }
@@ -159,8 +159,8 @@ impl<'a> OverlapSearch<'a> {
     }
 
     /// The length to which the rounding error of the position of particle i is relative \[length\]: its
-    /// coordinates at its own last event and now, the length of its flight since then, and the extent of the system, which
-    /// bounds earlier flights and the displacement in a tick.
+    /// coordinates at its own last event and now, the length of its flight since then, and the extent of the
+    /// system, which bounds earlier flights and the displacement in a tick.
     fn reach(&self, i: u32) -> f64 {
         let World { now, extent, .. } = *self.world;
         let coordinates = self.world.coordinates(i).max(self.world.state(i, now).0.abs());

@@ -129,8 +129,8 @@ pub(crate) struct World {
     /// Longest flight so far along a periodic axis that was longer than the box [length]; else 0. The
     /// rounding error of a position after such a flight is relative to its length.
     pub longest_flight: f64,
-    /// Largest extent of the system when the tick was chosen \[length\]: in a tick a particle moves by no more
-    /// than a part of it.
+    /// Largest extent of the system when the tick was chosen \[length\]: in a tick a particle moves by no
+    /// more than a part of it.
     pub extent: f64,
     /// The largest speed for which the tick is short enough [length/time], and its square, which is finite.
     pub fastest: f64,
@@ -323,15 +323,18 @@ impl World {
         }
     }
 
-    /// Notes that two particles are in contact at `ticks`. Not inlined: most scenes have no times of contacts.
+    /// Notes that two particles are in contact at `ticks`. Not inlined: most scenes have no times of
+    /// contacts.
     #[cold]
     #[inline(never)]
     pub fn note_contacts(&mut self, pair: [u32; 2], ticks: i64) {
-        pair.into_iter().for_each(|i| self.note_contact(i, ticks));
+        for i in pair {
+            self.note_contact(i, ticks);
+        }
     }
 
-    /// Time from the last contact of particle i to `ticks` \[time\]; infinite without contacts so far, or if no
-    /// law depends on it.
+    /// Time from the last contact of particle i to `ticks` \[time\]; infinite without contacts so far, or if
+    /// no law depends on it.
     #[inline]
     pub fn contact_age(&self, i: u32, ticks: i64) -> f64 {
         self.contact_times.as_ref().map_or(f64::INFINITY, |times| times.age(i, &self.clock, ticks))
@@ -366,9 +369,9 @@ impl World {
         self.particles[i as usize].position.abs().max(DVec3::splat(self.longest_flight))
     }
 
-    /// Bound of the length of the flight of particle i from its own last event to `ticks` \[length\], to which the rounding error
-    /// of its position is relative: |v| t + ½ |a| t². Under gravity it can be far longer than the distance of
-    /// both ends.
+    /// Bound of the length of the flight of particle i from its own last event to `ticks` \[length\], to
+    /// which the rounding error of its position is relative: |v| t + ½ |a| t². Under gravity it can be far
+    /// longer than the distance of both ends.
     pub fn flight_length(&self, i: u32, ticks: i64) -> f64 {
         let age = self.age(i, ticks);
         let particle = &self.particles[i as usize];
@@ -689,9 +692,9 @@ impl World {
     }
 }
 
-/// The tick is made shorter before a particle moves by more than this part of the extent in it: a time that is
-/// rounded to a tick must not change a distance by more than [`allowed_overlap`](crate::allowed_overlap), which
-/// is this part of the extent, too.
+/// The tick is made shorter before a particle moves by more than this part of the extent in it: a time that
+/// is rounded to a tick must not change a distance by more than [`allowed_overlap`](crate::allowed_overlap),
+/// which is this part of the extent, too.
 const RESOLUTION: f64 = 16.0 * f64::EPSILON;
 /// A tick that is chosen for a speed serves for speeds up to this many times as large.
 const GIVEN_RATIO: f64 = 4.0;

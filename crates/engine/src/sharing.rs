@@ -1,8 +1,9 @@
 //! Threads that share the processors with other processes.
 //!
-//! In a step each thread waits for the slowest one. If another process takes one of the processors for a while, all
-//! others wait, and two threads can be slower than one. The work of the run then goes back to one thread, until the
-//! processors are free again. Threads never change a result, so that this may depend on the clock.
+//! In a step each thread waits for the slowest one. If another process takes one of the processors for a
+//! while, all others wait, and two threads can be slower than one. The work of the run then goes back to one
+//! thread, until the processors are free again. Threads never change a result, so that this may depend on
+//! the clock.
 
 use std::{
     cell::Cell,
@@ -11,10 +12,11 @@ use std::{
 
 /// Rates are measured over this time at least.
 const PERIOD: Duration = Duration::from_millis(100);
-/// Threads that wait look for work without sleeping: on free processors the process uses this part of the time of
-/// its threads, at least.
+/// Threads that wait look for work without sleeping: on free processors the process uses this part of the
+/// time of its threads, at least.
 const FREE: f64 = 0.9;
-/// Time until the other number of threads is tried again, at first and at most: it doubles with each trial in vain.
+/// Time until the other number of threads is tried again, at first and at most: it doubles with each trial
+/// in vain.
 const WAIT: [Duration; 2] = [Duration::from_secs(1), Duration::from_secs(16)];
 /// Several threads are kept if they are faster than one by this factor.
 const FASTER: f64 = 1.05;
@@ -82,7 +84,8 @@ enum Mode {
 #[derive(Debug)]
 pub(crate) struct Sharing {
     mode: Mode,
-    /// The present period. The first one after a change is not counted: steps that have begun go on as before.
+    /// The present period. The first one after a change is not counted: steps that have begun go on as
+    /// before.
     span: Span,
     is_settled: bool,
     /// Time since the last trial, and until the next.
@@ -120,8 +123,8 @@ impl Sharing {
         Scope
     }
 
-    /// Starts a part of a run. `is_shared`: all threads can take its events. Returns the largest number of entries
-    /// of this part, too.
+    /// Starts a part of a run. `is_shared`: all threads can take its events. Returns the largest number of
+    /// entries of this part, too.
     pub fn start(&self, is_shared: bool) -> (Start, u64) {
         if rayon::current_num_threads() < 2 || !(is_shared || self.is_alone()) {
             return (Start(None), u64::MAX);

@@ -302,8 +302,8 @@ impl Simulation {
         actions.chain(measurements).min().unwrap_or(i64::MAX)
     }
 
-    /// Applies the actions that are due at this time. Returns the particles that have changed, or `None` if no
-    /// action is due.
+    /// Applies the actions that are due at this time. Returns the particles that have changed, or `None` if
+    /// no action is due.
     fn act(&mut self, due: i64, observer: &mut dyn Observer) -> Result<Option<Vec<u32>>, EngineError> {
         let Self { actions, state, geometry, measurements, .. } = self;
         let mut all = None;
@@ -327,8 +327,8 @@ impl Simulation {
         Stop::Rest
     }
 
-    /// Takes the states of the measurements that are due at this time. All actions and events of this time are
-    /// done.
+    /// Takes the states of the measurements that are due at this time. All actions and events of this time
+    /// are done.
     fn measure(&mut self, due: i64, observer: &mut dyn Observer) {
         let Self { state, measurements, .. } = self;
         if state.world.flights == Summed::Tensor
@@ -411,8 +411,9 @@ impl Simulation {
         self.state.settling.contacts = contacts_of_asleep(&self.state.world, &self.geometry);
     }
 
-    /// Starts the next epoch of the clock at `now` \[ticks\], usually [`EPOCH`]. Chooses a new tick if the system
-    /// has become much slower or faster; `speed` is a speed that a particle is about to have [length/time].
+    /// Starts the next epoch of the clock at `now` \[ticks\], usually [`EPOCH`]. Chooses a new tick if the
+    /// system has become much slower or faster; `speed` is a speed that a particle is about to have
+    /// [length/time].
     fn start_epoch(&mut self, now: i64, speed: f64) {
         let world = &mut self.state.world;
         world.now = now;

@@ -63,8 +63,8 @@ impl Spins {
         }
     }
 
-    /// Describes all slides from the end of an epoch at `now` \[ticks\] on, and sets their start to the start of
-    /// the next one. Returns their ends, which are still those of the old epoch.
+    /// Describes all slides from the end of an epoch at `now` \[ticks\] on, and sets their start to the
+    /// start of the next one. Returns their ends, which are still those of the old epoch.
     pub fn end_epoch(&mut self, clock: &Clock, now: i64) -> impl Iterator<Item = &mut i64> {
         let Self { angular_velocity, slides, .. } = self;
         for (&i, slide) in &mut *slides {

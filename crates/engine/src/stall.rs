@@ -7,8 +7,8 @@ use glam::DVec3;
 use crate::{clustering::suitable_rest_speed, error::EngineError, particles::World};
 
 /// Longest duration of a run of events that counts as a collapse [ticks]: some 10⁻⁸ of the time in which the
-/// fastest particle crosses the system. In a collapse the clock need not stand still: bounces whose height is the
-/// rounding of a coordinate take some ticks each.
+/// fastest particle crosses the system. In a collapse the clock need not stand still: bounces whose height
+/// is the rounding of a coordinate take some ticks each.
 const SPAN: i64 = 1 << 27;
 /// A run within [`SPAN`] is a collapse if it has more events than this number, plus [`EVENTS_PER_PARTICLE`]
 /// for each particle.

@@ -8,8 +8,9 @@ use crate::{error::EngineError, report::Observer, state::State};
 /// An action at stated times. The event loop runs up to the earliest one. The scheduler then predicts again
 /// the particles that the action has changed.
 ///
-/// The order within one tick is: events that are already known, actions, the events that follow from them, and
-/// so on until no action and no event is left; then measurements; then the caller takes samples and frames.
+/// The order within one tick is: events that are already known, actions, the events that follow from them,
+/// and so on until no action and no event is left; then measurements; then the caller takes samples and
+/// frames.
 pub(crate) trait TimedAction: Send {
     /// The next time of the action \[ticks\]; `i64::MAX` for never.
     fn next(&self, state: &State) -> i64;

@@ -68,8 +68,8 @@ fn gas_at_plastic_walls(dimension: Dimension, kind: DriveKind) -> System {
     scene
 }
 
-/// At the time of a kick, the kick comes first, then all impacts that follow from it at once, then measurements,
-/// samples and frames: with every search and any number of blocks.
+/// At the time of a kick, the kick comes first, then all impacts that follow from it at once, then
+/// measurements, samples and frames: with every search and any number of blocks.
 #[test]
 fn impacts_that_follow_from_a_kick_at_once_come_before_measurements_and_stops() {
     for kind in [DriveKind::Rescale { temperature: 1.0, interval: 1.0 }, NOISE[1]] {
@@ -109,8 +109,8 @@ fn impacts_that_follow_from_a_kick_at_once_come_before_measurements_and_stops() 
     }
 }
 
-/// Whether the losses of all collisions are those of the TC model: none if one of the partners has had a contact
-/// within `tc` before. Returns the numbers of elastic and of inelastic collisions.
+/// Whether the losses of all collisions are those of the TC model: none if one of the partners has had a
+/// contact within `tc` before. Returns the numbers of elastic and of inelastic collisions.
 fn check_contact_duration(log: &[EventRecord], bodies: usize, tc: f64) -> [usize; 2] {
     let mut last = vec![f64::NEG_INFINITY; bodies];
     let mut counts = [0; 2];
@@ -127,13 +127,15 @@ fn check_contact_duration(log: &[EventRecord], bodies: usize, tc: f64) -> [usize
             assert_eq!(is_lossless, age < tc, "{event:?} {age} after the last contact");
         }
         counts[usize::from(!is_lossless)] += 1;
-        partners.iter().for_each(|&i| last[i as usize] = event.time);
+        for i in partners {
+            last[i as usize] = event.time;
+        }
     }
     counts
 }
 
-/// The contact duration counts from the last contact. Kicks, whether of all particles or of one, and changes from
-/// outside set anchors, but are no contacts.
+/// The contact duration counts from the last contact. Kicks, whether of all particles or of one, and changes
+/// from outside set anchors, but are no contacts.
 #[test]
 fn the_contact_duration_counts_from_the_last_contact_whatever_else_happens_to_a_particle() {
     let tc = 0.05;

@@ -1,5 +1,5 @@
-//! The end of series of bounces on surfaces of any kind: curved, moving, in corners. The events of each scene stay
-//! few, and a grain then follows its surface.
+//! The end of series of bounces on surfaces of any kind: curved, moving, in corners. The events of each
+//! scene stay few, and a grain then follows its surface.
 
 mod common;
 
@@ -63,7 +63,8 @@ fn bounces_on_top_of_a_fixed_disk_end() {
     }
 }
 
-/// Without friction a particle that slides from rest at the angle θ₀ leaves the circle where cos θ = ⅔ cos θ₀.
+/// Without friction a particle that slides from rest at the angle θ₀ leaves the circle where cos θ = ⅔ cos
+/// θ₀.
 #[test]
 fn a_disk_slides_along_a_fixed_one_and_leaves_it_where_it_no_longer_presses() {
     let start: f64 = 0.3;

@@ -8,8 +8,8 @@ use haff_engine::{
     Boundary, Dimension, NeighborChoice, Options, Silent, Simulation, Stop, System, Until, Wall, WallMotion,
 };
 
-/// A light ball between a wall and a heavy ball, which comes towards it (G. Galperin, Regul. Chaotic Dyn. 8, 375
-/// (2003)): for a ratio of masses of 100^k there are ⌊π 10^k⌋ impacts.
+/// A light ball between a wall and a heavy ball, which comes towards it (G. Galperin, Regul. Chaotic Dyn. 8,
+/// 375 (2003)): for a ratio of masses of 100^k there are ⌊π 10^k⌋ impacts.
 fn billiard(ratio: f64) -> System {
     let mut scene = system(Dimension::Three, DVec3::splat(10.0), [Boundary::Open; 3]);
     scene.walls.push(Wall {

@@ -49,10 +49,8 @@ impl Simulation {
             scalars.put(&format!("body.{i}"), world.body[i] as u64);
             scalars.put(&format!("clings.{i}"), u64::from(world.sticks_to_wall[i]));
             scalars.vector(&format!("offset.{i}"), world.offset[i]);
-            scalars.real(&format!("excess.{i}"), world.excess[i]);
         }
-        for flight in world.flights.iter() {
-            let flight_key = flight.bodies[0];
+        for (flight_key, flight) in &world.flights {
             scalars.pair(&format!("flight.{flight_key}.start"), flight.start.high, flight.start.low);
             scalars.real(&format!("flight.{flight_key}.hint"), flight.hint);
             for (k, &body) in flight.bodies.iter().enumerate() {
@@ -118,7 +116,6 @@ impl Simulation {
             world.body[i] = scalars.index(&format!("body.{i}"), n);
             world.sticks_to_wall[i] = flag(&mut scalars, &format!("clings.{i}"));
             world.offset[i] = scalars.vector(&format!("offset.{i}"));
-            world.excess[i] = scalars.real(&format!("excess.{i}"));
         }
         world.body_mass = (0..n).map(|body| world.mass_of(body)).collect();
         for p in 0..world.taut.len() {

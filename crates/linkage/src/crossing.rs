@@ -17,8 +17,9 @@ pub(crate) enum Search {
     None,
 }
 
-/// Steps after which a search returns, to be continued when that time has come: most predictions are replaced before.
-const MAX_STEPS: usize = 16;
+/// Steps after which a search returns, to be continued when that time has come: most predictions are
+/// replaced before.
+const MAX_STEPS: usize = 64;
 
 /// Finds the first zero in (`from`, `to`] of a function with `f(s)` = (value, slope) and `bound(a, b)` ≥ −f''
 /// on [a, b].

@@ -57,8 +57,8 @@ pub(crate) fn solve(a: &[f64], b: &[f64], active: &[bool]) -> (Vec<f64>, bool) {
     (x, independent)
 }
 
-/// A factorization L D Lᵀ of independent rows of a symmetric positive semidefinite matrix A, n × n, which rows
-/// are added to and removed from.
+/// A factorization L D Lᵀ of independent rows of a symmetric positive semidefinite matrix A, n × n, which
+/// rows are added to and removed from.
 struct Factor<'a> {
     a: &'a [f64],
     n: usize,
@@ -143,13 +143,13 @@ impl<'a> Factor<'a> {
 }
 
 /// Solves the mixed complementarity problem w = A x + q: w = 0 for bilateral rows; x ≥ 0, w ≥ 0, x w = 0 for
-/// `unilateral` ones. Returns x and the rows that are active. Violations of w below `tolerance` are ignored. A
-/// tie (x = 0 and w = 0) is active if its row is independent of the others; of rows that depend on each other
-/// a part is active, so that the active one-sided rows are always independent.
+/// `unilateral` ones. Returns x and the rows that are active. Violations of w below `tolerance` are ignored.
+/// A tie (x = 0 and w = 0) is active if its row is independent of the others; of rows that depend on each
+/// other a part is active, so that the active one-sided rows are always independent.
 ///
 /// The dual active-set method of D. Goldfarb and A. Idnani, Math. Programming 27, 1 (1983), for the smallest
-/// change of the velocities or accelerations that satisfies all rows: the most violated row is added, and rows
-/// whose x would become negative are removed, until no row is violated. Every step increases the dual
+/// change of the velocities or accelerations that satisfies all rows: the most violated row is added, and
+/// rows whose x would become negative are removed, until no row is violated. Every step increases the dual
 /// objective, so that no set of rows occurs twice.
 pub(crate) fn complementarity(
     a: &[f64],

@@ -21,9 +21,6 @@ use crate::linear;
 /// Errors of the energy up to this part of the kinetic energy are corrected by the velocities.
 const LARGEST_CORRECTION: f64 = 1e-9;
 
-/// Rounding of the distance of two bodies, relative to their largest coordinates.
-const ROUNDING: f64 = 2.0 * f64::EPSILON;
-
 /// The origin of a row. The order is that of ties.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub(crate) enum Link {
@@ -187,7 +184,8 @@ impl Mechanism {
         a
     }
 
-    /// Change of the kinetic and potential energy between two states, without the cancellation of their values.
+    /// Change of the kinetic and potential energy between two states, without the cancellation of their
+    /// values.
     pub fn energy_change(&self, from: &[(DVec3, DVec3)], to: &[(DVec3, DVec3)]) -> f64 {
         let mut change = Sum::default();
         for ((mass, (x, v)), (y, w)) in self.mass.iter().zip(from).zip(to) {
@@ -207,22 +205,12 @@ impl Mechanism {
             || self.coils.iter().any(|coil| coil.a.is_driven() || coil.b.is_driven())
     }
 
-    /// Gives a state at the end of a flight, after `tau`, the energy of its start plus the work done since, by a
-    /// factor of the velocities relative to the points that hold its bodies: rounding and the errors of
-    /// integration would add up over all flights. `excess` is what earlier flights could not correct: errors
-    /// below the rounding of the velocities, or where hardly anything moves. Returns what remains.
-    pub fn restore_energy(
-        &self,
-        tau: f64,
-        start: &[(DVec3, DVec3)],
-        end: &mut [(DVec3, DVec3)],
-        work: f64,
-        excess: f64,
-    ) -> f64 {
-        let gained = self.energy_change(start, end) - work + excess;
-        if gained == 0.0 {
-            return 0.0;
-        }
+    /// Gives a state at the end of a flight, after `tau`, the energy of its start plus the work done since,
+    /// by a factor of the velocities relative to the points that hold its bodies: rounding and the errors of
+    /// integration would add up over all flights. Nothing is done where hardly anything moves, so that
+    /// velocities cannot correct the error.
+    pub fn restore_energy(&self, tau: f64, start: &[(DVec3, DVec3)], end: &mut [(DVec3, DVec3)], work: f64) {
+        let gained = self.energy_change(start, end) - work;
         let carried = if self.is_driven() {
             // The smallest velocities that the moving points impose.
             let still: Vec<(DVec3, DVec3)> = end.iter().map(|(x, _)| (*x, DVec3::ZERO)).collect();
@@ -230,15 +218,19 @@ impl Mechanism {
         } else {
             vec![DVec3::ZERO; end.len()]
         };
+        let free = |(body, carried): (&(DVec3, DVec3), &DVec3)| body.1 - *carried;
         // Both parts are orthogonal in the metric of the masses.
-        let free = end.iter().zip(&carried).map(|((_, v), carried)| *v - *carried);
-        let kinetic: f64 = free.zip(&self.mass).map(|(v, mass)| 0.5 * mass * v.length_squared()).sum();
-        if gained.abs() > LARGEST_CORRECTION * kinetic {
-            return gained;
+        let kinetic: f64 = end
+            .iter()
+            .zip(&carried)
+            .map(free)
+            .zip(&self.mass)
+            .map(|(v, mass)| 0.5 * mass * v.length_squared())
+            .sum();
+        if gained.abs() <= LARGEST_CORRECTION * kinetic {
+            let change = -0.5 * gained / kinetic;
+            end.iter_mut().zip(&carried).for_each(|(body, carried)| body.1 += (body.1 - *carried) * change);
         }
-        let change = -0.5 * gained / kinetic;
-        end.iter_mut().zip(&carried).for_each(|(body, carried)| body.1 += (body.1 - *carried) * change);
-        self.energy_change(start, end) - work + excess
     }
 
     /// The rows at a state.
@@ -352,10 +344,10 @@ impl Mechanism {
         of
     }
 
-    /// Makes rows hold the lengths of this state, which differ from the nominal ones by less than the resolution.
-    /// Bodies moved to the nominal lengths would gain or lose energy.
-    pub fn hold_present_lengths(&mut self, bodies: &[(DVec3, DVec3)], which: impl Fn(Link) -> bool) {
-        for row in self.rows.iter_mut().filter(|row| which(row.link)) {
+    /// Makes the rows hold the lengths of this state, which differ from the nominal ones by rounding. Bodies
+    /// moved to the nominal lengths would gain or lose energy.
+    pub fn hold_present_lengths(&mut self, bodies: &[(DVec3, DVec3)]) {
+        for row in &mut self.rows {
             let r = row.b.state(0.0, bodies).0 - row.a.state(0.0, bodies).0;
             row.shape = match row.shape {
                 Shape::Distance(_) => Shape::Distance(r.length()),
@@ -390,13 +382,6 @@ impl Mechanism {
         if self.rows.is_empty() {
             return;
         }
-        self.shift(tau, bodies);
-        let kicks = self.kicks(tau, bodies);
-        bodies.iter_mut().zip(&kicks).for_each(|(body, by)| body.1 += *by);
-    }
-
-    /// Moves the bodies onto the constraints.
-    fn shift(&self, tau: f64, bodies: &mut [(DVec3, DVec3)]) {
         let all = vec![true; self.rows.len()];
         for _ in 0..3 {
             let states = self.row_states(tau, bodies);
@@ -406,22 +391,8 @@ impl Mechanism {
             self.apply(&states, &shift, &mut moves);
             bodies.iter_mut().zip(&moves).for_each(|(body, by)| body.0 += *by);
         }
-    }
-
-    /// Gives strings and rods their nominal lengths, unless they differ from them only by the rounding of
-    /// coordinates: deviations would add up. Contacts keep their gaps. Returns the change of the energy.
-    pub fn restore_lengths(&mut self, bodies: &mut [(DVec3, DVec3)]) -> f64 {
-        self.hold_present_lengths(bodies, |link| !matches!(link, Link::Tether(_) | Link::Rod(_)));
-        let wide = self.rows.iter().zip(self.row_states(0.0, bodies)).any(|(row, state)| {
-            let (x, y) = (row.a.state(0.0, bodies).0, row.b.state(0.0, bodies).0);
-            state.gap.abs() > ROUNDING * (x.abs().max_element() + y.abs().max_element())
-        });
-        if !wide {
-            return 0.0;
-        }
-        let before = bodies.to_vec();
-        self.shift(0.0, bodies);
-        self.energy_change(&before, bodies)
+        let kicks = self.kicks(tau, bodies);
+        bodies.iter_mut().zip(&kicks).for_each(|(body, by)| body.1 += *by);
     }
 
     /// The smallest changes of velocities after which the constraints hold.

@@ -4,8 +4,9 @@ there.
 
 A contact that is pressed together and would open by less than [`REST_HEIGHT`] of its size before it closes
 again cannot be resolved: this is less than the rounding of positions allows. Its series of bounces, of which
-there may be infinitely many in a finite time, ends here: the relative velocity of all such contacts is removed
-at once, by the smallest change of the velocities in the metric of the masses, so that energy is never gained.
+there may be infinitely many in a finite time, ends here: the relative velocity of all such contacts is
+removed at once, by the smallest change of the velocities in the metric of the masses, so that energy is
+never gained.
 
 The height is u²/2a, with the speed u of opening or closing, and the acceleration a at which the contact would
 close if its force were removed while all other forces act. Contacts that are not pressed together are
@@ -79,13 +80,13 @@ impl World {
         self.restitution(link).is_some_and(|law| law.bounces(speed).is_some())
     }
 
-    /// Determines which of these links stay closed, and removes the velocities that are not resolved. `hits`:
-    /// the contacts of impacts that have just happened. Returns the links that carry force.
+    /// Determines which of these links stay closed, and removes the velocities that are not resolved. `hit`:
+    /// the contact of the impact that has just happened. Returns the links that carry force.
     pub fn settle_contacts(
         &mut self,
         part: &[usize],
         mut links: Vec<Link>,
-        hits: &[Hit],
+        hit: Option<Hit>,
         observer: &mut dyn Observer,
     ) -> Vec<Link> {
         let held = loop {
@@ -97,7 +98,7 @@ impl World {
         };
         let active = held.mechanism.rows.iter().zip(&held.active);
         let closed = active.filter(|(_, active)| **active).map(|(row, _)| row.link).collect();
-        self.remove_velocities(part, held, hits, observer);
+        self.remove_velocities(part, held, hit, observer);
         closed
     }
 
@@ -118,7 +119,8 @@ impl World {
                 continue;
             }
             if !active[k] {
-                // It separates; of contacts that still approach slowly the velocity is removed with the others'.
+                // It separates; of contacts that still approach slowly the velocity is removed with the
+                // others'.
                 continue;
             }
             let matrix = matrix.get_or_insert_with(|| mechanism.compliance(&rows));
@@ -137,7 +139,13 @@ impl World {
 
     /// Removes the velocities of active rows, and those of inactive ones at which they approach. Adds the
     /// losses to the sums.
-    fn remove_velocities(&mut self, part: &[usize], held: Held, hits: &[Hit], observer: &mut dyn Observer) {
+    fn remove_velocities(
+        &mut self,
+        part: &[usize],
+        held: Held,
+        hit: Option<Hit>,
+        observer: &mut dyn Observer,
+    ) {
         let Held { mechanism, active, closing } = held;
         let mut states = self.anchors(part);
         let rows = mechanism.row_states(0.0, &states);
@@ -168,10 +176,9 @@ impl World {
             self.anchor[body] = *state;
         }
         // What holds already comes first and loses nothing, then the contact of the impact.
-        let law_of = |link: Link| hits.iter().rev().find(|(hit, _)| *hit == link).map(|(_, law)| law);
         let rank = |k: usize| match mechanism.rows[k].link {
             _ if !mechanism.rows[k].unilateral || rates[k].abs() <= slow[k] => 0,
-            link if law_of(link).is_some() => 1,
+            link if hit.is_some_and(|(hit, _)| hit == link) => 1,
             _ => 2,
         };
         let mut order: Vec<usize> = (0..rows.len()).filter(|&k| changed[k]).collect();
@@ -181,7 +188,7 @@ impl World {
             if speed <= slow[k] || !mechanism.rows[k].unilateral {
                 continue;
             }
-            let series = law_of(link).and_then(|law| law.bounces(speed));
+            let series = hit.filter(|(hit, _)| *hit == link).and_then(|(_, law)| law.bounces(speed));
             // The mass that moves at the contact: its energy is the loss.
             let mass = 2.0 * loss / (speed * speed);
             let rest = match series {

@@ -22,7 +22,10 @@ use crate::{
 const FLUSH_EVERY: Duration = Duration::from_secs(1);
 /// Time from a flush to one with a checkpoint. A checkpoint that comes earlier waits, and is not written if
 /// the next one has come by then: readers need time between flushes.
-const CHECKPOINT_EVERY: Duration = Duration::from_millis(250);
+const CHECKPOINT_EVERY: Duration = Duration::from_millis(50);
+/// A checkpoint does not wait either after this much has been recorded since the last flush \[bytes\]: a full
+/// disk must not take more.
+const UNFLUSHED: usize = 1 << 20;
 /// Size from which a checkpoint does not wait [bytes]: it would take too much memory.
 const LARGE_CHECKPOINT: usize = 8 << 20;
 /// Frames are collected up to this many bytes: many small ones are written at once.
@@ -49,6 +52,8 @@ pub(crate) struct Writer {
     event_times: Vec<f64>,
     /// Correlations that are not in the file. They replace those there in place, so they wait for a flush.
     correlations: Vec<Correlation>,
+    /// What has been recorded since the last flush \[bytes\].
+    unflushed: usize,
     /// A checkpoint that is not in the file.
     checkpoint: Option<Saved>,
     /// Number of the last checkpoint, and the slot of the next.
@@ -75,6 +80,7 @@ impl Writer {
             sample_clock: Vec::new(),
             event_times: Vec::new(),
             correlations: Vec::new(),
+            unflushed: 0,
             checkpoint: None,
             sequence: 0,
             next_slot: 0,
@@ -143,6 +149,7 @@ impl Writer {
         loop {
             match queue.receiver.recv_timeout(self.until_flush().unwrap_or(FLUSH_EVERY)) {
                 Ok((message, bytes)) => {
+                    self.unflushed += bytes;
                     let result = match message {
                         Message::Finish { summary, complete } => return Ok(Some((summary, complete))),
                         Message::Flush(answer) => {
@@ -177,7 +184,11 @@ impl Writer {
 
     /// Time until the next flush; `None` if nothing has been recorded since the last one.
     fn until_flush(&self) -> Option<Duration> {
-        let every = if self.checkpoint.is_some() { CHECKPOINT_EVERY } else { FLUSH_EVERY };
+        let every = match &self.checkpoint {
+            Some(_) if self.unflushed >= UNFLUSHED => Duration::ZERO,
+            Some(_) => CHECKPOINT_EVERY,
+            None => FLUSH_EVERY,
+        };
         self.dirty.then(|| every.saturating_sub(self.flushed.elapsed()))
     }
 
@@ -324,6 +335,7 @@ impl Writer {
         }
         self.file.end_change()?;
         self.dirty = false;
+        self.unflushed = 0;
         self.flushed = Instant::now();
         tracing::debug!(file = %self.file.path().display(), checkpoint = self.sequence, "flushed");
         Ok(())

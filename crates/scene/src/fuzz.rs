@@ -417,7 +417,8 @@ const CHANGES: &[&str] = &[
     "displacement=nan",
 ];
 
-/// Goes on from an accepted scene with a changed wall: it stays where it is, and the resolved scene has it there.
+/// Goes on from an accepted scene with a changed wall: it stays where it is, and the resolved scene has it
+/// there.
 fn goes_on(case: u64, scene: &Scene, state: &AnyState) -> Result<bool, String> {
     let mut random = Stream::new(case, Purpose::Radius, "change", 0);
     let walls = scene.system.walls.clone();

@@ -58,8 +58,6 @@ def _system(run: File) -> Worked:
         raise NotApplicableError(f"{len(run)} bodies: made for a few")
     if len(run.frames) < 2:
         raise NotApplicableError("fewer than two frames")
-    if run.frames.time[0] > 0:
-        raise NotApplicableError("the file goes on from another one: the closed forms are from the start of the run")
     if run.scene.get("pendulum"):
         return _pendulums(run)
     if run.scene.get("spring"):

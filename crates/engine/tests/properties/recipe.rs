@@ -373,7 +373,7 @@ impl Recipe {
             scatter_within_room(&mut scene, kind, 1, speed, &mut random);
         }
         if self.top {
-            self.put_on_top(&mut scene);
+            Self::put_on_top(&mut scene);
         }
         if self.rough > 0 {
             scene.spin = Some(spins(&scene, self.rough == 2, &mut random));
@@ -410,8 +410,9 @@ impl Recipe {
         scene
     }
 
-    /// Adds a fixed body below the first grain, which starts at rest: without other grains it falls on the top.
-    fn put_on_top(&self, scene: &mut System) {
+    /// Adds a fixed body below the first grain, which starts at rest: without other grains it falls on the
+    /// top.
+    fn put_on_top(scene: &mut System) {
         let first = scene.bodies[0];
         let gravity = scene.domain.gravity;
         let reach = scene.classes[first.class as usize].radius + 0.3;
