@@ -25,7 +25,7 @@ const FLUSH_EVERY: Duration = Duration::from_secs(1);
 const CHECKPOINT_EVERY: Duration = Duration::from_millis(50);
 /// A checkpoint does not wait either after this much has been recorded since the last flush \[bytes\]: a full
 /// disk must not take more.
-const UNFLUSHED: usize = 1 << 20;
+const UNFLUSHED: usize = 1 << 17;
 /// Size from which a checkpoint does not wait [bytes]: it would take too much memory.
 const LARGE_CHECKPOINT: usize = 8 << 20;
 /// Frames are collected up to this many bytes: many small ones are written at once.
