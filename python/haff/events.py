@@ -12,7 +12,6 @@ import numpy as np
 from . import arguments
 from .errors import ArgumentError, MissingDataError, UnknownNameError
 from .layout import Array, complete, component
-from .readonly import ReadOnly
 from .text import brief, escaped, quoted
 
 if TYPE_CHECKING:
@@ -37,7 +36,7 @@ _WIDEST = 16
 """Components of a column of another program."""
 
 
-class Events(ReadOnly):
+class Events:
     """The event log, one row per event, read column by column or piece by piece.
 
     ``len(events)``, ``events["energy_loss"]`` (NumPy), ``events[a:b]`` and ``events.chunks()`` (pandas) read
@@ -60,7 +59,6 @@ class Events(ReadOnly):
         self._data = {name: self._column(name) for name in names}
         self._columns = names
         self._length = complete(self._data["time"], min(map(len, self._data.values())))
-        self._made = True
 
     def _column(self, name: str) -> Column:
         stored, place = self._file.stored, f"events/{name}"

@@ -1,9 +1,9 @@
 """The reader's part of the handshake with a run that writes the file; the writer's is crates/record/src/handshake.rs.
 
 A flush rewrites the index of a file in place. A counter at a fixed place of the file is odd meanwhile: what was read
-while it was not the same even number is discarded and read again. In a second attempt, a lock on one byte, which
-readers share, lets them finish before a flush begins; without it (other systems than Linux, some network file systems)
-the counter is enough. A flush that waits for readers says so beside the counter, and no other reader begins.
+while it was not the same even number is discarded and read again. A lock on one byte, which readers share, lets them
+finish before a flush begins; without it (other systems than Linux, some network file systems) the counter is enough.
+A flush that waits for readers says so beside the counter, and no other reader begins.
 """
 
 from __future__ import annotations
@@ -64,12 +64,11 @@ class Count(NamedTuple):
 class Reading:
     """An attempt to read one state of a file."""
 
-    def __init__(self, path: Path, keep: bool) -> None:
+    def __init__(self, path: Path) -> None:
         self._path = path
         self.descriptor = os.open(path, os.O_RDONLY | getattr(os, "O_BINARY", 0))
         """The open file, closed at the end of the attempt."""
-        if keep:
-            _lock(self.descriptor, "F_RDLCK")
+        _lock(self.descriptor, "F_RDLCK")
         self.count = Count.of(self.descriptor)
         """The counter at the beginning."""
 
@@ -96,12 +95,11 @@ def one_state(path: Path, read: Callable[[Reading], T], discard: Callable[[T], N
 
     Raises :class:`RunningFileError` if the file is being changed for ``WAITS`` seconds, or in every attempt meanwhile.
     """
-    until, failed = time.monotonic() + WAITS, False
+    until = time.monotonic() + WAITS
     while True:
-        reading, patient = Reading(path, keep=failed), time.monotonic() < until
+        reading, patient = Reading(path), time.monotonic() < until
         try:
             if reading.may_begin:
-                failed = True
                 try:
                     result = read(reading)
                 except Exception:

@@ -160,13 +160,12 @@ def _numbers() -> list[str]:
 def _several(key: str, values: Iterable[Any]) -> list[Any]:
     listed = isinstance(values, Iterable) and not isinstance(values, (str, bytes, Mapping))
     try:
-        found = list(values) if listed else []
-    except TypeError:
-        # A number as an array without dimensions.
-        found = []
-    if not found:
-        raise ArgumentError(f"{key}: needs a list of values, not {quoted(values)}")
-    return found
+        if listed:
+            return list(values)
+    except Exception:
+        # Such as a number in an array without dimensions.
+        listed = False
+    raise ArgumentError(f"{key}: needs a list of values, not {quoted(values)}")
 
 
 def _scene_file(scene: Scene, folder: Path) -> Path:

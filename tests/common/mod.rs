@@ -3,7 +3,8 @@
 
 use std::{
     path::{Path, PathBuf},
-    process::{Command, Output, Stdio},
+    process::{Child, Command, ExitStatus, Output, Stdio},
+    time::Duration,
 };
 
 use serde_json::Value;
@@ -55,6 +56,25 @@ impl Haff {
         let output = self.output(arguments);
         let text = |bytes: &[u8]| String::from_utf8_lossy(bytes).into_owned();
         (output.status.code().unwrap_or(-1), text(&output.stdout), text(&output.stderr))
+    }
+
+    /// Time of the last checkpoint in a file; negative if there is none.
+    pub fn checkpoint_time(&self, file: &str) -> f64 {
+        let (_, out, _) = self.run(&["info", file, "--json"]);
+        let info: Value = serde_json::from_str(&out).unwrap_or_default();
+        info["checkpoint_time"].as_f64().unwrap_or(-1.0)
+    }
+
+    /// Waits until a run has written a checkpoint later than `time`, however slow the machine is; returns its
+    /// exit status if it has ended before.
+    pub fn wait_for_checkpoint(&self, run: &mut Child, file: &str, time: f64) -> Option<ExitStatus> {
+        loop {
+            let ended = run.try_wait().expect("a child of the test");
+            if ended.is_some() || self.checkpoint_time(file) > time {
+                return ended;
+            }
+            std::thread::sleep(Duration::from_millis(2));
+        }
     }
 
     /// Runs with `--json` and returns the report; the exit status must be 0.

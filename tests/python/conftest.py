@@ -14,6 +14,7 @@ import pytest
 
 import haff
 from pages import browser, show  # noqa: F401 (fixtures)
+from patience import HANGS
 from validation.runs import ROOT, executable, toml
 
 matplotlib.use("Agg")
@@ -40,9 +41,9 @@ class Command:
         self.directory = directory
         self.done: dict[tuple, Run] = {}
 
-    def __call__(self, *arguments: str | Path, check: bool = True, timeout: float = 200) -> subprocess.CompletedProcess:
+    def __call__(self, *arguments: str | Path, check: bool = True) -> subprocess.CompletedProcess:
         command = [str(executable()), *map(str, arguments)]
-        result = subprocess.run(command, capture_output=True, text=True, timeout=timeout, stdin=subprocess.DEVNULL)
+        result = subprocess.run(command, capture_output=True, text=True, timeout=HANGS, stdin=subprocess.DEVNULL)
         if check:
             assert result.returncode == 0, f"{' '.join(command)}\nexit {result.returncode}\n{result.stderr}"
         return result

@@ -16,6 +16,7 @@ from PIL import Image
 
 import haff
 from haff.__main__ import main
+from patience import HANGS
 
 SCRIPTS = Path(haff.__file__).parent / "viewer"
 BROWSERS = ("chromium", "chromium-browser", "google-chrome", "chrome")
@@ -87,7 +88,7 @@ def show(browser, tmp_path):
         page_of(path, tmp_path, *arguments)
         # Without a network, and in a small window: rendering is by software.
         context = browser.new_context(viewport={"width": width, "height": height}, offline=True)
-        context.set_default_timeout(120_000)
+        context.set_default_timeout(1000 * HANGS)
         page = context.new_page()
         page.on("pageerror", lambda error: complaints.append(str(error)))
         page.on("console", lambda message: message.type == "error" and complaints.append(message.text))

@@ -6,6 +6,7 @@ import json
 import sys
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 import forms
@@ -101,6 +102,10 @@ def check(command, folder: Path, scene: Path, changes: dict[str, object] | None 
         energies = [name for name in last if name.endswith(("energy", "work", "heat")) and last[name] is not None]
         assert {name: last[name] for name in energies} == {name: pytest.approx(report[name]) for name in energies}
     assert "events" in command("info", path).stdout
+    expected = json.loads(command("check", scene, "--json", *sets).stdout)["temperature"]
+    with haff.open(path) as run:
+        if "observables" in run and np.isfinite(run.samples["temperature"][0]):
+            assert run.samples["temperature"][0] == pytest.approx(expected, rel=1e-12), "temperature of haff check"
     return read(path, folder)
 
 

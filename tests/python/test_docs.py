@@ -17,6 +17,7 @@ import pytest
 
 import haff
 from conftest import ROOT, executable
+from patience import HANGS
 
 pytestmark = pytest.mark.physics
 
@@ -70,7 +71,7 @@ def test_code_of_the_page_runs(page, tmp_path, monkeypatch):
                 Path(title[1]).write_text(code)
         elif language == "sh":
             shell = ["bash", "-euo", "pipefail", "-c", code]
-            done = subprocess.run(shell, env=environment, capture_output=True, text=True, timeout=300, check=False)
+            done = subprocess.run(shell, env=environment, capture_output=True, text=True, timeout=HANGS, check=False)
             assert done.returncode == 0, f"{location}: exit {done.returncode}\n{code}\n{done.stdout}{done.stderr}"
         elif language == "python":
             exec(compile(code, location, "exec"), names)

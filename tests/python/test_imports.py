@@ -8,6 +8,7 @@ from pathlib import Path
 import pytest
 
 import haff
+from patience import HANGS
 
 HEAVY = ("numpy", "h5py", "pandas", "scipy", "matplotlib", "xarray", "freud")
 INIT = Path(haff.__file__)
@@ -21,7 +22,7 @@ def loaded(code: str, *arguments: str) -> set[str]:
         "atexit.register(lambda: sys.stderr.write('\\nloaded ' + found()))\n"
     )
     done = subprocess.run(
-        [sys.executable, "-c", program + code, *arguments], capture_output=True, text=True, check=False, timeout=120
+        [sys.executable, "-c", program + code, *arguments], capture_output=True, text=True, check=False, timeout=HANGS
     )
     last = done.stderr.splitlines()[-1]
     assert last.startswith("loaded"), done.stderr

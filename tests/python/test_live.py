@@ -11,6 +11,7 @@ import pytest
 
 import haff
 from conftest import CONFIGS
+from patience import HANGS
 
 GAS = {
     "schema": 1,
@@ -151,26 +152,30 @@ def test_other_threads_run_and_read_while_it_advances():
     watcher.start()
     try:
         # On a busy machine the second thread may be late.
-        for leg in range(50):
+        for leg in range(2000):
             gas.advance(until=20.0 * (leg + 1))
             during_step = [t for t, _ in seen if 20.0 * leg < t < 20.0 * (leg + 1)]
             if during_step:
                 break
     finally:
         done.set()
-        watcher.join(timeout=60)
+        watcher.join(timeout=HANGS)
     assert not watcher.is_alive() and {count for _, count in seen} == {2000}
     assert during_step and gas.time == 20.0 * (leg + 1)
 
 
 def test_ctrl_c_stops_between_events_and_the_run_can_continue():
     program = f"""
-import haff, signal, sys
+import haff, signal, threading, time
 # A background process that starts the tests can pass on that SIGINT is ignored.
 signal.signal(signal.SIGINT, signal.default_int_handler)
 gas = haff.Simulation({GAS!r}, contact__restitution=1.0, species__0__count=2000)
-try:
+def tell():
+    while gas.time == 0:
+        time.sleep(0.001)
     print("on", flush=True)
+threading.Thread(target=tell, daemon=True).start()
+try:
     gas.advance(until=1e9)
 except KeyboardInterrupt:
     reached = gas.time
@@ -181,10 +186,9 @@ except KeyboardInterrupt:
 """
     process = subprocess.Popen([sys.executable, "-c", program], stdout=subprocess.PIPE, text=True)
     assert process.stdout.readline() == "on\n"
-    time.sleep(0.3)
     process.send_signal(signal.SIGINT)
     try:
-        out, _ = process.communicate(timeout=60)
+        out, _ = process.communicate(timeout=HANGS)
     finally:
         process.kill()
     assert (process.returncode, out) == (0, "went on\n")

@@ -259,3 +259,26 @@ def test_check_and_the_first_sample_have_the_same_temperature(command, tmp_path)
         (tmp_path / "scene.toml").write_text(text, encoding="utf-8")
         checked = json.loads(command("check", tmp_path / "scene.toml", "--json").stdout)["temperature"]
         assert checked == pytest.approx(sampled, rel=1e-13), seed
+
+
+@pytest.mark.parametrize("fixed", [False, True])
+def test_bodies_on_springs_have_the_motion_of_their_center_of_mass_only_if_an_end_is_fixed(tmp_path, fixed):
+    ends: dict = {"between": ["b"], "point": [9.0, 0.0]} if fixed else {"between": ["a", "b"]}
+    scene = {
+        "dimension": 2,
+        "domain": {"size": [1.0, 1.0], "boundary": ["open", "open"]},
+        "particle": [
+            {"name": "a", "position": [0.0, 0.0], "velocity": [2.0, 0.5], "radius": 0.5, "mass": 1.0},
+            {"name": "b", "position": [4.0, 0.0], "velocity": [1.0, 0.5], "radius": 0.5, "mass": 3.0},
+        ],
+        "spring": [{"name": "s", "stiffness": 2.0, "length": 4.0, **ends}],
+        "run": {"until": 1.0}, "output": {"observables": 0.5, "frames": 0.5},
+    }  # fmt: skip
+    haff.run(scene, file=tmp_path / "spring.h5")
+    with haff.open(tmp_path / "spring.h5") as run:
+        assert run.conserved_momentum.tolist() == [not fixed, not fixed, False]
+        for frame, temperature in zip(run.frames, run.samples["temperature"]):
+            velocity = frame.velocity - (0.0 if fixed else np.average(frame.velocity, axis=0, weights=frame.mass))
+            expected = frame.mass @ np.sum(velocity**2, axis=1) / 4
+            assert temperature == pytest.approx(expected, rel=1e-13)
+            assert analysis.temperature(frame) == pytest.approx(expected, rel=1e-13)

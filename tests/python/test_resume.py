@@ -15,6 +15,7 @@ import numpy as np
 import pytest
 
 from conftest import ROOT, executable
+from patience import HANGS
 
 GAS = ROOT / "tests" / "gas.toml"
 # Rows every half time unit, a checkpoint every time unit: a kill at any time is close to a write.
@@ -22,7 +23,9 @@ DENSE = ("output.frames=0.5", "output.observables=0.25", "output.checkpoint=1.0"
 
 
 def haff(*arguments, **options) -> subprocess.CompletedProcess:
-    return subprocess.run([executable(), *map(str, arguments)], capture_output=True, text=True, timeout=200, **options)
+    return subprocess.run(
+        [executable(), *map(str, arguments)], capture_output=True, text=True, timeout=HANGS, **options
+    )
 
 
 def run(path: Path, until: float, *sets: str, threads: int = 1) -> dict:
@@ -134,9 +137,9 @@ def test_run_killed_at_any_instant_loses_no_flushed_data(tmp_path):
     whole = contents(tmp_path / "whole.h5")
     kills = int(os.environ.get("HAFF_KILLS", 0))
     draw = random.Random(20)
-    checked = unborn = complete = from_start = 0
-    started = time.perf_counter()
-    while checked < kills or (not kills and time.perf_counter() - started < 10):
+    checked = unborn = complete = from_start = later = 0
+    # As many as it takes: a busy machine may take longer, or shorter, than it did for the whole run.
+    while later < max(6, kills // 3) or checked < kills:
         path = tmp_path / f"{checked}.h5"
         with subprocess.Popen(
             [executable(), "run", GAS, "-o", path, *settings(until), "-q", "--threads", "1"]
@@ -149,6 +152,7 @@ def test_run_killed_at_any_instant_loses_no_flushed_data(tmp_path):
         if not path.exists():
             # Killed before its first checkpoint was complete: then there is no file.
             unborn += 1
+            takes *= 1.1
             continue
         about = f"after kill {checked}"
         part = contents(path)
@@ -163,6 +167,7 @@ def test_run_killed_at_any_instant_loses_no_flushed_data(tmp_path):
         assert info["resumable"] or info["finished"], about
         if info["finished"]:
             complete += 1
+            takes *= 0.9
         report = resume(path, threads=1 + checked % 2)
         assert report["state_hash"] == whole_report["state_hash"], about
         assert_same(contents(path), whole, about)
@@ -171,14 +176,12 @@ def test_run_killed_at_any_instant_loses_no_flushed_data(tmp_path):
             assert report["resumed_from"] == info["checkpoint_time"], about
             assert report["resumed_from"] >= part["box time"][-1] - 1.0, about
             from_start += report["resumed_from"] == 0
+            later += report["resumed_from"] > 0
+            takes *= 1.1 if report["resumed_from"] == 0 else 1.0
         path.unlink()
     print(
         f"{checked} kills: {unborn} before there was a file, {from_start} in the first time unit, {complete} too late"
     )
-    # On a busy machine many kills are too early or too late; those during the run count.
-    middle = checked - unborn - complete
-    assert middle >= max(3, kills // 3)
-    assert from_start < middle
 
 
 def test_run_without_checkpoint_interval_writes_checkpoints_by_wall_time(tmp_path):
@@ -189,10 +192,9 @@ def test_run_without_checkpoint_interval_writes_checkpoints_by_wall_time(tmp_pat
         GAS.read_text().replace("until = 20.0", "collisions = 1_000_000_000").replace("checkpoint = 4.0", "")
     )
     with subprocess.Popen([executable(), "run", scene, "-o", path, "-q", "--set", "output.events=false"]) as process:
-        deadline = time.monotonic() + 60
         found = 0.0
-        while not found and time.monotonic() < deadline:
-            time.sleep(0.25)
+        while not found and process.poll() is None:
+            time.sleep(0.05)
             if path.exists():
                 info = haff("info", path, "--json")
                 found = json.loads(info.stdout)["checkpoint_time"] if info.returncode == 0 else 0.0
@@ -249,7 +251,7 @@ def test_run_ends_when_its_file_is_removed(tmp_path):
     with subprocess.Popen(command, stderr=subprocess.PIPE, text=True) as process:
         wait_for(path)
         path.unlink()
-        _, errors = process.communicate(timeout=60)
+        _, errors = process.communicate(timeout=HANGS)
     assert process.returncode == 4, errors
     assert "gone.h5" in errors and "removed or replaced" in errors
     assert not path.exists()
@@ -281,7 +283,7 @@ def test_read_only_folder_is_an_error(tmp_path):
 
 
 def wait_for(path: Path) -> None:
-    deadline = time.monotonic() + 30
+    deadline = time.monotonic() + HANGS
     while not path.exists():
         assert time.monotonic() < deadline, f"{path} never came"
         time.sleep(0.01)

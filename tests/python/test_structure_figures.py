@@ -17,6 +17,7 @@ from haff import analysis, figures
 from haff.__main__ import _BY_NAME, main
 from haff.errors import NotApplicableError
 from haff.figures import structure
+from patience import HANGS
 from test_figures import require_texts_apart
 
 MIXTURE = {
@@ -206,7 +207,7 @@ def test_figures_of_many_particles_take_little_processor_time(large, tmp_path, k
     environment = {**os.environ, "PYTHONPATH": package, "MPLBACKEND": "Agg"}
     before = resource.getrusage(resource.RUSAGE_CHILDREN)
     command = [sys.executable, "-m", "haff", "plot", str(large), "--kind", kind, "-o", str(tmp_path)]
-    subprocess.run(command, check=True, env=environment, capture_output=True, timeout=200)
+    subprocess.run(command, check=True, env=environment, capture_output=True, timeout=HANGS)
     after = resource.getrusage(resource.RUSAGE_CHILDREN)
     seconds = after.ru_utime + after.ru_stime - before.ru_utime - before.ru_stime
     assert seconds < most, f"{seconds:.1f} s of processor time"

@@ -19,6 +19,7 @@ import xarray
 
 import haff
 from conftest import ROOT, executable
+from patience import HANGS
 
 GAS = ROOT / "tests" / "gas.toml"
 WORKFLOW = ROOT / "workflows" / "snakemake"
@@ -196,7 +197,7 @@ def test_snakemake_result_equals_the_serial_one_after_a_run_is_killed(serial, tm
     command = [sys.executable, "-m", "snakemake", "--snakefile", WORKFLOW / "Snakefile", "--directory", tmp_path]
     command += ["--configfile", tmp_path / "config.json", "--profile", WORKFLOW / "profiles" / "local"]
     with one_killed_in_the_middle(tmp_path / "study", also_parent=False):
-        done = subprocess.run(list(map(str, command)), capture_output=True, text=True, timeout=200)
+        done = subprocess.run(list(map(str, command)), capture_output=True, text=True, timeout=HANGS)
     assert done.returncode == 0, done.stderr
     summary = json.loads((tmp_path / "study" / "summary.json").read_text())
     assert summary["complete"] == 4
@@ -217,6 +218,6 @@ def test_snakemake_accepts_the_slurm_profile(tmp_path):
     (tmp_path / "config.json").write_text(json.dumps(config))
     command = [sys.executable, "-m", "snakemake", "--snakefile", WORKFLOW / "Snakefile", "--directory", tmp_path, "-n"]
     command += ["--configfile", tmp_path / "config.json", "--profile", WORKFLOW / "profiles" / "slurm"]
-    done = subprocess.run(list(map(str, command)), capture_output=True, text=True, timeout=100)
+    done = subprocess.run(list(map(str, command)), capture_output=True, text=True, timeout=HANGS)
     assert done.returncode == 0, done.stderr
     assert "summary" in done.stdout + done.stderr

@@ -12,6 +12,7 @@ from dataclasses import dataclass
 
 import pytest
 
+from patience import HANGS
 from validation.runs import ROOT, executable
 
 pty, fcntl, termios = (pytest.importorskip(name) for name in ("pty", "fcntl", "termios"))
@@ -44,7 +45,7 @@ def look(*arguments: str, columns: int, interrupt: str = "") -> Seen:
             os._exit(127)
     screen = pyte.Screen(columns, LINES)
     stream = pyte.ByteStream(screen)
-    give_up = time.monotonic() + 60
+    give_up = time.monotonic() + HANGS
     try:
         while time.monotonic() < give_up:
             if not select.select([terminal], [], [], 1.0)[0]:

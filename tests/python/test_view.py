@@ -131,7 +131,7 @@ def test_invalid_arguments_are_errors_of_one_line(files, tmp_path, capsys):
         (
             ["view", str(files["ball"]), "--size", "0", "-o", str(tmp_path / "a.html")],
             2,
-            "must be a finite number above 0",
+            "size = 0.0: must be a finite number above 0",
         ),
         (["view", str(files["ball"]), "--frames", "x", "-o", str(tmp_path / "a.html")], 2, "must be START:STOP:STEP"),
         (["view", str(tmp_path / "none.h5")], 4, "no such file"),

@@ -135,6 +135,11 @@ impl WritableFile {
         self.end_change()
     }
 
+    /// Whether a change need not wait for readers.
+    pub fn is_free(&mut self) -> bool {
+        self.flushes.is_free(&self.handle)
+    }
+
     /// Keeps readers away until [`WritableFile::end_change`]: they find all of a change, or nothing.
     pub fn begin_change(&mut self) -> Result<(), RecordError> {
         self.flushes.begin(&self.handle).doing(&self.path, WRITE)

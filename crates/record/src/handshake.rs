@@ -7,10 +7,10 @@
 //!   it is not the same even number, what was read is discarded and read again. It stands at a fixed address,
 //!   since it is needed before HDF5 opens the file, and HDF5 does not write it after the file was created.
 //! - *A lock* on one byte far behind the end, shared for readers and exclusive for flushes (on Linux; it has
-//!   nothing to do with HDF5's lock on the whole file, which is of another kind). A reader whose first
-//!   attempt has failed takes it, and finishes before a flush begins; a flush that waits says so beside the
-//!   counter, and no other reader begins. Both sides wait for a limited time: a flush goes on beside a reader
-//!   that is stopped, which then finds the counter changed. The locks of a process end with it.
+//!   nothing to do with HDF5's lock on the whole file, which is of another kind). It lets readers
+//!   finish: a flush is put off while there are some, and if that has lasted long, it says beside the counter
+//!   that it waits, so that no other begins. Both sides wait for a limited time: a flush goes on beside a
+//!   reader that is stopped, which then finds the counter changed. The locks of a process end with it.
 //!
 //! `python/haff/handshake.py` is the reader's part in Python.
 
@@ -135,6 +135,16 @@ impl Flushes {
         Ok(Self { count, changing: false, waits: FLUSH_WAITS, patient: true })
     }
 
+    /// Whether a change need not wait for readers.
+    pub fn is_free(&mut self, file: &fs::File) -> bool {
+        if self.changing || !self.patient {
+            return true;
+        }
+        let free = lock(file, Lock::Exclusive);
+        lock(file, Lock::None);
+        free
+    }
+
     /// Keeps readers away until [`Flushes::end`].
     pub fn begin(&mut self, file: &fs::File) -> io::Result<()> {
         if self.changing {
@@ -208,14 +218,11 @@ struct Reading {
 }
 
 impl Reading {
-    /// Waits until the file is not being changed; `None` if that takes too long. `keep`: it should not be
-    /// until the end of this attempt.
-    fn begin(path: &Path, keep: bool, until: Instant) -> io::Result<Option<Self>> {
+    /// Waits until the file is not being changed; `None` if that takes too long.
+    fn begin(path: &Path, until: Instant) -> io::Result<Option<Self>> {
         loop {
             let file = fs::File::open(path)?;
-            if keep {
-                lock(&file, Lock::Shared);
-            }
+            lock(&file, Lock::Shared);
             let count = Count::read(&file)?;
             // A run that was killed during a change has left these numbers.
             if !count.is_some_and(Count::is_changing) || !is_being_written(path) {
@@ -242,8 +249,8 @@ pub(crate) fn read_one_state<T>(
     read: impl Fn() -> Result<T, RecordError>,
 ) -> Result<T, RecordError> {
     let until = Instant::now() + READER_WAITS;
-    for attempt in 0.. {
-        let Some(reading) = Reading::begin(path, attempt > 0, until).doing(path, OPEN)? else { break };
+    loop {
+        let Some(reading) = Reading::begin(path, until).doing(path, OPEN)? else { break };
         let result = read();
         let patient = Instant::now() < until;
         if reading.is_consistent(path).doing(path, OPEN)? {
@@ -419,8 +426,10 @@ mod tests {
         let reader = fs::File::open(&path).expect("the file opens");
         assert!(lock(&reader, Lock::Shared));
         flushes.waits = Duration::ZERO;
+        assert!(!flushes.is_free(&file));
         flushes.begin(&file).expect("a change");
         flushes.end(&file).expect("its end");
+        assert!(flushes.is_free(&file));
         // It would be a test of ten minutes.
         flushes.waits = LONG;
         flushes.begin(&file).expect("a change");

@@ -19,6 +19,7 @@ and [`last_state`] read.
 | `events/…` | one column per dataset, \[E\] or \[E\]\[3\]: `time`, and those selected by the scene; `kind` is an HDF5 enum |
 | `parameters/…` | `scene` (TOML), `title`, `seed`, `version`, `git_revision`, `schema`, `trajectory_version`, `dimension`, `box_origin`, `conserved_momentum`, `species_names`, `wall_names`; after the run `summary` (JSON) |
 | `checkpoint/{0,1}` | two slots, written alternately |
+| `checkpoint/flushes` | \[5\]: a counter at a fixed address, for readers of a file that is being written |
 
 Units are expressions in the user's own: attributes `unit`. Disks are written with D = 3 and z = 0.
 
@@ -52,6 +53,19 @@ contained every frame up to the last flush and were resumed (`tests/killed.rs`; 
 number). One case remains: a kill while a flush rewrites an index that has just outgrown a node, every 64
 chunks. Of more than 1000 writers that flushed without a pause through such splits, two left a trajectory with
 a broken index. At one flush a second that is less than one kill in a hundred thousand.
+
+# Readers of a running simulation
+
+A flush rewrites the index of the file. What is read meanwhile is read again, and readers that would not come
+to an end are waited for (`handshake.rs`). [`info`] and the other functions here read all they need at once;
+Python reads the whole index at once and keeps it, so that it reads only rows later, which do not change.
+Correlations, which are replaced in place, are written during a flush.
+
+# Files that cannot be continued
+
+[`Recorder::append`] first checks, in a file opened for reading, that every dataset is stored as it was
+created and that no two share space (`growth.rs`). What HDF5 then changes before the first flush, while rows
+are dropped, is put back if that fails.
 
 The kernel keeps what a killed process has written. Against power loss the file is as safe as the page cache:
 only [`Recorder::finish`] calls `fsync`.

@@ -225,7 +225,10 @@ mod tests {
             let mut most = 0;
             let mut count = 0;
             while let Ok((_, bytes)) = consumer.receiver.recv() {
-                thread::sleep(Duration::from_millis(5));
+                // The sender fills the queue before it waits.
+                while count == 0 && consumer.shared.lock().bytes <= LIMIT / 2 {
+                    thread::yield_now();
+                }
                 most = most.max(consumer.shared.lock().bytes);
                 count += 1;
                 consumer.done(bytes);

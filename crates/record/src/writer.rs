@@ -20,13 +20,12 @@ use crate::{
 
 /// Time between flushes without a checkpoint.
 const FLUSH_EVERY: Duration = Duration::from_secs(1);
-/// Time from a flush to one with a checkpoint. A checkpoint that comes earlier waits, and is not written if
-/// the next one has come by then: readers need time between flushes.
-const CHECKPOINT_EVERY: Duration = Duration::from_millis(50);
-/// A checkpoint does not wait either after this much has been recorded since the last flush \[bytes\]: a full
-/// disk must not take more.
-const UNFLUSHED: usize = 1 << 17;
-/// Size from which a checkpoint does not wait [bytes]: it would take too much memory.
+/// Longest time for which a flush is put off while other processes read the file. A checkpoint is not written
+/// if the next one has come by then.
+const PUT_OFF: Duration = Duration::from_secs(1);
+/// Time after which a flush that was put off is tried again.
+const TRY_AGAIN: Duration = Duration::from_millis(1);
+/// Size from which a checkpoint is not put off [bytes]: it would take too much memory.
 const LARGE_CHECKPOINT: usize = 8 << 20;
 /// Frames are collected up to this many bytes: many small ones are written at once.
 const FRAME_BATCH: usize = 1 << 20;
@@ -52,8 +51,6 @@ pub(crate) struct Writer {
     event_times: Vec<f64>,
     /// Correlations that are not in the file. They replace those there in place, so they wait for a flush.
     correlations: Vec<Correlation>,
-    /// What has been recorded since the last flush \[bytes\].
-    unflushed: usize,
     /// A checkpoint that is not in the file.
     checkpoint: Option<Saved>,
     /// Number of the last checkpoint, and the slot of the next.
@@ -62,6 +59,8 @@ pub(crate) struct Writer {
     /// Whether data have been recorded since the last flush.
     dirty: bool,
     flushed: Instant,
+    /// Since when a flush has been put off.
+    put_off: Option<Instant>,
 }
 
 impl Writer {
@@ -80,12 +79,12 @@ impl Writer {
             sample_clock: Vec::new(),
             event_times: Vec::new(),
             correlations: Vec::new(),
-            unflushed: 0,
             checkpoint: None,
             sequence: 0,
             next_slot: 0,
             dirty: false,
             flushed: Instant::now(),
+            put_off: None,
         }
     }
 
@@ -147,9 +146,8 @@ impl Writer {
 
     fn process_messages(&mut self, queue: &Consumer) -> Result<Option<(String, bool)>, RecordError> {
         loop {
-            match queue.receiver.recv_timeout(self.until_flush().unwrap_or(FLUSH_EVERY)) {
+            match queue.receiver.recv_timeout(self.until_flush()) {
                 Ok((message, bytes)) => {
-                    self.unflushed += bytes;
                     let result = match message {
                         Message::Finish { summary, complete } => return Ok(Some((summary, complete))),
                         Message::Flush(answer) => {
@@ -175,21 +173,23 @@ impl Writer {
                 Err(RecvTimeoutError::Timeout) => {}
                 Err(RecvTimeoutError::Disconnected) => return Ok(None),
             }
-            if self.until_flush() == Some(Duration::ZERO) {
-                self.flush()?;
-                self.file.publish()?;
+            if self.dirty && (self.checkpoint.is_some() || self.flushed.elapsed() >= FLUSH_EVERY) {
+                let due = *self.put_off.get_or_insert_with(Instant::now);
+                if self.file.is_free() || due.elapsed() >= PUT_OFF {
+                    self.flush()?;
+                    self.file.publish()?;
+                }
             }
         }
     }
 
-    /// Time until the next flush; `None` if nothing has been recorded since the last one.
-    fn until_flush(&self) -> Option<Duration> {
-        let every = match &self.checkpoint {
-            Some(_) if self.unflushed >= UNFLUSHED => Duration::ZERO,
-            Some(_) => CHECKPOINT_EVERY,
-            None => FLUSH_EVERY,
-        };
-        self.dirty.then(|| every.saturating_sub(self.flushed.elapsed()))
+    /// Time until the next attempt to flush.
+    fn until_flush(&self) -> Duration {
+        match (self.dirty, self.put_off) {
+            (false, _) => FLUSH_EVERY,
+            (true, None) => FLUSH_EVERY.saturating_sub(self.flushed.elapsed()),
+            (true, Some(_)) => TRY_AGAIN,
+        }
     }
 
     fn process(&mut self, message: Message) -> Result<(), RecordError> {
@@ -335,8 +335,8 @@ impl Writer {
         }
         self.file.end_change()?;
         self.dirty = false;
-        self.unflushed = 0;
         self.flushed = Instant::now();
+        self.put_off = None;
         tracing::debug!(file = %self.file.path().display(), checkpoint = self.sequence, "flushed");
         Ok(())
     }

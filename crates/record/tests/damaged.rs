@@ -12,7 +12,7 @@ use std::{
     process::{Command, Stdio},
     sync::{Arc, Mutex, PoisonError},
     thread,
-    time::{Duration, Instant},
+    time::Duration,
 };
 
 use common::{checkpoint, events, frame, header, number, sample};
@@ -25,7 +25,7 @@ const CHILD: &str = "HAFF_RECORD_TEST_DAMAGE";
 const BATCH: u64 = 75;
 /// Limit on the memory of a child [KiB], including its libraries and threads.
 const MEMORY: u64 = 1 << 20;
-/// A file that takes longer counts as a hang: most take a few milliseconds.
+/// A file that takes more processor time counts as a hang: most take a few milliseconds.
 const TIMEOUT: Duration = Duration::from_secs(30);
 
 /// The original files: name, particles, whether the run is complete. Frames of 1,500 particles are
@@ -180,6 +180,15 @@ fn child(task: &str) {
     println!("done");
 }
 
+/// Processor time that a process has used, which other processes do not change; zero where it is not known.
+fn processor_time(process: u32) -> Duration {
+    let stat = fs::read_to_string(format!("/proc/{process}/stat")).unwrap_or_default();
+    let fields = stat.rsplit(')').next().unwrap_or_default().split_whitespace();
+    // User and system time, in hundredths of a second.
+    let ticks: u64 = fields.skip(11).take(2).filter_map(|field| field.parse::<u64>().ok()).sum();
+    Duration::from_millis(10 * ticks)
+}
+
 /// Runs this test in a child process with limited memory. The error contains the last line it printed.
 fn run(test: &str, task: &str) -> Result<(), String> {
     let program = env::current_exe().expect("the test program");
@@ -190,14 +199,16 @@ fn run(test: &str, task: &str) -> Result<(), String> {
         .env(CHILD, task)
         .env("RUST_BACKTRACE", "0");
     let mut child = command.stdout(Stdio::piped()).stderr(Stdio::piped()).spawn().expect("the child starts");
-    // The last line that the child has printed, and its time.
-    let last_line = Arc::new(Mutex::new(("none".to_owned(), Instant::now())));
+    // The last line that the child has printed, and the processor time that it had used.
+    let process = child.id();
+    let last_line = Arc::new(Mutex::new(("none".to_owned(), Duration::ZERO)));
     let lines = BufReader::new(child.stdout.take().expect("a pipe")).lines().map_while(Result::ok);
     let out = thread::spawn({
         let last_line = Arc::clone(&last_line);
         move || {
             for line in lines.filter(|line| line.starts_with("damage") || line == "done") {
-                *last_line.lock().unwrap_or_else(PoisonError::into_inner) = (line, Instant::now());
+                let used = processor_time(process);
+                *last_line.lock().unwrap_or_else(PoisonError::into_inner) = (line, used);
             }
         }
     });
@@ -210,7 +221,7 @@ fn run(test: &str, task: &str) -> Result<(), String> {
     let status = loop {
         match child.try_wait().expect("the child is ours") {
             Some(status) => break status,
-            None if last().1.elapsed() > TIMEOUT => {
+            None if processor_time(process).saturating_sub(last().1) > TIMEOUT => {
                 child.kill().expect("the child is ours");
                 break child.wait().expect("the child is ours");
             }
@@ -219,11 +230,11 @@ fn run(test: &str, task: &str) -> Result<(), String> {
     };
     out.join().expect("lines are read");
     let err = err.join().expect("errors are read").unwrap_or_default();
-    let (line, since) = last();
+    let (line, _) = last();
     if status.success() && line == "done" {
         return Ok(());
     }
-    Err(format!("{line}: {status}, {:.1?} later; {}", since.elapsed(), err.trim()))
+    Err(format!("{line}: {status}; {}", err.trim()))
 }
 
 /// `HAFF_MUTATIONS` sets the number of files, `HAFF_MUTATION` the first seed.

@@ -5,7 +5,7 @@ mod common;
 
 use std::{
     env, fs,
-    io::{BufRead, BufReader, Write},
+    io::{BufRead, BufReader, Read, Write},
     path::Path,
     process::{Command, Stdio},
     sync::{Mutex, PoisonError},
@@ -157,15 +157,25 @@ fn a_killed_writer_leaves_a_file_that_is_readable_and_resumable() {
     let directory = tempfile::tempdir().expect("a directory for the test");
     let kills = env::var("HAFF_RECORD_KILLS").ok().and_then(|count| count.parse().ok()).unwrap_or(60);
     let (mut most, mut too_early) = (0, 0);
-    for kill in 0..kills {
+    for kill in 0.. {
+        if kill >= kills && most > 10 && too_early < kill / 2 {
+            break;
+        }
         // Small frames that share chunks, and large ones with their own.
         let particles = if kill % 2 == 0 { 60 } else { 3000 };
         let path = directory.path().join(format!("{kill}.h5"));
         let mut child =
             spawn("a_killed_writer_leaves_a_file_that_is_readable_and_resumable", &path, particles, None);
-        thread::sleep(Duration::from_secs_f64(0.02 + 0.3 * number(kill, 1)));
+        let mut output = BufReader::new(child.stdout.take().expect("its output"));
+        // After some flushes, however long they take; sometimes at the very start.
+        let mut text = String::new();
+        for _ in 0..(13.0 * number(kill, 2)) as usize {
+            output.read_line(&mut text).expect("a line");
+        }
+        thread::sleep(Duration::from_secs_f64(0.03 * number(kill, 1)));
         child.kill().expect("the child is killed");
-        let flushed = flushed(child.stdout.take().expect("its output"));
+        output.read_to_string(&mut text).expect("the rest");
+        let flushed = flushed(text.as_bytes());
         child.wait().expect("the child ends");
         if !path.exists() {
             // Killed before the file was created: then there is no file at its path.
@@ -178,8 +188,6 @@ fn a_killed_writer_leaves_a_file_that_is_readable_and_resumable() {
         resume(&path, particles, flushed);
         fs::remove_file(&path).expect("the file is removed");
     }
-    assert!(too_early < kills / 2, "{too_early} of {kills} were killed too early: the test is inconclusive");
-    assert!(most > 10, "at most {most} frames were written: the test is inconclusive");
     let _ = writeln!(
         std::io::stderr(),
         "{kills} kills, {too_early} before the file existed, up to {most} frames"
