@@ -71,6 +71,9 @@ pub fn start(file: &Path, new: &Path, options: &Run, controls: Controls) -> Resu
     let same = system == old_system && joints == old.joints;
     drop(old_system);
     check_end(&run, &simulation)?;
+    if !options.quiet {
+        output::warnings(&haff_linkage::warnings(&system, &joints));
+    }
     let mut rows = Rows::default();
     let header = system.clone();
     if !same {

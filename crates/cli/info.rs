@@ -3,7 +3,7 @@
 use std::{path::Path, time::Duration};
 
 use console::Term;
-use haff_engine::significant;
+use haff_engine::{Sample, residual_warning, significant};
 use serde_json::{Value, json};
 
 use crate::{
@@ -59,6 +59,7 @@ pub fn info(options: &Info) -> Result<u8, Failure> {
     let summary: Value =
         info.summary.as_deref().and_then(|text| serde_json::from_str(text).ok()).unwrap_or_default();
     let last = info.last_sample.as_ref();
+    let warnings = warnings(&summary, last);
     // Not the number of rows in the event log, which is optional and has other kinds of rows, too.
     let counts = match (last, info.counters) {
         (Some(last), _) => Some([last.collisions, last.wall_collisions]),
@@ -87,7 +88,7 @@ pub fn info(options: &Info) -> Result<u8, Failure> {
             "collisions": counts.map(|[pairs, _]| pairs), "wall_collisions": counts.map(|[_, walls]| walls),
             "events": counts.map(|[pairs, walls]| pairs.saturating_add(walls)),
             "checkpoint_time": info.checkpoint_time, "finished": info.finished, "running": running, "resumable": info.resumable && !running,
-            "file_bytes": info.file_size, "summary": summary, "scene": info.scene_toml,
+            "file_bytes": info.file_size, "warnings": warnings, "summary": summary, "scene": info.scene_toml,
         });
         return output::line(report).map(|()| 0);
     }
@@ -178,5 +179,22 @@ pub fn info(options: &Info) -> Result<u8, Failure> {
         line("threads", format!("{threads}; {text}"));
     }
     line("file size", bytes(info.file_size));
+    for warning in warnings {
+        line("warning", warning);
+    }
     output::lines(lines.join("\n")).map(|()| 0)
+}
+
+/// The warnings of a run's summary, and one for the residual of its last sample, which files of runs that
+/// have not ended have, too.
+fn warnings(summary: &Value, last: Option<&Sample>) -> Vec<String> {
+    let of_run = summary["warnings"].as_array().into_iter().flatten();
+    let mut warnings: Vec<String> = of_run.filter_map(|text| text.as_str().map(str::to_owned)).collect();
+    let residual = summary["ledger_residual"].as_f64().or(last.map(|last| last.ledger.residual));
+    if let Some(warning) = residual.and_then(residual_warning)
+        && !warnings.contains(&warning)
+    {
+        warnings.push(warning);
+    }
+    warnings
 }

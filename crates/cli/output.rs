@@ -51,6 +51,13 @@ pub fn message(text: impl Display) {
     let _ = io::stderr().lock().write_all(format!("{}\n", escaped_lines(&text)).as_bytes());
 }
 
+/// Writes warnings to standard error, one on each line.
+pub fn warnings(texts: &[String]) {
+    for text in texts {
+        message(format_args!("warning: {text}"));
+    }
+}
+
 /// A size with a unit, for output to users.
 pub fn bytes(size: u64) -> String {
     let units = ["B", "KiB", "MiB", "GiB", "TiB", "PiB"];

@@ -1,6 +1,6 @@
 //! The result of a run, as JSON and as text.
 
-use haff_engine::{EngineError, TRAJECTORY_VERSION, Term, counts, energies, significant};
+use haff_engine::{EngineError, TRAJECTORY_VERSION, Term, counts, energies, residual_warning, significant};
 use haff_linkage::AnySimulationError;
 use serde_json::{Value, json};
 
@@ -50,6 +50,9 @@ pub fn report(outcome: &Outcome, context: &Context) -> Value {
         },
         "file": context.file.as_ref().map(|file| file.display().to_string()),
     });
+    let mut warnings = simulation.warnings();
+    warnings.extend(residual_warning(ledger.residual));
+    report["warnings"] = json!(warnings);
     for (name, count) in counts(&counters) {
         report[name] = json!(count);
     }
@@ -105,6 +108,7 @@ pub fn print_summary(outcome: &Outcome, context: &Context) {
         significant(ledger.residual, 2),
         significant(simulation.max_overlap(), 2)
     ));
+    output::warnings(residual_warning(ledger.residual).as_slice());
     if parts.len() > 1 {
         let all = duration(parts.known().wall_seconds.unwrap_or(0.0));
         let unknown = match parts.unknown() {

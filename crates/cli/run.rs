@@ -47,9 +47,7 @@ pub fn run(options: &Run, logs: bool) -> Result<u8, Failure> {
                 overwrite::check(output, &inputs, options.overwrite)?;
             }
             if !options.quiet {
-                for warning in warnings(&scene) {
-                    output::message(format_args!("warning: {warning}"));
-                }
+                output::warnings(&warnings(&scene));
             }
             single::start(scene, options.overwrite, controls)?
         }

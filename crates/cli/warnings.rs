@@ -3,9 +3,7 @@
 
 use std::f64::consts::PI;
 
-use haff_engine::{
-    DriveKind, Grid, KickTimes, System, WallMotion, clustering_warning, model::Restitution, significant,
-};
+use haff_engine::{DriveKind, Grid, KickTimes, System, WallMotion, model::Restitution, significant};
 use haff_scene::{Scene, Schedule};
 
 /// Number of records taken into account, if the end of the run is not known.
@@ -22,7 +20,7 @@ pub fn warnings(scene: &Scene) -> Vec<String> {
     let periods = periods(scene);
     let strobed = periods.iter().filter_map(|period| strobed(scene, period));
     let few = periods.iter().filter_map(|period| few_states(&scene.system, period));
-    clustering_warning(&scene.system).into_iter().chain(strobed).chain(few).collect()
+    haff_linkage::warnings(&scene.system, &scene.joints).into_iter().chain(strobed).chain(few).collect()
 }
 
 /// Something periodic.

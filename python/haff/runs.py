@@ -21,6 +21,7 @@ from .notebook import table
 from .output import replacing
 from .scenes import ProposedName, Scene, compiled, explained, scene_path, settings, source
 from .temporary import TemporaryFolder
+from .wording import warn
 
 __all__ = ["Result", "resume", "run"]
 
@@ -291,6 +292,9 @@ def _run(
     report = json.loads(done.stdout) if done.stdout.strip() else {}
     if done.returncode == 0:
         path = report["file"]
+        # With progress the command has shown them.
+        if not progress:
+            warn(report.get("warnings", ()), stacklevel=4)
         return Result(report, None if path is None else Path(path), folder)
     if done.returncode == 2 and scene is not None:
         # The same errors, each with its place.

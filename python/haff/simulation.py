@@ -23,6 +23,7 @@ from .notebook import table
 from .recorded import parsed
 from .scenes import Scene, compiled, explained, settings, source
 from .text import quoted
+from .wording import warn
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -114,6 +115,9 @@ class Simulation:
         self._records_events = events
         self._calls: list[_Call] = []
         self._frame: tuple[Any, ...] | None = None
+        self._balance_due: int | None = 0
+        """At how many collisions the balance of energies is looked at next; ``None`` after a warning."""
+        warn(self._core.warnings, stacklevel=3)
         _living.add(self)
 
     def __setattr__(self, name: str, value: Any) -> None:
@@ -171,9 +175,25 @@ class Simulation:
     def run(self) -> str:
         """Run to the end given in the scene (``run.until``, ``run.collisions``). Returns as :meth:`advance`."""
         until = math.inf if self._core.until is None else max(self._core.until, self.time)
-        return self._advance(until, self._core.collisions_asked)
+        reason = self._advance(until, self._core.collisions_asked)
+        self._check_balance(always=True)
+        return reason
+
+    def _check_balance(self, *, always: bool = False) -> None:
+        """Warn once if energies no longer balance; unless ``always``, so seldom that it takes no time."""
+        if self._balance_due is None or not (always or self.collisions >= self._balance_due):
+            return
+        self._balance_due = self.collisions + len(self)
+        if (text := self._core.residual_warning()) is not None:
+            self._balance_due = None
+            warn([text], stacklevel=4)
 
     def _advance(self, until: float, collisions: int | None) -> str:
+        reason = self._run_events(until, collisions)
+        self._check_balance()
+        return reason
+
+    def _run_events(self, until: float, collisions: int | None) -> str:
         most = _NEVER if collisions is None else collisions
         while True:
             self._frame = None

@@ -26,7 +26,7 @@ from .errors import ArgumentError, FileError, MissingDataError
 from .output import library
 from .scenes import Scene, briefly, compiled, scene_path, scene_text
 from .text import brief, escaped, quoted
-from .wording import in_python
+from .wording import in_python, warn
 
 if TYPE_CHECKING:
     import xarray
@@ -145,6 +145,13 @@ def sweep(
         reason = "; ".join(map(escaped, in_python(first["error"])))
         message = f"{len(failed)} of {len(rows)} runs failed; run {first['index']}: {reason}"
         warnings.warn(message, RuntimeWarning, stacklevel=2)
+    warned = [row for row in rows if row.get("warnings")]
+    if warned:
+        first = warned[0]
+        warn(
+            [f"{len(warned)} of {len(rows)} runs have warnings; run {first['index']}: {first['warnings'][0]}"],
+            stacklevel=3,
+        )
     study = _dataset(rows, values, seeds, folder, series)
     if dims == "keys":
         return study

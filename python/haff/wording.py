@@ -7,11 +7,12 @@ translates. A test compares its table with the messages in the sources of the co
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator
+import warnings
+from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 from contextvars import ContextVar
 
-__all__ = ["for_command", "in_python", "say"]
+__all__ = ["for_command", "in_python", "say", "warn"]
 
 _COMMAND: ContextVar[bool] = ContextVar("haff_command", default=False)
 
@@ -72,3 +73,9 @@ def _translated(line: str) -> str:
     for pattern, words in _TABLE:
         line = pattern.sub(words, line)
     return line
+
+
+def warn(texts: Iterable[str], *, stacklevel: int) -> None:
+    """Show warnings of the engine as Python's; ``stacklevel`` counts from the caller of this function."""
+    for text in texts:
+        warnings.warn("; ".join(in_python(text)), RuntimeWarning, stacklevel=stacklevel + 1)

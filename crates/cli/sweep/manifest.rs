@@ -118,6 +118,15 @@ impl Row {
                 self.totals.insert(key.to_owned(), value.clone());
             }
         }
+        // Most runs have none.
+        match report.get("warnings") {
+            Some(Value::Array(warnings)) if !warnings.is_empty() => {
+                self.totals.insert("warnings".to_owned(), Value::Array(warnings.clone()));
+            }
+            _ => {
+                self.totals.remove("warnings");
+            }
+        }
         if let Some(seed) = report["seed"].as_u64() {
             self.seed = Some(seed);
         }

@@ -108,6 +108,20 @@ pub fn print_end(rows: &[&Row], run: usize, folder: Option<&Path>) {
     if count(rows, State::Complete) < rows.len() {
         output::message(format_args!("continue with the same command"));
     }
+    print_warnings(rows);
+}
+
+/// Prints the warnings of the first run that has any, and how many others have.
+fn print_warnings(rows: &[&Row]) {
+    let mut warned = rows.iter().filter_map(|row| Some((row.index, row.totals.get("warnings")?.as_array()?)));
+    let Some((first, texts)) = warned.next() else { return };
+    let texts: Vec<String> = texts.iter().map(|text| format!("run {first}: {}", plain(text))).collect();
+    output::warnings(&texts);
+    match warned.count() {
+        0 => {}
+        1 => output::message("warning: 1 other run has warnings: haff info FILE"),
+        others => output::message(format_args!("warning: {others} other runs have warnings: haff info FILE")),
+    }
 }
 
 fn count(rows: &[&Row], state: State) -> usize {

@@ -73,7 +73,12 @@ pub fn suitable_contact_duration(system: &System) -> Option<f64> {
 /// diameter d, with one digit. 0 without gravity.
 pub(crate) fn suitable_rest_speed(world: &World) -> f64 {
     let least = world.classes.iter().map(|class| class.radius).fold(f64::INFINITY, f64::min);
-    let speed = 0.05 * (world.gravity.length() * 2.0 * least).sqrt();
+    rest_speed_of_diameter(world.gravity.length(), 2.0 * least)
+}
+
+/// That value for the diameter d \[length\] and the gravity g [length/time²].
+pub fn rest_speed_of_diameter(g: f64, d: f64) -> f64 {
+    let speed = 0.05 * (g * d).sqrt();
     format!("{speed:.0e}").parse().ok().filter(|speed: &f64| speed.is_finite()).unwrap_or(0.0)
 }
 

@@ -4,7 +4,10 @@
 //! To add a source or sink of energy, add a [`Term`]. Files, reports and Python take names and signs from
 //! here.
 
-use crate::model::{System, WallLaw};
+use crate::{
+    model::{System, WallLaw},
+    number::significant,
+};
 
 /// A term of the balance, besides T, V and the losses Σ ΔT of impacts.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -73,6 +76,22 @@ impl Term {
             Self::Change => false,
         }
     }
+}
+
+/// Largest residual of the balance that rounding explains.
+pub const LARGEST_RESIDUAL: f64 = 1e-12;
+
+/// A warning, if a residual of the balance is more than rounding, as text without a final point.
+pub fn residual_warning(residual: f64) -> Option<String> {
+    // Also if it is no number.
+    let within = residual.abs() <= LARGEST_RESIDUAL;
+    (!within).then(|| {
+        format!(
+            "the ledger residual is {}, beyond {LARGEST_RESIDUAL:e}: this part of the energy is missing in the \
+             balance, and energies are not more accurate than that",
+            significant(residual, 2)
+        )
+    })
 }
 
 /// Energies and their balance (compensated sums).

@@ -14,6 +14,7 @@ extern crate self as haff_engine; // tests/common builds its systems with the pu
 mod accumulators;
 mod batch;
 mod blocks;
+mod bouncing;
 mod calendar_scheduler;
 mod carried;
 mod center;
@@ -78,15 +79,19 @@ mod wall_change;
 mod wall_impact;
 mod wall_law;
 mod wall_motion;
+mod warnings;
 mod windows;
 
+pub use bouncing::endless_bounces_warning;
 pub use center::{common_velocity, conserved_momentum, initial_temperature};
 pub use change::{Change, NewParticle};
-pub use clustering::{clustering_warning, critical_length, suitable_contact_duration};
+pub use clustering::{
+    clustering_warning, critical_length, rest_speed_of_diameter, suitable_contact_duration,
+};
 pub use error::{EngineError, Fault};
 pub use initial::thermal_velocities;
 pub use instant::Instant;
-pub use ledger::{Ledger, Term};
+pub use ledger::{LARGEST_RESIDUAL, Ledger, Term, residual_warning};
 pub use measurements::{
     CORRELATIONS, Correlation, CorrelationKind, Correlations, Grid, GridAxis, Measure, StressTensor,
 };
@@ -108,6 +113,7 @@ pub use sum::Sum;
 pub use thermal::ThermalWall;
 pub use totals::{RUN_NUMBERS, Total, counts, energies, total_names, totals};
 pub use wall_motion::{ConstantVelocity, WallTime};
+pub use warnings::warnings;
 
 /// Version of the trajectories. A release that changes the trajectory of any scene raises it.
 pub const TRAJECTORY_VERSION: u32 = 6;

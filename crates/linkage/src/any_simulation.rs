@@ -9,6 +9,9 @@ use haff_engine::{
 
 use crate::{Joints, LinkageError, simulation::Simulation as Linkage};
 
+/// Movable particles in a linkage without a warning.
+const MANY: usize = 50;
+
 /// A running simulation of either kind.
 pub enum AnySimulation {
     /// Spheres and walls.
@@ -35,6 +38,38 @@ impl AnySimulationError {
             Self::Linkage(error) => error.fault(),
         }
     }
+}
+
+/// Warnings for a scene, as texts without a final point.
+pub fn warnings(system: &System, joints: &Joints) -> Vec<String> {
+    if joints.is_empty() {
+        return haff_engine::warnings(system);
+    }
+    // Series of impacts of a linkage end by themselves, and it has no contact duration.
+    many_bodies_warning(system).into_iter().collect()
+}
+
+/// A warning for a linkage with many bodies under gravity.
+fn many_bodies_warning(system: &System) -> Option<String> {
+    let movable = system.bodies.iter().map(|body| &system.classes[body.class as usize]);
+    let movable: Vec<_> = movable.filter(|class| class.mass.is_finite()).collect();
+    let g = system.domain.gravity.length();
+    if movable.len() <= MANY || g == 0.0 || system.contacts.rest_speed > 0.0 {
+        return None;
+    }
+    let radius = movable.iter().map(|class| class.radius).filter(|&r| r > 0.0).fold(f64::INFINITY, f64::min);
+    let speed = if radius.is_finite() {
+        format!(", for example {},", haff_engine::rest_speed_of_diameter(g, 2.0 * radius))
+    } else {
+        String::new()
+    };
+    Some(format!(
+        "{} particles in a scene with pendulums, springs, rods or sticking contacts: the motion of all bodies in \
+         contact is computed together, and a heap of many has very many impacts at low speeds, so that the run \
+         may take very long; contact.rest_speed{speed} ends them earlier, and scenes without such joints run in \
+         the granular engine: let fixed particles (mass = inf) stand for those that stick",
+        movable.len()
+    ))
 }
 
 /// Calls the same method of either simulation.
@@ -74,6 +109,14 @@ impl AnySimulation {
     /// Runs events until the first of the bounds.
     pub fn advance(&mut self, until: Until, observer: &mut dyn Observer) -> Result<Stop, AnySimulationError> {
         Ok(either!(self, simulation => simulation.advance(until, observer)?))
+    }
+
+    /// Warnings for the scene that is simulated, see [`warnings`].
+    pub fn warnings(&self) -> Vec<String> {
+        match self {
+            Self::Granular(simulation) => warnings(simulation.system(), &Joints::default()),
+            Self::Linkage(simulation) => warnings(simulation.system(), simulation.joints()),
+        }
     }
 
     /// Present simulated time [time].

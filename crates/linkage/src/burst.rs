@@ -20,6 +20,9 @@ const FEW: f64 = 16.0;
 /// −ln of the part of the speed that the other impacts leave: e^n < 1e-6, and half as much in energies.
 const DECADES: f64 = 14.0;
 
+/// Old impacts are forgotten when there are more than this number for each particle.
+const MOST: usize = 8;
+
 /// The last impact of a contact.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) struct Burst {
@@ -46,22 +49,24 @@ impl World {
         if is_enough(impacts, e) {
             e = 0.0;
         }
-        let (now, period) = (self.now, self.length / self.speed.max(f64::MIN_POSITIVE));
-        self.bursts.retain(|_, burst| now.since(burst.at) <= period);
-        self.bursts.insert(link, Burst { at: now, speed: e * approach, impacts });
+        // Most impacts of the past are none of a burst that goes on.
+        if self.bursts.len() > MOST * self.count() {
+            let (now, period) = (self.now, self.length / self.speed.max(f64::MIN_POSITIVE));
+            self.bursts.retain(|_, burst| now.since(burst.at) <= period);
+        }
+        self.bursts.insert(link, Burst { at: self.now, speed: e * approach, impacts });
         e
     }
 
-    /// Adds plastic contacts at rest that touch these bodies, and the bodies at their other ends, to those
-    /// that take part in a plastic impact of the contact `hit`.
-    pub fn add_plastic_neighbors(
+    /// Plastic contacts at rest that touch these bodies, directly or through each other; adds the bodies at
+    /// their other ends. They take part in a plastic impact of the contact `hit`.
+    pub fn plastic_neighbors(
         &mut self,
         bodies: &mut Vec<usize>,
-        links: &mut Vec<Link>,
         hit: Link,
         approach: f64,
         observer: &mut dyn Observer,
-    ) {
+    ) -> Vec<Link> {
         let is_plastic = |world: &Self, link: Link, rate: f64, slow: f64| {
             link != hit
                 && rate.abs() <= slow
@@ -71,8 +76,7 @@ impl World {
                 })
         };
         let touching = self.touching(bodies, is_plastic, observer);
-        *links = self.rigid_links(bodies);
-        links.extend(touching.into_iter().filter(|link| matches!(link, Link::Pair(..) | Link::Wall(..))));
+        touching.into_iter().filter(|link| matches!(link, Link::Pair(..) | Link::Wall(..))).collect()
     }
 }
 

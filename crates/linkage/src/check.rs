@@ -36,11 +36,6 @@ pub(crate) fn check_elements(system: &System, joints: &Joints) -> Result<(), Lin
             "a drive does not work with pendulums, springs, rods or sticking contacts",
         ));
     }
-    if system.contacts.rest_speed > 0.0 {
-        return Err(LinkageError::Unsupported(
-            "contact.rest_speed does not work with pendulums, springs, rods or sticking contacts: these come to rest by themselves",
-        ));
-    }
     if system.contacts.tc > 0.0 {
         return Err(LinkageError::Unsupported(
             "contact.tc does not work with pendulums, springs, rods or sticking contacts: their series of contacts end by themselves",

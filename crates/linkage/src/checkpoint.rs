@@ -49,8 +49,10 @@ impl Simulation {
             scalars.put(&format!("body.{i}"), world.body[i] as u64);
             scalars.put(&format!("clings.{i}"), u64::from(world.sticks_to_wall[i]));
             scalars.vector(&format!("offset.{i}"), world.offset[i]);
+            scalars.real(&format!("excess.{i}"), world.excess[i]);
         }
-        for (flight_key, flight) in &world.flights {
+        for flight in world.flights.iter() {
+            let flight_key = flight.bodies[0];
             scalars.pair(&format!("flight.{flight_key}.start"), flight.start.high, flight.start.low);
             scalars.real(&format!("flight.{flight_key}.hint"), flight.hint);
             for (k, &body) in flight.bodies.iter().enumerate() {
@@ -73,6 +75,10 @@ impl Simulation {
             scalars.real(&format!("{name}.impulse"), rest.impulse);
             scalars.real(&format!("{name}.energy_loss"), rest.energy_loss);
             scalars.real(&format!("{name}.carnot_energy"), rest.carnot_energy);
+        }
+        scalars.pair("released.at", world.released.0.high, world.released.0.low);
+        for link in &world.released.1 {
+            scalars.put(&format!("released.{}.link", encode(*link)), 1);
         }
         for (link, burst) in &world.bursts {
             let name = format!("burst.{}", encode(*link));
@@ -116,6 +122,7 @@ impl Simulation {
             world.body[i] = scalars.index(&format!("body.{i}"), n);
             world.sticks_to_wall[i] = flag(&mut scalars, &format!("clings.{i}"));
             world.offset[i] = scalars.vector(&format!("offset.{i}"));
+            world.excess[i] = scalars.real(&format!("excess.{i}"));
         }
         world.body_mass = (0..n).map(|body| world.mass_of(body)).collect();
         for p in 0..world.taut.len() {
@@ -135,6 +142,12 @@ impl Simulation {
                 carnot_energy: scalars.real(&format!("{name}.carnot_energy")),
             };
             world.pending.insert(link(&mut scalars, code, &world), rest);
+        }
+        world.released.0 = instant(&mut scalars, "released.at");
+        for code in scalars.numbers::<u64>("released.", ".link") {
+            flag(&mut scalars, &format!("released.{code}.link"));
+            let link = link(&mut scalars, code, &world);
+            world.released.1.insert(link);
         }
         for code in scalars.numbers::<u64>("burst.", ".speed") {
             let name = format!("burst.{code}");

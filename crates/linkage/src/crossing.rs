@@ -19,7 +19,7 @@ pub(crate) enum Search {
 
 /// Steps after which a search returns, to be continued when that time has come: most predictions are
 /// replaced before.
-const MAX_STEPS: usize = 64;
+const MAX_STEPS: usize = 16;
 
 /// Finds the first zero in (`from`, `to`] of a function with `f(s)` = (value, slope) and `bound(a, b)` ≥ −f''
 /// on [a, b].

@@ -18,8 +18,13 @@ use haff_engine::Sum;
 
 use crate::linear;
 
+/// Accelerations within this part of their scale are ties: a contact then stays closed.
+pub(crate) const TIE: f64 = 1e-12;
 /// Errors of the energy up to this part of the kinetic energy are corrected by the velocities.
 const LARGEST_CORRECTION: f64 = 1e-9;
+
+/// Rounding of the distance of two bodies, relative to their largest coordinates.
+const ROUNDING: f64 = 2.0 * f64::EPSILON;
 
 /// The origin of a row. The order is that of ties.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash)]
@@ -207,10 +212,20 @@ impl Mechanism {
 
     /// Gives a state at the end of a flight, after `tau`, the energy of its start plus the work done since,
     /// by a factor of the velocities relative to the points that hold its bodies: rounding and the errors of
-    /// integration would add up over all flights. Nothing is done where hardly anything moves, so that
-    /// velocities cannot correct the error.
-    pub fn restore_energy(&self, tau: f64, start: &[(DVec3, DVec3)], end: &mut [(DVec3, DVec3)], work: f64) {
-        let gained = self.energy_change(start, end) - work;
+    /// integration would add up over all flights. `excess` is what earlier flights could not correct: errors
+    /// below the rounding of the velocities, or where hardly anything moves. Returns what remains.
+    pub fn restore_energy(
+        &self,
+        tau: f64,
+        start: &[(DVec3, DVec3)],
+        end: &mut [(DVec3, DVec3)],
+        work: f64,
+        excess: f64,
+    ) -> f64 {
+        let gained = self.energy_change(start, end) - work + excess;
+        if gained == 0.0 {
+            return 0.0;
+        }
         let carried = if self.is_driven() {
             // The smallest velocities that the moving points impose.
             let still: Vec<(DVec3, DVec3)> = end.iter().map(|(x, _)| (*x, DVec3::ZERO)).collect();
@@ -218,19 +233,15 @@ impl Mechanism {
         } else {
             vec![DVec3::ZERO; end.len()]
         };
-        let free = |(body, carried): (&(DVec3, DVec3), &DVec3)| body.1 - *carried;
         // Both parts are orthogonal in the metric of the masses.
-        let kinetic: f64 = end
-            .iter()
-            .zip(&carried)
-            .map(free)
-            .zip(&self.mass)
-            .map(|(v, mass)| 0.5 * mass * v.length_squared())
-            .sum();
-        if gained.abs() <= LARGEST_CORRECTION * kinetic {
-            let change = -0.5 * gained / kinetic;
-            end.iter_mut().zip(&carried).for_each(|(body, carried)| body.1 += (body.1 - *carried) * change);
+        let free = end.iter().zip(&carried).map(|((_, v), carried)| *v - *carried);
+        let kinetic: f64 = free.zip(&self.mass).map(|(v, mass)| 0.5 * mass * v.length_squared()).sum();
+        if gained.abs() > LARGEST_CORRECTION * kinetic {
+            return gained;
         }
+        let change = -0.5 * gained / kinetic;
+        end.iter_mut().zip(&carried).for_each(|(body, carried)| body.1 += (body.1 - *carried) * change);
+        self.energy_change(start, end) - work + excess
     }
 
     /// The rows at a state.
@@ -302,6 +313,23 @@ impl Mechanism {
         (a, forces)
     }
 
+    /// Contacts whose force at a state is more than a tie's.
+    pub fn pressed_contacts(&self, tau: f64, bodies: &[(DVec3, DVec3)]) -> Vec<Link> {
+        let is_contact = |row: &Row| matches!(row.link, Link::Pair(..) | Link::Wall(..));
+        if !self.rows.iter().any(is_contact) {
+            return Vec::new();
+        }
+        let forces = self.accelerations(tau, bodies).1;
+        let tolerance = TIE * self.acceleration_scale(bodies);
+        let inverse_mass = |end: End| end.body().map_or(0.0, |k| 1.0 / self.mass[k]);
+        let rows = self.rows.iter().zip(forces);
+        rows.filter(|(row, force)| {
+            is_contact(row) && force * (inverse_mass(row.a) + inverse_mass(row.b)) > tolerance
+        })
+        .map(|(row, _)| row.link)
+        .collect()
+    }
+
     /// Determines the rows that carry force, so that no one-sided force has the wrong sign and no row is
     /// violated; also returns accelerations and forces. A row whose force and acceleration are both zero
     /// within `tolerance` [length/time²] stays active.
@@ -344,10 +372,10 @@ impl Mechanism {
         of
     }
 
-    /// Makes the rows hold the lengths of this state, which differ from the nominal ones by rounding. Bodies
-    /// moved to the nominal lengths would gain or lose energy.
-    pub fn hold_present_lengths(&mut self, bodies: &[(DVec3, DVec3)]) {
-        for row in &mut self.rows {
+    /// Makes rows hold the lengths of this state, which differ from the nominal ones by less than the
+    /// resolution. Bodies moved to the nominal lengths would gain or lose energy.
+    pub fn hold_present_lengths(&mut self, bodies: &[(DVec3, DVec3)], which: impl Fn(Link) -> bool) {
+        for row in self.rows.iter_mut().filter(|row| which(row.link)) {
             let r = row.b.state(0.0, bodies).0 - row.a.state(0.0, bodies).0;
             row.shape = match row.shape {
                 Shape::Distance(_) => Shape::Distance(r.length()),
@@ -382,6 +410,13 @@ impl Mechanism {
         if self.rows.is_empty() {
             return;
         }
+        self.shift(tau, bodies);
+        let kicks = self.kicks(tau, bodies);
+        bodies.iter_mut().zip(&kicks).for_each(|(body, by)| body.1 += *by);
+    }
+
+    /// Moves the bodies onto the constraints.
+    fn shift(&self, tau: f64, bodies: &mut [(DVec3, DVec3)]) {
         let all = vec![true; self.rows.len()];
         for _ in 0..3 {
             let states = self.row_states(tau, bodies);
@@ -391,8 +426,22 @@ impl Mechanism {
             self.apply(&states, &shift, &mut moves);
             bodies.iter_mut().zip(&moves).for_each(|(body, by)| body.0 += *by);
         }
-        let kicks = self.kicks(tau, bodies);
-        bodies.iter_mut().zip(&kicks).for_each(|(body, by)| body.1 += *by);
+    }
+
+    /// Gives strings and rods their nominal lengths, unless they differ from them only by the rounding of
+    /// coordinates: deviations would add up. Contacts keep their gaps. Returns the change of the energy.
+    pub fn restore_lengths(&mut self, bodies: &mut [(DVec3, DVec3)]) -> f64 {
+        self.hold_present_lengths(bodies, |link| !matches!(link, Link::Tether(_) | Link::Rod(_)));
+        let wide = self.rows.iter().zip(self.row_states(0.0, bodies)).any(|(row, state)| {
+            let (x, y) = (row.a.state(0.0, bodies).0, row.b.state(0.0, bodies).0);
+            state.gap.abs() > ROUNDING * (x.abs().max_element() + y.abs().max_element())
+        });
+        if !wide {
+            return 0.0;
+        }
+        let before = bodies.to_vec();
+        self.shift(0.0, bodies);
+        self.energy_change(&before, bodies)
     }
 
     /// The smallest changes of velocities after which the constraints hold.

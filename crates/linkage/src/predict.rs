@@ -14,7 +14,7 @@ use crate::{
 };
 
 /// A search covers this many timescales of the motions at a time.
-const AHEAD: f64 = 12.0;
+const AHEAD: f64 = 2.0;
 /// Forces below this part of their scale count as zero.
 const NO_FORCE: f64 = 1e-12;
 
@@ -85,15 +85,15 @@ impl Path<'_> {
 impl World {
     fn path(&self, particle: usize, start: Instant) -> Option<(&Flight, Path<'_>)> {
         let body = self.body[particle];
-        let flight = self.flights.get(&self.flight_key[body])?;
-        let k = flight.bodies.iter().position(|&b| b == body)?;
+        let flight = self.flights.get(self.flight_key[body])?;
+        let k = flight.index_of(body)?;
         let from = start.since(flight.start);
         Some((flight, Path { motion: &flight.motion, k, offset: self.offset[particle], from }))
     }
 
     /// Start of the flight of a particle.
     fn since(&self, particle: usize) -> Instant {
-        self.flights.get(&self.flight_key[self.body[particle]]).map_or(self.now, |flight| flight.start)
+        self.flights.get(self.flight_key[self.body[particle]]).map_or(self.now, |flight| flight.start)
     }
 
     /// The range of a search over these motions from `start`: its length, and whether it continues beyond.
@@ -103,6 +103,18 @@ impl World {
             AHEAD * flights.iter().map(|flight| flight.motion.timescale()).fold(f64::INFINITY, f64::min);
         let left = end.since(start);
         if ahead < left { (ahead, true) } else { (left, false) }
+    }
+
+    /// Whether two particles on these flights cannot meet until `end`, by the places where the flights began.
+    fn is_far(&self, i: usize, a: (&Flight, usize), j: usize, b: (&Flight, usize), end: Instant) -> bool {
+        let way = |(flight, k): (&Flight, usize)| {
+            let tau = end.since(flight.start);
+            flight.motion.speed_bound(k, 0.0, tau) * tau
+        };
+        let place = |i: usize| self.anchor[self.body[i]].0 + self.offset[i];
+        let apart = (place(j) - place(i)).length() - self.contact_distance(i, j);
+        // False if the range has no end.
+        apart > (way(a) + way(b)) * (1.0 + 1e-9) + 1e-9 * self.length
     }
 
     /// Collision of two particles, searched from `from` on.
@@ -121,6 +133,10 @@ impl World {
             && ((ca + a.offset) - (cb + b.offset)).length() > (ra + rb + sigma) * (1.0 + 1e-9)
         {
             return Prediction::NEVER;
+        }
+        let (to, continues) = Self::range(start, &[fa, fb]);
+        if self.is_far(i, (fa, a.k), j, (fb, b.k), start.after(to)) {
+            return Prediction::from_search(Search::None, start, to, continues);
         }
         let f = |s: f64| {
             let ((x, v), (y, w)) = (a.state(s), b.state(s));
@@ -150,16 +166,20 @@ impl World {
             };
             return time.map_or(Prediction::NEVER, |s| Prediction { at: start.after(s), happens: true });
         }
-        let (to, continues) = Self::range(start, &[fa, fb]);
+        let speed = a.speed_bound(to) + b.speed_bound(to);
+        if gap > speed * to * (1.0 + 1e-9) {
+            return Prediction::from_search(Search::None, start, to, continues);
+        }
         // gap'' ≥ n·(relative acceleration): the turning of the line of centers n only increases the gap. It
         // changes the direction at most by speed/σ.
         let bound = a.motion.acceleration_bound(a.k) + b.motion.acceleration_bound(b.k);
-        let speed = a.speed_bound(to) + b.speed_bound(to);
         let change = a.motion.jerk_bound(a.k) + b.motion.jerk_bound(b.k) + bound * speed / sigma;
         let ahead = |s: f64, t: f64| {
             let n = (b.state(s).0 - a.state(s).0).normalize_or_zero();
             let now = n.dot(b.acceleration(s) - a.acceleration(s));
-            bound.min(change * (t - s) - now)
+            let (of_b, k, at) = (b.motion, b.k, b.from + s);
+            let alike = a.motion.relative_acceleration_bound(a.k, a.from + s, (of_b, k, at), t - s);
+            bound.min(change * (t - s) - now).min(alike)
         };
         let search = first_crossing(&f, &ahead, 0.0, to, touch, slow);
         Prediction::from_search(search, start, to, continues)
@@ -192,6 +212,9 @@ impl World {
             return time.map_or(Prediction::NEVER, |s| Prediction { at: start.after(s), happens: true });
         }
         let (to, continues) = Self::range(start, &[flight]);
+        if gap > (a.speed_bound(to) + velocity.length()) * to * (1.0 + 1e-9) {
+            return Prediction::from_search(Search::None, start, to, continues);
+        }
         let (bound, change) = (a.motion.acceleration_bound(a.k), a.motion.jerk_bound(a.k));
         let ahead = |s: f64, t: f64| bound.min(change * (t - s) - of.normal.dot(a.acceleration(s)));
         let search = first_crossing(&f, &ahead, 0.0, to, touch, slow);
@@ -231,7 +254,7 @@ impl World {
 
     /// Time at which a monitored quantity of a flight falls to zero.
     pub fn predict_monitored(&self, flight: usize, index: usize, from: Instant) -> Prediction {
-        let Some(flight) = self.flights.get(&flight) else { return Prediction::NEVER };
+        let Some(flight) = self.flights.get(flight) else { return Prediction::NEVER };
         let Some(what) = Self::monitored(flight, index) else { return Prediction::NEVER };
         let start = from.max(flight.start);
         let offset = start.since(flight.start);
@@ -268,7 +291,7 @@ impl World {
             Key::Monitored(flight, index) => self.predict_monitored(flight, index, from),
             Key::Renew(flight) => self
                 .flights
-                .get(&flight)
+                .get(flight)
                 .map_or(Prediction::NEVER, |flight| Prediction { at: flight.end(), happens: true }),
             Key::Settle(link) => self
                 .pending
@@ -281,18 +304,16 @@ impl World {
 
     /// All keys that concern these bodies and their flights.
     pub fn keys_of(&self, bodies: &[usize]) -> Vec<Key> {
-        let mine = |i: usize| bodies.contains(&self.body[i]);
         let n = self.count();
+        let mine = self.among(bodies);
+        let mine = |i: usize| mine[self.body[i]];
         let mut keys = Vec::new();
-        for i in 0..n {
-            for j in i + 1..n {
-                if (mine(i) || mine(j)) && self.can_collide(i, j) {
-                    keys.push(Key::Pair(i, j));
-                }
-            }
-            if mine(i) {
-                keys.extend((0..self.system.walls.len()).map(|wall| Key::Wall(i, wall)));
-            }
+        for i in (0..n).filter(|&i| mine(i)) {
+            // Each pair once; those that cannot collide, too, whose predictions are then removed.
+            keys.extend(
+                (0..n).filter(|&j| j < i || (j > i && !mine(j))).map(|j| Key::Pair(i.min(j), i.max(j))),
+            );
+            keys.extend((0..self.system.walls.len()).map(|wall| Key::Wall(i, wall)));
         }
         for (p, pendulum) in self.joints.pendulums.iter().enumerate() {
             if mine(pendulum.bob) {
@@ -303,7 +324,7 @@ impl World {
         flight_keys.sort_unstable();
         flight_keys.dedup();
         for flight_key in flight_keys {
-            let Some(flight) = self.flights.get(&flight_key) else { continue };
+            let Some(flight) = self.flights.get(flight_key) else { continue };
             keys.extend(
                 (0..flight.motion.monitored(&flight.mechanism).len())
                     .map(|index| Key::Monitored(flight_key, index)),

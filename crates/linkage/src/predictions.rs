@@ -43,9 +43,13 @@ impl Predictions {
         self.current.remove(key);
     }
 
-    /// Keeps the predictions of these keys only.
-    pub fn retain(&mut self, mut keep: impl FnMut(&Key) -> bool) {
-        self.current.retain(|key, _| keep(key));
+    /// Removes the predictions of a flight.
+    pub fn remove_flight(&mut self, flight: usize) {
+        self.current.remove(&Key::Renew(flight));
+        let monitored = Key::Monitored(flight, 0)..=Key::Monitored(flight, usize::MAX);
+        while let Some((&key, _)) = self.current.range(monitored.clone()).next() {
+            self.current.remove(&key);
+        }
     }
 
     /// Whether nothing is predicted.
@@ -123,7 +127,15 @@ mod tests {
         predictions.insert(Key::Wall(3, 0), at(5.0));
         predictions.insert(Key::Pair(1, 2), at(5.0));
         assert_eq!(predictions.first(), Some((Key::Pair(1, 2), at(5.0))));
-        predictions.retain(|key| matches!(key, Key::Taut(_)));
+        predictions.insert(Key::Monitored(3, 0), at(4.0));
+        predictions.insert(Key::Monitored(3, 7), at(4.0));
+        predictions.insert(Key::Renew(3), at(4.0));
+        assert_eq!(predictions.first(), Some((Key::Monitored(3, 0), at(4.0))));
+        predictions.remove_flight(3);
+        assert_eq!(predictions.first(), Some((Key::Pair(1, 2), at(5.0))));
+        for key in [Key::Wall(3, 0), Key::Pair(1, 2), Key::Pair(0, 1)] {
+            predictions.remove(&key);
+        }
         assert_eq!(predictions.first(), None);
         assert!(predictions.is_empty());
     }

@@ -1,12 +1,13 @@
 //! Between flights: ends the flights of bodies, determines contacts again, and starts new flights.
 
+use std::collections::BTreeSet;
+
 use glam::DVec3;
 use haff_engine::{EventKind, EventRecord, Observer};
 
 use crate::{
     error::LinkageError,
     mechanism::{Link, Mechanism, Motions},
-    model::Tether,
     motion::Motion,
     settle::Hit,
     world::{Flight, World},
@@ -24,9 +25,13 @@ impl World {
             if self.immovable(body) {
                 continue;
             }
-            let Some(flight) = self.flights.remove(&self.flight_key[body]) else { continue };
+            let Some(flight) = self.flights.remove(self.flight_key[body]) else { continue };
+            self.ended.push(flight.bodies[0]);
             let before = self.anchors(&flight.bodies);
-            let after = flight.states_at_event(&before, self.now);
+            let excess = flight.bodies.iter().map(|&body| std::mem::take(&mut self.excess[body])).sum();
+            let (after, excess) = flight.states_at_event(&before, self.now, excess);
+            self.excess[flight.bodies[0]] = excess;
+            self.pressed.extend(flight.mechanism.pressed_contacts(self.now.since(flight.start), &after));
             for (k, &body) in flight.bodies.iter().enumerate() {
                 self.anchor[body] = after[k];
                 let (momentum, moment) = self.momentum_change(body, before[k], after[k]);
@@ -70,6 +75,7 @@ impl World {
     /// Ends a completed series of bounces: adds its losses to the sums.
     pub fn settle(&mut self, link: Link, observer: &mut dyn Observer) {
         let Some(rest) = self.pending.remove(&link) else { return };
+        self.settled.push(link);
         self.accumulators.dissipated.add(rest.energy_loss);
         self.accumulators.carnot.add(rest.carnot_energy);
         let (kind, i, j, normal) = match link {
@@ -135,113 +141,24 @@ impl World {
         });
     }
 
-    /// Links that touch and are `accepted`, given the rate at which they open and the speed below which it is
-    /// rounding; includes further bodies that touch.
-    pub fn touching(
-        &mut self,
-        bodies: &mut Vec<usize>,
-        accepted: impl Fn(&Self, Link, f64, f64) -> bool,
-        observer: &mut dyn Observer,
-    ) -> Vec<Link> {
-        loop {
-            let mut links: Vec<Link> = Vec::new();
-            let mut more = None;
-            let mut mine = vec![false; self.count()];
-            for &body in bodies.iter() {
-                mine[body] = true;
-            }
-            let mine = |i: usize| mine[self.body[i]];
-            for p in 0..self.joints.pendulums.len() {
-                let pendulum = &self.joints.pendulums[p];
-                let link = Link::Tether(p);
-                let (bob, body) = (pendulum.bob, self.body[pendulum.bob]);
-                if !mine(bob) || self.immovable(body) {
-                    continue;
-                }
-                let state = self.row(link, bodies, self.now).state(0.0, &self.anchors(bodies));
-                let slow = self.slow(self.anchor[body].1, DVec3::ZERO);
-                if pendulum.tether == Tether::Rod
-                    || (state.gap <= self.touch(pendulum.length) && accepted(self, link, state.rate, slow))
-                {
-                    links.push(link);
-                }
-            }
-            links.extend(self.rigid_links(bodies).into_iter().filter(|link| matches!(link, Link::Rod(_))));
-            for i in 0..self.count() {
-                for j in i + 1..self.count() {
-                    let link = Link::Pair(i, j);
-                    if !(mine(i) || mine(j)) || !self.can_collide(i, j) {
-                        continue;
-                    }
-                    let ((x, v), (y, w)) = (self.state(i, self.now), self.state(j, self.now));
-                    let sigma = self.contact_distance(i, j);
-                    let r = y - x;
-                    let distance = r.length();
-                    // Rounding determines the positions of points in contact: only their closed contacts are
-                    // candidates.
-                    let point = self.radius[i] + self.radius[j] == 0.0;
-                    if distance - sigma > self.touch(sigma) || (point && !self.closed.contains_key(&link)) {
-                        continue;
-                    }
-                    let direction = match self.closed.get(&link) {
-                        Some(axis) if *axis != DVec3::ZERO => *axis,
-                        _ => r / distance,
-                    };
-                    if !accepted(self, link, direction.dot(w - v), self.slow(v, w)) {
-                        continue;
-                    }
-                    links.push(link);
-                    for k in [i, j] {
-                        if !mine(k) && !self.immovable(self.body[k]) {
-                            more = Some(self.body[k]);
-                        }
-                    }
-                }
-                for wall in 0..self.system.walls.len() {
-                    let link = Link::Wall(i, wall);
-                    if !mine(i) {
-                        continue;
-                    }
-                    let (x, v) = self.state(i, self.now);
-                    let of = &self.system.walls[wall];
-                    let gap = of.normal.dot(x - self.wall_point(wall, self.now)) - self.radius[i];
-                    let velocity = self.wall_velocity(wall, self.now);
-                    let rate = of.normal.dot(v - velocity);
-                    if gap <= self.touch(self.radius[i]) && accepted(self, link, rate, self.slow(v, velocity))
-                    {
-                        links.push(link);
-                    }
-                }
-            }
-            match more {
-                None => return links,
-                Some(body) => {
-                    let more = self.end_flights(&[body], observer);
-                    bodies.extend(more);
-                    bodies.sort_unstable();
-                    bodies.dedup();
-                }
-            }
-        }
-    }
-
     /// Starts new flights for bodies whose flights were [ended](Self::end_flights), and reports links that
-    /// open. `excluded`: a link that has just opened; `hit`: the contact of an impact that has just happened.
-    /// Returns all bodies that have new flights.
+    /// open. `excluded`: links that have just opened; `hits`: the contacts of impacts that have just
+    /// happened. Returns all bodies that have new flights.
     pub fn regroup(
         &mut self,
         mut bodies: Vec<usize>,
-        excluded: Option<Link>,
-        hit: Option<Hit>,
+        excluded: &BTreeSet<Link>,
+        hits: &[Hit],
         observer: &mut dyn Observer,
     ) -> Result<Vec<usize>, LinkageError> {
-        if let Some(link) = excluded {
+        for &link in excluded {
             self.open(link);
         }
         let could_stay = |world: &Self, link: Link, rate: f64, slow: f64| {
-            excluded != Some(link) && world.might_rest(link, rate, slow)
+            !excluded.contains(&link) && world.might_rest(link, rate, slow)
         };
         let candidates = self.touching(&mut bodies, could_stay, observer);
+        self.pressed.clear();
         // Bodies that separate, or that are about to collide, are not in contact.
         let mine = |world: &Self, i: usize| bodies.contains(&world.body[i]);
         let lost: Vec<Link> = self
@@ -262,7 +179,7 @@ impl World {
         let mut active_links = Vec::new();
         for part in self.parts(&bodies, &candidates) {
             let links = self.links_of(&part, &candidates);
-            let closed = self.settle_contacts(&part, links.clone(), hit, observer);
+            let closed = self.settle_contacts(&part, links.clone(), hits, observer);
             for link in links {
                 if closed.contains(&link) {
                     active_links.push(link);
@@ -276,7 +193,7 @@ impl World {
             let links = self.links_of(&part, &active_links);
             let mechanism = self.mechanism(&part, &links, self.now);
             let states = self.rested(&mechanism, self.anchors(&part));
-            self.start_flight(part, mechanism, &states, 0.0)?;
+            self.start_flight_on_constraints(part, mechanism, states, 0.0)?;
         }
         Ok(bodies)
     }
@@ -304,6 +221,23 @@ impl World {
         }
     }
 
+    /// Starts a flight now, of bodies that may be off their constraints by less than the resolution.
+    pub fn start_flight_on_constraints(
+        &mut self,
+        bodies: Vec<usize>,
+        mut mechanism: Mechanism,
+        mut states: Motions,
+        hint: f64,
+    ) -> Result<(), LinkageError> {
+        let before = states.clone();
+        self.excess[bodies[0]] += mechanism.restore_lengths(&mut states);
+        for ((&body, before), after) in bodies.iter().zip(&before).zip(&states) {
+            let (momentum, moment) = self.momentum_change(body, *before, *after);
+            self.accumulators.add_momentum(momentum, moment);
+        }
+        self.start_flight(bodies, mechanism, &states, hint)
+    }
+
     /// Starts a flight now.
     pub fn start_flight(
         &mut self,
@@ -312,14 +246,14 @@ impl World {
         states: &Motions,
         hint: f64,
     ) -> Result<(), LinkageError> {
-        mechanism.hold_present_lengths(states);
+        mechanism.hold_present_lengths(states, |_| true);
         for (&body, state) in bodies.iter().zip(states) {
             self.anchor[body] = *state;
             self.flight_key[body] = bodies[0];
         }
         let motion = Motion::new(&mechanism, states, hint)
             .ok_or(LinkageError::Singular { time: self.now.time(), particle: bodies[0] })?;
-        self.flights.insert(bodies[0], Flight { start: self.now, bodies, mechanism, motion, hint });
+        self.flights.insert(Flight { start: self.now, bodies, mechanism, motion, hint });
         Ok(())
     }
 
@@ -335,16 +269,13 @@ impl World {
         let power = -weight.dot(velocity);
         let motion = Motion::Ballistic { position, velocity, acceleration: DVec3::ZERO, power };
         self.flight_key[body] = body;
-        self.flights.insert(
-            body,
-            Flight {
-                start: self.now,
-                bodies: vec![body],
-                mechanism: Mechanism::default(),
-                motion,
-                hint: 0.0,
-            },
-        );
+        self.flights.insert(Flight {
+            start: self.now,
+            bodies: vec![body],
+            mechanism: Mechanism::default(),
+            motion,
+            hint: 0.0,
+        });
     }
 
     /// Marks a link as carrying force.

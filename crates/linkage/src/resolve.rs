@@ -5,10 +5,9 @@ use haff_engine::{EventKind, EventRecord, Observer};
 use haff_mechanics::{Impact, impact};
 
 use crate::{
-    error::LinkageError,
     linear,
     mechanism::{End, Link, Mechanism, Motions, Row, RowState, Shape},
-    world::{Law, World},
+    world::World,
 };
 
 /// Velocities below this part of the approach speed count as zero in an impact.
@@ -21,120 +20,12 @@ impl World {
         self.mechanism(bodies, &links, self.now)
     }
 
-    /// Impact of particles i and j.
-    pub fn collide_pair(
-        &mut self,
-        i: usize,
-        j: usize,
-        observer: &mut dyn Observer,
-    ) -> Result<Vec<usize>, LinkageError> {
-        let mut bodies = self.end_flights(&[self.body[i], self.body[j]], observer);
-        let ((x, v), (y, w)) = (self.state(i, self.now), self.state(j, self.now));
-        let point = self.radius[i] + self.radius[j] == 0.0;
-        // Two points collide along their relative velocity.
-        let normal = if point { (v - w).normalize_or_zero() } else { (y - x).normalize_or_zero() };
-        let law = self.pair_law(i, j);
-        if law == Law::Stick {
-            self.count_collision(i, j);
-            let impact =
-                self.stop_relative_motion(&bodies, self.row(Link::Pair(i, j), &bodies, self.now), normal);
-            self.record(EventKind::Stick, i, j, &impact, normal, observer);
-            let bodies = self.merge(self.body[i], self.body[j], bodies);
-            return self.regroup(bodies, None, None, observer);
-        }
-        let Law::Bounce(restitution) = law else { return self.regroup(bodies, None, None, observer) };
-        let (link, mut rigid) = (Link::Pair(i, j), self.rigid_links(&bodies));
-        let e = self.coefficient_in_burst(link, restitution, (v - w).dot(normal));
-        if e == 0.0 {
-            self.add_plastic_neighbors(&mut bodies, &mut rigid, link, (v - w).dot(normal), observer);
-        }
-        let mut mechanism = self.mechanism(&bodies, &rigid, self.now);
-        let mut row = self.row(link, &bodies, self.now);
-        if point {
-            row.shape = Shape::Along(normal, normal.dot(y - x));
-        }
-        row.link = Link::Impact;
-        let Some(impact) = self.collide(&bodies, &mut mechanism, row, e) else {
-            return self.regroup(bodies, None, None, observer);
-        };
-        self.count_collision(i, j);
-        self.record(EventKind::Collision, i, j, &impact, normal, observer);
-        if point && e == 0.0 {
-            self.closed.insert(link, normal);
-        }
-        self.regroup(bodies, None, Some((link, restitution)), observer)
-    }
-
-    fn count_collision(&mut self, i: usize, j: usize) {
-        let fixed = self.mass[i].is_infinite() || self.mass[j].is_infinite();
-        let counters = &mut self.accumulators.counters;
-        counters.collisions += 1;
-        counters.fixed_collisions += u64::from(fixed);
-    }
-
-    /// Impact of a particle on a wall.
-    pub fn collide_wall(
-        &mut self,
-        i: usize,
-        wall: usize,
-        observer: &mut dyn Observer,
-    ) -> Result<Vec<usize>, LinkageError> {
-        let mut bodies = self.end_flights(&[self.body[i]], observer);
-        let of = &self.system.walls[wall];
-        let (normal, velocity) = (-of.normal, self.wall_velocity(wall, self.now));
-        let approach = (self.state(i, self.now).1 - velocity).dot(normal);
-        let link = Link::Wall(i, wall);
-        let row = self.row(link, &bodies, self.now);
-        let restitution = match self.wall_law(i, wall) {
-            Law::Bounce(restitution) => restitution,
-            Law::Stick => {
-                let impact = self.stop_relative_motion(&bodies, row, -normal);
-                self.accumulators.counters.wall_collisions += 1;
-                self.record(EventKind::Wall, i, wall, &impact, normal, observer);
-                let bodies = self.stick_to_wall(self.body[i], velocity, bodies);
-                return self.regroup(bodies, None, None, observer);
-            }
-        };
-        let mut rigid = self.rigid_links(&bodies);
-        let e = self.coefficient_in_burst(link, restitution, approach);
-        if e == 0.0 {
-            self.add_plastic_neighbors(&mut bodies, &mut rigid, link, approach, observer);
-        }
-        let mut mechanism = self.mechanism(&bodies, &rigid, self.now);
-        let mut row = self.row(link, &bodies, self.now);
-        row.link = Link::Impact;
-        let hit = self.collide(&bodies, &mut mechanism, row, e).map(|impact| {
-            self.accumulators.counters.wall_collisions += 1;
-            self.record(EventKind::Wall, i, wall, &impact, normal, observer);
-            (link, restitution)
-        });
-        self.regroup(bodies, None, hit, observer)
-    }
-
-    /// A string becomes taut: the velocity along it is lost.
-    pub fn string_taut(&mut self, p: usize, observer: &mut dyn Observer) -> Result<Vec<usize>, LinkageError> {
-        let bob = self.joints.pendulums[p].bob;
-        let mut bodies = self.end_flights(&[self.body[bob]], observer);
-        let link = Link::Tether(p);
-        let stretching = -self.row(link, &bodies, self.now).state(0.0, &self.anchors(&bodies)).rate;
-        let mut rigid = self.rigid_links(&bodies);
-        self.add_plastic_neighbors(&mut bodies, &mut rigid, link, stretching, observer);
-        let mut mechanism = self.mechanism(&bodies, &rigid, self.now);
-        let mut row = self.row(link, &bodies, self.now);
-        row.link = Link::Impact;
-        let normal = -row.state(0.0, &self.anchors(&bodies)).direction;
-        if let Some(impact) = self.collide(&bodies, &mut mechanism, row, 0.0) {
-            self.record(EventKind::Taut, bob, p, &impact, normal, observer);
-        }
-        self.taut[p] = true;
-        self.regroup(bodies, None, None, observer)
-    }
-
     /// Applies the impulse along `row` to the bodies, J = (1 + e) v_n/Λ, with the reactions of rods, taut
     /// strings and plastic contacts at rest; strings that would have to push go slack, contacts that would
     /// have to pull open. `None` if the ends do not approach, or nothing can move.
-    fn collide(&mut self, bodies: &[usize], mechanism: &mut Mechanism, row: Row, e: f64) -> Option<Impact> {
-        mechanism.rows.push(row);
+    pub fn collide(&mut self, bodies: &[usize], links: &[Link], row: Row, e: f64) -> Option<Impact> {
+        let mut mechanism = self.mechanism(bodies, links, self.now);
+        mechanism.rows.push(Row { link: Link::Impact, ..row });
         let contact = mechanism.rows.len() - 1;
         let mut states = self.anchors(bodies);
         let rows = mechanism.row_states(0.0, &states);
@@ -156,11 +47,10 @@ impl World {
         let (mut impulses, active) = linear::complementarity(&matrix, &q, &one_sided, tolerance);
         let hit = impulses[contact];
         if approach <= 0.0 || hit <= 0.0 || !hit.is_finite() {
-            mechanism.rows.pop();
             return None;
         }
         let lambda = (1.0 + e) * approach / hit;
-        self.apply_impulses(bodies, mechanism, &rows, &impulses, &mut states);
+        self.apply_impulses(bodies, &mechanism, &rows, &impulses, &mut states);
         // A correction for rounding, which would have a preferred sign: v_n' = −e v_n, and zero for the other
         // rows.
         let after = mechanism.row_states(0.0, &states);
@@ -168,14 +58,13 @@ impl World {
             .map(|k| if k == contact { e * approach - after[k].rate } else { -after[k].rate })
             .collect();
         (impulses, _) = linear::solve(&matrix, &rest, &active);
-        self.apply_impulses(bodies, mechanism, &rows, &impulses, &mut states);
+        self.apply_impulses(bodies, &mechanism, &rows, &impulses, &mut states);
         for (&body, state) in bodies.iter().zip(&states) {
             self.anchor[body] = *state;
         }
         let impact = impact(approach, e, lambda);
         self.accumulators.dissipated.add(impact.energy_loss);
         self.accumulators.carnot.add(impact.carnot_energy);
-        mechanism.rows.pop();
         Some(impact)
     }
 
@@ -207,7 +96,7 @@ impl World {
 
     /// Removes all relative velocity of the ends of a contact, whose normal points from the first to the
     /// second.
-    fn stop_relative_motion(&mut self, bodies: &[usize], of: Row, normal: DVec3) -> Impact {
+    pub fn stop_relative_motion(&mut self, bodies: &[usize], of: Row, normal: DVec3) -> Impact {
         let mut mechanism = self.impact_mechanism(bodies);
         let before = mechanism.rows.len();
         for axis in [DVec3::X, DVec3::Y, DVec3::Z] {
@@ -249,7 +138,7 @@ impl World {
     }
 
     /// Makes a body move with a wall from now on; returns the movable bodies that remain.
-    fn stick_to_wall(&mut self, body: usize, velocity: DVec3, mut bodies: Vec<usize>) -> Vec<usize> {
+    pub fn stick_to_wall(&mut self, body: usize, velocity: DVec3, mut bodies: Vec<usize>) -> Vec<usize> {
         self.sticks_to_wall[body] = true;
         self.body_mass[body] = f64::INFINITY;
         self.anchor[body].1 = velocity;
@@ -268,14 +157,14 @@ impl World {
     }
 
     /// Merges two bodies; returns the movable bodies that remain.
-    fn merge(&mut self, a: usize, b: usize, mut bodies: Vec<usize>) -> Vec<usize> {
+    pub fn merge(&mut self, a: usize, b: usize, mut bodies: Vec<usize>) -> Vec<usize> {
         let (keep, gone) = (a.min(b), a.max(b));
         for body in [keep, gone] {
             if !self.immovable(body) {
                 continue;
             }
             self.anchor[body] = self.body_state(body, self.now);
-            if let Some(flight) = self.flights.remove(&self.flight_key[body]) {
+            if let Some(flight) = self.flights.remove(self.flight_key[body]) {
                 self.accumulators.work.add(flight.motion.work(self.now.since(flight.start)));
             }
         }
@@ -289,6 +178,7 @@ impl World {
             }
         }
         self.body_mass[keep] += self.body_mass[gone];
+        self.excess[keep] += std::mem::take(&mut self.excess[gone]);
         self.sticks_to_wall[keep] |= self.sticks_to_wall[gone];
         let inside: Vec<Link> = self
             .closed
@@ -310,7 +200,7 @@ impl World {
     }
 
     /// Reports an impact.
-    fn record(
+    pub fn record(
         &self,
         kind: EventKind,
         i: usize,

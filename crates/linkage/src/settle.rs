@@ -11,6 +11,9 @@ never gained.
 The height is u²/2a, with the speed u of opening or closing, and the acceleration a at which the contact would
 close if its force were removed while all other forces act. Contacts that are not pressed together are
 completed only where u itself is rounding ([`World::slow`]).
+
+`contact.rest_speed` completes pressed contacts with any speed below it: heaps of many bodies have very many
+impacts at low speeds.
 */
 
 use haff_engine::Observer;
@@ -18,12 +21,10 @@ use haff_mechanics::{Bounces, Restitution};
 
 use crate::{
     linear,
-    mechanism::{Link, Mechanism},
+    mechanism::{Link, Mechanism, TIE},
     world::{Law, Pending, World},
 };
 
-/// Accelerations within this part of their scale are ties: a contact then stays closed.
-const TIE: f64 = 1e-12;
 /// A bounce that would rise by less than this part of the contact's size is not resolved.
 const REST_HEIGHT: f64 = 1e-13;
 /// Rates of rows that hold already are rounding below this part of the speeds.
@@ -68,7 +69,7 @@ impl World {
     /// Whether a touching contact could stay closed: its rate is rounding, or so small that its bounces might
     /// not be resolved under the largest accelerations of the scene.
     pub fn might_rest(&self, link: Link, rate: f64, slow: f64) -> bool {
-        if rate.abs() <= slow {
+        if rate.abs() <= slow.max(self.system.contacts.rest_speed) {
             return true;
         }
         let acceleration = 4.0 * self.speed * self.speed / self.length;
@@ -80,13 +81,13 @@ impl World {
         self.restitution(link).is_some_and(|law| law.bounces(speed).is_some())
     }
 
-    /// Determines which of these links stay closed, and removes the velocities that are not resolved. `hit`:
-    /// the contact of the impact that has just happened. Returns the links that carry force.
+    /// Determines which of these links stay closed, and removes the velocities that are not resolved. `hits`:
+    /// the contacts of impacts that have just happened. Returns the links that carry force.
     pub fn settle_contacts(
         &mut self,
         part: &[usize],
         mut links: Vec<Link>,
-        hit: Option<Hit>,
+        hits: &[Hit],
         observer: &mut dyn Observer,
     ) -> Vec<Link> {
         let held = loop {
@@ -98,7 +99,7 @@ impl World {
         };
         let active = held.mechanism.rows.iter().zip(&held.active);
         let closed = active.filter(|(_, active)| **active).map(|(row, _)| row.link).collect();
-        self.remove_velocities(part, held, hit, observer);
+        self.remove_velocities(part, held, hits, observer);
         closed
     }
 
@@ -130,7 +131,9 @@ impl World {
             closing[k] = forces[k] / effective_mass;
             let height = 0.5 * state.rate * state.rate / closing[k];
             let pressed = forces[k] * matrix[k * n + k] > tolerance;
-            if !(pressed && effective_mass > 0.0 && height <= REST_HEIGHT * self.size(row.link)) {
+            let low = height <= REST_HEIGHT * self.size(row.link)
+                || state.rate.abs() <= self.system.contacts.rest_speed;
+            if !(pressed && effective_mass > 0.0 && low) {
                 resolved.push(row.link);
             }
         }
@@ -139,13 +142,7 @@ impl World {
 
     /// Removes the velocities of active rows, and those of inactive ones at which they approach. Adds the
     /// losses to the sums.
-    fn remove_velocities(
-        &mut self,
-        part: &[usize],
-        held: Held,
-        hit: Option<Hit>,
-        observer: &mut dyn Observer,
-    ) {
+    fn remove_velocities(&mut self, part: &[usize], held: Held, hits: &[Hit], observer: &mut dyn Observer) {
         let Held { mechanism, active, closing } = held;
         let mut states = self.anchors(part);
         let rows = mechanism.row_states(0.0, &states);
@@ -176,9 +173,10 @@ impl World {
             self.anchor[body] = *state;
         }
         // What holds already comes first and loses nothing, then the contact of the impact.
+        let law_of = |link: Link| hits.iter().rev().find(|(hit, _)| *hit == link).map(|(_, law)| law);
         let rank = |k: usize| match mechanism.rows[k].link {
             _ if !mechanism.rows[k].unilateral || rates[k].abs() <= slow[k] => 0,
-            link if hit.is_some_and(|(hit, _)| hit == link) => 1,
+            link if law_of(link).is_some() => 1,
             _ => 2,
         };
         let mut order: Vec<usize> = (0..rows.len()).filter(|&k| changed[k]).collect();
@@ -188,7 +186,7 @@ impl World {
             if speed <= slow[k] || !mechanism.rows[k].unilateral {
                 continue;
             }
-            let series = hit.filter(|(hit, _)| *hit == link).and_then(|(_, law)| law.bounces(speed));
+            let series = law_of(link).and_then(|law| law.bounces(speed));
             // The mass that moves at the contact: its energy is the loss.
             let mass = 2.0 * loss / (speed * speed);
             let rest = match series {

@@ -1,5 +1,7 @@
 //! A run: from event to event, with frames, samples and the ledger.
 
+use std::collections::BTreeSet;
+
 use glam::DVec3;
 use haff_engine::{
     Counters, EngineError, Frame, Instant, Ledger, Observer, Sample, Stop, Sum, System, Term, Until,
@@ -12,7 +14,7 @@ use crate::{
     error::LinkageError,
     mechanism::Link,
     model::{Joints, Tether},
-    motion::{Monitored, Motion},
+    motion::{Monitored, Motion, Numeric},
     predict::Key,
     predictions::Predictions,
     world::World,
@@ -67,7 +69,7 @@ impl Simulation {
         }
         let bodies: Vec<usize> = (0..world.count()).filter(|&body| !world.immovable(body)).collect();
         // Strings that are not taut at the start have been slack before: they are not reported.
-        world.regroup(bodies, None, None, &mut haff_engine::Silent)?;
+        world.regroup(bodies, &BTreeSet::new(), &[], &mut haff_engine::Silent)?;
         Ok(Self::of(world))
     }
 
@@ -86,16 +88,12 @@ impl Simulation {
 
     /// Predicts these bodies again.
     fn predict(&mut self, bodies: &[usize]) {
-        let world = &self.world;
-        self.predictions.retain(|key| match *key {
-            Key::Pair(i, j) => !bodies.contains(&world.body[i]) && !bodies.contains(&world.body[j]),
-            Key::Wall(i, _) => !bodies.contains(&world.body[i]),
-            Key::Taut(p) => !bodies.contains(&world.body[world.joints.pendulums[p].bob]),
-            Key::Monitored(flight, _) | Key::Renew(flight) => {
-                !bodies.contains(&flight) && world.flights.contains_key(&flight)
-            }
-            Key::Settle(link) => world.pending.contains_key(&link),
-        });
+        for flight in std::mem::take(&mut self.world.ended) {
+            self.predictions.remove_flight(flight);
+        }
+        for link in std::mem::take(&mut self.world.settled) {
+            self.predictions.remove(&Key::Settle(link));
+        }
         for key in self.world.keys_of(bodies) {
             self.update_prediction(key, Instant::ZERO);
         }
@@ -158,7 +156,7 @@ impl Simulation {
     /// Whether nothing moves and no event is predicted.
     fn is_at_rest(&self) -> bool {
         self.predictions.is_empty()
-            && self.world.flights.values().all(|flight| match &flight.motion {
+            && self.world.flights.iter().all(|flight| match &flight.motion {
                 Motion::Still(_) => true,
                 Motion::Ballistic { velocity, acceleration, .. } => {
                     *velocity == DVec3::ZERO && *acceleration == DVec3::ZERO
@@ -192,45 +190,42 @@ impl Simulation {
     fn resolve(&mut self, key: Key, observer: &mut dyn Observer) -> Result<Vec<usize>, LinkageError> {
         let world = &mut self.world;
         match key {
-            Key::Pair(i, j) => {
-                // After a merger the key of the partner's flight may have changed, too.
-                let mut changed = world.collide_pair(i, j, observer)?;
-                changed.push(world.body[i]);
+            Key::Pair(..) | Key::Wall(..) | Key::Taut(_) => {
+                let most = COLLAPSE - self.stall.1;
+                let (changed, impacts) = world.resolve_impacts(key, most, observer)?;
+                self.stall.1 += impacts - 1;
                 Ok(changed)
             }
-            Key::Wall(i, wall) => {
-                // A body that sticks to the wall is no longer movable.
-                let mut changed = world.collide_wall(i, wall, observer)?;
-                changed.push(world.body[i]);
-                Ok(changed)
-            }
-            Key::Taut(p) => world.string_taut(p, observer),
             Key::Monitored(flight_key, index) => {
-                let Some(flight) = world.flights.get(&flight_key) else { return Ok(Vec::new()) };
+                let Some(flight) = world.flights.get(flight_key) else { return Ok(Vec::new()) };
                 let link = match World::monitored(flight, index) {
                     Some(Monitored::Row(row)) => Some(flight.mechanism.rows[row].link),
                     Some(Monitored::Coil(_)) | None => None,
                 };
                 let bodies = world.end_flights(&[flight_key], observer);
+                if world.released.0 != world.now {
+                    world.released = (world.now, BTreeSet::new());
+                }
                 if let Some(link) = link {
                     world.report_end(link, observer);
+                    world.released.1.insert(link);
                 }
-                world.regroup(bodies, link, None, observer)
+                let released = world.released.1.clone();
+                world.regroup(bodies, &released, &[], observer)
             }
             Key::Renew(flight_key) => {
-                let Some(flight) = world.flights.get(&flight_key) else { return Ok(Vec::new()) };
-                let (end, hint) = match &flight.motion {
-                    Motion::Numeric(step) => (step.end.clone(), step.next),
-                    _ => return Ok(Vec::new()),
+                let Some(flight) = world.flights.get(flight_key) else { return Ok(Vec::new()) };
+                let Motion::Numeric(Numeric { next: hint, .. }) = flight.motion else {
+                    return Ok(Vec::new());
                 };
                 let links: Vec<Link> = flight.mechanism.rows.iter().map(|row| row.link).collect();
                 let pending = std::mem::take(&mut world.pending);
                 let bodies = world.end_flights(&[flight_key], observer);
                 world.pending = pending;
-                // On the constraints.
-                bodies.iter().zip(&end).for_each(|(&body, state)| world.anchor[body] = *state);
+                world.pressed.clear();
                 let mechanism = world.mechanism(&bodies, &links, world.now);
-                world.start_flight(bodies.clone(), mechanism, &end, hint)?;
+                let states = world.anchors(&bodies);
+                world.start_flight_on_constraints(bodies.clone(), mechanism, states, hint)?;
                 Ok(bodies)
             }
             Key::Settle(link) => {
@@ -279,7 +274,7 @@ impl Simulation {
         let kinetic = kinetic(world, now);
         let (gravity, spring) = world.potential(now);
         let mut work = world.accumulators.work;
-        for flight in world.flights.values() {
+        for flight in world.flights.iter() {
             work.add(flight.motion.work(now.since(flight.start)));
         }
         let dissipated = world.accumulators.dissipated.value();
@@ -314,7 +309,7 @@ impl Simulation {
     pub fn external_impulse(&self) -> (DVec3, DVec3) {
         let world = &self.world;
         let mut accumulators = world.accumulators;
-        for flight in world.flights.values() {
+        for flight in world.flights.iter() {
             let states = flight.states(world.now);
             for (k, &body) in flight.bodies.iter().enumerate() {
                 if !world.immovable(body) {
@@ -475,7 +470,7 @@ impl Simulation {
     /// `numerical`.
     pub fn flight_of(&self, particle: usize) -> Option<&'static str> {
         let body = *self.world.body.get(particle)?;
-        Some(self.world.flights.get(&self.world.flight_key[body])?.motion.name())
+        Some(self.world.flights.get(self.world.flight_key[body])?.motion.name())
     }
 }
 

@@ -89,6 +89,9 @@ pub(crate) fn flight(
     require(bodies.first().is_some_and(|&first| first as u64 == flight_key), || {
         format!("{name}.body = {bodies:?} must begin with {flight_key}")
     })?;
+    require(bodies.is_sorted_by(|a, b| a < b), || {
+        format!("{name}.body = {bodies:?} must be in ascending order")
+    })?;
     for &link in links {
         // All movable bodies of a link are on the same flight.
         let linked = world.particles_of(link).into_iter().map(|i| world.body[i]);
@@ -136,6 +139,7 @@ pub(crate) fn state(world: &World, time: f64) -> Result<(), LinkageError> {
             format!("body.{i} = {body} must be the first particle of a body")
         })?;
         vector(|| format!("offset.{i}"), world.offset[i])?;
+        finite(&format!("excess.{i}"), world.excess[i])?;
         require(body != i || world.offset[i] == DVec3::ZERO, || {
             format!("offset.{i} = {:?} must be zero: particle {i} is the first of its body", world.offset[i])
         })?;
@@ -160,6 +164,7 @@ pub(crate) fn state(world: &World, time: f64) -> Result<(), LinkageError> {
         finite(&format!("{name}, energy_loss"), rest.energy_loss)?;
         finite(&format!("{name}, carnot_energy"), rest.carnot_energy)?;
     }
+    instant("released.at", world.released.0, [Instant::ZERO, now])?;
     for (link, burst) in &world.bursts {
         require(matches!(link, Link::Pair(..) | Link::Wall(..)), || {
             format!("burst: {link:?} is not a contact")
@@ -221,7 +226,8 @@ fn accumulators(world: &World, time: f64) -> Result<(), LinkageError> {
 /// Checks the world as a whole, after its parts: present positions, lengths, overlaps and the energy balance.
 pub(crate) fn whole(world: World) -> Result<World, LinkageError> {
     let now = world.now;
-    for (flight_key, flight) in &world.flights {
+    for flight in world.flights.iter() {
+        let flight_key = flight.bodies[0];
         let end = flight.end();
         require(end >= now, || {
             format!("flight.{flight_key} would have ended at {}, and now is {}", end.high, now.high)

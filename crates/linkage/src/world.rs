@@ -39,29 +39,59 @@ pub(crate) struct Flight {
 }
 
 impl Flight {
+    /// The index of a body; bodies are in ascending order.
+    pub fn index_of(&self, body: usize) -> Option<usize> {
+        self.bodies.binary_search(&body).ok()
+    }
+
     /// End of the range of its motion.
     pub fn end(&self) -> Instant {
         self.start.after(self.motion.length())
     }
 
-    /// States of its bodies at an event that ends it, corrected for errors in what the motion conserves;
-    /// `start`: those at its start.
-    pub fn states_at_event(&self, start: &Motions, at: Instant) -> Motions {
-        let mut states = self.states(at);
+    /// States of its bodies at an event that ends it, corrected for errors in what the motion conserves.
+    /// `start`: those at its start; `excess`: see [`Mechanism::restore_energy`]. Returns the new excess, too.
+    pub fn states_at_event(&self, start: &Motions, at: Instant, excess: f64) -> (Motions, f64) {
         let tau = at.since(self.start);
-        match &self.motion {
-            Motion::Still(_) | Motion::Ballistic { .. } => return states,
-            Motion::Numeric(_) => self.mechanism.project(tau, &mut states),
-            Motion::Swing(_) | Motion::Circle { .. } | Motion::Spin(_) | Motion::Modes(_) => {}
+        if tau == 0.0 {
+            return (start.clone(), excess);
         }
-        self.mechanism.restore_energy(tau, start, &mut states, self.motion.work(tau));
-        states
+        let mut states = self.states(at);
+        if matches!(self.motion, Motion::Numeric(_)) {
+            self.mechanism.project(tau, &mut states);
+        }
+        let work = self.motion.work(tau);
+        let excess = self.mechanism.restore_energy(tau, start, &mut states, work, excess);
+        (states, excess)
     }
 
     /// States of its bodies.
     pub fn states(&self, at: Instant) -> Motions {
         let tau = at.since(self.start);
         (0..self.bodies.len()).map(|k| self.motion.state(k, tau)).collect()
+    }
+}
+
+/// All flights, by the first of their bodies.
+#[derive(Debug, Clone)]
+pub(crate) struct Flights(Vec<Option<Box<Flight>>>);
+
+impl Flights {
+    pub fn get(&self, key: usize) -> Option<&Flight> {
+        self.0[key].as_deref()
+    }
+
+    pub fn insert(&mut self, flight: Flight) {
+        let key = flight.bodies[0];
+        self.0[key] = Some(Box::new(flight));
+    }
+
+    pub fn remove(&mut self, key: usize) -> Option<Flight> {
+        self.0[key].take().map(|flight| *flight)
+    }
+
+    pub fn iter(&self) -> impl Iterator<Item = &Flight> {
+        self.0.iter().filter_map(|flight| flight.as_deref())
     }
 }
 
@@ -99,9 +129,11 @@ pub(crate) struct World {
     /// By body: mass, and state at the start of its flight.
     pub body_mass: Vec<f64>,
     pub anchor: Motions,
+    /// By body: energy that rounding has given it \[energy\], at the start of its flight.
+    pub excess: Vec<f64>,
     /// By body: key of its flight, which is its first body.
     pub flight_key: Vec<usize>,
-    pub flights: BTreeMap<usize, Flight>,
+    pub flights: Flights,
     /// By pendulum: whether its string or rod carries force, or could.
     pub taut: Vec<bool>,
     /// Persistent contacts; for points the direction in which they collided.
@@ -111,6 +143,14 @@ pub(crate) struct World {
     pub bursts: BTreeMap<Link, Burst>,
     /// Pairs that never collide: those on one rod.
     pub joined: BTreeSet<(usize, usize)>,
+    /// Links whose force has fallen to zero at an instant: none is closed again at the same instant, where
+    /// rounding would decide which of several links carries no force.
+    pub released: (Instant, BTreeSet<Link>),
+    /// Contacts that have carried force until this instant and have not opened at it. Empty between events.
+    pub pressed: BTreeSet<Link>,
+    /// Flights that have ended, and series of bounces, whose predictions are to be removed.
+    pub ended: Vec<usize>,
+    pub settled: Vec<Link>,
     pub now: Instant,
     /// The scene's length and speed, for tolerances.
     pub length: f64,
@@ -163,14 +203,19 @@ impl World {
             offset: vec![DVec3::ZERO; n],
             sticks_to_wall: vec![false; n],
             body_mass: mass.clone(),
+            excess: vec![0.0; n],
             anchor,
             flight_key: (0..n).collect(),
-            flights: BTreeMap::new(),
+            flights: Flights((0..n).map(|_| None).collect()),
             taut: vec![false; joints.pendulums.len()],
             closed: BTreeMap::new(),
             pending: BTreeMap::new(),
             bursts: BTreeMap::new(),
             joined,
+            released: (Instant::ZERO, BTreeSet::new()),
+            pressed: BTreeSet::new(),
+            ended: Vec::new(),
+            settled: Vec::new(),
             now: Instant::ZERO,
             length: if length > 0.0 { length } else { 1.0 },
             speed,
@@ -195,9 +240,9 @@ impl World {
 
     /// State of a body, from its flight or, if it has none at present, from its anchor.
     pub fn body_state(&self, body: usize, at: Instant) -> (DVec3, DVec3) {
-        match self.flights.get(&self.flight_key[body]) {
+        match self.flights.get(self.flight_key[body]) {
             Some(flight) => {
-                let k = flight.bodies.iter().position(|&b| b == body);
+                let k = flight.index_of(body);
                 k.map_or(self.anchor[body], |k| flight.motion.state(k, at.since(flight.start)))
             }
             None => self.anchor[body],
@@ -269,6 +314,15 @@ impl World {
     pub fn wall_velocity(&self, wall: usize, at: Instant) -> DVec3 {
         let wall = &self.system.walls[wall];
         wall.motion.velocity(wall.normal, at)
+    }
+
+    /// By body: whether it is one of these.
+    pub fn among(&self, bodies: &[usize]) -> Vec<bool> {
+        let mut among = vec![false; self.count()];
+        for &body in bodies.iter() {
+            among[body] = true;
+        }
+        among
     }
 
     /// Particles of a body.
@@ -460,6 +514,19 @@ impl World {
         (deepest, beyond)
     }
 
+    /// From particle i to particle j at an instant \[length\].
+    fn separation(&self, i: usize, j: usize, at: Instant) -> DVec3 {
+        let (a, b) = (self.body[i], self.body[j]);
+        if self.flight_key[a] == self.flight_key[b]
+            && let Some(flight) = self.flights.get(self.flight_key[a])
+            && let Motion::Modes(modes) = &flight.motion
+            && let (Some(k), Some(l)) = (flight.index_of(a), flight.index_of(b))
+        {
+            return modes.separation(k, l, at.since(flight.start)) + (self.offset[j] - self.offset[i]);
+        }
+        self.state(j, at).0 - self.state(i, at).0
+    }
+
     /// Energy of gravity and of the springs at an instant.
     pub fn potential(&self, at: Instant) -> (f64, f64) {
         let g = self.system.domain.gravity;
@@ -472,11 +539,15 @@ impl World {
             .springs
             .iter()
             .map(|spring| {
-                let [a, b] = spring.ends.map(|end| match end {
+                let place = |end| match end {
                     SpringEnd::Particle(i) => self.state(i, at).0,
                     SpringEnd::Point(x) => x,
-                });
-                let stretch = (b - a).length() - spring.natural_length;
+                };
+                let apart = match spring.ends {
+                    [SpringEnd::Particle(i), SpringEnd::Particle(j)] => self.separation(i, j, at),
+                    [a, b] => place(b) - place(a),
+                };
+                let stretch = apart.length() - spring.natural_length;
                 0.5 * spring.stiffness * stretch * stretch
             })
             .collect();

@@ -362,6 +362,17 @@ impl Simulation {
         measured::correlations(py, &found)
     }
 
+    /// Warnings for the scene.
+    #[getter]
+    fn warnings(&self, py: Python<'_>) -> PyResult<Vec<String>> {
+        self.read(py, |moving| moving.simulation.warnings())
+    }
+
+    /// A warning, if energies do not balance at present.
+    fn residual_warning(&self, py: Python<'_>) -> PyResult<Option<String>> {
+        self.read(py, |moving| haff_engine::residual_warning(moving.simulation.ledger().residual))
+    }
+
     fn max_overlap(&self, py: Python<'_>) -> PyResult<f64> {
         self.read(py, |moving| {
             // The value is returned even if it exceeds rounding.

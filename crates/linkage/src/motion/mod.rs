@@ -126,7 +126,7 @@ impl Motion {
             Self::Circle { arm, omega, .. } => omega * omega * arm.length(),
             Self::Spin(spin) => spin.acceleration_bound(k),
             Self::Modes(modes) => modes.acceleration_bound(k),
-            Self::Numeric(step) => step.bounds(k).1,
+            Self::Numeric(step) => step.bounds(k)[1],
         }
     }
 
@@ -154,7 +154,22 @@ impl Motion {
             Self::Circle { arm, omega, .. } => omega * omega * omega * arm.length(),
             Self::Spin(spin) => spin.jerk_bound(k),
             Self::Modes(modes) => modes.jerk_bound(k),
-            Self::Numeric(step) => step.jerk_bound(k),
+            Self::Numeric(step) => step.bounds(k)[2],
+        }
+    }
+
+    /// A bound on the relative acceleration of two pendulums up to a time `t` after `tau` and `other_tau`.
+    /// Nearly equal motions have nearly equal accelerations.
+    pub fn relative_acceleration_bound(
+        &self,
+        k: usize,
+        tau: f64,
+        (other, l, other_tau): (&Self, usize, f64),
+        t: f64,
+    ) -> f64 {
+        match (self, other) {
+            (Self::Swing(a), Self::Swing(b)) => a[k].relative_acceleration_bound(tau, &b[l], other_tau, t),
+            _ => f64::INFINITY,
         }
     }
 
@@ -170,7 +185,7 @@ impl Motion {
             Self::Circle { arm, omega, .. } => omega * arm.length(),
             Self::Spin(spin) => spin.speed_bound(k, from.abs().max(to.abs())),
             Self::Modes(modes) => modes.state(k, from).1.length() + modes.acceleration_bound(k) * (to - from),
-            Self::Numeric(step) => step.bounds(k).0,
+            Self::Numeric(step) => step.bounds(k)[0],
         }
     }
 
@@ -387,9 +402,14 @@ fn in_phase(mechanism: &Mechanism, bodies: &Motions) -> Option<Motion> {
     if !same {
         return None;
     }
-    let swings = centers
-        .iter()
-        .zip(bodies)
-        .map(|(&(point, length), &(x, v))| Swing::new(point, length, x, v, mechanism.gravity));
-    swings.collect::<Option<Vec<_>>>().map(Motion::Swing)
+    // All have exactly the same motion, so that their distances stay as they are however long they swing.
+    let total: f64 = mechanism.mass.iter().sum();
+    let mean = |of: &dyn Fn(usize) -> DVec3| -> DVec3 {
+        (0..bodies.len()).map(|k| of(k) * (mechanism.mass[k] / total)).sum()
+    };
+    let relative = mean(&|k| bodies[k].0 - centers[k].0);
+    let velocity = mean(&|k| bodies[k].1);
+    let swing = Swing::new(DVec3::ZERO, length, relative, velocity, mechanism.gravity)?;
+    let start = swing.state(0.0).0;
+    Some(Motion::Swing(bodies.iter().map(|(x, _)| swing.about(*x - start)).collect()))
 }

@@ -232,6 +232,15 @@ impl Modes {
         )
     }
 
+    /// From body `k` to body `l`, without the rounding of coordinates far away.
+    pub fn separation(&self, k: usize, l: usize, tau: f64) -> DVec3 {
+        let count = self.omega.len();
+        let apart = (0..count)
+            .map(|m| (self.shape[l * count + m] - self.shape[k * count + m]) * self.mode(m, tau).0)
+            .sum::<f64>();
+        (self.start[l].0 - self.start[k].0) + self.line * apart
+    }
+
     /// Acceleration of body `k`.
     pub fn acceleration(&self, k: usize, tau: f64) -> DVec3 {
         let count = self.omega.len();

@@ -2,7 +2,7 @@
 Motion without a closed form: a few steps of DOP853 at a time, with a continuous extension of degree nine.
 
 Positions and velocities of the bodies are integrated with the constraint forces eliminated
-([`Mechanism::accelerations`]); at the end of every stretch of [`STEPS`] steps they are projected onto the
+([`Mechanism::accelerations`]); the state at its end, or at an event before, is projected onto the
 constraints. In between, they are the Hermite polynomials through positions, velocities and accelerations at
 the ends of the steps, with rigorous bounds for the search for events. A stretch is accepted only if the
 method's own estimate is_fixed_or_carried below [`TOLERANCE`] in every step, and if the polynomials satisfy
@@ -47,13 +47,13 @@ pub(crate) struct Numeric {
     pub length: f64,
     /// Step proposed for the next stretch.
     pub next: f64,
-    /// State at the end, on the constraints.
-    pub end: Motions,
     /// Positions at the start.
     start: Vec<DVec3>,
     /// x, y, z of the displacement and of the velocity of every body. Displacements, because the rounding of
     /// coordinates far from the origin would be larger than the error of the method.
     paths: Vec<[Polynomial; 6]>,
+    /// Bounds on speed, acceleration and its rate of change, of every body.
+    bounds: Vec<[f64; 3]>,
     /// Row forces; `None` for two-sided rows.
     forces: Vec<Option<Polynomial>>,
     /// Work of moving points since its start.
@@ -123,17 +123,11 @@ impl Numeric {
                     let paths = paths(n, &ends, h);
                     if satisfies(&equations, &paths, stretch, speed * wider, length * wider) {
                         let next = if method.h() >= 2.0 * h { 2.0 * h } else { h };
-                        let mut end = equations.bodies(&ends[STEPS].0);
-                        mechanism.project(stretch, &mut end);
-                        let work = ends[STEPS].0[6 * n];
-                        mechanism.restore_energy(stretch, &near, &mut end, work);
-                        let moved = start.iter().zip(&near).zip(&end);
-                        let end =
-                            moved.map(|((start, near), end)| (start.0 + (end.0 - near.0), end.1)).collect();
                         let work = driven.then(|| extension(&ends, 6 * n, h));
                         let forces = vec![None; mechanism.rows.len()];
                         let start = start.iter().map(|(x, _)| *x).collect();
-                        let mut of = Self { length: stretch, next, end, start, paths, forces, work };
+                        let bounds = paths.iter().map(bounds).collect();
+                        let mut of = Self { bounds, length: stretch, next, start, paths, forces, work };
                         of.sample_forces(mechanism, &near);
                         return Some(of);
                     }
@@ -178,7 +172,7 @@ impl Numeric {
     /// Displacement and velocity of body `k`.
     fn moved(&self, k: usize, tau: f64) -> (DVec3, DVec3) {
         let [x, y, z, u, v, w] = &self.paths[k];
-        let of = |p: &Polynomial| p.at(tau).0;
+        let of = |p: &Polynomial| p.value(tau);
         (DVec3::new(of(x), of(y), of(z)), DVec3::new(of(u), of(v), of(w)))
     }
 
@@ -187,22 +181,9 @@ impl Numeric {
         DVec3::from_array(std::array::from_fn(|c| self.paths[k][3 + c].at(tau).1))
     }
 
-    /// Bound on the rate of change of the acceleration of body `k`.
-    pub fn jerk_bound(&self, k: usize) -> f64 {
-        DVec3::from_array(std::array::from_fn(|c| self.paths[k][3 + c].derivative_bounds().1)).length()
-    }
-
-    /// Bounds on speed and acceleration of body `k`.
-    pub fn bounds(&self, k: usize) -> (f64, f64) {
-        let bound = |of: usize| {
-            DVec3::new(
-                self.paths[k][of].derivative_bounds().0,
-                self.paths[k][of + 1].derivative_bounds().0,
-                self.paths[k][of + 2].derivative_bounds().0,
-            )
-            .length()
-        };
-        (bound(0), bound(3))
+    /// Bounds on the speed and the acceleration of body `k`, and on the rate of change of the latter.
+    pub fn bounds(&self, k: usize) -> [f64; 3] {
+        self.bounds[k]
     }
 
     /// Force of a one-sided row and its slope.
@@ -217,7 +198,7 @@ impl Numeric {
 
     /// Work of moving points since its start \[energy\].
     pub fn work(&self, tau: f64) -> f64 {
-        self.work.as_ref().map_or(0.0, |p| p.at(tau).0 - p.at(0.0).0)
+        self.work.as_ref().map_or(0.0, |p| p.value(tau) - p.value(0.0))
     }
 }
 
@@ -244,6 +225,17 @@ fn steps<M: OrdinaryNumericalMethod<f64, Vec<f64>>>(
         ends.push((method.y().clone(), derivative(k as f64 * h, method.y())));
     }
     Some(ends)
+}
+
+/// Bounds on speed, acceleration and its rate of change on a path.
+fn bounds(path: &[Polynomial; 6]) -> [f64; 3] {
+    let of: [(f64, f64); 6] = std::array::from_fn(|c| path[c].derivative_bounds());
+    let length = |x: [f64; 3]| DVec3::from_array(x).length();
+    [
+        length([of[0].0, of[1].0, of[2].0]),
+        length([of[3].0, of[4].0, of[5].0]),
+        length([of[3].1, of[4].1, of[5].1]),
+    ]
 }
 
 /// The paths of n bodies.

@@ -1,5 +1,10 @@
 //! Polynomials on [0, h] in Chebyshev form, with rigorous bounds on their derivatives.
 
+use std::sync::OnceLock;
+
+/// Most nodes of a polynomial.
+const MOST_NODES: usize = 16;
+
 /// A polynomial on [0, h].
 #[derive(Debug, Clone, PartialEq)]
 pub(crate) struct Polynomial {
@@ -19,18 +24,27 @@ impl Polynomial {
     /// The polynomial through values at the [`Self::nodes`] of [0, h].
     pub fn through(values: &[f64], h: f64) -> Self {
         let n = values.len();
+        let cosines = cosines(n);
         let coefficients = (0..n)
             .map(|j| {
-                let sum: f64 = (0..n)
-                    .map(|k| {
-                        // Node k is at −cos(π (k + ½)/n) of [−1, 1].
-                        values[k] * cos_of_quarter_turns(j * (2 * (n - k) - 1), n)
-                    })
-                    .sum();
+                // Node k is at −cos(π (k + ½)/n) of [−1, 1].
+                let sum: f64 = (0..n).map(|k| values[k] * cosines[(j * (2 * (n - k) - 1)) % (4 * n)]).sum();
                 sum * if j == 0 { 1.0 } else { 2.0 } / n as f64
             })
             .collect();
         Self { coefficients, scale: 2.0 / h }
+    }
+
+    /// Value at `tau`.
+    pub fn value(&self, tau: f64) -> f64 {
+        let x = self.scale * tau - 1.0;
+        let (mut t, mut t1) = (1.0, x);
+        let mut value = self.coefficients[0];
+        for c in &self.coefficients[1..] {
+            value += c * t1;
+            (t, t1) = (t1, 2.0 * x * t1 - t);
+        }
+        value
     }
 
     /// Value and slope at `tau`.
@@ -61,12 +75,14 @@ impl Polynomial {
     }
 }
 
-/// cos(½π m/n), with the angle reduced exactly: rounded multiples of π would cost a digit.
-fn cos_of_quarter_turns(m: usize, n: usize) -> f64 {
-    let m = m % (4 * n);
-    let m = m.min(4 * n - m);
-    let cos = |m: usize| libm::cos(std::f64::consts::FRAC_PI_2 * m as f64 / n as f64);
-    if m > n { -cos(2 * n - m) } else { cos(m) }
+/// cos(½π m/n) for m < 4n, of angles reduced exactly: rounded multiples of π would cost a digit. For every n
+/// once.
+fn cosines(n: usize) -> &'static [f64] {
+    static TABLES: [OnceLock<Vec<f64>>; MOST_NODES + 1] = [const { OnceLock::new() }; MOST_NODES + 1];
+    TABLES[n].get_or_init(|| {
+        let cos = |m: usize| libm::cos(std::f64::consts::FRAC_PI_2 * m as f64 / n as f64);
+        (0..4 * n).map(|m| m.min(4 * n - m)).map(|m| if m > n { -cos(2 * n - m) } else { cos(m) }).collect()
+    })
 }
 
 #[cfg(test)]

@@ -161,6 +161,31 @@ impl Swing {
         along * (-self.gravity * sin) - outward * (self.length * rate * rate)
     }
 
+    /// The same motion about another center.
+    pub fn about(&self, center: DVec3) -> Self {
+        Self { center, ..self.clone() }
+    }
+
+    /// Bound on the acceleration relative to another pendulum, within `t` from times of both.
+    ///
+    /// With the difference ρ of the positions relative to the centers, and ν of the velocities, the
+    /// difference of accelerations is at most α |ρ| + β |ν| + c, α = (V²/l + 2g)/l, β = 2V/l, with c from
+    /// the difference of lengths. So √α |ρ| + |ν| grows at most with the rate κ = √α + β.
+    pub fn relative_acceleration_bound(&self, tau: f64, other: &Self, other_tau: f64, t: f64) -> f64 {
+        if self.down != other.down || self.gravity != other.gravity {
+            return f64::INFINITY;
+        }
+        let speed = self.speed_bound().max(other.speed_bound());
+        let (l, g) = (self.length.min(other.length), self.gravity);
+        let turning = speed * speed / l;
+        let (alpha, beta) = ((turning + 2.0 * g) / l, 2.0 * speed / l);
+        let c = 2.0 * (turning + g) * (self.length - other.length).abs() / l;
+        let ((r, v), (s, w)) = (self.relative(tau), other.relative(other_tau));
+        let kappa = alpha.sqrt() + beta;
+        let start = alpha.sqrt() * (r - s).length() + (v - w).length();
+        kappa * (start + c / kappa) * libm::exp(kappa * t) + c
+    }
+
     /// Bound on the rate of change of the acceleration g − T u, with T' ≤ 3 g θ̇.
     pub fn jerk_bound(&self) -> f64 {
         let rate = 2.0 * self.frequency * self.m.sqrt();
