@@ -148,10 +148,8 @@ def sweep(
     warned = [row for row in rows if row.get("warnings")]
     if warned:
         first = warned[0]
-        warn(
-            [f"{len(warned)} of {len(rows)} runs have warnings; run {first['index']}: {first['warnings'][0]}"],
-            stacklevel=3,
-        )
+        text = f"{len(warned)} of {len(rows)} runs have warnings; run {first['index']}: {first['warnings'][0]}"
+        warn([text], stacklevel=3)
     study = _dataset(rows, values, seeds, folder, series)
     if dims == "keys":
         return study

@@ -319,7 +319,7 @@ impl World {
     /// By body: whether it is one of these.
     pub fn among(&self, bodies: &[usize]) -> Vec<bool> {
         let mut among = vec![false; self.count()];
-        for &body in bodies.iter() {
+        for &body in bodies {
             among[body] = true;
         }
         among
