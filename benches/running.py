@@ -33,6 +33,7 @@ from pathlib import Path
 import numpy as np
 import pandas  # noqa: F401  # so that no reader takes time to import it
 import xarray  # noqa: F401
+from busy import busy_processes
 
 import haff
 
@@ -93,11 +94,6 @@ def read_until_told(path: Path, stop, seed: int, count, pipe) -> None:  # type: 
         with count.get_lock():
             count.value += 1
     pipe.send((opening, whole, failures, sorted(found), running))
-
-
-def compute(stop) -> None:  # type: ignore[no-untyped-def]
-    while not stop.is_set():
-        sum(range(10_000))
 
 
 def one_run(command: str, path: Path, read: Path, options: argparse.Namespace, seed: int) -> dict:
@@ -193,21 +189,13 @@ def main() -> None:
     parser.add_argument("--seconds", type=float, default=10, help="length of a run")
     parser.add_argument("--cost", type=int, default=0, help="pairs of runs for the cost")
     options = parser.parse_args()
-    context = multiprocessing.get_context("fork")
-    stop = context.Event()
-    busy = [context.Process(target=compute, args=(stop,), daemon=True) for _ in range(options.busy)]
-    for process in busy:
-        process.start()
-    try:
-        with tempfile.TemporaryDirectory() as name:
-            folder = Path(name)
-            report: dict = {"busy": options.busy, "readers": options.readers}
-            if options.opens:
-                report["stress"] = stress(options.haff, folder, options)
-            if options.cost:
-                report["cost"] = cost(options.haff, folder, options)
-    finally:
-        stop.set()
+    with busy_processes(options.busy), tempfile.TemporaryDirectory() as name:
+        folder = Path(name)
+        report: dict = {"busy": options.busy, "readers": options.readers}
+        if options.opens:
+            report["stress"] = stress(options.haff, folder, options)
+        if options.cost:
+            report["cost"] = cost(options.haff, folder, options)
     print(json.dumps(report, indent=1))
     if options.opens and (report["stress"]["failures"] or report["stress"]["wrong"]):
         sys.exit(1)

@@ -329,7 +329,7 @@ def _series(rows: Sequence[Mapping[str, Any]], folder: Path, names: Sequence[str
                 table = file.observables.set_index("time")
                 if missing := [name for name in names if name not in table]:
                     raise MissingDataError(
-                        f"{path}: no observable {quoted(missing[0])}; there are {brief(', '.join(table), 240)}"
+                        f"{path}: no observable {quoted(missing[0])}; there are {brief(', '.join(table), 400)}"
                     )
                 tables[row["index"]] = table[list(names)]
     if not tables:

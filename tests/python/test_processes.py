@@ -16,6 +16,7 @@ import numpy as np
 import pytest
 
 import haff
+from patience import HANGS
 
 GAS = {
     "schema": 1,
@@ -30,7 +31,7 @@ forks = pytest.mark.skipif(not hasattr(os, "fork"), reason="no fork on this syst
 CROWD = GAS | {"species": [GAS["species"][0] | {"count": 70_000}]}
 
 
-def in_a_fork(function, timeout=120):
+def in_a_fork(function, timeout=HANGS):
     """What a function returns in a forked process; fails if that does not end."""
     ours, theirs = multiprocessing.get_context("fork").Pipe()
 
@@ -155,7 +156,7 @@ time.sleep(3600)
     try:
         wait_for(lambda: path.exists() and is_running(path))
         process.send_signal(kill)
-        assert process.wait(60) == -kill
+        assert process.wait(HANGS) == -kill
         wait_for(lambda: not is_running(path))
     finally:
         process.kill()
@@ -185,7 +186,7 @@ def report(path):
     return json.loads(told.stdout)
 
 
-def wait_for(condition, seconds=120):
+def wait_for(condition, seconds=HANGS):
     deadline = time.monotonic() + seconds
     while not condition():
         assert time.monotonic() < deadline, f"not within {seconds} s"

@@ -115,7 +115,13 @@ def test_a_reader_that_is_stopped_does_not_stop_the_run(running):
     fcntl = pytest.importorskip("fcntl")
     with running.open("rb") as stopped:
         lock = struct.pack("hhqqi4x", fcntl.F_RDLCK, os.SEEK_SET, 1 << 62, 1, 0)
-        fcntl.fcntl(stopped, getattr(fcntl, "F_OFD_SETLK", fcntl.F_SETLK), lock)
+        while True:
+            try:
+                fcntl.fcntl(stopped, getattr(fcntl, "F_OFD_SETLK", fcntl.F_SETLK), lock)
+            except BlockingIOError:  # The run is writing.
+                time.sleep(0.001)
+            else:
+                break
         for _ in range(3):
             wait_for_more_than(frames_of(running), running)
 

@@ -488,8 +488,10 @@ def test_points_of_many_particles_are_drawn_as_spheres_of_few(show, tmp_path, br
             page.reload()
             page.evaluate("haffView.ready")
         assert page.evaluate("haffView.player.particles.points") == points
-        pictures.append(seek(page, 0))
-    differs = np.abs(pictures[0] - pictures[1]).max(axis=2) > 40
+        pictures.append(seek(page, 0).astype(int))
+    # Some browsers draw points lower by up to a pixel.
+    moved = [np.roll(pictures[1], (up, right), axis=(0, 1)) for up in (-1, 0, 1) for right in (-1, 0, 1)]
+    differs = np.min([np.abs(pictures[0] - picture).max(axis=2) for picture in moved], axis=0) > 40
     covered = (pictures[0].std(axis=2) > 12).mean()
     # Only outlines differ, by rounding.
     assert covered > 0.05 and differs.mean() < 0.1 * covered

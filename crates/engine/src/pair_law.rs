@@ -41,8 +41,7 @@ impl PairContact {
     /// The coefficient of restitution of this contact.
     #[inline(always)]
     pub fn coefficient<F: Features>(&self, world: &World, law: Restitution) -> f64 {
-        let ([i, j], [a, b]) = (self.bodies, &self.classes);
-        coefficient::<F>(world, law, self.approach_speed(), self.time, [(i, a), (j, b)])
+        coefficient::<F>(world, law, self.approach_speed(), self.time, self.bodies, self.inverse_masses())
     }
 }
 
@@ -76,7 +75,7 @@ impl PairLaw for Smooth {
         let [inverse_i, inverse_j] = contact.inverse_masses();
         let e = contact.coefficient::<F>(world, self.restitution);
         if F::GRAVITY && !F::UNIFORM && (inverse_i == 0.0 || inverse_j == 0.0) {
-            return resolve_on_surface(world, contact, e);
+            return resolve_on_surface(world, *contact, e);
         }
         resolve_contact(wi, wj, inverse_i, inverse_j, contact.r, e)
     }
@@ -84,8 +83,9 @@ impl PairLaw for Smooth {
 
 /// The impact of a grain on a body of infinite mass under gravity, with the coefficient of restitution `e`.
 #[cold]
-fn resolve_on_surface(world: &World, contact: &PairContact, e: f64) -> (DVec3, DVec3, Impact) {
-    let PairContact { bodies: [i, j], classes: [a, b], velocities, r, n, .. } = *contact;
+#[expect(clippy::large_types_passed_by_value, reason = "a reference would put every contact into memory")]
+fn resolve_on_surface(world: &World, contact: PairContact, e: f64) -> (DVec3, DVec3, Impact) {
+    let PairContact { bodies: [i, j], classes: [a, b], velocities, r, n, .. } = contact;
     let radius = if a.inverse_mass == 0.0 { b.radius } else { a.radius };
     let speed = contact.approach_speed();
     let acceleration = (world.acceleration(i) - world.acceleration(j)).dot(n);
@@ -119,12 +119,14 @@ pub(crate) fn coefficient<F: Features>(
     law: Restitution,
     speed: f64,
     time: i64,
-    bodies: [(u32, &ClassData); 2],
+    bodies: [u32; 2],
+    inverse_masses: [f64; 2],
 ) -> f64 {
     if F::ELASTIC {
         return 1.0;
     }
-    if world.tc > 0.0 && is_within_contact_duration(world, time, bodies) {
+    // By value: references would put the whole contact into memory, which takes 80 instructions.
+    if world.tc > 0.0 && is_within_contact_duration(world, time, bodies, inverse_masses) {
         return 1.0;
     }
     law.coefficient(speed)
@@ -133,8 +135,8 @@ pub(crate) fn coefficient<F: Features>(
 /// Whether one of two bodies had a contact within the contact duration of the TC model before `time`.
 #[cold]
 #[inline(never)]
-fn is_within_contact_duration(world: &World, time: i64, bodies: [(u32, &ClassData); 2]) -> bool {
-    bodies.iter().any(|&(i, class)| class.inverse_mass != 0.0 && world.contact_age(i, time) < world.tc)
+fn is_within_contact_duration(world: &World, time: i64, bodies: [u32; 2], inverse: [f64; 2]) -> bool {
+    bodies.iter().zip(inverse).any(|(&i, inverse)| inverse != 0.0 && world.contact_age(i, time) < world.tc)
 }
 
 /// The impact of two bodies with the coefficient of restitution `e`, but at least the separation speed

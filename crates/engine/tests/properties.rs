@@ -4,6 +4,8 @@
 //! A test run has a thousand scenes. `HAFF_SCENES=100000 cargo test --release -p haff-engine --test
 //! properties` tries more of them, and `HAFF_SEED` gives others.
 
+#[path = "properties/changed.rs"]
+mod changed;
 mod common;
 #[path = "properties/recipe.rs"]
 mod recipe;
@@ -11,6 +13,7 @@ mod replay;
 
 use std::sync::LazyLock;
 
+use changed::check_changed;
 use common::Log;
 use glam::DVec3;
 use haff_engine::{
@@ -45,7 +48,13 @@ fn run(system: &System, until: Until, options: Options, half: bool) -> (Log, End
         // The run ended before half of the collisions: run it again without a checkpoint.
         return run(system, until, options, false);
     }
-    let end = match simulation.advance(until, &mut log) {
+    let end = go_on(system, until, &mut log, &mut simulation);
+    (log, end, simulation)
+}
+
+/// Goes on with a run of a system, and returns how it ends.
+fn go_on(system: &System, until: Until, log: &mut Log, simulation: &mut Simulation) -> End {
+    match simulation.advance(until, log) {
         Ok(stop) => End::Stop(stop),
         Err(error @ (EngineError::Collapse { .. } | EngineError::Overflow { .. })) => {
             End::Error(error.to_string())
@@ -53,8 +62,7 @@ fn run(system: &System, until: Until, options: Options, half: bool) -> (Log, End
         // A moving wall or driven body has pressed a grain into too small a space.
         Err(error @ EngineError::Overlap { .. }) if squeezes(system) => End::Error(error.to_string()),
         Err(error) => panic!("{error}"),
-    };
-    (log, end, simulation)
+    }
 }
 
 /// Whether a wall or a body of infinite mass moves, and so can squeeze grains.
@@ -356,7 +364,8 @@ fn check(recipe: &Recipe) -> Result<[u64; 2], TestCaseError> {
             prop_assert_eq!(&all_measured, &measured(&other, &tested), "{:?}", options);
         }
     }
-    Ok([log.0.len() as u64, check_blocks(recipe, &system, until)?])
+    let more = if recipe.changed { check_changed(recipe, &system, until)? } else { 0 };
+    Ok([log.0.len() as u64 + more, check_blocks(recipe, &system, until)?])
 }
 
 /// Copies of a system side by side along its last axis, as a system. With `varied`, the particles of each

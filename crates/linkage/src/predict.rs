@@ -298,7 +298,11 @@ impl World {
                 .get(&link)
                 .map_or(Prediction::NEVER, |rest| Prediction { at: rest.end, happens: true }),
         };
-        // Rounding may put a prediction an ulp into the past: it is due now.
+        if !prediction.happens {
+            // The parts of a search do not depend on the present, so that a resumed run has the same ones.
+            return prediction;
+        }
+        // Rounding may put an event an ulp into the past: it is due now.
         Prediction { at: prediction.at.max(self.now), ..prediction }
     }
 

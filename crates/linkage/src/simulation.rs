@@ -136,7 +136,7 @@ impl Simulation {
                 return Ok(Stop::Slice);
             }
             entries -= 1;
-            self.world.now = prediction.at;
+            self.world.now = self.world.now.max(prediction.at);
             if !prediction.happens {
                 self.update_prediction(key, prediction.at);
                 continue;

@@ -1,6 +1,8 @@
 //! Systems for tests.
 #![allow(dead_code)]
 
+pub mod mixture;
+
 use glam::DVec3;
 use haff_engine::{
     Body, Boundary, Class, Contacts, Dimension, Domain, EngineError, EventRecord, Group, Instant,

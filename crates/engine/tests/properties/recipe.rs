@@ -59,6 +59,8 @@ pub struct Recipe {
     pub top: bool,
     /// The run ends at the time of a kick, when a profile is due, too.
     pub at_kick: bool,
+    /// The run is checked once more, with laws, gravity and walls that change on the way.
+    pub changed: bool,
     pub seed: u64,
 }
 
@@ -91,6 +93,7 @@ pub const PLAIN: Recipe = Recipe {
     corner: false,
     top: false,
     at_kick: false,
+    changed: false,
     seed: 0,
 };
 
@@ -143,6 +146,7 @@ pub fn recipe() -> impl Strategy<Value = Recipe> {
                 corner: one_in(8, 12) && !sheared,
                 top: one_in(16, 20) && gravity && !sheared,
                 at_kick: one_in(2, 28),
+                changed: one_in(3, 44),
                 seed,
             }
         },
