@@ -325,6 +325,30 @@ fn a_run_continues_from_a_checkpoint_with_the_same_bits() {
     assert_eq!(through.ledger(), simulation.ledger());
 }
 
+/// A search covers a few timescales at a time. A resumed run has to begin its parts where the others have begun, or
+/// contacts have other last bits.
+#[test]
+fn long_searches_go_on_after_checkpoints_with_the_same_bits() {
+    let mut scene = Scene::new(0.9999);
+    scene.gravity = DVec3::new(0.0, 0.0, -G);
+    let a = scene.particle([0.0, 0.0, -1.0], [0.0; 3], 1.0, 0.1);
+    scene.pendulum(DVec3::ZERO, 1.0, a, Tether::String);
+    let b = scene.particle([0.22 + 0.6, 0.0, -0.8], [0.0; 3], 0.5, 0.1);
+    scene.pendulum(DVec3::new(0.22, 0.0, 0.0), 1.0, b, Tether::String);
+    let mut through = scene.start();
+    let mut simulation = scene.start();
+    for k in 1..=400 {
+        let time = 0.37 * f64::from(k);
+        run(&mut through, time);
+        run(&mut simulation, time);
+        let (system, joints) = scene.build();
+        simulation =
+            haff_linkage::Simulation::restore(system, joints, &simulation.checkpoint()).expect("its own");
+        assert_eq!(through.state_hash(), simulation.state_hash(), "t = {time}");
+    }
+    assert!(through.counters().collisions > 100, "{:?}", through.counters());
+}
+
 #[test]
 fn stacked_spheres_on_a_floor_come_to_rest() {
     let mut scene = Scene::new(0.6);
