@@ -20,6 +20,9 @@ const FREE: f64 = 0.9;
 const WAIT: [Duration; 2] = [Duration::from_secs(1), Duration::from_secs(16)];
 /// Several threads are kept if they are faster than one by this factor.
 const FASTER: f64 = 1.05;
+/// All threads are tried again only where processors of the machine were idle for this part of the time of
+/// one, if the system tells.
+const IDLE: f64 = 0.5;
 /// Largest number of calendar entries between two measurements.
 const ENTRIES: u64 = 100_000;
 
@@ -91,6 +94,8 @@ pub(crate) struct Sharing {
     /// Time since the last trial, and until the next.
     since: Duration,
     wait: Duration,
+    /// Time for which processors had been idle at the last trial.
+    idle: Option<Duration>,
 }
 
 /// Ends the work of a thread alone at the end of a scope.
@@ -107,7 +112,14 @@ pub(crate) struct Start(Option<(Instant, Duration)>);
 
 impl Default for Sharing {
     fn default() -> Self {
-        Self { mode: Mode::Together, span: Span::default(), is_settled: true, since: WAIT[0], wait: WAIT[0] }
+        Self {
+            mode: Mode::Together,
+            span: Span::default(),
+            is_settled: true,
+            since: WAIT[0],
+            wait: WAIT[0],
+            idle: None,
+        }
     }
 }
 
@@ -140,13 +152,15 @@ impl Sharing {
         self.record(
             Span { wall: begin.elapsed(), processor: after.saturating_sub(before), events },
             rayon::current_num_threads(),
+            idle_time,
         );
         IS_ALONE.set(self.is_alone());
         was_alone && !self.is_alone()
     }
 
-    /// Takes a measurement into account, and decides at the end of a period.
-    fn record(&mut self, span: Span, threads: usize) {
+    /// Takes a measurement into account, and decides at the end of a period. `idle` tells how long processors
+    /// of the machine have been idle so far.
+    fn record(&mut self, span: Span, threads: usize, idle: impl Fn() -> Option<Duration>) {
         self.span.add(span);
         self.since += span.wall;
         if self.span.wall < PERIOD {
@@ -158,11 +172,13 @@ impl Sharing {
         }
         let is_free = span.processor.as_secs_f64() >= FREE * threads as f64 * span.wall.as_secs_f64();
         let rate = span.rate();
+        let is_due = self.since >= self.wait;
+        let is_joined = self.mode == Mode::Alone && is_due && self.is_other_idle(idle());
         let mode = match self.mode {
-            Mode::Together if !is_free && self.since >= self.wait => Mode::TryAlone(rate),
+            Mode::Together if !is_free && is_due => Mode::TryAlone(rate),
             Mode::TryAlone(together) if together < FASTER * rate => Mode::Alone,
             Mode::TryAlone(_) => Mode::Together,
-            Mode::Alone if self.since >= self.wait => Mode::TryTogether(rate),
+            Mode::Alone if is_joined => Mode::TryTogether(rate),
             Mode::TryTogether(alone) if rate > FASTER * alone => Mode::Together,
             Mode::TryTogether(_) => Mode::Alone,
             kept @ (Mode::Together | Mode::Alone) => kept,
@@ -177,9 +193,25 @@ impl Sharing {
             }
             _ => {}
         }
+        if mode == Mode::Alone && self.mode != mode {
+            self.idle = idle();
+        }
         let was_alone = self.is_alone();
         self.mode = mode;
         self.is_settled = was_alone == self.is_alone();
+    }
+
+    /// Whether another processor may have been idle since the last trial. If it was not, the next question is
+    /// after the same time.
+    fn is_other_idle(&mut self, now: Option<Duration>) -> bool {
+        let was_busy = now.zip(self.idle).is_some_and(|(now, before)| {
+            now.saturating_sub(before).as_secs_f64() < IDLE * self.since.as_secs_f64()
+        });
+        self.idle = now;
+        if was_busy {
+            self.since = Duration::ZERO;
+        }
+        !was_busy
     }
 }
 
@@ -195,6 +227,16 @@ fn processor_time() -> Option<Duration> {
     None
 }
 
+/// Time for which the processors of the machine have been idle, their sum; `None` if the system does not
+/// tell.
+fn idle_time() -> Option<Duration> {
+    // "cpu", then the times of users, of those with low priority, of the system, and of idling, in units of
+    // 10 ms on every Linux.
+    let text = std::fs::read_to_string("/proc/stat").ok()?;
+    let idle: u64 = text.strip_prefix("cpu ")?.split_whitespace().nth(3)?.parse().ok()?;
+    Some(Duration::from_millis(idle.saturating_mul(10)))
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -206,9 +248,10 @@ mod tests {
         is_busy: bool,
     }
 
-    /// Runs for some seconds. Returns the events.
-    fn run(sharing: &mut Sharing, machine: &Machine, seconds: f64) -> f64 {
+    /// Runs for some seconds; `tells`: the system tells when processors are idle. Returns the events.
+    fn run(sharing: &mut Sharing, machine: &Machine, seconds: f64, tells: bool) -> f64 {
         let (part, mut events) = (0.02, 0.0);
+        let idle = std::cell::Cell::new(sharing.idle.unwrap_or_default());
         for _ in 0..(seconds / part) as usize {
             let alone = sharing.is_alone();
             let done = part * if alone { machine.one } else { machine.two };
@@ -224,7 +267,10 @@ mod tests {
                 processor: Duration::from_secs_f64(part * share),
                 events: done as u64,
             };
-            sharing.record(span, 2);
+            if alone && !machine.is_busy {
+                idle.set(idle.get() + span.wall);
+            }
+            sharing.record(span, 2, || tells.then(|| idle.get()));
             events += done;
         }
         events
@@ -233,22 +279,26 @@ mod tests {
     #[test]
     fn threads_that_wait_hand_the_work_back_and_take_it_again() {
         let free = Machine { one: 1e6, two: 1.6e6, is_busy: false };
-        let mut sharing = Sharing::default();
-        assert!(run(&mut sharing, &free, 60.0) > 0.9999 * 1.6e6 * 60.0, "nothing is tried on a free machine");
-        for slow in [0.58e6, 0.9e6, 1.0e6] {
-            let busy = Machine { one: 1e6, two: slow, is_busy: true };
-            let events = run(&mut sharing, &busy, 60.0);
-            assert!(
-                sharing.is_alone() && events > 0.97 * 1e6 * 60.0,
-                "{events} events, two threads: {slow}/s"
-            );
-            // As soon as the other process has ended, all threads work again.
-            let events = run(&mut sharing, &free, 60.0);
-            assert!(!sharing.is_alone() && events > 0.85 * 1.6e6 * 60.0, "{events}");
+        // Where the system does not tell whether processors are idle, all threads are tried in vain.
+        for (tells, least) in [(false, 0.97), (true, 0.99)] {
+            let mut sharing = Sharing::default();
+            let events = run(&mut sharing, &free, 60.0, tells);
+            assert!(events > 0.9999 * 1.6e6 * 60.0, "nothing is tried on a free machine");
+            for slow in [0.58e6, 0.9e6, 1.0e6] {
+                let busy = Machine { one: 1e6, two: slow, is_busy: true };
+                let events = run(&mut sharing, &busy, 60.0, tells);
+                assert!(
+                    sharing.is_alone() && events > least * 1e6 * 60.0,
+                    "{events} events, two threads: {slow}/s"
+                );
+                // As soon as the other process has ended, all threads work again.
+                let events = run(&mut sharing, &free, 60.0, tells);
+                assert!(!sharing.is_alone() && events > 0.85 * 1.6e6 * 60.0, "{events}");
+            }
+            // Where two threads are still faster, they stay.
+            let busy = Machine { one: 1e6, two: 1.2e6, is_busy: true };
+            let events = run(&mut sharing, &busy, 60.0, tells);
+            assert!(!sharing.is_alone() && events > 0.97 * 1.2e6 * 60.0, "{events}");
         }
-        // Where two threads are still faster, they stay.
-        let busy = Machine { one: 1e6, two: 1.2e6, is_busy: true };
-        let events = run(&mut sharing, &busy, 60.0);
-        assert!(!sharing.is_alone() && events > 0.97 * 1.2e6 * 60.0, "{events}");
     }
 }

@@ -146,7 +146,7 @@ pub fn recipe() -> impl Strategy<Value = Recipe> {
                 corner: one_in(8, 12) && !sheared,
                 top: one_in(16, 20) && gravity && !sheared,
                 at_kick: one_in(2, 28),
-                changed: one_in(3, 44),
+                changed: one_in(4, 44),
                 seed,
             }
         },
