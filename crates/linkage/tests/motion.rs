@@ -325,8 +325,8 @@ fn a_run_continues_from_a_checkpoint_with_the_same_bits() {
     assert_eq!(through.ledger(), simulation.ledger());
 }
 
-/// A search covers a few timescales at a time. A resumed run has to begin its parts where the others have begun, or
-/// contacts have other last bits.
+/// A search covers a few timescales at a time. A resumed run has to begin its parts where the others have
+/// begun, or contacts have other last bits.
 #[test]
 fn long_searches_go_on_after_checkpoints_with_the_same_bits() {
     let mut scene = Scene::new(0.9999);
