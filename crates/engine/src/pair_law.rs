@@ -82,8 +82,8 @@ impl PairLaw for Smooth {
 }
 
 /// The impact of a grain on a body of infinite mass under gravity, with the coefficient of restitution `e`.
+// The contact is passed by value: a reference would put every contact into memory.
 #[cold]
-#[expect(clippy::large_types_passed_by_value, reason = "a reference would put every contact into memory")]
 fn resolve_on_surface(world: &World, contact: PairContact, e: f64) -> (DVec3, DVec3, Impact) {
     let PairContact { bodies: [i, j], classes: [a, b], velocities, r, n, .. } = contact;
     let radius = if a.inverse_mass == 0.0 { b.radius } else { a.radius };
