@@ -12,6 +12,7 @@ import numpy as np
 from . import arguments
 from .errors import ArgumentError, MissingDataError, UnknownNameError
 from .layout import Array, complete, component
+from .readonly import ReadOnly
 from .text import brief, escaped, quoted
 
 if TYPE_CHECKING:
@@ -36,7 +37,7 @@ _WIDEST = 16
 """Components of a column of another program."""
 
 
-class Events:
+class Events(ReadOnly):
     """The event log, one row per event, read column by column or piece by piece.
 
     ``len(events)``, ``events["energy_loss"]`` (NumPy), ``events[a:b]`` and ``events.chunks()`` (pandas) read
@@ -59,6 +60,7 @@ class Events:
         self._data = {name: self._column(name) for name in names}
         self._columns = names
         self._length = complete(self._data["time"], min(map(len, self._data.values())))
+        self._made = True
 
     def _column(self, name: str) -> Column:
         stored, place = self._file.stored, f"events/{name}"

@@ -13,6 +13,7 @@ from . import arguments, conversions
 from .errors import ArgumentError, MissingDataError
 from .layout import AXES, Array, complete
 from .notebook import table
+from .readonly import ReadOnly
 from .text import quoted
 
 if TYPE_CHECKING:
@@ -42,7 +43,7 @@ class Shear(NamedTuple):
     """Shear rate [1/time]."""
 
 
-class Box:
+class Box(ReadOnly):
     """The simulation box [0, L) per axis.
 
     In a sheared box the image across the upper face of the gradient axis is displaced along the flow, by at most half
@@ -58,6 +59,8 @@ class Box:
     displacement : gradient axis, flow axis and displacement [length] of the images of a sheared box; else ``None``
     """
 
+    _why = "cannot be changed: a run keeps the box of its scene (domain)"
+
     def __init__(
         self, size: Array, boundary: Sequence[str], dimension: int, displacement: tuple[int, int, float] | None = None
     ) -> None:
@@ -65,7 +68,6 @@ class Box:
         if np.ndim(size) != 1 or not (lengths > 0).all() or not np.isfinite(lengths).all():
             raise ArgumentError(f"size = {quoted(size)}: must be three positive numbers")
         sides = tuple(arguments.names("boundary", boundary))
-        # H5MD's word for all that is not periodic is allowed, too.
         if len(sides) != 3 or not set(sides) <= {"periodic", "wall", "open", "none"}:
             raise ArgumentError(f"boundary = {quoted(boundary)}: must be three of periodic, wall, open")
         edges = np.diag(lengths)
@@ -73,14 +75,11 @@ class Box:
             gradient, flow, length = _displaced(displacement)
             edges[gradient, flow] = length
             displacement = gradient, flow, length
-        # Of a run, or of its frame at one time: to change it would have no effect on either.
         for array in (lengths, edges):
             array.flags.writeable = False
-        vars(self).update(size=lengths, boundary=sides, edges=edges, displacement=displacement)
-        vars(self)["dimension"] = arguments.count("dimension", dimension, 2, 3)
-
-    def __setattr__(self, name: str, value: object) -> None:
-        raise AttributeError(f"box.{name}: cannot be changed: a run keeps the box of its scene (domain)")
+        self.size, self.boundary, self.edges, self.displacement = lengths, sides, edges, displacement
+        self.dimension = arguments.count("dimension", dimension, 2, 3)
+        self._made = True
 
     @property
     def widths(self) -> NDArray[np.float64]:
@@ -160,7 +159,7 @@ def _displaced(displacement: object) -> tuple[int, int, float]:
     return found
 
 
-class Frame:
+class Frame(ReadOnly):
     """All particles at one time; arrays are read on first use and then kept.
 
     Rows are particles in the order of the scene.
@@ -169,6 +168,7 @@ class Frame:
     def __init__(self, frames: Frames, row: int) -> None:
         self._frames = frames
         self._row = row
+        self._made = True
 
     def __reduce__(self) -> tuple[Any, ...]:
         return Frame, (self._frames, self._row)
@@ -306,7 +306,7 @@ class Frame:
         return f"<Frame {self._row}: t = {self.time:g}, step = {self.step}, N = {len(self.mass)}>"
 
 
-class Frames(Sequence["Frame"]):
+class Frames(ReadOnly, Sequence["Frame"]):
     """The trajectory: a lazy sequence of :class:`Frame`. Slices are sequences too."""
 
     def __init__(self, file: File, rows: range | None = None) -> None:
@@ -326,6 +326,7 @@ class Frames(Sequence["Frame"]):
             length = min(map(len, (self._time, self._step, *moving, *self._columns.values())))
             rows = range(complete(self._time, length))
         self._rows = rows
+        self._made = True
 
     def __reduce__(self) -> tuple[Any, ...]:
         return Frames, (self._file, self._rows)

@@ -26,6 +26,7 @@ from .frames import Box, Frames, Shear
 from .layout import AXES, SCHEMA, Array
 from .notebook import table
 from .output import library
+from .readonly import ReadOnly
 from .recorded import SceneFault, parsed
 from .stored import Stored, reason
 from .text import brief, escaped, quoted
@@ -68,7 +69,7 @@ def open(path: str | os.PathLike[str], *, locking: bool | None = None) -> File:
     return File(path, locking=locking)
 
 
-class File:
+class File(ReadOnly):
     """An output file of ``haff run``; see :func:`haff.open`.
 
     Use it as a context manager, or call :meth:`close`. The underlying :class:`h5py.File` is :attr:`hdf`.
@@ -87,6 +88,7 @@ class File:
         except HaffError:
             self.close()
             raise
+        self._made = True
 
     # --- opening and closing ------------------------------------------------------------------------------------
 

@@ -26,8 +26,6 @@ from .text import brief, quoted
 __all__ = ["restitution_from"]
 
 Array = NDArray[np.float64]
-# A fit also tries values of e that no contact can have.
-_height, _sum = inspect.unwrap(mechanics.bounce_height), inspect.unwrap(mechanics.geometric_sum)
 Source: TypeAlias = File | pd.DataFrame | Mapping[str, ArrayLike] | str | os.PathLike[str]
 
 
@@ -150,9 +148,14 @@ def _heights(name: str, k: Array, values: Array, errors: Array | None, _: tuple[
     slope, start = np.polyfit(k, np.log(heights), 1)
 
     def law(k: Array, e: float, height: float) -> Array:
-        return _height(k, height, e)
+        return _bounce_height(k, height, e)
 
     return _fitted(law, k, heights, errors, [np.exp(slope / 2), np.exp(start)])
+
+
+# Fits try values of e that are slightly above 1, which are refused as arguments.
+_bounce_height = inspect.unwrap(mechanics.bounce_height)
+_geometric_sum = inspect.unwrap(mechanics.geometric_sum)
 
 
 def _times(name: str, k: Array, values: Array, errors: Array | None, _: tuple[Any, Any]) -> Estimate:
@@ -166,10 +169,10 @@ def _times(name: str, k: Array, values: Array, errors: Array | None, _: tuple[An
     # The logarithms of the flights are a straight line, too.
     slope, start = np.polyfit((k[1:] + k[:-1] - 1) / 2, np.log(np.diff(times) / np.diff(k)), 1)
     e, flight = np.exp(slope), np.exp(start)
-    begin = times[0] - flight * _sum(e, k[0])
+    begin = times[0] - flight * _geometric_sum(e, k[0])
 
     def law(k: Array, e: float, begin: float, flight: float) -> Array:
-        return begin + flight * _sum(e, k)
+        return begin + flight * _geometric_sum(e, k)
 
     return _fitted(law, k, times, errors, [e, begin, flight])
 

@@ -165,12 +165,13 @@ def _numbers() -> list[str]:
 def _several(key: str, values: Iterable[Any]) -> list[Any]:
     listed = isinstance(values, Iterable) and not isinstance(values, (str, bytes, Mapping))
     try:
-        if listed:
-            return list(values)
-    except Exception:
-        # Such as a number in an array without dimensions.
-        listed = False
-    raise ArgumentError(f"{key}: needs a list of values, not {quoted(values)}")
+        found = list(values) if listed else []
+    except TypeError:
+        # A number as an array without dimensions.
+        found = []
+    if not found:
+        raise ArgumentError(f"{key}: needs a list of values, not {quoted(values)}")
+    return found
 
 
 def _scene_file(scene: Scene, folder: Path) -> Path:
@@ -329,7 +330,7 @@ def _series(rows: Sequence[Mapping[str, Any]], folder: Path, names: Sequence[str
                 table = file.observables.set_index("time")
                 if missing := [name for name in names if name not in table]:
                     raise MissingDataError(
-                        f"{path}: no observable {quoted(missing[0])}; there are {brief(', '.join(table), 400)}"
+                        f"{path}: no observable {quoted(missing[0])}; there are {brief(', '.join(table), 350)}"
                     )
                 tables[row["index"]] = table[list(names)]
     if not tables:

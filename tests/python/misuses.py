@@ -705,7 +705,7 @@ def of_frames(table: Table, run: haff.File) -> None:
     table.add(
         "block_average",
         analysis.block_average,
-        values=(np.arange(40.0), {**NO_NUMBERS, "infinite": [INF] * 40, "cube": np.zeros((2, 2, 2)), "too few": [1.0]}),
+        values=(np.arange(40.0), {**NO_NUMBERS, **BEYOND, "cube": np.zeros((2, 2, 2)), "too few": [1.0]}),
         blocks=(4, {**NO_COUNT, "zero": 0, "one": 1, "more than values": 1000}),
         weights=(
             np.ones(40),

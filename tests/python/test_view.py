@@ -489,7 +489,7 @@ def test_points_of_many_particles_are_drawn_as_spheres_of_few(show, tmp_path, br
             page.evaluate("haffView.ready")
         assert page.evaluate("haffView.player.particles.points") == points
         pictures.append(seek(page, 0).astype(int))
-    # Some browsers draw points lower by up to a pixel.
+    # Some browsers draw points beside their places, by up to a pixel.
     moved = [np.roll(pictures[1], (up, right), axis=(0, 1)) for up in (-1, 0, 1) for right in (-1, 0, 1)]
     differs = np.min([np.abs(pictures[0] - picture).max(axis=2) for picture in moved], axis=0) > 40
     covered = (pictures[0].std(axis=2) > 12).mean()

@@ -6,25 +6,20 @@
 #[path = "../tests/common/mod.rs"]
 mod common;
 
-use common::mixture::mixture;
+use common::{mixture::mixture, processor_time};
 use haff_engine::{NeighborChoice, Options, Silent, Simulation, System, Until};
 
-/// Time this thread has been on a processor [s].
-fn processor_time() -> f64 {
-    let text = std::fs::read_to_string("/proc/thread-self/schedstat").expect("Linux");
-    text.split(' ').next().and_then(|field| field.parse::<f64>().ok()).expect("a time") * 1e-9
-}
-
-/// Least time of some runs [s], and the counters of one.
+/// Least processor time of some runs [s], the counters of one, and the search that was chosen; `None` where
+/// the search does not support the system, or the system tells no times.
 fn run(system: &System, neighbors: NeighborChoice, collisions: u64) -> Option<(f64, [u64; 5], &'static str)> {
     let options = Options { neighbors, ..Options::default() };
     let mut least = f64::INFINITY;
     let mut found = None;
     for _ in 0..3 {
-        let begin = processor_time();
+        let begin = processor_time()?;
         let mut simulation = Simulation::new(system.clone(), options).ok()?;
         simulation.advance(Until { collisions, ..Until::default() }, &mut Silent).expect("the run goes on");
-        least = least.min(processor_time() - begin);
+        least = least.min(processor_time()? - begin);
         let c = simulation.counters();
         let events = c.collisions + c.wall_collisions;
         found = Some((

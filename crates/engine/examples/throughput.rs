@@ -4,15 +4,9 @@
 #[path = "../tests/common/mod.rs"]
 mod common;
 
+use common::processor_time;
 use haff_engine::{NeighborChoice, Options, Silent, Simulation, Until};
 use std::time::Instant;
-
-/// Time this thread has been on a processor [s], where the system tells: unlike the clock's, it does not
-/// count the time that other work takes.
-fn processor_time() -> Option<f64> {
-    let text = std::fs::read_to_string("/proc/thread-self/schedstat").ok()?;
-    text.split(' ').next()?.parse::<f64>().ok().map(|nanoseconds| nanoseconds * 1e-9)
-}
 
 fn main() {
     let args: Vec<String> = std::env::args().collect();

@@ -161,6 +161,7 @@ fn a_killed_writer_leaves_a_file_that_is_readable_and_resumable() {
         if kill >= kills && most > 10 && too_early < kill / 2 {
             break;
         }
+        assert!(kill < 20 * kills, "{too_early} of {kill} were killed too early, at most {most} frames");
         // Small frames that share chunks, and large ones with their own.
         let particles = if kill % 2 == 0 { 60 } else { 3000 };
         let path = directory.path().join(format!("{kill}.h5"));

@@ -38,6 +38,7 @@ def block_average(values: ArrayLike, blocks: int = 20, weights: ArrayLike | None
     should be much longer than the correlation time.
     """
     series, blocks = arguments.reals("values", values), arguments.count("blocks", blocks, 2)
+    # The first sample of a mean over an interval is NaN; it is in the remainder, or makes the result NaN.
     if series.ndim != 1 or np.isinf(series).any():
         raise ArgumentError(f"values = {quoted(values)}: must be one series of finite numbers")
     if len(series) < 2 * blocks:
