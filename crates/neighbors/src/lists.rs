@@ -320,7 +320,7 @@ fn difference(list: &mut [(u32, Shift)], other: &mut [(u32, Shift)], mut visit: 
 
 impl Search for Lists {
     fn new(geometry: &Geometry, positions: &[DVec3]) -> Self {
-        let half_skin = half_skin(geometry);
+        let half_skin = half_skin(geometry, positions.len());
         let extent = geometry.lengths().into_iter().fold(0.0, f64::max);
         let mut lists = Self {
             axes: geometry.axes,
