@@ -12,8 +12,9 @@ use crate::{
     failure::{Failure, Status, file_failure, scene_failure, simulation_failure},
     output, overwrite,
     parts::Parts,
+    report::Context,
     session::{Recorded, Session},
-    single::{self, Context, Finished, Texts},
+    single::{self, Finished, Texts},
     states::OwnStates,
 };
 

@@ -1,5 +1,7 @@
 //! The result of a run, as JSON and as text.
 
+use std::path::PathBuf;
+
 use haff_engine::{EngineError, TRAJECTORY_VERSION, Term, counts, energies, residual_warning, significant};
 use haff_linkage::AnySimulationError;
 use serde_json::{Value, json};
@@ -11,9 +13,30 @@ use crate::{
     output::{self, shown},
     parts::Parts,
     session::{Ending, Outcome},
-    single::Context,
     threads,
 };
+
+/// Data of the report beside the simulation itself.
+pub struct Context {
+    pub title: String,
+    pub seed: u64,
+    pub file: Option<PathBuf>,
+    pub resumed_from: Option<f64>,
+    /// The file that a run with changed keys goes on from.
+    pub continues: Option<PathBuf>,
+    /// The parts of the run before this one.
+    pub parts: Parts,
+}
+
+impl Context {
+    /// All parts of the run, with this one.
+    pub fn parts_with(&self, outcome: &Outcome) -> Parts {
+        let mut parts = self.parts.clone();
+        let collisions = outcome.simulation.counters().collisions;
+        parts.push(outcome.simulation.time(), collisions, Some(outcome.wall.as_secs_f64()));
+        parts
+    }
+}
 
 /// The run as one JSON object.
 pub fn report(outcome: &Outcome, context: &Context) -> Value {

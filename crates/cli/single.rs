@@ -13,7 +13,7 @@ use crate::{
     failure::{Failure, Status, file_failure, scene_failure, simulation_failure},
     output::{self, shown},
     parts::Parts,
-    report::{print_summary, report},
+    report::{Context, print_summary, report},
     session::{Ending, Outcome, Recorded, Session},
     states::OwnStates,
 };
@@ -31,28 +31,6 @@ enum End {
     Ran { outcome: Box<Outcome>, context: Context, unwritten: Option<RecordError> },
     /// Its file was complete already.
     Complete(PathBuf),
-}
-
-/// Data of the report beside the simulation itself.
-pub struct Context {
-    pub title: String,
-    pub seed: u64,
-    pub file: Option<PathBuf>,
-    pub resumed_from: Option<f64>,
-    /// The file that a run with changed keys goes on from.
-    pub continues: Option<PathBuf>,
-    /// The parts of the run before this one.
-    pub parts: Parts,
-}
-
-impl Context {
-    /// All parts of the run, with this one.
-    pub fn parts_with(&self, outcome: &Outcome) -> Parts {
-        let mut parts = self.parts.clone();
-        let collisions = outcome.simulation.counters().collisions;
-        parts.push(outcome.simulation.time(), collisions, Some(outcome.wall.as_secs_f64()));
-        parts
-    }
 }
 
 /// The texts of a scene for its output file.

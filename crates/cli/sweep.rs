@@ -10,6 +10,7 @@ mod manifest;
 mod member;
 mod plan;
 mod report;
+mod row;
 mod values;
 mod view;
 
@@ -25,8 +26,9 @@ use std::{
 };
 
 use lock::{Lock, Refused};
-use manifest::{Manifest, Row};
+use manifest::Manifest;
 use plan::{Member, Plan};
+use row::Row;
 use view::View;
 
 use crate::{

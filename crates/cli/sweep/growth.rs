@@ -6,8 +6,8 @@
 use std::collections::HashMap;
 
 use super::{
-    manifest::Row,
     plan::{Member, Plan},
+    row::Row,
     values::canonical,
 };
 

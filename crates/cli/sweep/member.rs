@@ -7,8 +7,8 @@ use serde_json::Value;
 
 use super::{
     lock::{Lock, Refused},
-    manifest::{Row, State},
     plan::{Member, Plan},
+    row::{Row, State},
     values::same_scene,
 };
 use crate::{

@@ -4,7 +4,10 @@ use std::{fmt::Write, path::Path};
 
 use serde_json::{Value, json};
 
-use super::manifest::{NAME, Row, State};
+use super::{
+    manifest::NAME,
+    row::{Row, State},
+};
 use crate::output::{self, shown};
 
 /// Totals of a summary that are sums over its runs.

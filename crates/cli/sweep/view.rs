@@ -4,7 +4,7 @@ use std::{io::IsTerminal, time::Duration};
 
 use indicatif::{MultiProgress, ProgressBar};
 
-use super::manifest::Row;
+use super::row::Row;
 use crate::{
     progress::{Progress, style},
     terminal,

@@ -10,10 +10,13 @@ A contact is plastic after so many impacts that a body alone, with the same coef
 have lost all of its energy but rounding. Elastic contacts never are.
 */
 
-use haff_engine::{Instant, Observer};
+use haff_engine::Observer;
 use haff_mechanics::Restitution;
 
-use crate::{mechanism::Link, world::World};
+use crate::{
+    mechanism::Link,
+    world::{Burst, World},
+};
 
 /// Impacts after which a contact with e = 0 would be plastic.
 const FEW: f64 = 16.0;
@@ -22,16 +25,6 @@ const DECADES: f64 = 14.0;
 
 /// Old impacts are forgotten when there are more than this number for each particle.
 const MOST: usize = 8;
-
-/// The last impact of a contact.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub(crate) struct Burst {
-    pub at: Instant,
-    /// Speed of separation [length/time].
-    pub speed: f64,
-    /// Impacts since it has opened.
-    pub impacts: u64,
-}
 
 impl World {
     /// Impacts of a contact without opening, of which the next would be at this approach speed.

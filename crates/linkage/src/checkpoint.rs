@@ -3,13 +3,12 @@
 use haff_engine::{Checkpoint, Instant, ScalarReader, ScalarWriter, System};
 
 use crate::{
-    burst::Burst,
     error::LinkageError,
     mechanism::Link,
     model::Joints,
     simulation::Simulation,
     valid,
-    world::{Pending, World},
+    world::{Burst, Pending, World},
 };
 
 /// Version of the scalars below.

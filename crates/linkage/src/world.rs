@@ -7,11 +7,20 @@ use haff_engine::{Instant, Overlap, System, allowed_overlap, model::Restitution}
 
 use crate::{
     accumulators::Accumulators,
-    burst::Burst,
     mechanism::{Coil, End, Link, Mechanism, Motions, Row, Shape},
     model::{Joints, SpringEnd, Tether},
     motion::Motion,
 };
+
+/// The last impact of a contact.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(crate) struct Burst {
+    pub at: Instant,
+    /// Speed of separation [length/time].
+    pub speed: f64,
+    /// Impacts since it has opened.
+    pub impacts: u64,
+}
 
 /// Two bodies touch if their gap is below this part of the scene's length, plus `TOUCH_OWN` of their contact
 /// distance.

@@ -2,8 +2,6 @@
 
 use glam::DVec3;
 
-use crate::Sliding;
-
 /// Boundary along an axis.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Axis {
@@ -61,4 +59,23 @@ impl Geometry {
     pub(crate) fn without_planes(&self) -> Self {
         Self { radii: Vec::new(), planes: Vec::new(), ..*self }
     }
+}
+
+/// The images of a sheared box from a time on.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Sliding {
+    /// Axis of the flow.
+    pub flow: usize,
+    /// Axis of the gradient.
+    pub gradient: usize,
+    /// Velocity of the image across the upper face [length/time].
+    pub speed: f64,
+    /// Its displacement along the flow at `start` \[length\], besides `turns` edges.
+    pub offset: f64,
+    /// Whole edges of its displacement at `start`.
+    pub turns: i64,
+    /// [ticks]
+    pub start: i64,
+    /// Length of a tick \[time\].
+    pub tick: f64,
 }

@@ -30,11 +30,11 @@ mod walls;
 pub use all_pairs::AllPairs;
 pub use array::Array;
 pub use cells::Cells;
-pub use geometry::{Axis, Geometry, Plane};
+pub use geometry::{Axis, Geometry, Plane, Sliding};
 pub use lists::Lists;
 pub use memory::{Elements, prefetch, prefetch_at, with_huge_pages};
 pub use packed::{Offsets, Packed};
-pub use sheared::{ShearedCells, ShearedPairs, Sliding};
+pub use sheared::{ShearedCells, ShearedPairs};
 
 use glam::DVec3;
 

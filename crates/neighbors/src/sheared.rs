@@ -5,28 +5,9 @@ use glam::DVec3;
 use haff_mechanics::time_to_face;
 
 use crate::{
-    Axis, Crossing, Flight, Geometry, Search, Shift,
+    Axis, Crossing, Flight, Geometry, Search, Shift, Sliding,
     cells::{Cells, grid},
 };
-
-/// The images of a sheared box from a time on.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Sliding {
-    /// Axis of the flow.
-    pub flow: usize,
-    /// Axis of the gradient.
-    pub gradient: usize,
-    /// Velocity of the image across the upper face [length/time].
-    pub speed: f64,
-    /// Its displacement along the flow at `start` \[length\], besides `turns` edges.
-    pub offset: f64,
-    /// Whole edges of its displacement at `start`.
-    pub turns: i64,
-    /// [ticks]
-    pub start: i64,
-    /// Length of a tick \[time\].
-    pub tick: f64,
-}
 
 impl Sliding {
     /// Displacement of the image across the upper face at `now` \[ticks\], without the edges in `turns`

@@ -1,7 +1,5 @@
 //! The groups and datasets of a file: created with it, or opened in an existing file.
 
-use std::str::FromStr;
-
 use haff_engine::{Boundary, Observable, Present, Quantity, Sizes, observables};
 use hdf5::{
     Group, H5Type,
@@ -10,6 +8,7 @@ use hdf5::{
 
 use crate::{
     checkpoint::{Saved, Slot, Tail},
+    clock::{Clock, text, write_text_attribute},
     events::{Columns, has_tangential},
     growth::check_extents,
     handshake,
@@ -29,45 +28,6 @@ pub(crate) fn frame_storage(particles: usize, compressed: bool) -> Storage {
     let frames = (SMALL_FRAME / (24 * particles.max(1))).max(1);
     let rows = particles.div_ceil(particles.div_ceil(FRAME_BLOCK).max(1)).max(1);
     Storage { chunk: vec![frames, rows, 3], compressed: compressed && frames == 1 }
-}
-
-/// `step` and `time`, shared by all elements sampled together.
-#[derive(Debug)]
-pub(crate) struct Clock {
-    pub step: Series,
-    pub time: Series,
-}
-
-impl Clock {
-    pub fn create(group: &Group) -> hdf5::Result<Self> {
-        let storage = Storage::plain(SERIES_CHUNK, &[]);
-        Ok(Self {
-            step: Series::create::<i64>(group, "step", &[], &storage)?,
-            time: Series::create_real(group, "time", &[], &storage)?,
-        })
-    }
-
-    pub fn open(group: &Group) -> hdf5::Result<Self> {
-        Ok(Self {
-            step: Series::open(group, "step")?.expect(&[])?,
-            time: Series::open(group, "time")?.expect(&[])?,
-        })
-    }
-
-    pub fn rows(&self) -> usize {
-        self.step.rows().min(self.time.rows())
-    }
-
-    /// Fails unless rows can be added after the first `kept` ones.
-    pub fn check_growth(&self, kept: usize) -> hdf5::Result<()> {
-        self.step.check_growth::<i64>(kept)?;
-        self.time.check_growth::<f64>(kept)
-    }
-
-    pub fn truncate(&mut self, rows: usize) -> hdf5::Result<()> {
-        self.step.resize(rows)?;
-        self.time.resize(rows)
-    }
 }
 
 /// The trajectory.
@@ -422,11 +382,6 @@ fn write_parameters(root: &Group, header: &Header) -> hdf5::Result<()> {
 pub(crate) const SUMMARY: &str = "summary";
 pub(crate) const EARLIER: &str = "earlier";
 
-/// A string as HDF5 stores it.
-pub(crate) fn text(text: &str) -> hdf5::Result<VarLenUnicode> {
-    VarLenUnicode::from_str(text).map_err(|error| format!("text with a NUL character: {error}").into())
-}
-
 fn texts(names: &[String]) -> hdf5::Result<Vec<VarLenUnicode>> {
     names.iter().map(|name| text(name)).collect()
 }
@@ -434,10 +389,6 @@ fn texts(names: &[String]) -> hdf5::Result<Vec<VarLenUnicode>> {
 /// Writes a string dataset.
 pub(crate) fn write_text(group: &Group, name: &str, value: &str) -> hdf5::Result<()> {
     write_scalar(group, name, &text(value)?)
-}
-
-pub(crate) fn write_text_attribute(group: &Group, name: &str, value: &str) -> hdf5::Result<()> {
-    group.new_attr::<VarLenUnicode>().create(name)?.write_scalar(&text(value)?)
 }
 
 fn write_scalar<T: H5Type>(group: &Group, name: &str, value: &T) -> hdf5::Result<()> {

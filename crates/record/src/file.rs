@@ -15,7 +15,7 @@ use hdf5::file::{FileAccessBuilder, LibraryVersion, MetadataCacheConfig, OpenMod
 
 use crate::{
     error::{Context, OPEN, RecordError},
-    handshake::{self, Flushes, is_at},
+    handshake::{self, Flushes, is_at, is_being_written},
 };
 
 /// First bytes of every HDF5 file without a user block.
@@ -358,12 +358,6 @@ fn open_to_write(path: &Path) -> Result<hdf5::File, RecordError> {
         }
         attempts += 1;
     }
-}
-
-/// Whether a process has the file open for writing; `false` if there is no such file.
-pub fn is_being_written(path: &Path) -> bool {
-    // HDF5 holds a lock on files that it writes, until its process ends.
-    fs::File::open(path).is_ok_and(|file| matches!(file.try_lock_shared(), Err(fs::TryLockError::WouldBlock)))
 }
 
 /// Opens a file and reads it by `read`: one state of it, also while a simulation is writing it.

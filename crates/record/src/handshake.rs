@@ -23,10 +23,7 @@ use std::{
 
 use hdf5::Group;
 
-use crate::{
-    error::{Context, OPEN, RecordError},
-    file::is_being_written,
-};
+use crate::error::{Context, OPEN, RecordError};
 
 /// Group and name of the dataset: two words that mark the place, then those of [`Count`].
 pub(crate) const GROUP: &str = "checkpoint";
@@ -348,6 +345,12 @@ fn read_at(mut file: &fs::File, bytes: &mut [u8]) -> io::Result<()> {
 fn write_at(mut file: &fs::File, bytes: &[u8]) -> io::Result<()> {
     use std::io::{Seek, SeekFrom, Write};
     file.seek(SeekFrom::Start(ADDRESS)).and_then(|_| file.write_all(bytes))
+}
+
+/// Whether a process has the file open for writing; `false` if there is no such file.
+pub fn is_being_written(path: &Path) -> bool {
+    // HDF5 holds a lock on files that it writes, until its process ends.
+    fs::File::open(path).is_ok_and(|file| matches!(file.try_lock_shared(), Err(fs::TryLockError::WouldBlock)))
 }
 
 #[cfg(test)]

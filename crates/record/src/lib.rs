@@ -86,6 +86,7 @@ extern crate self as haff_record;
 mod common;
 
 mod checkpoint;
+mod clock;
 mod datasets;
 mod declared;
 mod error;
@@ -107,7 +108,7 @@ mod writer;
 
 pub use error::RecordError;
 pub use events::EVENT_CHUNK;
-pub use file::is_being_written;
+pub use handshake::is_being_written;
 pub use header::{Header, SCHEMA};
 pub use info::{Info, State, info, last_state, state};
 pub use recorder::Recorder;

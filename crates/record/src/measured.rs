@@ -4,7 +4,7 @@ use haff_engine::{CORRELATIONS, Correlation, CorrelationKind, Correlations, Grid
 use hdf5::Group;
 
 use crate::{
-    datasets::{Clock, write_text_attribute},
+    clock::{Clock, write_text_attribute},
     declared::read_attribute,
     series::{SERIES_CHUNK, Series, Storage},
 };

@@ -10,7 +10,8 @@ use haff_engine::{Correlation, EventRecord, Frame, Quantity, Sample};
 
 use crate::{
     checkpoint::{Progress, Saved, SlotHeader},
-    datasets::{Datasets, EARLIER, Observables, SUMMARY, text},
+    clock::text,
+    datasets::{Datasets, EARLIER, Observables, SUMMARY},
     error::{Context, RecordError},
     events::EVENT_CHUNK,
     file::WritableFile,

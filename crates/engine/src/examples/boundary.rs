@@ -1,6 +1,8 @@
-use super::two_spheres;
-use crate::periodicity::Periodicity;
 use glam::DVec3;
+
+use crate::state::periodicity::Periodicity;
+
+use super::two_spheres;
 
 /// Images that are displaced along x by `offset` [length] for every box further up in y, as under simple
 /// shear.

@@ -1,12 +1,14 @@
-use super::two_spheres;
+use glam::DVec3;
+
 use crate::{
-    error::EngineError,
-    event::{Pause, PhysicalEvent},
-    features::{Features, Polydisperse},
+    laws::event::{Pause, PhysicalEvent},
+    model::features::{Features, Polydisperse},
+    numerics::error::EngineError,
     report::{Observer, Silent},
     state::State,
 };
-use glam::DVec3;
+
+use super::two_spheres;
 
 /// A particle is caught: it loses all of its velocity.
 #[derive(Debug, Clone, Copy)]

@@ -11,9 +11,10 @@ use glam::DVec3;
 
 use crate::{
     Simulation,
-    model::{Body, Boundary, Class, Contacts, Dimension, Domain, Group, Options, Restitution, System, Wall},
-    wall_law::WallLaw,
-    wall_motion::WallMotion,
+    model::{
+        Body, Boundary, Class, Contacts, Dimension, Domain, Group, Options, Restitution, System, Wall,
+        wall_law::WallLaw, wall_motion::WallMotion,
+    },
 };
 
 /// Two spheres of radius 0.5 and mass 1 that approach each other along x at relative speed 2, above a floor.

@@ -1,5 +1,6 @@
+use crate::report::observables::{Observable, Quantity, Sizes, row};
+
 use super::two_spheres;
-use crate::observables::{Observable, Quantity, Sizes, row};
 
 /// Energy lost per collision of two particles; no number before the first collision.
 const LOSS_PER_COLLISION: Observable = row(

@@ -1,11 +1,13 @@
-use super::two_spheres;
-use crate::{
-    features::{Features, Polydisperse},
-    pair_law::{PairContact, PairLaw, impact_with_separation},
-    particles::World,
-};
 use glam::DVec3;
 use haff_mechanics::{Impact, Restitution};
+
+use crate::{
+    laws::pair_law::{PairContact, PairLaw, impact_with_separation},
+    model::features::{Features, Polydisperse},
+    state::world::World,
+};
+
+use super::two_spheres;
 
 /// Granular layer between two vibrating plates, seen from above: each contact adds the speed Δ to the
 /// separation (R. Brito, D. Risso, R. Soto, Phys. Rev. E 87, 022209 (2013)).

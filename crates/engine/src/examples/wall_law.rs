@@ -1,11 +1,12 @@
-use super::two_spheres;
-use crate::{
-    ledger::Term,
-    report::{Observer, Silent},
-    state::State,
-    wall_impact::{WallContact, reflect},
-};
 use glam::DVec3;
+
+use crate::{
+    laws::{wall_contact::WallContact, wall_impact::reflect},
+    report::{Observer, Silent, ledger::Term},
+    state::State,
+};
+
+use super::two_spheres;
 
 /// A vibrating wall of infinite frequency: whatever arrives leaves with the same normal speed
 /// [length/time], relative to the wall.

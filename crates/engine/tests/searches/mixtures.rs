@@ -4,8 +4,8 @@ use haff_engine::{Counters, EngineError, NeighborChoice, Options, Silent, Simula
 
 use crate::common::mixture::mixture;
 
-/// Work of a run \[about ns\]: an event, a prediction, a crossing of cells or an update of a list, a test of a
-/// pair before its prediction, and a particle in a new window. The weights are fitted to the times of the
+/// Work of a run \[about ns\]: an event, a prediction, a crossing of cells or an update of a list, a test of
+/// a pair before its prediction, and a particle in a new window. The weights are fitted to the times of the
 /// example `mixtures`, which they give within a factor of two (benches/record/throughput.md).
 fn work(system: &System, counters: &Counters) -> f64 {
     let events = counters.collisions + counters.wall_collisions;

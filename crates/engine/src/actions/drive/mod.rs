@@ -1,0 +1,14 @@
+/*!
+Drives: actions that add energy to the particles, or remove it, at stated times.
+
+A new drive is one more variant of [`DriveKind`] and a [`TimedAction`] in a file of its own.
+*/
+
+pub(crate) mod actions;
+mod andersen;
+pub(crate) mod driven;
+mod rescale;
+mod times;
+mod white_noise;
+
+pub(crate) use actions::actions;

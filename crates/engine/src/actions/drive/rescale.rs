@@ -1,0 +1,74 @@
+//! A thermostat that rescales velocities to a temperature at regular times.
+
+use glam::DVec3;
+use haff_neighbors::Geometry;
+
+use crate::{
+    actions::timed::TimedAction,
+    numerics::{error::EngineError, total::total},
+    report::Observer,
+    state::State,
+};
+
+use super::{
+    driven::{Driven, kick},
+    times::Regular,
+};
+
+#[derive(Debug)]
+pub(super) struct Rescale {
+    times: Regular,
+    driven: Driven,
+    temperature: f64,
+}
+
+impl Rescale {
+    pub fn new(times: Regular, driven: Driven, temperature: f64) -> Self {
+        Self { times, driven, temperature }
+    }
+}
+
+impl TimedAction for Rescale {
+    fn next(&self, state: &State) -> i64 {
+        self.times.next(state)
+    }
+
+    fn apply(
+        &mut self,
+        state: &mut State,
+        _geometry: &Geometry,
+        observer: &mut dyn Observer,
+    ) -> Result<Vec<u32>, EngineError> {
+        self.times.advance();
+        let world = &state.world;
+        let particles = &self.driven.particles;
+        let velocity = |k: u32| world.peculiar(particles[k as usize], world.now).1;
+        let mass = |k: u32| world.class(particles[k as usize]).mass;
+        let [m, px, py, pz] = total(particles.len(), |k| {
+            let p = mass(k) * velocity(k);
+            [mass(k), p.x, p.y, p.z]
+        });
+        let drift = DVec3::new(px, py, pz) / m;
+        let [twice_thermal] = total(particles.len(), |k| [mass(k) * (velocity(k) - drift).length_squared()]);
+        let wanted = (self.driven.dimension * particles.len()) as f64 * self.temperature;
+        let factor = (wanted / twice_thermal).sqrt();
+        // Particles without relative motion have no velocity to scale.
+        if !(factor.is_finite() && twice_thermal > 0.0) {
+            return Ok(Vec::new());
+        }
+        for &i in particles {
+            let (position, velocity) = state.world.peculiar(i, state.world.now);
+            let flow = state.world.flow_velocity(position);
+            kick(state, i, flow + drift + (velocity - drift) * factor, observer)?;
+        }
+        Ok(particles.clone())
+    }
+
+    fn save(&self, put: &mut dyn FnMut(&str, u64)) {
+        self.times.save(put);
+    }
+
+    fn load(&mut self, take: &mut dyn FnMut(&str) -> u64, time: f64) -> Result<(), EngineError> {
+        self.times.load(take, time)
+    }
+}

@@ -1,0 +1,169 @@
+//! Jams: grains without any room to move, which would collide without end.
+
+use std::iter;
+
+use glam::DVec3;
+use haff_neighbors::Geometry;
+
+use crate::{
+    laws::series,
+    model::thresholds::Thresholds,
+    motion::flights,
+    report::Observer,
+    state::{State, settling::JAM_DURATION, world::World},
+    support::contacts::{find_contacts, normals},
+};
+
+use super::settle::{end_series, record_loss};
+
+/// Largest gap between jammed bodies [largest gap of a contact, `Thresholds::gap`].
+const JAM_GAP: f64 = 1e-6;
+/// The iteration has converged if no impulse changes a speed by more than this fraction of
+/// [`Thresholds::negligible`].
+const ACCURACY: f64 = 0.1;
+/// Largest number of iterations.
+const ROUNDS: usize = 2000;
+
+/// A contact in a jam: of a grain with another grain of the jam, or with an immovable body or wall.
+struct Contact {
+    grain: usize,
+    other: Option<usize>,
+    /// Unit vector towards the grain.
+    normal: DVec3,
+    /// Effective mass.
+    mass: f64,
+    impulse: f64,
+}
+
+/// Resolves a jam: one plastic impact on all contacts of the grains that have just had contacts, with each
+/// other and with immovable bodies and walls. The new velocities are those nearest to the old ones, in the
+/// norm of the kinetic energy, at which no contact closes. Returns the grains whose velocity has changed.
+pub(crate) fn resolve_jam(
+    state: &mut State,
+    geometry: &Geometry,
+    thresholds: &Thresholds,
+    observer: &mut dyn Observer,
+) -> Vec<u32> {
+    let world = &state.world;
+    let (now, narrow) = (world.now, Thresholds { gap: JAM_GAP * thresholds.gap, ..*thresholds });
+    let recent: Vec<u32> = (0..world.particles.len() as u32)
+        .filter(|&i| {
+            world.class(i).inverse_mass != 0.0
+                && world.contact_age(i, now) <= JAM_DURATION * thresholds.period
+        })
+        .collect();
+    let mut jam = jam_contacts(world, geometry, &narrow, &recent);
+    let mut velocities: Vec<DVec3> = recent.iter().map(|&i| world.state(i, now).1).collect();
+    let inverse: Vec<f64> = recent.iter().map(|&i| world.class(i).inverse_mass).collect();
+    solve(&mut jam, &mut velocities, &inverse, ACCURACY * thresholds.negligible);
+    let mut changed = Vec::new();
+    for (&i, after) in recent.iter().zip(velocities) {
+        let (position, before) = state.world.state(i, now);
+        if after == before {
+            continue;
+        }
+        end_series(state, i, observer);
+        let mass = state.world.class(i).mass;
+        let energy = 0.5 * mass * (before - after).dot(before + after);
+        let carnot_energy = 0.5 * mass * (before - after).length_squared();
+        record_loss(state, i, mass * (before - after), [energy, carnot_energy], thresholds, observer);
+        flights::end(state, i, now);
+        let particle = &mut state.world.particles[i as usize];
+        particle.set_anchor(position, after, now);
+        particle.set_recently_hit(true);
+        state.world.note_contact(i, now);
+        series::keep_support(state, i, now);
+        changed.push(i);
+    }
+    changed
+}
+
+/// All contacts of these grains; the grains are in ascending order.
+fn jam_contacts(world: &World, geometry: &Geometry, narrow: &Thresholds, recent: &[u32]) -> Vec<Contact> {
+    let mut jam = Vec::new();
+    for (grain, (&i, contacts)) in
+        recent.iter().zip(find_contacts(world, geometry, narrow, recent)).enumerate()
+    {
+        let position = world.state(i, world.now).0;
+        let inverse = world.class(i).inverse_mass;
+        for j in contacts {
+            let other = recent.binary_search(&j).ok();
+            // Each pair of grains is in two lists; it becomes one contact.
+            if other.is_some_and(|other| other < grain) {
+                continue;
+            }
+            let r = world.periodicity.nearest(position - world.state(j, world.now).0);
+            let mass = 1.0 / (inverse + world.class(j).inverse_mass);
+            jam.push(Contact { grain, other, normal: r.normalize_or_zero(), mass, impulse: 0.0 });
+        }
+        let walls = normals(world, narrow.gap, i, iter::empty()).into_iter();
+        let mass = 1.0 / inverse;
+        jam.extend(walls.map(|normal| Contact { grain, other: None, normal, mass, impulse: 0.0 }));
+    }
+    jam
+}
+
+/// Projected Gauss–Seidel iteration: each contact in turn gets the impulse that stops its approach; total
+/// impulses are never attractive. If it does not converge, because normals are almost opposite, the
+/// velocities of the grains concerned are set to zero.
+fn solve(jam: &mut [Contact], velocities: &mut [DVec3], inverse: &[f64], accuracy: f64) {
+    let mut unconverged = Vec::new();
+    for _ in 0..ROUNDS {
+        unconverged.clear();
+        for contact in &mut *jam {
+            let &mut Contact { grain, other, normal, mass, .. } = contact;
+            let relative = velocities[grain] - other.map_or(DVec3::ZERO, |other| velocities[other]);
+            let impulse = (contact.impulse - mass * relative.dot(normal)).max(0.0);
+            let change = impulse - contact.impulse;
+            contact.impulse = impulse;
+            velocities[grain] += normal * (change * inverse[grain]);
+            if let Some(other) = other {
+                velocities[other] -= normal * (change * inverse[other]);
+            }
+            if change.abs() > accuracy * mass {
+                unconverged.extend([Some(grain), other].into_iter().flatten());
+            }
+        }
+        if unconverged.is_empty() {
+            break;
+        }
+    }
+    for grain in unconverged {
+        velocities[grain] = DVec3::ZERO;
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// A light grain between a heavy one and a wall: impacts resolved one by one would never end.
+    #[test]
+    fn a_jam_is_resolved_at_once_without_attraction() {
+        let contact = |grain, other, normal, mass| Contact { grain, other, normal, mass, impulse: 0.0 };
+        let inverse = [1.0, 0.1, 1.0];
+        let tilted = DVec3::new(0.6, 0.8, 0.0);
+        let mut jam = [
+            contact(0, None, DVec3::X, 1.0),
+            contact(0, Some(1), -tilted, 1.0 / 1.1),
+            contact(1, Some(2), -DVec3::Y, 1.0 / 1.1),
+        ];
+        // The third moves away.
+        let start = [DVec3::ZERO, DVec3::new(-1.0, -0.2, 0.3), DVec3::Y];
+        let mut velocities = start;
+        solve(&mut jam, &mut velocities, &inverse, 1e-16);
+        assert_eq!((velocities[2], jam[2].impulse), (start[2], 0.0));
+        assert!(jam[0].impulse > 0.0 && jam[1].impulse > 0.0);
+        for Contact { grain, other, normal, .. } in &jam[..2] {
+            let relative = velocities[*grain] - other.map_or(DVec3::ZERO, |other| velocities[other]);
+            assert!(relative.dot(*normal).abs() < 1e-15);
+        }
+        // Closed form of the two impulses: [1, −0.6; −0.6, 1.1] (J₀, J₁) = (0, −u·n).
+        let press = -(start[1].dot(tilted));
+        let expected = press / (1.1 - 0.36);
+        assert!((jam[1].impulse / expected - 1.0).abs() < 1e-13);
+        assert!((jam[0].impulse / (0.6 * expected) - 1.0).abs() < 1e-13);
+        let energy = |v: &[DVec3; 3]| (0..3).map(|k| 0.5 * v[k].length_squared() / inverse[k]).sum::<f64>();
+        assert!(energy(&velocities) < energy(&start));
+    }
+}

@@ -1,0 +1,266 @@
+//! Impacts of particles on walls.
+
+use glam::DVec3;
+use haff_mechanics::{Impact, Restitution, resolve_contact, work_of_moving_body};
+
+use crate::{
+    laws::{
+        carried,
+        contact::{add_impact, check_velocity},
+        hop,
+        pair_law::{coefficient, impact_with_separation},
+        resting, rough,
+        series::{come_to_rest, end_of_bounces_early, keep_support, keep_supporting_walls},
+        slide,
+        wall_contact::{WallContact, touch_wall},
+    },
+    model::{features::Features, wall_law::WallLaw, wall_motion::WallMotion},
+    motion::flights,
+    numerics::{error::EngineError, random::Draw},
+    report::{EventKind, Exchange, Observer, Partner, VelocityChange, ledger::Term, row},
+    state::{State, world::World},
+};
+
+/// Resolves the collision of particle i with a wall at `time`.
+#[inline]
+pub(crate) fn wall<F: Features, const EVENTS: bool>(
+    state: &mut State,
+    i: u32,
+    wall: u32,
+    time: i64,
+    observer: &mut dyn Observer,
+) -> Result<(), EngineError> {
+    if F::GRAVITY {
+        end_of_bounces_early::<EVENTS>(state, i, time, observer);
+    }
+    let (contact, outcome) = collide_with_wall::<F>(&state.world, i, wall, time)?;
+    apply_wall::<F, EVENTS>(state, &contact, &outcome, observer);
+    Ok(())
+}
+
+/// Sets the anchor of a particle after its impact on a wall, and adds the energies of the impact.
+#[inline(always)]
+pub(crate) fn apply_wall<F: Features, const EVENTS: bool>(
+    state: &mut State,
+    contact: &WallContact,
+    outcome: &WallOutcome,
+    observer: &mut dyn Observer,
+) {
+    match outcome {
+        WallOutcome::Bounce(bounce) => apply_bounce::<F, EVENTS>(state, contact, bounce, observer),
+        WallOutcome::Reflection { velocity, spin } => {
+            reflect::<EVENTS>(state, contact, (*velocity, *spin), Term::WallHeat, observer);
+        }
+    }
+}
+
+/// The impact of particle i on a wall at `time`: a function of its anchor.
+///
+/// # Errors
+/// An overlap that is more than rounding, or a velocity that is not finite.
+#[inline(always)]
+pub(crate) fn collide_with_wall<F: Features>(
+    world: &World,
+    i: u32,
+    wall: u32,
+    time: i64,
+) -> Result<(WallContact, WallOutcome), EngineError> {
+    let contact = touch_wall::<F>(world, i, wall, time)?;
+    let WallContact { n, wall_velocity, .. } = contact;
+    let class = *world.class(i);
+    let outcome = match world.wall_law(&class, wall) {
+        WallLaw::Restitution(law) => WallOutcome::Bounce(bounce::<F>(world, &contact, law)),
+        WallLaw::Thermal(law) => {
+            let draw = Draw::new(world.seed, i, u64::from(world.particles[i as usize].count));
+            match law.velocity(draw, class.mass, n, world.dimension) {
+                Some(relative) => {
+                    let spin = world.spin.as_deref().map(|spins| {
+                        let moment = class.moment_of_inertia(&spins.inertia);
+                        law.angular_velocity(draw, moment, world.dimension)
+                    });
+                    WallOutcome::Reflection { velocity: wall_velocity + relative, spin }
+                }
+                None => WallOutcome::Bounce(bounce::<F>(world, &contact, law.restitution)),
+            }
+        }
+    };
+    check_velocity(world, i, outcome.velocity(), time)?;
+    Ok((contact, outcome))
+}
+
+impl WallOutcome {
+    /// The velocity after the impact.
+    pub fn velocity(&self) -> DVec3 {
+        match self {
+            Self::Bounce(bounce) => bounce.after,
+            Self::Reflection { velocity, .. } => *velocity,
+        }
+    }
+}
+
+/// What a wall does with a particle.
+#[derive(Debug, Clone, Copy)]
+pub(crate) enum WallOutcome {
+    Bounce(WallBounce),
+    /// The particle leaves a thermal wall with this velocity and, if there is spin, this angular velocity.
+    Reflection {
+        velocity: DVec3,
+        spin: Option<DVec3>,
+    },
+}
+
+/// An impact on a wall by a law of restitution.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct WallBounce {
+    law: Restitution,
+    /// Velocity after the impact.
+    after: DVec3,
+    impact: Impact,
+    /// Whether the impact repeats a recent one, see [`resting::is_repeated_wall_contact`].
+    repeated: bool,
+}
+
+/// The impact of a particle on a wall by a law of restitution.
+#[inline(always)]
+fn bounce<F: Features>(world: &World, contact: &WallContact, law: Restitution) -> WallBounce {
+    let &WallContact { i, wall, time, velocity, n, wall_velocity, .. } = contact;
+    let class = world.class(i);
+    let speed = haff_mechanics::approach_speed(velocity, wall_velocity, n);
+    let e = coefficient::<F>(world, law, speed, time, [i, i], [class.inverse_mass; 2]);
+    let mut repeated = false;
+    // Resolved as for two spheres, without assuming |n| = 1: the length of a tilted normal has a rounding
+    // error, which is the same at every impact.
+    let (after, _, impact) = if F::REST {
+        let acceleration = world.acceleration(i).dot(n);
+        repeated = resting::is_repeated_wall_contact(world, i, wall, speed, acceleration, time);
+        let separation =
+            if repeated { resting::separation_speed(world, e, speed, acceleration, true) } else { e * speed };
+        impact_with_separation([velocity, wall_velocity], [class.inverse_mass, 0.0], n, e, speed, separation)
+    } else if F::GRAVITY
+        && let Some(acceleration) = hop::acceleration_to_wall(world, i, wall, time)
+    {
+        let separation = hop::separation_speed(e, speed, acceleration, class.radius);
+        impact_with_separation([velocity, wall_velocity], [class.inverse_mass, 0.0], n, e, speed, separation)
+    } else {
+        resolve_contact(velocity, wall_velocity, class.inverse_mass, 0.0, n, e)
+    };
+    let after = if !F::ELASTIC && world.spin.is_some() {
+        rough::wall_velocity::<F>(world, (i, wall, time), after, impact.impulse)
+    } else {
+        after
+    };
+    WallBounce { law, after, impact, repeated }
+}
+
+/// Lets a particle leave a wall with a given velocity and spin. The energy that is not work of the moving
+/// wall is added to `term`.
+pub(crate) fn reflect<const EVENTS: bool>(
+    state: &mut State,
+    contact: &WallContact,
+    (velocity, spin): (DVec3, Option<DVec3>),
+    term: Term,
+    observer: &mut dyn Observer,
+) {
+    let &WallContact { i, wall, time, position, n, wall_velocity, .. } = contact;
+    let change = velocity - contact.velocity;
+    let (before, after) = (contact.velocity - wall_velocity, velocity - wall_velocity);
+    let class = *state.world.class(i);
+    flights::end(state, i, time);
+    state.world.particles[i as usize].set_anchor(position, velocity, time);
+    state.world.note_contact(i, time);
+    let now = state.world.clock.time(time);
+    if let Some(spin) = spin {
+        let energy = state.world.set_spin(i, spin);
+        state.accumulators.add_rotation(term, energy);
+        state.world.add_wall_heat(wall, energy);
+    }
+    let accumulators = &mut state.accumulators;
+    accumulators.counters.wall_collisions += 1;
+    accumulators.add_energy(term, now, 0.5 * class.mass * change.dot(before + after));
+    if wall_velocity != DVec3::ZERO {
+        accumulators.add_energy(Term::WallWork, now, class.mass * change.dot(wall_velocity));
+    }
+    accumulators.add_impulse(change * class.mass);
+    state.world.add_wall_impulse(wall, change * class.mass);
+    state.world.add_wall_heat(wall, 0.5 * class.mass * change.dot(before + after));
+    if EVENTS {
+        let changes = [VelocityChange { i, mass: class.mass, before: contact.velocity, after: velocity }];
+        observer.exchange(&Exchange { time: now, changes: &changes, partner: Partner::Wall(wall) });
+        // Only the normal components. The energy of `term` is not a loss by restitution.
+        let approach_speed = before.dot(n);
+        let impulse = -class.mass * change.dot(n);
+        let impact = Impact { approach_speed, impulse, ..Impact::default() };
+        let contact_point = state.world.periodicity.wrap(position + n * class.radius).0;
+        let mut row = row(now, EventKind::Wall, [i, wall], &impact, n, contact_point);
+        row.impulse_vector = change * -class.mass;
+        observer.event(&row);
+    }
+    keep_support(state, i, time);
+}
+
+/// Sets the anchor of a particle after its impact on a wall, and adds the energies of the impact.
+#[inline(always)]
+fn apply_bounce<F: Features, const EVENTS: bool>(
+    state: &mut State,
+    contact: &WallContact,
+    bounce: &WallBounce,
+    observer: &mut dyn Observer,
+) {
+    let &WallContact { i, wall, time, position, velocity, n, wall_velocity } = contact;
+    let &WallBounce { law, after, impact, repeated } = bounce;
+    let tangential = if !F::ELASTIC && state.world.spin.is_some() {
+        Some(rough::apply_wall::<F>(state, (i, wall, time), impact.impulse))
+    } else {
+        None
+    };
+    if F::GRAVITY {
+        flights::end(state, i, time);
+    }
+    let world = &mut state.world;
+    let class = *world.class(i);
+    let before = if F::GRAVITY { (world.support(i), world.acceleration(i)) } else { Default::default() };
+    world.particles[i as usize].set_anchor(position, after, time);
+    if !F::ELASTIC {
+        world.note_contact(i, time);
+    }
+    if F::REST {
+        world.particles[i as usize].set_recently_hit(repeated);
+    }
+
+    let now = world.clock.time(time);
+    let accumulators = &mut state.accumulators;
+    accumulators.counters.wall_collisions += 1;
+    add_impact::<F>(accumulators, now, 0.0, &impact);
+    accumulators.add_impulse(n * -impact.impulse);
+    world.add_wall_impulse(wall, n * -impact.impulse);
+    world.add_wall_heat(wall, -impact.energy_loss);
+    if wall_velocity != DVec3::ZERO {
+        accumulators.add_energy(Term::WallWork, now, work_of_moving_body(impact.impulse, n, wall_velocity));
+    }
+    if EVENTS {
+        let changes = [VelocityChange { i, mass: class.mass, before: velocity, after }];
+        observer.exchange(&Exchange { time: now, changes: &changes, partner: Partner::Wall(wall) });
+        let contact_point = world.periodicity.wrap(position + n * class.radius).0;
+        let mut row = row(now, EventKind::Wall, [i, wall], &impact, n, contact_point);
+        if let Some(tangential) = &tangential {
+            tangential.add_to(&mut row);
+        }
+        observer.event(&row);
+    }
+    if F::GRAVITY {
+        keep_supporting_walls(state, i, time);
+        // Supports have the normal of the wall: no grain rests on a partition.
+        let can_rest = state.world.walls[wall as usize].partition.is_none();
+        if can_rest && !repeated && state.world.wall_law(&class, wall).has_series() {
+            let rest = match state.world.walls[wall as usize].motion {
+                WallMotion::Fixed => come_to_rest(state, i, wall, law, before, time),
+                WallMotion::Oscillating(_) => carried::start(state, i, wall, law, time),
+                WallMotion::Constant(_) => None,
+            };
+            if let Some(rest) = rest {
+                state.pending.insert(i, rest);
+            }
+            slide::begin(state, i, time);
+        }
+    }
+}

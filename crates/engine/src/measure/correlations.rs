@@ -1,0 +1,218 @@
+//! Correlations in time of displacements, velocities and the pressure tensor, from which the coefficients of
+//! transport follow by the relations of Einstein and of Green and Kubo.
+
+use crate::{
+    model::{System, measure::Correlations},
+    numerics::{
+        error::EngineError,
+        sum::Sum,
+        tensor::Tensor,
+        words::{Words, fault, put_reals, put_sums},
+    },
+    report::{CORRELATIONS, Correlation, Exchange, Observer},
+    state::{State, flight_sums::Moments, world::World},
+};
+
+use super::{
+    Measurement,
+    multiple_tau::{MultipleTau, Operation},
+    stress::StressSums,
+};
+
+pub(crate) struct Correlator {
+    plan: Correlations,
+    tracers: Vec<u32>,
+    /// Number of states taken so far after the initial one.
+    taken: u64,
+    msd: Option<MultipleTau>,
+    vacf: Option<MultipleTau>,
+    stress: Option<StressCorrelation>,
+}
+
+/// The autocorrelation of the components of a pressure tensor that vanish on average in an isotropic system.
+struct StressCorrelation {
+    dimension: usize,
+    sums: StressSums,
+    stress: MultipleTau,
+    /// The integrals of the components, and the mean square of their changes.
+    integral: Vec<Sum>,
+    helfand: MultipleTau,
+}
+
+/// The symmetric traceless part of a tensor as independent components of equal variance: P_xy, (P_xx −
+/// P_yy)/2, and in three dimensions P_xz, P_yz, (P_xx + P_yy − 2 P_zz)/(2√3). The mean of their squares is
+/// the variance of P_xy (P. J. Daivis, D. J. Evans, J. Chem. Phys. 100, 541 (1994)).
+fn traceless(tensor: &Tensor, dimension: usize) -> Vec<f64> {
+    let [xx, xy, xz, yx, yy, yz, zx, zy, zz] = *tensor;
+    let mut components = vec![0.5 * (xy + yx), 0.5 * (xx - yy)];
+    if dimension == 3 {
+        let third = (xx + yy - 2.0 * zz) / (2.0 * 3.0_f64.sqrt());
+        components.extend([0.5 * (xz + zx), 0.5 * (yz + zy), third]);
+    }
+    components
+}
+
+impl Correlator {
+    pub fn new(system: &System, state: &State) -> Self {
+        let plan = system.measure.correlations;
+        let movable = |&i: &u32| state.world.body(i).inverse_mass != 0.0;
+        let movable: Vec<u32> = (0..state.world.particles.len() as u32).filter(movable).collect();
+        let count = movable.len().min(plan.tracers);
+        let tracers: Vec<u32> = (0..count).map(|k| movable[k * movable.len() / count]).collect();
+        let (width, divisor) = (3 * tracers.len(), tracers.len() as f64);
+        let tau = |operation| MultipleTau::new(operation, width, divisor);
+        let mut correlator = Self {
+            plan,
+            taken: 0,
+            msd: plan.msd.then(|| tau(Operation::SquareDifference)),
+            vacf: plan.vacf.then(|| tau(Operation::Product)),
+            stress: plan.stress.then(|| StressCorrelation::new(system, state)),
+            tracers,
+        };
+        correlator.add_particles(state);
+        correlator
+    }
+
+    /// Adds the present positions and velocities.
+    fn add_particles(&mut self, state: &State) {
+        let world = &state.world;
+        if let Some(msd) = &mut self.msd {
+            let unwrapped = |&i: &u32| {
+                let [x, y, z] = world.images[i as usize].map(f64::from);
+                let image = glam::DVec3::new(x, y, z) * world.periodicity.size;
+                let mut position = world.state(i, world.now).0 + image;
+                if let Some(shear) = &world.shear {
+                    // Only across the flow are displacements those of diffusion.
+                    position[shear.flow] = 0.0;
+                }
+                position.to_array()
+            };
+            msd.add(self.tracers.iter().flat_map(unwrapped).collect());
+        }
+        if let Some(vacf) = &mut self.vacf {
+            let velocity = |&i: &u32| world.peculiar(i, world.now).1.to_array();
+            vacf.add(self.tracers.iter().flat_map(velocity).collect());
+        }
+    }
+
+    /// Time of state number `k`.
+    fn time(&self, k: u64) -> f64 {
+        k as f64 * self.plan.interval
+    }
+}
+
+impl StressCorrelation {
+    fn new(system: &System, state: &State) -> Self {
+        let dimension = system.dimension.count();
+        let width = traceless(&[0.0; 9], dimension).len();
+        let mut helfand = MultipleTau::new(Operation::SquareDifference, width, width as f64);
+        helfand.add(vec![0.0; width]);
+        Self {
+            dimension,
+            sums: StressSums::new(system, &state.world),
+            stress: MultipleTau::new(Operation::ProductOfMeans, width, width as f64),
+            integral: vec![Sum::default(); width],
+            helfand,
+        }
+    }
+
+    /// Adds the interval that ends at `time`.
+    fn add(&mut self, state: &State, time: f64, interval: f64) {
+        let stress = self.sums.finish(&state.world, time).total();
+        let components = traceless(&stress, self.dimension);
+        for (sum, component) in self.integral.iter_mut().zip(&components) {
+            sum.add(component * interval);
+        }
+        self.stress.add(components);
+        self.helfand.add(self.integral.iter().map(Sum::value).collect());
+    }
+}
+
+impl Measurement for Correlator {
+    fn exchange(&mut self, exchange: &Exchange) {
+        if let Some(stress) = &mut self.stress {
+            stress.sums.exchange(exchange);
+        }
+    }
+
+    fn flights(&mut self, integrals: &Moments) {
+        if let Some(stress) = &mut self.stress {
+            stress.sums.flights(integrals);
+        }
+    }
+
+    fn replace(&mut self, world: &World, time: f64) {
+        if let Some(stress) = &mut self.stress {
+            stress.sums.replace(world, time);
+        }
+    }
+
+    fn next(&self, state: &State) -> i64 {
+        state.world.clock.ticks(self.time(self.taken + 1))
+    }
+
+    fn take(&mut self, state: &State, _observer: &mut dyn Observer) {
+        self.taken += 1;
+        let time = self.time(self.taken);
+        self.add_particles(state);
+        if let Some(stress) = &mut self.stress {
+            stress.add(state, time, self.plan.interval);
+        }
+    }
+
+    fn correlations(&self) -> Vec<Correlation> {
+        let all = [
+            self.msd.as_ref(),
+            self.vacf.as_ref(),
+            self.stress.as_ref().map(|stress| &stress.stress),
+            self.stress.as_ref().map(|stress| &stress.helfand),
+        ];
+        let mut found = Vec::new();
+        for (kind, correlation) in CORRELATIONS.iter().zip(all) {
+            let Some(correlation) = correlation else { continue };
+            let lags = correlation.lags();
+            found.push(Correlation {
+                name: kind.name,
+                lag: lags.iter().map(|lag| self.time(lag.steps)).collect(),
+                value: lags.iter().map(|lag| lag.value).collect(),
+                error: lags.iter().map(|lag| lag.error).collect(),
+                count: lags.iter().map(|lag| lag.count).collect(),
+            });
+        }
+        found
+    }
+
+    fn save(&self, words: &mut Vec<u64>) {
+        words.push(self.taken);
+        self.msd.iter().chain(&self.vacf).for_each(|correlation| correlation.save(words));
+        if let Some(stress) = &self.stress {
+            stress.sums.save(words);
+            put_sums(words, &stress.integral);
+            stress.stress.save(words);
+            stress.helfand.save(words);
+        }
+        put_reals(words, &[self.plan.interval]);
+    }
+
+    fn load(&mut self, words: &mut Words, time: f64) -> Result<(), EngineError> {
+        self.taken = words.take()?;
+        let rounding = 1e-9 * self.plan.interval;
+        let last = self.time(self.taken);
+        if !(last - rounding <= time && time <= last + self.plan.interval + rounding) {
+            return Err(fault(&format!(
+                "{} states of correlations do not fit to the time {time}",
+                self.taken
+            )));
+        }
+        for correlation in self.msd.iter_mut().chain(&mut self.vacf) {
+            correlation.load(words)?;
+        }
+        if let Some(stress) = &mut self.stress {
+            stress.sums.load(words)?;
+            words.sums(&mut stress.integral)?;
+            stress.stress.load(words)?;
+            stress.helfand.load(words)?;
+        }
+        if words.real()? == self.plan.interval { Ok(()) } else { Err(fault("another interval")) }
+    }
+}

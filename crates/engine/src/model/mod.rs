@@ -1,0 +1,47 @@
+/*!
+The simulated system: particles, walls, contact laws and the domain, as plain validated data.
+
+*What is here.* [`System`] and all that it contains; each feature has a file with its data (`drive`,
+`measure`, `shear`, `spin`, `thermal`, `wall_motion`). [`bounds`] has the ranges of values that
+scenes and live simulations share, `conserved` the axes along which momentum is conserved, `thresholds`
+the conditions of rest, `features` the sets of features that loops are compiled for.
+
+*What to change here.* The data of a new law, motion, drive or measurement: a file, a field or variant, and
+its bounds. What it does belongs to the rooms above.
+
+*May import* `numerics`, and `haff_mechanics` for laws of impact.
+
+*Begin with* [`System`].
+*/
+
+pub mod bounds;
+pub(crate) mod conserved;
+pub(crate) mod drive;
+pub(crate) mod features;
+pub(crate) mod measure;
+pub(crate) mod rest_speed;
+pub(crate) mod shear;
+pub(crate) mod spin;
+pub(crate) mod system;
+pub(crate) mod thermal;
+pub(crate) mod thresholds;
+pub(crate) mod wall_change;
+pub(crate) mod wall_law;
+pub(crate) mod wall_motion;
+
+pub use system::{
+    Body, Boundary, Class, Contacts, Dimension, Domain, Group, NeighborChoice, Options, SimdChoice, System,
+    Wall,
+};
+
+pub use haff_mechanics::{Hole, Partition, Restitution};
+
+pub use conserved::{common_velocity, conserved_momentum};
+pub use drive::{Drive, DriveKind, KickTimes};
+pub use measure::{Correlations, Grid, GridAxis, Measure};
+pub use rest_speed::rest_speed_of_diameter;
+pub use shear::Shear;
+pub use spin::Spin;
+pub use thermal::ThermalWall;
+pub use wall_law::WallLaw;
+pub use wall_motion::{ConstantVelocity, Oscillating, WallMotion, WallTime};

@@ -1,0 +1,208 @@
+//! The system: its box, bodies, walls and laws, and the options of a run.
+
+use glam::DVec3;
+use haff_mechanics::{Partition, Restitution};
+
+use crate::model::{
+    drive::Drive, measure::Measure, shear::Shear, spin::Spin, wall_law::WallLaw, wall_motion::WallMotion,
+};
+
+/// Number of space dimensions.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Dimension {
+    /// Disks in the plane z = 0; every z component of positions and velocities is exactly zero.
+    Two,
+    /// Spheres in space.
+    Three,
+}
+
+impl Dimension {
+    /// Number of coordinates that can change: 2 or 3.
+    pub fn count(self) -> usize {
+        match self {
+            Self::Two => 2,
+            Self::Three => 3,
+        }
+    }
+}
+
+/// The boundary of the domain along one axis.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Boundary {
+    /// The domain repeats.
+    Periodic,
+    /// Two plane walls at 0 and at L, which are contained in [`System::walls`].
+    Wall,
+    /// Unbounded; the size of the domain along this axis has no meaning.
+    Open,
+}
+
+/// The box [0, L) per axis. In two dimensions the z axis is `Open`.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Domain {
+    /// Edge lengths L [length].
+    pub size: DVec3,
+    /// The boundary along each axis.
+    pub boundary: [Boundary; 3],
+    /// Common acceleration of all bodies of finite mass [length/time²]; zero along periodic axes.
+    pub gravity: DVec3,
+    /// Simple shear; only if all axes are periodic.
+    pub shear: Option<Shear>,
+}
+
+/// Properties shared by particles: size, mass and contact group.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Class {
+    /// Radius R > 0 [length].
+    pub radius: f64,
+    /// Mass m > 0 [mass]; infinite for fixed and driven bodies, which gravity and impulses do not affect.
+    pub mass: f64,
+    /// Contact group: row of the tables in [`Contacts`], index into [`System::groups`].
+    pub group: u32,
+}
+
+/// Initial state of one particle.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Body {
+    /// Position of the center [length]; within [0, L) along periodic axes.
+    pub position: DVec3,
+    /// Velocity [length/time].
+    pub velocity: DVec3,
+    /// Box image per axis: how often the center has left the box through the upper face minus through the
+    /// lower.
+    pub image: [i32; 3],
+    /// Index into [`System::classes`].
+    pub class: u32,
+    /// Species as written to output files: species in scene order, then named particles.
+    pub species: u32,
+}
+
+/// Particles with the same contact laws: a species, or the explicit particles of one name.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Group {
+    /// Name as in the scene.
+    pub name: String,
+}
+
+/// A plane wall. Particles are on the side to which `normal` points; the other side is solid, unless it is a
+/// partition.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Wall {
+    /// Name as in the scene; `x-`, `x+`, … for the walls of the domain.
+    pub name: String,
+    /// A point of the plane at the reference time of a constant velocity, or on average [length].
+    pub point: DVec3,
+    /// Unit normal, towards the particles.
+    pub normal: DVec3,
+    /// Its motion.
+    pub motion: WallMotion,
+    /// The same plane, if particles are on both sides. It does not move, and no grain rests on it.
+    pub partition: Option<Partition>,
+}
+
+/// Laws of impact of every pair of contact groups and of every group with every wall.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Contacts {
+    /// Row-major `groups × groups`, symmetric.
+    pub pair: Vec<Restitution>,
+    /// Row-major `groups × walls`.
+    pub wall: Vec<WallLaw>,
+    /// Contact duration of the TC model [time]: a contact within `tc` of the last contact of either body is
+    /// elastic. 0 turns the model off.
+    pub tc: f64,
+    /// The speed v of rest under gravity [length/time]: supported particles slower than v/2 are put to rest.
+    /// 0: never.
+    pub rest_speed: f64,
+}
+
+impl Contacts {
+    /// Whether no contact ever loses energy.
+    #[must_use]
+    pub fn are_elastic(&self) -> bool {
+        self.pair.iter().all(|&law| law == Restitution::Constant(1.0))
+            && self.wall.iter().all(WallLaw::is_elastic)
+    }
+}
+
+/// The complete input of the engine, already validated.
+#[derive(Debug, Clone, PartialEq)]
+pub struct System {
+    /// 2 or 3.
+    pub dimension: Dimension,
+    /// Box, boundaries and gravity.
+    pub domain: Domain,
+    /// Particles in output order.
+    pub bodies: Vec<Body>,
+    /// Sizes and masses.
+    pub classes: Vec<Class>,
+    /// Contact groups.
+    pub groups: Vec<Group>,
+    /// Names of species by [`Body::species`].
+    pub species: Vec<String>,
+    /// Walls: those of the domain first (`x-`, `x+`, `y-`, …), then those of the scene.
+    pub walls: Vec<Wall>,
+    /// Laws of impact.
+    pub contacts: Contacts,
+    /// Spins and rough contacts; `None` for smooth particles.
+    pub spin: Option<Spin>,
+    /// Drives: actions that add energy to the particles, or remove it, at stated times.
+    pub drives: Vec<Drive>,
+    /// Seed of the random numbers of drives and walls.
+    pub seed: u64,
+    /// What to measure while the run goes on.
+    pub measure: Measure,
+}
+
+/// The search for collision partners. The choice never changes the trajectory.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub enum NeighborChoice {
+    /// The engine chooses, depending on the system.
+    #[default]
+    Auto,
+    /// A grid of cells whose width is at least the largest diameter.
+    Cells,
+    /// Windows of time: all contacts within a window are found together, with a grid. For gases in closed
+    /// boxes.
+    Windows,
+    /// Neighbor lists: for each particle those within a shell around it.
+    Lists,
+    /// Every pair is tested: for very small systems, and the reference for every other method.
+    AllPairs,
+}
+
+/// The instructions of the prediction kernel. The choice never changes the trajectory.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub enum SimdChoice {
+    /// The best kernel that the processor supports.
+    #[default]
+    Auto,
+    /// 256-bit vectors (AVX2); an error if the processor does not support them.
+    Avx2,
+    /// The baseline instructions of the target.
+    Portable,
+}
+
+/// Choices of algorithm; none of them changes the trajectory.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub struct Options {
+    /// The search for collision partners.
+    pub neighbors: NeighborChoice,
+    /// The prediction kernel.
+    pub simd: SimdChoice,
+    /// Number of blocks of space whose events are taken at the same time, as long as the scene uses windows
+    /// and suits; 1 for one event after the other. `None`: that of threads, in large systems.
+    pub blocks: Option<u16>,
+}
+
+impl NeighborChoice {
+    /// The name in scene files.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Auto => "auto",
+            Self::Cells => "cells",
+            Self::Windows => "windows",
+            Self::Lists => "lists",
+            Self::AllPairs => "all_pairs",
+        }
+    }
+}

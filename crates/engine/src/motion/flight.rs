@@ -1,0 +1,146 @@
+//! Flights of particles: where they are, and how fast, at a time.
+
+use glam::DVec3;
+
+use crate::{
+    model::features::{Features, With},
+    motion::support::unbalanced_gravity,
+    state::world::World,
+};
+
+impl World {
+    /// Whether particles have no acceleration in their flights.
+    pub fn flies_straight(&self) -> bool {
+        self.gravity == DVec3::ZERO && !self.carries
+    }
+
+    /// Acceleration of a particle in its flight [length/time²], without that of a wall that carries it.
+    #[inline(always)]
+    pub fn acceleration(&self, i: u32) -> DVec3 {
+        let particle = &self.particles[i as usize];
+        if self.classes[particle.class()].inverse_mass == 0.0 {
+            DVec3::ZERO
+        } else if particle.rests() {
+            self.supported_acceleration(i)
+        } else {
+            self.gravity
+        }
+    }
+
+    /// The part of gravity that the walls under a particle do not balance, or that is along its carrier; with
+    /// the friction on it.
+    #[inline(never)]
+    fn supported_acceleration(&self, i: u32) -> DVec3 {
+        if let Some(wall) = self.carrier(i) {
+            // A wall that accelerates carries a grain also against gravity.
+            let n = self.walls[wall as usize].normal;
+            let along = self.gravity - n * self.gravity.dot(n);
+            let along = along - n * along.dot(n);
+            // Other walls that support it are perpendicular to its carrier.
+            let others = self.support[i as usize][1..].iter().flatten();
+            return unbalanced_gravity(along, &others.map(|&wall| self.walls[usize::from(wall)].normal));
+        }
+        let walls = self.support[i as usize].iter().flatten();
+        let unbalanced =
+            unbalanced_gravity(self.gravity, &walls.map(|&wall| self.walls[wall as usize].normal));
+        if self.spin.is_some() { unbalanced + self.friction(i) } else { unbalanced }
+    }
+
+    /// Time from the anchor of particle i to `ticks` [time].
+    #[inline(always)]
+    pub fn age(&self, i: u32, ticks: i64) -> f64 {
+        (ticks - self.particles[i as usize].time) as f64 * self.clock.tick
+    }
+
+    /// Position (in anchor coordinates) and velocity of particle i at `ticks`.
+    #[inline]
+    pub fn flight<F: Features>(&self, i: u32, ticks: i64) -> (DVec3, DVec3) {
+        let particle = &self.particles[i as usize];
+        let dt = self.age(i, ticks);
+        if F::GRAVITY {
+            let a = self.acceleration(i);
+            let flight = (
+                haff_mechanics::free_flight(particle.position, particle.velocity, a, dt),
+                haff_mechanics::free_flight_velocity(particle.velocity, a, dt),
+            );
+            match self.carrier(i) {
+                Some(wall) => self.carried(i, wall, ticks, flight),
+                None => flight,
+            }
+        } else {
+            (haff_mechanics::drift(particle.position, particle.velocity, dt), particle.velocity)
+        }
+    }
+
+    /// [`Self::flight`] for code that is not compiled per feature. Returns the same bits.
+    pub fn state(&self, i: u32, ticks: i64) -> (DVec3, DVec3) {
+        if self.flies_straight() {
+            self.flight::<With<false, false>>(i, ticks)
+        } else {
+            self.flight::<With<true, false>>(i, ticks)
+        }
+    }
+
+    /// Bound of the length of the flight of particle i from its own last event to `ticks` \[length\], to
+    /// which the rounding error of its position is relative: |v| t + ½ |a| t². Under gravity it can be far
+    /// longer than the distance of both ends.
+    pub fn flight_length(&self, i: u32, ticks: i64) -> f64 {
+        let age = self.age(i, ticks);
+        let particle = &self.particles[i as usize];
+        age * (particle.velocity.length() + 0.5 * self.acceleration(i).length() * age)
+    }
+
+    /// Magnitudes to which the rounding error of the position of particle i is relative \[length\]: those of
+    /// its coordinates at its own last event, or the longest flight if that is longer.
+    pub fn coordinates(&self, i: u32) -> DVec3 {
+        self.particles[i as usize].position.abs().max(DVec3::splat(self.longest_flight))
+    }
+
+    /// Moves the anchor of particle i along its flight to the present, which is no own event.
+    pub fn move_anchor(&mut self, i: u32) {
+        let (position, velocity) = self.state(i, self.now);
+        let particle = &mut self.particles[i as usize];
+        (particle.position, particle.velocity, particle.time) = (position, velocity, self.now);
+        self.wrap_anchor(i);
+    }
+
+    /// Wraps the anchor of particle i into the box. Returns the number of box lengths per axis.
+    #[inline(always)]
+    pub fn wrap_anchor(&mut self, i: u32) -> [i32; 3] {
+        let position = self.particles[i as usize].position;
+        if self.periodicity.contains(position) {
+            return [0; 3];
+        }
+        self.wrap_anchor_outside(i, position)
+    }
+
+    /// [`Self::wrap_anchor`] for an anchor at `position`, outside of the box.
+    #[cold]
+    fn wrap_anchor_outside(&mut self, i: u32, position: DVec3) -> [i32; 3] {
+        let before = position;
+        let (position, wraps, velocity) = self.wrap(before, self.particles[i as usize].time);
+        if wraps != [0; 3] {
+            let particle = &mut self.particles[i as usize];
+            particle.position = position;
+            if self.shear.is_some() {
+                particle.velocity += velocity;
+            }
+            for (image, turns) in self.images[i as usize].iter_mut().zip(wraps) {
+                *image += turns;
+            }
+            if let Some(shear) = &self.shear {
+                // Wraps along the flow are not the length of a flight.
+                let path = before[shear.flow].abs();
+                if path > 2.0 * self.periodicity.size[shear.flow] {
+                    self.longest_flight = self.longest_flight.max(path);
+                }
+                return wraps;
+            }
+            for (axis, turns) in wraps.into_iter().enumerate().filter(|(_, turns)| turns.abs() > 1) {
+                self.longest_flight =
+                    self.longest_flight.max(f64::from(turns).abs() * self.periodicity.size[axis]);
+            }
+        }
+        wraps
+    }
+}

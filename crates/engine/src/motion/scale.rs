@@ -1,0 +1,63 @@
+//! The largest speed and extent of a system, from which the tick of the clock follows.
+
+use glam::DVec3;
+
+use crate::state::world::World;
+
+/// The tick is made shorter before a particle moves by more than this part of the extent in it: a time that
+/// is rounded to a tick must not change a distance by more than [`allowed_overlap`](crate::allowed_overlap),
+/// which is this part of the extent, too.
+const RESOLUTION: f64 = 16.0 * f64::EPSILON;
+
+/// A tick that is chosen for a speed serves for speeds up to this many times as large.
+const GIVEN_RATIO: f64 = 4.0;
+
+impl World {
+    /// The system for which the present tick has been chosen: its extent \[length\] and its largest speed
+    /// [length/time].
+    pub fn set_scale(&mut self, extent: f64, speed: f64) {
+        // The second bound, where a tick cannot be as short as the speed needs.
+        self.set_fastest(extent, (extent * RESOLUTION / self.clock.tick).max(2.0 * speed));
+    }
+
+    /// [`Self::set_scale`] with the largest speed for which the tick is short enough [length/time].
+    pub fn set_fastest(&mut self, extent: f64, fastest: f64) {
+        (self.extent, self.fastest) = (extent, fastest);
+        self.fastest_square = (fastest * fastest).min(f64::MAX);
+    }
+
+    /// Whether the tick is short enough for a velocity; false if it is not finite.
+    #[inline(always)]
+    pub fn is_resolved(&self, velocity: DVec3) -> bool {
+        velocity.length_squared() <= self.fastest_square
+    }
+
+    /// A bound on the speed of particles: the largest present speed of bodies and walls, plus the gain of a
+    /// fall through `extent`.
+    pub fn largest_speed(&self, extent: f64) -> f64 {
+        let fastest = (0..self.particles.len() as u32)
+            .map(|i| self.state(i, self.now).1.length_squared())
+            .chain(self.walls.iter().map(|wall| wall.motion.max_speed().powi(2)))
+            .chain(self.shear.iter().map(|shear| shear.speed.powi(2)))
+            .fold(0.0, f64::max);
+        let present = (fastest + 2.0 * self.gravity.length() * extent).sqrt();
+        // What is given soon, if the present speeds are much lower: the tick is chosen for a whole epoch.
+        if self.given_speed > GIVEN_RATIO * present { self.given_speed } else { present }
+    }
+
+    /// Largest extent of the system along any axis [length].
+    pub fn extent(&self, open: [bool; 3]) -> f64 {
+        let mut extent: f64 = 0.0;
+        let radius = self.classes.iter().map(|class| class.radius).fold(0.0, f64::max);
+        for axis in 0..3 {
+            if open[axis] {
+                for i in 0..self.particles.len() as u32 {
+                    extent = extent.max(self.state(i, self.now).0[axis].abs());
+                }
+            } else {
+                extent = extent.max(self.periodicity.size[axis]);
+            }
+        }
+        extent.max(2.0 * radius)
+    }
+}

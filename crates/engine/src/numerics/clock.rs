@@ -1,0 +1,139 @@
+/*!
+Time as integer ticks, so that its resolution does not depend on the length of a run.
+
+The length of a tick is a power of two, so short that the displacement of the fastest particle in one tick is
+below the rounding error of a coordinate. Ticks count from the start of the present *epoch*, which lasts
+[`EPOCH`] ticks. At its end [`EPOCH`] is subtracted from all times, which is exact. The duration between two
+times is a difference of integers, and is rounded only once, when it is converted to `f64`.
+*/
+
+use crate::numerics::instant::Instant;
+
+/// Length of an epoch [ticks]: about 64 times the time in which the fastest particle crosses the system.
+pub(crate) const EPOCH: i64 = 1 << 60;
+/// At the end of an epoch, older anchors than this are moved forward to the age [`ANCHOR_AGE`] [ticks].
+pub(crate) const OLDEST_ANCHOR: i64 = 1 << 62;
+/// Age of an anchor that has been moved forward [ticks].
+pub(crate) const ANCHOR_AGE: i64 = 1 << 61;
+/// An event later than this from now is not entered; the particle is predicted again at this time [ticks].
+pub(crate) const HORIZON: f64 = (1_u64 << 60) as f64;
+/// Longest duration from an anchor to an event \[ticks\]. It exceeds [`HORIZON`], because an anchor may be
+/// older than an epoch. Its sum with the time of an anchor stays below 2^63.
+pub(crate) const LONGEST: f64 = ((1_u64 << 62) + (1_u64 << 61)) as f64;
+/// log₂ of the number of ticks in which the fastest particle crosses the system.
+const TICKS_PER_CROSSING: i32 = 54;
+
+/// Converts between ticks and time.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(crate) struct Clock {
+    /// log₂ of the tick [time].
+    pub exponent: i32,
+    /// Length of a tick [time], a power of two.
+    pub tick: f64,
+    /// Ticks per time.
+    pub per_time: f64,
+    /// Start of the epoch [time]; `base_low` is its rounding error.
+    pub base: f64,
+    pub base_low: f64,
+}
+
+impl Clock {
+    /// A clock at time 0 with ticks of length 2^`exponent`.
+    pub fn new(exponent: i32) -> Self {
+        let exponent = exponent.clamp(-1000, 900);
+        Self {
+            exponent,
+            tick: power_of_two(exponent),
+            per_time: power_of_two(-exponent),
+            base: 0.0,
+            base_low: 0.0,
+        }
+    }
+
+    /// The exponent of the tick for a system of this extent and largest speed.
+    pub fn exponent_for(extent: f64, speed: f64) -> i32 {
+        let crossing = if speed > 0.0 { extent / speed } else { 1.0 };
+        exponent_of(crossing) - TICKS_PER_CROSSING
+    }
+
+    /// Time at `ticks`, without rounding.
+    pub fn instant(&self, ticks: i64) -> Instant {
+        // Each half of the ticks is a number without rounding.
+        let (upper, lower) = (ticks >> 32 << 32, ticks & 0xffff_ffff);
+        let start = Instant { high: self.base, low: self.base_low };
+        start.after(upper as f64 * self.tick).after(lower as f64 * self.tick)
+    }
+
+    /// Time at `ticks`.
+    pub fn time(&self, ticks: i64) -> f64 {
+        self.base + (ticks as f64 * self.tick + self.base_low)
+    }
+
+    /// The tick nearest to a time, limited to ±2^62.
+    pub fn ticks(&self, time: f64) -> i64 {
+        const FAR: f64 = (1_u64 << 62) as f64;
+        (((time - self.base) - self.base_low) * self.per_time).round_ties_even().clamp(-FAR, FAR) as i64
+    }
+
+    /// Starts the next epoch at `now` \[ticks\], usually [`EPOCH`].
+    pub fn start_epoch(&mut self, now: i64) {
+        if now != EPOCH {
+            let start = self.instant(now);
+            (self.base, self.base_low) = (start.high, start.low);
+            return;
+        }
+        let step = EPOCH as f64 * self.tick;
+        let sum = self.base + step;
+        // Two-sum: exact up to a base of 2^53 epochs, and compensated beyond.
+        let part = sum - self.base;
+        self.base_low += (self.base - (sum - part)) + (step - part);
+        self.base = sum;
+    }
+
+    /// The same clock with another length of a tick.
+    pub fn with_exponent(&self, exponent: i32) -> Self {
+        Self { base: self.base, base_low: self.base_low, ..Self::new(exponent) }
+    }
+}
+
+/// Rounds a duration in [0, [`LONGEST`]] to whole ticks.
+#[inline(always)]
+pub(crate) fn whole(ticks: f64) -> i64 {
+    debug_assert!((0.0..=LONGEST).contains(&ticks));
+    (ticks + 0.5) as i64
+}
+
+/// 2^e for −1022 ≤ e ≤ 1023.
+fn power_of_two(exponent: i32) -> f64 {
+    f64::from_bits(((exponent + 1023) as u64) << 52)
+}
+
+/// ⌊log₂ x⌋ of a positive finite number.
+fn exponent_of(x: f64) -> i32 {
+    ((x.clamp(1e-290, 1e290).to_bits() >> 52) & 0x7ff) as i32 - 1023
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn epochs_are_exact() {
+        let mut clock = Clock::new(-50);
+        for _ in 0..1000 {
+            clock.start_epoch(EPOCH);
+        }
+        assert_eq!(clock.time(0), 1000.0 * 1024.0);
+        assert_eq!(clock.ticks(clock.time(12_345 << 30)), 12_345 << 30);
+        assert_eq!(clock.base_low, 0.0);
+    }
+
+    #[test]
+    fn a_tick_moves_nothing_by_more_than_rounding() {
+        for (extent, speed) in [(1.0, 1.0), (300.0, 5.0), (1e-6, 3e8), (7e5, 1e-9)] {
+            let clock = Clock::new(Clock::exponent_for(extent, speed));
+            assert!(clock.tick * speed <= extent * 2.0_f64.powi(-54));
+            assert!(clock.tick * speed > extent * 2.0_f64.powi(-56));
+        }
+    }
+}

@@ -1,0 +1,37 @@
+//! Correlations in time, as files have them.
+
+use crate::model::Correlations;
+
+/// A correlation as files have it.
+#[derive(Debug, Clone, Copy)]
+pub struct CorrelationKind {
+    /// Name in files.
+    pub name: &'static str,
+    /// Unit of the value.
+    pub unit: &'static str,
+    /// Whether it is measured.
+    pub exists: fn(&Correlations) -> bool,
+}
+
+/// All correlations, in the order of [`Correlation`]s.
+pub const CORRELATIONS: [CorrelationKind; 4] = [
+    CorrelationKind { name: "msd", unit: "length^2", exists: |c| c.msd },
+    CorrelationKind { name: "vacf", unit: "length^2/time^2", exists: |c| c.vacf },
+    CorrelationKind { name: "stress", unit: "energy^2/length^2d", exists: |c| c.stress },
+    CorrelationKind { name: "helfand", unit: "energy^2 time^2/length^2d", exists: |c| c.stress },
+];
+
+/// A correlation so far.
+#[derive(Debug, Clone, PartialEq, Default)]
+pub struct Correlation {
+    /// Name as in [`CORRELATIONS`].
+    pub name: &'static str,
+    /// Lags, in ascending order \[time\].
+    pub lag: Vec<f64>,
+    /// Value by lag: ⟨|r(t) − r(0)|²⟩, ⟨v(t)·v(0)⟩, ⟨P_xy(t) P_xy(0)⟩ or ⟨(∫P_xy dt)²⟩.
+    pub value: Vec<f64>,
+    /// Standard error of the value; NaN from less than eight pairs of states.
+    pub error: Vec<f64>,
+    /// Number of pairs of states.
+    pub count: Vec<u64>,
+}

@@ -1,0 +1,129 @@
+//! The energy balance, T + V = T₀ + V₀ − Σ ΔT + Σ sign · term, with named terms; T with that of rotation,
+//! under shear that of peculiar velocities.
+//!
+//! To add a source or sink of energy, add a [`Term`]. Files, reports and Python take names and signs from
+//! here.
+
+use crate::{
+    model::{System, WallLaw},
+    numerics::number::significant,
+};
+
+/// A term of the balance, besides T, V and the losses Σ ΔT of impacts.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[repr(usize)]
+pub enum Term {
+    /// Work of moving walls and driven bodies on the particles.
+    WallWork,
+    /// Heat from thermal walls.
+    WallHeat,
+    /// Work of drives on the particles.
+    DriveWork,
+    /// Work of shear on the particles.
+    ShearWork,
+    /// Kinetic energy removed by putting grains to rest.
+    Rest,
+    /// Energy given by changes of the state from outside.
+    Change,
+}
+
+impl Term {
+    /// Every term; the index of a term is its discriminant.
+    pub const ALL: [Self; 6] =
+        [Self::WallWork, Self::WallHeat, Self::DriveWork, Self::ShearWork, Self::Rest, Self::Change];
+
+    /// The name in files and reports.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::WallWork => "wall_work",
+            Self::WallHeat => "wall_heat",
+            Self::DriveWork => "drive_work",
+            Self::ShearWork => "shear_work",
+            Self::Rest => "rest_energy",
+            Self::Change => "change_work",
+        }
+    }
+
+    /// The name in text.
+    pub fn label(self) -> &'static str {
+        match self {
+            Self::WallWork => "work of walls",
+            Self::WallHeat => "heat from walls",
+            Self::DriveWork => "work of drives",
+            Self::ShearWork => "work of shear",
+            Self::Rest => "taken by rest",
+            Self::Change => "given by changes",
+        }
+    }
+
+    /// 1 if the term is energy given to the particles, −1 if it is energy taken from them.
+    pub fn sign(self) -> f64 {
+        match self {
+            Self::WallWork | Self::WallHeat | Self::DriveWork | Self::ShearWork | Self::Change => 1.0,
+            Self::Rest => -1.0,
+        }
+    }
+
+    /// Whether a system can have this term. Files contain only such terms.
+    pub fn exists(self, system: &System) -> bool {
+        match self {
+            Self::WallWork => true,
+            Self::WallHeat => system.contacts.wall.iter().any(WallLaw::is_thermal),
+            Self::DriveWork => !system.drives.is_empty(),
+            Self::ShearWork => system.domain.shear.is_some(),
+            Self::Rest => system.contacts.rest_speed > 0.0,
+            // No system says whether a run is changed on its way: `Present::with_terms` does.
+            Self::Change => false,
+        }
+    }
+}
+
+/// Largest residual of the balance that rounding explains.
+pub const LARGEST_RESIDUAL: f64 = 1e-12;
+
+/// A warning, if a residual of the balance is more than rounding, as text without a final point.
+pub fn residual_warning(residual: f64) -> Option<String> {
+    // Also if it is no number.
+    let within = residual.abs() <= LARGEST_RESIDUAL;
+    (!within).then(|| {
+        format!(
+            "the ledger residual is {}, beyond {LARGEST_RESIDUAL:e}: this part of the energy is missing in the \
+             balance, and energies are not more accurate than that",
+            significant(residual, 2)
+        )
+    })
+}
+
+/// Energies and their balance (compensated sums).
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+pub struct Ledger {
+    /// T of the bodies of finite mass, of translation [energy].
+    pub kinetic: f64,
+    /// T of rotation; zero without spin [energy].
+    pub rotational: f64,
+    /// V of gravity, zero at the origin, plus that of springs [energy].
+    pub potential: f64,
+    /// The part of V that is in springs, zero without force [energy]. This engine has no springs: 0.
+    pub spring: f64,
+    /// Σ ΔT so far [energy].
+    pub dissipated: f64,
+    /// Σ E'_c so far [energy].
+    pub carnot: f64,
+    /// The other terms so far \[energy\], indexed by [`Term`].
+    pub terms: [f64; Term::ALL.len()],
+    /// T + V − (T₀ + V₀ − Σ ΔT + Σ sign · term), relative to the largest |summand|. T includes here the
+    /// energy that pending series of bounces, completed but not yet ended, will still lose.
+    pub residual: f64,
+}
+
+impl Ledger {
+    /// The value of a term so far [energy].
+    pub fn term(&self, term: Term) -> f64 {
+        self.terms[term as usize]
+    }
+
+    /// Energy that all terms together have given to the particles so far [energy].
+    pub fn supplied(&self) -> f64 {
+        Term::ALL.into_iter().map(|term| term.sign() * self.term(term)).sum()
+    }
+}

@@ -1,0 +1,37 @@
+/*!
+The output of a simulation as plain data: events, frames, samples, counters and checkpoints.
+
+*What is here.* [`Observer`] receives events and changes of velocity; [`Frame`], [`Sample`] and [`Checkpoint`]
+are what a caller asks for. `ledger` has the terms of the balance of energies, [`observables`] names, units
+and formulas of all columns of samples, [`totals`] the numbers of a whole run. The recorder, reports and
+Python take names, units and signs from these tables.
+
+*What to change here.* A new observable is a row of [`observables`], a new term of the balance a variant of
+[`Term`], a new kind of event a variant of [`EventKind`].
+
+*May import* `numerics` and `model`.
+
+*Begin with* [`Observer`] and [`EventRecord`].
+*/
+
+pub(crate) mod checkpoint;
+pub(crate) mod correlation;
+pub(crate) mod event;
+pub(crate) mod ledger;
+pub(crate) mod observables;
+pub(crate) mod observer;
+pub(crate) mod sample;
+pub(crate) mod stress_tensor;
+pub(crate) mod totals;
+
+pub use checkpoint::Checkpoint;
+pub use correlation::{CORRELATIONS, Correlation, CorrelationKind};
+pub(crate) use event::row;
+pub use event::{EventColumn, EventKind, EventRecord, Exchange, NO_PARTNER, Partner, VelocityChange};
+pub use observer::{Observer, ProfileRow, Silent};
+pub use sample::{BlockCounts, Counters, Frame, Sample, Stop};
+
+pub use ledger::{LARGEST_RESIDUAL, Ledger, Term, residual_warning};
+pub use observables::{Observable, Present, Quantity, Sizes, observables};
+pub use stress_tensor::StressTensor;
+pub use totals::{RUN_NUMBERS, Total, counts, energies, total_names, totals};

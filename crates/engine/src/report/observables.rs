@@ -1,0 +1,240 @@
+//! The table of observables. Recorder, reports, Python and documentation take names and units from it. To add
+//! an observable, add a row, or a [`Term`] of the energy balance.
+
+use glam::DVec3;
+
+use crate::{
+    model::{Boundary, System},
+    report::{
+        Sample,
+        ledger::{Ledger, Term},
+        stress_tensor::StressTensor,
+    },
+};
+
+/// The value of an observable in a sample.
+#[derive(Debug, Clone, Copy)]
+pub enum Quantity {
+    /// A number.
+    Real(fn(&Sample) -> f64),
+    /// A count since the start.
+    Count(fn(&Sample) -> u64),
+    /// A vector.
+    Vector(fn(&Sample) -> DVec3),
+    /// A number for each species.
+    PerSpecies(fn(&Sample) -> &[f64]),
+    /// A number for each wall.
+    PerWall(fn(&Sample) -> &[f64]),
+    /// A vector for each wall.
+    VectorPerWall(fn(&Sample) -> &[DVec3]),
+    /// A tensor.
+    Tensor(fn(&Sample) -> [f64; 9]),
+    /// A term of the energy balance.
+    Term(Term),
+}
+
+/// One observable.
+#[derive(Debug, Clone, Copy)]
+pub struct Observable {
+    /// Name in files.
+    pub name: &'static str,
+    /// Unit, as an expression in the scene's units; "1" for dimensionless numbers.
+    pub unit: &'static str,
+    /// How its value follows from a sample.
+    pub quantity: Quantity,
+    /// Whether a scene with these features has it.
+    pub exists: fn(Present) -> bool,
+}
+
+/// The features of a scene that decide which observables exist.
+#[expect(clippy::struct_excessive_bools, reason = "each feature is present or absent")]
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Present {
+    /// There are springs.
+    pub springs: bool,
+    /// There is a volume: no axis is open.
+    pub volume: bool,
+    /// Angular momentum is defined: no axis is periodic.
+    pub angular_momentum: bool,
+    /// There are named species.
+    pub species: bool,
+    /// There are spins.
+    pub spin: bool,
+    /// The box is sheared.
+    pub shear: bool,
+    /// The pressure tensor is measured.
+    pub stress: bool,
+    /// The forces on walls are measured.
+    pub wall_forces: bool,
+    /// Which terms of the energy balance exist, indexed by [`Term`].
+    pub terms: [bool; Term::ALL.len()],
+}
+
+impl Present {
+    /// The features of a system. Springs are not part of a [`System`].
+    pub fn of(system: &System) -> Self {
+        let axes = &system.domain.boundary[..system.dimension.count()];
+        Self {
+            springs: false,
+            volume: !axes.contains(&Boundary::Open),
+            angular_momentum: !axes.contains(&Boundary::Periodic),
+            species: !system.species.is_empty(),
+            spin: system.spin.is_some(),
+            shear: system.domain.shear.is_some(),
+            stress: system.measure.stress,
+            wall_forces: system.measure.wall_forces && !system.walls.is_empty(),
+            terms: Term::ALL.map(|term| term.exists(system)),
+        }
+    }
+
+    /// These features, and the terms of a ledger that are not zero: in a run that goes on in another system
+    /// they are from before, or from the change itself.
+    #[must_use]
+    pub fn with_terms(mut self, ledger: &Ledger) -> Self {
+        for (present, value) in self.terms.iter_mut().zip(ledger.terms) {
+            *present |= value != 0.0;
+        }
+        self
+    }
+
+    /// All features: every observable exists.
+    pub fn all() -> Self {
+        Self {
+            springs: true,
+            volume: true,
+            angular_momentum: true,
+            species: true,
+            spin: true,
+            shear: true,
+            stress: true,
+            wall_forces: true,
+            terms: [true; Term::ALL.len()],
+        }
+    }
+}
+
+const ENERGY: &str = "energy";
+const PRESSURE: &str = "energy/length^d";
+
+/// Rows before the terms of the energy balance.
+const ENERGIES: [Observable; 7] = [
+    row("kinetic_energy", ENERGY, Quantity::Real(|s| s.ledger.kinetic), always),
+    row("rotational_energy", ENERGY, Quantity::Real(|s| s.ledger.rotational), |p| p.spin),
+    row("potential_energy", ENERGY, Quantity::Real(|s| s.ledger.potential), always),
+    row("gravity_energy", ENERGY, Quantity::Real(|s| s.ledger.potential - s.ledger.spring), |p| p.springs),
+    row("spring_energy", ENERGY, Quantity::Real(|s| s.ledger.spring), |p| p.springs),
+    row("dissipated_energy", ENERGY, Quantity::Real(|s| s.ledger.dissipated), always),
+    row("carnot_energy", ENERGY, Quantity::Real(|s| s.ledger.carnot), always),
+];
+
+/// Rows after the terms of the energy balance.
+const OTHERS: [Observable; 19] = [
+    row("ledger_residual", "1", Quantity::Real(|s| s.ledger.residual), always),
+    row("temperature", ENERGY, Quantity::Real(|s| s.temperature), always),
+    row("species_temperature", ENERGY, Quantity::PerSpecies(|s| &s.species_temperature), |p| p.species),
+    row("rotational_temperature", ENERGY, Quantity::Real(|s| s.rotational_temperature), |p| p.spin),
+    row(
+        "species_rotational_temperature",
+        ENERGY,
+        Quantity::PerSpecies(|s| &s.species_rotational_temperature),
+        |p| p.species && p.spin,
+    ),
+    row("sonine_a2", "1", Quantity::Real(|s| s.sonine_a2), always),
+    row("pressure", PRESSURE, Quantity::Real(|s| s.pressure.unwrap_or(f64::NAN)), |p| p.volume),
+    row("pressure_tensor", PRESSURE, Quantity::Tensor(|s| stress(s).total()), |p| p.stress),
+    row("pressure_tensor_kinetic", PRESSURE, Quantity::Tensor(|s| stress(s).kinetic), |p| p.stress),
+    row("pressure_tensor_collisional", PRESSURE, Quantity::Tensor(|s| stress(s).collisional), |p| p.stress),
+    row("wall_force", "mass length/time^2", Quantity::VectorPerWall(|s| &s.wall_force), |p| p.wall_forces),
+    row("wall_heat_flow", "energy/time", Quantity::PerWall(|s| &s.wall_heat_flow), |p| p.wall_forces),
+    row("momentum", "mass length/time", Quantity::Vector(|s| s.momentum), always),
+    row("external_impulse", "mass length/time", Quantity::Vector(|s| s.external_impulse), always),
+    row(
+        "angular_momentum",
+        "mass length^2/time",
+        Quantity::Vector(|s| s.angular_momentum.unwrap_or(DVec3::NAN)),
+        |p| p.angular_momentum,
+    ),
+    row("collisions", "1", Quantity::Count(|s| s.collisions), always),
+    row("wall_collisions", "1", Quantity::Count(|s| s.wall_collisions), always),
+    row("collision_rate", "1/time", Quantity::Real(|s| s.collision_rate), always),
+    row("mean_free_time", "time", Quantity::Real(|s| s.mean_free_time), always),
+];
+
+pub(crate) const fn row(
+    name: &'static str,
+    unit: &'static str,
+    quantity: Quantity,
+    exists: fn(Present) -> bool,
+) -> Observable {
+    Observable { name, unit, quantity, exists }
+}
+
+fn stress(sample: &Sample) -> StressTensor {
+    sample.stress.unwrap_or(StressTensor { kinetic: [f64::NAN; 9], collisional: [f64::NAN; 9] })
+}
+
+fn always(_: Present) -> bool {
+    true
+}
+
+/// All observables of a scene with these features, in the order of output files.
+pub fn observables(present: &Present) -> Vec<Observable> {
+    let terms = Term::ALL
+        .into_iter()
+        .filter(|&term| present.terms[term as usize])
+        .map(|term| row(term.name(), ENERGY, Quantity::Term(term), always));
+    let exists = |observable: &Observable| (observable.exists)(*present);
+    ENERGIES.into_iter().filter(exists).chain(terms).chain(OTHERS.into_iter().filter(exists)).collect()
+}
+
+/// The numbers on which the shapes of observables depend.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub struct Sizes {
+    /// Number of species.
+    pub species: usize,
+    /// Number of walls.
+    pub walls: usize,
+    /// 2 or 3.
+    pub dimension: usize,
+}
+
+impl Sizes {
+    /// Those of a system.
+    pub fn of(system: &System) -> Self {
+        Self { species: system.species.len(), walls: system.walls.len(), dimension: system.dimension.count() }
+    }
+}
+
+/// The d·d components of a tensor in the first d dimensions.
+fn leading(tensor: &[f64; 9], d: usize) -> impl Iterator<Item = f64> {
+    (0..9).filter(move |k| k / 3 < d && k % 3 < d).map(|k| tensor[k])
+}
+
+impl Quantity {
+    /// Shape of the value in a scene of these sizes; empty for a number.
+    pub fn shape(self, sizes: Sizes) -> Vec<usize> {
+        match self {
+            Self::Real(_) | Self::Count(_) | Self::Term(_) => Vec::new(),
+            Self::Vector(_) => vec![3],
+            Self::PerSpecies(_) => vec![sizes.species],
+            Self::PerWall(_) => vec![sizes.walls],
+            Self::VectorPerWall(_) => vec![sizes.walls, 3],
+            Self::Tensor(_) => vec![sizes.dimension; 2],
+        }
+    }
+
+    /// Appends the values of a sample in a scene of these sizes. Counts are converted to `f64`.
+    pub fn append(self, sample: &Sample, sizes: Sizes, numbers: &mut Vec<f64>) {
+        match self {
+            Self::Real(value) => numbers.push(value(sample)),
+            Self::Count(value) => numbers.push(value(sample) as f64),
+            Self::Vector(value) => numbers.extend(value(sample).to_array()),
+            Self::PerSpecies(values) | Self::PerWall(values) => numbers.extend(values(sample)),
+            Self::VectorPerWall(values) => {
+                numbers.extend(values(sample).iter().flat_map(DVec3::to_array));
+            }
+            Self::Tensor(value) => numbers.extend(leading(&value(sample), sizes.dimension)),
+            Self::Term(term) => numbers.push(sample.ledger.term(term)),
+        }
+    }
+}

@@ -1,0 +1,47 @@
+//! What receives the events of a run.
+
+use glam::DVec3;
+
+use crate::report::event::{EventRecord, Exchange};
+
+/// Receives events as they are resolved. Observers cannot change the simulation.
+pub trait Observer {
+    /// Whether the observer needs events. Called once per call of `Simulation::advance`.
+    fn wants_events(&self) -> bool {
+        false
+    }
+    /// Receives one event. Events are in the order of time.
+    fn event(&mut self, _event: &EventRecord) {}
+    /// Receives the changes of velocities of one event or kick, if the observer wants events.
+    fn exchange(&mut self, _exchange: &Exchange) {}
+    /// Receives a row of a profile, at the end of its interval.
+    fn profile(&mut self, _row: ProfileRow) {}
+}
+
+/// One row of a profile, with values by cell of its [`Grid`](crate::Grid): means over the interval that ends
+/// at its time.
+#[derive(Debug, Clone, PartialEq, Default)]
+pub struct ProfileRow {
+    /// Index of the profile.
+    pub profile: usize,
+    /// End of the interval \[time\].
+    pub time: f64,
+    /// Collisions + wall collisions so far.
+    pub step: u64,
+    /// Number density [1/length^d].
+    pub density: Vec<f64>,
+    /// Mass density [mass/length^d].
+    pub mass_density: Vec<f64>,
+    /// Momentum by mass [length/time]; NaN in an empty cell.
+    pub velocity: Vec<DVec3>,
+    /// Σ m|v − u|²/(d N), with the velocity u of the cell \[energy\]; NaN in an empty cell.
+    pub temperature: Vec<f64>,
+    /// Pressure tensor relative to u, d·d numbers a cell [energy/length^d].
+    pub pressure: Vec<f64>,
+}
+
+/// An observer that ignores all events.
+#[derive(Debug, Clone, Copy, Default)]
+pub struct Silent;
+
+impl Observer for Silent {}

@@ -1,0 +1,33 @@
+/*!
+The searches for the next event, and the loop that takes events from them.
+
+*What is here.* [`event_loop`] is the loop, the same for all searches; a search implements its `Scheduler`.
+[`calendar_scheduler`] runs everything, with the cells, lists or all pairs of `haff_neighbors`; [`windows`]
+and [`nearby`] (lists) are faster and support less. [`blocks`] shares steps of both among threads. [`predict`]
+and [`batch`] are the predictions of pairs, [`queue`] keeps one entry for each particle, [`summary`] and
+[`geometry`] describe a state to a search.
+
+*What to change here.* How fast an event is found. No search may change which event is found: all give the
+same bits, since predictions are pure functions of two anchors, and ties have one order.
+
+*May import* all rooms below: `numerics` to `laws`.
+
+*Begin with* [`event_loop`], then [`calendar_scheduler`].
+*/
+
+pub(crate) mod batch;
+pub(crate) mod blocks;
+pub(crate) mod calendar_scheduler;
+pub(crate) mod carried;
+pub(crate) mod compact;
+pub(crate) mod earliest;
+pub(crate) mod entry;
+pub(crate) mod event_loop;
+pub(crate) mod nearby;
+pub(crate) mod packed;
+pub(crate) mod predict;
+pub(crate) mod queue;
+pub(crate) mod search_event;
+pub(crate) mod sharing;
+pub(crate) mod summary;
+pub(crate) mod windows;

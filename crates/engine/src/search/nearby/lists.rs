@@ -1,0 +1,581 @@
+/*!
+Neighbor lists in the coordinates of the [frame](super::frame).
+
+Every particle has a *reference position*: its position when its list was made, or a little ahead of that. The
+*skin sphere* of the particle is the sphere around it whose radius is half of the skin. Two particles are in
+each other's list if their reference positions are closer than contact distance and skin: they cannot touch
+before one of them has left its skin sphere. When a particle leaves its skin sphere, its list is updated: its
+reference position moves to the particle, and its own list and those of the partners lost and gained change.
+All other lists remain.
+
+Neighbors are found by differences of integer coordinates, so lists contain no periodic images, and nothing
+changes when a particle is wrapped into the box.
+*/
+
+use glam::DVec3;
+use haff_neighbors::{Array, Axis, Geometry, prefetch_at, with_huge_pages};
+use rayon::prelude::*;
+
+use crate::{
+    model::features::Features,
+    search::{blocks::Grid, compact::CompactParticle, sharing::least_items},
+};
+
+use super::{
+    bins::Bins,
+    plan::Plan,
+    sets::{LANES, MASK_BITS, low_bits, members, position_in},
+};
+
+/// Margin of the distance at which pairs are listed. It covers rounding in single precision [largest contact
+/// distances].
+const SLACK: f32 = 1e-3;
+/// Inverse of the fraction of lists in `overflow` above which all lists are lengthened.
+const OVERFLOW_PART: usize = 32;
+/// Number of lists of `overflow` that are lent to an alias.
+const LENT: usize = 4 * MASK_BITS;
+
+/// A reference position, and the number of members of its particle's list.
+#[derive(Debug, Clone, Copy)]
+#[repr(C, align(16))]
+struct Reference {
+    x: [i32; 3],
+    members: u32,
+}
+
+/// A wall: its unit normal, and its largest coordinate along this normal [largest contact distances].
+#[derive(Debug, Clone, Copy)]
+struct Plane {
+    normal: DVec3,
+    offset: f64,
+}
+
+/// The walls of a geometry. A wall that moves on and on, or whose normal has a component along a periodic
+/// axis, is near every particle.
+fn planes(geometry: &Geometry) -> Vec<Plane> {
+    let periodic = DVec3::from_array(geometry.axes.map(|axis| f64::from(u8::from(axis == Axis::Periodic))));
+    let plane = |plane: &haff_neighbors::Plane| {
+        let is_everywhere = plane.sweep == f64::INFINITY || plane.normal * periodic != DVec3::ZERO;
+        let offset = if is_everywhere {
+            f64::INFINITY
+        } else {
+            (plane.point.dot(plane.normal) + plane.sweep) / geometry.reach
+        };
+        Plane { normal: plane.normal, offset }
+    };
+    geometry.planes.iter().map(plane).collect()
+}
+
+/// Neighbor lists.
+#[derive(Debug, Clone, Default)]
+pub(super) struct Lists {
+    /// Half of the skin, which is the radius of a skin sphere [largest contact distances], and its square.
+    half_skin: f32,
+    half_skin2: f32,
+    /// Largest contact distances per coordinate.
+    unit: [f32; 3],
+    /// The same in double precision, for distances from walls.
+    scale: [f64; 3],
+    references: Array<Reference>,
+    bins: Bins,
+    /// The lists, `stride` words each. The words after the members of a list contain [`Self::sentinel`]. If a
+    /// list has more than `stride` members, it is in `overflow`, and its first word here is the index there.
+    words: Array<u32>,
+    stride: usize,
+    overflow: Array<Vec<u32>>,
+    /// Indices in `overflow` that no list uses.
+    free_overflow: Vec<u32>,
+    /// Working space of [`Self::renew`].
+    found: Vec<u32>,
+    planes: Vec<Plane>,
+    /// Whether a particle can touch a wall before it leaves its skin sphere; empty without walls.
+    near_wall: Array<bool>,
+    /// Number of lists of `overflow` that are lent to aliases.
+    lent: usize,
+    /// How often lists have been lengthened.
+    growths: usize,
+    /// Whether this is an alias for one thread of several, which uses only memory that has been lent to it.
+    is_alias: bool,
+}
+
+impl Lists {
+    /// Lists for a plan. All `particles` must have been copied at the beginning of the frame's span.
+    pub fn new<F: Features>(plan: &Plan, geometry: &Geometry, particles: &Array<CompactParticle>) -> Self {
+        let &Plan { ref frame, half_skin, edges, spacing, members } = plan;
+        let count = particles.len() - 1;
+        let mut lists = Self {
+            half_skin: half_skin as f32,
+            half_skin2: (half_skin * half_skin) as f32,
+            unit: frame.unit,
+            scale: frame.per_length.map(|per_length| 1.0 / (per_length * geometry.reach)),
+            planes: planes(geometry),
+            bins: Bins::new(edges, frame.unit, 1.0 + 2.0 * (half_skin + f64::from(SLACK)), spacing, count),
+            ..Self::default()
+        };
+        let mut references = with_huge_pages(count);
+        for (i, compact) in particles.part(0..count).iter().enumerate() {
+            references.push(Reference { x: compact.x, members: 0 });
+            lists.bins.insert::<false>(i as u32, compact.x);
+        }
+        lists.references = references.into();
+        if !lists.planes.is_empty() {
+            lists.near_wall =
+                particles.part(0..count).iter().map(|compact| lists.is_near_plane(compact.x)).collect();
+        }
+        let mut sample = Vec::new();
+        let mut lengths: Vec<usize> = (0..count)
+            .step_by((count / 1000).max(1))
+            .map(|i| lists.find::<F, false, false>(i as u32, particles, &mut sample))
+            .collect();
+        lengths.sort_unstable();
+        // Particles that start on a lattice have no fluctuations of density yet, so these are added to the
+        // mean.
+        let most = lengths.get(lengths.len() * 99 / 100).copied().unwrap_or(0);
+        lists.stride = most.max((members + 1.5 * members.sqrt()) as usize).max(1).next_multiple_of(LANES);
+        let stride = lists.stride;
+        let mut words = with_huge_pages(count * stride);
+        words.resize(count * stride, count as u32);
+        let built: Vec<(u32, Option<Vec<u32>>)> = words
+            .par_chunks_mut(stride)
+            .with_min_len(least_items())
+            .enumerate()
+            .map_init(Vec::new, |found, (i, words)| {
+                let length = lists.find::<F, false, false>(i as u32, particles, found);
+                let list = &found[..length];
+                if length > words.len() {
+                    return (length as u32, Some(list.to_vec()));
+                }
+                words[..length].copy_from_slice(list);
+                (length as u32, None)
+            })
+            .collect();
+        lists.words = words.into();
+        for (i, (length, list)) in built.into_iter().enumerate() {
+            lists.references[i].members = length;
+            if let Some(list) = list {
+                lists.move_to_overflow(i as u32, &list);
+            }
+        }
+        lists
+    }
+
+    /// Allocates what is lent to this number of aliases: an allocation while there are aliases would move the
+    /// memory that they use.
+    pub fn reserve(&mut self, aliases: usize) {
+        let more = (aliases * LENT).saturating_sub(self.free_overflow.len());
+        if more > 0 {
+            let first = self.overflow.len() as u32;
+            self.free_overflow.extend(first..first + more as u32);
+            self.overflow.change(|overflow| overflow.resize(overflow.len() + more, Vec::new()));
+        }
+        self.bins.reserve(aliases);
+    }
+
+    /// The same lists for another thread, with [reserved](Self::reserve) memory for some further members
+    /// until it is [taken back](Self::take_back).
+    ///
+    /// # Safety
+    ///
+    /// As for [`Array::alias`]: no thread changes reference positions, lists and bins that another one uses.
+    pub unsafe fn alias(&mut self) -> Self {
+        let kept = self.free_overflow.len().saturating_sub(LENT);
+        self.lent += self.free_overflow.len() - kept;
+        // SAFETY: guaranteed by the caller.
+        unsafe {
+            Self {
+                references: self.references.alias(),
+                bins: self.bins.alias(),
+                words: self.words.alias(),
+                overflow: self.overflow.alias(),
+                near_wall: self.near_wall.alias(),
+                planes: self.planes.clone(),
+                free_overflow: self.free_overflow.split_off(kept),
+                found: Vec::new(),
+                is_alias: true,
+                ..*self
+            }
+        }
+    }
+
+    /// Takes back the memory that an alias has not used.
+    pub fn take_back(&mut self, alias: &mut Self) {
+        if self.growths == alias.growths {
+            self.lent = self.lent.saturating_sub(LENT);
+            self.free_overflow.append(&mut alias.free_overflow);
+        }
+        self.bins.take_back(&mut alias.bins);
+    }
+
+    /// Distance from the faces of a block that its events need, so that they do not read what those of
+    /// another block change [largest contact distances].
+    pub fn reach(&self) -> f32 {
+        // An update reads its bin and one on each side, and changes its bin: half of the distance of two
+        // updates, each with its particle up to half of the skin from a reference position.
+        let bins = 1.5 * (self.bins.widest(self.unit) + self.half_skin);
+        // What is prefetched is also read for events at a face: the list of a partner, one contact distance
+        // beyond. An update changes lists of particles whose reference positions are up to a contact distance
+        // and the skin from its own one; each of the two is up to half of the skin from its particle.
+        bins.max(2.0 + 4.0 * self.half_skin + SLACK)
+    }
+
+    /// The grid of blocks: that of bins. `None` if a bin holds several places of the box.
+    pub fn grid(&self) -> Option<Grid> {
+        self.bins.grid(self.unit)
+    }
+
+    /// The index that pads lists: that of [`CompactParticle::SENTINEL`].
+    fn sentinel(&self) -> u32 {
+        self.references.len() as u32
+    }
+
+    /// The list of i, padded to whole vectors.
+    #[inline(always)]
+    pub fn of(&self, i: u32) -> &[u32] {
+        let (start, members) = (i as usize * self.stride, self.references[i as usize].members as usize);
+        if members > self.stride {
+            return &self.overflow[self.words[start] as usize];
+        }
+        self.words.part(start..start + members.next_multiple_of(LANES))
+    }
+
+    /// Whether particle i can touch a wall before it leaves its skin sphere. There must be walls.
+    #[inline(always)]
+    pub fn is_near_wall(&self, i: u32) -> bool {
+        self.near_wall[i as usize]
+    }
+
+    /// Whether the largest particle, on the surface of the skin sphere around a reference position, can touch
+    /// a wall.
+    fn is_near_plane(&self, reference: [i32; 3]) -> bool {
+        let position = |axis: usize| f64::from(reference[axis] as u32) * self.scale[axis];
+        let reference = DVec3::new(position(0), position(1), position(2));
+        let reach = f64::from(self.half_skin + 0.5 + SLACK);
+        self.planes.iter().any(|plane| reference.dot(plane.normal) - plane.offset <= reach)
+    }
+
+    /// Prefetches the list and the reference position of i.
+    #[inline(always)]
+    pub fn prefetch(&self, i: u32) {
+        let start = i as usize * self.stride;
+        prefetch_at(&self.words, start);
+        prefetch_at(&self.words, start + self.stride - 1);
+        prefetch_at(&self.references, i as usize);
+    }
+
+    /// Displacement of a particle from its reference position [largest contact distances].
+    #[inline(always)]
+    fn displacement(&self, i: u32, compact: &CompactParticle, fraction: f32) -> [f32; 3] {
+        let reference = &self.references[i as usize];
+        let mut d = [0.0; 3];
+        for axis in 0..3 {
+            d[axis] = compact.x[axis].wrapping_sub(reference.x[axis]) as f32 * self.unit[axis]
+                + compact.v[axis] * fraction;
+        }
+        d
+    }
+
+    /// Time from now at which particle i leaves its skin sphere; `None` if this is later than `within`
+    /// [spans]. `fraction` is the fraction of the span that has passed.
+    #[inline(always)]
+    pub fn exit(&self, i: u32, compact: &CompactParticle, fraction: f32, within: f32) -> Option<f32> {
+        let (d, v) = (self.displacement(i, compact, fraction), compact.v);
+        let mut end = [0.0; 3];
+        for axis in 0..3 {
+            end[axis] = d[axis] + v[axis] * within;
+        }
+        // A sphere is convex: a straight flight between two points inside stays inside.
+        if dot(end, end) <= self.half_skin2 {
+            None
+        } else {
+            self.straight_exit(d, v).filter(|delay| *delay < within)
+        }
+    }
+
+    /// Time at which a straight flight from d leaves the skin sphere; `None` at rest.
+    #[inline(never)]
+    fn straight_exit(&self, d: [f32; 3], v: [f32; 3]) -> Option<f32> {
+        let (speed2, along) = (dot(v, v), dot(d, v));
+        if speed2 == 0.0 {
+            return None;
+        }
+        let gap = (self.half_skin2 - dot(d, d)).max(0.0);
+        let root = (along * along + speed2 * gap).sqrt();
+        // No difference of numbers of the same sign, so that no digits cancel.
+        Some(if along > 0.0 { gap / (root + along) } else { (root - along) / speed2 })
+    }
+
+    /// Moves the reference position of i to the present position of the particle, and further ahead on its
+    /// path by the fraction `ahead` of half of the skin. Updates all lists that change. `fraction` is the
+    /// fraction of the span that has passed. Returns false, and changes nothing, if an alias would need
+    /// memory for it.
+    #[inline(always)]
+    pub fn renew<F: Features, const VECTORS: bool>(
+        &mut self,
+        i: u32,
+        particles: &Array<CompactParticle>,
+        fraction: f32,
+        ahead: f32,
+    ) -> bool {
+        let compact = &particles[i as usize];
+        let speed = dot(compact.v, compact.v).sqrt();
+        let ahead = if speed > 0.0 { ahead * self.half_skin / speed } else { 0.0 };
+        let mut position = [0; 3];
+        for axis in 0..3 {
+            let displacement = f64::from(compact.v[axis] * (fraction + ahead)) / f64::from(self.unit[axis]);
+            position[axis] = compact.x[axis].wrapping_add(displacement as i64 as i32);
+        }
+        self.set_reference::<F, VECTORS>(i, position, particles)
+    }
+
+    /// The reference position of i.
+    pub fn reference(&self, i: u32) -> [i32; 3] {
+        self.references[i as usize].x
+    }
+
+    /// Moves the reference position of i, and updates all lists that change. Returns false, and changes
+    /// nothing, if an alias would need memory for it.
+    #[inline(always)]
+    pub fn set_reference<F: Features, const VECTORS: bool>(
+        &mut self,
+        i: u32,
+        position: [i32; 3],
+        particles: &Array<CompactParticle>,
+    ) -> bool {
+        let before = std::mem::replace(&mut self.references[i as usize].x, position);
+        self.bins.remove::<VECTORS>(i, before);
+        let mut found = std::mem::take(&mut self.found);
+        let length = self.find::<F, VECTORS, true>(i, particles, &mut found);
+        let has_room = self.bins.insert::<VECTORS>(i, position);
+        let is_moved = has_room && self.replace::<VECTORS>(i, &found, length);
+        self.found = found;
+        if !is_moved {
+            if has_room {
+                self.bins.remove::<VECTORS>(i, position);
+            }
+            self.bins.insert::<VECTORS>(i, before);
+            self.references[i as usize].x = before;
+            return false;
+        }
+        if !self.planes.is_empty() {
+            self.near_wall[i as usize] = self.is_near_plane(position);
+        }
+        true
+    }
+
+    /// Writes the neighbors of i to the start of `found` and returns their number. `found` can be longer; its
+    /// length is a multiple of [`LANES`]. `REMOVED`: the reference position of i has been removed from the
+    /// bins.
+    #[inline(always)]
+    fn find<F: Features, const VECTORS: bool, const REMOVED: bool>(
+        &self,
+        i: u32,
+        particles: &Array<CompactParticle>,
+        found: &mut Vec<u32>,
+    ) -> usize {
+        let own = self.references[i as usize].x;
+        let skin = 2.0 * self.half_skin + SLACK;
+        let reach = if F::UNIFORM { 1.0 } else { particles[i as usize].radius + 0.5 } + skin;
+        let count = self.bins.near::<VECTORS>(own, reach * reach, found);
+        if F::UNIFORM && REMOVED {
+            return count;
+        }
+        let mut kept = 0;
+        for k in 0..count {
+            let j = found[k];
+            let near = F::UNIFORM || {
+                let reach = (particles[i as usize].radius + particles[j as usize].radius) + skin;
+                let mut d = [0.0; 3];
+                for axis in 0..3 {
+                    d[axis] =
+                        self.references[j as usize].x[axis].wrapping_sub(own[axis]) as f32 * self.unit[axis];
+                }
+                dot(d, d) < reach * reach
+            };
+            found[kept] = j;
+            kept += usize::from(near && j != i);
+        }
+        kept
+    }
+
+    /// Makes the first `length` of `new` the list of i, and updates the lists of the partners lost and
+    /// gained. Returns false, and changes nothing, if an alias would need memory for it.
+    #[inline(always)]
+    fn replace<const VECTORS: bool>(&mut self, i: u32, new: &[u32], length: usize) -> bool {
+        let before = self.references[i as usize].members as usize;
+        if before.max(length) > self.stride || self.stride > MASK_BITS {
+            if self.is_alias && self.free_overflow.len() <= length {
+                return false;
+            }
+            self.replace_long(i, &new[..length]);
+            return true;
+        }
+        let start = i as usize * self.stride;
+        let mut old = [0; MASK_BITS];
+        old[..self.stride].copy_from_slice(self.words.part(start..start + self.stride));
+        let mut lost = low_bits(before) & !members::<VECTORS>(&old, before, &new[..length]);
+        let mut gained = low_bits(length) & !members::<VECTORS>(new, length, &old[..before]);
+        if self.is_alias && self.free_overflow.len() < MASK_BITS {
+            return false;
+        }
+        while lost != 0 {
+            self.remove::<VECTORS>(old[lost.trailing_zeros() as usize], i);
+            lost &= lost - 1;
+        }
+        let mut overflow = false;
+        while gained != 0 {
+            overflow |= self.add(new[gained.trailing_zeros() as usize], i);
+            gained &= gained - 1;
+        }
+        let sentinel = self.sentinel();
+        let (own, rest) = self.words.part_mut(start..start + self.stride).split_at_mut(length);
+        own.copy_from_slice(&new[..length]);
+        rest.fill(sentinel);
+        self.references[i as usize].members = length as u32;
+        if overflow {
+            self.grow();
+        }
+        true
+    }
+
+    /// [`Self::replace`] for lists of any length.
+    #[cold]
+    fn replace_long(&mut self, i: u32, new: &[u32]) {
+        let old = self.of(i)[..self.references[i as usize].members as usize].to_vec();
+        for j in old.iter().filter(|j| !new.contains(j)) {
+            self.remove::<false>(*j, i);
+        }
+        for j in new.iter().filter(|j| !old.contains(j)) {
+            self.add(*j, i);
+        }
+        self.set(i, new);
+        self.grow();
+    }
+
+    /// Makes `list` the list of i.
+    fn set(&mut self, i: u32, list: &[u32]) {
+        let (sentinel, start) = (self.sentinel(), i as usize * self.stride);
+        if self.references[i as usize].members as usize > self.stride {
+            self.free_overflow.push(self.words[start]);
+        }
+        self.references[i as usize].members = list.len() as u32;
+        if list.len() > self.stride {
+            self.move_to_overflow(i, list);
+        } else {
+            let (own, rest) = self.words.part_mut(start..start + self.stride).split_at_mut(list.len());
+            own.copy_from_slice(list);
+            rest.fill(sentinel);
+        }
+    }
+
+    /// Stores `list` as the list of i in `overflow` from now on.
+    #[cold]
+    fn move_to_overflow(&mut self, i: u32, list: &[u32]) {
+        let sentinel = self.sentinel();
+        let free = self.free_overflow.pop().unwrap_or_else(|| {
+            self.overflow.change(|overflow| overflow.push(Vec::new()));
+            self.overflow.len() as u32 - 1
+        });
+        let overflow = &mut self.overflow[free as usize];
+        overflow.clear();
+        overflow.extend_from_slice(list);
+        overflow.resize(list.len().next_multiple_of(LANES), sentinel);
+        self.words[i as usize * self.stride] = free;
+    }
+
+    /// Adds j to the list of i; true if the list has moved to `overflow` because of it.
+    #[inline]
+    fn add(&mut self, i: u32, j: u32) -> bool {
+        let start = i as usize * self.stride;
+        let reference = &mut self.references[i as usize];
+        let length = reference.members as usize;
+        reference.members += 1;
+        if length < self.stride {
+            self.words[start + length] = j;
+            return false;
+        }
+        self.add_to_overflow(i, j, length)
+    }
+
+    /// [`Self::add`] for a list of at least `stride` members; `length` is their number.
+    #[cold]
+    fn add_to_overflow(&mut self, i: u32, j: u32, length: usize) -> bool {
+        let (sentinel, start) = (self.sentinel(), i as usize * self.stride);
+        if length == self.stride {
+            let mut list = self.words.part(start..start + length).to_vec();
+            list.push(j);
+            self.move_to_overflow(i, &list);
+            return true;
+        }
+        let list = &mut self.overflow[self.words[start] as usize];
+        if length == list.len() {
+            list.resize(length + LANES, sentinel);
+        }
+        list[length] = j;
+        false
+    }
+
+    /// Removes j from the list of i.
+    #[inline(always)]
+    fn remove<const VECTORS: bool>(&mut self, i: u32, j: u32) {
+        let (sentinel, start) = (self.sentinel(), i as usize * self.stride);
+        let length = self.references[i as usize].members as usize;
+        if length > self.stride {
+            self.remove_from_overflow(i, j);
+            return;
+        }
+        let list = self.words.part_mut(start..start + self.stride);
+        if let Some(at) = position_in::<VECTORS>(list, j) {
+            list[at] = list[length - 1];
+            list[length - 1] = sentinel;
+            self.references[i as usize].members -= 1;
+        }
+    }
+
+    /// [`Self::remove`] for a list in `overflow`.
+    #[cold]
+    fn remove_from_overflow(&mut self, i: u32, j: u32) {
+        let mut list = self.of(i)[..self.references[i as usize].members as usize].to_vec();
+        if let Some(at) = list.iter().position(|&other| other == j) {
+            list.swap_remove(at);
+            self.set(i, &list);
+        }
+    }
+
+    /// Lengthens all lists if many have overflowed.
+    fn grow(&mut self) {
+        let count = self.references.len();
+        let used = self.overflow.len().saturating_sub(self.free_overflow.len() + self.lent);
+        if self.is_alias || used <= count / OVERFLOW_PART + 8 {
+            return;
+        }
+        let lists: Vec<(u32, Vec<u32>)> = (0..count as u32)
+            .filter(|&i| self.references[i as usize].members as usize > self.stride)
+            .map(|i| (i, self.of(i)[..self.references[i as usize].members as usize].to_vec()))
+            .collect();
+        let before = self.stride;
+        self.stride += LANES;
+        (self.growths, self.lent) = (self.growths + 1, 0);
+        // In place, starting with the last list: an old and a new table at once would take a quarter of all
+        // memory.
+        let stride = self.stride;
+        self.words.change(|words| {
+            words.reserve_exact(count * LANES);
+            words.resize(count * stride, count as u32);
+            for i in (0..count).rev() {
+                let to = i * stride;
+                words.copy_within(i * before..(i + 1) * before, to);
+                words[to + before..to + stride].fill(count as u32);
+            }
+        });
+        (self.overflow, self.free_overflow) = (Array::default(), Vec::new());
+        for (i, list) in lists {
+            self.references[i as usize].members = 0;
+            self.set(i, &list);
+        }
+    }
+}
+
+#[inline(always)]
+fn dot(a: [f32; 3], b: [f32; 3]) -> f32 {
+    a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
+}

@@ -1,0 +1,83 @@
+//! Which systems the scheduler supports, and how its lists are laid out for one.
+
+use glam::DVec3;
+use haff_neighbors::{Axis, Geometry};
+
+use crate::{
+    model::{Boundary, System},
+    numerics::tuning::particles::SHORT_LISTS,
+    search::summary::{LocalDensity, SystemSummary},
+};
+
+use super::frame::Frame;
+
+/// Mean number of members of a list. With the first value most lists, fluctuations included, fit into two
+/// vectors of the filter. The second is for systems of [`SHORT_LISTS`] particles and more: there each member
+/// costs more, because it is not in the second-level cache.
+const MEMBERS: [f64; 2] = [14.5, 10.0];
+/// Smallest and largest distance at which particles become neighbors [mean diameters].
+const SHELL: [f64; 2] = [1.3, 2.5];
+/// Largest number of walls: for a particle near one wall the contacts with all walls are predicted.
+const MAX_WALLS: usize = 16;
+/// Largest ratio of two radii: the width of the bins is that for the largest radius.
+const SIZE_RATIO: f64 = 2.0;
+
+/// Whether this scheduler supports a system, if its box is large enough.
+pub(crate) fn supports(system: &System, summary: &SystemSummary) -> bool {
+    summary.count < i32::MAX as usize
+        && system.domain.gravity == DVec3::ZERO
+        && system.domain.shear.is_none()
+        && system.walls.len() <= MAX_WALLS
+        && (0..system.dimension.count()).all(|axis| system.domain.boundary[axis] != Boundary::Open)
+        && !is_wide(summary)
+}
+
+/// Whether sizes differ too much for the bins.
+pub(crate) fn is_wide(summary: &SystemSummary) -> bool {
+    summary.largest > SIZE_RATIO * summary.least
+}
+
+/// The layout of the lists for one system, made before the run.
+#[derive(Debug, Clone)]
+pub(super) struct Plan {
+    pub frame: Frame,
+    /// Half of the skin [largest contact distances].
+    pub half_skin: f64,
+    /// Edges of the box, 0 along an axis without motion [largest contact distances].
+    pub edges: [f64; 3],
+    /// Mean distance of neighbors [largest contact distances].
+    pub spacing: f64,
+    /// Mean number of members of a list where the distance of neighbors is `spacing`.
+    pub members: f64,
+}
+
+impl Plan {
+    /// `None` if this scheduler does not support the system.
+    pub fn new(
+        geometry: &Geometry,
+        system: &System,
+        summary: &SystemSummary,
+        density: &LocalDensity,
+    ) -> Option<Self> {
+        if summary.count == 0 || !supports(system, summary) {
+            return None;
+        }
+        let sigma = geometry.reach;
+        let flat = summary.dimension == 2;
+        // Area of the unit circle or volume of the unit sphere.
+        let unit_sphere = if flat { std::f64::consts::PI } else { 4.0 / 3.0 * std::f64::consts::PI };
+        let spacing = summary.spacing(density.packing) / sigma;
+        let members = MEMBERS[usize::from(summary.count >= SHORT_LISTS)];
+        let volume = (members + 1.0) * spacing.powi(summary.dimension) / unit_sphere;
+        let shell = libm::pow(volume, 1.0 / f64::from(summary.dimension));
+        let mean = 2.0 * summary.mean / sigma;
+        let half_skin = 0.5 * ((shell / mean).clamp(SHELL[0], SHELL[1]) - 1.0) * mean;
+        // Reference positions of neighbors are at most a contact distance and the skin apart, and each
+        // particle is at most half of the skin from its reference position.
+        let frame = Frame::new(geometry, (1.01 + 4.0 * half_skin) * sigma)?;
+        let edges =
+            [0, 1, 2].map(|k| if geometry.axes[k] == Axis::Flat { 0.0 } else { frame.period[k] / sigma });
+        let members = unit_sphere * ((mean + 2.0 * half_skin) / spacing).powi(summary.dimension) - 1.0;
+        Some(Self { frame, half_skin, edges, spacing, members })
+    }
+}

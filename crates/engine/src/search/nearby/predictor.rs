@@ -1,0 +1,401 @@
+/*!
+The next event of a particle from its list: bounds in single precision first, then exact predictions of the
+members that can be the first to collide.
+*/
+
+use std::marker::PhantomData;
+
+use glam::DVec3;
+use haff_neighbors::{Array, prefetch_at};
+
+use crate::{
+    model::features::Features,
+    numerics::clock::{HORIZON, whole},
+    search::{compact::CompactParticle, earliest::Earliest, entry::Target, queue::Predictor},
+    state::{State, world::World},
+};
+
+use super::{
+    filter::{self, Bounds},
+    list_event::{Entry, ListEvent},
+    lists::Lists,
+    narrow_phase,
+    plan::Plan,
+    sets::MASK_BITS,
+};
+
+/// A new reference position is ahead of its particle by this fraction of half of the skin.
+const AHEAD: f32 = 0.5;
+/// Distance of an event from the next one in the calendar, in entries, at which its anchors, compact
+/// particles and lists are prefetched.
+pub(super) const FAR_AHEAD: usize = 8;
+/// The same distance for the anchors and compact particles of the members of these lists.
+const NEARLY_DUE: usize = 3;
+
+/// Later than any event [spans], but below [`filter::NEVER`], as [`Bounds::up_to`] requires.
+const NEVER: f32 = 0.5 * filter::NEVER;
+
+/// The data of predictions, except for the world.
+pub(super) struct ListPredictor<F> {
+    pub plan: Plan,
+    /// The compact particles of all particles, then the sentinel.
+    pub particles: Array<CompactParticle>,
+    pub lists: Lists,
+    /// Whether members of lists are prefetched, because the particles are too many for the cache.
+    pub prefetches: bool,
+    pub features: PhantomData<F>,
+}
+
+/// Number of pairs that the filter has processed, and of exact predictions.
+#[derive(Debug, Clone, Copy, Default)]
+pub(super) struct Work {
+    pub candidates: u64,
+    pub predictions: u64,
+}
+
+impl Work {
+    pub fn add(&mut self, other: Self) {
+        self.candidates += other.candidates;
+        self.predictions += other.predictions;
+    }
+}
+
+impl<F: Features> ListPredictor<F> {
+    /// Begins a span at the present time: all compact particles are computed from their anchors.
+    #[cold]
+    pub fn begin(&mut self, world: &World) {
+        self.begin_at(world, world.now);
+    }
+
+    /// The same at a time `now` [ticks] before the next event.
+    pub fn begin_at(&mut self, world: &World, now: i64) {
+        self.plan.frame.begin(world, now);
+        for i in 0..world.particles.len() as u32 {
+            self.particles[i as usize] = self.plan.frame.compact::<F>(world, i);
+        }
+    }
+
+    /// Copies the new path of particle i. If the particle is too fast for the span, a new span begins.
+    #[inline(always)]
+    pub fn update(&mut self, world: &World, i: u32) {
+        let compact = self.plan.frame.compact::<F>(world, i);
+        let allowed = compact.is_within(self.plan.frame.limit2);
+        compact.store(&mut self.particles[i as usize]);
+        if !allowed {
+            self.begin(world);
+        }
+    }
+
+    /// The same data for another thread.
+    ///
+    /// # Safety
+    ///
+    /// As for [`Array::alias`]: no thread changes particles, lists and bins that another one uses.
+    pub unsafe fn alias(&mut self) -> Self {
+        Self {
+            plan: self.plan.clone(),
+            // SAFETY: guaranteed by the caller.
+            particles: unsafe { self.particles.alias() },
+            // SAFETY: as above.
+            lists: unsafe { self.lists.alias() },
+            prefetches: self.prefetches,
+            features: PhantomData,
+        }
+    }
+
+    /// Copies the new path of particle i, whose displacement the present span allows.
+    #[inline(always)]
+    pub fn copy(&mut self, world: &World, i: u32) {
+        self.plan.frame.compact::<F>(world, i).store(&mut self.particles[i as usize]);
+    }
+
+    /// Updates the list of particle i at the present time, which must be within the span. Returns false if an
+    /// alias would need memory for it.
+    #[inline(always)]
+    pub fn renew_list<const VECTORS: bool>(&mut self, world: &World, i: u32) -> bool {
+        let fraction = self.plan.frame.fraction(world.now);
+        self.lists.renew::<F, VECTORS>(i, &self.particles, fraction, AHEAD)
+    }
+
+    /// Updates the list of particle i at the present time.
+    #[inline(always)]
+    pub fn update_list<const VECTORS: bool>(&mut self, world: &World, i: u32) {
+        if world.now > self.plan.frame.end {
+            self.begin(world);
+        }
+        self.renew_list::<VECTORS>(world, i);
+    }
+
+    /// The next event of particle i, predicted at the world's present time, which must be within the span.
+    ///
+    /// With `VECTORS` set the caller must be compiled for AVX2 and FMA, and run where they exist.
+    #[inline(always)]
+    pub fn predict<const VECTORS: bool>(
+        &self,
+        world: &World,
+        i: u32,
+        bounds: &mut Bounds,
+        work: &mut Work,
+    ) -> Entry {
+        let fraction = self.plan.frame.fraction(world.now);
+        let query = self.query::<VECTORS>(i, fraction, bounds, work);
+        let contact = Self::first(world, &query, work);
+        self.decide::<VECTORS>(world, &query, contact, bounds, work)
+    }
+
+    /// [`Self::predict`] for two particles, each step for both, so that the processor can overlap the two
+    /// predictions.
+    #[inline(always)]
+    fn predict_both<const VECTORS: bool>(
+        &self,
+        world: &World,
+        [i, j]: [u32; 2],
+        [a, b]: &mut [Bounds; 2],
+        work: &mut Work,
+    ) -> [Entry; 2] {
+        let fraction = self.plan.frame.fraction(world.now);
+        let one = self.query::<VECTORS>(i, fraction, a, work);
+        let other = self.query::<VECTORS>(j, fraction, b, work);
+        let contacts = [Self::first(world, &one, work), Self::first(world, &other, work)];
+        [
+            self.decide::<VECTORS>(world, &one, contacts[0], a, work),
+            self.decide::<VECTORS>(world, &other, contacts[1], b, work),
+        ]
+    }
+
+    /// Bounds for the contacts of particle i.
+    #[inline(always)]
+    fn query<const VECTORS: bool>(
+        &self,
+        i: u32,
+        fraction: f32,
+        bounds: &mut Bounds,
+        work: &mut Work,
+    ) -> Query<'_> {
+        let (compact, list) = (&self.particles[i as usize], self.lists.of(i));
+        work.candidates += list.len() as u64;
+        let least =
+            filter::bounds::<F, VECTORS>(&self.plan.frame, &self.particles, compact, fraction, list, bounds);
+        Query { i, fraction, compact, list, least }
+    }
+
+    /// The exact contact with the member that has the least bound [ticks].
+    #[inline(always)]
+    fn first(world: &World, query: &Query, work: &mut Work) -> i64 {
+        if query.least >= filter::NEVER {
+            return narrow_phase::NEVER;
+        }
+        work.predictions += 1;
+        let (i, j) = (query.i as usize, query.list[Bounds::lane(query.least)] as usize);
+        narrow_phase::contact::<F>(world, &world.particles[i], &world.particles[j])
+    }
+
+    /// The next event of the particle of a query. `contact` is that with the member that has the least bound.
+    #[inline(always)]
+    fn decide<const VECTORS: bool>(
+        &self,
+        world: &World,
+        query: &Query,
+        contact: i64,
+        bounds: &mut Bounds,
+        work: &mut Work,
+    ) -> Entry {
+        let frame = &self.plan.frame;
+        let &Query { i, fraction, compact, list, least } = query;
+        let particle = &world.particles[i as usize];
+        let nothing = Entry::none(i, particle.count);
+        let mut earliest = Earliest { entry: nothing, far: false };
+        let mut within = NEVER;
+        if least < filter::NEVER {
+            let lane = Bounds::lane(least);
+            Self::offer(world, &mut earliest, list[lane], contact);
+            within = self.until(world, &earliest);
+            let length = list.len().min(MASK_BITS);
+            let mut others = bounds.up_to::<VECTORS>(length, within) & !(1 << lane);
+            while others != 0 {
+                let j = list[others.trailing_zeros() as usize];
+                others &= others - 1;
+                work.predictions += 1;
+                let contact = narrow_phase::contact::<F>(world, particle, &world.particles[j as usize]);
+                Self::offer(world, &mut earliest, j, contact);
+            }
+            within = self.until(world, &earliest);
+        }
+        if list.len() > MASK_BITS {
+            self.query_rest::<VECTORS>(world, i, fraction, &mut earliest, bounds, work);
+            within = self.until(world, &earliest);
+        }
+        if !world.walls.is_empty() && self.lists.is_near_wall(i) {
+            Self::predict_walls(world, i, &mut earliest);
+            within = self.until(world, &earliest).min(NEVER);
+        }
+        // An update of the list after the earliest event is not needed.
+        if let Some(delay) = self.lists.exit(i, compact, fraction, within) {
+            let delay = f64::from(delay) / frame.per_tick;
+            if delay > HORIZON {
+                earliest.far = true;
+            } else {
+                let time = world.now + whole(delay);
+                if time < earliest.entry.time {
+                    return Entry { time, target: Target::new(ListEvent::ListUpdate), ..nothing };
+                }
+            }
+        }
+        if earliest.far && earliest.entry.time > world.now + HORIZON as i64 {
+            return Entry { time: world.now + HORIZON as i64, ..nothing };
+        }
+        earliest.entry
+    }
+
+    /// Offers a contact with particle j [ticks] as the earliest event.
+    #[inline(always)]
+    fn offer(world: &World, earliest: &mut Earliest<ListEvent>, j: u32, contact: i64) {
+        if contact < narrow_phase::FAR {
+            let count = world.particles[j as usize].count;
+            earliest.offer(contact, Target::new(ListEvent::Collision(j)), count);
+        } else {
+            earliest.far |= contact == narrow_phase::FAR;
+        }
+    }
+
+    /// Largest bound of a contact that can be before the earliest event known so far [spans].
+    #[inline(always)]
+    fn until(&self, world: &World, earliest: &Earliest<ListEvent>) -> f32 {
+        let ticks = earliest.entry.time.saturating_sub(world.now).max(0);
+        filter::limit(ticks as f64 * self.plan.frame.per_tick)
+    }
+
+    /// Offers the contacts of a particle with all walls as the earliest event.
+    #[inline(never)]
+    fn predict_walls(world: &World, i: u32, earliest: &mut Earliest<ListEvent>) {
+        let particle = &world.particles[i as usize];
+        let class = world.class(i);
+        if class.inverse_mass == 0.0 {
+            return;
+        }
+        for wall in 0..world.walls.len() as u32 {
+            if let Some(delay) = world.wall_contact(particle, class.radius, DVec3::ZERO, wall) {
+                earliest.offer_after(particle.time, delay, ListEvent::Wall(wall), 0);
+            }
+        }
+    }
+
+    /// Offers the contacts with the members of a long list beyond the first [`MASK_BITS`].
+    #[cold]
+    fn query_rest<const VECTORS: bool>(
+        &self,
+        world: &World,
+        i: u32,
+        fraction: f32,
+        earliest: &mut Earliest<ListEvent>,
+        bounds: &mut Bounds,
+        work: &mut Work,
+    ) {
+        for list in self.lists.of(i)[MASK_BITS..].chunks(MASK_BITS) {
+            let compact = &self.particles[i as usize];
+            // Without vector instructions, because this function is not compiled for them.
+            filter::bounds::<F, false>(&self.plan.frame, &self.particles, compact, fraction, list, bounds);
+            let mut others = bounds.up_to::<false>(list.len(), self.until(world, earliest).min(NEVER));
+            while others != 0 {
+                let j = list[others.trailing_zeros() as usize];
+                others &= others - 1;
+                work.predictions += 1;
+                let (particle, partner) = (&world.particles[i as usize], &world.particles[j as usize]);
+                Self::offer(world, earliest, j, narrow_phase::contact::<F>(world, particle, partner));
+            }
+        }
+    }
+}
+
+/// Bounds for the contacts of particle i with the members of its list.
+struct Query<'a> {
+    i: u32,
+    /// The fraction of the span that has passed.
+    fraction: f32,
+    compact: &'a CompactParticle,
+    list: &'a [u32],
+    /// The least bound of the first [`MASK_BITS`].
+    least: f32,
+}
+
+/// A [`ListPredictor`] with its working space, which uses vector instructions if `VECTORS` is set.
+pub(super) struct VectorPredictor<'a, F, const VECTORS: bool> {
+    pub predictor: &'a mut ListPredictor<F>,
+    pub bounds: &'a mut [Bounds; 2],
+    pub work: &'a mut Work,
+}
+
+impl<F: Features, const VECTORS: bool> VectorPredictor<'_, F, VECTORS> {
+    /// The next events of two particles, predicted at the world's present time.
+    #[inline(always)]
+    pub fn predict_both(&mut self, world: &World, bodies: [u32; 2]) -> [Entry; 2] {
+        if world.now > self.predictor.plan.frame.end {
+            self.predictor.begin(world);
+        }
+        self.predictor.predict_both::<VECTORS>(world, bodies, self.bounds, self.work)
+    }
+}
+
+impl<F: Features, const VECTORS: bool> Predictor for VectorPredictor<'_, F, VECTORS> {
+    type Features = F;
+    type Kind = ListEvent;
+
+    #[inline(always)]
+    fn predict(&mut self, state: &State, i: u32) -> Entry {
+        if state.world.now > self.predictor.plan.frame.end {
+            self.predictor.begin(&state.world);
+        }
+        #[cfg(target_arch = "x86_64")]
+        if VECTORS {
+            // SAFETY: with `VECTORS` set the caller guarantees the features of `predict_avx2`.
+            return unsafe { self.predictor.predict_avx2(&state.world, i, &mut self.bounds[0], self.work) };
+        }
+        self.predictor.predict::<false>(&state.world, i, &mut self.bounds[0], self.work)
+    }
+
+    /// Prefetches in two steps. For the event [`FAR_AHEAD`] entries after the next one: the anchors, compact
+    /// particles and lists of its particles. For the event [`NEARLY_DUE`] entries after the next one: the
+    /// anchors and compact particles of the members of these lists. The sentinel has no anchor, but a
+    /// prefetch beyond the last anchor has no effect.
+    #[inline(always)]
+    fn prefetch<'a>(&self, upcoming: impl Fn(usize) -> Option<&'a Entry>, state: &State) {
+        let ListPredictor { particles, lists, prefetches, .. } = &*self.predictor;
+        if let Some(entry) = upcoming(FAR_AHEAD) {
+            let partner = entry.target.partner().unwrap_or(entry.owner);
+            for i in [entry.owner, partner] {
+                prefetch_at(&state.world.particles, i as usize);
+                prefetch_at(particles, i as usize);
+                lists.prefetch(i);
+            }
+        }
+        if !prefetches {
+            return;
+        }
+        if let Some(entry) = upcoming(NEARLY_DUE)
+            && state.world.particles[entry.owner as usize].count == entry.own_count
+        {
+            let neighbors = |i: u32| {
+                for &j in lists.of(i) {
+                    prefetch_at(particles, j as usize);
+                    prefetch_at(&state.world.particles, j as usize);
+                }
+            };
+            neighbors(entry.owner);
+            if let Some(j) = entry.target.partner()
+                && !upcoming(NEARLY_DUE + 1).is_some_and(|next| next.mirrors(entry))
+            {
+                neighbors(j);
+            }
+        }
+    }
+}
+
+#[cfg(target_arch = "x86_64")]
+impl<F: Features> ListPredictor<F> {
+    /// Not inlined: one copy of this code keeps the loop of events short.
+    #[target_feature(enable = "avx2,fma,bmi1,bmi2,lzcnt,popcnt")]
+    #[inline(never)]
+    fn predict_avx2(&self, world: &World, i: u32, bounds: &mut Bounds, work: &mut Work) -> Entry {
+        self.predict::<true>(world, i, bounds, work)
+    }
+}

@@ -1,0 +1,258 @@
+//! The scheduler for lists.
+
+use std::marker::PhantomData;
+
+use haff_neighbors::{Array, Geometry, with_huge_pages};
+use rayon::prelude::*;
+
+use crate::{
+    laws::event::{Collision, Impact, Pause},
+    model::{System, features::Features},
+    numerics::tuning::particles::PREFETCH_LISTS,
+    report::Observer,
+    search::{
+        batch::Kernel,
+        compact::CompactParticle,
+        event_loop::{Limit, Next, Scheduler},
+        queue::{Predictor, Queue},
+        sharing::least_items,
+        summary::{LocalDensity, SystemSummary},
+    },
+    state::State,
+};
+
+use super::{
+    filter::Bounds,
+    list_event::{Entry, ListEvent},
+    lists::Lists,
+    plan::Plan,
+    predictor::{FAR_AHEAD, ListPredictor, VectorPredictor, Work},
+    step_data::Steps,
+};
+
+/// Number of particles that are predicted in parallel at the start, before their entries are added to the
+/// queue.
+pub(super) const BLOCK: usize = 1 << 16;
+
+/// The scheduler for one set of features.
+pub(crate) struct Nearby<F> {
+    pub(super) kernel: Kernel,
+    pub(super) queue: Queue<ListEvent>,
+    pub(super) predictor: ListPredictor<F>,
+    /// The events after this time [ticks] are taken in steps; those up to it are in the queue.
+    pub(super) horizon: i64,
+    pub(super) steps: Steps<F>,
+    pub(super) bounds: [Bounds; 2],
+    pub(super) work: Work,
+    /// The part of `work` that has been added to the counters of the state.
+    pub(super) counted: Work,
+}
+
+impl<F: Features> Nearby<F> {
+    /// A scheduler for a system. Before a run it must be [built](Scheduler::rebuild). `None` if this
+    /// scheduler does not support the system.
+    pub fn new(
+        geometry: &Geometry,
+        kernel: Kernel,
+        system: &System,
+        summary: &SystemSummary,
+        density: &LocalDensity,
+        blocks: Option<u16>,
+    ) -> Option<Self> {
+        let plan = Plan::new(geometry, system, summary, density)?;
+        let count = summary.count;
+        Some(Self {
+            kernel,
+            queue: Queue::new(count, FAR_AHEAD),
+            predictor: ListPredictor {
+                plan,
+                particles: Array::default(),
+                lists: Lists::default(),
+                prefetches: count >= PREFETCH_LISTS,
+                features: PhantomData,
+            },
+            horizon: i64::MAX,
+            steps: Steps::new(blocks),
+            bounds: [Bounds::new(); 2],
+            work: Work::default(),
+            counted: Work::default(),
+        })
+    }
+
+    /// Updates and predicts particle i after a collision with a wall. Not inlined, so that the loop of
+    /// particle collisions stays short.
+    #[inline(never)]
+    pub(super) fn update_after_wall<const VECTORS: bool>(&mut self, state: &mut State, i: u32) {
+        let (queue, mut predictor) = self.split::<VECTORS>();
+        state.world.wrap_anchor(i);
+        predictor.predictor.update(&state.world, i);
+        queue.push(predictor.predict(state, i));
+    }
+
+    /// The queue, and the predictor with or without vector instructions.
+    #[inline(always)]
+    pub(super) fn split<const VECTORS: bool>(
+        &mut self,
+    ) -> (&mut Queue<ListEvent>, VectorPredictor<'_, F, VECTORS>) {
+        let Self { queue, predictor, bounds, work, .. } = self;
+        (queue, VectorPredictor { predictor, bounds, work })
+    }
+}
+
+impl<F: Features> Scheduler for Nearby<F> {
+    type Features = F;
+    type Event = Impact;
+
+    fn kernel(&self) -> Kernel {
+        self.kernel
+    }
+
+    fn rebuild(&mut self, state: &mut State, geometry: &Geometry) {
+        let count = state.world.particles.len();
+        self.queue.clear();
+        self.steps.clear();
+        let predictor = &mut self.predictor;
+        if predictor.particles.is_empty() {
+            let mut particles = with_huge_pages(count + 1);
+            particles.resize(count + 1, CompactParticle::SENTINEL);
+            predictor.particles = particles.into();
+        }
+        predictor.begin(&state.world);
+        predictor.lists = Lists::default();
+        predictor.lists = Lists::new::<F>(&predictor.plan, geometry, &predictor.particles);
+        let in_steps = self.begin_steps(state);
+        let (predictor, world) = (&self.predictor, &state.world);
+        let mut block = Vec::with_capacity(BLOCK.min(count));
+        for start in (0..count).step_by(BLOCK) {
+            (start as u32..(start + BLOCK).min(count) as u32)
+                .into_par_iter()
+                .with_min_len(least_items())
+                .map_init(Bounds::new, |bounds, i| {
+                    let mut work = Work::default();
+                    (predictor.predict::<false>(world, i, bounds, &mut work), work)
+                })
+                .collect_into_vec(&mut block);
+            if start == 0 {
+                let entries: Vec<Entry> = block.iter().map(|(entry, _)| *entry).collect();
+                if in_steps {
+                    self.steps.prepare(&entries, count);
+                } else {
+                    self.queue.prepare(&entries, count);
+                }
+            }
+            for (entry, work) in &block {
+                if in_steps && entry.time > self.horizon {
+                    self.steps.push(*entry, count);
+                } else {
+                    self.queue.push(*entry);
+                }
+                self.work.add(*work);
+            }
+        }
+    }
+
+    #[inline(always)]
+    fn next<const VECTORS: bool>(&mut self, state: &mut State, limit: &mut Limit) -> Next<Impact> {
+        let until = limit.ticks.min(self.horizon);
+        let (queue, mut predictor) = self.split::<VECTORS>();
+        loop {
+            let Some(entry) = queue.next(state, &mut predictor, until) else {
+                return if limit.ticks <= until || self.is_idle() { Next::Nothing } else { Next::Step };
+            };
+            let i = entry.owner;
+            let updates = match entry.target.kind() {
+                ListEvent::Collision(j) => {
+                    return Next::Event(entry.time, Impact::Pair(Collision([i, j])));
+                }
+                ListEvent::Wall(wall) => return Next::Event(entry.time, Impact::Wall { i, wall }),
+                ListEvent::ListUpdate => true,
+                ListEvent::Prediction => false,
+            };
+            limit.entries -= 1;
+            state.world.now = state.world.now.max(entry.time);
+            state.accumulators.counters.transfers += 1;
+            if updates {
+                predictor.predictor.update_list::<VECTORS>(&state.world, i);
+            }
+            queue.push(predictor.predict(state, i));
+            if limit.entries == 0 {
+                return Next::Interrupted;
+            }
+        }
+    }
+
+    #[inline(always)]
+    fn update<const VECTORS: bool>(
+        &mut self,
+        state: &mut State,
+        event: Impact,
+        _woken: &[u32],
+        _limit: &mut Limit,
+    ) -> Option<Pause> {
+        let [i, j] = match event {
+            Impact::Pair(Collision(bodies)) => bodies,
+            Impact::Wall { i, .. } => {
+                self.update_after_wall::<VECTORS>(state, i);
+                return None;
+            }
+        };
+        let (queue, mut predictor) = self.split::<VECTORS>();
+        // Both anchors are updated before either particle is predicted.
+        let bodies = [i.min(j), i.max(j)];
+        for body in bodies {
+            state.world.wrap_anchor(body);
+            predictor.predictor.update(&state.world, body);
+        }
+        for entry in predictor.predict_both(&state.world, bodies) {
+            // The collision has not changed a body of infinite mass: its own entry is still valid, unless it
+            // is the one of this collision.
+            if F::UNIFORM || entry.owner == i || state.world.class(entry.owner).inverse_mass != 0.0 {
+                queue.push(entry);
+            }
+        }
+        None
+    }
+
+    fn reschedule(&mut self, state: &mut State, bodies: &[u32]) {
+        let (queue, mut predictor) = self.split::<false>();
+        for &body in bodies {
+            state.world.wrap_anchor(body);
+            predictor.predictor.update(&state.world, body);
+        }
+        for &body in bodies {
+            queue.push(predictor.predict(state, body));
+        }
+    }
+
+    fn is_idle(&self) -> bool {
+        self.queue.is_empty() && self.steps.is_empty()
+    }
+
+    fn take_steps(
+        &mut self,
+        state: &mut State,
+        limit: &mut Limit,
+        observer: &mut dyn Observer,
+        events: bool,
+    ) {
+        Nearby::take_steps(self, state, limit, observer, events);
+    }
+
+    fn use_more_threads(&mut self, state: &State) {
+        // The queue keeps its entries: steps take them from there.
+        if self.horizon == i64::MAX {
+            self.begin_steps(state);
+        }
+    }
+
+    fn serial_reason(&self, state: &State) -> Option<&'static str> {
+        Nearby::serial_reason(self, &state.world)
+    }
+
+    fn count_work(&mut self, state: &mut State) {
+        let counters = &mut state.accumulators.counters;
+        counters.predictions += self.work.predictions - self.counted.predictions;
+        counters.candidates += self.work.candidates - self.counted.candidates;
+        self.counted = self.work;
+    }
+}

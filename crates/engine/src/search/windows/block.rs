@@ -1,0 +1,319 @@
+//! One block: takes the events of a round, or leaves them over.
+
+use glam::DVec3;
+
+use crate::{
+    laws::{resolve, wall_impact},
+    model::features::Features,
+    search::{
+        blocks::{Block, Bounds, Ownership, Part, Place, Present, Step, wrap_place},
+        compact::CompactParticle,
+    },
+    state::world::World,
+};
+
+use super::{
+    axes::Axes,
+    cells::path_span,
+    tune::Work,
+    window_event::{Contact, WindowEvent},
+    worker::Worker,
+};
+
+/// What a thread has for one block.
+pub(super) struct WindowBlock<F> {
+    pub worker: Worker<F>,
+    pub part: Part<WindowEvent>,
+    /// Whether the longest displacement of all particles has been noted since the start of the window.
+    pub has_noted: bool,
+}
+
+/// The place of a particle in its window after a fraction of it [cells].
+#[inline(always)]
+pub(super) fn place(axes: &Axes, particle: &CompactParticle, fraction: f32) -> [f32; 3] {
+    let grid = axes.grid_coordinates(particle.x);
+    let mut x = [grid[0], grid[1], grid[2]];
+    for k in 0..3 {
+        x[k] += particle.v[k] * fraction * axes.cells[k];
+    }
+    wrap_place(&axes.grid(), &mut x);
+    x
+}
+
+impl<F> WindowBlock<F> {
+    /// A block with this worker, and with a world without particles.
+    pub fn new(worker: Worker<F>, world: &World, ownership: Ownership) -> Self {
+        Self { worker, part: Part::new(world, ownership), has_noted: false }
+    }
+
+    /// Removes all that a step has left in the block.
+    pub fn clear(&mut self) {
+        self.part.clear();
+        self.worker.scratch.work = Work::default();
+        self.worker.later.clear();
+    }
+}
+
+impl<F: Features> Block for WindowBlock<F> {
+    type Event = WindowEvent;
+
+    fn part(&mut self) -> &mut Part<WindowEvent> {
+        &mut self.part
+    }
+
+    fn begin_round(&mut self, bounds: Bounds) {
+        self.worker.space.cells.own(bounds);
+    }
+
+    fn is_full(&self) -> bool {
+        self.worker.space.cells.is_full()
+    }
+
+    #[inline(always)]
+    fn take<const EVENTS: bool, const VECTORS: bool>(&mut self, present: &Present) {
+        let (from, to) = (present.step.from, present.step.to);
+        self.worker.horizon = to;
+        self.worker.queue.open(from, to, &self.part.known);
+        while let Some(event) = self.worker.queue.pop_until(to) {
+            let bounds = self.part.front.bounds;
+            let contains = |axis: usize, c: i32| bounds.contains_cells(axis, c, 1);
+            self.worker.prefetch(&self.part.state.world, contains);
+            let is_endless = self.part.times.len() > present.step.most;
+            if is_endless || !self.take_event::<EVENTS, VECTORS>(present, event) {
+                self.part.is_failed = true;
+                return;
+            }
+        }
+    }
+}
+
+impl<F: Features> WindowBlock<F> {
+    /// Takes an event or leaves it over. Returns false if the step must be undone.
+    #[inline(always)]
+    fn take_event<const EVENTS: bool, const VECTORS: bool>(
+        &mut self,
+        present: &Present,
+        event: WindowEvent,
+    ) -> bool {
+        match event.0.target.kind() {
+            Contact::Collision(j) => self.take_collision::<EVENTS, VECTORS>(present, event, j),
+            Contact::Wall(wall) => self.take_wall_collision::<EVENTS, VECTORS>(present, event, wall),
+        }
+    }
+
+    #[inline(always)]
+    fn take_collision<const EVENTS: bool, const VECTORS: bool>(
+        &mut self,
+        present: &Present,
+        event: WindowEvent,
+        j: u32,
+    ) -> bool {
+        let entry = event.0;
+        let i = entry.owner;
+        let (world, step) = (&self.part.state.world, present.step);
+        self.part.ownership.read(i);
+        let (a, b) = (&world.particles[i as usize], &world.particles[j as usize]);
+        // In this order: the partner of a particle with another path can be in another block.
+        if a.count != entry.own_count {
+            self.part.state.accumulators.counters.dropped += 1;
+            return true;
+        }
+        self.part.ownership.read(j);
+        if b.count != entry.partner_count {
+            self.part.state.accumulators.counters.dropped += 1;
+            return true;
+        }
+        let time = step.fraction(entry.time);
+        let places = [self.place(step, i, time), self.place(step, j, time)];
+        if !self.is_known(present, &places, time) {
+            return self.part.leave(step, event, &places, time);
+        }
+        let Ok(impact) = resolve::collide::<F>(world, [i, j], entry.time) else { return false };
+        for (k, (_, position, velocity)) in impact.after().into_iter().enumerate() {
+            // In the order of the indices.
+            let k = if i < j { k } else { 1 - k };
+            match self.stays(present, &places[k], (position, velocity), entry.time) {
+                Stays::Inside => {}
+                Stays::Outside => return self.part.leave(step, event, &places, time),
+                Stays::TooFast => return false,
+            }
+        }
+        if !present.is_expected(&self.part.state.world, &places, time) {
+            return self.part.reject();
+        }
+        for place in &places {
+            self.part.save(step, place.body);
+            self.worker.space.particles[place.slot].note_path();
+        }
+        self.part.start_event::<F, _, EVENTS>(&entry);
+        resolve::apply::<F, EVENTS>(&mut self.part.state, &impact, entry.time, &mut self.part.rows);
+        self.part.wrap(i);
+        self.part.wrap(j);
+        if self.has_resting() {
+            return false;
+        }
+        let world = &self.part.state.world;
+        let movable = |body: u32| F::UNIFORM || world.class(body).inverse_mass != 0.0;
+        match (movable(i), movable(j)) {
+            (true, true) => self.worker.predict_again::<2, VECTORS>(world, [i.min(j), i.max(j)]),
+            (true, false) => self.worker.predict_again::<1, VECTORS>(world, [i]),
+            (false, _) => self.worker.predict_again::<1, VECTORS>(world, [j]),
+        }
+    }
+
+    #[inline(never)]
+    fn take_wall_collision<const EVENTS: bool, const VECTORS: bool>(
+        &mut self,
+        present: &Present,
+        event: WindowEvent,
+        wall: u32,
+    ) -> bool {
+        let entry = event.0;
+        let i = entry.owner;
+        let (world, step) = (&self.part.state.world, present.step);
+        if world.particles[i as usize].count != entry.own_count {
+            self.part.state.accumulators.counters.dropped += 1;
+            return true;
+        }
+        let time = step.fraction(entry.time);
+        let places = [self.place(step, i, time)];
+        if !self.is_known(present, &places, time) {
+            return self.part.leave(step, event, &places, time);
+        }
+        let Ok((contact, outcome)) = wall_impact::collide_with_wall::<F>(world, i, wall, entry.time) else {
+            return false;
+        };
+        let after = (contact.position, outcome.velocity());
+        match self.stays(present, &places[0], after, entry.time) {
+            Stays::Inside => {}
+            Stays::Outside => return self.part.leave(step, event, &places, time),
+            Stays::TooFast => return false,
+        }
+        if !present.is_expected(&self.part.state.world, &places, time) {
+            return self.part.reject();
+        }
+        self.part.save(step, i);
+        self.worker.space.particles[places[0].slot].note_path();
+        self.part.start_event::<F, _, EVENTS>(&entry);
+        wall_impact::apply_wall::<F, EVENTS>(&mut self.part.state, &contact, &outcome, &mut self.part.rows);
+        self.part.wrap(i);
+        !self.has_resting() && self.worker.predict_again::<1, VECTORS>(&self.part.state.world, [i])
+    }
+
+    /// The place of a particle after a fraction of the window.
+    #[inline(always)]
+    fn place(&self, step: &Step, body: u32, time: f32) -> Place {
+        let slot = self.worker.slot_of[body as usize] as usize;
+        let space = &self.worker.space;
+        let x = place(&space.cells.axes, &space.particles[slot], time);
+        Place { body, slot, x, depth: step.metric.depth(&self.part.front.bounds, x) }
+    }
+
+    /// Whether nothing unknown can have changed an event, and its particles are registered in no cells but
+    /// those of this block.
+    #[inline(always)]
+    fn is_known<const K: usize>(&self, present: &Present, places: &[Place; K], time: f32) -> bool {
+        if self.part.front.bounds.is_whole {
+            return true;
+        }
+        // A loop instead of `Iterator::all`, which can remain a call compiled for the baseline instruction
+        // set.
+        for place in places {
+            let is_clear = self.part.front.is_clear(place.depth, place.x, time);
+            if !is_clear || !self.is_registered_inside(present, place) {
+                return false;
+            }
+        }
+        true
+    }
+
+    /// Whether a particle is registered in cells of this block only.
+    #[inline(always)]
+    fn is_registered_inside(&self, present: &Present, place: &Place) -> bool {
+        let (space, step) = (&self.worker.space, present.step);
+        let compact = &space.particles[place.slot];
+        let extent = space.extent(compact.radius);
+        // Of a particle with an event in this window, only the last of its paths is stored. It is registered
+        // along the earlier ones up to the end of the window: from an event at a place b, up to a
+        // displacement of the window away from b, and the present place is up to another one away from b.
+        // After a step that was undone, it is registered along paths that it does not take.
+        let has_turned =
+            self.part.state.world.particles[place.body as usize].time > step.begin || compact.longest() > 0.0;
+        let displacement = if !self.has_noted {
+            step.metric.speed
+        } else if has_turned {
+            let mut last = *compact;
+            last.note_path();
+            last.longest().sqrt()
+        } else {
+            return self.contains(path_span(&space.cells.axes, compact.x, compact.v, 1.0, extent));
+        };
+        place.depth.of_cells >= 2.0 * displacement + extent
+    }
+
+    /// Whether these cells, the first one and their number along each axis, are in this block.
+    fn contains(&self, (low, count): ([i32; 4], [i32; 3])) -> bool {
+        let mut is_inside = true;
+        for k in 0..3 {
+            is_inside &= self.part.front.bounds.contains_cells(k, low[k], count[k]);
+        }
+        is_inside
+    }
+
+    /// Whether the cells along a new path, and those that a search around it reads, are in this block.
+    #[inline(always)]
+    fn stays(
+        &self,
+        present: &Present,
+        place: &Place,
+        (mut position, mut velocity): (DVec3, DVec3),
+        ticks: i64,
+    ) -> Stays {
+        let step = present.step;
+        let metric = &step.metric;
+        let world = &self.part.state.world;
+        if !F::UNIFORM && world.class(place.body).inverse_mass == 0.0 {
+            return Stays::Inside;
+        }
+        if F::GRAVITY {
+            let elapsed = (ticks - step.begin) as f64 * world.clock.tick;
+            position -= self.worker.gravity * (0.5 * elapsed * elapsed);
+            velocity -= self.worker.gravity * elapsed;
+        }
+        let square = velocity.length_squared() * (self.worker.step * self.worker.step);
+        if square > f64::from(metric.speed) * f64::from(metric.speed) {
+            return Stays::TooFast;
+        }
+        let space = &self.worker.space;
+        let reach = space.particles[place.slot].radius + space.common_radius;
+        if place.depth.of_cells >= metric.speed + reach {
+            return Stays::Inside;
+        }
+        let axes = &space.cells.axes;
+        let (p, u) = (position.to_array(), velocity.to_array());
+        let (mut start, mut v) = ([0; 3], [0.0; 3]);
+        for k in 0..3 {
+            start[k] = axes.coordinate(k, p[k]);
+            v[k] = (u[k] * self.worker.step) as f32;
+        }
+        if self.contains(path_span(axes, start, v, 1.0 - step.fraction(ticks), reach)) {
+            Stays::Inside
+        } else {
+            Stays::Outside
+        }
+    }
+
+    /// Whether a wall supports a particle: windows do not support this.
+    #[inline(always)]
+    fn has_resting(&self) -> bool {
+        F::GRAVITY && (self.part.state.world.resting != 0 || !self.part.state.pending.is_empty())
+    }
+}
+
+/// Where a new path leads.
+enum Stays {
+    Inside,
+    Outside,
+    /// The particle is faster than the front.
+    TooFast,
+}

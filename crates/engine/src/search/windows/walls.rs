@@ -1,0 +1,84 @@
+//! A lower bound on the distance from walls until the end of the window.
+//!
+//! Most particles touch no wall within a window. Without this bound, exact predictions with six walls take a
+//! third of all instructions in a closed box.
+
+use glam::DVec3;
+
+use crate::state::{particle::Particle, world::World};
+
+/// Rounding of a distance from a wall is less than this part of the extent of the system.
+const SLACK: f64 = 1e-9;
+
+/// The walls of a system as planes.
+#[derive(Debug, Clone, Default)]
+pub(super) struct Planes {
+    planes: Vec<Plane>,
+    /// Distances up to this are treated as contacts [length].
+    slack: f64,
+}
+
+#[derive(Debug, Clone, Copy)]
+struct Plane {
+    normal: DVec3,
+    /// Distance of the plane from the origin along the normal, at the reference time and at the most
+    /// [length].
+    offset: f64,
+    /// Time at which the plane has its given position [time].
+    reference_time: f64,
+    /// Mean velocity along the normal [length/time].
+    speed: f64,
+    /// Particles are on both sides.
+    two_sided: bool,
+}
+
+impl Planes {
+    pub fn new(world: &World) -> Self {
+        let planes = world.walls.iter().map(|wall| {
+            let (speed, amplitude) = wall.motion.bound(wall.normal);
+            Plane {
+                normal: wall.normal,
+                offset: wall.point.dot(wall.normal) + amplitude,
+                reference_time: wall.motion.reference_time(),
+                speed,
+                two_sided: wall.partition.is_some(),
+            }
+        });
+        let extent = world
+            .walls
+            .iter()
+            .map(|wall| wall.point.length())
+            .fold(world.periodicity.size.length(), f64::max);
+        Self { planes: planes.collect(), slack: SLACK * extent }
+    }
+
+    /// Calls `predict` for each wall that a particle with this anchor can touch within the `duration` [time]
+    /// after the anchor. `acceleration` is that of its flight.
+    #[inline(always)]
+    pub fn for_each_in_reach(
+        &self,
+        world: &World,
+        anchor: &Particle,
+        radius: f64,
+        acceleration: DVec3,
+        duration: f64,
+        mut predict: impl FnMut(u32),
+    ) {
+        let time = world.clock.time(anchor.time);
+        for (wall, plane) in self.planes.iter().enumerate() {
+            let height = plane.normal.dot(anchor.position)
+                - plane.offset
+                - plane.speed * (time - plane.reference_time);
+            let rate = plane.normal.dot(anchor.velocity) - plane.speed;
+            let pull = plane.normal.dot(acceleration);
+            let behind = plane.two_sided && height < 0.0;
+            let (height, rate, pull) = if behind { (-height, -rate, -pull) } else { (height, rate, pull) };
+            let distance = height - radius;
+            // Not larger than the smallest distance: an acceleration away from the wall is left out.
+            let approach = rate.min(0.0) + 0.5 * pull.min(0.0) * duration;
+            if distance + approach * duration <= self.slack {
+                predict(wall as u32);
+            }
+        }
+    }
+}

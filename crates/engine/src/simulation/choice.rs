@@ -1,0 +1,302 @@
+//! The choice of a scheduler for a state, compiled for the features of the system.
+
+use glam::DVec3;
+use haff_neighbors::{AllPairs, Cells, Geometry, Lists, ShearedCells, ShearedPairs};
+
+use crate::{
+    model::{
+        Boundary, NeighborChoice, Options, System,
+        features::{
+            ElasticMonodisperse, FallingMonodisperse, FallingPolydisperse, Features, Monodisperse,
+            Polydisperse, Settling, ShearedMonodisperse, ShearedPolydisperse,
+        },
+        thresholds::Thresholds,
+    },
+    numerics::tuning::{cells, lists_above, particles},
+    search::{
+        batch::Kernel,
+        calendar_scheduler::CalendarScheduler,
+        event_loop::Engine,
+        nearby::{self, Nearby},
+        summary::{LocalDensity, SystemSummary},
+        windows::{self, Windows},
+    },
+    state::world::{World, can_carry},
+};
+
+/// A scheduler is replaced only when the density is beyond the limit by this factor: frequent changes back
+/// and forth cost more than they gain.
+const HYSTERESIS: f64 = 1.15;
+/// An engine is built again when the density around the average particle has changed by this factor.
+const DENSITY_CHANGE: f64 = 2.0;
+/// Packing fractions below this are treated as equal to it.
+const SPARSE: f64 = 1e-9;
+/// The choice is made again after this many collisions per particle, plus [`REVIEW`]: it takes less than a
+/// hundredth of their time.
+const REVIEW_PER_PARTICLE: u64 = 16;
+/// See [`REVIEW_PER_PARTICLE`].
+const REVIEW: u64 = 2000;
+/// The choice is made again earlier if a scheduler takes more entries than this per collision: then windows
+/// are too short, or collisions are rare.
+const ENTRIES: u64 = 2;
+
+/// The choice of a scheduler, and the data that it is based on.
+pub(crate) struct Choice {
+    pub summary: SystemSummary,
+    pub kernel: Kernel,
+    /// The search that the caller requests.
+    requested: NeighborChoice,
+    /// The number of blocks that the caller requests.
+    blocks: Option<u16>,
+    /// The present choice.
+    pub neighbors: NeighborChoice,
+    /// The local density when this choice was made.
+    density: LocalDensity,
+    /// Total number of collisions after which the choice is made again.
+    pub review: u64,
+    /// Number of further entries after which the choice is made again.
+    pub patience: u64,
+}
+
+impl Choice {
+    /// Chooses for the present state of a world.
+    pub fn new(options: Options, kernel: Kernel, system: &System, world: &World) -> Self {
+        let summary = SystemSummary::of(system, world);
+        let density = LocalDensity::of(system, &summary, world);
+        let mut choice = Self {
+            summary,
+            kernel,
+            requested: options.neighbors,
+            blocks: options.blocks,
+            neighbors: NeighborChoice::Auto,
+            density,
+            review: 0,
+            patience: 0,
+        };
+        choice.neighbors = choice.best(system, world, &density);
+        choice
+    }
+
+    /// Makes the choice again. Returns whether the engine has to be replaced, by another scheduler or by the
+    /// same one for the present density.
+    pub fn reconsider(&mut self, system: &System, world: &World) -> bool {
+        let density = LocalDensity::of(system, &self.summary, world);
+        let neighbors = self.best(system, world, &density);
+        // In open space the density is 0 if no particle has neighbors.
+        let ratio = density.packing.max(SPARSE) / self.density.packing.max(SPARSE);
+        let changed = neighbors != self.neighbors
+            || self.neighbors != NeighborChoice::AllPairs
+                && !(1.0 / DENSITY_CHANGE..=DENSITY_CHANGE).contains(&ratio);
+        if changed {
+            (self.neighbors, self.density) = (neighbors, density);
+        }
+        changed
+    }
+
+    /// Volume that the particles fill at the density around the average particle [length^d].
+    pub fn filled(&self) -> f64 {
+        self.summary.occupied / self.density.packing
+    }
+
+    /// Sets when the choice is made again, if `collisions` have happened so far.
+    pub fn after(&mut self, collisions: u64) {
+        let interval = REVIEW + REVIEW_PER_PARTICLE * self.summary.count as u64;
+        (self.review, self.patience) = (collisions + interval, ENTRIES * interval);
+    }
+
+    /// The best search for a state: lists for dense states, windows for other states that they support, cells
+    /// otherwise.
+    fn best(&self, system: &System, world: &World, density: &LocalDensity) -> NeighborChoice {
+        let windows_possible =
+            windows::unsuitable(system, &self.summary).is_none() && windows::supports(world);
+        match self.requested {
+            NeighborChoice::Auto => {}
+            NeighborChoice::Windows if !windows_possible => return NeighborChoice::Cells,
+            requested => return requested,
+        }
+        if self.summary.count <= particles::ALL_PAIRS {
+            return NeighborChoice::AllPairs;
+        }
+        if system.domain.shear.is_some() {
+            let windows = windows_possible && windows::is_profitable(system, &self.summary, density);
+            return if windows { NeighborChoice::Windows } else { NeighborChoice::Cells };
+        }
+        let windows = windows_possible && windows::is_profitable(system, &self.summary, density);
+        let mixed = self.summary.least != self.summary.largest;
+        let limits = match (windows, mixed) {
+            (true, _) if nearby::supports(system, &self.summary) => {
+                if self.summary.count < particles::PREFETCH_LISTS {
+                    lists_above::WINDOWS
+                } else {
+                    lists_above::WINDOWS_LARGE
+                }
+            }
+            (true, _) if system.domain.gravity != DVec3::ZERO => lists_above::WINDOWS_FALLING,
+            (true, _) if nearby::is_wide(&self.summary) => lists_above::WINDOWS_WIDE,
+            (true, _) => lists_above::WINDOWS_OTHER,
+            (false, true) => lists_above::CELLS_MIXED,
+            (false, false) => lists_above::CELLS,
+        };
+        let hysteresis = match self.neighbors {
+            NeighborChoice::Auto => 1.0,
+            NeighborChoice::Lists => 1.0 / HYSTERESIS,
+            _ => HYSTERESIS,
+        };
+        let axes = system.dimension.count();
+        let is_dense = density.packing > limits.of(axes) * hysteresis;
+        // The width of cells follows from the largest particles, the shell of lists from the mean one.
+        let are_cells_full = !windows
+            && mixed
+            && self.candidates_of_cells(system, density) > cells::FULL.of(axes) * hysteresis;
+        if (is_dense || are_cells_full) && self.summary.count <= Lists::MAX_PARTICLES {
+            NeighborChoice::Lists
+        } else if windows {
+            NeighborChoice::Windows
+        } else {
+            NeighborChoice::Cells
+        }
+    }
+
+    /// Mean number of particles in the cells around a particle.
+    fn candidates_of_cells(&self, system: &System, density: &LocalDensity) -> f64 {
+        let SystemSummary { count, occupied, contact, .. } = self.summary;
+        let (axes, count) = (system.dimension.count(), count as f64);
+        let volume = occupied / density.packing;
+        let width = contact.max(self.summary.spacing(density.packing));
+        let block: f64 = (0..axes)
+            .map(|axis| match system.domain.boundary[axis] {
+                Boundary::Open => 3.0 * width,
+                Boundary::Periodic | Boundary::Wall => system.domain.size[axis].min(3.0 * width),
+            })
+            .product();
+        count * (block / volume).min(1.0)
+    }
+
+    /// The engine for the features of the system.
+    pub fn compile(&self, system: &System, geometry: &Geometry) -> Box<dyn Engine> {
+        let Self { summary, kernel, density, neighbors, .. } = self;
+        tracing::info!(
+            search = neighbors.name(),
+            asked = self.requested.name(),
+            particles = summary.count,
+            packing_fraction_around = density.packing,
+            windows = windows::unsuitable(system, summary).as_deref().unwrap_or("possible"),
+            ?kernel,
+            "engine"
+        );
+        macro_rules! scheduler {
+            ($features:ty) => {{
+                let (kernel, count) = (*kernel, summary.count);
+                match neighbors {
+                    NeighborChoice::Windows => Box::new(Windows::<$features>::new(
+                        geometry,
+                        kernel,
+                        system,
+                        summary,
+                        density,
+                        self.blocks,
+                    )) as Box<dyn Engine>,
+                    // Very small systems need no special engine for equal sizes.
+                    NeighborChoice::AllPairs if <$features>::GRAVITY => {
+                        Box::new(CalendarScheduler::<FallingPolydisperse, AllPairs>::new(
+                            geometry, kernel, count,
+                        ))
+                    }
+                    NeighborChoice::AllPairs => {
+                        Box::new(CalendarScheduler::<Polydisperse, AllPairs>::new(geometry, kernel, count))
+                    }
+                    NeighborChoice::Lists => {
+                        Box::new(CalendarScheduler::<$features, Lists>::new(geometry, kernel, count))
+                    }
+                    NeighborChoice::Auto | NeighborChoice::Cells => {
+                        Box::new(CalendarScheduler::<$features, Cells>::new(geometry, kernel, count))
+                    }
+                }
+            }};
+        }
+        if Thresholds::of(system).is_some() {
+            return self.compile_for_rest(geometry);
+        }
+        if system.domain.shear.is_some() {
+            return self.compile_for_shear(system, geometry);
+        }
+        let gravity = system.domain.gravity != DVec3::ZERO || can_carry(system);
+        if !gravity && summary.uniform && system.contacts.are_elastic() && system.spin.is_none() {
+            if *neighbors == NeighborChoice::Windows {
+                return Box::new(Windows::<ElasticMonodisperse>::new(
+                    geometry,
+                    *kernel,
+                    system,
+                    summary,
+                    density,
+                    self.blocks,
+                ));
+            }
+            if let Some(engine) = self.compile_for_lists::<ElasticMonodisperse>(system, geometry) {
+                return engine;
+            }
+        }
+        match (gravity, summary.uniform) {
+            (true, true) => scheduler!(FallingMonodisperse),
+            (true, false) => scheduler!(FallingPolydisperse),
+            (false, true) => self
+                .compile_for_lists::<Monodisperse>(system, geometry)
+                .unwrap_or_else(|| scheduler!(Monodisperse)),
+            (false, false) => self
+                .compile_for_lists::<Polydisperse>(system, geometry)
+                .unwrap_or_else(|| scheduler!(Polydisperse)),
+        }
+    }
+
+    /// The engine of [`nearby`], if lists are chosen and it supports the system.
+    fn compile_for_lists<F: Features>(
+        &self,
+        system: &System,
+        geometry: &Geometry,
+    ) -> Option<Box<dyn Engine>> {
+        if self.neighbors != NeighborChoice::Lists {
+            return None;
+        }
+        let engine =
+            Nearby::<F>::new(geometry, self.kernel, system, &self.summary, &self.density, self.blocks)?;
+        Some(Box::new(engine))
+    }
+
+    /// The engine for a sheared system.
+    fn compile_for_shear(&self, system: &System, geometry: &Geometry) -> Box<dyn Engine> {
+        if self.summary.uniform {
+            self.compile_sheared::<ShearedMonodisperse>(system, geometry)
+        } else {
+            self.compile_sheared::<ShearedPolydisperse>(system, geometry)
+        }
+    }
+
+    fn compile_sheared<F: Features>(&self, system: &System, geometry: &Geometry) -> Box<dyn Engine> {
+        let Self { kernel, summary, density, .. } = self;
+        match self.neighbors {
+            NeighborChoice::AllPairs => Box::new(
+                CalendarScheduler::<ShearedPolydisperse, ShearedPairs>::new(geometry, *kernel, summary.count),
+            ),
+            NeighborChoice::Windows => {
+                Box::new(Windows::<F>::new(geometry, *kernel, system, summary, density, self.blocks))
+            }
+            _ => Box::new(CalendarScheduler::<F, ShearedCells>::new(geometry, *kernel, summary.count)),
+        }
+    }
+
+    /// The engine for a system whose grains can come to rest.
+    fn compile_for_rest(&self, geometry: &Geometry) -> Box<dyn Engine> {
+        let (kernel, count) = (self.kernel, self.summary.count);
+        match self.neighbors {
+            NeighborChoice::AllPairs => {
+                Box::new(CalendarScheduler::<Settling, AllPairs>::new(geometry, kernel, count))
+            }
+            NeighborChoice::Lists => {
+                Box::new(CalendarScheduler::<Settling, Lists>::new(geometry, kernel, count))
+            }
+            NeighborChoice::Auto | NeighborChoice::Cells | NeighborChoice::Windows => {
+                Box::new(CalendarScheduler::<Settling, Cells>::new(geometry, kernel, count))
+            }
+        }
+    }
+}

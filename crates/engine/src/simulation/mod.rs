@@ -1,0 +1,31 @@
+/*!
+The simulation: a state, an engine compiled for the features of the system, and the epochs of the clock.
+
+*What is here.* [`Simulation`] is what callers use. [`choice`] decides which search runs, [`change`] replaces
+particles, laws and walls on the way, [`checkpoint`] saves and [`valid`] checks what is loaded. [`warnings`]
+says what a scene will probably do.
+
+*What to change here.* What the caller can ask of a run.
+
+*May import* everything.
+
+*Begin with* `Simulation::advance`.
+*/
+
+pub(crate) mod bouncing;
+pub(crate) mod change;
+pub(crate) mod checkpoint;
+pub(crate) mod choice;
+pub(crate) mod clustering;
+pub(crate) mod initial;
+pub(crate) mod run;
+pub(crate) mod valid;
+pub(crate) mod warnings;
+
+pub use run::{Simulation, Until};
+
+pub use bouncing::endless_bounces_warning;
+pub use change::{Change, NewParticle};
+pub use clustering::{clustering_warning, critical_length, suitable_contact_duration};
+pub use initial::{initial_temperature, thermal_velocities};
+pub use warnings::warnings;

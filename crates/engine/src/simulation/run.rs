@@ -1,0 +1,675 @@
+//! A run: the state, its engine and the epochs of the clock.
+
+use std::collections::BTreeMap;
+
+use glam::DVec3;
+use haff_neighbors::{Geometry, Lists};
+
+use crate::{
+    actions::{
+        drive,
+        settling::scan::{SettlingScan, contacts_of_asleep, scan},
+        timed::TimedAction,
+    },
+    laws::{event::Pause, slide},
+    measure::{
+        Measurement, frame, measurements, observe,
+        sample::{self, Species},
+        take_flights,
+        totals::{self, Totals},
+    },
+    model::{Boundary, Dimension, NeighborChoice, Options, System, thresholds::Thresholds},
+    motion::flights,
+    numerics::{
+        clock::{ANCHOR_AGE, Clock, EPOCH, OLDEST_ANCHOR},
+        error::EngineError,
+    },
+    report::{BlockCounts, Correlation, Counters, Frame, Observer, Sample, Silent, Stop, ledger::Ledger},
+    search::{
+        batch::Kernel,
+        event_loop::{Engine, Limit},
+        sharing::Sharing,
+        windows,
+    },
+    simulation::{choice::Choice, clustering::suitable_contact_duration},
+    state::{
+        State, accumulators::Accumulators, flight_sums::Summed, settling::SettlingState, stall::Stall,
+        world::World,
+    },
+    support::{
+        geometry::geometry,
+        overlap::{self, Overlap},
+    },
+};
+
+/// Largest number of particles: a calendar entry stores a tag in two of the 32 bits of an index.
+pub(super) const MAX_PARTICLES: usize = (1 << 30) - 2;
+
+/// Largest number of walls.
+pub(super) const MAX_WALLS: usize = u16::MAX as usize;
+
+/// The tick is changed at the end of an epoch if the system's time scale has changed by 2 to this power.
+pub(super) const RETUNE_BITS: u32 = 2;
+
+/// The bounds of one call of [`Simulation::advance`].
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Until {
+    /// Up to and including this time [time]; `f64::INFINITY` for no bound.
+    pub time: f64,
+    /// Up to this total of sphere–sphere collisions; `u64::MAX` for no bound.
+    pub collisions: u64,
+    /// At most this many calendar entries, so that the caller can handle signals and report progress.
+    pub entries: u64,
+}
+
+impl Default for Until {
+    fn default() -> Self {
+        Self { time: f64::INFINITY, collisions: u64::MAX, entries: u64::MAX }
+    }
+}
+
+/// A running simulation.
+pub struct Simulation {
+    /// The system without its bodies, which are in the state.
+    pub(crate) system: System,
+    pub(crate) species: Species,
+    pub(super) geometry: Geometry,
+    pub(crate) state: State,
+    pub(super) engine: Box<dyn Engine>,
+    pub(super) choice: Choice,
+    pub(super) sharing: Sharing,
+    pub(super) actions: Vec<Box<dyn TimedAction>>,
+    pub(crate) measurements: Vec<Box<dyn Measurement>>,
+    pub(crate) options: Options,
+    /// The requested time of the last stop [time]; the present tick is only the nearest one.
+    pub(super) stop_time: Option<f64>,
+    /// A contact duration that suits the system, for the error of a collapse [time].
+    pub(super) contact_duration: Option<f64>,
+}
+
+impl Simulation {
+    /// Starts a simulation at time 0.
+    ///
+    /// The system must be valid: masses and radii are positive, nothing overlaps, particles are inside their
+    /// walls, velocities are finite, and gravity is zero along periodic axes.
+    pub fn new(system: System, options: Options) -> Result<Self, EngineError> {
+        let mut world = World::new(&system, 0);
+        let extent = world.extent(open_axes(&system));
+        let exponent = Clock::exponent_for(extent, world.largest_speed(extent));
+        // All anchors are at tick 0, which is time 0 for any length of a tick.
+        world.clock = Clock::new(exponent);
+        world.set_scale(extent, 0.0);
+        let totals = Totals::of(&world);
+        let accumulators = Accumulators::new(&world, [totals.all_kinetic(), totals.potential]);
+        let state = State {
+            world,
+            accumulators,
+            pending: BTreeMap::new(),
+            settling: SettlingState::default(),
+            blocks: BlockCounts::default(),
+            stall: Stall::default(),
+        };
+        let actions = actions(&system);
+        let measurements = measurements(&system, &state);
+        Self::start(system, options, state, actions, measurements)
+    }
+
+    /// Builds the engine for a state.
+    pub(crate) fn start(
+        mut system: System,
+        options: Options,
+        state: State,
+        actions: Vec<Box<dyn TimedAction>>,
+        measurements: Vec<Box<dyn Measurement>>,
+    ) -> Result<Self, EngineError> {
+        for (what, count, limit) in
+            [("particles", system.bodies.len(), MAX_PARTICLES), ("walls", system.walls.len(), MAX_WALLS)]
+        {
+            if count > limit {
+                return Err(EngineError::TooMany { what, count, limit });
+            }
+        }
+        if options.neighbors == NeighborChoice::Lists && system.bodies.len() > Lists::MAX_PARTICLES {
+            let (count, limit) = (system.bodies.len(), Lists::MAX_PARTICLES);
+            return Err(EngineError::TooMany { what: "particles for neighbor lists", count, limit });
+        }
+        let kernel = Kernel::choose(options.simd).ok_or(EngineError::NoAvx2)?;
+        let choice = Choice::new(options, kernel, &system, &state.world);
+        if options.neighbors == NeighborChoice::Windows
+            && let Some(why) = windows::unsuitable(&system, &choice.summary)
+        {
+            return Err(EngineError::Unsuitable { choice: options.neighbors.name(), why });
+        }
+        if options.neighbors == NeighborChoice::Lists && system.domain.shear.is_some() {
+            let why = "images of a sheared box (domain.shear) slide".to_owned();
+            return Err(EngineError::Unsuitable { choice: options.neighbors.name(), why });
+        }
+        let geometry = geometry(&system, &state.world, choice.filled());
+        let species = Species::new(&system);
+        let contact_duration = suitable_contact_duration(&system);
+        // The state has a copy of the bodies; they are a quarter of the memory of a large system.
+        system.bodies = Vec::new();
+        if let Some(spin) = &mut system.spin {
+            spin.angular_velocity = Vec::new();
+        }
+        let engine = choice.compile(&system, &geometry);
+        let mut simulation = Self {
+            system,
+            species,
+            geometry,
+            state,
+            engine,
+            choice,
+            sharing: Sharing::default(),
+            actions,
+            measurements,
+            options,
+            stop_time: None,
+            contact_duration,
+        };
+        simulation.rebuild();
+        Ok(simulation)
+    }
+
+    /// Has the engine predict all particles from the state.
+    pub(super) fn predict_all(&mut self) {
+        self.geometry.sliding = self.state.world.sliding_images();
+        self.engine.rebuild(&mut self.state, &self.geometry);
+    }
+
+    /// Rebuilds the engine's search and all its predictions from the state.
+    pub(super) fn rebuild(&mut self) {
+        self.predict_all();
+        self.choice.after(self.state.accumulators.counters.collisions);
+    }
+
+    /// Changes the engine if another one is better for the present state. No choice changes the trajectory.
+    #[cold]
+    pub(super) fn reconsider(&mut self) {
+        self.state.accumulators.sums_mut().for_each(|(_, sum)| sum.normalize());
+        for sum in self.state.accumulators.flights.iter_mut().flat_map(|flights| &mut flights.sums) {
+            sum.normalize();
+        }
+        self.choice.after(self.state.accumulators.counters.collisions);
+        if self.choice.reconsider(&self.system, &self.state.world) {
+            self.geometry = geometry(&self.system, &self.state.world, self.choice.filled());
+            self.engine = self.choice.compile(&self.system, &self.geometry);
+            self.rebuild();
+        }
+    }
+
+    /// Runs events until the first of the bounds, or until nothing moves and no event is due.
+    pub fn advance(&mut self, until: Until, observer: &mut dyn Observer) -> Result<Stop, EngineError> {
+        self.stop_time = None;
+        if self.is_finished() {
+            return Ok(Stop::Rest);
+        }
+        let mut entries = until.entries;
+        let _scope = self.sharing.enter();
+        loop {
+            let target = self.state.world.clock.ticks(until.time);
+            let due = self.next_due();
+            let (started, part) = self.sharing.start(self.engine.serial_reason(&self.state).is_none());
+            let slice = entries.min(self.choice.patience).min(part);
+            let events = self.events();
+            let mut limit = Limit {
+                // Events at the last tick of an epoch belong to the next epoch.
+                ticks: target.min(EPOCH - 1).min(due),
+                collisions: until.collisions.min(self.choice.review),
+                entries: slice,
+            };
+            let (engine, state) = (&mut self.engine, &mut self.state);
+            let run = |observer: &mut dyn Observer| engine.advance(state, &mut limit, observer);
+            let paused = observe(&mut self.measurements, observer, run);
+            if self.sharing.end(&started, self.events() - events) {
+                self.engine.use_more_threads(&self.state);
+            }
+            entries -= slice - limit.entries;
+            self.choice.patience -= slice - limit.entries;
+            let pause = match paused {
+                Ok(pause) => pause,
+                Err(EngineError::LongTick { speed }) => {
+                    // Before the event, which is then predicted again.
+                    self.start_epoch(self.state.world.now, speed);
+                    entries = entries.saturating_sub(1 + self.particles() as u64);
+                    if entries == 0 {
+                        return Ok(Stop::Slice);
+                    }
+                    continue;
+                }
+                Err(error) => return Err(self.complete_error(error)),
+            };
+            match pause {
+                Pause::Rest if self.is_driven() => {}
+                Pause::Rest => return Ok(self.rest(observer)),
+                Pause::Jam => {
+                    let changed = scan(&mut self.state, &self.geometry, true, observer);
+                    if self.reschedule_changed(&changed, until, &mut entries) {
+                        return Ok(self.rest(observer));
+                    }
+                }
+                Pause::Time if limit.ticks == due => {
+                    let changed = self.act(due, observer)?.unwrap_or_else(|| {
+                        self.measure(due, observer);
+                        Vec::new()
+                    });
+                    if self.reschedule_changed(&changed, until, &mut entries) {
+                        return Ok(self.rest(observer));
+                    }
+                }
+                Pause::Time => {
+                    if until.time == f64::INFINITY && self.engine.is_idle() && !self.is_driven() {
+                        return Ok(Stop::Rest);
+                    }
+                    if target < EPOCH {
+                        self.stop_time = Some(until.time);
+                        return Ok(Stop::Time);
+                    }
+                    self.start_epoch(EPOCH, 0.0);
+                    // An epoch counts as one entry per particle: a long flight without events must return
+                    // to the caller, too.
+                    entries = entries.saturating_sub(1 + self.particles() as u64);
+                }
+                Pause::Collisions => {
+                    if self.state.accumulators.counters.collisions >= until.collisions {
+                        return Ok(Stop::Collisions);
+                    }
+                    self.reconsider();
+                }
+                Pause::Entries if self.choice.patience == 0 => self.reconsider(),
+                Pause::Unsupported => self.reconsider(),
+                Pause::Entries => {}
+            }
+            if entries == 0 {
+                return Ok(Stop::Slice);
+            }
+        }
+    }
+
+    /// Adds to an error of the engine what the simulation has to say.
+    pub(super) fn complete_error(&mut self, mut error: EngineError) -> EngineError {
+        if let EngineError::Overlap { depth, .. } = &error {
+            self.state.accumulators.max_overlap = self.state.accumulators.max_overlap.max(*depth);
+        }
+        if let EngineError::Collapse { contact_duration, .. } = &mut error {
+            *contact_duration = self.contact_duration.unwrap_or(0.0);
+        }
+        error
+    }
+
+    /// Number of collisions and wall collisions so far.
+    pub(super) fn events(&self) -> u64 {
+        let Counters { collisions, wall_collisions, .. } = self.state.accumulators.counters;
+        collisions + wall_collisions
+    }
+
+    /// The time of the next action or measurement \[ticks\].
+    pub(super) fn next_due(&self) -> i64 {
+        let actions = self.actions.iter().map(|action| action.next(&self.state));
+        let measurements = self.measurements.iter().map(|measurement| measurement.next(&self.state));
+        actions.chain(measurements).min().unwrap_or(i64::MAX)
+    }
+
+    /// Applies the actions that are due at this time. Returns the particles that have changed, or `None` if
+    /// no action is due.
+    pub(super) fn act(
+        &mut self,
+        due: i64,
+        observer: &mut dyn Observer,
+    ) -> Result<Option<Vec<u32>>, EngineError> {
+        let Self { actions, state, geometry, measurements, .. } = self;
+        let mut all = None;
+        for action in actions {
+            if action.next(state) == due {
+                let apply = |observer: &mut dyn Observer| action.apply(state, geometry, observer);
+                let changed = observe(measurements, observer, apply)?;
+                all.get_or_insert_with(Vec::new).extend(changed);
+            }
+        }
+        if let Some(changed) = &mut all {
+            changed.sort_unstable();
+            changed.dedup();
+        }
+        Ok(all)
+    }
+
+    /// Ends a run in which nothing moves any more: measurements of the present are taken first.
+    pub(super) fn rest(&mut self, observer: &mut dyn Observer) -> Stop {
+        self.measure(self.state.world.now, observer);
+        Stop::Rest
+    }
+
+    /// Takes the states of the measurements that are due at this time. All actions and events of this time
+    /// are done.
+    pub(super) fn measure(&mut self, due: i64, observer: &mut dyn Observer) {
+        let Self { state, measurements, .. } = self;
+        if state.world.flights == Summed::Tensor
+            && measurements.iter().any(|measurement| measurement.next(state) == due)
+        {
+            take_flights(measurements, state);
+        }
+        for measurement in measurements {
+            if measurement.next(state) == due {
+                measurement.take(state, observer);
+            }
+        }
+    }
+
+    /// Predicts the particles that an action has changed. Returns whether nothing moves and no event is due.
+    ///
+    /// If most particles have changed, the engine is rebuilt instead.
+    pub(super) fn reschedule_changed(&mut self, changed: &[u32], until: Until, entries: &mut u64) -> bool {
+        let idle = self.engine.is_idle();
+        let world = &self.state.world;
+        let too_fast = changed
+            .iter()
+            .map(|&i| world.particles[i as usize].velocity)
+            .filter(|&velocity| !world.is_resolved(velocity))
+            .map(DVec3::length)
+            .reduce(f64::max);
+        if let Some(speed) = too_fast {
+            self.start_epoch(world.now, speed);
+        } else if 2 * changed.len() > self.particles() {
+            for &i in changed {
+                self.state.world.wrap_anchor(i);
+            }
+            self.predict_all();
+        } else {
+            self.engine.reschedule(&mut self.state, changed);
+        }
+        *entries = entries.saturating_sub(1);
+        if self.is_driven() {
+            return false;
+        }
+        let ended = !changed.is_empty() && self.state.is_at_rest();
+        ended || (until.time == f64::INFINITY && idle && self.engine.is_idle())
+    }
+
+    /// The instructions of predictions.
+    pub(crate) fn kernel(&self) -> Kernel {
+        self.choice.kernel
+    }
+
+    /// Whether there are drives: they can set particles at rest in motion.
+    pub(super) fn is_driven(&self) -> bool {
+        !self.system.drives.is_empty()
+    }
+
+    /// Whether nothing moves and nothing will.
+    pub(super) fn is_finished(&self) -> bool {
+        self.state.is_at_rest() && !self.is_driven()
+    }
+
+    /// Saves the state of the timed actions for a resumed run.
+    pub(crate) fn save_actions(&self, put: &mut dyn FnMut(&str, u64)) {
+        self.actions.iter().for_each(|action| action.save(put));
+    }
+
+    /// Saves the times of contacts and the data of the measurements for a resumed run.
+    pub(crate) fn save_measurements(&self) -> Vec<u64> {
+        let mut words = Vec::new();
+        if let Some(times) = &self.state.world.contact_times {
+            times.save(&mut words);
+        }
+        if let Some(sums) = &self.state.world.wall_sums {
+            sums.save(&mut words);
+        }
+        self.measurements.iter().for_each(|measurement| measurement.save(&mut words));
+        words
+    }
+
+    /// Finds the contacts of all particles at rest, which a checkpoint does not contain.
+    pub(crate) fn find_contacts_of_asleep(&mut self) {
+        self.state.settling.contacts = contacts_of_asleep(&self.state.world, &self.geometry);
+    }
+
+    /// Starts the next epoch of the clock at `now` \[ticks\], usually [`EPOCH`]. Chooses a new tick if the
+    /// system has become much slower or faster; `speed` is a speed that a particle is about to have
+    /// [length/time].
+    pub(super) fn start_epoch(&mut self, now: i64, speed: f64) {
+        let world = &mut self.state.world;
+        world.now = now;
+        let extent = world.extent(open_axes(&self.system));
+        let exponent = Clock::exponent_for(extent, world.largest_speed(extent).max(speed));
+        let old = world.clock;
+        let retune = exponent.abs_diff(old.exponent) >= RETUNE_BITS;
+        let mut moved = Vec::new();
+        for i in 0..self.state.world.particles.len() as u32 {
+            let world = &mut self.state.world;
+            let age = now - world.particles[i as usize].time;
+            if !retune && age <= OLDEST_ANCHOR {
+                world.particles[i as usize].time -= now;
+                continue;
+            }
+            // The anchor moves along its own flight: to the first new tick at or after its old time, but at
+            // most `ANCHOR_AGE` before the present.
+            let clock = if retune { old.with_exponent(exponent) } else { old };
+            let ticks = (age as f64 * (old.tick / clock.tick)).min(ANCHOR_AGE as f64).floor();
+            let ahead = age as f64 * old.tick - ticks * clock.tick;
+            flights::end_after(&mut self.state, i, ahead);
+            let world = &mut self.state.world;
+            let a = world.acceleration(i);
+            let carried = world.carrier(i).map_or(DVec3::ZERO, |wall| {
+                let wall = &world.walls[wall as usize];
+                let start = old.instant(world.particles[i as usize].time);
+                wall.motion.displacement(wall.normal, start.after(ahead))
+                    - wall.motion.displacement(wall.normal, start)
+            });
+            let particle = &mut world.particles[i as usize];
+            particle.position = haff_mechanics::free_flight(particle.position, particle.velocity, a, ahead);
+            particle.velocity = haff_mechanics::free_flight_velocity(particle.velocity, a, ahead);
+            particle.position += carried;
+            particle.time = -(ticks as i64);
+            moved.push(i);
+        }
+        let slides = self.state.world.spin.iter_mut().flat_map(|spins| spins.end_epoch(&old, now));
+        let due = self.state.pending.values_mut().map(|rest| &mut rest.end).chain(slides);
+        for time in due.chain([&mut self.state.settling.next, &mut self.state.settling.counted_since]) {
+            *time = time.saturating_sub(now);
+            if retune {
+                let scale = (i64::from(old.exponent) - i64::from(exponent)) as i32;
+                *time = (*time as f64 * libm::ldexp(1.0, scale)).round_ties_even() as i64;
+            }
+        }
+        let world = &mut self.state.world;
+        world.clock.start_epoch(now);
+        if retune {
+            world.clock = world.clock.with_exponent(exponent);
+        }
+        world.set_scale(extent, speed);
+        if let Some(times) = &mut world.contact_times {
+            times.start_epoch(now, &old, &world.clock);
+        }
+        world.now = 0;
+        for i in moved {
+            world.wrap_anchor(i);
+        }
+        if retune {
+            for i in 0..world.particles.len() as u32 {
+                if self.state.world.has_past_wall_contact(i) {
+                    flights::end(&mut self.state, i, 0);
+                    self.state.world.move_anchor(i);
+                }
+            }
+        }
+        self.state.stall = Stall::default();
+        self.state.accumulators.counters.epochs += 1;
+        let clock = &self.state.world.clock;
+        tracing::info!(
+            epoch = self.state.accumulators.counters.epochs,
+            time = clock.time(0),
+            tick = clock.tick,
+            retune,
+            "epoch"
+        );
+        self.rebuild();
+    }
+
+    /// Present simulated time [time].
+    pub fn time(&self) -> f64 {
+        self.stop_time.unwrap_or_else(|| self.state.world.clock.time(self.state.world.now))
+    }
+
+    /// Sets the requested time of the present.
+    pub(crate) fn set_stop_time(&mut self, time: f64) {
+        self.stop_time = Some(time);
+    }
+
+    /// All particles now, in the order of the system.
+    pub fn frame(&self) -> Frame {
+        frame::frame(&self.state, self.time())
+    }
+
+    /// Edge vectors of the box now, as in [`Frame::edges`].
+    pub fn edges(&self) -> [DVec3; 3] {
+        self.state.world.edges(self.state.world.now)
+    }
+
+    /// One row of observables. Pressure and rates are averages since the previous call.
+    pub fn sample(&mut self) -> Sample {
+        let time = self.time();
+        take_flights(&mut self.measurements, &mut self.state);
+        let mut sample = sample::sample(&self.system, &self.species, &mut self.state, time);
+        for measurement in &mut self.measurements {
+            measurement.complete(&self.state, time, &mut sample);
+        }
+        sample
+    }
+
+    /// The correlations in time so far, of those that are measured.
+    pub fn correlations(&self) -> Vec<Correlation> {
+        self.measurements.iter().flat_map(|measurement| measurement.correlations()).collect()
+    }
+
+    /// Present energies and their balance.
+    pub fn ledger(&self) -> Ledger {
+        totals::ledger(&self.state, &Totals::of(&self.state.world))
+    }
+
+    /// The counters so far.
+    pub fn counters(&self) -> Counters {
+        self.state.accumulators.counters
+    }
+
+    /// How several threads have taken events so far.
+    pub fn block_counts(&self) -> BlockCounts {
+        self.state.blocks
+    }
+
+    /// Why one thread takes the events at present, one after the other; `None` if several threads do.
+    pub fn serial_reason(&self) -> Option<&'static str> {
+        if self.sharing.is_alone() {
+            return Some("other processes use the processors");
+        }
+        self.engine.serial_reason(&self.state)
+    }
+
+    /// Finds the deepest present overlap of all close pairs and of particles with walls, and updates
+    /// [`Self::max_overlap`]. Returns an error if it is more than rounding (see
+    /// [`allowed_overlap`](crate::allowed_overlap)).
+    pub fn measure_overlap(&mut self) -> Result<Overlap, EngineError> {
+        let found = overlap::deepest(&self.state.world, &self.geometry);
+        self.state.accumulators.max_overlap = self.state.accumulators.max_overlap.max(found.deepest.depth);
+        match found.beyond.pair {
+            Some((i, partner)) => {
+                Err(EngineError::Overlap { time: self.time(), i, partner, depth: found.beyond.depth })
+            }
+            None => Ok(found.deepest),
+        }
+    }
+
+    /// Largest overlap that [`Self::measure_overlap`] has found so far [contact distances].
+    pub fn max_overlap(&self) -> f64 {
+        self.state.accumulators.max_overlap
+    }
+
+    /// Hash of the present position, velocity and image of every particle, as 32 hexadecimal digits.
+    pub fn state_hash(&self) -> String {
+        format!("{:032x}", frame::hash(&self.state.world))
+    }
+
+    /// Number of particles.
+    pub fn particles(&self) -> usize {
+        self.state.world.particles.len()
+    }
+
+    /// The simulated system without its bodies; [`Self::frame`] returns their present state.
+    pub fn system(&self) -> &System {
+        &self.system
+    }
+
+    /// The partner search in use.
+    pub fn neighbors(&self) -> NeighborChoice {
+        self.choice.neighbors
+    }
+
+    /// Reverses every velocity and sets all anchors to the present. An elastic system without driven bodies
+    /// then retraces its path. Not for a sheared system, whose images would still slide forwards.
+    pub fn reverse(&mut self) {
+        let now = self.state.world.now;
+        let sliding = self.state.world.sliding();
+        for &i in &sliding {
+            slide::interrupt::<false>(&mut self.state, i, now, &mut Silent);
+        }
+        let world = &mut self.state.world;
+        if let Some(spins) = &mut world.spin {
+            for i in 0..spins.angular_velocity.len() {
+                spins.angular_velocity[i] = -spins.angular_velocity[i];
+            }
+        }
+        for i in 0..world.particles.len() as u32 {
+            flights::end(&mut self.state, i, now);
+            let world = &mut self.state.world;
+            let (position, mut velocity) = world.state(i, world.now);
+            if let Some(wall) = world.carrier(i) {
+                let n = world.walls[wall as usize].normal;
+                velocity -= n * velocity.dot(n);
+            }
+            world.particles[i as usize].set_anchor(position, -velocity, world.now);
+            world.wrap_anchor(i);
+        }
+        for i in sliding {
+            slide::begin(&mut self.state, i, now);
+        }
+        self.rebuild();
+    }
+
+    /// Checks invariants that the engine does not check while it runs: finite velocities, no overlap beyond
+    /// `tolerance` [contact distances], a closed energy balance.
+    pub fn validate(&mut self, tolerance: f64) -> Result<(), EngineError> {
+        let time = self.time();
+        let frame = self.frame();
+        if let Some(i) = frame.velocity.iter().position(|velocity| !velocity.is_finite()) {
+            return Err(EngineError::Overflow { time, i: i as u32, velocity: frame.velocity[i].to_array() });
+        }
+        let overlap = self.measure_overlap()?;
+        if overlap.depth > tolerance {
+            let (i, partner) = overlap.pair.unwrap_or_default();
+            let partner = partner.map_or("a wall".to_owned(), |j| format!("particle {j}"));
+            let what =
+                format!("particle {i} overlaps with {partner} by {:e} contact distances", overlap.depth);
+            return Err(EngineError::Inconsistent { time, what });
+        }
+        let residual = self.ledger().residual;
+        if residual.abs() > 1e-9 {
+            return Err(EngineError::Inconsistent { time, what: format!("ledger residual {residual:e}") });
+        }
+        Ok(())
+    }
+}
+
+/// The timed actions of a system. The system must still have its bodies.
+pub(crate) fn actions(system: &System) -> Vec<Box<dyn TimedAction>> {
+    let mut actions = drive::actions(system);
+    if Thresholds::of(system).is_some() {
+        actions.push(Box::new(SettlingScan));
+    }
+    actions
+}
+
+/// Axes along which the domain has no size: open axes, and z in two dimensions.
+pub(crate) fn open_axes(system: &System) -> [bool; 3] {
+    let mut open = system.domain.boundary.map(|boundary| boundary == Boundary::Open);
+    open[2] |= system.dimension == Dimension::Two;
+    open
+}

@@ -1,0 +1,97 @@
+//! The force on each wall and the heat that it gives, as means over the time between samples.
+
+use glam::DVec3;
+
+use crate::{
+    numerics::{
+        error::EngineError,
+        sum::Sum,
+        words::{Words, fault, put_reals, put_sums},
+    },
+    state::force::{self, Force, Total},
+};
+
+/// Sums for one wall since the previous sample.
+#[derive(Debug, Clone, Default)]
+pub(crate) struct WallSum {
+    /// Impulse on the particles by impacts [mass·length/time].
+    pub impulse: Total,
+    /// Energy given to the particles in the frame of the wall: that of thermal reflections, minus the losses
+    /// of impacts \[energy\].
+    pub heat: Sum,
+    /// Force on the particles that rest on the wall.
+    pub support: Force,
+    /// Momentum that the wall had given to the grains that it carries, at the previous sample.
+    pub carried: DVec3,
+}
+
+/// Sums for all walls.
+#[derive(Debug, Clone)]
+pub(crate) struct WallSums {
+    pub walls: Vec<WallSum>,
+    /// Time of the previous sample, if there was one.
+    pub sampled_at: Option<f64>,
+}
+
+impl WallSums {
+    pub fn new(walls: usize) -> Self {
+        Self { walls: vec![WallSum::default(); walls], sampled_at: None }
+    }
+
+    /// Adds an impulse on a particle.
+    pub fn add_impulse(&mut self, wall: u32, impulse: DVec3) {
+        force::add(&mut self.walls[wall as usize].impulse, impulse);
+    }
+
+    /// Adds an energy given to a particle in the frame of the wall.
+    pub fn add_heat(&mut self, wall: u32, energy: f64) {
+        self.walls[wall as usize].heat.add(energy);
+    }
+
+    /// Adds the force on a particle by the walls that support it from `time` on, or takes it off (`sign` −1).
+    pub fn change_support(&mut self, shares: impl Iterator<Item = (u16, DVec3)>, sign: f64, time: f64) {
+        for (wall, share) in shares {
+            self.walls[usize::from(wall)].support.change(sign * share, time);
+        }
+    }
+
+    /// Ends the forces on particles that rest on walls: from `time` on none do.
+    pub fn end_support(&mut self, time: f64) {
+        for wall in &mut self.walls {
+            let force = force::value(&wall.support.total);
+            wall.support.change(-force, time);
+            wall.support.total = Total::default();
+        }
+    }
+
+    pub fn save(&self, words: &mut Vec<u64>) {
+        words.push(u64::from(self.sampled_at.is_some()));
+        put_reals(words, &[self.sampled_at.unwrap_or(0.0)]);
+        for wall in &self.walls {
+            put_sums(words, &wall.impulse);
+            put_sums(words, &[wall.heat]);
+            put_sums(words, &wall.support.total);
+            put_sums(words, &wall.support.impulse);
+            put_reals(words, &[wall.support.until]);
+            put_reals(words, &wall.carried.to_array());
+        }
+    }
+
+    pub fn load(&mut self, words: &mut Words, time: f64) -> Result<(), EngineError> {
+        let sampled = words.count("the flag of the first sample", 1)? == 1;
+        let at = words.real()?;
+        self.sampled_at = sampled.then_some(at);
+        for wall in &mut self.walls {
+            words.sums(&mut wall.impulse)?;
+            wall.heat = words.sum()?;
+            words.sums(&mut wall.support.total)?;
+            words.sums(&mut wall.support.impulse)?;
+            wall.support.until = words.real()?;
+            wall.carried = DVec3::from_slice(&words.reals(3)?);
+        }
+        if at > time {
+            return Err(fault(&format!("a sample at {at}, after the time {time}")));
+        }
+        Ok(())
+    }
+}
