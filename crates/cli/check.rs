@@ -36,8 +36,26 @@ fn records(schedule: Schedule, until: f64) -> u64 {
     }
 }
 
-/// Validates a scene and estimates its cost.
-pub fn check(options: &Check) -> Result<u8, Failure> {
+/// The searches that can run a scene, one line each, and why the others cannot; none for linkages.
+fn searches(scene: &Scene) -> Vec<String> {
+    if !scene.joints.is_empty() {
+        return Vec::new();
+    }
+    let Ok(found) = haff_engine::searches(&scene.system, scene.options) else { return Vec::new() };
+    let lines = found.into_iter().map(|search| {
+        let what = match (search.refuses, search.serial) {
+            (Some(why), _) => format!("no: {why}"),
+            (None, Some(why)) => format!("yes, on one thread: {why}"),
+            (None, None) => "yes, on several threads".to_owned(),
+        };
+        let chosen = if search.chosen { " (auto)" } else { "" };
+        format!("{:<20}{what}{chosen}", search.name)
+    });
+    std::iter::once("searches that can run it (engine.neighbors)".to_owned()).chain(lines).collect()
+}
+
+/// Validates a scene and estimates its cost; `verbose`: says which searches can run it, too.
+pub fn check(options: &Check, verbose: bool) -> Result<u8, Failure> {
     let scene: Scene =
         haff_scene::load(&options.scene, &options.set, &States).map_err(|errors| scene_failure(&errors))?;
     let system = &scene.system;
@@ -114,6 +132,9 @@ pub fn check(options: &Check) -> Result<u8, Failure> {
         _ => "output              no output file: results are not saved (output.file, or haff run -o)"
             .to_owned(),
     });
+    if verbose {
+        text.extend(searches(&scene));
+    }
     text.extend(warnings.iter().map(|warning| format!("warning: {warning}")));
     output::lines(text.join("\n")).map(|()| 0)
 }

@@ -46,7 +46,7 @@ fn main() -> ExitCode {
     log::start(arguments.verbose);
     let result = match arguments.command {
         Command::Run(options) => run::run(&options, arguments.verbose > 0),
-        Command::Check(options) => check::check(&options),
+        Command::Check(options) => check::check(&options, arguments.verbose > 0),
         Command::Init(options) => init::init(&options),
         Command::Schema => init::schema(),
         Command::Info(options) => info::info(&options),

@@ -29,6 +29,8 @@ _EVENT_COLUMNS = {
     "impulse_vector": ("f", 3), "tangential_loss": ("f", 0),
 }  # fmt: skip
 """What NumPy calls their kind, and components of vectors."""
+PAIRS = ("collision", "settle", "release", "stick")
+"""Kinds of events whose ``j`` is a particle."""
 _NO_PARTICLE = 2**32 - 1
 """``i`` and ``j`` of a change from outside."""
 _OF_SCENES = {"impulse_vector": "spin or thermal walls", "tangential_loss": "spin"}

@@ -120,7 +120,10 @@ def python_names() -> Names:
     found: Names = defaultdict(lambda: defaultdict(set))
 
     def file_of(parts: tuple[str, ...]) -> Path | None:
-        for path in (package.joinpath(*parts).with_suffix(".py") if parts else package, package.joinpath(*parts, "__init__.py")):
+        for path in (
+            package.joinpath(*parts).with_suffix(".py") if parts else package,
+            package.joinpath(*parts, "__init__.py"),
+        ):
             if path.is_file():
                 return path
         return None

@@ -5,12 +5,15 @@ from __future__ import annotations
 import re
 
 import pytest
+
 from structure import ROOT, Crate, circles, crates
 
 CRATES = crates()
 ENGINE = CRATES["engine"]
 # From the ground up, as lib.rs has them.
-ROOMS = re.findall(r"^(?:pub )?mod (\w+);", (ENGINE.root / "lib.rs").read_text().replace("#[cfg(test)]\nmod examples;", ""), re.M)
+ROOMS = re.findall(
+    r"^(?:pub )?mod (\w+);", (ENGINE.root / "lib.rs").read_text().replace("#[cfg(test)]\nmod examples;", ""), re.M
+)
 
 
 def higher(crate: Crate, rooms: list[str]) -> list[str]:
@@ -63,7 +66,10 @@ def test_what_the_tests_look_for_is_found(tmp_path):
         (tmp_path / name).parent.mkdir(exist_ok=True)
         (tmp_path / name).write_text(text)
     crate = Crate(tmp_path)
-    names = {str(f.relative_to(tmp_path)): {str(g.relative_to(tmp_path)) for g in others} for f, others in crate.names().items()}
+    names = {
+        str(f.relative_to(tmp_path)): {str(g.relative_to(tmp_path)) for g in others}
+        for f, others in crate.names().items()
+    }
     assert names == {"low/a.rs": {"high/b.rs", "high/c.rs"}, "high/b.rs": {"low/a.rs"}, "high/c.rs": {"high/b.rs"}}
     assert len(higher(crate, ["low", "high"])) == 2
     assert [[file.stem for file in circle] for circle in circles(crate.names())] == [["b", "c", "a"]]

@@ -45,8 +45,9 @@ pub use report::{
     VelocityChange, counts, energies, observables, residual_warning, total_names, totals,
 };
 pub use simulation::{
-    Change, NewParticle, Simulation, Until, clustering_warning, critical_length, endless_bounces_warning,
-    initial_temperature, suitable_contact_duration, thermal_velocities, warnings,
+    Change, NewParticle, SearchSupport, Simulation, Until, clustering_warning, critical_length,
+    endless_bounces_warning, initial_temperature, searches, suitable_contact_duration, thermal_velocities,
+    warnings,
 };
 pub use support::{Overlap, allowed_overlap};
 

@@ -2,6 +2,8 @@
 //! number of threads and of resumptions: all give the same events, bit by bit.
 
 mod common;
+#[path = "searches/matrix.rs"]
+mod matrix;
 #[path = "searches/mixtures.rs"]
 mod mixtures;
 #[path = "searches/windows.rs"]

@@ -353,7 +353,8 @@ fn lists_overflow_and_shrink_again() {
         size: DVec3::splat(30.0),
         axes: [Axis::Periodic; 3],
         reach: 1.0,
-        crowding: 1.0,
+        // A crowded gas, for which the skin is thin.
+        crowding: 10.0,
         radius: 0.5,
         radii: Vec::new(),
         planes: Vec::new(),

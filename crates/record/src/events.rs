@@ -2,7 +2,10 @@
 
 use glam::DVec3;
 use haff_engine::{EventColumn, EventKind, EventRecord};
-use hdf5::{Group, H5Type};
+use hdf5::{
+    Group, H5Type,
+    types::{EnumMember, EnumType, IntSize, TypeDescriptor},
+};
 
 use crate::{
     pack::{Number, Packer},
@@ -13,75 +16,31 @@ use crate::{
 /// twice as many are no faster, and make checkpoints and short logs larger.
 pub const EVENT_CHUNK: usize = 1 << 13;
 
-/// [`EventKind`] as stored in the file.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, H5Type)]
-#[repr(u8)]
-pub(crate) enum Kind {
-    #[hdf5(rename = "collision")]
-    Collision = 0,
-    #[hdf5(rename = "wall")]
-    Wall = 1,
-    #[hdf5(rename = "rest")]
-    Rest = 2,
-    #[hdf5(rename = "slack")]
-    Slack = 3,
-    #[hdf5(rename = "taut")]
-    Taut = 4,
-    #[hdf5(rename = "release")]
-    Release = 5,
-    #[hdf5(rename = "stick")]
-    Stick = 6,
-    #[hdf5(rename = "lift")]
-    Lift = 7,
-    #[hdf5(rename = "settle")]
-    Settle = 8,
-    #[hdf5(rename = "change")]
-    Change = 9,
-    #[hdf5(rename = "slide")]
-    Slide = 10,
+/// [`EventKind`] as stored in the file: an enumeration of its names.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[repr(transparent)]
+pub(crate) struct Kind(u8);
+
+// SAFETY: a kind is one byte without padding, as its descriptor says, and any byte is a value of it.
+unsafe impl H5Type for Kind {
+    fn type_descriptor() -> TypeDescriptor {
+        let member = |kind: EventKind| EnumMember { name: kind.name().to_owned(), value: kind as u64 };
+        let members = EventKind::ALL.map(member).to_vec();
+        TypeDescriptor::Enum(EnumType { size: IntSize::U1, signed: false, members })
+    }
 }
 
 impl Number for Kind {
     const SIZE: usize = 1;
 
     fn bytes(self) -> [u8; 8] {
-        (self as u64).to_le_bytes()
+        u64::from(self.0).to_le_bytes()
     }
 }
 
 impl From<EventKind> for Kind {
     fn from(kind: EventKind) -> Self {
-        match kind {
-            EventKind::Collision => Self::Collision,
-            EventKind::Wall => Self::Wall,
-            EventKind::Rest => Self::Rest,
-            EventKind::Slack => Self::Slack,
-            EventKind::Taut => Self::Taut,
-            EventKind::Release => Self::Release,
-            EventKind::Stick => Self::Stick,
-            EventKind::Lift => Self::Lift,
-            EventKind::Settle => Self::Settle,
-            EventKind::Change => Self::Change,
-            EventKind::Slide => Self::Slide,
-        }
-    }
-}
-
-impl From<Kind> for EventKind {
-    fn from(kind: Kind) -> Self {
-        match kind {
-            Kind::Collision => Self::Collision,
-            Kind::Wall => Self::Wall,
-            Kind::Rest => Self::Rest,
-            Kind::Slack => Self::Slack,
-            Kind::Taut => Self::Taut,
-            Kind::Release => Self::Release,
-            Kind::Stick => Self::Stick,
-            Kind::Lift => Self::Lift,
-            Kind::Settle => Self::Settle,
-            Kind::Change => Self::Change,
-            Kind::Slide => Self::Slide,
-        }
+        Self(kind as u8)
     }
 }
 
@@ -113,7 +72,7 @@ impl From<&EventRecord> for Row {
             position: event.position.to_array(),
             i: event.i,
             j: event.j,
-            kind: u32::from(Kind::from(event.kind) as u8),
+            kind: event.kind as u32,
         }
     }
 }
@@ -316,15 +275,12 @@ impl Columns {
 
 #[cfg(test)]
 mod tests {
-    use hdf5::types::TypeDescriptor;
-
     use super::*;
 
     #[test]
     fn rows_preserve_the_kinds_of_events() {
         for (number, kind) in EventKind::ALL.into_iter().enumerate() {
-            assert_eq!((kind as usize, Kind::from(kind) as usize), (number, number), "{kind:?}");
-            assert_eq!(EventKind::from(Kind::from(kind)), kind);
+            assert_eq!((kind as usize, Kind::from(kind)), (number, Kind(number as u8)), "{kind:?}");
         }
         let TypeDescriptor::Enum(stored) = Kind::type_descriptor() else { panic!("kinds are an enum") };
         let names: Vec<&str> = stored.members.iter().map(|member| member.name.as_str()).collect();

@@ -179,7 +179,7 @@ mod tests {
             );
             check(&(0..count as u32).map(|k| k.wrapping_mul(0x9E37_79B9)).collect::<Vec<_>>(), volume);
             check(&(0..count as i32).map(|k| k % 3 - 1).collect::<Vec<_>>(), volume);
-            check(&vec![crate::events::Kind::Wall; count as usize], volume);
+            check(&vec![crate::events::Kind::from(haff_engine::EventKind::Wall); count as usize], volume);
         }
     }
 

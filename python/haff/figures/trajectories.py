@@ -11,6 +11,7 @@ from matplotlib.lines import Line2D
 
 from .. import measured
 from ..errors import NotApplicableError
+from ..events import PAIRS
 from ..reader import File
 from .style import BLACK, CYCLE, GREY, headline, label, page
 
@@ -28,8 +29,6 @@ _MARKS = {
     "stick": ("P", "sticks"),
     "slide": ("p", "sliding ends"),
 }
-# Kinds of events whose ``j`` is a particle.
-_PAIRS = ("collision", "settle", "release", "stick")
 
 
 class Path(NamedTuple):
@@ -84,7 +83,7 @@ def flights(file: File) -> list[Path]:
 def _flight(body, t, x, v, mass, gravity, log, bent) -> Path:
     own = np.zeros(0, int)
     if log is not None:
-        own = np.flatnonzero((log["i"] == body) | (np.isin(log["names"], _PAIRS) & (log["j"] == body)))
+        own = np.flatnonzero((log["i"] == body) | (np.isin(log["names"], PAIRS) & (log["j"] == body)))
     pull = gravity if np.isfinite(mass) else np.zeros(3)
     times, points, at = [], [], np.full((len(own), 3), np.nan)
     # In contact with a wall, which carries the weight; it may slide.

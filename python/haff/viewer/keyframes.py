@@ -8,12 +8,11 @@ from typing import NamedTuple
 import numpy as np
 
 from ..errors import MissingDataError, NotApplicableError
+from ..events import PAIRS
 from ..figures import trajectories
 from ..frames import Frames
 from ..reader import File
 
-PAIRS = ("collision", "settle", "release", "stick")
-"""Kinds of events whose ``j`` is a particle."""
 MOST = 20_000
 """Key frames of exact paths; if there were more, the recorded frames are taken."""
 

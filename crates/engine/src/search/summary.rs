@@ -8,6 +8,7 @@ use crate::{
     model::{Boundary, Dimension, System},
     numerics::total::total,
     state::world::World,
+    support::geometry::largest_contact,
 };
 
 /// Edge of the cells in which particles are counted [mean diameters].
@@ -61,7 +62,9 @@ impl SystemSummary {
             count,
             least: classes().fold(f64::INFINITY, |least, (class, _)| least.min(class.radius)),
             largest: classes().fold(0.0, |largest, (class, _)| class.radius.max(largest)),
-            contact: largest_contact(classes().map(|(class, &count)| (class.radius, count))),
+            contact: largest_contact(
+                classes().map(|(class, &count)| (class.radius, class.inverse_mass != 0.0, count)),
+            ),
             mean: sum(&|radius| radius) / count.max(1) as f64,
             occupied: sum(&|radius| unit_volume * radius.powi(dimension)),
             dimension,
@@ -74,21 +77,6 @@ impl SystemSummary {
     pub fn spacing(&self, packing: f64) -> f64 {
         libm::pow(self.occupied / (self.count.max(1) as f64 * packing), 1.0 / f64::from(self.dimension))
     }
-}
-
-/// The sum of the two largest radii of particles, given radii and numbers of particles.
-fn largest_contact(radii: impl Iterator<Item = (f64, u64)>) -> f64 {
-    let mut largest = [0.0; 2];
-    for (radius, count) in radii {
-        for _ in 0..count.min(2) {
-            if radius > largest[0] {
-                largest = [radius, largest[0]];
-            } else if radius > largest[1] {
-                largest[1] = radius;
-            }
-        }
-    }
-    largest[0] + largest[1]
 }
 
 /// Local density and speeds at one time.
@@ -160,19 +148,4 @@ fn packing(system: &System, summary: &SystemSummary, position: impl Fn(u32) -> [
     let pairs: u64 = keys.chunk_by(|a, b| a == b).map(|cell| (cell.len() * (cell.len() - 1)) as u64).sum();
     let local = pairs as f64 / keys.len().max(1) as f64 * volume / cell;
     if local > CLUSTERED * uniform { local } else { uniform }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn the_largest_contact_distance_is_that_of_the_two_largest_particles() {
-        let of = |radii: &[(f64, u64)]| largest_contact(radii.iter().copied());
-        assert_eq!(of(&[(0.5, 100), (5.0, 1)]), 5.5);
-        assert_eq!(of(&[(5.0, 1), (0.5, 100), (2.0, 1)]), 7.0);
-        assert_eq!(of(&[(5.0, 2), (0.5, 100)]), 10.0);
-        assert_eq!(of(&[(5.0, 1), (5.0, 1)]), 10.0);
-        assert_eq!(of(&[(0.5, 1)]), 0.5);
-    }
 }

@@ -320,7 +320,7 @@ impl Simulation {
 
     /// Fails if a particle overlaps with another one or with a wall.
     fn check_places(&self, system: &System, world: &World) -> Result<(), EngineError> {
-        let choice = Choice::new(self.options, self.kernel(), system, world);
+        let choice = Choice::new(self.options, self.kernel(), system, world)?;
         let found = overlap::deepest(world, &geometry(system, world, choice.filled()));
         let Some((i, partner)) = found.beyond.pair else { return Ok(()) };
         let depth = found.beyond.depth;

@@ -12,11 +12,14 @@ use crate::{
         },
         thresholds::Thresholds,
     },
+    numerics::error::EngineError,
     numerics::tuning::{cells, lists_above, particles},
     search::{
         batch::Kernel,
         calendar_scheduler::CalendarScheduler,
+        case::Case,
         event_loop::Engine,
+        matrix::Search,
         nearby::{self, Nearby},
         summary::{LocalDensity, SystemSummary},
         windows::{self, Windows},
@@ -48,8 +51,8 @@ pub(crate) struct Choice {
     requested: NeighborChoice,
     /// The number of blocks that the caller requests.
     blocks: Option<u16>,
-    /// The present choice.
-    pub neighbors: NeighborChoice,
+    /// The present choice; none before the first one.
+    search: Option<Search>,
     /// The local density when this choice was made.
     density: LocalDensity,
     /// Total number of collisions after which the choice is made again.
@@ -60,7 +63,15 @@ pub(crate) struct Choice {
 
 impl Choice {
     /// Chooses for the present state of a world.
-    pub fn new(options: Options, kernel: Kernel, system: &System, world: &World) -> Self {
+    ///
+    /// # Errors
+    /// The search that the caller requests cannot run the system.
+    pub fn new(
+        options: Options,
+        kernel: Kernel,
+        system: &System,
+        world: &World,
+    ) -> Result<Self, EngineError> {
         let summary = SystemSummary::of(system, world);
         let density = LocalDensity::of(system, &summary, world);
         let mut choice = Self {
@@ -68,29 +79,65 @@ impl Choice {
             kernel,
             requested: options.neighbors,
             blocks: options.blocks,
-            neighbors: NeighborChoice::Auto,
+            search: None,
             density,
             review: 0,
             patience: 0,
         };
-        choice.neighbors = choice.best(system, world, &density);
-        choice
+        let case = Case { system, summary: &summary, density: &density, world };
+        match Search::of(options.neighbors, &case) {
+            Err(reason) if !reason.passes => {
+                return Err(EngineError::Unsuitable {
+                    choice: options.neighbors.name(),
+                    why: reason.text.into_owned(),
+                });
+            }
+            _ => choice.search = Some(choice.best(&case)),
+        }
+        choice.log(&case);
+        Ok(choice)
     }
 
     /// Makes the choice again. Returns whether the engine has to be replaced, by another scheduler or by the
     /// same one for the present density.
     pub fn reconsider(&mut self, system: &System, world: &World) -> bool {
         let density = LocalDensity::of(system, &self.summary, world);
-        let neighbors = self.best(system, world, &density);
+        let case = Case { system, summary: &self.summary, density: &density, world };
+        let search = Some(self.best(&case));
         // In open space the density is 0 if no particle has neighbors.
         let ratio = density.packing.max(SPARSE) / self.density.packing.max(SPARSE);
-        let changed = neighbors != self.neighbors
-            || self.neighbors != NeighborChoice::AllPairs
+        let changed = search != self.search
+            || self.search != Some(Search::AllPairs)
                 && !(1.0 / DENSITY_CHANGE..=DENSITY_CHANGE).contains(&ratio);
         if changed {
-            (self.neighbors, self.density) = (neighbors, density);
+            (self.search, self.density) = (search, density);
+            let summary = self.summary;
+            self.log(&Case { system, summary: &summary, density: &density, world });
         }
         changed
+    }
+
+    /// Says what has been chosen, and which searches cannot run the case.
+    fn log(&self, case: &Case) {
+        let possible = |search: Search| match search.can_run(case) {
+            Ok(()) => "possible".to_owned(),
+            Err(reason) => reason.text.into_owned(),
+        };
+        tracing::info!(
+            search = self.search().name(),
+            asked = self.requested.name(),
+            particles = self.summary.count,
+            packing_fraction_around = self.density.packing,
+            lists = possible(Search::Lists),
+            windows = possible(Search::Windows),
+            kernel = ?self.kernel,
+            "engine"
+        );
+    }
+
+    /// The present choice.
+    pub fn search(&self) -> Search {
+        self.search.unwrap_or(Search::Cells)
     }
 
     /// Volume that the particles fill at the density around the average particle [length^d].
@@ -104,43 +151,39 @@ impl Choice {
         (self.review, self.patience) = (collisions + interval, ENTRIES * interval);
     }
 
-    /// The best search for a state: lists for dense states, windows for other states that they support, cells
+    /// The best search for a state: lists for dense states, windows for other states that they can run, cells
     /// otherwise.
-    fn best(&self, system: &System, world: &World, density: &LocalDensity) -> NeighborChoice {
-        let windows_possible =
-            windows::unsuitable(system, &self.summary).is_none() && windows::supports(world);
-        match self.requested {
-            NeighborChoice::Auto => {}
-            NeighborChoice::Windows if !windows_possible => return NeighborChoice::Cells,
-            requested => return requested,
+    fn best(&self, case: &Case) -> Search {
+        let &Case { system, density, .. } = case;
+        if self.requested != NeighborChoice::Auto {
+            return Search::of(self.requested, case).unwrap_or(Search::Cells);
         }
         if self.summary.count <= particles::ALL_PAIRS {
-            return NeighborChoice::AllPairs;
+            return Search::AllPairs;
         }
-        if system.domain.shear.is_some() {
-            let windows = windows_possible && windows::is_profitable(system, &self.summary, density);
-            return if windows { NeighborChoice::Windows } else { NeighborChoice::Cells };
-        }
-        let windows = windows_possible && windows::is_profitable(system, &self.summary, density);
+        let windows =
+            Search::Windows.can_run(case).is_ok() && windows::is_profitable(system, &self.summary, density);
+        let lists = Search::of(NeighborChoice::Lists, case).ok();
         let mixed = self.summary.least != self.summary.largest;
+        let falls = system.domain.gravity != DVec3::ZERO || can_carry(system);
         let limits = match (windows, mixed) {
-            (true, _) if nearby::supports(system, &self.summary) => {
+            (true, _) if lists == Some(Search::Lists) => {
                 if self.summary.count < particles::PREFETCH_LISTS {
                     lists_above::WINDOWS
                 } else {
                     lists_above::WINDOWS_LARGE
                 }
             }
-            (true, _) if system.domain.gravity != DVec3::ZERO => lists_above::WINDOWS_FALLING,
+            (true, _) if falls => lists_above::WINDOWS_FALLING,
             (true, _) if nearby::is_wide(&self.summary) => lists_above::WINDOWS_WIDE,
             (true, _) => lists_above::WINDOWS_OTHER,
             (false, true) => lists_above::CELLS_MIXED,
             (false, false) => lists_above::CELLS,
         };
-        let hysteresis = match self.neighbors {
-            NeighborChoice::Auto => 1.0,
-            NeighborChoice::Lists => 1.0 / HYSTERESIS,
-            _ => HYSTERESIS,
+        let hysteresis = match self.search {
+            None => 1.0,
+            Some(Search::Lists | Search::GeneralLists) => 1.0 / HYSTERESIS,
+            Some(_) => HYSTERESIS,
         };
         let axes = system.dimension.count();
         let is_dense = density.packing > limits.of(axes) * hysteresis;
@@ -148,12 +191,10 @@ impl Choice {
         let are_cells_full = !windows
             && mixed
             && self.candidates_of_cells(system, density) > cells::FULL.of(axes) * hysteresis;
-        if (is_dense || are_cells_full) && self.summary.count <= Lists::MAX_PARTICLES {
-            NeighborChoice::Lists
-        } else if windows {
-            NeighborChoice::Windows
-        } else {
-            NeighborChoice::Cells
+        match lists {
+            Some(lists) if is_dense || are_cells_full => lists,
+            _ if windows => Search::Windows,
+            _ => Search::Cells,
         }
     }
 
@@ -174,21 +215,13 @@ impl Choice {
 
     /// The engine for the features of the system.
     pub fn compile(&self, system: &System, geometry: &Geometry) -> Box<dyn Engine> {
-        let Self { summary, kernel, density, neighbors, .. } = self;
-        tracing::info!(
-            search = neighbors.name(),
-            asked = self.requested.name(),
-            particles = summary.count,
-            packing_fraction_around = density.packing,
-            windows = windows::unsuitable(system, summary).as_deref().unwrap_or("possible"),
-            ?kernel,
-            "engine"
-        );
+        let Self { summary, kernel, density, .. } = self;
+        let search = self.search();
         macro_rules! scheduler {
             ($features:ty) => {{
                 let (kernel, count) = (*kernel, summary.count);
-                match neighbors {
-                    NeighborChoice::Windows => Box::new(Windows::<$features>::new(
+                match search {
+                    Search::Windows => Box::new(Windows::<$features>::new(
                         geometry,
                         kernel,
                         system,
@@ -197,18 +230,18 @@ impl Choice {
                         self.blocks,
                     )) as Box<dyn Engine>,
                     // Very small systems need no special engine for equal sizes.
-                    NeighborChoice::AllPairs if <$features>::GRAVITY => {
+                    Search::AllPairs if <$features>::GRAVITY => {
                         Box::new(CalendarScheduler::<FallingPolydisperse, AllPairs>::new(
                             geometry, kernel, count,
                         ))
                     }
-                    NeighborChoice::AllPairs => {
+                    Search::AllPairs => {
                         Box::new(CalendarScheduler::<Polydisperse, AllPairs>::new(geometry, kernel, count))
                     }
-                    NeighborChoice::Lists => {
+                    Search::GeneralLists | Search::Lists => {
                         Box::new(CalendarScheduler::<$features, Lists>::new(geometry, kernel, count))
                     }
-                    NeighborChoice::Auto | NeighborChoice::Cells => {
+                    Search::Cells => {
                         Box::new(CalendarScheduler::<$features, Cells>::new(geometry, kernel, count))
                     }
                 }
@@ -222,7 +255,7 @@ impl Choice {
         }
         let gravity = system.domain.gravity != DVec3::ZERO || can_carry(system);
         if !gravity && summary.uniform && system.contacts.are_elastic() && system.spin.is_none() {
-            if *neighbors == NeighborChoice::Windows {
+            if search == Search::Windows {
                 return Box::new(Windows::<ElasticMonodisperse>::new(
                     geometry,
                     *kernel,
@@ -232,33 +265,28 @@ impl Choice {
                     self.blocks,
                 ));
             }
-            if let Some(engine) = self.compile_for_lists::<ElasticMonodisperse>(system, geometry) {
+            if let Some(engine) = self.compile_for_lists::<ElasticMonodisperse>(system) {
                 return engine;
             }
         }
         match (gravity, summary.uniform) {
             (true, true) => scheduler!(FallingMonodisperse),
             (true, false) => scheduler!(FallingPolydisperse),
-            (false, true) => self
-                .compile_for_lists::<Monodisperse>(system, geometry)
-                .unwrap_or_else(|| scheduler!(Monodisperse)),
-            (false, false) => self
-                .compile_for_lists::<Polydisperse>(system, geometry)
-                .unwrap_or_else(|| scheduler!(Polydisperse)),
+            (false, true) => {
+                self.compile_for_lists::<Monodisperse>(system).unwrap_or_else(|| scheduler!(Monodisperse))
+            }
+            (false, false) => {
+                self.compile_for_lists::<Polydisperse>(system).unwrap_or_else(|| scheduler!(Polydisperse))
+            }
         }
     }
 
-    /// The engine of [`nearby`], if lists are chosen and it supports the system.
-    fn compile_for_lists<F: Features>(
-        &self,
-        system: &System,
-        geometry: &Geometry,
-    ) -> Option<Box<dyn Engine>> {
-        if self.neighbors != NeighborChoice::Lists {
+    /// The engine of [`nearby`], if it is chosen.
+    fn compile_for_lists<F: Features>(&self, system: &System) -> Option<Box<dyn Engine>> {
+        if self.search != Some(Search::Lists) {
             return None;
         }
-        let engine =
-            Nearby::<F>::new(geometry, self.kernel, system, &self.summary, &self.density, self.blocks)?;
+        let engine = Nearby::<F>::new(self.kernel, system, &self.summary, &self.density, self.blocks).ok()?;
         Some(Box::new(engine))
     }
 
@@ -273,11 +301,13 @@ impl Choice {
 
     fn compile_sheared<F: Features>(&self, system: &System, geometry: &Geometry) -> Box<dyn Engine> {
         let Self { kernel, summary, density, .. } = self;
-        match self.neighbors {
-            NeighborChoice::AllPairs => Box::new(
-                CalendarScheduler::<ShearedPolydisperse, ShearedPairs>::new(geometry, *kernel, summary.count),
-            ),
-            NeighborChoice::Windows => {
+        match self.search {
+            Some(Search::AllPairs) => Box::new(CalendarScheduler::<ShearedPolydisperse, ShearedPairs>::new(
+                geometry,
+                *kernel,
+                summary.count,
+            )),
+            Some(Search::Windows) => {
                 Box::new(Windows::<F>::new(geometry, *kernel, system, summary, density, self.blocks))
             }
             _ => Box::new(CalendarScheduler::<F, ShearedCells>::new(geometry, *kernel, summary.count)),
@@ -287,16 +317,14 @@ impl Choice {
     /// The engine for a system whose grains can come to rest.
     fn compile_for_rest(&self, geometry: &Geometry) -> Box<dyn Engine> {
         let (kernel, count) = (self.kernel, self.summary.count);
-        match self.neighbors {
-            NeighborChoice::AllPairs => {
+        match self.search {
+            Some(Search::AllPairs) => {
                 Box::new(CalendarScheduler::<Settling, AllPairs>::new(geometry, kernel, count))
             }
-            NeighborChoice::Lists => {
+            Some(Search::GeneralLists) => {
                 Box::new(CalendarScheduler::<Settling, Lists>::new(geometry, kernel, count))
             }
-            NeighborChoice::Auto | NeighborChoice::Cells | NeighborChoice::Windows => {
-                Box::new(CalendarScheduler::<Settling, Cells>::new(geometry, kernel, count))
-            }
+            _ => Box::new(CalendarScheduler::<Settling, Cells>::new(geometry, kernel, count)),
         }
     }
 }

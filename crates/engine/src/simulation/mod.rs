@@ -19,10 +19,12 @@ pub(crate) mod choice;
 pub(crate) mod clustering;
 pub(crate) mod initial;
 pub(crate) mod run;
+pub(crate) mod searches;
 pub(crate) mod valid;
 pub(crate) mod warnings;
 
 pub use run::{Simulation, Until};
+pub use searches::{SearchSupport, searches};
 
 pub use bouncing::endless_bounces_warning;
 pub use change::{Change, NewParticle};

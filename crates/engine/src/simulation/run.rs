@@ -3,7 +3,7 @@
 use std::collections::BTreeMap;
 
 use glam::DVec3;
-use haff_neighbors::{Geometry, Lists};
+use haff_neighbors::Geometry;
 
 use crate::{
     actions::{
@@ -29,7 +29,6 @@ use crate::{
         batch::Kernel,
         event_loop::{Engine, Limit},
         sharing::Sharing,
-        windows,
     },
     simulation::{choice::Choice, clustering::suitable_contact_duration},
     state::{
@@ -129,21 +128,8 @@ impl Simulation {
                 return Err(EngineError::TooMany { what, count, limit });
             }
         }
-        if options.neighbors == NeighborChoice::Lists && system.bodies.len() > Lists::MAX_PARTICLES {
-            let (count, limit) = (system.bodies.len(), Lists::MAX_PARTICLES);
-            return Err(EngineError::TooMany { what: "particles for neighbor lists", count, limit });
-        }
         let kernel = Kernel::choose(options.simd).ok_or(EngineError::NoAvx2)?;
-        let choice = Choice::new(options, kernel, &system, &state.world);
-        if options.neighbors == NeighborChoice::Windows
-            && let Some(why) = windows::unsuitable(&system, &choice.summary)
-        {
-            return Err(EngineError::Unsuitable { choice: options.neighbors.name(), why });
-        }
-        if options.neighbors == NeighborChoice::Lists && system.domain.shear.is_some() {
-            let why = "images of a sheared box (domain.shear) slide".to_owned();
-            return Err(EngineError::Unsuitable { choice: options.neighbors.name(), why });
-        }
+        let choice = Choice::new(options, kernel, &system, &state.world)?;
         let geometry = geometry(&system, &state.world, choice.filled());
         let species = Species::new(&system);
         let contact_duration = suitable_contact_duration(&system);
@@ -600,7 +586,7 @@ impl Simulation {
 
     /// The partner search in use.
     pub fn neighbors(&self) -> NeighborChoice {
-        self.choice.neighbors
+        self.choice.search().choice()
     }
 
     /// Reverses every velocity and sets all anchors to the present. An elastic system without driven bodies

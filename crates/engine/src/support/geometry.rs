@@ -1,6 +1,6 @@
 //! The input of the searches: the geometry of a state.
 
-use haff_neighbors::Geometry;
+use haff_neighbors::{Axis, Geometry, Plane};
 use rayon::prelude::*;
 
 use crate::{
@@ -17,10 +17,8 @@ fn extent(world: &World, axis: usize) -> (f64, f64) {
         .reduce(|| (f64::INFINITY, f64::NEG_INFINITY), |a, b| (a.0.min(b.0), a.1.max(b.1)))
 }
 
-/// The input of partner searches: the geometry of a state. `filled` is the volume that all particles would
-/// occupy at the local density of the average particle [length^d].
-pub(crate) fn geometry(system: &System, world: &World, filled: f64) -> Geometry {
-    use haff_neighbors::{Axis, Plane};
+/// The axes of a system, as searches have them.
+pub(crate) fn axes(system: &System) -> [Axis; 3] {
     let mut axes = system.domain.boundary.map(|boundary| match boundary {
         Boundary::Periodic => Axis::Periodic,
         Boundary::Wall => Axis::Bounded,
@@ -29,20 +27,38 @@ pub(crate) fn geometry(system: &System, world: &World, filled: f64) -> Geometry 
     if system.dimension == Dimension::Two {
         axes[2] = Axis::Flat;
     }
+    axes
+}
+
+/// The largest distance at which two particles touch \[length\], from radii, whether the mass is finite, and
+/// numbers of particles. Two bodies of infinite mass never touch.
+pub(crate) fn largest_contact(particles: impl Iterator<Item = (f64, bool, u64)>) -> f64 {
+    let (mut movable, mut fixed) = ([0.0; 2], 0.0_f64);
+    for (radius, is_movable, count) in particles {
+        if !is_movable && count > 0 {
+            fixed = fixed.max(radius);
+        }
+        for _ in 0..if is_movable { count.min(2) } else { 0 } {
+            if radius > movable[0] {
+                movable = [radius, movable[0]];
+            } else if radius > movable[1] {
+                movable[1] = radius;
+            }
+        }
+    }
+    movable[0] + movable[1].max(fixed)
+}
+
+/// The input of partner searches: the geometry of a state. `filled` is the volume that all particles would
+/// occupy at the local density of the average particle [length^d].
+pub(crate) fn geometry(system: &System, world: &World, filled: f64) -> Geometry {
+    let axes = axes(system);
     let classes = world.particles.iter().map(|particle| &world.classes[particle.class()]);
     let radii = |finite: bool| {
         let chosen = classes.clone().filter(|class| (class.inverse_mass != 0.0) == finite);
         chosen.map(|class| class.radius).fold(0.0, f64::max)
     };
     let (movable, fixed) = (radii(true), radii(false));
-    // The largest radius of the others, if only one particle has that radius.
-    let are_largest = classes.clone().filter(|class| class.inverse_mass != 0.0 && class.radius == movable);
-    let smaller = classes.clone().filter(|class| class.inverse_mass != 0.0 && class.radius < movable);
-    let second = if are_largest.take(2).count() == 2 {
-        movable
-    } else {
-        smaller.map(|class| class.radius).fold(0.0, f64::max)
-    };
     let radius = classes.clone().map(|class| class.radius);
     let uniform = radius.clone().all(|radius| radius == movable);
     let mut size = system.domain.size;
@@ -57,8 +73,7 @@ pub(crate) fn geometry(system: &System, world: &World, filled: f64) -> Geometry 
     Geometry {
         size,
         axes,
-        // Two bodies of infinite mass never touch.
-        reach: movable + second.max(fixed),
+        reach: largest_contact(classes.map(|class| (class.radius, class.inverse_mass != 0.0, 1))),
         crowding: (volume / filled).max(1.0),
         radius: movable,
         radii: if uniform { Vec::new() } else { radius.collect() },
@@ -72,5 +87,25 @@ pub(crate) fn geometry(system: &System, world: &World, filled: f64) -> Geometry 
             })
             .collect(),
         sliding: world.sliding_images(),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_largest_contact_distance_is_that_of_the_two_largest_particles() {
+        let of = |radii: &[(f64, u64)]| {
+            largest_contact(radii.iter().map(|&(radius, count)| (radius, true, count)))
+        };
+        assert_eq!(of(&[(0.5, 100), (5.0, 1)]), 5.5);
+        assert_eq!(of(&[(5.0, 1), (0.5, 100), (2.0, 1)]), 7.0);
+        assert_eq!(of(&[(5.0, 2), (0.5, 100)]), 10.0);
+        assert_eq!(of(&[(5.0, 1), (5.0, 1)]), 10.0);
+        assert_eq!(of(&[(0.5, 1)]), 0.5);
+        // Bodies of infinite mass do not touch each other.
+        assert_eq!(largest_contact([(5.0, false, 3), (0.5, true, 1)].into_iter()), 5.5);
+        assert_eq!(largest_contact([(0.1, false, 3), (0.5, true, 2)].into_iter()), 1.0);
     }
 }

@@ -1,6 +1,7 @@
 //! Systems for tests.
 #![allow(dead_code)]
 
+pub mod features;
 pub mod mixture;
 
 use glam::DVec3;

@@ -67,21 +67,31 @@ impl Settings {
         self.blocks.unwrap_or_else(sharing::threads)
     }
 
-    /// Why the events of any search are taken on one thread; `None` if the search can take them on all.
+    /// Why the events of a world that can be shared are taken on one thread; `None` if blocks take them.
     pub fn serial_reason(&self, world: &World) -> Option<&'static str> {
         if self.most() < 2 {
             Some("there is one thread or block")
         } else if world.particles.len() < self.min_particles {
             Some("there are too few particles")
-        } else if world.wall_sums.is_some() {
-            Some("forces on walls are measured")
-        } else if world.shear.is_some() {
-            Some("the box is sheared")
-        } else if world.resting != 0 || world.carries {
-            Some("grains rest on walls, or walls carry them")
         } else {
             None
         }
+    }
+}
+
+/// Whether blocks of any search can share events.
+///
+/// # Errors
+/// Why one thread takes all events.
+pub(crate) fn can_share(world: &World) -> Result<(), &'static str> {
+    if world.wall_sums.is_some() {
+        Err("forces on walls are measured")
+    } else if world.shear.is_some() {
+        Err("the box is sheared")
+    } else if world.resting != 0 || world.carries {
+        Err("grains rest on walls, or walls carry them")
+    } else {
+        Ok(())
     }
 }
 

@@ -273,7 +273,8 @@ mod tests {
             contacts: crate::model::Contacts { pair: Vec::new(), wall: Vec::new(), tc: 0.0, rest_speed: 0.0 },
         };
         let world = World::new(&system, -52);
-        let mut frame = Frame::new(&geometry, 2.2).expect("the box is large enough");
+        let mut frame =
+            Frame::new(geometry.axes, geometry.size, geometry.reach, 2.2).expect("the box is large enough");
         frame.begin(&world, world.now);
         (frame, world)
     }

@@ -12,11 +12,14 @@ cannot become the nearest one within a span, and single precision is sufficient.
 */
 
 use glam::DVec3;
-use haff_neighbors::{Axis, Geometry};
+use haff_neighbors::Axis;
 
 use crate::{
     model::features::Features,
-    search::compact::{CompactParticle, HEADROOM, LONGEST_SPAN, NEAREST, PERIOD, coordinate},
+    search::{
+        case::Reason,
+        compact::{CompactParticle, HEADROOM, LONGEST_SPAN, NEAREST, PERIOD, coordinate},
+    },
     state::world::World,
 };
 
@@ -61,15 +64,17 @@ pub(super) struct Frame {
 }
 
 impl Frame {
-    /// Coordinates for a box in which particles of a list are at most `reach` apart [length]; `None` if the
-    /// box is too small, or open along an axis.
-    pub fn new(geometry: &Geometry, reach: f64) -> Option<Self> {
-        let sigma = geometry.reach;
-        let (mut period, mut per_length, mut unit) = (geometry.size.to_array(), [1.0; 3], [1.0; 3]);
+    /// Coordinates for a box with these axes and edges \[length\], in which particles touch at `sigma` at
+    /// most and those of a list are at most `reach` apart [length].
+    ///
+    /// # Errors
+    /// The box is too small, too large, or open along an axis.
+    pub fn new(axes: [Axis; 3], size: DVec3, sigma: f64, reach: f64) -> Result<Self, Reason> {
+        let (mut period, mut per_length, mut unit) = (size.to_array(), [1.0; 3], [1.0; 3]);
         let mut max_displacement = MAX_DISPLACEMENT;
         let mut longest: f64 = 0.0;
         for axis in 0..3 {
-            match geometry.axes[axis] {
+            match axes[axis] {
                 kind @ (Axis::Periodic | Axis::Bounded) => {
                     if kind == Axis::Bounded {
                         period[axis] += reach;
@@ -82,12 +87,18 @@ impl Frame {
                     longest = longest.max(edge / sigma);
                 }
                 Axis::Flat => {}
-                Axis::Open => return None,
+                Axis::Open => return Err(Reason::new("an axis is open")),
             }
         }
         // The last term covers the rounding of coordinates.
         let margin = 1.0 + MARGIN + 4.0 * longest / PERIOD;
-        (max_displacement >= MIN_DISPLACEMENT && margin < 1.0 + 2.0 * MARGIN).then_some(Self {
+        if max_displacement < MIN_DISPLACEMENT {
+            return Err(Reason::new("an edge is too short for images of lists"));
+        }
+        if margin >= 1.0 + 2.0 * MARGIN {
+            return Err(Reason::new("an edge is too long for coordinates of 32 bits"));
+        }
+        Ok(Self {
             sigma,
             period,
             per_length,

@@ -24,4 +24,5 @@ mod steps;
 
 pub(crate) use scheduler::Nearby;
 
-pub(crate) use plan::{is_wide, supports};
+pub(crate) use plan::{can_run, is_wide};
+pub(crate) use steps::can_share;

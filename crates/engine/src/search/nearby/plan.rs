@@ -1,12 +1,17 @@
 //! Which systems the scheduler supports, and how its lists are laid out for one.
 
 use glam::DVec3;
-use haff_neighbors::{Axis, Geometry};
+use haff_neighbors::Axis;
 
 use crate::{
-    model::{Boundary, System},
+    model::{System, thresholds::Thresholds},
     numerics::tuning::particles::SHORT_LISTS,
-    search::summary::{LocalDensity, SystemSummary},
+    search::{
+        case::{Case, MAY_SETTLE, Reason, SLIDING_IMAGES},
+        summary::{LocalDensity, SystemSummary},
+    },
+    state::world::can_carry,
+    support::geometry::axes,
 };
 
 use super::frame::Frame;
@@ -22,14 +27,12 @@ const MAX_WALLS: usize = 16;
 /// Largest ratio of two radii: the width of the bins is that for the largest radius.
 const SIZE_RATIO: f64 = 2.0;
 
-/// Whether this scheduler supports a system, if its box is large enough.
-pub(crate) fn supports(system: &System, summary: &SystemSummary) -> bool {
-    summary.count < i32::MAX as usize
-        && system.domain.gravity == DVec3::ZERO
-        && system.domain.shear.is_none()
-        && system.walls.len() <= MAX_WALLS
-        && (0..system.dimension.count()).all(|axis| system.domain.boundary[axis] != Boundary::Open)
-        && !is_wide(summary)
+/// Whether this scheduler can run a case.
+///
+/// # Errors
+/// Why it cannot.
+pub(crate) fn can_run(case: &Case) -> Result<(), Reason> {
+    Plan::new(case.system, case.summary, case.density).map(|_| ())
 }
 
 /// Whether sizes differ too much for the bins.
@@ -52,17 +55,36 @@ pub(super) struct Plan {
 }
 
 impl Plan {
-    /// `None` if this scheduler does not support the system.
-    pub fn new(
-        geometry: &Geometry,
-        system: &System,
-        summary: &SystemSummary,
-        density: &LocalDensity,
-    ) -> Option<Self> {
-        if summary.count == 0 || !supports(system, summary) {
-            return None;
+    /// The layout for a system at this density.
+    ///
+    /// # Errors
+    /// Why the scheduler cannot run the system.
+    pub fn new(system: &System, summary: &SystemSummary, density: &LocalDensity) -> Result<Self, Reason> {
+        if summary.count == 0 {
+            return Err(Reason::new("there are no particles"));
         }
-        let sigma = geometry.reach;
+        if summary.count >= i32::MAX as usize {
+            return Err(Reason::new(format!("there are more than {} particles", i32::MAX)));
+        }
+        if Thresholds::of(system).is_some() {
+            return Err(Reason::new(MAY_SETTLE));
+        }
+        if system.domain.gravity != DVec3::ZERO {
+            return Err(Reason::new("there is gravity"));
+        }
+        if can_carry(system) {
+            return Err(Reason::new("an oscillating wall may carry grains"));
+        }
+        if system.domain.shear.is_some() {
+            return Err(Reason::new(SLIDING_IMAGES));
+        }
+        if system.walls.len() > MAX_WALLS {
+            return Err(Reason::new(format!("there are more than {MAX_WALLS} walls")));
+        }
+        if is_wide(summary) {
+            return Err(Reason::new(format!("radii differ by more than {SIZE_RATIO} times")));
+        }
+        let sigma = summary.contact;
         let flat = summary.dimension == 2;
         // Area of the unit circle or volume of the unit sphere.
         let unit_sphere = if flat { std::f64::consts::PI } else { 4.0 / 3.0 * std::f64::consts::PI };
@@ -74,10 +96,10 @@ impl Plan {
         let half_skin = 0.5 * ((shell / mean).clamp(SHELL[0], SHELL[1]) - 1.0) * mean;
         // Reference positions of neighbors are at most a contact distance and the skin apart, and each
         // particle is at most half of the skin from its reference position.
-        let frame = Frame::new(geometry, (1.01 + 4.0 * half_skin) * sigma)?;
-        let edges =
-            [0, 1, 2].map(|k| if geometry.axes[k] == Axis::Flat { 0.0 } else { frame.period[k] / sigma });
+        let axes = axes(system);
+        let frame = Frame::new(axes, system.domain.size, sigma, (1.01 + 4.0 * half_skin) * sigma)?;
+        let edges = [0, 1, 2].map(|k| if axes[k] == Axis::Flat { 0.0 } else { frame.period[k] / sigma });
         let members = unit_sphere * ((mean + 2.0 * half_skin) / spacing).powi(summary.dimension) - 1.0;
-        Some(Self { frame, half_skin, edges, spacing, members })
+        Ok(Self { frame, half_skin, edges, spacing, members })
     }
 }

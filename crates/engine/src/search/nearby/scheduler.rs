@@ -12,6 +12,7 @@ use crate::{
     report::Observer,
     search::{
         batch::Kernel,
+        case::Reason,
         compact::CompactParticle,
         event_loop::{Limit, Next, Scheduler},
         queue::{Predictor, Queue},
@@ -49,19 +50,20 @@ pub(crate) struct Nearby<F> {
 }
 
 impl<F: Features> Nearby<F> {
-    /// A scheduler for a system. Before a run it must be [built](Scheduler::rebuild). `None` if this
-    /// scheduler does not support the system.
+    /// A scheduler for a system. Before a run it must be [built](Scheduler::rebuild).
+    ///
+    /// # Errors
+    /// Why this scheduler cannot run the system ([`super::can_run`]).
     pub fn new(
-        geometry: &Geometry,
         kernel: Kernel,
         system: &System,
         summary: &SystemSummary,
         density: &LocalDensity,
         blocks: Option<u16>,
-    ) -> Option<Self> {
-        let plan = Plan::new(geometry, system, summary, density)?;
+    ) -> Result<Self, Reason> {
+        let plan = Plan::new(system, summary, density)?;
         let count = summary.count;
-        Some(Self {
+        Ok(Self {
             kernel,
             queue: Queue::new(count, FAR_AHEAD),
             predictor: ListPredictor {

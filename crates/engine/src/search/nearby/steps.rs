@@ -66,6 +66,18 @@ const SHORT: i64 = 8;
 /// prefetched.
 const AHEAD: usize = 12;
 
+/// Whether blocks share the events of lists.
+///
+/// # Errors
+/// Why one thread takes all events.
+pub(crate) fn can_share(world: &World) -> Result<(), &'static str> {
+    blocks::can_share(world)?;
+    if world.classes.iter().any(|class| class.inverse_mass == 0.0) {
+        return Err("there are bodies of infinite mass");
+    }
+    Ok(())
+}
+
 impl<F: Features> Nearby<F> {
     /// Why events are taken on one thread, if they are.
     pub(super) fn serial_reason(&self, world: &World) -> Option<&'static str> {
@@ -74,15 +86,8 @@ impl<F: Features> Nearby<F> {
 
     /// Why blocks cannot take events.
     fn unsuitable(&self, world: &World) -> Option<&'static str> {
-        if let Some(reason) = self.steps.settings.serial_reason(world) {
-            Some(reason)
-        } else if world.classes.iter().any(|class| class.inverse_mass == 0.0) {
-            Some("there are bodies of infinite mass")
-        } else if self.predictor.lists.grid().is_none() {
-            Some("most of the box is empty")
-        } else {
-            None
-        }
+        let is_empty = || self.predictor.lists.grid().is_none().then_some("most of the box is empty");
+        can_share(world).err().or_else(|| self.steps.settings.serial_reason(world)).or_else(is_empty)
     }
 
     /// Begins steps at the present time, without entries, if events can be taken by blocks. Returns false if

@@ -42,7 +42,7 @@ const AHEAD: usize = 12;
 impl<F: Features> Windows<F> {
     /// Why events are taken on one thread, if they are.
     pub(super) fn serial_reason(&self, world: &World) -> Option<&'static str> {
-        self.steps.settings.serial_reason(world)
+        blocks::can_share(world).err().or_else(|| self.steps.settings.serial_reason(world))
     }
 
     /// Prepares the steps of a window that has just been opened with these contacts. Returns false if its

@@ -28,4 +28,4 @@ mod walls;
 mod window_event;
 mod worker;
 
-pub(crate) use scheduler::{Windows, is_profitable, supports, unsuitable};
+pub(crate) use scheduler::{Windows, can_run, can_share, is_profitable};

@@ -10,6 +10,8 @@ use crate::{
     report::Observer,
     search::{
         batch::Kernel,
+        blocks,
+        case::{Case, MAY_SETTLE, Reason},
         compact::NEAREST,
         event_loop::{Limit, Next, Scheduler},
         summary::{LocalDensity, SystemSummary},
@@ -83,63 +85,74 @@ pub(crate) struct Windows<F> {
     pub(super) counted: Work,
 }
 
-/// The reason why windows cannot simulate a system; `None` if they can.
-pub(crate) fn unsuitable(system: &System, summary: &SystemSummary) -> Option<String> {
+/// Whether windows can run a case.
+///
+/// # Errors
+/// Why they cannot.
+pub(crate) fn can_run(case: &Case) -> Result<(), Reason> {
+    let &Case { system, summary, world, .. } = case;
     let axes = system.dimension.count();
-    let gravity = system.domain.gravity;
-    if gravity != DVec3::ZERO && !summary.movable {
-        return Some("there are gravity and bodies of infinite mass, which do not fall".to_owned());
-    }
     if Thresholds::of(system).is_some() {
-        return Some("grains may come to rest on each other (contact.rest_speed)".to_owned());
+        return Err(Reason::new(MAY_SETTLE));
     }
+    if system.domain.gravity != DVec3::ZERO && !summary.movable {
+        return Err(Reason::new("there are gravity and bodies of infinite mass, which do not fall"));
+    }
+    can_run_shear(system, summary)?;
     for axis in 0..axes {
+        let edge = system.domain.size[axis];
         match system.domain.boundary[axis] {
-            Boundary::Open => return Some("an axis is open".to_owned()),
-            Boundary::Periodic if NEAREST * system.domain.size[axis] < 1.25 * summary.contact => {
-                return Some(format!(
-                    "a periodic edge of {} is shorter than 2.8 of the largest contact distance, {}",
-                    system.domain.size[axis], summary.contact
-                ));
+            Boundary::Open => return Err(Reason::new("an axis is open")),
+            Boundary::Periodic if NEAREST * edge < 1.25 * summary.contact => {
+                return Err(Reason::new(format!(
+                    "a periodic edge of {edge} is shorter than 2.8 of the largest contact distance, {}",
+                    summary.contact
+                )));
             }
             Boundary::Periodic | Boundary::Wall => {}
         }
-        if let Some(why) = unsuitable_for_shear(system, summary) {
-            return Some(why);
-        }
         let periodic = system.domain.boundary[axis] == Boundary::Periodic;
-        if axes::rounding(system.domain.size[axis], periodic, summary.least) > MAX_ROUNDING {
-            return Some(format!(
-                "an edge of {} is too long for the least radius, {}",
-                system.domain.size[axis], summary.least
-            ));
+        if axes::rounding(edge, periodic, summary.least) > MAX_ROUNDING {
+            return Err(Reason::new(format!(
+                "an edge of {edge} is too long for the least radius, {}",
+                summary.least
+            )));
         }
     }
-    None
+    if world.resting != 0 {
+        return Err(Reason::of_state("grains rest on walls"));
+    }
+    Ok(())
 }
 
-/// The reason why windows cannot simulate a sheared system: an edge along the flow that is too short, or too
-/// long, for images that are displaced along it.
-pub(super) fn unsuitable_for_shear(system: &System, summary: &SystemSummary) -> Option<String> {
-    let shear = system.domain.shear?;
+/// Whether windows can run a sheared system: the edge along the flow must be neither too short nor too long
+/// for images that are displaced along it.
+fn can_run_shear(system: &System, summary: &SystemSummary) -> Result<(), Reason> {
+    let Some(shear) = system.domain.shear else { return Ok(()) };
     let size = system.domain.size;
     let ratio = size[shear.flow] / size[shear.gradient];
     if ratio > shear::LARGEST_RATIO {
-        return Some(format!(
+        return Err(Reason::new(format!(
             "the edge along the flow is {ratio} times that along the gradient, more than {}",
             shear::LARGEST_RATIO
-        ));
+        )));
     }
     let widened = 1.0 + 0.5 * ratio + 2.0 * shear::LARGEST_CHANGE;
-    (NEAREST * size[shear.flow] < 1.25 * widened * summary.contact).then(|| {
-        format!("the edge along the flow, {}, is too short for images that are displaced", size[shear.flow])
-    })
+    if NEAREST * size[shear.flow] < 1.25 * widened * summary.contact {
+        return Err(Reason::new(format!(
+            "the edge along the flow, {}, is too short for images that are displaced",
+            size[shear.flow]
+        )));
+    }
+    Ok(())
 }
 
-/// Whether windows support this state of a system for which [`unsuitable`] returns `None`: no wall
-/// may support a particle.
-pub(crate) fn supports(world: &World) -> bool {
-    world.resting == 0
+/// Whether blocks share the events of windows.
+///
+/// # Errors
+/// Why one thread takes all events.
+pub(crate) fn can_share(world: &World) -> Result<(), &'static str> {
+    blocks::can_share(world)
 }
 
 /// Whether windows are likely to be the fastest scheduler for a state that they support and that is not
@@ -309,7 +322,7 @@ impl<F: Features> Scheduler for Windows<F> {
             }
             Impact::Wall { i, .. } => {
                 state.world.wrap_anchor(i);
-                if F::GRAVITY && !supports(&state.world) {
+                if F::GRAVITY && state.world.resting != 0 {
                     return Some(Pause::Unsupported);
                 }
                 i

@@ -1,0 +1,8 @@
+//! Prints the table of docs/searches.md: which search can run which feature, and on how many threads.
+
+#[path = "../tests/common/mod.rs"]
+mod common;
+
+fn main() {
+    print!("{}", common::features::table());
+}

@@ -1,0 +1,50 @@
+//! Which searches can run a system, for people.
+
+use super::choice::Choice;
+use crate::{
+    model::{Options, System},
+    numerics::error::EngineError,
+    search::{
+        batch::Kernel,
+        case::Case,
+        matrix::Search,
+        summary::{LocalDensity, SystemSummary},
+    },
+    state::world::World,
+};
+
+/// What a search can do with a system in its initial state.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct SearchSupport {
+    /// Name of the search.
+    pub name: &'static str,
+    /// Name in `engine.neighbors` of a scene.
+    pub choice: &'static str,
+    /// Whether `auto` begins with it.
+    pub chosen: bool,
+    /// Why it cannot run the system; `None` if it can.
+    pub refuses: Option<String>,
+    /// Why it takes all events on one thread; `None` if it shares them.
+    pub serial: Option<String>,
+}
+
+/// What each search can do with a system in its initial state. The system must have its bodies.
+///
+/// # Errors
+/// The processor has no AVX2, and the options ask for it.
+pub fn searches(system: &System, options: Options) -> Result<Vec<SearchSupport>, EngineError> {
+    let kernel = Kernel::choose(options.simd).ok_or(EngineError::NoAvx2)?;
+    let world = World::new(system, 0);
+    let summary = SystemSummary::of(system, &world);
+    let density = LocalDensity::of(system, &summary, &world);
+    let case = Case { system, summary: &summary, density: &density, world: &world };
+    let chosen = Choice::new(Options::default(), kernel, system, &world)?.search();
+    let support = |search: Search| SearchSupport {
+        name: search.name(),
+        choice: search.choice().name(),
+        chosen: search == chosen,
+        refuses: search.can_run(&case).err().map(|reason| reason.text.into_owned()),
+        serial: search.can_share(&world).err().map(ToOwned::to_owned),
+    };
+    Ok(Search::ALL.map(support).to_vec())
+}
