@@ -513,6 +513,31 @@ const REPLAYED: [Recipe; 2] = [
 #[test]
 fn scenes_with_former_errors_obey_conservation_laws() {
     let found = [
+        // An elastic gas with a contact duration: windows and lists kept no times of contacts.
+        Recipe { particles: 2, tc: true, seed: 6_421_738_977_735_998_642, ..PLAIN },
+        Recipe {
+            flat: true,
+            particles: 2,
+            corner: true,
+            changed: true,
+            seed: 13_182_746_391_575_529_534,
+            ..PLAIN
+        },
+        // An event before the one that preceded it.
+        Recipe {
+            flat: true,
+            boundary: [0, 2, 0],
+            particles: 32,
+            restitution: 2,
+            fixed: true,
+            speeds: true,
+            light: true,
+            wedge: true,
+            long: true,
+            corner: true,
+            seed: 14_996_193_117_818_818_225,
+            ..PLAIN
+        },
         // The rounding errors of contacts with very fast images are relative to the paths of these, also of
         // slow particles.
         Recipe {

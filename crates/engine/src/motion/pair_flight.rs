@@ -1,12 +1,24 @@
 //! The relative flight of two particles with one acceleration, from the later one of their anchors.
 
 use glam::DVec3;
-use haff_mechanics::{drift, free_flight, free_flight_velocity};
+use haff_mechanics::{drift, free_flight, free_flight_velocity, is_rounding_noise, time_to_contact_unscaled};
 
 use crate::{
-    model::features::Features,
+    model::features::{Features, ShearedPolydisperse, With},
+    numerics::clock::{LONGEST, whole},
     state::{particle::Particle, world::World},
 };
+
+/// A pair with r² ≤ σ² (1 + `TOUCHING`) touches within the rounding errors of its positions.
+pub(crate) const TOUCHING: f64 = 64.0 * f64::EPSILON;
+
+/// Whether a predicted contact only repeats the last impact, usually one with e = 0: the pair touches within
+/// the rounding errors of its positions, and its speed of approach is within the rounding error of its
+/// velocities. `speed` returns the larger speed of the two particles [length/time].
+#[inline(always)]
+pub(crate) fn is_spurious_recontact(r: DVec3, v: DVec3, sigma2: f64, speed: impl FnOnce() -> f64) -> bool {
+    r.length_squared() <= sigma2 * (1.0 + TOUCHING) && is_rounding_noise(r, v, speed())
+}
 
 /// Relative position and velocity, b − a, at the time of the later anchor.
 pub(crate) struct PairFlight {
@@ -62,5 +74,38 @@ impl PairFlight {
         }
         let r = separation + world.periodicity.offset(present);
         Some(Self { from, r, v, sigma2, velocities: [va, vb] })
+    }
+}
+
+/// The time when two particles with these anchors touch [ticks], for the image that is nearest at present;
+/// `None` without contact.
+#[inline(always)]
+pub(crate) fn contact<F: Features>(world: &World, a: &Particle, b: &Particle) -> Option<i64> {
+    let PairFlight { from, r, v, sigma2, velocities: [va, vb] } = PairFlight::of::<F>(world, a, b)?;
+    let delay = time_to_contact_unscaled(r, v, sigma2)?;
+    if is_spurious_recontact(r, v, sigma2, || va.length().max(vb.length())) {
+        return None;
+    }
+    let ticks = delay * world.clock.per_time;
+    (ticks <= LONGEST).then(|| from + whole(ticks))
+}
+
+impl World {
+    /// Whether the prediction of two particles from their anchors has a contact before the present. Particles
+    /// that walls or others support, and fixed ones under gravity, are predicted in another way, which has
+    /// none.
+    pub fn has_past_contact(&self, i: u32, j: u32) -> bool {
+        let pair = [&self.particles[i as usize], &self.particles[j as usize]];
+        let falls = |k: u32| !self.particles[k as usize].rests() && self.class(k).inverse_mass != 0.0;
+        let contact = if self.shear.is_some() {
+            contact::<ShearedPolydisperse>(self, pair[0], pair[1])
+        } else if self.flies_straight() {
+            contact::<With<false, false>>(self, pair[0], pair[1])
+        } else if falls(i) && falls(j) {
+            contact::<With<true, false>>(self, pair[0], pair[1])
+        } else {
+            None
+        };
+        contact.is_some_and(|time| time < self.now)
     }
 }

@@ -7,23 +7,10 @@ once for the baseline instruction set and once for AVX2. Rust neither fuses nor 
 operations, so that both give the same bits as [`haff_mechanics::time_to_contact`].
 */
 
-use glam::DVec3;
-use haff_mechanics::is_rounding_noise;
-
 use crate::model::SimdChoice;
 
-/// A pair with r² ≤ σ² (1 + `TOUCHING`) touches within the rounding errors of its positions.
-pub(crate) const TOUCHING: f64 = 64.0 * f64::EPSILON;
 /// Number of candidates per batch; more candidates are predicted in several batches.
 pub(crate) const LANES: usize = 64;
-
-/// Whether a predicted contact only repeats the last impact, usually one with e = 0: the pair touches within
-/// the rounding errors of its positions, and its speed of approach is within the rounding error of its
-/// velocities. `speed` returns the larger speed of the two particles [length/time].
-#[inline(always)]
-pub(crate) fn is_spurious_recontact(r: DVec3, v: DVec3, sigma2: f64, speed: impl FnOnce() -> f64) -> bool {
-    r.length_squared() <= sigma2 * (1.0 + TOUCHING) && is_rounding_noise(r, v, speed())
-}
 
 /// The candidates of one particle, each pair at the time of its later anchor.
 #[derive(Debug, Clone)]

@@ -8,7 +8,8 @@ data of four candidates are loaded and transposed in registers, instead of gathe
 use haff_neighbors::{Offsets, Packed};
 
 use crate::{
-    search::batch::{self, Kernel, TOUCHING},
+    motion::pair_flight::TOUCHING,
+    search::batch::{self, Kernel},
     state::particle::{ClassData, Particle},
 };
 

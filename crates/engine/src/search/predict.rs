@@ -9,9 +9,10 @@ use haff_neighbors::{Flight, Offsets, Packed, Search, Shift};
 use crate::{
     laws::slide,
     model::features::Features,
+    motion::pair_flight::is_spurious_recontact,
     numerics::clock::{HORIZON, LONGEST, whole},
     search::{
-        batch::{Batch, Kernel, LANES, is_spurious_recontact},
+        batch::{Batch, Kernel, LANES},
         carried,
         earliest::Earliest,
         entry::{Entry, Target},

@@ -254,7 +254,9 @@ impl Choice {
             return self.compile_for_shear(system, geometry);
         }
         let gravity = system.domain.gravity != DVec3::ZERO || can_carry(system);
-        if !gravity && summary.uniform && system.contacts.are_elastic() && system.spin.is_none() {
+        // The elastic engine keeps no times of contacts, which a law may need after a change.
+        let is_elastic = system.contacts.are_elastic() && system.contacts.tc == 0.0;
+        if !gravity && summary.uniform && is_elastic && system.spin.is_none() {
             if search == Search::Windows {
                 return Box::new(Windows::<ElasticMonodisperse>::new(
                     geometry,

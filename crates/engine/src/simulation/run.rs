@@ -35,6 +35,7 @@ use crate::{
         State, accumulators::Accumulators, flight_sums::Summed, settling::SettlingState, stall::Stall,
         world::World,
     },
+    support::contacts::touching_pairs,
     support::{
         geometry::geometry,
         overlap::{self, Overlap},
@@ -47,6 +48,8 @@ pub(super) const MAX_PARTICLES: usize = (1 << 30) - 2;
 /// Largest number of walls.
 pub(super) const MAX_WALLS: usize = u16::MAX as usize;
 
+/// Pairs with a smaller gap may touch, but for rounding [largest contact distances].
+const TOUCHING_GAP: f64 = 1e-9;
 /// The tick is changed at the end of an epoch if the system's time scale has changed by 2 to this power.
 pub(super) const RETUNE_BITS: u32 = 2;
 
@@ -467,16 +470,11 @@ impl Simulation {
             times.start_epoch(now, &old, &world.clock);
         }
         world.now = 0;
-        for i in moved {
+        for &i in &moved {
             world.wrap_anchor(i);
         }
-        if retune {
-            for i in 0..world.particles.len() as u32 {
-                if self.state.world.has_past_wall_contact(i) {
-                    flights::end(&mut self.state, i, 0);
-                    self.state.world.move_anchor(i);
-                }
-            }
+        if !moved.is_empty() {
+            self.end_past_contacts();
         }
         self.state.stall = Stall::default();
         self.state.accumulators.counters.epochs += 1;
@@ -489,6 +487,25 @@ impl Simulation {
             "epoch"
         );
         self.rebuild();
+    }
+
+    /// Moves to the present the anchors of particles of which predictions have a contact before it.
+    ///
+    /// After an impact with e = 0 both bodies have the same velocity along the normal, but for rounding. A
+    /// new anchor or tick changes the rounding, and a contact can appear where there was none.
+    fn end_past_contacts(&mut self) {
+        let State { world, .. } = &self.state;
+        let mut past: Vec<u32> =
+            (0..world.particles.len() as u32).filter(|&i| world.has_past_wall_contact(i)).collect();
+        let gap = TOUCHING_GAP * self.geometry.reach;
+        let pairs = touching_pairs(world, &self.geometry, gap);
+        past.extend(pairs.into_iter().filter(|&[i, j]| world.has_past_contact(i, j)).flatten());
+        past.sort_unstable();
+        past.dedup();
+        for i in past {
+            flights::end(&mut self.state, i, 0);
+            self.state.world.move_anchor(i);
+        }
     }
 
     /// Present simulated time [time].

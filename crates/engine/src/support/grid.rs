@@ -7,7 +7,7 @@ use glam::{DVec3, Vec4};
 use haff_neighbors::{Axis, Geometry};
 use rayon::prelude::*;
 
-use crate::state::{particle::ClassData, world::World};
+use crate::state::{particle::ClassData, sliding_images::SlidingImages, world::World};
 
 /// Particles of one octave of radius, sorted by cell. The width of a cell is at least the largest diameter
 /// plus the requested gap. Along axes that are not periodic the grid is folded onto itself: positions one
@@ -287,6 +287,38 @@ pub(crate) fn visit_pairs(
             level.visit_neighborhood(level.cell_of(wrapped_position(world, own.rows[k])), 0, |range| {
                 visit(k, level, range);
             });
+        }
+    }
+}
+
+/// Visits pairs that may be nearer than `reach` \[length\] across the faces of the gradient axis of a sheared
+/// box, where images are displaced along the flow: the grids find all others.
+pub(crate) fn visit_pairs_across_sheared_faces(
+    world: &World,
+    shear: &SlidingImages,
+    reach: f64,
+    mut visit: impl FnMut(u32, u32),
+) {
+    let height = world.periodicity.size[shear.gradient];
+    let length = world.periodicity.size[shear.flow];
+    let offset = world.displacement(world.now).offset;
+    // Coordinates along the flow: of particles at the upper face, and of images of those at the lower one.
+    let (mut upper, mut lower) = (Vec::new(), Vec::new());
+    for i in 0..world.particles.len() as u32 {
+        let position = wrapped_position(world, i);
+        if position[shear.gradient] >= height - reach {
+            upper.push((position[shear.flow], i));
+        }
+        if position[shear.gradient] <= reach {
+            lower.push(((position[shear.flow] + offset).rem_euclid(length), i));
+        }
+    }
+    lower.sort_unstable_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));
+    for &(x, i) in &upper {
+        for edge in [-length, 0.0, length] {
+            let first = lower.partition_point(|&(other, _)| other < x + edge - reach);
+            let near = lower[first..].iter().take_while(|&&(other, _)| other <= x + edge + reach);
+            near.filter(|&&(_, j)| j != i).for_each(|&(_, j)| visit(i, j));
         }
     }
 }

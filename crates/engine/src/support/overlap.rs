@@ -10,7 +10,7 @@ use rayon::prelude::*;
 use crate::{
     numerics::tuning::particles,
     state::{periodicity::Periodicity, sliding_images::SlidingImages, world::World},
-    support::grid::{Level, Slabs, levels, visit_pairs, wrapped_position},
+    support::grid::{Level, Slabs, levels, visit_pairs, visit_pairs_across_sheared_faces, wrapped_position},
 };
 
 /// Cells or particles per parallel task.
@@ -211,35 +211,11 @@ fn deepest_by_slabs(world: &World, geometry: &Geometry, slabs: &Slabs) -> Found 
     found
 }
 
-/// Finds overlaps across the faces of the gradient axis of a sheared box, where images are displaced: the
+/// Overlaps of pairs across the faces of the gradient axis of a sheared box, where images are displaced; the
 /// grids find all others.
 fn across_sheared_faces(world: &World, shear: &SlidingImages, reach: f64) -> Found {
-    let height = world.periodicity.size[shear.gradient];
-    let length = world.periodicity.size[shear.flow];
-    let reach = reach * (1.0 + 1e-9);
-    let offset = world.displacement(world.now).offset;
-    // Coordinates along the flow: of particles at the upper face, and of images of those at the lower one.
-    let (mut upper, mut lower) = (Vec::new(), Vec::new());
-    for i in 0..world.particles.len() as u32 {
-        let position = wrapped_position(world, i);
-        if position[shear.gradient] >= height - reach {
-            upper.push((position[shear.flow], i));
-        }
-        if position[shear.gradient] <= reach {
-            lower.push(((position[shear.flow] + offset).rem_euclid(length), i));
-        }
-    }
-    lower.sort_unstable_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));
     let mut search = OverlapSearch::new(world);
-    for &(x, i) in &upper {
-        for edge in [-length, 0.0, length] {
-            let first = lower.partition_point(|&(other, _)| other < x + edge - reach);
-            let near = lower[first..].iter().take_while(|&&(other, _)| other <= x + edge + reach);
-            for &(_, j) in near.filter(|&&(_, j)| j != i) {
-                search.test_exactly(i, j);
-            }
-        }
-    }
+    visit_pairs_across_sheared_faces(world, shear, reach * (1.0 + 1e-9), |i, j| search.test_exactly(i, j));
     search.found
 }
 

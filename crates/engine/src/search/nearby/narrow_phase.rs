@@ -2,9 +2,9 @@
 
 use crate::{
     model::features::Features,
-    motion::pair_flight::PairFlight,
+    motion::pair_flight::{PairFlight, is_spurious_recontact},
     numerics::clock::{LONGEST, whole},
-    search::batch::{self, is_spurious_recontact},
+    search::batch,
     state::{particle::Particle, world::World},
 };
 
