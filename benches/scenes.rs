@@ -5,7 +5,7 @@
 //! observables and the search for overlaps; an element is a particle, and `RAYON_NUM_THREADS` is the number
 //! of threads.
 
-#[path = "../crates/cli/bench/scenes.rs"]
+#[path = "../crates/cli/commands/bench/scenes.rs"]
 #[allow(dead_code)]
 mod scenes;
 

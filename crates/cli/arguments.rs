@@ -5,7 +5,7 @@ use std::{ffi::OsString, path::PathBuf};
 use clap::{ArgAction, Args, Parser, Subcommand, error::ContextValue};
 use clap_complete::Shell;
 
-use crate::output::shown;
+use crate::terminal::output::shown;
 
 /// Version and git revision.
 pub const VERSION: &str = concat!(env!("CARGO_PKG_VERSION"), " (", env!("HAFF_GIT_REVISION"), ")");

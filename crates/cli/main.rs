@@ -2,40 +2,20 @@
 
 #![warn(clippy::print_stdout, clippy::print_stderr)]
 
-mod arguments;
-mod bench;
-mod check;
-mod continued;
-mod controls;
-mod estimate;
-mod failure;
-mod info;
-mod init;
-mod log;
-mod manual;
-mod memory;
-mod numbers;
-mod output;
-mod overwrite;
-mod parts;
-mod progress;
-mod python;
-mod report;
-mod run;
-mod schedule;
-mod session;
-mod signals;
-mod single;
-mod states;
-mod sweep;
 mod terminal;
-mod threads;
-mod warnings;
-mod watch;
+
+mod arguments;
+
+mod running;
+
+mod commands;
 
 use std::process::ExitCode;
 
 use arguments::Command;
+use commands::{bench, check, info, init, manual, run, sweep};
+use running::python;
+use terminal::{log, memory, output, signals};
 
 #[global_allocator]
 static ALLOCATOR: memory::ReportingAllocator = memory::ReportingAllocator;

@@ -1,8 +1,7 @@
-"""Which file of the workspace names which other one: the `use` lines and paths of Rust, the imports of Python."""
+"""Which file of a crate names which other one, by its `use` lines and paths."""
 
 from __future__ import annotations
 
-import ast
 import re
 from collections import defaultdict
 from collections.abc import Iterator
@@ -112,44 +111,6 @@ class Crate:
 def crates() -> dict[str, Crate]:
     found = {path.parent.name: Crate(path) for path in sorted((ROOT / "crates").glob("*/src"))}
     return found | {"cli": Crate(ROOT / "crates" / "cli", "main.rs")}
-
-
-def python_names() -> Names:
-    """The imports of the package, those within functions too; not those for types alone."""
-    package = ROOT / "python" / "haff"
-    found: Names = defaultdict(lambda: defaultdict(set))
-
-    def file_of(parts: tuple[str, ...]) -> Path | None:
-        for path in (
-            package.joinpath(*parts).with_suffix(".py") if parts else package,
-            package.joinpath(*parts, "__init__.py"),
-        ):
-            if path.is_file():
-                return path
-        return None
-
-    def visit(node: ast.AST, file: Path) -> None:
-        if isinstance(node, ast.If) and "TYPE_CHECKING" in ast.dump(node.test):
-            return
-        if isinstance(node, ast.ImportFrom):
-            here = file.relative_to(package).parent.parts
-            parts = tuple((node.module or "").split(".")) if node.module else ()
-            if node.level:
-                base = here[: len(here) - node.level + 1] + parts
-            elif parts[:1] == ("haff",):
-                base = parts[1:]
-            else:
-                return
-            for name in node.names:
-                target = file_of((*base, name.name)) or file_of(base)
-                if target and target != file:
-                    found[file][target].add(name.name)
-        for child in ast.iter_child_nodes(node):
-            visit(child, file)
-
-    for file in package.rglob("*.py"):
-        visit(ast.parse(file.read_text()), file)
-    return found
 
 
 def circles(names: Names) -> list[list[Path]]:

@@ -1,4 +1,4 @@
-"""The rooms of the engine stand in one order, and no files of the workspace name each other in a circle."""
+"""Rooms stand in one order, and no files of a crate name each other in a circle."""
 
 from __future__ import annotations
 
@@ -9,33 +9,38 @@ import pytest
 from structure import ROOT, Crate, circles, crates
 
 CRATES = crates()
-ENGINE = CRATES["engine"]
-# From the ground up, as lib.rs has them.
-ROOMS = re.findall(
-    r"^(?:pub )?mod (\w+);", (ENGINE.root / "lib.rs").read_text().replace("#[cfg(test)]\nmod examples;", ""), re.M
-)
+HOUSES = ("engine", "scene", "cli")
 
 
-def higher(crate: Crate, rooms: list[str]) -> list[str]:
+def rooms(crate: Crate) -> list[str]:
+    """Its rooms from the ground up, as the root file has them; a file beside them counts as one."""
+    text = (crate.root / crate.main).read_text()
+    return [name for test, name in re.findall(r"(#\[cfg\(test\)\]\n)?^(?:pub )?mod (\w+);", text, re.M) if not test]
+
+
+def higher(crate: Crate, order: list[str]) -> list[str]:
     """Which file of a room names one of a room above it, and what it names there."""
     found = []
     for file, others in crate.names().items():
-        room = file.relative_to(crate.root).parts[0]
+        room = file.relative_to(crate.root).parts[0].removesuffix(".rs")
         for other, names in others.items():
-            above = other.relative_to(crate.root).parts[0]
-            if room in rooms and (above not in rooms or rooms.index(above) > rooms.index(room)):
+            above = other.relative_to(crate.root).parts[0].removesuffix(".rs")
+            if room in order and (above not in order or order.index(above) > order.index(room)):
                 found.append(f"{file.relative_to(crate.root)} names {other.relative_to(crate.root)}: {sorted(names)}")
     return found
 
 
-def test_all_files_of_the_engine_are_in_rooms():
-    loose = [path.name for path in ENGINE.root.glob("*.rs") if path.name != "lib.rs"]
-    folders = [path.name for path in ENGINE.root.iterdir() if path.is_dir() and path.name != "examples"]
-    assert not loose and sorted(folders) == sorted(ROOMS)
+@pytest.mark.parametrize("name", HOUSES)
+def test_all_files_are_in_rooms(name):
+    crate = CRATES[name]
+    found = {path.relative_to(crate.root).parts[0].removesuffix(".rs") for path in crate.code}
+    loose = {path.stem for path in crate.root.glob("*.rs")} - {"lib", "main", "arguments", "fuzz"}
+    assert not loose and found - {"lib", "main", "fuzz"} == set(rooms(crate))
 
 
-def test_no_room_names_a_higher_one():
-    assert not higher(ENGINE, ROOMS)
+@pytest.mark.parametrize("name", HOUSES)
+def test_no_room_names_a_higher_one(name):
+    assert not higher(CRATES[name], rooms(CRATES[name]))
 
 
 @pytest.mark.parametrize("name", sorted(CRATES))
@@ -44,13 +49,17 @@ def test_no_files_name_each_other_in_a_circle(name):
     assert not [[str(file.relative_to(crate.root)) for file in circle] for circle in circles(crate.names())]
 
 
-def test_each_room_opens_with_an_essay():
-    for room in ROOMS:
-        text = (ENGINE.root / room / "mod.rs").read_text()
-        essay = text[: text.index("*/")]
-        assert text.startswith("/*!") and essay.count("\n") <= 45, room
-        for words in ("*What is here.*", "*What to change here.*", "*May import*", "*Begin with*"):
-            assert words in essay, f"{room}: {words}"
+@pytest.mark.parametrize(("name", "room"), [(name, room) for name in HOUSES for room in rooms(CRATES[name])])
+def test_each_room_opens_with_an_essay(name, room):
+    path = CRATES[name].root / room / "mod.rs"
+    text = path.read_text() if path.is_file() else (CRATES[name].root / f"{room}.rs").read_text()
+    if not path.is_file():
+        assert text.startswith("//!")
+        return
+    essay = text[: text.index("*/")]
+    assert text.startswith("/*!") and essay.count("\n") <= 45
+    for words in ("*What is here.*", "*What to change here.*", "*May import*", "*Begin with*"):
+        assert words in essay, words
 
 
 def test_what_the_tests_look_for_is_found(tmp_path):

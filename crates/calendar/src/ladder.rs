@@ -151,7 +151,7 @@ impl<E: Event> Ladder<E> {
     }
 
     /// Keeps the next `events` events sorted, or all if there are fewer, so that the
-    /// [upcoming](Calendar::upcoming) events are known. The largest possible number is half of [`SHORT`].
+    /// [upcoming](Calendar::upcoming) events are known. The largest possible number is half of `SHORT`.
     pub fn keep_sorted(&mut self, events: usize) {
         self.min_run = events.min(SHORT / 2);
     }

@@ -23,7 +23,7 @@ const LONGEST_RUN: usize = 256;
 /// End of a list.
 const NONE: u32 = u32::MAX;
 
-/// Queue of the events in one window; see the [module documentation](self).
+/// Queue of the events in one window; see the documentation of its file.
 #[derive(Debug, Clone)]
 pub struct WindowQueue<E: Event> {
     /// Begin of the window [ticks].

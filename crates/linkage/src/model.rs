@@ -1,4 +1,4 @@
-//! Joints between particles, as plain data beside the engine's [`System`](haff_engine::System).
+//! Joints between particles, as plain data beside the engine's [`haff_engine::System`].
 
 use glam::DVec3;
 use haff_engine::{System, conserved_momentum};

@@ -6,12 +6,12 @@
 use std::panic::{AssertUnwindSafe, catch_unwind};
 
 use crate::assemble::{CHANGEABLE, Limits, Start, assemble, assemble_changed};
-use crate::error::{SceneError, SceneErrors};
-use crate::present::Present;
-use crate::random::{Purpose, Stream};
-use crate::scene::Scene;
-use crate::state::{State, StateSource};
-use crate::text;
+use crate::model::present::Present;
+use crate::model::scene::Scene;
+use crate::model::state::{State, StateSource};
+use crate::placement::random::{Purpose, Stream};
+use crate::source::error::{SceneError, SceneErrors};
+use crate::source::text;
 use glam::DVec3;
 use haff_engine::{Boundary, Domain, Instant, Wall};
 
@@ -375,9 +375,9 @@ fn check(case: u64) -> Result<bool, String> {
             let position: Vec<DVec3> = system.bodies.iter().map(|body| body.position).collect();
             let radius: Vec<f64> =
                 system.bodies.iter().map(|body| system.classes[body.class as usize].radius).collect();
-            let periods = crate::grid::Periods::new(&system.domain);
+            let periods = crate::placement::grid::Periods::new(&system.domain);
             if let Some(pair) =
-                crate::grid::overlaps(&position, &radius, periods, 1e-12, |_, _| false).first()
+                crate::placement::grid::overlaps(&position, &radius, periods, 1e-12, |_, _| false).first()
             {
                 return Err(format!("accepted an overlap {pair:?}: {}", show()));
             }

@@ -31,41 +31,37 @@
 // Docs give units in brackets, as [length]: these are not links, and escapes would show in the JSON Schema.
 #![allow(rustdoc::broken_intra_doc_links)]
 
-mod assemble;
+mod source;
+
 pub mod config;
-mod document;
-mod error;
+
+mod model;
+
+mod placement;
+
+mod assemble;
+
 #[cfg(test)]
 mod fuzz;
-mod grid;
-pub mod import;
-pub mod joints;
-mod misplaced;
-mod packing;
-mod present;
-mod random;
-mod read;
-mod scene;
-mod schema;
-mod state;
-mod templates;
-pub mod text;
-mod tree;
-mod velocity;
-mod weight;
 
 use std::fs::File;
 use std::io::{self, Read};
 use std::path::Path;
 
 pub use assemble::CHANGEABLE;
-pub use error::{ErrorKind, Place, SceneError, SceneErrors};
-pub use present::Present;
-pub use scene::{OutputPlan, RunPlan, Scene, Schedule};
-pub use schema::schema;
-pub use state::{NoStates, State, StateSource};
-pub use templates::templates;
-pub use weight::LONGEST_FILE;
+pub use config::{joints, schema::schema, templates::templates};
+pub use model::{
+    present::Present,
+    scene::{OutputPlan, RunPlan, Scene, Schedule},
+    state::{NoStates, State, StateSource},
+};
+pub use placement::import;
+use source::weight;
+pub use source::{
+    error::{ErrorKind, Place, SceneError, SceneErrors},
+    text,
+    weight::LONGEST_FILE,
+};
 
 /// Reads and validates the scene file at `path` (relative to the current directory) with `overrides`
 /// (`KEY=VALUE` by dotted path, array elements by index or name, values in TOML; later ones win).

@@ -128,6 +128,8 @@ pub(crate) fn delay([rx, ry, rz]: [f64; 3], [vx, vy, vz]: [f64; 3], sigma2: f64)
 
 #[cfg(test)]
 mod tests {
+    use glam::DVec3;
+
     use super::*;
     use haff_mechanics::time_to_contact;
     use haff_testing::Random;

@@ -7,7 +7,7 @@ use super::Assembler;
 use super::particles::{Rows, SpeciesPlan};
 use super::values::{LARGEST, SMALLEST, at, item, positive};
 use crate::config::{BoundaryConfig, DomainConfig, PackingConfig, PositionsConfig};
-use crate::state::State;
+use crate::model::state::State;
 
 /// π/(3√2): no packing of equal spheres is denser.
 const DENSEST_3D: f64 = 0.740_480_489_693_061;

@@ -9,8 +9,8 @@ use haff_linkage::{Joints, LinkageError, Pendulum, Rod, Spring, SpringEnd, Tethe
 use super::Assembler;
 use super::names::among;
 use super::values::{at, item, not_negative, positive, storable};
-use crate::document::Path;
-use crate::joints::TetherConfig;
+use crate::config::document::Path;
+use crate::config::joints::TetherConfig;
 
 /// Tolerance between a position and an angle that are both given, relative to the length.
 const AGREES: f64 = 1e-9;

@@ -5,9 +5,9 @@ use haff_engine::{Boundary, Correlations, Grid, GridAxis, Measure, System};
 use super::Assembler;
 use super::plan::MAX_RECORDS;
 use super::values::{at, item, positive};
+use crate::config::document::Path;
 use crate::config::{BinsConfig, MeasureConfig, ProfileConfig};
-use crate::document::Path;
-use crate::scene::{OutputPlan, RunPlan, Schedule};
+use crate::model::scene::{OutputPlan, RunPlan, Schedule};
 
 /// Largest number of cells of a profile: each takes 400 bytes.
 const MAX_CELLS: f64 = 1e7;

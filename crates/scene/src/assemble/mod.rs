@@ -1,7 +1,19 @@
-//! Assembles a [`Scene`] from a checked [`SceneConfig`]: all checks, all defaults.
-//!
-//! Checks are made in rounds, and a round starts only if the previous one found no error: syntax and types;
-//! values one by one and against each other; geometry; placement. Within a round all errors are found.
+/*!
+Assembles a [`Scene`] from a checked [`SceneConfig`]: all checks, all defaults.
+
+Checks are made in rounds, and a round starts only if the previous one found no error: syntax and types;
+values one by one and against each other; geometry; placement. Within a round all errors are found.
+
+*What is here.* A file for each section of a scene ([`domain`], [`particles`], [`contact`], [`drive`],
+[`measure`], [`plan`], …), with its checks and the texts of its errors; [`going_on`] for walls that go on from
+where they are.
+
+*What to change here.* The check of a new key, in the file of its section.
+
+*May import* all rooms below: `source`, `config`, `model` and `placement`.
+
+*Begin with* [`domain`].
+*/
 
 mod contact;
 mod domain;
@@ -23,12 +35,12 @@ mod values;
 use glam::DVec3;
 use haff_engine::{Dimension, NeighborChoice, Options, SimdChoice, System, bounds};
 
+use crate::config::document::Document;
 use crate::config::{EngineConfig, NeighborsConfig, SceneConfig, SimdConfig};
-use crate::document::Document;
-use crate::error::{ErrorKind, Place, SceneError, SceneErrors};
-use crate::present::Present;
-use crate::scene::Scene;
-use crate::state::StateSource;
+use crate::model::present::Present;
+use crate::model::scene::Scene;
+use crate::model::state::StateSource;
+use crate::source::error::{ErrorKind, Place, SceneError, SceneErrors};
 use values::{at, storable};
 
 /// Bytes per particle that a run needs, to refuse systems that do not fit: the largest value measured, in a
@@ -157,7 +169,7 @@ fn scene_of(
 
 /// The error of a scene file that is too long.
 pub(crate) fn too_long(name: &str) -> SceneErrors {
-    whole(name, crate::weight::too_long(), ErrorKind::Invalid)
+    whole(name, crate::source::weight::too_long(), ErrorKind::Invalid)
 }
 
 /// The error of a scene file that cannot be read.

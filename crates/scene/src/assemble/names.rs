@@ -5,8 +5,8 @@ use std::collections::BTreeMap;
 use super::Assembler;
 use super::values::{at, item, storable};
 use crate::config::WallConfig;
-use crate::document::Path;
-use crate::text::{LONGEST, cut, nearest, some_of};
+use crate::config::document::Path;
+use crate::source::text::{LONGEST, cut, nearest, some_of};
 
 /// The table of pair rules has the square of this many entries.
 pub(super) const MAX_GROUPS: usize = 1000;

@@ -12,7 +12,7 @@ use super::names::Names;
 use super::sizes::RadiusLaw;
 use super::values::{at, item, mass, not_negative, positive, storable};
 use crate::config::{InitialConfig, PackingConfig, PositionsConfig};
-use crate::random::{Purpose, Stream};
+use crate::placement::random::{Purpose, Stream};
 
 /// Mass of a body, given or from its density.
 #[derive(Debug, Clone, Copy, PartialEq)]

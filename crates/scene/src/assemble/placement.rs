@@ -12,12 +12,12 @@ use super::shear::beside_displaced_images;
 use super::values::{at, item};
 use super::{Assembler, Refused};
 use crate::config::{PackingConfig, PositionsConfig};
-use crate::grid::{Periods, overlaps};
-use crate::import;
-use crate::packing::{Room, lattice::lattice, loose};
-use crate::random::{Purpose, Stream};
-use crate::state::State;
-use crate::velocity::{Bath, equilibrate, maxwell};
+use crate::model::state::State;
+use crate::placement::grid::{Periods, overlaps};
+use crate::placement::import;
+use crate::placement::packing::{Room, lattice::lattice, loose};
+use crate::placement::random::{Purpose, Stream};
+use crate::placement::velocity::{Bath, equilibrate, maxwell};
 
 /// Overlaps named one by one; the rest are counted.
 const NAMED_OVERLAPS: usize = 20;

@@ -12,7 +12,7 @@ use crate::config::{
     CompressionConfig, EventColumnConfig, EventsConfig, LogConfig, OutputConfig, OutputFileConfig,
     ScheduleConfig, WallTimeConfig,
 };
-use crate::scene::{OutputPlan, RunPlan, Schedule};
+use crate::model::scene::{OutputPlan, RunPlan, Schedule};
 
 /// Largest number of records: more are taken for a mistake, since they would fill a disk.
 pub(super) const MAX_RECORDS: f64 = 1e8;

@@ -9,7 +9,7 @@ use super::{
     particles::{Initial, MassLaw, ParticlePlan, Rows, SpeciesPlan},
     values::{at, item},
 };
-use crate::{config::PositionsConfig, state::State};
+use crate::{config::PositionsConfig, model::state::State};
 
 /// A position beyond a face of the gradient, moved along the flow by the displacement of the image there.
 pub(super) fn beside_displaced_images(domain: &Domain, mut position: DVec3) -> DVec3 {

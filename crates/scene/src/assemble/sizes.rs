@@ -6,7 +6,7 @@ use super::{
 };
 use crate::{
     config::{RadiusConfig, RadiusDistribution, SizeTableConfig, SizesConfig},
-    random::Stream,
+    placement::random::Stream,
 };
 
 /// Radii of a species.
@@ -343,7 +343,7 @@ fn read_sizes(text: &str) -> Result<SizesConfig, String> {
                     && weights.is_empty()
                     && !fields.iter().any(|f| f.parse::<f64>().is_ok()) => {}
             _ => {
-                let line = crate::text::cut(line, 40);
+                let line = crate::source::text::cut(line, 40);
                 return Err(format!(
                     "line {} must be a radius, or a radius and a weight: {line}",
                     number + 1
@@ -360,7 +360,7 @@ fn read_sizes(text: &str) -> Result<SizesConfig, String> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::random::Purpose;
+    use crate::placement::random::Purpose;
 
     /// Mean and standard deviation of many draws.
     fn moments(law: &RadiusLaw) -> [f64; 2] {

@@ -13,9 +13,9 @@ use super::{
     values::{at, item, not_negative},
 };
 use crate::{
-    document::Path,
-    random::{Purpose, Stream},
-    state::State,
+    config::document::Path,
+    model::state::State,
+    placement::random::{Purpose, Stream},
 };
 
 /// The laws of spin of a scene that has any.

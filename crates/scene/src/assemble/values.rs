@@ -3,7 +3,7 @@
 use haff_engine::bounds;
 pub(super) use haff_engine::bounds::{LARGEST, SMALLEST};
 
-use crate::document::{Document, Path};
+use crate::config::document::{Document, Path};
 
 /// A path from its segments.
 pub(super) fn at<const N: usize>(segments: [&str; N]) -> Path {

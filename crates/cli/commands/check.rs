@@ -1,0 +1,150 @@
+//! `haff check`.
+
+use haff_engine::{Boundary, Dimension, significant};
+use haff_record::FileSize;
+use haff_scene::{Scene, Schedule};
+use serde_json::json;
+
+use crate::{
+    arguments::Check,
+    running::{estimate, schedule::Times, states::States, warnings::warnings},
+    terminal::{
+        failure::{Failure, scene_failure},
+        numbers::counted,
+        output::{self, bytes, shown},
+    },
+};
+
+/// Number of records of a schedule up to a time, including the first and the last.
+fn records(schedule: Schedule, until: f64) -> u64 {
+    if schedule == Schedule::Off || !until.is_finite() {
+        return 2;
+    }
+    match schedule {
+        Schedule::Off => 2,
+        Schedule::Every(interval) => (until / interval).ceil() as u64 + 1,
+        Schedule::Log { .. } => {
+            let mut times = Times::after(schedule, 0.0);
+            let mut count = 2;
+            while times.next() < until && count < 1_000_000 {
+                times.take(times.next());
+                count += 1;
+            }
+            count
+        }
+    }
+}
+
+/// The searches that can run a scene, one line each, and why the others cannot; none for linkages.
+fn searches(scene: &Scene) -> Vec<String> {
+    if !scene.joints.is_empty() {
+        return Vec::new();
+    }
+    let Ok(found) = haff_engine::searches(&scene.system, scene.options) else { return Vec::new() };
+    let lines = found.into_iter().map(|search| {
+        let what = match (search.refuses, search.serial) {
+            (Some(why), _) => format!("no: {why}"),
+            (None, Some(why)) => format!("yes, on one thread: {why}"),
+            (None, None) => "yes, on several threads".to_owned(),
+        };
+        let chosen = if search.chosen { " (auto)" } else { "" };
+        format!("{:<20}{what}{chosen}", search.name)
+    });
+    std::iter::once("searches that can run it (engine.neighbors)".to_owned()).chain(lines).collect()
+}
+
+/// Validates a scene and estimates its cost; `verbose`: says which searches can run it, too.
+pub fn check(options: &Check, verbose: bool) -> Result<u8, Failure> {
+    let scene: Scene =
+        haff_scene::load(&options.scene, &options.set, &States).map_err(|errors| scene_failure(&errors))?;
+    let system = &scene.system;
+    let temperature = estimate::temperature(&scene);
+    let particles = system.bodies.len();
+    let axes = system.dimension.count();
+    let open = system.domain.boundary[..axes].contains(&Boundary::Open);
+    // Each collision involves two particles. For sizes of files a guess is enough.
+    let guess = scene.collision_rate.is_finite().then(|| scene.collision_rate * particles as f64 / 2.0);
+    let rate = guess.filter(|_| scene.rate_unknown.is_none());
+    // Expected simulated time of the run, at the initial collision rate.
+    let by_collisions = scene.run.collisions.map(|count| count as f64 / guess.unwrap_or(f64::NAN));
+    let until = scene.run.until.into_iter().chain(by_collisions).fold(f64::INFINITY, f64::min);
+    let samples = records(scene.output.observables, until) + records(scene.output.frames, until);
+    let size = scene.output.file.as_ref().map(|_| {
+        haff_record::estimate_file_size(&FileSize {
+            particles: particles as u64,
+            frames: if scene.output.frames == Schedule::Off {
+                0
+            } else {
+                records(scene.output.frames, until)
+            },
+            samples,
+            events: (guess.unwrap_or(0.0) * until) as u64,
+            columns: &scene.output.events,
+            compressed: scene.output.compressed,
+            dimension: axes,
+            spin: system.spin.is_some(),
+            measured: estimate::measured(system, samples, until),
+        })
+    });
+    let memory = estimate::memory(particles) + estimate::correlations(&system.measure, particles);
+    let warnings = warnings(&scene);
+    if options.json {
+        let report = json!({
+            "title": scene.title, "particles": particles, "dimension": axes,
+            "packing_fraction": scene.packing_fraction, "temperature": temperature,
+            "collision_rate": rate, "collision_rate_unknown": scene.rate_unknown, "mean_free_time": rate.map(|rate| particles as f64 / (2.0 * rate)),
+            "memory_bytes": memory, "file_bytes": size, "file": scene.output.file,
+            "warnings": warnings,
+        });
+        return output::line(report).map(|()| 0);
+    }
+    let named = if scene.title.is_empty() { String::new() } else { format!(": {}", shown(&scene.title)) };
+    let mut text = vec![format!("{} is valid{named}", output::path(&options.scene))];
+    let kind = if system.dimension == Dimension::Two { "disk" } else { "sphere" };
+    text.push(format!(
+        "particles           {}, {}",
+        counted(particles as u64, kind),
+        counted(system.walls.len() as u64, "wall")
+    ));
+    text.push(if open {
+        "packing fraction    none: an axis is open".to_owned()
+    } else {
+        format!("packing fraction    {}", significant(scene.packing_fraction, 6))
+    });
+    text.push(format!("temperature         {}", significant(temperature, 6)));
+    text.push(match rate {
+        // Each collision involves two particles.
+        Some(rate) => format!(
+            "collision rate      {} collisions per unit time at the start, {} per particle; mean free time {},\n\
+             \x20                   if homogeneous with Maxwell velocities (Enskog)",
+            significant(rate, 4),
+            significant(2.0 * rate / particles as f64, 3),
+            significant(particles as f64 / (2.0 * rate), 4)
+        ),
+        None => format!("collision rate      unknown: {}", scene.rate_unknown.unwrap_or("no theory")),
+    });
+    text.push(format!("memory              about {}", bytes(memory)));
+    text.push(match (&scene.output.file, size) {
+        (Some(file), Some(size)) => {
+            format!("output              {}, about {}", output::path(file), bytes(size))
+        }
+        _ => "output              no output file: results are not saved (output.file, or haff run -o)"
+            .to_owned(),
+    });
+    if verbose {
+        text.extend(searches(&scene));
+    }
+    text.extend(warnings.iter().map(|warning| format!("warning: {warning}")));
+    output::lines(text.join("\n")).map(|()| 0)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn records_include_both_ends() {
+        assert_eq!(records(Schedule::Every(1.0), 10.0), 11);
+        assert_eq!(records(Schedule::Log { first: 1.0, factor: 2.0 }, 8.0), 5);
+    }
+}

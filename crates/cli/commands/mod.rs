@@ -1,0 +1,20 @@
+/*!
+A file, or a folder, for each subcommand.
+
+*What is here.* [`run`], [`check`], [`init`], [`info`], [`bench`], [`sweep`] and [`manual`], which writes man
+pages and completions. `plot`, `export` and `view` are handed to the Python package by `running/python.rs`.
+
+*What to change here.* A new subcommand: its arguments in `arguments.rs`, and a file here.
+
+*May import* all rooms below: `terminal`, `arguments` and `running`.
+
+*Begin with* [`check`].
+*/
+
+pub mod bench;
+pub mod check;
+pub mod info;
+pub mod init;
+pub mod manual;
+pub mod run;
+pub mod sweep;

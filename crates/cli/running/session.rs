@@ -1,0 +1,329 @@
+//! One run from its present state to its end: events in slices, records when they are due, and the reasons to
+//! stop.
+
+use std::time::{Duration, Instant};
+
+use console::Term;
+use haff_engine::{EngineError, EventRecord, Observer, ProfileRow, Sample, Stop, Until};
+use haff_linkage::{AnySimulation, AnySimulationError, LinkageError};
+use haff_record::{RecordError, Recorder};
+use haff_scene::{OutputPlan, RunPlan};
+
+use crate::{
+    running::{controls::Controls, schedule::Times},
+    terminal::{progress::Progress, watch::Watch},
+};
+
+/// Largest number of calendar entries between two checks of signals, of the wall clock and of the progress
+/// bar: a few tens of milliseconds in most scenes.
+const SLICE: u64 = 1 << 15;
+/// Slices that take longer than this are made shorter, so that signals are handled without delay in every
+/// scene.
+const SLICE_TIME: Duration = Duration::from_millis(100);
+/// Longest wall time between checkpoints, whatever the scene's interval; for large systems this time per
+/// particle, such that checkpoints write 1.3 MB/s.
+const CHECKPOINT_EVERY: Duration = Duration::from_secs(3);
+const CHECKPOINT_PARTICLE: Duration = Duration::from_micros(60);
+/// Event rows sent to the writer at once.
+const EVENT_BATCH: usize = 1 << 13;
+
+/// Why a run ended.
+#[derive(Debug, Clone, PartialEq)]
+pub enum Ending {
+    /// `run.until` is reached.
+    Until,
+    /// `run.collisions` is reached.
+    Collisions,
+    /// `run.wall_time` is used up.
+    WallTime,
+    /// A signal.
+    Signal(i32),
+    /// Nothing moves any more.
+    Rest,
+    /// The simulation cannot continue.
+    Failed(AnySimulationError),
+    /// The output file cannot be written any more.
+    Unwritable(RecordError),
+}
+
+impl Ending {
+    /// The word for `stopped`.
+    pub fn word(&self) -> &'static str {
+        match self {
+            Self::Until => "until",
+            Self::Collisions => "collisions",
+            Self::WallTime => "wall_time",
+            Self::Signal(_) => "signal",
+            Self::Rest => "rest",
+            Self::Failed(
+                AnySimulationError::Granular(EngineError::Collapse { .. })
+                | AnySimulationError::Linkage(LinkageError::Collapse { .. }),
+            ) => "collapse",
+            Self::Failed(
+                AnySimulationError::Granular(EngineError::Overlap { .. })
+                | AnySimulationError::Linkage(LinkageError::Overlap(_)),
+            ) => "overlap",
+            Self::Failed(_) => "error",
+            Self::Unwritable(_) => "output",
+        }
+    }
+
+    /// Whether a checkpoint of the present state can be resumed. After an overflow velocities are not finite.
+    pub fn is_resumable(&self) -> bool {
+        !matches!(
+            self,
+            Self::Failed(AnySimulationError::Granular(
+                EngineError::Overflow { .. } | EngineError::Inconsistent { .. }
+            ))
+        )
+    }
+
+    /// Whether the run has reached the end given in its scene, so that nothing is left to resume.
+    pub fn is_final(&self) -> bool {
+        matches!(self, Self::Until | Self::Collisions | Self::Rest)
+    }
+}
+
+impl From<RecordError> for Ending {
+    fn from(error: RecordError) -> Self {
+        Self::Unwritable(error)
+    }
+}
+
+/// Collects event rows into batches for the writer.
+struct EventLog<'a> {
+    recorder: Option<&'a Recorder>,
+    enabled: bool,
+    rows: Vec<EventRecord>,
+    error: Option<RecordError>,
+}
+
+impl EventLog<'_> {
+    fn hand_over(&mut self) -> Result<(), RecordError> {
+        if let (Some(recorder), false) = (self.recorder, self.rows.is_empty()) {
+            // A buffer whose memory is already mapped; it is sent when full, so it never grows.
+            let mut empty = recorder.event_buffer();
+            empty.reserve(EVENT_BATCH);
+            recorder.events(std::mem::replace(&mut self.rows, empty))?;
+        }
+        self.check()
+    }
+
+    /// Returns an error of sending rows that occurred while events ran.
+    fn check(&mut self) -> Result<(), RecordError> {
+        self.error.take().map_or(Ok(()), Err)
+    }
+}
+
+impl Observer for EventLog<'_> {
+    fn wants_events(&self) -> bool {
+        self.enabled
+    }
+
+    fn profile(&mut self, row: ProfileRow) {
+        if let Some(recorder) = self.recorder
+            && self.error.is_none()
+        {
+            self.error = recorder.profile(row).err();
+        }
+    }
+
+    fn event(&mut self, event: &EventRecord) {
+        self.rows.push(*event);
+        if self.rows.len() >= EVENT_BATCH
+            && self.error.is_none()
+            && let Err(error) = self.hand_over()
+        {
+            self.error = Some(error);
+        }
+    }
+}
+
+/// Times of the last frame and of the last row of observables. None is written twice at one time: a run can
+/// stop at a time at which one is due, or at which its clock no longer advances.
+#[derive(Debug, Clone, Copy, Default)]
+pub struct Recorded {
+    pub frame: Option<f64>,
+    pub sample: Option<f64>,
+}
+
+/// The inputs of a run.
+pub struct Session<'a> {
+    pub simulation: AnySimulation,
+    pub run: RunPlan,
+    pub output: &'a OutputPlan,
+    pub recorder: Option<&'a Recorder>,
+    pub controls: Controls<'a>,
+    /// What has been recorded before.
+    pub recorded: Recorded,
+}
+
+/// Shows a sample with `--watch`, unless the last one is too recent.
+fn show(watch: &mut Option<Watch>, progress: &Progress, sample: &Sample) {
+    if let Some(line) = watch.as_mut().and_then(|watch| watch.line(sample)) {
+        progress.line(&line);
+    }
+}
+
+/// Result of [`Session::run`].
+pub struct Outcome {
+    pub simulation: AnySimulation,
+    pub ending: Ending,
+    /// Wall time of the run itself [s].
+    pub wall: Duration,
+}
+
+impl Session<'_> {
+    /// Runs to an end. `resumed`: the present state is in the file already.
+    pub fn run(mut self, resumed: bool) -> Outcome {
+        let started = Instant::now();
+        let mut ending = self.events_and_records(resumed, started).unwrap_or_else(|ending| ending);
+        if !matches!(ending, Ending::Unwritable(_)) {
+            match self.last_records(&ending) {
+                Ok(()) => {}
+                // The reason that ended the run first is kept.
+                Err(Ending::Failed(_)) if matches!(ending, Ending::Failed(_)) => {}
+                Err(worse) => ending = worse,
+            }
+        }
+        tracing::info!(ending = ending.word(), time = self.simulation.time(), "end of the run");
+        Outcome { simulation: self.simulation, ending, wall: started.elapsed() }
+    }
+
+    /// Runs events, and writes the records when they are due. `Err` if a record ends the run.
+    fn events_and_records(&mut self, resumed: bool, started: Instant) -> Result<Ending, Ending> {
+        let from = self.simulation.time();
+        let recording = self.recorder.is_some();
+        let plan = |schedule, after| {
+            Times::after(if recording { schedule } else { haff_scene::Schedule::Off }, after)
+        };
+        // A checkpoint may have the time of a record that was not yet written.
+        let Recorded { frame, sample } = self.recorded;
+        let mut frames = plan(self.output.frames, frame.unwrap_or(from));
+        let mut samples = if self.controls.watch {
+            Times::after(self.output.observables, from)
+        } else {
+            plan(self.output.observables, sample.unwrap_or(from))
+        };
+        let mut checkpoints =
+            plan(self.output.checkpoint.map_or(haff_scene::Schedule::Off, haff_scene::Schedule::Every), from);
+        let mut progress = self.controls.progress.clone();
+        progress.begin(self.simulation.counters().collisions);
+        let mut watch = self.controls.watch.then(|| Watch::on(Term::stderr()));
+        if !resumed {
+            self.record(true, true, &mut |sample| show(&mut watch, &progress, sample))?;
+            self.checkpoint()?;
+        }
+        let until = self.run.until.unwrap_or(f64::INFINITY);
+        let collisions = self.run.collisions.unwrap_or(u64::MAX);
+        let patience = CHECKPOINT_EVERY.max(CHECKPOINT_PARTICLE * self.simulation.particles() as u32);
+        let mut slice = SLICE;
+        let mut saved = Instant::now();
+        let mut log = EventLog {
+            recorder: self.recorder,
+            enabled: recording && !self.output.events.is_empty(),
+            rows: Vec::new(),
+            error: None,
+        };
+
+        let ending = loop {
+            let due = frames.next().min(samples.next()).min(checkpoints.next());
+            let target = Until { time: due.min(until), collisions, entries: slice };
+            let began = Instant::now();
+            let stop = self.simulation.advance(target, &mut log);
+            // The length of a slice does not affect results: it only sets the points where the run may stop.
+            slice = match began.elapsed() {
+                long if long > SLICE_TIME => (slice / 4).max(1),
+                short if short < SLICE_TIME / 4 => (2 * slice).min(SLICE),
+                _ => slice,
+            };
+            log.check()?;
+            match stop {
+                Err(error) => break Ending::Failed(error),
+                Ok(Stop::Rest) => break Ending::Rest,
+                Ok(Stop::Collisions) => break Ending::Collisions,
+                Ok(Stop::Time) => {
+                    let frame = frames.take(target.time);
+                    let sample = samples.take(target.time);
+                    let checkpoint = checkpoints.take(target.time);
+                    if target.time >= until {
+                        break Ending::Until;
+                    }
+                    self.record(frame, frame || sample, &mut |sample| show(&mut watch, &progress, sample))?;
+                    if checkpoint {
+                        log.hand_over()?;
+                        self.checkpoint()?;
+                        saved = Instant::now();
+                    }
+                }
+                Ok(Stop::Slice) => {}
+            }
+            if let Some(signal) = self.controls.signals.received() {
+                break Ending::Signal(signal);
+            }
+            if self.run.wall_time.is_some_and(|limit| started.elapsed() >= limit) {
+                break Ending::WallTime;
+            }
+            // By wall time, since simulated time is no measure of the work lost by a kill.
+            if saved.elapsed() >= patience {
+                log.hand_over()?;
+                self.checkpoint()?;
+                saved = Instant::now();
+            }
+            let (time, done) = (self.simulation.time(), self.simulation.counters().collisions);
+            progress.show((time / until).max(done as f64 / collisions as f64), time, done);
+        };
+        log.hand_over()?;
+        progress.finish();
+        Ok(ending)
+    }
+
+    /// Records the end, and a checkpoint.
+    fn last_records(&mut self, ending: &Ending) -> Result<(), Ending> {
+        // A resumed run continues from before these last rows, which an uninterrupted run would not have
+        // written.
+        if !ending.is_final() && ending.is_resumable() {
+            self.checkpoint()?;
+        }
+        self.record(true, true, &mut |_| {})?;
+        if ending.is_final() {
+            self.checkpoint()?;
+        }
+        Ok(())
+    }
+
+    /// Records a frame and a row of observables, unless there is one of this time, and measures the overlap
+    /// of all close pairs with a frame. `show` is called with the row.
+    fn record(&mut self, frame: bool, sample: bool, show: &mut dyn FnMut(&Sample)) -> Result<(), Ending> {
+        let time = Some(self.simulation.time());
+        let frame = frame && self.recorded.frame != time;
+        let sample = sample && self.recorded.sample != time;
+        if sample {
+            self.recorded.sample = time;
+        }
+        if sample && (self.recorder.is_some() || self.controls.watch) {
+            let row = self.simulation.sample();
+            show(&row);
+            if let Some(recorder) = self.recorder {
+                recorder.sample(row)?;
+            }
+        }
+        if frame {
+            self.recorded.frame = time;
+            let overlap = self.simulation.measure_overlap();
+            if let Some(recorder) = self.recorder
+                && self.output.frames != haff_scene::Schedule::Off
+            {
+                recorder.frame_with(|| self.simulation.frame())?;
+            }
+            overlap.map_err(Ending::Failed)?;
+        }
+        Ok(())
+    }
+
+    fn checkpoint(&self) -> Result<(), RecordError> {
+        let Some(recorder) = self.recorder else { return Ok(()) };
+        recorder.correlations(self.simulation.correlations())?;
+        recorder.checkpoint_with(|| self.simulation.checkpoint())
+    }
+}

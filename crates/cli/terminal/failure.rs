@@ -1,0 +1,75 @@
+//! Failures of the command: a message and an exit status.
+
+use std::fmt;
+
+use haff_engine::Fault;
+use haff_linkage::AnySimulationError;
+use haff_record::RecordError;
+use haff_scene::{ErrorKind, SceneErrors};
+
+use haff_scene::text::shown;
+
+/// The exit statuses of the command.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Status {
+    /// The reader of the output has closed it: the command ends without an error message.
+    Unread = 0,
+    /// The scene or the arguments are invalid.
+    Invalid = 2,
+    /// The simulation cannot continue.
+    Stopped = 3,
+    /// A file cannot be read or written.
+    File = 4,
+}
+
+impl Status {
+    /// The status of an exit code; anything else is a failure of a file.
+    pub fn of(exit: Option<u8>) -> Self {
+        match exit {
+            Some(2) => Self::Invalid,
+            Some(3) => Self::Stopped,
+            _ => Self::File,
+        }
+    }
+}
+
+/// An error with a message for the user.
+#[derive(Debug)]
+pub struct Failure {
+    /// Exit status.
+    pub status: Status,
+    /// One line or more, without "error:"; external text in it has been escaped by
+    /// [`crate::terminal::output::shown`].
+    pub message: String,
+}
+
+impl Failure {
+    /// A failure with a message.
+    pub fn new(status: Status, message: impl fmt::Display) -> Self {
+        Self { status, message: message.to_string() }
+    }
+}
+
+/// A scene's errors as a failure of the command.
+pub fn scene_failure(errors: &SceneErrors) -> Failure {
+    let status = match errors.kind() {
+        ErrorKind::Invalid => Status::Invalid,
+        ErrorKind::Unreadable => Status::File,
+    };
+    Failure::new(status, errors)
+}
+
+/// A file's error as a failure of the command.
+pub fn file_failure(error: &RecordError) -> Failure {
+    Failure::new(Status::File, shown(error))
+}
+
+/// An error of a simulation as a failure of the command.
+pub fn simulation_failure(error: &AnySimulationError) -> Failure {
+    let status = match error.fault() {
+        Fault::Invalid => Status::Invalid,
+        Fault::Checkpoint => Status::File,
+        Fault::Stopped => Status::Stopped,
+    };
+    Failure::new(status, shown(error))
+}

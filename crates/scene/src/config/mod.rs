@@ -1,0 +1,26 @@
+/*!
+The scene file as written: its keys, and the JSON Schema that follows from them.
+
+*What is here.* `keys` and [`joints`] have every key with its type and description, `shapes` values of several
+forms. `document` makes them of a tree, with `--set`, unknown and [misplaced] keys; `schema` prints them,
+`templates` are the shipped scenes.
+
+*What to change here.* A new key: its field in `keys`. Nothing is checked here beyond types.
+
+*May import* `source`.
+
+*Begin with* [`SceneConfig`].
+
+[misplaced]: misplaced::Misplaced
+*/
+
+pub(crate) mod document;
+pub mod joints;
+pub(crate) mod keys;
+pub(crate) mod misplaced;
+pub(crate) mod schema;
+pub(crate) mod shapes;
+pub(crate) mod templates;
+pub(crate) mod whole;
+
+pub use keys::*;
