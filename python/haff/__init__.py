@@ -40,8 +40,8 @@ if TYPE_CHECKING:
         UnknownNameError,
     )
     from .events import Events
-    from .figures import plot
     from .frames import Box, Frame, Frames, Shear
+    from .plotting import plot
     from .reader import File, open
     from .restitution import restitution_from
     from .runs import Result, resume, run
@@ -105,8 +105,8 @@ _HOME = {
         "UnknownNameError",
     ),
     "events": ("Events",),
-    "figures": ("plot",),
     "frames": ("Box", "Frame", "Frames", "Shear"),
+    "plotting": ("plot",),
     "reader": ("File", "open"),
     "restitution": ("restitution_from",),
     "runs": ("Result", "resume", "run"),

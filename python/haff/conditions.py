@@ -15,7 +15,7 @@ import numpy as np
 from .errors import NotApplicableError
 from .layout import AXES
 from .measurements import correlation_columns
-from .recorded import constant, is_rough, pair_laws
+from .recorded import constant, is_rough, packing_fraction, pair_laws
 
 if TYPE_CHECKING:
     from .reader import File
@@ -122,8 +122,6 @@ FROM_START = Condition("a run from its start", _continued)
 
 
 def _dense(file: File) -> str | None:
-    from .reader import packing_fraction
-
     phi = packing_fraction(file)
     return _if(not phi < FREEZING[file.dimension], f"the packing fraction is {phi:.3g}")
 
@@ -262,46 +260,26 @@ def _not_cooling_shape(file: File) -> str | None:
     return None
 
 
-def _clustered(file: File) -> str | None:
-    """Whether a gas that cools freely is off Haff's law before its end."""
-    from .analysis.cooling import cooling_law, fitted
-
-    if restitution(file) == 1 or "observables" not in file:
-        return None
-    try:
-        fit = fitted(file, cooling_law(file))
-    except NotApplicableError:
-        return None
-    return None if fit is None or fit.complete else f"T is off Haff's law from t = {fit.until:.3g} on"
-
-
 STEADY = Condition("a steady temperature", _changing)
 SETTLED = Condition("a steady temperature in the frames that it is of", _unsettled)
 AT_REST = Condition("a center of mass at rest", _drifting)
 WHITE_NOISE = Condition("white noise on all particles", _not_noise)
 COOLING_SHAPE = Condition("a gas that cools freely, or whose velocities are rescaled", _not_cooling_shape)
-HOMOGENEOUS = Condition("a gas that stays homogeneous", _clustered)
 
 
 # --- the conditions of each formula --------------------------------------------------------------------------
 
 IMPACTS_OF_A_GAS = (PERIODIC, UNSHEARED, FREE_BODIES, GAS, ONE_RESTITUTION, NO_WALLS, NO_JOINTS)
 """All normal impacts of a periodic gas have one coefficient of restitution."""
-_ENSKOG = (*IMPACTS_OF_A_GAS, SMOOTH, FLUID, NOT_PLACED, SHORT_CONTACTS)
-HAFF = (*_ENSKOG, NO_DRIVE, ONE_TEMPERATURE)
+ENSKOG = (*IMPACTS_OF_A_GAS, SMOOTH, FLUID, NOT_PLACED, SHORT_CONTACTS)
+HAFF = (*ENSKOG, NO_DRIVE, ONE_TEMPERATURE)
 """Haff's law, and with ``ONE_SIZE``, ``ONE_MASS`` and ``INELASTIC`` the a₂ of the homogeneous cooling state."""
-_ONE_KIND = (ONE_SIZE, ONE_MASS)
-HEATED = (*_ENSKOG, *_ONE_KIND, INELASTIC, WHITE_NOISE)
+ONE_KIND = (ONE_SIZE, ONE_MASS)
+HEATED = (*ENSKOG, *ONE_KIND, INELASTIC, WHITE_NOISE)
 """Steady temperature and a₂ of a gas heated by white noise."""
 HEATED_A2 = (*HEATED, SETTLED)
 """The velocities of that state, once it is reached."""
-COOLING_A2 = (*_ENSKOG, *_ONE_KIND, INELASTIC, COOLING_SHAPE, HOMOGENEOUS)
-"""Velocities of the homogeneous cooling state. A factor common to all velocities does not change their distribution."""
-LOSSES = (*IMPACTS_OF_A_GAS, INELASTIC, ONE_MASS, NOT_PLACED, SHORT_CONTACTS, HOMOGENEOUS)
-"""Exponential distribution of the losses by normal impulses."""
-CONTACT_VALUE = (*IMPACTS_OF_A_GAS, NOT_PLASTIC, FLUID, NOT_PLACED, SHORT_CONTACTS, HOMOGENEOUS)
-"""g(σ⁺) of a homogeneous fluid; seen in frames (1 + e)/2e times that of approaching pairs."""
-SHEAR_FLOW = (SPHERES, *_ONE_KIND, FREE_BODIES, ONE_RESTITUTION, SMOOTH, NO_DRIVE, INELASTIC, FLUID, SHORT_CONTACTS)
+SHEAR_FLOW = (SPHERES, *ONE_KIND, FREE_BODIES, ONE_RESTITUTION, SMOOTH, NO_DRIVE, INELASTIC, FLUID, SHORT_CONTACTS)
 """Steady uniform shear flow by Enskog's equation."""
 DIFFUSION = (PERIODIC, NO_WALLS, NO_JOINTS, FROM_START, STEADY, AT_REST)
 """Coefficient of self-diffusion by the slope of the mean square displacement and by Green and Kubo."""

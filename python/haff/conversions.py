@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -15,6 +16,7 @@ if TYPE_CHECKING:
     import pandas as pd
 
     from .frames import Box, Frame
+    from .reader import File
 
 __all__ = ["Unwrapping", "frame_system", "frame_table", "freud_system"]
 
@@ -86,18 +88,16 @@ class Unwrapping:
     It has a file of its own, opened at first use, and again in other processes, which MDAnalysis sends it to.
     """
 
-    def __init__(self, path: Path) -> None:
-        self.path = path.resolve()
+    def __init__(self, path: Path, open_file: Callable[[Path], File]) -> None:
+        self.path, self._open = path.resolve(), open_file
         self._frames: Any = None
 
     def __call__(self, step: Any) -> Any:
         """Replaces the positions of a time step."""
         if self._frames is None:
-            from .reader import open
-
-            self._frames = open(self.path).frames
+            self._frames = self._open(self.path).frames
         step.positions = self._frames[step.frame].unwrapped
         return step
 
     def __getstate__(self) -> dict[str, Any]:
-        return {"path": self.path, "_frames": None}
+        return {"path": self.path, "_open": self._open, "_frames": None}

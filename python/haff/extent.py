@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from .frames import Frames
+if TYPE_CHECKING:
+    from .frames import Frames
 
 
 class Extent(NamedTuple):

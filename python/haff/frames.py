@@ -426,3 +426,11 @@ def _take(column: Column, rows: range) -> Array:
     if rows.step > 0:
         return column[low : high + 1 : rows.step]
     return column[low : high + 1][np.array(rows) - low]
+
+
+def not_triangular(file: File) -> str | None:
+    """Why programs whose box vectors are (a, 0, 0), (b, c, 0), (d, e, f) cannot hold a box; ``None`` if they can."""
+    if file.shear is None or file.shear.flow < file.shear.gradient:
+        return None
+    flow, gradient = AXES[file.shear.flow], AXES[file.shear.gradient]
+    return f"its {gradient} edge leans along {flow}; an edge can lean along axes before its own only"

@@ -22,12 +22,12 @@ from .column import LARGEST, SMALLEST, Column
 from .conversions import Unwrapping
 from .errors import ArgumentError, FileError, HaffError, MissingDataError, NotApplicableError
 from .events import Events
-from .frames import Box, Frames, Shear
+from .frames import Box, Frames, Shear, not_triangular
 from .layout import AXES, SCHEMA, Array
 from .notebook import table
 from .output import library
 from .readonly import ReadOnly
-from .recorded import SceneFault, parsed
+from .recorded import SceneFault, packing_fraction, parsed
 from .stored import Stored, reason
 from .text import brief, escaped, quoted
 
@@ -479,7 +479,7 @@ class File(ReadOnly):
         except Exception as error:
             raise FileError(f"{self.path}: MDAnalysis cannot read it: {reason(error)}") from error
         if unwrapped:
-            universe.trajectory.add_transformations(Unwrapping(self.path))
+            universe.trajectory.add_transformations(Unwrapping(self.path, File))
         universe.add_TopologyAttr("masses", np.where(np.isfinite(self.mass), self.mass, 0.0))
         universe.add_TopologyAttr("radii", self.radius)
         universe.add_TopologyAttr("types", names)
@@ -550,23 +550,6 @@ def source_of(source: object) -> File | Path:
     if not isinstance(source, (str, bytes, os.PathLike)):
         raise ArgumentError(f"source = {quoted(source)}: must be an open haff.File, or the path of one")
     return arguments.file("source", source)
-
-
-def not_triangular(file: File) -> str | None:
-    """Why programs whose box vectors are (a, 0, 0), (b, c, 0), (d, e, f) cannot hold a box; ``None`` if they can."""
-    if file.shear is None or file.shear.flow < file.shear.gradient:
-        return None
-    flow, gradient = AXES[file.shear.flow], AXES[file.shear.gradient]
-    return f"its {gradient} edge leans along {flow}; an edge can lean along axes before its own only"
-
-
-def packing_fraction(file: File) -> float:
-    """Volume (area) of the particles over that of the box; NaN with open axes, whose size is a placeholder."""
-    if "open" in file.box.boundary[: file.dimension]:
-        return float("nan")
-    d, r = file.dimension, file.radius
-    volume = np.sum(4 / 3 * np.pi * r**3) if d == 3 else np.sum(np.pi * r**2)
-    return float(volume / file.box.volume)
 
 
 _ROUNDING = 1e-9

@@ -5,7 +5,9 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from itertools import pairwise
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+import numpy as np
 
 from .column import LARGEST
 from .layout import AXES
@@ -15,6 +17,9 @@ try:
     import tomllib
 except ModuleNotFoundError:  # Python 3.10
     import tomli as tomllib  # type: ignore[no-redef]
+
+if TYPE_CHECKING:
+    from .reader import File
 
 __all__ = [
     "SceneFault",
@@ -259,3 +264,12 @@ def _check(value: Any, wanted: Any, key: str) -> None:
                 _check(value[plain], inner, path)
             elif name != plain:
                 raise SceneFault(f"{path} is missing")
+
+
+def packing_fraction(file: File) -> float:
+    """Volume (area) of the particles over that of the box; NaN with open axes, whose size is a placeholder."""
+    if "open" in file.box.boundary[: file.dimension]:
+        return float("nan")
+    d, r = file.dimension, file.radius
+    volume = np.sum(4 / 3 * np.pi * r**3) if d == 3 else np.sum(np.pi * r**2)
+    return float(volume / file.box.volume)

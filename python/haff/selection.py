@@ -4,14 +4,17 @@ from __future__ import annotations
 
 import numbers
 import re
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from . import arguments
 from .errors import ArgumentError, NotApplicableError
 from .frames import Frames
-from .reader import File
 from .text import quoted
+
+if TYPE_CHECKING:
+    from .reader import File
 
 _FORM = re.compile(r"\s*(-?\d*)\s*(:\s*(-?\d*)\s*(:\s*(\d*)\s*)?)?")
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import ast
 import re
 from collections import defaultdict
 from collections.abc import Iterator
@@ -137,4 +138,33 @@ def circles(names: Names) -> list[list[Path]]:
     for file in sorted(names):
         if file not in index:
             visit(file)
+    return found
+
+
+def imports() -> Names:
+    """The imports of the Python package, those within functions too; not those for types alone."""
+    package = ROOT / "python" / "haff"
+    found: Names = defaultdict(lambda: defaultdict(set))
+
+    def file_of(parts: tuple[str, ...]) -> Path | None:
+        place = package.joinpath(*parts)
+        files = (place.with_suffix(".py"), place / "__init__.py") if parts else (package / "__init__.py",)
+        return next((path for path in files if path.is_file()), None)
+
+    def visit(node: ast.AST, file: Path) -> None:
+        if isinstance(node, ast.If) and "TYPE_CHECKING" in ast.dump(node.test):
+            return
+        if isinstance(node, ast.ImportFrom) and (node.level or (node.module or "").split(".")[0] == "haff"):
+            here = file.relative_to(package).parent.parts
+            named = tuple((node.module or "").split(".")) if node.module else ()
+            base = here[: len(here) - node.level + 1] + named if node.level else named[1:]
+            for name in node.names:
+                target = file_of((*base, name.name)) or file_of(base)
+                if target is not None and target != file:
+                    found[file][target].add(name.name)
+        for child in ast.iter_child_nodes(node):
+            visit(child, file)
+
+    for file in package.rglob("*.py"):
+        visit(ast.parse(file.read_text()), file)
     return found

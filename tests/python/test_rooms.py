@@ -6,7 +6,7 @@ import re
 
 import pytest
 
-from structure import ROOT, Crate, circles, crates
+from structure import ROOT, Crate, circles, crates, imports
 
 CRATES = crates()
 HOUSES = ("engine", "scene", "cli")
@@ -82,4 +82,9 @@ def test_what_the_tests_look_for_is_found(tmp_path):
     assert names == {"low/a.rs": {"high/b.rs", "high/c.rs"}, "high/b.rs": {"low/a.rs"}, "high/c.rs": {"high/b.rs"}}
     assert len(higher(crate, ["low", "high"])) == 2
     assert [[file.stem for file in circle] for circle in circles(crate.names())] == [["b", "c", "a"]]
-    assert ROOT.is_dir()
+
+
+def test_no_modules_of_the_package_import_each_other_in_a_circle():
+    found = imports()
+    assert len(found) > 50
+    assert not [[str(file.relative_to(ROOT / "python")) for file in circle] for circle in circles(found)]

@@ -1,4 +1,8 @@
 //! The parts of a run: from a start or a resumption to the next stop, each with its wall time.
+//!
+//! Parts of a run are what happened between a start or a resumption and the next stop, each with its wall
+//! time. The summary in the file has them; a resumption renames it (the dataset `earlier`) in place, so that
+//! a full disk does not matter.
 
 use std::fmt;
 

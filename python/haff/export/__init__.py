@@ -5,17 +5,19 @@ from __future__ import annotations
 import os
 from collections.abc import Callable
 from pathlib import Path
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 from .. import arguments
 from ..errors import ArgumentError
 from ..layout import computing
 from ..output import replacing
-from ..reader import File
 from ..selection import choose
 from ..text import brief, quoted
 from ..wording import say
 from . import extxyz, gsd, tables, vtkhdf
+
+if TYPE_CHECKING:
+    from ..reader import File
 
 __all__ = ["FORMATS", "TABLES", "Format", "export"]
 

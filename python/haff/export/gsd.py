@@ -3,15 +3,18 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from ..errors import NotApplicableError
 from ..extent import extent
-from ..frames import Frame, Frames
+from ..frames import Frame, Frames, not_triangular
 from ..output import library
-from ..reader import File, not_triangular
 from ..text import escaped
+
+if TYPE_CHECKING:
+    from ..reader import File
 
 _TILTS = {(1, 0): 0, (2, 0): 1, (2, 1): 2}
 """Where the tilt of an edge (row of the matrix) along an axis (column) stands among xy, xz, yz."""

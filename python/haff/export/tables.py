@@ -5,14 +5,17 @@ from __future__ import annotations
 import json
 from collections.abc import Callable, Iterator
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
 import pandas as pd
 
 from ..output import library
-from ..reader import File
 from ..selection import choose
 from ..text import cell
+
+if TYPE_CHECKING:
+    from ..reader import File
 
 ROWS = 1_000_000
 """Rows that are in memory at once, about."""

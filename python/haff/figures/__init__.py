@@ -1,4 +1,4 @@
-"""The standard figures, ready for print: ``haff plot FILE``, or :func:`haff.plot` from Python."""
+"""The standard figures of open files, ready for print: ``haff plot FILE``, or :func:`haff.plot` from Python."""
 
 from __future__ import annotations
 
@@ -14,11 +14,12 @@ from .. import arguments
 from ..errors import ArgumentError, MissingDataError, NotApplicableError
 from ..layout import computing
 from ..output import replacing, require_free
-from ..reader import File, source_of
 from ..text import escaped, quoted
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
+
+    from ..reader import File
 
 __all__ = ["FORMATS", "KINDS", "Kind", "Result", "draw", "plot", "save_all"]
 
@@ -131,59 +132,32 @@ def _drawn(file: File, kind: str, **options: object) -> Figure:
         return KINDS[kind].draw(file, **options)
 
 
-def plot(
-    source: File | str | os.PathLike[str],
-    kind: str,
-    output: str | os.PathLike[str] | None = None,
-    *,
-    overwrite: bool = False,
-    **options: object,
-) -> Figure:
-    """Draws one standard figure of a file, which notebooks show; writes it if ``output`` is given.
-
-    Parameters
-    ----------
-    source
-        An open file, or a path.
-    kind
-        ``"temperature"``, ``"energy"``, ``"velocity"``, ``"snapshot"``, …: a key of :data:`haff.figures.KINDS`.
-    output
-        The picture to write, ``.png``, ``.pdf`` or ``.svg``; by default none.
-    overwrite
-        Whether an existing picture is replaced.
-    options
-        ``index``: the frame of a snapshot or of a density field, −1 by default.
-
-    Raises
-    ------
-    ArgumentError
-        There is no such figure or format; the picture exists.
-    NotApplicableError, MissingDataError
-        The figure does not apply to this file, or the data that it needs were not recorded.
-    FileError
-        The file cannot be read, or the picture not be written.
-
-    Examples
-    --------
-    >>> import haff
-    >>> figure = haff.plot("gas.h5", "temperature")                       # doctest: +SKIP
-    >>> haff.plot("gas.h5", "snapshot", "last.pdf", index=-1)             # doctest: +SKIP
-    """
+def check_picture(output: object, overwrite: object) -> Path | None:
+    """The picture to write, if there is one; raises :class:`ArgumentError` for what is none."""
     path = None if output is None else arguments.file("output", output)
     arguments.flag("overwrite", overwrite)
     if path is not None and path.suffix.removeprefix(".") not in FORMATS:
         raise ArgumentError(
             f"output = {quoted(str(path))}: a picture must end in {', '.join(f'.{name}' for name in FORMATS)}"
         )
-    source = source_of(source)
-    if not isinstance(source, File):
-        with File(source) as file:
-            return plot(file, kind, output, overwrite=overwrite, **options)
+    return path
+
+
+def plot(
+    file: File,
+    kind: str,
+    output: str | os.PathLike[str] | None = None,
+    *,
+    overwrite: bool = False,
+    **options: object,
+) -> Figure:
+    """Draws one standard figure of an open file, as :func:`haff.plot`; writes it if ``output`` is given."""
+    path = check_picture(output, overwrite)
     if path is not None:
-        require_free(path, source=source.path, overwrite=overwrite)
-    figure = draw(source, kind, **options)
+        require_free(path, source=file.path, overwrite=overwrite)
+    figure = draw(file, kind, **options)
     if path is not None:
-        _save(source, figure, kind, path, overwrite)
+        _save(file, figure, kind, path, overwrite)
     # IPython shows figures without it only after %matplotlib or an import of pyplot.
     figure._repr_png_ = partial(_shown, figure)  # type: ignore[attr-defined]
     return figure

@@ -2,15 +2,19 @@
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING
+
 import numpy as np
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
 from ..errors import NotApplicableError
-from ..reader import File
 from .ledger import FLOOR, floored_axis
 from .style import CYCLE, GREY, headline, label, number
 from .worked import worked
+
+if TYPE_CHECKING:
+    from ..reader import File
 
 
 def draw(file: File) -> Figure:

@@ -2,15 +2,19 @@
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING
+
 import numpy as np
 from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator
 
 from .. import analysis
 from ..errors import NotApplicableError
-from ..reader import File
 from .facts import facts
 from .style import BLUE, RED, headline, note
+
+if TYPE_CHECKING:
+    from ..reader import File
 
 DISTANCE = 1.1
 """Linked are particles whose centers are closer than this many contact distances."""

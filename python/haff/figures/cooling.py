@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING
+
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
@@ -10,9 +12,11 @@ from matplotlib.ticker import AutoLocator, FuncFormatter, LogLocator, NullLocato
 from ..analysis import CoolingLaw
 from ..analysis.cooling import DEVIATION, Fit, fitted
 from ..layout import Array
-from ..reader import File
 from .facts import facts
 from .style import BLUE, GREY, ORANGE, RED, headline, number
+
+if TYPE_CHECKING:
+    from ..reader import File
 
 ROTATION = r"rotation, $T_\mathrm{rot}$"
 

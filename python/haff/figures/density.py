@@ -2,15 +2,19 @@
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING
+
 import numpy as np
 from matplotlib.figure import Figure
 
 from .. import analysis, arguments
 from ..errors import NotApplicableError
 from ..layout import AXES
-from ..reader import File
 from .facts import facts
 from .style import SPEED_MAP, headline, page
+
+if TYPE_CHECKING:
+    from ..reader import File
 
 FEWEST = 30
 PER_CELL = {2: 4, 3: 12}

@@ -2,12 +2,16 @@
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING
+
 import numpy as np
 
 from ..phases import phase_note
-from ..reader import File, packing_fraction
-from ..recorded import law_name, roughness
+from ..recorded import law_name, packing_fraction, roughness
 from .style import label
+
+if TYPE_CHECKING:
+    from ..reader import File
 
 
 def facts(file: File) -> str:

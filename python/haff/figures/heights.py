@@ -2,16 +2,20 @@
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING
+
 import numpy as np
 from matplotlib.figure import Figure
 
 from .. import analysis
 from ..errors import NotApplicableError
 from ..layout import AXES
-from ..reader import File
 from .facts import facts
 from .structure import times
 from .style import BLUE, CYCLE, GREY, RED, headline
+
+if TYPE_CHECKING:
+    from ..reader import File
 
 MOST_FRAMES = 100
 MOST_PARTICLES = 4_000_000

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING
+
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
@@ -9,9 +11,11 @@ from matplotlib.ticker import FuncFormatter, LogLocator, NullLocator
 
 from ..errors import NotApplicableError
 from ..observables import balance
-from ..reader import File
 from .facts import sampled
 from .style import BLACK, BLUE, GREEN, GREY, ORANGE, PURPLE, RED, SKY, YELLOW, headline, label, number
+
+if TYPE_CHECKING:
+    from ..reader import File
 
 # Residuals below this are within the last bit of the sums and drawn on the lowest line.
 FLOOR = 1e-17

@@ -2,16 +2,20 @@
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING
+
 import numpy as np
 from matplotlib.figure import Figure
 
-from .. import conditions, theory
+from .. import conditions, homogeneous, theory
 from ..errors import NotApplicableError
 from ..phases import phase_note
-from ..reader import File
 from ..recorded import is_rough
 from .facts import facts
 from .style import BLUE, GREEN, GREY, ORANGE, RED, headline, label, left_out
+
+if TYPE_CHECKING:
+    from ..reader import File
 
 _COLORS = {"collision": BLUE, "wall": ORANGE, "rest": GREEN}
 _NAMES = {
@@ -106,7 +110,7 @@ def _scaled_panel(axes, counts: np.ndarray, edges: np.ndarray, number: int, roug
 
 def _unmet(file: File) -> str:
     """Why losses have not the exponential distribution in units of the temperature, or why these are not known."""
-    if why := conditions.unmet(file, conditions.LOSSES):
+    if why := conditions.unmet(file, homogeneous.LOSSES):
         return why
     if is_rough(file.scene) and "tangential_loss" not in file.events.columns:
         return "needs the tangential losses of rough contacts in the event log"

@@ -6,6 +6,7 @@ import os
 from collections.abc import Iterator
 from contextlib import suppress
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
 from matplotlib.backends.backend_agg import FigureCanvasAgg
@@ -16,10 +17,12 @@ from ..extent import Extent, extent
 from ..frames import Frames
 from ..layout import computing
 from ..output import library, replacing
-from ..reader import File
 from ..selection import choose
 from . import snapshot
 from .style import style
+
+if TYPE_CHECKING:
+    from ..reader import File
 
 __all__ = ["MOST", "save"]
 

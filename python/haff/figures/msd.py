@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from typing import TYPE_CHECKING
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -11,9 +12,11 @@ from matplotlib.figure import Figure
 from .. import analysis, conditions
 from ..errors import NotApplicableError
 from ..measurements import correlation_columns
-from ..reader import File
 from .facts import facts, sampled
 from .style import BLUE, GREEN, GREY, RED, headline, left_out, number
+
+if TYPE_CHECKING:
+    from ..reader import File
 
 
 def draw(file: File) -> Figure:

@@ -2,15 +2,19 @@
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING
+
 import numpy as np
 from matplotlib.figure import Figure
 
-from .. import analysis, conditions, theory
+from .. import analysis, conditions, homogeneous, theory
 from ..errors import NotApplicableError
-from ..reader import File
 from .facts import facts
 from .structure import sample, sampled, times
 from .style import CYCLE, GREY, headline, label, left_out
+
+if TYPE_CHECKING:
+    from ..reader import File
 
 MOST_PAIRS = 8e6
 MOST_SPECIES = 3
@@ -30,7 +34,7 @@ def draw(file: File) -> Figure:
         raise NotApplicableError("fewer than two species of ten particles or more: their g(r) is the figure structure")
     frames, sigma, r_max, bins = sampled(file, MOST_PAIRS)
     found = analysis.pair_distributions(frames, r_max, bins, most_pairs=MOST_PAIRS)
-    why = conditions.unmet(file, conditions.CONTACT_VALUE)
+    why = conditions.unmet(file, homogeneous.CONTACT_VALUE)
     contacts = {} if why else _contact_values(file, counts)
 
     figure = Figure(figsize=(6.8, 5.0), layout="constrained")

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import warnings
+from typing import TYPE_CHECKING
 
 import numpy as np
 from matplotlib.figure import Figure
@@ -11,10 +12,12 @@ from ..errors import NotApplicableError
 from ..layout import AXES
 from ..measurements import Rows, profile_rows
 from ..phases import phase_note, profile_times
-from ..reader import File
 from ..wording import say
 from .facts import facts
 from .style import BLUE, CYCLE, RED, SPEED_MAP, headline, label
+
+if TYPE_CHECKING:
+    from ..reader import File
 
 MOST_ARROWS = 24
 """Arrows along an axis of a map."""

@@ -2,15 +2,19 @@
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING
+
 import numpy as np
 from matplotlib.figure import Figure
 
 from .. import analysis
 from ..errors import NotApplicableError
-from ..reader import File
 from .facts import facts
 from .structure import times
 from .style import BLUE, GREY, headline, note
+
+if TYPE_CHECKING:
+    from ..reader import File
 
 MOST_FRAMES = 20
 MOST_PHASES = 1e8

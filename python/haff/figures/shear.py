@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -13,10 +13,13 @@ from ..errors import NotApplicableError
 from ..frames import Shear
 from ..layout import AXES
 from ..measurements import Rows, profile_rows
-from ..reader import File, packing_fraction
+from ..recorded import packing_fraction
 from .facts import facts
 from .profiles import curve, later_half
 from .style import BLUE, CYCLE, GREY, RED, headline, left_out, number
+
+if TYPE_CHECKING:
+    from ..reader import File
 
 MOST_POINTS = 200
 """Points of a curve; of more samples each point is a mean of several."""

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import itertools
+from typing import TYPE_CHECKING
 
 import matplotlib as mpl
 import numpy as np
@@ -14,10 +15,12 @@ from .. import analysis, arguments
 from ..errors import NotApplicableError
 from ..extent import Extent, extent
 from ..frames import Frame
-from ..reader import File
 from .facts import facts
 from .render import Camera, spheres
 from .style import CYCLE, SPEED_MAP, headline, label, page
+
+if TYPE_CHECKING:
+    from ..reader import File
 
 PIXELS = 1200
 

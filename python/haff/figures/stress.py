@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING
+
 import numpy as np
 from matplotlib.figure import Figure
 
@@ -9,9 +11,11 @@ from .. import analysis, conditions
 from ..errors import NotApplicableError
 from ..layout import AXES
 from ..measurements import correlation_columns
-from ..reader import File
 from .facts import facts
 from .style import BLACK, BLUE, CYCLE, GREEN, GREY, RED, headline, left_out, number
+
+if TYPE_CHECKING:
+    from ..reader import File
 
 
 def draw(file: File) -> Figure:

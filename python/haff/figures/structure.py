@@ -2,18 +2,21 @@
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 from matplotlib.figure import Figure
 
-from .. import analysis, conditions, theory
+from .. import analysis, conditions, homogeneous, theory
 from ..errors import NotApplicableError
 from ..frames import Frame
 from ..phases import phase_note
-from ..reader import File, packing_fraction
+from ..recorded import packing_fraction
 from .facts import facts
 from .style import BLUE, GREEN, GREY, RED, headline, label, left_out
+
+if TYPE_CHECKING:
+    from ..reader import File
 
 MOST_FRAMES = 20
 MOST_PAIRS = 4e6
@@ -99,7 +102,7 @@ def times(frames: list[Frame]) -> str:
 
 def _contact(file: File, axes, d: int, top: float) -> None:
     """Marks the contact values of theory; one above ``top``, of nearly plastic spheres, is in the legend only."""
-    if why := conditions.unmet(file, conditions.CONTACT_VALUE):
+    if why := conditions.unmet(file, homogeneous.CONTACT_VALUE):
         left_out(axes, "no contact value of theory", why, x=0.98, ha="right")
         return
     eta = packing_fraction(file)

@@ -2,16 +2,20 @@
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING
+
 import numpy as np
 from matplotlib.figure import Figure
 
 from .. import analysis
 from ..errors import NotApplicableError
-from ..reader import File
 from . import cooling
 from .cooling import ROTATION, rotational
 from .facts import sampled
 from .style import BLACK, BLUE, CYCLE, ORANGE, RED, headline, label, left_out, number, zoom
+
+if TYPE_CHECKING:
+    from ..reader import File
 
 # Fewer bodies have no meaningful distribution of velocities.
 FEWEST = 30

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import matplotlib as mpl
 import numpy as np
@@ -12,8 +12,10 @@ from matplotlib.lines import Line2D
 from .. import measured
 from ..errors import NotApplicableError
 from ..events import PAIRS
-from ..reader import File
 from .style import BLACK, CYCLE, GREY, headline, label, page
+
+if TYPE_CHECKING:
+    from ..reader import File
 
 MOST_BODIES = 24
 MOST_MARKS = 4000

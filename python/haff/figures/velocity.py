@@ -3,17 +3,20 @@
 from __future__ import annotations
 
 import math
+from typing import TYPE_CHECKING
 
 import numpy as np
 from matplotlib.figure import Figure
 
-from .. import analysis, conditions, theory
+from .. import analysis, conditions, homogeneous, theory
 from ..errors import NotApplicableError
 from ..layout import AXES
-from ..reader import File
 from .facts import facts
 from .structure import times
 from .style import BLUE, GREEN, GREY, RED, headline, left_out, note, signed
+
+if TYPE_CHECKING:
+    from ..reader import File
 
 MOST_FRAMES = 40
 
@@ -100,7 +103,7 @@ def _theory(file: File) -> tuple[float | None, str]:
         return None, ""
     e = conditions.restitution(file) or 0.0
     heated = any(drive["kind"] == "white_noise" for drive in file.scene.get("drive", ()))
-    if why := conditions.unmet(file, conditions.HEATED_A2 if heated else conditions.COOLING_A2):
+    if why := conditions.unmet(file, conditions.HEATED_A2 if heated else homogeneous.COOLING_A2):
         return None, why
     if heated:
         return float(theory.sonine_a2_heated(e, file.dimension)), "heated gas"

@@ -4,16 +4,18 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from itertools import pairwise
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from .. import conditions, measured, mechanics
 from ..errors import NotApplicableError
-from ..reader import File
 from ..recorded import shaped_walls
 from .trajectories import body_name
+
+if TYPE_CHECKING:
+    from ..reader import File
 
 __all__ = ["Worked", "worked"]
 

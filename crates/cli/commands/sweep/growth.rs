@@ -2,6 +2,9 @@
 //!
 //! A member is the same run if its parameters and its number among the seeds are the same. Runs that the
 //! folder has keep their files, whatever their number is now; new ones get file names that no run has.
+//!
+//! A run of a sweep is its parameters and its number among the seeds, whatever its index; it keeps its file
+//! when values or seeds are added.
 
 use std::collections::HashMap;
 

@@ -1,4 +1,11 @@
 //! The contact of two particles, and checks that all impacts share.
+//!
+//! Bounces under gravity are alike, and so would be their rounding. Flights to an event are rounded without
+//! a preferred direction (`free_flight_stochastic`, with a hash of the event), contacts with walls
+//! perpendicular to an axis are at a coordinate that is a number (`World::is_level`), and a series of
+//! bounces is completed where it loses less than rounding. Bodies that overlap by more than two ulp of their
+//! coordinates are put back, by halves if both can move. `allowed_overlap` is the bound that every impact of
+//! such systems and every frame is tested against.
 
 use glam::DVec3;
 use haff_mechanics::Impact;

@@ -1,4 +1,14 @@
 //! Series of bounces that end in a finite time, and the walls that support a grain after them.
+//!
+//! A grain whose next bounce would rise by less than 1e-13 of its radius has its infinite series of bounces
+//! completed in closed form, or summed where e depends on the speed (`mechanics::bounces`;
+//! `series::come_to_rest`): it is *supported* by the wall and has only the part of gravity along it, until
+//! an impact takes it off. The losses are booked, and the `rest` row written, when the series ends. Where no
+//! closed form exists, on curved surfaces and walls of constant velocity, slow bounces are elastic (`hop`).
+//! For grains on grains a speed is stated, `contact.rest_speed`, and a settling scan (`rest`) regularly puts
+//! to rest all grains that are slow and supported by each other, by walls or by fixed bodies: they are
+//! *asleep*, of a class with infinite mass, until an impact wakes them. A scan uses grids of its own, so
+//! that it does not depend on the search. Where rest is off, such a heap is reported as a collapse.
 
 use glam::DVec3;
 use haff_mechanics::{Impact, Restitution};

@@ -1,4 +1,16 @@
 //! The measurements of a system, and the observer that passes events to them.
+//!
+//! Measurements receive the velocities that each event changes (`Exchange`) and take states at their own
+//! times; rows of profiles go to the `Observer`, `Simulation::correlations` returns the correlations. They
+//! run the event loop that computes rows of events, so that the other one has no branch for them, and never
+//! change the state. Profiles take states at random times of their interval, which depend on the seed and
+//! the row alone (`profiles`). A checkpoint has their numbers (`Checkpoint::measured`). Forces on walls are
+//! sums in `WallSums`, which follow `World::set_support`. On which axes the velocity of the center of mass
+//! is no part of temperatures and pressures is one function of the system (`model::conserved_momentum`; with
+//! joints `Joints::conserved_momentum`). Files have its result, and Python takes it from there
+//! (`Frame.thermal_velocity`). Where particles accelerate in their flights, `flights` adds each one's ∫ Σ m
+//! c ⊗ c dt to exact sums when it ends: what sets an anchor or changes an acceleration calls `flights::end`
+//! before.
 
 use crate::{
     measure::{correlations, measurement::Measurement, profiles, stress},

@@ -1,5 +1,9 @@
 //! Features of a scene as type parameters. The engine is compiled separately for each combination, so that a
 //! scene has no cost for features that it does not use.
+//!
+//! Features are compiled in or out: gravity, one-size systems, elastic ones and grains at rest are type
+//! parameters, and the event log; `choice::compile` chooses. Velocity-dependent restitution, the TC model
+//! and walls cost a branch where they occur.
 
 /// A combination of features.
 pub(crate) trait Features: Send + Sync + 'static {

@@ -1,4 +1,9 @@
 //! The motion of grains that an oscillating wall carries; see [`crate::laws::carried`].
+//!
+//! An oscillating wall on which a grain's bounces have ended carries it. Its anchor has the velocity along
+//! the wall; the wall's motion is added where a flight is evaluated (`World::flight`), so nothing is
+//! predicted again while the wall moves. Contacts of carried grains are found by steps within a bound of the
+//! acceleration (`first_contact_bounded`), all others as before.
 
 use glam::DVec3;
 

@@ -7,6 +7,14 @@
 //! along the flow by −γ̇ c_y in a unit of time: this is the work of the shear, −γ̇ m c_x c_y. In an impact it
 //! is −γ̇ y₁₂ J_x, with the vector r₁₂ of the centers and the impulse J on the second particle. Both together
 //! are −γ̇ V P_yx in a unit of time.
+//!
+//! Images across the faces of the gradient axis are displaced by γ̇ L t, kept as whole edges and a rest from
+//! the integer clock, and move with γ̇ L. An anchor keeps the velocity of the lab in its box; wrapping it
+//! changes that by γ̇ L. `World::peculiar` has velocities relative to the flow, which all energies are made
+//! of. `SHEAR` is a feature that engines are compiled for. Cells are rows that move with the flow
+//! (`neighbors::ShearedCells`): all particles get new neighbors when rows have moved by one cell. Windows
+//! use coordinates that deform with the flow and repeat with the box (`search/windows/shear`): filters add
+//! the tilt to differences, and cells know paths by their chords.
 
 use glam::DVec3;
 use haff_neighbors::{Shift, Sliding};

@@ -5,6 +5,14 @@ The length of a tick is a power of two, so short that the displacement of the fa
 below the rounding error of a coordinate. Ticks count from the start of the present *epoch*, which lasts
 [`EPOCH`] ticks. At its end [`EPOCH`] is subtracted from all times, which is exact. The duration between two
 times is a difference of integers, and is rounded only once, when it is converted to `f64`.
+
+Time is an integer: ticks of 2^k time units, so fine that the fastest particle's displacement in one is below
+the rounding of a coordinate. After 2^60 ticks an *epoch* ends: 2^60 is subtracted everywhere, which is
+exact; anchors older than 2^62 ticks are moved along their own flight; and if the system has become four
+times slower or faster, the tick is changed with it. An impact that would make a particle too fast for the
+tick (`World::is_resolved`) ends the epoch before it. All of that depends on the trajectory alone. Then the
+scheduler is rebuilt. The anchor's time is that of any own event; laws that depend on the last contact (`tc`,
+rest) have `contact_times`, data of their own.
 */
 
 use crate::numerics::instant::Instant;

@@ -1,5 +1,13 @@
 //! The scheduler with one entry per particle in a calendar and any [search](haff_neighbors::Search) for
 //! partners: cells, lists or all pairs.
+//!
+//! The search (`neighbors::Search`) guarantees: two particles that could touch before either changes its
+//! cell or list are candidates of each other. `Cells` keeps cell coordinates and never recomputes them.
+//! `Lists` keeps for every particle those within a shell around it, packed with their images in four bytes
+//! each. The lists of `nearby` need no images, because its coordinates are those of windows, and it predicts
+//! exactly only members whose bound in single precision is not later than the earliest event known.
+//! `AllPairs` takes the two nearest images of each pair. Walls are listed per cell, so that interior
+//! particles never test one.
 
 use std::marker::PhantomData;
 

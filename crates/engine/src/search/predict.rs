@@ -1,4 +1,11 @@
 //! Predictions of the next event of a particle. They do not change the state.
+//!
+//! A prediction is a pure function of two anchors (`gather`): the earlier anchor is moved to the later one's
+//! time, the periodic image is an integer shift, and the kernel is even under exchange of the two. When, how
+//! often and by which search a pair is predicted therefore does not matter, and this is why windows, lists,
+//! cells, all pairs, SIMD paths, thread counts and resumed runs agree to the last bit. Event order is by
+//! (time, kind, ids); entries of one tick whose partner has had another event are predicted again before the
+//! first of that tick is taken (`Queue::next_tie`).
 
 use std::collections::BTreeMap;
 

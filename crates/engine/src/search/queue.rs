@@ -3,6 +3,16 @@ The calendar of a scheduler in which every particle has exactly one valid entry,
 
 An event of the entry's own particle invalidates the entry, which is then dropped. After an event of the
 partner, the entry's particle is predicted again. So each valid entry has exactly one successor.
+
+In the order of time every event of a large system is somewhere else in memory. Both calendars keep the next
+few events sorted, so that their particles, then slots, compact particles and lists, then cells and members
+of lists are prefetched in steps. From 100,000 particles on this makes windows 1.2 times as fast, and lists
+1.1 times from 15,000 and 1.5 times from 500,000 on.
+
+An entry of a particle is the earliest of its collisions, wall collisions, end of bounces, and crossing or
+list update. An entry has both event counters. Own counter changed: it is invalidated and dropped. Partner's
+changed: this particle alone is predicted again. Each valid entry leaves one successor. A particle whose next
+event is a crossing keeps its best collision, so that only the new cells are searched after it.
 */
 
 use haff_calendar::{Calendar, Ladder};

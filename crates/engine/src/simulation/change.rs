@@ -3,6 +3,17 @@
 //! A change starts a new epoch at the present, with all particles in free flight: those that rested come to
 //! rest again by their next contacts. Energy and momentum that it gives are terms of the balances, and the
 //! event log has a row for it. It is a function of the state alone, so that the run stays reproducible.
+//!
+//! A change from outside makes a new world in a new epoch from the present state, checks it, and replaces
+//! the old one; sums, times of drives and measurements go on. What its values can be
+//! (`simulation/change/checks`) is what they can be in scenes: both use `bounds`. Classes that no particle
+//! has any more are dropped. `Simulation::change_system` does the same with other laws, walls or gravity:
+//! `cli/running/continued` goes on so from a checkpoint with changed keys, in a new file,
+//! `haff.Simulation.set` in a live simulation. Where a wall is follows from its entry in the scene alone, so
+//! a changed one gets an entry that puts it where it is (`Wall::going_on`, in the scene
+//! `assemble/going_on.rs`); resumptions and readers need nothing else. A scene is assembled for a `Start`:
+//! the scene's own at time 0, a recorded one, whose particles are in the checkpoint and are neither placed
+//! nor checked, or the present.
 
 mod checks;
 

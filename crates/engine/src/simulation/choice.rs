@@ -1,4 +1,16 @@
 //! The choice of a scheduler for a state, compiled for the features of the system.
+//!
+//! The choice (its measured limits, and all numbers of particles that follow caches, are in
+//! `numerics/tuning.rs`): all pairs up to 12 particles; windows for closed boxes from 100 particles on (also
+//! in sheared boxes, with cells for the rest), if speeds, sizes and walls are within
+//! `windows::is_profitable`, up to a packing fraction of 0.24 (disks: 0.3) where `nearby` can run the
+//! system, from 15,000 particles on 0.29 (0.34), of 0.55 (0.7) under gravity or with walls that may carry
+//! grains, of 0.46 (0.7) where sizes differ by more than twice, and of 0.38 (0.7) elsewhere; lists above
+//! that, and elsewhere above 0.18 (disks: 0.42; unequal sizes: 0.26 and 0.5), if indices fit in 27 bits;
+//! cells for the rest. The packing fraction is the one around the average particle
+//! (`summary::LocalDensity`), not that of the box. Every 16 collisions a particle, or earlier if a scheduler
+//! takes too many entries for them, the choice is made again. `engine.neighbors` overrules it, and is
+//! refused (`EngineError::Unsuitable`) where that search cannot run the system.
 
 use glam::DVec3;
 use haff_neighbors::{AllPairs, Cells, Geometry, Lists, ShearedCells, ShearedPairs};

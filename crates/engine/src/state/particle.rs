@@ -1,4 +1,9 @@
 //! A particle: its anchor, one cache line, and the properties of its class.
+//!
+//! A particle is one cache line (`Particle`, 64 bytes): its *anchor*, which is position, velocity and time
+//! at its last own event, with an event counter and a class. Radius, mass and contact group are in a table
+//! by class. Between own events it does not change: frames, samples, cell crossings and checkpoints read
+//! copies.
 
 use glam::DVec3;
 

@@ -1,5 +1,10 @@
 //! Angular velocities. They never enter a prediction: only impacts and the walls that support a grain change
 //! them, and a scene without them has no data for them.
+//!
+//! Spin is data of its own in the world, absent in smooth scenes. No prediction reads it: impacts resolve
+//! their normal part as for smooth particles, and `rough` adds the tangential one. Blocks save and restore
+//! spins with their particles. A wall that supports a rough grain exerts friction on it (`slide`): a
+//! constant acceleration until the slip ends, which is an event of the calendar.
 
 use std::collections::BTreeMap;
 

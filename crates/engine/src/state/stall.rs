@@ -1,4 +1,9 @@
 //! Detects an inelastic collapse: very many events at almost one time.
+//!
+//! If time advances by less than 2^27 ticks over 10⁵ events and ten per particle, `advance` returns an error
+//! that names time, place, particles and walls; what was recorded stays. Only collisions, wall collisions
+//! and ends of bounces count (`stall`), and checkpoints keep the count: the error comes at the same event
+//! with every search and after every resumption.
 
 use std::collections::BTreeSet;
 

@@ -11,6 +11,21 @@ A prediction depends only on the anchors of two particles, and an impact only on
 Therefore every order of events that respects causes gives the same bits. If an event of a later round is
 where the front of an earlier one has not expected it, or a limit is exceeded, the step is undone, and tried
 again with wider fronts or taken one event after the other.
+
+Threads share what can be split without changing a bit: blocks of particles, cells and windows, put together
+in order. The thread that runs the events is one of rayon's (`cli/commands/run.rs`; `sharing` decides from
+measured rates whether it works alone): it does its part instead of waiting. No other thread may therefore
+use this pool; the writer does not, and the runs of a sweep have pools of their own. In large systems windows
+and lists take events on several threads (`search/blocks/`, docs/parallel.md): the grid is cut into blocks
+(`search/blocks/cut.rs`), time into steps. A block takes the events that nothing unknown can have changed, by
+a front that moves with the largest speed (`search/blocks/front.rs`), and leaves the others to blocks that
+reach across its faces, then to a single one. What a search adds is a `Block` and its steps:
+`search/windows/blocks.rs` (steps of a window; particles registered in none but a block's cells),
+`search/nearby/steps.rs` (a calendar for each block; updates of lists are left over like events). A
+prediction depends on two anchors and an impact on those of its partners (`resolve::collide`), and sums over
+events are exact (`ExactSums`), so that every order of events that respects causes has the same bits. Rows of
+events are put in order at the end of a step (`search/blocks/rows.rs`). If an event of a later round is where
+a front has not expected it, the step is undone and tried with wider fronts, then in order.
 */
 
 mod awake;
