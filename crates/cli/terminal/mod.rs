@@ -1,10 +1,10 @@
 /*!
 What the command prints, and how it ends: text, numbers, bars, logs, signals and exit codes.
 
-*What is here.* [`failure`] has the exit codes of docs/reference/command.md, [`output`] prints, and shows text
-of others without its control characters, [`numbers`], [`progress`], [`watch`] and [`screen`] are what a
-terminal shows, [`signals`] ends a run that can be resumed, [`memory`] and [`threads`] say what the process
-takes.
+*What is here.* [`failure`] has the exit codes of docs/reference/command.md, [`output`] prints, and shows
+text of others without its control characters, [`numbers`], [`progress`], [`watch`] and [`screen`] are what a
+terminal shows, [`signals`] ends a run that can be resumed, [`memory`] ends the command when an allocation
+fails, [`threads`] says how many threads took the events.
 
 *What to change here.* How something is shown. What is shown is computed in the rooms above.
 

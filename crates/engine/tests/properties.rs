@@ -523,6 +523,20 @@ fn scenes_with_former_errors_obey_conservation_laws() {
             seed: 13_182_746_391_575_529_534,
             ..PLAIN
         },
+        // At the end a wall carried a grain whose bounces had no row in the log yet.
+        Recipe {
+            flat: true,
+            boundary: [2, 1, 0],
+            particles: 9,
+            species: 2,
+            restitution: 4,
+            gravity: true,
+            ramp: 2,
+            wedge: true,
+            corner: true,
+            seed: 1_580_523_316_449_873_171,
+            ..PLAIN
+        },
         // An event before the one that preceded it.
         Recipe {
             flat: true,

@@ -4,8 +4,9 @@ What acts at stated times: drives, and scans that put grains to rest.
 *What is here.* [`timed`] is the seam: an action has a next time, and changes particles at it. [`drive`] has
 one file for each drive, [`settling`] the scans.
 
-*What to change here.* A new drive: its data in `model/drive.rs`, and a file here that implements
-[`timed::TimedAction`].
+*What to change here.* A new drive: its data in `model/drive.rs`, and a file in `drive/` that implements
+[`timed::TimedAction`] (copy `rescale.rs`), with its arm in `drive/actions.rs`. An action that is no drive is
+added in `actions` of `simulation/run.rs`.
 
 *May import* all rooms below: `numerics` to `laws`.
 

@@ -1,17 +1,21 @@
 /*!
-Measurements while a run goes on: the pressure tensor, the forces on walls, profiles, and correlations in
-time.
+What is measured: samples and frames, and, while a run goes on, the pressure tensor, profiles and
+correlations in time. Forces on walls are sums of the state (`state/wall_sums.rs`).
 
-A measurement receives every change of velocity ([`Exchange`]), takes states at its own times, and adds its
-values to samples, rows of profiles or correlations. It never changes the state, so that no measurement
-changes a trajectory. Without measurements none of this is called: the event loop then computes no
-[`Exchange`].
+A measurement receives the changes of velocity of impacts ([`Exchange`](crate::report::Exchange)), takes
+states at its own times, and adds its values to samples, rows of profiles or correlations. It never changes
+the state, so that no measurement changes a trajectory. Without measurements and observers of events the
+event loop computes no exchange.
 
 *What is here.* [`totals`] are the energies and momenta of a state and their balance, [`sample`] a row of
-observables, [`frame`] frames and the hash of a state; the other files are measurements.
+observables, [`frame`] frames and the hash of a state; [`measuring`] makes the measurements of a system,
+`stress`, `profiles` and `correlations`, and passes events to them.
 
-*What to change here.* A new measurement is one more field of [`Measure`](crate::model::Measure) and a
-[`Measurement`] in a file of its own.
+*What to change here.* A new measurement is a field of [`Measure`](crate::model::Measure), a [`Measurement`]
+in a file here, and a line of `measurements` (`measuring.rs`). It receives exchanges and states, not rows of
+the event log. One number for each sample: a field of `Sample`, set in `complete`, and a row of
+`report/observables.rs`. Rows at its own times: a method of `Observer` as `profile` is, passed on in
+`measuring.rs`, queued in `cli/running/session.rs`, written in `record/src/measured.rs`.
 
 *May import* all rooms below: `numerics` to `actions`.
 

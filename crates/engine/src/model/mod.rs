@@ -2,14 +2,16 @@
 The simulated system: particles, walls, contact laws and the domain, as plain validated data.
 
 *What is here.* [`System`] and all that it contains; each feature has a file with its data (`drive`,
-`measure`, `shear`, `spin`, `thermal`, `wall_motion`). [`bounds`] has the ranges of values that
-scenes and live simulations share, `conserved` the axes along which momentum is conserved, `thresholds`
-the conditions of rest, `features` the sets of features that loops are compiled for.
+`measure`, `shear`, `spin`, `thermal`, `wall_motion`). [`bounds`] has the ranges of values that scenes and
+live simulations share, `conserved` the axes along which momentum is conserved, `thresholds` the conditions
+of rest, `features` the sets of features that loops are compiled for.
 
-*What to change here.* The data of a new law, motion, drive or measurement: a file, a field or variant, and
-its bounds. What it does belongs to the rooms above.
+*What to change here.* The data of a new law, drive or measurement: a file, a field or variant, and its
+bounds; what it does belongs to the rooms above. A periodic motion of walls is a `Waveform` of
+`haff_mechanics`, any other a variant of `WallMotion` (`wall_motion.rs`), which computes displacement and
+contact itself; `wall_change.rs` has how it goes on when it is changed.
 
-*May import* `numerics`, and `haff_mechanics` for laws of impact.
+*May import* `numerics`, and `haff_mechanics` for laws of impact, oscillations and partitions.
 
 *Begin with* [`System`].
 */

@@ -1,6 +1,7 @@
 //! Motions of walls: displacement and velocity at a time, and the next contact with a flight.
 //!
-//! To add a motion, add a variant of [`WallMotion`]. Nothing else in the engine depends on the variants.
+//! To add a motion, add a variant of [`WallMotion`]; what depends on the variants besides is found by the
+//! compiler.
 
 use glam::DVec3;
 use haff_mechanics::{Oscillation, Waveform, time_to_plane};

@@ -6,9 +6,13 @@ Motion between events: where particles, images and walls are at a time, and when
 distances from walls ([`walls`]), which walls support a grain ([`support`]), and the largest speed and extent
 ([`scale`]). [`flights`] and [`shear_work`] add the integrals over a flight when it ends.
 
-*What to change here.* A new motion of the box or of what carries a particle. An evaluation at two times must
-give the bits of one evaluation at the later time only if the anchor has not moved: no method changes an
-anchor, but for `wrap_anchor` and `move_anchor`.
+*What to change here.* A new boundary: its images in [`images`], beside `state/periodicity.rs` (copy simple
+shear); every search must visit the same images (`haff_neighbors`, `search/windows/shear.rs`, a set in
+`model/features.rs`), and `support/overlap.rs` their overlaps. A new shape of wall: copy `Wall::partition`,
+whose contact times and nearest points are in `haff_mechanics`; here it is a case in each function of
+[`walls`], and what assumes a plane is in `support`, `search/windows/walls.rs`, `model/conserved.rs`,
+`laws/hop.rs` and `laws/wall_impact.rs`. Evaluating a flight changes nothing, so that any number of
+evaluations gives the same bits: only `wrap_anchor` and `move_anchor` set an anchor.
 
 *May import* `numerics`, `model`, `report` and `state`.
 

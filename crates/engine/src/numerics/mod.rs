@@ -1,11 +1,11 @@
 /*!
 Numbers: time as integers, sums, random numbers, limits that were measured, and errors.
 
-*What is here.* [`clock`] and [`instant`] hold time as an integer number of ticks, [`sum`] and [`exact_sum`]
-sums whose value does not depend on the order of their terms, [`total`] sums over particles by several
-threads, [`random`] numbers that are a hash of the seed, the particle and its event count, [`scalars`] and
-[`words`] what checkpoints store of all of them, [`tuning`] the numbers of particles and the densities at
-which another search is faster, [`error`] what can go wrong in a run.
+*What is here.* [`clock`] and [`instant`] hold time as an integer number of ticks, [`exact_sum`] sums whose
+value does not depend on the order of their terms, [`sum`] compensated ones, [`total`] sums over particles by
+several threads, [`random`] numbers that are a hash of the seed, the particle and its event count,
+[`scalars`] and [`words`] what checkpoints store of all of them, [`tuning`] the numbers of particles and the
+densities at which another search is faster, [`error`] what can go wrong in a run.
 
 *What to change here.* A new error is a variant of `EngineError`. A limit in [`tuning`] follows from a
 measurement, which its comment names. Nothing else changes with new physics.

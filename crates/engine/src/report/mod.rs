@@ -1,13 +1,16 @@
 /*!
 The output of a simulation as plain data: events, frames, samples, counters and checkpoints.
 
-*What is here.* [`Observer`] receives events and changes of velocity; [`Frame`], [`Sample`] and [`Checkpoint`]
-are what a caller asks for. `ledger` has the terms of the balance of energies, [`observables`] names, units
-and formulas of all columns of samples, [`totals`] the numbers of a whole run. The recorder, reports and
-Python take names, units and signs from these tables.
+*What is here.* [`Observer`] receives events and changes of velocity; [`Frame`], [`Sample`] and
+[`Checkpoint`] are what a caller asks for. `ledger` has the terms of the balance of energies, [`observables`]
+names, units and formulas of all columns of samples, [`totals`] the numbers of a whole run. The recorder,
+reports and Python take names, units and signs from these tables.
 
-*What to change here.* A new observable is a row of [`observables`], a new term of the balance a variant of
-[`Term`], a new kind of event a variant of [`EventKind`].
+*What to change here.* A new observable is a row of [`observables`]; a value that [`Sample`] does not have
+yet is a field of it, too, computed in `measure/sample.rs` and `linkage/src/simulation.rs` and read back in
+`record/src/info.rs`. A new term of the balance is a variant of [`Term`]. A new kind of event is a variant of
+[`EventKind`] with its place in `ALL` and its name, which files take from there; what causes it is in
+`laws/event.rs`, its labels in `python/haff/figures` and `docs/format.md`.
 
 *May import* `numerics` and `model`.
 

@@ -3,14 +3,16 @@ The searches for the next event, and the loop that takes events from them.
 
 *What is here.* [`event_loop`] is the loop, the same for all searches; a search implements its `Scheduler`.
 [`calendar_scheduler`] runs everything, with the cells, lists or all pairs of `haff_neighbors`; [`windows`]
-and [`nearby`] (lists) are faster and support less. [`blocks`] shares steps of both among threads. [`predict`]
-and [`batch`] are the predictions of pairs, [`queue`] keeps one entry for each particle, [`summary`] and
-[`geometry`] describe a state to a search.
+and [`nearby`] (lists) are faster and support less. [`blocks`] shares steps of windows and lists among
+threads, [`sharing`] decides how many threads are worth it. [`matrix`] says what each search can run.
+[`predict`] and [`batch`] are the predictions of pairs, [`queue`] keeps one entry for each particle,
+[`summary`] describes a state to a search.
 
-*What to change here.* How fast an event is found. No search may change which event is found: all give the
-same bits, since predictions are pure functions of two anchors, and ties have one order.
+*What to change here.* How fast an event is found, and which images of a new boundary a search visits. No
+search may change which event is found: all give the same bits, since predictions are pure functions of two
+anchors, and ties have one order.
 
-*May import* all rooms below: `numerics` to `laws`.
+*May import* `numerics` to `laws`, not `actions` and `measure`.
 
 *Begin with* [`event_loop`], then [`calendar_scheduler`].
 */

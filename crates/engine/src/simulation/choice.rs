@@ -106,7 +106,6 @@ impl Choice {
             }
             _ => choice.search = Some(choice.best(&case)),
         }
-        choice.log(&case);
         Ok(choice)
     }
 
@@ -123,15 +122,15 @@ impl Choice {
                 && !(1.0 / DENSITY_CHANGE..=DENSITY_CHANGE).contains(&ratio);
         if changed {
             (self.search, self.density) = (search, density);
-            let summary = self.summary;
-            self.log(&Case { system, summary: &summary, density: &density, world });
+            self.log(system, world);
         }
         changed
     }
 
-    /// Says what has been chosen, and which searches cannot run the case.
-    fn log(&self, case: &Case) {
-        let possible = |search: Search| match search.can_run(case) {
+    /// Writes to the log what has been chosen, and which searches cannot run the state.
+    pub fn log(&self, system: &System, world: &World) {
+        let case = Case { system, summary: &self.summary, density: &self.density, world };
+        let possible = |search: Search| match search.can_run(&case) {
             Ok(()) => "possible".to_owned(),
             Err(reason) => reason.text.into_owned(),
         };

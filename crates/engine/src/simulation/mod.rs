@@ -9,7 +9,7 @@ says what a scene will probably do.
 
 *May import* everything.
 
-*Begin with* `Simulation::advance`.
+*Begin with* `Simulation::advance` in `run.rs`.
 */
 
 pub(crate) mod bouncing;

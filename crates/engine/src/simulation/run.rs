@@ -133,6 +133,7 @@ impl Simulation {
         }
         let kernel = Kernel::choose(options.simd).ok_or(EngineError::NoAvx2)?;
         let choice = Choice::new(options, kernel, &system, &state.world)?;
+        choice.log(&system, &state.world);
         let geometry = geometry(&system, &state.world, choice.filled());
         let species = Species::new(&system);
         let contact_duration = suitable_contact_duration(&system);

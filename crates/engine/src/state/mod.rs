@@ -2,13 +2,14 @@
 The state that events read and change: particles, accumulators, and everything else on which future events
 depend.
 
-*What is here.* [`world::World`] has the particles ([`particle`], one cache line each), the box, the walls and
-the laws; data of a feature is in a struct of its own, absent when unused ([`spin`], [`sliding_images`],
+*What is here.* [`world::World`] has the particles ([`particle`], one cache line each), the box, the walls
+and the laws; data of a feature is in a struct of its own, absent when unused ([`spin`], [`sliding_images`],
 [`contact_times`], [`wall_sums`]). [`accumulators`] are the sums over events, [`State`] is both together with
 what is pending. A checkpoint stores exactly this.
 
 *What to change here.* A feature that needs data for each particle gets a struct beside [`spin`], and an
-`Option` in the world. Fields are set here; what they mean in a flight or an impact is in `motion` and `laws`.
+`Option` in the world. Fields are set here; what they mean in a flight or an impact is in `motion` and
+`laws`.
 
 *May import* `numerics`, `model` and `report`.
 

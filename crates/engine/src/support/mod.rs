@@ -3,7 +3,7 @@ Which bodies touch: contacts, gaps and overlaps of a whole state, by grids of it
 
 *What is here.* [`grid`] finds all pairs within a distance, independently of the searches of a run;
 [`contacts`] says which grains support each other; [`overlap`] finds the deepest overlap, and the bound that
-rounding allows.
+rounding allows; [`geometry`] is the input of all searches for partners.
 
 *What to change here.* The condition under which a grain is supported.
 

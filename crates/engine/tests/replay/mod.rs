@@ -4,7 +4,7 @@
 //! the impulse of the row. A missed, doubled or misplaced event gives a wrong final position.
 
 use glam::DVec3;
-use haff_engine::{EventKind, EventRecord, Frame, NO_PARTNER, System};
+use haff_engine::{EventKind, EventRecord, Frame, NO_PARTNER, System, WallMotion};
 
 /// Rounding errors per row, of the velocities and of the position [ε].
 const ROUNDINGS: f64 = 32.0;
@@ -132,7 +132,8 @@ pub fn check(system: &System, rows: &[EventRecord], last: &Frame, epochs: u64) -
         }
     }
     for (i, flier) in fliers.iter().enumerate() {
-        let ends = |mut flier: Flier| {
+        // `free`: a direction in which the particle is not tested.
+        let ends = |mut flier: Flier, free: DVec3| {
             flier.fly(system, mass(i), last.time);
             let rounding = f64::EPSILON * epochs as f64;
             flier.off[0] += rounding * flier.velocity.length();
@@ -140,7 +141,8 @@ pub fn check(system: &System, rows: &[EventRecord], last: &Frame, epochs: u64) -
             flier.off[1] += rounding * (system.domain.size.length() + last.position[i].length())
                 + rounding * flier.velocity.length() * last.time;
             let position = last.position[i] + images(last.image[i]) * system.domain.size;
-            let off = [(flier.velocity - last.velocity[i]).length(), (flier.position - position).length()];
+            let length = |vector: DVec3| (vector - free * vector.dot(free)).length();
+            let off = [length(flier.velocity - last.velocity[i]), length(flier.position - position)];
             for (what, off, allowed) in
                 [("velocity", off[0], flier.off[0]), ("position", off[1], flier.off[1])]
             {
@@ -151,14 +153,15 @@ pub fn check(system: &System, rows: &[EventRecord], last: &Frame, epochs: u64) -
             Ok(())
         };
         // A series of bounces can be completed while its row, which is written at its end, is not in the log
-        // yet.
+        // yet. An oscillating wall then carries the grain along its normal.
         let series = (0..system.walls.len()).filter(|_| mass(i).is_finite()).map(|wall| {
             let mut flier = flier.clone();
             settle(system, &mut flier, wall, last.time, mass(i));
-            flier
+            let oscillates = matches!(system.walls[wall].motion, WallMotion::Oscillating(_));
+            (flier, if oscillates { system.walls[wall].normal } else { DVec3::ZERO })
         });
-        let free = ends(flier.clone());
-        if free.is_err() && !series.map(ends).any(|end| end.is_ok()) {
+        let free = ends(flier.clone(), DVec3::ZERO);
+        if free.is_err() && !series.map(|(flier, free)| ends(flier, free)).any(|end| end.is_ok()) {
             return free;
         }
     }

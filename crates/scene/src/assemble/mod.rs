@@ -5,8 +5,8 @@ Checks are made in rounds, and a round starts only if the previous one found no 
 values one by one and against each other; geometry; placement. Within a round all errors are found.
 
 *What is here.* A file for each section of a scene ([`domain`], [`particles`], [`contact`], [`drive`],
-[`measure`], [`plan`], …), with its checks and the texts of its errors; [`going_on`] for walls that go on from
-where they are.
+[`measure`], [`plan`], …), with its checks and the texts of its errors; [`going_on`] for walls that go on
+from where they are.
 
 *What to change here.* The check of a new key, in the file of its section.
 

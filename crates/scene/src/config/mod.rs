@@ -1,9 +1,9 @@
 /*!
 The scene file as written: its keys, and the JSON Schema that follows from them.
 
-*What is here.* `keys` and [`joints`] have every key with its type and description, `shapes` values of several
-forms. `document` makes them of a tree, with `--set`, unknown and [misplaced] keys; `schema` prints them,
-`templates` are the shipped scenes.
+*What is here.* `keys` and [`joints`] have every key with its type and description, `shapes` values of
+several forms. `document` makes the keys of a tree of values, with `--set`, and refuses unknown and
+[misplaced] ones; `schema` prints them, `templates` are the shipped scenes.
 
 *What to change here.* A new key: its field in `keys`. Nothing is checked here beyond types.
 
