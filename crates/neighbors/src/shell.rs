@@ -8,7 +8,7 @@ use crate::{Axis, Geometry};
 /// and 1.8 the cost of a collision differs by less than 10 % at every density where lists are profitable.
 const SHELL: f64 = 1.6;
 /// Mean number of other particles within that distance, if the shell is wider than that because the gas is
-/// dilute: a thin shell is left many times between two contacts (throughput.md).
+/// dilute: a thin shell is left many times between two contacts (choice.md).
 const MEMBERS: f64 = 3.0;
 /// Largest skin [shortest edge].
 const LARGEST: f64 = 0.5;

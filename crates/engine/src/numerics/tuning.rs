@@ -65,7 +65,8 @@ pub(crate) mod cells {
     use super::PerDimension;
 
     /// Mean number of particles in the cells around a particle above which lists are chosen, if sizes differ
-    /// (throughput.md): with few large particles cells are wide, and most of what is in them is far away.
+    /// (throughput.md, choice.md): with few large particles cells are wide, and most of what is in them is
+    /// far away.
     pub(crate) const FULL: PerDimension = PerDimension { spheres: 100.0, disks: 50.0 };
 }
 

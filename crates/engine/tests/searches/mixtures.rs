@@ -6,7 +6,7 @@ use crate::common::mixture::mixture;
 
 /// Work of a run \[about ns\]: an event, a prediction, a crossing of cells or an update of a list, a test of
 /// a pair before its prediction, and a particle in a new window. The weights are fitted to the times of the
-/// example `mixtures`, which they give within a factor of 2.3 (benches/record/growth.md).
+/// example `mixtures`, which they give within a factor of 2.3 (benches/record/choice.md).
 fn work(system: &System, simulation: &Simulation) -> f64 {
     let counters = simulation.counters();
     let events = counters.collisions + counters.wall_collisions;
