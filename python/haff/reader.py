@@ -239,6 +239,8 @@ class File(ReadOnly):
             return np.full(3, True)
         column = self.stored.column(place, (3,), "iu")
         conserved = column[:]
+        if conserved.shape != (3,):
+            raise FileError(f"{self.path}: {place} has {conserved.size} numbers; there must be 3")
         column.require(conserved, (conserved == 0) | (conserved == 1), "0 or 1")
         return conserved == 1
 

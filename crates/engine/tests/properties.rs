@@ -537,6 +537,30 @@ fn scenes_with_former_errors_obey_conservation_laws() {
             seed: 1_580_523_316_449_873_171,
             ..PLAIN
         },
+        // A sheared gas of fast, light particles in a large box: an overlap beyond rounding was reported.
+        Recipe {
+            particles: 8,
+            tc: true,
+            fast: true,
+            speeds: true,
+            far: true,
+            light: true,
+            rough: 1,
+            shear: 2,
+            seed: 17_526_106_699_705_555_713,
+            ..PLAIN
+        },
+        // Contacts with a wall that is far beyond the face of its box, which lists missed.
+        Recipe {
+            boundary: [1, 1, 1],
+            particles: 12,
+            species: 2,
+            restitution: 5,
+            tc: true,
+            ratios: true,
+            seed: 3_121_322_358_736_976_792,
+            ..PLAIN
+        },
         // An event before the one that preceded it.
         Recipe {
             flat: true,

@@ -78,6 +78,8 @@ def density_field(
     first: Frame = chosen[0]  # type: ignore[assignment]
     d = first.box.dimension
     low, size = _region(chosen, d)
+    if not (np.isfinite(size) & (size > 0)).all():
+        raise NotApplicableError(f"{first.file.path}: the particles fill no region that has a volume")
     numbers = _cells(cells, size)
     edges = tuple(low[k] + size[k] * np.linspace(0.0, 1.0, numbers[k] + 1) for k in range(d))
     total = np.zeros(int(np.prod(numbers)))

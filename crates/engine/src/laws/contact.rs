@@ -161,8 +161,10 @@ pub(crate) fn touch<F: Features>(
         if depth > 0.0 {
             let mut coordinates = ri.abs().max(rj.abs()).max(world.coordinates(i)).max(world.coordinates(j));
             if F::SHEAR {
-                coordinates +=
-                    DVec3::splat(shear_work::path(world, i, time).max(shear_work::path(world, j, time)));
+                // An image many edges away has many times the speed of the next one.
+                let relative = (wj - wi).length() * world.age(i, time).max(world.age(j, time));
+                let path = shear_work::path(world, i, time).max(shear_work::path(world, j, time));
+                coordinates += DVec3::splat(path.max(relative));
             }
             check_penetration(world, depth, sigma, coordinates, (i, Some(j)), time)?;
             // By halves, whatever the masses. Shares by mass would move a light grain between a heavy one and

@@ -158,6 +158,12 @@ pub fn features() -> Vec<(&'static str, System)> {
                 add(scene, kind, DVec3::splat(3.0), DVec3::new(1.0, 0.3, 0.2));
             }),
         ),
+        (
+            "walls of the box far beyond its faces",
+            with(box_of(WALLS, &[0.5], 0.9), |scene| {
+                scene.walls[0].point.x = -9.0;
+            }),
+        ),
     ]
 }
 

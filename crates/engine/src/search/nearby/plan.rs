@@ -4,7 +4,7 @@ use glam::DVec3;
 use haff_neighbors::Axis;
 
 use crate::{
-    model::{System, thresholds::Thresholds},
+    model::{Boundary, System, Wall, thresholds::Thresholds},
     numerics::tuning::particles::SHORT_LISTS,
     search::{
         case::{Case, MAY_SETTLE, Reason, SLIDING_IMAGES},
@@ -98,8 +98,26 @@ impl Plan {
         // particle is at most half of the skin from its reference position.
         let axes = axes(system);
         let frame = Frame::new(axes, system.domain.size, sigma, (1.01 + 4.0 * half_skin) * sigma)?;
+        if is_beyond_faces(system, (1.01 + 4.0 * half_skin) * sigma) {
+            return Err(Reason::new("walls are farther beyond the faces of the box than lists reach"));
+        }
         let edges = [0, 1, 2].map(|k| if axes[k] == Axis::Flat { 0.0 } else { frame.period[k] / sigma });
         let members = unit_sphere * ((mean + 2.0 * half_skin) / spacing).powi(summary.dimension) - 1.0;
         Ok(Self { frame, half_skin, edges, spacing, members })
     }
+}
+
+/// Whether walls let particles go beyond the faces of the box along an axis by more than `reach` \[length\],
+/// on both sides together: coordinates of lists repeat at that distance behind the upper face, and a particle
+/// below the lower one would be taken for one that is far from both walls.
+fn is_beyond_faces(system: &System, reach: f64) -> bool {
+    let beyond = |axis: usize, side: f64| {
+        let face = if side > 0.0 { 0.0 } else { system.domain.size[axis] };
+        let walls = system.walls.iter().filter(|wall| wall.normal[axis] == side);
+        let depth = |wall: &Wall| (face - wall.point[axis]) * side + wall.motion.sweep(wall.normal);
+        // A wall that moves on and on is tested by all particles.
+        walls.map(depth).filter(|depth| depth.is_finite()).fold(0.0, f64::max)
+    };
+    let bounded = |&axis: &usize| system.domain.boundary[axis] == Boundary::Wall;
+    (0..system.dimension.count()).filter(bounded).any(|axis| beyond(axis, 1.0) + beyond(axis, -1.0) > reach)
 }
