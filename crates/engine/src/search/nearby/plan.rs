@@ -97,8 +97,9 @@ impl Plan {
         // Reference positions of neighbors are at most a contact distance and the skin apart, and each
         // particle is at most half of the skin from its reference position.
         let axes = axes(system);
-        let frame = Frame::new(axes, system.domain.size, sigma, (1.01 + 4.0 * half_skin) * sigma)?;
-        if is_beyond_faces(system, (1.01 + 4.0 * half_skin) * sigma) {
+        let reach = (1.01 + 4.0 * half_skin) * sigma;
+        let frame = Frame::new(axes, system.domain.size, sigma, reach)?;
+        if is_beyond_faces(system, reach) {
             return Err(Reason::new("walls are farther beyond the faces of the box than lists reach"));
         }
         let edges = [0, 1, 2].map(|k| if axes[k] == Axis::Flat { 0.0 } else { frame.period[k] / sigma });
