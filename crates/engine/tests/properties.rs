@@ -562,6 +562,19 @@ fn scenes_with_former_errors_obey_conservation_laws() {
             seed: 9_477_682_323_899_532_142,
             ..PLAIN
         },
+        // Windows in a grid of two cells an edge missed a pair, whose search extends over the whole edge.
+        Recipe {
+            flat: true,
+            particles: 4,
+            restitution: 5,
+            fixed: true,
+            tc: true,
+            fast: true,
+            huge: true,
+            changed: true,
+            seed: 16_349_984_015_653_366_540,
+            ..PLAIN
+        },
         // An elastic gas with a contact duration: windows and lists kept no times of contacts.
         Recipe { particles: 2, tc: true, seed: 6_421_738_977_735_998_642, ..PLAIN },
         Recipe {

@@ -380,8 +380,10 @@ impl Cells {
     ) {
         let axes = &self.axes;
         let path = PathBox::new(axes, x, v, fraction);
-        let (low, count) = path.span(axes, reach);
-        let exceeds = |k: usize| low[k] + count[k] > axes.n[k];
+        let (low, high) = path.bounds(axes, reach);
+        let count = [count(axes, low, high, 0), count(axes, low, high, 1), count(axes, low, high, 2)];
+        // Also of a box that is longer than the grid, which has its last cells in common with its first ones.
+        let exceeds = |k: usize| high[k] >= axes.n[k];
         let outside = (low[0] | low[1] | low[2]) < 0 || exceeds(0) | exceeds(1) | exceeds(2);
         let from = candidates.len;
         let mut links = 0;
@@ -427,7 +429,7 @@ impl Cells {
                 if HALF {
                     // The table is in the order of the cells, and `own` is registered in no cell before the
                     // first one of its bounding box.
-                    let (own, _) = path.span(axes, extent);
+                    let (own, _) = path.bounds(axes, extent);
                     let offset = |k: usize| own[k] - low[k];
                     let skipped = (offset(2) * count[1] + offset(1)) * count[0] + offset(0);
                     offsets = &table[(skipped as usize).min(table.len())..];
@@ -574,20 +576,31 @@ impl PathBox {
         Self { low, high }
     }
 
-    /// First cell and number of cells per axis of this box, extended by `reach` [length] to all sides. The
-    /// numbers of cells continue beyond the edges.
+    /// First and last cell along each axis of this box, extended by `reach` [length] to all sides. Their
+    /// numbers continue beyond the edges.
     #[inline(always)]
-    fn span(&self, axes: &Axes, reach: f32) -> ([i32; 4], [i32; 3]) {
+    fn bounds(&self, axes: &Axes, reach: f32) -> ([i32; 4], [i32; 4]) {
         let (mut low, mut high) = ([0.0; 4], [0.0; 4]);
         for k in 0..4 {
             let reach = reach * axes.reach[k] + axes.slack[k];
             low[k] = self.low[k] - reach;
             high[k] = self.high[k] + reach;
         }
-        let (low, high) = (axes.cells(low), axes.cells(high));
-        let count = |k: usize| (high[k] - low[k] + 1).min(axes.n[k]);
-        (low, [count(0), count(1), count(2)])
+        (axes.cells(low), axes.cells(high))
     }
+
+    /// First cell and number of cells per axis of this box, extended by `reach` [length] to all sides.
+    #[inline(always)]
+    fn span(&self, axes: &Axes, reach: f32) -> ([i32; 4], [i32; 3]) {
+        let (low, high) = self.bounds(axes, reach);
+        (low, [count(axes, low, high, 0), count(axes, low, high, 1), count(axes, low, high, 2)])
+    }
+}
+
+/// Number of cells from the first to the last one along an axis, each counted once.
+#[inline(always)]
+fn count(axes: &Axes, low: [i32; 4], high: [i32; 4], axis: usize) -> i32 {
+    (high[axis] - low[axis] + 1).min(axes.n[axis])
 }
 
 /// First cell and number of cells per axis of the bounding box of a path, extended by `reach` [length].

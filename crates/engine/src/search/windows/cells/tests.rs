@@ -75,7 +75,7 @@ fn fill(cells: &mut Cells, count: u32, path: impl Fn(u32) -> ([i32; 3], [f32; 3]
 }
 
 /// Grids: size, axes, width of the cells, longest displacement along an axis [edges].
-const GRIDS: [(DVec3, [Axis; 3], f64, f64); 8] = [
+const GRIDS: [(DVec3, [Axis; 3], f64, f64); 10] = [
     (DVec3::new(20.0, 14.0, 17.0), [Periodic; 3], 1.0, 0.05),
     (DVec3::new(20.0, 14.0, 17.0), [Periodic; 3], 1.0, 0.22),
     (DVec3::new(9.0, 30.0, 12.0), [Bounded; 3], 0.9, 0.4),
@@ -84,6 +84,9 @@ const GRIDS: [(DVec3, [Axis; 3], f64, f64); 8] = [
     // One, two and three cells along an edge.
     (DVec3::new(5.0, 10.0, 15.0), [Periodic; 3], 5.0, 0.2),
     (DVec3::new(5.0, 10.0, 15.0), [Bounded, Bounded, Periodic], 5.0, 0.4),
+    // As many cells as searches extend over.
+    (DVec3::new(5.5, 5.7, 1.0), [Periodic, Periodic, Flat], 2.7, 0.05),
+    (DVec3::new(6.0, 6.1, 6.2), [Periodic; 3], 1.5, 0.1),
     // A grid with several parts.
     (DVec3::new(20.0, 20.0, 30.0), [Periodic; 3], 0.98, 0.03),
 ];
