@@ -38,15 +38,23 @@ pub fn first_contact_bounded(
             return None;
         }
         if gap <= tolerance && rate < 0.0 {
-            return Some(approach(time, (gap, rate), until, &distance));
+            let contact = approach(time, (gap, rate), until.max(time), &distance);
+            return (contact <= until).then_some(contact);
         }
         let gap = gap.max(0.0);
         // The zero of gap + rate t − ½ bound t².
         let root = (rate * rate + 2.0 * bound * gap).sqrt();
-        let step = if rate > 0.0 { (rate + root) / bound } else { 2.0 * gap / (root - rate) };
+        let step = if rate > 0.0 {
+            (rate + root) / bound
+        } else if gap > 0.0 {
+            2.0 * gap / (root - rate)
+        } else {
+            0.0
+        };
         let next = time + step.max(least);
-        // Also if nothing accelerates and the distance does not fall.
-        if !(next < until && next > time) {
+        // Also if nothing accelerates and the distance does not fall. A least step may lead beyond the end: the
+        // contact that it passes is before the end, and must not depend on it.
+        if !(time + step < until && next > time) {
             return None;
         }
         time = next;
@@ -93,6 +101,16 @@ mod tests {
         assert_eq!(first_contact_bounded(|t| (1.0 + t, 1.0), 0.0, 1.0, 10.0), None);
         assert_eq!(first_contact_bounded(|t| (1.0 - t, -1.0), 0.0, 1.0, 10.0), Some(1.0));
         assert_eq!(first_contact_bounded(|t| (1.0 - t, -1.0), 0.0, 1.0, 0.5), None);
+        // At rest, touching, and pulled together.
+        let pulled = |t: f64| (-0.5 * t * t, -t);
+        assert!(first_contact_bounded(pulled, 1.0, 1.0, 1.0).is_some_and(|t| t < 2e-7));
+        assert!(first_contact_bounded(pulled, 1.0, 1.0, 1e-8).is_some_and(|t| t < 1e-8));
+        // Near the end a least step leads beyond it, and the contact is that of a longer search.
+        let near = |t: f64| (1e-10 - 0.05 * t, -0.05);
+        let found = first_contact_bounded(near, 1.0, 1.0, 1e-8);
+        assert!(found.is_some_and(|t| (t - 2e-9).abs() < 1e-23), "{found:?}");
+        assert_eq!(found, first_contact_bounded(near, 1.0, 1.0, 1.0));
+        assert_eq!(first_contact_bounded(near, 1.0, 1.0, 1.9e-9), None);
         // A rate that is only rounding: Newton's step does not leave the interval.
         let barely = |t: f64| {
             assert!(t <= 0.5, "{t}");

@@ -30,6 +30,9 @@ pub struct Oscillation {
     pub frequency: f64,
 }
 
+/// Some roundings of a phase [cycles].
+const LATER: f64 = 8.0 * f64::EPSILON;
+
 /// A phase in cycles reduced to 0 ≤ u < 1.
 fn reduced(cycles: f64) -> f64 {
     let u = cycles - cycles.floor();
@@ -113,7 +116,6 @@ impl Oscillation {
     /// ```
     #[must_use]
     pub fn time_to_release(&self, acceleration: f64, cycles: f64) -> Option<f64> {
-        const LATER: f64 = 8.0 * f64::EPSILON;
         let now = reduced(cycles);
         let wait = match self.waveform {
             Waveform::Sine => {
@@ -126,11 +128,24 @@ impl Oscillation {
                 }
                 reduced(libm::asin(sine.max(-1.0)) / TAU - now)
             }
-            // Corners are at 0.25 and 0.75. One that rounding has just passed is the next one for a body that
-            // is released there, so it is not excluded.
-            Waveform::Triangle => reduced(0.25 - now).min(reduced(0.75 - now)),
+            // A corner that rounding has just passed is the next one for a body that is released there, so it
+            // is not excluded.
+            Waveform::Triangle => return Some(self.time_to_corner(cycles)),
         };
         Some((wait + LATER) / self.frequency)
+    }
+
+    /// Time until the velocity of the plane next jumps \[time\]: until a corner of a triangle; infinite for a
+    /// sine. The time is later by a few roundings of the phase, so that the corner has gone by.
+    #[must_use]
+    pub fn time_to_corner(&self, cycles: f64) -> f64 {
+        match self.waveform {
+            Waveform::Sine => f64::INFINITY,
+            Waveform::Triangle => {
+                let now = reduced(cycles);
+                (reduced(0.25 - now).min(reduced(0.75 - now)) + LATER) / self.frequency
+            }
+        }
     }
 
     /// Integrals over a time of length `duration` around the phase `middle`, in cycles: of the velocity, of

@@ -162,11 +162,19 @@ impl WallMotion {
         }
     }
 
-    /// Largest magnitude of the acceleration [length/time²].
+    /// Largest magnitude of the acceleration [length/time²], without jumps of the velocity.
     pub(crate) fn max_acceleration(&self) -> f64 {
         match self {
             Self::Fixed | Self::Constant(_) => 0.0,
             Self::Oscillating(motion) => motion.oscillation.max_acceleration(),
+        }
+    }
+
+    /// Time from `at` until the velocity next jumps \[time\]; infinite if it never does.
+    pub(crate) fn time_to_jump(&self, at: impl WallTime) -> f64 {
+        match self {
+            Self::Fixed | Self::Constant(_) => f64::INFINITY,
+            Self::Oscillating(motion) => motion.oscillation.time_to_corner(motion.at(at)),
         }
     }
 

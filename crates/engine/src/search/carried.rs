@@ -40,7 +40,9 @@ pub(crate) fn predict_pair<F: Features>(
     };
     let path =
         Path { from, bound: (b - a).length() + (of_a + of_b), scale: sigma, period: period_a.min(period_b) };
-    if let Some(time) = path.first_contact(world, earliest, distance) {
+    // Where the velocity of a carrier jumps, the grain leaves it, and is predicted again.
+    let no_jump = |_: i64| f64::INFINITY;
+    if let Some(time) = path.first_contact(world, earliest, distance, no_jump) {
         let count = world.particles[j as usize].count;
         earliest.offer(time, Target::new(SearchEvent::Collision(j)), count);
     }
@@ -74,13 +76,14 @@ pub(crate) fn predict_wall<F: Features>(
         scale: radius,
         period: carrying.motion.period().min(plane.motion.period()),
     };
-    if let Some(time) = path.first_contact(world, earliest, distance) {
+    let jump = |ticks: i64| plane.motion.time_to_jump((&world.clock, ticks));
+    if let Some(time) = path.first_contact(world, earliest, distance, jump) {
         earliest.offer(time, Target::new(SearchEvent::Wall(wall)), 0);
     }
     true
 }
 
-/// A path of bounded acceleration.
+/// A path whose acceleration is bounded between jumps of the velocity.
 struct Path {
     /// The later of the anchors \[ticks\].
     from: i64,
@@ -97,12 +100,14 @@ impl Path {
     /// event found so far, and for two periods at most, after which the particle is predicted again.
     ///
     /// The search starts anew at each multiple of the period after the anchors, so that its bits do not
-    /// depend on the time of the prediction.
+    /// depend on the time of the prediction, and at each jump of the velocity, to which `time_to_jump` is the
+    /// time from a tick \[time\].
     fn first_contact(
         &self,
         world: &World,
         earliest: &mut Earliest<SearchEvent>,
         distance: impl Fn(i64) -> (f64, f64),
+        time_to_jump: impl Fn(i64) -> f64,
     ) -> Option<i64> {
         let per_time = world.clock.per_time;
         let period = whole((self.period * per_time).min(HORIZON)).max(1);
@@ -110,14 +115,20 @@ impl Path {
         let again = start + 3 * period;
         let end = earliest.entry.time.min(again);
         // Also if that event is at the start itself: of simultaneous ones the lowest rank counts.
+        let mut anew = start + period;
         while start <= end {
-            let until = (end - start).min(period) + 1;
+            let jump = start.saturating_add(whole((time_to_jump(start) * per_time).min(HORIZON)) + 1);
+            let next = anew.min(jump);
+            let until = end.min(next) - start + 1;
             let at = |time: f64| distance(start + whole(time * per_time));
             let found = first_contact_bounded(at, self.bound, self.scale, until as f64 * world.clock.tick);
             if let Some(delay) = found {
                 return Some(start + whole(delay * per_time));
             }
-            start += period;
+            start = next;
+            if start == anew {
+                anew += period;
+            }
         }
         if end == again {
             earliest.offer(again, Target::NONE, 0);

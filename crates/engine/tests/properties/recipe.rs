@@ -342,6 +342,10 @@ impl Recipe {
             // A wedge can leave too little room for all.
             scatter_within_room(&mut scene, kind, count, 1.0, &mut random);
         }
+        // A hole is larger than every particle.
+        let largest = scene.classes.iter().map(|class| class.radius).fold(0.0, f64::max);
+        let holes = scene.walls.iter_mut().filter_map(|wall| wall.partition.as_mut()?.hole.as_mut());
+        holes.for_each(|hole| hole.radius = hole.radius.max(1.1 * largest));
         if self.light {
             let [radius, mass] = [random.uniform(0.1, 0.5), 10_f64.powf(random.uniform(-6.0, -1.0))];
             let kind = class(&mut scene, radius, mass);
