@@ -239,7 +239,8 @@ fn check_laws(
         matches!(drive.kind, DriveKind::WhiteNoise { kicks: KickTimes::Regular { .. }, .. }) && gravity > 0.0
     };
     let falls = if system.drives.iter().any(repeated) { 0.5 * kicks } else { 0.0 };
-    // So is the fall between two bounces on the same wall: with e = 1 the grain repeats them at equal intervals.
+    // So is the fall between two bounces on the same wall: with e = 1 the grain repeats them at equal
+    // intervals.
     let mut last_wall = vec![None; system.bodies.len()];
     let bounces = log.0.iter().filter(|event| {
         let wall = (event.kind == EventKind::Wall).then_some(event.j);
@@ -527,7 +528,8 @@ const REPLAYED: [Recipe; 2] = [
 #[test]
 fn scenes_with_former_errors_obey_conservation_laws() {
     let found = [
-        // A grain between walls in gravity, 30,000 equal bounces: each rounds the fall by the same part of an ulp.
+        // A grain between walls in gravity, 30,000 equal bounces: each rounds the fall by the same part of an
+        // ulp.
         Recipe {
             boundary: [1, 1, 2],
             particles: 6,
@@ -608,6 +610,36 @@ fn scenes_with_former_errors_obey_conservation_laws() {
             shear: 2,
             at_kick: true,
             seed: 9_477_682_465_989_997_108,
+            ..PLAIN
+        },
+        // The time of a row was an ulp before that of the row before it, in another epoch.
+        Recipe {
+            boundary: [1, 0, 0],
+            particles: 6,
+            species: 3,
+            restitution: 2,
+            ramp: 2,
+            fixed: true,
+            tc: true,
+            fast: true,
+            rest: true,
+            light: true,
+            wedge: true,
+            at_kick: true,
+            seed: 14_876_147_644_409_779_396,
+            ..PLAIN
+        },
+        // A box so large that the rounding of positions in it is beyond that of short flights.
+        Recipe {
+            flat: true,
+            particles: 150,
+            species: 3,
+            restitution: 5,
+            fixed: true,
+            tc: true,
+            far: true,
+            changed: true,
+            seed: 10_989_989_938_763_101_689,
             ..PLAIN
         },
         // An elastic gas with a contact duration: windows and lists kept no times of contacts.

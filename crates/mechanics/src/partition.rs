@@ -117,7 +117,8 @@ impl Partition {
             if distance(time).0 <= 2.0 * reach {
                 let fastest = speed + strength * step;
                 let bound = fastest * fastest / reach + strength;
-                if let Some(delay) = first_contact_bounded(|t| distance(time + t), bound, radius, step) {
+                if let Some(delay) = first_contact_bounded(|t| distance(time + t), bound, radius, step, step)
+                {
                     return Rim::Contact(time + delay);
                 }
             }

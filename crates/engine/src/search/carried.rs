@@ -40,9 +40,15 @@ pub(crate) fn predict_pair<F: Features>(
     };
     let path =
         Path { from, bound: (b - a).length() + (of_a + of_b), scale: sigma, period: period_a.min(period_b) };
-    // Where the velocity of a carrier jumps, the grain leaves it, and is predicted again.
-    let no_jump = |_: i64| f64::INFINITY;
-    if let Some(time) = path.first_contact(world, earliest, distance, no_jump) {
+    let jump = |ticks: i64| {
+        let of = |k: u32| {
+            world.carrier(k).map_or(f64::INFINITY, |wall| {
+                world.walls[wall as usize].motion.time_to_jump((&world.clock, ticks))
+            })
+        };
+        of(i).min(of(j))
+    };
+    if let Some(time) = path.first_contact(world, earliest, distance, jump) {
         let count = world.particles[j as usize].count;
         earliest.offer(time, Target::new(SearchEvent::Collision(j)), count);
     }
@@ -119,9 +125,9 @@ impl Path {
         while start <= end {
             let jump = start.saturating_add(whole((time_to_jump(start) * per_time).min(HORIZON)) + 1);
             let next = anew.min(jump);
-            let until = end.min(next) - start + 1;
+            let [until, stop] = [next, end.min(next)].map(|to| (to - start + 1) as f64 * world.clock.tick);
             let at = |time: f64| distance(start + whole(time * per_time));
-            let found = first_contact_bounded(at, self.bound, self.scale, until as f64 * world.clock.tick);
+            let found = first_contact_bounded(at, self.bound, self.scale, until, stop);
             if let Some(delay) = found {
                 return Some(start + whole(delay * per_time));
             }
