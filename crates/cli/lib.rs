@@ -1,4 +1,16 @@
-//! The `haff` command: event-driven hard spheres from a scene file to an H5MD file.
+//! The command `haff` as a function, for programs that add laws of their own to it.
+//!
+//! The whole program of the command is
+//!
+//! ```no_run
+//! fn main() -> std::process::ExitCode {
+//!     haff_cli::main_with(haff_cli::Plugins::new())
+//! }
+//! ```
+//!
+//! With [`Plugins`] that are not empty, scenes may name what they add: `haff run`, `check`, `sweep`, `bench`
+//! and `schema` know it, and resumed runs find it by the scene in the file. [`Plugins::law`] has an example
+//! of a law of contact; `examples/plugin` of the repository is a whole crate.
 
 #![warn(clippy::print_stdout, clippy::print_stderr)]
 
@@ -12,16 +24,24 @@ mod commands;
 
 use std::process::ExitCode;
 
+pub use haff_scene::{ContactLaw, NormalContact, Parameters, PluginError, Plugins};
+
 use arguments::Command;
 use commands::{bench, check, info, init, manual, run, sweep};
 use running::python;
-use terminal::{log, memory, output, signals};
+use terminal::{failure::Status, log, memory, output, signals};
 
 #[global_allocator]
 static ALLOCATOR: memory::ReportingAllocator = memory::ReportingAllocator;
 
-fn main() -> ExitCode {
+/// Runs the command with the arguments of the process, and with these plug-ins. Returns its exit status.
+#[must_use]
+pub fn main_with(plugins: Plugins) -> ExitCode {
     signals::handle_file_size_limit();
+    if let Err(error) = plugins.install() {
+        output::message(format_args!("error: plug-ins of this program: {error}"));
+        return ExitCode::from(Status::Invalid as u8);
+    }
     let arguments = arguments::parse();
     log::start(arguments.verbose);
     let result = match arguments.command {

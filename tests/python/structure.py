@@ -47,7 +47,8 @@ class Crate:
 
     def __init__(self, root: Path, main: str = "lib.rs") -> None:
         self.root, self.main = root, main
-        files = [path for path in root.rglob("*.rs") if path.name != "tests.rs" and "examples" not in path.parts]
+        outside = ("tests.rs", "build.rs", "bin", "examples")
+        files = [path for path in root.rglob("*.rs") if not {*path.relative_to(root).parts} & {*outside}]
         self.modules = {self._module(path): path for path in files}
         self.code = {path: code(path) for path in files}
         # A face defines nothing, and only hands names on.
@@ -111,7 +112,7 @@ class Crate:
 
 def crates() -> dict[str, Crate]:
     found = {path.parent.name: Crate(path) for path in sorted((ROOT / "crates").glob("*/src"))}
-    return found | {"cli": Crate(ROOT / "crates" / "cli", "main.rs")}
+    return found | {"cli": Crate(ROOT / "crates" / "cli")}
 
 
 def circles(names: Names) -> list[list[Path]]:

@@ -21,7 +21,8 @@ impl Restitution {
     /// The sums over all bounces that follow when a body leaves its support at the speed `u` \[length/time\]
     /// and a constant acceleration returns it.
     ///
-    /// `None` if they diverge: if contacts are elastic, or become so too fast. With `1 − e` ∝ v^p the speeds
+    /// `None` if they diverge, or may: if contacts are elastic, or become so too fast, or by a law of another
+    /// crate. With `1 − e` ∝ v^p the speeds
     /// fall as k^{−1/p}, and their sum is finite only for p < 1. The constant law has Σ vₖ = u/(1 − e).
     ///
     /// ```
@@ -43,6 +44,8 @@ impl Restitution {
             Self::Viscoelastic { .. } => (0.2, 0.6),
             Self::Cutoff { exponent, .. } => (exponent, 0.0),
             Self::Table(table) => return self.bounces_to_constant(u, table.first_speed()),
+            // Of a law of another crate the speeds need not fall.
+            Self::Law(_) => return None,
         };
         if p >= 1.0 {
             return None;

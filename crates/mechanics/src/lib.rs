@@ -8,6 +8,7 @@ simulator is based.
 | module | computes |
 |---|---|
 | [`restitution`] | the coefficient of restitution at an approach speed |
+| [`law`] | laws of contact that another crate adds |
 | [`mod@impact`] | the impulse of an impact, the velocities after it, and the energy loss |
 | [`contact`] | the contact time of two spheres in straight relative flight |
 | [`curved`] | their contact time under a relative acceleration (a fixed sphere in gravity) |
@@ -39,6 +40,7 @@ pub mod contact;
 pub mod curved;
 pub mod flight;
 pub mod impact;
+pub mod law;
 pub mod oscillation;
 pub mod partition;
 pub mod plane;
@@ -56,6 +58,7 @@ pub use impact::{
     Impact, StickingImpact, approach_speed, impact, reduced_mass, resolve_contact, resolve_pair,
     resolve_sticking, resolve_wall, work_of_moving_body,
 };
+pub use law::{ContactLaw, NamedLaw, NormalContact};
 pub use oscillation::{Oscillation, Waveform};
 pub use partition::{Hole, Partition};
 pub use plane::{time_to_face, time_to_plane};

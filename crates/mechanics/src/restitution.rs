@@ -4,6 +4,8 @@ use std::sync::Mutex;
 
 use thiserror::Error;
 
+use crate::law::{NamedLaw, NormalContact};
+
 /// A law for the coefficient of restitution, the ratio of the restitution to the compression impulse (2.11).
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Restitution {
@@ -26,6 +28,8 @@ pub enum Restitution {
     },
     /// Measured values.
     Table(&'static RestitutionTable),
+    /// A law of another crate, whose coefficient may be above 1.
+    Law(&'static NamedLaw),
 }
 
 /// Measured coefficients of restitution: linear between the approach speeds, constant beyond them.
@@ -112,7 +116,8 @@ const B4: f64 = 0.532_178;
 impl Restitution {
     /// The coefficient of restitution `e` ∈ [0, 1] at the approach speed `v_n` [length/time], (2.11), (2.12).
     ///
-    /// A negative approach speed counts as zero.
+    /// A negative approach speed counts as zero. A law of another crate is that of bodies with a reduced mass
+    /// and a reduced radius of 1; [`Self::coefficient_of`] is for others.
     ///
     /// ```
     /// use haff_mechanics::Restitution;
@@ -136,7 +141,20 @@ impl Restitution {
                 }
             }
             Self::Table(table) => table.coefficient(approach_speed),
+            Self::Law(_) => self.coefficient_of(approach_speed, || [1.0; 2]),
         }
+    }
+
+    /// The coefficient of restitution at an approach speed [length/time], of two bodies whose `reduced` mass
+    /// \[mass\] and radius \[length\] are computed if the law is of another crate.
+    #[inline(always)]
+    #[must_use]
+    pub fn coefficient_of(&self, approach_speed: f64, reduced: impl FnOnce() -> [f64; 2]) -> f64 {
+        if let Self::Law(law) = *self {
+            let [reduced_mass, reduced_radius] = reduced();
+            return law.coefficient(&NormalContact { approach_speed, reduced_mass, reduced_radius });
+        }
+        self.coefficient(approach_speed)
     }
 
     /// Whether contacts conserve kinetic energy at every approach speed: `e = 1`.
@@ -147,6 +165,7 @@ impl Restitution {
             Self::Viscoelastic { coefficient } => coefficient == 0.0,
             Self::Cutoff { restitution, .. } => restitution == 1.0,
             Self::Table(table) => table.values.iter().all(|&e| e == 1.0),
+            Self::Law(_) => false,
         }
     }
 
@@ -192,8 +211,8 @@ impl Restitution {
                 positive("speed", speed)?;
                 positive("exponent", exponent)
             }
-            // Checked when it was made.
-            Self::Table(_) => Ok(()),
+            // Checked when they were made.
+            Self::Table(_) | Self::Law(_) => Ok(()),
         }
     }
 }

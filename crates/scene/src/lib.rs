@@ -33,6 +33,8 @@
 
 mod source;
 
+mod plugins;
+
 pub mod config;
 
 mod model;
@@ -50,12 +52,14 @@ use std::path::Path;
 
 pub use assemble::CHANGEABLE;
 pub use config::{joints, schema::schema, templates::templates};
+pub use haff_mechanics::{ContactLaw, NormalContact};
 pub use model::{
     present::Present,
     scene::{OutputPlan, RunPlan, Scene, Schedule},
     state::{NoStates, State, StateSource},
 };
 pub use placement::import;
+pub use plugins::{Parameters, PluginError, Plugins};
 use source::weight;
 pub use source::{
     error::{ErrorKind, Place, SceneError, SceneErrors},

@@ -40,7 +40,13 @@ impl PairContact {
     /// The coefficient of restitution of this contact.
     #[inline(always)]
     pub fn coefficient<F: Features>(&self, world: &World, law: Restitution) -> f64 {
-        coefficient::<F>(world, law, self.approach_speed(), self.time, self.bodies, self.inverse_masses())
+        let [a, b] = self.classes;
+        let reduced = || {
+            let mass = haff_mechanics::reduced_mass(a.inverse_mass.recip(), b.inverse_mass.recip());
+            [mass, a.radius * b.radius / (a.radius + b.radius)]
+        };
+        let (speed, inverse) = (self.approach_speed(), self.inverse_masses());
+        coefficient::<F>(world, law, speed, self.time, self.bodies, inverse, reduced)
     }
 }
 
@@ -112,6 +118,7 @@ impl PairLaw for Settling {
 }
 
 /// The coefficient of restitution of a contact at `time`; 1 within the contact duration of the TC model.
+/// `reduced` are the reduced mass and radius, for laws of other crates.
 #[inline(always)]
 pub(crate) fn coefficient<F: Features>(
     world: &World,
@@ -120,6 +127,7 @@ pub(crate) fn coefficient<F: Features>(
     time: i64,
     bodies: [u32; 2],
     inverse_masses: [f64; 2],
+    reduced: impl FnOnce() -> [f64; 2],
 ) -> f64 {
     if F::ELASTIC {
         return 1.0;
@@ -128,7 +136,7 @@ pub(crate) fn coefficient<F: Features>(
     if world.tc > 0.0 && is_within_contact_duration(world, time, bodies, inverse_masses) {
         return 1.0;
     }
-    law.coefficient(speed)
+    law.coefficient_of(speed, reduced)
 }
 
 /// Whether one of two bodies had a contact within the contact duration of the TC model before `time`.

@@ -33,10 +33,12 @@ impl WallLaw {
 
     /// Whether bounces under gravity may form an infinite series, which is then completed in closed form.
     pub(crate) fn has_series(&self) -> bool {
+        // The speeds of bounces by a law of another crate need not fall.
+        let falls = |law: &Restitution| !law.is_elastic() && !matches!(law, Restitution::Law(_));
         match self {
-            Self::Restitution(law) => !law.is_elastic(),
+            Self::Restitution(law) => falls(law),
             // A thermal reflection would end the series.
-            Self::Thermal(wall) => wall.accommodation == 0.0 && !wall.restitution.is_elastic(),
+            Self::Thermal(wall) => wall.accommodation == 0.0 && falls(&wall.restitution),
         }
     }
 

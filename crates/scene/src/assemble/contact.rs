@@ -9,7 +9,8 @@ use super::Assembler;
 use super::domain::DomainPlan;
 use super::names::{MAX_GROUPS, Names, among, wall_indices};
 use super::values::{at, item, not_negative, positive};
-use crate::config::{ContactConfig, RestitutionConfig, RestitutionLaw, RestitutionModelConfig, WallConfig};
+use crate::config::{ContactConfig, RestitutionConfig, RestitutionModelConfig, WallConfig};
+use crate::plugins::{Fault, law_names, make_law};
 
 /// Walls are 16-bit numbers in the engine; a plane is tested by every particle near it.
 const MAX_WALLS: usize = 10_000;
@@ -303,6 +304,7 @@ impl Assembler<'_> {
             ("restitution", config.restitution.is_some()),
             ("speed", config.speed.is_some()),
             ("exponent", config.exponent.is_some()),
+            ("parameters", config.parameters.is_some()),
         ];
         let mut sound = true;
         for (key, _) in extra.into_iter().filter(|(_, given)| *given) {
@@ -347,20 +349,21 @@ impl Assembler<'_> {
         if model.speeds.is_some() || model.values.is_some() {
             return self.restitution_table(path, model);
         }
-        let Some(law) = model.model else {
+        let Some(name) = model.model.as_deref() else {
             let why = "missing: \"viscoelastic\" or \"cutoff\"; or give speeds and values";
             self.document.report_missing(&sub("model"), why);
             return None;
         };
-        let (needed, extra): (&[Key], &[Key]) = match law {
-            RestitutionLaw::Viscoelastic => (
+        let (needed, extra): (&[Key], &[Key]) = match name {
+            "viscoelastic" => (
                 &[("coefficient", model.coefficient)],
                 &[("restitution", model.restitution), ("speed", model.speed), ("exponent", model.exponent)],
             ),
-            RestitutionLaw::Cutoff => (
+            "cutoff" => (
                 &[("restitution", model.restitution), ("speed", model.speed)],
                 &[("coefficient", model.coefficient)],
             ),
+            _ => return self.added_law(path, name, model),
         };
         let mut sound = true;
         for (key, value) in needed {
@@ -375,16 +378,20 @@ impl Assembler<'_> {
                 sound = false;
             }
         }
+        if model.parameters.is_some() {
+            self.document.report(&sub("parameters"), "does not belong to this model");
+            sound = false;
+        }
         if !sound {
             return None;
         }
-        match law {
-            RestitutionLaw::Viscoelastic => {
+        match name {
+            "viscoelastic" => {
                 let coefficient = model.coefficient.unwrap_or(0.0);
                 not_negative(&mut self.document, &sub("coefficient"), coefficient)
                     .then_some(Restitution::Viscoelastic { coefficient })
             }
-            RestitutionLaw::Cutoff => {
+            _ => {
                 let restitution = model.restitution.unwrap_or(1.0);
                 let speed = model.speed.unwrap_or(1.0);
                 let exponent = model.exponent.unwrap_or(0.75);
@@ -395,6 +402,62 @@ impl Assembler<'_> {
                 sound &= positive(&mut self.document, &sub("speed"), speed);
                 sound &= positive(&mut self.document, &sub("exponent"), exponent);
                 sound.then_some(Restitution::Cutoff { restitution, speed, exponent })
+            }
+        }
+    }
+
+    /// The law of contact of another crate with this name, if there is one and its parameters are valid.
+    fn added_law(
+        &mut self,
+        path: &[String],
+        name: &str,
+        model: &RestitutionModelConfig,
+    ) -> Option<Restitution> {
+        let sub = |keys: &[&str]| {
+            let mut path = path.to_vec();
+            path.extend(keys.iter().map(|&key| key.to_owned()));
+            path
+        };
+        let given = model.parameters.clone().unwrap_or_default();
+        let Some(made) = make_law(name, &given) else {
+            let known: Vec<String> = law_names().into_iter().map(|name| format!("\"{name}\"")).collect();
+            self.document.report(&sub(&["model"]), format!("must be one of {}", known.join(", ")));
+            return None;
+        };
+        let extra = [
+            ("coefficient", model.coefficient.is_some()),
+            ("restitution", model.restitution.is_some()),
+            ("speed", model.speed.is_some()),
+            ("exponent", model.exponent.is_some()),
+        ];
+        let mut sound = true;
+        for (key, _) in extra.into_iter().filter(|(_, given)| *given) {
+            self.document
+                .report(&sub(&[key]), "does not belong to this model, whose parameters are in parameters");
+            sound = false;
+        }
+        if self.has_joints() {
+            let why = "does not work with pendulums, springs, rods or sticking contacts";
+            self.document.report(&sub(&["model"]), why);
+            sound = false;
+        }
+        if self.config.contact.as_ref().and_then(|contact| contact.rest_speed).is_some_and(|v| v > 0.0) {
+            let why = "does not work with contact.rest_speed: its contacts need not lose energy";
+            self.document.report(&sub(&["model"]), why);
+            sound = false;
+        }
+        match made {
+            Ok(law) => sound.then_some(Restitution::Law(law)),
+            Err(faults) => {
+                for Fault { key, is_missing, why } in faults {
+                    let at = sub(&["parameters", &key]);
+                    if is_missing {
+                        self.document.report_missing(&at, why);
+                    } else {
+                        self.document.report(&at, why);
+                    }
+                }
+                None
             }
         }
     }

@@ -4,14 +4,17 @@
 //! are written for users who write scenes. Missing, contradictory and out-of-range values are found in the
 //! module `assemble`, which collects and locates all errors; serde only checks types.
 
-use std::time::Duration;
+use std::{collections::BTreeMap, time::Duration};
 
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-use crate::config::{
-    joints::{PendulumConfig, RodConfig, SpringConfig},
-    whole::whole,
+use crate::{
+    config::{
+        joints::{PendulumConfig, RodConfig, SpringConfig},
+        whole::whole,
+    },
+    plugins::law_names,
 };
 
 /// A scene of haff: the system, the length of the run, and its output. Units are the user's own and
@@ -359,12 +362,17 @@ pub enum RestitutionConfig {
 }
 
 /// `{ model = "viscoelastic", coefficient = … }`, `{ model = "cutoff", restitution = …, speed = …, exponent =
-/// … }`, or a measured table `{ speeds = […], values = […] }`.
+/// … }`, a measured table `{ speeds = […], values = […] }`, or a law of another crate.
 #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct RestitutionModelConfig {
-    /// The law, if there is no table.
-    pub model: Option<RestitutionLaw>,
+    /// The law, if there is no table: `viscoelastic` (viscoelastic spheres, e = 1 − 1.15344 δ + …, δ =
+    /// coefficient · v^(1/5)), `cutoff` (constant above a speed, tending to 1 below), or one that the program
+    /// was built with.
+    #[schemars(schema_with = "names_of_laws")]
+    pub model: Option<String>,
+    /// Parameters of a law that the program was built with.
+    pub parameters: Option<BTreeMap<String, serde_json::Value>>,
     /// Table: increasing approach speeds [length/time].
     pub speeds: Option<Vec<f64>>,
     /// Table: the restitution at each of these speeds, in [0, 1]; linear between them, constant beyond.
@@ -383,14 +391,9 @@ pub struct RestitutionModelConfig {
     pub exponent: Option<f64>,
 }
 
-/// A law for the coefficient of restitution.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
-#[serde(rename_all = "snake_case")]
-pub enum RestitutionLaw {
-    /// Viscoelastic spheres: e = 1 − 1.15344 δ + …, δ = coefficient · v^(1/5).
-    Viscoelastic,
-    /// Constant above a speed, tending to 1 below.
-    Cutoff,
+/// The schema of the name of a law of restitution.
+fn names_of_laws(_: &mut schemars::SchemaGenerator) -> schemars::Schema {
+    schemars::json_schema!({ "type": "string", "enum": law_names() })
 }
 
 /// A plane wall; it fills the half-space behind it.

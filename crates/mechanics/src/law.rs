@@ -1,0 +1,115 @@
+/*!
+Laws of contact that another crate adds.
+*/
+
+use std::{fmt, sync::Mutex};
+
+/// What a law of contact is given of two bodies that touch.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct NormalContact {
+    /// Speed at which they approach along the line of centers, > 0 [length/time].
+    pub approach_speed: f64,
+    /// Reduced mass m₁m₂/(m₁ + m₂); the mass of the particle in a contact with a wall or a fixed body
+    /// \[mass\].
+    pub reduced_mass: f64,
+    /// Reduced radius R₁R₂/(R₁ + R₂); the radius of the particle in a contact with a wall \[length\].
+    pub reduced_radius: f64,
+}
+
+/// A law of contact of smooth bodies.
+///
+/// A smooth contact changes the velocities along its normal only, and conserves momentum. What is left to a
+/// law is one number: the speed at which the two bodies separate. It is e times the approach speed with a
+/// coefficient of restitution e, which a law may choose for every contact, and which may be above 1: then the
+/// contact gives energy to the bodies, and `energy_loss` is negative.
+///
+/// The result may depend on the contact alone: it is computed more than once, and on any thread.
+pub trait ContactLaw: fmt::Debug + Send + Sync {
+    /// Speed at which the two bodies separate, ≥ 0 [length/time]. A run ends with an error where it is not
+    /// finite; a negative speed counts as 0.
+    fn separation_speed(&self, contact: &NormalContact) -> f64;
+}
+
+/// A law of contact with the name and the parameters by which scenes have it.
+#[derive(Debug)]
+pub struct NamedLaw {
+    name: String,
+    parameters: String,
+    law: Box<dyn ContactLaw>,
+}
+
+/// Laws are equal if their names and parameters are.
+impl PartialEq for NamedLaw {
+    fn eq(&self, other: &Self) -> bool {
+        (&self.name, &self.parameters) == (&other.name, &other.parameters)
+    }
+}
+
+/// All laws of the process: laws are copied for every contact, so that they are never freed. Equal ones are
+/// kept once.
+static LAWS: Mutex<Vec<&'static NamedLaw>> = Mutex::new(Vec::new());
+
+impl NamedLaw {
+    /// The law with this name and these parameters, as text; `law` if it is new.
+    pub fn of(name: &str, parameters: &str, law: Box<dyn ContactLaw>) -> &'static Self {
+        let named = Self { name: name.to_owned(), parameters: parameters.to_owned(), law };
+        // A panic elsewhere cannot leave the list incomplete.
+        let mut laws = LAWS.lock().unwrap_or_else(std::sync::PoisonError::into_inner);
+        if let Some(known) = laws.iter().find(|known| ***known == named) {
+            return known;
+        }
+        let named: &'static Self = Box::leak(Box::new(named));
+        laws.push(named);
+        named
+    }
+
+    /// The name in scenes.
+    #[must_use]
+    pub fn name(&self) -> &str {
+        &self.name
+    }
+
+    /// The coefficient of restitution of a contact: the ratio of the speeds after and before it. Bodies that
+    /// do not approach, by rounding, are not pushed apart.
+    #[must_use]
+    pub fn coefficient(&self, contact: &NormalContact) -> f64 {
+        if contact.approach_speed > 0.0 {
+            // NaN stays NaN, and ends the run.
+            let speed = self.law.separation_speed(contact);
+            (if speed < 0.0 { 0.0 } else { speed }) / contact.approach_speed
+        } else {
+            0.0
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::Restitution;
+
+    #[derive(Debug)]
+    struct Add(f64);
+
+    impl ContactLaw for Add {
+        fn separation_speed(&self, contact: &NormalContact) -> f64 {
+            contact.approach_speed + self.0 * contact.reduced_mass / contact.reduced_radius
+        }
+    }
+
+    #[test]
+    fn the_coefficient_is_the_ratio_of_the_speeds_and_equal_laws_are_one() {
+        let law = NamedLaw::of("add", "speed = 3", Box::new(Add(3.0)));
+        assert!(std::ptr::eq(law, NamedLaw::of("add", "speed = 3", Box::new(Add(3.0)))));
+        assert!(law != NamedLaw::of("add", "speed = 4", Box::new(Add(4.0))));
+        let contact =
+            |approach_speed| NormalContact { approach_speed, reduced_mass: 0.5, reduced_radius: 0.25 };
+        assert_eq!(law.coefficient(&contact(2.0)), (2.0 + 6.0) / 2.0);
+        assert_eq!((law.coefficient(&contact(0.0)), law.coefficient(&contact(-1e-17))), (0.0, 0.0));
+        assert_eq!(NamedLaw::of("take", "", Box::new(Add(-9.0))).coefficient(&contact(2.0)), 0.0);
+        assert!(NamedLaw::of("nan", "", Box::new(Add(f64::NAN))).coefficient(&contact(2.0)).is_nan());
+        let law = Restitution::Law(law);
+        assert_eq!(law.coefficient_of(2.0, || [0.5, 0.25]), 4.0);
+        assert!(!law.is_elastic() && law.bounces(1.0).is_none() && law.check().is_ok());
+    }
+}
