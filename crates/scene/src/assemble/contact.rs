@@ -385,25 +385,21 @@ impl Assembler<'_> {
         if !sound {
             return None;
         }
-        match name {
-            "viscoelastic" => {
-                let coefficient = model.coefficient.unwrap_or(0.0);
-                not_negative(&mut self.document, &sub("coefficient"), coefficient)
-                    .then_some(Restitution::Viscoelastic { coefficient })
-            }
-            _ => {
-                let restitution = model.restitution.unwrap_or(1.0);
-                let speed = model.speed.unwrap_or(1.0);
-                let exponent = model.exponent.unwrap_or(0.75);
-                if !(0.0..=1.0).contains(&restitution) {
-                    self.document.report(&sub("restitution"), "must be in [0, 1]");
-                    sound = false;
-                }
-                sound &= positive(&mut self.document, &sub("speed"), speed);
-                sound &= positive(&mut self.document, &sub("exponent"), exponent);
-                sound.then_some(Restitution::Cutoff { restitution, speed, exponent })
-            }
+        if name == "viscoelastic" {
+            let coefficient = model.coefficient.unwrap_or(0.0);
+            return not_negative(&mut self.document, &sub("coefficient"), coefficient)
+                .then_some(Restitution::Viscoelastic { coefficient });
         }
+        let restitution = model.restitution.unwrap_or(1.0);
+        let speed = model.speed.unwrap_or(1.0);
+        let exponent = model.exponent.unwrap_or(0.75);
+        if !(0.0..=1.0).contains(&restitution) {
+            self.document.report(&sub("restitution"), "must be in [0, 1]");
+            sound = false;
+        }
+        sound &= positive(&mut self.document, &sub("speed"), speed);
+        sound &= positive(&mut self.document, &sub("exponent"), exponent);
+        sound.then_some(Restitution::Cutoff { restitution, speed, exponent })
     }
 
     /// The law of contact of another crate with this name, if there is one and its parameters are valid.

@@ -79,13 +79,11 @@ impl<'a> Parameters<'a> {
             self.faults.push(fault(true, "missing: this model needs it"));
             return instead;
         };
-        match value.as_f64().filter(|value| value.is_finite() && allows(*value)) {
-            Some(value) => value,
-            None => {
-                self.faults.push(fault(false, why));
-                instead
-            }
-        }
+        let value = value.as_f64().filter(|value| value.is_finite() && allows(*value));
+        value.unwrap_or_else(|| {
+            self.faults.push(fault(false, why));
+            instead
+        })
     }
 
     /// What is wrong, besides parameters that nothing has read.
