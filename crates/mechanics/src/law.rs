@@ -104,7 +104,7 @@ mod tests {
         assert!(law != NamedLaw::of("add", "speed = 4", Box::new(Add(4.0))));
         let contact =
             |approach_speed| NormalContact { approach_speed, reduced_mass: 0.5, reduced_radius: 0.25 };
-        assert_eq!(law.coefficient(&contact(2.0)), (2.0 + 6.0) / 2.0);
+        assert_eq!(law.coefficient(&contact(2.0)), 8.0 / 2.0);
         assert_eq!((law.coefficient(&contact(0.0)), law.coefficient(&contact(-1e-17))), (0.0, 0.0));
         assert_eq!(NamedLaw::of("take", "", Box::new(Add(-9.0))).coefficient(&contact(2.0)), 0.0);
         assert!(NamedLaw::of("nan", "", Box::new(Add(f64::NAN))).coefficient(&contact(2.0)).is_nan());

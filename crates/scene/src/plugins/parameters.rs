@@ -117,7 +117,8 @@ mod tests {
             Ok(())
         );
         let faults = ends(r#"{"e": 1.5, "v": "fast", "w": null, "x": 0}"#, |p| {
-            (p.fraction("e"), p.not_negative("v"), p.number("w"), p.positive("u"));
+            let read = [p.fraction("e"), p.not_negative("v"), p.number("w"), p.positive("u")];
+            assert_eq!(read, [0.0, 0.0, 0.0, 1.0]);
         });
         let expected = [
             "e: must be in [0, 1]",
