@@ -71,6 +71,8 @@ impl NamedLaw {
 
     /// The coefficient of restitution of a contact: the ratio of the speeds after and before it. Bodies that
     /// do not approach, by rounding, are not pushed apart.
+    // A call, so that the laws of haff have no instruction of it.
+    #[inline(never)]
     #[must_use]
     pub fn coefficient(&self, contact: &NormalContact) -> f64 {
         if contact.approach_speed > 0.0 {

@@ -130,6 +130,14 @@ impl Restitution {
     #[inline]
     #[must_use]
     pub fn coefficient(&self, approach_speed: f64) -> f64 {
+        self.coefficient_of(approach_speed, || [1.0; 2])
+    }
+
+    /// The coefficient of restitution at an approach speed [length/time], of two bodies whose `reduced` mass
+    /// \[mass\] and radius \[length\] are computed if the law is of another crate.
+    #[inline(always)]
+    #[must_use]
+    pub fn coefficient_of(&self, approach_speed: f64, reduced: impl FnOnce() -> [f64; 2]) -> f64 {
         match *self {
             Self::Constant(e) => e,
             Self::Viscoelastic { coefficient } => viscoelastic(coefficient, approach_speed.max(0.0)),
@@ -141,20 +149,11 @@ impl Restitution {
                 }
             }
             Self::Table(table) => table.coefficient(approach_speed),
-            Self::Law(_) => self.coefficient_of(approach_speed, || [1.0; 2]),
+            Self::Law(law) => {
+                let [reduced_mass, reduced_radius] = reduced();
+                law.coefficient(&NormalContact { approach_speed, reduced_mass, reduced_radius })
+            }
         }
-    }
-
-    /// The coefficient of restitution at an approach speed [length/time], of two bodies whose `reduced` mass
-    /// \[mass\] and radius \[length\] are computed if the law is of another crate.
-    #[inline(always)]
-    #[must_use]
-    pub fn coefficient_of(&self, approach_speed: f64, reduced: impl FnOnce() -> [f64; 2]) -> f64 {
-        if let Self::Law(law) = *self {
-            let [reduced_mass, reduced_radius] = reduced();
-            return law.coefficient(&NormalContact { approach_speed, reduced_mass, reduced_radius });
-        }
-        self.coefficient(approach_speed)
     }
 
     /// Whether contacts conserve kinetic energy at every approach speed: `e = 1`.

@@ -41,7 +41,7 @@ impl PairContact {
     #[inline(always)]
     pub fn coefficient<F: Features>(&self, world: &World, law: Restitution) -> f64 {
         let [a, b] = self.classes;
-        let reduced = || {
+        let reduced = move || {
             let mass = haff_mechanics::reduced_mass(a.inverse_mass.recip(), b.inverse_mass.recip());
             [mass, a.radius * b.radius / (a.radius + b.radius)]
         };

@@ -126,7 +126,8 @@ fn bounce<F: Features>(world: &World, contact: &WallContact, law: Restitution) -
     let &WallContact { i, wall, time, velocity, n, wall_velocity, .. } = contact;
     let class = world.class(i);
     let speed = haff_mechanics::approach_speed(velocity, wall_velocity, n);
-    let reduced = || [class.mass, class.radius];
+    let (mass, radius) = (class.mass, class.radius);
+    let reduced = move || [mass, radius];
     let e = coefficient::<F>(world, law, speed, time, [i, i], [class.inverse_mass; 2], reduced);
     let mut repeated = false;
     // Resolved as for two spheres, without assuming |n| = 1: the length of a tilted normal has a rounding
