@@ -85,7 +85,7 @@ def source_copy(folder: Path) -> Path:
     """A copy of what cargo needs, to leave features out of."""
     copy = folder / "source"
     copy.mkdir()
-    for name in ["Cargo.toml", "Cargo.lock", "build.rs", "rustfmt.toml"]:
+    for name in ["Cargo.toml", "Cargo.lock", "rustfmt.toml"]:
         shutil.copy(ROOT / name, copy)
     shutil.copytree(ROOT / "crates", copy / "crates")
     # The manifest names the benches.

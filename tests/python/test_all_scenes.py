@@ -30,10 +30,15 @@ SHORTER = 20
 """By how much runs of gases are shorter than in their scenes."""
 FULL = ("fcc_073",)
 """Scenes that need all their particles."""
+OF_PLUGINS = "of a law that another crate adds: examples/plugin/tests"
 ELSEWHERE = {
     ("engine.simd", "avx2"): "not every processor has these instructions, and files do not differ",
     ("output.file", "string"): "named by the command line here",
     ("species[].radius.table", "string"): "a file of sizes is read when the run starts",
+    ("contact.restitution.parameters", "object"): OF_PLUGINS,
+    ("contact.wall_restitution.parameters", "object"): OF_PLUGINS,
+    ("contact.pair[].restitution.parameters", "object"): OF_PLUGINS,
+    ("wall[].restitution.parameters", "object"): OF_PLUGINS,
 }
 """Forms that no scene of this test has, and why."""
 
