@@ -612,23 +612,6 @@ fn scenes_with_former_errors_obey_conservation_laws() {
             seed: 9_477_682_465_989_997_108,
             ..PLAIN
         },
-        // The time of a row was an ulp before that of the row before it, in another epoch.
-        Recipe {
-            boundary: [1, 0, 0],
-            particles: 6,
-            species: 3,
-            restitution: 2,
-            ramp: 2,
-            fixed: true,
-            tc: true,
-            fast: true,
-            rest: true,
-            light: true,
-            wedge: true,
-            at_kick: true,
-            seed: 14_876_147_644_409_779_396,
-            ..PLAIN
-        },
         // A box so large that the rounding of positions in it is beyond that of short flights.
         Recipe {
             flat: true,
