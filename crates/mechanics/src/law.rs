@@ -71,7 +71,7 @@ impl NamedLaw {
 
     /// The coefficient of restitution of a contact: the ratio of the speeds after and before it. Bodies that
     /// do not approach, by rounding, are not pushed apart.
-    // A call, so that the laws of haff have no instruction of it.
+    // A call, so that it is not compiled into every impact.
     #[inline(never)]
     #[must_use]
     pub fn coefficient(&self, contact: &NormalContact) -> f64 {

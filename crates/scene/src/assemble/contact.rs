@@ -15,6 +15,16 @@ use crate::plugins::{Fault, law_names, make_law};
 /// Walls are 16-bit numbers in the engine; a plane is tested by every particle near it.
 const MAX_WALLS: usize = 10_000;
 
+/// The numbers that the models of restitution of haff have, and whether they are given.
+fn numbers(config: &RestitutionModelConfig) -> [(&'static str, bool); 4] {
+    [
+        ("coefficient", config.coefficient.is_some()),
+        ("restitution", config.restitution.is_some()),
+        ("speed", config.speed.is_some()),
+        ("exponent", config.exponent.is_some()),
+    ]
+}
+
 /// A key of a table and its value.
 type Key = (&'static str, Option<f64>);
 
@@ -298,16 +308,9 @@ impl Assembler<'_> {
             path.push(key.to_owned());
             path
         };
-        let extra = [
-            ("model", config.model.is_some()),
-            ("coefficient", config.coefficient.is_some()),
-            ("restitution", config.restitution.is_some()),
-            ("speed", config.speed.is_some()),
-            ("exponent", config.exponent.is_some()),
-            ("parameters", config.parameters.is_some()),
-        ];
         let mut sound = true;
-        for (key, _) in extra.into_iter().filter(|(_, given)| *given) {
+        let names = [("model", config.model.is_some()), ("parameters", config.parameters.is_some())];
+        for (key, _) in numbers(config).into_iter().chain(names).filter(|(_, given)| *given) {
             self.document.report(&sub(key), "does not belong to a table of speeds and values");
             sound = false;
         }
@@ -350,7 +353,8 @@ impl Assembler<'_> {
             return self.restitution_table(path, model);
         }
         let Some(name) = model.model.as_deref() else {
-            let why = "missing: \"viscoelastic\" or \"cutoff\"; or give speeds and values";
+            let known: Vec<String> = law_names().into_iter().map(|name| format!("\"{name}\"")).collect();
+            let why = format!("missing: {}; or give speeds and values", known.join(" or "));
             self.document.report_missing(&sub("model"), why);
             return None;
         };
@@ -420,14 +424,8 @@ impl Assembler<'_> {
             self.document.report(&sub(&["model"]), format!("must be one of {}", known.join(", ")));
             return None;
         };
-        let extra = [
-            ("coefficient", model.coefficient.is_some()),
-            ("restitution", model.restitution.is_some()),
-            ("speed", model.speed.is_some()),
-            ("exponent", model.exponent.is_some()),
-        ];
         let mut sound = true;
-        for (key, _) in extra.into_iter().filter(|(_, given)| *given) {
+        for (key, _) in numbers(model).into_iter().filter(|(_, given)| *given) {
             self.document
                 .report(&sub(&[key]), "does not belong to this model, whose parameters are in parameters");
             sound = false;

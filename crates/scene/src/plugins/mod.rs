@@ -8,7 +8,7 @@ parameters of one entry of a scene, and collects what is wrong with them.
 section of scenes that may name one looks it up in `assemble/`, and lists the names in its schema
 (`config/keys.rs`).
 
-*May import* nothing but `haff_engine` and `haff_mechanics`.
+*May import* no other room; `haff_mechanics` has the laws.
 
 *Begin with* [`Plugins`], and `examples/plugin` of the repository.
 */

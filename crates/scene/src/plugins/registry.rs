@@ -103,3 +103,22 @@ pub(crate) fn make_law(name: &str, given: &Given) -> Option<Result<&'static Name
     let law = make(&mut parameters);
     Some(parameters.end().map(|()| NamedLaw::of(name, &format!("{given:?}"), law)))
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn names_that_are_taken_or_not_allowed_are_refused() {
+        let make: MakeLaw = |_| unreachable!("no scene names it");
+        for (names, expected) in [
+            (&["cutoff"][..], PluginError::Twice("cutoff")),
+            (&["delta", "gamma", "delta"], PluginError::Twice("delta")),
+            (&[""], PluginError::Name("")),
+            (&["delta model"], PluginError::Name("delta model")),
+        ] {
+            let plugins = names.iter().fold(Plugins::new(), |plugins, name| plugins.law(name, make));
+            assert_eq!(plugins.install(), Err(expected), "{names:?}");
+        }
+    }
+}
