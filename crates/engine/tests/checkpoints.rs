@@ -128,7 +128,7 @@ const REAL: [f64; 4] = [f64::NAN, f64::INFINITY, -1e300, 1e300];
 
 #[test]
 fn errors_name_the_impossible_value() {
-    let damages: [Damage; 42] = [
+    let damages: [Damage; 43] = [
         ("position[0] = DVec3(1e300", |c| c.position[0].x = 1e300),
         ("position[3] = DVec3(NaN", |c| c.position[3].x = f64::NAN),
         ("position[2][0] = 5.5 must be in [0, 5)", |c| c.position[2].x = 5.5),
@@ -166,6 +166,7 @@ fn errors_name_the_impossible_value() {
         ("clock.time", |c| *scalar(c, "clock.exponent") = 10),
         ("clock.base = NaN", |c| *scalar(c, "clock.base") = f64::NAN.to_bits()),
         ("clock.base = 3.0 must be in [0.0, 0.0]", |c| *scalar(c, "clock.base") = 3_f64.to_bits()),
+        ("clock.earliest = 2.0", |c| *scalar(c, "clock.earliest") = 2_f64.to_bits()),
         ("clock.base_low = 1e-10", |c| *scalar(c, "clock.base_low") = 1e-10_f64.to_bits()),
         ("clock.now = -1 must be in [0, ", |c| *scalar(c, "clock.now") = u64::MAX),
         ("clock.time = 1000000000.0 must be in", |c| *scalar(c, "clock.time") = 1e9_f64.to_bits()),

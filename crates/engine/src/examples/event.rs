@@ -29,7 +29,7 @@ impl PhysicalEvent for Capture {
         let energy = 0.5 * state.world.class(self.0).mass * velocity.length_squared();
         state.world.particles[self.0 as usize].set_anchor(position, DVec3::ZERO, time);
         // A plastic impact: Carnot's energy of the velocity lost equals the loss.
-        state.accumulators.add_losses(state.world.clock.time(time), energy, energy);
+        state.accumulators.add_losses(state.world.clock.shown(time), energy, energy);
         Ok(Vec::new())
     }
 

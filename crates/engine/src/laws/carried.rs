@@ -43,7 +43,7 @@ const FASTER: f64 = 4.0 * f64::EPSILON;
 fn add_carried(state: &mut State, i: u32, wall: u32, speed: f64, time: i64, sign: f64) {
     let State { world, accumulators, .. } = state;
     let (energy, momentum) = world.carried_energy(wall, world.class(i).mass, speed, time);
-    accumulators.add_energy(Term::WallWork, world.clock.time(time), sign * energy);
+    accumulators.add_energy(Term::WallWork, world.clock.shown(time), sign * energy);
     accumulators.add_impulse(sign * momentum);
     world.add_wall_impulse(wall, sign * momentum);
 }
@@ -133,7 +133,7 @@ pub(crate) fn start(state: &mut State, i: u32, wall: u32, law: Restitution, time
     particle.position -= n * gap;
     particle.velocity -= n * particle.velocity.dot(n);
     let energy = 0.5 * mass * u * u;
-    let now = world.clock.time(time);
+    let now = world.clock.shown(time);
     // The bounces end at the speed of the wall, whose work that is.
     state.accumulators.add_energy(Term::WallWork, now, -mass * u * speed);
     world.add_wall_impulse(wall, n * (-mass * u));
@@ -174,7 +174,7 @@ pub(crate) fn release<const EVENTS: bool>(
     if EVENTS {
         let world = &state.world;
         observer.event(&row(
-            world.clock.time(time),
+            world.clock.shown(time),
             EventKind::Lift,
             [i, wall],
             &Impact::default(),

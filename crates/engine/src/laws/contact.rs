@@ -78,7 +78,7 @@ pub(crate) fn check_penetration(
     if depth <= allowed_overlap(sigma, coordinates.max_element().max(length) + sigma + world.extent) {
         return Ok(());
     }
-    Err(EngineError::Overlap { time: world.clock.time(time), i, partner, depth: depth / sigma })
+    Err(EngineError::Overlap { time: world.clock.shown(time), i, partner, depth: depth / sigma })
 }
 
 /// Sets the anchor of particle i. Returns an error if the velocity is not finite.
@@ -106,7 +106,7 @@ fn velocity_error(world: &World, i: u32, velocity: DVec3, time: i64) -> EngineEr
     if velocity.is_finite() {
         EngineError::LongTick { speed: velocity.length() }
     } else {
-        EngineError::Overflow { time: world.clock.time(time), i, velocity: velocity.to_array() }
+        EngineError::Overflow { time: world.clock.shown(time), i, velocity: velocity.to_array() }
     }
 }
 

@@ -132,7 +132,7 @@ pub(crate) fn apply<F: Features, const EVENTS: bool>(
         world.particles[i as usize].set_recently_hit(true);
         world.particles[j as usize].set_recently_hit(true);
     }
-    let now = world.clock.time(time);
+    let now = world.clock.shown(time);
     if F::GRAVITY {
         keep_support(state, i, time);
         keep_support(state, j, time);

@@ -115,7 +115,7 @@ pub(crate) fn apply_pair<F: Features>(state: &mut State, bodies: [u32; 2], time:
             }
         }
     }
-    let now = world.clock.time(time);
+    let now = world.clock.shown(time);
     tangential.add_losses(accumulators, now);
     // The impulse on the first body is −P, on the second P.
     if classes[0].inverse_mass == 0.0 {
@@ -165,7 +165,7 @@ pub(crate) fn apply_wall<F: Features>(state: &mut State, event: (u32, u32, i64),
         return Tangential::default();
     };
     let (i, wall, time) = event;
-    let now = world.clock.time(time);
+    let now = world.clock.shown(time);
     world.set_spin(i, tangential.spins[0]);
     tangential.add_losses(accumulators, now);
     accumulators.add_impulse(-tangential.impulse);

@@ -195,7 +195,7 @@ pub(crate) fn end_of_bounces<const EVENTS: bool>(
     let Some(rest) = state.pending.remove(&i) else { return };
     let world = &state.world;
     let n = -world.walls[rest.wall as usize].normal;
-    let now = world.clock.time(time);
+    let now = world.clock.shown(time);
     state.accumulators.counters.rests += 1;
     state.accumulators.add_losses(now, rest.energy_loss, rest.carnot_energy);
     state.world.add_wall_heat(rest.wall, -rest.energy_loss);

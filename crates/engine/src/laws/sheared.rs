@@ -39,6 +39,6 @@ pub(crate) fn end_flights(state: &mut State, bodies: [u32; 2], r: DVec3, impulse
     }
     let Some(shear) = &state.world.shear else { return };
     let work = -shear.rate * r[shear.gradient] * impulse[shear.flow];
-    let now = state.world.clock.time(ticks);
+    let now = state.world.clock.shown(ticks);
     state.accumulators.add_energy(Term::ShearWork, now, work);
 }

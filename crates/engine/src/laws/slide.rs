@@ -59,7 +59,7 @@ impl World {
     fn change_friction(&mut self, i: u32, slide: &Slide, sign: f64, ticks: i64) {
         let force = slide.friction * (sign * self.class(i).mass);
         if force != DVec3::ZERO {
-            let time = self.clock.time(ticks);
+            let time = self.clock.shown(ticks);
             self.force.change(force, time);
             if let Some(sums) = &mut self.wall_sums {
                 sums.change_support([(slide.wall as u16, force)].into_iter(), 1.0, time);
@@ -211,7 +211,7 @@ fn record<const EVENTS: bool>(
     let world = &mut state.world;
     let mass = world.class(i).mass;
     let energy_loss = mass * slide.loss(&world.clock, time) + last.energy_loss;
-    let now = world.clock.time(time);
+    let now = world.clock.shown(time);
     state.accumulators.add_losses(now, energy_loss, last.carnot_energy);
     world.add_wall_heat(slide.wall, -energy_loss);
     if EVENTS && slide.slips() {

@@ -170,7 +170,7 @@ pub(crate) fn reflect<const EVENTS: bool>(
     flights::end(state, i, time);
     state.world.particles[i as usize].set_anchor(position, velocity, time);
     state.world.note_contact(i, time);
-    let now = state.world.clock.time(time);
+    let now = state.world.clock.shown(time);
     if let Some(spin) = spin {
         let energy = state.world.set_spin(i, spin);
         state.accumulators.add_rotation(term, energy);
@@ -229,7 +229,7 @@ fn apply_bounce<F: Features, const EVENTS: bool>(
         world.particles[i as usize].set_recently_hit(repeated);
     }
 
-    let now = world.clock.time(time);
+    let now = world.clock.shown(time);
     let accumulators = &mut state.accumulators;
     accumulators.counters.wall_collisions += 1;
     add_impact::<F>(accumulators, now, 0.0, &impact);

@@ -98,10 +98,28 @@ impl World {
 
     /// Moves the anchor of particle i along its flight to the present, which is no own event.
     pub fn move_anchor(&mut self, i: u32) {
-        let (position, velocity) = self.state(i, self.now);
+        let (mut position, mut velocity) = self.state(i, self.now);
+        for wall in self.support(i).into_iter().flatten().map(u32::from) {
+            // Equal flights are rounded in the same way: from epoch to epoch a grain at rest would be moved
+            // into its wall.
+            let radius = self.class(i).radius;
+            let (distance, _) = self.wall_approach(wall, radius, position, velocity, self.now);
+            position -= self.walls[wall as usize].normal * distance.min(0.0);
+        }
+        if let Some(wall) = self.carrier(i) {
+            // The anchor has the velocity along the wall.
+            let wall = &self.walls[wall as usize];
+            velocity -= wall.motion.velocity(wall.normal, (&self.clock, self.now));
+        }
+        let age = self.age(i, self.now);
         let particle = &mut self.particles[i as usize];
         (particle.position, particle.velocity, particle.time) = (position, velocity, self.now);
         self.wrap_anchor(i);
+        if let Some(shear) = &self.shear {
+            // A contact that is due now has been predicted for an image that has come this far.
+            let speeds = [velocity, self.particles[i as usize].velocity].map(|v| v[shear.flow].abs());
+            self.note_path((speeds[0].max(speeds[1]) + shear.speed.abs()) * age);
+        }
     }
 
     /// Wraps the anchor of particle i into the box. Returns the number of box lengths per axis.
@@ -130,10 +148,7 @@ impl World {
             }
             if let Some(shear) = &self.shear {
                 // Wraps along the flow are not the length of a flight.
-                let path = before[shear.flow].abs();
-                if path > 2.0 * self.periodicity.size[shear.flow] {
-                    self.longest_flight = self.longest_flight.max(path);
-                }
+                self.note_path(before[shear.flow].abs());
                 return wraps;
             }
             for (axis, turns) in wraps.into_iter().enumerate().filter(|(_, turns)| turns.abs() > 1) {

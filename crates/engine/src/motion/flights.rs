@@ -99,7 +99,7 @@ pub(crate) fn end(state: &mut State, i: u32, ticks: i64) {
 
 /// [`end`] for a flight of `duration` \[time\].
 #[inline(never)]
-pub(crate) fn end_after(state: &mut State, i: u32, duration: f64) {
+fn end_after(state: &mut State, i: u32, duration: f64) {
     shear_work::end_flight_after(state, i, duration);
     let State { world, accumulators, .. } = state;
     if world.flights != Summed::Nothing {

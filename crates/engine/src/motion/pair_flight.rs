@@ -4,7 +4,7 @@ use glam::DVec3;
 use haff_mechanics::{drift, free_flight, free_flight_velocity, is_rounding_noise, time_to_contact_unscaled};
 
 use crate::{
-    model::features::{Features, ShearedPolydisperse, With},
+    model::features::Features,
     numerics::clock::{LONGEST, whole},
     state::{particle::Particle, world::World},
 };
@@ -88,24 +88,4 @@ pub(crate) fn contact<F: Features>(world: &World, a: &Particle, b: &Particle) ->
     }
     let ticks = delay * world.clock.per_time;
     (ticks <= LONGEST).then(|| from + whole(ticks))
-}
-
-impl World {
-    /// Whether the prediction of two particles from their anchors has a contact before the present. Particles
-    /// that walls or others support, and fixed ones under gravity, are predicted in another way, which has
-    /// none.
-    pub fn has_past_contact(&self, i: u32, j: u32) -> bool {
-        let pair = [&self.particles[i as usize], &self.particles[j as usize]];
-        let falls = |k: u32| !self.particles[k as usize].rests() && self.class(k).inverse_mass != 0.0;
-        let contact = if self.shear.is_some() {
-            contact::<ShearedPolydisperse>(self, pair[0], pair[1])
-        } else if self.flies_straight() {
-            contact::<With<false, false>>(self, pair[0], pair[1])
-        } else if falls(i) && falls(j) {
-            contact::<With<true, false>>(self, pair[0], pair[1])
-        } else {
-            None
-        };
-        contact.is_some_and(|time| time < self.now)
-    }
 }

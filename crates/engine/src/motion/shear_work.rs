@@ -28,6 +28,13 @@ impl World {
         let [work] = total(self.particles.len(), |i| [self.flight_work(shear, i, self.age(i, self.now))]);
         work
     }
+
+    /// Notes the length of a path in a sheared box \[length\], if it is longer than two edges.
+    pub fn note_path(&mut self, path: f64) {
+        if self.shear.is_some_and(|shear| path > 2.0 * shear.length) {
+            self.longest_flight = self.longest_flight.max(path);
+        }
+    }
 }
 
 /// How far particle i and its images have come along the flow at `ticks` since its anchor \[length\]: the
@@ -41,9 +48,7 @@ pub(crate) fn path(world: &World, i: u32, ticks: i64) -> f64 {
 /// Notes the path of particle i in a flight that ends at `ticks`, if it is longer than two edges.
 pub(crate) fn note_path(world: &mut World, i: u32, ticks: i64) {
     let path = path(world, i, ticks);
-    if world.shear.is_some_and(|shear| path > 2.0 * shear.length) {
-        world.longest_flight = world.longest_flight.max(path);
-    }
+    world.note_path(path);
 }
 
 /// Adds the work of the shear on particle i in `duration` \[time\] from its anchor. It gets another one then.

@@ -68,7 +68,7 @@ impl World {
     /// Changes the total force of gravity and of supporting walls from `ticks` on.
     fn change_force(&mut self, change: DVec3, ticks: i64) {
         if change != DVec3::ZERO {
-            self.force.change(change, self.clock.time(ticks));
+            self.force.change(change, self.clock.shown(ticks));
         }
     }
 

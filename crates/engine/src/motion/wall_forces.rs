@@ -34,7 +34,7 @@ impl World {
         }
         let force = class.mass * (self.acceleration(i) - self.gravity);
         let shares = self.shares(self.support(i), force);
-        let time = self.clock.time(ticks);
+        let time = self.clock.shown(ticks);
         if let Some(sums) = &mut self.wall_sums {
             sums.change_support(shares.into_iter(), sign, time);
         }

@@ -65,23 +65,6 @@ impl World {
         Some(delay * self.clock.per_time)
     }
 
-    /// Whether the prediction of particle i from its anchor has a contact with a wall before the present.
-    ///
-    /// After an impact with e = 0 a grain and a wall have the same velocity, but for rounding. A new tick
-    /// changes the rounding, and a contact can appear at the time of an anchor that had none.
-    pub fn has_past_wall_contact(&self, i: u32) -> bool {
-        let anchor = self.particles[i as usize];
-        let class = *self.class(i);
-        if class.inverse_mass == 0.0 || anchor.rests() || anchor.time >= self.now {
-            return false;
-        }
-        let (acceleration, age) = (self.acceleration(i), (self.now - anchor.time) as f64);
-        let is_past = |wall: u32| {
-            self.wall_contact(&anchor, class.radius, acceleration, wall).is_some_and(|ticks| ticks < age)
-        };
-        (0..self.walls.len() as u32).any(is_past)
-    }
-
     /// Whether a wall is at rest, under gravity, and perpendicular to an axis. A contact with such a wall has
     /// a fixed coordinate: every bounce starts and ends at exactly the same height, and rounding changes no
     /// energy.

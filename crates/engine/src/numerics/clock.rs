@@ -8,21 +8,19 @@ times is a difference of integers, and is rounded only once, when it is converte
 
 Time is an integer: ticks of 2^k time units, so fine that the fastest particle's displacement in one is below
 the rounding of a coordinate. After 2^60 ticks an *epoch* ends: 2^60 is subtracted everywhere, which is
-exact; anchors older than 2^62 ticks are moved along their own flight; and if the system has become four
-times slower or faster, the tick is changed with it. An impact that would make a particle too fast for the
-tick (`World::is_resolved`) ends the epoch before it. All of that depends on the trajectory alone. Then the
-scheduler is rebuilt. The anchor's time is that of any own event; laws that depend on the last contact (`tc`,
-rest) have `contact_times`, data of their own.
+exact; anchors older than 2^62 ticks are moved along their flight to the present; and if the system has become
+four times slower or faster, the tick is changed with it, and all anchors are moved. An impact that would make
+a particle too fast for the tick (`World::is_resolved`) ends the epoch before it. All of that depends on the
+trajectory alone. Then the scheduler is rebuilt. The anchor's time is that of any own event; laws that depend
+on the last contact (`tc`, rest) have `contact_times`, data of their own.
 */
 
 use crate::numerics::instant::Instant;
 
 /// Length of an epoch [ticks]: about 64 times the time in which the fastest particle crosses the system.
 pub(crate) const EPOCH: i64 = 1 << 60;
-/// At the end of an epoch, older anchors than this are moved forward to the age [`ANCHOR_AGE`] [ticks].
+/// At the end of an epoch, older anchors than this are moved to the present \[ticks\].
 pub(crate) const OLDEST_ANCHOR: i64 = 1 << 62;
-/// Age of an anchor that has been moved forward [ticks].
-pub(crate) const ANCHOR_AGE: i64 = 1 << 61;
 /// An event later than this from now is not entered; the particle is predicted again at this time [ticks].
 pub(crate) const HORIZON: f64 = (1_u64 << 60) as f64;
 /// Longest duration from an anchor to an event \[ticks\]. It exceeds [`HORIZON`], because an anchor may be
@@ -43,6 +41,8 @@ pub(crate) struct Clock {
     /// Start of the epoch [time]; `base_low` is its rounding error.
     pub base: f64,
     pub base_low: f64,
+    /// The time that was shown last when the epoch started: none shown later is before it \[time\].
+    pub earliest: f64,
 }
 
 impl Clock {
@@ -55,6 +55,7 @@ impl Clock {
             per_time: power_of_two(-exponent),
             base: 0.0,
             base_low: 0.0,
+            earliest: 0.0,
         }
     }
 
@@ -72,9 +73,17 @@ impl Clock {
         start.after(upper as f64 * self.tick).after(lower as f64 * self.tick)
     }
 
-    /// Time at `ticks`.
+    /// Time at `ticks`, rounded. States of walls are computed with it, also at anchors before the epoch.
     pub fn time(&self, ticks: i64) -> f64 {
         self.base + (ticks as f64 * self.tick + self.base_low)
+    }
+
+    /// Time at `ticks` as it stands in rows of events, frames and sums: of two, the later is not shown as the
+    /// earlier one. [`Self::time`] rounds twice, and can be an ulp above the start of the next epoch; and a
+    /// contact at the start of an epoch can be predicted again a few ticks before it.
+    #[inline]
+    pub fn shown(&self, ticks: i64) -> f64 {
+        self.time(ticks).max(self.earliest)
     }
 
     /// The tick nearest to a time, limited to ±2^62.
@@ -85,6 +94,7 @@ impl Clock {
 
     /// Starts the next epoch at `now` \[ticks\], usually [`EPOCH`].
     pub fn start_epoch(&mut self, now: i64) {
+        self.earliest = self.shown(now);
         if now != EPOCH {
             let start = self.instant(now);
             (self.base, self.base_low) = (start.high, start.low);
@@ -100,7 +110,14 @@ impl Clock {
 
     /// The same clock with another length of a tick.
     pub fn with_exponent(&self, exponent: i32) -> Self {
-        Self { base: self.base, base_low: self.base_low, ..Self::new(exponent) }
+        Self { base: self.base, base_low: self.base_low, earliest: self.earliest, ..Self::new(exponent) }
+    }
+
+    /// A clock with another length of a tick, of which a new epoch starts at `now` \[ticks of this clock\].
+    pub fn restarted(&self, now: i64, exponent: i32) -> Self {
+        let start = self.instant(now);
+        let earliest = self.shown(now);
+        Self { base: start.high, base_low: start.low, earliest, ..Self::new(exponent) }
     }
 }
 
@@ -134,6 +151,29 @@ mod tests {
         assert_eq!(clock.time(0), 1000.0 * 1024.0);
         assert_eq!(clock.ticks(clock.time(12_345 << 30)), 12_345 << 30);
         assert_eq!(clock.base_low, 0.0);
+    }
+
+    #[test]
+    fn times_shown_do_not_go_back_when_an_epoch_starts() {
+        let mut random = haff_testing::Random(3);
+        let mut rounded_up = 0;
+        for _ in 0..100_000 {
+            let mut clock = Clock::new(-46);
+            clock.base = random.uniform(1.0, 3000.0);
+            clock.base_low = 0.5 * f64::EPSILON * random.uniform(-1.0, 1.0);
+            let now =
+                if random.index(4) == 0 { EPOCH } else { (random.uniform(0.0, 1.0) * EPOCH as f64) as i64 };
+            let mut next = clock;
+            next.start_epoch(now);
+            rounded_up += i32::from(next.time(0) < clock.time(now));
+            assert!(next.shown(0) >= clock.shown(now), "{clock:?}, {now}");
+            assert!(next.shown(-3) >= clock.shown(now), "{clock:?}, {now}");
+            assert!(next.shown(0) <= clock.time(now).max(next.time(0)), "{clock:?}, {now}");
+            let restarted = clock.restarted(now, -46);
+            assert_eq!(restarted.earliest, next.earliest);
+            assert!(now == EPOCH || restarted == next, "{clock:?}, {now}");
+        }
+        assert!(rounded_up > 100, "{rounded_up}");
     }
 
     #[test]

@@ -158,11 +158,10 @@ impl Simulation {
     ) -> Result<(), EngineError> {
         let time = self.time();
         let old = &self.state.world;
-        let instant = old.clock.instant(old.now);
         let mut world = World::new(&system, 0);
         let extent = world.extent(open_axes(&system));
-        world.clock = Clock::new(Clock::exponent_for(extent, world.largest_speed(extent)));
-        (world.clock.base, world.clock.base_low) = (instant.high, instant.low);
+        let exponent = Clock::exponent_for(extent, world.largest_speed(extent));
+        world.clock = old.clock.restarted(old.now, exponent);
         world.set_scale(extent, 0.0);
         world.longest_flight = old.longest_flight;
         for (new, &i) in survivors.iter().enumerate() {

@@ -75,6 +75,7 @@ impl Simulation {
         scalars.put("clock.exponent", i64::from(world.clock.exponent) as u64);
         scalars.real("clock.base", world.clock.base);
         scalars.real("clock.base_low", world.clock.base_low);
+        scalars.real("clock.earliest", world.clock.earliest);
         scalars.put("clock.now", world.now as u64);
         scalars.real("clock.time", self.time());
         scalars.real("clock.extent", world.extent);
@@ -202,6 +203,7 @@ impl Simulation {
         let mut world = World::new(&system, exponent);
         world.clock.base = scalars.real("clock.base");
         world.clock.base_low = scalars.real("clock.base_low");
+        world.clock.earliest = scalars.real("clock.earliest");
         world.now = scalars.take("clock.now") as i64;
         let time = scalars.real("clock.time");
         let (extent, fastest) = (scalars.real("clock.extent"), scalars.real("clock.fastest"));

@@ -21,7 +21,7 @@ use crate::{
     model::{Boundary, Dimension, NeighborChoice, Options, System, thresholds::Thresholds},
     motion::flights,
     numerics::{
-        clock::{ANCHOR_AGE, Clock, EPOCH, OLDEST_ANCHOR},
+        clock::{Clock, EPOCH, OLDEST_ANCHOR},
         error::EngineError,
     },
     report::{BlockCounts, Correlation, Counters, Frame, Observer, Sample, Silent, Stop, ledger::Ledger},
@@ -35,7 +35,6 @@ use crate::{
         State, accumulators::Accumulators, flight_sums::Summed, settling::SettlingState, stall::Stall,
         world::World,
     },
-    support::contacts::touching_pairs,
     support::{
         geometry::geometry,
         overlap::{self, Overlap},
@@ -48,8 +47,6 @@ pub(super) const MAX_PARTICLES: usize = (1 << 30) - 2;
 /// Largest number of walls.
 pub(super) const MAX_WALLS: usize = u16::MAX as usize;
 
-/// Pairs with a smaller gap may touch, but for rounding [largest contact distances].
-const TOUCHING_GAP: f64 = 1e-9;
 /// The tick is changed at the end of an epoch if the system's time scale has changed by 2 to this power.
 pub(super) const RETUNE_BITS: u32 = 2;
 
@@ -423,34 +420,14 @@ impl Simulation {
         let exponent = Clock::exponent_for(extent, world.largest_speed(extent).max(speed));
         let old = world.clock;
         let retune = exponent.abs_diff(old.exponent) >= RETUNE_BITS;
-        let mut moved = Vec::new();
         for i in 0..self.state.world.particles.len() as u32 {
-            let world = &mut self.state.world;
-            let age = now - world.particles[i as usize].time;
-            if !retune && age <= OLDEST_ANCHOR {
-                world.particles[i as usize].time -= now;
-                continue;
+            // An anchor that moves, moves to the present: a contact that is predicted from there is not in
+            // the past, however it is rounded.
+            if retune || now - self.state.world.particles[i as usize].time > OLDEST_ANCHOR {
+                flights::end(&mut self.state, i, now);
+                self.state.world.move_anchor(i);
             }
-            // The anchor moves along its own flight: to the first new tick at or after its old time, but at
-            // most `ANCHOR_AGE` before the present.
-            let clock = if retune { old.with_exponent(exponent) } else { old };
-            let ticks = (age as f64 * (old.tick / clock.tick)).min(ANCHOR_AGE as f64).floor();
-            let ahead = age as f64 * old.tick - ticks * clock.tick;
-            flights::end_after(&mut self.state, i, ahead);
-            let world = &mut self.state.world;
-            let a = world.acceleration(i);
-            let carried = world.carrier(i).map_or(DVec3::ZERO, |wall| {
-                let wall = &world.walls[wall as usize];
-                let start = old.instant(world.particles[i as usize].time);
-                wall.motion.displacement(wall.normal, start.after(ahead))
-                    - wall.motion.displacement(wall.normal, start)
-            });
-            let particle = &mut world.particles[i as usize];
-            particle.position = haff_mechanics::free_flight(particle.position, particle.velocity, a, ahead);
-            particle.velocity = haff_mechanics::free_flight_velocity(particle.velocity, a, ahead);
-            particle.position += carried;
-            particle.time = -(ticks as i64);
-            moved.push(i);
+            self.state.world.particles[i as usize].time -= now;
         }
         let slides = self.state.world.spin.iter_mut().flat_map(|spins| spins.end_epoch(&old, now));
         let due = self.state.pending.values_mut().map(|rest| &mut rest.end).chain(slides);
@@ -471,18 +448,12 @@ impl Simulation {
             times.start_epoch(now, &old, &world.clock);
         }
         world.now = 0;
-        for &i in &moved {
-            world.wrap_anchor(i);
-        }
-        if !moved.is_empty() {
-            self.end_past_contacts();
-        }
         self.state.stall = Stall::default();
         self.state.accumulators.counters.epochs += 1;
         let clock = &self.state.world.clock;
         tracing::info!(
             epoch = self.state.accumulators.counters.epochs,
-            time = clock.time(0),
+            time = clock.shown(0),
             tick = clock.tick,
             retune,
             "epoch"
@@ -490,28 +461,9 @@ impl Simulation {
         self.rebuild();
     }
 
-    /// Moves to the present the anchors of particles of which predictions have a contact before it.
-    ///
-    /// After an impact with e = 0 both bodies have the same velocity along the normal, but for rounding. A
-    /// new anchor or tick changes the rounding, and a contact can appear where there was none.
-    fn end_past_contacts(&mut self) {
-        let State { world, .. } = &self.state;
-        let mut past: Vec<u32> =
-            (0..world.particles.len() as u32).filter(|&i| world.has_past_wall_contact(i)).collect();
-        let gap = TOUCHING_GAP * self.geometry.reach;
-        let pairs = touching_pairs(world, &self.geometry, gap);
-        past.extend(pairs.into_iter().filter(|&[i, j]| world.has_past_contact(i, j)).flatten());
-        past.sort_unstable();
-        past.dedup();
-        for i in past {
-            flights::end(&mut self.state, i, 0);
-            self.state.world.move_anchor(i);
-        }
-    }
-
     /// Present simulated time [time].
     pub fn time(&self) -> f64 {
-        self.stop_time.unwrap_or_else(|| self.state.world.clock.time(self.state.world.now))
+        self.stop_time.unwrap_or_else(|| self.state.world.clock.shown(self.state.world.now))
     }
 
     /// Sets the requested time of the present.

@@ -78,8 +78,10 @@ pub(crate) fn clock(clock: &Clock, now: i64, time: f64, epochs: u64) -> Result<(
     // Each epoch adds at most half an ulp.
     let low = f64::EPSILON * clock.base * epochs as f64;
     within("clock.base_low", clock.base_low, -low, low)?;
+    let start = tolerance(clock, clock.base);
+    within("clock.earliest", clock.earliest, 0.0, clock.base + start)?;
     require((0..=EPOCH).contains(&now), || format!("clock.now = {now} must be in [0, {EPOCH}] ticks"))?;
-    let expected = clock.time(now);
+    let expected = clock.shown(now);
     let tolerance = tolerance(clock, time);
     within("clock.time", time, expected - tolerance, expected + tolerance)
 }

@@ -7,12 +7,14 @@ use haff_neighbors::Array;
 use crate::{
     model::{System, thresholds::Thresholds},
     numerics::{
-        clock::{ANCHOR_AGE, Clock},
+        clock::Clock,
         error::EngineError,
         words::{Words, fault},
     },
 };
 
+/// At the start of an epoch, an older contact gets this age \[ticks\].
+const OLDEST: i64 = 1 << 61;
 /// The time of a particle without contacts so far [ticks].
 const NEVER: i64 = i64::MIN;
 
@@ -85,7 +87,7 @@ impl ContactTimes {
         for time in self.0.iter_mut().filter(|time| **time != NEVER) {
             // Times since a contact do not change: they are rounded only if the tick does.
             *time = if from.exponent == to.exponent {
-                (*time - now).max(-ANCHOR_AGE)
+                (*time - now).max(-OLDEST)
             } else {
                 -in_ticks(now - *time, from, to)
             };
@@ -101,8 +103,8 @@ impl ContactTimes {
     pub fn load(&mut self, words: &mut Words, now: i64) -> Result<(), EngineError> {
         for time in self.0.iter_mut() {
             *time = words.integer()?;
-            if *time != NEVER && !(-ANCHOR_AGE..=now).contains(time) {
-                let what = format!("the time {time} of a contact must be in [{}, {now}] ticks", -ANCHOR_AGE);
+            if *time != NEVER && !(-OLDEST..=now).contains(time) {
+                let what = format!("the time {time} of a contact must be in [{}, {now}] ticks", -OLDEST);
                 return Err(fault(&what));
             }
         }
@@ -110,7 +112,7 @@ impl ContactTimes {
     }
 }
 
-/// A duration in ticks of `from` as one in ticks of `to`, not longer than [`ANCHOR_AGE`].
+/// A duration in ticks of `from` as one in ticks of `to`, not longer than [`OLDEST`].
 fn in_ticks(duration: i64, from: &Clock, to: &Clock) -> i64 {
-    (duration as f64 * (from.tick / to.tick)).min(ANCHOR_AGE as f64).floor() as i64
+    (duration as f64 * (from.tick / to.tick)).min(OLDEST as f64).floor() as i64
 }

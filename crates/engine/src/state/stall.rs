@@ -113,7 +113,7 @@ impl Stall {
         let walls: BTreeSet<u32> = self.walls.iter().copied().chain(supports).collect();
         let position = first + among / self.particles.len() as f64;
         EngineError::Collapse {
-            time: world.clock.time(time),
+            time: world.clock.shown(time),
             events: self.events,
             span: (time - self.since).max(0) as f64 * world.clock.tick,
             particles: self.particles.iter().copied().collect(),

@@ -7,7 +7,7 @@ use crate::{
     model::thresholds::Thresholds,
     motion::support::unbalanced_gravity,
     state::world::World,
-    support::grid::{Slabs, levels, visit_pairs, visit_pairs_across_sheared_faces, wrapped_position},
+    support::grid::{Slabs, levels, visit_pairs, wrapped_position},
 };
 
 /// A grain is supported if its contacts leave at most this fraction of gravity unbalanced.
@@ -92,31 +92,4 @@ pub(crate) fn find_contacts(
         list.sort_unstable();
     }
     contacts
-}
-
-/// All pairs of particles with a gap of at most `gap` \[length\] at the present, the lower index first, in
-/// ascending order.
-pub(crate) fn touching_pairs(world: &World, geometry: &Geometry, gap: f64) -> Vec<[u32; 2]> {
-    let mut pairs = Vec::new();
-    let mut test = |i: u32, j: u32| {
-        let reach = world.class(i).radius + world.class(j).radius + gap;
-        let r = wrapped_position(world, j) - wrapped_position(world, i);
-        if world.nearest_image(r, world.now).0.length_squared() <= reach * reach {
-            pairs.push([i.min(j), i.max(j)]);
-        }
-    };
-    let levels = levels(world, geometry, &(0..world.particles.len() as u32), gap, &Slabs::BOX);
-    for first in 0..levels.len() {
-        for cell in 0..levels[first].len() {
-            visit_pairs(world, &levels[first..], cell, |own, level, others| {
-                level.rows[others].iter().for_each(|&j| test(levels[first].rows[own], j));
-            });
-        }
-    }
-    if let Some(shear) = &world.shear {
-        visit_pairs_across_sheared_faces(world, shear, geometry.reach + gap, &mut test);
-    }
-    pairs.sort_unstable();
-    pairs.dedup();
-    pairs
 }

@@ -33,7 +33,7 @@ pub const REPLAYED: [Recipe; 2] = [
 ];
 
 /// All others.
-pub const FORMER: [Recipe; 40] = [
+pub const FORMER: [Recipe; 45] = [
     // A grain between walls in gravity, 30,000 equal bounces: each rounds the fall by the same part of an
     // ulp.
     Recipe {
@@ -540,6 +540,77 @@ pub const FORMER: [Recipe; 40] = [
         ramp: 4,
         light: true,
         seed: 13_227_874_816_066_278_759,
+        ..PLAIN
+    },
+    // The time of a row was an ulp before that of the row before, where an epoch of the clock starts.
+    Recipe {
+        boundary: [1, 0, 0],
+        particles: 6,
+        species: 3,
+        restitution: 2,
+        ramp: 2,
+        fixed: true,
+        tc: true,
+        fast: true,
+        rest: true,
+        light: true,
+        wedge: true,
+        at_kick: true,
+        seed: 14_876_147_644_409_779_396,
+        ..PLAIN
+    },
+    Recipe {
+        boundary: [1, 0, 0],
+        particles: 9,
+        species: 3,
+        restitution: 2,
+        gravity: true,
+        ramp: 2,
+        tc: true,
+        wedge: true,
+        at_kick: true,
+        seed: 14_096_998_324_159_663_319,
+        ..PLAIN
+    },
+    // The same: a contact at the start of the epoch was predicted again a few ticks before it.
+    Recipe {
+        particles: 12,
+        species: 2,
+        restitution: 2,
+        fixed: true,
+        fast: true,
+        corner: true,
+        seed: 941_525_937_578_705_560,
+        ..PLAIN
+    },
+    // In a strongly sheared box, a new tick moved anchors whose images had come millions of lengths: the
+    // bound of the overlap at the next contact counted from the new anchors.
+    Recipe {
+        particles: 17,
+        species: 2,
+        restitution: 5,
+        tc: true,
+        fast: true,
+        speeds: true,
+        far: true,
+        light: true,
+        rough: 1,
+        shear: 2,
+        seed: 5_556_621_419_330_972_740,
+        ..PLAIN
+    },
+    // A grain between the floor and a huge body hops 110,000 times, until the collapse is reported.
+    Recipe {
+        boundary: [1, 1, 0],
+        particles: 50,
+        species: 2,
+        restitution: 5,
+        gravity: true,
+        ramp: 2,
+        long: true,
+        huge: true,
+        at_kick: true,
+        seed: 10_977_374_311_273_764_609,
         ..PLAIN
     },
 ];

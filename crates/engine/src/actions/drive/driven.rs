@@ -43,7 +43,7 @@ pub(super) fn kick(
     } else {
         series::end_of_bounces_early::<false>(state, i, now, observer);
     }
-    let time = state.world.clock.time(now);
+    let time = state.world.clock.shown(now);
     if !velocity.is_finite() {
         return Err(EngineError::Overflow { time, i, velocity: velocity.to_array() });
     }

@@ -88,7 +88,7 @@ impl IntervalNoise {
     /// Between two kicks the velocities must not relax: kicks much rarer than collisions are not white noise.
     fn warn_if_rare(&self, state: &State) {
         let flights = state.accumulators.counters.ended_flights();
-        let time = state.world.clock.time(state.world.now);
+        let time = state.world.clock.shown(state.world.now);
         let mean_free_time = state.world.movable as f64 * time / flights as f64;
         if self.times.done == COMPARED_AFTER && self.times.interval > mean_free_time {
             tracing::warn!(

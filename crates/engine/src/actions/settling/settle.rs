@@ -45,7 +45,7 @@ pub(crate) fn record_loss(
     observer: &mut dyn Observer,
 ) {
     let State { world, accumulators, .. } = state;
-    accumulators.add_energy(Term::Rest, world.clock.time(world.now), energy);
+    accumulators.add_energy(Term::Rest, world.clock.shown(world.now), energy);
     accumulators.add_elastic_impact(0.0, carnot_energy);
     accumulators.add_impulse(-momentum);
     accumulators.counters.rests += 1;
@@ -59,7 +59,7 @@ pub(crate) fn record_loss(
         });
         let down = world.gravity.normalize_or_zero();
         observer.event(&EventRecord {
-            time: world.clock.time(world.now),
+            time: world.clock.shown(world.now),
             kind: EventKind::Rest,
             i,
             j: wall.map_or(NO_PARTNER, |wall| wall as u32),
