@@ -1,4 +1,4 @@
-//! The command `haff` as a function, for programs that add laws of their own to it.
+//! The command `haff` as a function, for programs that add laws, drives and probes of their own to it.
 //!
 //! The whole program of the command is
 //!
@@ -9,8 +9,16 @@
 //! ```
 //!
 //! With [`Plugins`] that are not empty, scenes may name what they add: `haff run`, `check`, `sweep`, `bench`
-//! and `schema` know it, and resumed runs find it by the scene in the file. [`Plugins::law`] has an example
-//! of a law of contact; `examples/plugin` of the repository is a whole crate.
+//! and `schema` know it, and resumed runs find it by the scene in the file.
+//!
+//! | to add | implement | add it by | in scenes |
+//! |---|---|---|---|
+//! | a law of contact | [`ContactLaw`] | [`Plugins::law`] | `restitution = { model = "name", parameters = { … } }` |
+//! | a surface | [`Surface`] | [`Plugins::surface`] | `[[wall]]`, `surface = "name"`, `parameters = { … }` |
+//! | a drive | [`Action`] | [`Plugins::drive`] | `[[drive]]`, `kind = "name"`, `parameters = { … }` |
+//! | a measurement | [`Probe`] | [`Plugins::probe`] | `[[measure.probes]]`, `kind = "name"`, `parameters = { … }` |
+//!
+//! `examples/plugin` of the repository is a whole crate with one of each.
 
 #![warn(clippy::print_stdout, clippy::print_stderr)]
 
@@ -24,7 +32,10 @@ mod commands;
 
 use std::process::ExitCode;
 
-pub use haff_scene::{ContactLaw, NormalContact, Parameters, PluginError, Plugins};
+pub use haff_scene::{
+    Action, Column, ContactLaw, DVec3, DrivenParticles, Exchange, NormalContact, Parameters, Particles,
+    Partner, PluginError, Plugins, Probe, Surface, VelocityChange,
+};
 
 use arguments::Command;
 use commands::{bench, check, info, init, manual, run, sweep};

@@ -124,6 +124,21 @@ def samples(file: File) -> dict[str, Array]:
     return columns
 
 
+def of_probes(file: File) -> list[tuple[str, str, list[str]]]:
+    """Columns of probes of other crates, in their order: name, unit and names in :func:`samples`."""
+    stored, found = file.stored, []
+    if "observables" not in file:
+        return []
+    for name in names(file):
+        place = f"observables/{name}"
+        first, unit = stored.attribute(place, "probe"), stored.attribute(place, "unit")
+        if isinstance(first, int | np.integer):
+            shape = columns(file)[2][name].width
+            parts = [f"{name}_{component(c, shape[0])}" for c in range(shape[0])] if shape else [name]
+            found.append((int(first), name, unit if isinstance(unit, str) else "1", parts))
+    return [(name, unit, parts) for _, name, unit, parts in sorted(found)]
+
+
 def table(file: File) -> pd.DataFrame:
     """One row per sample, one column per component; see :attr:`haff.File.observables`."""
     import pandas as pd

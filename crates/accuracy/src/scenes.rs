@@ -22,7 +22,7 @@ pub fn empty(size: DVec3, boundary: [Boundary; 3], restitution: f64, wall_restit
                 point,
                 normal,
                 motion: WallMotion::Fixed,
-                partition: None,
+                shape: None,
             };
             walls.push(wall('-', DVec3::ZERO, unit));
             walls.push(wall('+', unit * size, -unit));
@@ -51,13 +51,7 @@ pub fn empty(size: DVec3, boundary: [Boundary; 3], restitution: f64, wall_restit
 
 /// Adds a plane wall at rest; its unit normal points to the inside.
 pub fn add_wall(system: &mut System, name: &str, point: DVec3, normal: DVec3, restitution: f64) {
-    system.walls.push(Wall {
-        name: name.to_owned(),
-        point,
-        normal,
-        motion: WallMotion::Fixed,
-        partition: None,
-    });
+    system.walls.push(Wall { name: name.to_owned(), point, normal, motion: WallMotion::Fixed, shape: None });
     system.contacts.wall.push((Restitution::Constant(restitution)).into());
 }
 

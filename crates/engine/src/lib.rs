@@ -3,6 +3,20 @@
 //! A [`System`], validated by the caller, becomes a [`Simulation`]. It advances from event to event and
 //! passes each event to an [`Observer`]. The engine does not depend on the formats of scene files and output
 //! files.
+//!
+//! # As a library
+//!
+//! | to | begin with |
+//! |---|---|
+//! | describe a system | [`System`]; `haff_scene::parse` makes one of the text of a scene, with all checks |
+//! | run it | [`Simulation::new`], [`Simulation::advance`] to a bound of [`Until`] |
+//! | look at it | [`Simulation::frame`], [`Simulation::sample`], [`Simulation::ledger`]; each event by an [`Observer`] |
+//! | change it on the way | [`Simulation::change`] |
+//! | save and resume it | [`Simulation::checkpoint`], [`Simulation::restore`]; `haff_record` writes files |
+//! | add a law of contact, a surface, a drive or a measurement | `ContactLaw` and [`model::Surface`] of `haff_mechanics`, [`Action`], [`Probe`] |
+//! | the whole command with what you add | `haff_cli::main_with` |
+//!
+//! Equal systems give equal bits, whatever the search, the number of threads and the machine.
 
 mod numerics;
 
@@ -32,10 +46,11 @@ mod examples;
 extern crate self as haff_engine; // tests/common builds its systems with the public interface
 
 pub use model::{
-    Body, Boundary, Class, ConstantVelocity, Contacts, Correlations, Dimension, Domain, Drive, DriveKind,
-    Grid, GridAxis, Group, Hole, KickTimes, Measure, NeighborChoice, Options, Oscillating, Partition, Shear,
-    SimdChoice, Spin, System, ThermalWall, Wall, WallLaw, WallMotion, WallTime, bounds, common_velocity,
-    conserved_momentum, rest_speed_of_diameter,
+    Action, Body, Boundary, Class, Column, ConstantVelocity, Contacts, Correlations, Dimension, Domain,
+    Drive, DriveKind, DrivenParticles, Grid, GridAxis, Group, Hole, KickTimes, Measure, NamedAction,
+    NamedProbe, NeighborChoice, Options, Oscillating, Particles, Partition, Probe, Shape, Shear, SimdChoice,
+    Spin, System, ThermalWall, Wall, WallLaw, WallMotion, WallTime, bounds, common_velocity,
+    conserved_momentum, named_action, rest_speed_of_diameter,
 };
 pub use numerics::{EngineError, Fault, Instant, ScalarReader, ScalarWriter, Sum, significant};
 pub use report::{

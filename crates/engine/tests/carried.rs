@@ -41,7 +41,7 @@ fn plate(motion: WallMotion, e: f64, height: f64, velocity: DVec3) -> System {
         point: DVec3::ZERO,
         normal: DVec3::Z,
         motion,
-        partition: None,
+        shape: None,
     });
     scene.contacts.wall.push(Restitution::Constant(e).into());
     set_restitution(&mut scene, e);

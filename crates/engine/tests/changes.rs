@@ -7,7 +7,8 @@ use common::{Log, Random, add, class, gas, scatter_within_room, set_restitution,
 use glam::DVec3;
 use haff_engine::{
     Boundary, Change, Dimension, Drive, DriveKind, EngineError, EventKind, Hole, KickTimes, NeighborChoice,
-    NewParticle, Options, Oscillating, Partition, Silent, Simulation, System, Term, Until, Wall, WallMotion,
+    NewParticle, Options, Oscillating, Partition, Shape, Silent, Simulation, System, Term, Until, Wall,
+    WallMotion,
 };
 use haff_mechanics::{Oscillation, Waveform};
 
@@ -251,8 +252,9 @@ fn particles_that_no_scene_can_have_are_not_added() {
     let grain = class(&mut parted, 0.1, 1.0);
     add(&mut parted, grain, DVec3::splat(2.0), DVec3::ZERO);
     let (point, normal) = (DVec3::splat(4.0), DVec3::X);
-    let partition = Some(Partition { point, normal, hole: Some(Hole { center: point, radius: 0.4 }) });
-    parted.walls.push(Wall { name: "sieve".to_owned(), point, normal, motion: WallMotion::Fixed, partition });
+    let hole = Some(Hole { center: point, radius: 0.4 });
+    let shape = Some(Shape::Partition(Partition { point, normal, hole }));
+    parted.walls.push(Wall { name: "sieve".to_owned(), point, normal, motion: WallMotion::Fixed, shape });
     let law = parted.contacts.wall[0];
     parted.contacts.wall.push(law);
     let large = NewParticle { radius: 0.4, ..new(DVec3::new(2.0, 2.0, 6.0), DVec3::ZERO) };

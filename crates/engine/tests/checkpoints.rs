@@ -20,7 +20,7 @@ fn heap() -> System {
         point: DVec3::ZERO,
         normal: DVec3::new(0.0, 0.6, 0.8),
         motion: haff_engine::WallMotion::Fixed,
-        partition: None,
+        shape: None,
     });
     scene.contacts.wall.push((Restitution::Constant(1.0)).into());
     set_restitution(&mut scene, 0.4);
@@ -104,7 +104,7 @@ fn grains_in_a_corner_of_the_last_of_many_walls_stay_there() {
             point,
             normal,
             motion: haff_engine::WallMotion::Fixed,
-            partition: None,
+            shape: None,
         });
     }
     scene.contacts.wall = vec![(Restitution::Constant(0.0)).into(); scene.walls.len()];

@@ -157,6 +157,7 @@ fn the_contact_duration_counts_from_the_last_contact_whatever_else_happens_to_a_
                     DriveKind::Rescale { temperature, interval: tc / 3.0 }
                 }
                 DriveKind::Andersen { temperature, .. } => DriveKind::Andersen { temperature, rate: 50.0 },
+                DriveKind::Named(_) => kind,
             })
             .map(|kind| Drive { kind, species: vec![0] })
             .into_iter()

@@ -65,7 +65,7 @@ fn energy_error_of_equal_bounces_is_a_random_walk() {
             point: DVec3::ZERO,
             normal,
             motion: (normal * 1e-2).into(),
-            partition: None,
+            shape: None,
         });
         scene.contacts.wall.push((Restitution::Constant(0.3)).into());
         scene.contacts.tc = 1e-4;
@@ -190,7 +190,7 @@ fn wedge() -> System {
         point,
         normal,
         motion: (normal * 0.24).into(),
-        partition: None,
+        shape: None,
     });
     scene.contacts.wall = vec![(Restitution::Constant(0.3)).into(); scene.walls.len()];
     scene

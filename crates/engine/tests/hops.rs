@@ -8,8 +8,8 @@ use std::f64::consts::TAU;
 use common::{add, check_independence, class, set_restitution, system};
 use glam::DVec3;
 use haff_engine::{
-    Boundary, Dimension, Hole, Options, Oscillating, Partition, Silent, Simulation, System, Until, Wall,
-    WallMotion,
+    Boundary, Dimension, Hole, Options, Oscillating, Partition, Shape, Silent, Simulation, System, Until,
+    Wall, WallMotion,
 };
 use haff_mechanics::{Oscillation, Restitution, Waveform};
 
@@ -38,7 +38,7 @@ fn above_a_fixed_disk(e: f64, place: DVec3) -> System {
 }
 
 fn wall(name: &str, point: DVec3, normal: DVec3, motion: WallMotion) -> Wall {
-    Wall { name: name.into(), point, normal, motion, partition: None }
+    Wall { name: name.into(), point, normal, motion, shape: None }
 }
 
 fn events(simulation: &Simulation) -> u64 {
@@ -156,7 +156,7 @@ fn bounces_on_walls_of_constant_velocity_and_on_partitions_end() {
     add(&mut scene, disk, DVec3::new(2.0, 6.0, 0.0), DVec3::ZERO);
     let hole = Some(Hole { center: DVec3::new(6.0, 4.0, 0.0), radius: 1.0 });
     let mut plate = wall("plate", DVec3::new(0.0, 4.0, 0.0), DVec3::Y, WallMotion::Fixed);
-    plate.partition = Some(Partition { point: plate.point, normal: plate.normal, hole });
+    plate.shape = Some(Shape::Partition(Partition { point: plate.point, normal: plate.normal, hole }));
     scene.walls.push(plate);
     scene.contacts.wall = vec![Restitution::Constant(0.5).into(); 5];
     let simulation = check_independence(&scene, &[2.0, 20.0]);

@@ -22,7 +22,7 @@ fn bouncing_ball(height: f64, radius: f64, gravity: f64, e: f64) -> System {
         point: DVec3::ZERO,
         normal: DVec3::Z,
         motion: haff_engine::WallMotion::Fixed,
-        partition: None,
+        shape: None,
     });
     scene.contacts.wall.push((Restitution::Constant(e)).into());
     let ball = class(&mut scene, radius, 2.0);
@@ -151,7 +151,7 @@ fn a_ball_slides_down_a_tilted_plane_without_friction() {
         point: DVec3::ZERO,
         normal,
         motion: haff_engine::WallMotion::Fixed,
-        partition: None,
+        shape: None,
     });
     scene.contacts.wall.push((Restitution::Constant(0.5)).into());
     let ball = class(&mut scene, 0.5, 1.0);
@@ -229,7 +229,7 @@ fn work_of_moving_walls_and_driven_bodies_equals_the_energy_change() {
         point: DVec3::new(1.0, 0.0, 0.0),
         normal: DVec3::X,
         motion: DVec3::new(0.2, 0.0, 0.0).into(),
-        partition: None,
+        shape: None,
     });
     scene.contacts.wall.push((Restitution::Constant(1.0)).into());
     set_restitution(&mut scene, 0.95);
@@ -392,7 +392,7 @@ fn endless_bounces_do_not_penetrate() {
                     point: DVec3::ZERO,
                     normal,
                     motion: velocity.into(),
-                    partition: None,
+                    shape: None,
                 });
                 scene.contacts.wall.push((Restitution::Constant(1.0)).into());
             }
@@ -443,7 +443,7 @@ fn a_ball_at_rest_on_a_tilted_plane_stays_on_it() {
             point: DVec3::ZERO,
             normal,
             motion: haff_engine::WallMotion::Fixed,
-            partition: None,
+            shape: None,
         });
         scene.contacts.wall.push((Restitution::Constant(0.5)).into());
         let ball = class(&mut scene, 0.5, 1.0);

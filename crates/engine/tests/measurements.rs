@@ -47,6 +47,7 @@ fn measured_gas(packing_fraction: f64, e: f64) -> System {
             grid(&system, &[(0, 1)], 0.5, 4),
         ],
         correlations: correlate(0.03),
+        probes: Vec::new(),
     };
     system
 }

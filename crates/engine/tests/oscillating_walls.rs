@@ -62,7 +62,7 @@ fn ball(e: f64, gamma: f64, height: f64, speed: f64, cycles: f64) -> System {
         point: DVec3::ZERO,
         normal: DVec3::Z,
         motion: oscillating(Waveform::Sine, gamma / (TAU * TAU), 1.0, cycles),
-        partition: None,
+        shape: None,
     });
     scene.contacts.wall.push(haff_mechanics::Restitution::Constant(e).into());
     scene.domain.gravity = -DVec3::Z;

@@ -11,8 +11,9 @@ use common::{Random, add, class, gas, scatter, set_restitution, system};
 use glam::DVec3;
 use haff_engine::{
     Boundary, Change, Correlations, Dimension, Drive, DriveKind, EventRecord, Exchange, Frame, Hole,
-    KickTimes, Measure, NeighborChoice, Observer, Options, Oscillating, Partition, Partner, Sample, Shear,
-    Silent, Simulation, Spin, System, ThermalWall, Until, Wall, WallLaw, WallMotion, conserved_momentum,
+    KickTimes, Measure, NeighborChoice, Observer, Options, Oscillating, Partition, Partner, Sample, Shape,
+    Shear, Silent, Simulation, Spin, System, ThermalWall, Until, Wall, WallLaw, WallMotion,
+    conserved_momentum,
 };
 use haff_mechanics::{Oscillation, Restitution, Roughness, Waveform};
 
@@ -298,8 +299,8 @@ fn set_pairs(scene: &mut System, e: f64) {
 }
 
 fn add_wall(scene: &mut System, name: &str, point: DVec3, normal: DVec3, law: impl Into<WallLaw>) {
-    let partition = None;
-    scene.walls.push(Wall { name: name.into(), point, normal, motion: WallMotion::Fixed, partition });
+    let wall = Wall { name: name.into(), point, normal, motion: WallMotion::Fixed, shape: None };
+    scene.walls.push(wall);
     // One contact group.
     scene.contacts.wall.push(law.into());
 }
@@ -349,10 +350,10 @@ fn with_walls_that_are_not_those_of_the_box() {
     partition.bodies.retain(|body| body.position.y > 0.7 && body.position.y < 6.3);
     let (point, normal) = (DVec3::ZERO, DVec3::Y);
     add_wall(&mut partition, "two sides", point, normal, elastic);
-    partition.walls[0].partition = Some(Partition { point, normal, hole: None });
+    partition.walls[0].shape = Some(Shape::Partition(Partition { point, normal, hole: None }));
     Case::new("partition", partition.clone(), [true, false, true]).check();
     let hole = Hole { center: DVec3::new(3.0, 0.0, 4.0), radius: 1.5 };
-    partition.walls[0].partition = Some(Partition { point, normal, hole: Some(hole) });
+    partition.walls[0].shape = Some(Shape::Partition(Partition { point, normal, hole: Some(hole) }));
     Case::new("partition with a hole", partition, [false; 3]).check();
 
     let mut thermal = moving(Dimension::Three, [PERIODIC, PERIODIC, WALLS], 0.9, 27);

@@ -217,7 +217,7 @@ fn check_laws(
         .filter(|event| event.kind == EventKind::Wall)
         .map(|event| {
             let (wall, body) = (&system.walls[event.j as usize], event.i as usize);
-            let level = wall.normal.abs().max_element() == 1.0 && wall.partition.is_none();
+            let level = wall.normal.abs().max_element() == 1.0 && wall.shape.is_none();
             if level && !wall.motion.is_moving() {
                 return 0.0;
             }
@@ -233,6 +233,7 @@ fn check_laws(
             | DriveKind::WhiteNoise { kicks: KickTimes::Regular { interval }, .. } => frame.time / interval,
             DriveKind::Andersen { rate, .. }
             | DriveKind::WhiteNoise { kicks: KickTimes::Poisson { rate }, .. } => frame.time * rate,
+            DriveKind::Named(_) => 0.0,
         })
         .sum();
     let kicked: f64 =

@@ -239,7 +239,7 @@ fn a_piston_pushes_grains_at_rest() {
         point: DVec3::new(-2.0, 0.0, 0.0),
         normal: DVec3::X,
         motion: (push).into(),
-        partition: None,
+        shape: None,
     });
     scene.contacts.wall.push((Restitution::Constant(0.5)).into());
     let mut simulation = start(&scene, NeighborChoice::Auto);
@@ -268,7 +268,7 @@ fn bounces_on_a_moving_floor_are_bounded_in_number() {
                 point,
                 normal: DVec3::Z,
                 motion: velocity.into(),
-                partition: None,
+                shape: None,
             });
             scene.contacts.wall.push((Restitution::Constant(e)).into());
             let v = 0.05;

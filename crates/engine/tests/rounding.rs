@@ -17,7 +17,7 @@ fn billiard(ratio: f64) -> System {
         point: DVec3::ZERO,
         normal: DVec3::X,
         motion: WallMotion::Fixed,
-        partition: None,
+        shape: None,
     });
     scene.contacts.wall = vec![haff_mechanics::Restitution::Constant(1.0).into()];
     let (light, heavy) = (class(&mut scene, 0.5, 1.0), class(&mut scene, 0.5, ratio));

@@ -155,7 +155,7 @@ fn trajectory_of_random_scenes_is_independent_of_search() {
                 point: size * 0.2,
                 normal: normal.normalize(),
                 motion: velocity.into(),
-                partition: None,
+                shape: None,
             });
             scene.contacts.wall.push((scene.contacts.pair[0]).into());
         }
@@ -254,7 +254,7 @@ fn lists_miss_no_contact_with_walls_and_fixed_bodies() {
                 point,
                 normal,
                 motion: DVec3::ZERO.into(),
-                partition: None,
+                shape: None,
             });
             let laws =
                 inclined.contacts.wall.chunks(6).flat_map(|laws| [laws, &laws[..1]].concat()).collect();

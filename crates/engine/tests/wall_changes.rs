@@ -23,7 +23,7 @@ fn oscillating(waveform: Waveform, amplitude: f64, frequency: f64, cycles: f64) 
 }
 
 fn wall(point: DVec3, normal: DVec3, motion: WallMotion) -> Wall {
-    Wall { name: "wall".into(), point, normal, motion, partition: None }
+    Wall { name: "wall".into(), point, normal, motion, shape: None }
 }
 
 /// Position along the normal.

@@ -380,6 +380,7 @@ impl Simulation {
             stress: None,
             wall_force: Vec::new(),
             wall_heat_flow: Vec::new(),
+            probes: Vec::new(),
             step: collisions + world.accumulators.counters.wall_collisions,
             ledger,
             temperature,

@@ -2,7 +2,9 @@
 Laws of contact that another crate adds.
 */
 
-use std::{fmt, sync::Mutex};
+use std::fmt;
+
+use crate::named::{Named, NamedOnce};
 
 /// What a law of contact is given of two bodies that touch.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -31,42 +33,14 @@ pub trait ContactLaw: fmt::Debug + Send + Sync {
 }
 
 /// A law of contact with the name and the parameters by which scenes have it.
-#[derive(Debug)]
-pub struct NamedLaw {
-    name: String,
-    parameters: String,
-    law: Box<dyn ContactLaw>,
-}
+pub type NamedLaw = Named<dyn ContactLaw>;
 
-/// Laws are equal if their names and parameters are.
-impl PartialEq for NamedLaw {
-    fn eq(&self, other: &Self) -> bool {
-        (&self.name, &self.parameters) == (&other.name, &other.parameters)
-    }
-}
-
-/// All laws of the process: laws are copied for every contact, so that they are never freed. Equal ones are
-/// kept once.
-static LAWS: Mutex<Vec<&'static NamedLaw>> = Mutex::new(Vec::new());
+static LAWS: NamedOnce<dyn ContactLaw> = NamedOnce::new();
 
 impl NamedLaw {
     /// The law with this name and these parameters, as text; `law` if it is new.
     pub fn of(name: &str, parameters: &str, law: Box<dyn ContactLaw>) -> &'static Self {
-        let named = Self { name: name.to_owned(), parameters: parameters.to_owned(), law };
-        // A panic elsewhere cannot leave the list incomplete.
-        let mut laws = LAWS.lock().unwrap_or_else(std::sync::PoisonError::into_inner);
-        if let Some(known) = laws.iter().find(|known| ***known == named) {
-            return known;
-        }
-        let named: &'static Self = Box::leak(Box::new(named));
-        laws.push(named);
-        named
-    }
-
-    /// The name in scenes.
-    #[must_use]
-    pub fn name(&self) -> &str {
-        &self.name
+        LAWS.of(name, parameters, law)
     }
 
     /// The coefficient of restitution of a contact: the ratio of the speeds after and before it. Bodies that
@@ -77,7 +51,7 @@ impl NamedLaw {
     pub fn coefficient(&self, contact: &NormalContact) -> f64 {
         if contact.approach_speed > 0.0 {
             // NaN stays NaN, and ends the run.
-            let speed = self.law.separation_speed(contact);
+            let speed = self.get().separation_speed(contact);
             (if speed < 0.0 { 0.0 } else { speed }) / contact.approach_speed
         } else {
             0.0

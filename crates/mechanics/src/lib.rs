@@ -17,6 +17,8 @@ simulator is based.
 | [`bounces`] | the sums over an infinite series of bounces |
 | [`rough`] | the tangential part of the impact of rough spheres |
 | [`flight`] | the state of a body after a given time |
+| [`surface`] | surfaces that another crate adds, and the times at which spheres touch them |
+| [`named`] | what another crate adds, with its name in scenes |
 
 # Sign conventions
 
@@ -41,6 +43,7 @@ pub mod curved;
 pub mod flight;
 pub mod impact;
 pub mod law;
+pub mod named;
 pub mod oscillation;
 pub mod partition;
 pub mod plane;
@@ -48,6 +51,7 @@ pub mod restitution;
 mod roots;
 pub mod rough;
 mod scale;
+pub mod surface;
 
 pub use bounces::Bounces;
 pub use bounded::first_contact_bounded;
@@ -59,11 +63,13 @@ pub use impact::{
     resolve_sticking, resolve_wall, work_of_moving_body,
 };
 pub use law::{ContactLaw, NamedLaw, NormalContact};
+pub use named::{Named, NamedOnce};
 pub use oscillation::{Oscillation, Waveform};
 pub use partition::{Hole, Partition};
 pub use plane::{time_to_face, time_to_plane};
 pub use restitution::{Restitution, RestitutionError, RestitutionTable};
 pub use rough::{RoughBody, Roughness, RoughnessError, TangentialImpact, slip_velocity, tangential_impact};
+pub use surface::{NamedSurface, Shape, Surface};
 
 /// The README's examples are tests.
 #[cfg(doctest)]

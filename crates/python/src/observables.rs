@@ -10,13 +10,13 @@ use crate::arrays::column;
 pub fn sample<'py>(
     py: Python<'py>,
     sample: &Sample,
-    present: Present,
+    present: &Present,
     sizes: Sizes,
 ) -> PyResult<Bound<'py, PyDict>> {
     let row = PyDict::new(py);
     row.set_item("time", sample.time)?;
     row.set_item("step", sample.step)?;
-    for Observable { name, quantity, .. } in observables(&present) {
+    for Observable { name, quantity, .. } in observables(present) {
         if let Quantity::Count(value) = quantity {
             row.set_item(name, value(sample))?;
             continue;

@@ -335,9 +335,9 @@ impl Simulation {
 
     fn sample<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
         let (sample, changed) = self.read(py, |moving| (moving.simulation.sample(), moving.changed))?;
-        let mut present = self.described.lock().present;
+        let mut present = self.described.lock().present.clone();
         present.terms[Term::Change as usize] = changed;
-        observables::sample(py, &sample, present, self.sizes)
+        observables::sample(py, &sample, &present, self.sizes)
     }
 
     fn counters<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {

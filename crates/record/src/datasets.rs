@@ -42,7 +42,7 @@ pub(crate) struct Trajectory {
 }
 
 impl Trajectory {
-    fn create(all: &Group, particles: usize, present: Present, compressed: bool) -> hdf5::Result<Self> {
+    fn create(all: &Group, particles: usize, present: &Present, compressed: bool) -> hdf5::Result<Self> {
         let storage = frame_storage(particles, compressed);
         let width = [particles, 3];
         // Lengths, or under shear the vectors, one a row.
@@ -132,6 +132,34 @@ impl Trajectory {
 }
 
 /// The observables.
+/// Attribute of an observable that is a column of a probe: the index of its first number in
+/// [`Sample::probes`](haff_engine::Sample::probes).
+const PROBE: &str = "probe";
+
+/// The columns of probes in a file, in the order of their numbers.
+fn probe_columns(group: &Group) -> hdf5::Result<Vec<(Series, Quantity)>> {
+    let mut columns = Vec::new();
+    for name in group.member_names()? {
+        let element = group.group(&name)?;
+        let Ok(attribute) = element.attr(PROBE) else { continue };
+        let first = attribute.read_scalar::<u64>()? as usize;
+        let values = Series::open(group, &format!("{name}/value"))?;
+        let components = values.width();
+        columns.push((first, components, values));
+    }
+    columns.sort_by_key(|&(first, ..)| first);
+    // Without gaps, so that a damaged file cannot ask for numbers that no probe has.
+    let mut end = 0;
+    for &(first, components, _) in &columns {
+        if first != end || components == 0 {
+            return Err(format!("the columns of probes have a gap: {first} after {end}").into());
+        }
+        end += components;
+    }
+    let series = |(first, components, values)| (values, Quantity::Probe { first, components });
+    Ok(columns.into_iter().map(series).collect())
+}
+
 #[derive(Debug)]
 pub(crate) struct Observables {
     pub series: Vec<(Series, Quantity)>,
@@ -146,8 +174,11 @@ impl Observables {
         let mut series = Vec::new();
         for observable in observables(&header.present) {
             let Observable { name, unit, quantity, .. } = observable;
-            let element = group.create_group(name)?;
-            write_text_attribute(&element, "unit", unit)?;
+            let element = group.create_group(&name)?;
+            write_text_attribute(&element, "unit", &unit)?;
+            if let Quantity::Probe { first, .. } = quantity {
+                element.new_attr::<u64>().create(PROBE)?.write_scalar(&(first as u64))?;
+            }
             if let Quantity::Term(term) = quantity {
                 write_text_attribute(&element, "label", term.label())?;
                 element.new_attr::<f64>().create("balance")?.write_scalar(&term.sign())?;
@@ -178,15 +209,16 @@ impl Observables {
         let mut series = Vec::new();
         let mut clock = None;
         for Observable { name, quantity, .. } in observables(&Present::all()) {
-            if group.link_exists(name) {
+            if group.link_exists(&name) {
                 let width = quantity.shape(sizes);
                 let values = Series::open(&group, &format!("{name}/value"))?.expect(&width)?;
                 series.push((values, quantity));
                 clock.get_or_insert(name);
             }
         }
+        series.extend(probe_columns(&group)?);
         let Some(first) = clock else { return Err("no observables".into()) };
-        Ok(Self { series, clock: Clock::open(&group.group(first)?)?, sizes })
+        Ok(Self { series, clock: Clock::open(&group.group(&first)?)?, sizes })
     }
 
     /// Number of complete samples.
@@ -247,7 +279,7 @@ impl Datasets {
             write_array(&all, "inertia", &header.inertia)?;
         }
         let trajectory = if header.frames {
-            Some(Trajectory::create(&all, particles, header.present, header.compressed)?)
+            Some(Trajectory::create(&all, particles, &header.present, header.compressed)?)
         } else {
             write_array(&box_group, "edges", &header.box_size.to_array())?;
             None

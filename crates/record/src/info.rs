@@ -3,7 +3,7 @@
 use std::path::Path;
 
 use glam::DVec3;
-use haff_engine::{Checkpoint, Counters, Ledger, Sample, Sizes, StressTensor, Term};
+use haff_engine::{Checkpoint, Counters, Ledger, Quantity, Sample, Sizes, StressTensor, Term};
 use hdf5::{Dataset, Group, H5Type, types::VarLenUnicode};
 
 use crate::{
@@ -380,6 +380,10 @@ fn read_sample(file: &Group, observables: &Observables, row: usize) -> hdf5::Res
             terms[term as usize] = real(term.name())?;
         }
     }
+    let mut probes = Vec::new();
+    for (series, _) in observables.series.iter().filter(|(_, q)| matches!(q, Quantity::Probe { .. })) {
+        probes.extend(series.read::<f64>(row, row + 1)?);
+    }
     let dimension = observables.sizes.dimension;
     let tensor = |name: &str| -> hdf5::Result<Option<[f64; 9]>> {
         let found = read(name)?;
@@ -415,6 +419,7 @@ fn read_sample(file: &Group, observables: &Observables, row: usize) -> hdf5::Res
         },
         wall_force: vectors(&read("wall_force")?),
         wall_heat_flow: read("wall_heat_flow")?,
+        probes,
         momentum: vector("momentum")?.unwrap_or(DVec3::NAN),
         external_impulse: vector("external_impulse")?.unwrap_or(DVec3::NAN),
         angular_momentum: vector("angular_momentum")?,

@@ -148,6 +148,13 @@ fn check(path: &std::path::Path, particles: usize, frames: u64, samples: u64, ev
         expected.iter().flat_map(|s| &s.wall_force).flat_map(glam::DVec3::to_array).collect();
     assert_eq!(shape(&file, "observables/wall_force/value"), [samples as usize, 2, 3]);
     assert!(column::<f64>(&file, "observables/wall_force/value") == forces, "forces on walls differ");
+    let probes = |range: std::ops::Range<usize>| -> Vec<f64> {
+        expected.iter().flat_map(|s| s.probes[range.clone()].to_vec()).collect()
+    };
+    assert_eq!(shape(&file, "observables/swirl/value"), [samples as usize, 2]);
+    assert_eq!(shape(&file, "observables/flux/value"), [samples as usize]);
+    assert_eq!(column::<f64>(&file, "observables/swirl/value"), probes(0..2));
+    assert_eq!(column::<f64>(&file, "observables/flux/value"), probes(2..3));
     let d = column::<u32>(&file, "parameters/dimension")[0] as usize;
     assert_eq!(shape(&file, "observables/pressure_tensor/value"), [samples as usize, d, d]);
     check_measured(&file, samples);

@@ -52,7 +52,9 @@ use std::path::Path;
 
 pub use assemble::CHANGEABLE;
 pub use config::{joints, schema::schema, templates::templates};
-pub use haff_mechanics::{ContactLaw, NormalContact};
+pub use glam::DVec3;
+pub use haff_engine::{Action, Column, DrivenParticles, Exchange, Particles, Partner, Probe, VelocityChange};
+pub use haff_mechanics::{ContactLaw, NormalContact, Surface};
 pub use model::{
     present::Present,
     scene::{OutputPlan, RunPlan, Scene, Schedule},

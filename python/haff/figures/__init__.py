@@ -60,6 +60,7 @@ KINDS: dict[str, Kind] = {
     "shear": Kind(
         _from("shear"), "sheared runs: temperature, viscosity, normal stresses and velocities against theory"
     ),
+    "probes": Kind(_from("probes"), "columns of the probes of a program that adds some, against time"),
     "snapshot": Kind(_from("snapshot"), "picture of a frame"),
     "losses": Kind(_from("losses"), "histogram of the energy lost per event"),
     "closed_form": Kind(_from("closed_form"), "few bodies: heights, angles, compression or velocities against theory"),

@@ -6,7 +6,8 @@ one file for each drive, [`settling`] the scans.
 
 *What to change here.* A new drive: its data in `model/drive.rs`, and a file in `drive/` that implements
 [`timed::TimedAction`] (copy `rescale.rs`), with its arm in `drive/actions.rs`. An action that is no drive is
-added in `actions` of `simulation/run.rs`.
+added in `actions` of `simulation/run.rs`. A drive of another crate implements
+[`Action`](crate::model::Action), and needs no edit here: `drive/action.rs` calls it.
 
 *May import* all rooms below: `numerics` to `laws`.
 

@@ -43,7 +43,7 @@ fn two_spheres() -> Simulation {
             point: DVec3::ZERO,
             normal: DVec3::Z,
             motion: WallMotion::Fixed,
-            partition: None,
+            shape: None,
         }],
         contacts: Contacts {
             pair: vec![Restitution::Constant(0.5)],

@@ -33,7 +33,7 @@ pub(crate) fn acceleration_to_wall(world: &World, i: u32, wall: u32, ticks: i64)
     let plane = &world.walls[wall as usize];
     let completes = match plane.motion {
         WallMotion::Fixed => {
-            plane.partition.is_none()
+            plane.shape.is_none()
                 && world.carrier(i).is_none_or(|carrier| world.are_perpendicular(carrier, wall))
         }
         WallMotion::Constant(_) => false,

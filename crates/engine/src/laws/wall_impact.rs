@@ -251,8 +251,8 @@ fn apply_bounce<F: Features, const EVENTS: bool>(
     }
     if F::GRAVITY {
         keep_supporting_walls(state, i, time);
-        // Supports have the normal of the wall: no grain rests on a partition.
-        let can_rest = state.world.walls[wall as usize].partition.is_none();
+        // Supports have the normal of the wall: no grain rests on a partition, or on a curved surface.
+        let can_rest = state.world.walls[wall as usize].shape.is_none();
         if can_rest && !repeated && state.world.wall_law(&class, wall).has_series() {
             let rest = match state.world.walls[wall as usize].motion {
                 WallMotion::Fixed => come_to_rest(state, i, wall, law, before, time),

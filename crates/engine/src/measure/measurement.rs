@@ -1,9 +1,10 @@
 //! What a measurement is, and how it receives events and states.
 
 use crate::{
+    model::Exchange,
     numerics::{error::EngineError, words::Words},
     report::Correlation,
-    report::{event::Exchange, observer::Observer, sample::Sample},
+    report::{observer::Observer, sample::Sample},
     state::{flight_sums::Moments, whole::State, world::World},
 };
 

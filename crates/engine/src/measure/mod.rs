@@ -17,6 +17,9 @@ the event log. One number for each sample: a field of `Sample`, set in `complete
 `report/observables.rs`. Rows at its own times: a method of `Observer` as `profile` is, passed on in
 `measuring.rs`, queued in `cli/running/session.rs`, written in `record/src/measured.rs`.
 
+A measurement of another crate implements [`Probe`](crate::model::Probe), which adds columns to samples and
+needs no edit here: `probing` calls it.
+
 *May import* all rooms below: `numerics` to `actions`.
 
 *Begin with* [`Measurement`].
@@ -27,6 +30,7 @@ pub(crate) mod frame;
 pub(crate) mod measurement;
 pub(crate) mod measuring;
 mod multiple_tau;
+mod probing;
 mod profiles;
 pub(crate) mod sample;
 mod stress;

@@ -101,6 +101,7 @@ pub(crate) fn sample(system: &System, species_table: &Species, state: &mut State
         stress: None,
         wall_force: Vec::new(),
         wall_heat_flow: Vec::new(),
+        probes: Vec::new(),
         step: accumulators.counters.collisions + accumulators.counters.wall_collisions,
         ledger,
         temperature,

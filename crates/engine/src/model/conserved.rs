@@ -5,7 +5,7 @@
 use glam::DVec3;
 
 use crate::model::{
-    Body, Boundary, System, Wall, drive::DriveKind, thresholds::Thresholds, wall_law::WallLaw,
+    Body, Boundary, Shape, System, Wall, drive::DriveKind, thresholds::Thresholds, wall_law::WallLaw,
 };
 
 /// A component of a unit normal that is not larger is a rounding error.
@@ -40,7 +40,7 @@ fn has_body(system: &System, condition: impl Fn(f64) -> bool) -> bool {
     system.bodies.iter().any(|body| condition(system.classes[body.class as usize].mass))
 }
 
-/// Whether an Andersen thermostat acts on a particle.
+/// Whether an Andersen thermostat, or another drive that changes momentum, acts on a particle.
 fn has_bath(system: &System) -> bool {
     let acts = |species: &[u32]| {
         let is_driven = |body: &Body| {
@@ -48,14 +48,23 @@ fn has_bath(system: &System) -> bool {
         };
         system.bodies.iter().any(is_driven)
     };
-    system.drives.iter().any(|drive| matches!(drive.kind, DriveKind::Andersen { .. }) && acts(&drive.species))
+    let changes_momentum = |kind: DriveKind| match kind {
+        DriveKind::Andersen { .. } => true,
+        DriveKind::Rescale { .. } | DriveKind::WhiteNoise { .. } => false,
+        DriveKind::Named(named) => !named.get().keeps_momentum(),
+    };
+    system.drives.iter().any(|drive| changes_momentum(drive.kind) && acts(&drive.species))
 }
 
 /// Whether impacts on a wall can change momentum along an axis.
 fn pushes_along(system: &System, wall: usize, axis: usize) -> bool {
     let walls = system.walls.len();
-    let Wall { normal, partition, .. } = &system.walls[wall];
-    if normal[axis].abs() > ROUNDING || partition.is_some_and(|partition| partition.hole.is_some()) {
+    let Wall { normal, shape, .. } = &system.walls[wall];
+    let is_curved = shape.is_some_and(|shape| match shape {
+        Shape::Partition(partition) => partition.hole.is_some(),
+        Shape::Named(_) => true,
+    });
+    if normal[axis].abs() > ROUNDING || is_curved {
         return true;
     }
     // The axis is tangential.

@@ -1,5 +1,7 @@
 //! Drives: what acts on species at stated times.
 
+use super::action::NamedAction;
+
 /// A drive that acts on some species.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Drive {
@@ -36,6 +38,8 @@ pub enum DriveKind {
         /// When the kicks are.
         kicks: KickTimes,
     },
+    /// A drive that another crate adds.
+    Named(&'static NamedAction),
 }
 
 /// Times of the kicks of white noise.

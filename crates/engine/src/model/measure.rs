@@ -1,5 +1,9 @@
 //! What is measured while a run goes on.
 
+use std::sync::Arc;
+
+use super::probe::NamedProbe;
+
 /// What to measure while the run goes on. By default nothing.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct Measure {
@@ -11,6 +15,8 @@ pub struct Measure {
     pub profiles: Vec<Grid>,
     /// Correlations in time.
     pub correlations: Correlations,
+    /// Probes that another crate adds.
+    pub probes: Vec<Arc<NamedProbe>>,
 }
 
 /// One axis of a grid.

@@ -9,18 +9,23 @@ of rest, `features` the sets of features that loops are compiled for.
 *What to change here.* The data of a new law, drive or measurement: a file, a field or variant, and its
 bounds; what it does belongs to the rooms above. A periodic motion of walls is a `Waveform` of
 `haff_mechanics`, any other a variant of `WallMotion` (`wall_motion.rs`), which computes displacement and
-contact itself; `wall_change.rs` has how it goes on when it is changed.
+contact itself; `wall_change.rs` has how it goes on when it is changed. What other crates implement is
+[`Action`], [`Probe`] and, in `haff_mechanics`, `ContactLaw` and `Surface`.
 
 *May import* `numerics`, and `haff_mechanics` for laws of impact, oscillations and partitions.
 
 *Begin with* [`System`].
 */
 
+pub(crate) mod action;
 pub mod bounds;
 pub(crate) mod conserved;
 pub(crate) mod drive;
+pub(crate) mod exchange;
 pub(crate) mod features;
 pub(crate) mod measure;
+pub(crate) mod particles;
+pub(crate) mod probe;
 pub(crate) mod rest_speed;
 pub(crate) mod shear;
 pub(crate) mod spin;
@@ -36,11 +41,15 @@ pub use system::{
     Wall,
 };
 
-pub use haff_mechanics::{Hole, Partition, Restitution};
+pub use haff_mechanics::{Hole, Partition, Restitution, Shape, Surface};
 
+pub use action::{Action, NamedAction, named_action};
 pub use conserved::{common_velocity, conserved_momentum};
 pub use drive::{Drive, DriveKind, KickTimes};
+pub use exchange::{Exchange, Partner, VelocityChange};
 pub use measure::{Correlations, Grid, GridAxis, Measure};
+pub use particles::{DrivenParticles, Particles};
+pub use probe::{Column, NamedProbe, Probe};
 pub use rest_speed::rest_speed_of_diameter;
 pub use shear::Shear;
 pub use spin::Spin;

@@ -1,7 +1,7 @@
 //! The system: its box, bodies, walls and laws, and the options of a run.
 
 use glam::DVec3;
-use haff_mechanics::{Partition, Restitution};
+use haff_mechanics::{Restitution, Shape};
 
 use crate::model::{
     drive::Drive, measure::Measure, shear::Shear, spin::Spin, wall_law::WallLaw, wall_motion::WallMotion,
@@ -96,8 +96,9 @@ pub struct Wall {
     pub normal: DVec3,
     /// Its motion.
     pub motion: WallMotion,
-    /// The same plane, if particles are on both sides. It does not move, and no grain rests on it.
-    pub partition: Option<Partition>,
+    /// Its shape, if it is no half-space: the same plane with particles on both sides, or a surface of
+    /// another crate, with a `point` near it and `normal` 0. It does not move, and no grain rests on it.
+    pub shape: Option<Shape>,
 }
 
 /// Laws of impact of every pair of contact groups and of every group with every wall.

@@ -8,11 +8,11 @@ distances from walls ([`walls`]), which walls support a grain ([`support`]), and
 
 *What to change here.* A new boundary: its images in [`images`], beside `state/periodicity.rs` (copy simple
 shear); every search must visit the same images (`haff_neighbors`, `search/windows/shear.rs`, a set in
-`model/features.rs`), and `support/overlap.rs` their overlaps. A new shape of wall: copy `Wall::partition`,
-whose contact times and nearest points are in `haff_mechanics`; here it is a case in each function of
-[`walls`], and what assumes a plane is in `support`, `search/windows/walls.rs`, `model/conserved.rs`,
-`laws/hop.rs` and `laws/wall_impact.rs`. Evaluating a flight changes nothing, so that any number of
-evaluations gives the same bits: only `wrap_anchor` and `move_anchor` set an anchor.
+`model/features.rs`), and `support/overlap.rs` their overlaps. A new shape of wall is a `Surface` of
+`haff_mechanics`, which [`walls`] asks for distances and contacts; what assumes a plane is in
+`support/geometry.rs`, `search/windows/walls.rs` and `model/conserved.rs`. Evaluating a flight changes
+nothing, so that any number of evaluations gives the same bits: only `wrap_anchor` and `move_anchor` set an
+anchor.
 
 *May import* `numerics`, `model`, `report` and `state`.
 
@@ -29,5 +29,6 @@ pub(crate) mod rotation;
 pub(crate) mod scale;
 pub(crate) mod shear_work;
 pub(crate) mod support;
+pub(crate) mod view;
 pub(crate) mod wall_forces;
 pub(crate) mod walls;

@@ -3,7 +3,8 @@
 use glam::DVec3;
 
 use crate::{
-    model::wall_motion::Approach,
+    model::{Shape, wall_motion::Approach},
+    numerics::clock::HORIZON,
     state::{particle::Particle, world::World},
 };
 
@@ -19,10 +20,9 @@ impl World {
         velocity: DVec3,
         ticks: i64,
     ) -> (f64, f64) {
-        if let Some(partition) = &self.walls[wall as usize].partition {
-            let r = partition.from_nearest(position);
-            let distance = r.length();
-            return (distance - radius, velocity.dot(r) / distance);
+        if let Some(shape) = &self.walls[wall as usize].shape {
+            let (distance, rate) = shape.surface().approach(position, velocity);
+            return (distance - radius, rate);
         }
         if self.is_level(wall) {
             let wall = &self.walls[wall as usize];
@@ -48,9 +48,8 @@ impl World {
         acceleration: DVec3,
         wall: u32,
     ) -> Option<f64> {
-        if let Some(partition) = &self.walls[wall as usize].partition {
-            let delay = partition.time_to_contact(anchor.position, anchor.velocity, acceleration, radius)?;
-            return Some(delay * self.clock.per_time);
+        if let Some(shape) = &self.walls[wall as usize].shape {
+            return self.surface_contact(anchor, radius, acceleration, shape);
         }
         let (distance, rate) =
             self.wall_approach(wall, radius, anchor.position, anchor.velocity, anchor.time);
@@ -65,6 +64,22 @@ impl World {
         Some(delay * self.clock.per_time)
     }
 
+    /// [`Self::wall_contact`] for a wall that is no half-space; infinite beyond the horizon.
+    #[inline(never)]
+    fn surface_contact(
+        &self,
+        anchor: &Particle,
+        radius: f64,
+        acceleration: DVec3,
+        shape: &Shape,
+    ) -> Option<f64> {
+        let within = ((self.now - anchor.time).max(0) as f64 + HORIZON) * self.clock.tick;
+        let surface = shape.surface();
+        let delay =
+            surface.time_to_contact(anchor.position, anchor.velocity, acceleration, radius, within)?;
+        Some(delay * self.clock.per_time)
+    }
+
     /// Whether a wall is at rest, under gravity, and perpendicular to an axis. A contact with such a wall has
     /// a fixed coordinate: every bounce starts and ends at exactly the same height, and rounding changes no
     /// energy.
@@ -73,7 +88,7 @@ impl World {
         let wall = &self.walls[wall as usize];
         self.gravity != DVec3::ZERO
             && !wall.motion.is_moving()
-            && wall.partition.is_none()
+            && wall.shape.is_none()
             && wall.normal.abs().max_element() == 1.0
     }
 
@@ -81,8 +96,8 @@ impl World {
     #[inline]
     pub fn wall_normal(&self, wall: u32, position: DVec3) -> DVec3 {
         let wall = &self.walls[wall as usize];
-        match &wall.partition {
-            Some(partition) => partition.from_nearest(position).normalize_or(wall.normal),
+        match &wall.shape {
+            Some(shape) => shape.surface().normal(position),
             None => wall.normal,
         }
     }

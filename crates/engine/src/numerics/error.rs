@@ -96,6 +96,14 @@ pub enum EngineError {
     /// A change of the state is not possible; it is as before.
     #[error("the state cannot be changed: {0}")]
     Change(String),
+    /// What another crate has added does not keep its contract.
+    #[error("\"{name}\" does not work: {why}")]
+    Plugin {
+        /// Its name in scenes.
+        name: String,
+        /// What is wrong.
+        why: String,
+    },
     /// There are more particles or walls than indices can represent.
     #[error("{what} = {count}: at most {limit} are possible")]
     TooMany {
@@ -125,6 +133,7 @@ impl EngineError {
             Self::Collapse { .. }
             | Self::Overflow { .. }
             | Self::LongTick { .. }
+            | Self::Plugin { .. }
             | Self::Overlap { .. }
             | Self::Inconsistent { .. } => Fault::Stopped,
         }

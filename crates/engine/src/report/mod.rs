@@ -27,10 +27,11 @@ pub(crate) mod sample;
 pub(crate) mod stress_tensor;
 pub(crate) mod totals;
 
+pub use crate::model::{Exchange, Partner, VelocityChange};
 pub use checkpoint::Checkpoint;
 pub use correlation::{CORRELATIONS, Correlation, CorrelationKind};
 pub(crate) use event::row;
-pub use event::{EventColumn, EventKind, EventRecord, Exchange, NO_PARTNER, Partner, VelocityChange};
+pub use event::{EventColumn, EventKind, EventRecord, NO_PARTNER};
 pub use observer::{Observer, ProfileRow, Silent};
 pub use sample::{BlockCounts, Counters, Frame, Sample, Stop};
 

@@ -1,10 +1,12 @@
 //! The table of observables. Recorder, reports, Python and documentation take names and units from it. To add
 //! an observable, add a row, or a [`Term`] of the energy balance.
 
+use std::borrow::Cow;
+
 use glam::DVec3;
 
 use crate::{
-    model::{Boundary, System},
+    model::{Boundary, Column, System},
     report::{
         Sample,
         ledger::{Ledger, Term},
@@ -31,24 +33,31 @@ pub enum Quantity {
     Tensor(fn(&Sample) -> [f64; 9]),
     /// A term of the energy balance.
     Term(Term),
+    /// A column of a probe.
+    Probe {
+        /// Index of its first number in [`Sample::probes`].
+        first: usize,
+        /// Number of components.
+        components: usize,
+    },
 }
 
 /// One observable.
-#[derive(Debug, Clone, Copy)]
+#[derive(Debug, Clone)]
 pub struct Observable {
     /// Name in files.
-    pub name: &'static str,
+    pub name: Cow<'static, str>,
     /// Unit, as an expression in the scene's units; "1" for dimensionless numbers.
-    pub unit: &'static str,
+    pub unit: Cow<'static, str>,
     /// How its value follows from a sample.
     pub quantity: Quantity,
     /// Whether a scene with these features has it.
-    pub exists: fn(Present) -> bool,
+    pub exists: fn(&Present) -> bool,
 }
 
 /// The features of a scene that decide which observables exist.
 #[expect(clippy::struct_excessive_bools, reason = "each feature is present or absent")]
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Present {
     /// There are springs.
     pub springs: bool,
@@ -68,6 +77,8 @@ pub struct Present {
     pub wall_forces: bool,
     /// Which terms of the energy balance exist, indexed by [`Term`].
     pub terms: [bool; Term::ALL.len()],
+    /// The columns of probes.
+    pub columns: Vec<Column>,
 }
 
 impl Present {
@@ -84,6 +95,7 @@ impl Present {
             stress: system.measure.stress,
             wall_forces: system.measure.wall_forces && !system.walls.is_empty(),
             terms: Term::ALL.map(|term| term.exists(system)),
+            columns: system.measure.probes.iter().flat_map(|probe| probe.columns()).cloned().collect(),
         }
     }
 
@@ -97,7 +109,7 @@ impl Present {
         self
     }
 
-    /// All features: every observable exists.
+    /// All features of haff itself: every observable exists, and there are no probes.
     pub fn all() -> Self {
         Self {
             springs: true,
@@ -109,6 +121,7 @@ impl Present {
             stress: true,
             wall_forces: true,
             terms: [true; Term::ALL.len()],
+            columns: Vec::new(),
         }
     }
 }
@@ -164,16 +177,16 @@ pub(crate) const fn row(
     name: &'static str,
     unit: &'static str,
     quantity: Quantity,
-    exists: fn(Present) -> bool,
+    exists: fn(&Present) -> bool,
 ) -> Observable {
-    Observable { name, unit, quantity, exists }
+    Observable { name: Cow::Borrowed(name), unit: Cow::Borrowed(unit), quantity, exists }
 }
 
 fn stress(sample: &Sample) -> StressTensor {
     sample.stress.unwrap_or(StressTensor { kinetic: [f64::NAN; 9], collisional: [f64::NAN; 9] })
 }
 
-fn always(_: Present) -> bool {
+fn always(_: &Present) -> bool {
     true
 }
 
@@ -183,8 +196,15 @@ pub fn observables(present: &Present) -> Vec<Observable> {
         .into_iter()
         .filter(|&term| present.terms[term as usize])
         .map(|term| row(term.name(), ENERGY, Quantity::Term(term), always));
-    let exists = |observable: &Observable| (observable.exists)(*present);
-    ENERGIES.into_iter().filter(exists).chain(terms).chain(OTHERS.into_iter().filter(exists)).collect()
+    let exists = |observable: &Observable| (observable.exists)(present);
+    let mut first = 0;
+    let columns = present.columns.iter().map(|Column { name, unit, components }| {
+        let quantity = Quantity::Probe { first, components: *components };
+        first += components;
+        Observable { name: name.clone().into(), unit: unit.clone().into(), quantity, exists: always }
+    });
+    let others = OTHERS.into_iter().filter(exists);
+    ENERGIES.into_iter().filter(exists).chain(terms).chain(others).chain(columns).collect()
 }
 
 /// The numbers on which the shapes of observables depend.
@@ -214,12 +234,13 @@ impl Quantity {
     /// Shape of the value in a scene of these sizes; empty for a number.
     pub fn shape(self, sizes: Sizes) -> Vec<usize> {
         match self {
-            Self::Real(_) | Self::Count(_) | Self::Term(_) => Vec::new(),
+            Self::Real(_) | Self::Count(_) | Self::Term(_) | Self::Probe { components: 1, .. } => Vec::new(),
             Self::Vector(_) => vec![3],
             Self::PerSpecies(_) => vec![sizes.species],
             Self::PerWall(_) => vec![sizes.walls],
             Self::VectorPerWall(_) => vec![sizes.walls, 3],
             Self::Tensor(_) => vec![sizes.dimension; 2],
+            Self::Probe { components, .. } => vec![components],
         }
     }
 
@@ -235,6 +256,10 @@ impl Quantity {
             }
             Self::Tensor(value) => numbers.extend(leading(&value(sample), sizes.dimension)),
             Self::Term(term) => numbers.push(sample.ledger.term(term)),
+            Self::Probe { first, components } => {
+                numbers
+                    .extend((first..first + components).map(|k| sample.probes.get(k).unwrap_or(&f64::NAN)));
+            }
         }
     }
 }

@@ -2,7 +2,7 @@
 
 use glam::DVec3;
 
-use crate::report::event::{EventRecord, Exchange};
+use crate::{model::Exchange, report::event::EventRecord};
 
 /// Receives events as they are resolved. Observers cannot change the simulation.
 pub trait Observer {

@@ -56,6 +56,8 @@ pub struct Sample {
     pub wall_force: Vec<DVec3>,
     /// See [`Self::wall_force`].
     pub wall_heat_flow: Vec<f64>,
+    /// The numbers of all columns of probes, one after the other.
+    pub probes: Vec<f64>,
     /// Σ m v of the bodies of finite mass [mass·length/time].
     pub momentum: DVec3,
     /// Impulse on the particles by walls, bodies of infinite mass and gravity so far [mass·length/time].

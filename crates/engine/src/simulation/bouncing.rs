@@ -70,7 +70,7 @@ fn floors(system: &System) -> Vec<&WallLaw> {
     let laws = system.contacts.wall.iter().enumerate();
     laws.filter(|(k, law)| {
         let wall = &walls[k % walls.len()];
-        wall.normal.dot(system.domain.gravity) < 0.0 && wall.partition.is_none() && !law.is_thermal()
+        wall.normal.dot(system.domain.gravity) < 0.0 && wall.shape.is_none() && !law.is_thermal()
     })
     .map(|(_, law)| law)
     .collect()

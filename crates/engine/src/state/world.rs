@@ -284,6 +284,8 @@ fn given_speed(system: &System) -> f64 {
         }
         // The speed that a particle reaches while it crosses the system.
         DriveKind::WhiteNoise { strength, .. } => (strength * extent).cbrt(),
+        // Unknown: the tick becomes shorter when it is needed.
+        DriveKind::Named(_) => 0.0,
     });
     let thermal = system.contacts.wall.iter().filter_map(|law| match law {
         WallLaw::Thermal(wall) => Some((wall.temperature / lightest).sqrt()),

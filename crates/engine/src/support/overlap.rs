@@ -257,7 +257,7 @@ mod tests {
             point: 0.1 * size,
             normal: DVec3::ONE.normalize(),
             motion: crate::WallMotion::Fixed,
-            partition: None,
+            shape: None,
         };
         System {
             spin: None,

@@ -65,7 +65,7 @@ pub fn features() -> Vec<(&'static str, System)> {
                 point: normal * 1e-3,
                 normal,
                 motion: WallMotion::Fixed,
-                partition: None,
+                shape: None,
             });
             scene.contacts.wall.push(Restitution::Constant(0.9).into());
         }

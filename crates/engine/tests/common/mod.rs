@@ -34,7 +34,7 @@ pub fn system(dimension: Dimension, size: DVec3, boundary: [Boundary; 3]) -> Sys
                 point,
                 normal,
                 motion: haff_engine::WallMotion::Fixed,
-                partition: None,
+                shape: None,
             };
             walls.push(wall(format!("{name}-"), DVec3::ZERO, unit));
             walls.push(wall(format!("{name}+"), unit * size, -unit));
@@ -123,8 +123,8 @@ pub fn scatter_within_room(
             r.length() > radius + system.classes[body.class as usize].radius
         }) && system.walls.iter().all(|wall| {
             let point = wall.point + wall.motion.displacement(wall.normal, Instant::ZERO);
-            match &wall.partition {
-                Some(partition) => partition.from_nearest(position).length() > radius,
+            match &wall.shape {
+                Some(shape) => shape.surface().distance(position) > radius,
                 None => (position - point).dot(wall.normal) > radius,
             }
         });

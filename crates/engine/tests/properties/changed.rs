@@ -35,7 +35,7 @@ fn changed(mut system: System, seed: u64, at: Instant) -> System {
     if random.index(2) == 0 {
         system.domain.gravity *= [0.0, -1.0, 2.0][random.index(3)];
     }
-    for wall in system.walls.iter_mut().filter(|wall| wall.partition.is_none()) {
+    for wall in system.walls.iter_mut().filter(|wall| wall.shape.is_none()) {
         let motion = match (random.index(3), wall.motion) {
             (0, WallMotion::Oscillating(mut motion)) => {
                 motion.oscillation.frequency *= random.uniform(0.5, 2.0);

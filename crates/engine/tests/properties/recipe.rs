@@ -3,7 +3,7 @@
 use glam::DVec3;
 use haff_engine::{
     Boundary, Correlations, Dimension, Drive, DriveKind, Grid, GridAxis, Group, Hole, KickTimes, Measure,
-    Oscillating, Partition, Shear, Spin, System, ThermalWall, Wall, WallLaw, WallMotion,
+    Oscillating, Partition, Shape, Shear, Spin, System, ThermalWall, Wall, WallLaw, WallMotion,
 };
 use haff_mechanics::{Oscillation, Restitution, Roughness, Waveform};
 use proptest::prelude::*;
@@ -227,6 +227,7 @@ fn measure_all(scene: &System, random: &mut Random) -> Measure {
             interval: 10_f64.powf(random.uniform(-2.0, 0.0)),
             tracers: 30,
         },
+        probes: Vec::new(),
     }
 }
 
@@ -265,13 +266,7 @@ impl Recipe {
                 }
                 _ => WallMotion::Fixed,
             };
-            scene.walls.push(Wall {
-                name: "ramp".into(),
-                point: size * 0.15,
-                normal,
-                motion,
-                partition: None,
-            });
+            scene.walls.push(Wall { name: "ramp".into(), point: size * 0.15, normal, motion, shape: None });
         }
         if self.wedge
             && let Some(axis) = (0..d).rev().find(|&axis| free(axis))
@@ -287,16 +282,16 @@ impl Recipe {
                 point: size * 0.9,
                 normal,
                 motion: velocity.into(),
-                partition: None,
+                shape: None,
             });
         }
         if self.partition && !self.rest && (0..d).all(free) {
             scene.domain.gravity.x = 0.0;
             let point = size * random.uniform(0.4, 0.6);
             let hole = Some(Hole { center: point, radius: random.uniform(0.7, 1.5) });
-            let partition = Some(Partition { point, normal: DVec3::X, hole });
+            let shape = Some(Shape::Partition(Partition { point, normal: DVec3::X, hole }));
             let (name, normal, motion) = ("partition".into(), DVec3::X, WallMotion::Fixed);
-            scene.walls.push(Wall { name, point, normal, motion, partition });
+            scene.walls.push(Wall { name, point, normal, motion, shape });
         }
         let (groups, walls) = (self.species + usize::from(self.fixed), scene.walls.len());
         scene.groups = (0..groups).map(|k| Group { name: format!("group {k}") }).collect();
@@ -344,7 +339,10 @@ impl Recipe {
         }
         // A hole is larger than every particle.
         let largest = scene.classes.iter().map(|class| class.radius).fold(0.0, f64::max);
-        let holes = scene.walls.iter_mut().filter_map(|wall| wall.partition.as_mut()?.hole.as_mut());
+        let holes = scene.walls.iter_mut().filter_map(|wall| match &mut wall.shape {
+            Some(Shape::Partition(partition)) => partition.hole.as_mut(),
+            _ => None,
+        });
         holes.for_each(|hole| hole.radius = hole.radius.max(1.1 * largest));
         if self.light {
             let [radius, mass] = [random.uniform(0.1, 0.5), 10_f64.powf(random.uniform(-6.0, -1.0))];
@@ -433,8 +431,7 @@ impl Recipe {
                 || scene.domain.boundary[axis] == Boundary::Open
         });
         let is_before_walls = scene.walls.iter().all(|wall| {
-            wall.partition.is_none()
-                && (position - wall.point).dot(wall.normal) > 0.3 + wall.motion.max_speed()
+            wall.shape.is_none() && (position - wall.point).dot(wall.normal) > 0.3 + wall.motion.max_speed()
         });
         if is_clear && is_inside && is_before_walls {
             let kind = class(scene, 0.3, f64::INFINITY);

@@ -44,7 +44,7 @@ impl Scene {
             point: DVec3::from_array(point),
             normal: DVec3::from_array(normal).normalize(),
             motion: haff_engine::WallMotion::Fixed,
-            partition: None,
+            shape: None,
         });
         self.walls.len() - 1
     }

@@ -3,8 +3,8 @@
 
 use glam::DVec3;
 use haff_engine::{
-    Boundary, Checkpoint, Correlation, Correlations, EventColumn, EventKind, EventRecord, Frame, Grid,
-    GridAxis, Ledger, Measure, Present, ProfileRow, Sample, StressTensor, Term,
+    Boundary, Checkpoint, Column, Correlation, Correlations, EventColumn, EventKind, EventRecord, Frame,
+    Grid, GridAxis, Ledger, Measure, Present, ProfileRow, Sample, StressTensor, Term,
 };
 use haff_record::Header;
 
@@ -77,6 +77,8 @@ pub fn header(particles: usize) -> Header {
             volume: false,
             angular_momentum: false,
             shear: false,
+            // The names in the order of the alphabet are in another one.
+            columns: vec![Column::vector("swirl", "1/time", 2), Column::number("flux", "1")],
             ..Present::all()
         },
         measure: Measure {
@@ -127,6 +129,7 @@ pub fn sample(k: u64) -> Sample {
         stress: Some(StressTensor { kinetic: [x(15); 9], collisional: [x(16); 9] }),
         wall_force: vec![vector(k, 23), vector(k, 24)],
         wall_heat_flow: vec![x(17), x(18)],
+        probes: vec![x(29), x(30), x(31)],
         momentum: vector(k, 11),
         external_impulse: vector(k, 12),
         angular_momentum: None,

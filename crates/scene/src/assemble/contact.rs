@@ -2,7 +2,7 @@
 
 use std::collections::{BTreeMap, HashMap, HashSet};
 
-use haff_engine::{Boundary, Contacts, ThermalWall, Wall, WallLaw, WallMotion};
+use haff_engine::{Boundary, Contacts, Shape, ThermalWall, Wall, WallLaw, WallMotion};
 use haff_mechanics::{Restitution, RestitutionTable};
 
 use super::Assembler;
@@ -54,6 +54,13 @@ impl Assembler<'_> {
             if config.name.is_none() {
                 self.document.report_missing(&item("wall", k, "name"), "missing: a wall needs a name");
             }
+            if let Some(name) = &config.surface {
+                walls.extend(self.surface_wall(k, name, config));
+                continue;
+            }
+            if config.parameters.is_some() {
+                self.document.report(&item("wall", k, "parameters"), "are those of a surface: name it");
+            }
             let plane = config.plane.clone().unwrap_or_default();
             let errors = self.document.count();
             let mut vector = |key: &str, value: &Option<Vec<f64>>, required: bool| {
@@ -86,15 +93,10 @@ impl Assembler<'_> {
             if plane.normal.is_some() && self.document.count() == errors {
                 self.check_normal(&item("wall", k, "plane.normal"), normal, domain);
             }
-            let mut wall = Wall {
-                name: config.name.clone().unwrap_or_default(),
-                point,
-                normal,
-                motion,
-                partition: None,
-            };
+            let mut wall =
+                Wall { name: config.name.clone().unwrap_or_default(), point, normal, motion, shape: None };
             if self.document.count() == errors {
-                wall.partition = self.partition(k, config, &wall);
+                wall.shape = self.partition(k, config, &wall).map(Shape::Partition);
             }
             walls.push(wall);
         }
@@ -443,15 +445,20 @@ impl Assembler<'_> {
         match made {
             Ok(law) => sound.then_some(Restitution::Law(law)),
             Err(faults) => {
-                for Fault { key, is_missing, why } in faults {
-                    let at = sub(&["parameters", &key]);
-                    if is_missing {
-                        self.document.report_missing(&at, why);
-                    } else {
-                        self.document.report(&at, why);
-                    }
-                }
+                self.report_faults(&sub(&["parameters"]), faults);
                 None
+            }
+        }
+    }
+
+    /// Reports what is wrong with the parameters of a plug-in.
+    pub(super) fn report_faults(&mut self, parameters: &[String], faults: Vec<Fault>) {
+        for Fault { key, is_missing, why } in faults {
+            let at: Vec<String> = parameters.iter().cloned().chain([key]).collect();
+            if is_missing {
+                self.document.report_missing(&at, why);
+            } else {
+                self.document.report(&at, why);
             }
         }
     }

@@ -57,7 +57,7 @@ impl DomainPlan {
                     point,
                     normal,
                     motion: WallMotion::Fixed,
-                    partition: None,
+                    shape: None,
                 });
             }
         }

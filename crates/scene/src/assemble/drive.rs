@@ -1,13 +1,22 @@
 //! Drives: which particles they act on, and with what.
 
-use haff_engine::{Drive, DriveKind, KickTimes};
+use haff_engine::{Drive, DriveKind, KickTimes, NamedAction};
 
 use super::{
     Assembler,
     names::{Names, among},
     values::{item, not_negative, positive},
 };
-use crate::config::{DriveConfig, DriveKindConfig};
+use crate::{
+    config::{DriveConfig, DriveKindConfig},
+    plugins::{all_drive_names, make_action},
+};
+
+/// The names of all drives.
+fn quoted_names() -> String {
+    let names = all_drive_names().into_iter().map(|name| format!("\"{name}\""));
+    names.collect::<Vec<_>>().join(", ")
+}
 
 impl Assembler<'_> {
     /// The drives of `[[drive]]`.
@@ -24,14 +33,12 @@ impl Assembler<'_> {
                 let why = "a drive does not work with contact.rest_speed: grains at rest would not be driven";
                 self.document.report(&path(""), why);
             }
-            let Some(kind) = config.kind else {
-                self.document.report_missing(
-                    &path("kind"),
-                    "missing: a drive needs a kind: \"rescale\", \"andersen\" or \"white_noise\"",
-                );
+            let Some(kind) = config.kind.clone() else {
+                let why = format!("missing: a drive needs a kind: {}", quoted_names());
+                self.document.report_missing(&path("kind"), why);
                 continue;
             };
-            let kind = self.drive_kind(k, kind, &config);
+            let Some(kind) = self.drive_kind(k, &kind, &config) else { continue };
             let species = self.driven_species(k, config.species, names);
             drives.push(Drive { kind, species });
         }
@@ -39,8 +46,9 @@ impl Assembler<'_> {
     }
 
     /// What a drive does, with the values of its kind.
-    fn drive_kind(&mut self, k: usize, kind: DriveKindConfig, config: &DriveConfig) -> DriveKind {
+    fn drive_kind(&mut self, k: usize, kind: &DriveKindConfig, config: &DriveConfig) -> Option<DriveKind> {
         let used: &[&str] = match kind {
+            DriveKindConfig::Named(_) => &["parameters"],
             DriveKindConfig::Rescale => &["temperature", "interval"],
             DriveKindConfig::Andersen => &["temperature", "rate"],
             DriveKindConfig::WhiteNoise => &["strength", "rate", "interval"],
@@ -55,6 +63,14 @@ impl Assembler<'_> {
             let why = format!("a drive of kind \"{}\" has no {key}, but {}", kind.name(), used.join(", "));
             self.document.report(&item("drive", k, key), why);
         }
+        if let DriveKindConfig::Named(name) = kind {
+            return self.named_drive(k, name, config).map(DriveKind::Named);
+        }
+        if config.parameters.is_some() {
+            let why =
+                format!("a drive of kind \"{}\" has no parameters, but {}", kind.name(), used.join(", "));
+            self.document.report(&item("drive", k, "parameters"), why);
+        }
         let mut number = |key: &str| {
             let path = item("drive", k, key);
             let Some(value) = values.iter().find(|(name, _)| *name == key).and_then(|(_, value)| *value)
@@ -67,7 +83,8 @@ impl Assembler<'_> {
             check(&mut self.document, &path, value);
             value
         };
-        match kind {
+        Some(match kind {
+            DriveKindConfig::Named(_) => return None,
             DriveKindConfig::Andersen => {
                 DriveKind::Andersen { temperature: number("temperature"), rate: number("rate") }
             }
@@ -86,6 +103,30 @@ impl Assembler<'_> {
                     }
                 };
                 DriveKind::WhiteNoise { strength, kicks }
+            }
+        })
+    }
+
+    /// The drive of a plug-in.
+    fn named_drive(&mut self, k: usize, name: &str, config: &DriveConfig) -> Option<&'static NamedAction> {
+        let given = config.parameters.clone().unwrap_or_default();
+        let Some(made) = make_action(name, &given) else {
+            self.document.report(&item("drive", k, "kind"), format!("must be one of {}", quoted_names()));
+            return None;
+        };
+        match made {
+            Ok(named) => {
+                let first = named.get().time(1);
+                if first.is_nan() || first <= 0.0 {
+                    let why = format!("its first action is at {first}: times must be above 0");
+                    self.document.report(&item("drive", k, "kind"), why);
+                    return None;
+                }
+                Some(named)
+            }
+            Err(faults) => {
+                self.report_faults(&item("drive", k, "parameters"), faults);
+                None
             }
         }
     }

@@ -1,18 +1,25 @@
 //! Measurements: which ones a scene can have, and their grids.
 
-use haff_engine::{Boundary, Correlations, Grid, GridAxis, Measure, System};
+use std::sync::Arc;
+
+use haff_engine::{
+    Boundary, Correlations, Grid, GridAxis, Measure, NamedProbe, Present, System, observables,
+};
 
 use super::Assembler;
 use super::plan::MAX_RECORDS;
 use super::values::{at, item, positive};
 use crate::config::document::Path;
-use crate::config::{BinsConfig, MeasureConfig, ProfileConfig};
+use crate::config::{BinsConfig, MeasureConfig, ProbeConfig, ProfileConfig};
 use crate::model::scene::{OutputPlan, RunPlan, Schedule};
+use crate::plugins::{make_probe, probe_names};
 
 /// Largest number of cells of a profile: each takes 400 bytes.
 const MAX_CELLS: f64 = 1e7;
 /// Number of states in the mean of a row of a profile, unless given.
 const SAMPLES: i64 = 10;
+/// Most components of a column of a probe: Python has a column for each.
+const MOST_COMPONENTS: usize = 16;
 /// Largest number of particles that are followed, unless given.
 const TRACERS: i64 = 20_000;
 
@@ -35,6 +42,7 @@ impl Assembler<'_> {
             ("vacf", on(measure.vacf)),
             ("stress_correlation", on(measure.stress_correlation)),
             ("profiles", measure.profiles.as_ref().is_some_and(|profiles| !profiles.is_empty())),
+            ("probes", measure.probes.as_ref().is_some_and(|probes| !probes.is_empty())),
         ];
         let rests =
             self.config.contact.as_ref().and_then(|contact| contact.rest_speed).is_some_and(|v| v > 0.0);
@@ -168,8 +176,60 @@ impl Assembler<'_> {
             .filter_map(|(index, profile)| self.grid(system, run, index, profile))
             .collect();
         config.profiles = Some(profiles);
+        let config_probes = config.probes.clone().unwrap_or_default();
         self.config.measure = Some(config);
-        Measure { stress, wall_forces, profiles: grids, correlations }
+        let probes = self.probes(config_probes);
+        Measure { stress, wall_forces, profiles: grids, correlations, probes }
+    }
+
+    /// The probes of plug-ins.
+    fn probes(&mut self, configs: Vec<ProbeConfig>) -> Vec<Arc<NamedProbe>> {
+        let mut columns: Vec<String> = ["step", "time"].map(str::to_owned).into();
+        columns
+            .extend(observables(&Present::all()).into_iter().map(|observable| observable.name.into_owned()));
+        let mut probes = Vec::with_capacity(configs.len());
+        for (k, config) in configs.into_iter().enumerate() {
+            let path = |key: &str| {
+                let mut path = at(["measure"]);
+                path.extend(item("probes", k, key));
+                path
+            };
+            let known = || {
+                let names: Vec<String> = probe_names().iter().map(|name| format!("\"{name}\"")).collect();
+                if names.is_empty() { "this program has none".to_owned() } else { names.join(", ") }
+            };
+            let Some(name) = config.kind else {
+                self.document
+                    .report_missing(&path("kind"), format!("missing: a probe needs a kind: {}", known()));
+                continue;
+            };
+            match make_probe(&name, &config.parameters.unwrap_or_default()) {
+                None => {
+                    let why = format!("must be one of these probes: {}", known());
+                    self.document.report(&path("kind"), why);
+                }
+                Some(Err(faults)) => self.report_faults(&path("parameters"), faults),
+                Some(Ok(probe)) => {
+                    for column in probe.columns() {
+                        let is_allowed = |c: char| c.is_ascii_alphanumeric() || c == '_';
+                        let name = &column.name;
+                        let why = if name.is_empty() || !name.chars().all(is_allowed) {
+                            "must have a name of letters, digits and _ only"
+                        } else if columns.contains(name) {
+                            "has the name of another column of the observables"
+                        } else if !(1..=MOST_COMPONENTS).contains(&column.components) {
+                            "must have 1 to 16 components"
+                        } else {
+                            columns.push(name.clone());
+                            continue;
+                        };
+                        self.document.report(&path("kind"), format!("its column \"{name}\" {why}"));
+                    }
+                    probes.push(probe);
+                }
+            }
+        }
+        probes
     }
 
     /// The time between states of correlations.

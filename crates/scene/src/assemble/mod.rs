@@ -30,6 +30,7 @@ mod plan;
 mod shear;
 mod sizes;
 mod spin;
+mod surface;
 mod values;
 
 use glam::DVec3;

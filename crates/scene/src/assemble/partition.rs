@@ -1,6 +1,6 @@
 //! Planes with particles on both sides, and the holes in them.
 
-use haff_engine::{Boundary, Domain, Hole, Partition, Wall, bounds};
+use haff_engine::{Boundary, Domain, Hole, Partition, Shape, Wall, bounds};
 
 use super::Assembler;
 use super::particles::Rows;
@@ -69,9 +69,15 @@ impl Assembler<'_> {
         let largest = (0..rows.bodies.len()).map(|row| rows.radius(row)).fold(0.0, f64::max);
         let first = walls.len() - self.planes();
         let configs = self.config.wall.clone().unwrap_or_default();
-        let places = configs.iter().enumerate().filter(|(_, config)| config.plane.is_some()).map(|(k, _)| k);
+        let places = configs.iter().enumerate().filter(|(_, config)| has_shape(config)).map(|(k, _)| k);
         for (wall, k) in walls[first..].iter().zip(places) {
-            let Some(partition) = &wall.partition else { continue };
+            if let Some(Shape::Named(_)) = &wall.shape
+                && domain.boundary[..self.dimension.count()].contains(&Boundary::Periodic)
+            {
+                let why = "does not work in a periodic box: use walls or open axes";
+                self.document.report(&item("wall", k, "surface"), why);
+            }
+            let Some(Shape::Partition(partition)) = &wall.shape else { continue };
             let along = domain.gravity.dot(wall.normal);
             if along.abs() > 1e-12 * domain.gravity.length() {
                 let why = "must be perpendicular to gravity: grains do not rest on a partition";
@@ -89,8 +95,13 @@ impl Assembler<'_> {
         }
     }
 
-    /// Number of entries of `[[wall]]` that are planes.
+    /// Number of entries of `[[wall]]` that are walls of their own.
     fn planes(&self) -> usize {
-        self.config.wall.iter().flatten().filter(|wall| wall.plane.is_some()).count()
+        self.config.wall.iter().flatten().filter(|wall| has_shape(wall)).count()
     }
+}
+
+/// Whether an entry of `[[wall]]` is a wall of its own, not one of the boundary.
+fn has_shape(config: &WallConfig) -> bool {
+    config.plane.is_some() || config.surface.is_some()
 }

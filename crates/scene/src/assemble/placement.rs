@@ -176,8 +176,8 @@ impl Assembler<'_> {
                 }
             }
             for wall in walls {
-                let distance = match &wall.partition {
-                    Some(partition) => partition.from_nearest(position).length(),
+                let distance = match &wall.shape {
+                    Some(shape) => shape.surface().distance(position),
                     None => (position - at_start(wall)).dot(wall.normal),
                 };
                 // Far from the origin the rounding of coordinates is significant.

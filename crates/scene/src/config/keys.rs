@@ -14,7 +14,7 @@ use crate::{
         joints::{PendulumConfig, RodConfig, SpringConfig},
         whole::whole,
     },
-    plugins::law_names,
+    plugins::{drive_names, law_names, probe_names, surface_names},
 };
 
 /// A scene of haff: the system, the length of the run, and its output. Units are the user's own and
@@ -396,6 +396,25 @@ fn names_of_laws(_: &mut schemars::SchemaGenerator) -> schemars::Schema {
     schemars::json_schema!({ "type": "string", "enum": law_names() })
 }
 
+/// The schema of the name of a surface.
+fn names_of_surfaces(_: &mut schemars::SchemaGenerator) -> schemars::Schema {
+    schemars::json_schema!({ "type": "string", "enum": surface_names() })
+}
+
+/// The schema of the name of a probe.
+fn names_of_probes(_: &mut schemars::SchemaGenerator) -> schemars::Schema {
+    schemars::json_schema!({ "type": "string", "enum": probe_names() })
+}
+
+/// Adds the drives of plug-ins to the schema of those of haff.
+fn add_names_of_drives(schema: &mut schemars::Schema) {
+    if !drive_names().is_empty()
+        && let Some(choices) = schema.get_mut("anyOf").and_then(serde_json::Value::as_array_mut)
+    {
+        choices.push(serde_json::json!({ "type": "string", "enum": drive_names() }));
+    }
+}
+
 /// A plane wall; it fills the half-space behind it.
 #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
@@ -406,6 +425,11 @@ pub struct WallConfig {
     pub name: Option<String>,
     /// Its plane.
     pub plane: Option<PlaneConfig>,
+    /// Instead of a plane, a surface that the program has from another crate.
+    #[schemars(schema_with = "names_of_surfaces")]
+    pub surface: Option<String>,
+    /// Parameters of the surface.
+    pub parameters: Option<BTreeMap<String, serde_json::Value>>,
     /// Restitution of contacts with this wall; default `contact.wall_restitution`.
     pub restitution: Option<RestitutionConfig>,
     /// Coefficient of tangential restitution β of rough contacts, in [−1, 1]: −1 smooth, 1 perfectly rough.
@@ -470,7 +494,7 @@ impl WallConfig {
     /// Whether the entry is for the wall of the boundary that has this name.
     pub(crate) fn names_boundary(&self, name: &str) -> bool {
         let is_boundary = name.len() == 2 && "xyz".contains(&name[..1]) && "-+".contains(&name[1..]);
-        self.plane.is_none() && is_boundary && self.name.as_deref() == Some(name)
+        self.plane.is_none() && self.surface.is_none() && is_boundary && self.name.as_deref() == Some(name)
     }
 }
 
@@ -527,6 +551,8 @@ pub struct DriveConfig {
     /// Names of the species that it acts on; default all. Bodies of infinite mass are never driven.
     #[schemars(length(min = 1))]
     pub species: Option<Vec<String>>,
+    /// Of a drive that the program has from another crate: its parameters.
+    pub parameters: Option<BTreeMap<String, serde_json::Value>>,
 }
 
 /// Measurements while the run goes on. All are off by default, and free when off.
@@ -556,6 +582,19 @@ pub struct MeasureConfig {
     #[serde(deserialize_with = "whole")]
     #[schemars(range(min = 1))]
     pub tracers: Option<i64>,
+    /// Probes that the program has from other crates: their columns are in `observables`.
+    pub probes: Option<Vec<ProbeConfig>>,
+}
+
+/// A probe that the program has from another crate.
+#[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields, default)]
+pub struct ProbeConfig {
+    /// Which one.
+    #[schemars(required, schema_with = "names_of_probes")]
+    pub kind: Option<String>,
+    /// Its parameters.
+    pub parameters: Option<BTreeMap<String, serde_json::Value>>,
 }
 
 /// A profile: means over the cells of a grid and over intervals of time.
@@ -596,8 +635,9 @@ pub enum BinsConfig {
 }
 
 /// What a drive does.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
+#[schemars(transform = add_names_of_drives)]
 pub enum DriveKindConfig {
     /// Every `interval` all velocities relative to the center of mass of the driven particles are multiplied
     /// by one factor, such that their temperature is `temperature`. Between walls the observable
@@ -610,15 +650,20 @@ pub enum DriveKindConfig {
     /// particle, or for all particles at every `interval`, with their mean taken out. Either `rate` or
     /// `interval`.
     WhiteNoise,
+    /// The drive of a plug-in.
+    #[serde(untagged)]
+    #[schemars(skip)]
+    Named(String),
 }
 
 impl DriveKindConfig {
     /// The name in scenes.
-    pub(crate) fn name(self) -> &'static str {
+    pub(crate) fn name(&self) -> &str {
         match self {
             Self::Rescale => "rescale",
             Self::Andersen => "andersen",
             Self::WhiteNoise => "white_noise",
+            Self::Named(name) => name,
         }
     }
 }

@@ -1,5 +1,6 @@
 /*!
-What other crates add to scenes: laws of contact, by the names that scenes have for them.
+What other crates add to scenes: laws of contact, surfaces, drives and probes, by the names that scenes have
+for them.
 
 *What is here.* [`Plugins`] is the list of a program, made once at its start; [`Parameters`] reads the
 parameters of one entry of a scene, and collects what is wrong with them.
@@ -19,4 +20,7 @@ mod registry;
 pub(crate) use parameters::Fault;
 pub use parameters::Parameters;
 pub use registry::{PluginError, Plugins};
-pub(crate) use registry::{law_names, make_law};
+pub(crate) use registry::{
+    all_drive_names, drive_names, law_names, make_action, make_law, make_probe, make_surface, probe_names,
+    surface_names,
+};

@@ -9,6 +9,7 @@ use crate::{
 };
 
 use super::{
+    action::NamedDrive,
     andersen::Andersen,
     rescale::Rescale,
     times::{Poisson, Regular},
@@ -21,6 +22,7 @@ pub(crate) fn actions(system: &System) -> Vec<Box<dyn TimedAction>> {
         let driven = Driven::new(system, drive);
         let poisson = |rate: f64| Poisson::new(index, driven.particles.len(), rate, system.seed);
         match drive.kind {
+            DriveKind::Named(action) => Box::new(NamedDrive::new(index, action, driven, system.seed)),
             DriveKind::Rescale { temperature, interval } => {
                 Box::new(Rescale::new(Regular::new(index, interval), driven, temperature))
             }

@@ -58,7 +58,7 @@ fn scene(dimension: Dimension, edges: [u32; 3], boundary: [Boundary; 3], radii: 
                 point,
                 normal,
                 motion: WallMotion::Fixed,
-                partition: None,
+                shape: None,
             });
         }
     }

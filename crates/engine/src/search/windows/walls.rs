@@ -5,7 +5,10 @@
 
 use glam::DVec3;
 
-use crate::state::{particle::Particle, world::World};
+use crate::{
+    model::Shape,
+    state::{particle::Particle, world::World},
+};
 
 /// Rounding of a distance from a wall is less than this part of the extent of the system.
 const SLACK: f64 = 1e-9;
@@ -41,7 +44,7 @@ impl Planes {
                 offset: wall.point.dot(wall.normal) + amplitude,
                 reference_time: wall.motion.reference_time(),
                 speed,
-                two_sided: wall.partition.is_some(),
+                two_sided: matches!(wall.shape, Some(Shape::Partition(_))),
             }
         });
         let extent = world

@@ -106,7 +106,7 @@ fn size_and_mass(system: &System, k: usize, new: &NewParticle) -> Checked {
             return of_radius(&format!("must be at most {most}: the particle would touch its own image"));
         }
     }
-    let holes = system.walls.iter().filter_map(|wall| wall.partition.as_ref()?.hole);
+    let holes = system.walls.iter().filter_map(|wall| wall.shape.as_ref()?.hole());
     if holes.into_iter().any(|hole| hole.radius < radius * bounds::LEAST_HOLE) {
         return of_radius("must be smaller than every hole of the walls");
     }

@@ -253,11 +253,8 @@ fn push(
         }
     }
     for plane in room.planes {
-        match &plane.partition {
-            Some(partition) => {
-                let r = partition.from_nearest(p);
-                wall(r.length(), r.normalize_or(plane.normal));
-            }
+        match &plane.shape {
+            Some(shape) => wall(shape.surface().distance(p), shape.surface().normal(p)),
             None => wall((p - plane.point).dot(plane.normal), plane.normal),
         }
     }

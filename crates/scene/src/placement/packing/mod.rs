@@ -34,8 +34,8 @@ impl Room<'_> {
     }
 
     fn behind_a_plane(&self, position: DVec3, radius: f64) -> bool {
-        self.planes.iter().any(|plane| match &plane.partition {
-            Some(partition) => partition.from_nearest(position).length() < radius,
+        self.planes.iter().any(|plane| match &plane.shape {
+            Some(shape) => shape.surface().distance(position) < radius,
             None => (position - plane.point).dot(plane.normal) < radius,
         })
     }

@@ -1,0 +1,331 @@
+/*!
+Surfaces that another crate adds.
+*/
+
+use std::fmt;
+
+use glam::DVec3;
+
+use crate::{
+    Partition, first_contact_bounded, free_flight, free_flight_velocity,
+    named::{Named, NamedOnce},
+};
+
+/// A surface at rest, by its distance.
+///
+/// A sphere touches it where the distance of its center is its radius. What is left to a surface are
+/// functions of a position; the times of contacts follow from them. They may depend on their arguments alone:
+/// they are computed more than once, and on any thread.
+pub trait Surface: fmt::Debug + Send + Sync {
+    /// Distance of a position from the surface \[length\], with a sign: positive on the side of the
+    /// particles, negative on the other. It changes by at most the distance of two positions.
+    fn distance(&self, position: DVec3) -> f64;
+
+    /// Unit normal at the point of the surface that is the nearest to a position: the gradient of the
+    /// distance, towards the particles.
+    fn normal(&self, position: DVec3) -> DVec3;
+
+    /// Bound of the second derivatives of the distance along straight lines, at positions with distances
+    /// between `low` and `high` \[1/length\]: 1/s at the distance s from the center of a sphere. Infinite if
+    /// there is no bound.
+    fn curvature(&self, low: f64, high: f64) -> f64;
+
+    /// Center and radius of a sphere that has all of the surface in it \[length\]; the radius is infinite for
+    /// a surface without end.
+    fn bounds(&self) -> (DVec3, f64) {
+        (DVec3::ZERO, f64::INFINITY)
+    }
+
+    /// Distance of a position from the surface, and its rate of change there for a sphere with this velocity.
+    fn approach(&self, position: DVec3, velocity: DVec3) -> (f64, f64) {
+        (self.distance(position), velocity.dot(self.normal(position)))
+    }
+
+    /// Time until a sphere touches the surface \[time\], in a flight of constant acceleration; `None` if it
+    /// never does. Of a later contact than `within`, the time or infinity.
+    ///
+    /// The default takes steps in which the sphere cannot come to the surface by its path, and, near it, by
+    /// the bound of its curvature ([`first_contact_bounded`]): no contact is missed, however short.
+    fn time_to_contact(
+        &self,
+        position: DVec3,
+        velocity: DVec3,
+        acceleration: DVec3,
+        radius: f64,
+        within: f64,
+    ) -> Option<f64> {
+        let flight = Flight { position, velocity, acceleration };
+        let (center, extent) = self.bounds();
+        if flight.misses(center, extent + radius) {
+            return None;
+        }
+        let gap = |time: f64| {
+            let (distance, rate) = self.approach(flight.at(time), flight.velocity_at(time));
+            (distance - radius, rate)
+        };
+        let strength = acceleration.length();
+        // Paths in which the bound of the curvature counts.
+        let near = NEAR * radius;
+        let mut time = 0.0;
+        while time <= within {
+            let (now, _) = gap(time);
+            let speed = flight.velocity_at(time).length();
+            let is_near = now <= 2.0 * near;
+            let (path, curvature) = if is_near {
+                let reached = radius + now.min(0.0);
+                let mut path = near;
+                // Nearer to the surface than the points where its curvature has no bound.
+                let mut curvature = self.curvature(reached - path, radius + now + path);
+                while !curvature.is_finite() && path > SMALL * radius {
+                    path *= 0.5;
+                    curvature = self.curvature(reached - path, radius + now + path);
+                }
+                (path, curvature)
+            } else {
+                (now - near, 0.0)
+            };
+            let step = duration(path, speed, strength);
+            // At rest, or where no number is finite.
+            if !(step.is_finite() && time + step > time && curvature.is_finite()) {
+                return None;
+            }
+            if is_near {
+                let fastest = speed + strength * step;
+                let bound = fastest * fastest * curvature + strength;
+                if let Some(delay) = first_contact_bounded(|t| gap(time + t), bound, radius, step, step) {
+                    return Some(time + delay);
+                }
+            }
+            time += step;
+            if !is_near && flight.from(time).misses(center, extent + radius) {
+                return None;
+            }
+        }
+        Some(f64::INFINITY)
+    }
+}
+
+/// Path of a step near a surface [radii].
+const NEAR: f64 = 0.5;
+/// Least path of a step near a surface [radii].
+const SMALL: f64 = 1e-6;
+
+/// The time of a path at this speed and acceleration.
+fn duration(path: f64, speed: f64, acceleration: f64) -> f64 {
+    if acceleration > 0.0 {
+        2.0 * path / (speed + (speed * speed + 2.0 * acceleration * path).sqrt())
+    } else {
+        path / speed
+    }
+}
+
+/// A flight of constant acceleration.
+struct Flight {
+    position: DVec3,
+    velocity: DVec3,
+    acceleration: DVec3,
+}
+
+impl Flight {
+    fn at(&self, time: f64) -> DVec3 {
+        free_flight(self.position, self.velocity, self.acceleration, time)
+    }
+
+    fn velocity_at(&self, time: f64) -> DVec3 {
+        free_flight_velocity(self.velocity, self.acceleration, time)
+    }
+
+    /// The same flight from a later time on.
+    fn from(&self, time: f64) -> Self {
+        Self { position: self.at(time), velocity: self.velocity_at(time), acceleration: self.acceleration }
+    }
+
+    /// Whether a straight flight never comes into a sphere.
+    fn misses(&self, center: DVec3, radius: f64) -> bool {
+        if radius == f64::INFINITY || self.acceleration != DVec3::ZERO {
+            return false;
+        }
+        let from = self.position - center;
+        let (along, square) = (from.dot(self.velocity), self.velocity.length_squared());
+        let nearest = if along < 0.0 { from - self.velocity * (along / square) } else { from };
+        nearest.length() > radius * (1.0 + 1e-9)
+    }
+}
+
+/// A surface with the name and the parameters by which scenes have it.
+pub type NamedSurface = Named<dyn Surface>;
+
+static SURFACES: NamedOnce<dyn Surface> = NamedOnce::new();
+
+impl NamedSurface {
+    /// The surface with this name and these parameters, as text; `surface` if it is new.
+    pub fn of(name: &str, parameters: &str, surface: Box<dyn Surface>) -> &'static Self {
+        SURFACES.of(name, parameters, surface)
+    }
+}
+
+/// The shape of a wall that is no half-space.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum Shape {
+    /// A plane with particles on both sides.
+    Partition(Partition),
+    /// A surface of another crate.
+    Named(&'static NamedSurface),
+}
+
+impl Shape {
+    /// The surface.
+    #[must_use]
+    pub fn surface(&self) -> &dyn Surface {
+        match self {
+            Self::Partition(partition) => partition,
+            Self::Named(named) => named.get(),
+        }
+    }
+
+    /// The hole of a partition.
+    #[must_use]
+    pub fn hole(&self) -> Option<crate::Hole> {
+        match self {
+            Self::Partition(partition) => partition.hole,
+            Self::Named(_) => None,
+        }
+    }
+}
+
+impl Surface for Partition {
+    fn distance(&self, position: DVec3) -> f64 {
+        self.from_nearest(position).length()
+    }
+
+    fn normal(&self, position: DVec3) -> DVec3 {
+        self.from_nearest(position).normalize_or(self.normal)
+    }
+
+    /// Not used: its contacts are in closed form, but for those with the rim of a hole.
+    fn curvature(&self, _low: f64, _high: f64) -> f64 {
+        f64::INFINITY
+    }
+
+    fn approach(&self, position: DVec3, velocity: DVec3) -> (f64, f64) {
+        let r = self.from_nearest(position);
+        let distance = r.length();
+        (distance, velocity.dot(r) / distance)
+    }
+
+    fn time_to_contact(
+        &self,
+        position: DVec3,
+        velocity: DVec3,
+        acceleration: DVec3,
+        radius: f64,
+        _within: f64,
+    ) -> Option<f64> {
+        Self::time_to_contact(self, position, velocity, acceleration, radius)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// A sphere with particles inside (`side` −1) or outside (1).
+    #[derive(Debug)]
+    struct Ball {
+        radius: f64,
+        side: f64,
+    }
+
+    impl Surface for Ball {
+        fn distance(&self, position: DVec3) -> f64 {
+            self.side * (position.length() - self.radius)
+        }
+
+        fn normal(&self, position: DVec3) -> DVec3 {
+            position.normalize_or(DVec3::X) * self.side
+        }
+
+        fn curvature(&self, low: f64, high: f64) -> f64 {
+            let least = self.radius + if self.side > 0.0 { low } else { -high };
+            if least > 0.0 { 1.0 / least } else { f64::INFINITY }
+        }
+
+        fn bounds(&self) -> (DVec3, f64) {
+            (DVec3::ZERO, self.radius)
+        }
+    }
+
+    /// The first root t > 0 of |x + v t| = distance at which it falls or rises, in closed form.
+    fn expected(x: DVec3, v: DVec3, distance: f64, side: f64) -> Option<f64> {
+        let (b, c, v2) = (x.dot(v), x.length_squared() - distance * distance, v.length_squared());
+        let discriminant = b * b - v2 * c;
+        if discriminant < 0.0 {
+            return None;
+        }
+        let root = discriminant.sqrt();
+        if side < 0.0 {
+            // From inside: the later root.
+            return Some(if b > 0.0 { -c / (b + root) } else { (root - b) / v2 });
+        }
+        (b < 0.0).then(|| c / (root - b))
+    }
+
+    #[test]
+    fn straight_flights_to_a_sphere_have_the_times_of_the_closed_form() {
+        let mut random = haff_testing::Random(5);
+        let mut vector = |scale: f64| DVec3::from_array([0; 3].map(|_| scale * random.uniform(-1.0, 1.0)));
+        let (mut hits, mut misses) = (0, 0);
+        for _ in 0..100_000 {
+            for side in [-1.0, 1.0] {
+                let ball = Ball { radius: 2.0, side };
+                let radius = 0.3;
+                let (x, v) = (vector(3.0), vector(1.0));
+                if ball.distance(x) < radius {
+                    continue;
+                }
+                let contact = 2.0 + side * radius;
+                let found = ball.time_to_contact(x, v, DVec3::ZERO, radius, 1e6);
+                let expected = expected(x, v, contact, side);
+                match (found, expected) {
+                    (Some(found), Some(expected)) => {
+                        hits += 1;
+                        // The rounding of the distance by the rate at which it falls.
+                        let normal = (x + v * expected).normalize();
+                        let tolerance = 1e-15 * (x.length() + 2.0) / v.dot(normal).abs() + 1e-15 * expected;
+                        assert!((found - expected).abs() <= 8.0 * tolerance, "{x} {v}: {found} {expected}");
+                    }
+                    (None, None) => misses += 1,
+                    // Grazing within rounding.
+                    (found, expected) => {
+                        let off = (x - v * (x.dot(v) / v.length_squared())).length() - contact;
+                        assert!(side > 0.0 && off.abs() < 1e-12, "{x} {v}: {found:?} {expected:?}");
+                    }
+                }
+            }
+        }
+        assert!(hits > 20_000 && misses > 50_000, "{hits} {misses}");
+    }
+
+    #[test]
+    fn falls_are_found_and_a_sphere_that_leaves_the_surface_does_not_touch_it_at_once() {
+        let ball = Ball { radius: 2.0, side: -1.0 };
+        let gravity = DVec3::new(0.0, 0.0, -10.0);
+        // From the center down to the lowest point: 1.5 = ½ g t².
+        let time = ball.time_to_contact(DVec3::ZERO, DVec3::ZERO, gravity, 0.5, 1e6).unwrap();
+        assert!((time - f64::sqrt(0.3)).abs() < 1e-15, "{time}");
+        // A jump from there, up and back.
+        let lowest = DVec3::new(0.0, 0.0, -1.5);
+        for speed in [1e-6, 1e-3, 1.0, 3.0] {
+            let time = ball.time_to_contact(lowest, DVec3::Z * speed, gravity, 0.5, 1e6).unwrap();
+            // The rounding of the height by the speed.
+            assert!((time - 0.2 * speed).abs() < 4e-16 / speed + 1e-16, "{speed}: {time}");
+        }
+        // At rest in free space, and beyond the given time.
+        assert_eq!(ball.time_to_contact(DVec3::ZERO, DVec3::ZERO, DVec3::ZERO, 0.5, 1e6), None);
+        let late = ball.time_to_contact(DVec3::ZERO, DVec3::X * 1e-9, DVec3::ZERO, 0.5, 1.0).unwrap();
+        assert!(late == f64::INFINITY || (late - 1.5e9).abs() < 1e-5, "{late}");
+        // Outside, away from it.
+        let outside = Ball { radius: 2.0, side: 1.0 };
+        assert_eq!(outside.time_to_contact(DVec3::X * 2.5, DVec3::X, DVec3::ZERO, 0.5, 1e6), None);
+    }
+}

@@ -1,0 +1,34 @@
+"""What probes of other crates have measured, against time."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from matplotlib.figure import Figure
+
+from .. import observables
+from ..errors import NotApplicableError
+from .facts import sampled
+from .style import headline, label
+
+if TYPE_CHECKING:
+    from ..reader import File
+
+
+def draw(file: File) -> Figure:
+    """A panel for each column of a probe, with a line for each component."""
+    columns = observables.of_probes(file)
+    if not columns:
+        raise NotApplicableError("no probe of another crate has measured anything")
+    table = file.samples
+    figure = Figure(figsize=(6.4, 1.2 + 2.1 * len(columns)), layout="constrained")
+    panels = figure.subplots(len(columns), 1, sharex=True, squeeze=False)[:, 0]
+    for axes, (name, unit, components) in zip(panels, columns):
+        for component in components:
+            axes.plot(table["time"], table[component], lw=1.2, label=component.removeprefix(f"{name}_"))
+        axes.set_ylabel(label(name) + ("" if unit == "1" else f"\n[{unit}]"))
+        if len(components) > 1:
+            axes.legend(loc="best")
+    panels[-1].set_xlabel("time  $t$  [time]")
+    headline(figure, "Columns of probes", sampled(file, table["time"]))
+    return figure
