@@ -93,7 +93,14 @@ def kind(about, definitions):
         return f"[{inner}{count}]"
     if "properties" in about:
         return "{ " + ", ".join(f"`{key}`" for key in about["properties"]) + " }"
-    words = {"number": "number", "integer": "integer", "string": "string", "boolean": "`true`, `false`"}
+    words = {
+        "number": "number",
+        "integer": "integer",
+        "string": "string",
+        "boolean": "`true`, `false`",
+        # Its keys are those of a plug-in.
+        "object": "table",
+    }
     bounds = []
     if "exclusiveMinimum" in about:
         bounds.append(f"> {about['exclusiveMinimum']:g}")

@@ -391,19 +391,27 @@ pub struct RestitutionModelConfig {
     pub exponent: Option<f64>,
 }
 
+/// The schema of a name; of any, if there is none: an empty choice is not valid in some drafts.
+fn one_of(names: &[&str]) -> schemars::Schema {
+    if names.is_empty() {
+        return schemars::json_schema!({ "type": "string" });
+    }
+    schemars::json_schema!({ "type": "string", "enum": names })
+}
+
 /// The schema of the name of a law of restitution.
 fn names_of_laws(_: &mut schemars::SchemaGenerator) -> schemars::Schema {
-    schemars::json_schema!({ "type": "string", "enum": law_names() })
+    one_of(&law_names())
 }
 
 /// The schema of the name of a surface.
 fn names_of_surfaces(_: &mut schemars::SchemaGenerator) -> schemars::Schema {
-    schemars::json_schema!({ "type": "string", "enum": surface_names() })
+    one_of(&surface_names())
 }
 
 /// The schema of the name of a probe.
 fn names_of_probes(_: &mut schemars::SchemaGenerator) -> schemars::Schema {
-    schemars::json_schema!({ "type": "string", "enum": probe_names() })
+    one_of(&probe_names())
 }
 
 /// Adds the drives of plug-ins to the schema of those of haff.
