@@ -1,4 +1,4 @@
-//! The command `haff` as a function, for programs that add laws, drives and probes of their own to it.
+//! The command `haff` as a function, for programs that add laws, surfaces, drives and probes of their own.
 //!
 //! The whole program of the command is
 //!

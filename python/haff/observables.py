@@ -129,11 +129,11 @@ def of_probes(file: File) -> list[tuple[str, str, list[str]]]:
     stored, found = file.stored, []
     if "observables" not in file:
         return []
-    for name in names(file):
+    for name, column in columns(file)[2].items():
         place = f"observables/{name}"
         first, unit = stored.attribute(place, "probe"), stored.attribute(place, "unit")
         if isinstance(first, int | np.integer):
-            shape = columns(file)[2][name].width
+            shape = column.width
             parts = [f"{name}_{component(c, shape[0])}" for c in range(shape[0])] if shape else [name]
             found.append((int(first), name, unit if isinstance(unit, str) else "1", parts))
     return [(name, unit, parts) for _, name, unit, parts in sorted(found)]

@@ -137,7 +137,8 @@ fn check_laws(
     let overlap = simulation.measure_overlap();
     // Only a run that has reported an overlap can end with one. In a collapse a hundred thousand equal hops
     // move a grain by as many equal rounding errors along the axes without gravity.
-    let ends_with_overlap = matches!(end, End::Error(_));
+    let ends_with_overlap =
+        matches!(end, End::Error(text) if text.contains("overlaps with") || text.contains("collapse"));
     prop_assert!(overlap.is_ok() || ends_with_overlap, "{}", overlap.unwrap_err());
     let sample = simulation.sample();
     // A falling grain is faster during the run than at both ends, but not faster than after a free fall of
