@@ -133,6 +133,18 @@ def test_scene_can_start_from_a_file(command):
         haff.Simulation(CONFIGS / "cooling.toml", initial={"positions": {"file": "no_such.h5"}})
 
 
+def test_keys_change_when_the_file_of_the_start_is_gone(tmp_path):
+    scene = GAS | {"output": {"file": str(tmp_path / "start.h5"), "frames": 1.0}}
+    start = haff.run(scene).path
+    live = haff.Simulation(GAS, initial={"positions": {"file": start}})
+    start.unlink()
+    live.advance(1.0)
+    live.set(contact__restitution=0.5)
+    live.advance(2.0)
+    assert "restitution = 0.5" in live.scene_text
+    assert live.sample()["ledger_residual"] == pytest.approx(0.0, abs=1e-12)
+
+
 def test_advance_returns_rest_when_nothing_moves():
     nothing = {"schema": 1, "domain": {"size": [5, 5, 5]}, "run": {"until": 1.0}}
     nothing["particle"] = [{"position": [2.5, 2.5, 2.5], "radius": 0.5, "mass": 1.0}]

@@ -65,18 +65,20 @@ impl From<EngineError> for Refused {
     }
 }
 
-/// Changes keys of a simulation; `overrides` are `KEY=VALUE`. Its particles may be others than those of the
-/// scene. Also returns whether anything has changed: otherwise the run goes on as it is, as with the command.
+/// Changes keys of a simulation; `overrides` are `KEY=VALUE`, `files` has the state it started from. Its
+/// particles may be others than those of the scene. Also returns whether anything has changed: otherwise
+/// the run goes on as it is, as with the command.
 pub fn change(
     simulation: &mut Simulation,
     described: &Described,
     name: &str,
     overrides: &[String],
+    files: &Files,
     observer: &mut dyn Observer,
 ) -> Result<(Described, bool), Refused> {
     let (text, present) = (&described.resolved, Present::of(simulation));
     let Scene { system: new, joints, resolved, .. } =
-        haff_scene::parse_changed(name, text, overrides, &CHANGEABLE, &Files, &present)?;
+        haff_scene::parse_changed(name, text, overrides, &CHANGEABLE, files, &present)?;
     if !joints.is_empty() {
         return Err(Refused::Other("contacts cannot become sticking in a run that goes on"));
     }

@@ -1,10 +1,12 @@
 //! Scenes: their checks, templates, schema, and the recorded states they may start from.
 
-use std::path::Path;
+use std::collections::HashMap;
+use std::path::{Path, PathBuf};
 
 use glam::DVec3;
 use haff_scene::{Scene, State, StateSource};
 use numpy::PyReadonlyArrayDyn;
+use parking_lot::Mutex;
 use pyo3::{intern, prelude::*};
 
 use crate::{errors, threads};
@@ -24,10 +26,10 @@ pub struct Source {
 }
 
 impl Source {
-    /// Reads and checks it.
-    pub fn scene(&self, py: Python<'_>) -> PyResult<Scene> {
+    /// Reads and checks it; `files` reads the states it starts from.
+    pub fn scene(&self, py: Python<'_>, files: &Files) -> PyResult<Scene> {
         // Packing many particles takes long: other Python threads may run.
-        py.detach(|| threads::shared(|| haff_scene::parse(&self.name, &self.text, &self.overrides, &Files)))
+        py.detach(|| threads::shared(|| haff_scene::parse(&self.name, &self.text, &self.overrides, files)))
             .map_err(errors::threads)?
             .map_err(|errors| errors::scene(py, &errors, self.has_file))
     }
@@ -38,12 +40,21 @@ impl Source {
     }
 }
 
-/// Recorded states, read by `haff.scenes.recorded_state` through h5py: no HDF5 is linked here.
-pub struct Files;
+/// Recorded states, read by `haff.scenes.recorded_state` through h5py: no HDF5 is linked here. Each is read
+/// once, so that keys of a simulation can change when the file it started from has changed or is gone.
+#[derive(Default)]
+pub struct Files(Mutex<HashMap<(PathBuf, i64), State>>);
 
 impl StateSource for Files {
     fn state(&self, path: &Path, index: i64) -> Result<State, String> {
-        Python::attach(|py| state(py, path, index).map_err(|error| error.value(py).to_string()))
+        let key = (path.to_owned(), index);
+        if let Some(state) = self.0.lock().get(&key) {
+            return Ok(state.clone());
+        }
+        // Without the lock: another thread may wait for it with the interpreter's.
+        let state = Python::attach(|py| state(py, path, index).map_err(|error| error.value(py).to_string()))?;
+        self.0.lock().insert(key, state.clone());
+        Ok(state)
     }
 }
 
@@ -93,7 +104,7 @@ fn state(py: Python<'_>, path: &Path, index: i64) -> PyResult<State> {
 #[allow(clippy::needless_pass_by_value)]
 #[pyfunction]
 pub fn validate(py: Python<'_>, source: Source) -> PyResult<String> {
-    Ok(source.scene(py)?.resolved)
+    Ok(source.scene(py, &Files::default())?.resolved)
 }
 
 /// The JSON Schema of scene files.

@@ -17,7 +17,7 @@ use crate::{
     errors, events,
     keys::{self, Described, Refused},
     measured, observables,
-    scenes::Source,
+    scenes::{Files, Source},
     threads::Threads,
 };
 
@@ -58,6 +58,8 @@ pub struct Simulation {
     /// Number of its own threads, unless it shares those of the process.
     own_threads: Option<usize>,
     name: String,
+    /// The state that the scene starts from, if it is recorded.
+    files: Files,
     dimension: usize,
     sizes: Sizes,
     grids: Vec<Grid>,
@@ -135,8 +137,9 @@ impl Simulation {
     fn new(py: Python<'_>, source: Source, threads: Option<usize>, events: bool) -> PyResult<Self> {
         let own_threads = threads;
         let mut threads = Threads::new(own_threads);
+        let files = Files::default();
         let Scene { system, joints, title, seed, run, options, resolved, packing_fraction, .. } =
-            source.scene(py)?;
+            source.scene(py, &files)?;
         let properties = |body: &haff_engine::Body| {
             let class = &system.classes[body.class as usize];
             (class.radius, class.mass, body.species)
@@ -162,6 +165,7 @@ impl Simulation {
             })),
             own_threads,
             name: source.name().to_owned(),
+            files,
             dimension,
             sizes,
             grids,
@@ -275,7 +279,8 @@ impl Simulation {
                 return Err(Refused::Other(why));
             };
             let mut described = self.described.lock();
-            let (next, changes) = keys::change(granular, &described, &self.name, &overrides, log)?;
+            let (next, changes) =
+                keys::change(granular, &described, &self.name, &overrides, &self.files, log)?;
             (*described, *changed) = (next, *changed | changes);
             Ok(())
         })?;
