@@ -54,11 +54,6 @@ impl Geometry {
     pub(crate) fn lengths(&self) -> [f64; 3] {
         self.size.to_array()
     }
-
-    /// The same box without walls and radii.
-    pub(crate) fn without_planes(&self) -> Self {
-        Self { radii: Vec::new(), planes: Vec::new(), ..*self }
-    }
 }
 
 /// The images of a sheared box from a time on.

@@ -1,7 +1,7 @@
 /*!
 The search for partners: the pairs of particles that can collide.
 
-A [`Search`] keeps a coarse *cell* for every particle (a grid cell, or a sphere around a reference position)
+A [`Search`] keeps a coarse *cell* for every particle
 with one guarantee: two particles whose surfaces can touch before either of them leaves its cell or collides
 are [candidates](Search::candidates) of each other. Leaving a cell is a *crossing*: the search predicts it and
 carries it out, and never changes the particle's anchor (position, velocity and time of its last own event).
@@ -10,31 +10,25 @@ So trajectories are independent of the search.
 Coordinates are *anchor coordinates*: those of the anchor's free flight, without wrapping. The periodic image
 of a pair is given as an integer shift s per axis: the partner's image is at r_j + s·L.
 
-[`Cells`] is the search for particles that are far apart, [`Lists`] for those that are close, [`AllPairs`] the
-plain reference for both and the search for very few particles. [`ShearedCells`] and [`ShearedPairs`] are
-those for boxes under simple shear, whose images slide.
+[`Cells`] is the search for any particles, [`AllPairs`] the plain reference and the search for very few.
+[`ShearedCells`] and [`ShearedPairs`] are those for boxes under simple shear, whose images slide.
 */
 
 mod all_pairs;
 mod array;
-mod bins;
 mod cells;
 mod geometry;
-mod lists;
 mod memory;
-mod packed;
 mod sheared;
-mod shell;
 mod walls;
 
 pub use all_pairs::AllPairs;
 pub use array::Array;
 pub use cells::Cells;
 pub use geometry::{Axis, Geometry, Plane, Sliding};
-pub use lists::Lists;
 pub use memory::{Elements, prefetch, prefetch_at, with_huge_pages};
-pub use packed::{Offsets, Packed};
 pub use sheared::{ShearedCells, ShearedPairs};
+pub use walls::beyond_faces;
 
 use glam::DVec3;
 
@@ -84,24 +78,6 @@ pub trait Search: Sync + Send + Sized {
         position: P,
         visit: V,
     );
-
-    /// All candidates of particle i as one slice, if this search stores them in slices and those of i fit.
-    #[inline(always)]
-    fn packed(&self, i: u32) -> Option<&[Packed]> {
-        let _ = i;
-        None
-    }
-
-    /// Prefetches the memory that [`Self::packed`] of particle i reads.
-    #[inline(always)]
-    fn prefetch(&self, i: u32) {
-        let _ = i;
-    }
-
-    /// The shift vectors of the image codes in [`Self::packed`].
-    fn offsets(&self) -> Option<&Offsets> {
-        None
-    }
 
     /// Indices of the walls that particle i can touch before its next crossing.
     fn walls(&self, i: u32) -> &[u16];

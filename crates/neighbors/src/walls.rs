@@ -1,5 +1,6 @@
 //! The walls that a particle in a cell can touch.
 
+use glam::DVec3;
 use rayon::prelude::*;
 
 use crate::{Axis, Geometry, Plane};
@@ -20,7 +21,7 @@ impl WallTable {
             return Self::default();
         }
         let [nx, ny, nz] = n.map(|n| n as usize);
-        let beyond = beyond_faces(geometry);
+        let beyond = beyond_faces(geometry.axes, geometry.size, &geometry.planes);
         let lists: Vec<Vec<u16>> = (0..nx * ny * nz)
             .into_par_iter()
             .map(|index| {
@@ -63,16 +64,18 @@ impl WallTable {
     }
 }
 
-/// How far the walls of a box let particles go beyond its faces, lower and upper, along each axis \[length\]:
-/// walls may be displaced, and oscillate. Particles beyond a face belong to the outermost cells.
-fn beyond_faces(geometry: &Geometry) -> [[f64; 2]; 3] {
+/// How far the walls of a box with these edges let particles go beyond its faces, lower and upper, along each
+/// axis \[length\]: walls may be displaced, and oscillate. A wall that moves on and on does not count,
+/// because every particle is tested for it.
+pub fn beyond_faces(axes: [Axis; 3], size: DVec3, planes: &[Plane]) -> [[f64; 2]; 3] {
     [0, 1, 2].map(|axis| {
-        if geometry.axes[axis] != Axis::Bounded {
+        if axes[axis] != Axis::Bounded {
             return [0.0; 2];
         }
-        [(1.0, 0.0), (-1.0, geometry.size[axis])].map(|(side, face)| {
-            let planes = geometry.planes.iter().filter(|plane| plane.normal[axis] == side);
-            planes.map(|plane| (face - plane.point[axis]) * side + plane.sweep).fold(0.0, f64::max)
+        [(1.0, 0.0), (-1.0, size[axis])].map(|(side, face)| {
+            let planes = planes.iter().filter(|plane| plane.normal[axis] == side);
+            let depths = planes.map(|plane| (face - plane.point[axis]) * side + plane.sweep);
+            depths.filter(|depth| depth.is_finite()).fold(0.0, f64::max)
         })
     })
 }

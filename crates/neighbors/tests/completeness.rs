@@ -3,8 +3,7 @@
 
 use glam::DVec3;
 use haff_neighbors::{
-    AllPairs, Axis, Cells, Flight, Geometry, Lists, Packed, Plane, Search, ShearedCells, ShearedPairs, Shift,
-    Sliding,
+    AllPairs, Axis, Cells, Flight, Geometry, Plane, Search, ShearedCells, ShearedPairs, Shift, Sliding,
 };
 use proptest::prelude::*;
 
@@ -251,11 +250,6 @@ proptest! {
     }
 
     #[test]
-    fn lists_are_complete(scene in scene()) {
-        check_completeness::<Lists>(&scene, 300)?;
-    }
-
-    #[test]
     fn all_pairs_are_complete(scene in scene()) {
         check_completeness::<AllPairs>(&scene, 300)?;
     }
@@ -289,27 +283,6 @@ proptest! {
         let wraps = [0, 1, 2].map(|axis| if scene.geometry.axes[axis] == Axis::Periodic { wraps[axis] } else { 0 });
         let positions: Vec<DVec3> = scene.flights.iter().map(|flight| flight.0).collect();
         shifts_images::<Cells>(&scene.geometry, &positions, i, wraps)?;
-        shifts_images::<Lists>(&scene.geometry, &positions, i, wraps)?;
-    }
-
-    /// As long as reference positions do not change, the lists of two particles contain each other.
-    #[test]
-    fn lists_stay_symmetric(scene in scene()) {
-        let count = scene.flights.len() as u32;
-        let mut search = Lists::new(&scene.geometry, &(0..count).map(|i| scene.position(i, 0.0)).collect::<Vec<_>>());
-        for step in 0..200 {
-            let i = step * 7 % count;
-            search.cross(i, 0, &scene.flight(i, f64::from(step) * 0.1));
-        }
-        let mut all = Vec::new();
-        for i in 0..count {
-            search.candidates(i, 0, |_| DVec3::ZERO, |j, shift| all.push((i, j, shift)));
-        }
-        let mut mirrored: Vec<_> = all.iter().map(|&(i, j, shift)| (j, i, shift.map(|s| -s))).collect();
-        all.sort_unstable();
-        mirrored.sort_unstable();
-        prop_assert!(all.windows(2).all(|two| two[0] != two[1]), "an entry occurs twice");
-        prop_assert_eq!(all, mirrored);
     }
 }
 
@@ -343,103 +316,6 @@ fn shifts_images<S: Search>(
         prop_assert_eq!(sorted_candidates(&search, k), expected);
     }
     Ok(())
-}
-
-/// Two thousand particles close together: lists of 1999 entries, far more than fit in the table.
-#[test]
-fn lists_overflow_and_shrink_again() {
-    let count = 2000;
-    let geometry = Geometry {
-        size: DVec3::splat(30.0),
-        axes: [Axis::Periodic; 3],
-        reach: 1.0,
-        // A crowded gas, for which the skin is thin.
-        crowding: 10.0,
-        radius: 0.5,
-        radii: Vec::new(),
-        planes: Vec::new(),
-        sliding: None,
-    };
-    let place = |i: u32| {
-        // A loose lattice.
-        let cell = [i % 13, i / 13 % 13, i / 169].map(|k| f64::from(k) * 2.3);
-        DVec3::from_array(cell)
-    };
-    let start: Vec<DVec3> = (0..count).map(place).collect();
-    let mut search = Lists::new(&geometry, &start);
-    let at_start: Vec<_> = (0..count).map(|i| sorted_candidates(&search, i)).collect();
-    assert!(at_start.iter().all(|list| list.len() < 40));
-    let flight = |position| Flight { position, velocity: DVec3::X, acceleration: DVec3::ZERO, now: 0 };
-    for i in 0..count {
-        search.cross(i, 0, &flight(DVec3::splat(15.1)));
-    }
-    for i in [0, 1, 777, count - 1] {
-        let expected: Vec<_> = (0..count).filter(|&j| j != i).map(|j| (j, [0; 3])).collect();
-        assert_eq!(sorted_candidates(&search, i), expected);
-        assert!(search.packed(i).is_none());
-    }
-    for i in (0..count).rev() {
-        search.cross(i, 0, &flight(place(i)));
-    }
-    for i in 0..count {
-        assert_eq!(sorted_candidates(&search, i), at_start[i as usize], "list of {i}");
-        assert!(search.packed(i).is_some());
-    }
-}
-
-/// Ten thousand small particles in a region as large as one cell of the only large particle.
-#[test]
-fn lists_of_small_particles_stay_short_beside_a_large_one() {
-    let mut positions = vec![DVec3::splat(50.0)];
-    let mut radii = vec![10.0];
-    for k in 0..10_000 {
-        positions.push(DVec3::new(f64::from(k % 22), f64::from(k / 22 % 22), f64::from(k / 484)) + 61.0);
-        radii.push(0.4);
-    }
-    let geometry = Geometry {
-        size: DVec3::splat(100.0),
-        axes: [Axis::Periodic; 3],
-        reach: 20.0,
-        crowding: 1.0,
-        radius: 10.0,
-        radii,
-        planes: Vec::new(),
-        sliding: None,
-    };
-    let search = Lists::new(&geometry, &positions);
-    for i in [0_u32, 1, 5000, 10_000] {
-        let list = sorted_candidates(&search, i);
-        let near = |j: &u32| {
-            let contact = geometry.radii[i as usize] + geometry.radii[*j as usize];
-            let r = positions[*j as usize] - positions[i as usize];
-            let r = r - (r / geometry.size).round() * geometry.size;
-            *j != i && r.length() < contact
-        };
-        let touching: Vec<u32> = (0..positions.len() as u32).filter(near).collect();
-        assert!(touching.iter().all(|j| list.iter().any(|entry| entry.0 == *j)), "{i}");
-    }
-    // The range depends on the radii of the pair, not on the largest radius: no list contains all particles.
-    assert!(sorted_candidates(&search, 5000).len() < 3000);
-}
-
-#[test]
-fn lists_hold_images_far_from_the_box() {
-    let geometry = Geometry {
-        size: DVec3::splat(8.0),
-        axes: [Axis::Periodic; 3],
-        reach: 1.0,
-        crowding: 1.0,
-        radius: 0.5,
-        radii: Vec::new(),
-        planes: Vec::new(),
-        sliding: None,
-    };
-    // The second has flown five boxes along x and one back along y since its last collision.
-    let positions = [DVec3::splat(4.0), DVec3::new(44.9, -4.0, 4.0)];
-    let search = Lists::new(&geometry, &positions);
-    assert_eq!(sorted_candidates(&search, 0), [(1, [-5, 1, 0])]);
-    assert_eq!(sorted_candidates(&search, 1), [(0, [5, -1, 0])]);
-    assert!(search.packed(0).is_none() && Packed::new(1, [-5, 1, 0]).is_none());
 }
 
 #[test]

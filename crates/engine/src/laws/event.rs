@@ -122,6 +122,13 @@ impl PhysicalEvent for Impact {
     }
 }
 
+impl From<Impact> for AnyEvent {
+    #[inline(always)]
+    fn from(impact: Impact) -> Self {
+        Self::Impact(impact)
+    }
+}
+
 impl PhysicalEvent for AnyEvent {
     #[inline(always)]
     fn participants(self) -> ([u32; 2], Option<u32>) {

@@ -27,6 +27,14 @@ impl World {
         }
     }
 
+    /// Whether a particle falls freely: it has a finite mass, and does not rest on a wall. Only under
+    /// gravity.
+    #[inline(always)]
+    pub fn falls(&self, i: u32) -> bool {
+        let particle = &self.particles[i as usize];
+        !particle.rests() && self.classes[particle.class()].inverse_mass != 0.0
+    }
+
     /// The part of gravity that the walls under a particle do not balance, or that is along its carrier; with
     /// the friction on it.
     #[inline(never)]

@@ -10,7 +10,7 @@ distances from walls ([`walls`]), which walls support a grain ([`support`]), and
 shear); every search must visit the same images (`haff_neighbors`, `search/windows/shear.rs`, a set in
 `model/features.rs`), and `support/overlap.rs` their overlaps. A new shape of wall is a `Surface` of
 `haff_mechanics`, which [`walls`] asks for distances and contacts; what assumes a plane is in
-`support/geometry.rs`, `search/windows/walls.rs` and `model/conserved.rs`. Evaluating a flight changes
+`support/geometry.rs`, `search/planes.rs` and `model/conserved.rs`. Evaluating a flight changes
 nothing, so that any number of evaluations gives the same bits: only `wrap_anchor` and `move_anchor` set an
 anchor.
 

@@ -80,14 +80,10 @@ pub(crate) mod lists_above {
     /// Lists instead of cells, if sizes differ: the width of cells follows from the largest radius, the shell
     /// of lists from the mean one.
     pub(crate) const CELLS_MIXED: PerDimension = PerDimension { spheres: 0.26, disks: 0.5 };
-    /// The lists of [`crate::search::nearby`] instead of windows.
+    /// Lists instead of windows.
     pub(crate) const WINDOWS: PerDimension = PerDimension { spheres: 0.24, disks: 0.3 };
     /// The same from [`super::particles::PREFETCH_LISTS`] particles on.
     pub(crate) const WINDOWS_LARGE: PerDimension = PerDimension { spheres: 0.29, disks: 0.34 };
-    /// The lists of the calendar instead of windows.
-    pub(crate) const WINDOWS_OTHER: PerDimension = PerDimension { spheres: 0.38, disks: 0.7 };
-    /// The lists of the calendar instead of windows, under gravity.
-    pub(crate) const WINDOWS_FALLING: PerDimension = PerDimension { spheres: 0.55, disks: 0.7 };
-    /// The lists of the calendar instead of windows, if sizes differ too much for [`crate::search::nearby`].
+    /// The same if radii differ by more than twice.
     pub(crate) const WINDOWS_WIDE: PerDimension = PerDimension { spheres: 0.46, disks: 0.7 };
 }

@@ -5,10 +5,6 @@ The candidates of one particle are gathered into a structure of arrays and predi
 the compiler vectorizes the kernel. The earliest contact is selected afterwards. The same source is compiled
 once for the baseline instruction set and once for AVX2. Rust neither fuses nor reorders floating-point
 operations, so that both give the same bits as [`haff_mechanics::time_to_contact`].
-
-Here and in `packed`, for lists, candidates are gathered into arrays and predicted without branches; the same
-source is compiled for the baseline and for AVX2. Rust does not fuse or reorder floating-point operations, so
-the bits are those of `mechanics::time_to_contact`.
 */
 
 use crate::model::SimdChoice;

@@ -1,12 +1,9 @@
 //! The scheduler with one entry per particle in a calendar and any [search](haff_neighbors::Search) for
-//! partners: cells, lists or all pairs.
+//! partners: cells or all pairs.
 //!
 //! The search (`neighbors::Search`) guarantees: two particles that could touch before either changes its
-//! cell or list are candidates of each other. `Cells` keeps cell coordinates and never recomputes them.
-//! `Lists` keeps for every particle those within a shell around it, packed with their images in four bytes
-//! each. The lists of `nearby` need no images, because its coordinates are those of windows, and it predicts
-//! exactly only members whose bound in single precision is not later than the earliest event known.
-//! `AllPairs` takes the two nearest images of each pair. Walls are listed per cell, so that interior
+//! cell are candidates of each other. `Cells` keeps cell coordinates and never recomputes them. `AllPairs`
+//! takes the two nearest images of each pair. Walls are listed per cell, so that interior
 //! particles never test one.
 
 use std::marker::PhantomData;
@@ -29,11 +26,9 @@ use crate::{
     state::State,
 };
 
-/// Particles and lists are prefetched for the entry this many positions after the next one. There are two or
-/// three entries per event.
+/// Particles are prefetched for the entry this many positions after the next one. There are two or three
+/// entries per event.
 const FAR_AHEAD: usize = 10;
-/// The members of the lists are prefetched for the entry this many positions after the next one.
-const NEARLY_DUE: usize = 4;
 
 /// The scheduler for one set of features and one search.
 pub(crate) struct CalendarScheduler<F, S> {
@@ -86,7 +81,7 @@ impl<F: Features, S: Search + 'static> Predictor for SearchPredictor<F, S> {
         self.next_event(state, i, Scope::All)
     }
 
-    /// First prefetches the particles and their lists, then the members of the lists.
+    /// Prefetches the particles.
     #[inline(always)]
     fn prefetch<'a>(&self, upcoming: impl Fn(usize) -> Option<&'a Entry<SearchEvent>>, state: &State) {
         if !self.prefetches {
@@ -94,23 +89,8 @@ impl<F: Features, S: Search + 'static> Predictor for SearchPredictor<F, S> {
         }
         if let Some(entry) = upcoming(FAR_AHEAD) {
             prefetch_at(&state.world.particles, entry.owner as usize);
-            self.search.prefetch(entry.owner);
             if let Some(j) = entry.target.partner() {
                 prefetch_at(&state.world.particles, j as usize);
-                self.search.prefetch(j);
-            }
-        }
-        if let Some(entry) = upcoming(NEARLY_DUE) {
-            let neighbors = |i: u32| {
-                for entry in self.search.packed(i).unwrap_or_default() {
-                    prefetch_at(&state.world.particles, entry.id() as usize);
-                }
-            };
-            neighbors(entry.owner);
-            if let Some(j) = entry.target.partner()
-                && !upcoming(NEARLY_DUE + 1).is_some_and(|next| next.mirrors(entry))
-            {
-                neighbors(j);
             }
         }
     }

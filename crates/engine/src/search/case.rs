@@ -5,7 +5,7 @@ use std::borrow::Cow;
 use super::summary::{LocalDensity, SystemSummary};
 use crate::{model::System, state::world::World};
 
-/// Why only the calendar runs systems whose grains may come to rest.
+/// Why windows cannot run systems whose grains may come to rest.
 pub(crate) const MAY_SETTLE: &str = "grains may come to rest on each other (contact.rest_speed)";
 /// Why lists cannot run sheared systems.
 pub(crate) const SLIDING_IMAGES: &str = "images of a sheared box (domain.shear) slide";

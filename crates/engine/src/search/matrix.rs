@@ -3,10 +3,8 @@
 //! Each search says both in one function of its own; the choice, errors, `haff check -v`, the reason for one
 //! thread and the table of docs/searches.md ask here.
 
-use haff_neighbors::Lists;
-
 use super::{
-    case::{Case, Reason, SLIDING_IMAGES},
+    case::{Case, Reason},
     nearby, windows,
 };
 use crate::{model::NeighborChoice, state::world::World};
@@ -16,22 +14,20 @@ use crate::{model::NeighborChoice, state::world::World};
 pub(crate) enum Search {
     AllPairs,
     Cells,
-    /// The lists of [`haff_neighbors`], with one entry per particle in a calendar.
-    GeneralLists,
     /// Those of [`nearby`].
     Lists,
     Windows,
 }
 
 impl Search {
-    pub const ALL: [Self; 5] = [Self::AllPairs, Self::Cells, Self::GeneralLists, Self::Lists, Self::Windows];
+    pub const ALL: [Self; 4] = [Self::AllPairs, Self::Cells, Self::Lists, Self::Windows];
 
     /// As `engine.neighbors` names it.
     pub fn choice(self) -> NeighborChoice {
         match self {
             Self::AllPairs => NeighborChoice::AllPairs,
             Self::Cells => NeighborChoice::Cells,
-            Self::GeneralLists | Self::Lists => NeighborChoice::Lists,
+            Self::Lists => NeighborChoice::Lists,
             Self::Windows => NeighborChoice::Windows,
         }
     }
@@ -41,7 +37,6 @@ impl Search {
         match self {
             Self::AllPairs => "all pairs",
             Self::Cells => "cells",
-            Self::GeneralLists => "general lists",
             Self::Lists => "lists",
             Self::Windows => "windows",
         }
@@ -54,7 +49,6 @@ impl Search {
     pub fn can_run(self, case: &Case) -> Result<(), Reason> {
         match self {
             Self::AllPairs | Self::Cells => Ok(()),
-            Self::GeneralLists => can_run_general_lists(case),
             Self::Lists => nearby::can_run(case),
             Self::Windows => windows::can_run(case),
         }
@@ -66,37 +60,23 @@ impl Search {
     /// Why one thread takes all of them.
     pub fn can_share(self, world: &World) -> Result<(), &'static str> {
         match self {
-            Self::AllPairs | Self::Cells | Self::GeneralLists => {
-                Err("this search takes events one after the other")
-            }
+            Self::AllPairs | Self::Cells => Err("this search takes events one after the other"),
             Self::Lists => nearby::can_share(world),
             Self::Windows => windows::can_share(world),
         }
     }
 
-    /// The first search of those with a name in scenes that can run a case; of lists those that share events
-    /// among threads come first.
+    /// The search with a name in scenes, if it can run a case.
     ///
     /// # Errors
-    /// Why the last one cannot.
+    /// Why it cannot.
     pub fn of(choice: NeighborChoice, case: &Case) -> Result<Self, Reason> {
-        let first = match choice {
+        let search = match choice {
             NeighborChoice::AllPairs => Self::AllPairs,
             NeighborChoice::Windows => Self::Windows,
-            NeighborChoice::Lists if Self::Lists.can_run(case).is_ok() => Self::Lists,
-            NeighborChoice::Lists => Self::GeneralLists,
+            NeighborChoice::Lists => Self::Lists,
             NeighborChoice::Auto | NeighborChoice::Cells => Self::Cells,
         };
-        first.can_run(case).map(|()| first)
+        search.can_run(case).map(|()| search)
     }
-}
-
-fn can_run_general_lists(case: &Case) -> Result<(), Reason> {
-    if case.system.domain.shear.is_some() {
-        return Err(Reason::new(SLIDING_IMAGES));
-    }
-    if case.summary.count > Lists::MAX_PARTICLES {
-        return Err(Reason::new(format!("there are more than {} particles", Lists::MAX_PARTICLES)));
-    }
-    Ok(())
 }

@@ -2,8 +2,8 @@
 The searches for the next event, and the loop that takes events from them.
 
 *What is here.* [`event_loop`] is the loop, the same for all searches; a search implements its `Scheduler`.
-[`calendar_scheduler`] runs everything, with the cells, lists or all pairs of `haff_neighbors`; [`windows`]
-and [`nearby`] (lists) are faster and support less. [`blocks`] shares steps of windows and lists among
+[`calendar_scheduler`] runs everything, with the cells or all pairs of `haff_neighbors`; [`windows`] and
+[`nearby`] (lists) are faster and support less. [`blocks`] shares steps of windows and lists among
 threads, [`sharing`] decides how many threads are worth it. [`matrix`] says what each search can run.
 [`predict`] and [`batch`] are the predictions of pairs, [`queue`] keeps one entry for each particle,
 [`summary`] describes a state to a search.
@@ -28,7 +28,7 @@ pub(crate) mod entry;
 pub(crate) mod event_loop;
 pub(crate) mod matrix;
 pub(crate) mod nearby;
-pub(crate) mod packed;
+pub(crate) mod planes;
 pub(crate) mod predict;
 pub(crate) mod queue;
 pub(crate) mod search_event;

@@ -11,22 +11,21 @@ use std::collections::BTreeMap;
 
 use glam::DVec3;
 use haff_mechanics::{contact::CONTACT_NOISE, time_to_contact_accelerated};
-use haff_neighbors::{Flight, Offsets, Packed, Search, Shift};
+use haff_neighbors::{Flight, Search, Shift};
 
 use crate::{
     laws::slide,
     model::features::Features,
     motion::pair_flight::is_spurious_recontact,
-    numerics::clock::{HORIZON, LONGEST, whole},
+    numerics::clock::{HORIZON, whole},
     search::{
-        batch::{Batch, Kernel, LANES},
+        batch::{self, Batch, Kernel, LANES},
         carried,
         earliest::Earliest,
         entry::{Entry, Target},
-        packed::{self, Delays, Query},
         search_event::SearchEvent,
     },
-    state::{Pending, particle::Particle, world::World},
+    state::{Pending, world::World},
 };
 
 /// The earliest physical event of a particle that first crosses into another cell.
@@ -54,7 +53,6 @@ pub(crate) enum Scope {
 /// Working space of a prediction.
 pub(crate) struct Scratch {
     batch: Batch,
-    delays: Delays,
     kernel: Kernel,
     /// Number of pair predictions.
     pub predictions: u64,
@@ -62,7 +60,7 @@ pub(crate) struct Scratch {
 
 impl Scratch {
     pub fn new(kernel: Kernel) -> Self {
-        Self { batch: Batch::new(), delays: Delays::new(), kernel, predictions: 0 }
+        Self { batch: Batch::new(), kernel, predictions: 0 }
     }
 
     pub fn kernel(&self) -> Kernel {
@@ -87,44 +85,26 @@ pub(crate) fn predict<F: Features, S: Search>(
     let mut earliest = Earliest { entry: nothing, far: false };
 
     let carrier = if F::GRAVITY { world.carrier(i) } else { None };
-    if let Some(wall) = carrier {
-        carried::predict_release(world, i, wall, &mut earliest);
+    if F::GRAVITY && particle.rests() {
+        predict_support(world, pending, i, &mut earliest);
     }
-    let movable = F::UNIFORM || world.class(i).inverse_mass != 0.0;
-    let packed = if F::GRAVITY || scope != Scope::All || !movable { None } else { search.packed(i) };
-    if let (Some(list), Some(offsets)) = (packed, search.offsets()) {
-        predict_list::<F>(world, i, list, offsets, scratch, &mut earliest);
-    } else {
-        let position = |k: u32| world.flight::<F>(k, world.now).0;
-        let owner = Owner::of::<F>(world, i);
-        let visit = |j: u32, shift: Shift| gather::<F>(world, &owner, j, shift, scratch, &mut earliest);
-        match scope {
-            Scope::All => search.candidates(i, world.now, position, visit),
-            Scope::New(code) => {
-                search.new_candidates(i, code, world.now, position, visit);
-                if best.time < i64::MAX {
-                    earliest.offer(best.time, best.target, best.partner_count);
-                }
+    let position = |k: u32| world.flight::<F>(k, world.now).0;
+    let owner = Owner::of::<F>(world, i);
+    let visit = |j: u32, shift: Shift| gather::<F>(world, &owner, j, shift, scratch, &mut earliest);
+    match scope {
+        Scope::All => search.candidates(i, world.now, position, visit),
+        Scope::New(code) => {
+            search.new_candidates(i, code, world.now, position, visit);
+            if best.time < i64::MAX {
+                earliest.offer(best.time, best.target, best.partner_count);
             }
         }
-        flush::<F>(world, i, scratch, &mut earliest);
     }
+    flush::<F>(world, i, scratch, &mut earliest);
 
     let walls = search.walls(i);
     if !walls.is_empty() {
         predict_walls::<F>(world, i, walls, &mut earliest);
-    }
-    if F::GRAVITY
-        && particle.rests()
-        && let Some(rest) = pending.get(&i)
-    {
-        earliest.offer(rest.end, Target::new(SearchEvent::EndOfBounces), 0);
-    }
-    if F::GRAVITY
-        && particle.rests()
-        && let Some(end) = slide::end_of_slide(world, i)
-    {
-        earliest.offer(end, Target::new(SearchEvent::EndOfSlide), 0);
     }
 
     // A crossing later than the earliest event is not needed exactly.
@@ -151,6 +131,25 @@ pub(crate) fn predict<F: Features, S: Search>(
         return (Entry { time: world.now + HORIZON as i64, ..nothing }, None);
     }
     (earliest.entry, None)
+}
+
+/// Offers what ends the rest of particle i on a wall, or the bounces or the slide that it counts as: the wall
+/// leaves it, or their time is over.
+pub(crate) fn predict_support(
+    world: &World,
+    pending: &BTreeMap<u32, Pending>,
+    i: u32,
+    earliest: &mut Earliest<SearchEvent>,
+) {
+    if let Some(wall) = world.carrier(i) {
+        carried::predict_release(world, i, wall, earliest);
+    }
+    if let Some(rest) = pending.get(&i) {
+        earliest.offer(rest.end, Target::new(SearchEvent::EndOfBounces), 0);
+    }
+    if let Some(end) = slide::end_of_slide(world, i) {
+        earliest.offer(end, Target::new(SearchEvent::EndOfSlide), 0);
+    }
 }
 
 /// The flight of particle i from its present state.
@@ -192,17 +191,28 @@ impl Owner {
     }
 }
 
-/// Adds a candidate to the batch: relative position and velocity at the later of the two anchors. A pair with
-/// different accelerations is predicted at once.
+/// A pair with one acceleration, at the later of its two anchors.
+struct Pair {
+    /// Relative position, j − i, of the image \[length\], and relative velocity [length/time].
+    r: DVec3,
+    v: DVec3,
+    /// Contact distance [length].
+    sigma: f64,
+    /// Time of the later anchor, minus that of the anchor of the owner [ticks].
+    offset: i64,
+}
+
+/// The relative flight of the owner and a candidate. Offers the contact at once, and returns `None`, for a
+/// pair with different accelerations; offers nothing for two bodies that pass through each other.
 #[inline(always)]
-fn gather<F: Features>(
+fn relative_flight<F: Features>(
     world: &World,
     a: &Owner,
     j: u32,
     shift: Shift,
-    scratch: &mut Scratch,
+    predictions: &mut u64,
     earliest: &mut Earliest<SearchEvent>,
-) {
+) -> Option<Pair> {
     let b = &world.particles[j as usize];
     let partner_lag = a.time - b.time;
     let tick = world.clock.tick;
@@ -212,7 +222,7 @@ fn gather<F: Features>(
     } else {
         let class = &world.classes[b.class()];
         if !a.movable && class.inverse_mass == 0.0 && !(F::REST && can_driven_hit_asleep(world, a.i, j)) {
-            return; // Two bodies of infinite mass pass through each other.
+            return None; // Two bodies of infinite mass pass through each other.
         }
         a.radius + class.radius
     };
@@ -226,9 +236,9 @@ fn gather<F: Features>(
         if world.carries {
             let carrier = world.carrier(j);
             if carrier != a.carrier {
-                scratch.predictions += 1;
+                *predictions += 1;
                 carried::predict_pair::<F>(world, [a.i, j], shift, sigma, a.time.max(b.time), earliest);
-                return;
+                return None;
             }
             if carrier.is_some() {
                 // The same motion along the normal, which leaves the relative velocity as it is.
@@ -240,7 +250,7 @@ fn gather<F: Features>(
             // Under gravity no boundary slides.
             let (r, v, relative_acceleration) =
                 (world.periodicity.image(rb - ra, shift), vb - va, acceleration - a.acceleration);
-            scratch.predictions += 1;
+            *predictions += 1;
             let from = a.time.max(b.time);
             if is_out_of_reach(
                 r,
@@ -249,7 +259,7 @@ fn gather<F: Features>(
                 sigma,
                 (earliest.entry.time.saturating_sub(from)) as f64 * tick,
             ) {
-                return;
+                return None;
             }
             let contact_end =
                 spurious_contact_time(r, v, relative_acceleration, sigma, va.length().max(vb.length()));
@@ -261,7 +271,7 @@ fn gather<F: Features>(
                 let delay = (contact_end + delay) * world.clock.per_time;
                 earliest.offer_after(from, delay, SearchEvent::Collision(j), b.count);
             }
-            return;
+            return None;
         }
     } else {
         ra = haff_mechanics::drift(a.position, a.velocity, dt_a);
@@ -269,6 +279,44 @@ fn gather<F: Features>(
         (va, vb) = (a.velocity, b.velocity);
     }
     let (r, v) = world.image::<F>(rb - ra, vb - va, shift, a.time.max(b.time));
+    Some(Pair { r, v, sigma, offset: (-partner_lag).max(0) })
+}
+
+/// Offers the contact of the owner with one candidate, for the image that is nearest at present.
+pub(crate) fn predict_nearest<F: Features>(
+    world: &World,
+    i: u32,
+    j: u32,
+    predictions: &mut u64,
+    earliest: &mut Earliest<SearchEvent>,
+) {
+    let [a, b] = [i, j].map(|k| world.flight::<F>(k, world.now).0);
+    let shift = [0, 1, 2].map(|axis| -world.periodicity.turns((b - a)[axis], axis) as i32);
+    let owner = Owner::of::<F>(world, i);
+    let Some(pair) = relative_flight::<F>(world, &owner, j, shift, predictions, earliest) else { return };
+    *predictions += 1;
+    let Pair { r, v, sigma, offset } = pair;
+    let delay = batch::delay(r.to_array(), v.to_array(), sigma * sigma);
+    let from = owner.time + offset;
+    let speed = || [i, j].map(|k| world.flight::<F>(k, from).1.length()).into_iter().fold(0.0, f64::max);
+    if delay < f64::INFINITY && !is_spurious_recontact(r, v, sigma * sigma, speed) {
+        let count = world.particles[j as usize].count;
+        earliest.offer_after(from, delay * world.clock.per_time, SearchEvent::Collision(j), count);
+    }
+}
+
+/// Adds a candidate to the batch. A pair with different accelerations is predicted at once.
+#[inline(always)]
+fn gather<F: Features>(
+    world: &World,
+    a: &Owner,
+    j: u32,
+    shift: Shift,
+    scratch: &mut Scratch,
+    earliest: &mut Earliest<SearchEvent>,
+) {
+    let pair = relative_flight::<F>(world, a, j, shift, &mut scratch.predictions, earliest);
+    let Some(Pair { r, v, sigma, offset }) = pair else { return };
     if scratch.batch.len >= LANES {
         flush::<F>(world, a.i, scratch, earliest);
     }
@@ -282,7 +330,7 @@ fn gather<F: Features>(
     batch.v[1][k] = v.y;
     batch.v[2][k] = v.z;
     batch.sigma2[k] = sigma * sigma;
-    batch.offset[k] = (-partner_lag).max(0);
+    batch.offset[k] = offset;
     batch.id[k] = j;
     batch.len = k + 1;
 }
@@ -372,82 +420,6 @@ fn flush<F: Features>(world: &World, i: u32, scratch: &mut Scratch, earliest: &m
     batch.len = 0;
 }
 
-/// Offers the earliest contact of particle i with the candidates of a list. The particle must have finite
-/// mass and no acceleration.
-#[inline(always)]
-fn predict_list<F: Features>(
-    world: &World,
-    i: u32,
-    list: &[Packed],
-    offsets: &Offsets,
-    scratch: &mut Scratch,
-    earliest: &mut Earliest<SearchEvent>,
-) {
-    let owner = &world.particles[i as usize];
-    let radius = world.classes[if F::UNIFORM { 0 } else { owner.class() }].radius;
-    scratch.predictions += list.len() as u64;
-    for list in list.chunks(packed::MOST) {
-        let delays = &mut scratch.delays;
-        let query = Query {
-            owner,
-            radius,
-            list,
-            offsets,
-            particles: &world.particles,
-            classes: &world.classes,
-            tick: world.clock.tick,
-            per_time: world.clock.per_time,
-        };
-        // If the owner's anchor is at the present, no anchor is later.
-        match (F::UNIFORM, owner.time == world.now) {
-            (true, true) => packed::predict::<true, true>(scratch.kernel, &query, delays),
-            (true, false) => packed::predict::<true, false>(scratch.kernel, &query, delays),
-            (false, true) => packed::predict::<false, true>(scratch.kernel, &query, delays),
-            (false, false) => packed::predict::<false, false>(scratch.kernel, &query, delays),
-        }
-        let mut first = delays.first;
-        if delays.touching {
-            first = delays.hits;
-        }
-        while first != 0 {
-            let k = first.trailing_zeros() as usize % packed::MOST;
-            first &= first - 1;
-            let delay = delays.delay[k] * world.clock.per_time;
-            if delay > LONGEST {
-                earliest.far = true;
-                continue;
-            }
-            let (id, partner) = (list[k].id(), &world.particles[list[k].id() as usize]);
-            if delays.touching && is_packed_recontact::<F>(world, owner, radius, list[k], offsets) {
-                continue;
-            }
-            let time = owner.time.max(partner.time) + whole(delay);
-            earliest.offer(time, Target::new(SearchEvent::Collision(id)), partner.count);
-        }
-    }
-}
-
-/// [`is_spurious_recontact`] for a candidate of a list.
-#[cold]
-fn is_packed_recontact<F: Features>(
-    world: &World,
-    owner: &Particle,
-    radius: f64,
-    entry: Packed,
-    offsets: &Offsets,
-) -> bool {
-    let partner = &world.particles[entry.id() as usize];
-    let partner_lag = owner.time - partner.time;
-    let tick = world.clock.tick;
-    let ra = haff_mechanics::drift(owner.position, owner.velocity, (-partner_lag).max(0) as f64 * tick);
-    let rb = haff_mechanics::drift(partner.position, partner.velocity, partner_lag.max(0) as f64 * tick);
-    let [x, y, z, _] = offsets.0[entry.code()];
-    let r = rb - ra + DVec3::new(x, y, z);
-    let sigma = radius + world.classes[if F::UNIFORM { 0 } else { partner.class() }].radius;
-    let speed = || owner.velocity.length().max(partner.velocity.length());
-    is_spurious_recontact(r, partner.velocity - owner.velocity, sigma * sigma, speed)
-}
-
 /// Longest path of a pair during a spurious contact [contact distances].
 const MAX_SEPARATING_PATH: f64 = 1e-13;
 
@@ -463,7 +435,12 @@ fn is_batched_recontact<F: Features>(world: &World, i: u32, batch: &Batch, k: us
 
 /// Offers the contacts of particle i with walls, predicted from its anchor.
 #[inline]
-fn predict_walls<F: Features>(world: &World, i: u32, walls: &[u16], earliest: &mut Earliest<SearchEvent>) {
+pub(crate) fn predict_walls<F: Features>(
+    world: &World,
+    i: u32,
+    walls: &[u16],
+    earliest: &mut Earliest<SearchEvent>,
+) {
     let particle = &world.particles[i as usize];
     let class = world.class(i);
     let asleep = F::REST && world.is_asleep(i);

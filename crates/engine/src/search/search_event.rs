@@ -1,6 +1,9 @@
 //! The events of the calendar of a search.
 
-use crate::search::entry::{self, Kind};
+use crate::{
+    laws::event::AnyEvent,
+    search::entry::{self, Kind},
+};
 
 /// The kind of event of an entry in this calendar.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -21,6 +24,19 @@ pub(crate) enum SearchEvent {
     Prediction,
 }
 
+impl SearchEvent {
+    /// The event that ends the rest of particle i on a wall, or its bounces or slide there, if this is one.
+    #[inline(always)]
+    pub fn of_support(self, i: u32) -> Option<AnyEvent> {
+        match self {
+            Self::EndOfBounces => Some(AnyEvent::EndOfBounces(i)),
+            Self::Release => Some(AnyEvent::Release(i)),
+            Self::EndOfSlide => Some(AnyEvent::EndOfSlide(i)),
+            _ => None,
+        }
+    }
+}
+
 impl Kind for SearchEvent {
     #[inline]
     fn encode(self) -> (u32, u32) {
@@ -37,14 +53,15 @@ impl Kind for SearchEvent {
 
     #[inline]
     fn decode(tag: u32, index: u32) -> Self {
-        match tag {
-            entry::COLLISION => Self::Collision(index),
-            entry::WALL => Self::Wall(index),
-            entry::END_OF_BOUNCES if index == 0 => Self::EndOfBounces,
-            entry::END_OF_BOUNCES if index == 1 => Self::Release,
-            entry::END_OF_BOUNCES => Self::EndOfSlide,
-            _ if index == entry::PREDICTION => Self::Prediction,
-            _ => Self::Crossing(index as u8),
+        // In the order of their frequency.
+        match (tag, index) {
+            (entry::COLLISION, j) => Self::Collision(j),
+            (entry::UPDATE, entry::PREDICTION) => Self::Prediction,
+            (entry::UPDATE, code) => Self::Crossing(code as u8),
+            (entry::WALL, wall) => Self::Wall(wall),
+            (_, 0) => Self::EndOfBounces,
+            (_, 1) => Self::Release,
+            _ => Self::EndOfSlide,
         }
     }
 }

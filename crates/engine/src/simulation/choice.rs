@@ -3,19 +3,19 @@
 //! The choice (its measured limits, and all numbers of particles that follow caches, are in
 //! `numerics/tuning.rs`): all pairs up to 12 particles; windows for closed boxes from 100 particles on (also
 //! in sheared boxes, with cells for the rest), if speeds, sizes and walls are within
-//! `windows::is_profitable`, up to a packing fraction of 0.24 (disks: 0.3) where `nearby` can run the
-//! system, from 15,000 particles on 0.29 (0.34), of 0.55 (0.7) under gravity or with walls that may carry
-//! grains, of 0.46 (0.7) where sizes differ by more than twice, and of 0.38 (0.7) elsewhere; lists above
-//! that, and elsewhere above 0.18 (disks: 0.42; unequal sizes: 0.26 and 0.5), if indices fit in 27 bits;
-//! cells for the rest. The packing fraction is the one around the average particle
-//! (`summary::LocalDensity`), not that of the box. Every 16 collisions a particle, or earlier if a scheduler
-//! takes too many entries for them, the choice is made again. `engine.neighbors` overrules it, and is
-//! refused (`EngineError::Unsuitable`) where that search cannot run the system.
+//! `windows::is_profitable`, up to a packing fraction of 0.24 (disks: 0.3), from 15,000 particles on 0.29
+//! (0.34), and of 0.46 (0.7) where sizes differ by more than twice; lists above that, and elsewhere above
+//! 0.18 (disks: 0.42; unequal sizes: 0.26 and 0.5); cells for the rest. The packing fraction is the one
+//! around the average particle (`summary::LocalDensity`), not that of the box. Every 16 collisions a
+//! particle, or earlier if a scheduler takes too many entries for them, the choice is made again.
+//! `engine.neighbors` overrules it, and is refused (`EngineError::Unsuitable`) where that search cannot run
+//! the system.
 
 use glam::DVec3;
-use haff_neighbors::{AllPairs, Cells, Geometry, Lists, ShearedCells, ShearedPairs};
+use haff_neighbors::{AllPairs, Cells, Geometry, ShearedCells, ShearedPairs};
 
 use crate::{
+    laws::event::{AnyEvent, Impact},
     model::{
         Boundary, NeighborChoice, Options, System,
         features::{
@@ -32,7 +32,7 @@ use crate::{
         case::Case,
         event_loop::Engine,
         matrix::Search,
-        nearby::{self, Nearby},
+        nearby::{self, ListedEvent, Nearby},
         summary::{LocalDensity, SystemSummary},
         windows::{self, Windows},
     },
@@ -51,6 +51,8 @@ const SPARSE: f64 = 1e-9;
 const REVIEW_PER_PARTICLE: u64 = 16;
 /// See [`REVIEW_PER_PARTICLE`].
 const REVIEW: u64 = 2000;
+/// Sizes are wide if radii differ by more than this factor.
+const WIDE: f64 = 2.0;
 /// The choice is made again earlier if a scheduler takes more entries than this per collision: then windows
 /// are too short, or collisions are rare.
 const ENTRIES: u64 = 2;
@@ -174,26 +176,18 @@ impl Choice {
         }
         let windows =
             Search::Windows.can_run(case).is_ok() && windows::is_profitable(system, &self.summary, density);
-        let lists = Search::of(NeighborChoice::Lists, case).ok();
+        let lists = nearby::is_profitable(case);
         let mixed = self.summary.least != self.summary.largest;
-        let falls = system.domain.gravity != DVec3::ZERO || can_carry(system);
         let limits = match (windows, mixed) {
-            (true, _) if lists == Some(Search::Lists) => {
-                if self.summary.count < particles::PREFETCH_LISTS {
-                    lists_above::WINDOWS
-                } else {
-                    lists_above::WINDOWS_LARGE
-                }
-            }
-            (true, _) if falls => lists_above::WINDOWS_FALLING,
-            (true, _) if nearby::is_wide(&self.summary) => lists_above::WINDOWS_WIDE,
-            (true, _) => lists_above::WINDOWS_OTHER,
+            (true, _) if self.summary.largest > WIDE * self.summary.least => lists_above::WINDOWS_WIDE,
+            (true, _) if self.summary.count < particles::PREFETCH_LISTS => lists_above::WINDOWS,
+            (true, _) => lists_above::WINDOWS_LARGE,
             (false, true) => lists_above::CELLS_MIXED,
             (false, false) => lists_above::CELLS,
         };
         let hysteresis = match self.search {
             None => 1.0,
-            Some(Search::Lists | Search::GeneralLists) => 1.0 / HYSTERESIS,
+            Some(Search::Lists) => 1.0 / HYSTERESIS,
             Some(_) => HYSTERESIS,
         };
         let axes = system.dimension.count();
@@ -202,10 +196,12 @@ impl Choice {
         let are_cells_full = !windows
             && mixed
             && self.candidates_of_cells(system, density) > cells::FULL.of(axes) * hysteresis;
-        match lists {
-            Some(lists) if is_dense || are_cells_full => lists,
-            _ if windows => Search::Windows,
-            _ => Search::Cells,
+        if lists && (is_dense || are_cells_full) {
+            Search::Lists
+        } else if windows || are_cells_full && Search::Windows.can_run(case).is_ok() {
+            Search::Windows
+        } else {
+            Search::Cells
         }
     }
 
@@ -249,17 +245,14 @@ impl Choice {
                     Search::AllPairs => {
                         Box::new(CalendarScheduler::<Polydisperse, AllPairs>::new(geometry, kernel, count))
                     }
-                    Search::GeneralLists | Search::Lists => {
-                        Box::new(CalendarScheduler::<$features, Lists>::new(geometry, kernel, count))
-                    }
-                    Search::Cells => {
+                    Search::Cells | Search::Lists => {
                         Box::new(CalendarScheduler::<$features, Cells>::new(geometry, kernel, count))
                     }
                 }
             }};
         }
         if Thresholds::of(system).is_some() {
-            return self.compile_for_rest(geometry);
+            return self.compile_for_rest(system, geometry);
         }
         if system.domain.shear.is_some() {
             return self.compile_for_shear(system, geometry);
@@ -278,29 +271,37 @@ impl Choice {
                     self.blocks,
                 ));
             }
-            if let Some(engine) = self.compile_for_lists::<ElasticMonodisperse>(system) {
+            if let Some(engine) = self.compile_for_lists::<ElasticMonodisperse, Impact>(system) {
                 return engine;
             }
         }
         match (gravity, summary.uniform) {
-            (true, true) => scheduler!(FallingMonodisperse),
-            (true, false) => scheduler!(FallingPolydisperse),
-            (false, true) => {
-                self.compile_for_lists::<Monodisperse>(system).unwrap_or_else(|| scheduler!(Monodisperse))
-            }
-            (false, false) => {
-                self.compile_for_lists::<Polydisperse>(system).unwrap_or_else(|| scheduler!(Polydisperse))
-            }
+            (true, true) => self
+                .compile_for_lists::<FallingMonodisperse, AnyEvent>(system)
+                .unwrap_or_else(|| scheduler!(FallingMonodisperse)),
+            (true, false) => self
+                .compile_for_lists::<FallingPolydisperse, AnyEvent>(system)
+                .unwrap_or_else(|| scheduler!(FallingPolydisperse)),
+            (false, true) => self
+                .compile_for_lists::<Monodisperse, Impact>(system)
+                .unwrap_or_else(|| scheduler!(Monodisperse)),
+            (false, false) => self
+                .compile_for_lists::<Polydisperse, Impact>(system)
+                .unwrap_or_else(|| scheduler!(Polydisperse)),
         }
     }
 
-    /// The engine of [`nearby`], if it is chosen.
-    fn compile_for_lists<F: Features>(&self, system: &System) -> Option<Box<dyn Engine>> {
+    /// The engine of [`crate::search::nearby`], if it is chosen and can run the system at the present
+    /// density.
+    fn compile_for_lists<F: Features, E: ListedEvent + 'static>(
+        &self,
+        system: &System,
+    ) -> Option<Box<dyn Engine>> {
         if self.search != Some(Search::Lists) {
             return None;
         }
-        let engine = Nearby::<F>::new(self.kernel, system, &self.summary, &self.density, self.blocks).ok()?;
-        Some(Box::new(engine))
+        let engine = Nearby::<F, E>::new(self.kernel, system, &self.summary, &self.density, self.blocks);
+        Some(Box::new(engine.ok()?))
     }
 
     /// The engine for a sheared system.
@@ -328,14 +329,14 @@ impl Choice {
     }
 
     /// The engine for a system whose grains can come to rest.
-    fn compile_for_rest(&self, geometry: &Geometry) -> Box<dyn Engine> {
+    fn compile_for_rest(&self, system: &System, geometry: &Geometry) -> Box<dyn Engine> {
         let (kernel, count) = (self.kernel, self.summary.count);
+        if let Some(engine) = self.compile_for_lists::<Settling, AnyEvent>(system) {
+            return engine;
+        }
         match self.search {
             Some(Search::AllPairs) => {
                 Box::new(CalendarScheduler::<Settling, AllPairs>::new(geometry, kernel, count))
-            }
-            Some(Search::GeneralLists) => {
-                Box::new(CalendarScheduler::<Settling, Lists>::new(geometry, kernel, count))
             }
             _ => Box::new(CalendarScheduler::<Settling, Cells>::new(geometry, kernel, count)),
         }

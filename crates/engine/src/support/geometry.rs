@@ -4,7 +4,7 @@ use haff_neighbors::{Axis, Geometry, Plane};
 use rayon::prelude::*;
 
 use crate::{
-    model::{Boundary, Dimension, System},
+    model::{Boundary, Dimension, System, Wall},
     state::world::World,
 };
 
@@ -28,6 +28,13 @@ pub(crate) fn axes(system: &System) -> [Axis; 3] {
         axes[2] = Axis::Flat;
     }
     axes
+}
+
+/// The walls of a system, as searches have them.
+pub(crate) fn planes(system: &System) -> Vec<Plane> {
+    let plane =
+        |wall: &Wall| Plane { point: wall.point, normal: wall.normal, sweep: wall.motion.sweep(wall.normal) };
+    system.walls.iter().map(plane).collect()
 }
 
 /// The largest distance at which two particles touch \[length\], from radii, whether the mass is finite, and
@@ -77,15 +84,7 @@ pub(crate) fn geometry(system: &System, world: &World, filled: f64) -> Geometry 
         crowding: (volume / filled).max(1.0),
         radius: movable,
         radii: if uniform { Vec::new() } else { radius.collect() },
-        planes: system
-            .walls
-            .iter()
-            .map(|wall| Plane {
-                point: wall.point,
-                normal: wall.normal,
-                sweep: wall.motion.sweep(wall.normal),
-            })
-            .collect(),
+        planes: planes(system),
         sliding: world.sliding_images(),
     }
 }

@@ -90,6 +90,13 @@ pub fn features() -> Vec<(&'static str, System)> {
         ("disks", disks),
         ("radii that differ by up to 2 times", box_of(PERIODIC, &[0.35, 0.6], 0.9)),
         ("radii that differ by more", box_of(PERIODIC, &[0.25, 1.0], 0.9)),
+        (
+            "one particle larger than all others, walls",
+            with(box_of(WALLS, &[0.5], 1.0), |scene| {
+                let kind = class(scene, 0.95, 6.0);
+                scatter(scene, kind, 1, 30.0, &mut Random(8));
+            }),
+        ),
         ("walls", box_of(WALLS, &[0.5], 0.9)),
         ("more than 16 walls", many_walls),
         (

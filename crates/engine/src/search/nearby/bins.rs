@@ -249,6 +249,38 @@ impl Bins {
         }
         count
     }
+
+    /// [`Self::near`] for any `reach`. Adds the ids to `found`.
+    #[cold]
+    #[inline(never)]
+    pub fn add_near(&self, x: [i32; 3], reach: f32, found: &mut Vec<u32>) {
+        let cells = [0, 1, 2].map(|axis| {
+            let n = self.n[axis];
+            let width = length(self.unit[axis]) / (n << self.fold[axis]) as f32;
+            // Rounded up, and one more: the position is anywhere in its bin.
+            let around = if n == 1 { 0 } else { (reach / width) as i64 + 1 };
+            let own = self.cell(axis, x[axis]);
+            if 2 * around + 1 >= n { (0, n) } else { (own - around + n, 2 * around + 1) }
+        });
+        let range = Range { x, unit: self.unit, reach2: reach * reach };
+        let along = |axis: usize| {
+            let ((first, count), n) = (cells[axis], self.n[axis]);
+            (first..first + count).map(move |cell| cell % n)
+        };
+        let mut near = [0; LANES];
+        for z in along(2) {
+            for y in along(1) {
+                for cell in along(0) {
+                    let mut at = ((z * self.n[1] + y) * self.n[0] + cell) as u32;
+                    while at != NONE {
+                        let count = range.select::<false>(&self.blocks[at as usize], &mut near);
+                        found.extend_from_slice(&near[..count]);
+                        at = self.next[at as usize];
+                    }
+                }
+            }
+        }
+    }
 }
 
 /// The length after which coordinates repeat, from that of one coordinate [largest contact distances].
@@ -393,6 +425,14 @@ mod tests {
                 found.truncate(count);
                 found.sort_unstable();
                 assert_eq!(found, expected, "{edges:?}, {i}");
+                for reach in [0.5 * reach, 3.7 * reach] {
+                    let near = |&j: &u32| distance2(positions[j as usize], x, unit) < reach * reach;
+                    let expected: Vec<u32> = (0..600).filter(near).collect();
+                    let mut found = Vec::new();
+                    bins.add_near(x, reach, &mut found);
+                    found.sort_unstable();
+                    assert_eq!(found, expected, "{edges:?}, {i}, {reach}");
+                }
                 #[cfg(target_arch = "x86_64")]
                 if is_x86_feature_detected!("avx2") && is_x86_feature_detected!("fma") {
                     let mut found = Vec::new();

@@ -9,13 +9,14 @@ use crate::{
         blocks::{Block, Bounds as FrontBounds, Grid, Ownership, Part, Place, Present, Step, wrap_place},
         compact::{CompactParticle, PERIOD},
         queue::Predictor,
+        search_event::SearchEvent,
     },
     state::world::World,
 };
 
 use super::{
+    Entry, UPDATE,
     filter::Bounds,
-    list_event::{Entry, ListEvent},
     predictor::{FAR_AHEAD, ListPredictor, VectorPredictor, Work},
 };
 
@@ -121,16 +122,20 @@ impl<F: Features> ListBlock<F> {
         }
         let time = step.fraction(entry.time);
         match entry.target.kind() {
-            ListEvent::Collision(j) => {
+            SearchEvent::Collision(j) => {
                 self.part.ownership.read(j);
                 if particles[j as usize].count == entry.partner_count {
                     return self.take_collision::<EVENTS, VECTORS>(present, entry, [i, j], time);
                 }
                 self.predict_again::<VECTORS>(present, entry, time, false)
             }
-            ListEvent::Wall(wall) => self.take_wall_collision::<EVENTS, VECTORS>(present, entry, wall, time),
-            ListEvent::ListUpdate => self.predict_again::<VECTORS>(present, entry, time, true),
-            ListEvent::Prediction => self.predict_again::<VECTORS>(present, entry, time, false),
+            SearchEvent::Wall(wall) => {
+                self.take_wall_collision::<EVENTS, VECTORS>(present, entry, wall, time)
+            }
+            SearchEvent::Crossing(_) => self.predict_again::<VECTORS>(present, entry, time, true),
+            SearchEvent::Prediction => self.predict_again::<VECTORS>(present, entry, time, false),
+            // No grain rests on a wall.
+            SearchEvent::EndOfBounces | SearchEvent::Release | SearchEvent::EndOfSlide => false,
         }
     }
 
@@ -139,7 +144,7 @@ impl<F: Features> ListBlock<F> {
     /// rounded to single precision: they change no contact.
     #[inline(always)]
     fn has_simultaneous(&self, entry: &Entry) -> bool {
-        let is_update = |entry: &Entry| entry.target.kind() == ListEvent::ListUpdate;
+        let is_update = |entry: &Entry| entry.target.kind() == UPDATE;
         let next = |k: usize| self.queue.upcoming(k).filter(|next| next.time == entry.time);
         next(0).is_some()
             && !is_update(entry)
@@ -163,7 +168,8 @@ impl<F: Features> ListBlock<F> {
             return false;
         };
         let frame = &self.predictor.plan.frame;
-        if !impact.after().iter().all(|(_, _, velocity)| frame.allows(*velocity)) {
+        let world = &self.part.state.world;
+        if !impact.after().iter().all(|(_, _, velocity)| frame.allows::<F>(world, *velocity, entry.time)) {
             return false;
         }
         if !present.is_expected(&self.part.state.world, &places, time) {
@@ -177,6 +183,11 @@ impl<F: Features> ListBlock<F> {
         resolve::apply::<F, EVENTS>(&mut self.part.state, &impact, entry.time, &mut self.part.rows);
         for body in bodies {
             self.part.wrap(body);
+        }
+        if self.has_resting() {
+            return false;
+        }
+        for body in bodies {
             self.predictor.copy(&self.part.state.world, body);
         }
         for body in bodies {
@@ -184,7 +195,8 @@ impl<F: Features> ListBlock<F> {
         }
         let Self { predictor, bounds, work, .. } = self;
         let mut predictor = VectorPredictor::<F, VECTORS> { predictor, bounds, work };
-        for entry in predictor.predict_both(&self.part.state.world, bodies) {
+        let state = &self.part.state;
+        for entry in predictor.predict_both(&state.world, &state.pending, bodies) {
             self.push(step, entry);
         }
         true
@@ -208,7 +220,8 @@ impl<F: Features> ListBlock<F> {
         else {
             return false;
         };
-        if !self.predictor.plan.frame.allows(outcome.velocity()) {
+        let world = &self.part.state.world;
+        if !self.predictor.plan.frame.allows::<F>(world, outcome.velocity(), entry.time) {
             return false;
         }
         if !present.is_expected(&self.part.state.world, &places, time) {
@@ -218,9 +231,18 @@ impl<F: Features> ListBlock<F> {
         self.part.start_event::<F, _, EVENTS>(&entry);
         wall_impact::apply_wall::<F, EVENTS>(&mut self.part.state, &contact, &outcome, &mut self.part.rows);
         self.part.wrap(i);
+        if self.has_resting() {
+            return false;
+        }
         self.predictor.copy(&self.part.state.world, i);
         self.predict::<VECTORS>(step, i);
         true
+    }
+
+    /// Whether a wall supports a particle: blocks do not support this.
+    #[inline(always)]
+    fn has_resting(&self) -> bool {
+        F::GRAVITY && (self.part.state.world.resting != 0 || !self.part.state.pending.is_empty())
     }
 
     /// Predicts the particle of an entry again, after an update of its list if `updates` is set.

@@ -215,12 +215,13 @@ mod avx2 {
 #[cfg(test)]
 mod tests {
     use glam::DVec3;
-    use haff_neighbors::{Axis, Geometry};
+    use haff_neighbors::Axis;
     use haff_testing::Random;
 
     use super::*;
     use crate::{
         model::{System, features::With},
+        search::nearby::frame::Extent,
         state::world::World,
     };
 
@@ -235,17 +236,8 @@ mod tests {
     const EDGE: f64 = 40.0;
 
     /// A frame in a box of edge [`EDGE`], and a world of two particles whose speeds are up to one.
-    fn frame(radii: [f64; 2]) -> (Frame, World) {
-        let geometry = Geometry {
-            size: DVec3::splat(EDGE),
-            axes: [Axis::Periodic; 3],
-            reach: 1.0,
-            crowding: 1.0,
-            radius: 0.5,
-            radii: Vec::new(),
-            planes: Vec::new(),
-            sliding: None,
-        };
+    fn frame<F: Features>(radii: [f64; 2]) -> (Frame, World) {
+        let gravity = if F::GRAVITY { DVec3::new(0.1, 0.0, -0.6) } else { DVec3::ZERO };
         let body = |class| crate::model::Body {
             position: DVec3::ZERO,
             velocity: DVec3::X,
@@ -262,7 +254,7 @@ mod tests {
             domain: crate::model::Domain {
                 size: DVec3::splat(EDGE),
                 boundary: [crate::model::Boundary::Periodic; 3],
-                gravity: DVec3::ZERO,
+                gravity,
                 shear: None,
             },
             bodies: vec![body(0), body(1)],
@@ -273,9 +265,17 @@ mod tests {
             contacts: crate::model::Contacts { pair: Vec::new(), wall: Vec::new(), tc: 0.0, rest_speed: 0.0 },
         };
         let world = World::new(&system, -52);
-        let mut frame =
-            Frame::new(geometry.axes, geometry.size, geometry.reach, 2.2).expect("the box is large enough");
-        frame.begin(&world, world.now);
+        let extent = Extent {
+            axes: [Axis::Periodic; 3],
+            size: DVec3::splat(EDGE),
+            beyond: [[0.0; 2]; 3],
+            contact: [1.0, 2.0 * radii[1]],
+            reach: 2.2,
+            gravity,
+            bend: 0.05,
+        };
+        let mut frame = Frame::new(&extent).expect("the box is large enough");
+        frame.begin::<F>(&world, world.now);
         (frame, world)
     }
 
@@ -314,7 +314,7 @@ mod tests {
     /// Returns the number of pairs that collide, and the number of bounds that are earlier than the contact
     /// by at most 1 % and 10⁻³ time units.
     fn check_bounds<F: Features>(radii: [f64; 2], count: usize) -> [usize; 2] {
-        let (frame, mut world) = frame(radii);
+        let (frame, mut world) = frame::<F>(radii);
         let sigma = radii[0] + radii[1];
         let tick = world.clock.tick;
         let span = (frame.end - frame.begin) as f64 * tick;
@@ -379,6 +379,8 @@ mod tests {
         for found in [
             check_bounds::<With<false, true>>([0.5, 0.5], 200_000),
             check_bounds::<With<false, false>>([0.5, 0.3], 200_000),
+            check_bounds::<With<true, true>>([0.5, 0.5], 200_000),
+            check_bounds::<With<true, false>>([0.5, 0.3], 200_000),
         ] {
             assert!(found[0] > 30_000 && 2 * found[1] > found[0], "{found:?}");
         }
@@ -386,7 +388,7 @@ mod tests {
 
     #[test]
     fn sentinel_has_no_contact() {
-        let (frame, world) = frame([0.5; 2]);
+        let (frame, world) = frame::<With<false, true>>([0.5; 2]);
         let own = frame.compact::<With<false, true>>(&world, 0);
         for lane in 0..LANES {
             let found = both::<With<false, true>>(&frame, &own, &CompactParticle::SENTINEL, 0.5, lane);

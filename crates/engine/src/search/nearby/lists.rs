@@ -22,8 +22,9 @@ use crate::{
 };
 
 use super::{
-    bins::Bins,
-    plan::Plan,
+    frame::Frame,
+    levels::{Layout, Levels},
+    plan::{Plan, STRAIGHT},
     sets::{LANES, MASK_BITS, low_bits, members, position_in},
 };
 
@@ -50,12 +51,13 @@ struct Plane {
     offset: f64,
 }
 
-/// The walls of a geometry. A wall that moves on and on, or whose normal has a component along a periodic
-/// axis, is near every particle.
+/// The walls of a geometry. A wall that moves on and on, or whose normal has a component along an axis on
+/// which coordinates stand for several places, is near every particle.
 fn planes(geometry: &Geometry) -> Vec<Plane> {
-    let periodic = DVec3::from_array(geometry.axes.map(|axis| f64::from(u8::from(axis == Axis::Periodic))));
+    let repeats = |axis| matches!(axis, Axis::Periodic | Axis::Open);
+    let repeating = DVec3::from_array(geometry.axes.map(|axis| f64::from(u8::from(repeats(axis)))));
     let plane = |plane: &haff_neighbors::Plane| {
-        let is_everywhere = plane.sweep == f64::INFINITY || plane.normal * periodic != DVec3::ZERO;
+        let is_everywhere = plane.sweep == f64::INFINITY || plane.normal * repeating != DVec3::ZERO;
         let offset = if is_everywhere {
             f64::INFINITY
         } else {
@@ -69,15 +71,21 @@ fn planes(geometry: &Geometry) -> Vec<Plane> {
 /// Neighbor lists.
 #[derive(Debug, Clone, Default)]
 pub(super) struct Lists {
-    /// Half of the skin, which is the radius of a skin sphere [largest contact distances], and its square.
+    /// Half of the skin, which is the radius of a skin sphere [largest contact distances].
     half_skin: f32,
-    half_skin2: f32,
+    /// Square of the distance from the reference position at which a particle leaves its skin sphere [largest
+    /// contact distances²].
+    exit2: f32,
     /// Largest contact distances per coordinate.
     unit: [f32; 3],
     /// The same in double precision, for distances from walls.
     scale: [f64; 3],
+    /// Positions above this belong to particles below the lower face [largest contact distances].
+    highest: [f64; 3],
+    /// Lengths after which coordinates repeat [largest contact distances].
+    period: [f64; 3],
     references: Array<Reference>,
-    bins: Bins,
+    bins: Levels,
     /// The lists, `stride` words each. The words after the members of a list contain [`Self::sentinel`]. If a
     /// list has more than `stride` members, it is in `overflow`, and its first word here is the index there.
     words: Array<u32>,
@@ -101,22 +109,33 @@ pub(super) struct Lists {
 impl Lists {
     /// Lists for a plan. All `particles` must have been copied at the beginning of the frame's span.
     pub fn new<F: Features>(plan: &Plan, geometry: &Geometry, particles: &Array<CompactParticle>) -> Self {
-        let &Plan { ref frame, half_skin, edges, spacing, members } = plan;
+        let &Plan { ref frame, half_skin, edges, highest, spacing, members, .. } = plan;
         let count = particles.len() - 1;
         let mut lists = Self {
             half_skin: half_skin as f32,
-            half_skin2: (half_skin * half_skin) as f32,
+            exit2: {
+                let exit = if F::GRAVITY { STRAIGHT * half_skin } else { half_skin };
+                (exit * exit) as f32
+            },
             unit: frame.unit,
             scale: frame.per_length.map(|per_length| 1.0 / (per_length * geometry.reach)),
+            highest,
+            period: frame.period.map(|period| period / geometry.reach),
             planes: planes(geometry),
-            bins: Bins::new(edges, frame.unit, 1.0 + 2.0 * (half_skin + f64::from(SLACK)), spacing, count),
+            bins: {
+                let skin = 2.0 * (half_skin + f64::from(SLACK));
+                let layout = Layout { edges, unit: frame.unit, skin, spacing };
+                if F::UNIFORM {
+                    Levels::new::<true>(&layout, particles)
+                } else {
+                    Levels::new::<false>(&layout, particles)
+                }
+            },
             ..Self::default()
         };
         let mut references = with_huge_pages(count);
-        for (i, compact) in particles.part(0..count).iter().enumerate() {
-            references.push(Reference { x: compact.x, members: 0 });
-            lists.bins.insert::<false>(i as u32, compact.x);
-        }
+        references
+            .extend(particles.part(0..count).iter().map(|compact| Reference { x: compact.x, members: 0 }));
         lists.references = references.into();
         if !lists.planes.is_empty() {
             lists.near_wall =
@@ -238,6 +257,12 @@ impl Lists {
         self.words.part(start..start + members.next_multiple_of(LANES))
     }
 
+    /// Whether there are walls.
+    #[inline(always)]
+    pub fn has_walls(&self) -> bool {
+        !self.planes.is_empty()
+    }
+
     /// Whether particle i can touch a wall before it leaves its skin sphere. There must be walls.
     #[inline(always)]
     pub fn is_near_wall(&self, i: u32) -> bool {
@@ -247,9 +272,12 @@ impl Lists {
     /// Whether the largest particle, on the surface of the skin sphere around a reference position, can touch
     /// a wall.
     fn is_near_plane(&self, reference: [i32; 3]) -> bool {
-        let position = |axis: usize| f64::from(reference[axis] as u32) * self.scale[axis];
+        let position = |axis: usize| {
+            let position = f64::from(reference[axis] as u32) * self.scale[axis];
+            if position > self.highest[axis] { position - self.period[axis] } else { position }
+        };
         let reference = DVec3::new(position(0), position(1), position(2));
-        let reach = f64::from(self.half_skin + 0.5 + SLACK);
+        let reach = f64::from(self.half_skin + self.bins.largest_radius() + SLACK);
         self.planes.iter().any(|plane| reference.dot(plane.normal) - plane.offset <= reach)
     }
 
@@ -264,31 +292,66 @@ impl Lists {
 
     /// Displacement of a particle from its reference position [largest contact distances].
     #[inline(always)]
-    fn displacement(&self, i: u32, compact: &CompactParticle, fraction: f32) -> [f32; 3] {
+    fn displacement<F: Features>(
+        &self,
+        i: u32,
+        frame: &Frame,
+        compact: &CompactParticle,
+        fraction: f32,
+    ) -> [f32; 3] {
         let reference = &self.references[i as usize];
         let mut d = [0.0; 3];
         for axis in 0..3 {
             d[axis] = compact.x[axis].wrapping_sub(reference.x[axis]) as f32 * self.unit[axis]
                 + compact.v[axis] * fraction;
+            if F::GRAVITY {
+                d[axis] += frame.fall[axis] * (fraction * fraction);
+            }
         }
         d
     }
 
-    /// Time from now at which particle i leaves its skin sphere; `None` if this is later than `within`
-    /// [spans]. `fraction` is the fraction of the span that has passed.
+    /// Time from now at which particle i may leave its skin sphere; `None` if this is later than `within`
+    /// [spans]. `fraction` is the fraction of the span that has passed. Without gravity it leaves the sphere
+    /// then.
     #[inline(always)]
-    pub fn exit(&self, i: u32, compact: &CompactParticle, fraction: f32, within: f32) -> Option<f32> {
-        let (d, v) = (self.displacement(i, compact, fraction), compact.v);
+    pub fn exit<F: Features>(
+        &self,
+        i: u32,
+        frame: &Frame,
+        compact: &CompactParticle,
+        fraction: f32,
+        within: f32,
+    ) -> Option<f32> {
+        let (d, mut v) = (self.displacement::<F>(i, frame, compact, fraction), compact.v);
+        let mut until = within;
+        if F::GRAVITY {
+            // The chord of the path instead of the path, which bends away from it by less than lists allow.
+            until = within.min(frame.longest_chord);
+            for axis in 0..3 {
+                v[axis] += frame.fall[axis] * (2.0 * fraction + until);
+            }
+        }
         let mut end = [0.0; 3];
         for axis in 0..3 {
-            end[axis] = d[axis] + v[axis] * within;
+            end[axis] = d[axis] + v[axis] * until;
         }
         // A sphere is convex: a straight flight between two points inside stays inside.
-        if dot(end, end) <= self.half_skin2 {
-            None
+        if dot(end, end) <= self.exit2 {
+            (F::GRAVITY && until < within).then_some(until)
         } else {
-            self.straight_exit(d, v).filter(|delay| *delay < within)
+            self.straight_exit(d, v)
+                .filter(|delay| *delay < until)
+                .or((F::GRAVITY && until < within).then_some(until))
         }
+    }
+
+    /// Distance of a position from the surface of the skin sphere of i [largest contact distances]; at least
+    /// zero.
+    pub fn depth(&self, i: u32, position: [i32; 3]) -> f64 {
+        let reference = &self.references[i as usize];
+        let d = [0, 1, 2].map(|axis| position[axis].wrapping_sub(reference.x[axis]) as f32 * self.unit[axis]);
+        f64::from(self.exit2.sqrt() - dot(d, d).sqrt()).max(0.0)
     }
 
     /// Time at which a straight flight from d leaves the skin sphere; `None` at rest.
@@ -298,7 +361,7 @@ impl Lists {
         if speed2 == 0.0 {
             return None;
         }
-        let gap = (self.half_skin2 - dot(d, d)).max(0.0);
+        let gap = (self.exit2 - dot(d, d)).max(0.0);
         let root = (along * along + speed2 * gap).sqrt();
         // No difference of numbers of the same sign, so that no digits cancel.
         Some(if along > 0.0 { gap / (root + along) } else { (root - along) / speed2 })
@@ -312,16 +375,29 @@ impl Lists {
     pub fn renew<F: Features, const VECTORS: bool>(
         &mut self,
         i: u32,
+        frame: &Frame,
         particles: &Array<CompactParticle>,
         fraction: f32,
         ahead: f32,
     ) -> bool {
         let compact = &particles[i as usize];
-        let speed = dot(compact.v, compact.v).sqrt();
+        let mut v = compact.v;
+        if F::GRAVITY {
+            for axis in 0..3 {
+                v[axis] += 2.0 * frame.fall[axis] * fraction;
+            }
+        }
+        let speed = dot(v, v).sqrt();
         let ahead = if speed > 0.0 { ahead * self.half_skin / speed } else { 0.0 };
         let mut position = [0; 3];
         for axis in 0..3 {
-            let displacement = f64::from(compact.v[axis] * (fraction + ahead)) / f64::from(self.unit[axis]);
+            let moved = if F::GRAVITY {
+                // The fall so far, and along the present velocity.
+                (compact.v[axis] + frame.fall[axis] * fraction) * fraction + v[axis] * ahead
+            } else {
+                compact.v[axis] * (fraction + ahead)
+            };
+            let displacement = f64::from(moved) / f64::from(self.unit[axis]);
             position[axis] = compact.x[axis].wrapping_add(displacement as i64 as i32);
         }
         self.set_reference::<F, VECTORS>(i, position, particles)
@@ -374,8 +450,11 @@ impl Lists {
     ) -> usize {
         let own = self.references[i as usize].x;
         let skin = 2.0 * self.half_skin + SLACK;
-        let reach = if F::UNIFORM { 1.0 } else { particles[i as usize].radius + 0.5 } + skin;
-        let count = self.bins.near::<VECTORS>(own, reach * reach, found);
+        let count = if F::UNIFORM {
+            self.bins.near::<VECTORS, true>(i, own, 0.5, skin, found)
+        } else {
+            self.bins.near::<VECTORS, false>(i, own, particles[i as usize].radius, skin, found)
+        };
         if F::UNIFORM && REMOVED {
             return count;
         }

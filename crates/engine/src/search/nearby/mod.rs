@@ -1,18 +1,24 @@
 /*!
-The scheduler with neighbor lists for fluids without gravity in boxes with periodic or bounded axes.
+The scheduler with neighbor lists, for dense systems.
 
 Like [`CalendarScheduler`](crate::search::calendar_scheduler::CalendarScheduler), it keeps for every particle
 its earliest event. It differs in two points. The lists contain no periodic images ([`lists`]). Most members
 of a list are rejected in single precision, eight at a time ([`filter`]), from [compact
 particles](crate::search::compact): only the pairs that can touch before the earliest event known so far are
 predicted exactly ([`narrow_phase`]).
+
+Under gravity the [frame] of the filter falls with the particles, so that their paths in it are straight.
+Lists do not fall, and bound how far a path bends. Grains that rest on walls or are carried by them, and
+bodies of infinite mass, do not fall: the filter leaves them out, and their pairs are predicted exactly, by
+the function that all pairs use. Particles of very different sizes are in bins of different widths
+([`levels`]).
 */
 
 mod bins;
 mod block;
 mod filter;
 mod frame;
-mod list_event;
+mod levels;
 mod lists;
 mod narrow_phase;
 mod plan;
@@ -22,7 +28,14 @@ mod sets;
 pub(crate) mod step_data;
 mod steps;
 
-pub(crate) use scheduler::Nearby;
+use crate::search::{entry, search_event::SearchEvent};
 
-pub(crate) use plan::{can_run, is_wide};
+pub(crate) use scheduler::{ListedEvent, Nearby};
+
+pub(crate) use plan::{can_run, is_profitable};
 pub(crate) use steps::can_share;
+
+/// A calendar entry of this scheduler.
+type Entry = entry::Entry<SearchEvent>;
+/// The update of a list, before its particle leaves its skin sphere.
+const UPDATE: SearchEvent = SearchEvent::Crossing(0);

@@ -1,4 +1,4 @@
-//! The exact prediction of one pair, with the same bits as the result of [`crate::search::packed`].
+//! The exact prediction of one pair, with the same bits as those of [`crate::search::predict`].
 
 use crate::{
     model::features::Features,
@@ -20,9 +20,16 @@ pub(super) const FAR: i64 = i64::MAX - 1;
 /// pairs.
 #[inline(always)]
 pub(super) fn contact<F: Features>(world: &World, a: &Particle, b: &Particle) -> i64 {
-    let Some(PairFlight { from, r, v, sigma2, .. }) = PairFlight::of::<F>(world, a, b) else { return NEVER };
+    let Some(PairFlight { from, r, v, sigma2, velocities }) = PairFlight::of::<F>(world, a, b) else {
+        return NEVER;
+    };
     let delay = batch::delay(r.to_array(), v.to_array(), sigma2);
-    if is_spurious_recontact(r, v, sigma2, || larger_speed(a, b)) {
+    let is_spurious = if F::GRAVITY {
+        is_spurious_recontact(r, v, sigma2, || velocities[0].length().max(velocities[1].length()))
+    } else {
+        is_spurious_recontact(r, v, sigma2, || larger_speed(a, b))
+    };
+    if is_spurious {
         return NEVER;
     }
     let ticks = delay * world.clock.per_time;

@@ -3,7 +3,7 @@ The next event of a particle from its list: bounds in single precision first, th
 members that can be the first to collide.
 */
 
-use std::marker::PhantomData;
+use std::{collections::BTreeMap, marker::PhantomData};
 
 use glam::DVec3;
 use haff_neighbors::{Array, prefetch_at};
@@ -11,13 +11,21 @@ use haff_neighbors::{Array, prefetch_at};
 use crate::{
     model::features::Features,
     numerics::clock::{HORIZON, whole},
-    search::{compact::CompactParticle, earliest::Earliest, entry::Target, queue::Predictor},
-    state::{State, world::World},
+    search::{
+        compact::CompactParticle,
+        earliest::Earliest,
+        entry::Target,
+        planes::Planes,
+        predict::{predict_nearest, predict_support, predict_walls},
+        queue::Predictor,
+        search_event::SearchEvent,
+    },
+    state::{Pending, State, world::World},
 };
 
 use super::{
+    Entry, UPDATE,
     filter::{self, Bounds},
-    list_event::{Entry, ListEvent},
     lists::Lists,
     narrow_phase,
     plan::Plan,
@@ -35,12 +43,22 @@ const NEARLY_DUE: usize = 3;
 /// Later than any event [spans], but below [`filter::NEVER`], as [`Bounds::up_to`] requires.
 const NEVER: f32 = 0.5 * filter::NEVER;
 
+/// The series of bounces that have been completed, but not ended.
+type Waiting = BTreeMap<u32, Pending>;
+
 /// The data of predictions, except for the world.
 pub(super) struct ListPredictor<F> {
     pub plan: Plan,
     /// The compact particles of all particles, then the sentinel.
     pub particles: Array<CompactParticle>,
     pub lists: Lists,
+    /// Under gravity, whether each particle is fixed or supported: it has no path in the frame of the filter.
+    pub fixed: Array<bool>,
+    /// Number of these particles.
+    pub fixed_count: usize,
+    /// The walls, for bounds on the distance from them; and their indices.
+    pub planes: Planes,
+    pub walls: Vec<u16>,
     /// Whether members of lists are prefetched, because the particles are too many for the cache.
     pub prefetches: bool,
     pub features: PhantomData<F>,
@@ -69,18 +87,44 @@ impl<F: Features> ListPredictor<F> {
 
     /// The same at a time `now` [ticks] before the next event.
     pub fn begin_at(&mut self, world: &World, now: i64) {
-        self.plan.frame.begin(world, now);
+        self.plan.frame.begin::<F>(world, now);
         for i in 0..world.particles.len() as u32 {
             self.particles[i as usize] = self.plan.frame.compact::<F>(world, i);
+        }
+        if F::GRAVITY {
+            let fixed = |i: u32| !world.falls(i);
+            self.fixed = (0..world.particles.len() as u32).map(fixed).collect();
+            self.fixed_count = self.fixed.iter().filter(|&&fixed| fixed).count();
         }
     }
 
     /// Copies the new path of particle i. If the particle is too fast for the span, a new span begins.
     #[inline(always)]
     pub fn update(&mut self, world: &World, i: u32) {
-        let compact = self.plan.frame.compact::<F>(world, i);
+        if !self.plan.frame.is_plain::<F>() {
+            self.update_falling(world, i);
+            return;
+        }
+        let compact = self.plan.frame.straight::<F>(world, i);
         let allowed = compact.is_within(self.plan.frame.limit2);
         compact.store(&mut self.particles[i as usize]);
+        if !allowed {
+            self.begin(world);
+        }
+    }
+
+    /// [`Self::update`] in general.
+    #[inline(never)]
+    fn update_falling(&mut self, world: &World, i: u32) {
+        let compact = self.plan.frame.compact::<F>(world, i);
+        let mut allowed = compact.is_within(self.plan.frame.limit2);
+        compact.store(&mut self.particles[i as usize]);
+        if F::GRAVITY {
+            let fixed = !world.falls(i);
+            allowed |= fixed;
+            let before = std::mem::replace(&mut self.fixed[i as usize], fixed);
+            self.fixed_count = self.fixed_count + usize::from(fixed) - usize::from(before);
+        }
         if !allowed {
             self.begin(world);
         }
@@ -98,6 +142,11 @@ impl<F: Features> ListPredictor<F> {
             particles: unsafe { self.particles.alias() },
             // SAFETY: as above.
             lists: unsafe { self.lists.alias() },
+            // Not read: blocks take no events of fixed particles.
+            fixed: Array::default(),
+            fixed_count: self.fixed_count,
+            planes: self.planes.clone(),
+            walls: Vec::new(),
             prefetches: self.prefetches,
             features: PhantomData,
         }
@@ -113,8 +162,73 @@ impl<F: Features> ListPredictor<F> {
     /// alias would need memory for it.
     #[inline(always)]
     pub fn renew_list<const VECTORS: bool>(&mut self, world: &World, i: u32) -> bool {
-        let fraction = self.plan.frame.fraction(world.now);
-        self.lists.renew::<F, VECTORS>(i, &self.particles, fraction, AHEAD)
+        if self.is_fixed(i) {
+            return self.renew_fixed(world, i);
+        }
+        let frame = &self.plan.frame;
+        let fraction = frame.fraction(world.now);
+        self.lists.renew::<F, VECTORS>(i, frame, &self.particles, fraction, AHEAD)
+    }
+
+    /// Whether particle i has no path in the frame of the filter.
+    #[inline(always)]
+    fn is_fixed(&self, i: u32) -> bool {
+        F::GRAVITY && self.fixed_count > 0 && self.fixed[i as usize]
+    }
+
+    /// [`Self::renew_list`] for a fixed particle, whose reference position becomes the present one.
+    #[cold]
+    #[inline(never)]
+    fn renew_fixed(&mut self, world: &World, i: u32) -> bool {
+        self.lists.set_reference::<F, false>(i, self.present_place(world, i), &self.particles)
+    }
+
+    /// The present position of a particle, in coordinates.
+    fn present_place(&self, world: &World, i: u32) -> [i32; 3] {
+        self.plan.frame.coordinates(world.flight::<F>(i, world.now).0.to_array())
+    }
+
+    /// Offers all events of a fixed particle, or the contacts of another one with the fixed members of its
+    /// list.
+    #[cold]
+    #[inline(never)]
+    fn predict_fixed(
+        &self,
+        world: &World,
+        pending: &Waiting,
+        i: u32,
+        earliest: &mut Earliest<SearchEvent>,
+        work: &mut Work,
+    ) {
+        let own = self.fixed[i as usize];
+        if own && world.particles[i as usize].rests() {
+            predict_support(world, pending, i, earliest);
+        }
+        let count = world.particles.len() as u32;
+        for &j in self.lists.of(i).iter().filter(|&&j| j < count) {
+            if own || self.fixed[j as usize] {
+                predict_nearest::<F>(world, i, j, &mut work.predictions, earliest);
+            }
+        }
+        if own && self.lists.has_walls() && self.lists.is_near_wall(i) {
+            predict_walls::<F>(world, i, &self.walls, earliest);
+        }
+        if own {
+            self.predict_exit_of_fixed(world, i, earliest);
+        }
+    }
+
+    /// Offers an update of the list of a fixed particle, before it leaves its skin sphere.
+    fn predict_exit_of_fixed(&self, world: &World, i: u32, earliest: &mut Earliest<SearchEvent>) {
+        let depth = self.lists.depth(i, self.present_place(world, i)) * self.plan.frame.sigma;
+        // No faster than this on the way: a wall that carries the particle may turn.
+        let carrier = world.carrier(i).map_or(0.0, |wall| world.walls[wall as usize].motion.max_speed());
+        let speed = world.flight::<F>(i, world.now).1.length() + carrier;
+        let acceleration = world.acceleration(i).length();
+        let delay = 2.0 * depth / (speed + (speed * speed + 2.0 * acceleration * depth).sqrt());
+        if speed + acceleration > 0.0 {
+            earliest.offer_after(world.now, delay * world.clock.per_time, UPDATE, 0);
+        }
     }
 
     /// Updates the list of particle i at the present time.
@@ -133,6 +247,7 @@ impl<F: Features> ListPredictor<F> {
     pub fn predict<const VECTORS: bool>(
         &self,
         world: &World,
+        pending: &Waiting,
         i: u32,
         bounds: &mut Bounds,
         work: &mut Work,
@@ -140,7 +255,7 @@ impl<F: Features> ListPredictor<F> {
         let fraction = self.plan.frame.fraction(world.now);
         let query = self.query::<VECTORS>(i, fraction, bounds, work);
         let contact = Self::first(world, &query, work);
-        self.decide::<VECTORS>(world, &query, contact, bounds, work)
+        self.decide::<VECTORS>(world, pending, &query, contact, bounds, work)
     }
 
     /// [`Self::predict`] for two particles, each step for both, so that the processor can overlap the two
@@ -149,6 +264,7 @@ impl<F: Features> ListPredictor<F> {
     fn predict_both<const VECTORS: bool>(
         &self,
         world: &World,
+        pending: &Waiting,
         [i, j]: [u32; 2],
         [a, b]: &mut [Bounds; 2],
         work: &mut Work,
@@ -158,8 +274,8 @@ impl<F: Features> ListPredictor<F> {
         let other = self.query::<VECTORS>(j, fraction, b, work);
         let contacts = [Self::first(world, &one, work), Self::first(world, &other, work)];
         [
-            self.decide::<VECTORS>(world, &one, contacts[0], a, work),
-            self.decide::<VECTORS>(world, &other, contacts[1], b, work),
+            self.decide::<VECTORS>(world, pending, &one, contacts[0], a, work),
+            self.decide::<VECTORS>(world, pending, &other, contacts[1], b, work),
         ]
     }
 
@@ -195,6 +311,7 @@ impl<F: Features> ListPredictor<F> {
     fn decide<const VECTORS: bool>(
         &self,
         world: &World,
+        pending: &Waiting,
         query: &Query,
         contact: i64,
         bounds: &mut Bounds,
@@ -225,19 +342,25 @@ impl<F: Features> ListPredictor<F> {
             self.query_rest::<VECTORS>(world, i, fraction, &mut earliest, bounds, work);
             within = self.until(world, &earliest);
         }
-        if !world.walls.is_empty() && self.lists.is_near_wall(i) {
-            Self::predict_walls(world, i, &mut earliest);
+        let is_fixed = self.is_fixed(i);
+        if F::GRAVITY && self.fixed_count > 0 {
+            self.predict_fixed(world, pending, i, &mut earliest, work);
+            within = self.until(world, &earliest).min(NEVER);
+        }
+        if !is_fixed && self.lists.has_walls() && self.lists.is_near_wall(i) {
+            self.predict_walls(world, i, &mut earliest);
             within = self.until(world, &earliest).min(NEVER);
         }
         // An update of the list after the earliest event is not needed.
-        if let Some(delay) = self.lists.exit(i, compact, fraction, within) {
+        let exit = if is_fixed { None } else { self.lists.exit::<F>(i, frame, compact, fraction, within) };
+        if let Some(delay) = exit {
             let delay = f64::from(delay) / frame.per_tick;
             if delay > HORIZON {
                 earliest.far = true;
             } else {
                 let time = world.now + whole(delay);
                 if time < earliest.entry.time {
-                    return Entry { time, target: Target::new(ListEvent::ListUpdate), ..nothing };
+                    return Entry { time, target: Target::new(UPDATE), ..nothing };
                 }
             }
         }
@@ -249,10 +372,10 @@ impl<F: Features> ListPredictor<F> {
 
     /// Offers a contact with particle j [ticks] as the earliest event.
     #[inline(always)]
-    fn offer(world: &World, earliest: &mut Earliest<ListEvent>, j: u32, contact: i64) {
+    fn offer(world: &World, earliest: &mut Earliest<SearchEvent>, j: u32, contact: i64) {
         if contact < narrow_phase::FAR {
             let count = world.particles[j as usize].count;
-            earliest.offer(contact, Target::new(ListEvent::Collision(j)), count);
+            earliest.offer(contact, Target::new(SearchEvent::Collision(j)), count);
         } else {
             earliest.far |= contact == narrow_phase::FAR;
         }
@@ -260,24 +383,26 @@ impl<F: Features> ListPredictor<F> {
 
     /// Largest bound of a contact that can be before the earliest event known so far [spans].
     #[inline(always)]
-    fn until(&self, world: &World, earliest: &Earliest<ListEvent>) -> f32 {
+    fn until(&self, world: &World, earliest: &Earliest<SearchEvent>) -> f32 {
         let ticks = earliest.entry.time.saturating_sub(world.now).max(0);
         filter::limit(ticks as f64 * self.plan.frame.per_tick)
     }
 
-    /// Offers the contacts of a particle with all walls as the earliest event.
+    /// Offers the contacts of a particle with the walls that it can touch before the earliest event.
     #[inline(never)]
-    fn predict_walls(world: &World, i: u32, earliest: &mut Earliest<ListEvent>) {
+    fn predict_walls(&self, world: &World, i: u32, earliest: &mut Earliest<SearchEvent>) {
         let particle = &world.particles[i as usize];
         let class = world.class(i);
         if class.inverse_mass == 0.0 {
             return;
         }
-        for wall in 0..world.walls.len() as u32 {
-            if let Some(delay) = world.wall_contact(particle, class.radius, DVec3::ZERO, wall) {
-                earliest.offer_after(particle.time, delay, ListEvent::Wall(wall), 0);
+        let acceleration = if F::GRAVITY { world.gravity } else { DVec3::ZERO };
+        let duration = earliest.entry.time.saturating_sub(particle.time) as f64 * world.clock.tick;
+        self.planes.for_each_in_reach(world, particle, class.radius, acceleration, duration, |wall| {
+            if let Some(delay) = world.wall_contact(particle, class.radius, acceleration, wall) {
+                earliest.offer_after(particle.time, delay, SearchEvent::Wall(wall), 0);
             }
-        }
+        });
     }
 
     /// Offers the contacts with the members of a long list beyond the first [`MASK_BITS`].
@@ -287,7 +412,7 @@ impl<F: Features> ListPredictor<F> {
         world: &World,
         i: u32,
         fraction: f32,
-        earliest: &mut Earliest<ListEvent>,
+        earliest: &mut Earliest<SearchEvent>,
         bounds: &mut Bounds,
         work: &mut Work,
     ) {
@@ -328,17 +453,17 @@ pub(super) struct VectorPredictor<'a, F, const VECTORS: bool> {
 impl<F: Features, const VECTORS: bool> VectorPredictor<'_, F, VECTORS> {
     /// The next events of two particles, predicted at the world's present time.
     #[inline(always)]
-    pub fn predict_both(&mut self, world: &World, bodies: [u32; 2]) -> [Entry; 2] {
+    pub fn predict_both(&mut self, world: &World, pending: &Waiting, bodies: [u32; 2]) -> [Entry; 2] {
         if world.now > self.predictor.plan.frame.end {
             self.predictor.begin(world);
         }
-        self.predictor.predict_both::<VECTORS>(world, bodies, self.bounds, self.work)
+        self.predictor.predict_both::<VECTORS>(world, pending, bodies, self.bounds, self.work)
     }
 }
 
 impl<F: Features, const VECTORS: bool> Predictor for VectorPredictor<'_, F, VECTORS> {
     type Features = F;
-    type Kind = ListEvent;
+    type Kind = SearchEvent;
 
     #[inline(always)]
     fn predict(&mut self, state: &State, i: u32) -> Entry {
@@ -348,9 +473,11 @@ impl<F: Features, const VECTORS: bool> Predictor for VectorPredictor<'_, F, VECT
         #[cfg(target_arch = "x86_64")]
         if VECTORS {
             // SAFETY: with `VECTORS` set the caller guarantees the features of `predict_avx2`.
-            return unsafe { self.predictor.predict_avx2(&state.world, i, &mut self.bounds[0], self.work) };
+            return unsafe {
+                self.predictor.predict_avx2(&state.world, &state.pending, i, &mut self.bounds[0], self.work)
+            };
         }
-        self.predictor.predict::<false>(&state.world, i, &mut self.bounds[0], self.work)
+        self.predictor.predict::<false>(&state.world, &state.pending, i, &mut self.bounds[0], self.work)
     }
 
     /// Prefetches in two steps. For the event [`FAR_AHEAD`] entries after the next one: the anchors, compact
@@ -395,7 +522,14 @@ impl<F: Features> ListPredictor<F> {
     /// Not inlined: one copy of this code keeps the loop of events short.
     #[target_feature(enable = "avx2,fma,bmi1,bmi2,lzcnt,popcnt")]
     #[inline(never)]
-    fn predict_avx2(&self, world: &World, i: u32, bounds: &mut Bounds, work: &mut Work) -> Entry {
-        self.predict::<true>(world, i, bounds, work)
+    fn predict_avx2(
+        &self,
+        world: &World,
+        pending: &Waiting,
+        i: u32,
+        bounds: &mut Bounds,
+        work: &mut Work,
+    ) -> Entry {
+        self.predict::<true>(world, pending, i, bounds, work)
     }
 }

@@ -6,15 +6,13 @@ use crate::{
     model::features::Features,
     search::{
         blocks::{Metric, Round, Settings, WorkingSpace},
-        nearby::{
-            block::{ListBlock, Places},
-            list_event::ListEvent,
-        },
+        nearby::block::{ListBlock, Places},
         queue::Queue,
+        search_event::SearchEvent,
     },
 };
 
-use super::list_event::Entry;
+use super::Entry;
 
 /// The steps of a run with lists.
 pub(super) struct Steps<F> {
@@ -95,7 +93,7 @@ impl<F: Features> Steps<F> {
     }
 
     /// Moves all entries to a queue.
-    pub fn move_to(&mut self, queue: &mut Queue<ListEvent>) {
+    pub fn move_to(&mut self, queue: &mut Queue<SearchEvent>) {
         for calendar in &mut self.calendars {
             while let Some(entry) = calendar.pop_until(i64::MAX) {
                 queue.push(entry);

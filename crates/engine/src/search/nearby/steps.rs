@@ -33,16 +33,17 @@ use crate::{
         compact::CompactParticle,
         entry::Target,
         event_loop::{Limit, Scheduler},
+        search_event::SearchEvent,
         sharing::{join, least_items},
     },
     state::{State, world::World},
 };
 
 use super::{
-    Nearby,
+    Entry, Nearby,
     block::{ListBlock, Places},
-    list_event::{Entry, ListEvent},
     predictor::ListPredictor,
+    scheduler::ListedEvent,
     step_data::Steps,
 };
 
@@ -78,7 +79,7 @@ pub(crate) fn can_share(world: &World) -> Result<(), &'static str> {
     Ok(())
 }
 
-impl<F: Features> Nearby<F> {
+impl<F: Features, E: ListedEvent> Nearby<F, E> {
     /// Why events are taken on one thread, if they are.
     pub(super) fn serial_reason(&self, world: &World) -> Option<&'static str> {
         self.unsuitable(world).or(self.steps.reason)
@@ -111,7 +112,10 @@ impl<F: Features> Nearby<F> {
         steps.span = Some(frame.begin);
         let Some(grid) = predictor.lists.grid() else { return false };
         let settings = steps.settings;
-        let face = (FACE * settings.dilations.face).max(LONGEST + 0.1 + predictor.lists.reach());
+        // Under gravity the frame of the filter moves past the lists, by no more in a step than a particle
+        // does.
+        let slip = if F::GRAVITY { LONGEST } else { 0.0 };
+        let face = (FACE * settings.dilations.face).max(LONGEST + 0.1 + slip + predictor.lists.reach());
         let speed = frame.limit2.sqrt().max(1e-30);
         let metric = Metric::new(&grid, speed, 1.0, Dilations { face, ..settings.dilations });
         let numbers = blocks::divide(grid.lengths(), settings.most(), settings.thickness[0]);
@@ -375,7 +379,7 @@ fn route(
         // Here, because in a round the partner can be far away by now, where another block changes it.
         let partner = entry.target.partner();
         if partner.is_some_and(|j| world.particles[j as usize].count != entry.partner_count) {
-            entry.target = Target::new(ListEvent::Prediction);
+            entry.target = Target::new(SearchEvent::Prediction);
         }
         let particle = &particles[entry.owner as usize];
         targets[k] = round.block_at(places.at(particle, step.fraction(entry.time))) as u32;

@@ -17,7 +17,7 @@ edge: differences wrap to the nearest image. The filter rejects in single precis
 time, pairs that cannot touch within the window; contact distances are widened by a margin for rounding,
 which grows with the square of the longest displacement. Pairs that pass are predicted exactly, from anchors
 (`search/windows/narrow_phase.rs`). Walls are predicted exactly only for particles whose distance bound
-reaches them (`search/windows/walls.rs`). What filters read of a particle, here and in `nearby`, is a
+reaches them (`search/planes.rs`). What filters read of a particle, here and in `nearby`, is a
 `CompactParticle` (`compact`): 32-bit coordinates and a displacement in single precision. All contacts of the
 window go into the `WindowQueue`: those known at its start sorted by counting, later ones in lists. An
 event's particles are registered along their new paths and searched up to the window's end, so an invalidated
@@ -43,7 +43,6 @@ mod shear;
 mod space;
 pub(crate) mod steps;
 mod tune;
-mod walls;
 mod window_event;
 mod worker;
 

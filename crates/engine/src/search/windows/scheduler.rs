@@ -14,6 +14,7 @@ use crate::{
         case::{Case, MAY_SETTLE, Reason},
         compact::NEAREST,
         event_loop::{Limit, Next, Scheduler},
+        planes::Planes,
         summary::{LocalDensity, SystemSummary},
         windows::axes,
     },
@@ -25,7 +26,6 @@ use super::{
     shear,
     steps::Steps,
     tune::{Tuner, Work},
-    walls::Planes,
     window_event::{Contact, WindowEvent},
     worker::Worker,
 };

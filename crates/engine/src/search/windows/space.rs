@@ -9,7 +9,7 @@ use rayon::prelude::*;
 use crate::{
     model::features::Features,
     numerics::tuning::particles::{PARALLEL_RARE_WINDOWS, PARALLEL_WINDOWS, RARE},
-    search::{batch::Kernel, compact::CompactParticle, entry::Target, sharing},
+    search::{batch::Kernel, compact::CompactParticle, entry::Target, planes::Planes, sharing},
     state::{particle::Particle, world::World},
 };
 
@@ -18,7 +18,6 @@ use super::{
     cells::{Cells, Part},
     filter::{self, Query, Scratch},
     narrow_phase,
-    walls::Planes,
     window_event::{Contact, Entry, WindowEvent},
 };
 

@@ -7,7 +7,9 @@ use haff_calendar::WindowQueue;
 use haff_neighbors::{Array, prefetch, prefetch_at};
 
 use crate::{
-    model::features::Features, numerics::tuning::particles, search::compact::CompactParticle,
+    model::features::Features,
+    numerics::tuning::particles,
+    search::{compact::CompactParticle, planes::Planes},
     state::world::World,
 };
 
@@ -16,7 +18,6 @@ use super::{
     filter::{Query, Scratch},
     shear::Frame,
     space::Space,
-    walls::Planes,
     window_event::WindowEvent,
 };
 

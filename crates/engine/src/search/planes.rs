@@ -1,7 +1,7 @@
-//! A lower bound on the distance from walls until the end of the window.
+//! A lower bound on the distance from walls within a time.
 //!
-//! Most particles touch no wall within a window. Without this bound, exact predictions with six walls take a
-//! third of all instructions in a closed box.
+//! Most particles touch no wall within a window of time, or before their next collision. Without this bound,
+//! exact predictions with six walls take a third of all instructions of windows in a closed box.
 
 use glam::DVec3;
 
@@ -15,7 +15,7 @@ const SLACK: f64 = 1e-9;
 
 /// The walls of a system as planes.
 #[derive(Debug, Clone, Default)]
-pub(super) struct Planes {
+pub(crate) struct Planes {
     planes: Vec<Plane>,
     /// Distances up to this are treated as contacts [length].
     slack: f64,
