@@ -21,7 +21,8 @@ use former::{FORMER, REPLAYED};
 use glam::DVec3;
 use haff_engine::{
     Body, Boundary, Drive, DriveKind, EngineError, EventKind, EventRecord, KickTimes, NeighborChoice,
-    Options, Sample, SimdChoice, Simulation, Stop, System, Until, WallLaw, WallMotion,
+    Options, Sample, SearchSupport, SimdChoice, Simulation, Stop, System, Until, WallLaw, WallMotion,
+    searches,
 };
 use proptest::prelude::*;
 use proptest::test_runner::RngSeed;
@@ -444,16 +445,20 @@ fn check_blocks(recipe: &Recipe, system: &System, until: Until) -> Result<u64, T
     let collisions = if until.collisions == u64::MAX { u64::MAX } else { 8 * until.collisions.min(100) };
     let until = Until { collisions, ..until };
     let with = |neighbors, blocks| Options { neighbors, blocks: Some(blocks), ..Options::default() };
-    let searches = [NeighborChoice::Windows, NeighborChoice::Lists];
+    // Lists only where they share events; windows run everywhere else, too, with one block.
+    let shares = |support: &SearchSupport| support.choice == "lists" && support.serial.is_none();
+    let lists = searches(&system, Options::default()).is_ok_and(|found| found.iter().any(shares));
+    let choices = [NeighborChoice::Windows, NeighborChoice::Lists];
+    let choices = choices.into_iter().filter(|&search| search != NeighborChoice::Lists || lists);
     // A ramp or a partition can cut through the copies.
     let can_run = |search: &NeighborChoice| {
         Simulation::new(system.clone(), with(*search, 1)).is_ok_and(|mut new| new.measure_overlap().is_ok())
     };
-    let Some(one) = searches.into_iter().find(can_run).map(|search| with(search, 1)) else { return Ok(0) };
+    let Some(one) = choices.clone().find(can_run).map(|search| with(search, 1)) else { return Ok(0) };
     let (log, end, expected) = run(&system, until, one, false);
     let half = recipe.seed.is_multiple_of(5);
     let mut taken = 0;
-    for neighbors in searches.into_iter().filter(can_run) {
+    for neighbors in choices.filter(can_run) {
         let options = with(neighbors, blocks as u16);
         let (other, ended, tested) = POOLS[threads].install(|| run(&system, until, options, half));
         let text = format!("{neighbors:?}, {blocks} blocks, {} threads", THREADS[threads]);

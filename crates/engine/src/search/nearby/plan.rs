@@ -28,6 +28,9 @@ const THINNEST: f64 = 0.01;
 /// Mean number of members of a list in a dilute system, in which a thinner shell would be left many times
 /// between two contacts (choice.md).
 const DILUTE: f64 = 3.0;
+/// Largest distance at which particles become neighbors in a dilute system: in open space there is no limit
+/// to their distances [mean diameters].
+const FARTHEST: f64 = 20.0;
 /// Smallest and largest distance at which particles become neighbors, except in dilute systems [mean
 /// diameters].
 const SHELL: [f64; 2] = [1.3, 2.5];
@@ -104,7 +107,7 @@ impl Plan {
             return Err(Reason::new("an edge is too short for images of lists"));
         }
         let shell = (shell / mean).clamp(SHELL[0], SHELL[1]) * mean;
-        let fastest = 0.5 * (shell.max(sphere_of(DILUTE)) - mean);
+        let fastest = 0.5 * (shell.max(sphere_of(DILUTE).min(FARTHEST * mean)) - mean);
         let half_skin = fastest.min(thickest);
         // Reference positions of neighbors are at most a contact distance and the skin apart, and each
         // particle is at most half of the skin from its reference position.
