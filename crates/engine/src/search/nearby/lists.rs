@@ -57,7 +57,10 @@ fn planes(geometry: &Geometry) -> Vec<Plane> {
     let repeats = |axis| matches!(axis, Axis::Periodic | Axis::Open);
     let repeating = DVec3::from_array(geometry.axes.map(|axis| f64::from(u8::from(repeats(axis)))));
     let plane = |plane: &haff_neighbors::Plane| {
-        let is_everywhere = plane.sweep == f64::INFINITY || plane.normal * repeating != DVec3::ZERO;
+        // An oblique wall can let particles go farther beyond a face than the plan knows.
+        let is_oblique = plane.normal.abs().max_element() != 1.0;
+        let is_everywhere =
+            plane.sweep == f64::INFINITY || is_oblique || plane.normal * repeating != DVec3::ZERO;
         let offset = if is_everywhere {
             f64::INFINITY
         } else {
