@@ -47,6 +47,24 @@ pub fn free_flight_velocity(velocity: DVec3, acceleration: DVec3, dt: f64) -> DV
     velocity + acceleration * dt
 }
 
+/// Time in which a `speed` [length/time] and an `acceleration` [length/time²] in its direction, both at least
+/// zero, make a `path` \[length\]: the solution of v t + ½ a t² = s, without a difference of near numbers.
+/// Not a number for a path of zero at rest.
+///
+/// ```
+/// assert_eq!(haff_mechanics::duration(20.0, 0.0, 10.0), 2.0);
+/// assert_eq!(haff_mechanics::duration(20.0, 5.0, 0.0), 4.0);
+/// ```
+#[inline]
+#[must_use]
+pub fn duration(path: f64, speed: f64, acceleration: f64) -> f64 {
+    if acceleration > 0.0 {
+        2.0 * path / (speed + (speed * speed + 2.0 * acceleration * path).sqrt())
+    } else {
+        path / speed
+    }
+}
+
 /// State after flight over `dt` \[time\] under a constant `acceleration` [length/time²]: position \[length\]
 /// and velocity [length/time], rounded stochastically.
 ///

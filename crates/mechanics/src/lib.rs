@@ -57,7 +57,7 @@ pub use bounces::Bounces;
 pub use bounded::first_contact_bounded;
 pub use contact::{is_rounding_noise, time_to_contact, time_to_contact_unscaled};
 pub use curved::time_to_contact_accelerated;
-pub use flight::{drift, free_flight, free_flight_stochastic, free_flight_velocity};
+pub use flight::{drift, duration, free_flight, free_flight_stochastic, free_flight_velocity};
 pub use impact::{
     Impact, StickingImpact, approach_speed, impact, reduced_mass, resolve_contact, resolve_pair,
     resolve_sticking, resolve_wall, work_of_moving_body,

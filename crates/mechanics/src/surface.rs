@@ -7,7 +7,7 @@ use std::fmt;
 use glam::DVec3;
 
 use crate::{
-    Partition, first_contact_bounded, free_flight, free_flight_velocity,
+    Partition, duration, first_contact_bounded, free_flight, free_flight_velocity,
     named::{Named, NamedOnce},
 };
 
@@ -109,15 +109,6 @@ pub trait Surface: fmt::Debug + Send + Sync {
 const NEAR: f64 = 0.5;
 /// Least path of a step near a surface [radii].
 const SMALL: f64 = 1e-6;
-
-/// The time of a path at this speed and acceleration.
-fn duration(path: f64, speed: f64, acceleration: f64) -> f64 {
-    if acceleration > 0.0 {
-        2.0 * path / (speed + (speed * speed + 2.0 * acceleration * path).sqrt())
-    } else {
-        path / speed
-    }
-}
 
 /// A flight of constant acceleration.
 struct Flight {

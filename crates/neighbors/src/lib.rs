@@ -1,11 +1,10 @@
 /*!
 The search for partners: the pairs of particles that can collide.
 
-A [`Search`] keeps a coarse *cell* for every particle
-with one guarantee: two particles whose surfaces can touch before either of them leaves its cell or collides
-are [candidates](Search::candidates) of each other. Leaving a cell is a *crossing*: the search predicts it and
-carries it out, and never changes the particle's anchor (position, velocity and time of its last own event).
-So trajectories are independent of the search.
+A [`Search`] keeps a coarse *cell* for every particle with one guarantee: two particles whose surfaces can
+touch before either of them leaves its cell or collides are [candidates](Search::candidates) of each other.
+Leaving a cell is a *crossing*: the search predicts it and carries it out, and never changes the particle's
+anchor (position, velocity and time of its last own event). So trajectories are independent of the search.
 
 Coordinates are *anchor coordinates*: those of the anchor's free flight, without wrapping. The periodic image
 of a pair is given as an integer shift s per axis: the partner's image is at r_j + s·L.

@@ -65,8 +65,8 @@ impl WallTable {
 }
 
 /// How far the walls of a box with these edges let particles go beyond its faces, lower and upper, along each
-/// axis \[length\]: walls may be displaced, and oscillate. A wall that moves on and on does not count,
-/// because every particle is tested for it.
+/// axis \[length\]: walls may be displaced, and oscillate. Infinite where a wall moves on and on: particles
+/// that follow it can touch others there, which are oblique.
 pub fn beyond_faces(axes: [Axis; 3], size: DVec3, planes: &[Plane]) -> [[f64; 2]; 3] {
     [0, 1, 2].map(|axis| {
         if axes[axis] != Axis::Bounded {
@@ -74,8 +74,7 @@ pub fn beyond_faces(axes: [Axis; 3], size: DVec3, planes: &[Plane]) -> [[f64; 2]
         }
         [(1.0, 0.0), (-1.0, size[axis])].map(|(side, face)| {
             let planes = planes.iter().filter(|plane| plane.normal[axis] == side);
-            let depths = planes.map(|plane| (face - plane.point[axis]) * side + plane.sweep);
-            depths.filter(|depth| depth.is_finite()).fold(0.0, f64::max)
+            planes.map(|plane| (face - plane.point[axis]) * side + plane.sweep).fold(0.0, f64::max)
         })
     })
 }

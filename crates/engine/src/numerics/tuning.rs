@@ -26,7 +26,7 @@ pub(crate) mod particles {
     /// Windows are chosen from this number on (throughput.md).
     pub(crate) const WINDOWS: usize = 100;
 
-    /// From this number on, the calendar with cells or lists prefetches the data of coming events, which no
+    /// From this number on, the calendar with cells prefetches the data of coming events, which no
     /// longer fit in the second-level cache (throughput.md).
     pub(crate) const PREFETCH_CALENDAR: usize = 10_000;
     /// The same for the lists of [`crate::search::nearby`].

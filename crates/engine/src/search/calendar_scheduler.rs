@@ -174,9 +174,10 @@ impl<F: Features, S: Search + 'static> Scheduler for CalendarScheduler<F, S> {
                 SearchEvent::Wall(wall) => {
                     return Next::Event(entry.time, AnyEvent::Impact(Impact::Wall { i, wall }));
                 }
-                SearchEvent::EndOfBounces => return Next::Event(entry.time, AnyEvent::EndOfBounces(i)),
-                SearchEvent::Release => return Next::Event(entry.time, AnyEvent::Release(i)),
-                SearchEvent::EndOfSlide => return Next::Event(entry.time, AnyEvent::EndOfSlide(i)),
+                event @ (SearchEvent::EndOfBounces | SearchEvent::Release | SearchEvent::EndOfSlide) => {
+                    let Some(event) = event.of_support(i) else { continue };
+                    return Next::Event(entry.time, event);
+                }
                 SearchEvent::Crossing(code) => Scope::New(code),
                 SearchEvent::Prediction => Scope::All,
             };

@@ -39,14 +39,6 @@ impl<K> Target<K> {
     }
 }
 
-impl<K> Target<K> {
-    /// The tag and the index.
-    #[inline(always)]
-    pub fn parts(self) -> (u32, u32) {
-        (self.0 >> TAG, self.0 & INDEX)
-    }
-}
-
 impl<K: Kind> Target<K> {
     #[inline]
     pub fn new(kind: K) -> Self {

@@ -33,7 +33,7 @@ pub const REPLAYED: [Recipe; 2] = [
 ];
 
 /// All others.
-pub const FORMER: [Recipe; 45] = [
+pub const FORMER: [Recipe; 46] = [
     // A grain between walls in gravity, 30,000 equal bounces: each rounds the fall by the same part of an
     // ulp.
     Recipe {
@@ -611,6 +611,21 @@ pub const FORMER: [Recipe; 45] = [
         huge: true,
         at_kick: true,
         seed: 10_977_374_311_273_764_609,
+        ..PLAIN
+    },
+    // A wall of the box that moves on and on lets grains go beyond its face, to an oblique wall that no cell
+    // there had.
+    Recipe {
+        boundary: [1, 0, 1],
+        particles: 147,
+        ramp: 4,
+        fixed: true,
+        fast: true,
+        wedge: true,
+        rough: 1,
+        at_kick: true,
+        changed: true,
+        seed: 3_512_456_328_568_268_636,
         ..PLAIN
     },
 ];

@@ -19,7 +19,7 @@ exactly.
 */
 
 use glam::DVec3;
-use haff_mechanics::{free_flight, free_flight_velocity};
+use haff_mechanics::{duration, free_flight, free_flight_velocity};
 use haff_neighbors::Axis;
 
 use crate::{
@@ -192,11 +192,7 @@ impl Frame {
         // Without motion the time is infinite, and the span has its largest length. A particle that has
         // fallen with the box, because it bounces, moves relative to the frame by what the frame has
         // gained.
-        let time = if pull == 0.0 {
-            most / fastest
-        } else {
-            2.0 * most / (fastest + (fastest * fastest + 4.0 * pull * most).sqrt())
-        };
+        let time = duration(most, fastest, 2.0 * pull);
         let ticks = (time * world.clock.per_time).clamp(1.0, LONGEST_SPAN) as i64;
         self.begin = now;
         self.end = self.begin + ticks;
@@ -233,7 +229,7 @@ impl Frame {
     }
 
     /// [`Self::compact`] without gravity and open axes. On its own, because it is then compiled to vector
-    /// instructions: 1 % of all of a run.
+    /// instructions (lists.md).
     #[inline(always)]
     pub fn straight<F: Features>(&self, world: &World, i: u32) -> CompactParticle {
         let particle = &world.particles[i as usize];

@@ -38,6 +38,7 @@ const SHELL: [f64; 2] = [1.3, 2.5];
 /// Under gravity particles leave their skin spheres when their distance from the reference position is this
 /// part of half of the skin. The rest is how far a path is allowed to bend away from its chord.
 pub(super) const STRAIGHT: f64 = 0.9;
+
 /// Whether this scheduler can run a case.
 ///
 /// # Errors
@@ -54,6 +55,8 @@ pub(super) struct Plan {
     pub half_skin: f64,
     /// That with which lists are fastest in a large box.
     fastest: f64,
+    /// The axes of the box; one along which a wall moves on and on is open.
+    pub axes: [Axis; 3],
     /// Edges of the box, 0 along an axis without motion [largest contact distances].
     pub edges: [f64; 3],
     /// Coordinates above this are of particles below the lower face [largest contact distances].
@@ -97,9 +100,11 @@ impl Plan {
         };
         let shell = sphere_of(members);
         let mean = 2.0 * summary.mean / sigma;
-        let axes = axes(system);
-        let size = system.domain.size;
-        let beyond = beyond_faces(axes, size, &planes(system));
+        let (kinds, size) = (axes(system), system.domain.size);
+        let beyond = beyond_faces(kinds, size, &planes(system));
+        // Where a wall moves on and on, there is no limit to positions.
+        let is_endless = |k: usize| beyond[k].contains(&f64::INFINITY);
+        let axes = [0, 1, 2].map(|k| if is_endless(k) { Axis::Open } else { kinds[k] });
         // In a small box the skin is thinner than would be fastest.
         let longest = (0..3).map(|k| frame::longest_reach(axes[k], size[k], beyond[k], sigma));
         let thickest = 0.25 * (longest.fold(f64::INFINITY, f64::min) / sigma - CONTACT);
@@ -128,6 +133,6 @@ impl Plan {
         });
         let edges = [0, 1, 2].map(|k| if axes[k] == Axis::Flat { 0.0 } else { frame.period[k] / sigma });
         let members = unit_sphere * ((mean + 2.0 * half_skin) / spacing).powi(summary.dimension) - 1.0;
-        Ok(Self { frame, half_skin, fastest, edges, highest, spacing, members })
+        Ok(Self { frame, half_skin, fastest, axes, edges, highest, spacing, members })
     }
 }

@@ -6,6 +6,7 @@ members that can be the first to collide.
 use std::{collections::BTreeMap, marker::PhantomData};
 
 use glam::DVec3;
+use haff_mechanics::duration;
 use haff_neighbors::{Array, prefetch_at};
 
 use crate::{
@@ -225,8 +226,8 @@ impl<F: Features> ListPredictor<F> {
         let carrier = world.carrier(i).map_or(0.0, |wall| world.walls[wall as usize].motion.max_speed());
         let speed = world.flight::<F>(i, world.now).1.length() + carrier;
         let acceleration = world.acceleration(i).length();
-        let delay = 2.0 * depth / (speed + (speed * speed + 2.0 * acceleration * depth).sqrt());
         if speed + acceleration > 0.0 {
+            let delay = duration(depth, speed, acceleration);
             earliest.offer_after(world.now, delay * world.clock.per_time, UPDATE, 0);
         }
     }

@@ -14,7 +14,6 @@ use crate::{
         batch::Kernel,
         case::Reason,
         compact::CompactParticle,
-        entry::{self, Target},
         event_loop::{Limit, Next, Scheduler},
         planes::Planes,
         queue::{Predictor, Queue},
@@ -26,7 +25,7 @@ use crate::{
 };
 
 use super::{
-    Entry, UPDATE,
+    Entry,
     filter::Bounds,
     lists::Lists,
     plan::Plan,
@@ -40,8 +39,6 @@ pub(super) const BLOCK: usize = 1 << 16;
 
 /// The events of lists: [`Impact`]s, or [`AnyEvent`]s where grains can rest on walls.
 pub(crate) trait ListedEvent: PhysicalEvent + From<Impact> {
-    /// The kind of event of an entry.
-    fn kind(target: Target<SearchEvent>) -> SearchEvent;
     /// The event that ends what a wall under particle i does; `None` where no grain rests on walls.
     fn of_support(event: SearchEvent, i: u32) -> Option<Self>;
     /// The impact, or the only particle of another event.
@@ -49,17 +46,6 @@ pub(crate) trait ListedEvent: PhysicalEvent + From<Impact> {
 }
 
 impl ListedEvent for Impact {
-    // Without the kinds that do not occur: 0.2 % of the instructions of a run.
-    #[inline(always)]
-    fn kind(target: Target<SearchEvent>) -> SearchEvent {
-        match target.parts() {
-            (entry::COLLISION, j) => SearchEvent::Collision(j),
-            (entry::WALL, wall) => SearchEvent::Wall(wall),
-            (_, entry::PREDICTION) => SearchEvent::Prediction,
-            _ => UPDATE,
-        }
-    }
-
     #[inline(always)]
     fn of_support(_: SearchEvent, _: u32) -> Option<Self> {
         None
@@ -72,11 +58,6 @@ impl ListedEvent for Impact {
 }
 
 impl ListedEvent for AnyEvent {
-    #[inline(always)]
-    fn kind(target: Target<SearchEvent>) -> SearchEvent {
-        target.kind()
-    }
-
     #[inline(always)]
     fn of_support(event: SearchEvent, i: u32) -> Option<Self> {
         event.of_support(i)
@@ -238,7 +219,7 @@ impl<F: Features, E: ListedEvent> Scheduler for Nearby<F, E> {
                 return if limit.ticks <= until || self.is_idle() { Next::Nothing } else { Next::Step };
             };
             let i = entry.owner;
-            let updates = match E::kind(entry.target) {
+            let updates = match entry.target.kind() {
                 SearchEvent::Collision(j) => {
                     return Next::Event(entry.time, Impact::Pair(Collision([i, j])).into());
                 }
